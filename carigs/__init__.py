@@ -1,0 +1,1 @@
+"""carigs: photorealistic, controllable 3D caricature avatars from multi-view captures."""

@@ -1,0 +1,57 @@
+"""PNG images in and out: float32 RGB in [0, 1] in memory, uint8 on disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import Float, Float32, UInt8
+
+from carigs.errors import InputError
+
+
+def read_rgb8(file: Path) -> UInt8[np.ndarray, "h w 3"]:
+    """Raises `InputError` if the file is missing or no image."""
+    pixels = _read(file, cv2.IMREAD_COLOR)
+    return np.ascontiguousarray(pixels[:, :, ::-1])
+
+
+def read_rgb(file: Path) -> Float32[np.ndarray, "h w 3"]:
+    """Colours in [0, 1] as stored (sRGB); raises `InputError` as `read_rgb8`."""
+    return read_rgb8(file).astype(np.float32) / 255
+
+
+def read_grey(file: Path) -> Float32[np.ndarray, "h w"]:
+    """A matte or mask in [0, 1]; raises `InputError` as `read_rgb8`."""
+    return _read(file, cv2.IMREAD_GRAYSCALE).astype(np.float32) / 255
+
+
+def write_png(file: Path, image: Float[np.ndarray, "h w *c"]) -> None:
+    """Write RGB (h, w, 3) or grey (h, w) values in [0, 1], rounded to the nearest of 256 levels."""
+    levels = np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
+    if levels.ndim == 3:
+        levels = np.ascontiguousarray(levels[:, :, ::-1])
+    if not cv2.imwrite(str(file), levels):
+        raise InputError("cannot be written", file=file)
+
+
+def png_size(file: Path) -> tuple[int, int]:
+    """Width and height from the PNG header alone; raises `InputError` if missing, not a PNG, or cut short."""
+    try:
+        with file.open("rb") as stream:
+            header = stream.read(24)
+    except FileNotFoundError as error:
+        raise InputError("no such image", file=file) from error
+    if len(header) < 24 or header[:8] != b"\x89PNG\r\n\x1a\n":
+        raise InputError("not a PNG image", file=file)
+    return int.from_bytes(header[16:20], "big"), int.from_bytes(header[20:24], "big")
+
+
+def _read(file: Path, mode: int) -> np.ndarray:
+    if not Path(file).is_file():
+        raise InputError("no such image", file=file)
+    pixels = cv2.imread(str(file), mode)
+    if pixels is None:
+        raise InputError("not a readable image", file=file)
+    return pixels

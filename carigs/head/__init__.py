@@ -1,0 +1,12 @@
+"""The head model: FLAME-format files, tracked parameters, posing.
+
+- `HeadModel`: the arrays of a model file; `HeadModel.load` reads .npz and FLAME's .pkl
+- `HeadParameters`: one tracked frame; reads and writes the GaussianAvatars npz layout
+- `neutral`, `pose`: vertices without and with expression, joints and translation
+"""
+
+from carigs.head.model import HeadModel
+from carigs.head.parameters import HeadParameters
+from carigs.head.posing import neutral, pose
+
+__all__ = ["HeadModel", "HeadParameters", "neutral", "pose"]

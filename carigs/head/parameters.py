@@ -1,0 +1,97 @@
+"""Tracked head parameters of one frame, in the npz layout of GaussianAvatars and VHAP."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from carigs.errors import InputError
+from carigs.head.model import N_SHAPE, HeadModel
+
+FLAME_VERTICES, FLAME_VERTICES_WITH_TEETH = 5023, 5143
+
+
+@dataclass(frozen=True)
+class HeadParameters:
+    """Pose and shape codes; rotations are axis-angle vectors in radians, lengths metres."""
+
+    translation: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    rotation: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    """Of the whole head, about the root joint."""
+    neck: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    jaw: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+    eyes: Float[np.ndarray, "6"] = field(default_factory=lambda: np.zeros(6))
+    """Left eye, then right eye."""
+    shape: Float[np.ndarray, "300"] = field(default_factory=lambda: np.zeros(N_SHAPE))
+    expression: Float[np.ndarray, "100"] = field(default_factory=lambda: np.zeros(100))
+    static_offset: Float[np.ndarray, "v 3"] | None = None
+    """Added to the shaped template."""
+
+    @classmethod
+    def load(cls, file: str | Path, model: HeadModel) -> HeadParameters:
+        """Read one frame's npz and check it against the model.
+
+        Raises `InputError` for a missing or unreadable file, a missing key, another shape, or a value that
+        is not finite.  A static offset with FLAME's 120 teeth vertices is cut to the model's own.
+        """
+        file = Path(file)
+        try:
+            with np.load(file, allow_pickle=False) as archive:
+                arrays = {name: archive[name].astype(np.float64) for name in archive.files}
+        except FileNotFoundError as error:
+            raise InputError("no such head parameter file", file=file) from error
+        except (OSError, ValueError, EOFError) as error:
+            raise InputError(f"not a readable .npz ({error})", file=file) from error
+
+        def take(key: str, size: int, *, at_most: bool = False) -> np.ndarray:
+            if key not in arrays:
+                raise InputError("this parameter is missing", file=file, field=key)
+            value = arrays[key].reshape(-1)
+            if value.size != size and not (at_most and 0 < value.size < size):
+                raise InputError(f"{value.size} values, expected {size}", file=file, field=key)
+            if not np.isfinite(value).all():
+                raise InputError(
+                    f"value {int(np.flatnonzero(~np.isfinite(value))[0])} is not finite", file=file, field=key
+                )
+            return np.pad(value, (0, size - value.size))
+
+        offset = None
+        if "static_offset" in arrays:
+            offset = arrays["static_offset"]
+            v = len(model.v_template)
+            if v == FLAME_VERTICES and offset.shape[-2:] == (FLAME_VERTICES_WITH_TEETH, 3):
+                offset = offset[..., :v, :]
+            if offset.shape[-2:] != (v, 3) or offset.size != v * 3:
+                raise InputError(f"shape {offset.shape}, the model has {v} vertices", file=file, field="static_offset")
+            offset = offset.reshape(v, 3)
+            if not np.isfinite(offset).all():
+                vertex = int(np.flatnonzero(~np.isfinite(offset).all(axis=1))[0])
+                raise InputError(f"vertex {vertex} is not finite", file=file, field="static_offset")
+        return cls(
+            translation=take("translation", 3),
+            rotation=take("rotation", 3),
+            neck=take("neck_pose", 3),
+            jaw=take("jaw_pose", 3),
+            eyes=take("eyes_pose", 6),
+            shape=take("shape", N_SHAPE, at_most=True),
+            expression=take("expr", model.shapedirs.shape[2] - N_SHAPE, at_most=True),
+            static_offset=offset,
+        )
+
+    def save(self, file: str | Path, model: HeadModel) -> None:
+        """Write the npz layout that `load` and the field's tools read."""
+        offset = np.zeros(model.v_template.shape) if self.static_offset is None else self.static_offset
+        np.savez(
+            file,
+            translation=self.translation[None].astype(np.float32),
+            rotation=self.rotation[None].astype(np.float32),
+            neck_pose=self.neck[None].astype(np.float32),
+            jaw_pose=self.jaw[None].astype(np.float32),
+            eyes_pose=self.eyes[None].astype(np.float32),
+            shape=self.shape.astype(np.float32),
+            expr=self.expression[None].astype(np.float32),
+            static_offset=offset[None].astype(np.float32),
+        )

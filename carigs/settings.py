@@ -1,0 +1,229 @@
+"""The settings of every stage, one dataclass each: the only schema that the YAML of `conf/` is checked against."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass
+class Toy:
+    """The procedural subject (used when `capture.source` is `toy`)."""
+
+    seed: int = 1
+    """Which person: identity, skin, hair."""
+    width: int = 208
+    height: int = 272
+    cameras: int = 9
+    """On a frontal cap; the one nearest to the front is the validation view."""
+    steps_per_sequence: int = 3
+    """Frames in each of the ten sequences EMO-1..4, EXP-1..6."""
+    supersampling: int = 3
+    """Samples per pixel and axis."""
+    texture: int = 1024
+    """Side of the skin texture in texels."""
+    strands: int = 6000
+    """Hair strands on the scalp."""
+
+
+@dataclass
+class Capture:
+    """What is reconstructed: the toy person, or a folder in the GaussianAvatars layout."""
+
+    source: str = "toy"
+    """`toy` or `folder`."""
+    folder: str | None = None
+    """The dataset, when `source` is `folder`."""
+    head_model: str | None = None
+    """Its head model (.npz, or FLAME's .pkl), when `source` is `folder`."""
+    background: float = 1.0
+    """Grey value that the images were composited on."""
+    toy: Toy = field(default_factory=Toy)
+
+
+@dataclass
+class Exaggerate:
+    """The caricature: the curvature-weighted Poisson equation, or a mesh from a file."""
+
+    source: str = "poisson"
+    """`poisson`, or `file`: a deformed mesh of the same topology becomes level gamma of a straight path."""
+    file: str | None = None
+    """An .npz with `delta` (V,3), or a mesh; `{gamma}` in it is replaced by the level it stands for."""
+    gamma: float = 0.25
+    """gamma_f, the exaggeration trained for."""
+    curvature_floor: float = 0.3
+    """eps in units of K_ref: |K|_eps = sqrt(K^2 + eps^2)."""
+    relative_curvature: bool = True
+    """Divide |K| by K_ref, so that the unit of the mesh does not matter."""
+    heat: float = 0.005
+    """Smoothing length of the curvature in bounding-box diagonals (0: none)."""
+    limit_cavities: bool = True
+    """Ambient occlusion keeps nostrils, ear canals and the mouth bag from growing through the skin."""
+    normalise: bool = True
+    """Divide the weights by their area mean: keeps the overall size."""
+    followers: bool = True
+    """Small components (eyeballs) follow their surroundings by a similarity."""
+    nodes: tuple[float, ...] = (0.0, 0.25, 0.75, 1.0)
+    """Where in units of gamma_f the path is solved exactly; (0, 1) is the paper's linear blend."""
+
+
+@dataclass
+class Gtstar:
+    """GT*: every training frame warped to its caricature, and the pixels that cannot be trusted."""
+
+    depth_tolerance: float = 0.003
+    """Metres by which a warped point may lie behind the nearest surface of the source view."""
+    invisible: bool = True
+    """Mask triangles that the source view does not see."""
+    hair: bool = True
+    """Mask hair: the scalp's triangles, strands off the mesh and the band around them."""
+    hair_band: int = 3
+    """Width of that band in pixels."""
+    background_ring: int = 1
+    """Pixels left out around the foreground where background is taken as valid."""
+    mouth: bool = True
+    """Mask what is seen between the lips: teeth keep their size while the lips are stretched."""
+    regions: tuple[str, ...] = ("lip_inside",)
+    """Further head-model regions that are masked (unknown names are ignored if the model has no such region)."""
+    hair_regions: tuple[str, ...] = ("scalp",)
+    """Head-model regions that carry hair."""
+
+
+@dataclass
+class Density:
+    """Density control with binding inheritance (GaussianAvatars' strategy)."""
+
+    start: int = 300
+    stop: int = 1500
+    every: int = 200
+    gradient: float = 0.0002
+    """Mean screen-space positional gradient (in NDC) above which a surfel is cloned or split."""
+    size: float = 0.01
+    """World scale in scene extents above which a surfel is split rather than cloned."""
+    opacity: float = 0.005
+    """Opacity below which a surfel is pruned."""
+    max_surfels: int = 60000
+
+
+@dataclass
+class Train:
+    """Optimisation of the surfels."""
+
+    iterations: int = 1500
+    seed: int = 0
+    threads: int = 1
+    caricature_share: float = 0.5
+    """Probability p that a step is supervised by a GT* frame: 0 is real frames only, 1 is GT* only."""
+    masks: bool = True
+    """Leave out the masked pixels of GT* frames and freeze the surfels of masked regions in those steps."""
+    rig: str = "jbs"
+    """`jbs`: Jacobian blend skinning; `jacobian`: the own face's Jacobian alone."""
+    sh_degree: int = 0
+    surfels_per_face: int = 1
+    hair_layers: int = 6
+    """Extra surfels on each hair face, spread along the normal."""
+    hair_length: float = 0.012
+    """Metres above the scalp over which those are spread."""
+    ssim: float = 0.2
+    position_rate: float = 0.005
+    scale_rate: float = 0.017
+    rotation_rate: float = 0.001
+    opacity_rate: float = 0.05
+    colour_rate: float = 0.0025
+    blend_rate: float = 0.001
+    position_limit: float = 1.0
+    """lambda_xyz's threshold in triangle units."""
+    position_weight: float = 0.01
+    scale_limit: float = 0.6
+    scale_weight: float = 1.0
+    distortion_weight: float = 0.0
+    normal_weight: float = 0.0
+    regularise_from: int = 500
+    """First iteration with the distortion and normal terms."""
+    density: Density = field(default_factory=Density)
+    checkpoint_seconds: float = 60.0
+
+
+@dataclass
+class Render:
+    """Images of the trained avatar."""
+
+    threads: int = 1
+    orbit: int = 24
+    """Frames of the novel camera orbit (0: none)."""
+    orbit_timestep: int | None = None
+    """Expression shown on the orbit; the first test timestep if null."""
+    orbit_degrees: float = 60.0
+    """Width of the orbit in azimuth."""
+
+
+@dataclass
+class Truth:
+    """The true caricature: rendered for the toy, a folder for a subject that brings one, else none."""
+
+    folder: str | None = None
+    """Folder with `frames.json`, `images/`, `fg_masks/`; `{level}` in it is replaced by the level."""
+
+
+@dataclass
+class Metrics:
+    """Image and embedding metrics."""
+
+    strict: bool = False
+    """Make missing weights an error instead of a null with its reason."""
+    weights: str | None = None
+    """Folder with network weights; the hub's caches are searched too."""
+    download: bool = False
+    """Let the libraries fetch weights from the hub."""
+    embeddings: tuple[str, ...] = ("clip", "dino")
+    crop: str = "pad_square"
+    """`center` as the paper, or `pad_square`: the whole portrait."""
+    source_prompt: str = "A realistic neutral head with natural lighting."
+    edit_prompt: str = (
+        "A photorealistic caricature of a head with a highly exaggerated nose and large ears, under natural lighting."
+    )
+    silhouette_band: int = 2
+    """Half width in pixels of the silhouette region."""
+
+
+@dataclass
+class Tabulate:
+    """The comparison table."""
+
+    digits: int = 2
+    resamples: int = 2000
+    confidence: float = 0.95
+    seed: int = 0
+
+
+@dataclass
+class Figures:
+    """The figures of the paper."""
+
+    camera: int | None = None
+    """View shown in the strips; the validation camera if null."""
+    height: int = 360
+    samples: int = 26
+    """Levels at which the blend error is evaluated."""
+
+
+@dataclass
+class Study:
+    """A set of subjects x variants x levels that makes one table."""
+
+    name: str = "toy"
+    subjects: tuple[str, ...] = ("toy",)
+    variants: tuple[str, ...] = ("alternating", "surfhead", "gtstar_only", "no_mask")
+    levels: tuple[float, ...] = (0.0, 0.1, 0.15, 0.2, 0.25)
+
+
+STAGES: dict[str, type] = {
+    "capture": Capture,
+    "exaggerate": Exaggerate,
+    "gtstar": Gtstar,
+    "train": Train,
+    "render": Render,
+    "truth": Truth,
+    "metrics": Metrics,
+    "tabulate": Tabulate,
+    "figures": Figures,
+}

@@ -1,0 +1,163 @@
+"""Posing: rigid invariance, the kinematic chain, and file round trips."""
+
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.sparse import csc_matrix
+from scipy.spatial.transform import Rotation
+
+from carigs.errors import InputError
+from carigs.head import HeadModel, HeadParameters, neutral, pose
+from carigs.head.posing import rotation_matrix
+
+vector = st.tuples(*[st.floats(-3, 3)] * 3).map(np.array)
+
+
+def random_model(seed: int = 0, v: int = 30) -> HeadModel:
+    """A small model with every array filled; vertices 0, 6, 12... hang on one joint each."""
+    random = np.random.default_rng(seed)
+    weights = random.dirichlet(np.ones(5), v)
+    weights[::6] = np.eye(5)[np.arange(len(weights[::6])) % 5]
+    return HeadModel(
+        v_template=random.normal(size=(v, 3)).astype(np.float32),
+        faces=random.permutation(v)[: v - v % 3].reshape(-1, 3).astype(np.int32),
+        shapedirs=(0.1 * random.normal(size=(v, 3, 400))).astype(np.float32),
+        posedirs=(0.1 * random.normal(size=(v, 3, 36))).astype(np.float32),
+        joint_regressor=random.dirichlet(np.ones(v), 5).astype(np.float32),
+        weights=weights.astype(np.float32),
+        parents=np.array([-1, 0, 1, 1, 1]),
+        regions={"nose": np.array([1, 2, 3]), "lips": np.array([4])},
+        expression_names=("jawOpen",),
+    )
+
+
+def random_parameters(seed: int, v: int = 30) -> HeadParameters:
+    random = np.random.default_rng(seed)
+    return HeadParameters(
+        *(random.normal(size=n) for n in (3, 3, 3, 3, 6, 300, 100)), static_offset=0.01 * random.normal(size=(v, 3))
+    )
+
+
+@given(vector)
+def test_rodrigues_agrees_with_scipy(rotation_vector):
+    expected = Rotation.from_rotvec(rotation_vector).as_matrix()
+    np.testing.assert_allclose(rotation_matrix(rotation_vector), expected, atol=1e-12)
+
+
+def test_rest_pose_is_the_neutral():
+    model = random_model()
+    parameters = HeadParameters(shape=np.random.default_rng(1).normal(size=300))
+    np.testing.assert_allclose(pose(model, parameters), neutral(model, parameters), atol=1e-12)
+
+
+def test_head_rotation_is_rigid_about_the_root_joint():
+    model, parameters = random_model(), random_parameters(2)
+    still = HeadParameters(**{**vars(parameters), "rotation": np.zeros(3), "translation": np.zeros(3)})
+    before, after = pose(model, still), pose(model, parameters)
+    shaped = neutral(model, parameters) + model.shapedirs[:, :, 300:].astype(float) @ parameters.expression
+    root = model.joint_regressor[0].astype(float) @ shaped
+    rotation = rotation_matrix(parameters.rotation)
+    np.testing.assert_allclose(after, (before - root) @ rotation.T + root + parameters.translation, atol=1e-6)
+
+
+def test_jaw_moves_only_what_hangs_on_it():
+    model = random_model()
+    model = HeadModel(**{**vars(model), "posedirs": np.zeros_like(model.posedirs)})
+    open_mouth = HeadParameters(jaw=np.array([0.3, 0, 0]))
+    moved = np.linalg.norm(pose(model, open_mouth) - pose(model, HeadParameters()), axis=1) > 1e-9
+    assert np.array_equal(moved, model.weights[:, 2] > 0)
+
+
+def test_displacement_is_a_change_of_the_neutral():
+    """An offset given as displacement or as static offset poses the same."""
+    model, parameters = random_model(), random_parameters(3)
+    offset = np.random.default_rng(4).normal(size=(30, 3))
+    as_static = HeadParameters(**{**vars(parameters), "static_offset": parameters.static_offset + offset})
+    np.testing.assert_allclose(pose(model, parameters, offset), pose(model, as_static), atol=1e-12)
+
+
+def test_model_round_trip(tmp_path):
+    model = random_model()
+    model.save(tmp_path / "model.npz")
+    again = HeadModel.load(tmp_path / "model.npz")
+    for name in ("v_template", "faces", "shapedirs", "posedirs", "joint_regressor", "weights", "parents"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(model, name))
+    assert again.expression_names == ("jawOpen",)
+    np.testing.assert_array_equal(again.face_region("nose", "lips"), model.face_region("nose", "lips"))
+
+
+def test_flame_pickle_is_read_without_chumpy(tmp_path):
+    model = random_model()
+    content = {
+        "v_template": model.v_template,
+        "f": model.faces.astype(np.uint32),
+        "shapedirs": model.shapedirs,
+        "posedirs": model.posedirs,
+        "J_regressor": csc_matrix(model.joint_regressor),
+        "weights": model.weights,
+        "kintree_table": np.array([[4294967295, 0, 1, 1, 1], [0, 1, 2, 3, 4]]),
+    }
+    (tmp_path / "flame.pkl").write_bytes(pickle.dumps(content))
+    (tmp_path / "FLAME_masks.pkl").write_bytes(pickle.dumps({"nose": np.array([1, 2])}))
+    again = HeadModel.load(tmp_path / "flame.pkl")
+    np.testing.assert_array_equal(again.joint_regressor, model.joint_regressor)
+    np.testing.assert_array_equal(again.regions["nose"], [1, 2])
+    assert again.parents[0] == -1
+
+
+def test_pickles_run_no_code(tmp_path):
+    (tmp_path / "evil.pkl").write_bytes(b"cos\nsystem\n(S'true'\ntR.")
+    with pytest.raises(InputError, match="refuses to load"):
+        HeadModel.load(tmp_path / "evil.pkl")
+
+
+def test_parameters_round_trip(tmp_path):
+    model, parameters = random_model(), random_parameters(5)
+    parameters.save(tmp_path / "00000.npz", model)
+    again = HeadParameters.load(tmp_path / "00000.npz", model)
+    for name, value in vars(parameters).items():
+        np.testing.assert_allclose(getattr(again, name), value, rtol=1e-6)
+
+
+def broken(arrays: dict, key: str, value) -> dict:
+    return {k: v for k, v in {**arrays, key: value}.items() if v is not None}
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "says"),
+    [
+        ("weights", None, "weights: this array is missing"),
+        ("weights", np.zeros((7, 5)), r"weights: shape \(7, 5\), expected 30 x 5"),
+        ("v_template", np.full((30, 3), np.nan), r"v_template: not a finite number at \(0, 0\)"),
+        ("f", np.full((4, 3), 30), "f: face indices"),
+        ("mask_nose", np.array([99]), "mask_nose: vertex ids"),
+    ],
+)
+def test_broken_models_are_named(tmp_path, key, value, says):
+    random_model().save(tmp_path / "model.npz")
+    with np.load(tmp_path / "model.npz") as archive:
+        np.savez(tmp_path / "broken.npz", **broken(dict(archive), key, value))
+    with pytest.raises(InputError, match=f"broken.npz: {says}"):
+        HeadModel.load(tmp_path / "broken.npz")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "says"),
+    [
+        ("jaw_pose", None, "jaw_pose: this parameter is missing"),
+        ("expr", np.zeros((1, 101)), "expr: 101 values, expected 100"),
+        ("rotation", np.array([[0, np.inf, 0]]), "rotation: value 1 is not finite"),
+        ("static_offset", np.zeros((1, 29, 3)), "static_offset: shape"),
+        ("static_offset", np.full((1, 30, 3), np.nan), "static_offset: vertex 0 is not finite"),
+    ],
+)
+def test_broken_parameters_are_named(tmp_path, key, value, says):
+    model = random_model()
+    random_parameters(6).save(tmp_path / "00000.npz", model)
+    with np.load(tmp_path / "00000.npz") as archive:
+        np.savez(tmp_path / "00001.npz", **broken(dict(archive), key, value))
+    with pytest.raises(InputError, match=f"00001.npz: {says}"):
+        HeadParameters.load(tmp_path / "00001.npz", model)

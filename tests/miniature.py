@@ -1,0 +1,95 @@
+"""A miniature subject for tests: a bumpy ball with two eyes, seen by three cameras, in the GaussianAvatars layout."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from carigs.capture import OPENCV_FROM_OPENGL, Camera, look_at
+from carigs.capture.images import write_png
+from carigs.head import HeadModel, HeadParameters, pose
+from carigs.raster import rasterize_mesh
+
+SIZE = (40, 48)  # width, height
+
+
+def ball_model(subdivisions: int = 3) -> HeadModel:
+    """A head of 0.1 m radius whose upper part is scalp; expression 0 (jawOpen) pulls the lower part down."""
+    mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.1)
+    vertices = mesh.vertices * (1 + 0.08 * np.sin(25 * mesh.vertices[:, :1]))
+    v = len(vertices)
+    shapedirs = np.zeros((v, 3, 400), np.float32)
+    shapedirs[:, :, 0] = 0.01 * vertices / 0.1
+    shapedirs[:, 1, 300] = -0.02 * (vertices[:, 1] < -0.03)
+    weights = np.zeros((v, 5), np.float32)
+    weights[:, 0] = 1
+    regressor = np.full((5, v), 1 / v, np.float32)
+    front = vertices[:, 2] > 0.05
+    return HeadModel(
+        v_template=vertices.astype(np.float32),
+        faces=np.asarray(mesh.faces, np.int32),
+        shapedirs=shapedirs,
+        posedirs=np.zeros((v, 3, 36), np.float32),
+        joint_regressor=regressor,
+        weights=weights,
+        parents=np.array([-1, 0, 1, 1, 1]),
+        regions={
+            "scalp": np.flatnonzero(vertices[:, 1] > 0.06),
+            "face": np.flatnonzero(front & (vertices[:, 1] <= 0.06)),
+            "neck": np.flatnonzero(vertices[:, 1] < -0.07),
+        },
+        expression_names=("jawOpen",),
+    )
+
+
+def ball_cameras() -> dict[int, Camera]:
+    """Three frontal views 1 m away; camera 1 is the validation view."""
+    width, height = SIZE
+    return {
+        i: Camera(look_at(np.array([x, 0.05, 1.0]), np.zeros(3)), 150, 150, width / 2, height / 2, width, height)
+        for i, x in enumerate((-0.4, 0.0, 0.4))
+    }
+
+
+def write_ball(folder: Path, timesteps: int = 4) -> Path:
+    """Write a capture of the ball (coloured by position) and its `head_model.npz`; the last timestep is EXP-2."""
+    model, cameras = ball_model(), ball_cameras()
+    for name in ("images", "fg_masks", "flame_param"):
+        (folder / name).mkdir(parents=True)
+    model.save(folder / "head_model.npz")
+    entries: dict[str, list[dict]] = {"train": [], "val": [], "test": []}
+    for t in range(timesteps):
+        parameters = HeadParameters(rotation=np.array([0, 0.1 * t, 0]), expression=np.eye(100)[0] * 0.3 * t)
+        parameters.save(folder / f"flame_param/{t:05d}.npz", model)
+        vertices = pose(model, parameters)
+        for c, camera in cameras.items():
+            hit = rasterize_mesh(vertices, model.faces, camera)
+            albedo = 0.5 + 4 * model.v_template  # colour = rest position
+            points = np.einsum("hwc,hwcx->hwx", hit.barycentric, albedo[model.faces[hit.face]])
+            name = f"{t:05d}_{c:02d}.png"
+            write_png(folder / "images" / name, np.where(hit.face[..., None] >= 0, points, 1.0))
+            write_png(folder / "fg_masks" / name, (hit.face >= 0).astype(np.float32))
+            split = "test" if t == timesteps - 1 else "val" if c == 1 else "train"
+            entries[split].append(
+                {
+                    "timestep_index": t,
+                    "camera_index": c,
+                    "cx": camera.cx,
+                    "cy": camera.cy,
+                    "fl_x": camera.fx,
+                    "fl_y": camera.fy,
+                    "w": camera.width,
+                    "h": camera.height,
+                    "transform_matrix": (camera.world_from_camera @ OPENCV_FROM_OPENGL).tolist(),
+                    "file_path": f"images/{name}",
+                    "fg_mask_path": f"fg_masks/{name}",
+                    "flame_param_path": f"flame_param/{t:05d}.npz",
+                    "sequence": "EXP-2" if split == "test" else "EMO-1",
+                }
+            )
+    for split, frames in entries.items():
+        (folder / f"transforms_{split}.json").write_text(json.dumps({"frames": frames}))
+    return folder
