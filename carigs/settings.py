@@ -55,7 +55,7 @@ class Exaggerate:
     relative_curvature: bool = True
     """Divide |K| by K_ref, so that the unit of the mesh does not matter."""
     heat: float = 0.005
-    """Smoothing length of the curvature in bounding-box diagonals (0: none)."""
+    """Smoothing length of the curvature in units of the head's size, about its bounding box's diagonal (0: none)."""
     limit_cavities: bool = True
     """Ambient occlusion keeps nostrils, ear canals and the mouth bag from growing through the skin."""
     normalise: bool = True
@@ -93,8 +93,11 @@ class Density:
     """Density control with binding inheritance (GaussianAvatars' strategy)."""
 
     start: int = 300
+    """First step that may refine."""
     stop: int = 1500
+    """Steps from here on only move what there is."""
     every: int = 200
+    """Steps between two refinements (0: none)."""
     gradient: float = 0.0002
     """Mean screen-space positional gradient (in NDC) above which a surfel is cloned or split."""
     size: float = 0.01
@@ -102,6 +105,8 @@ class Density:
     opacity: float = 0.005
     """Opacity below which a surfel is pruned."""
     max_surfels: int = 60000
+    reset_every: int = 0
+    """Steps between two resets of the opacities (0: none; they cost short trainings more than they give)."""
 
 
 @dataclass
@@ -118,7 +123,17 @@ class Train:
     rig: str = "jbs"
     """`jbs`: Jacobian blend skinning; `jacobian`: the own face's Jacobian alone."""
     sh_degree: int = 0
+    """Of view-dependent colour, 0 to 3."""
+    rotate_harmonics: bool = True
+    """View-dependent colour turns with the head rather than staying with the world."""
     surfels_per_face: int = 1
+    initial_scale: float = 0.5
+    """Standard deviation of the first discs in triangle units; divided by the root of `surfels_per_face`."""
+    initial_opacity: float = 0.9
+    colour_frames: int = 32
+    """Training frames that the first colours are taken from."""
+    hair_regions: tuple[str, ...] = ("scalp",)
+    """Head-model regions whose faces carry hair."""
     hair_layers: int = 6
     """Extra surfels on each hair face, spread along the normal."""
     hair_length: float = 0.012
@@ -130,6 +145,10 @@ class Train:
     opacity_rate: float = 0.05
     colour_rate: float = 0.0025
     blend_rate: float = 0.001
+    final_rate: float = 0.1
+    """What is left of the rates at the last step (they fall log-linearly)."""
+    position_final_rate: float = 0.01
+    """The same for positions."""
     position_limit: float = 1.0
     """lambda_xyz's threshold in triangle units."""
     position_weight: float = 0.01
@@ -141,6 +160,10 @@ class Train:
     """First iteration with the distortion and normal terms."""
     density: Density = field(default_factory=Density)
     checkpoint_seconds: float = 60.0
+    log_every: int = 20
+    """Steps between two rows of the log."""
+    backend: str = "cpu"
+    """`cpu`, or `cuda` through gsplat."""
 
 
 @dataclass
@@ -154,6 +177,8 @@ class Render:
     """Expression shown on the orbit; the first test timestep if null."""
     orbit_degrees: float = 60.0
     """Width of the orbit in azimuth."""
+    backend: str = "cpu"
+    """`cpu`, or `cuda` through gsplat."""
 
 
 @dataclass
@@ -189,8 +214,12 @@ class Metrics:
 class Tabulate:
     """The comparison table."""
 
+    reference: str = "alternating"
+    """The variant that the others are compared with, frame by frame."""
     digits: int = 2
+    """Decimals of values in dB; scores between -1 and 1 get two more."""
     resamples: int = 2000
+    """Bootstrap resamples behind each interval."""
     confidence: float = 0.95
     seed: int = 0
 
@@ -201,7 +230,10 @@ class Figures:
 
     camera: int | None = None
     """View shown in the strips; the validation camera if null."""
+    timestep: int | None = None
+    """Frame of the held-out sequence shown in the strips; its first if null."""
     height: int = 360
+    """Of each image in pixels."""
     samples: int = 26
     """Levels at which the blend error is evaluated."""
 

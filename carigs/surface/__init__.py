@@ -1,0 +1,13 @@
+"""Curvature-weighted exaggeration of triangle meshes, on plain arrays: (V, 3) vertices and (F, 3) faces.
+
+- `Exaggerator`: factorise once, solve any level
+- `GammaPath`, `straight_path`: S_gamma at any level, interpolated between exact nodes
+- `check_mesh`: typed errors for meshes that cannot be used
+- `carigs.surface.curvature`, `operators`, `occlusion`, `followers`: what the solve is made of
+"""
+
+from carigs.surface.exaggeration import Exaggerator
+from carigs.surface.mesh import check_mesh
+from carigs.surface.path import GammaPath, straight_path
+
+__all__ = ["Exaggerator", "GammaPath", "check_mesh", "straight_path"]

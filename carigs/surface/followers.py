@@ -1,0 +1,69 @@
+"""Small components (eyeballs, teeth) that follow the surface around them by a similarity instead of bursting."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.spatial import cKDTree
+
+REACH = 1.12  # surroundings: main vertices within this many radii of a group's centre
+LEAST = 12  # and at least this many of them
+
+
+def similarity(
+    source: Float[np.ndarray, "n 3"], target: Float[np.ndarray, "n 3"]
+) -> tuple[float, Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
+    """Scale, rotation and translation of the least-squares map source -> target (Umeyama 1991)."""
+    mean_source, mean_target = source.mean(axis=0), target.mean(axis=0)
+    covariance = (target - mean_target).T @ (source - mean_source)
+    u, s, vt = np.linalg.svd(covariance)
+    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
+    rotation = (u * signs) @ vt
+    scale = float((s * signs).sum() / ((source - mean_source) ** 2).sum())
+    return scale, rotation, mean_target - scale * rotation @ mean_source
+
+
+def follow(
+    vertices: Float[np.ndarray, "v 3"],
+    displacement: Float[np.ndarray, "v 3"],
+    component: Int[np.ndarray, " v"],
+    main: int,
+) -> tuple[Float[np.ndarray, "v 3"], list[float]]:
+    """Move each group of small components by the similarity of the main component around it.
+
+    Components whose bounding spheres overlap (iris and sclera of one eye) share a similarity.  Returns the displacement
+    of all vertices and the scale of each group.
+    """
+    moved, scales = displacement.copy(), []
+    on_main = np.flatnonzero(component == main)
+    tree = cKDTree(vertices[on_main])
+    for group in _groups(vertices, component, main):
+        inside = np.isin(component, group)
+        centre = vertices[inside].mean(axis=0)
+        radius = np.linalg.norm(vertices[inside] - centre, axis=1).max()
+        near = tree.query_ball_point(centre, REACH * radius)
+        if len(near) < LEAST:
+            near = tree.query(centre, k=min(LEAST, len(on_main)))[1]
+        around = on_main[near]
+        scale, rotation, shift = similarity(vertices[around], vertices[around] + displacement[around])
+        moved[inside] = scale * vertices[inside] @ rotation.T + shift - vertices[inside]
+        scales.append(scale)
+    return moved, scales
+
+
+def _groups(vertices: np.ndarray, component: np.ndarray, main: int) -> list[list[int]]:
+    labels = [c for c in np.unique(component) if c != main]
+    spheres = []
+    for c in labels:
+        points = vertices[component == c]
+        centre = points.mean(axis=0)
+        spheres.append((centre, np.linalg.norm(points - centre, axis=1).max()))
+    groups: list[list[int]] = []
+    for k, (centre, radius) in enumerate(spheres):
+        touching = [
+            group
+            for group in groups
+            if any(np.linalg.norm(centre - spheres[i][0]) < max(radius, spheres[i][1]) for i in group)
+        ]
+        groups = [group for group in groups if group not in touching] + [[k, *(i for group in touching for i in group)]]
+    return [[labels[i] for i in group] for group in groups]

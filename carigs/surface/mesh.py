@@ -1,0 +1,82 @@
+"""What must hold of a triangle mesh before anything is solved on it, and its basic measures."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from carigs.errors import MeshError
+
+
+def check_mesh(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> None:
+    """Raise `MeshError` naming the first vertex or face that no solver can use.
+
+    Refused are: no faces, values that are not finite, indices out of range, repeated corners, faces without area,
+    vertices without a face, and edges of three or more faces.
+    """
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
+        raise MeshError(f"expected (v, 3) vertices and (f, 3) faces, found {vertices.shape} and {faces.shape}")
+    _refuse(~np.isfinite(vertices).all(axis=1), "vertex", "is not finite")
+    _refuse(((faces < 0) | (faces >= len(vertices))).any(axis=1), "face", "has a corner that is no vertex")
+    _refuse((np.sort(faces, axis=1)[:, 1:] == np.sort(faces, axis=1)[:, :-1]).any(axis=1), "face", "repeats a corner")
+    _refuse(face_areas(vertices, faces) <= 1e-14 * diagonal(vertices) ** 2, "face", "has no area")
+    _refuse(np.bincount(faces.ravel(), minlength=len(vertices)) == 0, "vertex", "belongs to no face")
+    edges, count = np.unique(_sorted_edges(faces), axis=0, return_counts=True)
+    if (count > 2).any():
+        i, j = edges[count > 2][0]
+        raise MeshError(f"edge {i}-{j} belongs to {count.max()} faces; a surface has at most 2")
+
+
+def diagonal(vertices: Float[np.ndarray, "v 3"]) -> float:
+    """Length of the bounding box's diagonal."""
+    return float(np.linalg.norm(np.ptp(vertices, axis=0)))
+
+
+def size(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> float:
+    """Four times the surface's root-mean-square distance from its centroid.
+
+    For heads this is the bounding box's diagonal within 5 %, but it does not change when the mesh is rotated.
+    """
+    centroids, areas = vertices[faces].mean(axis=1), face_areas(vertices, faces)
+    offsets = centroids - np.average(centroids, axis=0, weights=areas)
+    return 4 * float(np.sqrt(np.average((offsets**2).sum(axis=1), weights=areas)))
+
+
+def face_areas(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, " f"]:
+    """Area of each face."""
+    a, b, c = vertices[faces.T]
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+
+def vertex_normals(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, "v 3"]:
+    """Unit normals, area-weighted over the faces of each vertex."""
+    a, b, c = vertices[faces.T]
+    scaled = np.repeat(np.cross(b - a, c - a), 3, axis=0)
+    normals = np.stack([np.bincount(faces.ravel(), scaled[:, d], len(vertices)) for d in range(3)], axis=1)
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+
+
+def components(faces: Int[np.ndarray, "f 3"], v: int) -> Int[np.ndarray, " v"]:
+    """Label of the connected component of each of the `v` vertices, 0, 1, ..."""
+    edges = _sorted_edges(faces)
+    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(v, v))
+    return connected_components(graph, directed=False)[1]
+
+
+def boundary_vertices(faces: Int[np.ndarray, "f 3"], v: int) -> Bool[np.ndarray, " v"]:
+    """Whether each vertex lies on an edge of one face only."""
+    edges, count = np.unique(_sorted_edges(faces), axis=0, return_counts=True)
+    on_boundary = np.zeros(v, bool)
+    on_boundary[edges[count == 1]] = True
+    return on_boundary
+
+
+def _sorted_edges(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "e 2"]:
+    return np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+
+
+def _refuse(bad: Bool[np.ndarray, " n"], what: str, problem: str) -> None:
+    if bad.any():
+        raise MeshError(f"{what} {int(np.flatnonzero(bad)[0])} {problem} ({int(bad.sum())} in all)")

@@ -1,0 +1,43 @@
+"""The discrete operators of a surface: cotan stiffness, its weighted divergence, mass."""
+
+from __future__ import annotations
+
+import igl
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.sparse import coo_array, csc_array
+
+
+class EdgeCotans:
+    """Half cotangents of every corner, opposite to its edge: all stiffness matrices of a mesh come from these."""
+
+    def __init__(self, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> None:
+        self.v = len(vertices)
+        self.start, self.end = faces[:, [1, 2, 0]], faces[:, [2, 0, 1]]  # the edge opposite to corner 0, 1, 2
+        self.half_cotans = igl.cotmatrix_entries(np.asarray(vertices, np.float64), np.asarray(faces, np.int64))
+
+    def stiffness(self, weights: Float[np.ndarray, " f"] | None = None) -> csc_array:
+        """W_w, positive semi-definite: x^T W_w x = sum over faces of w times the Dirichlet energy of x."""
+        c = self.half_cotans if weights is None else self.half_cotans * weights[:, None]
+        i, j, c = self.start.ravel(), self.end.ravel(), c.ravel()
+        rows, columns = np.concatenate([i, j, i, j]), np.concatenate([j, i, i, j])
+        return coo_array((np.concatenate([-c, -c, c, c]), (rows, columns)), shape=(self.v, self.v)).tocsc()
+
+    def weighted_divergence(
+        self, x: Float[np.ndarray, "v 3"], weights: Float[np.ndarray, " f"]
+    ) -> Float[np.ndarray, "v 3"]:
+        """W_w x without forming W_w: minus the integrated divergence of w grad x."""
+        flow = (self.half_cotans * weights[:, None]).ravel()[:, None] * (x[self.start.ravel()] - x[self.end.ravel()])
+        return np.stack(
+            [
+                np.bincount(self.start.ravel(), flow[:, d], self.v) - np.bincount(self.end.ravel(), flow[:, d], self.v)
+                for d in range(3)
+            ],
+            axis=1,
+        )
+
+
+def mixed_voronoi_areas(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, " v"]:
+    """Area of each vertex's cell (Meyer et al. 2003, section 3.3); the cells add up to the surface."""
+    mass = igl.massmatrix(np.asarray(vertices, np.float64), np.asarray(faces, np.int64), igl.MASSMATRIX_TYPE_VORONOI)
+    return mass.diagonal()
