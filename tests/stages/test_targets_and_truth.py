@@ -1,0 +1,140 @@
+"""Stages `capture`, `exaggerate`, `gtstar` and `truth` on the miniature subject."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from miniature import write_ball
+
+from carigs.capture import Capture
+from carigs.capture.images import read_grey, read_rgb, write_png
+from carigs.errors import InputError, SettingsError
+from carigs.head import neutral
+from carigs.settings import Capture as CaptureSettings
+from carigs.settings import Exaggerate, Gtstar, Truth
+from carigs.stages.capture import capture
+from carigs.stages.exaggerate import exaggerate
+from carigs.stages.gtstar import gtstar
+from carigs.stages.truth import truth
+from carigs.surface import GammaPath
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """Holds the ball, its `capture.json`, and a `path.npz` whose level 0.25 stretches it sideways."""
+    folder = tmp_path_factory.mktemp("subject")
+    write_ball(folder / "ball")
+    settings = CaptureSettings(
+        source="folder", folder=str(folder / "ball"), head_model=str(folder / "ball/head_model.npz")
+    )
+    capture(settings, index=folder / "capture.json", dataset=folder / "dataset")
+    subject = Capture.load(folder / "capture.json")
+    np.savez(folder / "level=0.25.npz", delta=neutral(subject.model, subject.parameters(0)) * [0.3, 0, 0])
+    settings = Exaggerate(source="file", file=str(folder / "level={gamma}.npz"))
+    exaggerate(settings, capture=folder / "capture.json", path=folder / "path.npz")
+    return folder
+
+
+def test_a_given_caricature_is_the_end_of_a_straight_path(folder):
+    path = GammaPath.load(folder / "path.npz")
+    delta = np.load(folder / "level=0.25.npz")["delta"]
+    assert path.gamma_f == 0.25
+    assert not path.displacement(0).any()
+    np.testing.assert_allclose(path.displacement(0.25), delta, atol=1e-7)
+    np.testing.assert_allclose(path.displacement(0.1), 0.4 * delta, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("file", "says"),
+    [
+        ("none.npz", "none.npz: no such caricature"),
+        ("capture.json", "capture.json: not a caricature"),
+        ("short.npz", "delta: shape"),
+    ],
+)
+def test_a_caricature_that_does_not_fit_is_named(folder, file, says):
+    np.savez(folder / "short.npz", delta=np.zeros((3, 3)))
+    with pytest.raises(InputError, match=says):
+        exaggerate(
+            Exaggerate(source="file", file=str(folder / file)), capture=folder / "capture.json", path=folder / "x.npz"
+        )
+    assert not (folder / "x.npz").exists()
+
+
+def test_targets_exist_for_training_frames_alone(folder, tmp_path):
+    gtstar(
+        Gtstar(), capture=folder / "capture.json", path=folder / "path.npz",
+        targets=tmp_path / "targets", index=tmp_path / "targets.json",
+    )  # fmt: skip
+    subject = Capture.load(folder / "capture.json")
+    index = json.loads((tmp_path / "targets.json").read_text())
+    assert index["gamma"] == 0.25
+    assert [(e["timestep"], e["camera"]) for e in index["targets"]] == [
+        (f.timestep, f.camera) for f in subject.split("train")
+    ]
+    frozen = np.load(tmp_path / "targets/frozen.npy")
+    np.testing.assert_array_equal(frozen, subject.model.face_region("scalp"))
+    for entry in index["targets"]:
+        target, mask = read_rgb(tmp_path / "targets" / entry["image"]), read_grey(tmp_path / "targets" / entry["mask"])
+        assert set(np.unique(mask)) == {0.0, 1.0}
+        assert entry["valid"] == pytest.approx(mask.mean(), abs=1e-6)
+        assert target.shape == (48, 40, 3)
+
+
+def test_truth_at_level_zero_is_the_capture(folder, tmp_path):
+    truth(
+        Truth(), capture=folder / "capture.json", path=folder / "path.npz", level=0.0,
+        frames=tmp_path / "frames", index=tmp_path / "truth.json",
+    )  # fmt: skip
+    subject = Capture.load(folder / "capture.json")
+    index = json.loads((tmp_path / "truth.json").read_text())
+    assert index["reason"] is None
+    assert len(index["frames"]) == 6  # three test views, three timesteps of the validation view
+    frame = subject.split("test")[0]
+    np.testing.assert_array_equal(read_rgb(tmp_path / "frames" / f"{frame.name}.png"), subject.image(frame))
+
+
+def test_a_real_person_has_no_true_caricature(folder, tmp_path):
+    truth(
+        Truth(), capture=folder / "capture.json", path=folder / "path.npz", level=0.1,
+        frames=tmp_path / "frames", index=tmp_path / "truth.json",
+    )  # fmt: skip
+    index = json.loads((tmp_path / "truth.json").read_text())
+    assert index["frames"] == []
+    assert "no true caricature" in index["reason"]
+
+
+def test_a_given_truth_is_checked_and_copied(folder, tmp_path):
+    given = tmp_path / "level=0.1"
+    given.mkdir()
+    write_png(given / "a.png", np.full((48, 40, 3), 0.2))
+    write_png(given / "m.png", np.ones((48, 40)))
+    listing = [{"timestep_index": 3, "camera_index": 1, "file_path": "a.png", "fg_mask_path": "m.png"}]
+    (given / "frames.json").write_text(json.dumps(listing))
+    arguments = dict(
+        capture=folder / "capture.json", path=folder / "path.npz", level=0.1,
+        frames=tmp_path / "frames", index=tmp_path / "truth.json",
+    )  # fmt: skip
+    settings = Truth(folder=str(tmp_path / "level={level}"))
+    truth(settings, **arguments)
+    np.testing.assert_allclose(read_rgb(tmp_path / "frames/00003_01.png"), 0.2, atol=1e-6)
+
+    write_png(given / "a.png", np.full((20, 40, 3), 0.2))
+    with pytest.raises(InputError, match=r"a.png: its camera has 40 x 48 pixels"):
+        truth(settings, **arguments)
+    np.testing.assert_allclose(read_rgb(tmp_path / "frames/00003_01.png"), 0.2, atol=1e-6)  # nothing earlier is lost
+
+
+@pytest.mark.parametrize(
+    ("stage", "settings"),
+    [(capture, CaptureSettings(source="tape")), (exaggerate, Exaggerate(source="magic"))],
+)
+def test_unknown_sources_are_refused(folder, tmp_path, stage, settings):
+    outputs = {
+        capture: {"index": tmp_path / "c.json", "dataset": tmp_path / "d"},
+        exaggerate: {"capture": folder / "capture.json", "path": tmp_path / "p.npz"},
+    }[stage]
+    with pytest.raises(SettingsError, match="is unknown; choose"):
+        stage(settings, **outputs)
+    assert not any(tmp_path.iterdir())
