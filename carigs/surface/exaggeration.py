@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -102,5 +103,10 @@ class Exaggerator:
         """S_gamma for all levels in [0, gamma_f], solved exactly at the nodes of the settings."""
         levels = gamma_f * np.asarray(self.settings.nodes, np.float64)
         displacements = np.stack([self.solve(level) for level in levels]).astype(np.float32)
-        report = {"source": "poisson", **self.report, "largest_displacement": float(np.abs(displacements[-1]).max())}
+        report = {
+            "source": "poisson",
+            "settings": {**asdict(self.settings), "nodes": list(self.settings.nodes)},
+            **self.report,
+            "largest_displacement": float(np.abs(displacements[-1]).max()),
+        }
         return GammaPath(levels, displacements, self.faces, self.vertices, report)

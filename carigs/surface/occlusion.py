@@ -6,18 +6,37 @@ import igl
 import numpy as np
 from jaxtyping import Float, Int
 
-from carigs.surface.mesh import vertex_normals
+from carigs.surface.mesh import size, vertex_normals
+
+RAYS = 100
+OFFSET = 1e-4  # of the head's size: rays start this far off the surface
 
 
 def ambient_occlusion(
-    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], rays: int = 100
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], rays: int = RAYS
 ) -> Float[np.ndarray, " v"]:
-    """Share of hidden directions, 0 on a convex surface, near 1 deep in a cavity; averaged once over neighbours."""
+    """Share of hidden directions, 0 on a convex surface, near 1 deep in a cavity; averaged once over neighbours.
+
+    All vertices use the same Fibonacci directions, turned to their outside, so that equal meshes give equal bytes.
+    """
     vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
-    hidden = np.asarray(igl.ambient_occlusion(vertices, faces, vertices, vertex_normals(vertices, faces), rays)).ravel()
+    normals, directions = vertex_normals(vertices, faces), fibonacci_sphere(rays)
+    outward = np.where(normals @ directions.T < 0, -1.0, 1.0)[..., None] * directions
+    origins = np.repeat(vertices + OFFSET * size(vertices, faces) * normals, rays, axis=0)
+    tree = igl.AABB()
+    tree.init(vertices, faces)
+    hit, *_ = tree.intersect_ray_first(vertices, faces, origins, outward.reshape(-1, 3))
+    hidden = (hit.reshape(-1, rays) >= 0).mean(axis=1)
     i, j = faces[:, [0, 1, 2]].ravel(), faces[:, [1, 2, 0]].ravel()
     i, j = np.concatenate([i, j]), np.concatenate([j, i])
     return (hidden + np.bincount(i, hidden[j], len(hidden))) / (1 + np.bincount(i, minlength=len(hidden)))
+
+
+def fibonacci_sphere(n: int) -> Float[np.ndarray, "n 3"]:
+    """Evenly spread unit vectors (Gonzalez 2010)."""
+    z = 1 - (2 * np.arange(n) + 1) / n
+    angle, radius = np.pi * (3 - np.sqrt(5)) * np.arange(n), np.sqrt(1 - z * z)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
 
 
 def smoothstep(x: Float[np.ndarray, " n"], low: float, high: float) -> Float[np.ndarray, " n"]:

@@ -16,6 +16,7 @@ from carigs.settings import Exaggerate
 from carigs.surface import Exaggerator, GammaPath, straight_path
 from carigs.surface.followers import similarity
 from carigs.surface.mesh import boundary_vertices, diagonal
+from carigs.surface.occlusion import ambient_occlusion
 from carigs.surface.operators import EdgeCotans
 
 DATA = Path(os.environ.get("CARIGS_DATA", Path(__file__).parents[2] / "../shared/data"))
@@ -135,6 +136,15 @@ def test_cavities_are_limited_and_convex_parts_are_not():
     assert changed.any()
     assert dent[changed].min() > 1e-3
     np.testing.assert_allclose(limited.log_curvature[~changed], free.log_curvature[~changed])
+
+
+def test_occlusion_of_a_convex_and_of_a_closed_room():
+    """Nothing is hidden outside a sphere, everything inside; and equal meshes give equal bytes."""
+    vertices, faces = sphere(3)
+    assert ambient_occlusion(vertices, faces).max() < 0.02
+    assert ambient_occlusion(vertices, faces[:, ::-1]).min() > 0.99  # a ray through an edge may slip out
+    dented = vertices * (1 - 0.5 * (vertices[:, 2:] > 0.9))
+    assert ambient_occlusion(dented, faces).tobytes() == ambient_occlusion(dented, faces).tobytes()
 
 
 def test_weights_have_mean_one():
