@@ -129,7 +129,7 @@ class Train:
     surfels_per_face: int = 1
     initial_scale: float = 0.5
     """Standard deviation of the first discs in triangle units; divided by the root of `surfels_per_face`."""
-    initial_opacity: float = 0.9
+    initial_opacity: float = 0.3
     colour_frames: int = 32
     """Training frames that the first colours are taken from."""
     hair_regions: tuple[str, ...] = ("scalp",)

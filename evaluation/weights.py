@@ -1,0 +1,117 @@
+"""Where network weights are: the registry `weights.toml`, and the search for its files.  Imports no network library."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tomllib
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from carigs.errors import InputError, WeightsMissing
+
+if TYPE_CHECKING:
+    import torch
+
+REGISTRY = Path(__file__).with_name("weights.toml")
+_NO_PARAMETERS = ("input_resolution", "context_length", "vocab_size")  # numbers that OpenAI stores among the weights
+
+
+@dataclass(frozen=True)
+class Weights:
+    """An entry of the registry; its fields are explained there."""
+
+    name: str
+    files: tuple[str, ...]
+    hub: str
+    hub_files: tuple[str, ...]
+    source: str
+    licence: str
+    sha256: dict[str, str]
+
+
+def registered(name: str) -> Weights:
+    """The registry's entry of that name."""
+    entry = tomllib.loads(REGISTRY.read_text(encoding="utf-8"))[name]
+    return Weights(name, tuple(entry.pop("files")), hub_files=tuple(entry.pop("hub_files")), **entry)
+
+
+def find_weights(weights: Weights, folder: str | Path | None, *, download: bool = False) -> Path:
+    """The weights' file on this machine, its checksum verified where one is known.
+
+    Looked for in `folder`, then in the caches of the Hugging Face hub and of torch hub; fetched from the hub only with
+    `download`.  Raises `WeightsMissing` naming files, folders and source, `InputError` for a file of another content.
+    """
+    hub_cache, torch_cache = _hub_cache(), _torch_cache()
+    candidates = [Path(folder) / file for file in weights.files] if folder else []
+    snapshots = hub_cache / f"models--{weights.hub.replace('/', '--')}" / "snapshots"
+    candidates += [file for name in weights.hub_files for file in sorted(snapshots.glob(f"*/{name}"))]
+    candidates += [torch_cache / file for file in weights.files]
+    for file in candidates:
+        if file.is_file():
+            _verify(file, weights)
+            return file
+    searched = ", ".join(str(place) for place in (folder, hub_cache, torch_cache) if place)
+    missing = (
+        f"no {weights.name} weights ({' or '.join(weights.files)}) in {searched}; "
+        f"get them from {weights.source} or huggingface.co/{weights.hub}, licence {weights.licence}"
+    )
+    if download:
+        return _download(weights, missing)
+    raise WeightsMissing(missing)
+
+
+def read_state(file: Path) -> dict[str, torch.Tensor]:
+    """Parameters in a .safetensors, a plain torch file, or a TorchScript archive such as OpenAI's, on the CPU."""
+    import torch
+
+    if file.suffix == ".safetensors":
+        from safetensors.torch import load_file
+
+        return load_file(file)
+    if not _is_torchscript(file):
+        return torch.load(file, map_location="cpu", weights_only=True)
+    state = torch.jit.load(file, map_location="cpu").state_dict()
+    return {name: value for name, value in state.items() if name not in _NO_PARAMETERS}
+
+
+def _is_torchscript(file: Path) -> bool:
+    """TorchScript archives are zip files that hold `constants.pkl`; torch.load with weights_only refuses them."""
+    if not zipfile.is_zipfile(file):
+        return False
+    with zipfile.ZipFile(file) as archive:
+        return any(name.endswith("/constants.pkl") for name in archive.namelist())
+
+
+def _verify(file: Path, weights: Weights) -> None:
+    wanted = weights.sha256.get(file.name)
+    if wanted is None:
+        return
+    with file.open("rb") as stream:
+        found = hashlib.file_digest(stream, "sha256").hexdigest()
+    if not found.startswith(wanted):
+        raise InputError(f"sha256 begins with {found[:12]}, {weights.name} has {wanted[:12]}", file=file)
+
+
+def _download(weights: Weights, missing: str) -> Path:
+    from huggingface_hub import hf_hub_download
+
+    try:
+        return Path(hf_hub_download(weights.hub, weights.hub_files[0]))
+    except Exception as error:  # the hub's client raises many unrelated types for "no network"
+        raise WeightsMissing(f"{missing}; the download failed ({type(error).__name__})") from error
+
+
+def _hub_cache() -> Path:
+    home = os.environ.get("HF_HOME") or _user_cache() / "huggingface"
+    return Path(os.environ.get("HF_HUB_CACHE") or Path(home) / "hub").expanduser()
+
+
+def _torch_cache() -> Path:
+    return Path(os.environ.get("TORCH_HOME") or _user_cache() / "torch").expanduser() / "hub" / "checkpoints"
+
+
+def _user_cache() -> Path:
+    return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
