@@ -1,0 +1,85 @@
+"""Solid noise: reproducible random functions of a point in space."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+from jaxtyping import Float32
+
+
+@numba.njit(cache=True, inline="always")
+def _hash(x, y, z, seed):
+    """A well-mixed 32-bit number per lattice point."""
+    h = (x * 73856093) ^ (y * 19349663) ^ (z * 83492791) ^ (seed * 2654435761)
+    h &= 0xFFFFFFFF
+    h ^= h >> 16
+    h = (h * 0x7FEB352D) & 0xFFFFFFFF
+    h ^= h >> 15
+    h = (h * 0x846CA68B) & 0xFFFFFFFF
+    return h ^ (h >> 16)
+
+
+@numba.njit(cache=True, error_model="numpy", nogil=True)
+def _fractal(points, scale, octaves, seed, out):
+    for n in range(len(points)):
+        total = 0.0
+        amplitude = 1.0
+        fx, fy, fz = points[n, 0] / scale[0], points[n, 1] / scale[1], points[n, 2] / scale[2]
+        for octave in range(octaves):
+            ix, iy, iz = int(np.floor(fx)), int(np.floor(fy)), int(np.floor(fz))
+            u, v, w = fx - ix, fy - iy, fz - iz
+            su = u * u * u * (u * (u * 6.0 - 15.0) + 10.0)
+            sv = v * v * v * (v * (v * 6.0 - 15.0) + 10.0)
+            sw = w * w * w * (w * (w * 6.0 - 15.0) + 10.0)
+            value = 0.0
+            for c in range(8):
+                cx, cy, cz = c & 1, (c >> 1) & 1, c >> 2
+                h = _hash(ix + cx, iy + cy, iz + cz, seed + octave)
+                gx = (h & 1023) / 511.5 - 1.0
+                gy = ((h >> 10) & 1023) / 511.5 - 1.0
+                gz = ((h >> 20) & 1023) / 511.5 - 1.0
+                weight = (su if cx else 1.0 - su) * (sv if cy else 1.0 - sv) * (sw if cz else 1.0 - sw)
+                value += weight * (gx * (u - cx) + gy * (v - cy) + gz * (w - cz))
+            total += amplitude * value
+            amplitude *= 0.5
+            fx, fy, fz = fx * 2.0 + 17.3, fy * 2.0 - 9.1, fz * 2.0 + 4.7
+        out[n] = 1.6 * total
+
+
+@numba.njit(cache=True, error_model="numpy", nogil=True)
+def _spots(points, cell, share, seed, out):
+    for n in range(len(points)):
+        fx, fy, fz = points[n, 0] / cell, points[n, 1] / cell, points[n, 2] / cell
+        ix, iy, iz = int(np.floor(fx)), int(np.floor(fy)), int(np.floor(fz))
+        best = 0.0
+        for dx in range(-1, 2):
+            for dy in range(-1, 2):
+                for dz in range(-1, 2):
+                    h = _hash(ix + dx, iy + dy, iz + dz, seed)
+                    if (h & 255) >= share * 256.0:
+                        continue
+                    g = _hash(ix + dx, iy + dy, iz + dz, seed + 7)
+                    x = fx - (ix + dx + (g & 1023) / 1023.0)
+                    y = fy - (iy + dy + ((g >> 10) & 1023) / 1023.0)
+                    z = fz - (iz + dz + ((g >> 20) & 1023) / 1023.0)
+                    radius = 0.15 + 0.3 * ((h >> 8) & 255) / 255.0
+                    d = np.sqrt(x * x + y * y + z * z) / radius
+                    if d < 1.0:
+                        best = max(best, (1.0 - d * d) ** 2)
+        out[n] = best
+
+
+def fractal(
+    points: Float32[np.ndarray, "n 3"], scale: float | tuple[float, float, float], octaves: int, seed: int
+) -> Float32[np.ndarray, "n"]:
+    """Perlin's gradient noise, octaves of half the size and half the height; about within [-1, 1]."""
+    out = np.empty(len(points), np.float32)
+    _fractal(points, np.broadcast_to(np.asarray(scale, np.float32), 3).copy(), octaves, seed, out)
+    return out
+
+
+def spots(points: Float32[np.ndarray, "n 3"], cell: float, share: float, seed: int) -> Float32[np.ndarray, "n"]:
+    """Round spots, at most one in each cell of the given size and that in a share of them; 1 in their middles."""
+    out = np.empty(len(points), np.float32)
+    _spots(points, np.float32(cell), share, seed, out)
+    return out
