@@ -19,7 +19,7 @@ class Toy:
     """Frames in each of the ten sequences EMO-1..4, EXP-1..6."""
     supersampling: int = 3
     """Samples per pixel and axis."""
-    texture: int = 1024
+    texture: int = 768
     """Side of the skin texture in texels."""
     strands: int = 6000
     """Hair strands on the scalp."""

@@ -1,0 +1,17 @@
+"""Rigged Gaussian surfels: parameters, rig, rasteriser, losses, density control, training, files.
+
+- `rig`: canonical frames of the triangles, their Jacobians to a posed mesh, polar parts of those
+- `surfels`: what is learned, and which attributes there are
+- `skinning`: local -> world by Jacobian blend skinning, with its gradient
+- `harmonics`: view-dependent colour
+- `initialise`: the first surfels, coloured from the frames
+- `motion`: posed meshes per timestep and level, remembered
+- `rasterize`, `losses`, `ssim`: surfels to images, images to a loss
+- `regularisers`: terms on the surfels themselves and on the rendered geometry
+- `adam`, `density`: updates, cloning, splitting, pruning
+- `supervision`: which frame or target supervises which step
+- `trainer`, `checkpoint`: the loop, and how it goes on after a kill
+- `avatar`, `ply`: files
+
+Nothing is imported here: some of these modules need torch, which takes seconds to load, others do not.
+"""

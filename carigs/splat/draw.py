@@ -1,0 +1,56 @@
+"""From surfels and a posed mesh to an image: skinning, view-dependent colour, rasteriser, background."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from carigs.capture import Camera
+from carigs.splat.harmonics import view_colour
+from carigs.splat.rasterize import Rendering, WorldSurfels, rasterize
+from carigs.splat.rig import FaceMotion, Rig
+from carigs.splat.skinning import skin
+from carigs.splat.surfels import Surfels
+
+RIGS = ("jbs", "jacobian")
+
+
+class Drawing(NamedTuple):
+    """An image and what it is made of."""
+
+    image: Float[Tensor, "h w 3"]
+    """Over the background; not clamped."""
+    rendering: Rendering
+    world: WorldSurfels
+
+
+def draw(
+    surfels: Surfels,
+    rig: Rig,
+    motion: FaceMotion,
+    camera: Camera,
+    *,
+    kind: str = "jbs",
+    rotate_harmonics: bool = True,
+    background: float = 1.0,
+    outputs: tuple[str, ...] = ("colour", "alpha"),
+    backend: str = "cpu",
+) -> Drawing:
+    """Render the surfels on a posed mesh.
+
+    `kind` is one of `RIGS`: `jbs` blends the neighbours' motions, `jacobian` takes the own face's.  With
+    `rotate_harmonics` view-dependent colour turns with the head.
+    """
+    turning = surfels.sh_degree > 0 and rotate_harmonics
+    skinned = skin(surfels, rig, motion, blend=kind == "jbs", rotations=turning)
+    colour = skinned.colour
+    if surfels.sh_degree > 0:
+        eye = torch.from_numpy(camera.centre.astype("float32"))
+        colour = colour + view_colour(surfels.harmonics, skinned.centre, eye, skinned.rotation, surfels.sh_degree)
+    world = WorldSurfels(*skinned[:4], colour.clamp_min(0))
+    rendering = rasterize(world, camera, backend=backend, outputs=outputs)
+    image = rendering.colour + (1 - rendering.alpha)[..., None] * background
+    return Drawing(image, rendering, world)

@@ -1,0 +1,173 @@
+"""Differentiable rendering of 2D Gaussian surfels: one function, two backends (`cpu`: Numba, `cuda`: gsplat)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+# Before numba starts its threads: both then share one OpenMP pool instead of fighting for the cores.
+import torch  # isort: skip
+import numba
+import numpy as np
+from jaxtyping import Bool, Float
+
+from carigs.errors import SettingsError
+from carigs.splat import backward, binning, forward, projection
+
+if TYPE_CHECKING:
+    from carigs.capture.camera import Camera
+
+numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
+
+OUTPUTS = ("colour", "alpha", "depth", "normal", "distortion")
+
+
+@dataclass
+class WorldSurfels:
+    """Flat Gaussians in world space: all that a rasteriser needs, float32."""
+
+    centre: Float[torch.Tensor, "n 3"]
+    tangent_u: Float[torch.Tensor, "n 3"]
+    """First half axis at one sigma in metres: contains the scale; need not be orthogonal to the second."""
+    tangent_v: Float[torch.Tensor, "n 3"]
+    opacity: Float[torch.Tensor, "n"]
+    """In [0, 1]; below 1/255 a surfel is not drawn."""
+    colour: Float[torch.Tensor, "n 3"]
+
+
+@dataclass
+class Screen:
+    """What density control wants to know about the surfels in one view; not differentiable."""
+
+    visible: Bool[torch.Tensor, "n"] | None = None
+    """Whether the surfel's visible extent reaches into the image."""
+    gradient: Float[torch.Tensor, "n 2"] | None = None
+    """After the backward pass: gradient of the loss with respect to the projected centre in pixels."""
+
+
+@dataclass
+class Rendering:
+    """Sums over the surfels of each pixel, weighted by alpha compositing; no background; None where not asked for."""
+
+    colour: Float[torch.Tensor, "h w 3"] | None = None
+    """Premultiplied: image = colour + (1 - alpha) * background."""
+    alpha: Float[torch.Tensor, "h w"] | None = None
+    """Sum of the weights."""
+    depth: Float[torch.Tensor, "h w"] | None = None
+    """Weighted sum of the centres' depths in metres (divide by alpha for the mean)."""
+    normal: Float[torch.Tensor, "h w 3"] | None = None
+    """Weighted sum of unit normals in camera axes, each turned towards the camera."""
+    distortion: Float[torch.Tensor, "h w"] | None = None
+    """Sum over pairs of surfels of w_i w_j |Z_i - Z_j| in metres."""
+    screen: Screen = field(default_factory=Screen)
+
+
+def rasterize(
+    surfels: WorldSurfels,
+    camera: Camera,
+    *,
+    backend: str = "cpu",
+    outputs: tuple[str, ...] = OUTPUTS,
+    alpha_cap: float = 0.99,
+) -> Rendering:
+    """Render surfels, differentiably with respect to all five of their tensors.
+
+    `outputs` names what is wanted; without depth, normal and distortion their cost is saved.  `alpha_cap` limits a
+    surfel's alpha (2D Gaussian Splatting and gsplat's main branch: 0.99; the `cuda` backend has its own).  Surfels that
+    have no image (a number that is not finite, no area, behind the camera or crossing its plane, opacity < 1/255) are
+    left out and get zero gradients.
+    The `cpu` backend uses numba's current number of threads; its images and gradients do not depend on it.
+
+    Raises SettingsError for an unknown backend or output, ValueError for tensors of a wrong shape or type.
+    """
+    unknown = [name for name in outputs if name not in OUTPUTS]
+    if unknown:
+        raise SettingsError(f"rasterize: unknown output {unknown[0]!r}; known: {', '.join(OUTPUTS)}")
+    if not 0.0 < alpha_cap < 1.0:
+        raise SettingsError(f"rasterize: alpha_cap must lie in (0, 1), not {alpha_cap}")
+    _check(surfels)
+    if backend == "cuda":
+        from carigs.splat.cuda import rasterize_cuda
+
+        return rasterize_cuda(surfels, camera, outputs)
+    if backend != "cpu":
+        raise SettingsError(f"rasterize: unknown backend {backend!r}; known: cpu, cuda")
+    geometry = any(name in outputs for name in ("depth", "normal", "distortion"))
+    screen = Screen()
+    tensors = (surfels.centre, surfels.tangent_u, surfels.tangent_v, surfels.opacity, surfels.colour)
+    images = _Rasterize.apply(*tensors, camera, geometry, alpha_cap, screen)
+    wanted = {name: image for name, image in zip(OUTPUTS, images, strict=False) if name in outputs}
+    return Rendering(**wanted, screen=screen)
+
+
+def _check(surfels: WorldSurfels) -> None:
+    count = len(surfels.centre)
+    for name, shape in (("centre", (3,)), ("tangent_u", (3,)), ("tangent_v", (3,)), ("opacity", ()), ("colour", (3,))):
+        tensor = getattr(surfels, name)
+        if tensor.shape != (count, *shape) or tensor.dtype != torch.float32:
+            expected = ("n", *shape)
+            raise ValueError(f"surfels.{name}: expected float32 {expected}, got {tensor.dtype} {tuple(tensor.shape)}")
+
+
+class _Rasterize(torch.autograd.Function):
+    """Arrays in, planes out; the images handed to torch are views of planes, so that nothing is copied."""
+
+    @staticmethod
+    def forward(ctx, centre, tangent_u, tangent_v, opacity, colour, camera, geometry, cap, screen):
+        arrays = [t.detach().contiguous().numpy() for t in (centre, tangent_u, tangent_v, opacity, colour)]
+        view = np.ascontiguousarray(camera.camera_from_world, np.float64)
+        intrinsics = (float(camera.fx), float(camera.fy), float(camera.cx), float(camera.cy))
+        size = (int(camera.width), int(camera.height))
+        record, box, tiles = projection.project(*arrays, view, intrinsics, *size, binning.TILE)
+        lists = binning.tile_lists(record[:, projection.DEPTH], box, tiles, *size)
+        image = forward.composite(
+            record, box, lists.surfel, lists.start, lists.order, *size, binning.TILE, cap, geometry, _workers()
+        )
+        screen.visible = torch.from_numpy(tiles > 0)
+        ctx.set_materialize_grads(False)
+        ctx.arrays, ctx.view, ctx.intrinsics, ctx.size = arrays, view, intrinsics, size
+        ctx.record, ctx.box, ctx.lists, ctx.image = record, box, lists, image
+        ctx.geometry, ctx.cap, ctx.screen = geometry, cap, screen
+        planes = torch.from_numpy(image)
+        images = [planes[1:4].permute(1, 2, 0), 1.0 - planes[0]]
+        if geometry:
+            images += [planes[4], planes[5:8].permute(1, 2, 0), planes[8]]
+        return tuple(images)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, *gradients):
+        # Geometry that no loss term used needs no geometry in the backward either.
+        geometry = any(g is not None for g in gradients[2:])
+        planes = forward.PLANES if geometry else forward.COLOUR_PLANES
+        upstream = torch.zeros((planes, ctx.size[1], ctx.size[0]))
+        places = (slice(1, 4), 0, 4, slice(5, 8), 8)
+        for place, gradient in zip(places, gradients, strict=False):
+            if gradient is not None:
+                upstream[place] = gradient.permute(2, 0, 1) if gradient.ndim == 3 else gradient
+        lists = ctx.lists
+        slots = backward.composite_backward(
+            ctx.record,
+            ctx.box,
+            lists.surfel,
+            lists.slot,
+            lists.start,
+            lists.order,
+            ctx.image,
+            upstream.numpy(),
+            *ctx.size,
+            binning.TILE,
+            ctx.cap,
+            geometry,
+            _workers(),
+        )
+        centre, tangent_u, tangent_v, opacity, _ = ctx.arrays
+        *surfel_gradients, pixel = projection.project_backward(
+            slots, lists.first_slot, centre, tangent_u, tangent_v, opacity, ctx.view, ctx.intrinsics
+        )
+        ctx.screen.gradient = torch.from_numpy(pixel)
+        return *(torch.from_numpy(g) for g in surfel_gradients), None, None, None, None
+
+
+def _workers() -> int:
+    return numba.get_num_threads()

@@ -1,0 +1,14 @@
+"""How many threads torch and Numba use: one shared OpenMP pool, which exists only if torch is imported first."""
+
+from __future__ import annotations
+
+import torch  # isort: skip
+import numba
+
+numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
+
+
+def use_threads(count: int) -> None:
+    """Set both to `count` (at most what Numba was started with)."""
+    torch.set_num_threads(count)
+    numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))

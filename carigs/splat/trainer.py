@@ -1,0 +1,172 @@
+"""The training loop: real frames and GT* targets in turn, one view per step."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from carigs.settings import Train
+from carigs.splat.adam import Adam
+from carigs.splat.checkpoint import State, fingerprint, load_state, save_state
+from carigs.splat.density import GradientStatistics, refine, reset_opacity, scene_extent
+from carigs.splat.draw import Drawing, draw
+from carigs.splat.initialise import first_surfels
+from carigs.splat.losses import photometric
+from carigs.splat.motion import Performance
+from carigs.splat.progress import progress
+from carigs.splat.regularisers import normal_mismatch, pull_to_triangles
+from carigs.splat.supervision import Example, Supervision, draw_schedule
+from carigs.splat.surfels import Surfels
+
+COLUMNS = ("iteration", "seconds", "caricature", "loss", "psnr", "surfels")
+"""Of the log: the mean loss since the row before, and the PSNR (dB, valid pixels) of the row's own step."""
+
+
+def train_surfels(
+    settings: Train, performance: Performance, supervision: Supervision, checkpoint: Path
+) -> tuple[Surfels, list[tuple]]:
+    """Train from the first surfels, or go on from `checkpoint` if that is of the same run; also returns the log's rows.
+
+    Steps, density control and their random draws depend on the settings and the iteration alone, so an interrupted run
+    ends in the same bytes as one in a single sitting.
+    """
+    capture = supervision.capture
+    hair = performance.head.face_region(*settings.hair_regions)
+    key = fingerprint(settings, performance, supervision)
+    state = load_state(checkpoint, key) if checkpoint.is_file() else None
+    if state is None:
+        surfels = first_surfels(settings, capture, performance, hair)
+        state = State(0, surfels, Adam(surfels), GradientStatistics(len(surfels)))
+    run = _Run(settings, performance, supervision, hair, state)
+    started = saved = time.perf_counter()
+    earlier = state.seconds
+    with progress("train", settings.iterations, state.iteration) as report:
+        while state.iteration < settings.iterations:
+            loss = run.step()
+            now = time.perf_counter()
+            state.seconds = earlier + now - started
+            report(state.iteration, loss=loss, surfels=len(state.surfels))
+            if now - saved > settings.checkpoint_seconds and state.iteration < settings.iterations:
+                save_state(checkpoint, state, key)
+                saved = time.perf_counter()
+    return state.surfels, state.rows
+
+
+class _Run:
+    """One step after the other on a `State`."""
+
+    def __init__(self, settings, performance, supervision, hair, state: State) -> None:
+        self.settings, self.performance, self.supervision, self.state = settings, performance, supervision, state
+        self.frozen_faces = supervision.frozen_faces()
+        rig = performance.rig
+        # Hair stands off its triangles by construction.
+        reach = np.where(hair, settings.hair_length / np.maximum(rig.scale, 1e-9), 0)
+        self.face_limit = settings.position_limit + reach
+        self.extent = scene_extent(supervision.capture.cameras)
+        share = settings.caricature_share if supervision.target_frames else 0.0
+        self.schedule = draw_schedule(
+            settings.iterations, len(supervision.frames), len(supervision.target_frames), share, settings.seed
+        )
+        self.only_targets = bool(self.schedule.caricature.all())
+
+    def step(self) -> float:
+        """Render, compare, move; returns the loss."""
+        state, settings = self.state, self.settings
+        i = state.iteration
+        caricature = bool(self.schedule.caricature[i])
+        example = self.supervision.example(caricature, int(self.schedule.index[i]))
+        for _, value in state.surfels.attributes():
+            value.grad = None
+        drawing, loss = self._compare(example, i)
+        loss.backward()
+        value = float(loss.detach()) + self._pull(drawing)
+        frozen = None
+        if caricature and self.frozen_faces is not None:
+            frozen = self.frozen_faces[state.surfels.binding]
+        if settings.density.every and (not caricature or self.only_targets):
+            state.statistics.add(drawing.rendering.screen, example.camera)
+        state.adam.step(state.surfels, learning_rates(settings, i), frozen)
+        self._control_density(i + 1)
+        state.iteration = i + 1
+        self._record(value, drawing, example, caricature)
+        return value
+
+    def _compare(self, example: Example, i: int) -> tuple[Drawing, Float[Tensor, ""]]:
+        settings = self.settings
+        late = i >= settings.regularise_from
+        distortion, normals = late and settings.distortion_weight > 0, late and settings.normal_weight > 0
+        outputs = ("colour", "alpha") + ("distortion",) * distortion + ("depth", "normal") * normals
+        drawing = draw(
+            self.state.surfels,
+            self.performance.rig,
+            self.performance.motion(example.timestep, example.level),
+            example.camera,
+            kind=settings.rig,
+            rotate_harmonics=settings.rotate_harmonics,
+            background=self.supervision.capture.background,
+            outputs=outputs,
+            backend=settings.backend,
+        )
+        valid = None if example.valid is None else torch.from_numpy(example.valid)
+        loss = photometric(drawing.image, torch.from_numpy(example.image), settings.ssim, valid)
+        rendering = drawing.rendering
+        if distortion:
+            loss = loss + settings.distortion_weight * rendering.distortion.mean()
+        if normals:
+            mismatch = normal_mismatch(rendering.normal, rendering.depth, rendering.alpha, example.camera)
+            loss = loss + settings.normal_weight * mismatch
+        return drawing, loss
+
+    def _pull(self, drawing: Drawing) -> float:
+        settings, surfels = self.settings, self.state.surfels
+        return pull_to_triangles(
+            surfels,
+            drawing.rendering.screen.visible.numpy(),
+            self.face_limit[surfels.binding],
+            settings.position_weight,
+            settings.scale_limit,
+            settings.scale_weight,
+        )
+
+    def _control_density(self, done: int) -> None:
+        state, density = self.state, self.settings.density
+        if density.every and density.start <= done < density.stop and done % density.every == 0:
+            rng = np.random.default_rng([self.settings.seed, 2, done])
+            gradient = state.statistics.mean()
+            state.surfels = refine(state.surfels, state.adam, gradient, self.performance.rig, self.extent, density, rng)
+            state.statistics = GradientStatistics(len(state.surfels))
+        if density.reset_every and done % density.reset_every == 0 and done < density.stop:
+            reset_opacity(state.surfels, state.adam)
+
+    def _record(self, loss: float, drawing: Drawing, example: Example, caricature: bool) -> None:
+        state = self.state
+        state.losses.append(loss)
+        if state.iteration % self.settings.log_every and state.iteration < self.settings.iterations:
+            return
+        error = (drawing.image.detach().numpy().clip(0, 1) - example.image) ** 2
+        mean = float((error if example.valid is None else error[example.valid]).mean(dtype=np.float64))
+        psnr = -10 * np.log10(max(mean, 1e-12))
+        row = (state.iteration, round(state.seconds, 2), int(caricature), float(np.mean(state.losses)), float(psnr))
+        state.rows.append((*row, len(state.surfels)))
+        state.losses.clear()
+
+
+def learning_rates(settings: Train, iteration: int) -> dict[str, float]:
+    """Adam's rate of every attribute: log-linear from its first value to `final_rate` (positions:
+    `position_final_rate`) of it."""
+    progress = iteration / max(settings.iterations - 1, 1)
+    decay = settings.final_rate**progress
+    return {
+        "position": settings.position_rate * settings.position_final_rate**progress,
+        "rotation": settings.rotation_rate * decay,
+        "log_scale": settings.scale_rate * decay,
+        "opacity": settings.opacity_rate * decay,
+        "colour": settings.colour_rate * decay,
+        "harmonics": settings.colour_rate / 20 * decay,
+        "blend": settings.blend_rate * decay,
+    }

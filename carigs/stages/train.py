@@ -1,0 +1,62 @@
+"""Stage `train`: optimise the surfels on real frames and GT* targets in turn."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+from carigs.capture import Capture
+from carigs.errors import SettingsError
+from carigs.files import writing
+from carigs.settings import Train
+from carigs.surface import GammaPath
+
+
+def train(
+    settings: Train, *, capture: Path, path: Path, targets: Path | None, avatar: Path, ply: Path, log: Path
+) -> None:
+    """Write the trained avatar, its .ply (SurFhead's layout) and the log.
+
+    `targets` may be None where `caricature_share` is 0.  The run's state is kept beside `avatar` (suffix `.checkpoint`)
+    until it is done.
+    """
+    check_settings(settings, targets)
+    # torch before numba's threads start: both then share one pool.
+    from carigs.splat.threads import use_threads
+
+    use_threads(settings.threads)
+    from carigs.splat.avatar import Avatar, save_avatar
+    from carigs.splat.motion import perform
+    from carigs.splat.ply import write_ply
+    from carigs.splat.supervision import Supervision
+    from carigs.splat.trainer import COLUMNS, train_surfels
+
+    subject, gamma_path = Capture.load(capture), GammaPath.load(path)
+    performance = perform(subject, gamma_path)
+    used = targets if settings.caricature_share > 0 else None
+    supervision = Supervision(subject, used, gamma_path.gamma_f, settings.masks)
+    checkpoint = avatar.with_suffix(".checkpoint")
+    surfels, rows = train_surfels(settings, performance, supervision, checkpoint)
+    trained = Avatar(surfels, performance, settings.rig, settings.rotate_harmonics, subject.background)
+    with writing(log) as part, part.open("w", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(COLUMNS)
+        writer.writerows(rows)
+    write_ply(ply, surfels)
+    save_avatar(avatar, trained)
+    checkpoint.unlink(missing_ok=True)
+
+
+def check_settings(settings: Train, targets: Path | None) -> None:
+    """Raise `SettingsError` for a value out of range, before any work."""
+    for name, low, high in (
+        ("caricature_share", 0, 1), ("iterations", 1, 10**9), ("threads", 1, 10**4), ("sh_degree", 0, 3),
+        ("surfels_per_face", 1, 1000), ("hair_layers", 0, 1000), ("ssim", 0, 1), ("log_every", 1, 10**9),
+        ("initial_opacity", 1e-6, 1 - 1e-6), ("initial_scale", 1e-6, 1e6), ("colour_frames", 1, 10**6),
+    ):  # fmt: skip
+        if not low <= getattr(settings, name) <= high:
+            raise SettingsError(f"train.{name}={getattr(settings, name)} must lie in [{low}, {high}]")
+    if settings.rig not in ("jbs", "jacobian"):
+        raise SettingsError(f"train.rig={settings.rig} is unknown; choose jbs or jacobian")
+    if settings.caricature_share > 0 and targets is None:
+        raise SettingsError(f"train.caricature_share={settings.caricature_share} needs targets, and there are none")

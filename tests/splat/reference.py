@@ -1,0 +1,76 @@
+"""The rasteriser's definition in plain float64 torch: dense, one surfel after the other, gradients by autograd.
+
+Written from the absolute-pixel form (each pixel ray as two planes whose line meets the disc), as gsplat and 2D Gaussian
+Splatting do it; shares no formula with the kernels.
+"""
+
+import torch
+
+
+def render(surfels, camera, *, alpha_cap=0.99, near=0.01):
+    """Dictionary of colour, alpha, depth, normal, distortion (h, w[, 3]) and `margin` (h, w).
+
+    `surfels`: centre, tangent_u, tangent_v, opacity, colour as float64 tensors.  `margin` is how near (relatively) any
+    decision of the pixel came to its threshold: where it is tiny, float32 may decide otherwise.
+    """
+    centre, tangent_u, tangent_v, opacity, colour = surfels
+    view = torch.as_tensor(camera.camera_from_world, dtype=torch.float64)
+    rotation, offset = view[:3, :3], view[:3, 3]
+    intrinsics = torch.tensor([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]], dtype=torch.float64)
+    h, w = camera.height, camera.width
+    y, x = torch.meshgrid(torch.arange(h).double() + 0.5, torch.arange(w).double() + 0.5, indexing="ij")
+
+    mean = centre @ rotation.T + offset
+    u, v = tangent_u @ rotation.T, tangent_v @ rotation.T
+    normal = torch.linalg.cross(u, v)
+    drawn = (mean[:, 2] > near) & (opacity >= 1 / 255) & (torch.linalg.cross(tangent_u, tangent_v).norm(dim=1) > 1e-24)
+    drawn &= torch.stack([t.reshape(len(t), -1).isfinite().all(1) for t in surfels]).all(0)
+    # The visible ellipse must stay in front of the camera plane.
+    squared = (u[:, 2] / mean[:, 2]) ** 2 + (v[:, 2] / mean[:, 2]) ** 2
+    drawn &= (2 * torch.log(255 * opacity) * squared - 1 < -1e-4) & (squared - 1 < -1e-4)
+    index = torch.nonzero(drawn)[:, 0]
+    index = index[torch.argsort(mean[index, 2].float(), stable=True)]
+
+    transmittance = torch.ones(h, w, dtype=torch.float64)
+    ended = torch.zeros(h, w, dtype=torch.bool)
+    margin = torch.ones(h, w, dtype=torch.float64)
+    image = {name: torch.zeros(h, w, dtype=torch.float64) for name in ("alpha", "depth", "distortion")}
+    image |= {name: torch.zeros(h, w, 3, dtype=torch.float64) for name in ("colour", "normal")}
+    for i in index.tolist():
+        # Rows: pixel-space homogeneous x, y, w as linear functions of (s, t, 1).
+        rows = intrinsics @ torch.stack([u[i], v[i], mean[i]], dim=1)
+        # The two planes through the pixel, pulled back to (s, t, 1); they meet in zeta.
+        plane_x = x[..., None] * rows[2] - rows[0]
+        plane_y = y[..., None] * rows[2] - rows[1]
+        zeta = torch.linalg.cross(plane_x, plane_y)
+        hit = zeta[..., 2] != 0
+        g3 = torch.where(hit, (zeta[..., :2] ** 2).sum(-1) / torch.where(hit, zeta[..., 2], 1.0) ** 2, torch.inf)
+        # Middle of the box of the projected unit circle.
+        signs = torch.tensor([1.0, 1.0, -1.0], dtype=torch.float64)
+        distance = (signs * rows[2] ** 2).sum()
+        middle = (signs * rows[:2] * rows[2]).sum(1) / distance
+        g2 = 2 * ((x - middle[0]) ** 2 + (y - middle[1]) ** 2)
+        raw = opacity[i] * torch.exp(-torch.where(g3 < g2, g3, g2) / 2)
+        alpha = raw.clamp(max=alpha_cap)
+        after = transmittance * (1 - alpha)
+        valid = (raw >= 1 / 255) & ~ended
+        ends = valid & (after <= 1e-4)
+        with torch.no_grad():
+            for value, threshold in ((raw, 1 / 255), (raw, alpha_cap)):
+                margin = torch.where(ended, margin, torch.minimum(margin, (value / threshold - 1).abs()))
+            margin = torch.where(valid, torch.minimum(margin, (after / 1e-4 - 1).abs()), margin)
+            margin = torch.where(valid, torch.minimum(margin, (g3 / g2 - 1).abs()), margin)
+        weight = torch.where(valid & ~ends, transmittance * alpha, 0.0)
+        facing = normal[i] / normal[i].norm()
+        facing = -facing if facing @ mean[i] > 0 else facing
+        z = mean[i, 2]
+        front_alpha, front_depth = image["alpha"], image["depth"]
+        image["distortion"] = image["distortion"] + 2 * weight * (z * front_alpha - front_depth)
+        image["alpha"] = front_alpha + weight
+        image["depth"] = front_depth + weight * z
+        image["colour"] = image["colour"] + weight[..., None] * colour[i]
+        image["normal"] = image["normal"] + weight[..., None] * facing
+        transmittance = torch.where(valid & ~ends, after, transmittance)
+        ended = ended | ends
+    image["margin"] = margin
+    return image

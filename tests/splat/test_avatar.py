@@ -1,0 +1,239 @@
+"""Avatar files, .ply layouts, and the stages `train` and `render` on the miniature subject."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+import torch
+from miniature import SIZE, write_ball
+from plyfile import PlyData
+from scipy.spatial.transform import Rotation
+
+from carigs.capture import Capture, look_at, read_dataset
+from carigs.capture.images import read_rgb
+from carigs.errors import InputError, SettingsError
+from carigs.head import neutral
+from carigs.settings import Render, Train
+from carigs.splat.avatar import load_avatar
+from carigs.splat.ply import OURS_FROM_GAUSSIAN_AVATARS, read_ply, write_ply
+from carigs.splat.surfels import plain, to_arrays
+from carigs.stages.render import nearest_point, orbit_cameras, render
+from carigs.stages.train import train
+from carigs.surface.path import straight_path
+
+
+def random_surfels(n=30, sh_degree=2, seed=0):
+    rng = np.random.default_rng(seed)
+    surfels = plain(
+        rng.integers(0, 10144, n), rng.normal(size=(n, 3)), rng.random(n) + 0.1, 0.6, rng.random((n, 3)), sh_degree
+    )
+    for _, value in surfels.attributes():
+        value.data += 0.3 * torch.from_numpy(rng.standard_normal(tuple(value.shape))).float()
+    return surfels
+
+
+def local_covariance(surfels):
+    """Shape in the triangle's frame: r S S r^T."""
+    rotation = Rotation.from_quat(surfels.rotation.detach().numpy(), scalar_first=True).as_matrix()
+    scaled = rotation[:, :, :2] * np.exp(surfels.log_scale.detach().numpy())[:, None]
+    return scaled @ scaled.transpose(0, 2, 1)
+
+
+def test_surfhead_ply_has_its_layout_and_comes_back(tmp_path):
+    surfels = random_surfels()
+    write_ply(tmp_path / "a.ply", surfels)
+    names = PlyData.read(str(tmp_path / "a.ply"))["vertex"].data.dtype.names
+    assert len(names) == 90
+    assert names[:10] == ("x", "y", "z", "nx", "ny", "nz", *(f"blend_weight_{i}" for i in range(4)))
+    assert names[-1] == "binding_0"
+    back = to_arrays(read_ply(tmp_path / "a.ply"))
+    for name, value in to_arrays(surfels).items():
+        np.testing.assert_array_equal(back[name], value)
+
+
+def test_gaussian_avatars_ply_has_its_layout_and_its_axes(tmp_path):
+    surfels = random_surfels(sh_degree=3)
+    write_ply(tmp_path / "a.ply", surfels, "gaussian_avatars")
+    rows = PlyData.read(str(tmp_path / "a.ply"))["vertex"].data
+    assert len(rows.dtype.names) == 63
+    # Third axis away from the third corner, second axis = normal.
+    np.testing.assert_allclose(rows["y"], surfels.position[:, 2].detach())
+    np.testing.assert_allclose(rows["z"], -surfels.position[:, 1].detach())
+    quaternion = np.stack([rows[f"rot_{i}"] for i in range(4)], axis=1)
+    rotation = OURS_FROM_GAUSSIAN_AVATARS @ Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+    expected = Rotation.from_quat(surfels.rotation.detach().numpy(), scalar_first=True).as_matrix()
+    np.testing.assert_allclose(rotation, expected, atol=1e-6)
+    np.testing.assert_allclose(rows["f_rest_15"], surfels.harmonics[:, 0, 1].detach())  # first green after 15 red
+    back = read_ply(tmp_path / "a.ply")
+    np.testing.assert_allclose(back.position.detach(), surfels.position.detach(), atol=1e-6)
+    np.testing.assert_allclose(local_covariance(back), local_covariance(surfels), atol=1e-5)
+
+
+@pytest.mark.parametrize("thin", [0, 1, 2])
+def test_an_ellipsoid_becomes_the_disc_of_its_larger_axes(tmp_path, thin):
+    write_ply(tmp_path / "a.ply", random_surfels(sh_degree=0), "gaussian_avatars")
+    data = PlyData.read(str(tmp_path / "a.ply"), mmap=False)
+    rows = data["vertex"].data
+    scale = np.array([-1.0, -0.3, -0.6])
+    scale[thin] = -12
+    for i in range(3):
+        rows[f"scale_{i}"] = scale[i]
+    data.write(str(tmp_path / "a.ply"))
+    back = read_ply(tmp_path / "a.ply")
+    quaternion = np.stack([rows[f"rot_{i}"] for i in range(4)], axis=1)
+    rotation = OURS_FROM_GAUSSIAN_AVATARS @ Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
+    full = rotation * np.exp(scale)
+    np.testing.assert_allclose(local_covariance(back), full @ full.transpose(0, 2, 1), atol=1e-6)
+
+
+def test_a_ply_that_is_none_is_named(tmp_path):
+    (tmp_path / "a.ply").write_text("ply\nformat ascii 1.0\n")
+    with pytest.raises(InputError, match=r"a\.ply: not a readable"):
+        read_ply(tmp_path / "a.ply")
+    with pytest.raises(SettingsError, match="unknown"):
+        write_ply(tmp_path / "b.ply", random_surfels(), "obj")
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """A short training of the ball through the stage."""
+    folder = tmp_path_factory.mktemp("trained")
+    write_ball(folder / "ball")
+    capture = read_dataset(folder / "ball", folder / "ball/head_model.npz")
+    capture.save(folder / "capture.json")
+    rest = neutral(capture.model, capture.parameters(0))
+    straight_path(rest, capture.model.faces, rest * [0.2, 0, 0], 0.25).save(folder / "path.npz")
+    train(
+        Train(iterations=25, caricature_share=0.0, hair_layers=0),
+        capture=folder / "capture.json", path=folder / "path.npz", targets=None,
+        avatar=folder / "avatar.npz", ply=folder / "avatar.ply", log=folder / "log.csv",
+    )  # fmt: skip
+    return folder
+
+
+def test_training_leaves_its_outputs_and_nothing_else(trained):
+    assert {p.name for p in trained.iterdir()} == {
+        "ball", "capture.json", "path.npz", "avatar.npz", "avatar.ply", "log.csv"
+    }  # fmt: skip
+    rows = list(csv.DictReader((trained / "log.csv").read_text().splitlines()))
+    assert [int(row["iteration"]) for row in rows] == [20, 25]
+    assert float(rows[-1]["psnr"]) > 15
+    avatar = load_avatar(trained / "avatar.npz")
+    for name, value in to_arrays(read_ply(trained / "avatar.ply")).items():
+        np.testing.assert_array_equal(value, to_arrays(avatar.surfels)[name])
+
+
+def test_the_file_alone_renders_what_was_trained(trained):
+    """Posed by the avatar's own head, at level 0, the test frames come out as they were taken."""
+    capture = Capture.load(trained / "capture.json")
+    avatar = load_avatar(trained / "avatar.npz")
+    for frame in capture.split("test"):
+        image = avatar.render(frame.timestep, 0.0, capture.cameras[frame.camera])
+        error = ((image - capture.image(frame)) ** 2).mean()
+        assert -10 * np.log10(error) > 20
+
+
+def test_the_level_widens_the_head_as_the_path_says(trained):
+    capture = Capture.load(trained / "capture.json")
+    avatar = load_avatar(trained / "avatar.npz")
+
+    def width(level):
+        covered = (avatar.render(0, level, capture.cameras[1]) < 0.9).any(axis=(0, 2))
+        return np.ptp(np.flatnonzero(covered))
+
+    pixel, _ = capture.cameras[1].project(neutral(capture.model, capture.parameters(0)))
+    assert width(0.25) - width(0.0) == pytest.approx(0.2 * np.ptp(pixel[:, 0]), abs=2)
+
+
+def test_render_writes_every_protocol_and_its_index(trained, tmp_path):
+    inputs = dict(avatar=trained / "avatar.npz", capture=trained / "capture.json", path=trained / "path.npz")
+    render(Render(orbit=3), **inputs, level=0.0, frames=tmp_path / "frames", index=tmp_path / "frames.json")
+    entries = json.loads((tmp_path / "frames.json").read_text())
+    assert [e["protocol"] for e in entries] == ["test"] * 3 + ["val"] * 3 + ["orbit"] * 3
+    assert [e["order"] for e in entries] == list(range(9))
+    assert entries[0] == {
+        "protocol": "test", "timestep": 3, "camera": 0, "sequence": "EXP-2", "file": "test/00003_00.png", "order": 0
+    }  # fmt: skip
+    for entry in entries:
+        assert read_rgb(tmp_path / "frames" / entry["file"]).shape == (SIZE[1], SIZE[0], 3)
+    render(Render(orbit=0), **inputs, level=0.1, frames=tmp_path / "frames", index=tmp_path / "frames.json")
+    entries = json.loads((tmp_path / "frames.json").read_text())
+    assert [e["protocol"] for e in entries] == ["test"] * 3
+    assert not (tmp_path / "frames/orbit").exists()
+
+
+def test_levels_beyond_the_path_and_unknown_timesteps_are_refused(trained, tmp_path):
+    inputs = dict(avatar=trained / "avatar.npz", capture=trained / "capture.json", path=trained / "path.npz")
+    outputs = dict(frames=tmp_path / "frames", index=tmp_path / "frames.json")
+    with pytest.raises(SettingsError, match=r"level 0\.3 lies outside"):
+        render(Render(), **inputs, level=0.3, **outputs)
+    with pytest.raises(SettingsError, match="orbit_timestep=77"):
+        render(Render(orbit_timestep=77), **inputs, level=0.0, **outputs)
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"caricature_share": 1.5}, "caricature_share=1.5 must lie"),
+        ({"caricature_share": 0.5}, "needs targets"),
+        ({"rig": "bones"}, "rig=bones is unknown"),
+        ({"sh_degree": 4}, "sh_degree=4 must lie"),
+    ],
+)
+def test_impossible_settings_are_refused_before_any_work(tmp_path, changes, says):
+    settings = Train(**{"caricature_share": 0.0, **changes})
+    nothing = tmp_path / "nothing"
+    with pytest.raises(SettingsError, match=says):
+        train(settings, capture=nothing, path=nothing, targets=None, avatar=nothing, ply=nothing, log=nothing)
+
+
+def test_a_file_that_is_no_avatar_is_named(trained, tmp_path):
+    with pytest.raises(InputError, match="no such avatar"):
+        load_avatar(tmp_path / "none.npz")
+    with pytest.raises(InputError, match=r"path\.npz: format: not a carigs-avatar"):
+        load_avatar(trained / "path.npz")
+    with np.load(trained / "avatar.npz") as archive:
+        arrays = dict(archive)
+    arrays["surfel_position"] = arrays["surfel_position"].copy()
+    arrays["surfel_position"][5, 1] = np.nan
+    np.savez(tmp_path / "nan.npz", **arrays)
+    with pytest.raises(InputError, match=r"surfel_position: row 5 is not finite"):
+        load_avatar(tmp_path / "nan.npz")
+    del arrays["head_weights"]
+    np.savez(tmp_path / "short.npz", **{**arrays, "surfel_position": np.nan_to_num(arrays["surfel_position"])})
+    with pytest.raises(InputError, match="head_weights: this array is missing"):
+        load_avatar(tmp_path / "short.npz")
+
+
+def test_the_orbit_looks_at_the_cameras_common_point_from_their_distance(trained):
+    capture = Capture.load(trained / "capture.json")
+    cameras = orbit_cameras(capture, 5, 60.0)
+    centres = np.array([c.centre for c in cameras])
+    np.testing.assert_allclose(centres[:, 1], 0.05, atol=1e-9)
+    radius = np.linalg.norm(centres[:, [0, 2]], axis=1)
+    np.testing.assert_allclose(radius, np.hypot(0.4, 1.0), atol=1e-9)  # camera 1 is held out
+    azimuth = np.degrees(np.arctan2(centres[:, 0], centres[:, 2]))
+    np.testing.assert_allclose(azimuth, [-30, -15, 0, 15, 30], atol=1e-6)
+    for camera in cameras:
+        pixel, _ = camera.project(np.zeros((1, 3)))
+        np.testing.assert_allclose(pixel[0], [camera.cx, camera.cy], atol=1e-6)
+
+
+def test_the_nearest_point_is_where_the_axes_meet():
+    from dataclasses import replace
+
+    target = np.array([0.1, -0.2, 0.3])
+    capture_camera = orbit_like(target)
+    np.testing.assert_allclose(nearest_point(capture_camera), target, atol=1e-9)
+    parallel = [replace(capture_camera[0]), replace(capture_camera[0])]
+    ahead = parallel[0].centre + parallel[0].camera_from_world[2, :3]
+    np.testing.assert_allclose(nearest_point(parallel), ahead)
+
+
+def orbit_like(target):
+    from carigs.capture import Camera
+
+    eyes = np.array([[1.0, 0, 1], [-1, 0.5, 1], [0, 2, 2]])
+    return [Camera(look_at(eye, target), 50, 50, 5, 5, 10, 10) for eye in eyes]

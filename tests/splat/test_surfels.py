@@ -1,0 +1,193 @@
+"""Surfels and their way into the world: skinning, its gradient, colours, the first surfels."""
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from carigs.settings import Train
+from carigs.splat.harmonics import basis, coefficients, view_colour
+from carigs.splat.initialise import place
+from carigs.splat.rig import build_rig, face_motion, jacobians
+from carigs.splat.skinning import skin
+from carigs.splat.surfels import ATTRIBUTES, Surfels, plain, to_arrays
+
+
+@pytest.fixture(scope="module")
+def ball():
+    mesh = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
+    return np.asarray(mesh.vertices) * [1.0, 1.3, 0.8], np.asarray(mesh.faces)
+
+
+def random_surfels(n: int, faces: int, seed: int = 0) -> Surfels:
+    rng = np.random.default_rng(seed)
+    surfels = plain(rng.integers(0, faces, n), rng.normal(size=(n, 3)), rng.random(n) + 0.2, 0.7, rng.random((n, 3)))
+    for _, value in surfels.attributes():
+        value.data += torch.from_numpy(rng.normal(size=tuple(value.shape)) * 0.5).float()
+    return surfels
+
+
+def bent(vertices):
+    """A smooth non-rigid motion."""
+    x, y, z = vertices.T
+    angle = 6 * y
+    return np.stack(
+        [x * np.cos(angle) - z * np.sin(angle), 1.2 * y, x * np.sin(angle) + z * np.cos(angle) + x * x], axis=1
+    )
+
+
+def test_affine_motion_is_carried_exactly_with_any_blend_weights(ball):
+    """All triangles share U and P, so blending them changes nothing: centre and tangents move by the affine map."""
+    vertices, faces = ball
+    rig = build_rig(vertices, faces)
+    surfels = random_surfels(300, len(faces))
+    similarity = 1.3 * Rotation.from_rotvec([0.5, -2.5, 0.4]).as_matrix()
+    rest = skin(surfels, rig, face_motion(rig, vertices))
+    moved = skin(surfels, rig, face_motion(rig, vertices @ similarity.T + [0.1, 0.2, 0.3]))
+    expected = rest.centre.detach().numpy() @ similarity.T + [0.1, 0.2, 0.3]
+    np.testing.assert_allclose(moved.centre.detach().numpy(), expected, atol=2e-6)
+    for name in ("tangent_u", "tangent_v"):
+        expected = getattr(rest, name).detach().numpy() @ similarity.T
+        np.testing.assert_allclose(getattr(moved, name).detach().numpy(), expected, atol=2e-6)
+
+
+def test_at_rest_a_surfel_lies_where_its_triangle_puts_it(ball):
+    vertices, faces = ball
+    rig = build_rig(vertices, faces)
+    surfels = plain(np.array([7]), np.array([[0.2, -0.1, 0.5]]), np.array([0.4]), 0.8, np.array([[0.1, 0.5, 0.9]]))
+    world = skin(surfels, rig, face_motion(rig, vertices))
+    corners = vertices[faces[7]]
+    edge = corners[1] - corners[0]
+    normal = np.cross(edge, corners[2] - corners[0])
+    edge, normal = edge / np.linalg.norm(edge), normal / np.linalg.norm(normal)
+    towards = np.cross(normal, edge)
+    k = (np.linalg.norm(corners[1] - corners[0]) + towards @ (corners[2] - corners[0])) / 2
+    centre = corners.mean(axis=0) + k * (0.2 * edge - 0.1 * towards + 0.5 * normal)
+    np.testing.assert_allclose(world.centre[0].detach().numpy(), centre, atol=1e-7)
+    np.testing.assert_allclose(world.tangent_u[0].detach().numpy(), 0.4 * k * edge, atol=1e-7)
+    np.testing.assert_allclose(world.tangent_v[0].detach().numpy(), 0.4 * k * towards, atol=1e-7)
+    assert world.opacity.item() == pytest.approx(0.8)
+    np.testing.assert_allclose(world.colour[0].detach().numpy(), [0.1, 0.5, 0.9], atol=1e-6)
+
+
+def test_without_blending_only_the_own_jacobian_acts(ball):
+    vertices, faces = ball
+    rig = build_rig(vertices, faces)
+    motion = face_motion(rig, bent(vertices))
+    surfels = random_surfels(200, len(faces))
+    world = skin(surfels, rig, motion, blend=False)
+    local = np.einsum("nij,nj->ni", rig.frame[surfels.binding], surfels.position.detach().numpy())
+    expected = motion.centre[surfels.binding] + np.einsum("nij,nj->ni", jacobians(motion)[surfels.binding], local)
+    np.testing.assert_allclose(world.centre.detach().numpy(), expected, atol=2e-6)
+
+
+def test_blending_follows_the_formula(ball):
+    """Against scipy's rotation vectors: J_b = U exp(sum v_i log(U^T U_i)) sum v_i P_i."""
+    vertices, faces = ball
+    rig = build_rig(vertices, faces)
+    motion = face_motion(rig, bent(vertices))
+    surfels = random_surfels(100, len(faces))
+    world = skin(surfels, rig, motion, rotations=True)
+    weight = 1 / (1 + np.exp(-surfels.blend.detach().numpy().astype(float)))
+    weight /= weight.sum(axis=1, keepdims=True)
+    around = np.concatenate([surfels.binding[:, None], rig.neighbours[surfels.binding]], axis=1)
+    own = Rotation.from_matrix(motion.rotation[surfels.binding])
+    vector = sum(
+        weight[:, [i]] * (own.inv() * Rotation.from_matrix(motion.rotation[around[:, i]])).as_rotvec() for i in range(4)
+    )
+    stretch = motion.stretch[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
+    rotation = (own * Rotation.from_rotvec(vector)).as_matrix()
+    jacobian = rotation @ np.einsum("ns,nsij->nij", weight, stretch[around])
+    local = np.einsum("nij,nj->ni", rig.frame[surfels.binding], surfels.position.detach().numpy())
+    expected = motion.centre[surfels.binding] + np.einsum("nij,nj->ni", jacobian, local)
+    np.testing.assert_allclose(world.centre.detach().numpy(), expected, atol=3e-6)
+    np.testing.assert_allclose(world.rotation.numpy(), rotation, atol=3e-6)
+
+
+@pytest.mark.parametrize("blend", [True, False])
+def test_gradients_are_those_of_finite_differences(ball, blend):
+    vertices, faces = ball
+    rig = build_rig(vertices, faces)
+    motion = face_motion(rig, bent(vertices))
+    surfels = random_surfels(5, len(faces))
+    names = [name for name in ATTRIBUTES if name != "harmonics"]
+    leaves = [getattr(surfels, name).detach().double().requires_grad_(True) for name in names]
+
+    def outputs(*values):
+        doubled = Surfels(**dict(zip(names, values, strict=True)), harmonics=surfels.harmonics, binding=surfels.binding)
+        return skin(doubled, rig, motion, blend=blend)[:5]
+
+    assert torch.autograd.gradcheck(outputs, leaves, eps=1e-6, atol=1e-8, rtol=1e-5)
+
+
+def test_gradients_do_not_depend_on_the_number_of_threads(ball):
+    import numba
+
+    vertices, faces = ball
+    rig = build_rig(vertices, faces)
+    motion = face_motion(rig, bent(vertices))
+    seen = []
+    for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
+        numba.set_num_threads(threads)
+        surfels = random_surfels(1001, len(faces))
+        world = skin(surfels, rig, motion)
+        torch.autograd.backward(world[:5], [torch.ones_like(t) for t in world[:5]])
+        seen.append(b"".join(v.grad.numpy().tobytes() for n, v in surfels.attributes() if n != "harmonics"))
+    assert seen[0] == seen[1]
+
+
+def test_harmonics_are_orthonormal():
+    """Gauss-Legendre in z, equal steps in azimuth: exact for the products of degree 6."""
+    z, weight = np.polynomial.legendre.leggauss(8)
+    angle = 2 * np.pi * np.arange(16) / 16
+    r = np.sqrt(1 - z * z)[:, None]
+    direction = np.stack([r * np.cos(angle), r * np.sin(angle), np.broadcast_to(z[:, None], (8, 16))], axis=2).reshape(
+        -1, 3
+    )
+    values = basis(torch.from_numpy(direction), 3).numpy()
+    gram = np.einsum("n,ni,nj->ij", np.repeat(weight, 16) * 2 * np.pi / 16, values, values)
+    np.testing.assert_allclose(gram, np.eye(coefficients(3)), atol=1e-12)
+
+
+def test_turned_harmonics_look_the_same_when_head_and_eye_turn_together():
+    rng = np.random.default_rng(1)
+    harmonics = torch.from_numpy(rng.normal(size=(20, coefficients(3), 3)))
+    centre, eye = rng.normal(size=(20, 3)), np.array([0.0, 3.0, 4.0])
+    turn = Rotation.from_rotvec([0.3, 1.2, -0.5]).as_matrix()
+
+    def colour(centre, eye, rotation):
+        rotations = torch.from_numpy(np.tile(rotation, (20, 1, 1)))
+        return view_colour(harmonics, torch.from_numpy(centre), torch.from_numpy(eye), rotations, 3).numpy()
+
+    np.testing.assert_allclose(colour(centre @ turn.T, turn @ eye, turn), colour(centre, eye, np.eye(3)), atol=1e-12)
+
+
+def test_first_surfels_lie_in_their_triangles_and_hair_stands_on_them(ball):
+    vertices, faces = ball
+    rig = build_rig(vertices, faces)
+    hair = vertices[faces][:, :, 1].min(axis=1) > 0.05
+    settings = Train(surfels_per_face=4, hair_layers=3, hair_length=0.012)
+    binding, position, scale = place(settings, rig, hair)
+    assert len(binding) == 4 * len(faces) + 3 * hair.sum()
+    assert (scale > 0).all()
+    point = np.einsum("nij,nj->ni", rig.frame[binding], position)  # relative to the centroid, in metres
+    corners = vertices[faces[binding]] - vertices[faces[binding]].mean(axis=1, keepdims=True)
+    normal = rig.frame[binding, :, 2] / rig.scale[binding, None]
+    height = np.einsum("nc,nc->n", point, normal)
+    on_skin = np.arange(len(binding)) < 4 * len(faces)
+    np.testing.assert_allclose(height[on_skin], 0, atol=1e-7)
+    np.testing.assert_allclose(np.unique(height[~on_skin].round(6)), [0.004, 0.008, 0.012])
+    foot = point - height[:, None] * normal
+    solved = np.linalg.solve(np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], normal], 2),
+                             (foot - corners[:, 0])[..., None])[:, :2, 0]  # fmt: skip
+    assert solved.min() > -1e-5
+    assert solved.sum(axis=1).max() < 1 + 1e-5
+
+
+def test_surfels_are_sorted_by_triangle_with_their_attributes():
+    surfels = plain(np.array([3, 1, 2]), np.diag([1.0, 2, 3]), np.ones(3), 0.5, np.diag([0.3, 0.6, 0.9]), sh_degree=2)
+    np.testing.assert_array_equal(surfels.binding, [1, 2, 3])
+    np.testing.assert_array_equal(surfels.position.detach().numpy(), [[0, 2, 0], [0, 0, 3], [1, 0, 0]])
+    assert surfels.sh_degree == 2
+    assert set(to_arrays(surfels)) == {*ATTRIBUTES, "binding"}
