@@ -1,0 +1,44 @@
+# make reproduce   set-up, the study, its table, figures and report: on a machine with nothing but Python and make
+# make test        every check that needs neither a GPU nor network weights
+# make lock        the lock again, after an edit of pyproject.toml
+#
+# make reproduce CORES=8 HYDRA="study=ict"      another study; any Hydra overrides
+
+SHELL := /bin/bash
+PYTHON ?= $(shell for python in python3.11 python3.12 python3; do \
+	$$python -c "import sys; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 13))" 2> /dev/null && echo $$python && break; \
+	done)
+UV := uv==0.13.8
+CORES ?= 2
+HYDRA ?=
+
+ROOT := $(dir $(abspath $(lastword $(MAKEFILE_LIST))))
+export PATH := $(ROOT).venv/bin:$(PATH)
+unexport PYTHONPATH VIRTUAL_ENV
+
+.PHONY: reproduce test lock
+.DEFAULT_GOAL := reproduce
+
+reproduce: .venv/installed
+	snakemake --cores $(CORES) --config hydra="$(HYDRA)" -- reproduce table
+	snakemake --config hydra="$(HYDRA)" --report results/report.html -- reproduce table
+	@echo "$(ROOT)results/report.html"
+
+test: .venv/installed
+	ruff check .
+	ruff format --check .
+	snakefmt --check Snakefile workflow
+	snakemake --lint
+	pytest -m "not weights and not gpu"
+
+lock: .venv/installed
+	uv pip compile --quiet --no-header --universal --python-version 3.11 --generate-hashes --extra dev pyproject.toml --output-file requirements.lock
+
+# Hashes are checked; bytecode is compiled once, because some machines never write it.
+.venv/installed: requirements.lock pyproject.toml
+	@test -n "$(PYTHON)" || { echo "carigs needs Python 3.11 or 3.12 (make PYTHON=... names one)"; exit 1; }
+	$(PYTHON) -m venv .venv
+	.venv/bin/python -m pip install --quiet $(UV)
+	.venv/bin/uv pip install --python .venv --compile-bytecode --require-hashes --requirement requirements.lock
+	.venv/bin/uv pip install --python .venv --no-deps --editable .
+	touch $@

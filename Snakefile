@@ -1,0 +1,31 @@
+"""From captures to caricature avatars, and the table and figures that measure them.
+
+snakemake --cores 2 reproduce table                                                   the toy study
+snakemake --cores 2 --config hydra="study=ict train.iterations=2000" reproduce table  Hydra overrides, split on blanks
+"""
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/settings.smk"
+include: "workflow/rules/avatar.smk"
+include: "workflow/rules/evaluate.smk"
+
+
+report: "workflow/report/workflow.rst"
+
+
+localrules:
+    reproduce,
+    table,
+
+
+rule reproduce:
+    default_target: True
+    input:
+        collect("results/{study}/table/gamma={gamma}.csv", **points),
+        collect("results/{study}/figures/{subject}/gamma={gamma}", **points),
+
+
+rule table:
+    input:
+        collect("results/{study}/table/gamma={gamma}.csv", **points),

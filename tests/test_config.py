@@ -1,0 +1,185 @@
+"""Settings: composed, checked, frozen and loaded."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import fields
+from itertools import product
+from pathlib import Path
+
+import pytest
+import yaml
+from omegaconf import OmegaConf
+
+from carigs.config import CONF, compose, compose_study, known, load_settings, rendered_levels, settings_text
+from carigs.errors import InputError, SettingsError
+from carigs.settings import STAGES
+
+RULES = CONF.parent / "workflow/rules"
+
+
+def load(stage: str, *overrides: str, folder: Path):
+    file = folder / f"{stage}.yaml"
+    file.write_text(settings_text(stage, *overrides))
+    return load_settings(stage, file)
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_frozen_settings_come_back_as_they_were_composed(stage, tmp_path):
+    settings = load(stage, folder=tmp_path)
+    assert isinstance(settings, STAGES[stage])
+    assert OmegaConf.structured(settings) == compose()[stage]
+    for field in fields(settings):
+        if field.type.startswith("tuple"):
+            assert isinstance(getattr(settings, field.name), tuple)
+
+
+@pytest.mark.parametrize("name", known("study"))
+def test_a_study_is_named_like_its_file(name):
+    assert compose_study(f"study={name}").study.name == name
+
+
+@pytest.mark.parametrize(("stage", "preset"), [("exaggerate", "exaggerate=robust"), ("gtstar", "mask=default")])
+def test_default_presets_are_the_defaults(stage, preset, tmp_path):
+    settings = load(stage, preset, folder=tmp_path)
+    assert settings == STAGES[stage]()
+
+
+def test_presets_of_the_paper_are_literal(tmp_path):
+    """The paper's weight is |K|^gamma, its path the linear blend of two solves."""
+    settings = load("exaggerate", "study=paper", folder=tmp_path)
+    assert settings.nodes == (0.0, 1.0)
+    assert (settings.heat, settings.normalise, settings.limit_cavities, settings.followers) == (0, False, False, False)
+    assert compose("study=paper").train.iterations == 120_000
+    assert len(compose("study=paper").study.subjects) == 10
+
+
+def test_variants_differ_in_supervision_and_masks_only():
+    trained = {name: OmegaConf.to_object(compose(f"variant={name}").train) for name in known("variant")}
+    assert {name: (t.caricature_share, t.masks) for name, t in trained.items()} == {
+        "alternating": (0.5, True),
+        "surfhead": (0.0, True),
+        "gtstar_only": (1.0, True),
+        "no_mask": (0.5, False),
+    }
+    for t in trained.values():
+        t.caricature_share, t.masks = 0.5, True
+        assert t == trained["alternating"]
+
+
+@pytest.mark.parametrize(
+    ("override", "gamma", "expected"),
+    [
+        ("study.levels=[0,0.1,0.15,0.2,0.25]", 0.25, ["0", "0.1", "0.15", "0.2", "0.25"]),
+        ("study.levels=[0.2,0.1,0.5]", 0.25, ["0", "0.1", "0.2", "0.25"]),
+        ("study.levels=[0,0.1,0.15,0.2,0.25]", 0.1, ["0", "0.1"]),
+        ("study.levels=[]", 0.3, ["0", "0.3"]),
+        ("study.levels=[0.10000000001,0.1]", 0.25, ["0", "0.1", "0.25"]),
+    ],
+)
+def test_rendered_levels_lie_in_the_trained_range_and_hold_its_ends(override, gamma, expected):
+    assert rendered_levels(compose(override, f"gamma={gamma}")) == expected
+
+
+def test_the_gamma_trained_for_reaches_the_solver():
+    assert compose("gamma=0.2").exaggerate.gamma == 0.2
+
+
+def test_the_later_override_wins():
+    assert compose("gamma=0.1", "gamma=0.2").gamma == 0.2
+    assert compose("study=paper", "study=toy").study.name == "toy"
+
+
+def test_data_folder_comes_from_the_environment(monkeypatch):
+    monkeypatch.setenv("CARIGS_DATA", "/elsewhere")
+    compose.cache_clear()
+    assert compose("subject=ict_s1").capture.folder == "/elsewhere/ict_s1"
+    assert compose("subject=ict_s1").truth.folder == "/elsewhere/ict_s1/truth/level={level}"
+    compose.cache_clear()
+
+
+@pytest.mark.parametrize(
+    ("override", "named"),
+    [
+        ("study=tyo", ("study=tyo", "ict, paper, toy")),
+        ("mask=thick", ("mask=thick", "default, none")),
+        ("study.subjects=[nobody]", ("study.subjects", "nobody", "toy")),
+        ("study.variants=[surfhaed]", ("study.variants", "surfhaed", "surfhead")),
+        ("study.variants=[]", ("study.variants",)),
+        ("study.levels=[much]", ("study.levels[0]", "much")),
+        ("study.levels=[-0.1]", ("study.levels", "-0.1")),
+        ("study.name=a/b", ("study.name", "a/b")),
+        ("gamma=0", ("gamma=0",)),
+        ("gamma=nan", ("gamma=nan",)),
+        ("gamma=lots", ("gamma", "lots")),
+        ("train.iteration=3", ("train.iteration", "iterations")),
+        ("train.iterations=3x", ("train.iterations", "3x")),
+        ("train.iterations=2.5", ("train.iterations", "2.5")),
+        ("train.iterations=null", ("train.iterations",)),
+        ("train.density.untill=3", ("train.density.untill", "stop")),
+        ("trian.iterations=3", ("trian", "train")),
+        ("capture=3", ("capture", "3")),
+        ("gamma", ("gamma",)),
+        ("gamma=[", ("gamma=[",)),
+        ("figures.camera=front", ("figures.camera", "front")),
+        ("subject=toy", ("subject=toy", "study.subjects=[toy]")),
+        ("variant=surfhead", ("variant=surfhead", "study.variants=[surfhead]")),
+        ("+train.more=1", ("+train.more=1",)),
+        ("~train.seed", ("~train.seed",)),
+        ("exaggerate.gamma=${gama}", ("gama",)),
+    ],
+)
+def test_a_mistake_is_told_in_one_line_that_names_the_key(override, named):
+    with pytest.raises(SettingsError) as raised:
+        compose_study(override)
+    message = str(raised.value)
+    assert "\n" not in message
+    for word in named:
+        assert word in message
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("iterations: 3\n  seed: [", ("train.yaml",)),
+        ("iteration: 3\n", ("train.yaml", "iteration", "iterations")),
+        ("iterations: many\n", ("train.yaml", "iterations", "many")),
+    ],
+)
+def test_a_broken_settings_file_is_named(text, named, tmp_path):
+    (tmp_path / "train.yaml").write_text(text)
+    with pytest.raises(InputError) as raised:
+        load_settings("train", tmp_path / "train.yaml")
+    assert "\n" not in str(raised.value)
+    for word in named:
+        assert word in str(raised.value)
+
+
+def settings_paths() -> dict[str, tuple[str, ...]]:
+    """The overrides in each stage's settings path, as the rules have it."""
+    text = "".join(file.read_text() for file in RULES.glob("*.smk"))
+    found = re.findall(r'"results/\{study\}/settings/(\w+)/(.*?)\.yaml"', text)
+    return {stage: tuple(re.findall(r"(\w+)=\{", point)) for stage, point in found}
+
+
+def test_every_stage_has_its_settings():
+    assert set(settings_paths()) == set(STAGES)
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_section_changes_only_with_what_its_path_names(stage):
+    """Else two jobs would share a settings file that says something else to each."""
+    named = settings_paths()[stage]
+    texts: dict[tuple[str, ...], set[str]] = {}
+    for subject, variant, gamma in product(("toy", "ict_s1", "nersemble_074"), known("variant"), ("0.25", "0.2")):
+        values = {"subject": subject, "variant": variant, "gamma": gamma}
+        overrides = [f"{name}={value}" for name, value in values.items()]
+        texts.setdefault(tuple(values[name] for name in named), set()).add(settings_text(stage, *overrides))
+    assert all(len(different) == 1 for different in texts.values())
+
+
+def test_every_key_of_conf_is_in_the_schema():
+    """Hydra checks a group's file only when it is chosen."""
+    for group in ("study", "subject", "variant", "mask", "exaggerate"):
+        for name in known(group):
+            assert yaml.safe_load((CONF / group / f"{name}.yaml").read_text()) is None or compose(f"{group}={name}")

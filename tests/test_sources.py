@@ -1,0 +1,69 @@
+"""What a stage is made of, and when its fingerprint changes."""
+
+from __future__ import annotations
+
+import pytest
+
+from carigs import sources as module
+from carigs.settings import STAGES
+from carigs.sources import ROOT, fingerprint, sources
+
+
+def names(stage: str) -> set[str]:
+    return {str(file.relative_to(ROOT)) for file in sources(f"carigs.stages.{stage}")}
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_stage_is_made_of_itself_and_of_no_other_stage(stage):
+    assert {name for name in names(stage) if name.startswith("carigs/stages/")} == {f"carigs/stages/{stage}.py"}
+
+
+@pytest.mark.parametrize(
+    ("stage", "part"),
+    [
+        ("exaggerate", "carigs/surface/exaggeration.py"),
+        ("gtstar", "carigs/target/warp.py"),
+        ("train", "carigs/splat/trainer.py"),  # imported inside the function
+        ("metrics", "evaluation/weights.toml"),  # data of a module
+    ],
+)
+def test_detours_and_imports_inside_functions_count(stage, part):
+    assert part in names(stage)
+
+
+def test_training_does_not_depend_on_how_it_is_measured():
+    assert not {name for name in names("train") if name.startswith("evaluation")}
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """`carigs.one` imports `carigs.two` inside a function."""
+    (tmp_path / "carigs").mkdir()
+    (tmp_path / "carigs/one.py").write_text("def run():\n    from carigs import two\n    return two.X\n")
+    (tmp_path / "carigs/two.py").write_text("X = 1\n")
+    (tmp_path / "carigs/three.py").write_text("X = 1\n")
+    monkeypatch.setattr(module, "ROOT", tmp_path)
+    return tmp_path / "carigs"
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "changes"),
+    [
+        ("one.py", "def run():\n    from carigs import two\n    return 2 * two.X\n", True),
+        ("two.py", "X = 2\n", True),
+        ("two.json", "{}", True),
+        ("two.py", "# a word\nX  =  1\n", False),
+        ("three.py", "X = 2\n", False),
+    ],
+)
+def test_the_fingerprint_changes_with_what_the_module_does(package, file, text, changes):
+    before = fingerprint("carigs.one")
+    (package / file).write_text(text)
+    for cached in (module._meaning, module._imported):
+        cached.cache_clear()
+    assert (fingerprint("carigs.one") != before) == changes
+
+
+def test_a_module_that_is_not_there_is_refused(package):
+    with pytest.raises(ModuleNotFoundError, match=r"stages\.nothing"):
+        fingerprint("carigs.stages.nothing")

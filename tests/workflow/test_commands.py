@@ -1,0 +1,187 @@
+"""The command lines that people type."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import time
+
+import pytest
+import yaml
+from project import Project
+
+TARGETS = ("reproduce", "table")
+
+
+def test_a_bare_checkout_can_be_planned(stubbed):
+    """One settings file per stage and point, one training per variant, one rendering per variant and level."""
+    subjects, variants, levels = 2, 2, 2
+    assert stubbed.planned() == {
+        "settings": 1 + 7 * subjects + variants * subjects,
+        "capture": subjects,
+        "exaggerate": subjects,
+        "gtstar": subjects,
+        "train": subjects * variants,
+        "truth": subjects * levels,
+        "render": subjects * variants * levels,
+        "metrics": subjects * variants * levels,
+        "figures": subjects,
+        "tabulate": 1,
+    }
+
+
+def test_the_baseline_needs_no_targets(stubbed):
+    assert "gtstar" not in stubbed.planned(hydra="study.variants=[surfhead]")
+
+
+@pytest.mark.slow
+def test_the_papers_study_can_be_planned_without_its_data(stubbed):
+    planned = stubbed.planned(hydra="study=paper")
+    assert (planned["capture"], planned["train"], planned["render"]) == (10, 40, 200)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("--config", "hydra=train.iteration=3"), ("train.iteration", "iterations")),
+        (("--config", "hydra=study=tyo"), ("study=tyo", "toy")),
+        (("--config", "hdyra=study=toy"), ("hdyra", "hydra")),
+        (("--config", "hydra=metrics.edit_prompt='A nose'"), ("metrics.edit_prompt", "quot")),
+        (("results/toy/nobody/capture.json",), ("subject=nobody", "toy")),
+        (("results/toy/toy/gamma=0.25/surfhaed/avatar.npz",), ("variant=surfhaed", "surfhead")),
+        (("results/toy/toy/gamma=0.25/surfhead/level=0.3/frames.json",), ("level=0.3", "0.25")),
+        (("results/toy/toy/gamma=0.250/surfhead/avatar.npz",), ("gamma=0.250",)),
+        (("results/paper/toy/capture.json",), ("study=paper", "toy")),
+    ],
+)
+def test_a_mistake_on_the_command_line_ends_the_dry_run_with_its_name(stubbed, arguments, named):
+    done = stubbed.command("snakemake", "-n", *arguments)
+    assert done.returncode == 1
+    assert any(all(word in line for word in named) for line in (done.stdout + done.stderr).splitlines())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("line", "named"),
+    [
+        ("  iteration: 3", ("train.iteration", "variant/surfhead", "iterations")),
+        ("  iterations: many", ("train.iterations", "variant/surfhead", "many")),
+        ("train: {}", ("surfhead.yaml", "train")),
+    ],
+)
+def test_a_mistake_in_a_file_ends_the_dry_run_though_every_result_is_there(finished, line, named):
+    finished.edit("conf/variant/surfhead.yaml", add=line)
+    done = finished.command("snakemake", "-n")
+    assert done.returncode == 1
+    assert any(all(word in text for word in named) for text in (done.stdout + done.stderr).splitlines())
+
+
+def test_what_is_the_inputs_fault_is_told_in_one_line_and_in_the_log(stubbed):
+    target = "results/broken/toy/capture.json"
+    done = stubbed.snakemake("--cores", "1", target, hydra="study.name=broken capture.source=broken")
+    line = f"carigs: {target}: capture.source=broken is unknown"
+    assert done.returncode == 1
+    assert line in (done.stdout + done.stderr).splitlines()
+    assert "Traceback" not in done.stdout + done.stderr
+    assert (stubbed.root / "results/broken/log/capture/toy.log").read_text().splitlines()[-1] == line
+
+
+def test_a_stage_gets_its_settings_files_and_wildcards(made):
+    log = (made.root / "results/toy/log/metrics/twin,gamma=0.25,surfhead,level=0.25.log").read_text()
+    point = "results/toy/twin/gamma=0.25"
+    for line in (
+        f"frames: PosixPath('{point}/surfhead/level=0.25/frames')",
+        f"truth: PosixPath('{point}/truth/level=0.25/truth.json')",
+        "subject: 'twin'",
+        "variant: 'surfhead'",
+        "gamma: 0.25",
+        "level: 0.25",
+    ):
+        assert line in log.splitlines()
+    assert "watch" not in log
+    assert "code" not in log
+    assert "targets: None" in (made.root / "results/toy/log/train/twin,gamma=0.25,surfhead.log").read_text()
+
+
+def test_figures_know_which_image_is_which(made):
+    log = (made.root / "results/toy/log/figures/twin,gamma=0.25.log").read_text()
+    indices = re.findall(r"/(\w+)/level=([\d.]+)/frames.json", log)
+    assert indices == [("alternating", "0"), ("alternating", "0.25"), ("surfhead", "0"), ("surfhead", "0.25")]
+    assert "variants: ['alternating', 'alternating', 'surfhead', 'surfhead']" in log
+    assert "levels: [0.0, 0.25, 0.0, 0.25]" in log
+    assert "truth_levels: [0.0, 0.25]" in log
+
+
+@pytest.mark.slow
+def test_a_killed_run_goes_on_where_it_was(stubbed, tmp_path):
+    project = Project(tmp_path / "project")
+    shutil.copytree(stubbed.root, project.root, symlinks=True)
+    hydra = "study.subjects=[toy] study.variants=[surfhead]"
+    project.make("results/toy/toy/capture.json", hydra=hydra)
+    dataset = (project.root / "results/toy/toy/capture.json").stat().st_mtime_ns
+    (project.root / "hold").touch()
+    running = project.start("snakemake", "--cores", "1", "--config", f"hydra={hydra}", "--", "table")
+    path = project.root / "results/toy/toy/gamma=0.25/path.npz"
+    for _ in range(300):
+        if path.exists():
+            break
+        time.sleep(0.1)
+    os.killpg(running.pid, signal.SIGKILL)
+    running.communicate()
+    assert path.exists()  # written, but not finished
+    (project.root / "hold").unlink()
+    assert project.command("snakemake", "--unlock").returncode == 0
+    assert project.planned("table", hydra=hydra)["exaggerate"] == 1
+    project.make("table", hydra=hydra)
+    assert (project.root / "results/toy/table/gamma=0.25.csv").is_file()
+    assert (project.root / "results/toy/toy/capture.json").stat().st_mtime_ns == dataset
+
+
+@pytest.mark.slow
+def test_a_sweep_adds_to_what_is_there(finished):
+    results = finished.root / "results"
+    before = {file: file.stat().st_mtime_ns for file in results.rglob("*") if file.is_file()}
+    done = finished.command("carigs", "-m", "gamma=0.2,0.25", "study.variants=[surfhead]")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert {file.name for file in (results / "toy/table").glob("*.csv")} == {"gamma=0.2.csv", "gamma=0.25.csv"}
+    touched = {file for file, time in before.items() if file.stat().st_mtime_ns != time}
+    # At 0.25 one variant is left out: the table and the figures are made again, and nothing else is.
+    assert all(re.search("table|tabulate|figures", str(file.relative_to(results))) for file in touched)
+    assert not (finished.root / "outputs").exists()
+    assert not (finished.root / "multirun").exists()
+    assert list((results / "hydra").rglob("multirun.yaml"))
+
+
+@pytest.mark.slow
+def test_a_point_of_a_sweep_that_fails_does_not_keep_the_others_from_running(finished):
+    done = finished.command("carigs", "-m", "capture.source=broken,toy", "study.subjects=[toy]")
+    assert done.returncode == 1
+    assert "failed: capture.source=broken study.subjects=[toy]" in done.stderr
+    assert (finished.root / "results/toy/table/gamma=0.25.csv").is_file()
+
+
+def test_all_settings_can_be_shown(stubbed):
+    shown = yaml.safe_load(stubbed.command("carigs", "--cfg", "job", "gamma=0.2").stdout)
+    assert shown["gamma"] == 0.2
+    assert set(shown) == {"gamma", "study"} | {
+        "capture", "exaggerate", "gtstar", "train", "render", "truth", "metrics", "tabulate", "figures"
+    }  # fmt: skip
+
+
+@pytest.mark.slow
+def test_the_report_holds_table_and_figures_with_captions(made, tmp_path):
+    report = tmp_path / "report.html"
+    done = made.command("snakemake", "--report", str(report), "--", *TARGETS)
+    assert done.returncode == 0, done.stdout + done.stderr
+    text = report.read_text()
+    for words in ("Caricature avatars of one study", "means over the held-out frames", "in all variants of the study"):
+        assert words.lower() in text.lower()
+
+
+@pytest.mark.slow
+def test_the_workflow_has_no_lint(stubbed):
+    done = stubbed.command("snakemake", "--lint")
+    assert done.returncode == 0, done.stdout + done.stderr

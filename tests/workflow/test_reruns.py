@@ -1,0 +1,105 @@
+"""An edit re-runs what depends on it, and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+TARGETS = ("reproduce", "table")
+ALTERNATING = {"train": 2, "render": 4, "metrics": 4, "figures": 2, "tabulate": 1}
+
+
+def append(file: str, line: str) -> Callable:
+    return lambda project: project.edit(file, add=line)
+
+
+def touch_everything(project) -> None:
+    """A fresh checkout of the same files is newer than the results."""
+    for file in project.root.rglob("*"):
+        if file.is_file() and "results" not in file.parts and ".snakemake" not in file.parts:
+            file.touch()
+
+
+NOTHING = {
+    "comment in a variant": append("conf/variant/alternating.yaml", "# more of the same"),
+    "variant that is not in the study": append("conf/variant/gtstar_only.yaml", "  iterations: 7"),
+    "environment.yml": append("environment.yml", "# a word"),
+    "comment in a stage": append("carigs/stages/train.py", "# a word"),
+    "fresh checkout": touch_everything,
+}
+EDITS = {
+    "table.digits": (append("conf/config.yaml", "tabulate: {digits: 4}"), {"settings": 1, "tabulate": 1}),
+    "share of one variant": (
+        lambda project: project.edit("conf/variant/alternating.yaml", add="  iterations: 7"),
+        {"settings": 2, **ALTERNATING},
+    ),
+    "mask, which the baseline does not use": (
+        append("conf/mask/default.yaml", "hair_band: 4"),
+        {"settings": 2, "gtstar": 2, **ALTERNATING},
+    ),
+    "one subject": (
+        append("conf/subject/twin.yaml", "  toy: {seed: 2}"),
+        {"settings": 1, "capture": 1, "exaggerate": 1, "gtstar": 1, "truth": 2}
+        | {"train": 2, "render": 4, "metrics": 4, "figures": 1, "tabulate": 1},
+    ),
+    "code of a stage": (
+        append("carigs/stages/render.py", "more = 1"),
+        {"render": 8, "metrics": 8, "figures": 2, "tabulate": 1},
+    ),
+    "code of a stage's package": (
+        append("carigs/stages/tabulate.py", "from evaluation import rows"),
+        {"tabulate": 1},
+    ),
+}
+OVERRIDES = {
+    "add a level": (
+        "study.levels=[0,0.2,0.25]",
+        {"truth": 2, "render": 4, "metrics": 4, "figures": 2, "tabulate": 1},
+    ),
+    "drop a variant": ("study.variants=[surfhead]", {"figures": 2, "tabulate": 1}),
+    "drop a subject": ("study.subjects=[twin]", {"tabulate": 1}),
+    "level beyond gamma": ("study.levels=[0,0.25,0.5]", {}),
+    "gamma": (
+        "gamma=0.2",
+        {"settings": 2, "exaggerate": 2, "gtstar": 2, "truth": 4}
+        | {"train": 4, "render": 8, "metrics": 8, "figures": 2, "tabulate": 1},
+    ),
+    "metrics": ("metrics.silhouette_band=3", {"settings": 2, "metrics": 8, "tabulate": 1}),
+}
+
+
+def test_finished_study_is_up_to_date(made):
+    assert made.planned(*TARGETS) == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("edit", NOTHING.values(), ids=NOTHING.keys())
+def test_nothing_reruns(finished, edit):
+    edit(finished)
+    assert finished.planned(*TARGETS) == {}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("edit", "expected"), EDITS.values(), ids=EDITS.keys())
+def test_edit_reruns_what_depends_on_it(finished, edit, expected):
+    edit(finished)
+    assert finished.planned(*TARGETS) == expected
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("override", "expected"), OVERRIDES.values(), ids=OVERRIDES.keys())
+def test_override_reruns_what_depends_on_it(made, override, expected):
+    assert made.planned(*TARGETS, hydra=override) == expected
+
+
+@pytest.mark.slow
+def test_interrupted_run_goes_on(finished):
+    """An index may be the same, byte for byte, while the images that it lists are new."""
+    edit, expected = EDITS["one subject"]
+    edit(finished)
+    index = finished.root / "results/toy/twin/capture.json"
+    before = index.read_bytes()
+    finished.make("results/toy/twin/capture.json")
+    assert index.read_bytes() == before
+    assert finished.planned(*TARGETS) == {k: n for k, n in expected.items() if k not in ("settings", "capture")}

@@ -1,0 +1,111 @@
+"""From a capture to an avatar.  `watch` are the folders behind an index: jobs wait for them and re-run with them."""
+
+
+rule capture:
+    input:
+        settings="results/{study}/settings/capture/subject={subject}.yaml",
+    output:
+        index="results/{study}/{subject}/capture.json",
+        dataset=directory("results/{study}/{subject}/dataset"),
+    log:
+        "results/{study}/log/capture/{subject}.log",
+    conda:
+        "../../environment.yml"
+    resources:
+        mem_mb=4000,
+    params:
+        code=fingerprint("carigs.stages.capture"),
+    script:
+        "../scripts/stage.py"
+
+
+rule exaggerate:
+    input:
+        settings="results/{study}/settings/exaggerate/subject={subject},gamma={gamma}.yaml",
+        capture="results/{study}/{subject}/capture.json",
+        watch="results/{study}/{subject}/dataset",
+    output:
+        path="results/{study}/{subject}/gamma={gamma}/path.npz",
+    log:
+        "results/{study}/log/exaggerate/{subject},gamma={gamma}.log",
+    conda:
+        "../../environment.yml"
+    resources:
+        mem_mb=4000,
+    params:
+        code=fingerprint("carigs.stages.exaggerate"),
+    script:
+        "../scripts/stage.py"
+
+
+rule gtstar:
+    input:
+        settings="results/{study}/settings/gtstar/subject={subject}.yaml",
+        capture="results/{study}/{subject}/capture.json",
+        watch="results/{study}/{subject}/dataset",
+        path="results/{study}/{subject}/gamma={gamma}/path.npz",
+    output:
+        targets=directory("results/{study}/{subject}/gamma={gamma}/targets"),
+        index="results/{study}/{subject}/gamma={gamma}/targets.json",
+    log:
+        "results/{study}/log/gtstar/{subject},gamma={gamma}.log",
+    conda:
+        "../../environment.yml"
+    resources:
+        mem_mb=4000,
+    params:
+        code=fingerprint("carigs.stages.gtstar"),
+    script:
+        "../scripts/stage.py"
+
+
+rule train:
+    input:
+        settings="results/{study}/settings/train/subject={subject},variant={variant}.yaml",
+        capture="results/{study}/{subject}/capture.json",
+        watch="results/{study}/{subject}/dataset",
+        path="results/{study}/{subject}/gamma={gamma}/path.npz",
+        targets=branch(with_targets, then="results/{study}/{subject}/gamma={gamma}/targets", otherwise=[]),
+    output:
+        avatar="results/{study}/{subject}/gamma={gamma}/{variant}/avatar.npz",
+        ply="results/{study}/{subject}/gamma={gamma}/{variant}/avatar.ply",
+        log="results/{study}/{subject}/gamma={gamma}/{variant}/log.csv",
+    log:
+        "results/{study}/log/train/{subject},gamma={gamma},{variant}.log",
+    benchmark:
+        "results/{study}/log/train/{subject},gamma={gamma},{variant}.tsv"
+    conda:
+        "../../environment.yml"
+    threads: lambda wildcards: section("train", wildcards, "subject", "variant").threads
+    resources:
+        mem_mb=lambda wildcards, attempt: 6000 * attempt,
+    params:
+        code=fingerprint("carigs.stages.train"),
+    script:
+        "../scripts/stage.py"
+
+
+rule render:
+    input:
+        settings="results/{study}/settings/render/subject={subject}.yaml",
+        avatar="results/{study}/{subject}/gamma={gamma}/{variant}/avatar.npz",
+        capture="results/{study}/{subject}/capture.json",
+        watch="results/{study}/{subject}/dataset",
+        path="results/{study}/{subject}/gamma={gamma}/path.npz",
+    output:
+        frames=directory("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames"),
+        index="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json",
+    log:
+        "results/{study}/log/render/{subject},gamma={gamma},{variant},level={level}.log",
+    benchmark:
+        "results/{study}/log/render/{subject},gamma={gamma},{variant},level={level}.tsv"
+    conda:
+        "../../environment.yml"
+    threads: lambda wildcards: section("render", wildcards, "subject").threads
+    resources:
+        mem_mb=lambda wildcards, attempt: 4000 * attempt,
+    params:
+        code=fingerprint("carigs.stages.render"),
+        level=level,
+    script:
+        "../scripts/stage.py"

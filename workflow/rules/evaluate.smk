@@ -1,0 +1,116 @@
+"""How good the avatars are: true images, metrics, table and figures."""
+
+
+rule truth:
+    input:
+        settings="results/{study}/settings/truth/subject={subject}.yaml",
+        capture="results/{study}/{subject}/capture.json",
+        watch="results/{study}/{subject}/dataset",
+        path="results/{study}/{subject}/gamma={gamma}/path.npz",
+    output:
+        frames=directory("results/{study}/{subject}/gamma={gamma}/truth/level={level}/frames"),
+        index="results/{study}/{subject}/gamma={gamma}/truth/level={level}/truth.json",
+    log:
+        "results/{study}/log/truth/{subject},gamma={gamma},level={level}.log",
+    conda:
+        "../../environment.yml"
+    resources:
+        mem_mb=4000,
+    params:
+        code=fingerprint("carigs.stages.truth"),
+        level=level,
+    script:
+        "../scripts/stage.py"
+
+
+rule metrics:
+    input:
+        settings="results/{study}/settings/metrics/subject={subject}.yaml",
+        frames="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames",
+        index="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json",
+        capture="results/{study}/{subject}/capture.json",
+        path="results/{study}/{subject}/gamma={gamma}/path.npz",
+        truth="results/{study}/{subject}/gamma={gamma}/truth/level={level}/truth.json",
+        watch=[
+            "results/{study}/{subject}/dataset",
+            "results/{study}/{subject}/gamma={gamma}/truth/level={level}/frames",
+        ],
+    output:
+        rows="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/metrics.csv",
+    log:
+        "results/{study}/log/metrics/{subject},gamma={gamma},{variant},level={level}.log",
+    conda:
+        "../../environment.yml"
+    resources:
+        mem_mb=lambda wildcards, attempt: 6000 * attempt,
+    params:
+        code=fingerprint("carigs.stages.metrics"),
+        study="{study}",
+        subject="{subject}",
+        variant="{variant}",
+        gamma=lambda wildcards: float(wildcards.gamma),
+        level=level,
+    script:
+        "../scripts/stage.py"
+
+
+rule tabulate:
+    input:
+        settings="results/{study}/settings/tabulate/all.yaml",
+        rows=each("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/metrics.csv"),
+    output:
+        table=report(
+            "results/{study}/table/gamma={gamma}.csv",
+            caption="../report/table.rst",
+            category="Table",
+            labels={"gamma": "{gamma}", "format": "all numbers"},
+        ),
+        markdown=report(
+            "results/{study}/table/gamma={gamma}.md",
+            caption="../report/table.rst",
+            category="Table",
+            labels={"gamma": "{gamma}", "format": "summary"},
+        ),
+        latex="results/{study}/table/gamma={gamma}.tex",
+    log:
+        "results/{study}/log/tabulate/gamma={gamma}.log",
+    conda:
+        "../../environment.yml"
+    params:
+        code=fingerprint("carigs.stages.tabulate"),
+    script:
+        "../scripts/stage.py"
+
+
+rule figures:
+    input:
+        settings="results/{study}/settings/figures/subject={subject}.yaml",
+        capture="results/{study}/{subject}/capture.json",
+        path="results/{study}/{subject}/gamma={gamma}/path.npz",
+        indices=each("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json"),
+        truths=each("results/{study}/{subject}/gamma={gamma}/truth/level={level}/truth.json"),
+        watch=each(
+            "results/{study}/{subject}/dataset",
+            "results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames",
+            "results/{study}/{subject}/gamma={gamma}/truth/level={level}/frames",
+        ),
+    output:
+        folder=report(
+            directory("results/{study}/figures/{subject}/gamma={gamma}"),
+            patterns=["{figure}.png"],
+            caption="../report/figures.rst",
+            category="Figures",
+            subcategory="{subject}",
+            labels={"figure": "{figure}", "gamma": "{gamma}"},
+        ),
+    log:
+        "results/{study}/log/figures/{subject},gamma={gamma}.log",
+    conda:
+        "../../environment.yml"
+    params:
+        code=fingerprint("carigs.stages.figures"),
+        variants=lambda wildcards: [variant for variant, _ in shown(wildcards)],
+        levels=lambda wildcards: [float(level) for _, level in shown(wildcards)],
+        truth_levels=lambda wildcards: [float(level) for level in levels(wildcards)],
+    script:
+        "../scripts/stage.py"
