@@ -53,7 +53,7 @@ class HeadModel:
         extra = {} if self.landmarks68 is None else {"landmarks68": self.landmarks68}
         if self.expression_names:
             extra["expression_names"] = np.array(self.expression_names)
-        np.savez(
+        np.savez_compressed(  # most of the 400 directions are zero
             file,
             v_template=self.v_template,
             f=self.faces.astype(np.uint32),

@@ -33,7 +33,12 @@ def gtstar(settings: Gtstar, *, capture: Path, path: Path, targets: Path, index:
             natural, caricature = pose(subject.model, parameters), pose(subject.model, parameters, displacement)
             for frame in group:
                 warp = warp_frame(
-                    subject.image(frame), natural, caricature, subject.model.faces, subject.cameras[frame.camera]
+                    subject.image(frame),
+                    natural,
+                    caricature,
+                    subject.model.faces,
+                    subject.cameras[frame.camera],
+                    subject.background,
                 )
                 judged = validity(warp, subject.mask(frame), subject.model, settings)
                 write_png(part / f"{frame.name}.png", warp.colour)

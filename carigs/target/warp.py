@@ -16,7 +16,7 @@ class Warp(NamedTuple):
     """A frame warped onto the caricature, with what the masks need to judge it."""
 
     colour: Float32[np.ndarray, "h w 3"]
-    """Warped colours on the caricature mesh, the frame's own elsewhere."""
+    """Warped colours on the caricature mesh, background elsewhere: the warp knows nothing of what is off the mesh."""
     source_pixel: Float32[np.ndarray, "h w 2"]
     """Where in the frame each mesh pixel came from (x, y; pixel centres at +0.5); nan off the mesh."""
     source_depth: Float32[np.ndarray, "h w"]
@@ -34,6 +34,7 @@ def warp_frame(
     caricature_vertices: Float[np.ndarray, "v 3"],
     faces: Int[np.ndarray, "f 3"],
     camera: Camera,
+    background: float = 1.0,
 ) -> Warp:
     """Warp a frame by the per-triangle affine maps between the two projected meshes (paper, equation 5).
 
@@ -58,9 +59,7 @@ def warp_frame(
     with np.errstate(divide="ignore"):
         source_depth[covered] = 1.0 / np.einsum("pc,pc->p", weights, 1.0 / natural_depth[corners])
 
-    # remap counts pixel centres from 0; off the mesh the map is the identity.
-    height, width = covered.shape
-    identity = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float32)
-    where = np.where(covered[..., None], source_pixel - np.float32(0.5), identity)
+    where = np.where(covered[..., None], source_pixel - np.float32(0.5), 0)  # remap counts pixel centres from 0
     colour = cv2.remap(image, where, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    colour = np.where(covered[..., None], colour, np.float32(background))
     return Warp(colour, source_pixel, source_depth, natural, caricature, natural_pixel, caricature_pixel)

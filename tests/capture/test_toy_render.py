@@ -17,7 +17,7 @@ from carigs.capture.toy.lighting import AMBIENT_SQUARE, Light
 from carigs.capture.toy.noise import fractal, spots
 from carigs.capture.toy.ribbons import comb, ribbon_faces
 from carigs.capture.toy.scene import cameras, frontal_camera
-from carigs.capture.toy.shading import LINEAR, STORED, shade, to_linear
+from carigs.capture.toy.shading import LINEAR, STORED, bounced, shade, to_linear
 from carigs.head import HeadParameters, neutral
 from carigs.raster import rasterize_mesh
 from carigs.settings import Toy
@@ -92,10 +92,8 @@ def test_closed_lips_hide_the_teeth_and_open_ones_show_them(subject: Subject, ca
     green = replace(subject, teeth_colours=np.tile(np.float32([0, 1, 0]), (len(subject.teeth), 1)))
 
     def differs(parameters: HeadParameters) -> bool:
-        return (
-            np.abs(render_subject(subject, parameters, camera)[0] - render_subject(green, parameters, camera)[0]).max()
-            > 0
-        )
+        mine, theirs = (render_subject(who, parameters, camera)[0] for who in (subject, green))
+        return np.abs(mine - theirs).max() > 0
 
     assert not differs(person(subject))
     assert differs(person(subject, jaw=np.array([0.2, 0, 0])))
@@ -156,14 +154,15 @@ def test_texture_reproduces_linear_functions() -> None:
     points = texel_points(vertices[faces], resolution)
     texels = np.zeros((count, 4), np.uint8)
     texels[:, :3] = np.rint(255 * (0.5 + 4 * points))
-    view = replace(cameras(Toy(width=40, height=40, cameras=1))[0])
+    (view,) = cameras(Toy(width=40, height=40, cameras=1))
     hit = rasterize_mesh(vertices, faces, view)
     flat = np.linspace(0, 1, 256, dtype=np.float32)
     light = np.zeros((7, 3))
     light[0, 2] = light[2] = 1  # no key light, the same ambient everywhere
+    up, open_sky = np.tile([0.0, 0, 1], (4, 1)), bounced(np.ones(4, np.float32))
     colour, alpha = shade(
-        hit.face, hit.barycentric, faces, 2, vertices, np.tile([0.0, 0, 1], (4, 1)), np.ones(4, np.float32), first,
-        resolution, texels, np.zeros((1, 3), np.float32), view.centre, light, 0 * AMBIENT_SQUARE,
+        hit.face, hit.barycentric, faces, 2, vertices, up, open_sky, first, resolution, texels,
+        np.zeros((1, 3), np.float32), view.centre, light, 0 * AMBIENT_SQUARE,
         np.full((8, 8), np.inf, np.float32), np.eye(3, 4), 1, flat, np.linspace(0, 1, 4097, dtype=np.float32),
     )  # fmt: skip
     inside = alpha == 1

@@ -13,13 +13,13 @@ from carigs.capture.toy.hair import frames
 from carigs.capture.toy.head import MILLIMETRE
 from carigs.capture.toy.lighting import AMBIENT_SQUARE, Light
 from carigs.capture.toy.ribbons import comb, ribbon_faces
-from carigs.capture.toy.shading import LINEAR, STORED, shade, to_linear
+from carigs.capture.toy.shading import LINEAR, STORED, bounced, shade, to_linear
 from carigs.capture.toy.subject import Subject
 from carigs.capture.toy.teeth import follow, lit
 from carigs.head import HeadParameters, pose
 from carigs.raster import rasterize_mesh
 
-_SHADOW = 320  # pixels of the shadow map
+_SHADOW = 256  # pixels of the shadow map
 
 
 def render_subject(
@@ -57,7 +57,7 @@ def render_subject(
     fragments = rasterize_mesh(positions, corners, camera.scaled(subject.supersampling))
     return shade(
         fragments.face, fragments.barycentric, corners, len(faces), positions, vertex_normals(skin, faces),
-        subject.exposure, subject.atlas.first, subject.atlas.resolution, subject.atlas.texels,
+        bounced(subject.exposure), subject.atlas.first, subject.atlas.resolution, subject.atlas.texels,
         np.concatenate([teeth_colours.astype(np.float32), hair_colours]), camera.centre, light.rows, AMBIENT_SQUARE,
         shadow, _pixel_from_world(lamp), subject.supersampling, LINEAR, STORED,
     )  # fmt: skip

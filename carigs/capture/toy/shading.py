@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Float32
 
 _LEVELS = np.arange(256) / 255
 LINEAR = np.where(_LEVELS <= 0.04045, _LEVELS / 12.92, ((_LEVELS + 0.055) / 1.055) ** 2.4).astype(np.float32)
@@ -19,6 +19,11 @@ def to_linear(colours: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
     return np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
 
 
+def bounced(exposure: Float32[np.ndarray, "v"]) -> Float32[np.ndarray, "v 4"]:
+    """Ambient light by colour, and the exposure itself: what light there is in folds of skin is red."""
+    return np.stack([exposure**power for power in (0.80, 1.05, 1.15, 1.0)], axis=1).astype(np.float32)
+
+
 @numba.njit(cache=True, error_model="numpy", nogil=True)
 def _lit(shadow, eye_light, x, y, z):
     """Share of the key light that reaches a point: a tent-filtered shadow map."""
@@ -26,17 +31,15 @@ def _lit(shadow, eye_light, x, y, z):
     u = (eye_light[0, 0] * x + eye_light[0, 1] * y + eye_light[0, 2] * z + eye_light[0, 3]) / depth - 0.5
     v = (eye_light[1, 0] * x + eye_light[1, 1] * y + eye_light[1, 2] * z + eye_light[1, 3]) / depth - 0.5
     i, j = int(np.floor(u)), int(np.floor(v))
-    if i < 2 or j < 2 or i + 3 >= shadow.shape[1] or j + 3 >= shadow.shape[0]:
+    if i < 1 or j < 1 or i + 2 >= shadow.shape[1] or j + 2 >= shadow.shape[0]:
         return 1.0
     fu, fv = u - i, v - j
     total = 0.0
     weights = 0.0
-    for b in range(-2, 4):
-        wb = 3.0 - abs(b - fv)
-        for a in range(-2, 4):
-            w = (3.0 - abs(a - fu)) * wb
-            if w <= 0.0:
-                continue
+    for b in range(-1, 3):
+        wb = 2.0 - abs(b - fv)
+        for a in range(-1, 3):
+            w = (2.0 - abs(a - fu)) * wb
             weights += w
             # Soft over 3 mm in depth: no hard self-shadow edge.
             behind = (depth - shadow[j + b, i + a] - 0.0025) / 0.003
@@ -69,7 +72,7 @@ def shade(
     """Colour over white (h w 3) and coverage (h w) of `samples` x `samples` fragments to the pixel.
 
     Faces below `n_skin` are lit here from the texture, the others take the lit linear `vertex_colours`, whose rows
-    begin with the first vertex that is not of the skin.
+    begin with the first vertex that is not of the skin.  `exposure` is as from `bounced`.
     """
     height, width = face_image.shape[0] // samples, face_image.shape[1] // samples
     colour = np.empty((height, width, 3), np.float32)
@@ -77,7 +80,6 @@ def shade(
     n_vertices = len(normals)
     kx, ky, kz = light[0, 0], light[0, 1], light[0, 2]
     wrap = (0.34, 0.20, 0.15)  # light creeps around edges, red the farthest: skin is translucent
-    bounce = (0.80, 1.05, 1.15)  # and what light there is in folds is red
     for py in range(height):
         for px in range(width):
             red = 0.0
@@ -130,19 +132,20 @@ def shade(
                     vx, vy, vz = vx * norm, vy * norm, vz * norm
                     toward = nx * kx + ny * ky + nz * kz
                     facing = max(nx * vx + ny * vy + nz * vz, 0.0)
-                    free = wa * exposure[a] + wb * exposure[b] + wc * exposure[c]
+                    free = wa * exposure[a, 3] + wb * exposure[b, 3] + wc * exposure[c, 3]
                     lit = 0.0
                     if toward > -0.35:
                         lit = _lit(shadow, eye_light, x + 0.0015 * nx, y + 0.0015 * ny, z + 0.0015 * nz)
                     hx, hy, hz = kx + vx, ky + vy, kz + vz
                     half = max((nx * hx + ny * hy + nz * hz) / np.sqrt(hx * hx + hy * hy + hz * hz), 0.0)
-                    rim = (1.0 - facing) ** 4
+                    rim = (1.0 - facing) * (1.0 - facing)
+                    rim *= rim
                     if gloss > 0.22:  # the eye: wet
                         shine = 9.0 * gloss * half**420.0 * (lit > 0.3) + 0.03 * free
                     else:
-                        shine = gloss * (
-                            2.4 * half**20.0 * lit * max(toward, 0.0) ** 0.5 + (0.25 + 2.2 * rim) * free * 0.5
-                        )
+                        half = half**4
+                        half *= half**4  # its 20th power
+                        shine = gloss * (2.4 * half * lit * np.sqrt(max(toward, 0.0)) + (0.25 + 2.2 * rim) * free * 0.5)
                     r = 0.0
                     g = 0.0
                     u = 0.0
@@ -153,7 +156,7 @@ def shade(
                         diffuse = max((toward + wrap[k]) / (1.0 + wrap[k]), 0.0)
                         soft = lit if k > 0 else lit + 0.12 * lit * (1.0 - lit)
                         value = light[2, k] + light[3, k] * nx + light[4, k] * ny + light[5, k] * nz + square[k] * front
-                        value *= free ** bounce[k]
+                        value *= wa * exposure[a, k] + wb * exposure[b, k] + wc * exposure[c, k]
                         value += light[1, k] * diffuse * soft * (0.35 + 0.65 * free)
                         value *= albedo
                         value += shine * light[1, k]
