@@ -20,7 +20,7 @@ class Toy:
     supersampling: int = 3
     """Samples per pixel and axis."""
     texture: int = 768
-    """Side of the skin texture in texels."""
+    """The skin has the square of this many texels."""
     strands: int = 6000
     """Hair strands on the scalp."""
 
@@ -139,11 +139,11 @@ class Train:
     hair_length: float = 0.012
     """Metres above the scalp over which those are spread."""
     ssim: float = 0.2
-    position_rate: float = 0.005
+    position_rate: float = 0.03
     scale_rate: float = 0.017
-    rotation_rate: float = 0.001
+    rotation_rate: float = 0.03
     opacity_rate: float = 0.05
-    colour_rate: float = 0.0025
+    colour_rate: float = 0.01
     blend_rate: float = 0.001
     final_rate: float = 0.1
     """What is left of the rates at the last step (they fall log-linearly)."""

@@ -1,4 +1,4 @@
-"""Gradient of the compositing, front to back, with one running scalar per pixel (Numba).
+"""Gradient of the compositing, front to back, with one running scalar per pixel: the plain loops (Numba).
 
 With q_i = dL/dw_i (weights taken as independent) and S_i = sum_(j>i) w_j q_j,
 
@@ -14,6 +14,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from carigs.splat.binning import TILE
 from carigs.splat.forward import END, FASTMATH, LOG_THRESHOLD, ONE, TWO, ZERO, intersect, log2_alpha
 from carigs.splat.projection import SLOT
 
@@ -25,9 +26,7 @@ def distortion_gradient(depth, a, d, a_total, d_total):
 
 
 @numba.njit(cache=True, parallel=True, fastmath=FASTMATH, error_model="numpy")
-def composite_backward(
-    record, box, surfel, slot, start, order, image, upstream, width, height, tile, cap, geometry, workers
-):
+def composite_backward(record, box, surfel, slot, start, order, image, upstream, width, height, cap, geometry, workers):
     """Gradient slots (pairs, 20) float32: sums over the pixels of each (surfel, tile) pair.
 
     `image` holds the forward's planes, `upstream` the gradients of the same planes except that the first one is that of
@@ -37,21 +36,21 @@ def composite_backward(
     """
     cap = np.float32(cap)
     slots = np.empty((surfel.size, SLOT), np.float32)
-    across = -(-width // tile)
+    across = -(-width // TILE)
     planes = 9 if geometry else 4
     for worker in numba.prange(workers):
         # Per pixel: upstream gradients (as the image's planes), T (negative where ended), Q, sums in front and in all.
-        v = np.empty((planes, tile, tile), np.float32)
-        transmittance, rest = np.empty((tile, tile), np.float32), np.empty((tile, tile), np.float32)
+        v = np.empty((planes, TILE, TILE), np.float32)
+        transmittance, rest = np.empty((TILE, TILE), np.float32), np.empty((TILE, TILE), np.float32)
         front, a_total, d_total = (
-            np.empty((tile, tile), np.float32),
-            np.empty((tile, tile), np.float32),
-            np.empty((tile, tile), np.float32),
+            np.empty((TILE, TILE), np.float32),
+            np.empty((TILE, TILE), np.float32),
+            np.empty((TILE, TILE), np.float32),
         )
         for k in range(worker, order.size, workers):
             t = order[k]
-            left, top = (t % across) * tile, (t // across) * tile
-            right, bottom = min(left + tile, width), min(top + tile, height)
+            left, top = (t % across) * TILE, (t // across) * TILE
+            right, bottom = min(left + TILE, width), min(top + TILE, height)
             for y in range(top, bottom):
                 for x in range(left, right):
                     b, a = y - top, x - left

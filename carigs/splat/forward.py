@@ -1,4 +1,4 @@
-"""Compositing of surfels, front to back, tile by tile (Numba).
+"""Compositing of surfels, front to back, tile by tile: the plain loops (Numba; `forward_simd` is the fast twin).
 
 Per pixel, over its surfels by depth Z of the centre, T_1 = 1:
 
@@ -18,6 +18,7 @@ import numba
 import numpy as np
 
 from carigs.splat import limits
+from carigs.splat.binning import TILE
 
 LOG_THRESHOLD = np.float32(math.log2(limits.THRESHOLD))
 END = np.float32(limits.END)
@@ -47,19 +48,19 @@ def log2_alpha(g3, g2, log_opacity):
 
 
 @numba.njit(cache=True, parallel=True, fastmath=FASTMATH, error_model="numpy")
-def composite(record, box, surfel, start, order, width, height, tile, cap, geometry, workers):
+def composite(record, box, surfel, start, order, width, height, cap, geometry, workers):
     """Planes (9 or 4, height, width) float32: T, r, g, b and, with `geometry`, depth, normal x, y, z, distortion."""
     cap = np.float32(cap)
     planes = PLANES if geometry else COLOUR_PLANES
     image = np.empty((planes, height, width), np.float32)
-    across = -(-width // tile)
+    across = -(-width // TILE)
     for worker in numba.prange(workers):
         # State of the tile's pixels; T of a pixel that has ended is stored as -T.
-        state = np.empty((planes, tile, tile), np.float32)
+        state = np.empty((planes, TILE, TILE), np.float32)
         for k in range(worker, order.size, workers):
             t = order[k]
-            left, top = (t % across) * tile, (t // across) * tile
-            right, bottom = min(left + tile, width), min(top + tile, height)
+            left, top = (t % across) * TILE, (t // across) * TILE
+            right, bottom = min(left + TILE, width), min(top + TILE, height)
             state[0] = ONE
             state[1:] = ZERO
             pixels_left = (right - left) * (bottom - top)

@@ -1,10 +1,14 @@
 """Compositing as in `forward`, sixteen pixels at a time.
 
-A worker keeps a tile's pixels in its own small buffer and walks the tile's list once: for each surfel all blocks of 4 x 4
-pixels that its box touches, then the next.  A plane of the buffer is interleaved by four rows, at(x, y) =
-((y >> 2) * STRIDE + x) * 4 + (y & 3), so that a block may start at any x (y is a multiple of 4) and is still sixteen
-consecutive numbers.  Four more columns take what hangs over on the right.  A pixel that has ended, or lies outside the
-image, holds T <= 0: nothing is added to it any more, and |T| is the result.
+A worker keeps a tile's pixels in its own small buffer and walks the tile's list once: for each surfel all blocks of
+4 x 4 pixels that its box touches, then the next.  A plane of the buffer is interleaved by four rows,
+
+    at(x, y) = ((y >> 2) * STRIDE + x) * 4 + (y & 3),
+
+so that a block may start at any x (y is a multiple of 4) and is still sixteen consecutive numbers.  Four more columns
+take what hangs over on the right.  Lanes outside a surfel's box do no harm: their alpha is below 1/255, which is what
+the box means.  A pixel that has ended, or lies outside the image, holds T <= 0: nothing is added to it any more, and
+|T| is the result.
 """
 
 from __future__ import annotations
@@ -16,7 +20,7 @@ from carigs.splat import limits, simd
 from carigs.splat.binning import TILE
 from carigs.splat.forward import COLOUR_PLANES, END, HALF_LOG2E, LOG_THRESHOLD, ONE, PLANES, TWO, ZERO
 from carigs.splat.projection import RECORD
-from carigs.splat.simd import FASTMATH, WIDTH, claim, load, peek, prefetch, select, splat, store
+from carigs.splat.simd import WIDTH, claim, inner, load, peek, prefetch, select, splat, store
 
 STRIDE = TILE + 4
 PLANE = TILE * STRIDE
@@ -27,7 +31,7 @@ ALL_ENDED = np.float32(limits.END / (1 - limits.THRESHOLD))
 FAINTEST = np.float32(-9)  # exponents are clamped to this, below LOG_THRESHOLD
 
 
-@numba.njit
+@inner
 def open_pixels(state, columns_left, rows_left):
     """T = 1 in the image, 0 outside and in the overhang."""
     for y in range(0, TILE, 4):
@@ -37,7 +41,14 @@ def open_pixels(state, columns_left, rows_left):
             store(state, y * STRIDE + 4 * x, select(inside_x & inside_y, splat(ONE), splat(ZERO)))
 
 
-@numba.njit
+@inner
+def clear(state, begin):
+    """Zeros from `begin` to the end, both multiples of WIDTH."""
+    for at in range(begin, state.size, WIDTH):
+        store(state, at, splat(ZERO))
+
+
+@inner
 def all_ended(state):
     """Whether no surfel behind can contribute to the tile."""
     most = load(state, 0)
@@ -46,7 +57,7 @@ def all_ended(state):
     return simd.largest(most) <= ALL_ENDED
 
 
-@numba.njit
+@inner
 def blocks(box, i, left, top):
     """Ranges of the blocks of surfel i in the tile, x from anywhere, y from a multiple of 4, relative to the tile."""
     x0, x1 = max(peek(box, 4 * i) - left, 0), min(peek(box, 4 * i + 1) - left, TILE)
@@ -54,7 +65,7 @@ def blocks(box, i, left, top):
     return x0, x1, y0, y1
 
 
-@numba.njit
+@inner
 def fetch_ahead(record, box, surfel, e, stop):
     """Have the processor load the record and the box of a later entry."""
     if e + AHEAD < stop:
@@ -64,7 +75,7 @@ def fetch_ahead(record, box, surfel, e, stop):
         prefetch(box, i * 4)
 
 
-@numba.njit
+@inner
 def write_plane(image, offset, width, across, down, state, base, magnitude):
     """A plane of the buffer to the image, at `offset` its first pixel there; `across` x `down` pixels of it."""
     for y in range(0, down, 4):
@@ -79,85 +90,88 @@ def write_plane(image, offset, width, across, down, state, base, magnitude):
                 store(state, at, value)
                 for row in range(min(4, down - y)):
                     for column in range(min(4, across - x)):
-                        image[offset + (y + row) * width + x + column] = state[at + 4 * column + row]
+                        pixel = offset + (y + row) * width + x + column
+                        simd.poke(image, pixel, peek(state, at + 4 * column + row))
 
 
 def _kernel(geometry: bool):
     planes = PLANES if geometry else COLOUR_PLANES
 
-    @numba.njit(cache=True, parallel=True, fastmath=FASTMATH, error_model="numpy")
-    def composite(record, box, surfel, start, order, width, height, cap, workers):
-        image = np.empty(planes * height * width, np.float32)
+    # In a function of its own: Numba would infer the types of a parallel loop's body twice.
+    @inner
+    def work(record, box, surfel, start, order, image, width, height, cap, counter):
         across = -(-width // TILE)
-        counter = np.zeros(1, np.int64)
-        for _worker in numba.prange(workers):
-            state = np.empty(planes * PLANE + WIDTH, np.float32)
-            while True:
-                k = claim(counter, 0)
-                if k >= order.size:
+        state = np.empty(planes * PLANE + WIDTH, np.float32)
+        while True:
+            k = claim(counter, 0)
+            if k >= order.size:
+                break
+            t = np.int64(peek(order, k))
+            left, top = (t % across) * TILE, (t // across) * TILE
+            begin, stop = np.int64(peek(start, t)), np.int64(peek(start, t + 1))
+            clear(state, PLANE)
+            open_pixels(state, width - left, height - top)
+            for e in range(begin, stop):
+                if (e - begin) % CHECK == CHECK - 1 and all_ended(state):
                     break
-                t = np.int64(order[k])
-                left, top = (t % across) * TILE, (t // across) * TILE
-                begin, stop = np.int64(start[t]), np.int64(start[t + 1])
-                state[PLANE:] = ZERO
-                open_pixels(state, width - left, height - top)
-                for e in range(begin, stop):
-                    if (e - begin) % CHECK == CHECK - 1 and all_ended(state):
-                        break
-                    fetch_ahead(record, box, surfel, e, stop)
-                    i = np.int64(peek(surfel, e))
-                    x0, x1, y0, y1 = blocks(box, i, left, top)
-                    r = i * RECORD
-                    offset_x = peek(record, r) + np.float32(left + x0 - peek(box, 4 * i))
-                    offset_y = peek(record, r + 1) + np.float32(top + y0 - peek(box, 4 * i + 2))
-                    u0, u1 = splat(peek(record, r + 2)), splat(peek(record, r + 3))
-                    v0, v1 = splat(peek(record, r + 4)), splat(peek(record, r + 5))
-                    det, a3, b3 = splat(peek(record, r + 6)), splat(peek(record, r + 7)), splat(peek(record, r + 8))
-                    ex, ey = splat(peek(record, r + 9)), splat(peek(record, r + 10))
-                    opacity = splat(peek(record, r + 11))
-                    red, green, blue = (
-                        splat(peek(record, r + 12)), splat(peek(record, r + 13)), splat(peek(record, r + 14)),
-                    )  # fmt: skip
-                    depth, nx = splat(peek(record, r + 15)), splat(peek(record, r + 16))
-                    ny, nz = splat(peek(record, r + 17)), splat(peek(record, r + 18))
-                    for y in range(y0, y1, 4):
-                        dy = simd.rows() + (offset_y + np.float32(y - y0))
-                        # What is constant along the row of blocks.
-                        u1_dy, u0_dy, plane, low = u1 * dy, u0 * dy, det + b3 * dy, (dy + ey) * (dy + ey)
-                        for x in range(x0, x1, 4):
-                            dx = simd.columns() + (offset_x + np.float32(x - x0))
-                            iz = ONE / (plane + a3 * dx)
-                            s, u = (v1 * dx - u1_dy) * iz, (u0_dy - v0 * dx) * iz
-                            g = simd.smaller(s * s + u * u, ((dx + ex) * (dx + ex) + low) * TWO)
-                            exponent = opacity - g * HALF_LOG2E
-                            valid = exponent >= LOG_THRESHOLD
-                            alpha = simd.smaller(simd.exp2(simd.larger(exponent, splat(FAINTEST))), splat(cap))
-                            at = y * STRIDE + 4 * x
-                            before = load(state, at)
-                            w = before * alpha
-                            after = before - w
-                            goes_on = valid & (after > END)
-                            w = select(goes_on, w, splat(ZERO))
-                            ended = select(valid, splat(ZERO) - simd.absolute(before), before)
-                            store(state, at, select(goes_on, after, ended))
-                            store(state, at + PLANE, load(state, at + PLANE) + w * red)
-                            store(state, at + 2 * PLANE, load(state, at + 2 * PLANE) + w * green)
-                            store(state, at + 3 * PLANE, load(state, at + 3 * PLANE) + w * blue)
-                            if geometry:
-                                # The depth plane before this surfel is D of the distortion.
-                                front = load(state, at + 4 * PLANE)
-                                spread = w * (depth * (ONE - before) - front) * TWO
-                                store(state, at + 4 * PLANE, front + w * depth)
-                                store(state, at + 5 * PLANE, load(state, at + 5 * PLANE) + w * nx)
-                                store(state, at + 6 * PLANE, load(state, at + 6 * PLANE) + w * ny)
-                                store(state, at + 7 * PLANE, load(state, at + 7 * PLANE) + w * nz)
-                                store(state, at + 8 * PLANE, load(state, at + 8 * PLANE) + spread)
-                for plane in range(planes):
-                    write_plane(
-                        image, (plane * height + top) * width + left, width, min(TILE, width - left),
-                        min(TILE, height - top), state, plane * PLANE, plane == 0,
-                    )  # fmt: skip
-        return image
+                fetch_ahead(record, box, surfel, e, stop)
+                i = np.int64(peek(surfel, e))
+                x0, x1, y0, y1 = blocks(box, i, left, top)
+                r = i * RECORD
+                offset_x = peek(record, r) + np.float32(left + x0 - peek(box, 4 * i))
+                offset_y = peek(record, r + 1) + np.float32(top + y0 - peek(box, 4 * i + 2))
+                u0, u1 = splat(peek(record, r + 2)), splat(peek(record, r + 3))
+                v0, v1 = splat(peek(record, r + 4)), splat(peek(record, r + 5))
+                det, a3, b3 = splat(peek(record, r + 6)), splat(peek(record, r + 7)), splat(peek(record, r + 8))
+                ex, ey = splat(peek(record, r + 9)), splat(peek(record, r + 10))
+                opacity = splat(peek(record, r + 11))
+                red, green, blue = (
+                    splat(peek(record, r + 12)), splat(peek(record, r + 13)), splat(peek(record, r + 14)),
+                )  # fmt: skip
+                depth, nx = splat(peek(record, r + 15)), splat(peek(record, r + 16))
+                ny, nz = splat(peek(record, r + 17)), splat(peek(record, r + 18))
+                for y in range(y0, y1, 4):
+                    dy = simd.rows() + (offset_y + np.float32(y - y0))
+                    # What is constant along the row of blocks.
+                    u1_dy, u0_dy, plane, low = u1 * dy, u0 * dy, det + b3 * dy, (dy + ey) * (dy + ey)
+                    for x in range(x0, x1, 4):
+                        dx = simd.columns() + (offset_x + np.float32(x - x0))
+                        iz = ONE / (plane + a3 * dx)
+                        s, u = (v1 * dx - u1_dy) * iz, (u0_dy - v0 * dx) * iz
+                        g = simd.smaller(s * s + u * u, ((dx + ex) * (dx + ex) + low) * TWO)
+                        exponent = opacity - g * HALF_LOG2E
+                        valid = exponent >= LOG_THRESHOLD
+                        alpha = simd.smaller(simd.exp2(simd.larger(exponent, splat(FAINTEST))), splat(cap))
+                        at = y * STRIDE + 4 * x
+                        before = load(state, at)
+                        w = before * alpha
+                        after = before - w
+                        goes_on = valid & (after > END)
+                        w = select(goes_on, w, splat(ZERO))
+                        ended = select(valid, splat(ZERO) - simd.absolute(before), before)
+                        store(state, at, select(goes_on, after, ended))
+                        store(state, at + PLANE, load(state, at + PLANE) + w * red)
+                        store(state, at + 2 * PLANE, load(state, at + 2 * PLANE) + w * green)
+                        store(state, at + 3 * PLANE, load(state, at + 3 * PLANE) + w * blue)
+                        if geometry:
+                            # The depth plane before this surfel is D of the distortion.
+                            front = load(state, at + 4 * PLANE)
+                            spread = w * (depth * (ONE - before) - front) * TWO
+                            store(state, at + 4 * PLANE, front + w * depth)
+                            store(state, at + 5 * PLANE, load(state, at + 5 * PLANE) + w * nx)
+                            store(state, at + 6 * PLANE, load(state, at + 6 * PLANE) + w * ny)
+                            store(state, at + 7 * PLANE, load(state, at + 7 * PLANE) + w * nz)
+                            store(state, at + 8 * PLANE, load(state, at + 8 * PLANE) + spread)
+            for plane in range(image.size // (width * height)):  # a number that LLVM does not unroll
+                write_plane(
+                    image, (plane * height + top) * width + left, width, min(TILE, width - left),
+                    min(TILE, height - top), state, plane * PLANE, plane == 0,
+                )  # fmt: skip
+
+    @numba.njit(cache=True, parallel=True, error_model="numpy")
+    def composite(record, box, surfel, start, order, image, width, height, cap, counter, workers):
+        for _worker in numba.prange(workers):
+            work(record, box, surfel, start, order, image, width, height, cap, counter)
 
     return composite
 
@@ -167,7 +181,9 @@ _KERNELS = {geometry: _kernel(geometry) for geometry in (False, True)}
 
 def composite(record, box, surfel, start, order, width, height, cap, geometry, workers):
     """As `forward.composite`, to rounding."""
-    image = _KERNELS[geometry](
-        record.reshape(-1), box.reshape(-1), surfel, start, order, width, height, np.float32(cap), workers
-    )
-    return image.reshape(-1, height, width)
+    image = np.empty((PLANES if geometry else COLOUR_PLANES, height, width), np.float32)
+    _KERNELS[geometry](
+        record.reshape(-1), box.reshape(-1), surfel, start, order, image.reshape(-1), width, height, np.float32(cap),
+        np.zeros(1, np.int64), workers,
+    )  # fmt: skip
+    return image

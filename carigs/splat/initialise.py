@@ -5,23 +5,30 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from carigs.capture import Capture, Frame
 from carigs.raster import rasterize_mesh
 from carigs.settings import Train
 from carigs.splat.motion import Performance
 from carigs.splat.rig import Rig, jacobians
+from carigs.splat.supervision import Example, Supervision
 from carigs.splat.surfels import Surfels, plain
 
 OCCLUSION_TOLERANCE = 0.003
 """Metres that a surfel's centre may lie behind the mesh and still be seen."""
 
 
-def first_surfels(settings: Train, capture: Capture, performance: Performance, hair: Bool[np.ndarray, "f"]) -> Surfels:
-    """Surfels on every face and above hair faces, with colours of `settings.colour_frames` training frames."""
+def first_surfels(
+    settings: Train, supervision: Supervision, performance: Performance, hair: Bool[np.ndarray, "f"]
+) -> Surfels:
+    """Surfels on every face and above hair faces, with colours of `settings.colour_frames` of what supervises them.
+
+    A run that is supervised by targets alone takes its colours from the targets: real frames would tell it of the hair.
+    """
     binding, position, scale = place(settings, performance.rig, hair)
-    frames = capture.split("train")
-    chosen = [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, settings.colour_frames).astype(int))]
-    rgb = observed_colours(binding, position, capture, performance, chosen)
+    targets_only = settings.caricature_share >= 1
+    count = len(supervision.target_frames if targets_only else supervision.frames)
+    chosen = np.unique(np.linspace(0, count - 1, settings.colour_frames).astype(int))
+    views = [supervision.first_view(targets_only, int(i)) for i in chosen]
+    rgb = observed_colours(binding, position, performance, views)
     return plain(binding, position, scale, settings.initial_opacity, rgb, settings.sh_degree)
 
 
@@ -70,28 +77,30 @@ def _in_triangle(
 def observed_colours(
     binding: Int[np.ndarray, "n"],
     position: Float[np.ndarray, "n 3"],
-    capture: Capture,
     performance: Performance,
-    frames: list[Frame],
+    views: list[tuple[Example, Float[np.ndarray, "h w"]]],
 ) -> Float[np.ndarray, "n 3"]:
-    """Mean colour of each surfel where the frames see it; unseen ones take their face's, or its neighbourhood's."""
+    """Mean colour of each surfel where the views see it; unseen ones take their face's, or its neighbourhood's.
+
+    Each view comes with the weight of its pixels (h, w).
+    """
     rig = performance.rig
     canonical = np.einsum("nij,nj->ni", rig.frame[binding], position)
     total, weight = np.zeros((len(binding), 3)), np.zeros(len(binding))
-    for frame in frames:
-        camera = capture.cameras[frame.camera]
-        motion = performance.motion(frame.timestep, 0.0)
+    for example, trust in views:
+        camera = example.camera
+        motion = performance.motion(example.timestep, example.level)
         centre = motion.centre[binding] + np.einsum("nij,nj->ni", jacobians(motion)[binding], canonical)
         pixel, depth = camera.project(centre)
-        surface = rasterize_mesh(performance.posed(frame.timestep, 0.0), rig.faces, camera).depth
+        surface = rasterize_mesh(performance.posed(example.timestep, example.level), rig.faces, camera).depth
         inside = (depth > 0) & (pixel >= 0).all(axis=1) & (pixel < [camera.width, camera.height]).all(axis=1)
         column, row = np.where(inside[:, None], pixel, 0).astype(int).T
         seen = inside & (depth < surface[row, column] + OCCLUSION_TOLERANCE)
         normal = motion.rotation[binding] @ (rig.frame[binding, :, 2] / rig.scale[binding, None].clip(1e-9))[..., None]
         view = camera.centre - centre
         facing = np.einsum("nc,nc->n", normal[..., 0], view) / np.linalg.norm(view, axis=1)
-        w = np.where(seen, facing.clip(0.05), 0) * capture.mask(frame)[row, column]
-        total += w[:, None] * capture.image(frame)[row, column]
+        w = np.where(seen, facing.clip(0.05), 0) * trust[row, column]
+        total += w[:, None] * example.image[row, column]
         weight += w
     face_total = np.stack([np.bincount(binding, total[:, c], len(rig.faces)) for c in range(3)], axis=1)
     face = _fill(face_total, np.bincount(binding, weight, len(rig.faces)), rig.neighbours)

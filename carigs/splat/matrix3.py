@@ -133,3 +133,27 @@ def cross(a, b):
 def dot(a, b):
     """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@numba.njit(cache=True)
+def exponential_terms(w):
+    """sin(t)/t, (1 - cos t)/t^2, (t - sin t)/t^3 of the rotation vector's length t."""
+    q = dot(w, w)
+    if q < 1e-2:
+        a = 1 - q / 6 * (1 - q / 20 * (1 - q / 42 * (1 - q / 72)))
+        b = 0.5 * (1 - q / 12 * (1 - q / 30 * (1 - q / 56 * (1 - q / 90))))
+        c = (1 - q / 20 * (1 - q / 42 * (1 - q / 72 * (1 - q / 110)))) / 6
+        return a, b, c
+    t = math.sqrt(q)
+    a = math.sin(t) / t
+    return a, (1 - math.cos(t)) / q, (1 - a) / q
+
+
+@numba.njit(cache=True)
+def turned(u, w, a, b):
+    """U exp(w) by Rodrigues' formula; a, b are the first two of `exponential_terms(w)`."""
+    x, y, z = w
+    e = (1 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y,
+         b * x * y + a * z, 1 - b * (x * x + z * z), b * y * z - a * x,
+         b * x * z - a * y, b * y * z + a * x, 1 - b * (x * x + y * y))  # fmt: skip
+    return product(u, e)

@@ -1,4 +1,7 @@
-"""Differentiable rendering of 2D Gaussian surfels: one function, two backends (`cpu`: Numba, `cuda`: gsplat)."""
+"""Differentiable rendering of 2D Gaussian surfels: one function with backends.
+
+`cpu`: Numba, sixteen pixels at a time; `plain`: the same in plain loops; `cuda`: gsplat.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +15,18 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from carigs.errors import SettingsError
-from carigs.splat import backward, binning, forward, projection
+from carigs.splat import backward, backward_simd, binning, forward, forward_simd, projection
 
 if TYPE_CHECKING:
     from carigs.capture.camera import Camera
 
 numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
 
+# The compositing and its gradient: sixteen pixels at a time, or in plain loops that anyone can read and check.
+_KERNELS = {
+    "cpu": (forward_simd.composite, backward_simd.composite_backward),
+    "plain": (forward.composite, backward.composite_backward),
+}
 OUTPUTS = ("colour", "alpha", "depth", "normal", "distortion")
 
 
@@ -76,7 +84,8 @@ def rasterize(
     surfel's alpha (2D Gaussian Splatting and gsplat's main branch: 0.99; the `cuda` backend has its own).  Surfels that
     have no image (a number that is not finite, no area, behind the camera or crossing its plane, opacity < 1/255) are
     left out and get zero gradients.
-    The `cpu` backend uses numba's current number of threads; its images and gradients do not depend on it.
+    Backend `cpu` uses numba's current number of threads; its images and gradients do not depend on it.  `plain` is the
+    same in plain loops, several times slower.
 
     Raises SettingsError for an unknown backend or output, ValueError for tensors of a wrong shape or type.
     """
@@ -90,12 +99,12 @@ def rasterize(
         from carigs.splat.cuda import rasterize_cuda
 
         return rasterize_cuda(surfels, camera, outputs)
-    if backend != "cpu":
-        raise SettingsError(f"rasterize: unknown backend {backend!r}; known: cpu, cuda")
+    if backend not in _KERNELS:
+        raise SettingsError(f"rasterize: unknown backend {backend!r}; known: {', '.join(_KERNELS)}, cuda")
     geometry = any(name in outputs for name in ("depth", "normal", "distortion"))
     screen = Screen()
     tensors = (surfels.centre, surfels.tangent_u, surfels.tangent_v, surfels.opacity, surfels.colour)
-    images = _Rasterize.apply(*tensors, camera, geometry, alpha_cap, screen)
+    images = _Rasterize.apply(*tensors, camera, geometry, alpha_cap, screen, _KERNELS[backend])
     wanted = {name: image for name, image in zip(OUTPUTS, images, strict=False) if name in outputs}
     return Rendering(**wanted, screen=screen)
 
@@ -113,16 +122,15 @@ class _Rasterize(torch.autograd.Function):
     """Arrays in, planes out; the images handed to torch are views of planes, so that nothing is copied."""
 
     @staticmethod
-    def forward(ctx, centre, tangent_u, tangent_v, opacity, colour, camera, geometry, cap, screen):
+    def forward(ctx, centre, tangent_u, tangent_v, opacity, colour, camera, geometry, cap, screen, kernels):
         arrays = [t.detach().contiguous().numpy() for t in (centre, tangent_u, tangent_v, opacity, colour)]
         view = np.ascontiguousarray(camera.camera_from_world, np.float64)
         intrinsics = (float(camera.fx), float(camera.fy), float(camera.cx), float(camera.cy))
         size = (int(camera.width), int(camera.height))
         record, box, tiles = projection.project(*arrays, view, intrinsics, *size, binning.TILE)
         lists = binning.tile_lists(record[:, projection.DEPTH], box, tiles, *size)
-        image = forward.composite(
-            record, box, lists.surfel, lists.start, lists.order, *size, binning.TILE, cap, geometry, _workers()
-        )
+        composite, ctx.composite_backward = kernels
+        image = composite(record, box, lists.surfel, lists.start, lists.order, *size, cap, geometry, _workers())
         screen.visible = torch.from_numpy(tiles > 0)
         ctx.set_materialize_grads(False)
         ctx.arrays, ctx.view, ctx.intrinsics, ctx.size = arrays, view, intrinsics, size
@@ -146,7 +154,7 @@ class _Rasterize(torch.autograd.Function):
             if gradient is not None:
                 upstream[place] = gradient.permute(2, 0, 1) if gradient.ndim == 3 else gradient
         lists = ctx.lists
-        slots = backward.composite_backward(
+        slots = ctx.composite_backward(
             ctx.record,
             ctx.box,
             lists.surfel,
@@ -156,7 +164,6 @@ class _Rasterize(torch.autograd.Function):
             ctx.image,
             upstream.numpy(),
             *ctx.size,
-            binning.TILE,
             ctx.cap,
             geometry,
             _workers(),
@@ -166,7 +173,7 @@ class _Rasterize(torch.autograd.Function):
             slots, lists.first_slot, centre, tangent_u, tangent_v, opacity, ctx.view, ctx.intrinsics
         )
         ctx.screen.gradient = torch.from_numpy(pixel)
-        return *(torch.from_numpy(g) for g in surfel_gradients), None, None, None, None
+        return *(torch.from_numpy(g) for g in surfel_gradients), None, None, None, None, None
 
 
 def _workers() -> int:

@@ -85,11 +85,10 @@ def _binary(argument, result, build):
     return function
 
 
-def _operator(symbol, result, build):
-    """Give `symbol` a meaning for lanes with lanes and with scalars."""
+def _operator(symbols, result, build):
+    """Give `symbols` a meaning for lanes with lanes and with scalars."""
     function = _binary(lanes, result, build)
 
-    @overload(symbol)
     def choose(a, b):
         if a == lanes and b == lanes:
             return lambda a, b: function(a, b)
@@ -98,6 +97,9 @@ def _operator(symbol, result, build):
         if b == lanes and isinstance(a, types.Float):
             return lambda a, b: function(splat(np.float32(a)), b)
         return None
+
+    for symbol in symbols:
+        overload(symbol)(choose)
 
 
 @intrinsic
@@ -111,14 +113,14 @@ def splat(typingctx, scalar):
     return lanes(types.float32), codegen
 
 
-_operator(operator.add, lanes, lambda builder, a, b: builder.fadd(a, b, flags=_FLAGS))
-_operator(operator.sub, lanes, lambda builder, a, b: builder.fsub(a, b, flags=_FLAGS))
-_operator(operator.mul, lanes, lambda builder, a, b: builder.fmul(a, b, flags=_FLAGS))
-_operator(operator.truediv, lanes, lambda builder, a, b: builder.fdiv(a, b, flags=_FLAGS))
-_operator(operator.lt, mask, lambda builder, a, b: builder.fcmp_ordered("<", a, b))
-_operator(operator.le, mask, lambda builder, a, b: builder.fcmp_ordered("<=", a, b))
-_operator(operator.gt, mask, lambda builder, a, b: builder.fcmp_ordered(">", a, b))
-_operator(operator.ge, mask, lambda builder, a, b: builder.fcmp_ordered(">=", a, b))
+_operator((operator.add, operator.iadd), lanes, lambda builder, a, b: builder.fadd(a, b, flags=_FLAGS))
+_operator((operator.sub, operator.isub), lanes, lambda builder, a, b: builder.fsub(a, b, flags=_FLAGS))
+_operator((operator.mul,), lanes, lambda builder, a, b: builder.fmul(a, b, flags=_FLAGS))
+_operator((operator.truediv,), lanes, lambda builder, a, b: builder.fdiv(a, b, flags=_FLAGS))
+_operator((operator.lt,), mask, lambda builder, a, b: builder.fcmp_ordered("<", a, b))
+_operator((operator.le,), mask, lambda builder, a, b: builder.fcmp_ordered("<=", a, b))
+_operator((operator.gt,), mask, lambda builder, a, b: builder.fcmp_ordered(">", a, b))
+_operator((operator.ge,), mask, lambda builder, a, b: builder.fcmp_ordered(">=", a, b))
 
 _and = _binary(mask, mask, lambda builder, a, b: builder.and_(a, b))
 
@@ -185,7 +187,11 @@ _C0, _C1, _C2, _C3, _C4, _C5 = (
 )
 
 
-@njit
+# For functions that are called from kernels only: nothing is compiled for calls from Python or C.
+inner = njit(fastmath=FASTMATH, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+
+@inner
 def exp2(x):
     """2^x for lanes within (-126, 128): relative error 1.6e-7."""
     whole = _floor(x)
@@ -234,7 +240,7 @@ def load_block(typingctx, array, index, stride):
         for _ in range(4):
             address = builder.bitcast(_address(context, builder, signature, values), _QUAD.as_pointer())
             quads.append(builder.load(address, align=4))
-            values = (values[0], builder.add(values[1], values[2]))+ (values[2],)
+            values = (values[0], builder.add(values[1], values[2]), values[2])
         top, bottom = (_shuffle(builder, quads[i], quads[i + 1], range(8)) for i in (0, 2))
         both = _shuffle(builder, top, bottom, range(WIDTH))
         return _shuffle(builder, both, both, _TRANSPOSE)
@@ -267,6 +273,17 @@ def peek(typingctx, array, index):
         return builder.load(_address(context, builder, signature, values))
 
     return array.dtype(array, types.intp), codegen
+
+
+@intrinsic
+def poke(typingctx, array, index, value):
+    """array[index] = value, likewise."""
+
+    def codegen(context, builder, signature, values):
+        builder.store(values[2], _address(context, builder, signature, values))
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp, array.dtype), codegen
 
 
 def _prefetch(write):
@@ -306,7 +323,7 @@ def totals(typingctx, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p):  # noqa: 
     def codegen(context, builder, signature, values):
         values, half = list(values), WIDTH // 2
         while half:
-            # Each value holds WIDTH / (2 half) groups of partial sums; two values merge into one with groups half as long.
+            # Values hold groups of 2 half partial sums; two values merge into one with groups half as long.
             low = [i for i in range(2 * WIDTH) if not i & half]
             high = [i + half for i in low]
             values = [

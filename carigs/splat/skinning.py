@@ -97,20 +97,6 @@ def _disc_axes(quaternion, i):
 
 
 @numba.njit(cache=True)
-def _exp_terms(w):
-    """sin(t)/t, (1 - cos t)/t^2, (t - sin t)/t^3 of the rotation vector's length t."""
-    q = matrix3.dot(w, w)
-    if q < 1e-2:
-        a = 1 - q / 6 * (1 - q / 20 * (1 - q / 42 * (1 - q / 72)))
-        b = 0.5 * (1 - q / 12 * (1 - q / 30 * (1 - q / 56 * (1 - q / 90))))
-        c = (1 - q / 20 * (1 - q / 42 * (1 - q / 72 * (1 - q / 110)))) / 6
-        return a, b, c
-    t = math.sqrt(q)
-    a = math.sin(t) / t
-    return a, (1 - math.cos(t)) / q, (1 - a) / q
-
-
-@numba.njit(cache=True)
 def _blended(f, v0, v1, v2, v3, neighbours, stretch, turn):
     """Blended rotation vector (relative to the own face) and stretch."""
     i, j, k = neighbours[f, 0], neighbours[f, 1], neighbours[f, 2]
@@ -130,16 +116,6 @@ def _blended(f, v0, v1, v2, v3, neighbours, stretch, turn):
     return w, p
 
 
-@numba.njit(cache=True)
-def _blended_rotation(u, w, a, b):
-    """U exp(w) by Rodrigues' formula."""
-    x, y, z = w
-    e = (1 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y,
-         b * x * y + a * z, 1 - b * (x * x + z * z), b * y * z - a * x,
-         b * x * z - a * y, b * y * z + a * x, 1 - b * (x * x + y * y))  # fmt: skip
-    return matrix3.product(u, e)
-
-
 @numba.njit(cache=True, parallel=True, error_model="numpy")
 def _forward(
     position, quaternion, log_scale, logit, dc, blend, binding, frame, neighbours, face_centre, rotation, stretch, turn,
@@ -153,8 +129,8 @@ def _forward(
         weight[i, 0], weight[i, 1], weight[i, 2], weight[i, 3] = w0, w1, w2, w3
         g = 1.0 / (w0 + w1 + w2 + w3)
         w, p = _blended(f, g * w0, g * w1, g * w2, g * w3, neighbours, stretch, turn)
-        a, b, _c = _exp_terms(w)
-        q = _blended_rotation(matrix3.load(rotation, f), w, a, b)
+        a, b, _c = matrix3.exponential_terms(w)
+        q = matrix3.turned(matrix3.load(rotation, f), w, a, b)
         k = matrix3.load(frame, f)
         first, second, _unit, _length = _disc_axes(quaternion, i)
         s, t = math.exp(log_scale[i, 0]), math.exp(log_scale[i, 1])
@@ -185,8 +161,8 @@ def _backward(
         w0, w1, w2, w3 = weight[i, 0], weight[i, 1], weight[i, 2], weight[i, 3]
         g = 1.0 / (w0 + w1 + w2 + w3)
         w, p = _blended(f, g * w0, g * w1, g * w2, g * w3, neighbours, stretch, turn)
-        a, b, c = _exp_terms(w)
-        q = _blended_rotation(matrix3.load(rotation, f), w, a, b)
+        a, b, c = matrix3.exponential_terms(w)
+        q = matrix3.turned(matrix3.load(rotation, f), w, a, b)
         k = matrix3.load(frame, f)
         first, second, unit, length = _disc_axes(quaternion, i)
         s, t = scale[i, 0], scale[i, 1]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float32, Int, UInt8
+from jaxtyping import Bool, Float, Float32, Int, UInt8
 
 from carigs.capture import Camera, Capture
 from carigs.capture.images import read_grey, read_rgb8
@@ -100,6 +100,13 @@ class Supervision:
         if self.masks:
             valid = self._read(file.with_name(f"{frame.name}_mask.png"), _read_mask).view(bool)
         return Example(frame.timestep, camera, self.gamma_f, _as_float(image, camera, file), valid)
+
+    def first_view(self, caricature: bool, index: int) -> tuple[Example, Float[np.ndarray, "h w"]]:
+        """An example, and how far each of its pixels may be taken for the person's: the matte, or the mask's."""
+        example = self.example(caricature, index)
+        frame = self.target_frames[index] if caricature else self.frames[index]
+        matte = self.capture.mask(frame)
+        return example, matte if example.valid is None else matte * example.valid
 
     def _read(self, file: Path, read) -> UInt8[np.ndarray, "h w *c"]:
         if file in self._images:

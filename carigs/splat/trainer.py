@@ -35,12 +35,11 @@ def train_surfels(
     Steps, density control and their random draws depend on the settings and the iteration alone, so an interrupted run
     ends in the same bytes as one in a single sitting.
     """
-    capture = supervision.capture
     hair = performance.head.face_region(*settings.hair_regions)
     key = fingerprint(settings, performance, supervision)
     state = load_state(checkpoint, key) if checkpoint.is_file() else None
     if state is None:
-        surfels = first_surfels(settings, capture, performance, hair)
+        surfels = first_surfels(settings, supervision, performance, hair)
         state = State(0, surfels, Adam(surfels), GradientStatistics(len(surfels)))
     run = _Run(settings, performance, supervision, hair, state)
     started = saved = time.perf_counter()

@@ -66,11 +66,12 @@ def figures(rows):
     return [(row[0], *row[2:]) for row in rows]
 
 
-def test_training_brings_the_images_closer(subject, tmp_path):
+def test_training_brings_the_images_closer(subject, tmp_path, capsys):
     _, rows = run(subject, tmp_path / "c", caricature_share=0.0, iterations=60)
     psnr = [row[4] for row in rows]
     assert psnr[-1] > psnr[0] + 2
     assert rows[-1][3] < 0.7 * rows[0][3]
+    assert "train 60/60" in capsys.readouterr().err
 
 
 def test_equal_settings_give_equal_bytes_at_any_number_of_threads(subject, tmp_path):
