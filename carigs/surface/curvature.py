@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import igl
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import csc_array, diags_array
@@ -13,6 +12,8 @@ def angle_defects(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], boundary: Bool[np.ndarray, " v"]
 ) -> Float[np.ndarray, " v"]:
     """2 pi (on the boundary pi) minus the angles around each vertex: they add up to 2 pi chi (Gauss-Bonnet)."""
+    import igl
+
     angles = igl.internal_angles(np.asarray(vertices, np.float64), np.asarray(faces, np.int64))
     around = np.bincount(faces.ravel(), angles.ravel(), len(vertices))
     return np.where(boundary, np.pi, 2 * np.pi) - around

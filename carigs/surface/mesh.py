@@ -10,14 +10,17 @@ from scipy.sparse.csgraph import connected_components
 from carigs.errors import MeshError
 
 
-def check_mesh(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> None:
+def check_mesh(vertices: np.ndarray, faces: np.ndarray) -> None:
     """Raise `MeshError` naming the first vertex or face that no solver can use.
 
-    Refused are: no faces, values that are not finite, indices out of range, repeated corners, faces without area,
-    vertices without a face, and edges of three or more faces.
+    Refused are: other shapes than (v, 3) and (f, 3), no faces, faces that are not of integers, values that are not
+    finite, indices out of range, repeated corners, faces without area, vertices without a face, and edges of three or
+    more faces.
     """
     if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
         raise MeshError(f"expected (v, 3) vertices and (f, 3) faces, found {vertices.shape} and {faces.shape}")
+    if faces.dtype.kind not in "iu":
+        raise MeshError(f"faces must be vertex numbers, found {faces.dtype}")
     _refuse(~np.isfinite(vertices).all(axis=1), "vertex", "is not finite")
     _refuse(((faces < 0) | (faces >= len(vertices))).any(axis=1), "face", "has a corner that is no vertex")
     _refuse((np.sort(faces, axis=1)[:, 1:] == np.sort(faces, axis=1)[:, :-1]).any(axis=1), "face", "repeats a corner")
@@ -48,6 +51,12 @@ def face_areas(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
     """Area of each face."""
     a, b, c = vertices[faces.T]
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+
+def signed_volume(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> float:
+    """Volume between the faces and the middle of their vertices: negative where faces are turned inwards."""
+    a, b, c = vertices[faces.T] - vertices[faces].mean(axis=(0, 1))
+    return float((a * np.cross(b, c)).sum() / 6)
 
 
 def vertex_normals(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, "v 3"]:

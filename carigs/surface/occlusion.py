@@ -2,31 +2,41 @@
 
 from __future__ import annotations
 
-import igl
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from carigs.surface.mesh import size, vertex_normals
 
 RAYS = 100
+CAST_SIZE = 1000.0  # the head's size while rays are cast
 OFFSET = 1e-4  # of the head's size: rays start this far off the surface
 
 
 def ambient_occlusion(
-    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], rays: int = RAYS
+    vertices: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+    rays: int = RAYS,
+    at: Bool[np.ndarray, " v"] | None = None,
 ) -> Float[np.ndarray, " v"]:
     """Share of hidden directions, 0 on a convex surface, near 1 deep in a cavity; averaged once over neighbours.
 
-    All vertices use the same Fibonacci directions, turned to their outside, so that equal meshes give equal bytes.
+    Only the vertices `at` are looked from (default: all); the others get 0, but hide.  All vertices use the same
+    Fibonacci directions, turned to their outside, so that equal meshes give equal bytes.
     """
+    import igl
+
     vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
-    normals, directions = vertex_normals(vertices, faces), fibonacci_sphere(rays)
+    # The ray caster drops triangles by an absolute tolerance: in metres it would miss those of a head.
+    vertices = vertices * (CAST_SIZE / size(vertices, faces))
+    at = np.ones(len(vertices), bool) if at is None else at
+    normals, directions = vertex_normals(vertices, faces)[at], fibonacci_sphere(rays)
     outward = np.where(normals @ directions.T < 0, -1.0, 1.0)[..., None] * directions
-    origins = np.repeat(vertices + OFFSET * size(vertices, faces) * normals, rays, axis=0)
+    origins = np.repeat(vertices[at] + OFFSET * CAST_SIZE * normals, rays, axis=0)
     tree = igl.AABB()
     tree.init(vertices, faces)
     hit, *_ = tree.intersect_ray_first(vertices, faces, origins, outward.reshape(-1, 3))
-    hidden = (hit.reshape(-1, rays) >= 0).mean(axis=1)
+    hidden = np.zeros(len(vertices))
+    hidden[at] = (hit.reshape(-1, rays) >= 0).mean(axis=1)
     i, j = faces[:, [0, 1, 2]].ravel(), faces[:, [1, 2, 0]].ravel()
     i, j = np.concatenate([i, j]), np.concatenate([j, i])
     return (hidden + np.bincount(i, hidden[j], len(hidden))) / (1 + np.bincount(i, minlength=len(hidden)))

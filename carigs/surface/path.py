@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import json
 import warnings
+import zlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from carigs.errors import InputError
 from carigs.files import writing
+
+ARRAYS = ("levels", "displacements", "faces", "neutral")
 
 
 @dataclass(frozen=True)
@@ -63,26 +67,50 @@ class GammaPath:
     @classmethod
     def load(cls, file: str | Path) -> GammaPath:
         """Raises `InputError` naming file and field for a missing or broken path."""
+        arrays = _read(file)
+        levels, displacements, faces, neutral = (
+            arrays[name] for name in ("levels", "displacements", "faces", "neutral")
+        )
+
+        def refuse(bad: bool, field: str, problem: str) -> None:
+            if bad:
+                raise InputError(problem, file=file, field=field)
+
+        refuse(neutral.ndim != 2 or neutral.shape[1] != 3, "neutral", f"shape {neutral.shape}, expected (v, 3)")
+        refuse(faces.ndim != 2 or faces.shape[1] != 3, "faces", f"shape {faces.shape}, expected (f, 3)")
+        refuse(levels.ndim != 1 or len(levels) < 2, "levels", f"shape {levels.shape}, expected two or more levels")
+        expected = (len(levels), *neutral.shape)
+        refuse(displacements.shape != expected, "displacements", f"shape {displacements.shape}, expected {expected}")
+        for name in ("levels", "displacements", "neutral"):
+            array = arrays[name]
+            refuse(array.dtype.kind != "f", name, f"holds {array.dtype}, expected floating-point numbers")
+            refuse(not np.isfinite(array).all(), name, "holds values that are not finite")
+        refuse(faces.dtype.kind not in "iu", "faces", f"holds {faces.dtype}, expected vertex numbers")
+        outside = faces.size > 0 and (faces.min() < 0 or faces.max() >= len(neutral))
+        refuse(outside, "faces", f"vertex numbers must lie in 0..{len(neutral) - 1}")
+        refuse(levels[0] != 0 or not (np.diff(levels) > 0).all(), "levels", "expected ascending levels from 0")
+        refuse(bool(displacements[0].any()), "displacements", "level 0 must not move anything")
         try:
-            with np.load(file, allow_pickle=False) as archive:
-                arrays = {name: archive[name] for name in archive.files}
-        except FileNotFoundError as error:
-            raise InputError("no such path", file=file) from error
-        except (OSError, ValueError, EOFError) as error:
-            raise InputError(f"not a readable .npz ({error})", file=file) from error
-        for name in ("levels", "displacements", "faces", "neutral", "report"):
-            if name not in arrays:
-                raise InputError("this array is missing", file=file, field=name)
-        levels, displacements, neutral = arrays["levels"], arrays["displacements"], arrays["neutral"]
-        if displacements.shape != (len(levels), *neutral.shape) or neutral.shape[1:] != (3,):
-            raise InputError(
-                f"shape {displacements.shape} fits neither levels nor neutral", file=file, field="displacements"
-            )
-        if not np.isfinite(displacements).all():
-            raise InputError("holds values that are not finite", file=file, field="displacements")
-        if len(levels) < 2 or levels[0] != 0 or (np.diff(levels) <= 0).any():
-            raise InputError("expected two or more ascending levels from 0", file=file, field="levels")
-        return cls(levels, displacements, arrays["faces"], neutral, json.loads(str(arrays["report"])))
+            report = json.loads(str(arrays["report"]))
+        except ValueError as error:
+            raise InputError(f"is not JSON ({error})", file=file, field="report") from error
+        return cls(
+            levels.astype(np.float64), displacements.astype(np.float32), faces, neutral.astype(np.float64), report
+        )
+
+
+def _read(file: str | Path) -> dict[str, np.ndarray]:
+    try:
+        with Path(file).open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+    except FileNotFoundError as error:
+        raise InputError("no such path", file=file) from error
+    except (OSError, ValueError, EOFError, TypeError, BadZipFile, zlib.error) as error:
+        raise InputError(f"not a readable .npz ({error})", file=file) from error
+    for name in (*ARRAYS, "report"):
+        if name not in arrays:
+            raise InputError("this array is missing", file=file, field=name)
+    return arrays
 
 
 def straight_path(

@@ -1,4 +1,4 @@
-"""The exaggeration by its theorems: laws on spheres, invariances, a manufactured solution, and paths between nodes."""
+"""The exaggeration by its theorems: laws on spheres, invariances, a manufactured solution, and real heads."""
 
 import os
 from pathlib import Path
@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from surface.test_operators import cap, sphere, torus
 
-from carigs.errors import InputError
+from carigs.errors import MeshError, SettingsError
 from carigs.settings import Exaggerate
-from carigs.surface import Exaggerator, GammaPath, straight_path
+from carigs.surface import Exaggerator, straight_path
 from carigs.surface.followers import similarity
 from carigs.surface.mesh import boundary_vertices, diagonal
 from carigs.surface.occlusion import ambient_occlusion
@@ -147,55 +147,84 @@ def test_occlusion_of_a_convex_and_of_a_closed_room():
     assert ambient_occlusion(dented, faces).tobytes() == ambient_occlusion(dented, faces).tobytes()
 
 
+@pytest.mark.parametrize("scale", [2.0**-10, 2.0**-3, 2.0**10])
+def test_occlusion_does_not_depend_on_the_unit(scale):
+    """Heads are in metres, with triangles of millimetres; meshes of other sources in centimetres."""
+    vertices, faces = bumpy()
+    hidden = ambient_occlusion(vertices, faces)
+    assert hidden.max() > 0.1  # not convex
+    np.testing.assert_array_equal(ambient_occlusion(scale * vertices, faces), hidden)
+
+
+def test_occlusion_where_it_is_wanted():
+    """The vertices that are left out still hide what lies behind them."""
+    vertices, faces = sphere(2)
+    both, all_faces = np.vstack([0.5 * vertices, vertices]), np.vstack([faces, faces + len(vertices)])
+    inner = np.arange(len(both)) < len(vertices)
+    hidden = ambient_occlusion(both, all_faces, at=inner)
+    np.testing.assert_array_equal(hidden[inner], ambient_occlusion(both, all_faces)[inner])
+    assert hidden[inner].min() > 0.99
+    assert not hidden[~inner].any()
+
+
 def test_weights_have_mean_one():
     vertices, faces = bumpy()
     solver = Exaggerator(vertices, faces, PLAIN)
     assert np.average(solver.weights(0.25), weights=solver.face_areas) == pytest.approx(1)
 
 
-def test_path_is_exact_at_its_nodes_and_polynomial_between():
-    vertices, faces = bumpy(2)
-    random = np.random.default_rng(5)
-    levels, coefficients = np.array([0, 0.0625, 0.1875, 0.25]), random.normal(size=(3, len(vertices), 3))
-    cubic = lambda g: g * coefficients[0] + g**2 * coefficients[1] + g**3 * coefficients[2]  # noqa: E731
-    path = GammaPath(levels, np.stack([cubic(g) for g in levels]).astype(np.float32), faces, vertices)
-    for g, node in zip(levels, path.displacements, strict=True):
-        np.testing.assert_array_equal(path.displacement(g), node)
-    for g in np.linspace(0, 0.25, 9):
-        np.testing.assert_allclose(path.displacement(g), cubic(g), atol=1e-6)
-        assert path.weights(g).sum() == pytest.approx(1)
+def test_many_levels_are_the_levels_one_by_one():
+    solver = Exaggerator(*bumpy(2), PLAIN)
+    together = solver.solve_many([0.0, 0.1, 0.25])
+    np.testing.assert_array_equal(together, np.stack([solver.solve(level) for level in (0.0, 0.1, 0.25)]))
+    assert not together[0].any()
 
 
-def test_levels_outside_warn():
-    vertices, faces = bumpy(2)
-    path = straight_path(vertices, faces, 0.1 * vertices, 0.25)
-    with pytest.warns(UserWarning, match="level 0.5 is outside"):
-        np.testing.assert_allclose(path.displacement(0.5), 0.2 * vertices, atol=1e-6)
+def test_the_report_counts_what_was_limited():
+    vertices, faces = cap(3)
+    solver = Exaggerator(vertices, faces)
+    assert solver.report["boundary_vertices"] == boundary_vertices(faces, len(vertices)).sum()
+    assert solver.report["limited_vertices"] == 0  # outside, a cap is convex
+    low, high = solver.report["log_curvature"]
+    assert (low, high) == (solver.log_curvature.min(), solver.log_curvature.max())
 
 
-def test_path_round_trip_and_broken_files(tmp_path):
-    vertices, faces = bumpy(2)
-    path = Exaggerator(vertices, faces, PLAIN).path(0.25)
-    path.save(tmp_path / "path.npz")
-    again = GammaPath.load(tmp_path / "path.npz")
-    np.testing.assert_array_equal(again.displacement(0.13), path.displacement(0.13))
-    assert again.report == path.report
-    with np.load(tmp_path / "path.npz") as archive:
-        arrays = dict(archive)
-    for field, value in {"levels": np.array([0.1, 0.2]), "displacements": arrays["displacements"][:, :5]}.items():
-        np.savez(tmp_path / "bad.npz", **{**arrays, field: value})
-        with pytest.raises(InputError, match=r"bad\.npz"):
-            GammaPath.load(tmp_path / "bad.npz")
-    (tmp_path / "bad.npz").write_bytes(b"nothing")
-    with pytest.raises(InputError, match=r"bad.npz: not a readable"):
-        GammaPath.load(tmp_path / "bad.npz")
+def test_surfaces_that_have_no_curvature_or_no_outside_are_refused():
+    vertices, faces = sphere(1)
+    with pytest.raises(MeshError, match="turned inwards"):
+        Exaggerator(vertices, faces[:, ::-1])
+    with pytest.raises(MeshError, match="every vertex lies on the boundary"):
+        Exaggerator(np.eye(3), np.array([[0, 1, 2]]))
 
 
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("curvature_floor", 0.0),
+        ("curvature_floor", float("nan")),
+        ("heat", -0.1),
+        ("nodes", (0.0, 1.0, 0.5)),
+        ("nodes", (0.5, 1.0)),
+        ("nodes", (0.0, 0.5)),
+        ("nodes", (0.0, 0.5, 0.5, 1.0)),
+    ],
+)
+def test_settings_out_of_range_are_named(field, value):
+    with pytest.raises(SettingsError, match=rf"exaggerate\.{field}="):
+        Exaggerator(*sphere(1), Exaggerate(**{field: value}))
+
+
+def test_a_path_needs_a_level():
+    with pytest.raises(SettingsError, match="gamma=0"):
+        Exaggerator(*sphere(1), PLAIN).path(0.0)
+
+
+@pytest.mark.parametrize("name", ["makehuman_head_eyes_female", "ict_head_id0_5042"])
 @pytest.mark.skipif(not DATA.is_dir(), reason="the shared meshes are not here; set CARIGS_DATA")
-def test_on_a_real_head():
+def test_on_a_real_head(name):
     """Between nodes the path stays within 1e-4 of the diagonal of the exact solve, the linear blend does not; and no
     face turns by more than 90 degrees."""
-    mesh = trimesh.load(DATA / "meshes/makehuman_head_eyes_female.obj", process=False, maintain_order=True)
+    mesh = trimesh.load(DATA / f"meshes/{name}.obj", process=False, maintain_order=True)
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     solver, size = Exaggerator(vertices, faces), diagonal(np.asarray(mesh.vertices))
     path = solver.path(0.25)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from carigs.errors import MeshError
 from carigs.surface.curvature import angle_defects, extrapolated, heat_smoothed
-from carigs.surface.mesh import boundary_vertices, check_mesh, components, face_areas
+from carigs.surface.mesh import boundary_vertices, check_mesh, components, face_areas, signed_volume
 from carigs.surface.operators import EdgeCotans, mixed_voronoi_areas
 
 
@@ -120,6 +120,12 @@ def test_components_and_boundary():
     assert on_rim.any()
 
 
+def test_volume_of_a_ball_and_of_one_inside_out():
+    vertices, faces = sphere(4, 2.0)
+    assert signed_volume(vertices + 7, faces) == pytest.approx(4 / 3 * np.pi * 8, rel=5e-3)
+    assert signed_volume(vertices, faces[:, ::-1]) == pytest.approx(-signed_volume(vertices, faces))
+
+
 def damaged(name: str) -> tuple[np.ndarray, np.ndarray]:
     vertices, faces = sphere(1)
     if name == "nan":
@@ -134,6 +140,8 @@ def damaged(name: str) -> tuple[np.ndarray, np.ndarray]:
         vertices = np.vstack([vertices, [[5.0, 5, 5]]])
     elif name == "fin":
         faces = np.vstack([faces, [[faces[0, 0], faces[0, 1], faces[40, 2]]]])
+    elif name == "floats":
+        faces = faces.astype(float)
     elif name == "empty":
         faces = faces[:0]
     return vertices, faces
@@ -148,6 +156,7 @@ def damaged(name: str) -> tuple[np.ndarray, np.ndarray]:
         ("area", "face .* has no area"),
         ("isolated", "vertex 42 belongs to no face"),
         ("fin", "belongs to 3 faces"),
+        ("floats", "faces must be vertex numbers, found float64"),
         ("empty", "expected"),
     ],
 )
