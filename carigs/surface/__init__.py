@@ -5,7 +5,6 @@
 - `check_mesh`: typed errors for meshes that cannot be used
 - `carigs.surface.curvature`, `operators`, `occlusion`, `followers`: what the solve is made of
 - `carigs.surface.bound`: error of the paper's linear blend, and what bounds it
-- `carigs.surface.regions`: from vertices to faces
 """
 
 from carigs.surface.exaggeration import Exaggerator
