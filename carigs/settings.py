@@ -82,8 +82,11 @@ class Gtstar:
     """Pixels left out around the foreground where background is taken as valid."""
     mouth: bool = True
     """Mask what is seen between the lips: teeth keep their size while the lips are stretched."""
-    regions: tuple[str, ...] = ("lip_inside",)
-    """Further head-model regions that are masked (unknown names are ignored if the model has no such region)."""
+    regions: tuple[str, ...] = ("lip_inside", "brows", "left_eyelid", "right_eyelid")
+    """Further head-model regions that are masked: what keeps its size or amplifies small errors of the tracking.
+
+    Names that the model lacks are ignored.
+    """
     hair_regions: tuple[str, ...] = ("scalp",)
     """Head-model regions that carry hair."""
 
