@@ -20,6 +20,8 @@ from jaxtyping import Bool, Float32
 
 RADIUS = 5
 C1, C2 = np.float32(0.01**2), np.float32(0.03**2)
+# No nnan: a NaN in an image must come out as a NaN.
+FASTMATH = {"contract", "nsz", "arcp", "reassoc", "afn"}
 ZERO, ONE, TWO = np.float32(0), np.float32(1), np.float32(2)
 STRIP = 32  # rows per task; 10 more on either side are filtered again
 
@@ -27,7 +29,7 @@ _taps = np.exp(-(np.arange(-RADIUS, RADIUS + 1) ** 2) / (2 * 1.5**2))
 T0, T1, T2, T3, T4, T5 = (_taps / _taps.sum()).astype(np.float32)[: RADIUS + 1]  # the other half mirrors these
 
 
-@numba.njit(inline="always")
+@numba.njit(fastmath=FASTMATH)
 def _across(p, i, x):
     """Taps along a row: i names the plane and the row of `p`, x the leftmost tap."""
     return (
@@ -40,7 +42,7 @@ def _across(p, i, x):
     )
 
 
-@numba.njit(inline="always")
+@numba.njit(fastmath=FASTMATH)
 def _down(p, i, r, x):
     """Taps along a column of plane i, r being the topmost."""
     return (
@@ -53,71 +55,78 @@ def _down(p, i, r, x):
     )
 
 
-@numba.njit(cache=True, parallel=True, fastmath=True, error_model="numpy")
+# In a function of its own: Numba would infer the types of a parallel loop's body twice.
+@numba.njit(fastmath=FASTMATH, error_model="numpy")
+def _strip(x, y, valid, l1_weight, ssim_weight, gradient, strips, task):
+    """Sums of |x - y| and S over a strip of one channel; writes its part of the gradient."""
+    _, height, width = x.shape
+    c, r0 = task // strips, (task % strips) * STRIP
+    r1 = min(r0 + STRIP, height)
+    m0, m1 = max(r0 - RADIUS, 0), min(r1 + RADIUS, height)  # rows with derivative maps
+    h0, h1 = max(m0 - RADIUS, 0), min(m1 + RADIUS, height)  # rows with horizontal moments
+    # Rows that the filter wants and that lie outside the image or, for the maps, outside the strip's reach, are 0.
+    moments = np.zeros((5, m1 - m0 + 2 * RADIUS, width), np.float32)
+    maps = np.zeros((3, r1 - r0 + 2 * RADIUS, width), np.float32)
+    row = np.zeros((5, width + 2 * RADIUS), np.float32)
+    for r in range(h0, h1):
+        at = r - (m0 - RADIUS)
+        for q in range(width):
+            a = x[c, r, q]
+            b = y[c, r, q] if valid[r, q] else a
+            row[0, q + RADIUS], row[1, q + RADIUS] = a, b
+            row[2, q + RADIUS], row[3, q + RADIUS], row[4, q + RADIUS] = a * a, b * b, a * b
+        for i in range(5):
+            for q in range(width):
+                moments[i, at, q] = _across(row, i, q)
+    total = 0.0
+    for r in range(m0, m1):
+        at, to = r - m0, r - (r0 - RADIUS)
+        for i in range(5):
+            for q in range(width):
+                row[i, q] = _down(moments, i, at, q)
+        row_total = np.float32(0)
+        for q in range(width):
+            m, n, xx, yy, xy = row[0, q], row[1, q], row[2, q], row[3, q], row[4, q]
+            a1, a2 = TWO * m * n + C1, TWO * (xy - m * n) + C2
+            b1, b2 = m * m + n * n + C1, xx - m * m + yy - n * n + C2
+            i1, i2 = ONE / b1, ONE / b2
+            s = a1 * a2 * i1 * i2
+            row_total += s
+            maps[0, to, q] = TWO * (n * (a2 - a1) * i1 * i2 - m * s * (i1 - i2))
+            maps[1, to, q] = -s * i2
+            maps[2, to, q] = TWO * a1 * i1 * i2
+        if r0 <= r < r1:
+            total += row_total
+    similarity, total = total, 0.0
+    row[:] = np.float32(0)
+    for r in range(r0, r1):
+        for i in range(3):
+            for q in range(width):
+                row[i, q + RADIUS] = _down(maps, i, r - r0, q)
+        row_total = np.float32(0)
+        for q in range(width):
+            a, b = x[c, r, q], y[c, r, q]
+            slope = _across(row, 0, q) + TWO * a * _across(row, 1, q) + b * _across(row, 2, q)
+            step = ONE if a > b else (-ONE if a < b else ZERO)
+            counts = ONE if valid[r, q] else ZERO
+            row_total += counts * abs(a - b)
+            gradient[c, r, q] = counts * (l1_weight * step - ssim_weight * slope)
+        total += row_total
+    return total, similarity
+
+
+@numba.njit(cache=True, parallel=True)
 def l1_and_ssim(x, y, valid, l1_weight, ssim_weight):
     """Sums over all pixels of |x - y| and of S, and the gradient of l1_weight sum|x - y| - ssim_weight sum S.
 
     `x`, `y` are planes (c, h, w) float32.  Where `valid` (h, w) is false, x takes the place of y and the gradient is 0.
     """
-    channels, height, width = x.shape
+    channels, height, _ = x.shape
     strips = (height + STRIP - 1) // STRIP
     gradient = np.empty_like(x)
     absolute, similarity = np.zeros(channels * strips), np.zeros(channels * strips)
     for task in numba.prange(channels * strips):
-        c, r0 = task // strips, (task % strips) * STRIP
-        r1 = min(r0 + STRIP, height)
-        m0, m1 = max(r0 - RADIUS, 0), min(r1 + RADIUS, height)  # rows with derivative maps
-        h0, h1 = max(m0 - RADIUS, 0), min(m1 + RADIUS, height)  # rows with horizontal moments
-        # Rows that the filter wants and that lie outside the image or, for the maps, outside the strip's reach, are 0.
-        moments = np.zeros((5, m1 - m0 + 2 * RADIUS, width), np.float32)
-        maps = np.zeros((3, r1 - r0 + 2 * RADIUS, width), np.float32)
-        row = np.zeros((5, width + 2 * RADIUS), np.float32)
-        for r in range(h0, h1):
-            at = r - (m0 - RADIUS)
-            for q in range(width):
-                a = x[c, r, q]
-                b = y[c, r, q] if valid[r, q] else a
-                row[0, q + RADIUS], row[1, q + RADIUS] = a, b
-                row[2, q + RADIUS], row[3, q + RADIUS], row[4, q + RADIUS] = a * a, b * b, a * b
-            for i in range(5):
-                for q in range(width):
-                    moments[i, at, q] = _across(row, i, q)
-        total = 0.0
-        for r in range(m0, m1):
-            at, to = r - m0, r - (r0 - RADIUS)
-            for i in range(5):
-                for q in range(width):
-                    row[i, q] = _down(moments, i, at, q)
-            row_total = np.float32(0)
-            for q in range(width):
-                m, n, xx, yy, xy = row[0, q], row[1, q], row[2, q], row[3, q], row[4, q]
-                a1, a2 = TWO * m * n + C1, TWO * (xy - m * n) + C2
-                b1, b2 = m * m + n * n + C1, xx - m * m + yy - n * n + C2
-                i1, i2 = ONE / b1, ONE / b2
-                s = a1 * a2 * i1 * i2
-                row_total += s
-                maps[0, to, q] = TWO * (n * (a2 - a1) * i1 * i2 - m * s * (i1 - i2))
-                maps[1, to, q] = -s * i2
-                maps[2, to, q] = TWO * a1 * i1 * i2
-            if r0 <= r < r1:
-                total += row_total
-        similarity[task] = total
-        total = 0.0
-        row[:] = np.float32(0)
-        for r in range(r0, r1):
-            for i in range(3):
-                for q in range(width):
-                    row[i, q + RADIUS] = _down(maps, i, r - r0, q)
-            row_total = np.float32(0)
-            for q in range(width):
-                a, b = x[c, r, q], y[c, r, q]
-                slope = _across(row, 0, q) + TWO * a * _across(row, 1, q) + b * _across(row, 2, q)
-                step = ONE if a > b else (-ONE if a < b else ZERO)
-                counts = ONE if valid[r, q] else ZERO
-                row_total += counts * abs(a - b)
-                gradient[c, r, q] = counts * (l1_weight * step - ssim_weight * slope)
-            total += row_total
-        absolute[task] = total
+        absolute[task], similarity[task] = _strip(x, y, valid, l1_weight, ssim_weight, gradient, strips, task)
     return absolute.sum(), similarity.sum(), gradient
 
 

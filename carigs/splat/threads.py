@@ -10,5 +10,6 @@ numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
 
 def use_threads(count: int) -> None:
     """Set both to `count` (at most what Numba was started with)."""
-    torch.set_num_threads(count)
+    # Numba first: when it starts its threads it sets OpenMP's number to all of them, for torch too.
     numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
+    torch.set_num_threads(count)

@@ -46,6 +46,14 @@ def awkward():
     return [centre, u, v, opacity, colour]
 
 
+def layers(count, seed):
+    """Nearly opaque discs that cover FRONTAL's image one behind the other: every pixel ends after a few."""
+    random = np.random.default_rng(seed)
+    centre = np.column_stack([np.zeros((count, 2)), random.uniform(-0.5, 0.5, count)])
+    u, v = random.normal(0, 0.1, (2, count, 3)) * [1, 1, 0] + [[[2, 0, 0]], [[0, 2, 0]]]
+    return [centre, u, v, random.uniform(0.6, 1, count), random.uniform(0, 1, (count, 3))]
+
+
 def tensors(arrays, dtype=torch.float32, grad=False):
     # Through float32, so that both precisions see the same numbers.
     return [torch.tensor(np.asarray(a, np.float32)).to(dtype).requires_grad_(grad) for a in arrays]
@@ -76,8 +84,9 @@ def relative(a, b):
         (cloud(150, 2, size=0.3, opacity=(0.5, 1.0)), CAMERA, OUTPUTS, 0.999),
         (cloud(200, 3), ODD, ("colour", "alpha"), 0.99),
         (awkward(), FRONTAL, OUTPUTS, 0.99),
+        (layers(70, 6), FRONTAL, OUTPUTS, 0.99),
     ],
-    ids=["cloud", "small", "opaque", "colour", "awkward"],
+    ids=["cloud", "small", "opaque", "colour", "awkward", "layers"],
 )
 def test_agrees_with_the_dense_definition(arrays, camera, outputs, cap):
     single, double = tensors(arrays, grad=True), tensors(arrays, torch.float64, grad=True)
@@ -92,6 +101,32 @@ def test_agrees_with_the_dense_definition(arrays, camera, outputs, cap):
     upstream({name: expected[name] if name in outputs else None for name in OUTPUTS}, clear, 5).backward()
     errors = [relative(a.grad, b.grad) for a, b in zip(single, double, strict=True)]
     assert max(errors) < 1e-4, errors
+
+
+def test_plain_loops_and_vector_code_are_the_same():
+    """The readable kernels say what the fast ones compute, in every branch."""
+    for arrays, camera in ((awkward(), FRONTAL), (layers(70, 7), FRONTAL), (cloud(300, 17, size=0.03), ODD)):
+        fast, plain = tensors(arrays, grad=True), tensors(arrays, grad=True)
+        images = [rasterize(WorldSurfels(*t), camera, backend=b) for t, b in ((fast, "cpu"), (plain, "plain"))]
+        # Pixels whose sets of surfels differ by rounding at a threshold are told by alpha's jump of 1/255.
+        same = (images[0].alpha - images[1].alpha).abs() < 1e-5
+        assert same.float().mean() > 0.99
+        for name in OUTPUTS:
+            first, second = (getattr(image, name)[same] for image in images)
+            torch.testing.assert_close(first, second, rtol=0, atol=1e-5)
+        for image in images:
+            upstream(image, same, 8).backward()
+        assert max(relative(a.grad, b.grad.double()) for a, b in zip(fast, plain, strict=True)) < 1e-4
+
+
+def test_what_lies_behind_closed_layers_gets_no_gradient():
+    arrays = layers(70, 8)
+    surfels = tensors(arrays, grad=True)
+    image = rasterize(WorldSurfels(*surfels), FRONTAL)
+    upstream(image, torch.ones(40, 48), 9).backward()
+    behind = np.argsort(-arrays[0][:, 2])[40:]
+    assert all((t.grad[behind] == 0).all() for t in surfels)
+    assert all((t.grad[np.argsort(-arrays[0][:, 2])[:3]] != 0).any() for t in surfels)
 
 
 def test_what_cannot_be_drawn_is_left_out():
