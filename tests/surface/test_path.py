@@ -14,7 +14,10 @@ def test_path_is_exact_at_its_nodes_and_polynomial_between():
     vertices, faces = bumpy(2)
     random = np.random.default_rng(5)
     levels, coefficients = np.array([0, 0.0625, 0.1875, 0.25]), random.normal(size=(3, len(vertices), 3))
-    cubic = lambda g: g * coefficients[0] + g**2 * coefficients[1] + g**3 * coefficients[2]  # noqa: E731
+
+    def cubic(g):
+        return g * coefficients[0] + g**2 * coefficients[1] + g**3 * coefficients[2]
+
     path = GammaPath(levels, np.stack([cubic(g) for g in levels]).astype(np.float32), faces, vertices)
     for g, node in zip(levels, path.displacements, strict=True):
         np.testing.assert_array_equal(path.displacement(g), node)
