@@ -198,13 +198,13 @@ def _lashes(shape: Template, traits: Traits, rng: np.random.Generator) -> Strand
     is_upper = root[:, 1] > 0.5 * (lower + upper)
     off = np.where(is_upper, np.abs(root[:, 1] - upper - 0.2), np.abs(root[:, 1] - lower + 0.2))
     ahead = root[:, 2] > 69 + np.sqrt(np.maximum(13.6**2 - (ax - 31.8) ** 2 - (root[:, 1] - 28) ** 2, 0))
-    keep = (off < 0.4) & ahead & (ax > 21) & (rng.random(len(root)) < np.where(is_upper, 0.8, 0.35))
+    keep = (off < 0.4) & ahead & (ax > 21) & (rng.random(len(root)) < np.where(is_upper, 0.3, 0.12))
     face, weights, root = face[keep], weights[keep], root[keep]
     side, is_upper, ax = side[keep], is_upper[keep], ax[keep]
     out = np.stack([(ax - 29) / 22 * side, np.where(is_upper, 0.15, -0.35), np.ones_like(ax)], axis=1)
     out = _unit(out + 0.10 * rng.standard_normal(out.shape))
     curl = np.stack([0 * ax, np.where(is_upper, 0.85, -0.25), 0 * ax], axis=1)
-    length = np.where(is_upper, rng.uniform(3.6, 5.6, len(root)), rng.uniform(1.6, 2.6, len(root)))
+    length = np.where(is_upper, rng.uniform(3.0, 4.6, len(root)), rng.uniform(1.4, 2.2, len(root)))
     s = np.linspace(0, 1, KNOTS)[None, :, None]
     points = root[:, None] + length[:, None, None] * (s * out[:, None] + s**2 * curl[:, None])
     colour = np.tile(np.asarray(traits.hair) * 0.25 + 0.01, (len(root), 1))

@@ -9,17 +9,17 @@ from jaxtyping import Float
 
 KEY_DIRECTION = np.array([0.42, 0.50, 0.76]) / np.linalg.norm([0.42, 0.50, 0.76])
 """Towards the key light: from the front, above, to the subject's left."""
-KEY_COLOUR = np.array([0.93, 0.89, 0.83])
+KEY_COLOUR = np.array([0.36, 0.345, 0.32])
 
 # Irradiance over pi by the normal, as a second-order polynomial in it (Ramamoorthi and Hanrahan 2001):
 # constant, x, y, z, and z^2 - 1/3.  Bright from above and in front, warm from below.
 AMBIENT = np.array(
     [
-        [0.44, 0.45, 0.47],
-        [-0.05, -0.05, -0.04],
-        [0.12, 0.13, 0.15],
-        [0.10, 0.10, 0.10],
-        [0.06, 0.06, 0.06],
+        [0.62, 0.62, 0.63],
+        [0.09, 0.09, 0.08],
+        [0.17, 0.17, 0.18],
+        [0.22, 0.22, 0.21],
+        [0.08, 0.08, 0.08],
     ]
 )
 

@@ -47,12 +47,16 @@ def lip_borders(x: Float[np.ndarray, "n"]) -> tuple[Float[np.ndarray, "n"], Floa
 
 def brow_weight(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
     """1 along the middle of the brows, 0 outside of them."""
-    x, y, z = np.abs(points[:, 0]), points[:, 1], points[:, 2]
-    t = (x - 10.0) / 44.0
-    line = 45.5 + 22.0 * t * (1 - t) + 1.5 * t
+    t, off = _along_brow(points)
     half = 5.0 * np.sqrt(np.clip(1.02 - t, 0, 1)) * np.clip((t + 0.08) / 0.12, 0, 1)
-    inside = 1 - np.abs(y - line) / np.maximum(half, 1e-6)
-    return np.where((t > -0.08) & (t < 1.02) & (z > 35), np.clip(inside, 0, 1), 0.0)
+    inside = 1 - off / np.maximum(half, 1e-6)
+    return np.where((t > -0.08) & (t < 1.02) & (points[:, 2] > 35), np.clip(inside, 0, 1), 0.0)
+
+
+def _along_brow(points: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+    """Where along the brows, 0 at the inner end and 1 at the outer, and how far above or below their middle."""
+    t = (np.abs(points[:, 0]) - 10.0) / 44.0
+    return t, np.abs(points[:, 1] - (45.5 + 22.0 * t * (1 - t) + 1.5 * t))
 
 
 def regions(shape: Template) -> dict[str, Int[np.ndarray, "_"]]:
@@ -74,6 +78,9 @@ def regions(shape: Template) -> dict[str, Int[np.ndarray, "_"]]:
     lid = eye & ((np.maximum(y - upper, lower - y) < 7) & (ax > 17) & (ax < 48) | socket)
     under, over = lip_borders(x)
     lips = skin & ~bag & (y > under - 0.3) & (y < over + 0.3) & (ax < 25.5) & (z > 80)
+    # Brows are narrower than the mesh is coarse: a margin, so that whole triangles lie inside.
+    along, off = _along_brow(p)
+    brows = face & (along > -0.2) & (along < 1.15) & (off < 9.0) & (z > 35)
     nose = skin & (distances(sculpture.solids(without="nose"), p) > 0.8) & (ax < 22) & (z > 80)
     inner_lips = lips & (np.abs(y - lip_line.py_func(x)) < 1.0) & (z < 103)
     masks = {
@@ -94,6 +101,6 @@ def regions(shape: Template) -> dict[str, Int[np.ndarray, "_"]]:
         "right_ear": ear & ~left,
         "left_eyeball": shape.left_eye,
         "right_eyeball": shape.right_eye,
-        "brows": face & (brow_weight(p) > 0),
+        "brows": brows,
     }
     return {name: np.flatnonzero(mask) for name, mask in masks.items()}
