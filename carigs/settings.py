@@ -119,7 +119,7 @@ class Train:
     iterations: int = 1500
     seed: int = 0
     threads: int = 1
-    caricature_share: float = 0.35
+    caricature_share: float = 0.5
     """Probability p that a step is supervised by a GT* frame: 0 is real frames only, 1 is GT* only."""
     masks: bool = True
     """Leave out the masked pixels of GT* frames and freeze the surfels of masked regions in those steps."""
