@@ -39,8 +39,9 @@ def frozen_faces(model: HeadModel, settings: Gtstar) -> Bool[np.ndarray, "f"]:
 def validity(warp: Warp, foreground: Float32[np.ndarray, "h w"], model: HeadModel, settings: Gtstar) -> Validity:
     """Judge each pixel of a warped frame; `foreground` is the frame's matte.
 
-    Source pixels are looked up at the nearest pixel centre.  Background is trusted only where the frame shows
-    background and the caricature mesh does not reach, `background_ring` pixels away from either.
+    Source pixels are looked up at the nearest pixel centre.  Off the caricature mesh, by `background_ring` pixels, is
+    background where the frame shows background, and also where it shows skin: that has moved away.  Only hair, and
+    whatever else sticks out of the mesh, may be anywhere within its own length of where it is or of the scalp.
     """
     in_frame = warp.natural.face >= 0
     on_mesh = warp.caricature.face >= 0
@@ -56,22 +57,24 @@ def validity(warp: Warp, foreground: Float32[np.ndarray, "h w"], model: HeadMode
         mixed = ~_erode(in_frame, 1)[source] & _erode(on_mesh, 1)
         invisible = on_mesh & ~(inside & seen & in_frame[source] & ~mixed)
 
+    # In the frame: the scalp as it is seen, and what sticks out of the mesh by more than the outline's own blur.
+    hair_faces = model.face_region(*settings.hair_regions)
+    stray = (foreground > 0.5) & ~_dilate(in_frame, 1)
+    source_hair = _on(hair_faces, warp.natural.face) | stray
+    target_hair = _on(hair_faces, warp.caricature.face)
     hair = np.zeros_like(on_mesh)
     if settings.hair:
-        hair_faces = model.face_region(*settings.hair_regions)
-        # In the frame: the scalp as it is seen, and what sticks out of the mesh by more than the outline's own blur.
-        stray = (foreground > 0.5) & ~_dilate(in_frame, 1)
-        source_hair = _dilate(_on(hair_faces, warp.natural.face) | stray, settings.hair_band)
-        target_hair = _dilate(_on(hair_faces, warp.caricature.face), settings.hair_band)
-        hair = on_mesh & (source_hair[source] | target_hair)
+        band = settings.hair_band
+        hair = on_mesh & (_dilate(source_hair, band)[source] | _dilate(target_hair, band))
 
     region = _on(model.face_region(*settings.regions), warp.caricature.face)
     if settings.mouth and model.landmarks68 is not None:
         region |= _between_lips(warp.caricature_pixel, model, on_mesh.shape) | (
             on_mesh & _between_lips(warp.natural_pixel, model, on_mesh.shape)[source]
         )
-    background = ~_dilate((foreground > 0) | on_mesh, settings.background_ring)
-    outside = ~on_mesh & ~background
+    reach = settings.hair_band + _distance(in_frame)[stray].max(initial=0)
+    maybe_hair = (_distance(source_hair | target_hair) <= reach) & _dilate(foreground > 0, settings.background_ring)
+    outside = ~on_mesh & (maybe_hair | _dilate(on_mesh, settings.background_ring))
     return Validity(
         valid=~(invisible | hair | region | outside), invisible=invisible, hair=hair, region=region, outside=outside
     )
@@ -90,6 +93,13 @@ def _between_lips(pixel: Float[np.ndarray, "v 2"], model: HeadModel, shape: tupl
 
 def _erode(mask: Bool[np.ndarray, "h w"], radius: int) -> Bool[np.ndarray, "h w"]:
     return ~_dilate(~mask, radius)
+
+
+def _distance(mask: Bool[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
+    """Pixels to the nearest one of the mask (infinite where there is none)."""
+    if not mask.any():
+        return np.full(mask.shape, np.inf, np.float32)
+    return cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
 
 
 def _dilate(mask: Bool[np.ndarray, "h w"], radius: int) -> Bool[np.ndarray, "h w"]:

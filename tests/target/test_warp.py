@@ -1,5 +1,7 @@
 """GT*: the warp against closed forms, the masks against what they promise."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -97,21 +99,42 @@ def test_newly_visible_skin_is_masked():
     assert np.array_equal(judged.invisible, hidden)
 
 
-def test_background_is_trusted_only_where_both_are_empty():
+def test_background_is_where_nothing_is_and_where_skin_has_moved_away():
+    """The shrunken ball leaves skin behind: background from the ring around the caricature on."""
+    model, camera = replace(ball_model(), regions={}), ball_cameras()[1]
+    vertices = model.v_template.astype(np.float64)
+    warp = warp_frame(picture(camera), vertices, 0.8 * vertices, model.faces, camera)
+    foreground = (warp.natural.face >= 0).astype(np.float32)
+    judged = validity(warp, foreground, model, Gtstar(background_ring=1))
+    on_mesh = warp.caricature.face >= 0
+    assert ((foreground > 0) & ~on_mesh).sum() > 50
+    assert np.array_equal(judged.outside, ~on_mesh & dilated(on_mesh))
+    assert judged.valid[0, 0]
+
+
+def test_hair_may_be_anywhere_within_its_length():
+    """A tuft stands off the ball: no background near it or the scalp, and none where it stood but plain background."""
     model, camera = ball_model(), ball_cameras()[1]
     vertices = model.v_template.astype(np.float64)
     warp = warp_frame(picture(camera), vertices, 0.8 * vertices, model.faces, camera)
     foreground = (warp.natural.face >= 0).astype(np.float32)
-    judged = validity(warp, foreground, model, Gtstar(hair=False, background_ring=1))
-    shrunk_away = (foreground > 0) & (warp.caricature.face < 0)
-    assert shrunk_away.sum() > 50
-    assert not judged.valid[shrunk_away].any()
-    assert judged.valid[0, 0]
-    # The ring: every untrusted background pixel touches the foreground.
-    rim = judged.outside & (foreground == 0)
-    neighbours = np.pad(foreground > 0, 1)
-    touches = sum(neighbours[1 + dy : 49 + dy, 1 + dx : 41 + dx] for dy in (-1, 0, 1) for dx in (-1, 0, 1)) > 0
-    assert (touches | ~rim).all()
+    row, column = np.argwhere(foreground > 0)[0]
+    assert row > 6, "room for the tuft above the ball"
+    tuft = np.zeros_like(foreground, bool)
+    tuft[row - 6 : row, column - 1 : column + 2] = True
+    judged = validity(warp, np.maximum(foreground, tuft), model, Gtstar(background_ring=1))
+    assert judged.outside[tuft].all()
+    bald = validity(warp, foreground, model, Gtstar(background_ring=1))
+    assert (judged.outside | ~bald.outside).all() and judged.outside.sum() > bald.outside.sum() + tuft.sum()
+    assert not judged.outside[~dilated((foreground > 0) | tuft)].any()
+
+
+def dilated(mask: np.ndarray) -> np.ndarray:
+    """The mask and its four neighbours in each pixel's direction."""
+    grown, padded = mask.copy(), np.pad(mask, 1)
+    for dy, dx in ((0, 1), (2, 1), (1, 0), (1, 2)):
+        grown |= padded[dy : dy + mask.shape[0], dx : dx + mask.shape[1]]
+    return grown
 
 
 @pytest.mark.parametrize("hair", [True, False])
