@@ -20,7 +20,8 @@ def checked_modules() -> list[str]:
     modules = []
     for package in ("carigs", "evaluation"):
         for file in sorted((ROOT / package).rglob("*.py")):
-            if "numba" not in file.read_text("utf-8"):
+            text = file.read_text("utf-8")
+            if "numba" not in text and "splat.simd" not in text:
                 modules.append(".".join(file.relative_to(ROOT).with_suffix("").parts))
     return modules
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from carigs.splat import simd
 from carigs.splat.binning import TILE
 from carigs.splat.forward import END, HALF_LOG2E, LOG_THRESHOLD, ONE, TWO, ZERO
 from carigs.splat.forward_simd import (
@@ -25,7 +24,9 @@ from carigs.splat.forward_simd import (
     open_pixels,
 )
 from carigs.splat.projection import RECORD, SLOT
-from carigs.splat.simd import WIDTH, claim, inner, load, peek, prefetch_to_write, select, splat, store
+from carigs.splat.simd import WIDTH, inner, splat
+from carigs.splat.simd_math import absolute, columns, exp2, larger, rows, select, smaller, total, totals
+from carigs.splat.simd_memory import claim, load, load_block, peek, poke, prefetch_to_write, store
 
 # Planes of the buffer: T, Q, upstream gradients of alpha, colour and (geometry) depth, normal, distortion; then the
 # sums of w Z in front, of w, and of w Z.
@@ -39,13 +40,13 @@ def read_plane(state, base, image, offset, width, across, down):
         for x in range(0, TILE, 4):
             at = base + y * STRIDE + 4 * x
             if x + 4 <= across and y + 4 <= down:
-                store(state, at, simd.load_block(image, offset + y * width + x, width))
+                store(state, at, load_block(image, offset + y * width + x, width))
             else:
                 store(state, at, splat(ZERO))
                 for row in range(min(4, down - y)):
                     for column in range(min(4, across - x)):
                         pixel = offset + (y + row) * width + x + column
-                        simd.poke(state, at + 4 * column + row, peek(image, pixel))
+                        poke(state, at + 4 * column + row, peek(image, pixel))
 
 
 @inner
@@ -142,11 +143,11 @@ def _kernel(geometry: bool):
                 gx = gy = gz = gxx = gxy = gyx = gyy = gzx = gzy = none
                 mx = my = g_alpha = g_red = g_green = g_blue = g_depth = g_nx = g_ny = g_nz = none
                 for y in range(y0, y1, 4):
-                    dy = simd.rows() + (offset_y + np.float32(y - y0))
+                    dy = rows() + (offset_y + np.float32(y - y0))
                     low_y = dy + ey
                     u1_dy, u0_dy, plane, low = u1 * dy, u0 * dy, det + b3 * dy, low_y * low_y
                     for x in range(x0, x1, 4):
-                        dx = simd.columns() + (offset_x + np.float32(x - x0))
+                        dx = columns() + (offset_x + np.float32(x - x0))
                         iz = ONE / (plane + a3 * dx)
                         s, u = (v1 * dx - u1_dy) * iz, (u0_dy - v0 * dx) * iz
                         low_x = dx + ex
@@ -154,15 +155,15 @@ def _kernel(geometry: bool):
                         hit = g3 < g2
                         exponent = opacity - select(hit, g3, g2) * HALF_LOG2E
                         valid = exponent >= LOG_THRESHOLD
-                        raw = simd.exp2(simd.larger(exponent, splat(FAINTEST)))
-                        alpha = simd.smaller(raw, splat(cap))
+                        raw = exp2(larger(exponent, splat(FAINTEST)))
+                        alpha = smaller(raw, splat(cap))
                         at = y * STRIDE + 4 * x
                         before = load(state, at)
                         w = before * alpha
                         after = before - w
                         goes_on = valid & (after > END)
                         w = select(goes_on, w, none)
-                        ended = select(valid, none - simd.absolute(before), before)
+                        ended = select(valid, none - absolute(before), before)
                         store(state, at, select(goes_on, after, ended))
                         v_red, v_green = load(state, at + RED * PLANE), load(state, at + (RED + 1) * PLANE)
                         v_blue = load(state, at + (RED + 2) * PLANE)
@@ -206,16 +207,16 @@ def _kernel(geometry: bool):
                         far = select(hit, none, g) * TWO
                         mx -= far * low_x
                         my -= far * low_y
-                sums = simd.totals(
+                sums = totals(
                     gx, gy, gz, gxx, gxy, gyx, gyy, gzx, gzy, mx, my, g_alpha, g_red, g_green, g_blue, g_depth
                 )
                 # The last four first: this store ends with the slot, whose neighbours belong to other workers.
                 store(slots, to + SLOT - WIDTH, none)
                 store(slots, to, sums)
                 if geometry:
-                    simd.poke(slots, to + 16, simd.total(g_nx))
-                    simd.poke(slots, to + 17, simd.total(g_ny))
-                    simd.poke(slots, to + 18, simd.total(g_nz))
+                    poke(slots, to + 16, total(g_nx))
+                    poke(slots, to + 17, total(g_ny))
+                    poke(slots, to + 18, total(g_nz))
 
     @numba.njit(cache=True, parallel=True, error_model="numpy")
     def composite_backward(

@@ -16,11 +16,13 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from carigs.splat import limits, simd
+from carigs.splat import limits
 from carigs.splat.binning import TILE
 from carigs.splat.forward import COLOUR_PLANES, END, HALF_LOG2E, LOG_THRESHOLD, ONE, PLANES, TWO, ZERO
 from carigs.splat.projection import RECORD
-from carigs.splat.simd import WIDTH, claim, inner, load, peek, prefetch, select, splat, store
+from carigs.splat.simd import WIDTH, inner, splat
+from carigs.splat.simd_math import absolute, columns, exp2, larger, largest, rows, select, smaller
+from carigs.splat.simd_memory import claim, load, peek, poke, prefetch, store, store_block
 
 STRIDE = TILE + 4
 PLANE = TILE * STRIDE
@@ -36,8 +38,8 @@ def open_pixels(state, columns_left, rows_left):
     """T = 1 in the image, 0 outside and in the overhang."""
     for y in range(0, TILE, 4):
         for x in range(0, STRIDE, 4):
-            inside_x = simd.columns() < np.float32(min(columns_left, TILE) - x)
-            inside_y = simd.rows() < np.float32(rows_left - y)
+            inside_x = columns() < np.float32(min(columns_left, TILE) - x)
+            inside_y = rows() < np.float32(rows_left - y)
             store(state, y * STRIDE + 4 * x, select(inside_x & inside_y, splat(ONE), splat(ZERO)))
 
 
@@ -53,8 +55,8 @@ def all_ended(state):
     """Whether no surfel behind can contribute to the tile."""
     most = load(state, 0)
     for at in range(WIDTH, PLANE, WIDTH):
-        most = simd.larger(most, load(state, at))
-    return simd.largest(most) <= ALL_ENDED
+        most = larger(most, load(state, at))
+    return largest(most) <= ALL_ENDED
 
 
 @inner
@@ -83,15 +85,15 @@ def write_plane(image, offset, width, across, down, state, base, magnitude):
             at = base + y * STRIDE + 4 * x
             value = load(state, at)
             if magnitude:
-                value = simd.absolute(value)
+                value = absolute(value)
             if x + 4 <= across and y + 4 <= down:
-                simd.store_block(image, offset + y * width + x, width, value)
+                store_block(image, offset + y * width + x, width, value)
             else:
                 store(state, at, value)
                 for row in range(min(4, down - y)):
                     for column in range(min(4, across - x)):
                         pixel = offset + (y + row) * width + x + column
-                        simd.poke(image, pixel, peek(state, at + 4 * column + row))
+                        poke(image, pixel, peek(state, at + 4 * column + row))
 
 
 def _kernel(geometry: bool):
@@ -131,24 +133,24 @@ def _kernel(geometry: bool):
                 depth, nx = splat(peek(record, r + 15)), splat(peek(record, r + 16))
                 ny, nz = splat(peek(record, r + 17)), splat(peek(record, r + 18))
                 for y in range(y0, y1, 4):
-                    dy = simd.rows() + (offset_y + np.float32(y - y0))
+                    dy = rows() + (offset_y + np.float32(y - y0))
                     # What is constant along the row of blocks.
                     u1_dy, u0_dy, plane, low = u1 * dy, u0 * dy, det + b3 * dy, (dy + ey) * (dy + ey)
                     for x in range(x0, x1, 4):
-                        dx = simd.columns() + (offset_x + np.float32(x - x0))
+                        dx = columns() + (offset_x + np.float32(x - x0))
                         iz = ONE / (plane + a3 * dx)
                         s, u = (v1 * dx - u1_dy) * iz, (u0_dy - v0 * dx) * iz
-                        g = simd.smaller(s * s + u * u, ((dx + ex) * (dx + ex) + low) * TWO)
+                        g = smaller(s * s + u * u, ((dx + ex) * (dx + ex) + low) * TWO)
                         exponent = opacity - g * HALF_LOG2E
                         valid = exponent >= LOG_THRESHOLD
-                        alpha = simd.smaller(simd.exp2(simd.larger(exponent, splat(FAINTEST))), splat(cap))
+                        alpha = smaller(exp2(larger(exponent, splat(FAINTEST))), splat(cap))
                         at = y * STRIDE + 4 * x
                         before = load(state, at)
                         w = before * alpha
                         after = before - w
                         goes_on = valid & (after > END)
                         w = select(goes_on, w, splat(ZERO))
-                        ended = select(valid, splat(ZERO) - simd.absolute(before), before)
+                        ended = select(valid, splat(ZERO) - absolute(before), before)
                         store(state, at, select(goes_on, after, ended))
                         store(state, at + PLANE, load(state, at + PLANE) + w * red)
                         store(state, at + 2 * PLANE, load(state, at + 2 * PLANE) + w * green)

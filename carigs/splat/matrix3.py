@@ -1,10 +1,15 @@
-"""3x3 matrices inside Numba kernels: tuples of nine scalars, row by row (small arrays would live on the heap)."""
+"""3x3 matrices inside Numba kernels: tuples of nine numbers, row by row (small arrays would live on the heap).
+
+The numbers are scalars, or for the functions marked `formula` also vectors of `simd`: one surfel per lane.
+"""
 
 from __future__ import annotations
 
 import math
 
 import numba
+
+from carigs.splat.simd import formula
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
@@ -23,7 +28,7 @@ def store(array, i, m):
         array[i, k // 3, k % 3] = m[k]
 
 
-@numba.njit(cache=True)
+@formula
 def transpose(m):
     """M^T."""
     return (m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8])
@@ -38,7 +43,7 @@ def cofactor(m):
             b * f - c * e, c * d - a * f, a * e - b * d)  # fmt: skip
 
 
-@numba.njit(cache=True)
+@formula
 def product(m, n):
     """M N."""
     a, b, c, d, e, f, g, h, i = m
@@ -93,7 +98,7 @@ def rotation_vector(r):
     return factor * x, factor * y, factor * z
 
 
-@numba.njit(cache=True)
+@formula
 def apply(m, x):
     """M x."""
     return (
@@ -103,7 +108,7 @@ def apply(m, x):
     )
 
 
-@numba.njit(cache=True)
+@formula
 def apply_transposed(m, x):
     """M^T x."""
     return (
@@ -113,7 +118,7 @@ def apply_transposed(m, x):
     )
 
 
-@numba.njit(cache=True)
+@formula
 def apply_symmetric(p, x):
     """P x of a symmetric matrix stored as xx, xy, xz, yy, yz, zz."""
     return (
@@ -123,33 +128,39 @@ def apply_symmetric(p, x):
     )
 
 
-@numba.njit(cache=True)
+@formula
 def cross(a, b):
     """Cross product."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@numba.njit(cache=True)
+@formula
 def dot(a, b):
     """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@numba.njit(cache=True)
+# 1/1! - q/3! + q^2/5! .., 1/2! - q/4! .., 1/3! - q/5! ..: the first term left out is below 1e-13 for angles up to pi.
+_TERMS = 12
+_A, _B, _C = (tuple((-1) ** k / math.factorial(2 * k + n) for k in range(_TERMS)) for n in (1, 2, 3))
+
+
+@formula
+def _series(q, coefficients):
+    total = q * coefficients[_TERMS - 1] + coefficients[_TERMS - 2]
+    for k in range(_TERMS - 3, -1, -1):
+        total = total * q + coefficients[k]
+    return total
+
+
+@formula
 def exponential_terms(w):
-    """sin(t)/t, (1 - cos t)/t^2, (t - sin t)/t^3 of the rotation vector's length t."""
+    """sin(t)/t, (1 - cos t)/t^2, (t - sin t)/t^3 of the rotation vector's length t <= pi."""
     q = dot(w, w)
-    if q < 1e-2:
-        a = 1 - q / 6 * (1 - q / 20 * (1 - q / 42 * (1 - q / 72)))
-        b = 0.5 * (1 - q / 12 * (1 - q / 30 * (1 - q / 56 * (1 - q / 90))))
-        c = (1 - q / 20 * (1 - q / 42 * (1 - q / 72 * (1 - q / 110)))) / 6
-        return a, b, c
-    t = math.sqrt(q)
-    a = math.sin(t) / t
-    return a, (1 - math.cos(t)) / q, (1 - a) / q
+    return _series(q, _A), _series(q, _B), _series(q, _C)
 
 
-@numba.njit(cache=True)
+@formula
 def turned(u, w, a, b):
     """U exp(w) by Rodrigues' formula; a, b are the first two of `exponential_terms(w)`."""
     x, y, z = w

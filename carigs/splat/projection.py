@@ -10,16 +10,19 @@ Its inverse (Cramer) is linear over linear in the pixel, which is what the tile 
     zx = V1 dx - U1 dy,   zy = U0 dy - V0 dx,   zz = det + a3 dx + b3 dy,   s = zx / zz,  t = zy / zz
 
 This is the ray-splat intersection of 2D Gaussian Splatting (Huang et al. 2024, eq. 8-10), in a form fit for float32.
+
+Everything here is in float64, on tuples of numbers: scalars in the loops below, or vectors of eight surfels in
+`projection_simd`.
 """
 
 from __future__ import annotations
-
-import math
 
 import numba
 import numpy as np
 
 from carigs.splat.limits import HORIZON, NEAR, SMALLEST_AREA, THRESHOLD
+from carigs.splat.simd import formula
+from carigs.splat.simd_math import absolute, floor, larger, log2, select, smaller, sqrt
 
 SLACK = 1e-3  # pixels by which boxes are widened against rounding
 
@@ -32,45 +35,43 @@ MOMENT, SHIFT, EXPONENT = 0, 9, 11  # then COLOUR, DEPTH and NORMAL as above
 SLOT = 20
 
 
-@numba.njit
+@formula
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@numba.njit
+@formula
 def _cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@numba.njit
-def _rotate(view, x, y, z):
+@formula
+def _rotate(view, x):
     return (
-        view[0, 0] * x + view[0, 1] * y + view[0, 2] * z,
-        view[1, 0] * x + view[1, 1] * y + view[1, 2] * z,
-        view[2, 0] * x + view[2, 1] * y + view[2, 2] * z,
+        view[0] * x[0] + view[1] * x[1] + view[2] * x[2],
+        view[4] * x[0] + view[5] * x[1] + view[6] * x[2],
+        view[8] * x[0] + view[9] * x[1] + view[10] * x[2],
     )
 
 
-@numba.njit
-def _rotate_back(view, v):
+@formula
+def _rotate_back(view, x):
     return (
-        view[0, 0] * v[0] + view[1, 0] * v[1] + view[2, 0] * v[2],
-        view[0, 1] * v[0] + view[1, 1] * v[1] + view[2, 1] * v[2],
-        view[0, 2] * v[0] + view[1, 2] * v[1] + view[2, 2] * v[2],
+        view[0] * x[0] + view[4] * x[1] + view[8] * x[2],
+        view[1] * x[0] + view[5] * x[1] + view[9] * x[2],
+        view[2] * x[0] + view[6] * x[1] + view[10] * x[2],
     )
 
 
-@numba.njit
-def _camera_space(view, centre, tangent_u, tangent_v, i):
-    """Centre and tangents of surfel i in camera axes, float64."""
-    m = _rotate(view, float(centre[i, 0]), float(centre[i, 1]), float(centre[i, 2]))
-    m = (m[0] + view[0, 3], m[1] + view[1, 3], m[2] + view[2, 3])
-    u = _rotate(view, float(tangent_u[i, 0]), float(tangent_u[i, 1]), float(tangent_u[i, 2]))
-    v = _rotate(view, float(tangent_v[i, 0]), float(tangent_v[i, 1]), float(tangent_v[i, 2]))
-    return m, u, v
+@formula
+def _camera_space(view, centre, tangent_u, tangent_v):
+    """Centre and tangents in camera axes; `view` is camera_from_world row by row."""
+    m = _rotate(view, centre)
+    m = (m[0] + view[3], m[1] + view[7], m[2] + view[11])
+    return m, _rotate(view, tangent_u), _rotate(view, tangent_v)
 
 
-@numba.njit
+@formula
 def _homography(m, u, v, fx, fy):
     """(xh, yh, U0, U1, V0, V1, p, q) of a disc: perspective division of centre and tangents."""
     iz = 1.0 / m[2]
@@ -80,19 +81,19 @@ def _homography(m, u, v, fx, fy):
     return xh, yh, u0, u1, v0, v1, p, q
 
 
-@numba.njit
+@formula
 def _facing_normal(m, u, v):
     """Unit normal towards the camera, the area |u x v| and the sign of the flip."""
     n = _cross(u, v)
-    area = math.sqrt(_dot(n, n))
-    sign = -1.0 if _dot(n, m) > 0.0 else 1.0
+    area = sqrt(_dot(n, n))
+    sign = select(_dot(n, m) > 0.0, -1.0, 1.0)
     scale = sign / area
     return (n[0] * scale, n[1] * scale, n[2] * scale), area, sign
 
 
-@numba.njit
-def _interval(a, b, p, q, rho2, rho_lowpass, size):
-    """Half-open pixel interval, relative offsets added by the caller: extent along one axis of the visible ellipse.
+@formula
+def _interval(a, b, p, q, rho2, rho_lowpass):
+    """Extent along one axis of the visible ellipse relative to the projected centre, and the low-pass centre.
 
     The circle s^2 + t^2 = rho2 touches the line at offset c where c^2 E - 2 c rho2 N + rho2 (a^2 + b^2) = 0 with
     N = a p + b q and E = rho2 (p^2 + q^2) - 1; united with the low-pass disc around N / E1.
@@ -101,71 +102,54 @@ def _interval(a, b, p, q, rho2, rho_lowpass, size):
     squared = p * p + q * q
     e = rho2 * squared - 1.0
     middle = rho2 * n / e
-    half = math.sqrt(max(0.0, middle * middle - rho2 * (a * a + b * b) / e))
+    half = sqrt(larger(middle * middle - rho2 * (a * a + b * b) / e, 0.0))
     lowpass = n / (squared - 1.0)
-    return min(middle - half, lowpass - rho_lowpass), max(middle + half, lowpass + rho_lowpass), lowpass
+    return smaller(middle - half, lowpass - rho_lowpass), larger(middle + half, lowpass + rho_lowpass), lowpass
 
 
-@numba.njit
+@formula
 def _pixels(low, high, size):
     """Indices [first, last) of the pixels whose centres lie in [low, high] and in the image."""
-    first = math.ceil(max(low - 0.5 - SLACK, 0.0))
-    last = math.floor(min(high - 0.5 + SLACK, size - 1.0)) + 1.0
-    if not (last > first):
-        return 0, 0
-    return int(first), int(last)
+    first = -floor(-larger(low - 0.5 - SLACK, 0.0))
+    return first, floor(smaller(high - 0.5 + SLACK, size - 1.0)) + 1.0
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def project(centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height, tile):
-    """Records (n, 20) float32, pixel boxes (n, 4) int32 [x0, x1, y0, y1) and numbers of tiles (n,) int32, 0 if dropped.
+@formula
+def projected(centre, tangent_u, tangent_v, opacity, paint, view, intrinsics, width, height, tile):
+    """Whether a surfel is seen, its box [x0, x1, y0, y1), its number of tiles, and its record without the colour.
 
-    `view` is camera_from_world (>= 3 rows), `intrinsics` fx fy cx cy.  Dropped: surfels with a number that is not
-    finite, without area, nearer than NEAR, fainter than THRESHOLD, crossing the camera plane within their visible
-    extent, or outside the image.
+    `paint` is anything that is finite if the colour is.
     """
-    count = centre.shape[0]
-    record = np.empty((count, RECORD), np.float32)
-    box = np.zeros((count, 4), np.int32)
-    tiles = np.zeros(count, np.int32)
     fx, fy, cx, cy = intrinsics
-    for i in numba.prange(count):
-        m, u, v = _camera_space(view, centre, tangent_u, tangent_v, i)
-        o = float(opacity[i])
-        checksum = _dot(m, m) + _dot(u, u) + _dot(v, v)
-        checksum += o + abs(float(colour[i, 0])) + abs(float(colour[i, 1])) + abs(float(colour[i, 2]))
-        if not (checksum < np.inf) or m[2] <= NEAR or o < THRESHOLD:
-            continue
-        xh, yh, u0, u1, v0, v1, p, q = _homography(m, u, v, fx, fy)
-        rho2 = 2.0 * math.log(255.0 * o)
-        squared = p * p + q * q
-        if not (rho2 * squared - 1.0 < HORIZON and squared - 1.0 < HORIZON):
-            continue
-        normal, area, _ = _facing_normal(m, u, v)
-        if not (area > SMALLEST_AREA):
-            continue
-        pcx, pcy = fx * xh + cx, fy * yh + cy
-        rho_lowpass = math.sqrt(0.5 * rho2)
-        low, high, ex = _interval(u0, u1, p, q, rho2, rho_lowpass, width)
-        x0, x1 = _pixels(pcx + low, pcx + high, width)
-        low, high, ey = _interval(v0, v1, p, q, rho2, rho_lowpass, height)
-        y0, y1 = _pixels(pcy + low, pcy + high, height)
-        if x1 <= x0 or y1 <= y0:
-            continue
-        box[i, 0], box[i, 1], box[i, 2], box[i, 3] = x0, x1, y0, y1
-        tiles[i] = ((x1 - 1) // tile - x0 // tile + 1) * ((y1 - 1) // tile - y0 // tile + 1)
-        record[i, 0], record[i, 1] = x0 + 0.5 - pcx, y0 + 0.5 - pcy
-        record[i, 2], record[i, 3], record[i, 4], record[i, 5] = u0, u1, v0, v1
-        record[i, 6], record[i, 7], record[i, 8] = u0 * v1 - u1 * v0, v0 * q - v1 * p, u1 * p - u0 * q
-        record[i, 9], record[i, 10] = -ex, -ey
-        record[i, 11] = math.log2(o)
-        record[i, 12], record[i, 13], record[i, 14] = colour[i, 0], colour[i, 1], colour[i, 2]
-        record[i, 15] = m[2]
-        record[i, 16], record[i, 17], record[i, 18], record[i, 19] = normal[0], normal[1], normal[2], 0.0
-    return record, box, tiles
+    m, u, v = _camera_space(view, centre, tangent_u, tangent_v)
+    xh, yh, u0, u1, v0, v1, p, q = _homography(m, u, v, fx, fy)
+    bits = log2(opacity)
+    rho2 = 2.0 * LN2 * (bits + LOG2_255)  # where alpha is 1/255
+    squared = p * p + q * q
+    normal, area, _ = _facing_normal(m, u, v)
+    pcx, pcy = fx * xh + cx, fy * yh + cy
+    rho_lowpass = sqrt(0.5 * rho2)
+    low_x, high_x, ex = _interval(u0, u1, p, q, rho2, rho_lowpass)
+    low_y, high_y, ey = _interval(v0, v1, p, q, rho2, rho_lowpass)
+    x0, x1 = _pixels(pcx + low_x, pcx + high_x, width)
+    y0, y1 = _pixels(pcy + low_y, pcy + high_y, height)
+    checksum = _dot(m, m) + _dot(u, u) + _dot(v, v) + opacity + paint
+    seen = (checksum < np.inf) & (m[2] > NEAR) & (opacity >= THRESHOLD) & (area > SMALLEST_AREA)
+    seen = seen & (rho2 * squared - 1.0 < HORIZON) & (squared - 1.0 < HORIZON) & (x1 > x0) & (y1 > y0)
+    across = floor((x1 - 1.0) / tile) - floor(x0 / tile) + 1.0
+    down = floor((y1 - 1.0) / tile) - floor(y0 / tile) + 1.0
+    box = (select(seen, x0, 0.0), select(seen, x1, 0.0), select(seen, y0, 0.0), select(seen, y1, 0.0))
+    record = (
+        x0 + 0.5 - pcx, y0 + 0.5 - pcy, u0, u1, v0, v1, u0 * v1 - u1 * v0, v0 * q - v1 * p, u1 * p - u0 * q, -ex, -ey,
+        bits, m[2], normal[0], normal[1], normal[2],
+    )  # fmt: skip
+    return box, select(seen, across * down, 0.0), record
 
 
-@numba.njit
+LN2, LOG2_255 = float(np.log(2)), float(np.log2(255))
+
+
+@formula
 def _homography_gradient(g, u0, u1, v0, v1, p, q):
     """Chain rule from the summed moments `g` to (pc_x, pc_y, U0, U1, V0, V1, p, q).
 
@@ -197,7 +181,7 @@ def _homography_gradient(g, u0, u1, v0, v1, p, q):
     return d_pcx + mx, d_pcy + my, d_u0, d_u1, d_v0, d_v1, d_p, d_q
 
 
-@numba.njit
+@formula
 def _disc_gradient(d, d_depth, m, u, v, xh, yh, p, q, fx, fy):
     """Chain rule of `_homography`, and of the centre's depth, to (m, u, v) in camera axes."""
     d_pcx, d_pcy, d_u0, d_u1, d_v0, d_v1, d_p, d_q = d
@@ -214,13 +198,68 @@ def _disc_gradient(d, d_depth, m, u, v, xh, yh, p, q, fx, fy):
     return d_m, d_u, d_v
 
 
-@numba.njit
+@formula
 def _normal_gradient(d_n, n, area, sign, u, v):
     """Chain rule of n = sign (u x v) / |u x v| to (u, v)."""
     along = _dot(n, d_n)
     scale = sign / area
     c = ((d_n[0] - along * n[0]) * scale, (d_n[1] - along * n[1]) * scale, (d_n[2] - along * n[2]) * scale)
     return _cross(v, c), _cross(c, u)
+
+
+@formula
+def pulled_back(g, centre, tangent_u, tangent_v, view, intrinsics):
+    """Gradients of centre, tangents and projected centre from the sums `g` of a surfel's slots."""
+    fx, fy, _, _ = intrinsics
+    m, u, v = _camera_space(view, centre, tangent_u, tangent_v)
+    xh, yh, u0, u1, v0, v1, p, q = _homography(m, u, v, fx, fy)
+    d = _homography_gradient(g, u0, u1, v0, v1, p, q)
+    d_m, d_u, d_v = _disc_gradient(d, g[15], m, u, v, xh, yh, p, q, fx, fy)
+    n, area, sign = _facing_normal(m, u, v)
+    along_u, along_v = _normal_gradient((g[16], g[17], g[18]), n, area, sign, u, v)
+    return (
+        _rotate_back(view, d_m),
+        _rotate_back(view, (d_u[0] + along_u[0], d_u[1] + along_u[1], d_u[2] + along_u[2])),
+        _rotate_back(view, (d_v[0] + along_v[0], d_v[1] + along_v[1], d_v[2] + along_v[2])),
+        (d[0], d[1]),
+    )
+
+
+@numba.njit
+def _three(array, i):
+    return np.float64(array[i, 0]), np.float64(array[i, 1]), np.float64(array[i, 2])
+
+
+@numba.njit(cache=True, parallel=True, error_model="numpy")
+def project(centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height, tile):
+    """Records (n, 20) float32, pixel boxes (n, 4) int32 [x0, x1, y0, y1) and numbers of tiles (n,) int32, 0 if dropped.
+
+    `view` is camera_from_world row by row (>= 12 numbers), `intrinsics` fx fy cx cy.  Dropped: surfels with a number
+    that is not finite, without area, nearer than NEAR, fainter than THRESHOLD, crossing the camera plane within their
+    visible extent, or outside the image.
+    """
+    count = centre.shape[0]
+    record = np.empty((count, RECORD), np.float32)
+    box = np.zeros((count, 4), np.int32)
+    tiles = np.zeros(count, np.int32)
+    for i in numba.prange(count):
+        r, g, b = _three(colour, i)
+        corners, number, line = projected(
+            _three(centre, i), _three(tangent_u, i), _three(tangent_v, i), np.float64(opacity[i]),
+            absolute(r) + absolute(g) + absolute(b), view, intrinsics, float(width), float(height), float(tile),
+        )  # fmt: skip
+        if number == 0.0:
+            continue
+        tiles[i] = int(number)
+        for k in range(4):
+            box[i, k] = int(corners[k])
+        for k in range(12):
+            record[i, k] = line[k]
+        record[i, 12], record[i, 13], record[i, 14] = r, g, b
+        for k in range(12, 16):
+            record[i, k + 3] = line[k]
+        record[i, 19] = 0.0
+    return record, box, tiles
 
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
@@ -233,7 +272,6 @@ def project_backward(slots, first_slot, centre, tangent_u, tangent_v, opacity, v
     d_centre, d_tangent_u = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
     d_tangent_v, d_colour = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
     d_opacity, d_pixel = np.zeros(count, np.float32), np.zeros((count, 2), np.float32)
-    fx, fy, _, _ = intrinsics
     for i in numba.prange(count):
         start, stop = first_slot[i], first_slot[i + 1]
         if stop == start:
@@ -241,22 +279,16 @@ def project_backward(slots, first_slot, centre, tangent_u, tangent_v, opacity, v
         g = (0.0,) * 19
         for slot in range(start, stop):
             g = _add_slot(g, slots, slot)
-        m, u, v = _camera_space(view, centre, tangent_u, tangent_v, i)
-        xh, yh, u0, u1, v0, v1, p, q = _homography(m, u, v, fx, fy)
-        d = _homography_gradient(g, u0, u1, v0, v1, p, q)
-        d_m, d_u, d_v = _disc_gradient(d, g[15], m, u, v, xh, yh, p, q, fx, fy)
-        n, area, sign = _facing_normal(m, u, v)
-        along_u, along_v = _normal_gradient((g[16], g[17], g[18]), n, area, sign, u, v)
-        d_m = _rotate_back(view, d_m)
-        d_u = _rotate_back(view, (d_u[0] + along_u[0], d_u[1] + along_u[1], d_u[2] + along_u[2]))
-        d_v = _rotate_back(view, (d_v[0] + along_v[0], d_v[1] + along_v[1], d_v[2] + along_v[2]))
+        d_m, d_u, d_v, d_p = pulled_back(
+            g, _three(centre, i), _three(tangent_u, i), _three(tangent_v, i), view, intrinsics
+        )
         for axis in range(3):
             d_centre[i, axis] = d_m[axis]
             d_tangent_u[i, axis] = d_u[axis]
             d_tangent_v[i, axis] = d_v[axis]
         d_colour[i, 0], d_colour[i, 1], d_colour[i, 2] = g[12], g[13], g[14]
         d_opacity[i] = g[11] / opacity[i]
-        d_pixel[i, 0], d_pixel[i, 1] = d[0], d[1]
+        d_pixel[i, 0], d_pixel[i, 1] = d_p
     return d_centre, d_tangent_u, d_tangent_v, d_opacity, d_colour, d_pixel
 
 

@@ -11,22 +11,26 @@ from typing import TYPE_CHECKING
 # Before numba starts its threads: both then share one OpenMP pool instead of fighting for the cores.
 import torch  # isort: skip
 import numba
-import numpy as np
 from jaxtyping import Bool, Float
 
 from carigs.errors import SettingsError
-from carigs.splat import backward, backward_simd, binning, forward, forward_simd, projection
+from carigs.splat import backward, backward_simd, binning, forward, forward_simd, projection, projection_simd
+from carigs.splat.simd import WIDTH
 
 if TYPE_CHECKING:
     from carigs.capture.camera import Camera
 
 numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
 
-# The compositing and its gradient: sixteen pixels at a time, or in plain loops that anyone can read and check.
+# Projection and compositing, each forward and backward: sixteen surfels or pixels at a time, or in plain loops that
+# anyone can read and check.
 _KERNELS = {
-    "cpu": (forward_simd.composite, backward_simd.composite_backward),
-    "plain": (forward.composite, backward.composite_backward),
-}
+    "cpu": (
+        projection_simd.project, forward_simd.composite, backward_simd.composite_backward,
+        projection_simd.project_backward,
+    ),
+    "plain": (projection.project, forward.composite, backward.composite_backward, projection.project_backward),
+}  # fmt: skip
 OUTPUTS = ("colour", "alpha", "depth", "normal", "distortion")
 
 
@@ -124,12 +128,14 @@ class _Rasterize(torch.autograd.Function):
     @staticmethod
     def forward(ctx, centre, tangent_u, tangent_v, opacity, colour, camera, geometry, cap, screen, kernels):
         arrays = [t.detach().contiguous().numpy() for t in (centre, tangent_u, tangent_v, opacity, colour)]
-        view = np.ascontiguousarray(camera.camera_from_world, np.float64)
+        view = tuple(float(x) for x in camera.camera_from_world[:3].reshape(-1))
         intrinsics = (float(camera.fx), float(camera.fy), float(camera.cx), float(camera.cy))
         size = (int(camera.width), int(camera.height))
-        record, box, tiles = projection.project(*arrays, view, intrinsics, *size, binning.TILE)
+        project, composite, ctx.composite_backward, ctx.project_backward = kernels
+        if len(centre) < WIDTH:
+            project, ctx.project_backward = projection.project, projection.project_backward
+        record, box, tiles = project(*arrays, view, intrinsics, *size, binning.TILE)
         lists = binning.tile_lists(record[:, projection.DEPTH], box, tiles, *size)
-        composite, ctx.composite_backward = kernels
         image = composite(record, box, lists.surfel, lists.start, lists.order, *size, cap, geometry, _workers())
         screen.visible = torch.from_numpy(tiles > 0)
         ctx.set_materialize_grads(False)
@@ -169,7 +175,7 @@ class _Rasterize(torch.autograd.Function):
             _workers(),
         )
         centre, tangent_u, tangent_v, opacity, _ = ctx.arrays
-        *surfel_gradients, pixel = projection.project_backward(
+        *surfel_gradients, pixel = ctx.project_backward(
             slots, lists.first_slot, centre, tangent_u, tangent_v, opacity, ctx.view, ctx.intrinsics
         )
         ctx.screen.gradient = torch.from_numpy(pixel)

@@ -32,23 +32,46 @@ class Rig:
     """The face across each edge (01, 12, 20); the own face where there is none."""
     scale: Float64[np.ndarray, "f"]
     """k_c = (base + height) / 2 in metres: the unit of triangle-local lengths."""
-    frame: Float32[np.ndarray, "f 3 3"]
-    """k_c R_c with R_c = [edge, towards the third corner, normal]: canonical from triangle-local."""
+    frame_rows: Float32[np.ndarray, "f 16"]
+    """`frame` row by row, then spare numbers: what a kernel reads at once."""
     canonical_edges: Float64[np.ndarray, "f 3 3"]
     """E^-1 with E = [v1 - v0, v2 - v0, normal sqrt(2 area)]; zeros for a degenerate triangle."""
+
+    @property
+    def frame(self) -> Float32[np.ndarray, "f 3 3"]:
+        """k_c R_c with R_c = [edge, towards the third corner, normal]: canonical from triangle-local."""
+        return self.frame_rows[:, :9].reshape(-1, 3, 3)
+
+
+# Columns of a face's row in `FaceMotion`; kernels read it as two halves of 16.
+STRETCH, CENTRE, ROTATION, TURN, MOTION_ROW = 0, 6, 9, 18, 32
 
 
 class FaceMotion(NamedTuple):
     """Motion of every triangle from the canonical to a posed mesh: J = U P, and the neighbours' U relative to it."""
 
-    centre: Float32[np.ndarray, "f 3"]
-    """T: mean of the posed corners in metres."""
-    rotation: Float32[np.ndarray, "f 3 3"]
-    """U."""
-    stretch: Float32[np.ndarray, "f 6"]
-    """P, symmetric: xx, xy, xz, yy, yz, zz."""
-    turn: Float32[np.ndarray, "f 3 3"]
-    """Rotation vectors log(U^T U_neighbour) in radians, one row per neighbour."""
+    rows: Float32[np.ndarray, "f 32"]
+    """All of a triangle in one row, for the kernels: `stretch`, `centre`, `rotation`, `turn`, spare numbers."""
+
+    @property
+    def stretch(self) -> Float32[np.ndarray, "f 6"]:
+        """P, symmetric: xx, xy, xz, yy, yz, zz."""
+        return self.rows[:, STRETCH:CENTRE]
+
+    @property
+    def centre(self) -> Float32[np.ndarray, "f 3"]:
+        """T: mean of the posed corners in metres."""
+        return self.rows[:, CENTRE:ROTATION]
+
+    @property
+    def rotation(self) -> Float32[np.ndarray, "f 3 3"]:
+        """U."""
+        return self.rows[:, ROTATION:TURN].reshape(-1, 3, 3)
+
+    @property
+    def turn(self) -> Float32[np.ndarray, "f 3 3"]:
+        """Rotation vectors log(U^T U_neighbour) in radians, one row per neighbour."""
+        return self.rows[:, TURN : TURN + 9].reshape(-1, 3, 3)
 
 
 def build_rig(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Rig:
@@ -56,9 +79,9 @@ def build_rig(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"])
     vertices = np.ascontiguousarray(vertices, np.float64)
     faces = np.ascontiguousarray(faces, np.int32)
     scale, frame, inverse = _frames(vertices, faces)
-    return Rig(
-        vertices, faces, edge_neighbours(faces), scale, (scale[:, None, None] * frame).astype(np.float32), inverse
-    )
+    rows = np.zeros((len(faces), 16), np.float32)
+    rows[:, :9] = (scale[:, None, None] * frame).reshape(-1, 9)
+    return Rig(vertices, faces, edge_neighbours(faces), scale, rows, inverse)
 
 
 def edge_neighbours(faces: Int[np.ndarray, "f 3"]) -> Int32[np.ndarray, "f 3"]:
@@ -84,9 +107,12 @@ def face_motion(rig: Rig, posed: Float[np.ndarray, "v 3"]) -> FaceMotion:
     centre, rotation, stretch, sound = _motion(posed, rig.faces, rig.canonical_edges)
     if not sound.all():
         _follow_neighbours(rotation, stretch, sound, rig.neighbours)
-    symmetric = stretch[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
-    turn = _turns(rotation, rig.neighbours)
-    return FaceMotion(centre, rotation.astype(np.float32), symmetric.astype(np.float32), turn)
+    rows = np.zeros((len(rig.faces), MOTION_ROW), np.float32)
+    rows[:, STRETCH:CENTRE] = stretch[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+    rows[:, CENTRE:ROTATION] = centre
+    rows[:, ROTATION:TURN] = rotation.reshape(-1, 9)
+    rows[:, TURN : TURN + 9] = _turns(rotation, rig.neighbours).reshape(-1, 9)
+    return FaceMotion(rows)
 
 
 def jacobians(motion: FaceMotion) -> Float64[np.ndarray, "f 3 3"]:

@@ -2,13 +2,15 @@
 
 World centre  J_b (k_c R_c mu) + T,  tangents  J_b k_c R_c r S,  where  J_b = U exp(sum v_i log(U^T U_i)) sum v_i P_i
 blends the motions of the own face and its three neighbours.  SurFhead blends absolute rotation vectors, which wraps
-where the head turns by pi; relative to the own face it does not.  One Numba kernel each way: in plain torch this would
-cost more than the rasteriser, and its exp would round differently with the number of threads.
+where the head turns by pi; relative to the own face it does not.
+
+The formulas are in `jacobian_blend`; here are the loops: sixteen surfels at a time for float32, one by one for float64,
+which is how the tests check them.  In plain torch this would cost more than the rasteriser, and its exp would round
+differently with the number of threads.
 """
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numba
@@ -18,7 +20,21 @@ from jaxtyping import Float
 from torch import Tensor
 
 from carigs.splat import matrix3
-from carigs.splat.rig import FaceMotion, Rig
+from carigs.splat.jacobian_blend import (
+    blend_gradient,
+    blended_motion,
+    carried,
+    disc_axes,
+    pulled_back,
+    shares_of,
+    sigmoid,
+    stretch_gradient,
+    turn_gradient,
+)
+from carigs.splat.rig import CENTRE, MOTION_ROW, ROTATION, STRETCH, TURN, FaceMotion, Rig
+from carigs.splat.simd import WIDTH, inner, splat
+from carigs.splat.simd_math import exp
+from carigs.splat.simd_memory import gather_rows, load, load2, load3, load4, store, store2, store3, store4, store9
 from carigs.splat.surfels import SH_BASE, Surfels
 
 
@@ -38,7 +54,7 @@ class Skinned(NamedTuple):
 
 def skin(surfels: Surfels, rig: Rig, motion: FaceMotion, *, blend: bool = True, rotations: bool = False) -> Skinned:
     """Carry the surfels to the posed mesh; without `blend` by their own face's Jacobian alone."""
-    mesh = (rig.frame, rig.neighbours, *motion)
+    mesh = (rig.frame_rows, rig.neighbours, motion.rows)
     outputs = _Skin.apply(
         surfels.position,
         surfels.rotation,
@@ -54,186 +70,254 @@ def skin(surfels: Surfels, rig: Rig, motion: FaceMotion, *, blend: bool = True, 
     return Skinned(*outputs)
 
 
+PART = 1024  # surfels of one task
+
+
 class _Skin(torch.autograd.Function):
     @staticmethod
     def forward(ctx, position, rotation, log_scale, opacity, colour, blend, binding, mesh, blended, rotations):
         n, dtype = len(binding), position.detach().numpy().dtype
-        leaves = tuple(t.detach().numpy() for t in (position, rotation, log_scale, opacity, colour, blend))
-        out = (*(np.empty((n, 3), dtype) for _ in range(3)), np.empty(n, dtype), np.empty((n, 3), dtype))
-        weight, scale = np.empty((n, 4), dtype), np.empty((n, 2), dtype)
-        turned = np.empty((n if rotations else 0, 3, 3), dtype)
-        _forward(*leaves, binding, *mesh, blended, *out, weight, scale, turned)
-        ctx.kept = (*leaves, binding, *mesh, blended, weight, scale, out[3])
+        leaves = [t.detach().contiguous().numpy() for t in (position, rotation, log_scale, opacity, colour, blend)]
+        shapes = ((n, 3), (n, 3), (n, 3), n, (n, 3), (n if rotations else 0, 3, 3))
+        out = [np.empty(shape, dtype) for shape in shapes]
+        ctx.vectors = dtype == np.float32 and n >= WIDTH
+        if ctx.vectors:
+            _forward_vectors(*_flat(leaves), binding, *_flat(mesh), blended, *_flat(out[:5]), out[5].reshape(-1))
+        else:
+            _forward(*leaves, binding, *mesh, blended, *out[:5], out[5].reshape(-1, 9))
+        ctx.kept = leaves, binding, mesh, blended
         ctx.set_materialize_grads(True)
         outputs = tuple(torch.from_numpy(array) for array in out)
         if not rotations:
-            return *outputs, None
-        rotation_out = torch.from_numpy(turned)
-        ctx.mark_non_differentiable(rotation_out)
-        return *outputs, rotation_out
+            return *outputs[:5], None
+        ctx.mark_non_differentiable(outputs[5])
+        return outputs
 
     @staticmethod
     def backward(ctx, centre, tangent_u, tangent_v, opacity, colour, _rotation):
-        given = tuple(g.contiguous().numpy() for g in (centre, tangent_u, tangent_v, opacity, colour))
-        gradients = tuple(np.empty_like(leaf) for leaf in ctx.kept[:6])
-        _backward(*ctx.kept, *given, *gradients)
+        given = [g.contiguous().numpy() for g in (centre, tangent_u, tangent_v, opacity, colour)]
+        leaves, binding, mesh, blended = ctx.kept
+        gradients = [np.empty_like(leaf) for leaf in leaves]
+        if ctx.vectors:
+            _backward_vectors(*_flat(leaves), binding, *_flat(mesh), blended, *_flat(given), *_flat(gradients))
+        else:
+            _backward(*leaves, binding, *mesh, blended, *given, *gradients)
         return *(torch.from_numpy(g) for g in gradients), None, None, None, None
 
 
-@numba.njit(cache=True)
-def _sigmoid(x):
-    return 1.0 / (1.0 + math.exp(-x))
+def _flat(arrays):
+    return (array.reshape(-1) for array in arrays)
+
+
+# One surfel at a time.
 
 
 @numba.njit(cache=True)
-def _disc_axes(quaternion, i):
-    """First two columns of the rotation matrix, the unit quaternion and the inverse of its length."""
-    w, x, y, z = quaternion[i, 0], quaternion[i, 1], quaternion[i, 2], quaternion[i, 3]
-    g = 1.0 / math.sqrt(max(w * w + x * x + y * y + z * z, 1e-30))
-    w, x, y, z = w * g, x * g, y * g, z * g
-    first = (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y))
-    second = (2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x))
-    return first, second, (w, x, y, z), g
-
-
-@numba.njit(cache=True)
-def _blended(f, v0, v1, v2, v3, neighbours, stretch, turn):
-    """Blended rotation vector (relative to the own face) and stretch."""
+def _face(f, neighbours, rows):
+    """Stretches of the face and its neighbours, the neighbours' turns, rotation and centre of the face."""
     i, j, k = neighbours[f, 0], neighbours[f, 1], neighbours[f, 2]
-    w = (
-        v1 * turn[f, 0, 0] + v2 * turn[f, 1, 0] + v3 * turn[f, 2, 0],
-        v1 * turn[f, 0, 1] + v2 * turn[f, 1, 1] + v3 * turn[f, 2, 1],
-        v1 * turn[f, 0, 2] + v2 * turn[f, 1, 2] + v3 * turn[f, 2, 2],
-    )
-    p = (
-        v0 * stretch[f, 0] + v1 * stretch[i, 0] + v2 * stretch[j, 0] + v3 * stretch[k, 0],
-        v0 * stretch[f, 1] + v1 * stretch[i, 1] + v2 * stretch[j, 1] + v3 * stretch[k, 1],
-        v0 * stretch[f, 2] + v1 * stretch[i, 2] + v2 * stretch[j, 2] + v3 * stretch[k, 2],
-        v0 * stretch[f, 3] + v1 * stretch[i, 3] + v2 * stretch[j, 3] + v3 * stretch[k, 3],
-        v0 * stretch[f, 4] + v1 * stretch[i, 4] + v2 * stretch[j, 4] + v3 * stretch[k, 4],
-        v0 * stretch[f, 5] + v1 * stretch[i, 5] + v2 * stretch[j, 5] + v3 * stretch[k, 5],
-    )
-    return w, p
+    return (
+        _numbers6(rows, f), _numbers6(rows, i), _numbers6(rows, j), _numbers6(rows, k), _numbers9(rows, f, TURN),
+        _numbers9(rows, f, ROTATION), (rows[f, CENTRE], rows[f, CENTRE + 1], rows[f, CENTRE + 2]),
+    )  # fmt: skip
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
+@numba.njit(cache=True)
+def _numbers4(rows, i):
+    return rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3]
+
+
+@numba.njit(cache=True)
+def _numbers6(rows, f):
+    r = rows[f, STRETCH : STRETCH + 6]
+    return r[0], r[1], r[2], r[3], r[4], r[5]
+
+
+@numba.njit(cache=True)
+def _numbers9(rows, f, at):
+    r = rows[f, at : at + 9]
+    return r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]
+
+
+@numba.njit(cache=True, error_model="numpy")
 def _forward(
-    position, quaternion, log_scale, logit, dc, blend, binding, frame, neighbours, face_centre, rotation, stretch, turn,
-    blended, centre, tangent_u, tangent_v, opacity, colour, weight, scale, turned,
+    position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended,
+    centre, tangent_u, tangent_v, opacity, colour, turned,
 ):  # fmt: skip
-    for i in numba.prange(len(binding)):
-        f = binding[i]
-        w0, w1, w2, w3 = 1.0, 0.0, 0.0, 0.0
+    for i in range(len(binding)):
+        own, one, two, three, turn, u, t = _face(binding[i], neighbours, rows)
+        v = (1.0, 0.0, 0.0, 0.0)
         if blended:
-            w0, w1, w2, w3 = _sigmoid(blend[i, 0]), _sigmoid(blend[i, 1]), _sigmoid(blend[i, 2]), _sigmoid(blend[i, 3])
-        weight[i, 0], weight[i, 1], weight[i, 2], weight[i, 3] = w0, w1, w2, w3
-        g = 1.0 / (w0 + w1 + w2 + w3)
-        w, p = _blended(f, g * w0, g * w1, g * w2, g * w3, neighbours, stretch, turn)
+            shares, g = shares_of(_numbers4(blend, i))
+            v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])
+        w, p = blended_motion(v, own, one, two, three, turn)
         a, b, _c = matrix3.exponential_terms(w)
-        q = matrix3.turned(matrix3.load(rotation, f), w, a, b)
-        k = matrix3.load(frame, f)
-        first, second, _unit, _length = _disc_axes(quaternion, i)
-        s, t = math.exp(log_scale[i, 0]), math.exp(log_scale[i, 1])
-        x = matrix3.apply(
-            q, matrix3.apply_symmetric(p, matrix3.apply(k, (position[i, 0], position[i, 1], position[i, 2])))
+        q = matrix3.turned(u, w, a, b)
+        first, second, _unit, _length = disc_axes(
+            (quaternion[i, 0], quaternion[i, 1], quaternion[i, 2], quaternion[i, 3])
         )
-        u = matrix3.apply(q, matrix3.apply_symmetric(p, matrix3.apply(k, first)))
-        v = matrix3.apply(q, matrix3.apply_symmetric(p, matrix3.apply(k, second)))
+        x, tu, tv = carried(
+            q, p, _numbers9(frame_rows, binding[i], 0), (position[i, 0], position[i, 1], position[i, 2]), first, second,
+            exp(log_scale[i, 0]), exp(log_scale[i, 1]),
+        )  # fmt: skip
         for c in range(3):
-            centre[i, c] = x[c] + face_centre[f, c]
-            tangent_u[i, c] = s * u[c]
-            tangent_v[i, c] = t * v[c]
+            centre[i, c], tangent_u[i, c], tangent_v[i, c] = x[c] + t[c], tu[c], tv[c]
             colour[i, c] = 0.5 + SH_BASE * dc[i, c]
-        scale[i, 0], scale[i, 1] = s, t
-        opacity[i] = _sigmoid(logit[i])
+        opacity[i] = sigmoid(logit[i])
         if len(turned) > 0:
-            matrix3.store(turned, i, q)
+            for c in range(9):
+                turned[i, c] = q[c]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _backward(
+    position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended,
+    g_centre, g_u, g_v, g_opacity, g_colour, d_position, d_quaternion, d_log_scale, d_logit, d_dc, d_blend,
+):  # fmt: skip
+    for i in range(len(binding)):
+        own, one, two, three, turn, u, _t = _face(binding[i], neighbours, rows)
+        shares, g = (1.0, 0.0, 0.0, 0.0), 1.0
+        if blended:
+            shares, g = shares_of(_numbers4(blend, i))
+        v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])
+        w, p = blended_motion(v, own, one, two, three, turn)
+        a, b, c = matrix3.exponential_terms(w)
+        q = matrix3.turned(u, w, a, b)
+        first, second, unit, length = disc_axes(
+            (quaternion[i, 0], quaternion[i, 1], quaternion[i, 2], quaternion[i, 3])
+        )
+        dx, dq, ds, h, y = pulled_back(
+            q, p, _numbers9(frame_rows, binding[i], 0), first, second, unit, length, exp(log_scale[i, 0]),
+            exp(log_scale[i, 1]), (g_centre[i, 0], g_centre[i, 1], g_centre[i, 2]), (g_u[i, 0], g_u[i, 1], g_u[i, 2]),
+            (g_v[i, 0], g_v[i, 1], g_v[i, 2]), (position[i, 0], position[i, 1], position[i, 2]),
+        )  # fmt: skip
+        opacity = sigmoid(logit[i])
+        d_logit[i] = g_opacity[i] * opacity * (1 - opacity)
+        d_log_scale[i, 0], d_log_scale[i, 1] = ds
+        for n in range(3):
+            d_position[i, n], d_dc[i, n] = dx[n], SH_BASE * g_colour[i, n]
+        for n in range(4):
+            d_quaternion[i, n], d_blend[i, n] = dq[n], 0.0
+        if blended:
+            # The tangents' axes before their scales: those are in h already.
+            dturn = turn_gradient(w, b, c, p, h[0], h[1], h[2], y[0], y[1], y[2])
+            dp = stretch_gradient(h[0], h[1], h[2], y[0], y[1], y[2])
+            db = blend_gradient(shares, g, dturn, dp, own, one, two, three, turn)
+            for n in range(4):
+                d_blend[i, n] = db[n]
+
+
+# Sixteen surfels at a time; the last sixteen overlap the ones before, which are then computed twice.
+
+
+@inner
+def _faces(i, binding, frame_rows, neighbours, rows, around):
+    """The same as `_face` for the faces of sixteen surfels, and their canonical frames."""
+    for r in range(WIDTH):
+        for side in range(3):
+            around[side * WIDTH + r] = neighbours[3 * binding[i + r] + side]
+    first = gather_rows(rows, binding, i, MOTION_ROW, 0)
+    last = gather_rows(rows, binding, i, MOTION_ROW, WIDTH)
+    frame = gather_rows(frame_rows, binding, i, WIDTH, 0)
+    one = gather_rows(rows, around, 0, MOTION_ROW, 0)
+    two = gather_rows(rows, around, WIDTH, MOTION_ROW, 0)
+    three = gather_rows(rows, around, 2 * WIDTH, MOTION_ROW, 0)
+    # Slices of tuples must be written in numbers: the columns STRETCH, CENTRE, ROTATION and TURN.
+    rotation = first[9:16] + last[0:2]
+    return first[0:6], one[0:6], two[0:6], three[0:6], last[2:11], rotation, first[6:9], frame[0:9]
+
+
+@inner
+def _weights_of(blend, i, blended):
+    if blended:
+        return shares_of(load4(blend, 4 * i))
+    one, none = splat(np.float32(1)), splat(np.float32(0))
+    return (one, none, none, none), one
+
+
+@inner
+def _forward_sixteen(
+    i, position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended,
+    centre, tangent_u, tangent_v, opacity, colour, turned, around,
+):  # fmt: skip
+    own, one, two, three, turn, u, t, k = _faces(i, binding, frame_rows, neighbours, rows, around)
+    shares, g = _weights_of(blend, i, blended)
+    v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])
+    w, p = blended_motion(v, own, one, two, three, turn)
+    a, b, _c = matrix3.exponential_terms(w)
+    q = matrix3.turned(u, w, a, b)
+    first, second, _unit, _length = disc_axes(load4(quaternion, 4 * i))
+    scale = load2(log_scale, 2 * i)
+    x, tu, tv = carried(q, p, k, load3(position, 3 * i), first, second, exp(scale[0]), exp(scale[1]))
+    store3(centre, 3 * i, (x[0] + t[0], x[1] + t[1], x[2] + t[2]))
+    store3(tangent_u, 3 * i, tu)
+    store3(tangent_v, 3 * i, tv)
+    rgb = load3(dc, 3 * i)
+    store3(colour, 3 * i, (0.5 + SH_BASE * rgb[0], 0.5 + SH_BASE * rgb[1], 0.5 + SH_BASE * rgb[2]))
+    store(opacity, i, sigmoid(load(logit, i)))
+    if len(turned) > 0:
+        store9(turned, 9 * i, q)
+
+
+@inner
+def _backward_sixteen(
+    i, position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended,
+    g_centre, g_u, g_v, g_opacity, g_colour, d_position, d_quaternion, d_log_scale, d_logit, d_dc, d_blend, around,
+):  # fmt: skip
+    own, one, two, three, turn, u, _t, k = _faces(i, binding, frame_rows, neighbours, rows, around)
+    shares, g = _weights_of(blend, i, blended)
+    v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])
+    w, p = blended_motion(v, own, one, two, three, turn)
+    a, b, c = matrix3.exponential_terms(w)
+    q = matrix3.turned(u, w, a, b)
+    first, second, unit, length = disc_axes(load4(quaternion, 4 * i))
+    scale = load2(log_scale, 2 * i)
+    dx, dq, ds, h, y = pulled_back(
+        q, p, k, first, second, unit, length, exp(scale[0]), exp(scale[1]), load3(g_centre, 3 * i), load3(g_u, 3 * i),
+        load3(g_v, 3 * i), load3(position, 3 * i),
+    )  # fmt: skip
+    store3(d_position, 3 * i, dx)
+    store4(d_quaternion, 4 * i, dq)
+    store2(d_log_scale, 2 * i, ds)
+    opacity = sigmoid(load(logit, i))
+    store(d_logit, i, load(g_opacity, i) * opacity * (1 - opacity))
+    rgb = load3(g_colour, 3 * i)
+    store3(d_dc, 3 * i, (SH_BASE * rgb[0], SH_BASE * rgb[1], SH_BASE * rgb[2]))
+    none = splat(np.float32(0))
+    db = (none, none, none, none)
+    if blended:
+        dturn = turn_gradient(w, b, c, p, h[0], h[1], h[2], y[0], y[1], y[2])
+        dp = stretch_gradient(h[0], h[1], h[2], y[0], y[1], y[2])
+        db = blend_gradient(shares, g, dturn, dp, own, one, two, three, turn)
+    store4(d_blend, 4 * i, db)
 
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
-def _backward(
-    position, quaternion, log_scale, logit, dc, blend, binding, frame, neighbours, face_centre, rotation, stretch, turn,
-    blended, weight, scale, opacity, g_centre, g_u, g_v, g_opacity, g_colour,
-    d_position, d_quaternion, d_log_scale, d_logit, d_dc, d_blend,
+def _forward_vectors(
+    position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended,
+    centre, tangent_u, tangent_v, opacity, colour, turned,
 ):  # fmt: skip
-    for i in numba.prange(len(binding)):
-        f = binding[i]
-        w0, w1, w2, w3 = weight[i, 0], weight[i, 1], weight[i, 2], weight[i, 3]
-        g = 1.0 / (w0 + w1 + w2 + w3)
-        w, p = _blended(f, g * w0, g * w1, g * w2, g * w3, neighbours, stretch, turn)
-        a, b, c = matrix3.exponential_terms(w)
-        q = matrix3.turned(matrix3.load(rotation, f), w, a, b)
-        k = matrix3.load(frame, f)
-        first, second, unit, length = _disc_axes(quaternion, i)
-        s, t = scale[i, 0], scale[i, 1]
-        # Gradients in the frame after the stretch, the canonical vectors before it, and gradients there.
-        hx = matrix3.apply_transposed(q, (g_centre[i, 0], g_centre[i, 1], g_centre[i, 2]))
-        hu = matrix3.apply_transposed(q, (s * g_u[i, 0], s * g_u[i, 1], s * g_u[i, 2]))
-        hv = matrix3.apply_transposed(q, (t * g_v[i, 0], t * g_v[i, 1], t * g_v[i, 2]))
-        x, u, v = (
-            matrix3.apply(k, (position[i, 0], position[i, 1], position[i, 2])),
-            matrix3.apply(k, first),
-            matrix3.apply(k, second),
-        )
-        du, dv = (
-            matrix3.apply_transposed(k, matrix3.apply_symmetric(p, hu)),
-            matrix3.apply_transposed(k, matrix3.apply_symmetric(p, hv)),
-        )
-        dx = matrix3.apply_transposed(k, matrix3.apply_symmetric(p, hx))
-        d_position[i, 0], d_position[i, 1], d_position[i, 2] = dx
-        d_log_scale[i, 0], d_log_scale[i, 1] = matrix3.dot(first, du), matrix3.dot(second, dv)
-        d_logit[i] = g_opacity[i] * opacity[i] * (1 - opacity[i])
-        for n in range(3):
-            d_dc[i, n] = SH_BASE * g_colour[i, n]
-        qw, qx, qy, qz = unit
-        dw = 2 * (qz * du[1] - qy * du[2] - qz * dv[0] + qx * dv[2])
-        dqx = 2 * (qy * du[1] + qz * du[2] + qy * dv[0] - 2 * qx * dv[1] + qw * dv[2])
-        dqy = 2 * (-2 * qy * du[0] + qx * du[1] - qw * du[2] + qx * dv[0] + qz * dv[2])
-        dqz = 2 * (-2 * qz * du[0] + qw * du[1] + qx * du[2] - qw * dv[0] - 2 * qz * dv[1] + qy * dv[2])
-        along = dw * qw + dqx * qx + dqy * qy + dqz * qz
-        d_quaternion[i, 0], d_quaternion[i, 1] = length * (dw - along * qw), length * (dqx - along * qx)
-        d_quaternion[i, 2], d_quaternion[i, 3] = length * (dqy - along * qy), length * (dqz - along * qz)
-        if not blended:
-            d_blend[i] = 0
-            continue
-        # d(Q y) = Q (Jr dw x y): torque of the gradients, then the right Jacobian's transpose I + b [w] + c [w]^2.
-        torque_x, torque_u = (
-            matrix3.cross(matrix3.apply_symmetric(p, x), hx),
-            matrix3.cross(matrix3.apply_symmetric(p, u), hu),
-        )
-        torque_v = matrix3.cross(matrix3.apply_symmetric(p, v), hv)
-        torque = (
-            torque_x[0] + torque_u[0] + torque_v[0],
-            torque_x[1] + torque_u[1] + torque_v[1],
-            torque_x[2] + torque_u[2] + torque_v[2],
-        )
-        once = matrix3.cross(w, torque)
-        twice = matrix3.cross(w, once)
-        dturn = (
-            torque[0] + b * once[0] + c * twice[0],
-            torque[1] + b * once[1] + c * twice[1],
-            torque[2] + b * once[2] + c * twice[2],
-        )
-        dp = (
-            hx[0] * x[0] + hu[0] * u[0] + hv[0] * v[0],
-            hx[0] * x[1] + hx[1] * x[0] + hu[0] * u[1] + hu[1] * u[0] + hv[0] * v[1] + hv[1] * v[0],
-            hx[0] * x[2] + hx[2] * x[0] + hu[0] * u[2] + hu[2] * u[0] + hv[0] * v[2] + hv[2] * v[0],
-            hx[1] * x[1] + hu[1] * u[1] + hv[1] * v[1],
-            hx[1] * x[2] + hx[2] * x[1] + hu[1] * u[2] + hu[2] * u[1] + hv[1] * v[2] + hv[2] * v[1],
-            hx[2] * x[2] + hu[2] * u[2] + hv[2] * v[2],
-        )
-        dv0, dv1, dv2, dv3 = (
-            0.0,
-            matrix3.dot(dturn, turn[f, 0]),
-            matrix3.dot(dturn, turn[f, 1]),
-            matrix3.dot(dturn, turn[f, 2]),
-        )
-        n1, n2, n3 = neighbours[f, 0], neighbours[f, 1], neighbours[f, 2]
-        for n in range(6):
-            dv0 += dp[n] * stretch[f, n]
-            dv1 += dp[n] * stretch[n1, n]
-            dv2 += dp[n] * stretch[n2, n]
-            dv3 += dp[n] * stretch[n3, n]
-        mean = g * (w0 * dv0 + w1 * dv1 + w2 * dv2 + w3 * dv3)
-        d_blend[i, 0], d_blend[i, 1] = g * w0 * (1 - w0) * (dv0 - mean), g * w1 * (1 - w1) * (dv1 - mean)
-        d_blend[i, 2], d_blend[i, 3] = g * w2 * (1 - w2) * (dv2 - mean), g * w3 * (1 - w3) * (dv3 - mean)
+    n = len(binding)
+    for part in numba.prange((n + PART - 1) // PART):
+        around = np.empty(3 * WIDTH, np.int32)
+        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
+            _forward_sixteen(
+                min(start, n - WIDTH), position, quaternion, log_scale, logit, dc, blend, binding, frame_rows,
+                neighbours, rows, blended, centre, tangent_u, tangent_v, opacity, colour, turned, around,
+            )  # fmt: skip
+
+
+@numba.njit(cache=True, parallel=True, error_model="numpy")
+def _backward_vectors(
+    position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended,
+    g_centre, g_u, g_v, g_opacity, g_colour, d_position, d_quaternion, d_log_scale, d_logit, d_dc, d_blend,
+):  # fmt: skip
+    n = len(binding)
+    for part in numba.prange((n + PART - 1) // PART):
+        around = np.empty(3 * WIDTH, np.int32)
+        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
+            _backward_sixteen(
+                min(start, n - WIDTH), position, quaternion, log_scale, logit, dc, blend, binding, frame_rows,
+                neighbours, rows, blended, g_centre, g_u, g_v, g_opacity, g_colour,
+                d_position, d_quaternion, d_log_scale, d_logit, d_dc, d_blend, around,
+            )  # fmt: skip

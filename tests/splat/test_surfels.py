@@ -121,6 +121,30 @@ def test_gradients_are_those_of_finite_differences(ball, blend):
     assert torch.autograd.gradcheck(outputs, leaves, eps=1e-6, atol=1e-8, rtol=1e-5)
 
 
+@pytest.mark.parametrize("blend", [True, False])
+def test_sixteen_at_a_time_is_the_same_as_one_by_one(ball, blend):
+    """Float32 goes through vectors, float64 through scalars: the same formulas, and 1001 is no multiple of sixteen."""
+    vertices, faces = ball
+    rig = build_rig(vertices, faces)
+    motion = face_motion(rig, bent(vertices))
+    surfels = random_surfels(1001, len(faces))
+    doubled = Surfels(
+        **{name: value.detach().double().requires_grad_(True) for name, value in surfels.attributes()},
+        binding=surfels.binding,
+    )
+    results = []
+    for some in (surfels, doubled):
+        world = skin(some, rig, motion, blend=blend, rotations=True)
+        generator = torch.Generator().manual_seed(1)
+        upstream = [torch.randn(t.shape, generator=generator).to(t.dtype) for t in world[:5]]
+        torch.autograd.backward(world[:5], upstream)
+        results.append(([t.detach() for t in world], [v.grad for n, v in some.attributes() if n != "harmonics"]))
+    for single, double in zip(*(values for values, _ in results), strict=True):
+        torch.testing.assert_close(single.double(), double.double(), rtol=1e-5, atol=1e-6)
+    for single, double in zip(*(gradients for _, gradients in results), strict=True):
+        torch.testing.assert_close(single.double(), double, rtol=1e-4, atol=1e-6 * double.abs().max().item())
+
+
 def test_gradients_do_not_depend_on_the_number_of_threads(ball):
     import numba
 
