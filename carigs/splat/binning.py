@@ -8,7 +8,11 @@ import numba
 import numpy as np
 from jaxtyping import Float32, Int32
 
+from carigs.splat.simd_memory import prefetch
+
 TILE = 32  # pixels along a tile's side
+DIGITS = 1 << 12  # of the radix sort
+AHEAD = 16  # surfels by which boxes are fetched before they are needed
 
 
 class TileLists(NamedTuple):
@@ -28,30 +32,29 @@ class TileLists(NamedTuple):
 
 @numba.njit(cache=True)
 def _sort_by_key(key, surfel):
-    """Stable radix sort of surfels by 32-bit keys, digits of 11, 11 and 10 bits."""
+    """Stable radix sort of surfels by unsigned keys, 12 bits at a time; only as many as their range has."""
     count = key.size
-    histogram = np.zeros((3, 2048), np.int32)
-    for i in range(count):
-        k = key[i]
-        histogram[0, k & 2047] += 1
-        histogram[1, (k >> 11) & 2047] += 1
-        histogram[2, k >> 22] += 1
     other_key, other = np.empty_like(key), np.empty_like(surfel)
-    for digit in range(3):
-        total = 0
-        for b in range(2048):
-            n = histogram[digit, b]
-            histogram[digit, b] = total
-            total += n
-        shift = 11 * digit
+    low, high = key.min(), key.max()
+    shift = 0
+    while shift < 32 and (high - low) >> np.uint32(shift) > 0:
+        begin = np.zeros(DIGITS, np.int32)
         for i in range(count):
-            b = (key[i] >> shift) & 2047
-            to = histogram[digit, b]
-            histogram[digit, b] = to + 1
+            begin[((key[i] - low) >> np.uint32(shift)) & np.uint32(DIGITS - 1)] += 1
+        total = 0
+        for b in range(DIGITS):
+            n = begin[b]
+            begin[b] = total
+            total += n
+        for i in range(count):
+            b = ((key[i] - low) >> np.uint32(shift)) & np.uint32(DIGITS - 1)
+            to = begin[b]
+            begin[b] = to + 1
             other_key[to] = key[i]
             other[to] = surfel[i]
         key, other_key = other_key, key
         surfel, other = other, surfel
+        shift += 12
     return surfel
 
 
@@ -77,13 +80,19 @@ def _scatter(depth_bits, box, tiles, tile, across, down):
         if tiles[i] > 0:
             key[k], surfel[k] = depth_bits[i], i
             k += 1
-    surfel = _sort_by_key(key, surfel)
+    if visible > 0:
+        surfel = _sort_by_key(key, surfel)
     for t in range(across * down):
         start[t + 1] += start[t]
     cursor = start.copy()
     entry, slot = np.empty(pairs, np.int32), np.empty(pairs, np.int32)
+    flat = box.reshape(-1)
     for k in range(visible):
         i = surfel[k]
+        if k + AHEAD < visible:
+            later = np.int64(surfel[k + AHEAD])
+            prefetch(flat, 4 * later)
+            prefetch(first_slot, later)
         s = first_slot[i]
         for ty in range(box[i, 2] // tile, (box[i, 3] - 1) // tile + 1):
             for tx in range(box[i, 0] // tile, (box[i, 1] - 1) // tile + 1):

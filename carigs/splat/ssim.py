@@ -30,15 +30,15 @@ T0, T1, T2, T3, T4, T5 = (_taps / _taps.sum()).astype(np.float32)[: RADIUS + 1] 
 
 
 @numba.njit(fastmath=FASTMATH)
-def _across(p, i, x):
-    """Taps along a row: i names the plane and the row of `p`, x the leftmost tap."""
+def _across(row, x):
+    """Taps along a row, x being the leftmost."""
     return (
-        T0 * (p[i, x] + p[i, x + 10])
-        + T1 * (p[i, x + 1] + p[i, x + 9])
-        + T2 * (p[i, x + 2] + p[i, x + 8])
-        + T3 * (p[i, x + 3] + p[i, x + 7])
-        + T4 * (p[i, x + 4] + p[i, x + 6])
-        + T5 * p[i, x + 5]
+        T0 * (row[x] + row[x + 10])
+        + T1 * (row[x + 1] + row[x + 9])
+        + T2 * (row[x + 2] + row[x + 8])
+        + T3 * (row[x + 3] + row[x + 7])
+        + T4 * (row[x + 4] + row[x + 6])
+        + T5 * row[x + 5]
     )
 
 
@@ -64,28 +64,50 @@ def _strip(x, y, valid, l1_weight, ssim_weight, gradient, strips, task):
     r1 = min(r0 + STRIP, height)
     m0, m1 = max(r0 - RADIUS, 0), min(r1 + RADIUS, height)  # rows with derivative maps
     h0, h1 = max(m0 - RADIUS, 0), min(m1 + RADIUS, height)  # rows with horizontal moments
+    # Where x = y, S = 1, and what such pixels contribute to the gradient of others cancels: only columns with a
+    # difference, and those within reach of one, are computed.
+    c0, c1 = width, 0
+    for r in range(h0, h1):
+        q = 0
+        while q < c0 and (x[c, r, q] == y[c, r, q] or not valid[r, q]):
+            q += 1
+        c0, q = q, width
+        while q > c1 and (x[c, r, q - 1] == y[c, r, q - 1] or not valid[r, q - 1]):
+            q -= 1
+        c1 = q
+    for r in range(r0, r1):
+        gradient[c, r, :] = ZERO
+    if c1 <= c0:
+        return 0.0, float((r1 - r0) * width)
+    f0, f1 = max(c0 - 2 * RADIUS, 0), min(c1 + 2 * RADIUS, width)  # columns that are read and have a gradient
+    d0, d1 = max(c0 - RADIUS, 0), min(c1 + RADIUS, width)  # columns with derivative maps
+    read, mapped, left = f1 - f0, d1 - d0, d0 - f0
     # Rows that the filter wants and that lie outside the image or, for the maps, outside the strip's reach, are 0.
-    moments = np.zeros((5, m1 - m0 + 2 * RADIUS, width), np.float32)
-    maps = np.zeros((3, r1 - r0 + 2 * RADIUS, width), np.float32)
-    row = np.zeros((5, width + 2 * RADIUS), np.float32)
+    moments = np.zeros((5, m1 - m0 + 2 * RADIUS, mapped), np.float32)
+    maps = np.zeros((3, r1 - r0 + 2 * RADIUS, mapped), np.float32)
+    row = np.zeros((5, read + 2 * RADIUS), np.float32)
+    # Loops begin at 0, in one-dimensional views where need be: Numba guards other indices against being negative, and
+    # does not know that two-dimensional views have contiguous rows; either way nothing would be vectorised.
     for r in range(h0, h1):
         at = r - (m0 - RADIUS)
-        for q in range(width):
-            a = x[c, r, q]
-            b = y[c, r, q] if valid[r, q] else a
+        x_row, y_row, valid_row = x[c, r, f0:f1], y[c, r, f0:f1], valid[r, f0:f1]
+        for q in range(read):
+            a = x_row[q]
+            b = y_row[q] if valid_row[q] else a
             row[0, q + RADIUS], row[1, q + RADIUS] = a, b
             row[2, q + RADIUS], row[3, q + RADIUS], row[4, q + RADIUS] = a * a, b * b, a * b
         for i in range(5):
-            for q in range(width):
-                moments[i, at, q] = _across(row, i, q)
+            from_left = row[i, left:]
+            for q in range(mapped):
+                moments[i, at, q] = _across(from_left, q)
     total = 0.0
     for r in range(m0, m1):
         at, to = r - m0, r - (r0 - RADIUS)
         for i in range(5):
-            for q in range(width):
+            for q in range(mapped):
                 row[i, q] = _down(moments, i, at, q)
-        row_total = np.float32(0)
-        for q in range(width):
+        row_total = np.float32(width - mapped)
+        for q in range(mapped):
             m, n, xx, yy, xy = row[0, q], row[1, q], row[2, q], row[3, q], row[4, q]
             a1, a2 = TWO * m * n + C1, TWO * (xy - m * n) + C2
             b1, b2 = m * m + n * n + C1, xx - m * m + yy - n * n + C2
@@ -98,19 +120,22 @@ def _strip(x, y, valid, l1_weight, ssim_weight, gradient, strips, task):
         if r0 <= r < r1:
             total += row_total
     similarity, total = total, 0.0
-    row[:] = np.float32(0)
+    row[:] = ZERO
     for r in range(r0, r1):
         for i in range(3):
-            for q in range(width):
-                row[i, q + RADIUS] = _down(maps, i, r - r0, q)
-        row_total = np.float32(0)
-        for q in range(width):
-            a, b = x[c, r, q], y[c, r, q]
-            slope = _across(row, 0, q) + TWO * a * _across(row, 1, q) + b * _across(row, 2, q)
+            to_row = row[i, left + RADIUS :]
+            for q in range(mapped):
+                to_row[q] = _down(maps, i, r - r0, q)
+        x_row, y_row, valid_row, gradient_row = x[c, r, f0:f1], y[c, r, f0:f1], valid[r, f0:f1], gradient[c, r, f0:f1]
+        row_0, row_1, row_2 = row[0], row[1], row[2]
+        row_total = ZERO
+        for q in range(read):
+            a, b = x_row[q], y_row[q]
+            slope = _across(row_0, q) + TWO * a * _across(row_1, q) + b * _across(row_2, q)
             step = ONE if a > b else (-ONE if a < b else ZERO)
-            counts = ONE if valid[r, q] else ZERO
+            counts = ONE if valid_row[q] else ZERO
             row_total += counts * abs(a - b)
-            gradient[c, r, q] = counts * (l1_weight * step - ssim_weight * slope)
+            gradient_row[q] = counts * (l1_weight * step - ssim_weight * slope)
         total += row_total
     return total, similarity
 

@@ -53,9 +53,7 @@ def validity(warp: Warp, foreground: Float32[np.ndarray, "h w"], model: HeadMode
     invisible = np.zeros_like(on_mesh)
     if settings.invisible:
         seen = warp.source_depth <= warp.natural.depth[source] + settings.depth_tolerance
-        # Pixels on the frame's outline are mixed with what lies behind: right on the outline of the caricature alone.
-        mixed = ~_erode(in_frame, 1)[source] & _erode(on_mesh, 1)
-        invisible = on_mesh & ~(inside & seen & in_frame[source] & ~mixed)
+        invisible = on_mesh & ~(inside & seen & in_frame[source])
 
     # In the frame: the scalp as it is seen, and what sticks out of the mesh by more than the outline's own blur.
     hair_faces = model.face_region(*settings.hair_regions)
@@ -89,10 +87,6 @@ def _between_lips(pixel: Float[np.ndarray, "v 2"], model: HeadModel, shape: tupl
     inside = np.zeros(shape, np.uint8)
     cv2.fillPoly(inside, [np.rint(pixel[model.landmarks68[INNER_LIPS]] - 0.5).astype(np.int32)], 1)
     return inside > 0
-
-
-def _erode(mask: Bool[np.ndarray, "h w"], radius: int) -> Bool[np.ndarray, "h w"]:
-    return ~_dilate(~mask, radius)
 
 
 def _distance(mask: Bool[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
