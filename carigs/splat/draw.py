@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -48,8 +47,8 @@ def draw(
     skinned = skin(surfels, rig, motion, blend=kind == "jbs", rotations=turning)
     colour = skinned.colour
     if surfels.sh_degree > 0:
-        eye = torch.from_numpy(camera.centre.astype("float32"))
-        colour = colour + view_colour(surfels.harmonics, skinned.centre, eye, skinned.rotation, surfels.sh_degree)
+        seen = view_colour(surfels.harmonics, skinned.centre, camera.centre, skinned.rotation, surfels.sh_degree)
+        colour = colour + seen
     world = WorldSurfels(*skinned[:4], colour.clamp_min(0))
     rendering = rasterize(world, camera, backend=backend, outputs=outputs)
     image = rendering.colour + (1 - rendering.alpha)[..., None] * background

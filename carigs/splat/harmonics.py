@@ -1,10 +1,26 @@
-"""View-dependent colour: real spherical harmonics of degrees 1 to 3."""
+"""View-dependent colour: real spherical harmonics of degrees 1 to 3, and their gradients (Numba).
+
+Order and signs are those of 3D Gaussian splatting (Condon-Shortley phase, m = -l .. l), so that its files fit.  The
+formulas take tuples of numbers: vectors of sixteen surfels for float32, scalars for float64, which the tests check.
+"""
 
 from __future__ import annotations
 
+import numba
+import numpy as np
 import torch
 from jaxtyping import Float
+from numba.np.unsafe.ndarray import to_fixed_tuple
 from torch import Tensor
+
+from carigs.splat import matrix3
+from carigs.splat.simd import WIDTH, formula, inner
+from carigs.splat.simd_math import larger, sqrt
+from carigs.splat.simd_memory import load3, load9, load_rows, store3, store9, store_rows
+
+PART = 1024  # surfels of one task
+_A, _B, _C, _D = 0.4886025119029199, 1.0925484305920792, 0.31539156525252005, 0.5462742152960396
+_E, _F, _G, _H, _I = 0.5900435899266435, 2.890611442640554, 0.4570457994644658, 0.3731763325901154, 1.445305721320277
 
 
 def coefficients(degree: int) -> int:
@@ -12,49 +28,278 @@ def coefficients(degree: int) -> int:
     return (degree + 1) ** 2 - 1
 
 
-def basis(direction: Float[Tensor, "n 3"], degree: int) -> Float[Tensor, "n k"]:
-    """Basis functions of degrees 1 .. `degree` at unit directions.
+@formula
+def _basis1(d):
+    x, y, z = d
+    return -_A * y, _A * z, -_A * x
 
-    Order and signs are those of 3D Gaussian splatting (Condon-Shortley phase, m = -l .. l), so that its files fit.
-    """
-    x, y, z = direction.unbind(1)
-    terms = []
-    if degree >= 1:
-        terms += [-0.4886025119029199 * y, 0.4886025119029199 * z, -0.4886025119029199 * x]
-    if degree >= 2:
-        terms += [
-            1.0925484305920792 * x * y,
-            -1.0925484305920792 * y * z,
-            0.31539156525252005 * (2 * z * z - x * x - y * y),
-            -1.0925484305920792 * x * z,
-            0.5462742152960396 * (x * x - y * y),
-        ]
-    if degree >= 3:
-        terms += [
-            -0.5900435899266435 * y * (3 * x * x - y * y),
-            2.890611442640554 * x * y * z,
-            -0.4570457994644658 * y * (4 * z * z - x * x - y * y),
-            0.3731763325901154 * z * (2 * z * z - 3 * x * x - 3 * y * y),
-            -0.4570457994644658 * x * (4 * z * z - x * x - y * y),
-            1.445305721320277 * z * (x * x - y * y),
-            -0.5900435899266435 * x * (x * x - 3 * y * y),
-        ]
-    return torch.stack(terms, dim=1)
+
+@formula
+def _basis2(d):
+    x, y, z = d
+    return (
+        *_basis1(d), _B * x * y, -_B * y * z, _C * (2 * z * z - x * x - y * y), -_B * x * z, _D * (x * x - y * y),
+    )  # fmt: skip
+
+
+@formula
+def _basis3(d):
+    x, y, z = d
+    xx, yy, zz = x * x, y * y, z * z
+    return (
+        *_basis2(d), -_E * y * (3 * xx - yy), _F * x * y * z, -_G * y * (4 * zz - xx - yy),
+        _H * z * (2 * zz - 3 * xx - 3 * yy), -_G * x * (4 * zz - xx - yy), _I * z * (xx - yy), -_E * x * (xx - 3 * yy),
+    )  # fmt: skip
+
+
+@formula
+def _slope1(d, s):
+    """Gradient of sum_k s_k basis_k with respect to the direction."""
+    return -_A * s[2], -_A * s[0], _A * s[1]
+
+
+@formula
+def _slope2(d, s):
+    x, y, z = d
+    a, b, c = _slope1(d, s)
+    return (
+        a + _B * (y * s[3] - z * s[6]) + 2 * x * (_D * s[7] - _C * s[5]),
+        b + _B * (x * s[3] - z * s[4]) - 2 * y * (_D * s[7] + _C * s[5]),
+        c - _B * (y * s[4] + x * s[6]) + 4 * _C * z * s[5],
+    )
+
+
+@formula
+def _slope3(d, s):
+    x, y, z = d
+    xx, yy, zz = x * x, y * y, z * z
+    a, b, c = _slope2(d, s)
+    a = a - 6 * _E * x * y * s[8] + _F * y * z * s[9] + 2 * _G * x * y * s[10] - 6 * _H * x * z * s[11]
+    b = b - 3 * _E * (xx - yy) * s[8] + _F * x * z * s[9] - _G * (4 * zz - xx - 3 * yy) * s[10] - 6 * _H * y * z * s[11]
+    c = c + _F * x * y * s[9] - 8 * _G * y * z * s[10] + 3 * _H * (2 * zz - xx - yy) * s[11]
+    return (
+        a - _G * (4 * zz - 3 * xx - yy) * s[12] + 2 * _I * x * z * s[13] - 3 * _E * (xx - yy) * s[14],
+        b + 2 * _G * x * y * s[12] - 2 * _I * y * z * s[13] + 6 * _E * x * y * s[14],
+        c - 8 * _G * x * z * s[12] + _I * (xx - yy) * s[13],
+    )
+
+
+@formula
+def _view(centre, eye, turn):
+    """Unit direction from the eye, the inverse of its length, and the direction in the head's own axes."""
+    x, y, z = centre[0] - eye[0], centre[1] - eye[1], centre[2] - eye[2]
+    g = 1.0 / sqrt(larger(x * x + y * y + z * z, 1e-24))
+    n = (x * g, y * g, z * g)
+    return n, g, matrix3.apply_transposed(turn, n)
+
+
+@formula
+def _centre_gradient(n, g, turn, slope):
+    d = matrix3.apply(turn, slope)
+    along = matrix3.dot(n, d)
+    return g * (d[0] - along * n[0]), g * (d[1] - along * n[1]), g * (d[2] - along * n[2])
+
+
+@inner
+def _load8(array, i):
+    a, b = load_rows(array, 24 * i, 24), load_rows(array, 24 * i + 8, 24)
+    return (*a, *b[8:16])
+
+
+@inner
+def _store8(array, i, h):
+    store_rows(array, 24 * i + 8, 24, h[8:24])
+    store_rows(array, 24 * i, 24, h[0:16])
+
+
+@inner
+def _load15(array, i):
+    a, b, c = load_rows(array, 45 * i, 45), load_rows(array, 45 * i + 16, 45), load_rows(array, 45 * i + 29, 45)
+    return (*a, *b, *c[3:16])
+
+
+@inner
+def _store15(array, i, h):
+    store_rows(array, 45 * i + 29, 45, h[29:45])
+    store_rows(array, 45 * i + 16, 45, h[16:32])
+    store_rows(array, 45 * i, 45, h[0:16])
+
+
+@inner
+def _load3(array, i):
+    return load9(array, 9 * i)
+
+
+@inner
+def _store3(array, i, h):
+    store9(array, 9 * i, h)
+
+
+@formula
+def _times(b, g):
+    return b * g[0], b * g[1], b * g[2]
+
+
+@formula
+def _scaled1(b, g):
+    """basis_k g_c: the gradient of the coefficients, colour by colour."""
+    return (*_times(b[0], g), *_times(b[1], g), *_times(b[2], g))
+
+
+@formula
+def _scaled2(b, g):
+    return (
+        *_scaled1(b, g), *_times(b[3], g), *_times(b[4], g), *_times(b[5], g), *_times(b[6], g), *_times(b[7], g),
+    )  # fmt: skip
+
+
+@formula
+def _scaled3(b, g):
+    return (
+        *_scaled2(b, g), *_times(b[8], g), *_times(b[9], g), *_times(b[10], g), *_times(b[11], g), *_times(b[12], g),
+        *_times(b[13], g), *_times(b[14], g),
+    )  # fmt: skip
+
+
+@formula
+def _paired1(h, g):
+    """sum_c h_kc g_c: the gradient of the basis functions."""
+    return matrix3.dot(h[0:3], g), matrix3.dot(h[3:6], g), matrix3.dot(h[6:9], g)
+
+
+@formula
+def _paired2(h, g):
+    return (
+        *_paired1(h, g), matrix3.dot(h[9:12], g), matrix3.dot(h[12:15], g), matrix3.dot(h[15:18], g),
+        matrix3.dot(h[18:21], g), matrix3.dot(h[21:24], g),
+    )  # fmt: skip
+
+
+@formula
+def _paired3(h, g):
+    return (
+        *_paired2(h, g), matrix3.dot(h[24:27], g), matrix3.dot(h[27:30], g), matrix3.dot(h[30:33], g),
+        matrix3.dot(h[33:36], g), matrix3.dot(h[36:39], g), matrix3.dot(h[39:42], g), matrix3.dot(h[42:45], g),
+    )  # fmt: skip
+
+
+def _numbers(count):
+    @numba.njit
+    def numbers(array, at):
+        return to_fixed_tuple(array[at : at + count], count)
+
+    return numbers
+
+
+_three, _nine = _numbers(3), _numbers(9)
+
+
+def _kernels(degree, basis, slope, scaled, paired, read, write):
+    """The loops of one degree, forward and backward: sixteen surfels at a time, and one by one."""
+    count = coefficients(degree)
+    numbers = _numbers(3 * count)
+
+    @formula
+    def summed(b, h):
+        red, green, blue = b[0] * h[0], b[0] * h[1], b[0] * h[2]
+        for k in range(1, count):
+            red, green, blue = red + b[k] * h[3 * k], green + b[k] * h[3 * k + 1], blue + b[k] * h[3 * k + 2]
+        return red, green, blue
+
+    @inner
+    def forward_sixteen(i, harmonics, centre, eye, rotation, colour):
+        _, _, d = _view(load3(centre, 3 * i), eye, load9(rotation, 9 * i))
+        store3(colour, 3 * i, summed(basis(d), read(harmonics, i)))
+
+    @inner
+    def backward_sixteen(i, harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre):
+        turn, g, h = load9(rotation, 9 * i), load3(g_colour, 3 * i), read(harmonics, i)
+        n, length, d = _view(load3(centre, 3 * i), eye, turn)
+        write(d_harmonics, i, scaled(basis(d), g))
+        store3(d_centre, 3 * i, _centre_gradient(n, length, turn, slope(d, paired(h, g))))
+
+    @numba.njit(cache=True, parallel=True, error_model="numpy")
+    def forward_vectors(harmonics, centre, eye, rotation, colour):
+        n = len(centre) // 3
+        for part in numba.prange((n + PART - 1) // PART):
+            for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
+                forward_sixteen(min(start, n - WIDTH), harmonics, centre, eye, rotation, colour)
+
+    @numba.njit(cache=True, parallel=True, error_model="numpy")
+    def backward_vectors(harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre):
+        n = len(centre) // 3
+        for part in numba.prange((n + PART - 1) // PART):
+            for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
+                i = min(start, n - WIDTH)
+                backward_sixteen(i, harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre)
+
+    @numba.njit(cache=True, error_model="numpy")
+    def forward(harmonics, centre, eye, rotation, colour):
+        for i in range(len(centre) // 3):
+            _, _, d = _view(_three(centre, 3 * i), eye, _nine(rotation, 9 * i))
+            total = summed(basis(d), numbers(harmonics, 3 * count * i))
+            for c in range(3):
+                colour[3 * i + c] = total[c]
+
+    @numba.njit(cache=True, error_model="numpy")
+    def backward(harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre):
+        for i in range(len(centre) // 3):
+            turn, g = _nine(rotation, 9 * i), _three(g_colour, 3 * i)
+            n, length, d = _view(_three(centre, 3 * i), eye, turn)
+            dh = scaled(basis(d), g)
+            for k in range(3 * count):
+                d_harmonics[3 * count * i + k] = dh[k]
+            dc = _centre_gradient(n, length, turn, slope(d, paired(numbers(harmonics, 3 * count * i), g)))
+            for c in range(3):
+                d_centre[3 * i + c] = dc[c]
+
+    return forward_vectors, backward_vectors, forward, backward
+
+
+_KERNELS = {
+    1: _kernels(1, _basis1, _slope1, _scaled1, _paired1, _load3, _store3),
+    2: _kernels(2, _basis2, _slope2, _scaled2, _paired2, _load8, _store8),
+    3: _kernels(3, _basis3, _slope3, _scaled3, _paired3, _load15, _store15),
+}
 
 
 def view_colour(
     harmonics: Float[Tensor, "n k 3"],
     centre: Float[Tensor, "n 3"],
-    camera_centre: Float[Tensor, "3"],
+    camera_centre: Float[np.ndarray, "3"],
     rotation: Float[Tensor, "n 3 3"] | None,
     degree: int,
 ) -> Float[Tensor, "n 3"]:
     """What the higher degrees add to the colour seen from `camera_centre`.
 
-    With `rotation` (posed from canonical, per surfel) the harmonics live on the canonical head and turn with it: the
-    view direction is rotated back.
+    With `rotation` (posed from canonical, per surfel; not differentiated) the harmonics live on the canonical head and
+    turn with it: the view direction is rotated back.
     """
-    direction = torch.nn.functional.normalize(centre - camera_centre, dim=1)
-    if rotation is not None:
-        direction = (rotation * direction[:, :, None]).sum(dim=1)  # R^T d
-    return (basis(direction, degree)[:, :, None] * harmonics).sum(dim=1)
+    if rotation is None:
+        rotation = torch.eye(3, dtype=centre.dtype).expand(len(centre), 3, 3)
+    eye = tuple(float(c) for c in camera_centre)
+    return _ViewColour.apply(harmonics, centre, eye, rotation, degree)
+
+
+class _ViewColour(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, harmonics, centre, eye, rotation, degree):
+        arrays = [t.detach().contiguous().numpy().reshape(-1) for t in (harmonics, centre, rotation)]
+        ctx.kept, ctx.vectors = (arrays, eye, degree), centre.dtype == torch.float32 and len(centre) >= WIDTH
+        ctx.shapes = harmonics.shape, centre.shape
+        colour = np.empty_like(arrays[1])
+        forward_vectors, _, forward, _ = _KERNELS[degree]
+        (forward_vectors if ctx.vectors else forward)(arrays[0], arrays[1], eye, arrays[2], colour)
+        return torch.from_numpy(colour).view(centre.shape)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, g_colour):
+        (harmonics, centre, rotation), eye, degree = ctx.kept
+        d_harmonics, d_centre = np.empty_like(harmonics), np.empty_like(centre)
+        _, backward_vectors, _, backward = _KERNELS[degree]
+        g_colour = g_colour.contiguous().numpy().reshape(-1)
+        kernel = backward_vectors if ctx.vectors else backward
+        kernel(harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre)
+        gradients = (torch.from_numpy(d).view(s) for d, s in zip((d_harmonics, d_centre), ctx.shapes, strict=True))
+        return *gradients, None, None, None

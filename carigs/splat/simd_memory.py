@@ -115,7 +115,7 @@ def _load_fields(count):
     return function
 
 
-load2, load3, load4 = _load_fields(2), _load_fields(3), _load_fields(4)
+load2, load3, load4, load9 = _load_fields(2), _load_fields(3), _load_fields(4), _load_fields(9)
 
 
 def _store_fields(count):

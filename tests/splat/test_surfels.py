@@ -7,7 +7,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from carigs.settings import Train
-from carigs.splat.harmonics import basis, coefficients, view_colour
+from carigs.splat.harmonics import coefficients, view_colour
 from carigs.splat.initialise import place
 from carigs.splat.rig import build_rig, face_motion, jacobians
 from carigs.splat.skinning import skin
@@ -169,7 +169,11 @@ def test_harmonics_are_orthonormal():
     direction = np.stack([r * np.cos(angle), r * np.sin(angle), np.broadcast_to(z[:, None], (8, 16))], axis=2).reshape(
         -1, 3
     )
-    values = basis(torch.from_numpy(direction), 3).numpy()
+    values = np.empty((len(direction), coefficients(3)))
+    for k in range(coefficients(3)):  # each function alone, in red
+        one = torch.zeros(len(direction), coefficients(3), 3, dtype=torch.float64)
+        one[:, k, 0] = 1
+        values[:, k] = view_colour(one, torch.from_numpy(2 * direction), np.zeros(3), None, 3)[:, 0]
     gram = np.einsum("n,ni,nj->ij", np.repeat(weight, 16) * 2 * np.pi / 16, values, values)
     np.testing.assert_allclose(gram, np.eye(coefficients(3)), atol=1e-12)
 
@@ -182,9 +186,32 @@ def test_turned_harmonics_look_the_same_when_head_and_eye_turn_together():
 
     def colour(centre, eye, rotation):
         rotations = torch.from_numpy(np.tile(rotation, (20, 1, 1)))
-        return view_colour(harmonics, torch.from_numpy(centre), torch.from_numpy(eye), rotations, 3).numpy()
+        return view_colour(harmonics, torch.from_numpy(centre), eye, rotations, 3).numpy()
 
     np.testing.assert_allclose(colour(centre @ turn.T, turn @ eye, turn), colour(centre, eye, np.eye(3)), atol=1e-12)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_gradients_of_harmonics_are_those_of_finite_differences_in_vectors_too(degree):
+    rng = np.random.default_rng(degree)
+    n, eye = 37, np.array([0.3, -0.2, 1.1])
+    rotation = torch.from_numpy(Rotation.random(n, random_state=degree).as_matrix())
+    double = [
+        torch.from_numpy(values).requires_grad_(True)
+        for values in (rng.normal(size=(n, coefficients(degree), 3)), rng.normal(size=(n, 3)))
+    ]
+    some = [leaf[:5].detach().requires_grad_(True) for leaf in double]
+    assert torch.autograd.gradcheck(lambda h, c: view_colour(h, c, eye, rotation[:5], degree), some, atol=1e-7)
+    single = [leaf.detach().float().requires_grad_(True) for leaf in double]
+    upstream = torch.from_numpy(rng.normal(size=(n, 3)))
+    view_colour(*double, eye, rotation, degree).backward(upstream)
+    colour = view_colour(*single, eye, rotation.float(), degree)
+    colour.backward(upstream.float())
+    torch.testing.assert_close(
+        colour.detach().double(), view_colour(*double, eye, rotation, degree).detach(), rtol=1e-5, atol=1e-5
+    )
+    for a, b in zip(single, double, strict=True):
+        torch.testing.assert_close(a.grad.double(), b.grad, rtol=1e-4, atol=1e-5)
 
 
 def test_first_surfels_lie_in_their_triangles_and_hair_stands_on_them(ball):
