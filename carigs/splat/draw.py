@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 from jaxtyping import Float
@@ -23,6 +24,7 @@ class Drawing(NamedTuple):
     image: Float[Tensor, "h w 3"]
     """Over the background; not clamped."""
     rendering: Rendering
+    """Its colours are relative to the background."""
     world: WorldSurfels
 
 
@@ -35,10 +37,10 @@ def draw(
     kind: str = "jbs",
     rotate_harmonics: bool = True,
     background: float = 1.0,
-    outputs: tuple[str, ...] = ("colour", "alpha"),
+    outputs: tuple[str, ...] = (),
     backend: str = "cpu",
 ) -> Drawing:
-    """Render the surfels on a posed mesh.
+    """Render the surfels on a posed mesh; `outputs` are wanted beside the colour.
 
     `kind` is one of `RIGS`: `jbs` blends the neighbours' motions, `jacobian` takes the own face's.  With
     `rotate_harmonics` view-dependent colour turns with the head.
@@ -50,6 +52,8 @@ def draw(
         seen = view_colour(surfels.harmonics, skinned.centre, camera.centre, skinned.rotation, surfels.sh_degree)
         colour = colour + seen
     world = WorldSurfels(*skinned[:4], colour.clamp_min(0))
-    rendering = rasterize(world, camera, backend=backend, outputs=outputs)
-    image = rendering.colour + (1 - rendering.alpha)[..., None] * background
-    return Drawing(image, rendering, world)
+    # sum w c + (1 - sum w) b = b + sum w (c - b): colours relative to the background need no alpha, nor its gradient.
+    rendering = rasterize(
+        replace(world, colour=world.colour - background), camera, backend=backend, outputs=("colour", *outputs)
+    )
+    return Drawing(rendering.colour + background, rendering, world)

@@ -37,4 +37,4 @@ class _Photometric(torch.autograd.Function):
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, upstream):
-        return ctx.gradient * upstream, None, None, None
+        return ctx.gradient if upstream == 1 else ctx.gradient * upstream, None, None, None

@@ -154,10 +154,12 @@ class _Rasterize(torch.autograd.Function):
         # Geometry that no loss term used needs no geometry in the backward either.
         geometry = any(g is not None for g in gradients[2:])
         planes = forward.PLANES if geometry else forward.COLOUR_PLANES
-        upstream = torch.zeros((planes, ctx.size[1], ctx.size[0]))
+        upstream = torch.empty((planes, ctx.size[1], ctx.size[0]))
         places = (slice(1, 4), 0, 4, slice(5, 8), 8)
-        for place, gradient in zip(places, gradients, strict=False):
-            if gradient is not None:
+        for place, gradient in zip(places[: len(places) if geometry else 2], gradients, strict=False):
+            if gradient is None:
+                upstream[place] = 0
+            else:
                 upstream[place] = gradient.permute(2, 0, 1) if gradient.ndim == 3 else gradient
         lists = ctx.lists
         slots = ctx.composite_backward(

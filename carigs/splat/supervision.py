@@ -113,6 +113,8 @@ class Supervision:
             self._images.move_to_end(file)
             return self._images[file]
         pixels = read(file)
+        if pixels.ndim == 3:  # as planes in memory, which is how the loss takes them
+            pixels = np.ascontiguousarray(pixels.transpose(2, 0, 1)).transpose(1, 2, 0)
         self._images[file] = pixels
         self._bytes += pixels.nbytes
         while self._bytes > self.megabytes * 2**20 and len(self._images) > 1:
@@ -124,7 +126,7 @@ def _as_float(pixels: UInt8[np.ndarray, "h w 3"], camera: Camera, file: object) 
     if pixels.shape[:2] != (camera.height, camera.width):
         size = f"{pixels.shape[1]} x {pixels.shape[0]}"
         raise InputError(f"{size} pixels, its camera has {camera.width} x {camera.height}", file=str(file))
-    return pixels.astype(np.float32) / np.float32(255)
+    return np.divide(pixels, np.float32(255), dtype=np.float32)
 
 
 def _read_mask(file: Path) -> UInt8[np.ndarray, "h w"]:

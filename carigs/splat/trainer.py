@@ -99,7 +99,7 @@ class _Run:
         settings = self.settings
         late = i >= settings.regularise_from
         distortion, normals = late and settings.distortion_weight > 0, late and settings.normal_weight > 0
-        outputs = ("colour", "alpha") + ("distortion",) * distortion + ("depth", "normal") * normals
+        outputs = ("distortion",) * distortion + ("alpha", "depth", "normal") * normals
         drawing = draw(
             self.state.surfels,
             self.performance.rig,
