@@ -9,7 +9,12 @@ from __future__ import annotations
 
 from carigs.splat import matrix3
 from carigs.splat.simd import formula
-from carigs.splat.simd_math import exp, larger, sqrt
+from carigs.splat.simd_math import absolute, exp, larger, sqrt
+
+SMALLEST = 1e-30
+"""In place of lengths that could be 0 in a denominator."""
+FAINTEST = 60.0
+"""Blend logits below minus this count as this: their sigmoids must not all be 0."""
 
 
 @formula
@@ -20,8 +25,9 @@ def sigmoid(x):
 
 @formula
 def shares_of(logits):
-    """Sigmoids of the blend logits, and the inverse of their sum."""
-    w0, w1, w2, w3 = sigmoid(logits[0]), sigmoid(logits[1]), sigmoid(logits[2]), sigmoid(logits[3])
+    """Sigmoids of the blend logits, and the inverse of their sum, which is never 0."""
+    w0, w1 = sigmoid(larger(-FAINTEST, logits[0])), sigmoid(larger(-FAINTEST, logits[1]))
+    w2, w3 = sigmoid(larger(-FAINTEST, logits[2])), sigmoid(larger(-FAINTEST, logits[3]))
     return (w0, w1, w2, w3), 1.0 / (w0 + w1 + w2 + w3)
 
 
@@ -29,8 +35,12 @@ def shares_of(logits):
 def disc_axes(quaternion):
     """First two columns of the rotation matrix, the unit quaternion and the inverse of its length."""
     w, x, y, z = quaternion
-    g = 1.0 / sqrt(larger(w * w + x * x + y * y + z * z, 1e-30))
-    w, x, y, z = w * g, x * g, y * g, z * g
+    # By the largest number first: squares would overflow, or vanish.
+    most = larger(larger(absolute(w), absolute(x)), larger(absolute(y), absolute(z)))
+    h = 1.0 / larger(most, SMALLEST)
+    w, x, y, z = w * h, x * h, y * h, z * h
+    unit = 1.0 / sqrt(larger(w * w + x * x + y * y + z * z, 1.0))
+    w, x, y, z, g = w * unit, x * unit, y * unit, z * unit, h * unit
     first = (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y))
     second = (2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x))
     return first, second, (w, x, y, z), g

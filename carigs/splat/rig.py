@@ -15,6 +15,7 @@ import numba
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int, Int32
 
+from carigs.errors import MeshError
 from carigs.splat import matrix3
 
 DEGENERATE = 1e-6
@@ -75,13 +76,23 @@ class FaceMotion(NamedTuple):
 
 
 def build_rig(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Rig:
-    """Frames of the canonical mesh; degenerate triangles get some frame and move with their neighbours."""
-    vertices = np.ascontiguousarray(vertices, np.float64)
+    """Frames of the canonical mesh; degenerate triangles get some frame and move with their neighbours.
+
+    Raises `MeshError` for a vertex that is not finite.
+    """
+    vertices = _finite(vertices)
     faces = np.ascontiguousarray(faces, np.int32)
     scale, frame, inverse = _frames(vertices, faces)
     rows = np.zeros((len(faces), 16), np.float32)
     rows[:, :9] = (scale[:, None, None] * frame).reshape(-1, 9)
     return Rig(vertices, faces, edge_neighbours(faces), scale, rows, inverse)
+
+
+def _finite(vertices: Float[np.ndarray, "v 3"]) -> Float64[np.ndarray, "v 3"]:
+    bad = ~np.isfinite(vertices).all(axis=1)
+    if bad.any():
+        raise MeshError(f"vertex {int(np.argmax(bad))} of the mesh is not finite ({int(bad.sum())} of {len(bad)})")
+    return np.ascontiguousarray(vertices, np.float64)
 
 
 def edge_neighbours(faces: Int[np.ndarray, "f 3"]) -> Int32[np.ndarray, "f 3"]:
@@ -101,9 +112,9 @@ def face_motion(rig: Rig, posed: Float[np.ndarray, "v 3"]) -> FaceMotion:
     """Each triangle's Jacobian J = E(posed) E(canonical)^-1 and its polar parts.
 
     Triangles without area in either mesh take the mean rotation and stretch of their sound neighbours, ring by ring,
-    and the identity if there are none: everything stays finite.
+    and the identity if there are none: everything stays finite.  Raises `MeshError` for a vertex that is not.
     """
-    posed = np.ascontiguousarray(posed, np.float64)
+    posed = _finite(posed)
     centre, rotation, stretch, sound = _motion(posed, rig.faces, rig.canonical_edges)
     if not sound.all():
         _follow_neighbours(rotation, stretch, sound, rig.neighbours)

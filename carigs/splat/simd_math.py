@@ -190,7 +190,7 @@ _LOG2E = np.float32(math.log2(math.e))
 
 @inner
 def _exp(x):
-    return exp2(smaller(larger(x * _LOG2E, -125.0), 127.0))
+    return select(x <= np.inf, exp2(smaller(larger(x * _LOG2E, -125.0), 127.0)), x)  # NaN stays NaN
 
 
 def exp(x):
