@@ -1,5 +1,7 @@
 # make reproduce   set-up, the study, its table, figures and report: on a machine with nothing but Python and make
 # make test        every check that needs neither a GPU nor network weights
+# make bench       what the parts cost: results/benchmark; leave the machine alone meanwhile
+# make bench       what the parts cost beside what they are compared with (leave the machine alone meanwhile)
 # make lock        the lock again, after an edit of pyproject.toml
 #
 # make reproduce CORES=8 HYDRA="study=ict"      another study; any Hydra overrides
@@ -16,7 +18,7 @@ ROOT := $(dir $(abspath $(lastword $(MAKEFILE_LIST))))
 export PATH := $(ROOT).venv/bin:$(PATH)
 unexport PYTHONPATH VIRTUAL_ENV
 
-.PHONY: reproduce test lock
+.PHONY: reproduce test bench lock
 .DEFAULT_GOAL := reproduce
 
 reproduce: .venv/installed
@@ -30,6 +32,9 @@ test: .venv/installed
 	snakefmt --check Snakefile workflow
 	snakemake --lint
 	pytest -m "not weights and not gpu"
+
+bench: .venv/installed
+	snakemake --cores 1 -- benchmark
 
 lock: .venv/installed
 	uv pip compile --quiet --no-header --universal --python-version 3.11 --generate-hashes --extra dev pyproject.toml --output-file requirements.lock

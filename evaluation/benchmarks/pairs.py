@@ -1,0 +1,97 @@
+"""How many (surfel, pixel) pairs make an image: what the time of a rasteriser is divided by.
+
+Shares no formula with the kernels: each pixel's ray is two planes whose line meets the disc, in float64.
+"""
+
+from __future__ import annotations
+
+# Before numba starts its threads: see `carigs.splat.threads`.
+import torch  # isort: skip
+import numba
+import numpy as np
+from jaxtyping import Float, Int
+
+from carigs.capture import Camera
+from carigs.splat.limits import END, THRESHOLD
+from carigs.splat.rasterize import WorldSurfels
+
+ALPHA_CAP = 0.99  # the rasteriser's default
+
+
+def contributing_pairs(surfels: WorldSurfels, camera: Camera) -> int:
+    """Pairs in which a surfel adds to a pixel: its alpha there is 1/255 or more and the pixel has not ended.
+
+    All surfels must lie in front of the camera and have an area.
+    """
+    centre, u, v, opacity = (
+        _as_double(tensor) for tensor in (surfels.centre, surfels.tangent_u, surfels.tangent_v, surfels.opacity)
+    )
+    rotation = camera.camera_from_world[:3, :3]
+    in_camera = np.stack([u @ rotation.T, v @ rotation.T, camera.to_camera(centre)], axis=2)
+    intrinsics = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
+    pixel_from_disc = intrinsics @ in_camera
+    middle = _middle(pixel_from_disc)
+    box = _boxes(pixel_from_disc, middle, opacity, camera)
+    order = np.argsort(in_camera[:, 2, 2].astype(np.float32), kind="stable")
+    return int(_count(order, pixel_from_disc, middle, box, opacity, camera.width, camera.height))
+
+
+def _as_double(tensor: torch.Tensor) -> Float[np.ndarray, "n *c"]:
+    return tensor.detach().numpy().astype(np.float64)
+
+
+def _middle(pixel_from_disc: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 2"]:
+    """Middle of the box of each disc's image at one standard deviation: the low-pass filter's centre."""
+    signed = pixel_from_disc * [1, 1, -1]
+    products = np.einsum("nij,nj->ni", signed, pixel_from_disc[:, 2])
+    return products[:, :2] / products[:, 2:]
+
+
+def _boxes(
+    pixel_from_disc: Float[np.ndarray, "n 3 3"],
+    middle: Float[np.ndarray, "n 2"],
+    opacity: Float[np.ndarray, "n"],
+    camera: Camera,
+) -> Int[np.ndarray, "n 4"]:
+    """Ranges of pixels [x0, y0, x1, y1) that hold all with an alpha of 1/255 or more."""
+    reach = np.sqrt(2 * np.log(np.maximum(opacity / THRESHOLD, 1)))[:, None]  # standard deviations
+    # A disc's image lies in that of the square around it; the low-pass filter's reach is less than `reach` pixels.
+    signs = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
+    corner = reach[:, :, None] * np.einsum("nij,kj->nki", pixel_from_disc[:, :, :2], signs)
+    corner += pixel_from_disc[:, None, :, 2]
+    image = corner[:, :, :2] / corner[:, :, 2:]
+    low = np.minimum(image.min(axis=1), middle - reach)
+    high = np.maximum(image.max(axis=1), middle + reach)
+    size = [camera.width, camera.height]
+    return np.concatenate([np.floor(low).clip(0, size), np.ceil(high).clip(0, size)], axis=1).astype(np.int64)
+
+
+@numba.njit(cache=True)
+def _count(order, pixel_from_disc, middle, box, opacity, width, height):
+    """Front to back as the kernels, with their end conditions; T of a pixel that has ended is 0."""
+    transmittance = np.ones((height, width))
+    pairs = 0
+    for i in order:
+        for y in range(box[i, 1], box[i, 3]):
+            for x in range(box[i, 0], box[i, 2]):
+                before = transmittance[y, x]
+                alpha = opacity[i] * np.exp(-0.5 * _squared_distance(pixel_from_disc[i], middle[i], x + 0.5, y + 0.5))
+                if alpha < THRESHOLD or before == 0.0:
+                    continue
+                after = before * (1.0 - min(alpha, ALPHA_CAP))
+                transmittance[y, x] = after if after > END else 0.0
+                pairs += after > END
+    return pairs
+
+
+@numba.njit(cache=True)
+def _squared_distance(m, middle, x, y):
+    """Of a pixel from a surfel in standard deviations: on the disc or, if nearer, in the image (low-pass filter)."""
+    # Planes through the pixel's column and row, pulled back to the disc; they meet in (s, t, 1) times a factor.
+    a0, a1, a2 = x * m[2, 0] - m[0, 0], x * m[2, 1] - m[0, 1], x * m[2, 2] - m[0, 2]
+    b0, b1, b2 = y * m[2, 0] - m[1, 0], y * m[2, 1] - m[1, 1], y * m[2, 2] - m[1, 2]
+    s, t, factor = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
+    in_image = 2.0 * ((x - middle[0]) ** 2 + (y - middle[1]) ** 2)
+    if factor == 0.0:
+        return in_image
+    return min((s * s + t * t) / (factor * factor), in_image)

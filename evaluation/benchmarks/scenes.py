@@ -1,0 +1,106 @@
+"""What the surfel engine is measured on: surfels on an ellipsoid the size of a head, and a head to train on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+import trimesh
+from jaxtyping import Float
+
+from carigs.capture import Camera, Capture, Frame, look_at
+from carigs.capture.images import write_png
+from carigs.head import HeadModel, HeadParameters, pose
+from carigs.head.model import N_JOINTS, N_SHAPE
+from carigs.raster import rasterize_mesh
+from carigs.splat.motion import Performance
+from carigs.splat.rasterize import WorldSurfels
+from carigs.splat.supervision import Supervision
+from carigs.surface.path import straight_path
+
+AXES = np.array([0.075, 0.11, 0.09])
+"""Half axes of the ellipsoid in metres."""
+SPACINGS = 0.3
+"""Mean standard deviation of a surfel in units of the distance to the next."""
+
+
+def portrait(width: int, height: int, side: float = 0.0) -> Camera:
+    """A camera at 1 m, `side` radians from the front; the ellipsoid covers about half of its image."""
+    focal = float(np.sqrt(0.5 * width * height / (np.pi * AXES[0] * AXES[1])))
+    place = np.array([np.sin(side), 0.0, np.cos(side)])
+    return Camera(look_at(place, np.zeros(3)), focal, focal, width / 2, height / 2, width, height)
+
+
+def ellipsoid(count: int, *, spread: float = 1.0, seed: int = 0) -> WorldSurfels:
+    """Surfels evenly over the ellipsoid, front and back, in random order (the worst for caches); normals are jittered.
+
+    `spread` multiplies their size: 2 makes the dense scene.
+    """
+    random = np.random.default_rng(seed)
+    point = _unit(random.normal(size=(4 * count + 100, 3)))
+    stretch = np.linalg.norm(point / AXES, axis=1)  # of the ellipsoid's area against the sphere's
+    point = point[random.random(len(point)) < stretch * AXES.min()][:count]
+    normal = _unit(_unit(point / AXES) + random.normal(0, 0.15, (count, 3)))
+    u = _unit(np.cross(normal, random.normal(size=(count, 3))))
+    sigma = spread * SPACINGS * np.sqrt(_area() / count) * random.uniform(0.6, 1.4, (count, 2))
+    tangents = sigma[:, :1] * u, sigma[:, 1:] * np.cross(normal, u)
+    arrays = (AXES * point, *tangents, random.uniform(0.1, 0.99, count), random.random((count, 3)))
+    return WorldSurfels(*(torch.from_numpy(array.astype(np.float32)).requires_grad_(True) for array in arrays))
+
+
+def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def _area() -> float:
+    """Of the ellipsoid, to 1 % (Knud Thomsen's formula)."""
+    a, b, c = AXES**1.6075
+    return float(4 * np.pi * ((a * b + a * c + b * c) / 3) ** (1 / 1.6075))
+
+
+def scene_name(surfels: int, camera: Camera, threads: int, *more: str) -> str:
+    """How a row of a benchmark says what it was measured on."""
+    size = f"{camera.height}x{camera.width}"
+    return ", ".join((f"{surfels} surfels", size, f"{threads} thread{'s' * (threads > 1)}", *more))
+
+
+def moving_head(subdivisions: int, timesteps: int = 4) -> Performance:
+    """An ellipsoid of 20 * 4^subdivisions triangles that turns and opens its lower half."""
+    mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=1.0)
+    vertices = (np.asarray(mesh.vertices) * AXES).astype(np.float32)
+    v = len(vertices)
+    shapedirs = np.zeros((v, 3, N_SHAPE + 100), np.float32)
+    shapedirs[:, 1, N_SHAPE] = -0.02 * (vertices[:, 1] < -0.03)
+    model = HeadModel(
+        v_template=vertices,
+        faces=np.asarray(mesh.faces, np.int32),
+        shapedirs=shapedirs,
+        posedirs=np.zeros((v, 3, 36), np.float32),
+        joint_regressor=np.full((N_JOINTS, v), 1 / v, np.float32),
+        weights=np.eye(N_JOINTS, dtype=np.float32)[np.zeros(v, int)],
+        parents=np.array([-1, 0, 1, 1, 1]),
+    )
+    parameters = {
+        t: HeadParameters(rotation=np.array([0, 0.1 * t, 0]), expression=0.3 * t * np.eye(100)[0])
+        for t in range(timesteps)
+    }
+    return Performance(model, parameters, straight_path(vertices.astype(np.float64), model.faces, 0.2 * vertices, 0.25))
+
+
+def filmed(performance: Performance, folder: Path, width: int, height: int) -> Supervision:
+    """Images of the head, painted with a pattern, from three sides and at all of its timesteps, in `folder`."""
+    cameras = {c: portrait(width, height, side) for c, side in enumerate((-0.4, 0.0, 0.4))}
+    head, frames = performance.head, []
+    paint = 0.5 + 0.2 * np.sin(head.v_template @ np.array([[90, 250, 30], [200, -60, 110], [-40, 90, 300]]))
+    for t in performance.parameters:
+        vertices = pose(head, performance.parameters[t])
+        for c, camera in cameras.items():
+            hit = rasterize_mesh(vertices, head.faces, camera)
+            image = np.einsum("hwc,hwcx->hwx", hit.barycentric, paint[head.faces[hit.face]])
+            frame = Frame(t, c, "EMO-1", "train", f"{t}_{c}.png", f"{t}_{c}_mask.png", "")
+            write_png(folder / frame.image, np.where(hit.face[..., None] >= 0, image, 1.0))
+            write_png(folder / frame.mask, (hit.face >= 0).astype(np.float32))
+            frames.append(frame)
+    capture = Capture(folder, folder / "head_model.npz", tuple(frames), cameras, background=1.0)
+    return Supervision(capture, targets=None, gamma_f=0.25)

@@ -1,0 +1,50 @@
+"""What the parts cost beside what they are compared with.  Each has all cores: nothing beside it disturbs the clocks."""
+
+from os import environ
+from pathlib import Path
+
+
+localrules:
+    benchmark,
+
+
+rule benchmark:
+    input:
+        "results/benchmark/splat.csv",
+        "results/benchmark/surface.csv",
+
+
+rule benchmark_splat:
+    output:
+        rows="results/benchmark/splat.csv",
+        plot="results/benchmark/splat.png",
+    log:
+        "results/benchmark/log/splat.log",
+    conda:
+        "../../environment.yml"
+    threads: workflow.cores
+    resources:
+        mem_mb=4000,
+    params:
+        code=fingerprint("evaluation.benchmarks.splat"),
+    shell:
+        "python -m evaluation.benchmarks.splat {output.rows:q} > {log:q} 2>&1"
+
+
+rule benchmark_surface:
+    input:
+        # Spheres alone where the folder with real heads is not known.
+        meshes=sorted(map(str, Path(environ["CARIGS_DATA"]).glob("meshes/*.obj"))) if "CARIGS_DATA" in environ else [],
+    output:
+        rows="results/benchmark/surface.csv",
+    log:
+        "results/benchmark/log/surface.log",
+    conda:
+        "../../environment.yml"
+    threads: workflow.cores
+    resources:
+        mem_mb=4000,
+    params:
+        code=fingerprint("evaluation.benchmarks.surface"),
+    shell:
+        "python -m evaluation.benchmarks.surface {output.rows:q} {input.meshes:q} > {log:q} 2>&1"
