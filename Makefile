@@ -1,7 +1,6 @@
 # make reproduce   set-up, the study, its table, figures and report: on a machine with nothing but Python and make
 # make test        every check that needs neither a GPU nor network weights
 # make bench       what the parts cost: results/benchmark; leave the machine alone meanwhile
-# make bench       what the parts cost beside what they are compared with (leave the machine alone meanwhile)
 # make lock        the lock again, after an edit of pyproject.toml
 #
 # make reproduce CORES=8 HYDRA="study=ict"      another study; any Hydra overrides
