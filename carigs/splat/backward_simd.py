@@ -64,7 +64,7 @@ def copy_plane(state, to, a):
         store(state, to * PLANE + at, load(state, a * PLANE + at))
 
 
-def _kernel(geometry: bool):
+def _work(geometry: bool):
     buffers = WHOLE_DEPTH + 1 if geometry else DEPTH + 1  # without geometry DEPTH serves as scratch
 
     @inner
@@ -218,23 +218,34 @@ def _kernel(geometry: bool):
                     poke(slots, to + 17, total(g_ny))
                     poke(slots, to + 18, total(g_nz))
 
-    @numba.njit(cache=True, parallel=True, error_model="numpy")
-    def composite_backward(
-        record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, counter, workers
-    ):
-        for _worker in numba.prange(workers):
-            work(record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, counter)
-
-    return composite_backward
+    return work
 
 
-_KERNELS = {geometry: _kernel(geometry) for geometry in (False, True)}
+_work_colour, _work_all = _work(geometry=False), _work(geometry=True)
+
+
+# As in `forward_simd`: no closures, so that the cache knows them again.
+@numba.njit(cache=True, parallel=True, error_model="numpy")
+def _backward_colour(
+    record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, counter, workers
+):
+    for _worker in numba.prange(workers):
+        _work_colour(record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, counter)
+
+
+@numba.njit(cache=True, parallel=True, error_model="numpy")
+def _backward_all(
+    record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, counter, workers
+):
+    for _worker in numba.prange(workers):
+        _work_all(record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, counter)
 
 
 def composite_backward(record, box, surfel, slot, start, order, image, upstream, width, height, cap, geometry, workers):
     """As `backward.composite_backward`, to rounding."""
     slots = np.empty(surfel.size * SLOT + WIDTH, np.float32)
-    _KERNELS[geometry](
+    kernel = _backward_all if geometry else _backward_colour
+    kernel(
         record.reshape(-1), box.reshape(-1), surfel, slot, start, order, image.reshape(-1), upstream.reshape(-1), slots,
         width, height, np.float32(cap), np.zeros(1, np.int64), workers,
     )  # fmt: skip

@@ -96,7 +96,7 @@ def write_plane(image, offset, width, across, down, state, base, magnitude):
                         poke(image, pixel, peek(state, at + 4 * column + row))
 
 
-def _kernel(geometry: bool):
+def _work(geometry: bool):
     planes = PLANES if geometry else COLOUR_PLANES
 
     # In a function of its own: Numba would infer the types of a parallel loop's body twice.
@@ -170,21 +170,31 @@ def _kernel(geometry: bool):
                     min(TILE, height - top), state, plane * PLANE, plane == 0,
                 )  # fmt: skip
 
-    @numba.njit(cache=True, parallel=True, error_model="numpy")
-    def composite(record, box, surfel, start, order, image, width, height, cap, counter, workers):
-        for _worker in numba.prange(workers):
-            work(record, box, surfel, start, order, image, width, height, cap, counter)
-
-    return composite
+    return work
 
 
-_KERNELS = {geometry: _kernel(geometry) for geometry in (False, True)}
+_work_colour, _work_all = _work(geometry=False), _work(geometry=True)
+
+
+# Two functions, and what they call by its global name: the key of a cached closure that holds compiled functions is new
+# in every process, and the kernel would be compiled again and again.
+@numba.njit(cache=True, parallel=True, error_model="numpy")
+def _composite_colour(record, box, surfel, start, order, image, width, height, cap, counter, workers):
+    for _worker in numba.prange(workers):
+        _work_colour(record, box, surfel, start, order, image, width, height, cap, counter)
+
+
+@numba.njit(cache=True, parallel=True, error_model="numpy")
+def _composite_all(record, box, surfel, start, order, image, width, height, cap, counter, workers):
+    for _worker in numba.prange(workers):
+        _work_all(record, box, surfel, start, order, image, width, height, cap, counter)
 
 
 def composite(record, box, surfel, start, order, width, height, cap, geometry, workers):
     """As `forward.composite`, to rounding."""
     image = np.empty((PLANES if geometry else COLOUR_PLANES, height, width), np.float32)
-    _KERNELS[geometry](
+    kernel = _composite_all if geometry else _composite_colour
+    kernel(
         record.reshape(-1), box.reshape(-1), surfel, start, order, image.reshape(-1), width, height, np.float32(cap),
         np.zeros(1, np.int64), workers,
     )  # fmt: skip

@@ -218,22 +218,7 @@ def _kernels(degree, basis, slope, scaled, paired, read, write):
         write(d_harmonics, i, scaled(basis(d), g))
         store3(d_centre, 3 * i, _centre_gradient(n, length, turn, slope(d, paired(h, g))))
 
-    @numba.njit(cache=True, parallel=True, error_model="numpy")
-    def forward_vectors(harmonics, centre, eye, rotation, colour):
-        n = len(centre) // 3
-        for part in numba.prange((n + PART - 1) // PART):
-            for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-                forward_sixteen(min(start, n - WIDTH), harmonics, centre, eye, rotation, colour)
-
-    @numba.njit(cache=True, parallel=True, error_model="numpy")
-    def backward_vectors(harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre):
-        n = len(centre) // 3
-        for part in numba.prange((n + PART - 1) // PART):
-            for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-                i = min(start, n - WIDTH)
-                backward_sixteen(i, harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre)
-
-    @numba.njit(cache=True, error_model="numpy")
+    @numba.njit(error_model="numpy")
     def forward(harmonics, centre, eye, rotation, colour):
         for i in range(len(centre) // 3):
             _, _, d = _view(_three(centre, 3 * i), eye, _nine(rotation, 9 * i))
@@ -241,7 +226,7 @@ def _kernels(degree, basis, slope, scaled, paired, read, write):
             for c in range(3):
                 colour[3 * i + c] = total[c]
 
-    @numba.njit(cache=True, error_model="numpy")
+    @numba.njit(error_model="numpy")
     def backward(harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre):
         for i in range(len(centre) // 3):
             turn, g = _nine(rotation, 9 * i), _three(g_colour, 3 * i)
@@ -253,13 +238,69 @@ def _kernels(degree, basis, slope, scaled, paired, read, write):
             for c in range(3):
                 d_centre[3 * i + c] = dc[c]
 
-    return forward_vectors, backward_vectors, forward, backward
+    return forward_sixteen, backward_sixteen, forward, backward
+
+
+_forward1, _backward1, *_SCALARS1 = _kernels(1, _basis1, _slope1, _scaled1, _paired1, _load3, _store3)
+_forward2, _backward2, *_SCALARS2 = _kernels(2, _basis2, _slope2, _scaled2, _paired2, _load8, _store8)
+_forward3, _backward3, *_SCALARS3 = _kernels(3, _basis3, _slope3, _scaled3, _paired3, _load15, _store15)
+
+
+# One function for each degree: a cached closure that holds compiled functions would be compiled in every process.
+
+
+@numba.njit(cache=True, parallel=True, error_model="numpy")
+def _forward_vectors1(harmonics, centre, eye, rotation, colour):
+    n = len(centre) // 3
+    for part in numba.prange((n + PART - 1) // PART):
+        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
+            _forward1(min(start, n - WIDTH), harmonics, centre, eye, rotation, colour)
+
+
+@numba.njit(cache=True, parallel=True, error_model="numpy")
+def _backward_vectors1(harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre):
+    n = len(centre) // 3
+    for part in numba.prange((n + PART - 1) // PART):
+        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
+            _backward1(min(start, n - WIDTH), harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre)
+
+
+@numba.njit(cache=True, parallel=True, error_model="numpy")
+def _forward_vectors2(harmonics, centre, eye, rotation, colour):
+    n = len(centre) // 3
+    for part in numba.prange((n + PART - 1) // PART):
+        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
+            _forward2(min(start, n - WIDTH), harmonics, centre, eye, rotation, colour)
+
+
+@numba.njit(cache=True, parallel=True, error_model="numpy")
+def _backward_vectors2(harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre):
+    n = len(centre) // 3
+    for part in numba.prange((n + PART - 1) // PART):
+        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
+            _backward2(min(start, n - WIDTH), harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre)
+
+
+@numba.njit(cache=True, parallel=True, error_model="numpy")
+def _forward_vectors3(harmonics, centre, eye, rotation, colour):
+    n = len(centre) // 3
+    for part in numba.prange((n + PART - 1) // PART):
+        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
+            _forward3(min(start, n - WIDTH), harmonics, centre, eye, rotation, colour)
+
+
+@numba.njit(cache=True, parallel=True, error_model="numpy")
+def _backward_vectors3(harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre):
+    n = len(centre) // 3
+    for part in numba.prange((n + PART - 1) // PART):
+        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
+            _backward3(min(start, n - WIDTH), harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre)
 
 
 _KERNELS = {
-    1: _kernels(1, _basis1, _slope1, _scaled1, _paired1, _load3, _store3),
-    2: _kernels(2, _basis2, _slope2, _scaled2, _paired2, _load8, _store8),
-    3: _kernels(3, _basis3, _slope3, _scaled3, _paired3, _load15, _store15),
+    1: (_forward_vectors1, _backward_vectors1, *_SCALARS1),
+    2: (_forward_vectors2, _backward_vectors2, *_SCALARS2),
+    3: (_forward_vectors3, _backward_vectors3, *_SCALARS3),
 }
 
 
