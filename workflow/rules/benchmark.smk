@@ -22,7 +22,7 @@ rule benchmark_splat:
         "results/benchmark/log/splat.log",
     conda:
         "../../environment.yml"
-    threads: workflow.cores
+    threads: 64  # all there are: Snakemake lowers it to --cores
     resources:
         mem_mb=4000,
     params:
@@ -41,7 +41,7 @@ rule benchmark_surface:
         "results/benchmark/log/surface.log",
     conda:
         "../../environment.yml"
-    threads: workflow.cores
+    threads: 64  # all there are: Snakemake lowers it to --cores
     resources:
         mem_mb=4000,
     params:
