@@ -2,11 +2,13 @@
 
 - `rig`: canonical frames of the triangles, their Jacobians to a posed mesh, polar parts of those
 - `surfels`: what is learned, and which attributes there are
-- `skinning`: local -> world by Jacobian blend skinning, with its gradient
+- `skinning`: local -> world by Jacobian blend skinning, with its gradient; its formulas: `jacobian_blend`, `matrix3`
 - `harmonics`: view-dependent colour
 - `initialise`: the first surfels, coloured from the frames
 - `motion`: posed meshes per timestep and level, remembered
-- `rasterize`, `losses`, `ssim`: surfels to images, images to a loss
+- `rasterize`: surfels to images: `projection`, `binning`, `forward`, `backward`, and their vector twins `*_simd`
+- `simd`, `simd_math`, `simd_memory`: vectors as Numba values
+- `losses`, `ssim`: images to a loss
 - `regularisers`: terms on the surfels themselves and on the rendered geometry
 - `adam`, `density`: updates, cloning, splitting, pruning
 - `supervision`: which frame or target supervises which step
