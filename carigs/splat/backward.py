@@ -15,8 +15,9 @@ import numba
 import numpy as np
 
 from carigs.splat.binning import TILE
-from carigs.splat.forward import END, FASTMATH, LOG_THRESHOLD, ONE, TWO, ZERO, intersect, log2_alpha
+from carigs.splat.forward import END, LOG_THRESHOLD, ONE, TWO, ZERO, intersect, log2_alpha
 from carigs.splat.projection import SLOT
+from carigs.splat.simd import FASTMATH
 
 
 @numba.njit

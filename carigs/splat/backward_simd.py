@@ -26,7 +26,7 @@ from carigs.splat.forward_simd import (
 from carigs.splat.projection import RECORD, SLOT
 from carigs.splat.simd import WIDTH, inner, splat
 from carigs.splat.simd_math import absolute, columns, exp2, larger, rows, select, smaller, total, totals
-from carigs.splat.simd_memory import claim, load, load_block, peek, poke, prefetch_to_write, store
+from carigs.splat.simd_memory import align_stack, claim, load, load_block, peek, poke, prefetch_to_write, store
 
 # Planes of the buffer: T, Q, upstream gradients of alpha, colour and (geometry) depth, normal, distortion; then the
 # sums of w Z in front, of w, and of w Z.
@@ -99,6 +99,7 @@ def _work(geometry: bool):
 
     @inner
     def work(record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, counter):
+        align_stack()
         across = -(-width // TILE)
         state = np.empty(buffers * PLANE + WIDTH, np.float32)
         while True:

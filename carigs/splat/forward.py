@@ -19,6 +19,7 @@ import numpy as np
 
 from carigs.splat import limits
 from carigs.splat.binning import TILE
+from carigs.splat.simd import FASTMATH
 
 LOG_THRESHOLD = np.float32(math.log2(limits.THRESHOLD))
 END = np.float32(limits.END)
@@ -28,9 +29,6 @@ ZERO, ONE, TWO = np.float32(0), np.float32(1), np.float32(2)
 # Planes of the output.
 TRANSMITTANCE, COLOUR, DEPTH, NORMAL, DISTORTION = 0, 1, 4, 5, 8
 PLANES, COLOUR_PLANES = 9, 4  # with geometry, without
-
-# No nnan, no ninf: 1 / zz may be inf, 0 * inf is NaN, and comparisons with NaN are relied on to be false.
-FASTMATH = {"contract", "nsz", "arcp", "afn", "reassoc"}
 
 
 @numba.njit

@@ -22,7 +22,7 @@ from carigs.splat.forward import COLOUR_PLANES, END, HALF_LOG2E, LOG_THRESHOLD, 
 from carigs.splat.projection import RECORD
 from carigs.splat.simd import WIDTH, inner, splat
 from carigs.splat.simd_math import absolute, columns, exp2, larger, largest, rows, select, smaller
-from carigs.splat.simd_memory import claim, load, peek, poke, prefetch, store, store_block
+from carigs.splat.simd_memory import align_stack, claim, load, peek, poke, prefetch, store, store_block
 
 STRIDE = TILE + 4
 PLANE = TILE * STRIDE
@@ -102,6 +102,7 @@ def _work(geometry: bool):
     # In a function of its own: Numba would infer the types of a parallel loop's body twice.
     @inner
     def work(record, box, surfel, start, order, image, width, height, cap, counter):
+        align_stack()
         across = -(-width // TILE)
         state = np.empty(planes * PLANE + WIDTH, np.float32)
         while True:

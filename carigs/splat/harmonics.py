@@ -16,7 +16,7 @@ from torch import Tensor
 from carigs.splat import matrix3
 from carigs.splat.simd import WIDTH, formula, inner
 from carigs.splat.simd_math import larger, sqrt
-from carigs.splat.simd_memory import load3, load9, load_rows, store3, store9, store_rows
+from carigs.splat.simd_memory import align_stack, load3, load9, load_rows, store3, store9, store_rows
 
 PART = 1024  # surfels of one task
 _A, _B, _C, _D = 0.4886025119029199, 1.0925484305920792, 0.31539156525252005, 0.5462742152960396
@@ -208,11 +208,13 @@ def _kernels(degree, basis, slope, scaled, paired, read, write):
 
     @inner
     def forward_sixteen(i, harmonics, centre, eye, rotation, colour):
+        align_stack()
         _, _, d = _view(load3(centre, 3 * i), eye, load9(rotation, 9 * i))
         store3(colour, 3 * i, summed(basis(d), read(harmonics, i)))
 
     @inner
     def backward_sixteen(i, harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre):
+        align_stack()
         turn, g, h = load9(rotation, 9 * i), load3(g_colour, 3 * i), read(harmonics, i)
         n, length, d = _view(load3(centre, 3 * i), eye, turn)
         write(d_harmonics, i, scaled(basis(d), g))

@@ -8,7 +8,7 @@ import numpy as np
 from carigs.splat.projection import RECORD, SLOT, projected, pulled_back
 from carigs.splat.simd import WIDTH, inner, splat
 from carigs.splat.simd_math import absolute, halves, joined, select, whole_bits
-from carigs.splat.simd_memory import load, load3, load_rows, store, store2, store3, store4, store_rows
+from carigs.splat.simd_memory import align_stack, load, load3, load_rows, store, store2, store3, store4, store_rows
 
 PART = 1024  # surfels of one task
 
@@ -43,6 +43,7 @@ def _joined16(a, b):
 def _project(
     i, centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height, tile, record, box, tiles
 ):
+    align_stack()
     m, u, v = _halves3(load3(centre, 3 * i)), _halves3(load3(tangent_u, 3 * i)), _halves3(load3(tangent_v, 3 * i))
     rgb, o = load3(colour, 3 * i), halves(load(opacity, i))
     paint = halves(absolute(rgb[0]) + absolute(rgb[1]) + absolute(rgb[2]))
@@ -87,6 +88,7 @@ def _backward(
     i, slots, first_slot, centre, tangent_u, tangent_v, opacity, view, intrinsics,
     d_centre, d_tangent_u, d_tangent_v, d_opacity, d_colour, d_pixel, sums, counts,
 ):  # fmt: skip
+    align_stack()
     for r in range(WIDTH):
         start, stop = first_slot[i + r], first_slot[i + r + 1]
         counts[r] = stop - start

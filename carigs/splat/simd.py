@@ -19,8 +19,11 @@ from numba.extending import intrinsic, models, overload, register_model
 WIDTH, WIDE = 16, 8
 FLOAT, DOUBLE, INT = ir.FloatType(), ir.DoubleType(), ir.IntType(32)
 
-# Neither nnan nor ninf: lanes that are masked later may hold inf and NaN, and comparisons must then be false.
-FASTMATH = {"contract", "nsz", "arcp", "reassoc", "afn"}
+FASTMATH = {"contract", "nsz", "arcp", "afn"}
+"""Neither nnan nor ninf: grazing rays and lanes that are masked later hold inf and NaN, and comparisons with those must
+be false; a NaN in an image must come out as one.  Not reassoc either: Numba optimises a kernel twice, by itself and
+again inside its caller, each time in another order of operations; the process that compiles a kernel runs the first,
+those that find it in the cache the second."""
 FLAGS = tuple(sorted(FASTMATH))
 
 
@@ -72,8 +75,9 @@ def _model(vector: Vector) -> None:
 for _vector in (lanes, wide, mask, wide_mask):
     _model(_vector)
 
-# For functions that are called from kernels only: nothing is compiled for calls from Python or C.
-_private = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+# For functions that are called from kernels only: nothing is compiled for calls from Python or C, and none stays a
+# function of its own (forward compositing is a sixth faster, projection a third).
+_private = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "forceinline": True}
 inner = njit(fastmath=FASTMATH, **_private)
 formula = njit(**_private)
 """For formulas that serve scalars too: those keep the order of their operations."""

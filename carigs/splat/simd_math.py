@@ -243,7 +243,7 @@ def _reduction(name, start):
     def build(builder, a):
         values = (a,) if start is None else (ir.Constant(FLOAT, start), a)
         # Without reassoc, sums are a chain of scalar additions.
-        return call(builder, name, FLOAT, *values, fastmath=FLAGS if start is not None else (*FLAGS, "nnan"))
+        return call(builder, name, FLOAT, *values, fastmath=(*FLAGS, "nnan" if start is None else "reassoc"))
 
     return unary(lanes, types.float32, build)
 

@@ -34,7 +34,19 @@ from carigs.splat.jacobian_blend import (
 from carigs.splat.rig import CENTRE, MOTION_ROW, ROTATION, STRETCH, TURN, FaceMotion, Rig
 from carigs.splat.simd import WIDTH, inner, splat
 from carigs.splat.simd_math import exp
-from carigs.splat.simd_memory import gather_rows, load, load2, load3, load4, store, store2, store3, store4, store9
+from carigs.splat.simd_memory import (
+    align_stack,
+    gather_rows,
+    load,
+    load2,
+    load3,
+    load4,
+    store,
+    store2,
+    store3,
+    store4,
+    store9,
+)
 from carigs.splat.surfels import SH_BASE, Surfels
 
 
@@ -240,6 +252,7 @@ def _forward_sixteen(
     i, position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended,
     centre, tangent_u, tangent_v, opacity, colour, turned, around,
 ):  # fmt: skip
+    align_stack()
     own, one, two, three, turn, u, t, k = _faces(i, binding, frame_rows, neighbours, rows, around)
     shares, g = _weights_of(blend, i, blended)
     v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])
@@ -264,6 +277,7 @@ def _backward_sixteen(
     i, position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended,
     g_centre, g_u, g_v, g_opacity, g_colour, d_position, d_quaternion, d_log_scale, d_logit, d_dc, d_blend, around,
 ):  # fmt: skip
+    align_stack()
     own, one, two, three, turn, u, _t, k = _faces(i, binding, frame_rows, neighbours, rows, around)
     shares, g = _weights_of(blend, i, blended)
     v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])

@@ -110,7 +110,8 @@ def _runs_here(processor):
 
 @pytest.fixture(scope="module", params=["haswell", "x86-64"])
 def other(request, tmp_path_factory):
-    """Results of this file in a process whose code is compiled for another processor, with an empty kernel cache."""
+    """Results of this file in two processes for another processor: one that compiles all kernels, one that finds them
+    in the cache."""
     if not _runs_here(request.param):
         pytest.skip(f"this machine cannot run code for {request.param}")
     folder = tmp_path_factory.mktemp(request.param)
@@ -120,25 +121,21 @@ def other(request, tmp_path_factory):
         "NUMBA_CACHE_DIR": str(folder),
     }
     environment = {**os.environ, **processor, "PYTHONPATH": str(ROOT)}
-    subprocess.run(
-        [sys.executable, __file__, str(folder / "results.npz")],
-        env=environment,
-        check=True,
-        timeout=600,
-    )
-    with np.load(folder / "results.npz") as archive:
-        return request.param, dict(archive)
+    for name in ("compiled", "cached"):
+        command = [sys.executable, __file__, str(folder / f"{name}.npz")]
+        subprocess.run(command, env=environment, check=True, timeout=600)
+    return request.param, np.load(folder / "compiled.npz"), np.load(folder / "cached.npz")
 
 
 @pytest.mark.slow
 def test_code_for_other_processors_has_no_wide_registers(other):
-    processor, results = other
+    processor, results, _ = other
     assert set(results["registers"]) == ({"xmm", "ymm"} if processor == "haswell" else {"xmm"})
 
 
 @pytest.mark.slow
 def test_results_on_other_processors_are_the_same(other):
-    _, results = other
+    _, results, _ = other
     for name, expected in rendered().items():
         assert np.isfinite(results[name]).all(), name
         error = np.linalg.norm(results[name] - expected) / np.linalg.norm(expected)
@@ -146,8 +143,15 @@ def test_results_on_other_processors_are_the_same(other):
 
 
 @pytest.mark.slow
+def test_kernels_from_the_cache_give_the_same_bytes(other):
+    _, compiled, cached = other
+    for name in set(compiled.files) - {"registers"}:
+        np.testing.assert_array_equal(cached[name], compiled[name], err_msg=name)
+
+
+@pytest.mark.slow
 def test_limits_of_exponentials_and_roots_are_numbers_on_other_processors(other):
-    _, results = other
+    _, results, _ = other
     assert results["finite_at_limits"].all(), results["finite_at_limits"]
 
 
