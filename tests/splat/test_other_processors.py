@@ -108,22 +108,28 @@ def _runs_here(processor):
     return features.get("sse2", False) and (processor != "haswell" or (features.get("avx2") and features.get("fma")))
 
 
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """Results of this file for other processors: first of processes that compile all kernels, then of others that find
+    them in the cache."""
+    folders = {name: tmp_path_factory.mktemp(name) for name in ("haswell", "x86-64") if _runs_here(name)}
+    for run in ("compiled", "cached"):
+        running = [_start(name, folder, folder / f"{run}.npz") for name, folder in folders.items()]
+        assert [process.wait(timeout=600) for process in running] == [0] * len(running)
+    return folders
+
+
+def _start(processor, cache, file):
+    setting = {"NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(cache)}
+    environment = {**os.environ, **setting, "PYTHONPATH": str(ROOT)}
+    return subprocess.Popen([sys.executable, __file__, str(file)], env=environment)
+
+
 @pytest.fixture(scope="module", params=["haswell", "x86-64"])
-def other(request, tmp_path_factory):
-    """Results of this file in two processes for another processor: one that compiles all kernels, one that finds them
-    in the cache."""
-    if not _runs_here(request.param):
+def other(request, folders):
+    if request.param not in folders:
         pytest.skip(f"this machine cannot run code for {request.param}")
-    folder = tmp_path_factory.mktemp(request.param)
-    processor = {
-        "NUMBA_CPU_NAME": request.param,
-        "NUMBA_CPU_FEATURES": "",
-        "NUMBA_CACHE_DIR": str(folder),
-    }
-    environment = {**os.environ, **processor, "PYTHONPATH": str(ROOT)}
-    for name in ("compiled", "cached"):
-        command = [sys.executable, __file__, str(folder / f"{name}.npz")]
-        subprocess.run(command, env=environment, check=True, timeout=600)
+    folder = folders[request.param]
     return request.param, np.load(folder / "compiled.npz"), np.load(folder / "cached.npz")
 
 
