@@ -108,6 +108,10 @@ class Density:
     opacity: float = 0.005
     """Opacity below which a surfel is pruned."""
     max_surfels: int = 60000
+    turnover: float = 0.05
+    """Share of the surfels that may be replaced at one refinement where the budget is spent: the least important."""
+    views: int = 8
+    """Training frames by which importance is judged."""
     reset_every: int = 0
     """Steps between two resets of the opacities (0: none; they cost short trainings more than they give)."""
 

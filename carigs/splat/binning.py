@@ -1,4 +1,4 @@
-"""Depth-sorted lists of surfels per tile: one radix sort of the surfels, then a counting scatter (Numba)."""
+"""Depth-sorted lists of surfels per tile: one radix sort of the surfels, then a counting scatter, both parallel."""
 
 from __future__ import annotations
 
@@ -30,78 +30,118 @@ class TileLists(NamedTuple):
     """Tiles by number of entries, longest first: the order of work."""
 
 
+# Every worker has an equal part of the surfels (of the sorted ones in `_scatter`): it counts, and once all counts are
+# summed it knows where its own results go.  The lists do not depend on the number of workers.
+
+
 @numba.njit(cache=True)
-def _sort_by_key(key, surfel):
+def _part(worker, workers, count):
+    size = (count + workers - 1) // workers
+    return min(worker * size, count), min((worker + 1) * size, count)
+
+
+@numba.njit(cache=True)
+def _starts(counts):
+    """Counts (workers, bins) become the places of each worker's first element of each bin; also returns the bins'."""
+    workers, bins = counts.shape
+    start = np.empty(bins + 1, np.int32)
+    total = 0
+    for b in range(bins):
+        start[b] = total
+        for w in range(workers):
+            n = counts[w, b]
+            counts[w, b] = total
+            total += n
+    start[bins] = total
+    return start
+
+
+@numba.njit(cache=True, parallel=True)
+def _visible(depth_bits, tiles, workers):
+    """Keys and numbers of the visible surfels, and every surfel's first slot."""
+    n = tiles.size
+    first_slot = np.empty(n + 1, np.int32)
+    pairs, seen = np.zeros((workers, 1), np.int32), np.zeros((workers, 1), np.int32)
+    for w in numba.prange(workers):
+        begin, stop = _part(w, workers, n)
+        for i in range(begin, stop):
+            pairs[w, 0] += tiles[i]
+            seen[w, 0] += tiles[i] > 0
+    first_slot[n] = _starts(pairs)[1]
+    count = _starts(seen)[1]
+    key, surfel = np.empty(count, np.uint32), np.empty(count, np.int32)
+    for w in numba.prange(workers):
+        begin, stop = _part(w, workers, n)
+        slot, k = pairs[w, 0], seen[w, 0]
+        for i in range(begin, stop):
+            first_slot[i] = slot
+            slot += tiles[i]
+            if tiles[i] > 0:
+                key[k], surfel[k] = depth_bits[i], i
+                k += 1
+    return key, surfel, first_slot
+
+
+@numba.njit(cache=True, parallel=True)
+def _sort_by_key(key, surfel, workers):
     """Stable radix sort of surfels by unsigned keys, 12 bits at a time; only as many as their range has."""
     count = key.size
     other_key, other = np.empty_like(key), np.empty_like(surfel)
     low, high = key.min(), key.max()
     shift = 0
     while shift < 32 and (high - low) >> np.uint32(shift) > 0:
-        begin = np.zeros(DIGITS, np.int32)
-        for i in range(count):
-            begin[((key[i] - low) >> np.uint32(shift)) & np.uint32(DIGITS - 1)] += 1
-        total = 0
-        for b in range(DIGITS):
-            n = begin[b]
-            begin[b] = total
-            total += n
-        for i in range(count):
-            b = ((key[i] - low) >> np.uint32(shift)) & np.uint32(DIGITS - 1)
-            to = begin[b]
-            begin[b] = to + 1
-            other_key[to] = key[i]
-            other[to] = surfel[i]
+        places = np.zeros((workers, DIGITS), np.int32)
+        for w in numba.prange(workers):
+            begin, stop = _part(w, workers, count)
+            for i in range(begin, stop):
+                places[w, ((key[i] - low) >> np.uint32(shift)) & np.uint32(DIGITS - 1)] += 1
+        _starts(places)
+        for w in numba.prange(workers):
+            begin, stop = _part(w, workers, count)
+            for i in range(begin, stop):
+                digit = ((key[i] - low) >> np.uint32(shift)) & np.uint32(DIGITS - 1)
+                to = places[w, digit]
+                places[w, digit] = to + 1
+                other_key[to], other[to] = key[i], surfel[i]
         key, other_key = other_key, key
         surfel, other = other, surfel
         shift += 12
     return surfel
 
 
-@numba.njit(cache=True)
-def _scatter(depth_bits, box, tiles, tile, across, down):
-    count = tiles.size
-    first_slot = np.empty(count + 1, np.int32)
-    start = np.zeros(across * down + 1, np.int32)
-    visible = 0
-    pairs = 0
-    for i in range(count):
-        first_slot[i] = pairs
-        if tiles[i] > 0:
-            visible += 1
-            pairs += tiles[i]
+@numba.njit(cache=True, parallel=True)
+def _scatter(surfel, box, first_slot, tile, across, down, workers):
+    """Append each surfel, front to back, to the tiles that its box touches."""
+    count = surfel.size
+    places = np.zeros((workers, across * down), np.int32)
+    flat = box.reshape(-1)
+    for w in numba.prange(workers):
+        begin, stop = _part(w, workers, count)
+        for k in range(begin, stop):
+            i = surfel[k]
+            if k + AHEAD < stop:
+                prefetch(flat, 4 * np.int64(surfel[k + AHEAD]))
             for ty in range(box[i, 2] // tile, (box[i, 3] - 1) // tile + 1):
                 for tx in range(box[i, 0] // tile, (box[i, 1] - 1) // tile + 1):
-                    start[ty * across + tx + 1] += 1
-    first_slot[count] = pairs
-    key, surfel = np.empty(visible, np.uint32), np.empty(visible, np.int32)
-    k = 0
-    for i in range(count):
-        if tiles[i] > 0:
-            key[k], surfel[k] = depth_bits[i], i
-            k += 1
-    if visible > 0:
-        surfel = _sort_by_key(key, surfel)
-    for t in range(across * down):
-        start[t + 1] += start[t]
-    cursor = start.copy()
-    entry, slot = np.empty(pairs, np.int32), np.empty(pairs, np.int32)
-    flat = box.reshape(-1)
-    for k in range(visible):
-        i = surfel[k]
-        if k + AHEAD < visible:
-            later = np.int64(surfel[k + AHEAD])
-            prefetch(flat, 4 * later)
-            prefetch(first_slot, later)
-        s = first_slot[i]
-        for ty in range(box[i, 2] // tile, (box[i, 3] - 1) // tile + 1):
-            for tx in range(box[i, 0] // tile, (box[i, 1] - 1) // tile + 1):
-                to = cursor[ty * across + tx]
-                cursor[ty * across + tx] = to + 1
-                entry[to] = i
-                slot[to] = s
-                s += 1
-    return entry, slot, start, first_slot
+                    places[w, ty * across + tx] += 1
+    start = _starts(places)
+    entry, slot = np.empty(first_slot[-1], np.int32), np.empty(first_slot[-1], np.int32)
+    for w in numba.prange(workers):
+        begin, stop = _part(w, workers, count)
+        for k in range(begin, stop):
+            i = surfel[k]
+            if k + AHEAD < stop:
+                later = np.int64(surfel[k + AHEAD])
+                prefetch(flat, 4 * later)
+                prefetch(first_slot, later)
+            s = first_slot[i]
+            for ty in range(box[i, 2] // tile, (box[i, 3] - 1) // tile + 1):
+                for tx in range(box[i, 0] // tile, (box[i, 1] - 1) // tile + 1):
+                    to = places[w, ty * across + tx]
+                    places[w, ty * across + tx] = to + 1
+                    entry[to], slot[to] = i, s
+                    s += 1
+    return entry, slot, start
 
 
 def tile_lists(
@@ -110,11 +150,15 @@ def tile_lists(
     tiles: Int32[np.ndarray, "n"],
     width: int,
     height: int,
+    workers: int = 1,
 ) -> TileLists:
     """Sort the visible surfels (tiles > 0) by depth and append each to the tiles that its pixel box touches."""
     # Positive floats sort as their bit patterns.
     bits = np.ascontiguousarray(depth, np.float32).view(np.uint32)
     across, down = -(-width // TILE), -(-height // TILE)
-    entry, slot, start, first_slot = _scatter(bits, box, tiles, TILE, across, down)
+    key, surfel, first_slot = _visible(bits, tiles, workers)
+    if len(surfel):
+        surfel = _sort_by_key(key, surfel, workers)
+    entry, slot, start = _scatter(surfel, box, first_slot, TILE, across, down, workers)
     order = np.argsort(-np.diff(start), kind="stable").astype(np.int32)
     return TileLists(entry, slot, start, first_slot, order)

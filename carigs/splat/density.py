@@ -2,12 +2,14 @@
 
 The strategy of 3D Gaussian splatting (Kerbl et al. 2023) with GaussianAvatars' binding inheritance.  Differences, on
 purpose: the children of a split are scattered in the *local* units that positions have; where a face would lose all its
-surfels, its most opaque one stays; new surfels go to the largest gradients first while the budget lasts.  Gradients are
-those of real frames alone (of GT* frames where no others are used): frozen surfels are not starved, and pixels that the
-warp stretched not refined.
+surfels, its most opaque one stays; within the budget new surfels go to the largest gradients first, and those that add
+least to the images make room.  Gradients are those of real frames alone (of GT* frames where no others are used):
+frozen surfels are not starved, and pixels that the warp stretched not refined.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
@@ -48,15 +50,27 @@ def refine(
     extent: float,
     settings: Density,
     rng: np.random.Generator,
+    importance: Callable[[], Float[np.ndarray, "n"]] | None = None,
 ) -> Surfels:
-    """Clone small and split large surfels of large gradients, then prune the transparent ones.
+    """Prune transparent surfels, clone small and split large ones of large gradients.
 
     `extent` is the scene's size in metres.  `adam` follows: survivors keep their moments, new ones start from zero.
+    Where the budget does not suffice, the least important surfels make room; `importance` is not called elsewhere.
     """
     arrays = to_arrays(surfels)
     n = len(surfels)
-    wanted = np.flatnonzero(gradient >= settings.gradient)
-    room = max(settings.max_surfels - n, 0)
+    leaving = 1 / (1 + np.exp(-arrays["opacity"])) < settings.opacity
+    leaving = ~keep_one_per_face(arrays["binding"], leaving, arrays["opacity"])
+    wanted = np.flatnonzero((gradient >= settings.gradient) & ~leaving)
+    short = n - leaving.sum() + len(wanted) - settings.max_surfels
+    if short > 0 and importance is not None and settings.turnover > 0:
+        value = np.where(leaving, -np.inf, importance())
+        value[wanted] = np.inf
+        count = leaving.sum() + min(short, int(settings.turnover * n))
+        leaving[np.argsort(value, kind="stable")[:count]] = True
+        leaving[wanted] = False
+        leaving = ~keep_one_per_face(arrays["binding"], leaving, arrays["opacity"])
+    room = max(settings.max_surfels - int(n - leaving.sum()), 0)
     wanted = np.sort(wanted[np.argsort(-gradient[wanted], kind="stable")[:room]])
     size = np.exp(arrays["log_scale"]).max(axis=1) * rig.scale[arrays["binding"]]
     large = size[wanted] > settings.size * extent
@@ -67,10 +81,8 @@ def refine(
     noise = np.exp(arrays["log_scale"][children]) * rng.standard_normal((len(children), 2))
     arrays["position"][children] += np.einsum("nij,nj->ni", _disc_axes(arrays["rotation"][children]), noise)
     arrays["log_scale"][children] -= np.float32(np.log(SPLIT_SHRINK))
-    doomed = 1 / (1 + np.exp(-arrays["opacity"])) < settings.opacity
-    doomed[wanted[large]] = True
-    keep = keep_one_per_face(arrays["binding"], doomed, arrays["opacity"])
-    kept = np.flatnonzero(keep)
+    leaving[wanted[large]] = True  # their children take their place
+    kept = np.flatnonzero(np.append(~leaving, np.ones(len(source) - n, bool)))
     kept = kept[np.argsort(arrays["binding"][kept], kind="stable")]
     adam.take(source[kept], kept >= n)
     binding = arrays.pop("binding")

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -57,3 +59,18 @@ def draw(
         replace(world, colour=world.colour - background), camera, backend=backend, outputs=("colour", *outputs)
     )
     return Drawing(rendering.colour + background, rendering, world)
+
+
+def contribution(
+    surfels: Surfels, rig: Rig, motion: FaceMotion, camera: Camera, *, kind: str = "jbs"
+) -> Float[np.ndarray, "n"]:
+    """Sum of every surfel's compositing weights over the pixels of a view: what it adds to the image.
+
+    The gradient of the image's sum with respect to its colours, as LightGaussian's significance (Fan et al. 2024)
+    without the volume: a surfel is flat.
+    """
+    with torch.no_grad():
+        skinned = skin(surfels, rig, motion, blend=kind == "jbs")
+    colour = torch.zeros(len(surfels), 3, requires_grad=True)
+    image = rasterize(WorldSurfels(*skinned[:4], colour), camera, outputs=("colour",)).colour
+    return torch.autograd.grad(image[..., 0].sum(), colour)[0][:, 0].double().numpy()

@@ -135,7 +135,7 @@ class _Rasterize(torch.autograd.Function):
         if len(centre) < WIDTH:
             project, ctx.project_backward = projection.project, projection.project_backward
         record, box, tiles = project(*arrays, view, intrinsics, *size, binning.TILE)
-        lists = binning.tile_lists(record[:, projection.DEPTH], box, tiles, *size)
+        lists = binning.tile_lists(record[:, projection.DEPTH], box, tiles, *size, _workers())
         image = composite(record, box, lists.surfel, lists.start, lists.order, *size, cap, geometry, _workers())
         screen.visible = torch.from_numpy(tiles > 0)
         ctx.set_materialize_grads(False)

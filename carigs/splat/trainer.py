@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from carigs.settings import Train
 from carigs.splat.adam import Adam
 from carigs.splat.checkpoint import State, fingerprint, load_state, save_state
 from carigs.splat.density import GradientStatistics, refine, reset_opacity, scene_extent
-from carigs.splat.draw import Drawing, draw
+from carigs.splat.draw import Drawing, contribution, draw
 from carigs.splat.initialise import first_surfels
 from carigs.splat.losses import photometric
 from carigs.splat.motion import Performance
@@ -132,12 +132,25 @@ class _Run:
             settings.scale_weight,
         )
 
+    def _importance(self, chosen: Int[np.ndarray, "k"]) -> Float[np.ndarray, "n"]:
+        total = np.zeros(len(self.state.surfels))
+        for index in chosen:
+            frame = self.supervision.frames[index]
+            camera = self.supervision.capture.cameras[frame.camera]
+            motion = self.performance.motion(frame.timestep, 0.0)
+            total += contribution(self.state.surfels, self.performance.rig, motion, camera, kind=self.settings.rig)
+        return total
+
     def _control_density(self, done: int) -> None:
         state, density = self.state, self.settings.density
         if density.every and density.start <= done < density.stop and done % density.every == 0:
             rng = np.random.default_rng([self.settings.seed, 2, done])
             gradient = state.statistics.mean()
-            state.surfels = refine(state.surfels, state.adam, gradient, self.performance.rig, self.extent, density, rng)
+            chosen = rng.choice(len(self.supervision.frames), min(density.views, len(self.supervision.frames)), False)
+            state.surfels = refine(
+                state.surfels, state.adam, gradient, self.performance.rig, self.extent, density, rng,
+                lambda: self._importance(chosen),
+            )  # fmt: skip
             state.statistics = GradientStatistics(len(state.surfels))
         if density.reset_every and done % density.reset_every == 0 and done < density.stop:
             reset_opacity(state.surfels, state.adam)

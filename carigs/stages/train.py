@@ -56,6 +56,10 @@ def check_settings(settings: Train, targets: Path | None) -> None:
     ):  # fmt: skip
         if not low <= getattr(settings, name) <= high:
             raise SettingsError(f"train.{name}={getattr(settings, name)} must lie in [{low}, {high}]")
+    for name, low, high in (("max_surfels", 1, 10**9), ("turnover", 0, 1), ("views", 1, 10**6), ("opacity", 0, 1)):
+        value = getattr(settings.density, name)
+        if not low <= value <= high:
+            raise SettingsError(f"train.density.{name}={value} must lie in [{low}, {high}]")
     if settings.rig not in ("jbs", "jacobian"):
         raise SettingsError(f"train.rig={settings.rig} is unknown; choose jbs or jacobian")
     if settings.caricature_share > 0 and targets is None:

@@ -119,6 +119,42 @@ def test_the_budget_goes_to_the_largest_gradients(rig):
     np.testing.assert_array_equal(np.flatnonzero(counts == 2), len(surfels) - 3 + np.arange(3))
 
 
+def test_within_the_budget_the_least_important_make_room(rig):
+    surfels, _ = scene(rig)
+    n = len(surfels)
+    doubled = from_arrays(**{name: np.concatenate([value, value]) for name, value in to_arrays(surfels).items()})
+    gradient, importance = np.zeros(2 * n), 1 + np.random.default_rng(3).random(2 * n)
+    gradient[[2 * 3, 2 * 8]] = 1.0  # surfels are sorted by face
+    importance[[2 * 3, 2 * 5, 2 * 7 + 1]] = 0, 0.1, 0.2  # the first does not count: it is wanted
+    after = refine(
+        doubled, Adam(doubled), gradient, rig, 1.0, Density(max_surfels=2 * n), np.random.default_rng(0),
+        lambda: importance,
+    )  # fmt: skip
+    expected = np.full(n, 2)
+    expected[[3, 8]], expected[[5, 7]] = 3, 1
+    np.testing.assert_array_equal(np.bincount(after.binding), expected)
+
+
+def test_an_unimportant_surfel_stays_if_it_is_its_faces_last(rig):
+    surfels, adam = scene(rig)
+    gradient = np.zeros(len(surfels))
+    gradient[3] = 1.0
+    after = refine(
+        surfels, adam, gradient, rig, 1.0, Density(max_surfels=len(surfels)), np.random.default_rng(0),
+        lambda: np.zeros(len(surfels)),
+    )  # fmt: skip
+    np.testing.assert_array_equal(after.binding, np.arange(len(surfels)))
+
+
+def test_importance_is_not_asked_for_where_the_budget_suffices(rig):
+    def importance():
+        raise AssertionError("asked for")
+
+    surfels, adam = scene(rig)
+    gradient = np.ones(len(surfels))
+    refine(surfels, adam, gradient, rig, 1.0, Density(), np.random.default_rng(0), importance)
+
+
 def test_surfels_stay_sorted_by_face_and_moments_follow_them(rig):
     surfels, adam = scene(rig)
     gradient = 4e-4 * np.random.default_rng(2).random(len(surfels))  # about half are above the threshold
