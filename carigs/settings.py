@@ -108,7 +108,7 @@ class Density:
     opacity: float = 0.005
     """Opacity below which a surfel is pruned."""
     max_surfels: int = 60000
-    turnover: float = 0.05
+    turnover: float = 0.2
     """Share of the surfels that may be replaced at one refinement where the budget is spent: the least important."""
     views: int = 8
     """Training frames by which importance is judged."""

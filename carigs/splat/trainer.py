@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -28,12 +29,16 @@ COLUMNS = ("iteration", "seconds", "caricature", "loss", "psnr", "surfels")
 
 
 def train_surfels(
-    settings: Train, performance: Performance, supervision: Supervision, checkpoint: Path
+    settings: Train,
+    performance: Performance,
+    supervision: Supervision,
+    checkpoint: Path,
+    watch: Callable[[State], None] | None = None,
 ) -> tuple[Surfels, list[tuple]]:
     """Train from the first surfels, or go on from `checkpoint` if that is of the same run; also returns the log's rows.
 
-    Steps, density control and their random draws depend on the settings and the iteration alone, so an interrupted run
-    ends in the same bytes as one in a single sitting.
+    `watch` is shown the state after every step.  Steps, density control and their random draws depend on the settings
+    and the iteration alone, so an interrupted run ends in the same bytes as one in a single sitting.
     """
     hair = performance.head.face_region(*settings.hair_regions)
     key = fingerprint(settings, performance, supervision)
@@ -50,6 +55,8 @@ def train_surfels(
             now = time.perf_counter()
             state.seconds = earlier + now - started
             report(state.iteration, loss=loss, surfels=len(state.surfels))
+            if watch is not None:
+                watch(state)
             if now - saved > settings.checkpoint_seconds and state.iteration < settings.iterations:
                 save_state(checkpoint, state, key)
                 saved = time.perf_counter()

@@ -12,6 +12,29 @@ rule benchmark:
     input:
         "results/benchmark/splat.csv",
         "results/benchmark/surface.csv",
+        f"results/benchmark/quality_{points['study']}_{points['subject'][0]}.csv",
+
+
+rule benchmark_quality:
+    input:
+        settings="results/{study}/settings/train/subject={subject},variant=surfhead.yaml",
+        capture="results/{study}/{subject}/capture.json",
+        path=f"results/{{study}}/{{subject}}/gamma={points['gamma']}/path.npz",
+    output:
+        rows="results/benchmark/quality_{study}_{subject}.csv",
+        plot="results/benchmark/quality_{study}_{subject}.png",
+    log:
+        "results/benchmark/log/quality_{study}_{subject}.log",
+    conda:
+        "../../environment.yml"
+    threads: 64  # all there are: Snakemake lowers it to --cores
+    resources:
+        mem_mb=4000,
+    params:
+        code=fingerprint("evaluation.benchmarks.quality"),
+    shell:
+        "python -m evaluation.benchmarks.quality {output.rows:q} {input.settings:q} {input.capture:q} {input.path:q}"
+        " > {log:q} 2>&1"
 
 
 rule benchmark_splat:

@@ -1,0 +1,28 @@
+"""The benchmark of training to quality shows a run as it goes, and budgets bind."""
+
+from dataclasses import replace
+
+import pandas as pd
+
+from carigs.settings import Density, Train
+from evaluation.benchmarks.quality import LOOKS, looks, plot
+from evaluation.benchmarks.scenes import filmed, moving_head
+
+SETTINGS = Train(hair_regions=(), density=Density(start=10, every=10, gradient=1e-6))
+
+
+def test_rows_tell_of_runs_that_learn_within_their_budgets(tmp_path):
+    performance = moving_head(2)
+    capture = filmed(performance, tmp_path, 48, 64).capture
+    last = max(performance.parameters)
+    frames = (replace(frame, split="test" if frame.timestep == last else "train") for frame in capture.frames)
+    capture = replace(capture, frames=tuple(frames))
+    table = pd.DataFrame(looks(SETTINGS, performance, capture, (340, 600), (64,)))
+    assert len(table) == 2 * LOOKS
+    for budget, run in table.groupby("budget"):
+        assert run.seconds.is_monotonic_increasing
+        assert run.step.iloc[-1] == 64
+        assert run.psnr.iloc[-1] > run.psnr.iloc[0] + 3
+        assert 320 < run.surfels.iloc[-1] <= budget
+    plot(tmp_path / "quality.png", table)
+    assert (tmp_path / "quality.png").stat().st_size > 1000
