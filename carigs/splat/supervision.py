@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -13,6 +12,7 @@ from jaxtyping import Bool, Float, Float32, Int, UInt8
 from carigs.capture import Camera, Capture
 from carigs.capture.images import read_grey, read_rgb8
 from carigs.errors import InputError
+from carigs.splat.image_cache import ImageCache
 
 
 class Example(NamedTuple):
@@ -50,7 +50,7 @@ def draw_schedule(iterations: int, frames: int, targets: int, caricature_share: 
 
 @dataclass
 class Supervision:
-    """The examples of a run; decoded images are remembered as bytes up to a budget."""
+    """The examples of a run."""
 
     capture: Capture
     targets: Path | None
@@ -60,8 +60,7 @@ class Supervision:
 
     def __post_init__(self) -> None:
         self.frames = self.capture.split("train")
-        self._images: OrderedDict[Path, UInt8[np.ndarray, "h w *c"]] = OrderedDict()
-        self._bytes = 0
+        self._images = ImageCache(self.megabytes)
         if not self.frames:
             raise InputError("no training frames", file=self.capture.root, field="train")
         self.target_frames = ()
@@ -93,13 +92,23 @@ class Supervision:
         frame = self.target_frames[index] if caricature else self.frames[index]
         camera = self.capture.cameras[frame.camera]
         if not caricature:
-            image = self._read(self.capture.root / frame.image, read_rgb8)
+            image = self._images.get(self.capture.root / frame.image, _read_planes)
             return Example(frame.timestep, camera, 0.0, _as_float(image, camera, frame.image), None)
         file = self.targets / f"{frame.name}.png"
-        image, valid = self._read(file, read_rgb8), None
+        image, valid = self._images.get(file, _read_planes), None
         if self.masks:
-            valid = self._read(file.with_name(f"{frame.name}_mask.png"), _read_mask).view(bool)
+            valid = self._images.get(file.with_name(f"{frame.name}_mask.png"), _read_mask).view(bool)
         return Example(frame.timestep, camera, self.gamma_f, _as_float(image, camera, file), valid)
+
+    def decode_ahead(self, caricature: bool, index: int) -> None:
+        """Say which example will be wanted soon."""
+        if not caricature:
+            self._images.ask(self.capture.root / self.frames[index].image, _read_planes)
+            return
+        file = self.targets / f"{self.target_frames[index].name}.png"
+        self._images.ask(file, _read_planes)
+        if self.masks:
+            self._images.ask(file.with_name(f"{file.stem}_mask.png"), _read_mask)
 
     def first_view(self, caricature: bool, index: int) -> tuple[Example, Float[np.ndarray, "h w"]]:
         """An example, and how far each of its pixels may be taken for the person's: the matte, or the mask's."""
@@ -108,25 +117,17 @@ class Supervision:
         matte = self.capture.mask(frame)
         return example, matte if example.valid is None else matte * example.valid
 
-    def _read(self, file: Path, read) -> UInt8[np.ndarray, "h w *c"]:
-        if file in self._images:
-            self._images.move_to_end(file)
-            return self._images[file]
-        pixels = read(file)
-        if pixels.ndim == 3:  # as planes in memory, which is how the loss takes them
-            pixels = np.ascontiguousarray(pixels.transpose(2, 0, 1)).transpose(1, 2, 0)
-        self._images[file] = pixels
-        self._bytes += pixels.nbytes
-        while self._bytes > self.megabytes * 2**20 and len(self._images) > 1:
-            self._bytes -= self._images.popitem(last=False)[1].nbytes
-        return pixels
-
 
 def _as_float(pixels: UInt8[np.ndarray, "h w 3"], camera: Camera, file: object) -> Float32[np.ndarray, "h w 3"]:
     if pixels.shape[:2] != (camera.height, camera.width):
         size = f"{pixels.shape[1]} x {pixels.shape[0]}"
         raise InputError(f"{size} pixels, its camera has {camera.width} x {camera.height}", file=str(file))
     return np.divide(pixels, np.float32(255), dtype=np.float32)
+
+
+def _read_planes(file: Path) -> UInt8[np.ndarray, "h w 3"]:
+    """As planes in memory, which is how the loss takes them."""
+    return np.ascontiguousarray(read_rgb8(file).transpose(2, 0, 1)).transpose(1, 2, 0)
 
 
 def _read_mask(file: Path) -> UInt8[np.ndarray, "h w"]:

@@ -24,6 +24,8 @@ from carigs.splat.regularisers import normal_mismatch, pull_to_triangles
 from carigs.splat.supervision import Example, Supervision, draw_schedule
 from carigs.splat.surfels import Surfels
 
+AHEAD = 4
+"""Steps whose images are decoded while others are computed."""
 COLUMNS = ("iteration", "seconds", "caricature", "loss", "psnr", "surfels")
 """Of the log: the mean loss since the row before, and the PSNR (dB, valid pixels) of the row's own step."""
 
@@ -86,6 +88,8 @@ class _Run:
         i = state.iteration
         caricature = bool(self.schedule.caricature[i])
         example = self.supervision.example(caricature, int(self.schedule.index[i]))
+        for k in range(i + 1, min(i + 1 + AHEAD, settings.iterations)):
+            self.supervision.decode_ahead(bool(self.schedule.caricature[k]), int(self.schedule.index[k]))
         for _, value in state.surfels.attributes():
             value.grad = None
         drawing, loss = self._compare(example, i)

@@ -176,14 +176,6 @@ def test_targets_are_rendered_on_the_caricature_and_frames_on_the_natural_mesh(s
     np.testing.assert_array_equal(supervision.example(False, 2).image, capture.image(capture.split("train")[2]))
 
 
-def test_images_are_forgotten_beyond_the_budget(subject):
-    capture, _, targets = subject
-    supervision = Supervision(capture, targets, 0.25, megabytes=0)
-    for i in range(3):
-        supervision.example(False, i)
-        assert len(supervision._images) == 1
-
-
 def test_a_folder_without_targets_is_named(subject, tmp_path):
     with pytest.raises(InputError, match="holds no targets"):
         Supervision(subject[0], tmp_path, 0.25)
