@@ -14,9 +14,9 @@ from numba.np.unsafe.ndarray import to_fixed_tuple
 from torch import Tensor
 
 from carigs.splat import matrix3
-from carigs.splat.simd import WIDTH, formula, inner
-from carigs.splat.simd_math import larger, sqrt
-from carigs.splat.simd_memory import align_stack, load3, load9, load_rows, store3, store9, store_rows
+from carigs.splat.simd import WIDTH, formula, inner, splat
+from carigs.splat.simd_math import absolute, everywhere, larger, select, sqrt
+from carigs.splat.simd_memory import align_stack, load3, load9, load_rows, store, store3, store9, store_rows
 
 PART = 1024  # surfels of one task
 _A, _B, _C, _D = 0.4886025119029199, 1.0925484305920792, 0.31539156525252005, 0.5462742152960396
@@ -215,10 +215,19 @@ def _kernels(degree, basis, slope, scaled, paired, read, write):
     @inner
     def backward_sixteen(i, harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre):
         align_stack()
-        turn, g, h = load9(rotation, 9 * i), load3(g_colour, 3 * i), read(harmonics, i)
+        g, none = load3(g_colour, 3 * i), splat(np.float32(0))
+        still = absolute(g[0]) + absolute(g[1]) + absolute(g[2]) <= none
+        if everywhere(still):
+            for k in range(3 * count):
+                store(d_harmonics, 3 * count * i + WIDTH * k, none)
+            store3(d_centre, 3 * i, (none, none, none))
+            return
+        turn, h = load9(rotation, 9 * i), read(harmonics, i)
         n, length, d = _view(load3(centre, 3 * i), eye, turn)
+        d = (select(still, none, d[0]), select(still, none, d[1]), select(still, none, d[2]))
         write(d_harmonics, i, scaled(basis(d), g))
-        store3(d_centre, 3 * i, _centre_gradient(n, length, turn, slope(d, paired(h, g))))
+        dc = _centre_gradient(n, length, turn, slope(d, paired(h, g)))
+        store3(d_centre, 3 * i, (select(still, none, dc[0]), select(still, none, dc[1]), select(still, none, dc[2])))
 
     @numba.njit(error_model="numpy")
     def forward(harmonics, centre, eye, rotation, colour):
@@ -232,6 +241,10 @@ def _kernels(degree, basis, slope, scaled, paired, read, write):
     def backward(harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre):
         for i in range(len(centre) // 3):
             turn, g = _nine(rotation, 9 * i), _three(g_colour, 3 * i)
+            if g[0] == 0 and g[1] == 0 and g[2] == 0:
+                d_harmonics[3 * count * i : 3 * count * (i + 1)] = 0.0
+                d_centre[3 * i : 3 * i + 3] = 0.0
+                continue
             n, length, d = _view(_three(centre, 3 * i), eye, turn)
             dh = scaled(basis(d), g)
             for k in range(3 * count):

@@ -5,8 +5,8 @@ blends the motions of the own face and its three neighbours.  SurFhead blends ab
 where the head turns by pi; relative to the own face it does not.
 
 The formulas are in `jacobian_blend`; here are the loops: sixteen surfels at a time for float32, one by one for float64,
-which is how the tests check them.  In plain torch this would cost more than the rasteriser, and its exp would round
-differently with the number of threads.
+which is how the tests check them.  What no pixel depends on has no gradient, whatever its numbers are (0 * NaN).  In
+plain torch this would cost more than the rasteriser, and its exp would round differently with the number of threads.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from carigs.splat.jacobian_blend import (
 )
 from carigs.splat.rig import CENTRE, MOTION_ROW, ROTATION, STRETCH, TURN, FaceMotion, Rig
 from carigs.splat.simd import WIDTH, inner, splat
-from carigs.splat.simd_math import exp
+from carigs.splat.simd_math import absolute, everywhere, exp, select
 from carigs.splat.simd_memory import (
     align_stack,
     gather_rows,
@@ -187,6 +187,13 @@ def _backward(
     g_centre, g_u, g_v, g_opacity, g_colour, d_position, d_quaternion, d_log_scale, d_logit, d_dc, d_blend,
 ):  # fmt: skip
     for i in range(len(binding)):
+        moved = g_opacity[i] != 0
+        for n in range(3):
+            moved |= g_centre[i, n] != 0 or g_u[i, n] != 0 or g_v[i, n] != 0 or g_colour[i, n] != 0
+        if not moved:
+            d_position[i], d_quaternion[i], d_log_scale[i], d_dc[i], d_blend[i] = 0.0, 0.0, 0.0, 0.0, 0.0
+            d_logit[i] = 0.0
+            continue
         own, one, two, three, turn, u, _t = _face(binding[i], neighbours, rows)
         shares, g = (1.0, 0.0, 0.0, 0.0), 1.0
         if blended:
@@ -248,6 +255,20 @@ def _weights_of(blend, i, blended):
 
 
 @inner
+def _size(v):
+    return absolute(v[0]) + absolute(v[1]) + absolute(v[2])
+
+
+@inner
+def _unless4(condition, v):
+    none = splat(np.float32(0))
+    return (
+        select(condition, none, v[0]), select(condition, none, v[1]),
+        select(condition, none, v[2]), select(condition, none, v[3]),
+    )  # fmt: skip
+
+
+@inner
 def _forward_sixteen(
     i, position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended,
     centre, tangent_u, tangent_v, opacity, colour, turned, around,
@@ -278,6 +299,17 @@ def _backward_sixteen(
     g_centre, g_u, g_v, g_opacity, g_colour, d_position, d_quaternion, d_log_scale, d_logit, d_dc, d_blend, around,
 ):  # fmt: skip
     align_stack()
+    up_x, up_u, up_v, rgb = load3(g_centre, 3 * i), load3(g_u, 3 * i), load3(g_v, 3 * i), load3(g_colour, 3 * i)
+    none = splat(np.float32(0))
+    still = _size(up_x) + _size(up_u) + _size(up_v) + _size(rgb) + absolute(load(g_opacity, i)) <= none
+    if everywhere(still):
+        store3(d_position, 3 * i, (none, none, none))
+        store4(d_quaternion, 4 * i, (none, none, none, none))
+        store2(d_log_scale, 2 * i, (none, none))
+        store(d_logit, i, none)
+        store3(d_dc, 3 * i, (none, none, none))
+        store4(d_blend, 4 * i, (none, none, none, none))
+        return
     own, one, two, three, turn, u, _t, k = _faces(i, binding, frame_rows, neighbours, rows, around)
     shares, g = _weights_of(blend, i, blended)
     v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])
@@ -287,23 +319,20 @@ def _backward_sixteen(
     first, second, unit, length = disc_axes(load4(quaternion, 4 * i))
     scale = load2(log_scale, 2 * i)
     dx, dq, ds, h, y = pulled_back(
-        q, p, k, first, second, unit, length, exp(scale[0]), exp(scale[1]), load3(g_centre, 3 * i), load3(g_u, 3 * i),
-        load3(g_v, 3 * i), load3(position, 3 * i),
-    )  # fmt: skip
-    store3(d_position, 3 * i, dx)
-    store4(d_quaternion, 4 * i, dq)
-    store2(d_log_scale, 2 * i, ds)
+        q, p, k, first, second, unit, length, exp(scale[0]), exp(scale[1]), up_x, up_u, up_v, load3(position, 3 * i)
+    )
+    store3(d_position, 3 * i, (select(still, none, dx[0]), select(still, none, dx[1]), select(still, none, dx[2])))
+    store4(d_quaternion, 4 * i, _unless4(still, dq))
+    store2(d_log_scale, 2 * i, (select(still, none, ds[0]), select(still, none, ds[1])))
     opacity = sigmoid(load(logit, i))
-    store(d_logit, i, load(g_opacity, i) * opacity * (1 - opacity))
-    rgb = load3(g_colour, 3 * i)
+    store(d_logit, i, select(still, none, load(g_opacity, i) * opacity * (1 - opacity)))
     store3(d_dc, 3 * i, (SH_BASE * rgb[0], SH_BASE * rgb[1], SH_BASE * rgb[2]))
-    none = splat(np.float32(0))
     db = (none, none, none, none)
     if blended:
         dturn = turn_gradient(w, b, c, p, h[0], h[1], h[2], y[0], y[1], y[2])
         dp = stretch_gradient(h[0], h[1], h[2], y[0], y[1], y[2])
         db = blend_gradient(shares, g, dturn, dp, own, one, two, three, turn)
-    store4(d_blend, 4 * i, db)
+    store4(d_blend, 4 * i, _unless4(still, db))
 
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
