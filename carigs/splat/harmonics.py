@@ -15,8 +15,8 @@ from torch import Tensor
 
 from carigs.splat import matrix3
 from carigs.splat.simd import WIDTH, formula, inner, splat
-from carigs.splat.simd_math import absolute, everywhere, larger, select, sqrt
-from carigs.splat.simd_memory import align_stack, load3, load9, load_rows, store, store3, store9, store_rows
+from carigs.splat.simd_math import absolute, larger, select, sqrt
+from carigs.splat.simd_memory import align_stack, load3, load9, load_rows, store3, store9, store_rows
 
 PART = 1024  # surfels of one task
 _A, _B, _C, _D = 0.4886025119029199, 1.0925484305920792, 0.31539156525252005, 0.5462742152960396
@@ -217,11 +217,6 @@ def _kernels(degree, basis, slope, scaled, paired, read, write):
         align_stack()
         g, none = load3(g_colour, 3 * i), splat(np.float32(0))
         still = absolute(g[0]) + absolute(g[1]) + absolute(g[2]) <= none
-        if everywhere(still):
-            for k in range(3 * count):
-                store(d_harmonics, 3 * count * i + WIDTH * k, none)
-            store3(d_centre, 3 * i, (none, none, none))
-            return
         turn, h = load9(rotation, 9 * i), read(harmonics, i)
         n, length, d = _view(load3(centre, 3 * i), eye, turn)
         d = (select(still, none, d[0]), select(still, none, d[1]), select(still, none, d[2]))

@@ -25,7 +25,6 @@ from carigs.splat.simd import (
     constant,
     inner,
     lanes,
-    mask,
     one_argument,
     shuffle,
     splat,
@@ -113,18 +112,6 @@ def _choose_select(condition, a, b):
     if b == vector:
         return lambda condition, a, b: function(condition, spread(kind(a)), b)
     return lambda condition, a, b: function(condition, spread(kind(a)), spread(kind(b)))
-
-
-@intrinsic
-def everywhere(typingctx, condition):
-    """Whether a condition holds in all lanes."""
-    if condition != mask:
-        return None
-
-    def codegen(context, builder, signature, values):
-        return builder.icmp_signed("==", builder.bitcast(values[0], ir.IntType(WIDTH)), ir.IntType(WIDTH)(-1))
-
-    return types.boolean(mask), codegen
 
 
 @intrinsic

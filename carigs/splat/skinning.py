@@ -33,7 +33,7 @@ from carigs.splat.jacobian_blend import (
 )
 from carigs.splat.rig import CENTRE, MOTION_ROW, ROTATION, STRETCH, TURN, FaceMotion, Rig
 from carigs.splat.simd import WIDTH, inner, splat
-from carigs.splat.simd_math import absolute, everywhere, exp, select
+from carigs.splat.simd_math import absolute, exp, select
 from carigs.splat.simd_memory import (
     align_stack,
     gather_rows,
@@ -302,14 +302,6 @@ def _backward_sixteen(
     up_x, up_u, up_v, rgb = load3(g_centre, 3 * i), load3(g_u, 3 * i), load3(g_v, 3 * i), load3(g_colour, 3 * i)
     none = splat(np.float32(0))
     still = _size(up_x) + _size(up_u) + _size(up_v) + _size(rgb) + absolute(load(g_opacity, i)) <= none
-    if everywhere(still):
-        store3(d_position, 3 * i, (none, none, none))
-        store4(d_quaternion, 4 * i, (none, none, none, none))
-        store2(d_log_scale, 2 * i, (none, none))
-        store(d_logit, i, none)
-        store3(d_dc, 3 * i, (none, none, none))
-        store4(d_blend, 4 * i, (none, none, none, none))
-        return
     own, one, two, three, turn, u, _t, k = _faces(i, binding, frame_rows, neighbours, rows, around)
     shares, g = _weights_of(blend, i, blended)
     v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])
