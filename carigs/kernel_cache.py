@@ -40,3 +40,12 @@ def use_kernel_cache() -> Path:
     if "numba" in sys.modules:
         sys.modules["numba"].config.CACHE_DIR = str(folder)
     return folder
+
+
+def say_if_cold() -> None:
+    """One line on stderr if the engine's kernels are not in the cache: the first step will seem to hang."""
+    import numba
+
+    folder = Path(numba.config.CACHE_DIR)
+    if not any(folder.rglob("forward_simd.*.nbi")):
+        print(f"carigs: compiling kernels for this processor into {folder}: once, about half a minute", file=sys.stderr)

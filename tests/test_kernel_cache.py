@@ -6,7 +6,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numba
+
 import carigs
+from carigs.kernel_cache import say_if_cold
 
 
 def folder_of(root: Path, **environment: str) -> Path:
@@ -37,3 +40,14 @@ def test_editing_a_formula_changes_the_folder_and_editing_anything_else_does_not
 
 def test_the_user_may_choose_the_folder(tmp_path):
     assert folder_of(Path(carigs.__file__).parents[1], NUMBA_CACHE_DIR=str(tmp_path)) == tmp_path
+
+
+def test_one_line_says_that_kernels_will_be_compiled_unless_they_are_there(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    say_if_cold()
+    line = capsys.readouterr().err
+    assert str(tmp_path) in line and line.count("\n") == 1
+    (tmp_path / "splat").mkdir()
+    (tmp_path / "splat" / "forward_simd._composite_colour-181.py311.nbi").touch()
+    say_if_cold()
+    assert capsys.readouterr().err == ""

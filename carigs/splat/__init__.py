@@ -10,8 +10,8 @@
 - `simd`, `simd_math`, `simd_memory`: vectors as Numba values
 - `losses`, `ssim`: images to a loss
 - `regularisers`: terms on the surfels themselves and on the rendered geometry
-- `adam`, `density`: updates, cloning, splitting, pruning
-- `supervision`: which frame or target supervises which step
+- `adam`, `density`: updates; cloning, splitting and pruning within a budget
+- `supervision`, `image_cache`: which frame or target supervises which step, decoded ahead
 - `trainer`, `checkpoint`: the loop, and how it goes on after a kill
 - `avatar`, `ply`: files
 
