@@ -2,13 +2,15 @@
 
 - `Exaggerator`: factorise once, solve any level
 - `GammaPath`, `straight_path`: S_gamma at any level, interpolated between exact nodes
-- `check_mesh`: typed errors for meshes that cannot be used
+- `clean_mesh`: meshes from anywhere, mended; `check_mesh`: typed errors for those that cannot be used
 - `carigs.surface.curvature`, `operators`, `occlusion`, `followers`: what the solve is made of
+- `python -m carigs.surface head.obj -o out.ply`: all of it for a file; `carigs.surface.preview`: its picture
 - `carigs.surface.bound`: error of the paper's linear blend, and what bounds it
 """
 
+from carigs.surface.cleaning import CleanMesh, MeshReport, clean_mesh
 from carigs.surface.exaggeration import Exaggerator
 from carigs.surface.mesh import check_mesh
 from carigs.surface.path import GammaPath, straight_path
 
-__all__ = ["Exaggerator", "GammaPath", "check_mesh", "straight_path"]
+__all__ = ["CleanMesh", "Exaggerator", "GammaPath", "MeshReport", "check_mesh", "clean_mesh", "straight_path"]

@@ -1,0 +1,69 @@
+"""`python -m carigs.surface`: a mesh in, caricatures out."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from carigs.capture.images import read_rgb
+from carigs.surface.__main__ import main
+
+SIDE = 360
+
+
+@pytest.fixture
+def mesh():
+    egg = trimesh.creation.icosphere(subdivisions=3, radius=80.0)
+    from_tip = np.linalg.norm(egg.vertices - [0, 0, 80], axis=1)
+    nose = 12 * np.exp(-((from_tip / 17) ** 2))
+    egg.vertices = egg.vertices * [1, 1.3, 1] + np.outer(nose, [0, 0, 1])
+    return egg
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply", "off", "glb"])
+def test_level_zero_gives_the_file_back_in_every_format(mesh, tmp_path, suffix):
+    file, out = tmp_path / f"head.{suffix}", tmp_path / f"out.{suffix}"
+    mesh.export(file)
+    assert main([str(file), "--gamma", "0", "-o", str(out)]) == 0
+    before, after = (trimesh.load(f, process=False, maintain_order=True, force="mesh") for f in (file, out))
+    np.testing.assert_allclose(after.vertices, before.vertices, rtol=1e-6)
+    np.testing.assert_array_equal(after.faces, before.faces)
+
+
+def test_stl_has_a_vertex_per_corner_and_still_holds_together(mesh, tmp_path):
+    mesh.export(tmp_path / "head.stl")
+    assert main([str(tmp_path / "head.stl"), "-o", str(tmp_path / "out.stl")]) == 0
+    out = trimesh.load(tmp_path / "out.stl")  # merges what lies on one place
+    assert out.is_watertight
+    assert np.abs(out.extents - mesh.extents).max() > 1.0
+
+
+def test_levels_grow_and_the_picture_has_a_row_for_each(mesh, tmp_path, capsys):
+    mesh.export(tmp_path / "head.obj")
+    assert main([str(tmp_path / "head.obj"), "--levels", "3", "--gamma", "0.3", "-o", str(tmp_path / "out.ply")]) == 0
+    results = [trimesh.load(tmp_path / f"out_{level}.ply", process=False) for level in ("0.1", "0.2", "0.3")]
+    moved = [np.linalg.norm(result.vertices - mesh.vertices, axis=1).max() for result in results]
+    assert 0 < moved[0] < moved[1] < moved[2]
+    picture = read_rgb(tmp_path / "out.png")
+    assert picture.shape == (4 * SIDE, 3 * SIDE, 3)
+    assert 0.1 < (picture < 0.95).mean() < 0.6
+    assert "642 vertices, 1280 faces" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("missing.obj", None, "no such file"),
+        ("head.txt", "", "unknown kind of mesh"),
+        ("points.obj", "v 0 0 0\nv 1 0 0\n", "points.obj"),
+        ("broken.ply", "ply\nformat", "broken.ply"),
+        ("nan.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "vertex 0 is not finite"),
+    ],
+)
+def test_bad_input_ends_in_one_line(tmp_path, capsys, name, content, words):
+    if content is not None:
+        (tmp_path / name).write_text(content)
+    assert main([str(tmp_path / name), "-o", str(tmp_path / "out.ply")]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("carigs: ") and error.count("\n") == 1
+    assert words in error
+    assert not (tmp_path / "out.ply").exists()
