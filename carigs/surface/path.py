@@ -6,6 +6,7 @@ import json
 import warnings
 import zlib
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -38,19 +39,27 @@ class GammaPath:
 
     def weights(self, level: float) -> Float[np.ndarray, "k"]:
         """Lagrange weights of the nodes at a level, by the barycentric formula (Berrut and Trefethen 2004, eq. 4.2)."""
-        offsets = level - self.levels
-        if (at := np.flatnonzero(offsets == 0)).size:
-            return np.eye(len(self.levels))[at[0]]
+        # A handful of numbers: NumPy would take longer to be called than Python to compute.
+        offsets = [float(level) - node for node, _ in self._barycentric]
+        if 0.0 in offsets:
+            return np.eye(len(offsets))[offsets.index(0.0)]
+        terms = [weight / offset for (_, weight), offset in zip(self._barycentric, offsets, strict=True)]
+        total = sum(terms)
+        return np.array([term / total for term in terms])
+
+    @cached_property
+    def _barycentric(self) -> list[tuple[float, float]]:
+        """Nodes and their weights 1 / prod(x_j - x_k)."""
         differences = self.levels[:, None] - self.levels[None, :]
         np.fill_diagonal(differences, 1.0)
-        terms = 1.0 / (differences.prod(axis=1) * offsets)
-        return terms / terms.sum()
+        return list(zip(self.levels.tolist(), (1.0 / differences.prod(axis=1)).tolist(), strict=True))
 
-    def displacement(self, level: float) -> Float[np.ndarray, "v 3"]:
+    def displacement(self, level: float) -> Float32[np.ndarray, "v 3"]:
         """The offset from the neutral at a level; exactly zero at level 0.  Warns outside [0, gamma_f]."""
         if not 0 <= level <= self.gamma_f:
             warnings.warn(f"level {level:g} is outside [0, {self.gamma_f:g}], the range that was solved", stacklevel=2)
-        return np.tensordot(self.weights(level), self.displacements.astype(np.float64), axes=1)
+        nodes = self.displacements.reshape(len(self.levels), -1)
+        return (self.weights(level).astype(np.float32) @ nodes).reshape(-1, 3)
 
     def save(self, file: str | Path) -> None:
         """Write an .npz that `load` reads."""
