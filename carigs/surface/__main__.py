@@ -48,6 +48,9 @@ def exaggerate(file: Path, gamma: float, levels: int, preset: str, output: Path,
 
     if output.suffix.lower() not in FORMATS:
         raise InputError(f"unknown kind of mesh; known: {' '.join(FORMATS)}", file=output)
+    for written in (output, picture):
+        if not written.parent.is_dir():
+            raise InputError("no such folder", file=written.parent)
     mesh = read_mesh(file)
     clean = clean_mesh(mesh.vertices, mesh.faces)
     say(str(clean.report))

@@ -67,3 +67,11 @@ def test_bad_input_ends_in_one_line(tmp_path, capsys, name, content, words):
     assert error.startswith("carigs: ") and error.count("\n") == 1
     assert words in error
     assert not (tmp_path / "out.ply").exists()
+
+
+def test_a_folder_that_is_not_there_is_named_before_work_starts(mesh, tmp_path, capsys):
+    mesh.export(tmp_path / "head.obj")
+    assert main([str(tmp_path / "head.obj"), "-o", str(tmp_path / "nowhere" / "out.ply")]) == 1
+    said = capsys.readouterr()
+    assert said.err == f"carigs: {tmp_path / 'nowhere'}: no such folder\n"
+    assert said.out == ""
