@@ -62,7 +62,7 @@ def draw(
 
 
 def contribution(
-    surfels: Surfels, rig: Rig, motion: FaceMotion, camera: Camera, *, kind: str = "jbs"
+    surfels: Surfels, rig: Rig, motion: FaceMotion, camera: Camera, *, kind: str = "jbs", backend: str = "cpu"
 ) -> Float[np.ndarray, "n"]:
     """Sum of every surfel's compositing weights over the pixels of a view: what it adds to the image.
 
@@ -72,5 +72,5 @@ def contribution(
     with torch.no_grad():
         skinned = skin(surfels, rig, motion, blend=kind == "jbs")
     colour = torch.zeros(len(surfels), 3, requires_grad=True)
-    image = rasterize(WorldSurfels(*skinned[:4], colour), camera, outputs=("colour",)).colour
+    image = rasterize(WorldSurfels(*skinned[:4], colour), camera, backend=backend, outputs=("colour",)).colour
     return torch.autograd.grad(image[..., 0].sum(), colour)[0][:, 0].double().numpy()

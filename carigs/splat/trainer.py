@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
+from carigs.capture import Frame
 from carigs.settings import Train
 from carigs.splat.adam import Adam
 from carigs.splat.checkpoint import State, fingerprint, load_state, save_state
@@ -143,13 +144,16 @@ class _Run:
             settings.scale_weight,
         )
 
-    def _importance(self, chosen: Int[np.ndarray, "k"]) -> Float[np.ndarray, "n"]:
-        total = np.zeros(len(self.state.surfels))
-        for index in chosen:
-            frame = self.supervision.frames[index]
+    def _importance(self, chosen: Sequence[Frame]) -> Float[np.ndarray, "n"]:
+        """What the surfels add to views of the mesh that supervises most."""
+        settings, surfels, total = self.settings, self.state.surfels, np.zeros(len(self.state.surfels))
+        level = self.supervision.gamma_f if self.only_targets else 0.0
+        for frame in chosen:
             camera = self.supervision.capture.cameras[frame.camera]
-            motion = self.performance.motion(frame.timestep, 0.0)
-            total += contribution(self.state.surfels, self.performance.rig, motion, camera, kind=self.settings.rig)
+            motion = self.performance.motion(frame.timestep, level)
+            total += contribution(
+                surfels, self.performance.rig, motion, camera, kind=settings.rig, backend=settings.backend
+            )
         return total
 
     def _control_density(self, done: int) -> None:
@@ -157,7 +161,8 @@ class _Run:
         if density.every and density.start <= done < density.stop and done % density.every == 0:
             rng = np.random.default_rng([self.settings.seed, 2, done])
             gradient = state.statistics.mean()
-            chosen = rng.choice(len(self.supervision.frames), min(density.views, len(self.supervision.frames)), False)
+            frames = self.supervision.target_frames if self.only_targets else self.supervision.frames
+            chosen = [frames[i] for i in rng.choice(len(frames), min(density.views, len(frames)), replace=False)]
             state.surfels = refine(
                 state.surfels, state.adam, gradient, self.performance.rig, self.extent, density, rng,
                 lambda: self._importance(chosen),

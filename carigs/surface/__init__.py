@@ -4,7 +4,7 @@
 - `GammaPath`, `straight_path`: S_gamma at any level, interpolated between exact nodes
 - `clean_mesh`: meshes from anywhere, mended; `check_mesh`: typed errors for those that cannot be used
 - `carigs.surface.curvature`, `operators`, `occlusion`, `followers`: what the solve is made of
-- `python -m carigs.surface head.obj -o out.ply`: all of it for a file; `carigs.surface.preview`: its picture
+- `python -m carigs.surface head.obj -o out.ply`: all of it for a file; its picture: `evaluation.clay`
 - `carigs.surface.bound`: error of the paper's linear blend, and what bounds it
 """
 

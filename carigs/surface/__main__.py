@@ -19,7 +19,7 @@ from carigs.errors import CarigsError, InputError
 from carigs.settings import Exaggerate
 from carigs.surface.cleaning import clean_mesh
 from carigs.surface.exaggeration import Exaggerator
-from carigs.surface.preview import preview
+from evaluation.clay import clay_sheet
 
 FORMATS = (".obj", ".ply", ".off", ".stl", ".glb")
 
@@ -66,7 +66,7 @@ def exaggerate(file: Path, gamma: float, levels: int, preset: str, output: Path,
         result.export(target)
         shown[f"level {level:.3g}"] = clean.vertices + displacement
         say(f"{target}: moved by up to {np.linalg.norm(displacement, axis=1).max():.4g}")
-    preview(picture, shown, clean.faces)
+    clay_sheet(picture, shown, clean.faces)
     say(str(picture))
 
 

@@ -15,10 +15,17 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from carigs.errors import MeshError
-from carigs.surface.mesh import boundary_vertices, components, diagonal, face_areas, signed_volume
+from carigs.surface.mesh import (
+    NO_AREA,
+    boundary_vertices,
+    check_corners,
+    check_edges,
+    components,
+    diagonal,
+    face_areas,
+    signed_volume,
+)
 
-NO_AREA = 1e-14
-"""In squares of the bounding box's diagonal: smaller faces have no normal."""
 OUTWARDS = 1e-3
 """In (area)^1.5: components that enclose less are sheets, which have no inside."""
 
@@ -72,7 +79,7 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray, weld: float = 1e-7) -> C
     face that is left, and edges of three or more faces.
     """
     vertices, faces = np.asarray(vertices), np.asarray(faces)
-    _check_arrays(vertices, faces)
+    check_corners(vertices, faces)
     given, faces_given = np.asarray(vertices, np.float64), faces.astype(np.int64)
     proper = faces_given[(np.roll(faces_given, 1, axis=1) != faces_given).all(axis=1)]
     faces = _single(proper)  # or the boundary would not be seen where a face beside it lies twice
@@ -86,7 +93,7 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray, weld: float = 1e-7) -> C
         raise MeshError(f"none of the {len(faces_given)} faces has an area")
     single = _single(kept)
     duplicates, kept = len(proper) - len(faces) + len(kept) - len(single), single
-    _check_edges(kept)
+    check_edges(kept)
     used, corner = np.unique(kept, return_inverse=True)
     clean, corner = given[used], corner.reshape(-1, 3)
     turned, count = _turn(clean, corner)
@@ -108,20 +115,6 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray, weld: float = 1e-7) -> C
     return CleanMesh(clean, turned, of_given, report)
 
 
-def _check_arrays(vertices: np.ndarray, faces: np.ndarray) -> None:
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
-        raise MeshError(f"expected (v, 3) vertices and (f, 3) faces, found {vertices.shape} and {faces.shape}")
-    if faces.dtype.kind not in "iu":
-        raise MeshError(f"faces must be vertex numbers, found {faces.dtype}")
-    outside = ((faces < 0) | (faces >= len(vertices))).any(axis=1)
-    if outside.any():
-        raise MeshError(f"face {int(outside.argmax())} has a corner that is no vertex ({int(outside.sum())} in all)")
-    used = np.unique(faces)
-    bad = ~np.isfinite(vertices[used].astype(np.float64)).all(axis=1)
-    if bad.any():
-        raise MeshError(f"vertex {int(used[bad.argmax()])} is not finite ({int(bad.sum())} in all)")
-
-
 def _single(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "g 3"]:
     """The first of the faces that have the same corners."""
     return faces[np.sort(np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1])]
@@ -137,14 +130,6 @@ def _welded(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], r
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(vertices),) * 2)
     group = connected_components(graph, directed=False)[1]
     return np.unique(group, return_index=True)[1][group]
-
-
-def _check_edges(faces: Int[np.ndarray, "f 3"]) -> None:
-    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    edges, count = np.unique(edges, axis=0, return_counts=True)
-    if (count > 2).any():
-        (i, j), number = edges[count > 2][0], int((count > 2).sum())
-        raise MeshError(f"edge {i}-{j} belongs to {count.max()} faces, a surface has at most 2 ({number} such edges)")
 
 
 def _turn(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> tuple[Int[np.ndarray, "f 3"], int]:

@@ -9,6 +9,9 @@ from scipy.sparse.csgraph import connected_components
 
 from carigs.errors import MeshError
 
+NO_AREA = 1e-14
+"""In squares of the bounding box's diagonal: smaller faces have no normal."""
+
 
 def check_mesh(vertices: np.ndarray, faces: np.ndarray) -> None:
     """Raise `MeshError` naming the first vertex or face that no solver can use.
@@ -17,19 +20,32 @@ def check_mesh(vertices: np.ndarray, faces: np.ndarray) -> None:
     finite, indices out of range, repeated corners, faces without area, vertices without a face, and edges of three or
     more faces.
     """
+    check_corners(vertices, faces)
+    _refuse(~np.isfinite(vertices).all(axis=1), "vertex", "is not finite")
+    _refuse((np.sort(faces, axis=1)[:, 1:] == np.sort(faces, axis=1)[:, :-1]).any(axis=1), "face", "repeats a corner")
+    _refuse(face_areas(vertices, faces) <= NO_AREA * diagonal(vertices) ** 2, "face", "has no area")
+    _refuse(np.bincount(faces.ravel(), minlength=len(vertices)) == 0, "vertex", "belongs to no face")
+    check_edges(faces)
+
+
+def check_corners(vertices: np.ndarray, faces: np.ndarray) -> None:
+    """Raise `MeshError` unless there are faces and all have three corners that are vertices: finite where used."""
     if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
         raise MeshError(f"expected (v, 3) vertices and (f, 3) faces, found {vertices.shape} and {faces.shape}")
     if faces.dtype.kind not in "iu":
         raise MeshError(f"faces must be vertex numbers, found {faces.dtype}")
-    _refuse(~np.isfinite(vertices).all(axis=1), "vertex", "is not finite")
     _refuse(((faces < 0) | (faces >= len(vertices))).any(axis=1), "face", "has a corner that is no vertex")
-    _refuse((np.sort(faces, axis=1)[:, 1:] == np.sort(faces, axis=1)[:, :-1]).any(axis=1), "face", "repeats a corner")
-    _refuse(face_areas(vertices, faces) <= 1e-14 * diagonal(vertices) ** 2, "face", "has no area")
-    _refuse(np.bincount(faces.ravel(), minlength=len(vertices)) == 0, "vertex", "belongs to no face")
+    bad = ~np.isfinite(vertices).all(axis=1)
+    bad[np.setdiff1d(np.arange(len(vertices)), faces)] = False
+    _refuse(bad, "vertex", "is not finite")
+
+
+def check_edges(faces: Int[np.ndarray, "f 3"]) -> None:
+    """Raise `MeshError` for an edge of three or more faces."""
     edges, count = np.unique(_sorted_edges(faces), axis=0, return_counts=True)
     if (count > 2).any():
         i, j = edges[count > 2][0]
-        raise MeshError(f"edge {i}-{j} belongs to {count.max()} faces; a surface has at most 2")
+        raise MeshError(f"edge {i}-{j} belongs to {count[count > 2][0]} faces; a surface has at most 2")
 
 
 def diagonal(vertices: Float[np.ndarray, "v 3"]) -> float:

@@ -18,7 +18,6 @@ import numpy as np
 import pandas as pd
 
 from carigs.capture import Capture
-from carigs.capture.images import read_rgb
 from carigs.config import load_settings
 from carigs.files import writing
 from carigs.settings import Train
@@ -29,6 +28,7 @@ from carigs.splat.supervision import Supervision
 from carigs.splat.threads import use_threads
 from carigs.splat.trainer import train_surfels
 from carigs.surface import GammaPath
+from evaluation.image import psnr
 
 FRAMES = 12
 """Test frames that are compared, evenly over all."""
@@ -71,12 +71,12 @@ class Watch:
 
     def psnr(self, avatar: Avatar) -> float:
         """Mean over the frames, of images as they would be written: eight bits."""
-        errors = []
+        values = []
         for frame in self.frames:
             image = avatar.render(frame.timestep, 0.0, self.capture.cameras[frame.camera])
             image = np.rint(np.clip(image, 0, 1) * 255) / 255
-            errors.append(np.mean((image - read_rgb(self.capture.root / frame.image)) ** 2))
-        return float(np.mean(-10 * np.log10(errors)))
+            values.append(psnr(image, self.capture.image(frame)))
+        return float(np.mean(values))
 
 
 def looks(

@@ -1,4 +1,4 @@
-"""A picture of meshes from the front, from between and from the side: clay under a lamp at the camera's shoulder."""
+"""Meshes in clay, from the front, from between and from the side, under a lamp at the camera's shoulder."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SAMPLES = 2
 CLAY = np.array([0.78, 0.70, 0.64])
 
 
-def preview(file: Path, meshes: Mapping[str, Float[np.ndarray, "v 3"]], faces: Int[np.ndarray, "f 3"]) -> None:
+def clay_sheet(file: Path, meshes: Mapping[str, Float[np.ndarray, "v 3"]], faces: Int[np.ndarray, "f 3"]) -> None:
     """Write a PNG: a row for each of `meshes` (in any unit), all at the same scale."""
     every = np.concatenate(list(meshes.values()))
     centre, reach = (every.min(axis=0) + every.max(axis=0)) / 2, float(np.linalg.norm(np.ptp(every, axis=0))) / 2
