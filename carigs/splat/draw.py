@@ -47,12 +47,11 @@ def draw(
     `kind` is one of `RIGS`: `jbs` blends the neighbours' motions, `jacobian` takes the own face's.  With
     `rotate_harmonics` view-dependent colour turns with the head.
     """
-    turning = surfels.sh_degree > 0 and rotate_harmonics
-    skinned = skin(surfels, rig, motion, blend=kind == "jbs", rotations=turning)
+    eye = camera.centre if surfels.sh_degree > 0 else None
+    skinned = skin(surfels, rig, motion, blend=kind == "jbs", eye=eye, turning=rotate_harmonics)
     colour = skinned.colour
-    if surfels.sh_degree > 0:
-        seen = view_colour(surfels.harmonics, skinned.centre, camera.centre, skinned.rotation, surfels.sh_degree)
-        colour = colour + seen
+    if skinned.direction is not None:
+        colour = colour + view_colour(surfels.harmonics, skinned.direction, surfels.sh_degree)
     world = WorldSurfels(*skinned[:4], colour.clamp_min(0))
     # sum w c + (1 - sum w) b = b + sum w (c - b): colours relative to the background need no alpha, nor its gradient.
     rendering = rasterize(

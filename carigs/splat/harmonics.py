@@ -15,7 +15,7 @@ from torch import Tensor
 
 from carigs.splat import matrix3
 from carigs.splat.simd import WIDTH, formula, inner, splat
-from carigs.splat.simd_math import absolute, larger, select, sqrt
+from carigs.splat.simd_math import absolute, select
 from carigs.splat.simd_memory import align_stack, load3, load9, load_rows, store3, store9, store_rows
 
 PART = 1024  # surfels of one task
@@ -82,22 +82,6 @@ def _slope3(d, s):
         b + 2 * _G * x * y * s[12] - 2 * _I * y * z * s[13] + 6 * _E * x * y * s[14],
         c - 8 * _G * x * z * s[12] + _I * (xx - yy) * s[13],
     )
-
-
-@formula
-def _view(centre, eye, turn):
-    """Unit direction from the eye, the inverse of its length, and the direction in the head's own axes."""
-    x, y, z = centre[0] - eye[0], centre[1] - eye[1], centre[2] - eye[2]
-    g = 1.0 / sqrt(larger(x * x + y * y + z * z, 1e-24))
-    n = (x * g, y * g, z * g)
-    return n, g, matrix3.apply_transposed(turn, n)
-
-
-@formula
-def _centre_gradient(n, g, turn, slope):
-    d = matrix3.apply(turn, slope)
-    along = matrix3.dot(n, d)
-    return g * (d[0] - along * n[0]), g * (d[1] - along * n[1]), g * (d[2] - along * n[2])
 
 
 @inner
@@ -191,7 +175,7 @@ def _numbers(count):
     return numbers
 
 
-_three, _nine = _numbers(3), _numbers(9)
+_three = _numbers(3)
 
 
 def _kernels(degree, basis, slope, scaled, paired, read, write):
@@ -207,46 +191,42 @@ def _kernels(degree, basis, slope, scaled, paired, read, write):
         return red, green, blue
 
     @inner
-    def forward_sixteen(i, harmonics, centre, eye, rotation, colour):
+    def forward_sixteen(i, harmonics, direction, colour):
         align_stack()
-        _, _, d = _view(load3(centre, 3 * i), eye, load9(rotation, 9 * i))
-        store3(colour, 3 * i, summed(basis(d), read(harmonics, i)))
+        store3(colour, 3 * i, summed(basis(load3(direction, 3 * i)), read(harmonics, i)))
 
     @inner
-    def backward_sixteen(i, harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre):
+    def backward_sixteen(i, harmonics, direction, g_colour, d_harmonics, d_direction):
         align_stack()
         g, none = load3(g_colour, 3 * i), splat(np.float32(0))
         still = absolute(g[0]) + absolute(g[1]) + absolute(g[2]) <= none
-        turn, h = load9(rotation, 9 * i), read(harmonics, i)
-        n, length, d = _view(load3(centre, 3 * i), eye, turn)
+        d, h = load3(direction, 3 * i), read(harmonics, i)
         d = (select(still, none, d[0]), select(still, none, d[1]), select(still, none, d[2]))
         write(d_harmonics, i, scaled(basis(d), g))
-        dc = _centre_gradient(n, length, turn, slope(d, paired(h, g)))
-        store3(d_centre, 3 * i, (select(still, none, dc[0]), select(still, none, dc[1]), select(still, none, dc[2])))
+        s = slope(d, paired(h, g))
+        store3(d_direction, 3 * i, (select(still, none, s[0]), select(still, none, s[1]), select(still, none, s[2])))
 
     @numba.njit(error_model="numpy")
-    def forward(harmonics, centre, eye, rotation, colour):
-        for i in range(len(centre) // 3):
-            _, _, d = _view(_three(centre, 3 * i), eye, _nine(rotation, 9 * i))
-            total = summed(basis(d), numbers(harmonics, 3 * count * i))
+    def forward(harmonics, direction, colour):
+        for i in range(len(direction) // 3):
+            total = summed(basis(_three(direction, 3 * i)), numbers(harmonics, 3 * count * i))
             for c in range(3):
                 colour[3 * i + c] = total[c]
 
     @numba.njit(error_model="numpy")
-    def backward(harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre):
-        for i in range(len(centre) // 3):
-            turn, g = _nine(rotation, 9 * i), _three(g_colour, 3 * i)
+    def backward(harmonics, direction, g_colour, d_harmonics, d_direction):
+        for i in range(len(direction) // 3):
+            d, g = _three(direction, 3 * i), _three(g_colour, 3 * i)
             if g[0] == 0 and g[1] == 0 and g[2] == 0:
                 d_harmonics[3 * count * i : 3 * count * (i + 1)] = 0.0
-                d_centre[3 * i : 3 * i + 3] = 0.0
+                d_direction[3 * i : 3 * i + 3] = 0.0
                 continue
-            n, length, d = _view(_three(centre, 3 * i), eye, turn)
             dh = scaled(basis(d), g)
             for k in range(3 * count):
                 d_harmonics[3 * count * i + k] = dh[k]
-            dc = _centre_gradient(n, length, turn, slope(d, paired(numbers(harmonics, 3 * count * i), g)))
+            s = slope(d, paired(numbers(harmonics, 3 * count * i), g))
             for c in range(3):
-                d_centre[3 * i + c] = dc[c]
+                d_direction[3 * i + c] = s[c]
 
     return forward_sixteen, backward_sixteen, forward, backward
 
@@ -260,51 +240,51 @@ _forward3, _backward3, *_SCALARS3 = _kernels(3, _basis3, _slope3, _scaled3, _pai
 
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
-def _forward_vectors1(harmonics, centre, eye, rotation, colour):
-    n = len(centre) // 3
+def _forward_vectors1(harmonics, direction, colour):
+    n = len(direction) // 3
     for part in numba.prange((n + PART - 1) // PART):
         for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _forward1(min(start, n - WIDTH), harmonics, centre, eye, rotation, colour)
+            _forward1(min(start, n - WIDTH), harmonics, direction, colour)
 
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
-def _backward_vectors1(harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre):
-    n = len(centre) // 3
+def _backward_vectors1(harmonics, direction, g_colour, d_harmonics, d_direction):
+    n = len(direction) // 3
     for part in numba.prange((n + PART - 1) // PART):
         for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _backward1(min(start, n - WIDTH), harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre)
+            _backward1(min(start, n - WIDTH), harmonics, direction, g_colour, d_harmonics, d_direction)
 
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
-def _forward_vectors2(harmonics, centre, eye, rotation, colour):
-    n = len(centre) // 3
+def _forward_vectors2(harmonics, direction, colour):
+    n = len(direction) // 3
     for part in numba.prange((n + PART - 1) // PART):
         for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _forward2(min(start, n - WIDTH), harmonics, centre, eye, rotation, colour)
+            _forward2(min(start, n - WIDTH), harmonics, direction, colour)
 
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
-def _backward_vectors2(harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre):
-    n = len(centre) // 3
+def _backward_vectors2(harmonics, direction, g_colour, d_harmonics, d_direction):
+    n = len(direction) // 3
     for part in numba.prange((n + PART - 1) // PART):
         for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _backward2(min(start, n - WIDTH), harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre)
+            _backward2(min(start, n - WIDTH), harmonics, direction, g_colour, d_harmonics, d_direction)
 
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
-def _forward_vectors3(harmonics, centre, eye, rotation, colour):
-    n = len(centre) // 3
+def _forward_vectors3(harmonics, direction, colour):
+    n = len(direction) // 3
     for part in numba.prange((n + PART - 1) // PART):
         for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _forward3(min(start, n - WIDTH), harmonics, centre, eye, rotation, colour)
+            _forward3(min(start, n - WIDTH), harmonics, direction, colour)
 
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
-def _backward_vectors3(harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre):
-    n = len(centre) // 3
+def _backward_vectors3(harmonics, direction, g_colour, d_harmonics, d_direction):
+    n = len(direction) // 3
     for part in numba.prange((n + PART - 1) // PART):
         for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _backward3(min(start, n - WIDTH), harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre)
+            _backward3(min(start, n - WIDTH), harmonics, direction, g_colour, d_harmonics, d_direction)
 
 
 _KERNELS = {
@@ -315,42 +295,32 @@ _KERNELS = {
 
 
 def view_colour(
-    harmonics: Float[Tensor, "n k 3"],
-    centre: Float[Tensor, "n 3"],
-    camera_centre: Float[np.ndarray, "3"],
-    rotation: Float[Tensor, "n 3 3"] | None,
-    degree: int,
+    harmonics: Float[Tensor, "n k 3"], direction: Float[Tensor, "n 3"], degree: int
 ) -> Float[Tensor, "n 3"]:
-    """What the higher degrees add to the colour seen from `camera_centre`.
+    """What the higher degrees add to the colour seen along `direction`: unit vectors from the eye to the surfel.
 
-    With `rotation` (posed from canonical, per surfel; not differentiated) the harmonics live on the canonical head and
-    turn with it: the view direction is rotated back.
+    Directions in the axes of the canonical head (`skinning.skin`) make the harmonics turn with it.
     """
-    if rotation is None:
-        rotation = torch.eye(3, dtype=centre.dtype).expand(len(centre), 3, 3)
-    eye = tuple(float(c) for c in camera_centre)
-    return _ViewColour.apply(harmonics, centre, eye, rotation, degree)
+    return _ViewColour.apply(harmonics, direction, degree)
 
 
 class _ViewColour(torch.autograd.Function):
     @staticmethod
-    def forward(ctx, harmonics, centre, eye, rotation, degree):
-        arrays = [t.detach().contiguous().numpy().reshape(-1) for t in (harmonics, centre, rotation)]
-        ctx.kept, ctx.vectors = (arrays, eye, degree), centre.dtype == torch.float32 and len(centre) >= WIDTH
-        ctx.shapes = harmonics.shape, centre.shape
+    def forward(ctx, harmonics, direction, degree):
+        arrays = [t.detach().contiguous().numpy().reshape(-1) for t in (harmonics, direction)]
+        ctx.kept, ctx.vectors = (arrays, degree), direction.dtype == torch.float32 and len(direction) >= WIDTH
+        ctx.shapes = harmonics.shape, direction.shape
         colour = np.empty_like(arrays[1])
         forward_vectors, _, forward, _ = _KERNELS[degree]
-        (forward_vectors if ctx.vectors else forward)(arrays[0], arrays[1], eye, arrays[2], colour)
-        return torch.from_numpy(colour).view(centre.shape)
+        (forward_vectors if ctx.vectors else forward)(*arrays, colour)
+        return torch.from_numpy(colour).view(direction.shape)
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, g_colour):
-        (harmonics, centre, rotation), eye, degree = ctx.kept
-        d_harmonics, d_centre = np.empty_like(harmonics), np.empty_like(centre)
+        arrays, degree = ctx.kept
+        gradients = [np.empty_like(array) for array in arrays]
         _, backward_vectors, _, backward = _KERNELS[degree]
-        g_colour = g_colour.contiguous().numpy().reshape(-1)
         kernel = backward_vectors if ctx.vectors else backward
-        kernel(harmonics, centre, eye, rotation, g_colour, d_harmonics, d_centre)
-        gradients = (torch.from_numpy(d).view(s) for d, s in zip((d_harmonics, d_centre), ctx.shapes, strict=True))
-        return *gradients, None, None, None
+        kernel(*arrays, g_colour.contiguous().numpy().reshape(-1), *gradients)
+        return *(torch.from_numpy(d).view(s) for d, s in zip(gradients, ctx.shapes, strict=True)), None

@@ -95,16 +95,40 @@ def _quaternion_gradient(unit, length, du, dv):
 
 
 @formula
-def turn_gradient(w, b, c, p, hx, hu, hv, x, u, v):
-    """d(Q y) = Q (Jr dw x y): torque of the gradients h, then the right Jacobian's transpose I + b [w] + c [w]^2."""
-    torque_x = matrix3.cross(matrix3.apply_symmetric(p, x), hx)
-    torque_u = matrix3.cross(matrix3.apply_symmetric(p, u), hu)
-    torque_v = matrix3.cross(matrix3.apply_symmetric(p, v), hv)
-    torque = (
-        torque_x[0] + torque_u[0] + torque_v[0],
-        torque_x[1] + torque_u[1] + torque_v[1],
-        torque_x[2] + torque_u[2] + torque_v[2],
-    )
+def view_direction(q, centre, eye, turning):
+    """Unit vector from the eye, the inverse of its length, and the vector in the axes that q turns if `turning`."""
+    x, y, z = centre[0] - eye[0], centre[1] - eye[1], centre[2] - eye[2]
+    g = 1.0 / sqrt(larger(x * x + y * y + z * z, 1e-24))
+    n = (x * g, y * g, z * g)
+    if turning:
+        return n, g, matrix3.apply_transposed(q, n)
+    return n, g, n
+
+
+@formula
+def direction_gradient(q, n, length, d, gd, turning):
+    """From the gradient of a `view_direction` to the centre's, and its torque: d(Q^T n) = d x dw."""
+    up = gd
+    torque = _scaled(0.0, gd)
+    if turning:
+        up, torque = matrix3.apply(q, gd), matrix3.cross(gd, d)
+    along = matrix3.dot(n, up)
+    centre = (length * (up[0] - along * n[0]), length * (up[1] - along * n[1]), length * (up[2] - along * n[2]))
+    return centre, torque
+
+
+@formula
+def torque_of(p, h, y):
+    """Gradient with respect to dw in Q exp(dw), where d(Q P y) = Q (dw x P y), summed over the vectors y."""
+    x = matrix3.cross(matrix3.apply_symmetric(p, y[0]), h[0])
+    u = matrix3.cross(matrix3.apply_symmetric(p, y[1]), h[1])
+    v = matrix3.cross(matrix3.apply_symmetric(p, y[2]), h[2])
+    return x[0] + u[0] + v[0], x[1] + u[1] + v[1], x[2] + u[2] + v[2]
+
+
+@formula
+def turn_gradient(w, b, c, torque):
+    """From a torque to the blended rotation vector: the right Jacobian's transpose I + b [w] + c [w]^2."""
     once = matrix3.cross(w, torque)
     twice = matrix3.cross(w, once)
     return (
@@ -115,8 +139,9 @@ def turn_gradient(w, b, c, p, hx, hu, hv, x, u, v):
 
 
 @formula
-def stretch_gradient(hx, hu, hv, x, u, v):
-    """To the blended stretch, from the gradients h after it and the vectors before it."""
+def stretch_gradient(h, y):
+    """To the blended stretch, from the gradients h after it and the vectors y before it."""
+    (hx, hu, hv), (x, u, v) = h, y
     return (
         hx[0] * x[0] + hu[0] * u[0] + hv[0] * v[0],
         hx[0] * x[1] + hx[1] * x[0] + hu[0] * u[1] + hu[1] * u[0] + hv[0] * v[1] + hv[1] * v[0],

@@ -2,14 +2,13 @@
 
 Frames as SurFhead (Lee et al. 2025): third axis = normal, scale = (base + height) / 2.  Motions are deformation
 gradients with the normal direction scaled by the square root of the area ratio (Sumner and Popović 2004), split into
-rotation and stretch by the polar decomposition.  No torch here: meshes are not optimised.
+rotation and stretch by the polar decomposition.  No torch here: gradients of the mesh are in `mesh_gradient`.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -17,6 +16,7 @@ from jaxtyping import Bool, Float, Float32, Float64, Int, Int32
 
 from carigs.errors import MeshError
 from carigs.splat import matrix3
+from carigs.splat.motion_rows import CENTRE, MOTION_ROW, ROTATION, STRETCH, TURN, FaceMotion
 
 DEGENERATE = 1e-6
 """Twice the area over the longest edge squared below which a triangle has no usable frame."""
@@ -42,37 +42,6 @@ class Rig:
     def frame(self) -> Float32[np.ndarray, "f 3 3"]:
         """k_c R_c with R_c = [edge, towards the third corner, normal]: canonical from triangle-local."""
         return self.frame_rows[:, :9].reshape(-1, 3, 3)
-
-
-# Columns of a face's row in `FaceMotion`; kernels read it as two halves of 16.
-STRETCH, CENTRE, ROTATION, TURN, MOTION_ROW = 0, 6, 9, 18, 32
-
-
-class FaceMotion(NamedTuple):
-    """Motion of every triangle from the canonical to a posed mesh: J = U P, and the neighbours' U relative to it."""
-
-    rows: Float32[np.ndarray, "f 32"]
-    """All of a triangle in one row, for the kernels: `stretch`, `centre`, `rotation`, `turn`, spare numbers."""
-
-    @property
-    def stretch(self) -> Float32[np.ndarray, "f 6"]:
-        """P, symmetric: xx, xy, xz, yy, yz, zz."""
-        return self.rows[:, STRETCH:CENTRE]
-
-    @property
-    def centre(self) -> Float32[np.ndarray, "f 3"]:
-        """T: mean of the posed corners in metres."""
-        return self.rows[:, CENTRE:ROTATION]
-
-    @property
-    def rotation(self) -> Float32[np.ndarray, "f 3 3"]:
-        """U."""
-        return self.rows[:, ROTATION:TURN].reshape(-1, 3, 3)
-
-    @property
-    def turn(self) -> Float32[np.ndarray, "f 3 3"]:
-        """Rotation vectors log(U^T U_neighbour) in radians, one row per neighbour."""
-        return self.rows[:, TURN : TURN + 9].reshape(-1, 3, 3)
 
 
 def build_rig(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Rig:
@@ -114,16 +83,36 @@ def face_motion(rig: Rig, posed: Float[np.ndarray, "v 3"]) -> FaceMotion:
     Triangles without area in either mesh take the mean rotation and stretch of their sound neighbours, ring by ring,
     and the identity if there are none: everything stays finite.  Raises `MeshError` for a vertex that is not.
     """
-    posed = _finite(posed)
+    centre, rotation, stretch, _ = polar_motion(rig, _finite(posed))
+    return FaceMotion(rows_of(rig, centre, rotation, stretch))
+
+
+def polar_motion(
+    rig: Rig, posed: Float64[np.ndarray, "v 3"]
+) -> tuple[
+    Float64[np.ndarray, "f 3"], Float64[np.ndarray, "f 3 3"], Float64[np.ndarray, "f 3 3"], Bool[np.ndarray, "f"]
+]:
+    """T, U and P of every triangle, and whether they are its own."""
     centre, rotation, stretch, sound = _motion(posed, rig.faces, rig.canonical_edges)
     if not sound.all():
         _follow_neighbours(rotation, stretch, sound, rig.neighbours)
-    rows = np.zeros((len(rig.faces), MOTION_ROW), np.float32)
+    return centre, rotation, stretch, sound
+
+
+def rows_of(
+    rig: Rig,
+    centre: Float64[np.ndarray, "f 3"],
+    rotation: Float64[np.ndarray, "f 3 3"],
+    stretch: Float64[np.ndarray, "f 3 3"],
+    dtype: type = np.float32,
+) -> Float[np.ndarray, "f 32"]:
+    """What `polar_motion` found as rows of a `FaceMotion`."""
+    rows = np.zeros((len(rig.faces), MOTION_ROW), dtype)
     rows[:, STRETCH:CENTRE] = stretch[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
     rows[:, CENTRE:ROTATION] = centre
     rows[:, ROTATION:TURN] = rotation.reshape(-1, 9)
     rows[:, TURN : TURN + 9] = _turns(rotation, rig.neighbours).reshape(-1, 9)
-    return FaceMotion(rows)
+    return rows
 
 
 def jacobians(motion: FaceMotion) -> Float64[np.ndarray, "f 3 3"]:
@@ -195,7 +184,7 @@ def _frames(vertices, faces):
 @numba.njit(cache=True, parallel=True)
 def _motion(posed, faces, canonical_edges):
     n = len(faces)
-    centre = np.empty((n, 3), np.float32)
+    centre = np.empty((n, 3))
     rotation, stretch = np.empty((n, 3, 3)), np.empty((n, 3, 3))
     sound = np.empty(n, np.bool_)
     for f in numba.prange(n):
@@ -219,7 +208,7 @@ def _motion(posed, faces, canonical_edges):
 @numba.njit(cache=True, parallel=True)
 def _turns(rotation, neighbours):
     n = len(rotation)
-    turn = np.zeros((n, 3, 3), np.float32)
+    turn = np.zeros((n, 3, 3))
     for f in numba.prange(n):
         own = matrix3.transpose(matrix3.load(rotation, f))
         for s in range(3):

@@ -4,9 +4,10 @@ World centre  J_b (k_c R_c mu) + T,  tangents  J_b k_c R_c r S,  where  J_b = U 
 blends the motions of the own face and its three neighbours.  SurFhead blends absolute rotation vectors, which wraps
 where the head turns by pi; relative to the own face it does not.
 
-The formulas are in `jacobian_blend`; here are the loops: sixteen surfels at a time for float32, one by one for float64,
-which is how the tests check them.  What no pixel depends on has no gradient, whatever its numbers are (0 * NaN).  In
-plain torch this would cost more than the rasteriser, and its exp would round differently with the number of threads.
+The formulas are in `jacobian_blend`; here are the loops for one surfel after the other, which is how the tests check
+them in float64, and in `skinning_simd` those for sixteen.  What no pixel depends on has no gradient, whatever its
+numbers are (0 * NaN).  In plain torch this would cost more than the rasteriser, and its exp would round differently
+with the number of threads.
 """
 
 from __future__ import annotations
@@ -19,39 +20,31 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from carigs.splat import matrix3
+from carigs.splat import matrix3, skinning_simd
 from carigs.splat.jacobian_blend import (
     blend_gradient,
     blended_motion,
     carried,
+    direction_gradient,
     disc_axes,
     pulled_back,
     shares_of,
     sigmoid,
     stretch_gradient,
+    torque_of,
     turn_gradient,
+    view_direction,
 )
-from carigs.splat.rig import CENTRE, MOTION_ROW, ROTATION, STRETCH, TURN, FaceMotion, Rig
-from carigs.splat.simd import WIDTH, inner, splat
-from carigs.splat.simd_math import absolute, exp, select
-from carigs.splat.simd_memory import (
-    align_stack,
-    gather_rows,
-    load,
-    load2,
-    load3,
-    load4,
-    store,
-    store2,
-    store3,
-    store4,
-    store9,
-)
+from carigs.splat.mesh_gradient import rows_gradient
+from carigs.splat.motion_rows import FaceMotion, read3, read4, read9, read_face
+from carigs.splat.rig import Rig
+from carigs.splat.simd import WIDTH
+from carigs.splat.simd_math import exp
 from carigs.splat.surfels import SH_BASE, Surfels
 
 
 class Skinned(NamedTuple):
-    """Surfels in the world, differentiable except for `rotation`."""
+    """Surfels in the world, differentiable."""
 
     centre: Float[Tensor, "n 3"]
     tangent_u: Float[Tensor, "n 3"]
@@ -60,155 +53,135 @@ class Skinned(NamedTuple):
     opacity: Float[Tensor, "n"]
     colour: Float[Tensor, "n 3"]
     """RGB of degree 0, not clamped."""
-    rotation: Float[Tensor, "n 3 3"] | None
-    """Blended rotation, posed from canonical; only where it was asked for."""
+    direction: Float[Tensor, "n 3"] | None
+    """Unit vector from the eye to the centre; only where an eye is given."""
 
 
-def skin(surfels: Surfels, rig: Rig, motion: FaceMotion, *, blend: bool = True, rotations: bool = False) -> Skinned:
-    """Carry the surfels to the posed mesh; without `blend` by their own face's Jacobian alone."""
-    mesh = (rig.frame_rows, rig.neighbours, motion.rows)
-    outputs = _Skin.apply(
-        surfels.position,
-        surfels.rotation,
-        surfels.log_scale,
-        surfels.opacity,
-        surfels.colour,
-        surfels.blend,
-        surfels.binding,
-        mesh,
-        blend,
-        rotations,
-    )
-    return Skinned(*outputs)
+def skin(
+    surfels: Surfels,
+    rig: Rig,
+    motion: FaceMotion,
+    *,
+    blend: bool = True,
+    eye: Float[np.ndarray, "3"] | None = None,
+    turning: bool = True,
+) -> Skinned:
+    """Carry the surfels to the posed mesh; without `blend` by their own face's Jacobian alone.
 
-
-PART = 1024  # surfels of one task
+    With an `eye` (world point in metres) also say whence each is seen: with `turning` in the axes of the canonical
+    head, which the blended rotation turns, else in the world's.  Differentiable with respect to the surfels, and to
+    the motion where its rows are a tensor.
+    """
+    rows = motion.rows if isinstance(motion.rows, Tensor) else torch.from_numpy(motion.rows)
+    leaves = (surfels.position, surfels.rotation, surfels.log_scale, surfels.opacity, surfels.colour, surfels.blend)
+    place = None if eye is None else tuple(float(c) for c in eye)
+    mesh = (surfels.binding, rig.frame_rows, rig.neighbours)
+    return Skinned(*_Skin.apply(*leaves, rows, mesh, blend, place, turning))
 
 
 class _Skin(torch.autograd.Function):
     @staticmethod
-    def forward(ctx, position, rotation, log_scale, opacity, colour, blend, binding, mesh, blended, rotations):
-        n, dtype = len(binding), position.detach().numpy().dtype
+    def forward(ctx, position, rotation, log_scale, opacity, colour, blend, rows, mesh, blended, eye, turning):
         leaves = [t.detach().contiguous().numpy() for t in (position, rotation, log_scale, opacity, colour, blend)]
-        shapes = ((n, 3), (n, 3), (n, 3), n, (n, 3), (n if rotations else 0, 3, 3))
-        out = [np.empty(shape, dtype) for shape in shapes]
+        n, dtype = len(position), leaves[0].dtype
+        out = [np.empty(shape, dtype) for shape in ((n, 3), (n, 3), (n, 3), n, (n, 3), (n if eye else 0, 3))]
         ctx.vectors = dtype == np.float32 and n >= WIDTH
+        ctx.kept = [*leaves, *mesh, rows.detach().numpy(), blended, eye or (0.0, 0.0, 0.0), turning, out[0]]
+        ctx.seen = eye is not None
         if ctx.vectors:
-            _forward_vectors(*_flat(leaves), binding, *_flat(mesh), blended, *_flat(out[:5]), out[5].reshape(-1))
+            skinning_simd.skin(*_flat(ctx.kept), *_flat(out[1:]))
         else:
-            _forward(*leaves, binding, *mesh, blended, *out[:5], out[5].reshape(-1, 9))
-        ctx.kept = leaves, binding, mesh, blended
+            skin_each(*ctx.kept, *out[1:])
         ctx.set_materialize_grads(True)
-        outputs = tuple(torch.from_numpy(array) for array in out)
-        if not rotations:
-            return *outputs[:5], None
-        ctx.mark_non_differentiable(outputs[5])
-        return outputs
+        tensors = [torch.from_numpy(array) for array in out]
+        return *tensors[:5], tensors[5] if ctx.seen else None
 
     @staticmethod
-    def backward(ctx, centre, tangent_u, tangent_v, opacity, colour, _rotation):
-        given = [g.contiguous().numpy() for g in (centre, tangent_u, tangent_v, opacity, colour)]
-        leaves, binding, mesh, blended = ctx.kept
-        gradients = [np.empty_like(leaf) for leaf in leaves]
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, *given):
+        given = [g.contiguous().numpy() for g in given[:5]] + [
+            given[5].contiguous().numpy() if ctx.seen else np.empty((0, 3), given[0].numpy().dtype)
+        ]
+        n = len(given[0])
+        shapes = ((n, 3), (n, 4), (n, 2), (n,), (n, 3), (n, 4))
+        gradients = [np.empty(shape, given[0].dtype) for shape in shapes]
         if ctx.vectors:
-            _backward_vectors(*_flat(leaves), binding, *_flat(mesh), blended, *_flat(given), *_flat(gradients))
+            skinning_simd.skin_backward(*_flat(ctx.kept), *_flat(given), *_flat(gradients))
         else:
-            _backward(*leaves, binding, *mesh, blended, *given, *gradients)
-        return *(torch.from_numpy(g) for g in gradients), None, None, None, None
+            skin_each_backward(*ctx.kept, *given, *gradients)
+        d_rows = None
+        if ctx.needs_input_grad[6]:
+            d_rows = torch.from_numpy(rows_gradient(*ctx.kept, *given).astype(ctx.kept[9].dtype))
+        return *(torch.from_numpy(g) for g in gradients), d_rows, None, None, None, None
 
 
-def _flat(arrays):
-    return (array.reshape(-1) for array in arrays)
-
-
-# One surfel at a time.
-
-
-@numba.njit(cache=True)
-def _face(f, neighbours, rows):
-    """Stretches of the face and its neighbours, the neighbours' turns, rotation and centre of the face."""
-    i, j, k = neighbours[f, 0], neighbours[f, 1], neighbours[f, 2]
-    return (
-        _numbers6(rows, f), _numbers6(rows, i), _numbers6(rows, j), _numbers6(rows, k), _numbers9(rows, f, TURN),
-        _numbers9(rows, f, ROTATION), (rows[f, CENTRE], rows[f, CENTRE + 1], rows[f, CENTRE + 2]),
-    )  # fmt: skip
-
-
-@numba.njit(cache=True)
-def _numbers4(rows, i):
-    return rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3]
-
-
-@numba.njit(cache=True)
-def _numbers6(rows, f):
-    r = rows[f, STRETCH : STRETCH + 6]
-    return r[0], r[1], r[2], r[3], r[4], r[5]
-
-
-@numba.njit(cache=True)
-def _numbers9(rows, f, at):
-    r = rows[f, at : at + 9]
-    return r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]
+def _flat(values):
+    return [v.reshape(-1) if isinstance(v, np.ndarray) else v for v in values]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _forward(
-    position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended,
-    centre, tangent_u, tangent_v, opacity, colour, turned,
+def skin_each(
+    position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
+    centre, tangent_u, tangent_v, opacity, colour, direction,
 ):  # fmt: skip
+    """The world's surfels from the triangles', one by one."""
     for i in range(len(binding)):
-        own, one, two, three, turn, u, t = _face(binding[i], neighbours, rows)
+        own, one, two, three, turn, u, t = read_face(binding[i], neighbours, rows)
         v = (1.0, 0.0, 0.0, 0.0)
         if blended:
-            shares, g = shares_of(_numbers4(blend, i))
+            shares, g = shares_of(read4(blend, i))
             v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])
         w, p = blended_motion(v, own, one, two, three, turn)
         a, b, _c = matrix3.exponential_terms(w)
         q = matrix3.turned(u, w, a, b)
-        first, second, _unit, _length = disc_axes(
-            (quaternion[i, 0], quaternion[i, 1], quaternion[i, 2], quaternion[i, 3])
-        )
+        first, second, _unit, _length = disc_axes(read4(quaternion, i))
         x, tu, tv = carried(
-            q, p, _numbers9(frame_rows, binding[i], 0), (position[i, 0], position[i, 1], position[i, 2]), first, second,
-            exp(log_scale[i, 0]), exp(log_scale[i, 1]),
+            q, p, read9(frame_rows, binding[i], 0), read3(position, i), first, second, exp(log_scale[i, 0]),
+            exp(log_scale[i, 1]),
         )  # fmt: skip
         for c in range(3):
             centre[i, c], tangent_u[i, c], tangent_v[i, c] = x[c] + t[c], tu[c], tv[c]
             colour[i, c] = 0.5 + SH_BASE * dc[i, c]
         opacity[i] = sigmoid(logit[i])
-        if len(turned) > 0:
-            for c in range(9):
-                turned[i, c] = q[c]
+        if len(direction) > 0:
+            _n, _g, d = view_direction(q, read3(centre, i), eye, turning)
+            direction[i, 0], direction[i, 1], direction[i, 2] = d
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _backward(
-    position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended,
-    g_centre, g_u, g_v, g_opacity, g_colour, d_position, d_quaternion, d_log_scale, d_logit, d_dc, d_blend,
+def skin_each_backward(
+    position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
+    centre, g_centre, g_u, g_v, g_opacity, g_colour, g_direction,
+    d_position, d_quaternion, d_log_scale, d_logit, d_dc, d_blend,
 ):  # fmt: skip
+    """From the gradients of what `skin_each` wrote to those of what it read."""
+    seen = len(g_direction) > 0
     for i in range(len(binding)):
         moved = g_opacity[i] != 0
         for n in range(3):
             moved |= g_centre[i, n] != 0 or g_u[i, n] != 0 or g_v[i, n] != 0 or g_colour[i, n] != 0
+            moved |= seen and g_direction[i, n] != 0
         if not moved:
             d_position[i], d_quaternion[i], d_log_scale[i], d_dc[i], d_blend[i] = 0.0, 0.0, 0.0, 0.0, 0.0
             d_logit[i] = 0.0
             continue
-        own, one, two, three, turn, u, _t = _face(binding[i], neighbours, rows)
+        own, one, two, three, turn, u, _t = read_face(binding[i], neighbours, rows)
         shares, g = (1.0, 0.0, 0.0, 0.0), 1.0
         if blended:
-            shares, g = shares_of(_numbers4(blend, i))
+            shares, g = shares_of(read4(blend, i))
         v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])
         w, p = blended_motion(v, own, one, two, three, turn)
         a, b, c = matrix3.exponential_terms(w)
         q = matrix3.turned(u, w, a, b)
-        first, second, unit, length = disc_axes(
-            (quaternion[i, 0], quaternion[i, 1], quaternion[i, 2], quaternion[i, 3])
-        )
+        first, second, unit, length = disc_axes(read4(quaternion, i))
+        gx, torque = read3(g_centre, i), (0.0, 0.0, 0.0)
+        if seen:
+            n_, near, d = view_direction(q, read3(centre, i), eye, turning)
+            more, torque = direction_gradient(q, n_, near, d, read3(g_direction, i), turning)
+            gx = (gx[0] + more[0], gx[1] + more[1], gx[2] + more[2])
         dx, dq, ds, h, y = pulled_back(
-            q, p, _numbers9(frame_rows, binding[i], 0), first, second, unit, length, exp(log_scale[i, 0]),
-            exp(log_scale[i, 1]), (g_centre[i, 0], g_centre[i, 1], g_centre[i, 2]), (g_u[i, 0], g_u[i, 1], g_u[i, 2]),
-            (g_v[i, 0], g_v[i, 1], g_v[i, 2]), (position[i, 0], position[i, 1], position[i, 2]),
+            q, p, read9(frame_rows, binding[i], 0), first, second, unit, length, exp(log_scale[i, 0]),
+            exp(log_scale[i, 1]), gx, read3(g_u, i), read3(g_v, i), read3(position, i),
         )  # fmt: skip
         opacity = sigmoid(logit[i])
         d_logit[i] = g_opacity[i] * opacity * (1 - opacity)
@@ -219,140 +192,9 @@ def _backward(
             d_quaternion[i, n], d_blend[i, n] = dq[n], 0.0
         if blended:
             # The tangents' axes before their scales: those are in h already.
-            dturn = turn_gradient(w, b, c, p, h[0], h[1], h[2], y[0], y[1], y[2])
-            dp = stretch_gradient(h[0], h[1], h[2], y[0], y[1], y[2])
+            own_torque = torque_of(p, h, y)
+            torque = (torque[0] + own_torque[0], torque[1] + own_torque[1], torque[2] + own_torque[2])
+            dturn, dp = turn_gradient(w, b, c, torque), stretch_gradient(h, y)
             db = blend_gradient(shares, g, dturn, dp, own, one, two, three, turn)
             for n in range(4):
                 d_blend[i, n] = db[n]
-
-
-# Sixteen surfels at a time; the last sixteen overlap the ones before, which are then computed twice.
-
-
-@inner
-def _faces(i, binding, frame_rows, neighbours, rows, around):
-    """The same as `_face` for the faces of sixteen surfels, and their canonical frames."""
-    for r in range(WIDTH):
-        for side in range(3):
-            around[side * WIDTH + r] = neighbours[3 * binding[i + r] + side]
-    first = gather_rows(rows, binding, i, MOTION_ROW, 0)
-    last = gather_rows(rows, binding, i, MOTION_ROW, WIDTH)
-    frame = gather_rows(frame_rows, binding, i, WIDTH, 0)
-    one = gather_rows(rows, around, 0, MOTION_ROW, 0)
-    two = gather_rows(rows, around, WIDTH, MOTION_ROW, 0)
-    three = gather_rows(rows, around, 2 * WIDTH, MOTION_ROW, 0)
-    # Slices of tuples must be written in numbers: the columns STRETCH, CENTRE, ROTATION and TURN.
-    rotation = first[9:16] + last[0:2]
-    return first[0:6], one[0:6], two[0:6], three[0:6], last[2:11], rotation, first[6:9], frame[0:9]
-
-
-@inner
-def _weights_of(blend, i, blended):
-    if blended:
-        return shares_of(load4(blend, 4 * i))
-    one, none = splat(np.float32(1)), splat(np.float32(0))
-    return (one, none, none, none), one
-
-
-@inner
-def _size(v):
-    return absolute(v[0]) + absolute(v[1]) + absolute(v[2])
-
-
-@inner
-def _unless4(condition, v):
-    none = splat(np.float32(0))
-    return (
-        select(condition, none, v[0]), select(condition, none, v[1]),
-        select(condition, none, v[2]), select(condition, none, v[3]),
-    )  # fmt: skip
-
-
-@inner
-def _forward_sixteen(
-    i, position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended,
-    centre, tangent_u, tangent_v, opacity, colour, turned, around,
-):  # fmt: skip
-    align_stack()
-    own, one, two, three, turn, u, t, k = _faces(i, binding, frame_rows, neighbours, rows, around)
-    shares, g = _weights_of(blend, i, blended)
-    v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])
-    w, p = blended_motion(v, own, one, two, three, turn)
-    a, b, _c = matrix3.exponential_terms(w)
-    q = matrix3.turned(u, w, a, b)
-    first, second, _unit, _length = disc_axes(load4(quaternion, 4 * i))
-    scale = load2(log_scale, 2 * i)
-    x, tu, tv = carried(q, p, k, load3(position, 3 * i), first, second, exp(scale[0]), exp(scale[1]))
-    store3(centre, 3 * i, (x[0] + t[0], x[1] + t[1], x[2] + t[2]))
-    store3(tangent_u, 3 * i, tu)
-    store3(tangent_v, 3 * i, tv)
-    rgb = load3(dc, 3 * i)
-    store3(colour, 3 * i, (0.5 + SH_BASE * rgb[0], 0.5 + SH_BASE * rgb[1], 0.5 + SH_BASE * rgb[2]))
-    store(opacity, i, sigmoid(load(logit, i)))
-    if len(turned) > 0:
-        store9(turned, 9 * i, q)
-
-
-@inner
-def _backward_sixteen(
-    i, position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended,
-    g_centre, g_u, g_v, g_opacity, g_colour, d_position, d_quaternion, d_log_scale, d_logit, d_dc, d_blend, around,
-):  # fmt: skip
-    align_stack()
-    up_x, up_u, up_v, rgb = load3(g_centre, 3 * i), load3(g_u, 3 * i), load3(g_v, 3 * i), load3(g_colour, 3 * i)
-    none = splat(np.float32(0))
-    still = _size(up_x) + _size(up_u) + _size(up_v) + _size(rgb) + absolute(load(g_opacity, i)) <= none
-    own, one, two, three, turn, u, _t, k = _faces(i, binding, frame_rows, neighbours, rows, around)
-    shares, g = _weights_of(blend, i, blended)
-    v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])
-    w, p = blended_motion(v, own, one, two, three, turn)
-    a, b, c = matrix3.exponential_terms(w)
-    q = matrix3.turned(u, w, a, b)
-    first, second, unit, length = disc_axes(load4(quaternion, 4 * i))
-    scale = load2(log_scale, 2 * i)
-    dx, dq, ds, h, y = pulled_back(
-        q, p, k, first, second, unit, length, exp(scale[0]), exp(scale[1]), up_x, up_u, up_v, load3(position, 3 * i)
-    )
-    store3(d_position, 3 * i, (select(still, none, dx[0]), select(still, none, dx[1]), select(still, none, dx[2])))
-    store4(d_quaternion, 4 * i, _unless4(still, dq))
-    store2(d_log_scale, 2 * i, (select(still, none, ds[0]), select(still, none, ds[1])))
-    opacity = sigmoid(load(logit, i))
-    store(d_logit, i, select(still, none, load(g_opacity, i) * opacity * (1 - opacity)))
-    store3(d_dc, 3 * i, (SH_BASE * rgb[0], SH_BASE * rgb[1], SH_BASE * rgb[2]))
-    db = (none, none, none, none)
-    if blended:
-        dturn = turn_gradient(w, b, c, p, h[0], h[1], h[2], y[0], y[1], y[2])
-        dp = stretch_gradient(h[0], h[1], h[2], y[0], y[1], y[2])
-        db = blend_gradient(shares, g, dturn, dp, own, one, two, three, turn)
-    store4(d_blend, 4 * i, _unless4(still, db))
-
-
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def _forward_vectors(
-    position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended,
-    centre, tangent_u, tangent_v, opacity, colour, turned,
-):  # fmt: skip
-    n = len(binding)
-    for part in numba.prange((n + PART - 1) // PART):
-        around = np.empty(3 * WIDTH, np.int32)
-        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _forward_sixteen(
-                min(start, n - WIDTH), position, quaternion, log_scale, logit, dc, blend, binding, frame_rows,
-                neighbours, rows, blended, centre, tangent_u, tangent_v, opacity, colour, turned, around,
-            )  # fmt: skip
-
-
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def _backward_vectors(
-    position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended,
-    g_centre, g_u, g_v, g_opacity, g_colour, d_position, d_quaternion, d_log_scale, d_logit, d_dc, d_blend,
-):  # fmt: skip
-    n = len(binding)
-    for part in numba.prange((n + PART - 1) // PART):
-        around = np.empty(3 * WIDTH, np.int32)
-        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _backward_sixteen(
-                min(start, n - WIDTH), position, quaternion, log_scale, logit, dc, blend, binding, frame_rows,
-                neighbours, rows, blended, g_centre, g_u, g_v, g_opacity, g_colour,
-                d_position, d_quaternion, d_log_scale, d_logit, d_dc, d_blend, around,
-            )  # fmt: skip

@@ -374,8 +374,8 @@ def skinned(surfels, rig, motion, blend=True):
     """World surfels, and the gradients of a linear functional of them by attribute."""
     for _, value in surfels.attributes():
         value.grad = None
-    world = skin(surfels, rig, motion, blend=blend, rotations=True)
-    loss(world[:5]).backward()
+    world = skin(surfels, rig, motion, blend=blend)[:5]
+    loss(world).backward()
     gradients = {name: value.grad for name, value in surfels.attributes() if value.grad is not None}
     return [value.detach() for value in world], gradients
 
