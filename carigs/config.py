@@ -18,7 +18,7 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from carigs.errors import InputError, SettingsError
-from carigs.settings import STAGES, Density, Study, Toy
+from carigs.settings import STAGES, Density, Study, Toy, Tune
 
 CONF = Path(__file__).parents[1] / "conf"
 
@@ -122,7 +122,7 @@ def _one_line(error: Exception) -> str:
     detail = r"^\s*(full_key|object_type|reference_type)[:=]\s*(.*)$"
     details = dict(re.findall(detail, text, re.MULTILINE))
     problem = " ".join(re.sub(rf"{detail}|^See https.*$", "", text, flags=re.MULTILINE).split())
-    schemas = {schema.__name__: schema for schema in (Config, Study, Toy, Density, *STAGES.values())}
+    schemas = {schema.__name__: schema for schema in (Config, Study, Toy, Density, Tune, *STAGES.values())}
     if "Key '" in problem and (schema := schemas.get(details.get("object_type", ""))):
         problem += f"; known: {', '.join(f.name for f in fields(schema))}"
     where = details.get("full_key") or getattr(error, "override", None)

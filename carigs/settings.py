@@ -117,6 +117,18 @@ class Density:
 
 
 @dataclass
+class Tune:
+    """Fine-tuning of the tracked head on the real training frames, by Adam; off where the tracking is exact."""
+
+    head: bool = False
+    translation_rate: float = 2e-5
+    """Metres."""
+    rotation_rate: float = 2e-4
+    """Radians: head, neck, jaw and eyes."""
+    expression_rate: float = 1e-3
+
+
+@dataclass
 class Train:
     """Optimisation of the surfels."""
 
@@ -166,6 +178,7 @@ class Train:
     regularise_from: int = 500
     """First iteration with the distortion and normal terms."""
     density: Density = field(default_factory=Density)
+    tune: Tune = field(default_factory=Tune)
     checkpoint_seconds: float = 60.0
     log_every: int = 20
     """Steps between two rows of the log."""

@@ -17,6 +17,7 @@ from carigs.splat.density import GradientStatistics
 from carigs.splat.motion import Performance
 from carigs.splat.supervision import Supervision
 from carigs.splat.surfels import ATTRIBUTES, Surfels, from_arrays, to_arrays
+from carigs.splat.tuning import HeadTuning
 
 
 @dataclass
@@ -34,6 +35,8 @@ class State:
     """Since the last row."""
     seconds: float = 0.0
     """Spent in earlier sittings."""
+    tuning: HeadTuning | None = None
+    """Of the tracked head, where that is fine-tuned."""
 
 
 def fingerprint(settings: Train, performance: Performance, supervision: Supervision) -> str:
@@ -65,11 +68,15 @@ def save_state(file: Path, state: State, key: str) -> None:
             views=state.statistics.views,
             **to_arrays(state.surfels),
             **as_arrays(state.adam),
+            **(state.tuning.as_arrays() if state.tuning else {}),
         )
 
 
-def load_state(file: Path, key: str) -> State | None:
-    """The state saved by a run with the same inputs; None if there is none that can be gone on with."""
+def load_state(file: Path, key: str, tuning: HeadTuning | None = None) -> State | None:
+    """The state saved by a run with the same inputs; None if there is none that can be gone on with.
+
+    `tuning` is set to where it was.
+    """
     try:
         with np.load(file) as archive:
             arrays = {name: archive[name] for name in archive.files}
@@ -81,7 +88,9 @@ def load_state(file: Path, key: str) -> State | None:
         statistics = GradientStatistics(len(surfels))
         statistics.total, statistics.views = arrays["total"], arrays["views"]
         rows = [tuple(row) for row in json.loads(str(arrays["rows"]))]
-        losses = arrays["losses"].tolist()
-        return State(int(arrays["iteration"]), surfels, adam, statistics, rows, losses, float(arrays["seconds"]))
+        losses, seconds = arrays["losses"].tolist(), float(arrays["seconds"])
+        if tuning is not None:
+            tuning.restore(arrays)
+        return State(int(arrays["iteration"]), surfels, adam, statistics, rows, losses, seconds, tuning)
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None

@@ -36,6 +36,12 @@ class Performance:
         self._motions: OrderedDict[tuple[int, float], FaceMotion] = OrderedDict()
         self._bytes = 0
 
+    def move(self, timestep: int, parameters: HeadParameters) -> None:
+        """Give a timestep other parameters; what was remembered of it is forgotten."""
+        self.parameters[timestep] = parameters
+        for key in [key for key in self._motions if key[0] == timestep]:
+            self._bytes -= sum(array.nbytes for array in self._motions.pop(key))
+
     def posed(self, timestep: int, level: float) -> Float[np.ndarray, "v 3"]:
         """World vertices in metres."""
         displacement = self.path.displacement(level) if level else None

@@ -24,6 +24,7 @@ from carigs.splat.progress import progress
 from carigs.splat.regularisers import normal_mismatch, pull_to_triangles
 from carigs.splat.supervision import Example, Supervision, draw_schedule
 from carigs.splat.surfels import Surfels
+from carigs.splat.tuning import HeadTuning
 
 AHEAD = 4
 """Steps whose images are decoded while others are computed."""
@@ -40,15 +41,19 @@ def train_surfels(
 ) -> tuple[Surfels, list[tuple]]:
     """Train from the first surfels, or go on from `checkpoint` if that is of the same run; also returns the log's rows.
 
-    `watch` is shown the state after every step.  Steps, density control and their random draws depend on the settings
-    and the iteration alone, so an interrupted run ends in the same bytes as one in a single sitting.
+    `watch` is shown the state after every step.  With `tune.head` the parameters of `performance` move too.  Steps,
+    density control and their random draws depend on the settings and the iteration alone, so an interrupted run ends in
+    the same bytes as one in a single sitting.
     """
     hair = performance.head.face_region(*settings.hair_regions)
     key = fingerprint(settings, performance, supervision)
-    state = load_state(checkpoint, key) if checkpoint.is_file() else None
+    tuning = None
+    if settings.tune.head and settings.caricature_share < 1:
+        tuning = HeadTuning(performance, sorted({frame.timestep for frame in supervision.frames}))
+    state = load_state(checkpoint, key, tuning) if checkpoint.is_file() else None
     if state is None:
         surfels = first_surfels(settings, supervision, performance, hair)
-        state = State(0, surfels, Adam(surfels), GradientStatistics(len(surfels)))
+        state = State(0, surfels, Adam(surfels), GradientStatistics(len(surfels)), tuning=tuning)
     run = _Run(settings, performance, supervision, hair, state)
     started = saved = time.perf_counter()
     earlier = state.seconds
@@ -102,6 +107,8 @@ class _Run:
         if settings.density.every and (not caricature or self.only_targets):
             state.statistics.add(drawing.rendering.screen, example.camera)
         state.adam.step(state.surfels, learning_rates(settings, i), frozen)
+        if state.tuning is not None and not caricature:
+            state.tuning.step(example.timestep, settings.tune)
         self._control_density(i + 1)
         state.iteration = i + 1
         self._record(value, drawing, example, caricature)
@@ -112,10 +119,14 @@ class _Run:
         late = i >= settings.regularise_from
         distortion, normals = late and settings.distortion_weight > 0, late and settings.normal_weight > 0
         outputs = ("distortion",) * distortion + ("alpha", "depth", "normal") * normals
+        if self.state.tuning is not None and example.level == 0:
+            motion = self.state.tuning.motion(example.timestep)
+        else:
+            motion = self.performance.motion(example.timestep, example.level)
         drawing = draw(
             self.state.surfels,
             self.performance.rig,
-            self.performance.motion(example.timestep, example.level),
+            motion,
             example.camera,
             kind=settings.rig,
             rotate_harmonics=settings.rotate_harmonics,

@@ -60,6 +60,9 @@ def check_settings(settings: Train, targets: Path | None) -> None:
         value = getattr(settings.density, name)
         if not low <= value <= high:
             raise SettingsError(f"train.density.{name}={value} must lie in [{low}, {high}]")
+    for name in ("translation_rate", "rotation_rate", "expression_rate"):
+        if not 0 <= getattr(settings.tune, name) < 1:
+            raise SettingsError(f"train.tune.{name}={getattr(settings.tune, name)} must lie in [0, 1)")
     if settings.rig not in ("jbs", "jacobian"):
         raise SettingsError(f"train.rig={settings.rig} is unknown; choose jbs or jacobian")
     if settings.caricature_share > 0 and targets is None:
