@@ -62,6 +62,9 @@ class Exaggerate:
     """Divide the weights by their area mean: keeps the overall size."""
     followers: bool = True
     """Small components (eyeballs) follow their surroundings by a similarity."""
+    expressions: str = "mixed"
+    """What the caricature does to expressions: `offset` leaves them, `linear` exaggerates them as it does the head,
+    `mixed` goes part of the way, so that lids close.  A caricature from a file leaves them."""
     nodes: tuple[float, ...] = (0.0, 0.25, 0.75, 1.0)
     """Where in units of gamma_f the path is solved exactly; (0, 1) is the paper's linear blend."""
 

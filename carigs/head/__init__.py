@@ -3,10 +3,11 @@
 - `HeadModel`: the arrays of a model file; `HeadModel.load` reads .npz and FLAME's .pkl
 - `HeadParameters`: one tracked frame; reads and writes the GaussianAvatars npz layout
 - `neutral`, `pose`: vertices without and with expression, joints and translation
+- `motions`: the directions that a performance moves in
 """
 
 from carigs.head.model import HeadModel
 from carigs.head.parameters import HeadParameters
-from carigs.head.posing import neutral, pose
+from carigs.head.posing import motions, neutral, pose
 
-__all__ = ["HeadModel", "HeadParameters", "neutral", "pose"]
+__all__ = ["HeadModel", "HeadParameters", "motions", "neutral", "pose"]

@@ -9,18 +9,21 @@ import trimesh
 
 from carigs.capture import Capture
 from carigs.errors import InputError, SettingsError
-from carigs.head import neutral
+from carigs.head import motions, neutral
 from carigs.settings import Exaggerate
-from carigs.surface import Exaggerator, straight_path
+from carigs.surface import Exaggerator, straight_path, with_motions
 
 
 def exaggerate(settings: Exaggerate, *, capture: Path, path: Path) -> None:
     """Solve, or read, the path and write `path` (path.npz)."""
     subject = Capture.load(capture)
-    vertices = neutral(subject.model, subject.parameters(subject.frames[0].timestep))
-    faces = subject.model.faces
+    timesteps = dict.fromkeys(frame.timestep for frame in subject.frames)
+    parameters = [subject.parameters(timestep) for timestep in timesteps]
+    vertices, faces = neutral(subject.model, parameters[0]), subject.model.faces
     if settings.source == "poisson":
-        Exaggerator(vertices, faces, settings).path(settings.gamma).save(path)
+        solver = Exaggerator(vertices, faces, settings)
+        solved = solver.path(settings.gamma)
+        with_motions(solved, solver, *motions(subject.model, parameters), settings.expressions).save(path)
     elif settings.source == "file":
         if not settings.file:
             raise SettingsError("exaggerate.file must be set when exaggerate.source is file")

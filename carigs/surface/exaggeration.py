@@ -93,16 +93,21 @@ class Exaggerator:
             weights = weights / np.average(weights[solved], weights=self.face_areas[solved])
         return weights
 
+    def poisson(self, right: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v 3"]:
+        """The u of W u = `right` whose mean over each component is zero."""
+        u = np.zeros_like(right)
+        u[self._free] = self._factors.solve(right[self._free])
+        for c in range(self.report["components"]):
+            inside = self.component == c
+            u[inside] -= np.average(u[inside], axis=0, weights=self.areas[inside])
+        return u
+
     def solve(self, level: float) -> Float[np.ndarray, "v 3"]:
         """The displacement S_level - S, exactly zero at level 0."""
         if level == 0:
             return np.zeros_like(self.vertices)
         divergence = self.cotans.weighted_divergence(self.vertices, self.weights(level) - 1)
-        displacement = np.zeros_like(self.vertices)
-        displacement[self._free] = self._factors.solve(divergence[self._free])
-        for c in range(self.report["components"]):
-            inside = self.component == c
-            displacement[inside] -= np.average(displacement[inside], axis=0, weights=self.areas[inside])
+        displacement = self.poisson(divergence)
         if self.settings.followers:
             displacement, scales = follow(self.vertices, displacement, self.component, self.main)
             self.report["follower_scales"] = scales

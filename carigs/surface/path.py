@@ -16,6 +16,7 @@ from jaxtyping import Float, Float32, Int
 
 from carigs.errors import InputError
 from carigs.files import writing
+from carigs.surface.caricature import Caricature
 
 ARRAYS = ("levels", "displacements", "faces", "neutral")
 
@@ -31,6 +32,10 @@ class GammaPath:
     neutral: Float[np.ndarray, "v 3"]
     report: dict[str, Any] = field(default_factory=dict)
     """How the nodes were made: JSON-able."""
+    columns: Int[np.ndarray, " b"] | None = None
+    """Codes whose motions change, as in `Caricature`; None: no motion does."""
+    changes: Float32[np.ndarray, "n b v 3"] | None = None
+    """What the levels above 0 add to the motions of those."""
 
     @property
     def gamma_f(self) -> float:
@@ -61,8 +66,16 @@ class GammaPath:
         nodes = self.displacements.reshape(len(self.levels), -1)
         return (self.weights(level).astype(np.float32) @ nodes).reshape(-1, 3)
 
+    def at(self, level: float) -> Caricature:
+        """What a level adds to the head and its motions; exactly nothing at level 0.  Warns as `displacement`."""
+        if self.changes is None:
+            return Caricature(self.displacement(level))
+        changes = self.weights(level)[1:].astype(np.float32) @ self.changes.reshape(len(self.changes), -1)
+        return Caricature(self.displacement(level), self.columns, changes.reshape(self.changes.shape[1:]))
+
     def save(self, file: str | Path) -> None:
         """Write an .npz that `load` reads."""
+        motions = {} if self.changes is None else {"columns": self.columns, "changes": self.changes}
         with writing(file) as part:
             np.savez(
                 part,
@@ -71,6 +84,7 @@ class GammaPath:
                 faces=self.faces,
                 neutral=self.neutral,
                 report=json.dumps(self.report),
+                **motions,
             )
 
     @classmethod
@@ -99,13 +113,19 @@ class GammaPath:
         refuse(outside, "faces", f"vertex numbers must lie in 0..{len(neutral) - 1}")
         refuse(levels[0] != 0 or not (np.diff(levels) > 0).all(), "levels", "expected ascending levels from 0")
         refuse(bool(displacements[0].any()), "displacements", "level 0 must not move anything")
+        columns, changes = arrays.get("columns"), arrays.get("changes")
+        if changes is not None:
+            expected = (len(levels) - 1, *np.shape(columns), *neutral.shape)
+            refuse(changes.shape != expected, "changes", f"shape {changes.shape}, expected {expected}")
+            refuse(columns is None or columns.dtype.kind not in "iu", "columns", "expected the numbers of the codes")
+            refuse(changes.dtype.kind != "f", "changes", f"holds {changes.dtype}, expected floating-point numbers")
+            refuse(not np.isfinite(changes).all(), "changes", "holds values that are not finite")
         try:
             report = json.loads(str(arrays["report"]))
         except ValueError as error:
             raise InputError(f"is not JSON ({error})", file=file, field="report") from error
-        return cls(
-            levels.astype(np.float64), displacements.astype(np.float32), faces, neutral.astype(np.float64), report
-        )
+        nodes = levels.astype(np.float64), displacements.astype(np.float32)
+        return cls(*nodes, faces, neutral.astype(np.float64), report, columns, changes)
 
 
 def _read(file: str | Path) -> dict[str, np.ndarray]:
