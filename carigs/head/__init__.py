@@ -4,6 +4,7 @@
 - `HeadParameters`: one tracked frame; reads and writes the GaussianAvatars npz layout
 - `neutral`, `pose`: vertices without and with expression, joints and translation
 - `motions`: the directions that a performance moves in
+- `carigs.head.teeth`: the teeth that FLAME gets, on the natural head and on its caricatures
 """
 
 from carigs.head.model import HeadModel

@@ -10,6 +10,7 @@ import trimesh
 from carigs.capture import Capture
 from carigs.errors import InputError, SettingsError
 from carigs.head import motions, neutral
+from carigs.head.teeth import add_teeth, skin
 from carigs.settings import Exaggerate
 from carigs.surface import Exaggerator, straight_path, with_motions
 
@@ -20,21 +21,28 @@ def exaggerate(settings: Exaggerate, *, capture: Path, path: Path) -> None:
     timesteps = dict.fromkeys(frame.timestep for frame in subject.frames)
     parameters = [subject.parameters(timestep) for timestep in timesteps]
     vertices, faces = neutral(subject.model, parameters[0]), subject.model.faces
+    v, f = skin(len(vertices), len(faces))
     if settings.source == "poisson":
-        solver = Exaggerator(vertices, faces, settings)
-        solved = solver.path(settings.gamma)
-        with_motions(solved, solver, *motions(subject.model, parameters), settings.expressions).save(path)
+        solver = Exaggerator(vertices[:v], faces[:f], settings)
+        directions, columns = motions(subject.model, parameters)
+        solved = with_motions(solver.path(settings.gamma), solver, directions[:, :v], columns, settings.expressions)
     elif settings.source == "file":
         if not settings.file:
             raise SettingsError("exaggerate.file must be set when exaggerate.source is file")
         file = Path(settings.file.replace("{gamma}", f"{settings.gamma:g}"))
-        straight_path(vertices, faces, read_displacement(file, vertices), settings.gamma).save(path)
+        given = read_displacement(file, vertices, v)
+        whole = len(given) == len(vertices)
+        solved = straight_path(vertices[: len(given)], faces if whole else faces[:f], given, settings.gamma)
     else:
         raise SettingsError(f"exaggerate.source={settings.source} is unknown; choose poisson or file")
+    add_teeth(solved, vertices, faces).save(path)
 
 
-def read_displacement(file: Path, neutral_vertices: np.ndarray) -> np.ndarray:
-    """The caricature's offset (V,3) in metres from an .npz with `delta`, or from a sculpted mesh of the head."""
+def read_displacement(file: Path, neutral_vertices: np.ndarray, skin_vertices: int) -> np.ndarray:
+    """The caricature's offset (V,3) in metres from an .npz with `delta`, or from a sculpted mesh of the head.
+
+    V counts all vertices, or the skin's, which come before the teeth.
+    """
     if not file.is_file():
         raise InputError("no such caricature", file=file)
     try:
@@ -43,12 +51,13 @@ def read_displacement(file: Path, neutral_vertices: np.ndarray) -> np.ndarray:
                 displacement = archive["delta"].astype(np.float64)
         else:
             mesh = trimesh.load(file, process=False, maintain_order=True, force="mesh")
-            displacement = np.asarray(mesh.vertices, np.float64) - neutral_vertices
+            displacement = np.asarray(mesh.vertices, np.float64)
+            displacement = displacement - neutral_vertices[: len(displacement)]
     except KeyError as error:
         raise InputError("this array is missing", file=file, field="delta") from error
     except Exception as error:  # trimesh's readers raise whatever their format's parser does
         raise InputError(f"not a caricature of {len(neutral_vertices)} vertices ({error})", file=file) from error
-    if displacement.shape != neutral_vertices.shape:
+    if displacement.shape not in (neutral_vertices.shape, (skin_vertices, 3)):
         raise InputError(f"shape {displacement.shape}, the head has {neutral_vertices.shape}", file=file, field="delta")
     if not np.isfinite(displacement).all():
         vertex = int(np.flatnonzero(~np.isfinite(displacement).all(axis=1))[0])

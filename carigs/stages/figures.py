@@ -11,6 +11,7 @@ from carigs.capture import Capture
 from carigs.capture.images import read_rgb
 from carigs.errors import InputError, SettingsError
 from carigs.files import writing_folder
+from carigs.head.teeth import without_teeth
 from carigs.settings import Exaggerate, Figures
 from carigs.surface import Exaggerator, GammaPath
 from evaluation.blend_error import blend_errors, plot_blend_errors, write_blend_errors
@@ -55,7 +56,7 @@ def figures(
             file = part / f"gamma_strip_{variant}.png"
             gamma_strip(file, variant, shown, images, truth_row, height=settings.height)
         ablation(part / "ablation.png", rows, shown, truth_row, height=settings.height)
-        _blend_error(part, GammaPath.load(path), settings.samples)
+        _blend_error(part, without_teeth(GammaPath.load(path)), settings.samples)
 
 
 def _shown_frame(settings: Figures, subject: Capture) -> tuple[int, int]:
