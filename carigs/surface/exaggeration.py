@@ -93,10 +93,16 @@ class Exaggerator:
             weights = weights / np.average(weights[solved], weights=self.face_areas[solved])
         return weights
 
-    def poisson(self, right: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v 3"]:
-        """The u of W u = `right` whose mean over each component is zero."""
-        u = np.zeros_like(right)
-        u[self._free] = self._factors.solve(right[self._free])
+    def response(
+        self, strain: Float[np.ndarray, " f"], x: Float[np.ndarray, "v 3"] | None = None
+    ) -> Float[np.ndarray, "v 3"]:
+        """W^-1 W_strain x, without followers: what weights of 1 + strain add to x (default: the mesh itself).
+
+        Linear in the strain and in x, which may be a motion of the mesh such as a blendshape.
+        """
+        divergence = self.cotans.weighted_divergence(self.vertices if x is None else x, strain)
+        u = np.zeros_like(self.vertices)
+        u[self._free] = self._factors.solve(divergence[self._free])
         for c in range(self.report["components"]):
             inside = self.component == c
             u[inside] -= np.average(u[inside], axis=0, weights=self.areas[inside])
@@ -106,8 +112,7 @@ class Exaggerator:
         """The displacement S_level - S, exactly zero at level 0."""
         if level == 0:
             return np.zeros_like(self.vertices)
-        divergence = self.cotans.weighted_divergence(self.vertices, self.weights(level) - 1)
-        displacement = self.poisson(divergence)
+        displacement = self.response(self.weights(level) - 1)
         if self.settings.followers:
             displacement, scales = follow(self.vertices, displacement, self.component, self.main)
             self.report["follower_scales"] = scales

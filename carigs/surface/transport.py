@@ -19,16 +19,15 @@ from carigs.surface.path import GammaPath
 if TYPE_CHECKING:
     from carigs.surface.exaggeration import Exaggerator
 
-SHARES = {"offset": 0.0, "mixed": 0.3, "linear": 1.0}
-"""How much of T d - d a motion gets.  T itself closes lids by 1.4 times what a natural blink does, `offset` by 0.9
-times: docs/surface.md has the measurement behind 0.3."""
+SHARES = {"offset": 0.0, "mixed": 0.5, "linear": 1.0}
+"""How much of T d - d a motion gets.  Lids of an exaggerated head need more than `offset` to close and less than T."""
 
 
 def transported(
     solver: Exaggerator, motion: Float[np.ndarray, "v 3"], weights: Float[np.ndarray, " f"]
 ) -> Float[np.ndarray, "v 3"]:
     """T d of a motion d, for the weights w of a level; each component keeps its mean motion."""
-    return motion + solver.poisson(solver.cotans.weighted_divergence(motion, weights - 1))
+    return motion + solver.response(weights - 1, motion)
 
 
 def with_motions(
