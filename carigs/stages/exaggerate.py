@@ -9,9 +9,9 @@ import trimesh
 
 from carigs.capture import Capture
 from carigs.errors import InputError, SettingsError
-from carigs.head import neutral
+from carigs.head import caricature, neutral
 from carigs.settings import Exaggerate
-from carigs.surface import Exaggerator, straight_path
+from carigs.surface import straight_path
 
 
 def exaggerate(settings: Exaggerate, *, capture: Path, path: Path) -> None:
@@ -20,7 +20,7 @@ def exaggerate(settings: Exaggerate, *, capture: Path, path: Path) -> None:
     vertices = neutral(subject.model, subject.parameters(subject.frames[0].timestep))
     faces = subject.model.faces
     if settings.source == "poisson":
-        Exaggerator(vertices, faces, settings).path(settings.gamma).save(path)
+        caricature(subject.model, vertices, settings).save(path)
     elif settings.source == "file":
         if not settings.file:
             raise SettingsError("exaggerate.file must be set when exaggerate.source is file")

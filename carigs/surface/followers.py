@@ -45,6 +45,10 @@ def follow(
         if len(near) < LEAST:
             near = tree.query(centre, k=min(LEAST, len(on_main)))[1]
         around = on_main[near]
+        if not displacement[around].any():
+            moved[inside] = 0.0  # bit for bit
+            scales.append(1.0)
+            continue
         scale, rotation, shift = similarity(vertices[around], vertices[around] + displacement[around])
         moved[inside] = scale * vertices[inside] @ rotation.T + shift - vertices[inside]
         scales.append(scale)

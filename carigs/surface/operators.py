@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import igl
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.sparse import coo_array, csc_array
@@ -11,8 +12,6 @@ class EdgeCotans:
     """Half cotangents of every corner, opposite to its edge: all stiffness matrices of a mesh come from these."""
 
     def __init__(self, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> None:
-        import igl
-
         self.v = len(vertices)
         self.start, self.end = faces[:, [1, 2, 0]], faces[:, [2, 0, 1]]  # the edge opposite to corner 0, 1, 2
         self.half_cotans = igl.cotmatrix_entries(np.asarray(vertices, np.float64), np.asarray(faces, np.int64))
@@ -40,7 +39,5 @@ class EdgeCotans:
 
 def mixed_voronoi_areas(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, " v"]:
     """Area of each vertex's cell (Meyer et al. 2003, section 3.3); the cells add up to the surface."""
-    import igl
-
     mass = igl.massmatrix(np.asarray(vertices, np.float64), np.asarray(faces, np.int64), igl.MASSMATRIX_TYPE_VORONOI)
     return mass.diagonal()
