@@ -6,9 +6,8 @@ import igl
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import csc_array, diags_array
-from scipy.sparse.linalg import cg
 
-from carigs.surface.factors import Factors
+from carigs.surface.factors import Factors, conjugate_gradients
 
 
 def angle_defects(
@@ -46,8 +45,8 @@ def heat_smoothed(
         return values
     matrix, right = (diags_array(areas) + time * stiffness).tocsc(), areas * values
     # Heat goes a few edges far: a few dozen steps of conjugate gradients, where factors would cost as much as a solve.
-    smooth, unfinished = cg(matrix, right, x0=values, rtol=1e-13, maxiter=300, M=diags_array(1 / matrix.diagonal()))
-    return Factors(matrix).solve(right[:, None])[:, 0] if unfinished else smooth
+    smooth = conjugate_gradients(matrix, right, values)
+    return Factors(matrix).solve(right[:, None])[:, 0] if smooth is None else smooth
 
 
 def smooth_curvature(

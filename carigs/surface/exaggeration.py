@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.sparse import csc_array
+from scipy.sparse import csc_array, diags_array
 
 from carigs.errors import MeshError, SettingsError
 from carigs.settings import Exaggerate
 from carigs.surface import mesh
-from carigs.surface.curvature import heat_smoothed, log_magnitude, smooth_curvature
+from carigs.surface.curvature import log_magnitude, smooth_curvature
 from carigs.surface.factors import Factors
 from carigs.surface.followers import follow
 from carigs.surface.gaps import gap_stiffness
@@ -24,6 +25,8 @@ from carigs.surface.regions import RAMP, named, partition_of_unity, vertex_field
 
 CAVITY = (0.45, 0.75)
 """Hidden share of the hemisphere over which the limiter sets in."""
+SHORT = 3
+"""Distances are measured by heat that spreads over this part of a region's ramp."""
 
 
 class Exaggerator:
@@ -205,9 +208,14 @@ class Exaggerator:
 
         One implicit step of time t spreads heat as exp(-d / sqrt(t)) / 2 beyond a straight border.
         """
-        length = RAMP / 3
-        heat = heat_smoothed(inside.astype(float), self.areas, self.cotans.stiffness(), (length * self.size) ** 2)
+        length = RAMP / SHORT
+        heat = self._spread.solve((self.areas * inside)[:, None])[:, 0]
         return np.where(inside, 0.0, np.maximum(0.0, -length * np.log(np.maximum(2 * heat, 1e-300))))
+
+    @cached_property
+    def _spread(self) -> Factors:
+        time = (RAMP / SHORT * self.size) ** 2
+        return Factors((diags_array(self.areas) + time * self.cotans.stiffness()).tocsc())
 
     def with_followers(self, displacement: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v 3"]:
         """The displacement of the solved vertices, and of the small components by similarities of those around."""
