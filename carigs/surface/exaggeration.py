@@ -15,7 +15,7 @@ from carigs.settings import Exaggerate
 from carigs.surface import mesh
 from carigs.surface.curvature import log_magnitude, smooth_curvature
 from carigs.surface.factors import Factors
-from carigs.surface.followers import follow
+from carigs.surface.followers import Follower, find_followers, follow
 from carigs.surface.gaps import gap_stiffness
 from carigs.surface.local import LocalEdit
 from carigs.surface.occlusion import cached_occlusion, smoothstep
@@ -60,6 +60,7 @@ class Exaggerator:
         self.component = mesh.components(self.faces, len(self.vertices))
         self.areas = mixed_voronoi_areas(self.vertices, self.faces)
         self.face_areas = mesh.face_areas(self.vertices, self.faces)
+        self._corners = np.ascontiguousarray(self.faces.T)
         self.size = mesh.size(self.vertices, self.faces)
         self.cotans = EdgeCotans(self.vertices, self.faces)
         component_areas = np.bincount(self.component, self.areas)
@@ -67,6 +68,8 @@ class Exaggerator:
         every = np.ones(len(self.vertices), bool)
         self.solved = self.component == self.main if self.settings.followers else every
         """Vertices that the equation moves; the others follow, and their curvature does not set the scale."""
+        shares = np.where(self.solved[self.faces].all(axis=1), self.face_areas, 0.0)
+        self._face_shares = shares / shares.sum()
         self.report: dict[str, Any] = {"components": len(component_areas)}
         boundary = mesh.boundary_vertices(self.faces, len(self.vertices))
         if (boundary | ~self.solved).all():
@@ -79,7 +82,7 @@ class Exaggerator:
         )
         self.log_curvature = self._limited(self._logarithm(boundary, mean), hidden)
         """Of what is raised to the power gamma."""
-        self.face_stiffness = 1 + self.settings.cavity_stiffness * hidden[self.faces].mean(axis=1)
+        self.face_stiffness = 1 + self.settings.cavity_stiffness * self.face_mean(hidden)
         self.system = self._system(stiffness)
         """A, whose equation is solved: all vertices, not yet pinned."""
 
@@ -87,6 +90,9 @@ class Exaggerator:
         pinned = np.unique(self.component, return_index=True)[1]
         self._free = np.setdiff1d(np.flatnonzero(self.solved), pinned)
         self._factors = Factors(self.system[self._free][:, self._free].tocsc())
+        inside = [np.flatnonzero(self.component == c) for c in np.unique(self.component[self.solved])]
+        self._centroids = [(ids, self.areas[ids] / self.areas[ids].sum()) for ids in inside]
+        self._divergence = self.cotans.divergence(self.vertices)
         self._edits: dict[str, LocalEdit] = {}
 
     def _hidden(self) -> Float[np.ndarray, " v"]:
@@ -134,24 +140,29 @@ class Exaggerator:
 
     def weights(self, level: float, pace: np.ndarray | float = 1.0) -> Float[np.ndarray, " f"]:
         """w = |K|^(level pace) per face, the mean over its corners; `pace` may differ from vertex to vertex."""
-        weights = np.exp(level * pace * self.log_curvature)[self.faces].mean(axis=1)
-        if self.settings.normalise:
-            solved = self.solved[self.faces].all(axis=1)
-            weights = weights / np.average(weights[solved], weights=self.face_areas[solved])
-        return weights
+        weights = self.face_mean(np.exp(level * pace * self.log_curvature))
+        return weights / (self._face_shares @ weights) if self.settings.normalise else weights
+
+    def face_mean(self, values: Float[np.ndarray, " v"]) -> Float[np.ndarray, " f"]:
+        """The mean over each face's corners."""
+        a, b, c = self._corners
+        return (values[a] + values[b] + values[c]) / 3
 
     def response(self, strain: Float[np.ndarray, " f"], x: np.ndarray | None = None) -> Float[np.ndarray, "v 3"]:
         """A^-1 W_strain x, without followers: what weights of 1 + strain add to x (default: the mesh itself).
 
         Linear in the strain and in `x` (v, 3), which may be an offset of the mesh such as a blendshape.
         """
-        divergence = self.cotans.weighted_divergence(self.vertices if x is None else x, strain)
+        right = self.divergence(strain) if x is None else self.cotans.weighted_divergence(x, strain)
         displacement = np.zeros_like(self.vertices)
-        displacement[self._free] = self._factors.solve(divergence[self._free])
-        for c in np.unique(self.component[self.solved]):
-            inside = self.component == c
-            displacement[inside] -= np.average(displacement[inside], axis=0, weights=self.areas[inside])
+        displacement[self._free] = self._factors.solve(right[self._free])
+        for inside, shares in self._centroids:
+            displacement[inside] -= shares @ displacement[inside]
         return displacement
+
+    def divergence(self, strain: Float[np.ndarray, " f"]) -> Float[np.ndarray, "v 3"]:
+        """W_strain S of the mesh's own vertices."""
+        return (self._divergence @ strain).reshape(-1, 3)
 
     def solve(self, level: float, levels: Mapping[str, float] | None = None) -> Float[np.ndarray, "v 3"]:
         """The displacement S_level - S, exactly zero at level 0; regions may have `levels` of their own."""
@@ -217,10 +228,14 @@ class Exaggerator:
         time = (RAMP / SHORT * self.size) ** 2
         return Factors((diags_array(self.areas) + time * self.cotans.stiffness()).tocsc())
 
+    @cached_property
+    def _followers(self) -> list[Follower]:
+        return find_followers(self.vertices, self.component, self.main)
+
     def with_followers(self, displacement: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v 3"]:
         """The displacement of the solved vertices, and of the small components by similarities of those around."""
         if self.settings.followers:
-            displacement, scales = follow(self.vertices, displacement, self.component, self.main)
+            displacement, scales = follow(self.vertices, displacement, self._followers)
             self.report["follower_scales"] = scales
         return displacement
 

@@ -55,11 +55,11 @@ class LocalEdit:
         """w per face: |K|^level in the region, 1 beyond the ramp (in `literal` mode |K|^level everywhere)."""
         if self._mode == "literal":
             return self._solver.weights(level)
-        return np.exp(level * self.field * self._solver.log_curvature)[self._solver.faces].mean(axis=1)
+        return self._solver.face_mean(np.exp(level * self.field * self._solver.log_curvature))
 
     def response(self, strain: Float[np.ndarray, " f"]) -> Float[np.ndarray, "v 3"]:
         """The displacement that weights of 1 + strain cause; linear in the strain."""
-        divergence = self._solver.cotans.weighted_divergence(self._solver.vertices, strain)
+        divergence = self._solver.divergence(strain)
         right = divergence[self._moving] if self._mode == "soft" else self._least_squares @ divergence
         displacement = np.zeros_like(self._solver.vertices)
         displacement[self._moving] = self._factors.solve(right)
