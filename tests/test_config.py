@@ -48,7 +48,8 @@ def test_default_presets_are_the_defaults(stage, preset, tmp_path):
 def test_presets_of_the_paper_are_literal(tmp_path):
     """The paper's weight is |K|^gamma, its path the linear blend of two solves."""
     settings = load("exaggerate", "study=paper", folder=tmp_path)
-    assert settings.nodes == (0.0, 1.0)
+    assert (settings.nodes, settings.local, settings.individual) == (2, "literal", "template")
+    assert (settings.air, settings.cavity_stiffness) == (0, 0)
     assert (settings.heat, settings.normalise, settings.limit_cavities, settings.followers) == (0, False, False, False)
     assert compose("study=paper").train.iterations == 120_000
     assert len(compose("study=paper").study.subjects) == 10

@@ -9,10 +9,10 @@ import trimesh
 
 from carigs.capture import Capture
 from carigs.errors import InputError, SettingsError
-from carigs.head import motions, neutral
+from carigs.head import caricature, neutral
 from carigs.head.teeth import add_teeth, skin
 from carigs.settings import Exaggerate
-from carigs.surface import Exaggerator, straight_path, with_motions
+from carigs.surface import straight_path
 
 
 def exaggerate(settings: Exaggerate, *, capture: Path, path: Path) -> None:
@@ -21,15 +21,13 @@ def exaggerate(settings: Exaggerate, *, capture: Path, path: Path) -> None:
     timesteps = dict.fromkeys(frame.timestep for frame in subject.frames)
     parameters = [subject.parameters(timestep) for timestep in timesteps]
     vertices, faces = neutral(subject.model, parameters[0]), subject.model.faces
-    v, f = skin(len(vertices), len(faces))
     if settings.source == "poisson":
-        solver = Exaggerator(vertices[:v], faces[:f], settings)
-        directions, columns = motions(subject.model, parameters)
-        solved = with_motions(solver.path(settings.gamma), solver, directions[:, :v], columns, settings.expressions)
+        solved = caricature(subject.model, vertices, settings, parameters)
     elif settings.source == "file":
         if not settings.file:
             raise SettingsError("exaggerate.file must be set when exaggerate.source is file")
         file = Path(settings.file.replace("{gamma}", f"{settings.gamma:g}"))
+        v, f = skin(len(vertices), len(faces))
         given = read_displacement(file, vertices, v)
         whole = len(given) == len(vertices)
         solved = straight_path(vertices[: len(given)], faces if whole else faces[:f], given, settings.gamma)

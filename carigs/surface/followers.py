@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
@@ -23,31 +25,44 @@ def similarity(
     return scale, rotation, mean_target - scale * rotation @ mean_source
 
 
-def follow(
-    vertices: Float[np.ndarray, "v 3"],
-    displacement: Float[np.ndarray, "v 3"],
-    component: Int[np.ndarray, " v"],
-    main: int,
-) -> tuple[Float[np.ndarray, "v 3"], list[float]]:
-    """Move each group of small components by the similarity of the main component around it.
+class Follower(NamedTuple):
+    """Small components that move as one, and what they follow."""
 
-    Components whose bounding spheres overlap (iris and sclera of one eye) share a similarity.  Returns the displacement
-    of all vertices and the scale of each group.
-    """
-    moved, scales = displacement.copy(), []
-    on_main = np.flatnonzero(component == main)
-    tree = cKDTree(vertices[on_main])
-    for group in _groups(vertices, component, main):
-        inside = np.isin(component, group)
+    inside: Int[np.ndarray, " i"]
+    """Their vertices."""
+    around: Int[np.ndarray, " a"]
+    """The vertices of the main component around them."""
+
+
+def find_followers(vertices: Float[np.ndarray, "v 3"], component: Int[np.ndarray, " v"], main: int) -> list[Follower]:
+    """All components but `main`; those whose bounding spheres overlap (iris and sclera of one eye) are one group."""
+    on_main, found = np.flatnonzero(component == main), []
+    groups = _groups(vertices, component, main)
+    tree = cKDTree(vertices[on_main]) if groups else None
+    for group in groups:
+        inside = np.flatnonzero(np.isin(component, group))
         centre = vertices[inside].mean(axis=0)
         radius = np.linalg.norm(vertices[inside] - centre, axis=1).max()
         near = tree.query_ball_point(centre, REACH * radius)
         if len(near) < LEAST:
             near = tree.query(centre, k=min(LEAST, len(on_main)))[1]
-        around = on_main[near]
-        scale, rotation, shift = similarity(vertices[around], vertices[around] + displacement[around])
-        moved[inside] = scale * vertices[inside] @ rotation.T + shift - vertices[inside]
-        scales.append(scale)
+        found.append(Follower(inside, on_main[near]))
+    return found
+
+
+def follow(
+    vertices: Float[np.ndarray, "v 3"], displacement: Float[np.ndarray, "v 3"], followers: list[Follower]
+) -> tuple[Float[np.ndarray, "v 3"], list[float]]:
+    """Move each follower by the similarity of what is around it; returns all displacements and the scale of each."""
+    moved, scales = displacement.copy(), []
+    for inside, around in followers:
+        if displacement[around].any():
+            scale, rotation, shift = similarity(vertices[around], vertices[around] + displacement[around])
+            moved[inside] = scale * vertices[inside] @ rotation.T + shift - vertices[inside]
+            scales.append(scale)
+        else:  # bit for bit
+            moved[inside] = 0.0
+            scales.append(1.0)
     return moved, scales
 
 

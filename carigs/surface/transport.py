@@ -6,6 +6,7 @@ to S + d it gives S_level + T d: T d is the motion d as the caricature would mak
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -36,19 +37,21 @@ def with_motions(
     motions: Float[np.ndarray, "b v 3"],
     columns: Int[np.ndarray, " b"],
     transport: str,
+    levels: Mapping[str, float] | None = None,
 ) -> GammaPath:
     """The path with what its levels change in the `motions`, which belong to these columns of the codes.
 
-    `transport` is one of `SHARES`.  Components that follow by a similarity turn and scale their motions by it.  Raises
-    `SettingsError` for another name.
+    `levels` are those of regions that the path was made with.  `transport` is one of `SHARES`.  Components that follow
+    by a similarity turn and scale their motions by it.  Raises `SettingsError` for another name.
     """
     if transport not in SHARES:
         raise SettingsError(f"exaggerate.expressions={transport} is unknown; choose from {', '.join(SHARES)}")
     if transport == "offset" or len(motions) == 0:
         return path
     changes = np.zeros((len(path.levels) - 1, *motions.shape), np.float32)
+    weights_at = solver.whole(path.gamma_f, levels).weights
     for at_level, level, displacement in zip(changes, path.levels[1:], path.displacements[1:], strict=True):
-        weights, linear = solver.weights(float(level)), _followed(solver, displacement)
+        weights, linear = weights_at(float(level)), _followed(solver, displacement)
         for change, motion in zip(at_level, motions, strict=True):
             moved = transported(solver, motion, weights)
             for inside, scaled_rotation in linear:

@@ -9,21 +9,15 @@ import igl
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.sparse import csc_array, diags_array
-from scipy.sparse.linalg import cg, splu
+from scipy.sparse.linalg import splu
 
+from carigs.surface.factors import COLUMNS, CholeskySolverD, Factors, conjugate_gradients
 from carigs.surface.operators import EdgeCotans, mixed_voronoi_areas
 from evaluation.benchmarks.measurements import Measurement
-
-try:
-    from cholespy import CholeskySolverD, MatrixType
-except ImportError:  # an extra
-    CholeskySolverD = None
 
 Solve = Callable[[np.ndarray], np.ndarray]
 LEVELS = np.linspace(0.25 / 32, 0.25, 32)
 SIZES = 4
-COLUMNS = 4
-"""SuperLU's own optimum of right-hand sides at once."""
 
 
 def size_rows(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Iterator[Measurement]:
@@ -57,26 +51,16 @@ def _ways(matrix: csc_array, mass: np.ndarray) -> Mapping[str, Callable[[], Solv
 
     def lu(system: csc_array, **options: object) -> Solve:
         factors = splu(system, **options)
-        return lambda right: np.hstack([factors.solve(right[:, c : c + COLUMNS]) for c in range(0, len(right.T), 4)])
+        return lambda right: np.hstack(
+            [factors.solve(right[:, c : c + COLUMNS]) for c in range(0, len(right.T), COLUMNS)]
+        )
 
     def all_at_once() -> Solve:
         return splu(matrix).solve
 
-    def cholesky() -> Solve:
-        entries = matrix.tocoo()
-        rows, columns = entries.row.astype(np.int32), entries.col.astype(np.int32)
-        factors = CholeskySolverD(matrix.shape[0], rows, columns, entries.data, MatrixType.COO)
-
-        def solve(right: np.ndarray) -> np.ndarray:
-            solution = np.zeros(right.shape)
-            factors.solve(np.ascontiguousarray(right), solution)
-            return solution
-
-        return solve
-
     def iterate() -> Solve:
-        scale = diags_array(1 / matrix.diagonal())
-        return lambda right: np.stack([cg(matrix, column, rtol=1e-8, M=scale)[0] for column in right.T], axis=1)
+        start = np.zeros(matrix.shape[0])
+        return lambda right: np.stack([conjugate_gradients(matrix, c, start, 10**5) for c in right.T], axis=1)
 
     def least_squares() -> Solve:
         # Equation 3 as it is written, over A^-1 W: its normal equations are a bi-Laplacian's.
@@ -84,16 +68,17 @@ def _ways(matrix: csc_array, mass: np.ndarray) -> Mapping[str, Callable[[], Solv
         solve = lu((matrix @ inverse @ matrix).tocsc())
         return lambda right: solve(matrix @ (inverse @ right))
 
-    ways: dict[str, Callable[[], Solve]] = {
+    ours = "LU (COLAMD), 4 columns at once" if CholeskySolverD is None else "Cholesky (cholespy)"
+    return {
+        ours: lambda: Factors(matrix).solve,
         "LU (COLAMD), 4 columns at once": lambda: lu(matrix),
         "LU (COLAMD), all columns at once": all_at_once,
         "LU (MMD, symmetric)": lambda: lu(
             matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
         ),
         "normal equations of the least squares": least_squares,
-        "conjugate gradients (Jacobi, 1e-8)": iterate,
+        "conjugate gradients": iterate,
     }
-    return ways if CholeskySolverD is None else {**ways, "Cholesky (cholespy)": cholesky}
 
 
 def _times(make: Callable[[], Solve], rights: Float[np.ndarray, "n c"]) -> dict[str, float]:
