@@ -117,10 +117,9 @@ def _field(clean: CleanMesh, file: Path, name: str) -> Float[np.ndarray, " v"]:
     """The region on the mesh as it was cleaned."""
     region = named(read_regions(file), name)
     try:
-        field = clean.from_given(vertex_field(region, len(clean.of_given)))
+        return clean.from_given(vertex_field(region, len(clean.of_given)))
     except SettingsError as error:
         raise InputError(str(error), file=file, field=name) from error
-    return field if ((field > 0) & (field < 1)).any() else field > 0
 
 
 def _step(share: float, gamma: float, own: Mapping[str, float]) -> str:
