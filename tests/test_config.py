@@ -55,6 +55,14 @@ def test_presets_of_the_paper_are_literal(tmp_path):
     assert len(compose("study=paper").study.subjects) == 10
 
 
+def test_regions_are_the_head_models_names_and_numbers(tmp_path):
+    settings = load("exaggerate", "exaggerate.regions={nose:0.4,ears:0}", folder=tmp_path)
+    assert settings.regions == {"nose": 0.4, "ears": 0.0}
+    with pytest.raises(SettingsError, match=r"exaggerate\.regions\.nose"):
+        compose("exaggerate.regions={nose:long}")
+    assert compose().exaggerate.regions == {}
+
+
 def test_variants_differ_in_supervision_and_masks_only():
     trained = {name: OmegaConf.to_object(compose(f"variant={name}").train) for name in known("variant")}
     assert {name: (t.caricature_share, t.masks) for name, t in trained.items()} == {

@@ -70,6 +70,13 @@ class CleanMesh:
         """Displacements of the vertices as they were given; unused ones stay."""
         return np.where(self.of_given[:, None] >= 0, displacement[self.of_given], 0.0)
 
+    def from_given(self, values: Float[np.ndarray, " g"]) -> Float[np.ndarray, " v"]:
+        """Numbers per vertex as given, such as a painted region; the largest of those that became one vertex."""
+        used = self.of_given >= 0
+        here = np.full(len(self.vertices), -np.inf)
+        np.maximum.at(here, self.of_given[used], values[used])
+        return here
+
 
 def clean_mesh(vertices: np.ndarray, faces: np.ndarray, weld: float = 1e-7) -> CleanMesh:
     """Weld, drop and turn until the mesh is one that can be solved on.

@@ -234,7 +234,7 @@ class Exaggerator:
 
     @cached_property
     def _followers(self) -> list[Follower]:
-        return find_followers(self.vertices, self.component, self.main)
+        return find_followers(self.vertices, self.faces, self.component, self.main)
 
     def with_followers(self, displacement: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v 3"]:
         """The displacement of the solved vertices, and of the small components by similarities of those around."""

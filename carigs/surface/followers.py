@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import igl
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
-REACH = 1.12  # surroundings: main vertices within this many radii of a group's centre
-LEAST = 12  # and at least this many of them
+TOUCH = 0.1
+"""What is nearer to a group's surface than this, in its radii, touches it."""
+LEAST = 12
+"""So many vertices at least are followed: the nearest."""
 
 
 def similarity(
@@ -34,19 +37,27 @@ class Follower(NamedTuple):
     """The vertices of the main component around them."""
 
 
-def find_followers(vertices: Float[np.ndarray, "v 3"], component: Int[np.ndarray, " v"], main: int) -> list[Follower]:
-    """All components but `main`; those whose bounding spheres overlap (iris and sclera of one eye) are one group."""
+def find_followers(
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], component: Int[np.ndarray, " v"], main: int
+) -> list[Follower]:
+    """All components but `main`; those whose bounding spheres overlap (iris and sclera of one eye) are one group.
+
+    A group follows the skin that touches it: an eyeball its lids and socket, so that it stays between them.
+    """
     on_main, found = np.flatnonzero(component == main), []
-    groups = _groups(vertices, component, main)
-    tree = cKDTree(vertices[on_main]) if groups else None
-    for group in groups:
-        inside = np.flatnonzero(np.isin(component, group))
+    for group in _groups(vertices, component, main):
+        inside = np.isin(component, group)
         centre = vertices[inside].mean(axis=0)
         radius = np.linalg.norm(vertices[inside] - centre, axis=1).max()
-        near = tree.query_ball_point(centre, REACH * radius)
-        if len(near) < LEAST:
-            near = tree.query(centre, k=min(LEAST, len(on_main)))[1]
-        found.append(Follower(inside, on_main[near]))
+        near = on_main[np.linalg.norm(vertices[on_main] - centre, axis=1) < (1 + TOUCH) * radius]
+        around = near
+        if len(near):
+            surface = faces[inside[faces].all(axis=1)]
+            squared = igl.point_mesh_squared_distance(vertices[near] - centre, vertices - centre, surface)[0]
+            around = near[squared < (TOUCH * radius) ** 2]
+        if len(around) < LEAST:
+            around = on_main[cKDTree(vertices[on_main]).query(centre, k=min(LEAST, len(on_main)))[1]]
+        found.append(Follower(np.flatnonzero(inside), around))
     return found
 
 

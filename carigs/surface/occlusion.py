@@ -54,7 +54,9 @@ def cached_occlusion(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], at: Bool[np.ndarray, " v"]
 ) -> Float[np.ndarray, " v"]:
     """`ambient_occlusion`, kept on disk by the mesh's bytes; an entry that cannot be read is made again."""
-    digest = hashlib.sha256(Path(__file__).read_bytes())  # another program, another cache
+    digest = hashlib.sha256()
+    for module in ("occlusion", "rays", "mesh"):  # another program, another cache
+        digest.update(Path(__file__).with_name(f"{module}.py").read_bytes())
     for array in (vertices, faces, at):
         digest.update(np.ascontiguousarray(array))
     folder = cache_folder()

@@ -38,7 +38,14 @@ def vertex_field(region: np.ndarray | Sequence[int], v: int) -> Float[np.ndarray
 
 
 def named(regions: Mapping[str, np.ndarray], name: str) -> np.ndarray:
-    """The region of a name; raises `SettingsError` that says which there are and where they come from."""
+    """The region of a name; `ears` stands for left_ear and right_ear together.
+
+    Raises `SettingsError` that says which there are and where they come from.
+    """
+    left, right = (f"{side}_{name.removesuffix('s')}" for side in ("left", "right"))
+    if name not in regions and name.endswith("s") and left in regions and right in regions:
+        join = np.union1d if np.asarray(regions[left]).dtype.kind in "iu" else np.maximum
+        return join(regions[left], regions[right])
     if name not in regions:
         known = f"known: {', '.join(sorted(regions))}" if regions else "this mesh came without any"
         raise SettingsError(f"region {name} is unknown; {known} (they come with the head model or a file of regions)")

@@ -46,13 +46,15 @@ def cut_faces(vertices: np.ndarray, faces: np.ndarray) -> set[int]:
 
 
 def depth_in_balls(vertices: np.ndarray, solver: Exaggerator) -> list[float]:
-    """How deep the skin reaches into the ball around each small component, in its radii."""
+    """How deep the skin reaches into each small component, in its radii."""
     depths = []
     for c in np.setdiff1d(solver.component, [solver.main]):
-        ball = vertices[solver.component == c]
-        radius = np.linalg.norm(ball - ball.mean(axis=0), axis=1).max()
-        away = np.linalg.norm(vertices[solver.solved] - ball.mean(axis=0), axis=1)
-        depths.append(1 - away.min() / radius)
+        inside = solver.component == c
+        centre = vertices[inside].mean(axis=0)
+        radius = np.linalg.norm(vertices[inside] - centre, axis=1).max()
+        skin = vertices[solver.solved & (np.linalg.norm(vertices - centre, axis=1) < 1.3 * radius)]
+        ball = np.asarray(solver.faces[inside[solver.faces].all(axis=1)])
+        depths.append(-igl.signed_distance(skin, vertices, ball)[0].min() / radius)
     return depths
 
 
@@ -64,7 +66,7 @@ def check(vertices: np.ndarray, faces: np.ndarray) -> None:
     newly = cut_faces(moved, skin) - cut_faces(vertices, skin)
     assert len(newly) <= 1e-3 * len(skin)
     for before, after in zip(depth_in_balls(vertices, solver), depth_in_balls(moved, solver), strict=True):
-        assert after < before + 0.02
+        assert after < before + 0.03
     assert np.linalg.norm(moved - vertices, axis=1).max() > 0.03 * diagonal(vertices)
 
 
