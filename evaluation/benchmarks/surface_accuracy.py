@@ -8,6 +8,7 @@ import igl
 import numpy as np
 import trimesh
 from jaxtyping import Float, Int
+from omegaconf import OmegaConf
 
 from carigs.config import compose
 from carigs.head import HeadModel, HeadParameters, neutral
@@ -32,7 +33,7 @@ BOUNDS = {
 
 def preset(name: str) -> Exaggerate:
     """The settings of a preset of `conf/exaggerate`."""
-    return Exaggerate(**compose(f"exaggerate={name}").exaggerate)
+    return Exaggerate(**OmegaConf.to_container(compose(f"exaggerate={name}").exaggerate))
 
 
 def sphere_rows(subdivisions: range) -> Iterator[Measurement]:
