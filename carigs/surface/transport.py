@@ -1,7 +1,7 @@
 """Expressions on a caricature: what moves the head, moved as the exaggeration moves the head itself.
 
-The map T = W^+ W_w of a level, with W and w of the neutral, is linear in the vertices and takes S to S_level.  Applied
-to S + d it gives S_level + T d: T d is the motion d as the caricature would make it.
+The map T = 1 + A^+ W_(w-1) of a level, with A and w of the neutral, is linear in the vertices and takes S to S_level.
+(For A = W it is W^+ W_w.)  Applied to S + d it gives S_level + T d: T d is the motion d as the caricature makes it.
 """
 
 from __future__ import annotations

@@ -32,6 +32,7 @@ def plot(file: Path, rows: Sequence[Measurement], typical: str) -> None:
     paths.set_xscale("linear")
     rough = [row for row in rows if not row.case.startswith("torus, ")]  # the even one flatters
     _draw(curvature, _by_size(rough, "error of K: "), "vertices", "relative rms error", "Gaussian curvature")
+    curvature.set_ylim(top=30)  # room for the legend
     for axes, name in zip(bounds, PRESETS, strict=True):
         curves = _by_level([row for row in rows if row.case == f"{typical}, {name}"])
         _draw(axes, curves, r"caricature level $\gamma$", "diagonals", f"rms error of the linear blend, {name}")

@@ -119,7 +119,7 @@ def test_an_unknown_transport_is_named():
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.skipif(not DATA.is_dir(), reason="the shared head model is not here; set CARIGS_DATA")
 def test_lids_close_as_they_naturally_do(seed):
-    """A full blink closes as much of the gap as on the natural head, within 15 %; an offset comes less near."""
+    """A full blink closes as much of the gap as on the natural head, within 15 %, and more than an offset does."""
     model = HeadModel.load(DATA / "ict_model.npz")
     shape = np.pad(np.random.default_rng(seed).normal(size=30), (0, 270))
     head, names = neutral(model, HeadParameters(shape=shape)), model.expression_names
@@ -136,4 +136,4 @@ def test_lids_close_as_they_naturally_do(seed):
     moved, natural = head + path.displacement, closed(head, blinks)
     mixed, offset = closed(moved, blinks + path.changes), closed(moved, blinks)
     assert abs(mixed / natural - 1) < 0.15
-    assert abs(mixed / natural - 1) < abs(offset / natural - 1)
+    assert mixed > offset
