@@ -10,6 +10,7 @@ include: "workflow/rules/settings.smk"
 include: "workflow/rules/avatar.smk"
 include: "workflow/rules/evaluate.smk"
 include: "workflow/rules/benchmark.smk"
+include: "workflow/rules/stress.smk"
 
 
 report: "workflow/report/workflow.rst"

@@ -32,7 +32,10 @@ Config = make_dataclass(
 )
 """The whole tree: gamma_f, the study, and one section per stage."""
 
-ConfigStore.instance().store("schema", Config)
+_schema = OmegaConf.structured(Config)
+# The names of regions come with the head model: here alone keys may be added.
+OmegaConf.set_struct(_schema.exaggerate.regions, False)
+ConfigStore.instance().store("schema", _schema)
 
 
 @cache

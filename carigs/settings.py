@@ -56,14 +56,30 @@ class Exaggerate:
     """Divide |K| by K_ref, so that the unit of the mesh does not matter."""
     heat: float = 0.005
     """Smoothing length of the curvature in units of the head's size, about its bounding box's diagonal (0: none)."""
+    individual: str = "subject"
+    """Whose curvature exaggerates: `subject`; `ratio`: the subject's relative to the head model's mean face, so that
+    only what is individual grows; `template`: the mean face's, one displacement for everyone (the paper)."""
     limit_cavities: bool = True
     """Ambient occlusion keeps nostrils, ear canals and the mouth bag from growing through the skin."""
+    cavity_stiffness: float = 4.0
+    """How much stiffer those are than the skin, which may not fold them (0: as stiff)."""
+    air: float = 20.0
+    """Stiffness of narrow gaps relative to the skin's: lips and lids grow outwards, not into each other (0: none)."""
     normalise: bool = True
     """Divide the weights by their area mean: keeps the overall size."""
     followers: bool = True
     """Small components (eyeballs) follow their surroundings by a similarity."""
-    nodes: tuple[float, ...] = (0.0, 0.25, 0.75, 1.0)
-    """Where in units of gamma_f the path is solved exactly; (0, 1) is the paper's linear blend."""
+    expressions: str = "mixed"
+    """What the caricature does to expressions: `offset` leaves them, `linear` exaggerates them as it does the head,
+    `mixed` goes half of the way, so that lids close.  A caricature from a file leaves them."""
+    path_error: float = 1e-4
+    """Largest error of the path between its nodes, in diagonals of the bounding box: sets their number."""
+    nodes: int = 0
+    """Number of levels that the path is solved at (0: as `path_error` needs); 2 is the paper's linear blend."""
+    local: str = "soft"
+    """How the rest is held when one region is exaggerated: `soft`, `exact` or `literal` (`carigs.surface.local`)."""
+    regions: dict[str, float] = field(default_factory=dict)
+    """Levels that regions of the head model have where the rest has gamma, as {nose: 0.4, ears: 0}."""
 
 
 @dataclass

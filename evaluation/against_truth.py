@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
 from rich.progress import track
 
 from carigs.capture import Capture
@@ -12,6 +11,7 @@ from carigs.capture.images import read_grey, read_rgb
 from carigs.errors import InputError
 from carigs.head import neutral, pose
 from carigs.raster import rasterize_mesh
+from carigs.surface import Caricature
 from evaluation.image import psnr, region_mean, ssim_map
 from evaluation.listings import Rendered, Truths
 from evaluation.regions import REGIONS, image_regions, surface_regions
@@ -26,13 +26,13 @@ def compare(
     rendered: list[Rendered],
     truths: Truths,
     subject: Capture,
-    displacement: np.ndarray,
+    caricature: Caricature,
     *,
     band: int,
 ) -> Iterator[Row]:
     """PSNR and SSIM rows of every `test` and `val` frame.
 
-    `displacement` (V,3, metres) is the caricature's at the scene's level; `band` the silhouette's half width in pixels.
+    `caricature` is the one of the scene's level, `band` the silhouette's half width in pixels.
     Where there is no truth at all: one null row per protocol, region and metric.  Raises `InputError` where sizes of
     images differ.
     """
@@ -61,7 +61,7 @@ def compare(
         parameters = subject.parameters(frame.timestep)
         if surface is None:
             surface = surface_regions(subject.model, neutral(subject.model, parameters))
-        vertices = pose(subject.model, parameters, displacement)
+        vertices = pose(subject.model, parameters, caricature)
         fragments = rasterize_mesh(vertices, subject.model.faces, camera)
         regions = image_regions(surface, vertices, fragments, camera, foreground, band=band)
         similarity = ssim_map(image, truth)

@@ -48,10 +48,19 @@ def test_default_presets_are_the_defaults(stage, preset, tmp_path):
 def test_presets_of_the_paper_are_literal(tmp_path):
     """The paper's weight is |K|^gamma, its path the linear blend of two solves."""
     settings = load("exaggerate", "study=paper", folder=tmp_path)
-    assert settings.nodes == (0.0, 1.0)
+    assert (settings.nodes, settings.local, settings.individual) == (2, "literal", "template")
+    assert (settings.air, settings.cavity_stiffness) == (0, 0)
     assert (settings.heat, settings.normalise, settings.limit_cavities, settings.followers) == (0, False, False, False)
     assert compose("study=paper").train.iterations == 120_000
     assert len(compose("study=paper").study.subjects) == 10
+
+
+def test_regions_are_the_head_models_names_and_numbers(tmp_path):
+    settings = load("exaggerate", "exaggerate.regions={nose:0.4,ears:0}", folder=tmp_path)
+    assert settings.regions == {"nose": 0.4, "ears": 0.0}
+    with pytest.raises(SettingsError, match=r"exaggerate\.regions\.nose"):
+        compose("exaggerate.regions={nose:long}")
+    assert compose().exaggerate.regions == {}
 
 
 def test_variants_differ_in_supervision_and_masks_only():

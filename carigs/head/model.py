@@ -38,15 +38,17 @@ class HeadModel:
 
     @classmethod
     def load(cls, file: str | Path) -> HeadModel:
-        """Read a model from .npz or FLAME's .pkl (regions from `FLAME_masks.pkl` beside it).
+        """Read a model from .npz or FLAME's .pkl (regions from `FLAME_masks.pkl` beside it); FLAME gets teeth.
 
         Raises `InputError` for a missing or unreadable file, a missing array, or an array of another shape.
         """
         file = Path(file)
         if not file.is_file():
             raise InputError("no such head model", file=file)
+        from carigs.head.teeth import with_teeth  # which needs this module
+
         arrays = read_pickle(file) if file.suffix == ".pkl" else _read_npz(file)
-        return _checked(arrays, file)
+        return with_teeth(_checked(arrays, file))
 
     def save(self, file: str | Path) -> None:
         """Write the .npz form."""

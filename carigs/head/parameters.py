@@ -10,8 +10,7 @@ from jaxtyping import Float
 
 from carigs.errors import InputError
 from carigs.head.model import N_SHAPE, HeadModel
-
-FLAME_VERTICES, FLAME_VERTICES_WITH_TEETH = 5023, 5143
+from carigs.head.teeth import ADDED, FLAME, WITH_TEETH
 
 
 @dataclass(frozen=True)
@@ -35,7 +34,7 @@ class HeadParameters:
         """Read one frame's npz and check it against the model.
 
         Raises `InputError` for a missing or unreadable file, a missing key, another shape, or a value that
-        is not finite.  A static offset with FLAME's 120 teeth vertices is cut to the model's own.
+        is not finite.  A static offset without FLAME's teeth leaves them where they are.
         """
         file = Path(file)
         try:
@@ -62,8 +61,8 @@ class HeadParameters:
         if "static_offset" in arrays:
             offset = arrays["static_offset"]
             v = len(model.v_template)
-            if v == FLAME_VERTICES and offset.shape[-2:] == (FLAME_VERTICES_WITH_TEETH, 3):
-                offset = offset[..., :v, :]
+            if v == WITH_TEETH[0] and offset.shape[-2:] == (FLAME[0], 3):
+                offset = np.concatenate([offset.reshape(-1, 3), np.zeros((ADDED[0], 3))])
             if offset.shape[-2:] != (v, 3) or offset.size != v * 3:
                 raise InputError(f"shape {offset.shape}, the model has {v} vertices", file=file, field="static_offset")
             offset = offset.reshape(v, 3)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from carigs.head.model import N_JOINTS, N_SHAPE, HeadModel
 from carigs.head.parameters import HeadParameters
+from carigs.surface.caricature import Caricature
 
 
 def neutral(model: HeadModel, parameters: HeadParameters) -> Float[np.ndarray, "v 3"]:
@@ -16,23 +19,36 @@ def neutral(model: HeadModel, parameters: HeadParameters) -> Float[np.ndarray, "
 
 
 def pose(
-    model: HeadModel, parameters: HeadParameters, displacement: Float[np.ndarray, "v 3"] | None = None
+    model: HeadModel, parameters: HeadParameters, caricature: Caricature | None = None
 ) -> Float[np.ndarray, "v 3"]:
     """World vertices (metres) of one frame.
 
-    `displacement` is the caricature's offset, added to the neutral before expression and pose; the joints are regressed
-    from the displaced vertices, so that they move along.
+    `caricature` is added to the neutral and its motions before joints turn; these are regressed from the displaced
+    vertices, so that they move along.
     """
     shaped = neutral(model, parameters) + _blend(model.shapedirs[:, :, N_SHAPE:], parameters.expression)
-    if displacement is not None:
-        shaped = shaped + displacement
     rotations = _rotations(parameters)
+    feature = (rotations[1:] - np.eye(3)).reshape(-1)
+    corrective = _blend(model.posedirs, feature)
+    if caricature is not None:
+        shaped = shaped + caricature.displacement + caricature.change(parameters.expression)
+        corrective = corrective + caricature.change(feature, first=len(parameters.expression))
     joints = model.joint_regressor.astype(np.float64) @ shaped
-    corrective = _blend(model.posedirs, (rotations[1:] - np.eye(3)).reshape(-1))
     world_from_rest = _joint_transforms(rotations, joints, model.parents)
     blended = np.tensordot(model.weights.astype(np.float64), world_from_rest, axes=1)  # (v, 4, 4)
     posed = np.einsum("vij,vj->vi", blended[:, :3, :3], shaped + corrective) + blended[:, :3, 3]
     return posed + parameters.translation
+
+
+def motions(
+    model: HeadModel, parameters: Iterable[HeadParameters]
+) -> tuple[Float[np.ndarray, "b v 3"], Int[np.ndarray, " b"]]:
+    """The directions that any of these frames moves in, and their columns: expressions first, then pose correctives."""
+    directions = np.concatenate([model.shapedirs[:, :, N_SHAPE:], model.posedirs], axis=2)
+    used = directions.any(axis=(0, 1))
+    codes = [np.concatenate([p.expression, (_rotations(p)[1:] - np.eye(3)).reshape(-1)]) for p in parameters]
+    columns = np.flatnonzero(used & np.any(codes, axis=0))
+    return directions[:, :, columns].transpose(2, 0, 1).astype(np.float64), columns
 
 
 def rotation_matrix(rotation_vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:

@@ -87,6 +87,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
             path_levels=path.levels,
             path_displacements=path.displacements,
             path_neutral=path.neutral,
+            **({} if path.changes is None else {"path_columns": path.columns, "path_changes": path.changes}),
         )
 
 
@@ -145,6 +146,8 @@ def _from_arrays(arrays: dict[str, np.ndarray], file: Path) -> Avatar:
         faces=faces,
         neutral=arrays["path_neutral"],
         report={},
+        columns=arrays.get("path_columns"),
+        changes=arrays.get("path_changes"),
     )
     performance = Performance(head, parameters, path)
     return Avatar(

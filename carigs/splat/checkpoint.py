@@ -46,7 +46,8 @@ def fingerprint(settings: Train, performance: Performance, supervision: Supervis
     shown = {k: v for k, v in asdict(settings).items() if k not in ("threads", "checkpoint_seconds")}
     digest.update(json.dumps(shown, sort_keys=True).encode())
     digest.update(performance.rig.vertices.tobytes() + performance.rig.faces.tobytes())
-    digest.update(performance.path.displacement(performance.path.gamma_f).tobytes())
+    for array in (performance.path.displacements, performance.path.columns, performance.path.changes):
+        digest.update(b"" if array is None else array.tobytes())
     for file in supervision.files():
         status = file.stat()
         digest.update(f"{file.name} {status.st_size} {status.st_mtime_ns}".encode())

@@ -44,8 +44,7 @@ class Performance:
 
     def posed(self, timestep: int, level: float) -> Float[np.ndarray, "v 3"]:
         """World vertices in metres."""
-        displacement = self.path.displacement(level) if level else None
-        return pose(self.head, self.parameters[timestep], displacement)
+        return pose(self.head, self.parameters[timestep], self.path.at(level) if level else None)
 
     def motion(self, timestep: int, level: float) -> FaceMotion:
         """Motion of every triangle from the canonical mesh."""

@@ -9,29 +9,38 @@ import trimesh
 
 from carigs.capture import Capture
 from carigs.errors import InputError, SettingsError
-from carigs.head import neutral
+from carigs.head import caricature, neutral
+from carigs.head.teeth import add_teeth, skin
 from carigs.settings import Exaggerate
-from carigs.surface import Exaggerator, straight_path
+from carigs.surface import straight_path
 
 
 def exaggerate(settings: Exaggerate, *, capture: Path, path: Path) -> None:
     """Solve, or read, the path and write `path` (path.npz)."""
     subject = Capture.load(capture)
-    vertices = neutral(subject.model, subject.parameters(subject.frames[0].timestep))
-    faces = subject.model.faces
+    timesteps = dict.fromkeys(frame.timestep for frame in subject.frames)
+    parameters = [subject.parameters(timestep) for timestep in timesteps]
+    vertices, faces = neutral(subject.model, parameters[0]), subject.model.faces
     if settings.source == "poisson":
-        Exaggerator(vertices, faces, settings).path(settings.gamma).save(path)
+        solved = caricature(subject.model, vertices, settings, parameters)
     elif settings.source == "file":
         if not settings.file:
             raise SettingsError("exaggerate.file must be set when exaggerate.source is file")
         file = Path(settings.file.replace("{gamma}", f"{settings.gamma:g}"))
-        straight_path(vertices, faces, read_displacement(file, vertices), settings.gamma).save(path)
+        v, f = skin(len(vertices), len(faces))
+        given = read_displacement(file, vertices, v)
+        whole = len(given) == len(vertices)
+        solved = straight_path(vertices[: len(given)], faces if whole else faces[:f], given, settings.gamma)
     else:
         raise SettingsError(f"exaggerate.source={settings.source} is unknown; choose poisson or file")
+    add_teeth(solved, vertices, faces).save(path)
 
 
-def read_displacement(file: Path, neutral_vertices: np.ndarray) -> np.ndarray:
-    """The caricature's offset (V,3) in metres from an .npz with `delta`, or from a sculpted mesh of the head."""
+def read_displacement(file: Path, neutral_vertices: np.ndarray, skin_vertices: int) -> np.ndarray:
+    """The caricature's offset (V,3) in metres from an .npz with `delta`, or from a sculpted mesh of the head.
+
+    V counts all vertices, or the skin's, which come before the teeth.
+    """
     if not file.is_file():
         raise InputError("no such caricature", file=file)
     try:
@@ -40,12 +49,13 @@ def read_displacement(file: Path, neutral_vertices: np.ndarray) -> np.ndarray:
                 displacement = archive["delta"].astype(np.float64)
         else:
             mesh = trimesh.load(file, process=False, maintain_order=True, force="mesh")
-            displacement = np.asarray(mesh.vertices, np.float64) - neutral_vertices
+            displacement = np.asarray(mesh.vertices, np.float64)
+            displacement = displacement - neutral_vertices[: len(displacement)]
     except KeyError as error:
         raise InputError("this array is missing", file=file, field="delta") from error
     except Exception as error:  # trimesh's readers raise whatever their format's parser does
         raise InputError(f"not a caricature of {len(neutral_vertices)} vertices ({error})", file=file) from error
-    if displacement.shape != neutral_vertices.shape:
+    if displacement.shape not in (neutral_vertices.shape, (skin_vertices, 3)):
         raise InputError(f"shape {displacement.shape}, the head has {neutral_vertices.shape}", file=file, field="delta")
     if not np.isfinite(displacement).all():
         vertex = int(np.flatnonzero(~np.isfinite(displacement).all(axis=1))[0])

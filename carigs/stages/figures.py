@@ -11,8 +11,10 @@ from carigs.capture import Capture
 from carigs.capture.images import read_rgb
 from carigs.errors import InputError, SettingsError
 from carigs.files import writing_folder
+from carigs.head import exaggerator
+from carigs.head.teeth import without_teeth
 from carigs.settings import Exaggerate, Figures
-from carigs.surface import Exaggerator, GammaPath
+from carigs.surface import GammaPath
 from evaluation.blend_error import blend_errors, plot_blend_errors, write_blend_errors
 from evaluation.listings import read_rendered, read_truths
 from evaluation.strips import ablation, gamma_strip
@@ -55,7 +57,7 @@ def figures(
             file = part / f"gamma_strip_{variant}.png"
             gamma_strip(file, variant, shown, images, truth_row, height=settings.height)
         ablation(part / "ablation.png", rows, shown, truth_row, height=settings.height)
-        _blend_error(part, GammaPath.load(path), settings.samples)
+        _blend_error(part, without_teeth(GammaPath.load(path)), Capture.load(capture), settings.samples)
 
 
 def _shown_frame(settings: Figures, subject: Capture) -> tuple[int, int]:
@@ -78,18 +80,25 @@ def _rendered(index: Path, frame: tuple[int, int]) -> np.ndarray:
     raise InputError(f"no test frame of timestep {frame[0]}, camera {frame[1]}", file=index)
 
 
-def _blend_error(folder: Path, path: GammaPath, samples: int) -> None:
+def _blend_error(folder: Path, path: GammaPath, subject: Capture, samples: int) -> None:
     if path.report.get("source") != "poisson":
         (folder / "blend_error.txt").write_text("The caricature comes from a file: there is no exact path.\n")
         return
-    solver = Exaggerator(path.neutral, path.faces, Exaggerate(**path.report.get("settings", {})))
+    settings = Exaggerate(**path.report.get("settings", {}))
+    head = exaggerator(subject.model, path.neutral, settings)
+
+    def exact(level: float) -> np.ndarray:
+        # Along the path, regions keep their proportion to the rest.
+        share = level / path.gamma_f
+        return head.solve(level, {name: share * own for name, own in settings.regions.items()} if level else None)
+
     # Stored in float32; a larger difference means that the path was made otherwise, and the error would mislead.
-    difference = np.abs(solver.solve(path.gamma_f) - path.displacement(path.gamma_f)).max()
+    difference = np.abs(exact(path.gamma_f) - path.displacement(path.gamma_f)).max()
     if difference > 1e-4 * np.linalg.norm(np.ptp(path.neutral, axis=0)):
         (folder / "blend_error.txt").write_text(
             f"Solving again gives another caricature, {1e3 * difference:.2g} mm away: the path was made otherwise.\n"
         )
         return
-    errors = blend_errors(path, solver.solve, samples)
+    errors = blend_errors(path, exact, samples)
     write_blend_errors(folder / "blend_error.csv", errors)
     plot_blend_errors(folder / "blend_error.png", errors)

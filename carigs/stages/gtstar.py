@@ -21,7 +21,7 @@ from carigs.target import frozen_faces, validity, warp_frame
 def gtstar(settings: Gtstar, *, capture: Path, path: Path, targets: Path, index: Path) -> None:
     """Write the folder `targets` (colours, masks, frozen faces) and `index`, which says how much of each is trusted."""
     subject, gamma_path = Capture.load(capture), GammaPath.load(path)
-    displacement = gamma_path.displacement(gamma_path.gamma_f)
+    exaggerated = gamma_path.at(gamma_path.gamma_f)
     entries = []
     with writing_folder(targets) as part:
         np.save(part / "frozen.npy", frozen_faces(subject.model, settings))
@@ -30,7 +30,7 @@ def gtstar(settings: Gtstar, *, capture: Path, path: Path, targets: Path, index:
         count = len({frame.timestep for frame in frames})
         for timestep, group in track(timesteps, total=count, description="GT*", disable=count < 10):
             parameters = subject.parameters(timestep)
-            natural, caricature = pose(subject.model, parameters), pose(subject.model, parameters, displacement)
+            natural, caricature = pose(subject.model, parameters), pose(subject.model, parameters, exaggerated)
             for frame in group:
                 warp = warp_frame(
                     subject.image(frame),

@@ -34,9 +34,9 @@ def metrics(
     check_settings(settings)
     scene = Scene(study, subject, variant, gamma, level)
     person, rendered, truths = Capture.load(capture), read_rendered(index, frames), read_truths(truth)
-    displacement = GammaPath.load(path).displacement(level)
+    caricature = GammaPath.load(path).at(level)
     measured = [
-        *compare(scene, rendered, truths, person, displacement, band=settings.silhouette_band),
+        *compare(scene, rendered, truths, person, caricature, band=settings.silhouette_band),
         *embedding_rows(scene, rendered, person, settings),
     ]
     write_rows(rows, measured)

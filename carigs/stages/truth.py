@@ -14,7 +14,7 @@ from carigs.capture.images import png_size, write_png
 from carigs.errors import InputError
 from carigs.files import writing, writing_folder
 from carigs.settings import Truth
-from carigs.surface import GammaPath
+from carigs.surface import Caricature, GammaPath
 
 
 def truth(settings: Truth, *, capture: Path, path: Path, level: float, frames: Path, index: Path) -> None:
@@ -29,7 +29,7 @@ def truth(settings: Truth, *, capture: Path, path: Path, level: float, frames: P
         if level == 0:
             entries = _captured(subject, part)
         elif (subject.root / "subject.npz").is_file():
-            entries = _rendered(subject, GammaPath.load(path).displacement(level), part)
+            entries = _rendered(subject, GammaPath.load(path).at(level), part)
         elif settings.folder and (folder := Path(settings.folder.replace("{level}", f"{level:g}"))).is_dir():
             entries = _given(subject, folder, part)
         else:
@@ -52,14 +52,14 @@ def _captured(subject: Capture, folder: Path) -> list[dict[str, object]]:
     return entries
 
 
-def _rendered(subject: Capture, displacement, folder: Path) -> list[dict[str, object]]:
+def _rendered(subject: Capture, caricature: Caricature, folder: Path) -> list[dict[str, object]]:
     from carigs.capture.toy import load_subject, render_subject
 
     person = load_subject(subject.root)
     entries = []
     for frame in track(subject.split("test"), description="truth", disable=len(subject.split("test")) < 10):
         colour, alpha = render_subject(
-            person, subject.parameters(frame.timestep), subject.cameras[frame.camera], displacement
+            person, subject.parameters(frame.timestep), subject.cameras[frame.camera], caricature
         )
         entries.append(_entry(frame.timestep, frame.camera))
         write_png(folder / f"{frame.name}.png", colour)

@@ -19,9 +19,9 @@ class BlendBound(NamedTuple):
 
     level: float
     energy: float
-    """|grad(S_blend - S_gamma)| relative to |grad S|: a strain, without unit."""
+    """|grad(S_blend - S_gamma)| relative to |grad S|, in the norm of the system: a strain, without unit."""
     energy_bound: float
-    """At most this: the root mean square of psi over the surface."""
+    """At most this: the root mean square of psi over the surface, less where the surface is stiffer."""
     distance: float
     """Root mean square of |S_blend - S_gamma| over the surface, in the unit of the mesh."""
     distance_bound: float
@@ -36,8 +36,9 @@ def blend_bounds(solver: Exaggerator, gamma_f: float, levels: Sequence[float]) -
     """The blend's error and its bounds at levels in [0, gamma_f], over the vertices that the equation moves.
 
     With psi = w_sec - w, the difference of the secant weight and the exact one, delta S = S_blend - S_gamma solves
-    W delta S = W_psi S.  Since |grad S|^2 = 2 on every face, |grad delta S|^2 <= 2 sum_f a_f psi_f^2, and since both
-    surfaces keep their centroid, |delta S| <= C_P |grad delta S|.
+    A delta S = W_psi S.  The system A is no softer than W_s, with s >= 1 the stiffness of the faces, and |grad S|^2 = 2
+    on every face, so delta S^T A delta S <= 2 sum_f a_f psi_f^2 / s_f.  Since both surfaces keep their centroid,
+    |delta S| <= C_P |grad delta S|.
 
     The paper's form bounds |psi| further by (ln K)^2 e^max(0, gamma_f ln K) gamma (gamma_f - gamma), all at the largest
     |ln K| (it leaves out a factor 1/2, and so does this).  Weights that are divided by their area mean are e^(gamma
@@ -46,6 +47,7 @@ def blend_bounds(solver: Exaggerator, gamma_f: float, levels: Sequence[float]) -
     inside = solver.solved
     faces = inside[solver.faces].all(axis=1)
     areas, stiffness = solver.face_areas[faces], solver.cotans.stiffness()[inside][:, inside].tocsc()
+    system, soft = solver.system[inside][:, inside], areas / solver.face_stiffness[faces]
     connected = len(np.unique(solver.component[inside]))
     # |grad S| = sqrt(2) in the root mean square, so that this is the bound of a distance per unit of relative strain.
     reach = np.sqrt(2) * poincare_constant(stiffness, solver.areas[inside], connected)
@@ -61,11 +63,11 @@ def blend_bounds(solver: Exaggerator, gamma_f: float, levels: Sequence[float]) -
         share = level / gamma_f
         psi = ((1 - share) * start + share * end - solver.weights(level))[faces]
         delta = share * moved - solver.solve(level)[inside]
-        strain = np.sqrt(np.average(psi**2, weights=areas))
+        strain = np.sqrt((soft * psi**2).sum() / areas.sum())
         bounds.append(
             BlendBound(
                 level=float(level),
-                energy=float(np.sqrt(max(0.0, (delta * (stiffness @ delta)).sum()) / (2 * areas.sum()))),
+                energy=float(np.sqrt(max(0.0, (delta * (system @ delta)).sum()) / (2 * areas.sum()))),
                 energy_bound=float(strain),
                 distance=float(np.sqrt(np.average((delta**2).sum(axis=1), weights=solver.areas[inside]))),
                 distance_bound=float(reach * strain),

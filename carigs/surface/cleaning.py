@@ -1,6 +1,6 @@
 """The door for meshes from anywhere: what can be mended is, what cannot be has a name, and results find their way back.
 
-Seams are welded at the boundary only: two closed surfaces that touch stay two.
+Seams are welded at the boundary only: two closed surfaces that touch stay two.  Edges of no length are collapsed.
 """
 
 from __future__ import annotations
@@ -70,6 +70,13 @@ class CleanMesh:
         """Displacements of the vertices as they were given; unused ones stay."""
         return np.where(self.of_given[:, None] >= 0, displacement[self.of_given], 0.0)
 
+    def from_given(self, values: Float[np.ndarray, " g"]) -> Float[np.ndarray, " v"]:
+        """Numbers per vertex as given, such as a painted region; the largest of those that became one vertex."""
+        used = self.of_given >= 0
+        here = np.full(len(self.vertices), -np.inf)
+        np.maximum.at(here, self.of_given[used], values[used])
+        return here
+
 
 def clean_mesh(vertices: np.ndarray, faces: np.ndarray, weld: float = 1e-7) -> CleanMesh:
     """Weld, drop and turn until the mesh is one that can be solved on.
@@ -124,7 +131,11 @@ def _welded(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], r
     """For every vertex the first of those that are one with it."""
     first = np.arange(len(vertices))
     boundary = np.flatnonzero(boundary_vertices(faces, len(vertices))) if len(faces) else first[:0]
-    pairs = boundary[cKDTree(vertices[boundary]).query_pairs(reach, output_type="ndarray")] if len(boundary) else []
+    seams = boundary[cKDTree(vertices[boundary]).query_pairs(reach, output_type="ndarray")] if len(boundary) else []
+    # The slivers beside such an edge have no area: left out, they would leave a crack.
+    edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    short = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1) <= reach
+    pairs = np.concatenate([np.reshape(seams, (-1, 2)), edges[short]]).astype(np.int64)
     if len(pairs) == 0:
         return first
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(vertices),) * 2)

@@ -2,138 +2,279 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.sparse.linalg import splu
+from scipy.sparse import csc_array, diags_array
 
 from carigs.errors import MeshError, SettingsError
 from carigs.settings import Exaggerate
-from carigs.surface.curvature import angle_defects, extrapolated, heat_smoothed
-from carigs.surface.followers import follow
-from carigs.surface.mesh import boundary_vertices, check_mesh, components, face_areas, signed_volume, size
-from carigs.surface.occlusion import ambient_occlusion, smoothstep
+from carigs.surface import mesh
+from carigs.surface.curvature import log_magnitude, smooth_curvature
+from carigs.surface.factors import Factors
+from carigs.surface.followers import Follower, find_followers, follow
+from carigs.surface.gaps import gap_stiffness
+from carigs.surface.local import LocalEdit
+from carigs.surface.occlusion import cached_occlusion, smoothstep
 from carigs.surface.operators import EdgeCotans, mixed_voronoi_areas
-from carigs.surface.path import GammaPath
+from carigs.surface.path import GammaPath, RegionPaths, Solvable, solved_path
+from carigs.surface.regions import RAMP, named, partition_of_unity, vertex_field
 
-CAVITY = (0.45, 0.75)  # hidden share of the hemisphere over which the limiter sets in
+CAVITY = (0.45, 0.75)
+"""Hidden share of the hemisphere over which the limiter sets in."""
+SHORT = 3
+"""Distances are measured by heat that spreads over this part of a region's ramp."""
 
 
 class Exaggerator:
-    """Solves S_gamma of one mesh at any level.
+    """Solves S_gamma of one mesh at any level: `solve(0.25)`, `path(0.25)`, `path(0.25, region="nose")`.
 
-    The equation is solved in displacement form: with S_gamma = S + u it reads W u = -W_(w-1) S up to the common sign of
-    W, so that level 0 (w = 1) gives u = 0 exactly.  Its null space, a constant per component, is fixed by keeping each
-    component's area-weighted centroid (paper, equations 2 and 3; the least squares has zero residual).
+    The equation is solved in displacement form: with S_gamma = S + u it reads A u = -W_(w-1) S up to the common sign of
+    W, so that level 0 (w = 1) gives u = 0 exactly.  A is the cotan stiffness W; the `robust` preset adds the stiffness
+    of cavities and of narrow gaps.  Its null space, a constant per component, is fixed by keeping each component's
+    area-weighted centroid (paper, equations 2 and 3; the least squares has zero residual).
     """
 
     def __init__(
-        self, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], settings: Exaggerate | None = None
+        self,
+        vertices: Float[np.ndarray, "v 3"],
+        faces: Int[np.ndarray, "f 3"],
+        settings: Exaggerate | None = None,
+        *,
+        regions: Mapping[str, np.ndarray] | None = None,
+        mean: Float[np.ndarray, "v 3"] | None = None,
     ) -> None:
-        """Factorise; vertices are in any unit.  Raises `MeshError`, `SettingsError` for what cannot be used."""
-        self.settings = settings or Exaggerate()
+        """Assemble and factorise.
+
+        Vertices are in any unit.  `regions` gives names to lists of vertices, masks or painted scalars (`field`).
+        `mean` is the face that the curvature is compared with when `settings.individual` is `ratio`: other vertices of
+        the same faces.  Raises `MeshError`, `SettingsError` for what cannot be used.
+        """
+        self.settings, self.regions = settings or Exaggerate(), dict(regions or {})
         _check(self.settings)
-        check_mesh(np.asarray(vertices), np.asarray(faces))
+        mesh.check_mesh(np.asarray(vertices), np.asarray(faces))
         self.vertices, self.faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
-        self.component = components(self.faces, len(self.vertices))
+        self.component = mesh.components(self.faces, len(self.vertices))
         self.areas = mixed_voronoi_areas(self.vertices, self.faces)
+        self.face_areas = mesh.face_areas(self.vertices, self.faces)
+        self._corners = np.ascontiguousarray(self.faces.T)
+        self.size = mesh.size(self.vertices, self.faces)
+        self.cotans = EdgeCotans(self.vertices, self.faces)
         component_areas = np.bincount(self.component, self.areas)
         self.main = int(component_areas.argmax())
-        self.cotans = EdgeCotans(self.vertices, self.faces)
-        self.face_areas = face_areas(self.vertices, self.faces)
         every = np.ones(len(self.vertices), bool)
         self.solved = self.component == self.main if self.settings.followers else every
         """Vertices that the equation moves; the others follow, and their curvature does not set the scale."""
+        shares = np.where(self.solved[self.faces].all(axis=1), self.face_areas, 0.0)
+        self._face_shares = shares / shares.sum()
         self.report: dict[str, Any] = {"components": len(component_areas)}
-        self.curvature, self.log_curvature = self._curvatures()
+        boundary = mesh.boundary_vertices(self.faces, len(self.vertices))
+        if (boundary | ~self.solved).all():
+            raise MeshError("every vertex lies on the boundary: the curvature is defined nowhere")
+        self.report["boundary_vertices"] = int(boundary.sum())
+        stiffness = self.cotans.stiffness()
+        hidden = self._hidden()
+        self.curvature = smooth_curvature(
+            self.vertices, self.faces, boundary, self.areas, stiffness, (self.settings.heat * self.size) ** 2
+        )
+        self.log_curvature = self._limited(self._logarithm(boundary, mean), hidden)
+        """Of what is raised to the power gamma."""
+        self.face_stiffness = 1 + self.settings.cavity_stiffness * self.face_mean(hidden)
+        self.system = self._system(stiffness)
+        """A, whose equation is solved: all vertices, not yet pinned."""
 
         # One vertex of each component is pinned; the others' system is symmetric positive definite.
         pinned = np.unique(self.component, return_index=True)[1]
-        self._free = np.setdiff1d(np.arange(len(self.vertices)), pinned)
-        self._factors = splu(self.cotans.stiffness()[self._free][:, self._free].tocsc())
+        self._free = np.setdiff1d(np.flatnonzero(self.solved), pinned)
+        self._factors = Factors(self.system[self._free][:, self._free].tocsc())
+        inside = [np.flatnonzero(self.component == c) for c in np.unique(self.component[self.solved])]
+        self._centroids = [(ids, self.areas[ids] / self.areas[ids].sum()) for ids in inside]
+        self._divergence = self.cotans.divergence(self.vertices)
+        self._edits: dict[str, LocalEdit] = {}
 
-    def _curvatures(self) -> tuple[Float[np.ndarray, " v"], Float[np.ndarray, " v"]]:
-        """K and the logarithm of what is raised to the power gamma."""
-        boundary = boundary_vertices(self.faces, len(self.vertices))
-        if (boundary | ~self.solved).all():
-            raise MeshError("every vertex lies on the boundary: the curvature is defined nowhere")
-        defects = angle_defects(self.vertices, self.faces, boundary)
-        curvature = extrapolated(defects / self.areas, self.faces, boundary)
-        time = (self.settings.heat * size(self.vertices, self.faces)) ** 2
-        curvature = heat_smoothed(curvature, self.areas, self.cotans.stiffness(), time)
+    def _hidden(self) -> Float[np.ndarray, " v"]:
+        """1 in cavities, 0 where the surface is seen, smooth between."""
+        if not self.settings.limit_cavities:
+            return np.zeros(len(self.vertices))
+        if mesh.signed_volume(self.vertices, self.faces[self.solved[self.faces].all(axis=1)]) < 0:
+            raise MeshError("the faces are turned inwards, so that all looks hidden: reverse their corners")
+        return smoothstep(cached_occlusion(self.vertices, self.faces, self.solved), *CAVITY)
 
-        solved, magnitude = self.solved, np.abs(curvature)
-        floor = 1e-12 * magnitude[solved].max() + np.finfo(float).tiny
-        log_reference = np.average(np.log(np.maximum(magnitude[solved], floor)), weights=self.areas[solved])
-        reference = np.exp(log_reference)  # K_ref, the geometric mean
-        stabilised = np.log(np.hypot(magnitude, self.settings.curvature_floor * reference))
-        if self.settings.relative_curvature:
-            stabilised = stabilised - log_reference
-        self.report |= {"boundary_vertices": int(boundary.sum()), "curvature_reference": float(reference)}
-        if self.settings.limit_cavities:
-            if signed_volume(self.vertices, self.faces[self.solved[self.faces].all(axis=1)]) < 0:
-                raise MeshError("the faces are turned inwards, so that all looks hidden: reverse their corners")
-            hidden = smoothstep(ambient_occlusion(self.vertices, self.faces, at=solved), *CAVITY)
-            limited = (1 - hidden) * stabilised + hidden * np.minimum(stabilised, 0)
-            changed = solved & (limited < stabilised - 1e-9)
-            self.report["limited_vertices"] = int(changed.sum())
-            self.report["limited_area"] = float(self.areas[changed].sum() / self.areas[solved].sum())
-            stabilised = limited
-        self.report["log_curvature"] = [float(stabilised[solved].min()), float(stabilised[solved].max())]
-        return curvature, stabilised
+    def _logarithm(self, boundary: np.ndarray, mean: np.ndarray | None) -> Float[np.ndarray, " v"]:
+        """ln |K|_eps, in units of K_ref or relative to the mean face's."""
+        floor, solved = self.settings.curvature_floor, self.solved
+        logarithm, reference = log_magnitude(self.curvature, self.areas, solved, floor)
+        self.report["curvature_reference"] = float(np.exp(reference))
+        if self.settings.individual == "ratio":
+            if mean is None or np.shape(mean) != self.vertices.shape:
+                raise SettingsError("exaggerate.individual=ratio needs a mean face of the same vertices")
+            mean = np.asarray(mean, np.float64)
+            mesh.check_mesh(mean, self.faces)
+            areas, time = mixed_voronoi_areas(mean, self.faces), (self.settings.heat * mesh.size(mean, self.faces)) ** 2
+            curvature = smooth_curvature(
+                mean, self.faces, boundary, areas, EdgeCotans(mean, self.faces).stiffness(), time
+            )
+            usual, usual_reference = log_magnitude(curvature, areas, solved, floor)
+            return (logarithm - reference) - (usual - usual_reference)
+        return logarithm - reference if self.settings.relative_curvature else logarithm
 
-    def weights(self, level: float) -> Float[np.ndarray, " f"]:
-        """w = |K|^level per face, the mean over its corners."""
-        weights = np.exp(level * self.log_curvature)[self.faces].mean(axis=1)
-        if self.settings.normalise:
-            solved = self.solved[self.faces].all(axis=1)
-            weights = weights / np.average(weights[solved], weights=self.face_areas[solved])
-        return weights
+    def _limited(self, logarithm: np.ndarray, hidden: np.ndarray) -> Float[np.ndarray, " v"]:
+        """Nothing in a cavity grows."""
+        limited = (1 - hidden) * logarithm + hidden * np.minimum(logarithm, 0)
+        changed, solved = self.solved & (limited < logarithm - 1e-9), self.solved
+        self.report["limited_vertices"] = int(changed.sum())
+        self.report["limited_area"] = float(self.areas[changed].sum() / self.areas[solved].sum())
+        self.report["log_curvature"] = [float(limited[solved].min()), float(limited[solved].max())]
+        return limited
 
-    def solve(self, level: float) -> Float[np.ndarray, "v 3"]:
-        """The displacement S_level - S, exactly zero at level 0."""
-        if level == 0:
-            return np.zeros_like(self.vertices)
-        divergence = self.cotans.weighted_divergence(self.vertices, self.weights(level) - 1)
+    def _system(self, stiffness: csc_array) -> csc_array:
+        if (self.face_stiffness != 1).any():
+            stiffness = self.cotans.stiffness(self.face_stiffness)
+        if self.settings.air > 0:
+            skin = self.faces[self.solved[self.faces].all(axis=1)]
+            stiffness = (stiffness + self.settings.air * gap_stiffness(self.vertices, skin)).tocsc()
+        return stiffness
+
+    def weights(self, level: float, pace: np.ndarray | float = 1.0) -> Float[np.ndarray, " f"]:
+        """w = |K|^(level pace) per face, the mean over its corners; `pace` may differ from vertex to vertex."""
+        weights = self.face_mean(np.exp(level * pace * self.log_curvature))
+        return weights / (self._face_shares @ weights) if self.settings.normalise else weights
+
+    def face_mean(self, values: Float[np.ndarray, " v"]) -> Float[np.ndarray, " f"]:
+        """The mean over each face's corners."""
+        a, b, c = self._corners
+        return (values[a] + values[b] + values[c]) / 3
+
+    def response(self, strain: Float[np.ndarray, " f"], x: np.ndarray | None = None) -> Float[np.ndarray, "v 3"]:
+        """A^-1 W_strain x, without followers: what weights of 1 + strain add to x (default: the mesh itself).
+
+        Linear in the strain and in `x` (v, 3), which may be an offset of the mesh such as a blendshape.
+        """
+        right = self.divergence(strain) if x is None else self.cotans.weighted_divergence(x, strain)
         displacement = np.zeros_like(self.vertices)
-        displacement[self._free] = self._factors.solve(divergence[self._free])
-        for c in range(self.report["components"]):
-            inside = self.component == c
-            displacement[inside] -= np.average(displacement[inside], axis=0, weights=self.areas[inside])
-        if self.settings.followers:
-            displacement, scales = follow(self.vertices, displacement, self.component, self.main)
-            self.report["follower_scales"] = scales
+        displacement[self._free] = self._factors.solve(right[self._free])
+        for inside, shares in self._centroids:
+            displacement[inside] -= shares @ displacement[inside]
         return displacement
+
+    def divergence(self, strain: Float[np.ndarray, " f"]) -> Float[np.ndarray, "v 3"]:
+        """W_strain S of the mesh's own vertices."""
+        return (self._divergence @ strain).reshape(-1, 3)
+
+    def solve(self, level: float, levels: Mapping[str, float] | None = None) -> Float[np.ndarray, "v 3"]:
+        """The displacement S_level - S, exactly zero at level 0; regions may have `levels` of their own."""
+        return self.whole(level, levels).solve(level)
 
     def solve_many(self, levels: Sequence[float]) -> Float[np.ndarray, "k v 3"]:
         """`solve` at each of the levels: the factors are shared, a level costs three back-substitutions."""
-        # All right-hand sides in one call would be slower: SuperLU's solve is at its best with up to four columns.
         return np.stack([self.solve(float(level)) for level in levels])
 
-    def path(self, gamma_f: float) -> GammaPath:
-        """S_gamma for all levels in [0, gamma_f], solved exactly at the nodes of the settings."""
-        if not gamma_f > 0:
-            raise SettingsError(f"gamma={gamma_f:g}: a path needs a level above 0")
-        levels = gamma_f * np.asarray(self.settings.nodes, np.float64)
-        displacements = self.solve_many(levels).astype(np.float32)
-        report = {
-            "source": "poisson",
-            "settings": {**asdict(self.settings), "nodes": list(self.settings.nodes)},
-            **self.report,
-            "largest_displacement": float(np.abs(displacements[-1]).max()),
-        }
-        return GammaPath(levels, displacements, self.faces, self.vertices, report)
+    def path(
+        self,
+        gamma_f: float,
+        *,
+        region: str | np.ndarray | Sequence[int] | None = None,
+        levels: Mapping[str, float] | None = None,
+    ) -> GammaPath:
+        """S_gamma for all levels from 0 to gamma_f, solved exactly at as many nodes as `settings.path_error` needs.
+
+        With `region` (a name, or what `field` takes) that region alone is exaggerated and the rest is held.  With
+        `levels` the head is exaggerated and the named regions have levels of their own where the rest has gamma_f, in
+        the same proportion along the path.
+        """
+        if region is not None:
+            return self.local(region).path(gamma_f)
+        return solved_path(self.whole(gamma_f, levels), gamma_f, self)
+
+    def whole(self, gamma_f: float, levels: Mapping[str, float] | None = None) -> Solvable:
+        """The whole head on its way to gamma_f, its regions to `levels` of their own."""
+        return _Whole(self, gamma_f, levels)
+
+    def local(self, region: str | np.ndarray | Sequence[int]) -> LocalEdit:
+        """The exaggeration of one region while the rest is held; of a name it is factorised once."""
+        if not isinstance(region, str):
+            return LocalEdit(self, region)
+        if region not in self._edits:
+            self._edits[region] = LocalEdit(self, named(self.regions, region))
+        return self._edits[region]
+
+    def region_paths(self, gamma_f: float, names: Sequence[str] | None = None) -> RegionPaths:
+        """Independent sliders: a path for each of the named regions (default: all), which add up without a solve.
+
+        The equation's right-hand side is a sum over the faces, so disjoint regions do not know of each other.
+        """
+        return RegionPaths({name: self.path(gamma_f, region=name) for name in names or self.regions})
+
+    def field(self, region: str | np.ndarray | Sequence[int], ramp: bool = True) -> Float[np.ndarray, " v"]:
+        """A region as a smooth number in [0, 1] per vertex: 1 inside, fading out over a border around it.
+
+        `region` is a name of `regions`, a list of vertices, a mask (v,) of booleans, or a painted scalar (v,) in
+        [0, 1], which stays as it was painted.
+        """
+        values = vertex_field(named(self.regions, region) if isinstance(region, str) else region, len(self.vertices))
+        painted = ((values > 0) & (values < 1)).any()
+        return values if painted or not ramp else 1 - smoothstep(self.distance(values > 0), 0, RAMP)
+
+    def distance(self, inside: np.ndarray) -> Float[np.ndarray, " v"]:
+        """About the distance along the surface from the vertices `inside`, in head sizes, smooth (Varadhan's formula).
+
+        One implicit step of time t spreads heat as exp(-d / sqrt(t)) / 2 beyond a straight border.
+        """
+        length = RAMP / SHORT
+        heat = self._spread.solve((self.areas * inside)[:, None])[:, 0]
+        return np.where(inside, 0.0, np.maximum(0.0, -length * np.log(np.maximum(2 * heat, 1e-300))))
+
+    @cached_property
+    def _spread(self) -> Factors:
+        time = (RAMP / SHORT * self.size) ** 2
+        return Factors((diags_array(self.areas) + time * self.cotans.stiffness()).tocsc())
+
+    @cached_property
+    def _followers(self) -> list[Follower]:
+        return find_followers(self.vertices, self.faces, self.component, self.main)
+
+    def with_followers(self, displacement: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v 3"]:
+        """The displacement of the solved vertices, and of the small components by similarities of those around."""
+        if self.settings.followers:
+            displacement, scales = follow(self.vertices, displacement, self._followers)
+            self.report["follower_scales"] = scales
+        return displacement
+
+
+class _Whole:
+    """The whole head, each region at a pace of its own."""
+
+    def __init__(self, solver: Exaggerator, level: float, levels: Mapping[str, float] | None) -> None:
+        self._solver, self.response, self._pace = solver, solver.response, 1.0
+        if levels:
+            if level == 0:
+                raise SettingsError("levels of regions on a head at level 0: use `region_paths`, which hold the rest")
+            shares = partition_of_unity(np.stack([solver.field(name) for name in levels]))
+            self._pace = 1 + (np.array(list(levels.values())) / level - 1) @ shares
+
+    def weights(self, level: float) -> Float[np.ndarray, " f"]:
+        return self._solver.weights(level, self._pace)
+
+    def solve(self, level: float) -> Float[np.ndarray, "v 3"]:
+        if level == 0:
+            return np.zeros_like(self._solver.vertices)
+        return self._solver.with_followers(self.response(self.weights(level) - 1))
 
 
 def _check(settings: Exaggerate) -> None:
     """What the types of the settings cannot say."""
     if not 0 < settings.curvature_floor < np.inf:
         raise SettingsError(f"exaggerate.curvature_floor={settings.curvature_floor:g} must be above 0")
-    if not 0 <= settings.heat < np.inf:
-        raise SettingsError(f"exaggerate.heat={settings.heat:g} must not be negative")
-    nodes = np.asarray(settings.nodes, np.float64)
-    if len(nodes) < 2 or nodes[0] != 0 or nodes[-1] != 1 or not (np.diff(nodes) > 0).all():
-        raise SettingsError(f"exaggerate.nodes={list(settings.nodes)} must ascend from 0 to 1")
+    if not 0 < settings.path_error < np.inf:
+        raise SettingsError(f"exaggerate.path_error={settings.path_error:g} must be above 0")
+    for name in ("heat", "air", "cavity_stiffness"):
+        if not 0 <= getattr(settings, name) < np.inf:
+            raise SettingsError(f"exaggerate.{name}={getattr(settings, name):g} must not be negative")
+    if settings.nodes == 1 or settings.nodes < 0:
+        raise SettingsError(f"exaggerate.nodes={settings.nodes} must be 0, for as many as needed, or 2 or more")
+    for name, known in (("local", ("soft", "exact", "literal")), ("individual", ("subject", "ratio", "template"))):
+        if getattr(settings, name) not in known:
+            raise SettingsError(f"exaggerate.{name}={getattr(settings, name)} is unknown; choose {', '.join(known)}")

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import igl
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
-REACH = 1.12  # surroundings: main vertices within this many radii of a group's centre
-LEAST = 12  # and at least this many of them
+TOUCH = 0.1
+"""What is nearer to a group's surface than this, in its radii, touches it."""
+LEAST = 12
+"""So many vertices at least are followed: the nearest."""
 
 
 def similarity(
@@ -23,31 +28,52 @@ def similarity(
     return scale, rotation, mean_target - scale * rotation @ mean_source
 
 
-def follow(
-    vertices: Float[np.ndarray, "v 3"],
-    displacement: Float[np.ndarray, "v 3"],
-    component: Int[np.ndarray, " v"],
-    main: int,
-) -> tuple[Float[np.ndarray, "v 3"], list[float]]:
-    """Move each group of small components by the similarity of the main component around it.
+class Follower(NamedTuple):
+    """Small components that move as one, and what they follow."""
 
-    Components whose bounding spheres overlap (iris and sclera of one eye) share a similarity.  Returns the displacement
-    of all vertices and the scale of each group.
+    inside: Int[np.ndarray, " i"]
+    """Their vertices."""
+    around: Int[np.ndarray, " a"]
+    """The vertices of the main component around them."""
+
+
+def find_followers(
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], component: Int[np.ndarray, " v"], main: int
+) -> list[Follower]:
+    """All components but `main`; those whose bounding spheres overlap (iris and sclera of one eye) are one group.
+
+    A group follows the skin that touches it: an eyeball its lids and socket, so that it stays between them.
     """
-    moved, scales = displacement.copy(), []
-    on_main = np.flatnonzero(component == main)
-    tree = cKDTree(vertices[on_main])
+    on_main, found = np.flatnonzero(component == main), []
     for group in _groups(vertices, component, main):
         inside = np.isin(component, group)
         centre = vertices[inside].mean(axis=0)
         radius = np.linalg.norm(vertices[inside] - centre, axis=1).max()
-        near = tree.query_ball_point(centre, REACH * radius)
-        if len(near) < LEAST:
-            near = tree.query(centre, k=min(LEAST, len(on_main)))[1]
-        around = on_main[near]
-        scale, rotation, shift = similarity(vertices[around], vertices[around] + displacement[around])
-        moved[inside] = scale * vertices[inside] @ rotation.T + shift - vertices[inside]
-        scales.append(scale)
+        near = on_main[np.linalg.norm(vertices[on_main] - centre, axis=1) < (1 + TOUCH) * radius]
+        around = near
+        if len(near):
+            surface = faces[inside[faces].all(axis=1)]
+            squared = igl.point_mesh_squared_distance(vertices[near] - centre, vertices - centre, surface)[0]
+            around = near[squared < (TOUCH * radius) ** 2]
+        if len(around) < LEAST:
+            around = on_main[cKDTree(vertices[on_main]).query(centre, k=min(LEAST, len(on_main)))[1]]
+        found.append(Follower(np.flatnonzero(inside), around))
+    return found
+
+
+def follow(
+    vertices: Float[np.ndarray, "v 3"], displacement: Float[np.ndarray, "v 3"], followers: list[Follower]
+) -> tuple[Float[np.ndarray, "v 3"], list[float]]:
+    """Move each follower by the similarity of what is around it; returns all displacements and the scale of each."""
+    moved, scales = displacement.copy(), []
+    for inside, around in followers:
+        if displacement[around].any():
+            scale, rotation, shift = similarity(vertices[around], vertices[around] + displacement[around])
+            moved[inside] = scale * vertices[inside] @ rotation.T + shift - vertices[inside]
+            scales.append(scale)
+        else:  # bit for bit
+            moved[inside] = 0.0
+            scales.append(1.0)
     return moved, scales
 
 

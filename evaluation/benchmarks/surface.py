@@ -1,13 +1,12 @@
-"""Time against error of the exaggeration: on spheres, where the answer is known, and on heads.
+"""Time against error of the exaggeration: on surfaces where the answer is known, and on heads.
 
-python -m evaluation.benchmarks.surface results/benchmark/surface.csv head.obj ...
+python -m evaluation.benchmarks.surface results/benchmark/surface.csv head.obj ... --head-model ict_model.npz
 """
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator
-from dataclasses import replace
+import argparse
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -15,86 +14,82 @@ import trimesh
 from jaxtyping import Float, Int
 
 from carigs.errors import InputError
+from carigs.head import HeadModel
 from carigs.settings import Exaggerate
 from carigs.surface import Exaggerator
-from carigs.surface.bound import blend_bounds
-from carigs.surface.mesh import diagonal
 from carigs.surface.occlusion import ambient_occlusion
 from evaluation.benchmarks.measurements import Measurement, seconds, write_measurements
-
-GAMMA = 0.25
-RADIUS = 3.0
-RAW = Exaggerate(
-    curvature_floor=1e-9, relative_curvature=False, heat=0.0, limit_cavities=False, normalise=False, followers=False
+from evaluation.benchmarks.surface_accuracy import (
+    GAMMA,
+    PRESETS,
+    bound_rows,
+    curvature_rows,
+    lid_rows,
+    path_rows,
+    preset,
+    sphere_rows,
 )
+from evaluation.benchmarks.surface_chart import plot
+from evaluation.benchmarks.surface_solvers import size_rows
+
+FLAME_SIZE = 5023
+PEOPLE = 20
+
+Mesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
 
 
-def sphere_rows(subdivisions: range, repeats: int = 5) -> Iterator[Measurement]:
-    """The law S_gamma = R^(-2 gamma) S under refinement; an error's reference is that of the mesh half as fine."""
-    coarser = None
-    for n in subdivisions:
-        mesh = trimesh.creation.icosphere(subdivisions=n, radius=RADIUS)
-        vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-        moved = vertices + Exaggerator(vertices, faces, RAW).solve(GAMMA)
-        error = float(np.abs(moved - RADIUS ** (-2 * GAMMA) * vertices).max() / RADIUS)
-        case = f"sphere, {len(vertices)} vertices"
-        yield Measurement(case, "largest error of the sphere law", "radius", error, coarser)
-        yield from time_rows(case, vertices, faces, RAW, repeats)
-        coarser = error
-
-
-def head_rows(
-    case: str, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], repeats: int = 5
-) -> Iterator[Measurement]:
-    """What a head costs; how far paths of 2 (the paper's blend) to 5 nodes are from exact solves; the bounds."""
-    occlusion = seconds(lambda: ambient_occlusion(vertices, faces), 1)
-    yield Measurement(case, "ambient occlusion", "s", occlusion)
-    yield from time_rows(case, vertices, faces, Exaggerate(limit_cavities=False), repeats)
-
-    solver = Exaggerator(vertices, faces)
-    levels, size = np.linspace(0, GAMMA, 26), diagonal(vertices)
-    exact = solver.solve_many(levels)
-    blend = None
-    for k in (2, 3, 4, 5):
-        solver.settings = replace(solver.settings, nodes=tuple((1 - np.cos(np.pi * np.arange(k) / (k - 1))) / 2))
-        path = solver.path(GAMMA)
-        error = max(
-            float(np.linalg.norm(path.displacement(float(level)) - solved, axis=1).max() / size)
-            for level, solved in zip(levels, exact, strict=True)
-        )
-        yield Measurement(case, f"largest error of a path of {k} nodes", "diagonal", error, blend)
-        yield Measurement(case, f"one level of a path of {k} nodes", "s", seconds(lambda p=path: p.displacement(0.1)))
-        blend = error if blend is None else blend
-
-    worst = max(blend_bounds(solver, GAMMA, levels[1:-1]), key=lambda bound: bound.distance)
-    yield Measurement(case, "bound of the blend's strain", "1", worst.energy_bound, worst.energy)
-    for name in ("distance_bound", "distance_uniform", "distance_paper"):
-        value, truth = getattr(worst, name) / size, worst.distance / size
-        yield Measurement(case, f"bound of the blend's rms error: {name}", "diagonal", value, truth)
-
-
-def time_rows(
-    case: str, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], settings: Exaggerate, repeats: int
-) -> Iterator[Measurement]:
+def time_rows(case: str, mesh: Mesh, settings: Exaggerate, repeats: int = 5) -> Iterator[Measurement]:
     """Set-up and one level; the reference of a level is the time without the factors of the set-up."""
-    setup = seconds(lambda: Exaggerator(vertices, faces, settings), repeats)
-    solver = Exaggerator(vertices, faces, settings)
+    setup = seconds(lambda: Exaggerator(*mesh, settings), repeats)
+    solver = Exaggerator(*mesh, settings)
     level = seconds(lambda: solver.solve(GAMMA), repeats)
     yield Measurement(case, "set-up without occlusion", "s", setup)
     yield Measurement(case, "one exact level", "s", level, setup + level)
 
 
-def benchmark(file: Path, meshes: list[Path]) -> None:
-    """Measure the spheres and the given heads, and write `file`."""
-    for mesh in meshes:
-        if not mesh.is_file():
-            raise InputError("no such mesh", file=mesh)
-    rows = list(sphere_rows(range(2, 7)))
-    for mesh in meshes:
-        head = trimesh.load(mesh, process=False, maintain_order=True, force="mesh")
-        rows += head_rows(mesh.stem, np.asarray(head.vertices, np.float64), np.asarray(head.faces))
+def head_rows(case: str, mesh: Mesh, repeats: int = 5) -> Iterator[Measurement]:
+    """What a head costs, and how far paths are from exact solves."""
+    yield Measurement(case, "ambient occlusion", "s", seconds(lambda: ambient_occlusion(*mesh), 1))
+    yield from time_rows(case, mesh, Exaggerate(limit_cavities=False), repeats)
+    yield from path_rows(case, Exaggerator(*mesh, preset("robust")))
+
+
+def benchmark(file: Path, heads: Mapping[str, Mesh], model: HeadModel | None) -> None:
+    """Measure, and write `file` and the plot beside it; without heads, a torus of a head's size takes their place."""
+    torus = trimesh.creation.torus(1.0, 0.4, major_sections=100, minor_sections=50)
+    shown = dict(heads) or {"torus": (np.asarray(torus.vertices), np.asarray(torus.faces))}
+    typical = min(shown, key=lambda name: abs(len(shown[name][0]) - FLAME_SIZE))
+    rows = [*sphere_rows(range(2, 7)), *curvature_rows(range(2, 6))]
+    for name, mesh in shown.items():
+        rows += head_rows(name, mesh)
+    for name in PRESETS:
+        rows += bound_rows(f"{typical}, {name}", Exaggerator(*shown[typical], preset(name)))
+    if model is not None:
+        rows += lid_rows(model, PEOPLE)
+    rows += size_rows(*shown[typical])
     write_measurements(file, rows)
+    plot(file.with_suffix(".png"), rows, typical)
+
+
+def main() -> None:
+    """Read the heads, all before any work starts."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("rows", type=Path, help="CSV to write; its plot goes beside it")
+    parser.add_argument("meshes", type=Path, nargs="*", help="heads")
+    parser.add_argument("--head-model", type=Path, help="for how lids close: a model with landmarks and eyeBlink")
+    given = parser.parse_args()
+    model = HeadModel.load(given.head_model) if given.head_model else None
+    benchmark(given.rows, read_heads(given.meshes), model)
+
+
+def read_heads(files: list[Path]) -> dict[str, Mesh]:
+    """Meshes by name; raises `InputError` for a missing one."""
+    for file in files:
+        if not file.is_file():
+            raise InputError("no such mesh", file=file)
+    loaded = {file.stem: trimesh.load(file, process=False, maintain_order=True, force="mesh") for file in files}
+    return {name: (np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces)) for name, mesh in loaded.items()}
 
 
 if __name__ == "__main__":
-    benchmark(Path(sys.argv[1]), [Path(mesh) for mesh in sys.argv[2:]])
+    main()

@@ -21,6 +21,7 @@ from carigs.capture.toy.shading import LINEAR, STORED, bounced, shade, to_linear
 from carigs.head import HeadParameters, neutral
 from carigs.raster import rasterize_mesh
 from carigs.settings import Toy
+from carigs.surface import Caricature
 
 SETTINGS = Toy(width=96, height=128, cameras=3, supersampling=2, texture=200, strands=800)
 
@@ -72,7 +73,8 @@ def test_head_light_and_camera_may_move_together(subject: Subject, camera: Camer
 
 def test_a_caricature_that_only_shifts_is_a_translation(subject: Subject, camera: Camera) -> None:
     shift = np.array([0.01, -0.02, 0.015])
-    by_offset = render_subject(subject, person(subject), camera, np.tile(shift, (len(subject.model.v_template), 1)))
+    everywhere = Caricature(np.tile(shift, (len(subject.model.v_template), 1)))
+    by_offset = render_subject(subject, person(subject), camera, everywhere)
     by_pose = render_subject(subject, person(subject, translation=shift), camera)
     assert np.abs(by_offset[0] - by_pose[0]).mean() < 1e-3 and np.abs(by_offset[1] - by_pose[1]).mean() < 1e-3
 
@@ -81,7 +83,7 @@ def test_no_displacement_and_static_offset_are_the_same_as_none(subject: Subject
     zeros = np.zeros(subject.model.v_template.shape)
     plain = render_subject(subject, person(subject), camera)
     for other in (
-        render_subject(subject, person(subject), camera, zeros),
+        render_subject(subject, person(subject), camera, Caricature(zeros)),
         render_subject(subject, person(subject, static_offset=zeros), camera),
     ):
         np.testing.assert_array_equal(plain[0], other[0])

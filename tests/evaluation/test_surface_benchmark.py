@@ -2,31 +2,72 @@
 
 import csv
 
+import numpy as np
 import pytest
 import trimesh
 
 from carigs.errors import InputError
+from carigs.settings import Exaggerate
+from carigs.surface import Exaggerator
+from evaluation.benchmarks import surface_solvers
 from evaluation.benchmarks.measurements import Measurement, write_measurements
-from evaluation.benchmarks.surface import benchmark, head_rows, sphere_rows
+from evaluation.benchmarks.surface import read_heads, time_rows
+from evaluation.benchmarks.surface_accuracy import bound_rows, curvature_rows, path_rows, sphere_rows
+from evaluation.benchmarks.surface_chart import plot
+
+TORUS = trimesh.creation.torus(1.0, 0.4, major_sections=24, minor_sections=12)
+MESH = np.asarray(TORUS.vertices), np.asarray(TORUS.faces)
 
 
 def test_the_sphere_law_is_met_at_second_order():
-    rows = [row for row in sphere_rows(range(2, 4), repeats=1) if "error" in row.quantity]
-    assert rows[0].reference is None
-    assert rows[1].reference == rows[0].value
-    assert 3.4 < rows[0].value / rows[1].value < 4.6
+    first, second = sphere_rows(range(2, 4))
+    assert first.reference is None
+    assert second.reference == first.value
+    assert 3.4 < first.value / second.value < 4.6
+
+
+def test_curvature_of_smooth_surfaces_comes_nearer():
+    """The angle defect converges where vertices lie evenly, and over barycentric cells it does not."""
+    rows = {(row.case.split(",")[0], row.quantity): row for row in curvature_rows(range(2, 4))}
+    voronoi = rows["torus", "error of K: angle defect, mixed Voronoi"]
+    assert voronoi.value < voronoi.reference / 3
+    assert (
+        rows["ellipsoid", "error of K: angle defect, barycentric"].value
+        > rows["ellipsoid", "error of K: angle defect, mixed Voronoi"].value
+    )
 
 
 def test_more_nodes_are_nearer_and_bounds_lie_above_the_truth():
-    mesh = trimesh.creation.torus(1.0, 0.4, major_sections=24, minor_sections=12)
-    rows = list(head_rows("torus", mesh.vertices, mesh.faces, repeats=1))
-    errors = [row.value for row in rows if row.quantity.startswith("largest error of a path")]
-    assert errors == sorted(errors, reverse=True)
+    solver = Exaggerator(*MESH, Exaggerate(limit_cavities=False))
+    errors = [row.value for row in path_rows("torus", solver) if "error" in row.quantity]
+    assert errors[:5] == sorted(errors[:5], reverse=True)
     assert errors[-1] < 0.01 * errors[0]
-    bounds = [row for row in rows if row.quantity.startswith("bound")]
-    assert len(bounds) == 4
+    bounds = [row for row in bound_rows("torus", solver, samples=5) if row.quantity.startswith("bound")]
+    assert len(bounds) == 3 * 4
     assert all(row.value >= row.reference > 0 for row in bounds)
-    assert all(row.value > 0 for row in rows if row.unit == "s")
+
+
+def test_every_way_of_solving_gives_the_same_answer():
+    cotans = surface_solvers.EdgeCotans(*MESH)
+    matrix = cotans.stiffness()[1:][:, 1:].tocsc()
+    right = np.random.default_rng(0).normal(size=(matrix.shape[0], 5))
+    ways = surface_solvers._ways(matrix, surface_solvers.mixed_voronoi_areas(*MESH))
+    answers = [make()(right) for make in ways.values()]
+    for answer in answers:
+        np.testing.assert_allclose(answer, answers[0], atol=1e-5 * np.abs(answers[0]).max())
+
+
+def test_times_and_their_plot(tmp_path, monkeypatch):
+    monkeypatch.setattr(surface_solvers, "SIZES", 2)
+    rows = [*time_rows("torus", MESH, Exaggerate(limit_cavities=False), 1), *surface_solvers.size_rows(*MESH)]
+    assert all(row.value > 0 for row in rows)
+    assert {row.case.split(" ")[0] for row in rows[2:]} == {"288", "1152"}
+    rows += [*sphere_rows(range(2, 4)), *curvature_rows(range(2, 3))]
+    solver = Exaggerator(*MESH, Exaggerate(limit_cavities=False))
+    for preset in ("robust", "paper"):
+        rows += bound_rows(f"torus, {preset}", solver, samples=4)
+    plot(tmp_path / "surface.png", rows, "torus")
+    assert (tmp_path / "surface.png").stat().st_size > 10_000
 
 
 def test_rows_as_csv(tmp_path):
@@ -43,5 +84,4 @@ def test_rows_as_csv(tmp_path):
 
 def test_a_missing_mesh_is_named_before_work_starts(tmp_path):
     with pytest.raises(InputError, match=r"none\.obj: no such mesh"):
-        benchmark(tmp_path / "rows.csv", [tmp_path / "none.obj"])
-    assert not list(tmp_path.iterdir())
+        read_heads([tmp_path / "none.obj"])

@@ -10,8 +10,9 @@ from scipy.sparse import csc_matrix
 from scipy.spatial.transform import Rotation
 
 from carigs.errors import InputError
-from carigs.head import HeadModel, HeadParameters, neutral, pose
+from carigs.head import HeadModel, HeadParameters, motions, neutral, pose
 from carigs.head.posing import rotation_matrix
+from carigs.surface import Caricature
 
 vector = st.tuples(*[st.floats(-3, 3)] * 3).map(np.array)
 
@@ -76,7 +77,32 @@ def test_displacement_is_a_change_of_the_neutral():
     model, parameters = random_model(), random_parameters(3)
     offset = np.random.default_rng(4).normal(size=(30, 3))
     as_static = HeadParameters(**{**vars(parameters), "static_offset": parameters.static_offset + offset})
-    np.testing.assert_allclose(pose(model, parameters, offset), pose(model, as_static), atol=1e-12)
+    np.testing.assert_allclose(pose(model, parameters, Caricature(offset)), pose(model, as_static), atol=1e-12)
+
+
+def test_changed_motions_are_those_of_a_changed_model():
+    """Expressions and pose correctives with something added pose as a model that has it in its directions."""
+    model, parameters = random_model(), random_parameters(5)
+    changes = 0.1 * np.random.default_rng(6).normal(size=(5, 30, 3)).astype(np.float32)
+    columns = np.array([0, 7, 99, 100, 135])  # three expressions, the first and the last corrective
+    directions = np.concatenate([model.shapedirs[:, :, 300:], model.posedirs], axis=2)
+    directions[:, :, columns] += changes.transpose(1, 2, 0)
+    shapedirs = np.concatenate([model.shapedirs[:, :, :300], directions[:, :, :100]], axis=2)
+    changed = HeadModel(**{**vars(model), "shapedirs": shapedirs, "posedirs": directions[:, :, 100:]})
+    caricature = Caricature(np.zeros((30, 3)), columns, changes)
+    np.testing.assert_allclose(pose(model, parameters, caricature), pose(changed, parameters), atol=1e-6)
+
+
+def test_motions_are_the_directions_in_use():
+    model = random_model()
+    model.shapedirs[:, :, 305] = 0  # a code without a direction
+    first, second = np.zeros(100), np.zeros(100)
+    first[[3, 5]], second[7] = 1.0, -0.5
+    directions, columns = motions(model, [HeadParameters(expression=first), HeadParameters(expression=second)])
+    np.testing.assert_array_equal(columns, [3, 7])
+    np.testing.assert_array_equal(directions, model.shapedirs[:, :, [303, 307]].transpose(2, 0, 1))
+    _, columns = motions(model, [HeadParameters(jaw=np.array([0.2, 0, 0]))])
+    np.testing.assert_array_equal(columns, 100 + 9 + np.array([4, 5, 7, 8]))  # what turns about x
 
 
 def test_model_round_trip(tmp_path):

@@ -2,6 +2,7 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from carigs.capture.images import read_rgb
 from carigs.errors import InputError, SettingsError
 from carigs.head import neutral
 from carigs.settings import Render, Train
-from carigs.splat.avatar import load_avatar
+from carigs.splat.avatar import load_avatar, save_avatar
 from carigs.splat.ply import OURS_FROM_GAUSSIAN_AVATARS, read_ply, write_ply
 from carigs.splat.surfels import plain, to_arrays
 from carigs.stages.render import nearest_point, orbit_cameras, render
@@ -132,6 +133,22 @@ def test_the_file_alone_renders_what_was_trained(trained):
         image = avatar.render(frame.timestep, 0.0, capture.cameras[frame.camera])
         error = ((image - capture.image(frame)) ** 2).mean()
         assert -10 * np.log10(error) > 20
+
+
+def test_changed_expressions_are_kept_and_used(trained, tmp_path):
+    """What a path changes of the expressions comes back from the file, and moves the mesh at levels above 0 alone."""
+    avatar, jaw = load_avatar(trained / "avatar.npz"), np.array([0])
+    performance, v = avatar.performance, len(avatar.performance.head.v_template)
+    natural = [performance.posed(2, level) for level in (0.0, 0.25)]
+    lifted = np.tile(np.float32([0, 0.01, 0]), (1, 1, v, 1))
+    performance.path = replace(performance.path, columns=jaw, changes=lifted)
+    save_avatar(tmp_path / "avatar.npz", avatar)
+    again = load_avatar(tmp_path / "avatar.npz").performance
+    np.testing.assert_array_equal(again.posed(2, 0.0), natural[0])
+    moved = performance.parameters[2].expression[0] * np.array([0, 0.01, 0])
+    assert moved.any()
+    shift = again.posed(2, 0.25) - natural[1]  # joints move along: no rotation in it
+    np.testing.assert_allclose(shift, np.broadcast_to(moved, shift.shape), atol=1e-6)
 
 
 def test_the_level_widens_the_head_as_the_path_says(trained):

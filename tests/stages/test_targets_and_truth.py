@@ -45,6 +45,19 @@ def test_a_given_caricature_is_the_end_of_a_straight_path(folder):
     np.testing.assert_allclose(path.displacement(0.1), 0.4 * delta, atol=1e-7)
 
 
+def test_a_solved_caricature_carries_the_expressions_of_the_capture(folder, tmp_path):
+    """jawOpen, the only one in use, is changed as told; what is not told is natural."""
+    arguments = {"capture": folder / "capture.json", "path": tmp_path / "path.npz"}
+    exaggerate(Exaggerate(limit_cavities=False, expressions="linear"), **arguments)
+    caricature = GammaPath.load(tmp_path / "path.npz").at(0.25)
+    np.testing.assert_array_equal(caricature.columns, [0])
+    opened = Capture.load(folder / "capture.json").model.shapedirs[:, :, 300]
+    assert np.abs(caricature.changes).max() > 0.01 * np.abs(opened).max()
+    exaggerate(Exaggerate(limit_cavities=False, expressions="offset"), **arguments)
+    assert GammaPath.load(tmp_path / "path.npz").changes is None
+    assert GammaPath.load(folder / "path.npz").changes is None  # a sculpt
+
+
 @pytest.mark.parametrize(
     ("file", "says"),
     [

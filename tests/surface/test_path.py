@@ -1,6 +1,7 @@
 """Paths: exact at the nodes, polynomial between, and files that are checked when they are read."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from surface.test_exaggeration import PLAIN, bumpy
 
 from carigs.errors import InputError
 from carigs.surface import Exaggerator, GammaPath, straight_path
+from carigs.surface.mesh import diagonal
 
 
 def test_path_is_exact_at_its_nodes_and_polynomial_between():
@@ -29,8 +31,37 @@ def test_path_is_exact_at_its_nodes_and_polynomial_between():
 def test_levels_outside_warn():
     vertices, faces = bumpy(2)
     path = straight_path(vertices, faces, 0.1 * vertices, 0.25)
-    with pytest.warns(UserWarning, match="level 0.5 is outside"):
-        np.testing.assert_allclose(path.displacement(0.5), 0.2 * vertices, atol=1e-6)
+    for level in (0.5, -0.1):
+        with pytest.warns(UserWarning, match=r"levels outside \[0, 0.25\]"):
+            np.testing.assert_allclose(path.displacement(level), 0.4 * level * vertices, atol=1e-6)
+
+
+@pytest.mark.parametrize("gamma", [0.25, -0.2])
+@pytest.mark.parametrize("requested", [1e-2, 1e-3, 1e-5])
+def test_the_path_has_as_many_nodes_as_the_requested_error_needs(gamma, requested):
+    """Between the nodes it is that close to exact solves, with one node less it is not."""
+    vertices, faces = bumpy(2)
+
+    def error(**chosen):
+        solver = Exaggerator(vertices, faces, replace(PLAIN, **chosen))
+        path, levels = solver.path(gamma), np.linspace(0, gamma, 23)
+        distance = [np.linalg.norm(path.displacement(g) - solver.solve(g), axis=1).max() for g in levels]
+        return len(path.levels), max(distance) / diagonal(vertices)
+
+    count, reached = error(path_error=requested)
+    assert reached < 1.1 * requested + 1e-6  # the nodes are in float32
+    if count > 2:
+        assert error(nodes=count - 1)[1] > 0.9 * requested
+
+
+def test_a_path_towards_less_character_is_exact_at_its_end(tmp_path):
+    solver = Exaggerator(*bumpy(2), PLAIN)
+    solver.path(-0.15).save(tmp_path / "path.npz")
+    path = GammaPath.load(tmp_path / "path.npz")
+    assert path.gamma_f == -0.15
+    np.testing.assert_allclose(path.displacement(-0.15), solver.solve(-0.15), atol=1e-6)
+    with pytest.warns(UserWarning, match="extrapolated"):
+        path.displacement(0.1)
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +86,7 @@ def test_round_trip(path, tmp_path):
         ("levels", lambda levels: levels[0]),
         ("levels", lambda levels: levels[::-1]),
         ("levels", lambda levels: levels + 0.1),
-        ("levels", lambda levels: np.array([0, np.nan, 0.2, 0.25])),
+        ("levels", lambda levels: np.where(levels == levels[1], np.nan, levels)),
         ("displacements", lambda nodes: nodes[:, :5]),
         ("displacements", lambda nodes: nodes * np.inf),
         ("displacements", lambda nodes: nodes.astype(str)),

@@ -1,5 +1,7 @@
 """`python -m carigs.surface`: a mesh in, caricatures out."""
 
+import json
+
 import numpy as np
 import pytest
 import trimesh
@@ -75,3 +77,54 @@ def test_a_folder_that_is_not_there_is_named_before_work_starts(mesh, tmp_path, 
     said = capsys.readouterr()
     assert said.err == f"carigs: {tmp_path / 'nowhere'}: no such folder\n"
     assert said.out == ""
+
+
+def test_a_region_alone_and_a_region_on_an_exaggerated_head(mesh, tmp_path):
+    """At --gamma 0 the rest is held; else the region has its own level.  Regions are in the file's own vertices."""
+    mesh.export(tmp_path / "head.stl")  # a vertex for every corner
+    given = trimesh.load(tmp_path / "head.stl", process=False)
+    nose = np.linalg.norm(given.vertices - [0, 0, 92], axis=1) < 20
+    np.savez(tmp_path / "regions.npz", nose=nose)
+    (tmp_path / "regions.json").write_text(json.dumps({"nose": np.flatnonzero(nose).tolist()}))
+    moved = {}
+    for name, options in {
+        "alone": ["--gamma", "0", "--region", "nose=0.3", "--regions", str(tmp_path / "regions.npz")],
+        "listed": ["--gamma", "0", "--region", "nose=0.3", "--regions", str(tmp_path / "regions.json")],
+        "on_head": ["--gamma", "0.1", "--region", "nose=0.3", "--regions", str(tmp_path / "regions.npz")],
+        "head": ["--gamma", "0.1"],
+    }.items():
+        assert main([str(tmp_path / "head.stl"), *options, "-o", str(tmp_path / f"{name}.stl")]) == 0
+        out = trimesh.load(tmp_path / f"{name}.stl", process=False)
+        moved[name] = np.linalg.norm(out.vertices - given.vertices, axis=1)
+    np.testing.assert_array_equal(moved["alone"], moved["listed"])
+    assert moved["alone"][given.vertices[:, 2] < 0].max() == 0.0
+    assert moved["alone"][nose].max() > 1.0
+    assert moved["on_head"][nose].max() > moved["head"][nose].max() + 1.0
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--region", "nose=0.4"], "--region nose: give the names of regions with --regions FILE"),
+        (["--region", "chin=0.4", "--regions", "r.json"], "region chin is unknown; known: nose"),
+        (["--region", "nose=0.4", "--regions", "none.npz"], "none.npz: no such file"),
+        (["--region", "nose=0.4", "--regions", "bad.npz"], "bad.npz: not a file of regions"),
+        (["--region", "nose=0.4", "--regions", "other.json"], "other.json: nose: a region is a list of vertices"),
+    ],
+)
+def test_what_is_wrong_with_regions_is_said(mesh, tmp_path, capsys, monkeypatch, options, words):
+    monkeypatch.chdir(tmp_path)
+    mesh.export("head.obj")
+    (tmp_path / "r.json").write_text('{"nose": [1, 2]}')
+    (tmp_path / "other.json").write_text('{"nose": [100000]}')
+    (tmp_path / "bad.npz").write_text("nothing")
+    assert main(["head.obj", *options, "-o", "out.ply"]) == 1
+    assert words in capsys.readouterr().err
+    assert not (tmp_path / "out.ply").exists()
+
+
+@pytest.mark.parametrize("text", ["nose", "nose=", "=0.4", "nose=x", "nose=nan"])
+def test_a_region_is_a_name_and_a_level(text, tmp_path, capsys):
+    with pytest.raises(SystemExit):
+        main(["head.obj", "--region", text, "-o", str(tmp_path / "out.ply")])
+    assert "expected NAME=LEVEL" in capsys.readouterr().err

@@ -3,6 +3,8 @@
 from os import environ
 from pathlib import Path
 
+heads = sorted(map(str, Path(environ["CARIGS_DATA"]).glob("meshes/*.obj"))) if "CARIGS_DATA" in environ else []
+
 
 localrules:
     benchmark,
@@ -56,10 +58,12 @@ rule benchmark_splat:
 
 rule benchmark_surface:
     input:
-        # Spheres alone where the folder with real heads is not known.
-        meshes=sorted(map(str, Path(environ["CARIGS_DATA"]).glob("meshes/*.obj"))) if "CARIGS_DATA" in environ else [],
+        # Spheres and a torus alone where the folder with real heads is not known.
+        meshes=heads,
+        model=[f"{environ['CARIGS_DATA']}/ict_model.npz"] if heads else [],
     output:
         rows="results/benchmark/surface.csv",
+        plot="results/benchmark/surface.png",
     log:
         "results/benchmark/log/surface.log",
     conda:
@@ -69,5 +73,6 @@ rule benchmark_surface:
         mem_mb=4000,
     params:
         code=fingerprint("evaluation.benchmarks.surface"),
+        model=lambda wildcards, input: ["--head-model", *input.model] if input.model else [],
     shell:
-        "python -m evaluation.benchmarks.surface {output.rows:q} {input.meshes:q} > {log:q} 2>&1"
+        "python -m evaluation.benchmarks.surface {output.rows:q} {input.meshes:q} {params.model:q} > {log:q} 2>&1"

@@ -18,6 +18,7 @@ from carigs.capture.toy.subject import Subject
 from carigs.capture.toy.teeth import follow, lit
 from carigs.head import HeadParameters, pose
 from carigs.raster import rasterize_mesh
+from carigs.surface import Caricature
 
 _SHADOW = 256  # pixels of the shadow map
 
@@ -26,20 +27,20 @@ def render_subject(
     subject: Subject,
     parameters: HeadParameters,
     camera: Camera,
-    displacement: Float[np.ndarray, "v 3"] | None = None,
+    caricature: Caricature | None = None,
     *,
     world_from_light: Float[np.ndarray, "3 3"] | None = None,
 ) -> tuple[Float32[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"]]:
     """Colour over white and coverage of one frame.
 
-    `displacement` (metres) is the caricature, added to the neutral template as by `pose`: texture, hair and teeth are
-    carried along, light and shadows are those of the new surface.  The studio's light is fixed to the world;
+    `caricature` is added to the head as by `pose`: texture, hair and teeth are carried along, light and shadows are
+    those of the new surface.  The studio's light is fixed to the world;
     `world_from_light` turns it.
     """
     light = Light() if world_from_light is None else Light(world_from_light)
-    if displacement is None:
-        displacement = np.zeros(subject.model.v_template.shape)
-    skin, mouth = _pose(subject, parameters, displacement)
+    if caricature is None:
+        caricature = Caricature(np.zeros(subject.model.v_template.shape))
+    skin, mouth = _pose(subject, parameters, caricature)
     faces, strands = subject.model.faces, subject.strands
     first = len(skin) + len(mouth)  # vertex of the hair
     corners = np.concatenate(
@@ -64,14 +65,18 @@ def render_subject(
 
 
 def _pose(
-    subject: Subject, parameters: HeadParameters, displacement: Float[np.ndarray, "v 3"]
+    subject: Subject, parameters: HeadParameters, caricature: Caricature
 ) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "t 3"]]:
     """Skin and teeth in the world."""
-    moved = follow(subject.model, subject.teeth, parameters, displacement)
+    moved = follow(subject.model, subject.teeth, parameters, caricature.displacement)
     if parameters.static_offset is not None:  # `follow` has seen it already
         parameters = replace(parameters, static_offset=np.pad(parameters.static_offset, ((0, len(moved)), (0, 0))))
-    posed = pose(subject.posed_model, parameters, np.concatenate([displacement, moved]))
-    return posed[: len(displacement)], posed[len(displacement) :]
+    v, changes = len(caricature.displacement), caricature.changes
+    if changes is not None:
+        changes = np.pad(changes, ((0, 0), (0, len(moved)), (0, 0)))  # teeth move as they naturally do
+    whole = Caricature(np.concatenate([caricature.displacement, moved]), caricature.columns, changes)
+    posed = pose(subject.posed_model, parameters, whole)
+    return posed[:v], posed[v:]
 
 
 def _lamp(skin: Float[np.ndarray, "v 3"], key: Float[np.ndarray, "3"]) -> Camera:

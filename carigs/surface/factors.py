@@ -1,0 +1,68 @@
+"""Symmetric positive definite systems: factorised once for many right-hand sides, or iterated for one.
+
+The factors are cholespy's Cholesky where that is installed (the extra `fast`), else SciPy's LU.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import splu
+
+COLUMNS = 4
+"""SuperLU solves for so many right-hand sides at once; with more it loses more in small products than it gains."""
+
+try:
+    from cholespy import CholeskySolverD, MatrixType
+except ImportError:  # the extra `fast`
+    CholeskySolverD = None
+
+
+class Factors:
+    """The factors of a matrix (n, n); `solve` may be called as often as one likes."""
+
+    def __init__(self, matrix: csc_array) -> None:
+        if CholeskySolverD is None:
+            self._lu = splu(matrix.tocsc())
+        else:
+            self._cholesky = CholeskySolverD(matrix.shape[0], *_coordinates(matrix), MatrixType.COO)
+
+    def solve(self, right: Float[np.ndarray, "n c"]) -> Float[np.ndarray, "n c"]:
+        """The solutions for all columns of `right`."""
+        if CholeskySolverD is None:
+            solved = [self._lu.solve(right[:, c : c + COLUMNS]) for c in range(0, right.shape[1], COLUMNS)]
+            return np.concatenate(solved, axis=1)
+        solved = np.zeros(right.shape)
+        self._cholesky.solve(np.ascontiguousarray(right), solved)
+        return solved
+
+
+def conjugate_gradients(
+    matrix: csc_array, right: Float[np.ndarray, " n"], start: Float[np.ndarray, " n"], most: int = 300
+) -> Float[np.ndarray, " n"] | None:
+    """The solution to the last digits, preconditioned by the diagonal; None if it takes more than `most` steps.
+
+    SciPy's takes its sums from BLAS, whose digits depend on the number of threads, and which crawls on busy cores.
+    """
+    inverse, x = 1 / matrix.diagonal(), start.copy()
+    residual = right - matrix @ x
+    direction = scaled = inverse * residual
+    energy = (residual * scaled).sum()
+    enough = 1e-26 * (right * inverse * right).sum()
+    for _ in range(most):
+        if energy <= enough:
+            return x
+        image = matrix @ direction
+        step = energy / (direction * image).sum()
+        x += step * direction
+        residual = residual - step * image
+        scaled = inverse * residual
+        previous, energy = energy, (residual * scaled).sum()
+        direction = scaled + energy / previous * direction
+    return None
+
+
+def _coordinates(matrix: csc_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    entries = matrix.tocoo()
+    return entries.row.astype(np.int32), entries.col.astype(np.int32), entries.data.astype(np.float64)

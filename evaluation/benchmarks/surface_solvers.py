@@ -1,0 +1,109 @@
+"""Ways to solve the equation's system, on one head at four sizes: factorise, then one level and 32."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+
+import igl
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.sparse import csc_array, diags_array
+from scipy.sparse.linalg import splu
+
+from carigs.surface.factors import COLUMNS, CholeskySolverD, Factors, conjugate_gradients
+from carigs.surface.operators import EdgeCotans, mixed_voronoi_areas
+from evaluation.benchmarks.measurements import Measurement
+
+Solve = Callable[[np.ndarray], np.ndarray]
+LEVELS = np.linspace(0.25 / 32, 0.25, 32)
+SIZES = 4
+
+
+def size_rows(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Iterator[Measurement]:
+    """Times of each way at this size and after one to three splits of every face into four.
+
+    Times are the process's own, all threads together; a reference is that of the first way.  What took more than its
+    limit at one size is left out at the next.
+    """
+    left_out: set[str] = set()
+    for _ in range(SIZES):
+        cotans = EdgeCotans(vertices, faces)
+        matrix, mass = cotans.stiffness()[1:][:, 1:].tocsc(), mixed_voronoi_areas(vertices, faces)
+        rights = _right_hand_sides(cotans, vertices, faces)
+        first: dict[str, float] = {}
+        for name, make in _ways(matrix, mass).items():
+            if name in left_out:
+                continue
+            times = _times(make, rights)
+            for quantity, value in times.items():
+                yield Measurement(f"{len(vertices)} vertices, {name}", quantity, "s", value, first.get(quantity))
+            first = first or times
+            if times["32 levels"] > 30:  # at four times the size it would take minutes
+                left_out.add(name)
+        vertices, faces = (
+            array.astype(kind) for array, kind in zip(igl.upsample(vertices, faces), (float, np.int64), strict=True)
+        )
+
+
+def _ways(matrix: csc_array, mass: np.ndarray) -> Mapping[str, Callable[[], Solve]]:
+    """What is measured, first of all what `carigs.surface` does."""
+
+    def lu(system: csc_array, **options: object) -> Solve:
+        factors = splu(system, **options)
+        return lambda right: np.hstack(
+            [factors.solve(right[:, c : c + COLUMNS]) for c in range(0, len(right.T), COLUMNS)]
+        )
+
+    def all_at_once() -> Solve:
+        return splu(matrix).solve
+
+    def iterate() -> Solve:
+        start = np.zeros(matrix.shape[0])
+        return lambda right: np.stack([conjugate_gradients(matrix, c, start, 10**5) for c in right.T], axis=1)
+
+    def least_squares() -> Solve:
+        # Equation 3 as it is written, over A^-1 W: its normal equations are a bi-Laplacian's.
+        inverse = diags_array(1 / mass[1:])
+        solve = lu((matrix @ inverse @ matrix).tocsc())
+        return lambda right: solve(matrix @ (inverse @ right))
+
+    ours = "LU (COLAMD), 4 columns at once" if CholeskySolverD is None else "Cholesky (cholespy)"
+    return {
+        ours: lambda: Factors(matrix).solve,
+        "LU (COLAMD), 4 columns at once": lambda: lu(matrix),
+        "LU (COLAMD), all columns at once": all_at_once,
+        "LU (MMD, symmetric)": lambda: lu(
+            matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        ),
+        "normal equations of the least squares": least_squares,
+        "conjugate gradients": iterate,
+    }
+
+
+def _times(make: Callable[[], Solve], rights: Float[np.ndarray, "n c"]) -> dict[str, float]:
+    """CPU seconds to factorise, and with that for one level (3 columns) and for all of them."""
+    start = time.process_time()
+    solve = make()
+    factorised = time.process_time() - start
+    start = time.process_time()
+    solve(rights[:, :3])
+    one = time.process_time() - start
+    if factorised + len(LEVELS) * one > 200:  # told by its first level
+        return {"factorise": factorised, "one level": factorised + one, "32 levels": factorised + len(LEVELS) * one}
+    start = time.process_time()
+    solve(rights)
+    return {
+        "factorise": factorised,
+        "one level": factorised + one,
+        "32 levels": factorised + time.process_time() - start,
+    }
+
+
+def _right_hand_sides(
+    cotans: EdgeCotans, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
+) -> Float[np.ndarray, "n c"]:
+    """Of all levels, for weights that vary as those of a head do."""
+    rough = np.sin(40 * vertices / np.ptp(vertices, axis=0).max()).sum(axis=1)[faces].mean(axis=1)
+    columns = [cotans.weighted_divergence(vertices, np.exp(level * rough) - 1) for level in LEVELS]
+    return np.concatenate(columns, axis=1)[1:]

@@ -1,0 +1,64 @@
+"""Whose curvature makes a caricature, and regions with levels of their own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from miniature import ball_model
+
+from carigs.errors import SettingsError
+from carigs.head import caricature, exaggerator
+from carigs.settings import Exaggerate
+from carigs.surface import Exaggerator
+from carigs.surface.mesh import diagonal
+
+PLAIN = Exaggerate(limit_cavities=False, air=0.0)
+MODEL = ball_model()
+MEAN = MODEL.v_template.astype(np.float64)
+DENT = np.exp(-((MEAN - [0, 0, 0.1]) ** 2).sum(axis=1) / 0.04**2)
+SUBJECT = MEAN * (1 + 0.15 * DENT[:, None])
+
+
+def test_the_template_deforms_everyone_alike():
+    """The paper's way: one displacement, that of the template, added to the subject."""
+    path = caricature(MODEL, SUBJECT, replace(PLAIN, individual="template"))
+    np.testing.assert_array_equal(path.neutral, SUBJECT)
+    expected = Exaggerator(MEAN, MODEL.faces, PLAIN).solve(0.25)
+    np.testing.assert_allclose(path.displacement(0.25), expected, atol=1e-6)
+    own = caricature(MODEL, SUBJECT, PLAIN).displacement(0.25)
+    assert np.abs(own - expected).max() > 1e-3
+
+
+@pytest.mark.parametrize("scale", [1.0, 3.0])
+def test_the_mean_face_of_any_size_has_nothing_individual(scale):
+    settings = replace(PLAIN, individual="ratio")
+    np.testing.assert_allclose(exaggerator(MODEL, scale * MEAN, settings).solve(0.5), 0, atol=1e-9)
+
+
+def test_only_what_is_individual_grows():
+    """The subject differs from the mean in a bump: the weights differ from 1 there and nowhere else."""
+    # Without the division by the mean and by each face's K_ref, which act everywhere.
+    solver = exaggerator(MODEL, SUBJECT, replace(PLAIN, individual="ratio", heat=0.0))
+    far = DENT < 1e-4
+    spread = solver.log_curvature[far].std() / solver.log_curvature.std()
+    assert spread < 0.2
+    bump = Exaggerator(SUBJECT, MODEL.faces, PLAIN).log_curvature
+    assert bump[far].std() / bump.std() > 0.5
+
+
+def test_the_mean_face_must_be_given_and_fit():
+    settings = replace(PLAIN, individual="ratio")
+    for mean in (None, MEAN[:-1]):
+        with pytest.raises(SettingsError, match=r"individual=ratio needs a mean face"):
+            Exaggerator(SUBJECT, MODEL.faces, settings, mean=mean)
+
+
+def test_regions_of_the_model_have_levels_of_their_own():
+    """At the path's end the region has its level, and half way half of it."""
+    settings = replace(PLAIN, gamma=0.2, regions={"face": 0.4, "scalp": 0.0})
+    path, solver = caricature(MODEL, SUBJECT, settings), exaggerator(MODEL, SUBJECT, settings)
+    for share in (0.5, 1.0):
+        expected = solver.solve(share * 0.2, {"face": share * 0.4, "scalp": 0.0})
+        assert np.linalg.norm(path.displacement(share * 0.2) - expected, axis=1).max() < 2e-4 * diagonal(SUBJECT)
+    with pytest.raises(SettingsError, match="region nose is unknown; known: face, neck, scalp"):
+        caricature(MODEL, SUBJECT, replace(settings, regions={"nose": 0.4}))
