@@ -20,8 +20,9 @@ from carigs.surface.gaps import gap_stiffness
 from carigs.surface.local import LocalEdit
 from carigs.surface.occlusion import cached_occlusion, smoothstep
 from carigs.surface.operators import EdgeCotans, mixed_voronoi_areas
-from carigs.surface.path import GammaPath, RegionPaths, solved_path
+from carigs.surface.path import GammaPath, RegionPaths
 from carigs.surface.regions import RAMP, named, partition_of_unity, vertex_field
+from carigs.surface.solved_path import solved_path
 
 CAVITY = (0.45, 0.75)
 """Hidden share of the hemisphere over which the limiter sets in."""
