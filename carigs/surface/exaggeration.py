@@ -14,14 +14,15 @@ from carigs.errors import MeshError, SettingsError
 from carigs.settings import Exaggerate
 from carigs.surface import mesh
 from carigs.surface.curvature import log_magnitude, smooth_curvature
-from carigs.surface.factors import Factors
+from carigs.surface.factors import COLUMNS, Factors
 from carigs.surface.followers import Follower, find_followers, follow
 from carigs.surface.gaps import gap_stiffness
 from carigs.surface.local import LocalEdit
 from carigs.surface.occlusion import cached_occlusion, smoothstep
 from carigs.surface.operators import EdgeCotans, mixed_voronoi_areas
-from carigs.surface.path import GammaPath, RegionPaths, Solvable, solved_path
+from carigs.surface.path import GammaPath, RegionPaths
 from carigs.surface.regions import RAMP, named, partition_of_unity, vertex_field
+from carigs.surface.solved_path import Solvable, solved_path
 
 CAVITY = (0.45, 0.75)
 """Hidden share of the hemisphere over which the limiter sets in."""
@@ -153,8 +154,11 @@ class Exaggerator:
 
         Linear in the strain and in `x` (v, 3), which may be an offset of the mesh such as a blendshape.
         """
-        right = self.divergence(strain) if x is None else self.cotans.weighted_divergence(x, strain)
-        displacement = np.zeros_like(self.vertices)
+        return self._settled(self.divergence(strain) if x is None else self.cotans.weighted_divergence(x, strain))
+
+    def _settled(self, right: Float[np.ndarray, "v c"]) -> Float[np.ndarray, "v c"]:
+        """The solutions of A u = right whose components keep their centroids."""
+        displacement = np.zeros_like(right)
         displacement[self._free] = self._factors.solve(right[self._free])
         for inside, shares in self._centroids:
             displacement[inside] -= shares @ displacement[inside]
@@ -170,7 +174,16 @@ class Exaggerator:
 
     def solve_many(self, levels: Sequence[float]) -> Float[np.ndarray, "k v 3"]:
         """`solve` at each of the levels: the factors are shared, a level costs three back-substitutions."""
-        return np.stack([self.solve(float(level)) for level in levels])
+        solved = np.zeros((len(levels), *self.vertices.shape))
+        for start in range(0, len(levels), COLUMNS):  # so many, that the factors are used for full blocks of columns
+            group = levels[start : start + COLUMNS]
+            strains = np.stack([self.weights(level) - 1 for level in group], axis=1)
+            right = (self._divergence @ strains).reshape(len(self.vertices), -1)
+            together = self._settled(right).reshape(-1, 3, len(group))
+            for k, level in enumerate(group):
+                if level != 0:
+                    solved[start + k] = self.with_followers(together[..., k])
+        return solved
 
     def path(
         self,

@@ -19,7 +19,8 @@ from scipy.sparse import diags_array
 
 from carigs.errors import SettingsError
 from carigs.surface.factors import Factors
-from carigs.surface.path import GammaPath, solved_path
+from carigs.surface.path import GammaPath
+from carigs.surface.solved_path import solved_path
 
 if TYPE_CHECKING:
     from carigs.surface.exaggeration import Exaggerator
