@@ -6,6 +6,7 @@ python -m evaluation.surface_gallery docs/images head.obj ... --head-model ict_m
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -45,7 +46,8 @@ def lids(file: Path, model: HeadModel) -> None:
     path = solver.path(GAMMA)
     shown = {"natural, eyes closed": head + blinks.sum(axis=0)}
     for transport in SHARES:
-        caricature = with_motions(path, solver, blinks, np.arange(2), transport).at(GAMMA)
+        solver.settings = replace(solver.settings, expressions=transport)
+        caricature = with_motions(path, solver, blinks, np.arange(2)).at(GAMMA)
         moved = head + caricature.displacement
         shown[f"{GAMMA:g}, {transport}"] = moved + blinks.sum(axis=0) + caricature.change(np.ones(2))
     faces = model.faces[model.vertex_region("eye_region", "left_eyeball", "right_eyeball")[model.faces].all(axis=1)]

@@ -42,5 +42,5 @@ def caricature(
     if parameters:
         directions, columns = motions(model, parameters)
         directions = directions[:, : len(solver.vertices)]
-        solved = with_motions(solved, solver, directions, columns, settings.expressions, settings.regions)
+        solved = with_motions(solved, solver, directions, columns, settings.regions)
     return replace(solved, neutral=np.asarray(neutral, np.float64)[: len(solver.vertices)])

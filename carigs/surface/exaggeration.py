@@ -8,25 +8,24 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.sparse import csc_array, diags_array
+from scipy.sparse import csc_array
 
 from carigs.errors import MeshError, SettingsError
 from carigs.settings import Exaggerate
 from carigs.surface import mesh
 from carigs.surface.curvature import log_magnitude, smooth_curvature
-from carigs.surface.factors import Factors
+from carigs.surface.factors import COLUMNS, Factors
 from carigs.surface.followers import Follower, find_followers, follow
 from carigs.surface.gaps import gap_stiffness
 from carigs.surface.local import LocalEdit
 from carigs.surface.occlusion import cached_occlusion, smoothstep
 from carigs.surface.operators import EdgeCotans, mixed_voronoi_areas
-from carigs.surface.path import GammaPath, RegionPaths, Solvable, solved_path
-from carigs.surface.regions import RAMP, named, partition_of_unity, vertex_field
+from carigs.surface.path import GammaPath, RegionPaths
+from carigs.surface.regions import Regions, partition_of_unity
+from carigs.surface.solved_path import Solvable, solved_path
 
 CAVITY = (0.45, 0.75)
 """Hidden share of the hemisphere over which the limiter sets in."""
-SHORT = 3
-"""Distances are measured by heat that spreads over this part of a region's ramp."""
 
 
 class Exaggerator:
@@ -49,11 +48,11 @@ class Exaggerator:
     ) -> None:
         """Assemble and factorise.
 
-        Vertices are in any unit.  `regions` gives names to lists of vertices, masks or painted scalars (`field`).
-        `mean` is the face that the curvature is compared with when `settings.individual` is `ratio`: other vertices of
-        the same faces.  Raises `MeshError`, `SettingsError` for what cannot be used.
+        Vertices are in any unit.  `regions` gives names to lists of vertices, masks or painted scalars, as
+        `Regions.field` takes them.  `mean` is the face that the curvature is compared with when `settings.individual`
+        is `ratio`: other vertices of the same faces.  Raises `MeshError`, `SettingsError` for what cannot be used.
         """
-        self.settings, self.regions = settings or Exaggerate(), dict(regions or {})
+        self.settings = settings or Exaggerate()
         _check(self.settings)
         mesh.check_mesh(np.asarray(vertices), np.asarray(faces))
         self.vertices, self.faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
@@ -76,6 +75,7 @@ class Exaggerator:
             raise MeshError("every vertex lies on the boundary: the curvature is defined nowhere")
         self.report["boundary_vertices"] = int(boundary.sum())
         stiffness = self.cotans.stiffness()
+        self.regions = Regions(regions or {}, self.areas, stiffness, self.size)
         hidden = self._hidden()
         self.curvature = smooth_curvature(
             self.vertices, self.faces, boundary, self.areas, stiffness, (self.settings.heat * self.size) ** 2
@@ -153,8 +153,11 @@ class Exaggerator:
 
         Linear in the strain and in `x` (v, 3), which may be an offset of the mesh such as a blendshape.
         """
-        right = self.divergence(strain) if x is None else self.cotans.weighted_divergence(x, strain)
-        displacement = np.zeros_like(self.vertices)
+        return self._settled(self.divergence(strain) if x is None else self.cotans.weighted_divergence(x, strain))
+
+    def _settled(self, right: Float[np.ndarray, "v c"]) -> Float[np.ndarray, "v c"]:
+        """The solutions of A u = right whose components keep their centroids."""
+        displacement = np.zeros_like(right)
         displacement[self._free] = self._factors.solve(right[self._free])
         for inside, shares in self._centroids:
             displacement[inside] -= shares @ displacement[inside]
@@ -170,7 +173,16 @@ class Exaggerator:
 
     def solve_many(self, levels: Sequence[float]) -> Float[np.ndarray, "k v 3"]:
         """`solve` at each of the levels: the factors are shared, a level costs three back-substitutions."""
-        return np.stack([self.solve(float(level)) for level in levels])
+        solved = np.zeros((len(levels), *self.vertices.shape))
+        for start in range(0, len(levels), COLUMNS):  # so many, that the factors are used for full blocks of columns
+            group = levels[start : start + COLUMNS]
+            strains = np.stack([self.weights(level) - 1 for level in group], axis=1)
+            right = (self._divergence @ strains).reshape(len(self.vertices), -1)
+            together = self._settled(right).reshape(-1, 3, len(group))
+            for k, level in enumerate(group):
+                if level != 0:
+                    solved[start + k] = self.with_followers(together[..., k])
+        return solved
 
     def path(
         self,
@@ -181,7 +193,7 @@ class Exaggerator:
     ) -> GammaPath:
         """S_gamma for all levels from 0 to gamma_f, solved exactly at as many nodes as `settings.path_error` needs.
 
-        With `region` (a name, or what `field` takes) that region alone is exaggerated and the rest is held.  With
+        With `region` (as `Regions.field` takes it) that region alone is exaggerated and the rest is held.  With
         `levels` the head is exaggerated and the named regions have levels of their own where the rest has gamma_f, in
         the same proportion along the path.
         """
@@ -198,7 +210,7 @@ class Exaggerator:
         if not isinstance(region, str):
             return LocalEdit(self, region)
         if region not in self._edits:
-            self._edits[region] = LocalEdit(self, named(self.regions, region))
+            self._edits[region] = LocalEdit(self, region)
         return self._edits[region]
 
     def region_paths(self, gamma_f: float, names: Sequence[str] | None = None) -> RegionPaths:
@@ -206,31 +218,7 @@ class Exaggerator:
 
         The equation's right-hand side is a sum over the faces, so disjoint regions do not know of each other.
         """
-        return RegionPaths({name: self.path(gamma_f, region=name) for name in names or self.regions})
-
-    def field(self, region: str | np.ndarray | Sequence[int], ramp: bool = True) -> Float[np.ndarray, " v"]:
-        """A region as a smooth number in [0, 1] per vertex: 1 inside, fading out over a border around it.
-
-        `region` is a name of `regions`, a list of vertices, a mask (v,) of booleans, or a painted scalar (v,) in
-        [0, 1], which stays as it was painted.
-        """
-        values = vertex_field(named(self.regions, region) if isinstance(region, str) else region, len(self.vertices))
-        painted = ((values > 0) & (values < 1)).any()
-        return values if painted or not ramp else 1 - smoothstep(self.distance(values > 0), 0, RAMP)
-
-    def distance(self, inside: np.ndarray) -> Float[np.ndarray, " v"]:
-        """About the distance along the surface from the vertices `inside`, in head sizes, smooth (Varadhan's formula).
-
-        One implicit step of time t spreads heat as exp(-d / sqrt(t)) / 2 beyond a straight border.
-        """
-        length = RAMP / SHORT
-        heat = self._spread.solve((self.areas * inside)[:, None])[:, 0]
-        return np.where(inside, 0.0, np.maximum(0.0, -length * np.log(np.maximum(2 * heat, 1e-300))))
-
-    @cached_property
-    def _spread(self) -> Factors:
-        time = (RAMP / SHORT * self.size) ** 2
-        return Factors((diags_array(self.areas) + time * self.cotans.stiffness()).tocsc())
+        return RegionPaths({name: self.path(gamma_f, region=name) for name in names or self.regions.named})
 
     @cached_property
     def _followers(self) -> list[Follower]:
@@ -250,9 +238,11 @@ class _Whole:
     def __init__(self, solver: Exaggerator, level: float, levels: Mapping[str, float] | None) -> None:
         self._solver, self.response, self._pace = solver, solver.response, 1.0
         if levels:
+            if not np.isfinite(list(levels.values())).all():
+                raise SettingsError(f"levels of regions must be numbers, found {dict(levels)}")
             if level == 0:
                 raise SettingsError("levels of regions on a head at level 0: use `region_paths`, which hold the rest")
-            shares = partition_of_unity(np.stack([solver.field(name) for name in levels]))
+            shares = partition_of_unity(np.stack([solver.regions.field(name) for name in levels]))
             self._pace = 1 + (np.array(list(levels.values())) / level - 1) @ shares
 
     def weights(self, level: float) -> Float[np.ndarray, " f"]:
@@ -275,6 +265,10 @@ def _check(settings: Exaggerate) -> None:
             raise SettingsError(f"exaggerate.{name}={getattr(settings, name):g} must not be negative")
     if settings.nodes == 1 or settings.nodes < 0:
         raise SettingsError(f"exaggerate.nodes={settings.nodes} must be 0, for as many as needed, or 2 or more")
-    for name, known in (("local", ("soft", "exact", "literal")), ("individual", ("subject", "ratio", "template"))):
+    for name, known in (
+        ("local", ("soft", "exact", "literal")),
+        ("individual", ("subject", "ratio", "template")),
+        ("expressions", ("offset", "linear", "mixed")),
+    ):
         if getattr(settings, name) not in known:
             raise SettingsError(f"exaggerate.{name}={getattr(settings, name)} is unknown; choose {', '.join(known)}")

@@ -27,7 +27,8 @@ def gap_stiffness(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 
     """
     middles, extent = vertices[faces].mean(axis=1) - vertices[0], size(vertices, faces)
     normals = face_normals(vertices, faces)
-    across, gap, barycentric = RayCaster(vertices, faces).first(middles / extent + OFFSET * normals, normals)
+    across, gap, barycentric = RayCaster(vertices, faces).first(middles / extent + OFFSET * normals, normals, REACH)
+    gap = gap + OFFSET
     # Seen from its inside, a face is no opposite: there the surface already cuts itself.
     own = np.flatnonzero((across >= 0) & (gap < REACH))
     own = own[(normals[own] * normals[across[own]]).sum(axis=1) < 0]

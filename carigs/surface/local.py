@@ -11,6 +11,7 @@ beyond is held.  Three ways to hold it (`Exaggerate.local`):
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +20,8 @@ from scipy.sparse import diags_array
 
 from carigs.errors import SettingsError
 from carigs.surface.factors import Factors
-from carigs.surface.path import GammaPath, solved_path
+from carigs.surface.path import GammaPath
+from carigs.surface.solved_path import solved_path
 
 if TYPE_CHECKING:
     from carigs.surface.exaggeration import Exaggerator
@@ -33,13 +35,13 @@ BEYOND = 0.05
 class LocalEdit:
     """One region of a head, factorised once for all levels."""
 
-    def __init__(self, solver: Exaggerator, region: np.ndarray) -> None:
-        """`region` as in `Exaggerator.field`.  Raises `SettingsError` for one that leaves nothing to hold it."""
+    def __init__(self, solver: Exaggerator, region: str | np.ndarray | Sequence[int]) -> None:
+        """`region` as in `Regions.field`.  Raises `SettingsError` for one that leaves nothing to hold it."""
         self._solver, self._mode = solver, solver.settings.local
-        self.field = solver.field(region, ramp=self._mode != "literal")
+        self.field = solver.regions.field(region, ramp=self._mode != "literal")
         """1 in the region, 0 where nothing is exaggerated."""
         reach = BEYOND if self._mode == "soft" else 0.0
-        moving = (self.field > 0) | (solver.distance(self.field > 0) < reach)
+        moving = (self.field > 0) | (solver.regions.distance(self.field > 0) < reach)
         self._moving = np.flatnonzero(moving & solver.solved)
         _check_held(solver, self.field, self._moving)
         rows = solver.system[:, self._moving]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import igl
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
@@ -65,8 +66,7 @@ def size(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> f
 
 def face_areas(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, " f"]:
     """Area of each face."""
-    a, b, c = vertices[faces.T]
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    return igl.doublearea(np.asarray(vertices, np.float64), np.asarray(faces, np.int64)) / 2
 
 
 def face_normals(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, "f 3"]:

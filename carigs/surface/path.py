@@ -1,7 +1,4 @@
-"""The family S_gamma as a few exactly solved nodes and a polynomial between them.
-
-The weights |K|^gamma are entire functions of gamma, so the error falls faster than geometrically with the nodes.
-"""
+"""The family S_gamma as a few exactly solved nodes and a polynomial between them."""
 
 from __future__ import annotations
 
@@ -9,10 +6,10 @@ import json
 import warnings
 import zlib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -21,13 +18,9 @@ from jaxtyping import Float, Float32, Int
 from carigs.errors import InputError, SettingsError
 from carigs.files import writing
 from carigs.surface.caricature import Caricature
-from carigs.surface.mesh import diagonal
-
-if TYPE_CHECKING:
-    from carigs.surface.exaggeration import Exaggerator
+from carigs.surface.interpolation import barycentric, lagrange_weights
 
 ARRAYS = ("levels", "displacements", "faces", "neutral")
-MOST_NODES = 12
 
 
 @dataclass(frozen=True)
@@ -53,7 +46,7 @@ class GammaPath:
 
     def weights(self, level: float) -> Float[np.ndarray, "k"]:
         """Lagrange weights of the nodes at a level, by the barycentric formula (Berrut and Trefethen 2004, eq. 4.2)."""
-        return lagrange_weights(self._barycentric, level)
+        return np.array(lagrange_weights(self._barycentric, level))
 
     @cached_property
     def _barycentric(self) -> list[tuple[float, float]]:
@@ -66,14 +59,15 @@ class GammaPath:
 
     def displacement(self, level: float) -> Float32[np.ndarray, "v 3"]:
         """The offset from the neutral at a level; exactly zero at level 0.  Warns outside [0, gamma_f]."""
-        if not 0 <= level * self._sign <= self.gamma_f * self._sign:
+        if not self._span[0] <= level <= self._span[1]:
             # The level is left out of the text: Python shows a text once, and a film has many levels.
             warnings.warn(f"levels outside [0, {self.gamma_f:g}] are extrapolated", stacklevel=2)
-        return (self.weights(level)[1:].astype(np.float32) @ self._moved).reshape(-1, 3)
+        shares = np.array(lagrange_weights(self._barycentric, level)[1:], np.float32)
+        return (shares @ self._moved).reshape(-1, 3)
 
     @cached_property
-    def _sign(self) -> float:
-        return float(np.sign(self.gamma_f))
+    def _span(self) -> tuple[float, float]:
+        return min(0.0, self.gamma_f), max(0.0, self.gamma_f)
 
     def at(self, level: float) -> Caricature:
         """What a level adds to the head and its motions; exactly nothing at level 0.  Warns as `displacement`."""
@@ -176,77 +170,3 @@ class RegionPaths:
                 raise SettingsError(f"no slider {name}; known: {', '.join(sorted(self.paths))}")
         still = np.zeros_like(next(iter(self.paths.values())).displacements[0])
         return sum((self.paths[name].displacement(level) for name, level in levels.items()), start=still)
-
-
-class Solvable(Protocol):
-    """A head, or a region of one: what `solved_path` interpolates."""
-
-    def weights(self, level: float) -> Float[np.ndarray, " f"]:
-        """w per face."""
-
-    def response(self, strain: Float[np.ndarray, " f"]) -> Float[np.ndarray, "v 3"]:
-        """The displacement that weights of 1 + strain cause."""
-
-    def solve(self, level: float) -> Float[np.ndarray, "v 3"]:
-        """`response` to the weights of a level, with all that follows."""
-
-
-def solved_path(what: Solvable, gamma_f: float, solver: Exaggerator) -> GammaPath:
-    """Exact solves at the Chebyshev-Lobatto levels from 0 to gamma_f: `nodes` of the settings, or as many as needed.
-
-    The interpolation's error at a level is itself the response to the error of the interpolated weights.  So before
-    anything is solved, their number is raised until the response to the largest one is below `path_error`.
-    """
-    if not (gamma_f != 0 and np.isfinite(gamma_f)):
-        raise SettingsError(f"gamma={gamma_f:g}: a path needs a level other than 0")
-    settings = solver.settings
-    count, error = settings.nodes, None
-    if count == 0:
-        extent = diagonal(solver.vertices)
-        for count in range(2, MOST_NODES + 1):
-            error = _error(what, lobatto_levels(count, gamma_f), solver.face_areas) / extent
-            if error <= settings.path_error:
-                break
-    levels = lobatto_levels(count, gamma_f)
-    displacements = np.stack([what.solve(float(level)) for level in levels]).astype(np.float32)
-    report = {
-        "source": "poisson",
-        "settings": json.loads(json.dumps(asdict(settings))),
-        **solver.report,
-        "nodes": count,
-        "path_error": error,
-        "largest_displacement": float(np.abs(displacements[-1]).max()),
-    }
-    return GammaPath(levels, displacements, solver.faces, solver.vertices, report)
-
-
-def _error(what: Solvable, levels: Float[np.ndarray, "k"], areas: Float[np.ndarray, " f"]) -> float:
-    """The largest displacement between interpolation and solution, midway between the two nodes where it is worst."""
-    nodes, formula = np.stack([what.weights(level) for level in levels]), barycentric(levels)
-    middles = (levels[1:] + levels[:-1]) / 2
-    errors = [lagrange_weights(formula, middle) @ nodes - what.weights(middle) for middle in middles]
-    worst = max(errors, key=lambda error: areas @ error**2)
-    return float(np.linalg.norm(what.response(worst), axis=1).max())
-
-
-def lobatto_levels(count: int, gamma_f: float) -> Float[np.ndarray, "k"]:
-    """The extrema of Chebyshev's polynomial between 0 and gamma_f, both included."""
-    return gamma_f * (1 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2
-
-
-def barycentric(levels: Float[np.ndarray, "k"]) -> list[tuple[float, float]]:
-    """Nodes and their weights 1 / prod(x_j - x_k)."""
-    differences = levels[:, None] - levels[None, :]
-    np.fill_diagonal(differences, 1.0)
-    return list(zip(levels.tolist(), (1.0 / differences.prod(axis=1)).tolist(), strict=True))
-
-
-def lagrange_weights(formula: list[tuple[float, float]], level: float) -> Float[np.ndarray, "k"]:
-    """Share of each node at a level (Berrut and Trefethen 2004, equation 4.2)."""
-    # A handful of numbers: NumPy would take longer to be called than Python to compute.
-    offsets = [float(level) - node for node, _ in formula]
-    if 0.0 in offsets:
-        return np.eye(len(offsets))[offsets.index(0.0)]
-    terms = [weight / offset for (_, weight), offset in zip(formula, offsets, strict=True)]
-    total = sum(terms)
-    return np.array([term / total for term in terms])

@@ -22,11 +22,11 @@ class RayCaster:
         self._tree.init(self.vertices, self.faces)
 
     def first(
-        self, origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+        self, origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"], reach: float = np.inf
     ) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, " n"], Float[np.ndarray, "n 3"]]:
-        """The first face along each ray (-1: none), its distance and the barycentric coordinates of the hit."""
+        """The first face along each ray up to `reach` (-1: none), its distance, the hit in barycentric coordinates."""
         face, distance, uv = self._tree.intersect_ray_first(
-            self.vertices, self.faces, CAST_SIZE * origins, np.ascontiguousarray(directions)
+            self.vertices, self.faces, CAST_SIZE * origins, np.ascontiguousarray(directions), CAST_SIZE * reach
         )
         uv = np.where(face[:, None] >= 0, uv, 0.0)  # of a ray that hits nothing it is not set
         return face, distance / CAST_SIZE, np.column_stack([1 - uv.sum(axis=1), uv])

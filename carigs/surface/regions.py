@@ -3,14 +3,55 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
+from scipy.sparse import csc_array, diags_array
 
 from carigs.errors import SettingsError
+from carigs.surface.factors import Factors
+from carigs.surface.occlusion import smoothstep
 
 RAMP = 0.04
 """Width of the border over which a region's level fades out, in head sizes."""
+
+
+SHORT = 3
+"""Distances are measured by heat that spreads over this part of the ramp."""
+
+
+class Regions:
+    """The parts of one surface by name, and how far every vertex is from a part."""
+
+    def __init__(
+        self, named: Mapping[str, np.ndarray], areas: Float[np.ndarray, " v"], stiffness: csc_array, size: float
+    ) -> None:
+        """`areas` and `stiffness` are the surface's own; `size` is the head's."""
+        self.named, self._areas, self._stiffness, self._size = dict(named), areas, stiffness, size
+
+    def field(self, region: str | np.ndarray | Sequence[int], ramp: bool = True) -> Float[np.ndarray, " v"]:
+        """A region as a smooth number in [0, 1] per vertex: 1 inside, fading out over a border around it.
+
+        `region` is a name, a list of vertices, a mask (v,) of booleans, or a painted scalar (v,) in [0, 1], which stays
+        as it was painted.
+        """
+        values = vertex_field(named(self.named, region) if isinstance(region, str) else region, len(self._areas))
+        painted = ((values > 0) & (values < 1)).any()
+        return values if painted or not ramp else 1 - smoothstep(self.distance(values > 0), 0, RAMP)
+
+    def distance(self, inside: Bool[np.ndarray, " v"]) -> Float[np.ndarray, " v"]:
+        """About the distance along the surface from the vertices `inside`, in head sizes, smooth (Varadhan's formula).
+
+        One implicit step of time t spreads heat as exp(-d / sqrt(t)) / 2 beyond a straight border.
+        """
+        heat = self._spread.solve((self._areas * inside)[:, None])[:, 0]
+        return np.where(inside, 0.0, np.maximum(0.0, -RAMP / SHORT * np.log(np.maximum(2 * heat, 1e-300))))
+
+    @cached_property
+    def _spread(self) -> Factors:
+        time = (RAMP / SHORT * self._size) ** 2
+        return Factors((diags_array(self._areas) + time * self._stiffness).tocsc())
 
 
 def vertex_field(region: np.ndarray | Sequence[int], v: int) -> Float[np.ndarray, " v"]:

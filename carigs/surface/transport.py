@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float, Int
 
-from carigs.errors import SettingsError
 from carigs.surface.followers import similarity
 from carigs.surface.path import GammaPath
 
@@ -36,17 +35,15 @@ def with_motions(
     solver: Exaggerator,
     motions: Float[np.ndarray, "b v 3"],
     columns: Int[np.ndarray, " b"],
-    transport: str,
     levels: Mapping[str, float] | None = None,
 ) -> GammaPath:
     """The path with what its levels change in the `motions`, which belong to these columns of the codes.
 
-    `levels` are those of regions that the path was made with.  `transport` is one of `SHARES`.  Components that follow
-    by a similarity turn and scale their motions by it.  Raises `SettingsError` for another name.
+    How much is the solver's setting `expressions`; `levels` are those of regions that the path was made with.
+    Components that follow by a similarity turn and scale their motions by it.
     """
-    if transport not in SHARES:
-        raise SettingsError(f"exaggerate.expressions={transport} is unknown; choose from {', '.join(SHARES)}")
-    if transport == "offset" or len(motions) == 0:
+    share = SHARES[solver.settings.expressions]
+    if share == 0 or len(motions) == 0:
         return path
     changes = np.zeros((len(path.levels) - 1, *motions.shape), np.float32)
     weights_at = solver.whole(path.gamma_f, levels).weights
@@ -56,7 +53,7 @@ def with_motions(
             moved = transported(solver, motion, weights)
             for inside, scaled_rotation in linear:
                 moved[inside] = motion[inside] @ scaled_rotation.T
-            change[:] = SHARES[transport] * (moved - motion)
+            change[:] = share * (moved - motion)
     return replace(path, columns=columns, changes=changes)
 
 

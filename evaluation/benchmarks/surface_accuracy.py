@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import igl
 import numpy as np
@@ -159,7 +160,8 @@ def lid_rows(model: HeadModel, people: int) -> Iterator[Measurement]:
             solver = Exaggerator(head, model.faces, preset(name))
             path = solver.path(GAMMA)
             for transport in SHARES:
-                caricature = with_motions(path, solver, blinks, np.arange(2), transport).at(GAMMA)
+                solver.settings = replace(solver.settings, expressions=transport)
+                caricature = with_motions(path, solver, blinks, np.arange(2)).at(GAMMA)
                 moved = head + caricature.displacement
                 closed = 1 - gap(moved + blinks.sum(axis=0) + caricature.change(np.ones(2))) / gap(moved)
                 case = f"person {seed}, {name}"

@@ -182,7 +182,8 @@ def test_weights_have_mean_one():
 def test_many_levels_are_the_levels_one_by_one():
     solver = Exaggerator(*bumpy(2), PLAIN)
     together = solver.solve_many([0.0, 0.1, 0.25])
-    np.testing.assert_array_equal(together, np.stack([solver.solve(level) for level in (0.0, 0.1, 0.25)]))
+    expected = np.stack([solver.solve(level) for level in (0.0, 0.1, 0.25)])
+    np.testing.assert_allclose(together, expected, rtol=0, atol=1e-12)
     assert not together[0].any()
 
 

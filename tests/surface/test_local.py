@@ -100,7 +100,7 @@ def test_sliders_add_up_and_do_not_know_of_each_other():
         both, sliders.paths["top"].displacement(0.25) + sliders.paths["side"].displacement(0.125)
     )
     assert not sliders.displacement({}).any()
-    together = head.field("top") * 0.25 + head.field("side") * 0.125
+    together = head.regions.field("top") * 0.25 + head.regions.field("side") * 0.125
     strains = [head.local(name).weights(level) - 1 for name, level in (("top", 0.25), ("side", 0.125))]
     np.testing.assert_allclose(sum(strains), head.face_mean(np.exp(together * head.log_curvature)) - 1, atol=1e-12)
     with pytest.raises(SettingsError, match=r"no slider chin; known: side, top"):
@@ -118,7 +118,7 @@ def test_regions_with_the_level_of_the_rest_change_nothing():
 def test_a_region_at_level_zero_has_the_weights_of_level_zero():
     """w = 1 inside, the rest as without regions beyond the ramp."""
     head = solver(normalise=False)
-    pace = 1 - head.field("top")
+    pace = 1 - head.regions.field("top")
     weights, inside = head.weights(0.25, pace), TOP[FACES].all(axis=1)
     np.testing.assert_array_equal(weights[inside], 1)
     beyond = (pace[FACES] == 1).all(axis=1)
@@ -141,8 +141,8 @@ def test_masks_lists_and_painted_scalars_are_regions():
     v = len(VERTICES)
     np.testing.assert_array_equal(vertex_field(TOP, v), vertex_field(np.flatnonzero(TOP), v))
     painted = np.clip(VERTICES[:, 2], 0, 1)
-    np.testing.assert_array_equal(solver().field(painted), painted)
-    field = solver().field("top")
+    np.testing.assert_array_equal(solver().regions.field(painted), painted)
+    field = solver().regions.field("top")
     assert (field[TOP] == 1).all()
     assert ((field > 0) & (field < 1)).any()
     for a, b in FACES[:, :2]:  # smooth: no jump along an edge
@@ -161,9 +161,9 @@ def test_a_plural_stands_for_left_and_right():
     head = Exaggerator(
         VERTICES, FACES, PLAIN, regions={"left_ear": SIDE, "right_ear": np.flatnonzero(TOP), "nose": TOP}
     )
-    np.testing.assert_array_equal(head.field("ears"), head.field(np.union1d(SIDE, np.flatnonzero(TOP))))
+    np.testing.assert_array_equal(head.regions.field("ears"), head.regions.field(np.union1d(SIDE, np.flatnonzero(TOP))))
     with pytest.raises(SettingsError, match="region noses is unknown"):
-        head.field("noses")
+        head.regions.field("noses")
 
 
 def test_unknown_names_say_which_are_known_and_where_names_come_from():

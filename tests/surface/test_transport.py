@@ -23,7 +23,8 @@ MOTIONS = 0.1 * np.random.default_rng(0).normal(size=(2, len(SOLVER.vertices), 3
 
 
 def carried(transport: str, solver: Exaggerator = SOLVER, motions: np.ndarray = MOTIONS) -> GammaPath:
-    return with_motions(solver.path(0.25), solver, motions, np.array([4, 9]), transport)
+    solver.settings = replace(solver.settings, expressions=transport)
+    return with_motions(solver.path(0.25), solver, motions, np.array([4, 9]))
 
 
 @pytest.mark.parametrize("level", [0.1, 0.25])
@@ -113,7 +114,7 @@ def test_broken_motions_are_named(tmp_path, field, broken):
 
 def test_an_unknown_transport_is_named():
     with pytest.raises(SettingsError, match=r"exaggerate\.expressions=half is unknown"):
-        carried("half")
+        Exaggerator(SOLVER.vertices, SOLVER.faces, replace(PLAIN, expressions="half"))
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -132,7 +133,7 @@ def test_lids_close_as_they_naturally_do(seed):
         return 1 - gap(head + motions.sum(axis=0)) / gap(head)
 
     solver = Exaggerator(head, model.faces)
-    path = with_motions(solver.path(0.25), solver, blinks, np.arange(2), "mixed").at(0.25)
+    path = with_motions(solver.path(0.25), solver, blinks, np.arange(2)).at(0.25)
     moved, natural = head + path.displacement, closed(head, blinks)
     mixed, offset = closed(moved, blinks + path.changes), closed(moved, blinks)
     assert abs(mixed / natural - 1) < 0.15
