@@ -65,7 +65,7 @@ def follow(
     vertices: Float[np.ndarray, "v 3"], displacement: Float[np.ndarray, "v 3"], followers: list[Follower]
 ) -> tuple[Float[np.ndarray, "v 3"], list[float]]:
     """Move each follower by the similarity of what is around it; returns all displacements and the scale of each."""
-    moved, scales = displacement.copy(), []
+    moved, scales, vertices = displacement.copy(), [], vertices - vertices[0]
     for inside, around in followers:
         if displacement[around].any():
             scale, rotation, shift = similarity(vertices[around], vertices[around] + displacement[around])

@@ -25,7 +25,8 @@ def gap_stiffness(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 
     strain's square over the surface, faded out where t comes near to REACH.  Constants cost nothing, and like the
     cotans' energy this one has no unit, so that one number relates both (`Exaggerate.air`).
     """
-    middles, extent = vertices[faces].mean(axis=1) - vertices[0], size(vertices, faces)
+    vertices = vertices - vertices[0]
+    middles, extent = vertices[faces].mean(axis=1), size(vertices, faces)
     normals = face_normals(vertices, faces)
     across, gap, barycentric = RayCaster(vertices, faces).first(middles / extent + OFFSET * normals, normals, REACH)
     gap = gap + OFFSET

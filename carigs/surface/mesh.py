@@ -59,6 +59,7 @@ def size(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> f
 
     For heads this is the bounding box's diagonal within 5 %, but it does not change when the mesh is rotated.
     """
+    vertices = vertices - vertices[0]  # sums far from the origin lose digits
     centroids, areas = vertices[faces].mean(axis=1), face_areas(vertices, faces)
     offsets = centroids - np.average(centroids, axis=0, weights=areas)
     return 4 * float(np.sqrt(np.average((offsets**2).sum(axis=1), weights=areas)))

@@ -32,16 +32,17 @@ def ambient_occlusion(
     to their normal and the surface's middle, so that a turned mesh sees the same.
     """
     vertices, faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
+    vertices = vertices - vertices[0]
     at = np.ones(len(vertices), bool) if at is None else at
     extent = size(vertices, faces)
     places, normals = vertices[at], vertex_normals(vertices, faces)[at]
-    middle = np.average(vertices[faces].mean(axis=1) - vertices[0], axis=0, weights=face_areas(vertices, faces))
-    inwards = middle - (places - vertices[0])
+    middle = np.average(vertices[faces].mean(axis=1), axis=0, weights=face_areas(vertices, faces))
+    inwards = middle - places
     tangents = inwards - (inwards * normals).sum(axis=1, keepdims=True) * normals
     tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-300)
     frames = np.stack([tangents, np.cross(normals, tangents), normals], axis=1)
     directions = hemisphere(rays) @ frames
-    origins = np.repeat((places - vertices[0]) / extent + OFFSET * normals, rays, axis=0)
+    origins = np.repeat(places / extent + OFFSET * normals, rays, axis=0)
     hit, *_ = RayCaster(vertices, faces).first(origins, directions.reshape(-1, 3))
     hidden = np.zeros(len(vertices))
     hidden[at] = (hit.reshape(-1, rays) >= 0).mean(axis=1)

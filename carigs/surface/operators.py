@@ -20,8 +20,9 @@ class EdgeCotans:
         """W_w, positive semi-definite: x^T W_w x = sum over faces of w times the Dirichlet energy of x."""
         c = self.half_cotans if weights is None else self.half_cotans * weights[:, None]
         i, j, c = self.start.ravel(), self.end.ravel(), c.ravel()
-        rows, columns = np.concatenate([i, j, i, j]), np.concatenate([j, i, i, j])
-        return coo_array((np.concatenate([-c, -c, c, c]), (rows, columns)), shape=(self.v, self.v)).tocsc()
+        own, every = np.bincount(i, c, self.v) + np.bincount(j, c, self.v), np.arange(self.v)
+        rows, columns = np.concatenate([i, j, every]), np.concatenate([j, i, every])
+        return coo_array((np.concatenate([-c, -c, own]), (rows, columns)), shape=(self.v, self.v)).tocsc()
 
     def weighted_divergence(
         self, x: Float[np.ndarray, "v 3"], weights: Float[np.ndarray, " f"]

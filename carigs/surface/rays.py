@@ -13,11 +13,11 @@ CAST_SIZE = 1000.0
 
 
 class RayCaster:
-    """The tree of a surface; origins and distances are in units of its `size`, from its first vertex."""
+    """The tree of a surface; origins and distances are in units of its `size`."""
 
     def __init__(self, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> None:
         self.faces = np.asarray(faces, np.int64)
-        self.vertices = (vertices - vertices[0]) * (CAST_SIZE / size(vertices, faces))
+        self.vertices = vertices * (CAST_SIZE / size(vertices, faces))
         self._tree = igl.AABB()
         self._tree.init(self.vertices, self.faces)
 
