@@ -68,27 +68,32 @@ class Exaggerate:
 
 @dataclass
 class Gtstar:
-    """GT*: every training frame warped to its caricature, and the pixels that cannot be trusted."""
+    """GT*: every training frame warped to its caricature, and the reasons against its pixels."""
 
+    warp: str = "perspective"
+    """`perspective`: exact; `affine`: the paper's equation 5."""
+    footprint: bool = True
+    """Average over a pixel's footprint in the frame where triangles shrink."""
+    supersampling: int = 1
+    """Samples per pixel and axis on the caricature's side."""
     depth_tolerance: float = 0.003
-    """Metres by which a warped point may lie behind the nearest surface of the source view."""
-    invisible: bool = True
-    """Mask triangles that the source view does not see."""
-    hair: bool = True
-    """Mask hair: the scalp's triangles, strands off the mesh and the band around them."""
+    """Metres by which a pixel of the frame may lie before or behind the point that is looked for."""
+    grazing: float = 0.1
+    """Least cosine between view and normal in the frame."""
+    stretch: float = 6.0
+    """Largest ratio of a triangle's area in the caricature to its area in the frame."""
     hair_band: int = 3
-    """Width of that band in pixels."""
+    """Width in pixels of the band around hair."""
     background_ring: int = 1
-    """Pixels left out around the foreground where background is taken as valid."""
-    mouth: bool = True
-    """Mask what is seen between the lips: teeth keep their size while the lips are stretched."""
-    regions: tuple[str, ...] = ("lip_inside", "brows", "left_eyelid", "right_eyelid")
-    """Further head-model regions that are masked: what keeps its size or amplifies small errors of the tracking.
-
-    Names that the model lacks are ignored.
-    """
+    """Pixels left out around the mesh and the foreground where background is taken as known."""
     hair_regions: tuple[str, ...] = ("scalp",)
-    """Head-model regions that carry hair."""
+    """Head-model regions that carry hair; names that the model lacks are ignored, here and below."""
+    mouth_regions: tuple[str, ...] = ("lip_inside",)
+    """What belongs to the inside of the mouth, beside all that is seen between the lips."""
+    lid_regions: tuple[str, ...] = ("left_eyelid", "right_eyelid")
+    brow_regions: tuple[str, ...] = ("brows",)
+    ear_regions: tuple[str, ...] = ("left_ear", "right_ear")
+    eyeball_regions: tuple[str, ...] = ("left_eyeball", "right_eyeball")
 
 
 @dataclass

@@ -1,0 +1,54 @@
+"""GT* of one frame by the local warp: visibility at both ends, colours, reasons."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Float32, UInt16
+
+from carigs.capture import Camera
+from carigs.head import HeadModel
+from carigs.raster import Visibility, visible
+from carigs.settings import Gtstar
+from carigs.target.reasons import add_target_reasons, face_reasons, frame_reasons, hair_in_frame
+from carigs.target.warp import warp_frame
+
+
+@dataclass(frozen=True)
+class Target:
+    """A GT* image, and what speaks against its pixels."""
+
+    colour: Float32[np.ndarray, "h w 3"]
+    reasons: UInt16[np.ndarray, "h w"]
+    """Bits of `Reason`; 0 where nothing does."""
+    caricature: Visibility
+    """What the camera sees of the caricature."""
+
+
+def make_target(
+    image: Float32[np.ndarray, "h w 3"],
+    foreground: Float32[np.ndarray, "h w"],
+    natural_vertices: Float[np.ndarray, "v 3"],
+    caricature_vertices: Float[np.ndarray, "v 3"],
+    camera: Camera,
+    model: HeadModel,
+    settings: Gtstar,
+    background: float = 1.0,
+) -> Target:
+    """Warp a frame and its matte to the caricature; vertices are world points in metres."""
+    natural = visible(natural_vertices, model.faces, camera)
+    of_faces = face_reasons(model, settings)
+    hair = hair_in_frame(natural, foreground, of_faces)
+    of_frame = frame_reasons(natural, hair, model, settings)
+    n = settings.supersampling
+    caricature = visible(caricature_vertices, model.faces, camera)
+    fine = caricature if n == 1 else visible(caricature_vertices, model.faces, camera.scaled(n))
+    warp = warp_frame(image, natural, fine, of_faces, of_frame, settings, background)
+    colour, reasons = warp.colour, warp.reasons
+    if n > 1:
+        shape = (camera.height, n, camera.width, n)
+        colour = colour.reshape(*shape, 3).mean(axis=(1, 3), dtype=np.float32)
+        reasons = np.bitwise_or.reduce(reasons.reshape(shape), axis=(1, 3))
+    add_target_reasons(reasons, caricature, hair, foreground, of_faces, model, settings)
+    return Target(colour, reasons, caricature)
