@@ -74,7 +74,7 @@ class Gtstar:
     """`perspective`: exact; `affine`: the paper's equation 5."""
     footprint: bool = True
     """Average over a pixel's footprint in the frame where triangles shrink."""
-    supersampling: int = 1
+    supersampling: int = 2
     """Samples per pixel and axis on the caricature's side."""
     depth_tolerance: float = 0.003
     """Metres by which a pixel of the frame may lie before or behind the point that is looked for."""
@@ -121,6 +121,12 @@ class Density:
     """Steps between two resets of the opacities (0: none; they cost short trainings more than they give)."""
 
 
+EXCLUDED = (
+    "newly_visible", "occluded", "grazing", "stretched", "outside_image", "outside_mesh", "hair", "mouth",
+)  # fmt: skip
+"""What GT* frames are not trusted with.  Also known: lids, brows, ears, eyeballs."""
+
+
 @dataclass
 class Train:
     """Optimisation of the surfels."""
@@ -130,8 +136,10 @@ class Train:
     threads: int = 1
     caricature_share: float = 0.5
     """Probability p that a step is supervised by a GT* frame: 0 is real frames only, 1 is GT* only."""
-    masks: bool = True
-    """Leave out the masked pixels of GT* frames and freeze the surfels of masked regions in those steps."""
+    exclude: tuple[str, ...] = EXCLUDED
+    """Reasons for which pixels of GT* frames are left out; in those steps the surfels of triangles rest for which one
+    of them always holds.
+    """
     rig: str = "jbs"
     """`jbs`: Jacobian blend skinning; `jacobian`: the own face's Jacobian alone."""
     sh_degree: int = 0

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float, Float32, UInt8, UInt16
 
 from carigs.errors import InputError
 
@@ -33,6 +33,20 @@ def write_png(file: Path, image: Float[np.ndarray, "h w *c"]) -> None:
     if levels.ndim == 3:
         levels = np.ascontiguousarray(levels[:, :, ::-1])
     if not cv2.imwrite(str(file), levels):
+        raise InputError("cannot be written", file=file)
+
+
+def read_bits(file: Path) -> UInt16[np.ndarray, "h w"]:
+    """A bit field per pixel, as stored; raises `InputError` as `read_rgb8`, and if it is no 16-bit grey image."""
+    pixels = _read(file, cv2.IMREAD_UNCHANGED)
+    if pixels.dtype != np.uint16 or pixels.ndim != 2:
+        raise InputError(f"{pixels.dtype} {pixels.shape}, expected a 16-bit grey image", file=file)
+    return pixels
+
+
+def write_bits(file: Path, pixels: UInt16[np.ndarray, "h w"]) -> None:
+    """Write a bit field per pixel as a 16-bit grey image."""
+    if not cv2.imwrite(str(file), pixels):
         raise InputError("cannot be written", file=file)
 
 

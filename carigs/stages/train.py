@@ -34,7 +34,7 @@ def train(
     subject, gamma_path = Capture.load(capture), GammaPath.load(path)
     performance = perform(subject, gamma_path)
     used = targets if settings.caricature_share > 0 else None
-    supervision = Supervision(subject, used, gamma_path.gamma_f, settings.masks)
+    supervision = Supervision(subject, used, gamma_path.gamma_f, settings.exclude)
     checkpoint = avatar.with_suffix(".checkpoint")
     surfels, rows = train_surfels(settings, performance, supervision, checkpoint)
     trained = Avatar(surfels, performance, settings.rig, settings.rotate_harmonics, subject.background)

@@ -11,7 +11,7 @@ from carigs.capture import Camera
 from carigs.head import HeadModel
 from carigs.raster import Visibility, visible
 from carigs.settings import Gtstar
-from carigs.target.reasons import add_target_reasons, face_reasons, frame_reasons, hair_in_frame
+from carigs.target.reasons import add_target_reasons, frame_reasons, hair_in_frame
 from carigs.target.warp import warp_frame
 
 
@@ -33,12 +33,15 @@ def make_target(
     caricature_vertices: Float[np.ndarray, "v 3"],
     camera: Camera,
     model: HeadModel,
+    of_faces: UInt16[np.ndarray, "f"],
     settings: Gtstar,
     background: float = 1.0,
 ) -> Target:
-    """Warp a frame and its matte to the caricature; vertices are world points in metres."""
+    """Warp a frame and its matte to the caricature.
+
+    Vertices are world points in metres; `of_faces` is what `face_reasons` says of the model's triangles.
+    """
     natural = visible(natural_vertices, model.faces, camera)
-    of_faces = face_reasons(model, settings)
     hair = hair_in_frame(natural, foreground, of_faces)
     of_frame = frame_reasons(natural, hair, model, settings)
     n = settings.supersampling

@@ -89,9 +89,7 @@ def hair_in_frame(
     return Hair(scalp | stray, float(_distance(on_mesh)[stray].max(initial=0)) if stray.any() else 0.0)
 
 
-def frame_reasons(
-    natural: Visibility, hair: Hair, model: HeadModel, settings: Gtstar
-) -> UInt16[np.ndarray, "h w"]:
+def frame_reasons(natural: Visibility, hair: Hair, model: HeadModel, settings: Gtstar) -> UInt16[np.ndarray, "h w"]:
     """What a target must not fetch from the frame: hair with a band around it, and what is seen between the lips."""
     reasons = np.zeros(hair.where.shape, np.uint16)
     reasons[_dilate(hair.where, settings.hair_band)] = Reason.HAIR.value

@@ -166,7 +166,11 @@ def _fetch(image, nearness, smooth, sa, sb, sc, tolerance, sx, sy):
     i, j = np.int32(x), np.int32(y)
     if x >= 0 and y >= 0 and smooth[j, i] and _same(nearness[j, i], sa * (i + 0.5) + sb * (j + 0.5) + sc, tolerance):
         fx, fy = x - np.float32(i), y - np.float32(j)
-        red, green, blue = _bilinear(image, i, j, fx, fy, 0), _bilinear(image, i, j, fx, fy, 1), _bilinear(image, i, j, fx, fy, 2)
+        red, green, blue = (
+            _bilinear(image, i, j, fx, fy, 0),
+            _bilinear(image, i, j, fx, fy, 1),
+            _bilinear(image, i, j, fx, fy, 2),
+        )
         return red, green, blue, 1.0
     return _fetch_edge(image, nearness, sa, sb, sc, tolerance, sx, sy)
 
