@@ -70,6 +70,12 @@ class Exaggerate:
 class Gtstar:
     """GT*: every training frame warped to its caricature, and the reasons against its pixels."""
 
+    provider: str = "lat"
+    """`lat`: the local warp; `identity`: frames as they are; `precomputed`: edited frames from a folder."""
+    folder: str | None = None
+    """Edited frames, `{timestep:05d}_{camera:02d}.png` and, if they differ, mattes `..._mask.png`."""
+    misfit_limit: float = 1.5
+    """Pixels by which a frame's colours may be off those of the other cameras on the same mesh."""
     warp: str = "perspective"
     """`perspective`: exact; `affine`: the paper's equation 5."""
     footprint: bool = True
@@ -82,6 +88,13 @@ class Gtstar:
     """Least cosine between view and normal in the frame."""
     stretch: float = 6.0
     """Largest ratio of a triangle's area in the caricature to its area in the frame."""
+    relight: str = "targets"
+    """`none`: targets keep the light of the natural surface, as in the paper; `targets`: they are shaded anew;
+    `targets_and_surfels`: surfels too, whenever they are drawn."""
+    relight_strength: float = 0.7
+    """Power to which the ratio of new to old irradiance is taken."""
+    relight_limit: float = 2.0
+    """Largest factor, and its inverse the smallest, on linear colours."""
     hair_band: int = 3
     """Width in pixels of the band around hair."""
     background_ring: int = 1
@@ -121,10 +134,8 @@ class Density:
     """Steps between two resets of the opacities (0: none; they cost short trainings more than they give)."""
 
 
-EXCLUDED = (
-    "newly_visible", "occluded", "grazing", "stretched", "outside_image", "outside_mesh", "hair", "mouth",
-)  # fmt: skip
-"""What GT* frames are not trusted with.  Also known: lids, brows, ears, eyeballs."""
+EXCLUDED = ("newly_visible", "occluded", "grazing", "outside_image", "outside_mesh", "hair", "mouth")
+"""What GT* frames are not trusted with.  Also known: stretched, lids, brows, ears, eyeballs."""
 
 
 @dataclass

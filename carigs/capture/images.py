@@ -11,6 +11,16 @@ from jaxtyping import Float, Float32, UInt8, UInt16
 from carigs.errors import InputError
 
 
+def to_linear(colours: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """Linear light of sRGB values in [0, 1]."""
+    return np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
+
+
+def to_srgb(light: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """sRGB values of linear light in [0, 1]: the inverse of `to_linear`."""
+    return np.where(light <= 0.0031308, light * 12.92, 1.055 * np.maximum(light, 0.0031308) ** (1 / 2.4) - 0.055)
+
+
 def read_rgb8(file: Path) -> UInt8[np.ndarray, "h w 3"]:
     """Raises `InputError` if the file is missing or no image."""
     pixels = _read(file, cv2.IMREAD_COLOR)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Float32
 from torch import Tensor
 
 from carigs.capture import Camera
@@ -39,13 +39,14 @@ def draw(
     kind: str = "jbs",
     rotate_harmonics: bool = True,
     background: float = 1.0,
+    shade: Float32[np.ndarray, "f 3"] | None = None,
     outputs: tuple[str, ...] = (),
     backend: str = "cpu",
 ) -> Drawing:
     """Render the surfels on a posed mesh; `outputs` are wanted beside the colour.
 
     `kind` is one of `RIGS`: `jbs` blends the neighbours' motions, `jacobian` takes the own face's.  With
-    `rotate_harmonics` view-dependent colour turns with the head.
+    `rotate_harmonics` view-dependent colour turns with the head.  `shade` is a factor on the colours per triangle.
     """
     turning = surfels.sh_degree > 0 and rotate_harmonics
     skinned = skin(surfels, rig, motion, blend=kind == "jbs", rotations=turning)
@@ -53,6 +54,8 @@ def draw(
     if surfels.sh_degree > 0:
         seen = view_colour(surfels.harmonics, skinned.centre, camera.centre, skinned.rotation, surfels.sh_degree)
         colour = colour + seen
+    if shade is not None:
+        colour = colour * torch.from_numpy(shade[surfels.binding])
     world = WorldSurfels(*skinned[:4], colour.clamp_min(0))
     # sum w c + (1 - sum w) b = b + sum w (c - b): colours relative to the background need no alpha, nor its gradient.
     rendering = rasterize(

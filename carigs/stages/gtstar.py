@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -11,39 +10,55 @@ from rich.progress import track
 
 from carigs.capture import Capture
 from carigs.capture.images import write_bits, write_png
+from carigs.errors import InputError
 from carigs.files import writing, writing_folder
-from carigs.head import pose
 from carigs.settings import Gtstar
 from carigs.surface import GammaPath
-from carigs.target import Reason, face_reasons, make_target
+from carigs.target import Reason, face_reasons
+from carigs.target.light import save_shading
+from carigs.target.provider import Provided, check_settings, fitted_shading, provide
 
 
 def gtstar(settings: Gtstar, *, capture: Path, path: Path, targets: Path, index: Path) -> None:
-    """Write the folder `targets` (colours, reasons of pixels and of faces) and `index`: how often each reason holds."""
+    """Write the folder `targets` (colours, reasons of pixels and of faces) and `index`.
+
+    The index says how often each reason holds, how far each frame is off its mesh, and which frames were left out.
+    """
+    check_settings(settings)
     subject, gamma_path = Capture.load(capture), GammaPath.load(path)
-    displacement = gamma_path.displacement(gamma_path.gamma_f)
     of_faces = face_reasons(subject.model, settings)
-    entries = []
+    entries, left_out = [], []
+    count = len(subject.split("train"))
     with writing_folder(targets) as part:
         np.save(part / "faces.npy", of_faces)
-        frames = subject.split("train")
-        timesteps = groupby(frames, key=lambda frame: frame.timestep)
-        count = len({frame.timestep for frame in frames})
-        for timestep, group in track(timesteps, total=count, description="GT*", disable=count < 10):
-            parameters = subject.parameters(timestep)
-            natural, caricature = pose(subject.model, parameters), pose(subject.model, parameters, displacement)
-            for frame in group:
-                target = make_target(
-                    subject.image(frame), subject.mask(frame), natural, caricature, subject.cameras[frame.camera],
-                    subject.model, of_faces, settings, subject.background,
-                )  # fmt: skip
-                write_png(part / f"{frame.name}.png", target.colour)
-                write_bits(part / f"{frame.name}_reasons.png", target.reasons)
-                shares = {
-                    reason.name.lower(): round(float(np.mean((target.reasons & reason.value) > 0)), 6)
-                    for reason in Reason
-                }
-                entries.append({"timestep": timestep, "camera": frame.camera, "image": f"{frame.name}.png",
-                                "reasons": f"{frame.name}_reasons.png", "shares": shares})  # fmt: skip
+        shading = fitted_shading(settings, subject, of_faces)
+        if settings.relight == "targets_and_surfels" and shading is not None:
+            save_shading(part / "shading.npz", shading)
+        provided = provide(settings, subject, of_faces, gamma_path.displacement(gamma_path.gamma_f), shading)
+        for item in track(provided, total=count, description="GT*", disable=count < 100):
+            if item.target is None:
+                print(f"GT*: frame {item.frame.name} is left out: {item.left_out}")
+                left_out.append({**_which(item), "why": item.left_out})
+                continue
+            name = item.frame.name
+            write_png(part / f"{name}.png", item.target.colour)
+            write_bits(part / f"{name}_reasons.png", item.target.reasons)
+            files = {"image": f"{name}.png", "reasons": f"{name}_reasons.png"}
+            entries.append({**_which(item), **files, "shares": _shares(item.target.reasons)})
+        if left_out:
+            print(f"GT*: {len(left_out)} of {count} frames are left out")
+        if not entries:
+            raise InputError(f"no frame can be used; the first: {left_out[0]['why']}", file=capture)
+    content = {"gamma": gamma_path.gamma_f, "targets": entries, "left_out": left_out}
     with writing(index) as part_index:
-        part_index.write_text(json.dumps({"gamma": gamma_path.gamma_f, "targets": entries}, indent=1))
+        part_index.write_text(json.dumps(content, indent=1))
+
+
+def _which(item: Provided) -> dict[str, object]:
+    off = None if item.misfit is None else round(item.misfit.pixels, 3)
+    return {"timestep": item.frame.timestep, "camera": item.frame.camera, "pixels_off": off}
+
+
+def _shares(reasons: np.ndarray) -> dict[str, float]:
+    """Of the image's pixels, for each reason."""
+    return {reason.name.lower(): round(float(np.mean((reasons & reason.value) > 0)), 6) for reason in Reason}

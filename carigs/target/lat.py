@@ -24,6 +24,8 @@ class Target:
     """Bits of `Reason`; 0 where nothing does."""
     caricature: Visibility
     """What the camera sees of the caricature."""
+    facing: bool
+    """Whether the camera sees the front of any triangle, at both ends."""
 
 
 def make_target(
@@ -54,4 +56,11 @@ def make_target(
         colour = colour.reshape(*shape, 3).mean(axis=(1, 3), dtype=np.float32)
         reasons = np.bitwise_or.reduce(reasons.reshape(shape), axis=(1, 3))
     add_target_reasons(reasons, caricature, hair, foreground, of_faces, model, settings)
-    return Target(colour, reasons, caricature)
+    facing = all(_sees_front(seen) for seen in (natural, caricature))
+    return Target(colour, reasons, caricature, facing)
+
+
+def _sees_front(seen: Visibility) -> bool:
+    """Whether most of the mesh that is seen turns its front: from inside a head it does not."""
+    faces = seen.face[seen.face >= 0]
+    return len(faces) > 0 and float(seen.back[faces].mean()) < 0.5
