@@ -12,23 +12,29 @@ from carigs.capture import Capture
 from carigs.capture.images import write_bits, write_png
 from carigs.errors import InputError
 from carigs.files import writing, writing_folder
-from carigs.settings import Gtstar
+from carigs.settings import EXCLUDED, Gtstar
 from carigs.surface import GammaPath
-from carigs.target import Reason, face_reasons
+from carigs.target import Reason, as_bits, face_reasons
 from carigs.target.light import save_shading
 from carigs.target.provider import Provided, check_settings, fitted_shading, provide
+from evaluation.target_sheet import Shown, target_sheet
+
+SHOWN = 5
+"""Frames on the contact sheet."""
 
 
 def gtstar(settings: Gtstar, *, capture: Path, path: Path, targets: Path, index: Path) -> None:
-    """Write the folder `targets` (colours, reasons of pixels and of faces) and `index`.
+    """Write the folder `targets` (colours, reasons of pixels and of faces) and `index`; in the folder also `inspection.png`.
 
     The index says how often each reason holds, how far each frame is off its mesh, and which frames were left out.
     """
     check_settings(settings)
     subject, gamma_path = Capture.load(capture), GammaPath.load(path)
     of_faces = face_reasons(subject.model, settings)
-    entries, left_out = [], []
-    count = len(subject.split("train"))
+    entries, left_out, shown = [], [], []
+    frames = subject.split("train")
+    count = len(frames)
+    chosen = {frames[i] for i in np.linspace(0, count - 1, SHOWN).astype(int)}
     with writing_folder(targets) as part:
         np.save(part / "faces.npy", of_faces)
         shading = fitted_shading(settings, subject, of_faces)
@@ -36,6 +42,8 @@ def gtstar(settings: Gtstar, *, capture: Path, path: Path, targets: Path, index:
             save_shading(part / "shading.npz", shading)
         provided = provide(settings, subject, of_faces, gamma_path.displacement(gamma_path.gamma_f), shading)
         for item in track(provided, total=count, description="GT*", disable=count < 100):
+            if item.target is not None and len(shown) < SHOWN and item.frame in chosen:
+                shown.append(_shown(subject, item, gamma_path.displacement(gamma_path.gamma_f)))
             if item.target is None:
                 print(f"GT*: frame {item.frame.name} is left out: {item.left_out}")
                 left_out.append({**_which(item), "why": item.left_out})
@@ -49,9 +57,23 @@ def gtstar(settings: Gtstar, *, capture: Path, path: Path, targets: Path, index:
             print(f"GT*: {len(left_out)} of {count} frames are left out")
         if not entries:
             raise InputError(f"no frame can be used; the first: {left_out[0]['why']}", file=capture)
+        if shown:
+            target_sheet(part / "inspection.png", shown, as_bits(EXCLUDED))
     content = {"gamma": gamma_path.gamma_f, "targets": entries, "left_out": left_out}
     with writing(index) as part_index:
         part_index.write_text(json.dumps(content, indent=1))
+
+
+def _shown(subject: Capture, item: Provided, displacement: np.ndarray) -> Shown:
+    """The row of the contact sheet; the procedural person's true caricature is rendered for it."""
+    frame, truth = item.frame, None
+    if (subject.root / "subject.npz").is_file():
+        from carigs.capture.toy import load_subject, render_subject
+
+        camera = subject.cameras[frame.camera]
+        parameters = subject.parameters(frame.timestep)
+        truth, _ = render_subject(load_subject(subject.root), parameters, camera, displacement)
+    return Shown(frame.name, subject.image(frame), item.target.colour, item.target.reasons, truth)
 
 
 def _which(item: Provided) -> dict[str, object]:

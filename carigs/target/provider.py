@@ -59,13 +59,8 @@ def provide(
         factor = None
         if shading is not None:
             factor = shading.factor(*(transfer(vertices, faces) for vertices in (natural, caricature)))
-        pictures: dict[Frame, tuple[np.ndarray, np.ndarray]] = {}
-        faults: dict[Frame, str] = {}
-        for frame in (group := list(frames)):
-            try:
-                pictures[frame] = _picture(settings, capture, frame)
-            except InputError as error:
-                faults[frame] = str(error)
+        group = list(frames)
+        pictures, faults = _pictures(settings, capture, group)
         views = {frame: (image, capture.cameras[frame.camera]) for frame, (image, _) in pictures.items()}
         off = misfits(views, natural, faces)
         for frame in group:
@@ -119,12 +114,24 @@ def fitted_shading(settings: Gtstar, capture: Capture, of_faces: UInt16[np.ndarr
     observations = []
     for timestep in sorted(chosen):
         vertices = pose(model, capture.parameters(timestep))
-        views = [
-            (capture.image(frame), capture.cameras[frame.camera]) for frame in frames if frame.timestep == timestep
-        ]
+        pictures, _ = _pictures(settings, capture, [frame for frame in frames if frame.timestep == timestep])
+        views = [(image, capture.cameras[frame.camera]) for frame, (image, _) in pictures.items()]
         observations.append(observe(views, vertices, model.faces, skin))
     kept = (of_faces & np.uint16(KEPT.value)) > 0
     return Shading(fit_light(observations), settings.relight_strength, settings.relight_limit, kept)
+
+
+def _pictures(
+    settings: Gtstar, capture: Capture, frames: list[Frame]
+) -> tuple[dict[Frame, tuple[np.ndarray, np.ndarray]], dict[Frame, str]]:
+    """Image and matte of each frame, or what is wrong with them."""
+    pictures, faults = {}, {}
+    for frame in frames:
+        try:
+            pictures[frame] = _picture(settings, capture, frame)
+        except InputError as error:
+            faults[frame] = str(error)
+    return pictures, faults
 
 
 def _picture(
