@@ -78,7 +78,7 @@ class Gtstar:
     """Pixels by which a frame's colours may be off those of the other cameras on the same mesh."""
     warp: str = "perspective"
     """`perspective`: exact; `affine`: the paper's equation 5."""
-    footprint: bool = True
+    footprint: bool = False
     """Average over a pixel's footprint in the frame where triangles shrink."""
     supersampling: int = 2
     """Samples per pixel and axis on the caricature's side."""
@@ -88,7 +88,7 @@ class Gtstar:
     """Least cosine between view and normal in the frame."""
     stretch: float = 6.0
     """Largest ratio of a triangle's area in the caricature to its area in the frame."""
-    relight: str = "targets"
+    relight: str = "targets_and_surfels"
     """`none`: targets keep the light of the natural surface, as in the paper; `targets`: they are shaded anew;
     `targets_and_surfels`: surfels too, whenever they are drawn."""
     relight_strength: float = 0.7

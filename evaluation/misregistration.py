@@ -40,7 +40,7 @@ class Misregistration(NamedTuple):
 def misregistrations(
     subject: Capture, path: GammaPath, truths: Mapping[float, Truths], cameras: int = 3
 ) -> Iterable[Misregistration]:
-    """Rows of every level above 0 that has a truth, over its first `cameras` views; the plain warp, without new light."""
+    """Rows of every level above 0 that has a truth, over its first `cameras` views: plain warps, in the old light."""
     model, settings, excluded = subject.model, Gtstar(), np.uint16(as_bits(EXCLUDED).value)
     of_faces = face_reasons(model, settings)
     for level, known in truths.items():

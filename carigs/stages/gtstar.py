@@ -24,7 +24,7 @@ SHOWN = 5
 
 
 def gtstar(settings: Gtstar, *, capture: Path, path: Path, targets: Path, index: Path) -> None:
-    """Write the folder `targets` (colours, reasons of pixels and of faces) and `index`; in the folder also `inspection.png`.
+    """Write the folder `targets` (colours, reasons of pixels and of faces, a contact sheet) and `index`.
 
     The index says how often each reason holds, how far each frame is off its mesh, and which frames were left out.
     """

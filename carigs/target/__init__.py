@@ -1,4 +1,4 @@
-"""GT*: pseudo ground truth by warping a frame to its caricature, with reasons against pixels that are not to be trusted.
+"""GT*: pseudo ground truth by warping a frame to its caricature, with reasons against doubtful pixels.
 
 - `make_target`: one frame, two meshes, one camera -> `Target`: colours and a bit field of `Reason`
 - `face_reasons`: the triangles that a reason always holds for; their surfels are frozen while a target supervises

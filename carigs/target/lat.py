@@ -11,6 +11,7 @@ from carigs.capture import Camera
 from carigs.head import HeadModel
 from carigs.raster import Visibility, visible
 from carigs.settings import Gtstar
+from carigs.target import trace
 from carigs.target.reasons import add_target_reasons, frame_reasons, hair_in_frame
 from carigs.target.warp import warp_frame
 
@@ -52,9 +53,7 @@ def make_target(
     warp = warp_frame(image, natural, fine, of_faces, of_frame, settings, background)
     colour, reasons = warp.colour, warp.reasons
     if n > 1:
-        shape = (camera.height, n, camera.width, n)
-        colour = colour.reshape(*shape, 3).mean(axis=(1, 3), dtype=np.float32)
-        reasons = np.bitwise_or.reduce(reasons.reshape(shape), axis=(1, 3))
+        colour, reasons = trace.gather(colour, reasons, n)
     add_target_reasons(reasons, caricature, hair, foreground, of_faces, model, settings)
     facing = all(_sees_front(seen) for seen in (natural, caricature))
     return Target(colour, reasons, caricature, facing)

@@ -70,9 +70,7 @@ def _lamp(middle: Float[np.ndarray, "3"], radius: float, direction: Float[np.nda
     distance = 14.0 * radius
     up = np.array([0.0, 1.0, 0.0] if abs(direction[1]) < 0.9 else [0.0, 0.0, 1.0])
     focal = 0.5 * SIDE / radius * distance * 0.997
-    return Camera(
-        look_at(middle + distance * direction, middle, up), focal, focal, 0.5 * SIDE, 0.5 * SIDE, SIDE, SIDE
-    )
+    return Camera(look_at(middle + distance * direction, middle, up), focal, focal, 0.5 * SIDE, 0.5 * SIDE, SIDE, SIDE)
 
 
 def observe(

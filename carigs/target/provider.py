@@ -49,7 +49,8 @@ def provide(
     """The targets of all training frames, in order, on the mesh that `displacement` (V,3, metres) makes of each.
 
     With `lat` the frame is warped.  `identity` and `precomputed` take the frame, or a file of its name, for a picture
-    of the caricature itself; it goes through the same checks.  A frame that cannot be used is left out, with the reason.
+    of the caricature itself; it goes through the same checks.  A frame that cannot be used is left out, with the
+    reason.
     """
     warped = settings.provider == "lat"
     for timestep, frames in groupby(capture.split("train"), key=lambda frame: frame.timestep):

@@ -116,8 +116,9 @@ def add_target_reasons(
     scalp = (trace.look_up(caricature.face, of_faces) & np.uint16(Reason.HAIR.value)) > 0
     reasons[on_mesh & _dilate(scalp, settings.hair_band)] |= Reason.HAIR.value
     _between_lips(reasons, caricature, model)
-    near_hair = _distance(hair.where | scalp) <= hair.length + settings.hair_band
-    unknown = near_hair & _dilate(foreground > 0, settings.background_ring)
+    unknown = _dilate(foreground > 0, settings.background_ring) & ~on_mesh
+    if unknown.any():
+        unknown &= _distance(hair.where | scalp) <= hair.length + settings.hair_band
     reasons[~on_mesh & (unknown | _dilate(on_mesh, settings.background_ring))] |= Reason.OUTSIDE_MESH.value
 
 

@@ -260,3 +260,22 @@ def sample(source, reasons, face_image, maps, samples, nearness, slope, image, t
             if weight < 0.5:
                 reasons[y, x] |= np.uint16(OCCLUDED)
     return colour
+
+
+@kernel
+def gather(colour, reasons, n):
+    """Pixels from n x n samples each: the mean of their colours, and all their reasons."""
+    height, width = reasons.shape[0] // n, reasons.shape[1] // n
+    mean, all_reasons = np.empty((height, width, 3), np.float32), np.zeros((height, width), np.uint16)
+    share = np.float32(1.0 / (n * n))
+    for y in range(height):
+        for x in range(width):
+            red = green = blue = np.float32(0.0)
+            for j in range(y * n, y * n + n):
+                for i in range(x * n, x * n + n):
+                    red += colour[j, i, 0]
+                    green += colour[j, i, 1]
+                    blue += colour[j, i, 2]
+                    all_reasons[y, x] |= reasons[j, i]
+            mean[y, x, 0], mean[y, x, 1], mean[y, x, 2] = red * share, green * share, blue * share
+    return mean, all_reasons

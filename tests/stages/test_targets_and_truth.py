@@ -112,7 +112,9 @@ def test_frames_that_cannot_be_used_are_left_out_and_counted(damaged, tmp_path, 
     (masks / "00001_00.png").unlink()
     index = make_targets(damaged, tmp_path)
     assert [(e["timestep"], e["camera"]) for e in index["left_out"]] == [(0, 0), (0, 2), (1, 0)]
-    for entry, word in zip(index["left_out"], ("not a readable image", "its camera has 40 x 48", "no such"), strict=True):
+    for entry, word in zip(
+        index["left_out"], ("not a readable image", "its camera has 40 x 48", "no such"), strict=True
+    ):
         assert word in entry["why"]
     assert "3 of 6 frames are left out" in capsys.readouterr().out
     assert len(index["targets"]) == 3

@@ -12,6 +12,7 @@ from carigs.raster import visible
 from carigs.settings import Gtstar
 from carigs.target import warp_frame
 
+
 def warped(image, natural, caricature, faces, camera, **changes):
     """The warp, and what is seen at both ends."""
     chosen = Gtstar(**{"supersampling": 1, **changes})
