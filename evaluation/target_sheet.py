@@ -49,7 +49,7 @@ def target_sheet(file: Path, rows: Sequence[Shown], excluded: Reason, *, height:
             row.truth,
             error_map(row.target, row.truth),
         ]
-        for row in rows
+        for r in rows
     ]
     legend = ", ".join(f"{reason.name.lower()} {_name(colour)}" for reason, colour in COLOURS.items())
     write_sheet(

@@ -124,7 +124,7 @@ def test_frames_that_cannot_be_used_are_left_out_and_counted(damaged, tmp_path, 
 def test_a_camera_inside_the_head_or_with_the_head_behind_it_sees_no_target(damaged, tmp_path, centre):
     file = damaged / "capture.json"
     content = json.loads(file.read_text())
-    away = look_at(np.array(centre), np.array(centre) + [0, 0, 1.0])
+    away = look_at(np.array(centre), np.array(centre) + np.array([0, 0, 1.0]))
     for camera in content["cameras"].values():
         camera["camera_from_world"] = away.tolist()
     file.write_text(json.dumps(content))

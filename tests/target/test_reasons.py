@@ -86,8 +86,8 @@ def test_grazing_and_stretched_triangles_are_found():
 def test_what_comes_from_beyond_the_border_is_found():
     vertices, faces = sheet(3)
     model = mesh_model(vertices, faces)
-    target = made(vertices + [0.3, 0, 0], vertices, model, FRONTAL)
-    y, x = np.nonzero((target.reasons & Reason.OUTSIDE_IMAGE.value) > 0)
+    target = made(vertices + np.array([0.3, 0, 0]), vertices, model, FRONTAL)
+    _, x = np.nonzero((target.reasons & Reason.OUTSIDE_IMAGE.value) > 0)
     assert set(x) == set(range(34, 52))  # 30 pixels to the right of them the image ends
 
 
@@ -139,7 +139,7 @@ def test_a_pixel_on_a_triangle_has_all_its_triangle_s_reasons(supersampling):
 
 
 def test_an_unknown_reason_is_named():
-    with pytest.raises(SettingsError, match="freckles is no reason .* occluded"):
+    with pytest.raises(SettingsError, match=r"freckles is no reason .* occluded"):
         as_bits(["hair", "freckles"])
 
 

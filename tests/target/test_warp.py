@@ -56,7 +56,7 @@ def surfaces():
 
 @pytest.mark.parametrize("surface", ["plane", "cylinder"])
 def test_a_point_of_the_surface_is_found_where_it_is_in_the_frame(surface):
-    """The 3D point of each pixel, carried along by its triangle and projected, to 0.02 pixels; affine is further off."""
+    """The 3D point of each pixel, carried along by its triangle, projected, to 0.001 pixels; affine is further off."""
     natural, caricature = surfaces()[surface]
     faces = sheet(41)[1]
     camera = Camera(look_at(np.array([0.1, 0.1, 0.8]), np.zeros(3)), 380, 380, 64, 48, 128, 96)
