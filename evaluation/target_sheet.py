@@ -42,13 +42,7 @@ class Shown(NamedTuple):
 def target_sheet(file: Path, rows: Sequence[Shown], excluded: Reason, *, height: int = 300) -> None:
     """Write a PNG: pixels that the `excluded` reasons leave out are solid, those of other reasons tinted."""
     images = [
-        [
-            row.frame,
-            row.target,
-            coloured(row.target, row.reasons, excluded),
-            row.truth,
-            error_map(row.target, row.truth),
-        ]
+        [r.frame, r.target, coloured(r.target, r.reasons, excluded), r.truth, error_map(r.target, r.truth)]
         for r in rows
     ]
     legend = ", ".join(f"{reason.name.lower()} {_name(colour)}" for reason, colour in COLOURS.items())

@@ -61,5 +61,6 @@ def make_target(
 
 def _sees_front(seen: Visibility) -> bool:
     """Whether most of the mesh that is seen turns its front: from inside a head it does not."""
-    faces = seen.face[seen.face >= 0]
+    faces = seen.face[::4, ::4]
+    faces = faces[faces >= 0]
     return len(faces) > 0 and float(seen.back[faces].mean()) < 0.5

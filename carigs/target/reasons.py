@@ -92,7 +92,7 @@ def hair_in_frame(
 def frame_reasons(natural: Visibility, hair: Hair, model: HeadModel, settings: Gtstar) -> UInt16[np.ndarray, "h w"]:
     """What a target must not fetch from the frame: hair with a band around it, and what is seen between the lips."""
     reasons = np.zeros(hair.where.shape, np.uint16)
-    reasons[_dilate(hair.where, settings.hair_band)] = Reason.HAIR.value
+    _add(reasons, Reason.HAIR, _dilate(hair.where, settings.hair_band))
     _between_lips(reasons, natural, model)
     return reasons
 
@@ -114,12 +114,16 @@ def add_target_reasons(
     """
     on_mesh = caricature.face >= 0
     scalp = (trace.look_up(caricature.face, of_faces) & np.uint16(Reason.HAIR.value)) > 0
-    reasons[on_mesh & _dilate(scalp, settings.hair_band)] |= Reason.HAIR.value
+    _add(reasons, Reason.HAIR, on_mesh & _dilate(scalp, settings.hair_band))
     _between_lips(reasons, caricature, model)
     unknown = _dilate(foreground > 0, settings.background_ring) & ~on_mesh
     if unknown.any():
         unknown &= _distance(hair.where | scalp) <= hair.length + settings.hair_band
-    reasons[~on_mesh & (unknown | _dilate(on_mesh, settings.background_ring))] |= Reason.OUTSIDE_MESH.value
+    _add(reasons, Reason.OUTSIDE_MESH, ~on_mesh & (unknown | _dilate(on_mesh, settings.background_ring)))
+
+
+def _add(reasons: UInt16[np.ndarray, "h w"], reason: Reason, where: Bool[np.ndarray, "h w"]) -> None:
+    reasons |= np.multiply(where, np.uint16(reason.value), dtype=np.uint16)  # far cheaper than indexing by a mask
 
 
 def _between_lips(reasons: UInt16[np.ndarray, "h w"], seen: Visibility, model: HeadModel) -> None:
@@ -131,7 +135,7 @@ def _between_lips(reasons: UInt16[np.ndarray, "h w"], seen: Visibility, model: H
         return
     inside = np.zeros(reasons.shape, np.uint8)
     cv2.fillPoly(inside, [np.rint(seen.pixel[lips] - 0.5).astype(np.int32)], 1)
-    reasons[(inside > 0) & (seen.face >= 0)] |= Reason.MOUTH.value
+    _add(reasons, Reason.MOUTH, inside.view(bool) & (seen.face >= 0))
 
 
 def _distance(mask: Bool[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
