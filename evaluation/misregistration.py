@@ -40,14 +40,14 @@ class Misregistration(NamedTuple):
 def misregistrations(
     subject: Capture, path: GammaPath, truths: Mapping[float, Truths], cameras: int = 3
 ) -> Iterable[Misregistration]:
-    """Rows of every level above 0 that has a truth, over its first `cameras` views: plain warps, in the old light."""
+    """Rows of every level that has a truth, over its first `cameras` views: plain warps, in the old light."""
     model, settings, excluded = subject.model, Gtstar(), np.uint16(as_bits(EXCLUDED).value)
     of_faces = face_reasons(model, settings)
     for level, known in truths.items():
         frames = [f for f in subject.split("test") if (f.timestep, f.camera) in known.images]
         chosen = sorted({f.camera for f in frames})[:cameras]
         pooled: dict[str, list[np.ndarray]] = {region: [] for region in REGIONS}
-        for frame in (f for f in frames if f.camera in chosen and level > 0):
+        for frame in (f for f in frames if f.camera in chosen):
             parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
             caricature = pose(model, parameters, path.displacement(level))
             target = make_target(
@@ -91,9 +91,10 @@ def plot_misregistrations(file: Path, rows: Iterable[Misregistration]) -> None:
         strict=True,
     ):  # fmt: skip
         for region in REGIONS:
-            points = [(0.0, 0.0), *((row.level, getattr(row, name)) for row in rows if row.region == region)]
-            if len(points) > 1:
+            points = [(row.level, max(getattr(row, name), 1e-4)) for row in rows if row.region == region]
+            if points:
                 axes.plot(*zip(*points, strict=True), "o-", markersize=3, label=region)
+        axes.set_yscale("log")
         axes.set_xlabel(r"caricature level $\gamma$")
         axes.set_ylabel(label)
         axes.grid(alpha=0.3)

@@ -83,10 +83,10 @@ def _rendered(index: Path, frame: tuple[int, int]) -> np.ndarray:
 
 
 def _misregistration(folder: Path, subject: Capture, path: GammaPath, truths: dict[float, Truths]) -> None:
-    rows = list(misregistrations(subject, path, truths))
-    if not rows:
+    if not any(level > 0 and known.images for level, known in truths.items()):
         (folder / "misregistration.txt").write_text("No true caricature is known.\n")
         return
+    rows = list(misregistrations(subject, path, truths))
     write_misregistrations(folder / "misregistration.csv", rows)
     plot_misregistrations(folder / "misregistration.png", rows)
 
