@@ -84,27 +84,45 @@ class Exaggerate:
 
 @dataclass
 class Gtstar:
-    """GT*: every training frame warped to its caricature, and the pixels that cannot be trusted."""
+    """GT*: every training frame warped to its caricature, and the reasons against its pixels."""
 
+    provider: str = "lat"
+    """`lat`: the local warp; `identity`: frames as they are; `precomputed`: edited frames from a folder."""
+    folder: str | None = None
+    """Edited frames, `{timestep:05d}_{camera:02d}.png` and, if they differ, mattes `..._mask.png`."""
+    misfit_limit: float = 1.5
+    """Pixels by which a frame's colours may be off those of the other cameras on the same mesh."""
+    warp: str = "perspective"
+    """`perspective`: exact; `affine`: the paper's equation 5."""
+    footprint: bool = False
+    """Average over a pixel's footprint in the frame where triangles shrink."""
+    supersampling: int = 2
+    """Samples per pixel and axis on the caricature's side."""
     depth_tolerance: float = 0.003
-    """Metres by which a warped point may lie behind the nearest surface of the source view."""
-    invisible: bool = True
-    """Mask triangles that the source view does not see."""
-    hair: bool = True
-    """Mask hair: the scalp's triangles, strands off the mesh and the band around them."""
+    """Metres by which a pixel of the frame may lie before or behind the point that is looked for."""
+    grazing: float = 0.1
+    """Least cosine between view and normal in the frame."""
+    stretch: float = 6.0
+    """Largest ratio of a triangle's area in the caricature to its area in the frame."""
+    relight: str = "targets_and_surfels"
+    """`none`: targets keep the light of the natural surface, as in the paper; `targets`: they are shaded anew;
+    `targets_and_surfels`: surfels too, whenever they are drawn."""
+    relight_strength: float = 0.7
+    """Power to which the ratio of new to old irradiance is taken."""
+    relight_limit: float = 2.0
+    """Largest factor, and its inverse the smallest, on linear colours."""
     hair_band: int = 3
-    """Width of that band in pixels."""
+    """Width in pixels of the band around hair."""
     background_ring: int = 1
-    """Pixels left out around the foreground where background is taken as valid."""
-    mouth: bool = True
-    """Mask what is seen between the lips: teeth keep their size while the lips are stretched."""
-    regions: tuple[str, ...] = ("lip_inside", "brows", "left_eyelid", "right_eyelid")
-    """Further head-model regions that are masked: what keeps its size or amplifies small errors of the tracking.
-
-    Names that the model lacks are ignored.
-    """
+    """Pixels left out around the mesh and the foreground where background is taken as known."""
     hair_regions: tuple[str, ...] = ("scalp",)
-    """Head-model regions that carry hair."""
+    """Head-model regions that carry hair; names that the model lacks are ignored, here and below."""
+    mouth_regions: tuple[str, ...] = ("lip_inside",)
+    """What belongs to the inside of the mouth, beside all that is seen between the lips."""
+    lid_regions: tuple[str, ...] = ("left_eyelid", "right_eyelid")
+    brow_regions: tuple[str, ...] = ("brows",)
+    ear_regions: tuple[str, ...] = ("left_ear", "right_ear")
+    eyeball_regions: tuple[str, ...] = ("left_eyeball", "right_eyeball")
 
 
 @dataclass
@@ -132,6 +150,10 @@ class Density:
     """Steps between two resets of the opacities (0: none; they cost short trainings more than they give)."""
 
 
+EXCLUDED = ("newly_visible", "occluded", "grazing", "outside_image", "outside_mesh", "hair", "mouth")
+"""What GT* frames are not trusted with.  Also known: stretched, lids, brows, ears, eyeballs."""
+
+
 @dataclass
 class Tune:
     """Fine-tuning of the tracked head on the real training frames, by Adam; off where the tracking is exact."""
@@ -153,8 +175,10 @@ class Train:
     threads: int = 1
     caricature_share: float = 0.5
     """Probability p that a step is supervised by a GT* frame: 0 is real frames only, 1 is GT* only."""
-    masks: bool = True
-    """Leave out the masked pixels of GT* frames and freeze the surfels of masked regions in those steps."""
+    exclude: tuple[str, ...] = EXCLUDED
+    """Reasons for which pixels of GT* frames are left out; in those steps the surfels of triangles rest for which one
+    of them always holds.
+    """
     rig: str = "jbs"
     """`jbs`: Jacobian blend skinning; `jacobian`: the own face's Jacobian alone."""
     sh_degree: int = 0

@@ -25,7 +25,7 @@ def gamma_strip(
     rows, images, footnote = [variant], [renders], ""
     if any(truth is not None for truth in truths):
         rows += ["truth", "error"]
-        images += [truths, [_error_map(*pair) for pair in zip(renders, truths, strict=True)]]
+        images += [truths, [error_map(*pair) for pair in zip(renders, truths, strict=True)]]
         footnote = f"error: mean absolute difference of the channels, black 0 to yellow {ERROR_SCALE:g} or more"
     write_sheet(file, images, rows=rows, columns=_names(levels), title=variant, height=height, footnote=footnote)
 
@@ -49,7 +49,8 @@ def _names(levels: Sequence[float]) -> list[str]:
     return [f"γ = {level:g}" for level in levels]
 
 
-def _error_map(image: Image | None, truth: Image | None) -> Image | None:
+def error_map(image: Image | None, truth: Image | None) -> Image | None:
+    """Mean absolute difference of the channels, black to yellow; None where either is missing."""
     if image is None or truth is None:
         return None
     from matplotlib import colormaps

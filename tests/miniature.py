@@ -14,6 +14,22 @@ from carigs.head import HeadModel, HeadParameters, pose
 from carigs.raster import rasterize_mesh
 
 SIZE = (40, 48)  # width, height
+FRONTAL = Camera(look_at(np.array([0.0, 0.0, 1.0]), np.zeros(3)), 100, 100, 32, 24, 64, 48)
+
+
+def sheet(n: int = 12, width: float = 0.4, height: float = 0.3) -> tuple[np.ndarray, np.ndarray]:
+    """A flat grid of triangles in z = 0 that faces +z."""
+    x, y = np.meshgrid(np.linspace(-width / 2, width / 2, n), np.linspace(-height / 2, height / 2, n))
+    vertices = np.column_stack([x.ravel(), y.ravel(), np.zeros(n * n)])
+    i = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    faces = np.vstack([np.column_stack([i, i + 1, i + n + 1]), np.column_stack([i, i + n + 1, i + n])])
+    return vertices, faces.astype(np.int32)
+
+
+def picture(camera: Camera) -> np.ndarray:
+    """An image that bilinear sampling reproduces exactly: colours affine in the pixel position."""
+    x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
+    return np.stack([x / 100, y / 100, 0.3 + 0.002 * x - 0.003 * y], axis=-1).astype(np.float32)
 
 
 def ball_model(subdivisions: int = 3) -> HeadModel:

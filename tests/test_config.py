@@ -13,7 +13,8 @@ from omegaconf import OmegaConf
 
 from carigs.config import CONF, compose, compose_study, known, load_settings, rendered_levels, settings_text
 from carigs.errors import InputError, SettingsError
-from carigs.settings import STAGES
+from carigs.settings import EXCLUDED, STAGES
+from carigs.target import Reason
 
 RULES = CONF.parent / "workflow/rules"
 
@@ -65,15 +66,24 @@ def test_regions_are_the_head_models_names_and_numbers(tmp_path):
 
 def test_variants_differ_in_supervision_and_masks_only():
     trained = {name: OmegaConf.to_object(compose(f"variant={name}").train) for name in known("variant")}
-    assert {name: (t.caricature_share, t.masks) for name, t in trained.items()} == {
-        "alternating": (0.35, True),
-        "surfhead": (0.0, True),
-        "gtstar_only": (1.0, True),
-        "no_mask": (0.35, False),
-    }
+    ours, reasons = trained["alternating"], {reason.name.lower() for reason in Reason}
+    assert [trained[name].caricature_share for name in ("surfhead", "gtstar_only", "no_mask")] == [0.0, 1.0, 0.35]
+    assert list(trained["no_mask"].exclude) == []
+    assert {*ours.exclude} == {*EXCLUDED}
     for t in trained.values():
-        t.caricature_share, t.masks = 0.35, True
-        assert t == trained["alternating"]
+        assert {*t.exclude} <= reasons
+        t.caricature_share, t.exclude = ours.caricature_share, ours.exclude
+        assert t == ours
+
+
+def test_the_study_of_masks_turns_every_default_reason_off_and_every_other_one_on():
+    ours, off, on = set(EXCLUDED), set(), set()
+    for name in compose("study=ablation").study.variants:
+        excluded = set(compose("study=ablation", f"variant={name}").train.exclude)
+        off |= ours - excluded if excluded else set()
+        on |= excluded - ours
+    assert off == ours - {"outside_image"}  # nothing is known of such a pixel
+    assert on == {"stretched", "lids", "brows", "ears"}
 
 
 @pytest.mark.parametrize(

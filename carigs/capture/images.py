@@ -6,9 +6,19 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float, Float32, UInt8, UInt16
 
 from carigs.errors import InputError
+
+
+def to_linear(colours: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """Linear light of sRGB values in [0, 1]."""
+    return np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
+
+
+def to_srgb(light: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """sRGB values of linear light in [0, 1]: the inverse of `to_linear`."""
+    return np.where(light <= 0.0031308, light * 12.92, 1.055 * np.maximum(light, 0.0031308) ** (1 / 2.4) - 0.055)
 
 
 def read_rgb8(file: Path) -> UInt8[np.ndarray, "h w 3"]:
@@ -33,6 +43,20 @@ def write_png(file: Path, image: Float[np.ndarray, "h w *c"]) -> None:
     if levels.ndim == 3:
         levels = np.ascontiguousarray(levels[:, :, ::-1])
     if not cv2.imwrite(str(file), levels):
+        raise InputError("cannot be written", file=file)
+
+
+def read_bits(file: Path) -> UInt16[np.ndarray, "h w"]:
+    """A bit field per pixel, as stored; raises `InputError` as `read_rgb8`, and if it is no 16-bit grey image."""
+    pixels = _read(file, cv2.IMREAD_UNCHANGED)
+    if pixels.dtype != np.uint16 or pixels.ndim != 2:
+        raise InputError(f"{pixels.dtype} {pixels.shape}, expected a 16-bit grey image", file=file)
+    return pixels
+
+
+def write_bits(file: Path, pixels: UInt16[np.ndarray, "h w"]) -> None:
+    """Write a bit field per pixel as a 16-bit grey image."""
+    if not cv2.imwrite(str(file), pixels):
         raise InputError("cannot be written", file=file)
 
 

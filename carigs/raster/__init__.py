@@ -1,5 +1,5 @@
 """Triangle rasteriser: which face, where on it, and how deep, at every pixel."""
 
-from carigs.raster.triangles import Fragments, rasterize_mesh
+from carigs.raster.triangles import Fragments, Visibility, rasterize_mesh, visible
 
-__all__ = ["Fragments", "rasterize_mesh"]
+__all__ = ["Fragments", "Visibility", "rasterize_mesh", "visible"]

@@ -1,17 +1,19 @@
-"""Z-buffered triangle rasteriser on the CPU (Numba): face ids, perspective-correct barycentrics, depth."""
+"""The triangle rasteriser: what a camera sees of a mesh."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-import numba
 import numpy as np
-from jaxtyping import Float, Float32, Int, Int32
+from jaxtyping import Bool, Float, Float32, Float64, Int, Int32
+
+from carigs.raster import scan
 
 if TYPE_CHECKING:
     from carigs.capture.camera import Camera
 
-NEAR = 0.01  # metres: triangles that reach nearer than this are dropped
+NEAR = 0.01  # metres: what is nearer than this is cut off
 
 
 class Fragments(NamedTuple):
@@ -25,64 +27,53 @@ class Fragments(NamedTuple):
     """Depth along the optical axis in metres, inf where there is no face."""
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _rasterize(pixel, depth, faces, height, width, cull_back):
-    face_image = np.full((height, width), -1, np.int32)
-    weight_image = np.zeros((height, width, 3), np.float32)
-    depth_image = np.full((height, width), np.inf, np.float32)
-    for f in range(faces.shape[0]):
-        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        za, zb, zc = depth[i], depth[j], depth[k]
-        if not (za > NEAR and zb > NEAR and zc > NEAR):
-            continue
-        ax, ay, bx, by, cx, cy = pixel[i, 0], pixel[i, 1], pixel[j, 0], pixel[j, 1], pixel[k, 0], pixel[k, 1]
-        # Twice the signed area; y points down, so faces seen from outside (counter-clockwise) come out negative.
-        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
-        if area == 0.0 or (cull_back and area > 0.0):
-            continue
-        x0 = max(int(np.ceil(max(min(ax, bx, cx), 0.0) - 0.5)), 0)
-        x1 = min(int(np.floor(min(max(ax, bx, cx), float(width)) - 0.5)), width - 1)
-        y0 = max(int(np.ceil(max(min(ay, by, cy), 0.0) - 0.5)), 0)
-        y1 = min(int(np.floor(min(max(ay, by, cy), float(height)) - 0.5)), height - 1)
-        for y in range(y0, y1 + 1):
-            py = y + 0.5
-            for x in range(x0, x1 + 1):
-                px = x + 0.5
-                # Each edge function is evaluated from the edge's lower to its higher vertex index, so that two faces
-                # that share an edge see exactly opposite values: no cracks.  Ties go to both; depth decides.
-                u = _edge(bx, by, cx, cy, px, py, j < k) / area
-                v = _edge(cx, cy, ax, ay, px, py, k < i) / area
-                w = _edge(ax, ay, bx, by, px, py, i < j) / area
-                if u < 0.0 or v < 0.0 or w < 0.0:
-                    continue
-                u, v, w = u / za, v / zb, w / zc
-                z = 1.0 / (u + v + w)
-                if z < depth_image[y, x]:
-                    face_image[y, x] = f
-                    depth_image[y, x] = z
-                    weight_image[y, x, 0] = u * z
-                    weight_image[y, x, 1] = v * z
-                    weight_image[y, x, 2] = w * z
-    return face_image, weight_image, depth_image
+@dataclass(frozen=True)
+class Visibility:
+    """Which face is nearest at every pixel centre, and what it takes to say where on it."""
+
+    face: Int32[np.ndarray, "h w"]
+    """Index of the nearest face, -1 where there is none."""
+    nearness: Float32[np.ndarray, "h w"]
+    """Inverse depth along the optical axis in 1/metres, 0 where there is no face."""
+    back: Bool[np.ndarray, "f"]
+    """Faces that show the camera their back."""
+    slope: Float64[np.ndarray, "f 3"]
+    """Inverse depth of each face's plane at the pixel (x, y): slope @ (x, y, 1)."""
+    points: Float64[np.ndarray, "v 3"]
+    """Vertices in camera axes."""
+    pixel: Float64[np.ndarray, "v 2"]
+    """Their pixels: without meaning unless their depth is positive."""
+    faces: Int32[np.ndarray, "f 3"]
+    camera: Camera
+
+    @property
+    def fragments(self) -> Fragments:
+        """Barycentrics and depth at every pixel."""
+        c = self.camera
+        weights, depth = scan.locate(self.points, self.faces, self.slope, self.face, c.fx, c.fy, c.cx, c.cy)
+        return Fragments(self.face, weights, depth)
 
 
-@numba.njit(inline="always")
-def _edge(ax, ay, bx, by, px, py, forward):
-    if forward:
-        return (bx - ax) * (py - ay) - (by - ay) * (px - ax)
-    return -((ax - bx) * (py - by) - (ay - by) * (px - bx))
+def visible(
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], camera: Camera, *, cull_back: bool = False
+) -> Visibility:
+    """Find the nearest face at every pixel centre.
+
+    Vertices are world points in metres.  Faces are cut at the depth `NEAR`; with `cull_back` those seen from behind
+    (clockwise in the image) are left out.  A pixel centre on a shared edge belongs to exactly one of its two faces
+    (top-left rule), and neighbours leave no cracks.  Faces that are edge-on or not finite have no pixels.
+    """
+    c, faces = camera, np.ascontiguousarray(faces, np.int32)
+    rotation, translation = np.ascontiguousarray(c.camera_from_world[:3, :3]), c.camera_from_world[:3, 3].copy()
+    lens = (float(c.fx), float(c.fy), float(c.cx), float(c.cy))
+    points, pixel = scan.project(np.ascontiguousarray(vertices, np.float64), rotation, translation, *lens)
+    slope, back = scan.planes(points, faces, *lens)
+    face, nearness = scan.scan(points, pixel, faces, slope, back, cull_back, NEAR, *lens, c.height, c.width)
+    return Visibility(face, nearness, back, slope, points, pixel, faces, camera)
 
 
 def rasterize_mesh(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], camera: Camera, *, cull_back: bool = False
 ) -> Fragments:
-    """Render the mesh's visibility at pixel centres.
-
-    Vertices are world points in metres.  Faces with a corner nearer than `NEAR` are dropped.  With `cull_back`, faces
-    seen from behind (clockwise in the image) are dropped too.  A pixel on a shared edge belongs to exactly one of the
-    faces (the nearer, then the first); neighbouring faces leave no cracks.
-    """
-    pixel, depth = camera.project(np.asarray(vertices, np.float64))
-    return Fragments(
-        *_rasterize(pixel, depth, np.ascontiguousarray(faces, np.int32), camera.height, camera.width, cull_back)
-    )
+    """`visible` with barycentrics and depth of every pixel."""
+    return visible(vertices, faces, camera, cull_back=cull_back).fragments

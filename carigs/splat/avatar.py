@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zipfile
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from carigs.splat.draw import RIGS, draw
 from carigs.splat.motion import Performance
 from carigs.splat.surfels import ATTRIBUTES, Surfels, from_arrays, to_arrays
 from carigs.surface import GammaPath
+from carigs.target.light import Shading
 
 FORMAT = "carigs-avatar-1"
 POSE = ("translation", "rotation", "neck", "jaw", "eyes", "expression")
@@ -50,6 +51,7 @@ class Avatar:
                 kind=self.rig,
                 rotate_harmonics=self.rotate_harmonics,
                 background=self.background,
+                shade=performance.shade(timestep, level),
                 backend=backend,
             )
         return drawing.image.numpy().clip(0, 1)
@@ -57,7 +59,7 @@ class Avatar:
 
 def save_avatar(file: Path, avatar: Avatar) -> None:
     """Write the .npz; of the expression directions only those that move anything."""
-    head, path = avatar.performance.head, avatar.performance.path
+    head, path, shading = avatar.performance.head, avatar.performance.path, avatar.performance.shading
     used = N_SHAPE + np.flatnonzero(head.shapedirs[:, :, N_SHAPE:].any(axis=(0, 1)))
     timesteps = np.array(sorted(avatar.performance.parameters))
     poses = {
@@ -84,6 +86,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
             **{f"region_{name}": ids for name, ids in head.regions.items()},
             timesteps=timesteps,
             **poses,
+            **({} if shading is None else {f"shading_{name}": value for name, value in asdict(shading).items()}),
             path_levels=path.levels,
             path_displacements=path.displacements,
             path_neutral=path.neutral,
@@ -150,6 +153,8 @@ def _from_arrays(arrays: dict[str, np.ndarray], file: Path) -> Avatar:
         changes=arrays.get("path_changes"),
     )
     performance = Performance(head, parameters, path)
+    if "shading_light" in arrays:
+        performance.shading = Shading(**{f.name: arrays[f"shading_{f.name}"] for f in fields(Shading)})
     return Avatar(
         from_arrays(**surfels),
         performance,

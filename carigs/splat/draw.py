@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Float32
 from torch import Tensor
 
 from carigs.capture import Camera
@@ -39,19 +39,22 @@ def draw(
     kind: str = "jbs",
     rotate_harmonics: bool = True,
     background: float = 1.0,
+    shade: Float32[np.ndarray, "f 3"] | None = None,
     outputs: tuple[str, ...] = (),
     backend: str = "cpu",
 ) -> Drawing:
     """Render the surfels on a posed mesh; `outputs` are wanted beside the colour.
 
     `kind` is one of `RIGS`: `jbs` blends the neighbours' motions, `jacobian` takes the own face's.  With
-    `rotate_harmonics` view-dependent colour turns with the head.
+    `rotate_harmonics` view-dependent colour turns with the head.  `shade` is a factor on the colours per triangle.
     """
     eye = camera.centre if surfels.sh_degree > 0 else None
     skinned = skin(surfels, rig, motion, blend=kind == "jbs", eye=eye, turning=rotate_harmonics)
     colour = skinned.colour
     if skinned.direction is not None:
         colour = colour + view_colour(surfels.harmonics, skinned.direction, surfels.sh_degree)
+    if shade is not None:
+        colour = colour * torch.from_numpy(shade[surfels.binding])
     world = WorldSurfels(*skinned[:4], colour.clamp_min(0))
     # sum w c + (1 - sum w) b = b + sum w (c - b): colours relative to the background need no alpha, nor its gradient.
     rendering = rasterize(

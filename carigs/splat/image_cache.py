@@ -7,10 +7,10 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
-from jaxtyping import UInt8
+from jaxtyping import UInt
 from numpy import ndarray
 
-Pixels = UInt8[ndarray, "h w *c"]
+Pixels = UInt[ndarray, "h w *c"]
 
 
 class ImageCache:

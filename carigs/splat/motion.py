@@ -7,13 +7,14 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Float32
 
 from carigs.capture import Capture
 from carigs.errors import InputError
 from carigs.head import HeadModel, HeadParameters, neutral, pose
 from carigs.head.model import N_SHAPE
 from carigs.splat.rig import FaceMotion, Rig, build_rig, face_motion
+from carigs.target.light import Shading, transfer
 
 if TYPE_CHECKING:
     from carigs.surface import GammaPath
@@ -29,12 +30,16 @@ class Performance:
     """Of every timestep, without shape and static offset."""
     path: GammaPath
     megabytes: int = 512
+    shading: Shading | None = None
+    """How colours follow the light on the posed surface; they stay as they are if None."""
     rig: Rig = field(init=False)
 
     def __post_init__(self) -> None:
         self.rig = build_rig(self.head.v_template, self.head.faces)
         self._motions: OrderedDict[tuple[int, float], FaceMotion] = OrderedDict()
         self._bytes = 0
+        self._shades: dict[tuple[int, float], Float32[np.ndarray, "f 3"]] = {}
+        self._tracked = dict(self.parameters)
 
     def move(self, timestep: int, parameters: HeadParameters) -> None:
         """Give a timestep other parameters; what was remembered of it is forgotten."""
@@ -45,6 +50,21 @@ class Performance:
     def posed(self, timestep: int, level: float) -> Float[np.ndarray, "v 3"]:
         """World vertices in metres."""
         return pose(self.head, self.parameters[timestep], self.path.at(level) if level else None)
+
+    def shade(self, timestep: int, level: float) -> Float32[np.ndarray, "f 3"] | None:
+        """Factor on every triangle's colours for its shading on the posed surface, against the canonical one.
+
+        On the surface as it was tracked: light changes little where `move` moves the head by a millimetre.
+        """
+        if self.shading is None:
+            return None
+        key = (timestep, float(level))
+        if key not in self._shades:
+            posed = pose(self.head, self._tracked[timestep], self.path.at(level) if level else None)
+            surfaces = (self.rig.vertices, posed)
+            before, after = (transfer(vertices, self.rig.faces) for vertices in surfaces)
+            self._shades[key] = self.shading.of_faces(before, after, self.rig.faces)
+        return self._shades[key]
 
     def motion(self, timestep: int, level: float) -> FaceMotion:
         """Motion of every triangle from the canonical mesh."""

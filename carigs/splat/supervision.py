@@ -10,9 +10,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, UInt8
 
 from carigs.capture import Camera, Capture
-from carigs.capture.images import read_grey, read_rgb8
+from carigs.capture.images import read_bits, read_rgb8
 from carigs.errors import InputError
+from carigs.settings import EXCLUDED
 from carigs.splat.image_cache import ImageCache
+from carigs.target.reasons import as_bits
 
 
 class Example(NamedTuple):
@@ -55,11 +57,13 @@ class Supervision:
     capture: Capture
     targets: Path | None
     gamma_f: float
-    masks: bool = True
+    exclude: tuple[str, ...] = EXCLUDED
+    """Names of the reasons for which pixels are left out and triangles rest."""
     megabytes: int = 2048
 
     def __post_init__(self) -> None:
         self.frames = self.capture.split("train")
+        self._excluded = np.uint16(as_bits(self.exclude).value)
         self._images = ImageCache(self.megabytes)
         if not self.frames:
             raise InputError("no training frames", file=self.capture.root, field="train")
@@ -71,21 +75,22 @@ class Supervision:
 
     def frozen_faces(self) -> Bool[np.ndarray, "f"] | None:
         """Faces whose surfels rest in caricature steps; None if there are none."""
-        if self.targets is None or not self.masks:
+        if self.targets is None or not self.exclude:
             return None
-        file = self.targets / "frozen.npy"
+        file = self.targets / "faces.npy"
         if not file.is_file():
             raise InputError("no such file", file=file)
-        frozen = np.load(file)
-        if frozen.shape != (len(self.capture.model.faces),) or frozen.dtype != bool:
-            raise InputError(f"{frozen.dtype} {frozen.shape}, expected one bool per face", file=file)
+        reasons = np.load(file)
+        if reasons.shape != (len(self.capture.model.faces),) or reasons.dtype != np.uint16:
+            raise InputError(f"{reasons.dtype} {reasons.shape}, expected 16 bits per face", file=file)
+        frozen = (reasons & self._excluded) > 0
         return frozen if frozen.any() else None
 
     def files(self) -> list[Path]:
         """Every image and mask that may be read."""
         root = self.capture.root
         files = [root / f.image for f in self.frames]
-        return files + [self.targets / f"{f.name}{end}.png" for f in self.target_frames for end in ("", "_mask")]
+        return files + [self.targets / f"{f.name}{end}.png" for f in self.target_frames for end in ("", "_reasons")]
 
     def example(self, caricature: bool, index: int) -> Example:
         """Training frame or target number `index`."""
@@ -96,8 +101,8 @@ class Supervision:
             return Example(frame.timestep, camera, 0.0, _as_float(image, camera, frame.image), None)
         file = self.targets / f"{frame.name}.png"
         image, valid = self._images.get(file, _read_planes), None
-        if self.masks:
-            valid = self._images.get(file.with_name(f"{frame.name}_mask.png"), _read_mask).view(bool)
+        if self.exclude:
+            valid = (self._images.get(file.with_name(f"{frame.name}_reasons.png"), read_bits) & self._excluded) == 0
         return Example(frame.timestep, camera, self.gamma_f, _as_float(image, camera, file), valid)
 
     def decode_ahead(self, caricature: bool, index: int) -> None:
@@ -107,8 +112,8 @@ class Supervision:
             return
         file = self.targets / f"{self.target_frames[index].name}.png"
         self._images.ask(file, _read_planes)
-        if self.masks:
-            self._images.ask(file.with_name(f"{file.stem}_mask.png"), _read_mask)
+        if self.exclude:
+            self._images.ask(file.with_name(f"{file.stem}_reasons.png"), read_bits)
 
     def first_view(self, caricature: bool, index: int) -> tuple[Example, Float[np.ndarray, "h w"]]:
         """An example, and how far each of its pixels may be taken for the person's: the matte, or the mask's."""
@@ -128,7 +133,3 @@ def _as_float(pixels: UInt8[np.ndarray, "h w 3"], camera: Camera, file: object) 
 def _read_planes(file: Path) -> UInt8[np.ndarray, "h w 3"]:
     """As planes in memory, which is how the loss takes them."""
     return np.ascontiguousarray(read_rgb8(file).transpose(2, 0, 1)).transpose(1, 2, 0)
-
-
-def _read_mask(file: Path) -> UInt8[np.ndarray, "h w"]:
-    return (read_grey(file) > 0.5).astype(np.uint8)

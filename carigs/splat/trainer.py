@@ -131,6 +131,7 @@ class _Run:
             kind=settings.rig,
             rotate_harmonics=settings.rotate_harmonics,
             background=self.supervision.capture.background,
+            shade=self.performance.shade(example.timestep, example.level),
             outputs=outputs,
             backend=settings.backend,
         )

@@ -16,7 +16,8 @@ from carigs.head.teeth import without_teeth
 from carigs.settings import Exaggerate, Figures
 from carigs.surface import GammaPath
 from evaluation.blend_error import blend_errors, plot_blend_errors, write_blend_errors
-from evaluation.listings import read_rendered, read_truths
+from evaluation.listings import Truths, read_rendered, read_truths
+from evaluation.misregistration import misregistrations, plot_misregistrations, write_misregistrations
 from evaluation.strips import ablation, gamma_strip
 
 
@@ -32,16 +33,17 @@ def figures(
     path: Path,
     folder: Path,
 ) -> None:
-    """Write `gamma_strip_{variant}.png`, `ablation.png`, `blend_error.png` and `.csv` into `folder`.
+    """Write `gamma_strip_{variant}.png`, `ablation.png`, and .png and .csv of `blend_error` and `misregistration`.
 
     `variants` and `levels` belong to `indices` one by one, `truth_levels` to `truths`.  A path that no solver made has
-    no blend error: `blend_error.txt` then says so.
+    no blend error: `blend_error.txt` then says so, and `misregistration.txt` where there is no truth.
     """
     if settings.samples < 3 or settings.height < 1:
         raise SettingsError(
             f"figures.samples={settings.samples} must be at least 3, figures.height={settings.height} at least 1"
         )
-    frame = _shown_frame(settings, Capture.load(capture))
+    subject = Capture.load(capture)
+    frame = _shown_frame(settings, subject)
     true_images = dict.fromkeys(sorted(set(levels)))
     for level, file in zip(truth_levels, truths, strict=True):
         image = read_truths(file).images.get(frame)
@@ -57,7 +59,9 @@ def figures(
             file = part / f"gamma_strip_{variant}.png"
             gamma_strip(file, variant, shown, images, truth_row, height=settings.height)
         ablation(part / "ablation.png", rows, shown, truth_row, height=settings.height)
-        _blend_error(part, without_teeth(GammaPath.load(path)), Capture.load(capture), settings.samples)
+        _blend_error(part, without_teeth(GammaPath.load(path)), subject, settings.samples)
+        known = {level: read_truths(file) for level, file in zip(truth_levels, truths, strict=True)}
+        _misregistration(part, subject, GammaPath.load(path), known)
 
 
 def _shown_frame(settings: Figures, subject: Capture) -> tuple[int, int]:
@@ -78,6 +82,15 @@ def _rendered(index: Path, frame: tuple[int, int]) -> np.ndarray:
         if rendered.protocol == "test" and (rendered.timestep, rendered.camera) == frame:
             return read_rgb(rendered.file)
     raise InputError(f"no test frame of timestep {frame[0]}, camera {frame[1]}", file=index)
+
+
+def _misregistration(folder: Path, subject: Capture, path: GammaPath, truths: dict[float, Truths]) -> None:
+    if not any(level > 0 and known.images for level, known in truths.items()):
+        (folder / "misregistration.txt").write_text("No true caricature is known.\n")
+        return
+    rows = list(misregistrations(subject, path, truths))
+    write_misregistrations(folder / "misregistration.csv", rows)
+    plot_misregistrations(folder / "misregistration.png", rows)
 
 
 def _blend_error(folder: Path, path: GammaPath, subject: Capture, samples: int) -> None:

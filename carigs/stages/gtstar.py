@@ -1,53 +1,87 @@
-"""Stage `gtstar`: every training frame warped to its caricature, with its validity mask."""
+"""Stage `gtstar`: every training frame turned into its caricature, with the reasons against its pixels."""
 
 from __future__ import annotations
 
 import json
-from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 from rich.progress import track
 
 from carigs.capture import Capture
-from carigs.capture.images import write_png
+from carigs.capture.images import write_bits, write_png
+from carigs.errors import InputError
 from carigs.files import writing, writing_folder
-from carigs.head import pose
-from carigs.settings import Gtstar
-from carigs.surface import GammaPath
-from carigs.target import frozen_faces, validity, warp_frame
+from carigs.settings import EXCLUDED, Gtstar
+from carigs.surface import Caricature, GammaPath
+from carigs.target import Reason, as_bits, face_reasons
+from carigs.target.light import save_shading
+from carigs.target.provider import Provided, check_settings, fitted_shading, provide
+from evaluation.target_sheet import Shown, target_sheet
+
+SHOWN = 5
+"""Frames on the contact sheet."""
 
 
 def gtstar(settings: Gtstar, *, capture: Path, path: Path, targets: Path, index: Path) -> None:
-    """Write the folder `targets` (colours, masks, frozen faces) and `index`, which says how much of each is trusted."""
+    """Write the folder `targets` (colours, reasons of pixels and of faces, a contact sheet) and `index`.
+
+    The index says how often each reason holds, how far each frame is off its mesh, and which frames were left out.
+    """
+    check_settings(settings)
     subject, gamma_path = Capture.load(capture), GammaPath.load(path)
     exaggerated = gamma_path.at(gamma_path.gamma_f)
-    entries = []
+    of_faces = face_reasons(subject.model, settings)
+    entries, left_out, shown = [], [], []
+    frames = subject.split("train")
+    count = len(frames)
+    chosen = {frames[i] for i in np.linspace(0, count - 1, SHOWN).astype(int)}
     with writing_folder(targets) as part:
-        np.save(part / "frozen.npy", frozen_faces(subject.model, settings))
-        frames = subject.split("train")
-        timesteps = groupby(frames, key=lambda frame: frame.timestep)
-        count = len({frame.timestep for frame in frames})
-        for timestep, group in track(timesteps, total=count, description="GT*", disable=count < 10):
-            parameters = subject.parameters(timestep)
-            natural, caricature = pose(subject.model, parameters), pose(subject.model, parameters, exaggerated)
-            for frame in group:
-                warp = warp_frame(
-                    subject.image(frame),
-                    natural,
-                    caricature,
-                    subject.model.faces,
-                    subject.cameras[frame.camera],
-                    subject.background,
-                )
-                judged = validity(warp, subject.mask(frame), subject.model, settings)
-                write_png(part / f"{frame.name}.png", warp.colour)
-                write_png(part / f"{frame.name}_mask.png", judged.valid.astype(np.float32))
-                shares = {
-                    name: round(float(getattr(judged, name).mean()), 6)
-                    for name in ("valid", "invisible", "hair", "region", "outside")
-                }
-                entries.append({"timestep": frame.timestep, "camera": frame.camera, "image": f"{frame.name}.png",
-                                "mask": f"{frame.name}_mask.png", **shares})  # fmt: skip
+        np.save(part / "faces.npy", of_faces)
+        shading = fitted_shading(settings, subject, of_faces)
+        if settings.relight == "targets_and_surfels" and shading is not None:
+            save_shading(part / "shading.npz", shading)
+        provided = provide(settings, subject, of_faces, exaggerated, shading)
+        for item in track(provided, total=count, description="GT*", disable=count < 100):
+            if item.target is not None and len(shown) < SHOWN and item.frame in chosen:
+                shown.append(_shown(subject, item, exaggerated))
+            if item.target is None:
+                print(f"GT*: frame {item.frame.name} is left out: {item.left_out}")
+                left_out.append({**_which(item), "why": item.left_out})
+                continue
+            name = item.frame.name
+            write_png(part / f"{name}.png", item.target.colour)
+            write_bits(part / f"{name}_reasons.png", item.target.reasons)
+            files = {"image": f"{name}.png", "reasons": f"{name}_reasons.png"}
+            entries.append({**_which(item), **files, "shares": _shares(item.target.reasons)})
+        if left_out:
+            print(f"GT*: {len(left_out)} of {count} frames are left out")
+        if not entries:
+            raise InputError(f"no frame can be used; the first: {left_out[0]['why']}", file=capture)
+        if shown:
+            target_sheet(part / "inspection.png", shown, as_bits(EXCLUDED))
+    content = {"gamma": gamma_path.gamma_f, "targets": entries, "left_out": left_out}
     with writing(index) as part_index:
-        part_index.write_text(json.dumps({"gamma": gamma_path.gamma_f, "targets": entries}, indent=1))
+        part_index.write_text(json.dumps(content, indent=1))
+
+
+def _shown(subject: Capture, item: Provided, exaggerated: Caricature) -> Shown:
+    """The row of the contact sheet; the procedural person's true caricature is rendered for it."""
+    frame, truth = item.frame, None
+    if (subject.root / "subject.npz").is_file():
+        from carigs.capture.toy import load_subject, render_subject
+
+        camera = subject.cameras[frame.camera]
+        parameters = subject.parameters(frame.timestep)
+        truth, _ = render_subject(load_subject(subject.root), parameters, camera, exaggerated)
+    return Shown(frame.name, subject.image(frame), item.target.colour, item.target.reasons, truth)
+
+
+def _which(item: Provided) -> dict[str, object]:
+    off = None if item.misfit is None else round(item.misfit.pixels, 3)
+    return {"timestep": item.frame.timestep, "camera": item.frame.camera, "pixels_off": off}
+
+
+def _shares(reasons: np.ndarray) -> dict[str, float]:
+    """Of the image's pixels, for each reason."""
+    return {reason.name.lower(): round(float(np.mean((reasons & reason.value) > 0)), 6) for reason in Reason}

@@ -30,11 +30,14 @@ def train(
     from carigs.splat.ply import write_ply
     from carigs.splat.supervision import Supervision
     from carigs.splat.trainer import COLUMNS, train_surfels
+    from carigs.target.light import load_shading
 
     subject, gamma_path = Capture.load(capture), GammaPath.load(path)
     performance = perform(subject, gamma_path)
     used = targets if settings.caricature_share > 0 else None
-    supervision = Supervision(subject, used, gamma_path.gamma_f, settings.masks)
+    if used is not None:
+        performance.shading = load_shading(used / "shading.npz")
+    supervision = Supervision(subject, used, gamma_path.gamma_f, settings.exclude)
     checkpoint = avatar.with_suffix(".checkpoint")
     surfels, rows = train_surfels(settings, performance, supervision, checkpoint)
     trained = Avatar(surfels, performance, settings.rig, settings.rotate_harmonics, subject.background)

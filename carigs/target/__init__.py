@@ -1,11 +1,11 @@
-"""GT*: pseudo ground truth by warping a frame to its caricature, and masks that say which pixels to trust.
+"""GT*: pseudo ground truth by warping a frame to its caricature, with reasons against doubtful pixels.
 
-- `warp_frame`: one frame, two meshes, one camera -> `Warp` (colours and where they came from)
-- `validity`: which pixels of a `Warp` may supervise training
-- `frozen_faces`: the triangles whose surfels are frozen while a target supervises
+- `make_target`: one frame, two meshes, one camera -> `Target`: colours and a bit field of `Reason`
+- `face_reasons`: the triangles that a reason always holds for; their surfels are frozen while a target supervises
 """
 
-from carigs.target.masks import Validity, frozen_faces, validity
+from carigs.target.lat import Target, make_target
+from carigs.target.reasons import Reason, as_bits, face_reasons
 from carigs.target.warp import Warp, warp_frame
 
-__all__ = ["Validity", "Warp", "frozen_faces", "validity", "warp_frame"]
+__all__ = ["Reason", "Target", "Warp", "as_bits", "face_reasons", "make_target", "warp_frame"]

@@ -1,65 +1,73 @@
-"""The local affine warp: every pixel of the caricature fetches its colour from the real frame."""
+"""The local warp: every pixel of the caricature fetches its colour from the real frame."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-import cv2
 import numpy as np
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Float32, Float64, UInt16
 
 from carigs.capture import Camera
-from carigs.raster import Fragments, rasterize_mesh
+from carigs.errors import SettingsError
+from carigs.raster import Visibility
+from carigs.settings import Gtstar
+from carigs.target import trace
+
+MAPS = ("affine", "perspective")
 
 
 class Warp(NamedTuple):
-    """A frame warped onto the caricature, with what the masks need to judge it."""
+    """A frame warped onto the caricature, and what speaks against its pixels."""
 
     colour: Float32[np.ndarray, "h w 3"]
-    """Warped colours on the caricature mesh, background elsewhere: the warp knows nothing of what is off the mesh."""
+    """Warped colours on the caricature mesh where the frame shows that point, background elsewhere."""
+    reasons: UInt16[np.ndarray, "h w"]
+    """Bits of `Reason`; 0 off the mesh, of which the warp knows nothing."""
     source_pixel: Float32[np.ndarray, "h w 2"]
     """Where in the frame each mesh pixel came from (x, y; pixel centres at +0.5); nan off the mesh."""
-    source_depth: Float32[np.ndarray, "h w"]
-    """Depth of that point on the natural surface; nan off the mesh."""
-    natural: Fragments
-    caricature: Fragments
-    natural_pixel: Float[np.ndarray, "v 2"]
-    """The vertices' pixels in the frame."""
-    caricature_pixel: Float[np.ndarray, "v 2"]
 
 
 def warp_frame(
     image: Float32[np.ndarray, "h w 3"],
-    natural_vertices: Float[np.ndarray, "v 3"],
-    caricature_vertices: Float[np.ndarray, "v 3"],
-    faces: Int[np.ndarray, "f 3"],
-    camera: Camera,
+    natural: Visibility,
+    caricature: Visibility,
+    of_faces: UInt16[np.ndarray, "f"],
+    of_frame: UInt16[np.ndarray, "h w"],
+    settings: Gtstar,
     background: float = 1.0,
 ) -> Warp:
-    """Warp a frame by the per-triangle affine maps between the two projected meshes (paper, equation 5).
+    """Warp a frame by the maps between the two projected meshes.
 
-    The map of a triangle is affine exactly if it keeps the barycentric coordinates of the *projected* triangles; the
-    inverse map sends each caricature pixel to the frame, sampled bilinearly.  Vertices are world points in metres.
+    `natural` is what the frame's camera sees of the tracked mesh, `caricature` of the exaggerated one (possibly at
+    another resolution).  `affine` is the paper's equation 5: exact where a triangle is small against its distance;
+    `perspective` keeps the 3D point.  Pixels of the frame that show another surface, or none, are not sampled: the
+    others share their weight.  `of_faces` and `of_frame` are reasons that each triangle and each pixel of the frame
+    bring along.
     """
-    natural = rasterize_mesh(natural_vertices, faces, camera)
-    caricature = rasterize_mesh(caricature_vertices, faces, camera)
-    covered = caricature.face >= 0
-    corners = faces[caricature.face[covered]]  # (p, 3)
+    maps = source_maps(natural, caricature, settings.warp)
+    reasons, samples = trace.judge_faces(
+        of_faces, natural.points, natural.pixel, caricature.pixel, natural.faces, natural.back, caricature.back,
+        settings.grazing, settings.stretch * (caricature.camera.fx / natural.camera.fx) ** 2,
+    )  # fmt: skip
+    if not settings.footprint:
+        samples[:] = 1
+    source, reasons = trace.follow(caricature.face, maps, reasons, of_frame)
+    colour = trace.sample(
+        source, reasons, caricature.face, maps, samples, natural.nearness, natural.slope, image,
+        np.float32(settings.depth_tolerance), background,
+    )  # fmt: skip
+    return Warp(colour, reasons, source)
 
-    natural_pixel, natural_depth = camera.project(natural_vertices)
-    caricature_pixel, caricature_depth = camera.project(caricature_vertices)
-    # Perspective-correct weights times the corners' depths are, up to their sum, the weights in the image plane.
-    weights = caricature.barycentric[covered] * caricature_depth[corners]
-    weights /= weights.sum(axis=1, keepdims=True)
 
-    source_pixel = np.full((*covered.shape, 2), np.nan, np.float32)
-    source_depth = np.full(covered.shape, np.nan, np.float32)
-    source_pixel[covered] = np.einsum("pc,pcx->px", weights, natural_pixel[corners])
-    # Inverse depth is affine in the image plane.
-    with np.errstate(divide="ignore"):
-        source_depth[covered] = 1.0 / np.einsum("pc,pc->p", weights, 1.0 / natural_depth[corners])
+def source_maps(natural: Visibility, caricature: Visibility, kind: str) -> Float64[np.ndarray, "f 3 3"]:
+    """Per face the map of homogeneous pixels of the caricature to those of the frame; `kind` is one of `MAPS`."""
+    if kind == "affine":
+        return trace.affine_maps(natural.pixel, caricature.pixel, natural.faces)
+    if kind == "perspective":
+        lenses = [_lens(seen.camera) for seen in (natural, caricature)]
+        return trace.perspective_maps(natural.points, caricature.points, natural.faces, *lenses)
+    raise SettingsError(f"gtstar.warp={kind} is unknown; choose {' or '.join(MAPS)}")
 
-    where = np.where(covered[..., None], source_pixel - np.float32(0.5), 0)  # remap counts pixel centres from 0
-    colour = cv2.remap(image, where, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    colour = np.where(covered[..., None], colour, np.float32(background))
-    return Warp(colour, source_pixel, source_depth, natural, caricature, natural_pixel, caricature_pixel)
+
+def _lens(camera: Camera) -> tuple[float, float, float, float]:
+    return float(camera.fx), float(camera.fy), float(camera.cx), float(camera.cy)

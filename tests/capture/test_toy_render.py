@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from carigs.capture import Camera
+from carigs.capture.images import to_linear
 from carigs.capture.toy import Subject, load_subject, make_subject, render_subject
 from carigs.capture.toy.atlas import layout, texel_points
 from carigs.capture.toy.exposure import exposure
@@ -17,7 +18,7 @@ from carigs.capture.toy.lighting import AMBIENT_SQUARE, Light
 from carigs.capture.toy.noise import fractal, spots
 from carigs.capture.toy.ribbons import comb, ribbon_faces
 from carigs.capture.toy.scene import cameras, frontal_camera
-from carigs.capture.toy.shading import LINEAR, STORED, bounced, shade, to_linear
+from carigs.capture.toy.shading import LINEAR, STORED, bounced, shade
 from carigs.head import HeadParameters, neutral
 from carigs.raster import rasterize_mesh
 from carigs.settings import Toy

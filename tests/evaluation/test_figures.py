@@ -118,7 +118,13 @@ def test_a_given_caricature_gets_its_strips_and_says_why_there_is_no_blend_error
     folder, keywords = study
     figures(Figures(height=96), **keywords, path=folder / "given.npz", folder=folder / "given")
     names = {file.name for file in (folder / "given").iterdir()}
-    assert names == {"gamma_strip_alternating.png", "gamma_strip_surfhead.png", "ablation.png", "blend_error.txt"}
+    assert names == {
+        "gamma_strip_alternating.png",
+        "gamma_strip_surfhead.png",
+        "ablation.png",
+        "blend_error.txt",
+        "misregistration.txt",
+    }
     assert "from a file" in (folder / "given/blend_error.txt").read_text()
     # alternating | surfhead | truth against alternating | truth | error
     assert (

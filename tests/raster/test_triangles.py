@@ -1,34 +1,36 @@
 """The triangle rasteriser against closed forms and an independent ray caster."""
 
+import igl
 import numpy as np
 import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import Delaunay
 
 from carigs.capture import Camera, look_at
-from carigs.raster import rasterize_mesh
+from carigs.raster import rasterize_mesh, visible
 
 FRONTAL = Camera(look_at(np.array([0.0, 0.0, 2.0]), np.zeros(3)), fx=80, fy=80, cx=24, cy=20, width=48, height=40)
 
 
 def pixel_rays(camera: Camera) -> np.ndarray:
-    """World directions through all pixel centres, unit depth."""
+    """World directions through all pixel centres (h, w, 3), unit depth."""
     x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
     directions = np.stack([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, np.ones_like(x)], axis=-1)
-    return directions.reshape(-1, 3) @ camera.camera_from_world[:3, :3]
+    return directions @ camera.camera_from_world[:3, :3]
 
 
-def test_matches_ray_casting_on_a_bumpy_sphere():
-    mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.35)
-    vertices = mesh.vertices * (1 + 0.15 * np.sin(9 * mesh.vertices[:, :1]))
-    camera = Camera(look_at(np.array([0.4, 0.3, 1.5]), np.zeros(3)), 90, 85, 31.2, 24.9, 64, 50)
-    image = rasterize_mesh(vertices, mesh.faces, camera)
+def bumpy_sphere(subdivisions: int = 3) -> tuple[np.ndarray, np.ndarray]:
+    mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.35)
+    return mesh.vertices * (1 + 0.15 * np.sin(9 * mesh.vertices[:, :1])), np.asarray(mesh.faces, np.int32)
 
-    # Moeller-Trumbore for every pixel and face.
-    corners = vertices[mesh.faces]
+
+def ray_cast(vertices: np.ndarray, faces: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Face and depth by Moeller-Trumbore for every pixel and face; faces at depth 0.01 or less do not count."""
+    rays, origin = pixel_rays(camera).reshape(-1, 3), camera.centre
+    corners = vertices[faces]
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    rays, origin = pixel_rays(camera), camera.centre
     cross = np.cross(rays[:, None], second[None])
     determinant = np.einsum("rfi,fi->rf", cross, first)
     offset = origin - corners[:, 0]
@@ -36,46 +38,91 @@ def test_matches_ray_casting_on_a_bumpy_sphere():
     other = np.cross(offset, first)
     v = np.einsum("ri,fi->rf", rays, other) / determinant
     depth = np.einsum("fi,fi->f", second, other)[None] / determinant
-    depth[(u < 0) | (v < 0) | (u + v > 1) | (depth <= 0)] = np.inf
-    expected = depth.min(axis=1).reshape(camera.height, camera.width)
+    depth[(u < 0) | (v < 0) | (u + v > 1) | (depth <= 0.01)] = np.inf
+    face = np.where(np.isfinite(depth.min(axis=1)), depth.argmin(axis=1), -1)
+    return face.reshape(camera.height, camera.width), depth.min(axis=1).reshape(camera.height, camera.width)
 
-    assert np.array_equal(np.isfinite(expected), image.face >= 0)
+
+@pytest.mark.parametrize("eye", [(0.4, 0.3, 1.5), (0.1, 0.05, 0.36), (0.0, 0.1, 0.1)])
+def test_matches_ray_casting_from_afar_from_close_by_and_from_inside(eye):
+    vertices, faces = bumpy_sphere()
+    camera = Camera(look_at(np.array(eye), np.array([0.0, 0.0, -0.1])), 90, 85, 31.2, 24.9, 64, 50)
+    image = rasterize_mesh(vertices, faces, camera)
+    expected, depth = ray_cast(vertices, faces, camera)
+    np.testing.assert_array_equal(image.face, expected)
     hit = image.face >= 0
-    np.testing.assert_allclose(image.depth[hit], expected[hit], rtol=1e-6)
+    assert hit.sum() > 400
+    np.testing.assert_allclose(image.depth[hit], depth[hit], rtol=1e-6)
     # The stated point on the stated face is the one on the ray.
-    points = np.einsum("pc,pcx->px", image.barycentric[hit], vertices[mesh.faces[image.face[hit]]])
-    on_ray = origin + rays.reshape(*hit.shape, 3)[hit] * image.depth[hit][:, None]
+    points = np.einsum("pc,pcx->px", image.barycentric[hit], vertices[faces[image.face[hit]]])
+    on_ray = camera.centre + pixel_rays(camera)[hit] * image.depth[hit][:, None]
     np.testing.assert_allclose(points, on_ray, atol=1e-6)
 
 
-@settings(max_examples=25, deadline=None)
-@given(seed=st.integers(0, 2**31))
-def test_a_fan_leaves_no_cracks_and_covers_nothing_twice(seed):
-    """Each pixel inside a triangulated square is hit; face areas add up: shared edges belong to one face."""
+def test_matches_an_independent_ray_caster_on_a_fine_mesh():
+    vertices, faces = bumpy_sphere(5)
+    camera = Camera(look_at(np.array([0.4, 0.3, 1.5]), np.zeros(3)), 300, 290, 101.2, 84.9, 210, 160)
+    image = rasterize_mesh(vertices, faces, camera)
+    tree = igl.AABB()
+    # It drops triangles by an absolute tolerance: a larger scene.
+    tree.init(1000 * vertices, faces.astype(np.int64))
+    rays = pixel_rays(camera).reshape(-1, 3)
+    face, depth, _ = tree.intersect_ray_first(
+        1000 * vertices, faces.astype(np.int64), np.tile(1000 * camera.centre, (len(rays), 1)), rays
+    )
+    np.testing.assert_array_equal(image.face.ravel(), face)
+    hit = face >= 0
+    np.testing.assert_allclose(image.depth.ravel()[hit], depth[hit] / 1000, rtol=1e-6)
+
+
+@settings(max_examples=50)
+@given(seed=st.integers(0, 2**31), half_pixels=st.booleans())
+def test_a_triangulation_covers_every_pixel_exactly_once(seed, half_pixels):
+    """Faces drawn alone add up to the whole, also where their corners and edges lie on pixel centres."""
     random = np.random.default_rng(seed)
-    square = np.array([[-0.3, -0.3], [0.3, -0.3], [0.3, 0.3], [-0.3, 0.3]])
-    centre = random.uniform(-0.2, 0.2, 2)
-    vertices = np.column_stack([np.vstack([square, centre]), np.zeros(5)])
-    faces = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
-    whole = rasterize_mesh(vertices, np.array([[0, 1, 2], [0, 2, 3]]), FRONTAL).face >= 0
-    parts = rasterize_mesh(vertices, faces, FRONTAL).face
-    assert np.array_equal(parts >= 0, whole)
-    assert whole.sum() == 24 * 24  # 0.6 m at 2 m and 80 px focal length
+    inner = random.uniform(-11.9, 11.9, (6, 2))
+    if half_pixels:
+        inner = np.round(2 * inner) / 2
+    corners = np.array([[-12, -12], [12, -12], [12, 12], [-12, 12]])
+    pixels = np.unique(np.vstack([corners, inner]), axis=0)
+    faces = Delaunay(pixels).simplices.astype(np.int32)
+    vertices = np.column_stack([pixels * 2 / 80, np.zeros(len(pixels))])  # 80 px at 2 m
+    alone = sum((visible(vertices, face[None], FRONTAL).face >= 0).astype(int) for face in faces)
+    assert alone.sum() == 24 * 24
+    assert alone.max() == 1
+    np.testing.assert_array_equal(visible(vertices, faces, FRONTAL).face >= 0, alone > 0)
 
 
 def test_depth_order_and_culling():
     triangle = np.array([[-1, -1, 0], [1, -1, 0], [0, 1, 0.0]])
     vertices = np.vstack([triangle, triangle + np.array([0, 0, 0.5])])
     faces = np.array([[0, 1, 2], [3, 5, 4]])  # the nearer one shows its back
-    assert set(np.unique(rasterize_mesh(vertices, faces, FRONTAL).face)) == {-1, 1}
+    both = visible(vertices, faces, FRONTAL)
+    assert set(np.unique(both.face)) == {-1, 1}
+    assert both.back.tolist() == [False, True]
     culled = rasterize_mesh(vertices, faces, FRONTAL, cull_back=True)
     assert set(np.unique(culled.face)) == {-1, 0}
     np.testing.assert_allclose(culled.depth[culled.face == 0], 2.0, rtol=1e-6)
 
 
 @pytest.mark.parametrize("z", [2.0, 1.999, 3.0])
-def test_faces_at_or_behind_the_camera_are_dropped(z):
-    vertices = np.array([[-1, -1, 0], [1, -1, 0], [0, 1, z]])
-    image = rasterize_mesh(vertices, np.array([[0, 1, 2]]), FRONTAL)
+def test_a_face_that_reaches_behind_the_camera_is_cut(z):
+    """What lies in front of the camera is drawn where its rays meet the plane, the rest is not."""
+    vertices, faces = np.array([[-1, -1, 0], [1, -1, 0], [0, 1, z]]), np.array([[0, 1, 2]])
+    image = rasterize_mesh(vertices, faces, FRONTAL)
+    expected, depth = ray_cast(vertices, faces, FRONTAL)
+    np.testing.assert_array_equal(image.face, expected)
+    assert (expected == 0).any()
+    np.testing.assert_allclose(image.depth[image.face == 0], depth[expected == 0], rtol=1e-5)
+
+
+@pytest.mark.parametrize("corner", [[0, 1, np.nan], [0, 1, np.inf], [1, -1, 0.0], [0, -1, 0.0]])
+def test_faces_without_area_or_with_a_corner_that_is_not_finite_are_not_seen(corner):
+    image = rasterize_mesh(np.array([[-1, -1, 0], [1, -1, 0], corner]), np.array([[0, 1, 2]]), FRONTAL)
     assert (image.face == -1).all()
     assert np.isinf(image.depth).all()
+
+
+def test_nothing_is_seen_behind_the_camera():
+    vertices, faces = bumpy_sphere(1)
+    assert (visible(vertices + np.array([0, 0, 4.0]), faces, FRONTAL).face == -1).all()

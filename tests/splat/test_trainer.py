@@ -9,7 +9,7 @@ import torch
 from miniature import write_ball
 
 from carigs.capture import Camera, read_dataset
-from carigs.capture.images import write_png
+from carigs.capture.images import write_bits, write_png
 from carigs.errors import InputError
 from carigs.head import neutral
 from carigs.settings import Density, Train
@@ -21,6 +21,7 @@ from carigs.splat.supervision import Supervision, draw_schedule
 from carigs.splat.surfels import plain, to_arrays
 from carigs.splat.trainer import learning_rates, train_surfels
 from carigs.surface.path import straight_path
+from carigs.target import Reason
 
 SETTINGS = Train(
     iterations=30,
@@ -43,17 +44,17 @@ def subject(tmp_path_factory):
     targets.mkdir()
     for frame in capture.split("train"):
         write_png(targets / f"{frame.name}.png", capture.image(frame)[:, ::-1])
-        mask = np.ones(capture.mask(frame).shape)
-        mask[:12] = 0
-        write_png(targets / f"{frame.name}_mask.png", mask)
-    np.save(targets / "frozen.npy", capture.model.face_region("scalp"))
+        reasons = np.zeros(capture.mask(frame).shape, np.uint16)
+        reasons[:12] = Reason.HAIR.value
+        write_bits(targets / f"{frame.name}_reasons.png", reasons)
+    np.save(targets / "faces.npy", np.where(capture.model.face_region("scalp"), Reason.HAIR.value, 0).astype(np.uint16))
     return capture, perform(capture, path), targets
 
 
 def run(subject, checkpoint, **changes):
     capture, performance, targets = subject
     settings = replace(SETTINGS, **changes)
-    supervision = Supervision(capture, targets, 0.25, settings.masks)
+    supervision = Supervision(capture, targets, 0.25, settings.exclude)
     return train_surfels(settings, performance, supervision, checkpoint)
 
 
@@ -162,7 +163,7 @@ def test_frozen_surfels_do_not_change_at_all_in_caricature_steps(subject, tmp_pa
 
 def test_without_masks_nothing_is_frozen(subject):
     capture, _, targets = subject
-    supervision = Supervision(capture, targets, 0.25, masks=False)
+    supervision = Supervision(capture, targets, 0.25, exclude=())
     assert supervision.frozen_faces() is None
     assert supervision.example(True, 0).valid is None
     assert not Supervision(capture, targets, 0.25).example(True, 0).valid[:12].any()

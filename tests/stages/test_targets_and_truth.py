@@ -1,14 +1,15 @@
 """Stages `capture`, `exaggerate`, `gtstar` and `truth` on the miniature subject."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from miniature import write_ball
 
-from carigs.capture import Capture
-from carigs.capture.images import read_grey, read_rgb, write_png
+from carigs.capture import Capture, look_at
+from carigs.capture.images import read_bits, read_rgb, write_png
 from carigs.errors import InputError, SettingsError
 from carigs.head import neutral
 from carigs.settings import Capture as CaptureSettings
@@ -18,6 +19,7 @@ from carigs.stages.exaggerate import exaggerate
 from carigs.stages.gtstar import gtstar
 from carigs.stages.truth import truth
 from carigs.surface import GammaPath
+from carigs.target import Reason
 
 
 @pytest.fixture(scope="module")
@@ -75,24 +77,106 @@ def test_a_caricature_that_does_not_fit_is_named(folder, file, says):
     assert not (folder / "x.npz").exists()
 
 
-def test_targets_exist_for_training_frames_alone(folder, tmp_path):
+def make_targets(subject: Path, out: Path, /, **changes) -> dict:
     gtstar(
-        Gtstar(), capture=folder / "capture.json", path=folder / "path.npz",
-        targets=tmp_path / "targets", index=tmp_path / "targets.json",
+        Gtstar(**changes), capture=subject / "capture.json", path=subject / "path.npz",
+        targets=out / "targets", index=out / "targets.json",
     )  # fmt: skip
+    return json.loads((out / "targets.json").read_text())
+
+
+def test_targets_exist_for_training_frames_alone(folder, tmp_path):
+    index = make_targets(folder, tmp_path)
     subject = Capture.load(folder / "capture.json")
-    index = json.loads((tmp_path / "targets.json").read_text())
     assert index["gamma"] == 0.25
+    assert index["left_out"] == []
     assert [(e["timestep"], e["camera"]) for e in index["targets"]] == [
         (f.timestep, f.camera) for f in subject.split("train")
     ]
-    frozen = np.load(tmp_path / "targets/frozen.npy")
-    np.testing.assert_array_equal(frozen, subject.model.face_region("scalp"))
+    of_faces = np.load(tmp_path / "targets/faces.npy")
+    np.testing.assert_array_equal(of_faces == Reason.HAIR.value, subject.model.face_region("scalp"))
     for entry in index["targets"]:
-        target, mask = read_rgb(tmp_path / "targets" / entry["image"]), read_grey(tmp_path / "targets" / entry["mask"])
-        assert set(np.unique(mask)) == {0.0, 1.0}
-        assert entry["valid"] == pytest.approx(mask.mean(), abs=1e-6)
-        assert target.shape == (48, 40, 3)
+        target = read_rgb(tmp_path / "targets" / entry["image"])
+        reasons = read_bits(tmp_path / "targets" / entry["reasons"])
+        assert target.shape == (*reasons.shape, 3) == (48, 40, 3)
+        for reason in Reason:
+            share = float(((reasons & reason.value) > 0).mean())
+            assert entry["shares"][reason.name.lower()] == pytest.approx(share, abs=1e-6)
+
+
+def test_the_light_goes_to_training_only_where_surfels_follow_it(folder, tmp_path):
+    for relight in ("none", "targets", "targets_and_surfels"):
+        make_targets(folder, tmp_path / relight, relight=relight)
+        assert (tmp_path / relight / "targets/shading.npz").is_file() == (relight == "targets_and_surfels")
+
+
+@pytest.fixture
+def damaged(folder, tmp_path) -> Path:
+    """A copy whose frames can be spoilt."""
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    return copy
+
+
+def test_frames_that_cannot_be_used_are_left_out_and_counted(damaged, tmp_path, capsys):
+    images, masks = damaged / "ball/images", damaged / "ball/fg_masks"
+    (images / "00000_00.png").write_bytes((images / "00000_00.png").read_bytes()[:60])
+    write_png(masks / "00000_02.png", np.ones((20, 40)))
+    (masks / "00001_00.png").unlink()
+    index = make_targets(damaged, tmp_path)
+    assert [(e["timestep"], e["camera"]) for e in index["left_out"]] == [(0, 0), (0, 2), (1, 0)]
+    for entry, word in zip(
+        index["left_out"], ("not a readable image", "its camera has 40 x 48", "no such"), strict=True
+    ):
+        assert word in entry["why"]
+    assert "3 of 6 frames are left out" in capsys.readouterr().out
+    assert len(index["targets"]) == 3
+
+
+@pytest.mark.parametrize("centre", [(0.0, 0.0, 0.0), (0.0, 0.05, 1.0)])
+def test_a_camera_inside_the_head_or_with_the_head_behind_it_sees_no_target(damaged, tmp_path, centre):
+    file = damaged / "capture.json"
+    content = json.loads(file.read_text())
+    away = look_at(np.array(centre), np.array(centre) + np.array([0, 0, 1.0]))
+    for camera in content["cameras"].values():
+        camera["camera_from_world"] = away.tolist()
+    file.write_text(json.dumps(content))
+    with pytest.raises(InputError, match=r"no frame can be used; .*behind it or inside"):
+        make_targets(damaged, tmp_path, relight="none")
+    assert not (tmp_path / "targets").exists()
+
+
+def test_identity_takes_the_frame_for_the_caricature(folder, tmp_path):
+    index = make_targets(folder, tmp_path, provider="identity", supersampling=1)
+    subject = Capture.load(folder / "capture.json")
+    frame = subject.split("train")[0]
+    target = read_rgb(tmp_path / "targets" / index["targets"][0]["image"])
+    reasons = read_bits(tmp_path / "targets" / index["targets"][0]["reasons"])
+    sampled = (reasons == 0) & (subject.mask(frame) > 0)
+    assert sampled.sum() > 200
+    np.testing.assert_allclose(target[sampled], subject.image(frame)[sampled], atol=0.5 / 255 + 1e-6)
+
+
+def test_edited_frames_come_from_a_folder(folder, tmp_path):
+    subject = Capture.load(folder / "capture.json")
+    edited = tmp_path / "edited"
+    edited.mkdir()
+    for frame in subject.split("train")[:-1]:
+        write_png(edited / f"{frame.name}.png", np.full((48, 40, 3), 0.4))
+    index = make_targets(folder, tmp_path, provider="precomputed", folder=str(edited))
+    assert len(index["targets"]) == len(subject.split("train")) - 1
+    assert "no such image" in index["left_out"][0]["why"]
+    reasons = read_bits(tmp_path / "targets" / index["targets"][0]["reasons"])
+    target = read_rgb(tmp_path / "targets" / index["targets"][0]["image"])
+    assert np.isin(np.rint(255 * target), (102, 255)).all() or (reasons > 0).any()
+    with pytest.raises(SettingsError, match="needs a folder"):
+        make_targets(folder, tmp_path, provider="precomputed")
+
+
+@pytest.mark.parametrize("change", [{"provider": "magic"}, {"relight": "sun"}, {"warp": "cubic"}, {"supersampling": 0}])
+def test_settings_without_meaning_are_refused_before_work(folder, tmp_path, change):
+    with pytest.raises(SettingsError, match=f"gtstar.{next(iter(change))}="):
+        make_targets(folder, tmp_path, **change)
 
 
 def test_truth_at_level_zero_is_the_capture(folder, tmp_path):

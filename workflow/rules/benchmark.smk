@@ -14,6 +14,7 @@ rule benchmark:
     input:
         "results/benchmark/splat.csv",
         "results/benchmark/surface.csv",
+        "results/benchmark/target.csv",
         f"results/benchmark/quality_{points['study']}_{points['subject'][0]}.csv",
 
 
@@ -76,3 +77,20 @@ rule benchmark_surface:
         model=lambda wildcards, input: ["--head-model", *input.model] if input.model else [],
     shell:
         "python -m evaluation.benchmarks.surface {output.rows:q} {input.meshes:q} {params.model:q} > {log:q} 2>&1"
+
+
+rule benchmark_target:
+    output:
+        rows="results/benchmark/target.csv",
+        plot="results/benchmark/target.png",
+    log:
+        "results/benchmark/log/target.log",
+    conda:
+        "../../environment.yml"
+    threads: 64  # all there are: Snakemake lowers it to --cores
+    resources:
+        mem_mb=4000,
+    params:
+        code=fingerprint("evaluation.benchmarks.target"),
+    shell:
+        "python -m evaluation.benchmarks.target {output.rows:q} > {log:q} 2>&1"

@@ -8,12 +8,13 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from carigs.capture.camera import Camera
+from carigs.capture.images import to_linear
 from carigs.capture.toy.exposure import distant_camera, vertex_normals
 from carigs.capture.toy.hair import frames
 from carigs.capture.toy.head import MILLIMETRE
 from carigs.capture.toy.lighting import AMBIENT_SQUARE, Light
 from carigs.capture.toy.ribbons import comb, ribbon_faces
-from carigs.capture.toy.shading import LINEAR, STORED, bounced, shade, to_linear
+from carigs.capture.toy.shading import LINEAR, STORED, bounced, shade
 from carigs.capture.toy.subject import Subject
 from carigs.capture.toy.teeth import follow, lit
 from carigs.head import HeadParameters, pose

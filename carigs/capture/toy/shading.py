@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numba
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float32
 
 _LEVELS = np.arange(256) / 255
 LINEAR = np.where(_LEVELS <= 0.04045, _LEVELS / 12.92, ((_LEVELS + 0.055) / 1.055) ** 2.4).astype(np.float32)
@@ -12,11 +12,6 @@ LINEAR = np.where(_LEVELS <= 0.04045, _LEVELS / 12.92, ((_LEVELS + 0.055) / 1.05
 _FINE = np.arange(4097) / 4096
 STORED = np.where(_FINE <= 0.0031308, _FINE * 12.92, 1.055 * _FINE ** (1 / 2.4) - 0.055).astype(np.float32)
 """sRGB value of linear values in steps of 1/4096."""
-
-
-def to_linear(colours: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Linear light of sRGB values in [0, 1]."""
-    return np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
 
 
 def bounced(exposure: Float32[np.ndarray, "v"]) -> Float32[np.ndarray, "v 4"]:

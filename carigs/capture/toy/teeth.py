@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float, Int
 
+from carigs.capture.images import to_linear
 from carigs.capture.toy import expressions
 from carigs.capture.toy.lighting import KEY_COLOUR, Light
-from carigs.capture.toy.shading import to_linear
 from carigs.head import HeadModel, HeadParameters, neutral
 from carigs.head.model import N_SHAPE
 

@@ -1,0 +1,164 @@
+"""The kernels of the rasteriser (Numba): which face is nearest at every pixel centre, and where on it.
+
+A row of pixels lies inside a triangle between the two edges that it crosses.  An edge holds its upper end and not its
+lower one, a span the centre on its left edge and not that on its right one, and a crossing is computed from the edge's
+upper end in both of its faces: pixels on shared edges and corners belong to one face, and there are no cracks.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
+
+
+@kernel
+def project(points, rotation, translation, fx, fy, cx, cy):
+    """Points in camera axes, and their pixels."""
+    n = points.shape[0]
+    seen, pixel = np.empty((n, 3)), np.empty((n, 2))
+    for i in range(n):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        for k in range(3):
+            seen[i, k] = rotation[k, 0] * x + rotation[k, 1] * y + rotation[k, 2] * z + translation[k]
+        pixel[i, 0] = fx * seen[i, 0] / seen[i, 2] + cx
+        pixel[i, 1] = fy * seen[i, 1] / seen[i, 2] + cy
+    return seen, pixel
+
+
+@kernel
+def planes(seen, faces, fx, fy, cx, cy):
+    """Inverse depth of each face's plane as an affine function of the pixel (f, 3), and whether it shows its back.
+
+    The plane n.(x - a) = 0 is met by the ray d at depth n.a / n.d.  Edge-on planes are all zero.
+    """
+    slope, back = np.zeros((faces.shape[0], 3)), np.zeros(faces.shape[0], np.bool_)
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, ay, az = seen[i, 0], seen[i, 1], seen[i, 2]
+        bx, by, bz = seen[j, 0] - ax, seen[j, 1] - ay, seen[j, 2] - az
+        cx_, cy_, cz = seen[k, 0] - ax, seen[k, 1] - ay, seen[k, 2] - az
+        nx, ny, nz = by * cz - bz * cy_, bz * cx_ - bx * cz, bx * cy_ - by * cx_
+        distance = nx * ax + ny * ay + nz * az
+        back[f] = distance > 0.0
+        if distance != 0.0:
+            nx, ny, nz = nx / distance / fx, ny / distance / fy, nz / distance
+            slope[f, 0], slope[f, 1], slope[f, 2] = nx, ny, nz - nx * cx - ny * cy
+    return slope, back
+
+
+@kernel
+def _fill(tx, ty, mx, my, bx, by, slope, f, face_image, nearness):
+    """Draw one triangle where it is nearer than what is there."""
+    height, width = face_image.shape
+    if not np.isfinite(tx + ty + mx + my + bx + by):
+        return
+    # From top to bottom, then from left to right.
+    if my < ty or (my == ty and mx < tx):
+        tx, ty, mx, my = mx, my, tx, ty
+    if by < my or (by == my and bx < mx):
+        mx, my, bx, by = bx, by, mx, my
+        if my < ty or (my == ty and mx < tx):
+            tx, ty, mx, my = mx, my, tx, ty
+    first, last = int(max(np.ceil(ty - 0.5), 0.0)), int(min(np.ceil(by - 0.5), float(height)))
+    right = (mx - tx) * (by - ty) > (bx - tx) * (my - ty)  # the side of the long edge on which the middle corner lies
+    long, upper, lower = (bx - tx) / (by - ty), (mx - tx) / (my - ty), (bx - mx) / (by - my)
+    for y in range(first, last):
+        py = y + 0.5
+        start = tx + (py - ty) * long
+        stop = tx + (py - ty) * upper if py < my else mx + (py - my) * lower
+        if not right:
+            start, stop = stop, start
+        x0, x1 = int(max(np.ceil(start - 0.5), 0.0)), int(min(np.ceil(stop - 0.5), float(width)))
+        row = slope[f, 1] * py + slope[f, 2]
+        for x in range(x0, x1):
+            near = np.float32(slope[f, 0] * (x + 0.5) + row)
+            if near > nearness[y, x]:
+                nearness[y, x] = near
+                face_image[y, x] = f
+
+
+@kernel
+def _cut(seen, i, j, near, fx, fy, cx, cy):
+    """Pixel where the edge meets the near plane; the same for i, j and j, i."""
+    if j < i:
+        i, j = j, i
+    t = (near - seen[i, 2]) / (seen[j, 2] - seen[i, 2])
+    x = seen[i, 0] + t * (seen[j, 0] - seen[i, 0])
+    y = seen[i, 1] + t * (seen[j, 1] - seen[i, 1])
+    return fx * x / near + cx, fy * y / near + cy
+
+
+@kernel
+def _fill_clipped(seen, pixel, corners, near, fx, fy, cx, cy, slope, f, face_image, nearness):
+    """Draw what of a triangle lies beyond the near plane: a triangle, or two."""
+    x, y = np.empty(4), np.empty(4)
+    n = 0
+    for k in range(3):
+        i, j = corners[k], corners[(k + 1) % 3]
+        if seen[i, 2] > near:
+            x[n], y[n] = pixel[i, 0], pixel[i, 1]
+            n += 1
+        if (seen[i, 2] > near) != (seen[j, 2] > near):
+            x[n], y[n] = _cut(seen, i, j, near, fx, fy, cx, cy)
+            n += 1
+    for k in range(2, n):
+        _fill(x[0], y[0], x[k - 1], y[k - 1], x[k], y[k], slope, f, face_image, nearness)
+
+
+@kernel
+def scan(seen, pixel, faces, slope, back, cull_back, near, fx, fy, cx, cy, height, width):
+    """The nearest face (-1: none) and its inverse depth at every pixel centre; of equals the first front."""
+    face_image = np.full((height, width), -1, np.int32)
+    nearness = np.zeros((height, width), np.float32)
+    for side in range(1 if cull_back else 2):  # fronts first: what they hide is not drawn
+        for f in range(faces.shape[0]):
+            i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+            za, zb, zc = seen[i, 2], seen[j, 2], seen[k, 2]
+            if (
+                back[f] != (side == 1)
+                or not max(za, zb, zc) > near
+                or not np.isfinite(slope[f, 0] + slope[f, 1] + slope[f, 2])
+            ):
+                continue
+            if min(za, zb, zc) > near:
+                _fill(
+                    pixel[i, 0], pixel[i, 1], pixel[j, 0], pixel[j, 1], pixel[k, 0], pixel[k, 1],
+                    slope, f, face_image, nearness,
+                )  # fmt: skip
+            else:
+                _fill_clipped(seen, pixel, faces[f], near, fx, fy, cx, cy, slope, f, face_image, nearness)
+    return face_image, nearness
+
+
+@kernel
+def locate(seen, faces, slope, face_image, fx, fy, cx, cy):
+    """Perspective-correct barycentrics and depth of what `scan` found (h, w, 3 and h, w; inf where nothing).
+
+    The point z d on the face is a w_a + b w_b + c w_c: by Cramer's rule w_a is proportional to d.(b x c), and so on.
+    """
+    height, width = face_image.shape
+    weights, depth = np.zeros((height, width, 3), np.float32), np.full((height, width), np.inf, np.float32)
+    rows = np.zeros((3, 3))
+    last = -1
+    for y in range(height):
+        for x in range(width):
+            f = face_image[y, x]
+            if f < 0:
+                continue
+            if f != last:
+                last = f
+                for k in range(3):
+                    b, c = faces[f, (k + 1) % 3], faces[f, (k + 2) % 3]
+                    rows[k, 0] = (seen[b, 1] * seen[c, 2] - seen[b, 2] * seen[c, 1]) / fx
+                    rows[k, 1] = (seen[b, 2] * seen[c, 0] - seen[b, 0] * seen[c, 2]) / fy
+                    rows[k, 2] = seen[b, 0] * seen[c, 1] - seen[b, 1] * seen[c, 0]
+            dx, dy = x + 0.5 - cx, y + 0.5 - cy
+            u = rows[0, 0] * dx + rows[0, 1] * dy + rows[0, 2]
+            v = rows[1, 0] * dx + rows[1, 1] * dy + rows[1, 2]
+            w = rows[2, 0] * dx + rows[2, 1] * dy + rows[2, 2]
+            total = u + v + w
+            weights[y, x, 0], weights[y, x, 1], weights[y, x, 2] = u / total, v / total, w / total
+            depth[y, x] = 1.0 / (slope[f, 0] * (x + 0.5) + slope[f, 1] * (y + 0.5) + slope[f, 2])
+    return weights, depth
