@@ -179,6 +179,8 @@ class Train:
     """Reasons for which pixels of GT* frames are left out; in those steps the surfels of triangles rest for which one
     of them always holds.
     """
+    follow_light: bool = True
+    """Colours follow the light that GT* frames were shaded with (`gtstar.relight`), where that was fitted."""
     rig: str = "jbs"
     """`jbs`: Jacobian blend skinning; `jacobian`: the own face's Jacobian alone."""
     sh_degree: int = 0
@@ -304,7 +306,7 @@ class Study:
 
     name: str = "toy"
     subjects: tuple[str, ...] = ("toy",)
-    variants: tuple[str, ...] = ("alternating", "surfhead", "gtstar_only", "no_mask")
+    variants: tuple[str, ...] = ("alternating", "surfhead", "surfhead_lit", "gtstar_only", "no_mask")
     levels: tuple[float, ...] = (0.0, 0.1, 0.15, 0.2, 0.25)
 
 

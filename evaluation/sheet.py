@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import cv2
@@ -25,22 +25,34 @@ def write_sheet(
     title: str,
     height: int,
     footnote: str = "",
+    legend: Mapping[str, tuple[float, float, float]] | None = None,
 ) -> None:
-    """Write a PNG with `images` (rows x columns, values in [0, 1]), each `height` pixels high; None stays blank."""
+    """Write a PNG with `images` (rows x columns, values in [0, 1]), each `height` pixels high; None stays blank.
+
+    `legend` says below the images what colours stand for.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
 
     first = next(image for line in images for image in line if image is not None)
     cell_height = height / DPI
     cell_width = cell_height * first.shape[1] / first.shape[0]
     width = LABEL + len(columns) * cell_width + 2 * MARGIN
-    below = LABEL if footnote else 0.0
+    below = LABEL if footnote or legend else 0.0
     total = TITLE + LABEL + len(rows) * cell_height + MARGIN + below
     figure = Figure(figsize=(width, total), dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
     figure.text(0.5, 1 - 0.5 * TITLE / total, title, ha="center", va="center", fontsize=12)
     if footnote:
         figure.text(0.5, 0.5 * below / total, footnote, ha="center", va="center", fontsize=8)
+    if legend:
+        patches = [Patch(color=colour, label=name) for name, colour in legend.items()]
+        place = (0.5, 0.5 * below / total)
+        figure.legend(
+            handles=patches, loc="center", bbox_to_anchor=place, ncols=len(patches), fontsize=7, frameon=False,
+            handlelength=1, columnspacing=1.2,
+        )  # fmt: skip
     for i, line in enumerate(images):
         bottom = total - TITLE - LABEL - (i + 1) * cell_height
         middle = (bottom + 0.5 * cell_height) / total

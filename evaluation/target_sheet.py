@@ -45,10 +45,10 @@ def target_sheet(file: Path, rows: Sequence[Shown], excluded: Reason, *, height:
         [r.frame, r.target, coloured(r.target, r.reasons, excluded), r.truth, error_map(r.target, r.truth)]
         for r in rows
     ]
-    legend = ", ".join(f"{reason.name.lower()} {_name(colour)}" for reason, colour in COLOURS.items())
+    legend = {reason.name.lower().replace("_", " "): colour for reason, colour in COLOURS.items()}
     write_sheet(
         file, images, rows=[row.name for row in rows], columns=["frame", "target", "reasons", "truth", "error"],
-        title=f"Targets (error: black 0 to yellow {ERROR_SCALE:g})", height=height, footnote=legend,
+        title=f"Targets (error: black 0 to yellow {ERROR_SCALE:g})", height=height, legend=legend,
     )  # fmt: skip
 
 
@@ -66,7 +66,3 @@ def coloured(
         count[holds] += 1
     cover = np.where(out[..., None], 0.85, 0.35) * (count > 0)
     return target * (1 - cover) + cover * total / np.maximum(count, 1)
-
-
-def _name(colour: tuple[float, float, float]) -> str:
-    return "#" + "".join(f"{round(15 * value):x}" for value in colour)

@@ -48,6 +48,8 @@ def fingerprint(settings: Train, performance: Performance, supervision: Supervis
     digest.update(performance.rig.vertices.tobytes() + performance.rig.faces.tobytes())
     for array in (performance.path.displacements, performance.path.columns, performance.path.changes):
         digest.update(b"" if array is None else array.tobytes())
+    if performance.shading is not None:
+        digest.update(b"".join(np.asarray(value).tobytes() for value in asdict(performance.shading).values()))
     for file in supervision.files():
         status = file.stat()
         digest.update(f"{file.name} {status.st_size} {status.st_mtime_ns}".encode())

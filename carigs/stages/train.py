@@ -17,8 +17,8 @@ def train(
 ) -> None:
     """Write the trained avatar, its .ply (SurFhead's layout) and the log.
 
-    `targets` may be None where `caricature_share` is 0.  The run's state is kept beside `avatar` (suffix `.checkpoint`)
-    until it is done.
+    `targets` may be None where `caricature_share` is 0 and no light is followed.  The run's state is kept beside
+    `avatar` (suffix `.checkpoint`) until it is done.
     """
     check_settings(settings, targets)
     # torch before numba's threads start: both then share one pool.
@@ -35,8 +35,8 @@ def train(
     subject, gamma_path = Capture.load(capture), GammaPath.load(path)
     performance = perform(subject, gamma_path)
     used = targets if settings.caricature_share > 0 else None
-    if used is not None:
-        performance.shading = load_shading(used / "shading.npz")
+    if targets is not None and settings.follow_light:
+        performance.shading = load_shading(targets / "shading.npz")
     supervision = Supervision(subject, used, gamma_path.gamma_f, settings.exclude)
     checkpoint = avatar.with_suffix(".checkpoint")
     surfels, rows = train_surfels(settings, performance, supervision, checkpoint)

@@ -69,8 +69,9 @@ def shown(wildcards):
 
 
 def with_targets(wildcards):
-    """Whether a variant is trained on GT* frames at all."""
-    return section("train", wildcards, "subject", "variant").caricature_share > 0
+    """Whether a variant is trained on GT* frames, or with the light that was fitted for them."""
+    train = section("train", wildcards, "subject", "variant")
+    return train.caricature_share > 0 or train.follow_light
 
 
 if unknown := sorted(set(config) - {"hydra"}):
