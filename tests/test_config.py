@@ -64,15 +64,16 @@ def test_regions_are_the_head_models_names_and_numbers(tmp_path):
     assert compose().exaggerate.regions == {}
 
 
-def test_variants_differ_in_supervision_and_masks_only():
+def test_variants_differ_in_supervision_masks_and_light_only():
     trained = {name: OmegaConf.to_object(compose(f"variant={name}").train) for name in known("variant")}
     ours, reasons = trained["alternating"], {reason.name.lower() for reason in Reason}
     assert [trained[name].caricature_share for name in ("surfhead", "gtstar_only", "no_mask")] == [0.0, 1.0, 0.35]
     assert list(trained["no_mask"].exclude) == []
+    assert [name for name, t in trained.items() if not t.follow_light] == ["surfhead"]
     assert {*ours.exclude} == {*EXCLUDED}
     for t in trained.values():
         assert {*t.exclude} <= reasons
-        t.caricature_share, t.exclude = ours.caricature_share, ours.exclude
+        t.caricature_share, t.exclude, t.follow_light = ours.caricature_share, ours.exclude, ours.follow_light
         assert t == ours
 
 

@@ -31,7 +31,7 @@ NOTHING = {
 EDITS = {
     "table.digits": (append("conf/config.yaml", "tabulate: {digits: 4}"), {"settings": 1, "tabulate": 1}),
     "share of one variant": (
-        lambda project: project.edit("conf/variant/alternating.yaml", add="  iterations: 7"),
+        append("conf/variant/alternating.yaml", "train: {iterations: 7}"),
         {"settings": 2, **ALTERNATING},
     ),
     "mask, which the baseline does not use": (
