@@ -83,17 +83,17 @@ def face_motion(rig: Rig, posed: Float[np.ndarray, "v 3"]) -> FaceMotion:
     Triangles without area in either mesh take the mean rotation and stretch of their sound neighbours, ring by ring,
     and the identity if there are none: everything stays finite.  Raises `MeshError` for a vertex that is not.
     """
-    centre, rotation, stretch, _ = polar_motion(rig, _finite(posed))
+    centre, rotation, stretch, _ = polar_motion(rig, posed)
     return FaceMotion(rows_of(rig, centre, rotation, stretch))
 
 
 def polar_motion(
-    rig: Rig, posed: Float64[np.ndarray, "v 3"]
+    rig: Rig, posed: Float[np.ndarray, "v 3"]
 ) -> tuple[
     Float64[np.ndarray, "f 3"], Float64[np.ndarray, "f 3 3"], Float64[np.ndarray, "f 3 3"], Bool[np.ndarray, "f"]
 ]:
-    """T, U and P of every triangle, and whether they are its own."""
-    centre, rotation, stretch, sound = _motion(posed, rig.faces, rig.canonical_edges)
+    """T, U, P of every triangle, and whether they are its own; raises `MeshError` for a vertex that is not finite."""
+    centre, rotation, stretch, sound = _motion(_finite(posed), rig.faces, rig.canonical_edges)
     if not sound.all():
         _follow_neighbours(rotation, stretch, sound, rig.neighbours)
     return centre, rotation, stretch, sound

@@ -5,6 +5,7 @@ import pytest
 import torch
 import trimesh
 
+from carigs.errors import MeshError
 from carigs.splat.mesh_gradient import tuned_motion, vertices_gradient
 from carigs.splat.rig import build_rig, face_motion, polar_motion, rows_of
 
@@ -49,6 +50,14 @@ def test_rows_are_those_of_the_fixed_mesh(ball):
     posed = twisted(vertices, 0.7)
     tuned = tuned_motion(rig, torch.from_numpy(posed).requires_grad_(True))
     np.testing.assert_array_equal(tuned.rows.detach().numpy(), face_motion(rig, posed).rows)
+
+
+def test_a_vertex_that_is_not_finite_is_an_error_that_names_it(ball):
+    vertices, faces = ball
+    posed = torch.from_numpy(vertices).clone()
+    posed[7, 1] = torch.nan
+    with pytest.raises(MeshError, match="vertex 7"):
+        tuned_motion(build_rig(vertices, faces), posed)
 
 
 def test_a_triangle_without_area_passes_the_gradient_of_its_centre_alone(ball):

@@ -128,8 +128,10 @@ def test_lids_close_as_they_naturally_do(seed):
     blinks = model.shapedirs[:, :, 300:][:, :, columns].transpose(2, 0, 1).astype(np.float64)
     upper, lower = model.landmarks68[[37, 38, 43, 44]], model.landmarks68[[41, 40, 47, 46]]
 
+    def gap(vertices: np.ndarray) -> float:
+        return (vertices[upper] - vertices[lower])[:, 1].mean()
+
     def closed(head: np.ndarray, motions: np.ndarray) -> float:
-        gap = lambda vertices: (vertices[upper] - vertices[lower])[:, 1].mean()  # noqa: E731
         return 1 - gap(head + motions.sum(axis=0)) / gap(head)
 
     solver = Exaggerator(head, model.faces)
