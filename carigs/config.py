@@ -79,6 +79,23 @@ def rendered_levels(config: DictConfig) -> list[str]:
     return list(dict.fromkeys(f"{level:g}" for level in sorted({0.0, *inside, config.gamma})))
 
 
+def target_levels(train: DictConfig, gamma: float) -> list[str]:
+    """The levels whose GT* frames training reads, as in paths: `train.levels` of them, evenly up to gamma.
+
+    Gamma alone where only the light that was fitted for them is wanted; none for the baseline.
+    """
+    if train.caricature_share == 0:
+        return [f"{gamma:g}"] if train.follow_light else []
+    return [f"{gamma * k / train.levels:g}" for k in range(1, train.levels + 1)]
+
+
+def target_maker(variant: str, *overrides: str) -> str:
+    """The first of all variants with the settings of `gtstar` that `variant` has: targets are made once, in its name."""
+    wanted = compose(*overrides, f"variant={variant}").gtstar
+    names = ("alternating", *known("variant"))
+    return next(name for name in names if compose(*overrides, f"variant={name}").gtstar == wanted)
+
+
 def settings_text(stage: str, *overrides: str) -> str:
     """The YAML that a stage is given: its own section, everything resolved."""
     return OmegaConf.to_yaml(compose(*overrides)[stage])
@@ -114,6 +131,8 @@ def _check(config: DictConfig) -> None:
     for level in study.levels:
         if not 0 <= level <= 100:
             raise SettingsError(f"study.levels: {level:g} is outside [0, 100]")
+    if not 1 <= config.train.levels <= 64:
+        raise SettingsError(f"train.levels={config.train.levels} is outside [1, 64]")
 
 
 def _one_line(error: Exception) -> str:

@@ -175,6 +175,8 @@ class Train:
     threads: int = 1
     caricature_share: float = 0.5
     """Probability p that a step is supervised by a GT* frame: 0 is real frames only, 1 is GT* only."""
+    levels: int = 1
+    """Levels whose GT* frames supervise, equally often: gamma alone, or so many evenly up to it (4: its quarters)."""
     exclude: tuple[str, ...] = EXCLUDED
     """Reasons for which pixels of GT* frames are left out; in those steps the surfels of triangles rest for which one
     of them always holds.

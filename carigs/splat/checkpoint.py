@@ -50,6 +50,7 @@ def fingerprint(settings: Train, performance: Performance, supervision: Supervis
         digest.update(b"" if array is None else array.tobytes())
     if performance.shading is not None:
         digest.update(b"".join(np.asarray(value).tobytes() for value in asdict(performance.shading).values()))
+    digest.update(json.dumps([(target.level, target.weight) for target in supervision.targets]).encode())
     for file in supervision.files():
         status = file.stat()
         digest.update(f"{file.name} {status.st_size} {status.st_mtime_ns}".encode())

@@ -25,7 +25,7 @@ def first_surfels(
     """
     binding, position, scale = place(settings, performance.rig, hair)
     targets_only = settings.caricature_share >= 1
-    count = len(supervision.target_frames if targets_only else supervision.frames)
+    count = len(supervision.targets if targets_only else supervision.frames)
     chosen = np.unique(np.linspace(0, count - 1, settings.colour_frames).astype(int))
     views = [supervision.first_view(targets_only, int(i)) for i in chosen]
     rgb = observed_colours(binding, position, performance, views)

@@ -1,7 +1,8 @@
-"""What supervises each step: a real frame on the natural mesh, or a GT* target on the caricature's."""
+"""What supervises each step: a real frame on the natural mesh, or a GT* target on the mesh of its level."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from carigs.capture.images import read_bits, read_rgb8
 from carigs.errors import InputError
 from carigs.settings import EXCLUDED
 from carigs.splat.image_cache import ImageCache
+from carigs.target.listing import TargetSet
 from carigs.target.reasons import as_bits
 
 
@@ -27,6 +29,10 @@ class Example(NamedTuple):
     image: Float32[np.ndarray, "h w 3"]
     valid: Bool[np.ndarray, "h w"] | None
     """Pixels that may supervise; all of them if None."""
+    frozen: Bool[np.ndarray, "f"] | None = None
+    """Faces whose surfels rest in this step; none if None."""
+    weight: float = 1.0
+    """Of the loss."""
 
 
 class Schedule(NamedTuple):
@@ -34,7 +40,7 @@ class Schedule(NamedTuple):
 
     caricature: Bool[np.ndarray, "n"]
     index: Int[np.ndarray, "n"]
-    """Into the training frames, or into the targets."""
+    """Into the training frames, or into the targets of all levels."""
 
 
 def draw_schedule(iterations: int, frames: int, targets: int, caricature_share: float, seed: int) -> Schedule:
@@ -52,11 +58,10 @@ def draw_schedule(iterations: int, frames: int, targets: int, caricature_share: 
 
 @dataclass
 class Supervision:
-    """The examples of a run."""
+    """The examples of a run: training frames, and the targets of each level."""
 
     capture: Capture
-    targets: Path | None
-    gamma_f: float
+    sets: Sequence[TargetSet] = ()
     exclude: tuple[str, ...] = EXCLUDED
     """Names of the reasons for which pixels are left out and triangles rest."""
     megabytes: int = 2048
@@ -67,58 +72,49 @@ class Supervision:
         self._images = ImageCache(self.megabytes)
         if not self.frames:
             raise InputError("no training frames", file=self.capture.root, field="train")
-        self.target_frames = ()
-        if self.targets is not None:
-            self.target_frames = tuple(f for f in self.frames if (self.targets / f"{f.name}.png").is_file())
-            if not self.target_frames:
-                raise InputError("holds no targets of the training frames", file=self.targets)
-
-    def frozen_faces(self) -> Bool[np.ndarray, "f"] | None:
-        """Faces whose surfels rest in caricature steps; None if there are none."""
-        if self.targets is None or not self.exclude:
-            return None
-        file = self.targets / "faces.npy"
-        if not file.is_file():
-            raise InputError("no such file", file=file)
-        reasons = np.load(file)
-        if reasons.shape != (len(self.capture.model.faces),) or reasons.dtype != np.uint16:
-            raise InputError(f"{reasons.dtype} {reasons.shape}, expected 16 bits per face", file=file)
-        frozen = (reasons & self._excluded) > 0
-        return frozen if frozen.any() else None
+        self.targets = tuple(target for level in self.sets for target in level.targets)
+        self._frozen: dict[float, Bool[np.ndarray, "f"]] = {}
+        for level in self.sets:
+            frozen = (level.of_faces & self._excluded) > 0
+            if frozen.any():
+                self._frozen[level.level] = frozen
 
     def files(self) -> list[Path]:
         """Every image and mask that may be read."""
         root = self.capture.root
         files = [root / f.image for f in self.frames]
-        return files + [self.targets / f"{f.name}{end}.png" for f in self.target_frames for end in ("", "_reasons")]
+        return files + [file for target in self.targets for file in (target.image, target.reasons)]
 
     def example(self, caricature: bool, index: int) -> Example:
         """Training frame or target number `index`."""
-        frame = self.target_frames[index] if caricature else self.frames[index]
-        camera = self.capture.cameras[frame.camera]
         if not caricature:
+            frame = self.frames[index]
+            camera = self.capture.cameras[frame.camera]
             image = self._images.get(self.capture.root / frame.image, _read_planes)
             return Example(frame.timestep, camera, 0.0, _as_float(image, camera, frame.image), None)
-        file = self.targets / f"{frame.name}.png"
+        frame, level, file, reasons, weight = self.targets[index]
+        camera = self.capture.cameras[frame.camera]
         image, valid = self._images.get(file, _read_planes), None
         if self.exclude:
-            valid = (self._images.get(file.with_name(f"{frame.name}_reasons.png"), read_bits) & self._excluded) == 0
-        return Example(frame.timestep, camera, self.gamma_f, _as_float(image, camera, file), valid)
+            valid = (self._images.get(reasons, read_bits) & self._excluded) == 0
+        return Example(
+            frame.timestep, camera, level, _as_float(image, camera, file), valid, self._frozen.get(level), weight
+        )
 
     def decode_ahead(self, caricature: bool, index: int) -> None:
         """Say which example will be wanted soon."""
         if not caricature:
             self._images.ask(self.capture.root / self.frames[index].image, _read_planes)
             return
-        file = self.targets / f"{self.target_frames[index].name}.png"
-        self._images.ask(file, _read_planes)
+        target = self.targets[index]
+        self._images.ask(target.image, _read_planes)
         if self.exclude:
-            self._images.ask(file.with_name(f"{file.stem}_reasons.png"), read_bits)
+            self._images.ask(target.reasons, read_bits)
 
     def first_view(self, caricature: bool, index: int) -> tuple[Example, Float[np.ndarray, "h w"]]:
         """An example, and how far each of its pixels may be taken for the person's: the matte, or the mask's."""
         example = self.example(caricature, index)
-        frame = self.target_frames[index] if caricature else self.frames[index]
+        frame = self.targets[index].frame if caricature else self.frames[index]
         matte = self.capture.mask(frame)
         return example, matte if example.valid is None else matte * example.valid
 

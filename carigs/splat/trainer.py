@@ -76,15 +76,14 @@ class _Run:
 
     def __init__(self, settings, performance, supervision, hair, state: State) -> None:
         self.settings, self.performance, self.supervision, self.state = settings, performance, supervision, state
-        self.frozen_faces = supervision.frozen_faces()
         rig = performance.rig
         # Hair stands off its triangles by construction.
         reach = np.where(hair, settings.hair_length / np.maximum(rig.scale, 1e-9), 0)
         self.face_limit = settings.position_limit + reach
         self.extent = scene_extent(supervision.capture.cameras)
-        share = settings.caricature_share if supervision.target_frames else 0.0
+        share = settings.caricature_share if supervision.targets else 0.0
         self.schedule = draw_schedule(
-            settings.iterations, len(supervision.frames), len(supervision.target_frames), share, settings.seed
+            settings.iterations, len(supervision.frames), len(supervision.targets), share, settings.seed
         )
         self.only_targets = bool(self.schedule.caricature.all())
 
@@ -101,9 +100,7 @@ class _Run:
         drawing, loss = self._compare(example, i)
         loss.backward()
         value = float(loss.detach()) + self._pull(drawing)
-        frozen = None
-        if caricature and self.frozen_faces is not None:
-            frozen = self.frozen_faces[state.surfels.binding]
+        frozen = None if example.frozen is None else example.frozen[state.surfels.binding]
         if settings.density.every and (not caricature or self.only_targets):
             state.statistics.add(drawing.rendering.screen, example.camera)
         state.adam.step(state.surfels, learning_rates(settings, i), frozen)
@@ -143,7 +140,7 @@ class _Run:
         if normals:
             mismatch = normal_mismatch(rendering.normal, rendering.depth, rendering.alpha, example.camera)
             loss = loss + settings.normal_weight * mismatch
-        return drawing, loss
+        return drawing, example.weight * loss
 
     def _pull(self, drawing: Drawing) -> float:
         settings, surfels = self.settings, self.state.surfels
@@ -156,11 +153,10 @@ class _Run:
             settings.scale_weight,
         )
 
-    def _importance(self, chosen: Sequence[Frame]) -> Float[np.ndarray, "n"]:
-        """What the surfels add to views of the mesh that supervises most."""
+    def _importance(self, chosen: Sequence[tuple[Frame, float]]) -> Float[np.ndarray, "n"]:
+        """What the surfels add to views of frames, each at its level."""
         settings, surfels, total = self.settings, self.state.surfels, np.zeros(len(self.state.surfels))
-        level = self.supervision.gamma_f if self.only_targets else 0.0
-        for frame in chosen:
+        for frame, level in chosen:
             camera = self.supervision.capture.cameras[frame.camera]
             motion = self.performance.motion(frame.timestep, level)
             total += contribution(
@@ -173,8 +169,10 @@ class _Run:
         if density.every and density.start <= done < density.stop and done % density.every == 0:
             rng = np.random.default_rng([self.settings.seed, 2, done])
             gradient = state.statistics.mean()
-            frames = self.supervision.target_frames if self.only_targets else self.supervision.frames
-            chosen = [frames[i] for i in rng.choice(len(frames), min(density.views, len(frames)), replace=False)]
+            views = [(frame, 0.0) for frame in self.supervision.frames]
+            if self.only_targets:
+                views = [(target.frame, target.level) for target in self.supervision.targets]
+            chosen = [views[i] for i in rng.choice(len(views), min(density.views, len(views)), replace=False)]
             state.surfels = refine(
                 state.surfels, state.adam, gradient, self.performance.rig, self.extent, density, rng,
                 lambda: self._importance(chosen),

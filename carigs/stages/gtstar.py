@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from os.path import relpath
 from pathlib import Path
 
 import numpy as np
@@ -23,14 +24,14 @@ SHOWN = 5
 """Frames on the contact sheet."""
 
 
-def gtstar(settings: Gtstar, *, capture: Path, path: Path, targets: Path, index: Path) -> None:
-    """Write the folder `targets` (colours, reasons of pixels and of faces, a contact sheet) and `index`.
+def gtstar(settings: Gtstar, *, capture: Path, path: Path, level: float, targets: Path, index: Path) -> None:
+    """Write the folder `targets` of a level (colours, reasons of pixels and of faces, a contact sheet) and `index`.
 
     The index says how often each reason holds, how far each frame is off its mesh, and which frames were left out.
     """
     check_settings(settings)
     subject, gamma_path = Capture.load(capture), GammaPath.load(path)
-    exaggerated = gamma_path.at(gamma_path.gamma_f)
+    exaggerated = gamma_path.at(level)
     of_faces = face_reasons(subject.model, settings)
     entries, left_out, shown = [], [], []
     frames = subject.split("train")
@@ -60,7 +61,7 @@ def gtstar(settings: Gtstar, *, capture: Path, path: Path, targets: Path, index:
             raise InputError(f"no frame can be used; the first: {left_out[0]['why']}", file=capture)
         if shown:
             target_sheet(part / "inspection.png", shown, as_bits(EXCLUDED))
-    content = {"gamma": gamma_path.gamma_f, "targets": entries, "left_out": left_out}
+    content = {"level": level, "folder": relpath(targets, index.parent), "targets": entries, "left_out": left_out}
     with writing(index) as part_index:
         part_index.write_text(json.dumps(content, indent=1))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Sequence
 from pathlib import Path
 
 from carigs.capture import Capture
@@ -13,12 +14,19 @@ from carigs.surface import GammaPath
 
 
 def train(
-    settings: Train, *, capture: Path, path: Path, targets: Path | None, avatar: Path, ply: Path, log: Path
+    settings: Train,
+    *,
+    capture: Path,
+    path: Path,
+    targets: Sequence[Path] | None,
+    avatar: Path,
+    ply: Path,
+    log: Path,
 ) -> None:
     """Write the trained avatar, its .ply (SurFhead's layout) and the log.
 
-    `targets` may be None where `caricature_share` is 0 and no light is followed.  The run's state is kept beside
-    `avatar` (suffix `.checkpoint`) until it is done.
+    `targets` are the indices of GT* frames, one per level; None may do where `caricature_share` is 0 and no light is
+    followed.  The run's state is kept beside `avatar` (suffix `.checkpoint`) until it is done.
     """
     check_settings(settings, targets)
     # torch before numba's threads start: both then share one pool.
@@ -31,13 +39,14 @@ def train(
     from carigs.splat.supervision import Supervision
     from carigs.splat.trainer import COLUMNS, train_surfels
     from carigs.target.light import load_shading
+    from carigs.target.listing import read_targets
 
     subject, gamma_path = Capture.load(capture), GammaPath.load(path)
     performance = perform(subject, gamma_path)
-    used = targets if settings.caricature_share > 0 else None
-    if targets is not None and settings.follow_light:
-        performance.shading = load_shading(targets / "shading.npz")
-    supervision = Supervision(subject, used, gamma_path.gamma_f, settings.exclude)
+    sets = [read_targets(index, subject) for index in targets or ()]
+    if sets and settings.follow_light:
+        performance.shading = load_shading(sets[-1].folder / "shading.npz")  # one light for all levels
+    supervision = Supervision(subject, sets if settings.caricature_share > 0 else (), settings.exclude)
     checkpoint = avatar.with_suffix(".checkpoint")
     surfels, rows = train_surfels(settings, performance, supervision, checkpoint)
     trained = Avatar(surfels, performance, settings.rig, settings.rotate_harmonics, subject.background)
@@ -50,7 +59,7 @@ def train(
     checkpoint.unlink(missing_ok=True)
 
 
-def check_settings(settings: Train, targets: Path | None) -> None:
+def check_settings(settings: Train, targets: Sequence[Path] | None) -> None:
     """Raise `SettingsError` for a value out of range, before any work."""
     for name, low, high in (
         ("caricature_share", 0, 1), ("iterations", 1, 10**9), ("threads", 1, 10**4), ("sh_degree", 0, 3),
@@ -68,5 +77,5 @@ def check_settings(settings: Train, targets: Path | None) -> None:
             raise SettingsError(f"train.tune.{name}={getattr(settings.tune, name)} must lie in [0, 1)")
     if settings.rig not in ("jbs", "jacobian"):
         raise SettingsError(f"train.rig={settings.rig} is unknown; choose jbs or jacobian")
-    if settings.caricature_share > 0 and targets is None:
+    if settings.caricature_share > 0 and not targets:
         raise SettingsError(f"train.caricature_share={settings.caricature_share} needs targets, and there are none")

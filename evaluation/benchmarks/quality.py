@@ -87,7 +87,7 @@ def looks(
     for budget, iterations in product(budgets, steps):
         density = replace(settings.density, stop=2 * iterations // 3, max_surfels=budget)
         run = replace(settings, iterations=iterations, caricature_share=0.0, density=density)
-        watch, supervision = Watch(run, performance, capture), Supervision(capture, None, performance.path.gamma_f)
+        watch, supervision = Watch(run, performance, capture), Supervision(capture)
         with TemporaryDirectory() as folder:
             train_surfels(run, performance, supervision, Path(folder) / "checkpoint", watch)
         yield from watch.rows

@@ -103,4 +103,4 @@ def filmed(performance: Performance, folder: Path, width: int, height: int) -> S
             write_png(folder / frame.mask, (hit.face >= 0).astype(np.float32))
             frames.append(frame)
     capture = Capture(folder, folder / "head_model.npz", tuple(frames), cameras, background=1.0)
-    return Supervision(capture, targets=None, gamma_f=0.25)
+    return Supervision(capture)

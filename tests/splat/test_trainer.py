@@ -1,5 +1,6 @@
 """Training on the miniature subject: schedules, updates, freezing, resuming, repeatability."""
 
+import json
 from dataclasses import replace
 
 import numba
@@ -12,7 +13,7 @@ from carigs.capture import Camera, read_dataset
 from carigs.capture.images import write_bits, write_png
 from carigs.errors import InputError
 from carigs.head import neutral
-from carigs.settings import Density, Train
+from carigs.settings import EXCLUDED, Density, Train
 from carigs.splat import trainer
 from carigs.splat.adam import Adam
 from carigs.splat.motion import perform
@@ -22,7 +23,9 @@ from carigs.splat.surfels import plain, to_arrays
 from carigs.splat.trainer import learning_rates, train_surfels
 from carigs.surface.path import straight_path
 from carigs.target import Reason
+from carigs.target.listing import read_targets
 
+LEVELS = (0.1, 0.25)
 SETTINGS = Train(
     iterations=30,
     hair_layers=2,
@@ -40,21 +43,35 @@ def subject(tmp_path_factory):
     capture = read_dataset(folder, folder / "head_model.npz")
     rest = neutral(capture.model, capture.parameters(0))
     path = straight_path(rest, capture.model.faces, rest * [0.3, 0, 0], 0.25)
-    targets = folder / "targets"
-    targets.mkdir()
+    return capture, perform(capture, path), {level: write_targets(folder, capture, level) for level in LEVELS}
+
+
+def write_targets(folder, capture, level):
+    """Mirrored frames, the darker the higher the level, whose upper part is masked; returns their index."""
+    images = folder / f"level={level}"
+    images.mkdir()
+    entries = []
     for frame in capture.split("train"):
-        write_png(targets / f"{frame.name}.png", capture.image(frame)[:, ::-1])
+        names = {"image": f"{frame.name}.png", "reasons": f"{frame.name}_reasons.png"}
+        write_png(images / names["image"], (1 - level) * capture.image(frame)[:, ::-1])
         reasons = np.zeros(capture.mask(frame).shape, np.uint16)
         reasons[:12] = Reason.HAIR.value
-        write_bits(targets / f"{frame.name}_reasons.png", reasons)
-    np.save(targets / "faces.npy", np.where(capture.model.face_region("scalp"), Reason.HAIR.value, 0).astype(np.uint16))
-    return capture, perform(capture, path), targets
+        write_bits(images / names["reasons"], reasons)
+        entries.append({"timestep": frame.timestep, "camera": frame.camera, **names})
+    np.save(images / "faces.npy", np.where(capture.model.face_region("scalp"), Reason.HAIR.value, 0).astype(np.uint16))
+    index = folder / f"level={level}.json"
+    index.write_text(json.dumps({"level": level, "folder": images.name, "targets": entries}))
+    return index
 
 
-def run(subject, checkpoint, **changes):
-    capture, performance, targets = subject
-    settings = replace(SETTINGS, **changes)
-    supervision = Supervision(capture, targets, 0.25, settings.exclude)
+def supervise(subject, *levels, exclude=EXCLUDED):
+    capture, _, indices = subject
+    return Supervision(capture, [read_targets(indices[level], capture) for level in levels], exclude)
+
+
+def run(subject, checkpoint, levels=(0.25,), **changes):
+    settings, performance = replace(SETTINGS, **changes), subject[1]
+    supervision = supervise(subject, *levels, exclude=settings.exclude)
     return train_surfels(settings, performance, supervision, checkpoint)
 
 
@@ -162,24 +179,87 @@ def test_frozen_surfels_do_not_change_at_all_in_caricature_steps(subject, tmp_pa
 
 
 def test_without_masks_nothing_is_frozen(subject):
-    capture, _, targets = subject
-    supervision = Supervision(capture, targets, 0.25, exclude=())
-    assert supervision.frozen_faces() is None
-    assert supervision.example(True, 0).valid is None
-    assert not Supervision(capture, targets, 0.25).example(True, 0).valid[:12].any()
+    example = supervise(subject, 0.25, exclude=()).example(True, 0)
+    assert example.frozen is None
+    assert example.valid is None
+    assert not supervise(subject, 0.25).example(True, 0).valid[:12].any()
 
 
 def test_targets_are_rendered_on_the_caricature_and_frames_on_the_natural_mesh(subject):
-    capture, _, targets = subject
-    supervision = Supervision(capture, targets, 0.25)
+    capture = subject[0]
+    supervision = supervise(subject, 0.25)
     assert supervision.example(False, 2).level == 0.0
     assert supervision.example(True, 2).level == 0.25
     np.testing.assert_array_equal(supervision.example(False, 2).image, capture.image(capture.split("train")[2]))
 
 
-def test_a_folder_without_targets_is_named(subject, tmp_path):
-    with pytest.raises(InputError, match="holds no targets"):
-        Supervision(subject[0], tmp_path, 0.25)
+def test_every_level_has_its_own_targets_masks_and_resting_faces(subject, tmp_path):
+    capture, _, indices = subject
+    content = json.loads(indices[0.1].read_text())
+    content["folder"] = str(indices[0.1].parent / content["folder"])
+    for entry in content["targets"]:
+        entry["weight"] = 0.5
+    (tmp_path / "light.json").write_text(json.dumps(content))
+    sets = [read_targets(tmp_path / "light.json", capture), read_targets(indices[0.25], capture)]
+    sets[0] = replace(sets[0], of_faces=np.zeros_like(sets[0].of_faces))
+    supervision = Supervision(capture, sets)
+    count = len(capture.split("train"))
+    assert len(supervision.targets) == 2 * count
+    for i, level, weight in ((1, 0.1, 0.5), (count + 1, 0.25, 1.0)):
+        example = supervision.example(True, i)
+        frame = capture.split("train")[1]
+        assert (example.level, example.weight, example.timestep) == (level, weight, frame.timestep)
+        np.testing.assert_allclose(example.image, (1 - level) * capture.image(frame)[:, ::-1], atol=0.5 / 255 + 1e-6)
+    assert supervision.example(True, 1).frozen is None
+    assert (supervision.example(True, count + 1).frozen == capture.model.face_region("scalp")).all()
+
+
+def test_each_step_is_drawn_at_the_level_of_its_target(subject, tmp_path, monkeypatch):
+    """All levels come equally often; real frames stay at level 0."""
+    capture, performance, _ = subject
+    drawn = []
+    motion = performance.motion
+    monkeypatch.setattr(performance, "motion", lambda timestep, level: drawn.append(level) or motion(timestep, level))
+    targets = 2 * len(capture.split("train"))
+    run(
+        subject, tmp_path / "c", levels=(0.1, 0.25), iterations=2 * targets, caricature_share=1.0,
+        density=Density(every=0), colour_frames=1,
+    )  # fmt: skip
+    drawn = drawn[1:]  # the first colours
+    assert {level: drawn.count(level) for level in (0.1, 0.25)} == {0.1: targets, 0.25: targets}
+
+
+def test_the_weight_of_a_target_is_that_of_its_loss(subject, tmp_path):
+    """A run whose targets weigh nothing is a run whose targets do not move anything."""
+    capture, performance, indices = subject
+    given = read_targets(indices[0.25], capture)
+    without = replace(given, targets=tuple(target._replace(weight=0.0) for target in given.targets))
+    settings = replace(SETTINGS, caricature_share=1.0, position_weight=0.0, scale_weight=0.0, density=Density(every=0))
+    first, last = (
+        train_surfels(replace(settings, iterations=n), performance, Supervision(capture, [without]), tmp_path / "c")[0]
+        for n in (1, 6)
+    )
+    assert as_bytes(first) == as_bytes(last)
+    assert as_bytes(run(subject, tmp_path / "c", **(vars(settings) | {"iterations": 6}))[0]) != as_bytes(last)
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"level": None}, "level"),
+        ({"targets": []}, "targets: holds none"),
+        ({"targets": [{"timestep": 0, "camera": 0, "image": "a.png"}]}, r"targets\[0\].reasons"),
+        ({"targets": [{"timestep": 9, "camera": 0, "image": "a", "reasons": "b"}]}, "no such training frame"),
+        ({"targets": [{"timestep": 0, "camera": 0, "image": "a", "reasons": "b", "weight": -1}]}, "weight"),
+        ({"folder": "nowhere"}, "faces.npy: no such file"),
+    ],
+)
+def test_an_index_that_is_broken_or_of_another_capture_is_named(subject, tmp_path, change, named):
+    content = json.loads(subject[2][0.25].read_text())
+    content["folder"] = str(subject[2][0.25].parent / content["folder"])
+    (tmp_path / "targets.json").write_text(json.dumps({**content, **change}))
+    with pytest.raises(InputError, match=named):
+        read_targets(tmp_path / "targets.json", subject[0])
 
 
 def test_each_example_comes_once_per_epoch():

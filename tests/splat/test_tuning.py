@@ -91,7 +91,7 @@ def test_timesteps_that_were_tracked_apart_come_together(capture, performance, t
     for t in others:
         before = performance.parameters[t]
         performance.move(t, replace(before, translation=before.translation + wrong))
-    train_surfels(replace(TUNED, iterations=150), performance, Supervision(capture, None, 0.25), tmp_path / "c")
+    train_surfels(replace(TUNED, iterations=150), performance, Supervision(capture), tmp_path / "c")
     error = {t: (performance.posed(t, 0.0) - true[t]).mean(axis=0) for t in (first, *others)}
     apart = [np.linalg.norm(error[t] - error[first]) for t in others]
     assert max(apart) < 0.5 * np.linalg.norm(wrong)
@@ -101,7 +101,7 @@ def test_a_run_that_was_interrupted_ends_where_one_in_a_single_sitting_does(capt
     def run(checkpoint, watch=None):
         own = replace(performance, parameters=dict(performance.parameters))
         settings = replace(TUNED, checkpoint_seconds=0.0)
-        surfels, _ = train_surfels(settings, own, Supervision(capture, None, 0.25), checkpoint, watch)
+        surfels, _ = train_surfels(settings, own, Supervision(capture), checkpoint, watch)
         codes = [getattr(own.parameters[t], name) for t in own.parameters for name in ("translation", "jaw")]
         return b"".join(value.tobytes() for value in (*to_arrays(surfels).values(), *codes))
 

@@ -77,9 +77,9 @@ def test_a_caricature_that_does_not_fit_is_named(folder, file, says):
     assert not (folder / "x.npz").exists()
 
 
-def make_targets(subject: Path, out: Path, /, **changes) -> dict:
+def make_targets(subject: Path, out: Path, /, level: float = 0.25, **changes) -> dict:
     gtstar(
-        Gtstar(**changes), capture=subject / "capture.json", path=subject / "path.npz",
+        Gtstar(**changes), capture=subject / "capture.json", path=subject / "path.npz", level=level,
         targets=out / "targets", index=out / "targets.json",
     )  # fmt: skip
     return json.loads((out / "targets.json").read_text())
@@ -88,7 +88,7 @@ def make_targets(subject: Path, out: Path, /, **changes) -> dict:
 def test_targets_exist_for_training_frames_alone(folder, tmp_path):
     index = make_targets(folder, tmp_path)
     subject = Capture.load(folder / "capture.json")
-    assert index["gamma"] == 0.25
+    assert (index["level"], index["folder"]) == (0.25, "targets")
     assert index["left_out"] == []
     assert [(e["timestep"], e["camera"]) for e in index["targets"]] == [
         (f.timestep, f.camera) for f in subject.split("train")

@@ -1,4 +1,4 @@
-"""From a capture to an avatar.  `watch` are the folders behind an index: jobs wait for them and re-run with them."""
+"""From a capture to an avatar.  `watch`, `watch_targets` are the folders behind an index: jobs wait for them and re-run with them."""
 
 
 rule capture:
@@ -40,21 +40,22 @@ rule exaggerate:
 
 rule gtstar:
     input:
-        settings="results/{study}/settings/gtstar/subject={subject}.yaml",
+        settings="results/{study}/settings/gtstar/subject={subject},variant={variant}.yaml",
         capture="results/{study}/{subject}/capture.json",
         watch="results/{study}/{subject}/dataset",
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
     output:
-        targets=directory("results/{study}/{subject}/gamma={gamma}/targets"),
-        index="results/{study}/{subject}/gamma={gamma}/targets.json",
+        targets=directory("results/{study}/{subject}/gamma={gamma}/targets/{variant}/level={level}/images"),
+        index="results/{study}/{subject}/gamma={gamma}/targets/{variant}/level={level}/targets.json",
     log:
-        "results/{study}/log/gtstar/{subject},gamma={gamma}.log",
+        "results/{study}/log/gtstar/{subject},gamma={gamma},{variant},level={level}.log",
     conda:
         "../../environment.yml"
     resources:
         mem_mb=4000,
     params:
         code=fingerprint("carigs.stages.gtstar"),
+        level=level,
     script:
         "../scripts/stage.py"
 
@@ -64,8 +65,9 @@ rule train:
         settings="results/{study}/settings/train/subject={subject},variant={variant}.yaml",
         capture="results/{study}/{subject}/capture.json",
         watch="results/{study}/{subject}/dataset",
+        watch_targets=targets("results/{study}/{subject}/gamma={gamma}/targets/{maker}/level={level}/images"),
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
-        targets=branch(with_targets, then="results/{study}/{subject}/gamma={gamma}/targets", otherwise=[]),
+        targets=targets("results/{study}/{subject}/gamma={gamma}/targets/{maker}/level={level}/targets.json"),
     output:
         avatar="results/{study}/{subject}/gamma={gamma}/{variant}/avatar.npz",
         ply="results/{study}/{subject}/gamma={gamma}/{variant}/avatar.ply",

@@ -8,7 +8,15 @@ from itertools import product
 
 from snakemake.exceptions import WorkflowError
 
-from carigs.config import compose, compose_study, rendered_levels, settings_text, split_overrides
+from carigs.config import (
+    compose,
+    compose_study,
+    rendered_levels,
+    settings_text,
+    split_overrides,
+    target_levels,
+    target_maker,
+)
 from carigs.errors import CarigsError
 from carigs.settings import STAGES
 from carigs.sources import fingerprint
@@ -68,10 +76,17 @@ def shown(wildcards):
     return list(product(points["variant"], levels(wildcards)))
 
 
-def with_targets(wildcards):
-    """Whether a variant is trained on GT* frames, or with the light that was fitted for them."""
-    train = section("train", wildcards, "subject", "variant")
-    return train.caricature_share > 0 or train.follow_light
+def targets(pattern):
+    """This file for each level whose targets a variant is trained on; `{maker}` is the variant in whose name they are
+    made, for all that have the same settings of `gtstar`."""
+
+    @readable
+    def inner(wildcards):
+        maker = target_maker(wildcards.variant, *overrides, f"subject={wildcards.subject}")
+        trained = target_levels(section("train", wildcards, "subject", "variant"), float(wildcards.gamma))
+        return collect(pattern, **{**dict(wildcards.items()), "maker": maker, "level": trained})
+
+    return inner
 
 
 if unknown := sorted(set(config) - {"hydra"}):

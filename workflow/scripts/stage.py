@@ -11,7 +11,7 @@ from typing import TextIO
 from carigs.config import load_settings
 from carigs.errors import CarigsError
 
-FOR_THE_WORKFLOW = ("settings", "watch", "code")
+FOR_THE_WORKFLOW = ("settings", "watch", "watch_targets", "code")
 """Inputs and parameters that decide when a stage runs and are none of its keywords."""
 
 
