@@ -90,7 +90,7 @@ def target_levels(train: DictConfig, gamma: float) -> list[str]:
 
 
 def target_maker(variant: str, *overrides: str) -> str:
-    """The first of all variants with the settings of `gtstar` that `variant` has: targets are made once, in its name."""
+    """The first variant with the settings of `gtstar` that `variant` has: targets are made once, in its name."""
     wanted = compose(*overrides, f"variant={variant}").gtstar
     names = ("alternating", *known("variant"))
     return next(name for name in names if compose(*overrides, f"variant={name}").gtstar == wanted)

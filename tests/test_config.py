@@ -11,7 +11,17 @@ import pytest
 import yaml
 from omegaconf import OmegaConf
 
-from carigs.config import CONF, compose, compose_study, known, load_settings, rendered_levels, settings_text
+from carigs.config import (
+    CONF,
+    compose,
+    compose_study,
+    known,
+    load_settings,
+    rendered_levels,
+    settings_text,
+    target_levels,
+    target_maker,
+)
 from carigs.errors import InputError, SettingsError
 from carigs.settings import EXCLUDED, STAGES
 from carigs.target import Reason
@@ -64,7 +74,7 @@ def test_regions_are_the_head_models_names_and_numbers(tmp_path):
     assert compose().exaggerate.regions == {}
 
 
-def test_variants_differ_in_supervision_masks_and_light_only():
+def test_variants_differ_in_supervision_masks_levels_and_light_only():
     trained = {name: OmegaConf.to_object(compose(f"variant={name}").train) for name in known("variant")}
     ours, reasons = trained["alternating"], {reason.name.lower() for reason in Reason}
     assert [trained[name].caricature_share for name in ("surfhead", "gtstar_only", "no_mask")] == [0.0, 1.0, 0.35]
@@ -73,18 +83,43 @@ def test_variants_differ_in_supervision_masks_and_light_only():
     assert {*ours.exclude} == {*EXCLUDED}
     for t in trained.values():
         assert {*t.exclude} <= reasons
-        t.caricature_share, t.exclude, t.follow_light = ours.caricature_share, ours.exclude, ours.follow_light
+        for name in ("caricature_share", "exclude", "follow_light", "levels"):
+            setattr(t, name, getattr(ours, name))
         assert t == ours
 
 
-def test_the_study_of_masks_turns_every_default_reason_off_and_every_other_one_on():
-    ours, off, on = set(EXCLUDED), set(), set()
-    for name in compose("study=ablation").study.variants:
-        excluded = set(compose("study=ablation", f"variant={name}").train.exclude)
-        off |= ours - excluded if excluded else set()
-        on |= excluded - ours
-    assert off == ours - {"outside_image"}  # nothing is known of such a pixel
-    assert on == {"stretched", "lids", "brows", "ears"}
+def test_the_study_of_masks_turns_every_default_reason_off_and_every_other_one_on_in_turn():
+    ours = set(EXCLUDED)
+    changed = [
+        ours ^ set(compose("study=ablation", f"variant={name}").train.exclude)
+        for name in compose("study=ablation").study.variants
+    ]
+    assert {reason for reasons in changed if len(reasons) == 1 for reason in reasons} == {
+        reason.name.lower() for reason in Reason
+    }
+
+
+def test_targets_are_made_once_for_all_variants_with_the_same_settings():
+    makers = {name: target_maker(name, "study=ablation") for name in known("variant")}
+    assert {*makers.values()} == {"alternating", "affine", "no_relight", "relight_targets"}
+    for name, maker in makers.items():
+        assert compose(f"variant={name}").gtstar == compose(f"variant={maker}").gtstar
+    # What a user sets for all does not keep them apart.
+    assert target_maker("affine", "gtstar.warp=affine") == "alternating"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "gamma", "expected"),
+    [
+        ((), 0.25, ["0.25"]),
+        (("train.levels=4",), 0.25, ["0.0625", "0.125", "0.1875", "0.25"]),
+        (("train.levels=3",), 0.1, ["0.0333333", "0.0666667", "0.1"]),
+        (("train.levels=4", "train.caricature_share=0"), 0.25, ["0.25"]),
+        (("train.caricature_share=0", "train.follow_light=false"), 0.25, []),
+    ],
+)
+def test_targets_are_made_at_the_levels_trained_on(overrides, gamma, expected):
+    assert target_levels(compose(*overrides).train, gamma) == expected
 
 
 @pytest.mark.parametrize(
@@ -121,7 +156,7 @@ def test_data_folder_comes_from_the_environment(monkeypatch):
 @pytest.mark.parametrize(
     ("override", "named"),
     [
-        ("study=tyo", ("study=tyo", "ict, paper, toy")),
+        ("study=tyo", ("study=tyo", "paper, toy")),
         ("mask=thick", ("mask=thick", "default, none")),
         ("study.subjects=[nobody]", ("study.subjects", "nobody", "toy")),
         ("study.variants=[surfhaed]", ("study.variants", "surfhaed", "surfhead")),
@@ -132,6 +167,7 @@ def test_data_folder_comes_from_the_environment(monkeypatch):
         ("gamma=0", ("gamma=0",)),
         ("gamma=nan", ("gamma=nan",)),
         ("gamma=lots", ("gamma", "lots")),
+        ("train.levels=0", ("train.levels=0",)),
         ("train.iteration=3", ("train.iteration", "iterations")),
         ("train.iterations=3x", ("train.iterations", "3x")),
         ("train.iterations=2.5", ("train.iterations", "2.5")),

@@ -37,6 +37,14 @@ def test_the_baseline_needs_no_targets(stubbed):
 
 
 @pytest.mark.slow
+def test_targets_are_made_once_for_each_level_and_all_variants_that_share_them(stubbed):
+    """Ours and `no_mask` share those at 0.25, and `levels` has them too beside those of three more levels."""
+    subjects = 2
+    planned = stubbed.planned(hydra="study.variants=[alternating,no_mask,affine,no_relight,levels]")
+    assert (planned["gtstar"], planned["train"]) == (subjects * (3 + 3), subjects * 5)
+
+
+@pytest.mark.slow
 def test_the_papers_study_can_be_planned_without_its_data(stubbed):
     planned = stubbed.planned(hydra="study=paper")
     assert (planned["capture"], planned["train"], planned["render"]) == (10, 40, 200)

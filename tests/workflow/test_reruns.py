@@ -38,6 +38,14 @@ EDITS = {
         append("conf/mask/default.yaml", "gtstar: {hair_band: 4}"),
         {"settings": 2, "gtstar": 2, **ALTERNATING},
     ),
+    "targets of one variant": (
+        append("conf/variant/alternating.yaml", "gtstar: {warp: affine}"),
+        {"settings": 2, "gtstar": 2, **ALTERNATING},
+    ),
+    "levels of one variant": (
+        append("conf/variant/alternating.yaml", "train: {levels: 2}"),
+        {"settings": 2, "gtstar": 2, **ALTERNATING},
+    ),
     "one subject": (
         append("conf/subject/twin.yaml", "  toy: {seed: 2}"),
         {"settings": 1, "capture": 1, "exaggerate": 1, "gtstar": 1, "truth": 2}
