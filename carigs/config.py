@@ -21,6 +21,8 @@ from carigs.errors import InputError, SettingsError
 from carigs.settings import STAGES, Density, Study, Toy, Tune
 
 CONF = Path(__file__).parents[1] / "conf"
+OF_A_VARIANT = ("gtstar", "train")
+"""Sections that a variant may change."""
 
 Config = make_dataclass(
     "Config",
@@ -71,6 +73,17 @@ def compose_study(*overrides: str) -> DictConfig:
         if key.startswith(("+", "~")):
             raise SettingsError(f"{override}: keys can be set, neither added nor removed")
     return compose(*overrides)
+
+
+def compose_variant(variant: str, *overrides: str) -> DictConfig:
+    """`compose` at a variant; raises `SettingsError` where it changes what all variants share."""
+    config, shared = compose(*overrides, f"variant={variant}"), compose(*overrides)
+    for stage in STAGES.keys() - OF_A_VARIANT:
+        for key in config[stage]:
+            if config[stage][key] != shared[stage][key]:
+                allowed = " and ".join(OF_A_VARIANT)
+                raise SettingsError(f"variant/{variant}.yaml: {stage}.{key} is shared; a variant has its own {allowed}")
+    return config
 
 
 def rendered_levels(config: DictConfig) -> list[str]:

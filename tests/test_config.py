@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from dataclasses import fields
 from itertools import product
 from pathlib import Path
@@ -11,10 +12,12 @@ import pytest
 import yaml
 from omegaconf import OmegaConf
 
+from carigs import config
 from carigs.config import (
     CONF,
     compose,
     compose_study,
+    compose_variant,
     known,
     load_settings,
     rendered_levels,
@@ -106,6 +109,22 @@ def test_targets_are_made_once_for_all_variants_with_the_same_settings():
         assert compose(f"variant={name}").gtstar == compose(f"variant={maker}").gtstar
     # What a user sets for all does not keep them apart.
     assert target_maker("affine", "gtstar.warp=affine") == "alternating"
+
+
+@pytest.mark.parametrize("name", known("variant"))
+def test_a_variant_has_targets_and_training_of_its_own_alone(name):
+    assert compose_variant(name) == compose(f"variant={name}")
+
+
+def test_what_a_variant_changes_in_vain_is_named(tmp_path, monkeypatch):
+    conf = tmp_path / "conf"
+    shutil.copytree(CONF, conf)
+    (conf / "variant/sharp.yaml").write_text("# @package _global_\nrender: {orbit: 3}\n")
+    monkeypatch.setattr(config, "CONF", conf)
+    compose.cache_clear()
+    with pytest.raises(SettingsError, match=r"variant/sharp\.yaml: render\.orbit is shared; .*gtstar and train"):
+        compose_variant("sharp")
+    compose.cache_clear()
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from snakemake.exceptions import WorkflowError
 from carigs.config import (
     compose,
     compose_study,
+    compose_variant,
     rendered_levels,
     settings_text,
     split_overrides,
@@ -103,7 +104,7 @@ points = dict(
 )
 for subject, variant in product(points["subject"], points["variant"]):
     # Now, because Snakemake forgives an input function that fails where the output exists.
-    readable(compose)(*overrides, f"subject={subject}", f"variant={variant}")
+    readable(compose_variant)(variant, *overrides, f"subject={subject}")
 
 
 wildcard_constraints:
