@@ -39,12 +39,15 @@ def write_measurements(file: Path, measurements: Iterable[Measurement]) -> list[
     return rows
 
 
-def seconds(work: Callable[[], object], repeats: int = 5) -> float:
-    """Median wall time of `work`, called once more before to warm up."""
-    work()
+def seconds(
+    work: Callable[[], object], repeats: int = 5, clock: Callable[[], float] = time.perf_counter, warm: bool = True
+) -> float:
+    """Median time of `work`, wall time unless the clock is another, called once more before to warm up."""
+    if warm:
+        work()
     times = []
     for _ in range(repeats):
-        start = time.perf_counter()
+        start = clock()
         work()
-        times.append(time.perf_counter() - start)
+        times.append(clock() - start)
     return median(times)
