@@ -221,14 +221,22 @@ class Exaggerator:
         return RegionPaths({name: self.path(gamma_f, region=name) for name in names or self.regions.named})
 
     @cached_property
-    def _followers(self) -> list[Follower]:
+    def followers(self) -> list[Follower]:
+        """The small components, in groups; none where the equation moves all."""
+        if not self.settings.followers:
+            return []
         return find_followers(self.vertices, self.faces, self.component, self.main)
 
-    def with_followers(self, displacement: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v 3"]:
-        """The displacement of the solved vertices, and of the small components by similarities of those around."""
-        if self.settings.followers:
-            displacement, scales = follow(self.vertices, displacement, self._followers)
-            self.report["follower_scales"] = scales
+    def with_followers(
+        self, displacement: Float[np.ndarray, "v 3"], followers: Sequence[Follower] | None = None
+    ) -> Float[np.ndarray, "v 3"]:
+        """The displacement of the solved vertices, and of the small components by similarities of those around.
+
+        `followers` are those that follow (default: all); the others stay.
+        """
+        followers = self.followers if followers is None else followers
+        if followers:
+            displacement, self.report["follower_scales"] = follow(self.vertices, displacement, followers)
         return displacement
 
 
