@@ -39,7 +39,7 @@ PEOPLE = 20
 Mesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
 
 
-def time_rows(case: str, mesh: Mesh, settings: Exaggerate, repeats: int = 9) -> Iterator[Measurement]:
+def time_rows(case: str, mesh: Mesh, settings: Exaggerate, repeats: int = 5) -> Iterator[Measurement]:
     """CPU seconds from arrays to one level; the reference of a level is the sum of all."""
 
     def spent(work: Callable[[], object]) -> float:
