@@ -73,7 +73,7 @@ def _ways(matrix: csc_array, mass: np.ndarray) -> Mapping[str, Callable[[], Solv
         solve = lu((matrix @ inverse @ matrix).tocsc())
         return lambda right: solve(matrix @ (inverse @ right))
 
-    ours = f"LU (COLAMD), {COLUMNS} columns at once" if CholeskySolverD is None else "Cholesky (cholespy)"
+    ours = "LU in the order that suits the size" if CholeskySolverD is None else "Cholesky (cholespy)"
     return {
         ours: lambda: Factors(matrix).solve,
         f"LU (COLAMD), {COLUMNS} columns at once": lambda: lu(matrix),
