@@ -1,5 +1,6 @@
 """The robust preset on real heads: no face turns over, nothing grows through anything else, eyes stay in."""
 
+import csv
 import os
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from carigs.head import HeadModel
 from carigs.surface import Exaggerator
 from evaluation.benchmarks.surface import read_heads
 from evaluation.benchmarks.surface_accuracy import random_person
+from evaluation.stress import heads
 from evaluation.stress.heads import Check, bends, cut_faces, invariance_checks, region_checks, shape_checks
 
 DATA = Path(os.environ.get("CARIGS_DATA", Path(__file__).parents[2] / "../shared/data"))
@@ -63,6 +65,22 @@ def test_a_nose_on_a_real_head_has_no_border():
     model, (vertices, faces) = HeadModel.load(DATA / "ict_model.npz"), read("ict_head_id0")
     # The head is the skin of the model, vertex for vertex.
     hold(region_checks("nose", vertices, faces, model.regions["nose"]))
+
+
+@real
+@pytest.mark.parametrize(("gamma", "failed"), [(0.25, False), (2.0, True)])
+def test_the_table_tells_what_does_not_hold(tmp_path, monkeypatch, gamma, failed):
+    """A head that is exaggerated far beyond what it is made for turns faces over."""
+    monkeypatch.setattr(heads, "GAMMA", gamma)
+    mesh = DATA / "meshes/mediapipe_canonical_face_model.obj"
+    monkeypatch.setattr("sys.argv", ["heads", str(tmp_path / "heads.csv"), str(mesh)])
+    assert heads.main() == failed
+    with (tmp_path / "heads.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert {row["case"] for row in rows} == {mesh.stem}
+    (turned,) = (row for row in rows if row["what"].startswith("faces turned"))
+    assert turned["holds"] == str(not failed)
+    assert any(row["holds"] == "False" for row in rows) == failed
 
 
 def test_faces_that_cut_others_are_found():
