@@ -31,7 +31,7 @@ from evaluation.benchmarks.surface_accuracy import (
     sphere_rows,
 )
 from evaluation.benchmarks.surface_chart import plot
-from evaluation.benchmarks.surface_solvers import size_rows
+from evaluation.benchmarks.surface_solvers import order_rows, size_rows
 
 FLAME_SIZE = 5023
 PEOPLE = 20
@@ -59,7 +59,9 @@ def head_rows(case: str, mesh: Mesh) -> Iterator[Measurement]:
     occlusion = seconds(lambda: ambient_occlusion(*mesh), 1, time.process_time, warm=False)
     yield Measurement(case, "CPU: ambient occlusion", "s", occlusion)
     yield from time_rows(case, mesh, Exaggerate(limit_cavities=False))
-    yield from path_rows(case, Exaggerator(*mesh, preset("robust")))
+    solver = Exaggerator(*mesh, preset("robust"))
+    yield from order_rows(case, solver)
+    yield from path_rows(case, solver)
 
 
 def measurements(heads: Mapping[str, Mesh], typical: str, model: HeadModel | None) -> Iterator[Measurement]:

@@ -97,6 +97,13 @@ def test_a_run_that_ends_early_leaves_its_rows(tmp_path):
     assert [left.name for left in file.parent.iterdir()] == ["rows.csv"]
 
 
+def test_factors_hold_at_least_the_entries_of_the_system():
+    solver = Exaggerator(*MESH, Exaggerate(limit_cavities=False))
+    entries, times = surface_solvers.order_rows("torus", solver, 1)
+    assert min(entries.value, entries.reference) > solver.system.nnz
+    assert min(times.value, times.reference) > 0
+
+
 def test_what_takes_too_long_is_left_out_at_the_next_size(monkeypatch):
     monkeypatch.setattr(surface_solvers, "SIZES", 2)
     monkeypatch.setattr(surface_solvers, "SLOW", 0.0)
