@@ -124,7 +124,10 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray, weld: float = 1e-7) -> C
 
 def _single(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "g 3"]:
     """The first of the faces that have the same corners."""
-    return faces[np.sort(np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1])]
+    # As numbers they are compared several times faster than as rows.
+    (a, b, c), n = np.sort(faces, axis=1).T, int(faces.max(initial=0)) + 1
+    pair = np.unique(a * n + b, return_inverse=True)[1]
+    return faces[np.sort(np.unique(pair * n + c, return_index=True)[1])]
 
 
 def _welded(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], reach: float) -> Int[np.ndarray, "v"]:
@@ -148,7 +151,7 @@ def _turn(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> 
     agreeing, patch = igl.bfs_orient(faces)
     agreeing = agreeing.astype(np.int64)  # from C's long long, which NumPy tells apart
     areas = face_areas(vertices, faces)
-    same = (_rotated(agreeing) == _rotated(faces)).all(axis=1)
+    same = agreeing[:, 0] == faces[:, 0]  # a face is turned by reversing its row
     for p in range(int(patch.max()) + 1):
         inside = np.flatnonzero(patch == p)
         volume, area = signed_volume(vertices, agreeing[inside]), areas[inside].sum()
@@ -156,9 +159,4 @@ def _turn(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> 
         most = areas[inside][same[inside]].sum() >= area / 2
         if (volume < 0) if enclosing else not most:
             agreeing[inside] = agreeing[inside][:, ::-1]
-    return agreeing, int((_rotated(agreeing) != _rotated(faces)).any(axis=1).sum())
-
-
-def _rotated(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "f 3"]:
-    """The same corners in the same order, the smallest first."""
-    return np.take_along_axis(faces, (faces.argmin(axis=1)[:, None] + np.arange(3)) % 3, axis=1)
+    return agreeing, int((agreeing[:, 0] != faces[:, 0]).sum())

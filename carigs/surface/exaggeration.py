@@ -13,16 +13,19 @@ from scipy.sparse import csc_array
 from carigs.errors import MeshError, SettingsError
 from carigs.settings import Exaggerate
 from carigs.surface import mesh
+from carigs.surface.choices import check_choices
 from carigs.surface.curvature import log_magnitude, smooth_curvature
-from carigs.surface.factors import COLUMNS, Factors
+from carigs.surface.factors import COLUMNS
 from carigs.surface.followers import Follower, find_followers, follow
 from carigs.surface.gaps import gap_stiffness
 from carigs.surface.local import LocalEdit
 from carigs.surface.occlusion import cached_occlusion, smoothstep
 from carigs.surface.operators import EdgeCotans, mixed_voronoi_areas
 from carigs.surface.path import GammaPath, RegionPaths
-from carigs.surface.regions import Regions, partition_of_unity
+from carigs.surface.pinned import PinnedSystem
+from carigs.surface.regions import Regions
 from carigs.surface.solved_path import Solvable, solved_path
+from carigs.surface.whole import Whole
 
 CAVITY = (0.45, 0.75)
 """Hidden share of the hemisphere over which the limiter sets in."""
@@ -53,7 +56,7 @@ class Exaggerator:
         is `ratio`: other vertices of the same faces.  Raises `MeshError`, `SettingsError` for what cannot be used.
         """
         self.settings = settings or Exaggerate()
-        _check(self.settings)
+        check_choices(self.settings)
         mesh.check_mesh(np.asarray(vertices), np.asarray(faces))
         self.vertices, self.faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
         self.component = mesh.components(self.faces, len(self.vertices))
@@ -86,12 +89,7 @@ class Exaggerator:
         self.system = self._system(stiffness)
         """A, whose equation is solved: all vertices, not yet pinned."""
 
-        # One vertex of each component is pinned; the others' system is symmetric positive definite.
-        pinned = np.unique(self.component, return_index=True)[1]
-        self._free = np.setdiff1d(np.flatnonzero(self.solved), pinned)
-        self._factors = Factors(self.system[self._free][:, self._free].tocsc())
-        inside = [np.flatnonzero(self.component == c) for c in np.unique(self.component[self.solved])]
-        self._centroids = [(ids, self.areas[ids] / self.areas[ids].sum()) for ids in inside]
+        self._pinned = PinnedSystem(self.system, self.component, self.solved, self.areas)
         self._divergence = self.cotans.divergence(self.vertices)
         self._edits: dict[str, LocalEdit] = {}
 
@@ -153,15 +151,7 @@ class Exaggerator:
 
         Linear in the strain and in `x` (v, 3), which may be an offset of the mesh such as a blendshape.
         """
-        return self._settled(self.divergence(strain) if x is None else self.cotans.weighted_divergence(x, strain))
-
-    def _settled(self, right: Float[np.ndarray, "v c"]) -> Float[np.ndarray, "v c"]:
-        """The solutions of A u = right whose components keep their centroids."""
-        displacement = np.zeros_like(right)
-        displacement[self._free] = self._factors.solve(right[self._free])
-        for inside, shares in self._centroids:
-            displacement[inside] -= shares @ displacement[inside]
-        return displacement
+        return self._pinned.solve(self.divergence(strain) if x is None else self.cotans.weighted_divergence(x, strain))
 
     def divergence(self, strain: Float[np.ndarray, " f"]) -> Float[np.ndarray, "v 3"]:
         """W_strain S of the mesh's own vertices."""
@@ -178,7 +168,7 @@ class Exaggerator:
             group = levels[start : start + COLUMNS]
             strains = np.stack([self.weights(level) - 1 for level in group], axis=1)
             right = (self._divergence @ strains).reshape(len(self.vertices), -1)
-            together = self._settled(right).reshape(-1, 3, len(group))
+            together = self._pinned.solve(right).reshape(-1, 3, len(group))
             for k, level in enumerate(group):
                 if level != 0:
                     solved[start + k] = self.with_followers(together[..., k])
@@ -203,7 +193,7 @@ class Exaggerator:
 
     def whole(self, gamma_f: float, levels: Mapping[str, float] | None = None) -> Solvable:
         """The whole head on its way to gamma_f, its regions to `levels` of their own."""
-        return _Whole(self, gamma_f, levels)
+        return Whole(self, gamma_f, levels)
 
     def local(self, region: str | np.ndarray | Sequence[int]) -> LocalEdit:
         """The exaggeration of one region while the rest is held; of a name it is factorised once."""
@@ -221,54 +211,20 @@ class Exaggerator:
         return RegionPaths({name: self.path(gamma_f, region=name) for name in names or self.regions.named})
 
     @cached_property
-    def _followers(self) -> list[Follower]:
+    def followers(self) -> list[Follower]:
+        """The small components, in groups; none where the equation moves all."""
+        if not self.settings.followers:
+            return []
         return find_followers(self.vertices, self.faces, self.component, self.main)
 
-    def with_followers(self, displacement: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v 3"]:
-        """The displacement of the solved vertices, and of the small components by similarities of those around."""
-        if self.settings.followers:
-            displacement, scales = follow(self.vertices, displacement, self._followers)
-            self.report["follower_scales"] = scales
+    def with_followers(
+        self, displacement: Float[np.ndarray, "v 3"], followers: Sequence[Follower] | None = None
+    ) -> Float[np.ndarray, "v 3"]:
+        """The displacement of the solved vertices, and of the small components by similarities of those around.
+
+        `followers` are those that follow (default: all); the others stay.
+        """
+        followers = self.followers if followers is None else followers
+        if followers:
+            displacement, self.report["follower_scales"] = follow(self.vertices, displacement, followers)
         return displacement
-
-
-class _Whole:
-    """The whole head, each region at a pace of its own."""
-
-    def __init__(self, solver: Exaggerator, level: float, levels: Mapping[str, float] | None) -> None:
-        self._solver, self.response, self._pace = solver, solver.response, 1.0
-        if levels:
-            if not np.isfinite(list(levels.values())).all():
-                raise SettingsError(f"levels of regions must be numbers, found {dict(levels)}")
-            if level == 0:
-                raise SettingsError("levels of regions on a head at level 0: use `region_paths`, which hold the rest")
-            shares = partition_of_unity(np.stack([solver.regions.field(name) for name in levels]))
-            self._pace = 1 + (np.array(list(levels.values())) / level - 1) @ shares
-
-    def weights(self, level: float) -> Float[np.ndarray, " f"]:
-        return self._solver.weights(level, self._pace)
-
-    def solve(self, level: float) -> Float[np.ndarray, "v 3"]:
-        if level == 0:
-            return np.zeros_like(self._solver.vertices)
-        return self._solver.with_followers(self.response(self.weights(level) - 1))
-
-
-def _check(settings: Exaggerate) -> None:
-    """What the types of the settings cannot say."""
-    if not 0 < settings.curvature_floor < np.inf:
-        raise SettingsError(f"exaggerate.curvature_floor={settings.curvature_floor:g} must be above 0")
-    if not 0 < settings.path_error < np.inf:
-        raise SettingsError(f"exaggerate.path_error={settings.path_error:g} must be above 0")
-    for name in ("heat", "air", "cavity_stiffness"):
-        if not 0 <= getattr(settings, name) < np.inf:
-            raise SettingsError(f"exaggerate.{name}={getattr(settings, name):g} must not be negative")
-    if settings.nodes == 1 or settings.nodes < 0:
-        raise SettingsError(f"exaggerate.nodes={settings.nodes} must be 0, for as many as needed, or 2 or more")
-    for name, known in (
-        ("local", ("soft", "exact", "literal")),
-        ("individual", ("subject", "ratio", "template")),
-        ("expressions", ("offset", "linear", "mixed")),
-    ):
-        if getattr(settings, name) not in known:
-            raise SettingsError(f"exaggerate.{name}={getattr(settings, name)} is unknown; choose {', '.join(known)}")

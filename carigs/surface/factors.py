@@ -13,6 +13,12 @@ from scipy.sparse.linalg import splu
 COLUMNS = 4
 """SuperLU solves for so many right-hand sides at once; with more it loses more in small products than it gains."""
 
+MINIMUM_DEGREE = 30_000
+"""Rows up to which unknowns are eliminated in the order of the symmetric minimum degree: its factors of heads hold 28
+to 42 % less than those of COLAMD, SuperLU's own.  At 80 000 both cost the same, and at 320 000 SciPy's search for that
+order takes minutes."""
+SYMMETRIC = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+
 try:
     from cholespy import CholeskySolverD, MatrixType
 except ImportError:  # the extra `fast`
@@ -24,7 +30,7 @@ class Factors:
 
     def __init__(self, matrix: csc_array) -> None:
         if CholeskySolverD is None:
-            self._lu = splu(matrix.tocsc())
+            self._lu = splu(matrix.tocsc(), **(SYMMETRIC if matrix.shape[0] <= MINIMUM_DEGREE else {}))
         else:
             self._cholesky = CholeskySolverD(matrix.shape[0], *_coordinates(matrix), MatrixType.COO)
 

@@ -4,8 +4,9 @@ The level fades from the region's to 0 over a smooth ramp, so that no flux is le
 beyond is held.  Three ways to hold it (`Exaggerate.local`):
 
 - `soft`: a screen that grows as the region fades: (A + s M) u = W_(w-1) x.  As cheap as the head, smooth at the border.
-- `exact`: nothing beyond the ramp moves by a single bit, and the border is still smooth: the least squares of the
-  paper's equation 4, with the held vertices eliminated, which is a bi-Laplacian.
+- `exact`: nothing beyond the ramp moves by a single bit (an eyeball only where the region holds its socket), and the
+  border is still smooth: the least squares of the paper's equation 4, with the held vertices eliminated, which is a
+  bi-Laplacian.
 - `literal`: equation 4 as it stands: no ramp, and weights that do not end at the border, where they leave ripples.
 """
 
@@ -44,6 +45,9 @@ class LocalEdit:
         moving = (self.field > 0) | (solver.regions.distance(self.field > 0) < reach)
         self._moving = np.flatnonzero(moving & solver.solved)
         _check_held(solver, self.field, self._moving)
+        # An eyeball would follow the edge of the ramp in its socket, however little that moves.
+        most = [group for group in solver.followers if self.field[group.around].mean() >= 0.5]
+        self._followers = solver.followers if self._mode == "soft" else most
         rows = solver.system[:, self._moving]
         if self._mode == "soft":
             stiffness, length = SCREEN
@@ -71,7 +75,7 @@ class LocalEdit:
         """The displacement at a level, exactly zero at level 0."""
         if level == 0:
             return np.zeros_like(self._solver.vertices)
-        return self._solver.with_followers(self.response(self.weights(level) - 1))
+        return self._solver.with_followers(self.response(self.weights(level) - 1), self._followers)
 
     def path(self, gamma_f: float) -> GammaPath:
         """The region at all levels from 0 to gamma_f."""

@@ -60,9 +60,15 @@ def size(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> f
     For heads this is the bounding box's diagonal within 5 %, but it does not change when the mesh is rotated.
     """
     vertices = vertices - vertices[0]  # sums far from the origin lose digits
-    centroids, areas = vertices[faces].mean(axis=1), face_areas(vertices, faces)
-    offsets = centroids - np.average(centroids, axis=0, weights=areas)
-    return 4 * float(np.sqrt(np.average((offsets**2).sum(axis=1), weights=areas)))
+    centroids, shares = face_middles(vertices, faces), face_areas(vertices, faces)
+    shares /= shares.sum()
+    x, y, z = (centroids - shares @ centroids).T
+    return 4 * float(np.sqrt(shares @ (x * x + y * y + z * z)))
+
+
+def face_middles(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, "f 3"]:
+    """The mean of each face's corners."""
+    return igl.barycenter(np.asarray(vertices, np.float64), np.asarray(faces, np.int64))
 
 
 def face_areas(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, " f"]:
@@ -72,15 +78,14 @@ def face_areas(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
 
 def face_normals(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, "f 3"]:
     """Unit normal of each face."""
-    a, b, c = vertices[faces.T]
-    normals = np.cross(b - a, c - a)
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    return igl.per_face_normals(np.asarray(vertices, np.float64), np.asarray(faces, np.int64), np.zeros(3))
 
 
 def signed_volume(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> float:
     """Volume between the faces and the middle of their vertices: negative where faces are turned inwards."""
-    a, b, c = vertices[faces.T] - vertices[faces].mean(axis=(0, 1))
-    return float((a * np.cross(b, c)).sum() / 6)
+    middles = face_middles(vertices, faces)
+    a, b, c = (vertices - middles.mean(axis=0))[faces.T]
+    return float(np.einsum("fk,fk->", a, np.cross(b, c)) / 6)
 
 
 def vertex_normals(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, "v 3"]:

@@ -13,14 +13,15 @@ class EdgeCotans:
 
     def __init__(self, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> None:
         self.v, self.faces = len(vertices), faces
-        self.start, self.end = faces[:, [1, 2, 0]], faces[:, [2, 0, 1]]  # the edge opposite to corner 0, 1, 2
+        self._narrow = faces.astype(np.int32)  # or SciPy would look for the widest index in every matrix
         self.half_cotans = igl.cotmatrix_entries(np.asarray(vertices, np.float64), np.asarray(faces, np.int64))
 
     def stiffness(self, weights: Float[np.ndarray, " f"] | None = None) -> csc_array:
         """W_w, positive semi-definite: x^T W_w x = sum over faces of w times the Dirichlet energy of x."""
         c = self.half_cotans if weights is None else self.half_cotans * weights[:, None]
-        i, j, c = self.start.ravel(), self.end.ravel(), c.ravel()
-        own, every = np.bincount(i, c, self.v) + np.bincount(j, c, self.v), np.arange(self.v)
+        # The edge opposite to corner 0, 1, 2.
+        i, j, c = self._narrow[:, [1, 2, 0]].ravel(), self._narrow[:, [2, 0, 1]].ravel(), c.ravel()
+        own, every = np.bincount(i, c, self.v) + np.bincount(j, c, self.v), np.arange(self.v, dtype=np.int32)
         rows, columns = np.concatenate([i, j, every]), np.concatenate([j, i, every])
         return coo_array((np.concatenate([-c, -c, own]), (rows, columns)), shape=(self.v, self.v)).tocsc()
 
@@ -32,11 +33,14 @@ class EdgeCotans:
 
     def divergence(self, x: Float[np.ndarray, "v 3"]) -> csc_array:
         """D_x of W_w x = D_x w: for one x and many weights; (3 v, f), the coordinates of a vertex together."""
-        flow = self.half_cotans[..., None] * (x[self.start] - x[self.end])
+        a, b, c = (x.take(corner, axis=0) for corner in self.faces.T)
+        half = self.half_cotans[..., None]
+        flow = half[:, 0] * (b - c), half[:, 1] * (c - a), half[:, 2] * (a - b)
         # Corner 0 is the end of the edge opposite to 1 and the start of that opposite to 2, and so on.
-        corners = flow[:, [2, 0, 1]] - flow[:, [1, 2, 0]]
-        rows, f = 3 * self.faces[..., None] + np.arange(3), len(self.faces)
-        return csc_array((corners.ravel(), rows.ravel(), 9 * np.arange(f + 1)), shape=(3 * self.v, f))
+        corners = np.stack([flow[2] - flow[1], flow[0] - flow[2], flow[1] - flow[0]], axis=1)
+        rows = 3 * self._narrow[..., None] + np.arange(3, dtype=np.int32)
+        columns = 9 * np.arange(len(self.faces) + 1, dtype=np.int32)
+        return csc_array((corners.ravel(), rows.ravel(), columns), shape=(3 * self.v, len(self.faces)))
 
 
 def mixed_voronoi_areas(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, " v"]:

@@ -63,7 +63,9 @@ class GammaPath:
             # The level is left out of the text: Python shows a text once, and a film has many levels.
             warnings.warn(f"levels outside [0, {self.gamma_f:g}] are extrapolated", stacklevel=2)
         shares = np.array(lagrange_weights(self._barycentric, level)[1:], np.float32)
-        return (shares @ self._moved).reshape(-1, 3)
+        # NumPy hands a product with a single row to BLAS in the shape that it is slowest in.
+        moved = shares[0] * self._moved[0] if len(shares) == 1 else shares @ self._moved
+        return moved.reshape(-1, 3)
 
     @cached_property
     def _span(self) -> tuple[float, float]:

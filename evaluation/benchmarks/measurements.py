@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import csv
+import os
 import time
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from statistics import median
 from typing import NamedTuple
-
-from carigs.files import writing
 
 
 class Measurement(NamedTuple):
@@ -22,22 +21,33 @@ class Measurement(NamedTuple):
     reference: float | None = None
 
 
-def write_measurements(file: Path, measurements: Iterable[Measurement]) -> None:
-    """Write rows as CSV; numbers keep six significant digits."""
-    with writing(file) as part, part.open("w", newline="", encoding="utf-8") as stream:
+def write_measurements(file: Path, measurements: Iterable[Measurement]) -> list[Measurement]:
+    """Write rows as CSV while they come, and return them; numbers keep six significant digits.
+
+    Until all are there they are in `.NAME.part.csv`, where a run that is killed leaves what it measured.
+    """
+    rows, part = [], file.with_name(f".{file.stem}.part{file.suffix}")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with part.open("w", newline="", encoding="utf-8", buffering=1) as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(Measurement._fields)
         for m in measurements:
             reference = "" if m.reference is None else f"{m.reference:.6g}"
             writer.writerow([m.case, m.quantity, m.unit, f"{m.value:.6g}", reference])
+            rows.append(m)
+    os.replace(part, file)
+    return rows
 
 
-def seconds(work: Callable[[], object], repeats: int = 5) -> float:
-    """Median wall time of `work`, called once more before to warm up."""
-    work()
+def seconds(
+    work: Callable[[], object], repeats: int = 5, clock: Callable[[], float] = time.perf_counter, warm: bool = True
+) -> float:
+    """Median time of `work`, wall time unless the clock is another, called once more before to warm up."""
+    if warm:
+        work()
     times = []
     for _ in range(repeats):
-        start = time.perf_counter()
+        start = clock()
         work()
-        times.append(time.perf_counter() - start)
+        times.append(clock() - start)
     return median(times)

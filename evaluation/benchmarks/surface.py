@@ -6,7 +6,8 @@ python -m evaluation.benchmarks.surface results/benchmark/surface.csv head.obj .
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from jaxtyping import Float, Int
 from carigs.errors import InputError
 from carigs.head import HeadModel
 from carigs.settings import Exaggerate
-from carigs.surface import Exaggerator
+from carigs.surface import Exaggerator, clean_mesh
 from carigs.surface.occlusion import ambient_occlusion
 from evaluation.benchmarks.measurements import Measurement, seconds, write_measurements
 from evaluation.benchmarks.surface_accuracy import (
@@ -30,7 +31,7 @@ from evaluation.benchmarks.surface_accuracy import (
     sphere_rows,
 )
 from evaluation.benchmarks.surface_chart import plot
-from evaluation.benchmarks.surface_solvers import size_rows
+from evaluation.benchmarks.surface_solvers import order_rows, size_rows
 
 FLAME_SIZE = 5023
 PEOPLE = 20
@@ -39,19 +40,51 @@ Mesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
 
 
 def time_rows(case: str, mesh: Mesh, settings: Exaggerate, repeats: int = 5) -> Iterator[Measurement]:
-    """Set-up and one level; the reference of a level is the time without the factors of the set-up."""
-    setup = seconds(lambda: Exaggerator(*mesh, settings), repeats)
+    """CPU seconds from arrays to one level; the reference of a level is the sum of all."""
+
+    def spent(work: Callable[[], object]) -> float:
+        return seconds(work, repeats, time.process_time)
+
+    door = spent(lambda: clean_mesh(*mesh))
+    setup = spent(lambda: Exaggerator(*mesh, settings))
     solver = Exaggerator(*mesh, settings)
-    level = seconds(lambda: solver.solve(GAMMA), repeats)
-    yield Measurement(case, "set-up without occlusion", "s", setup)
-    yield Measurement(case, "one exact level", "s", level, setup + level)
+    level = spent(lambda: solver.solve(GAMMA))
+    yield Measurement(case, "CPU: check and mend", "s", door)
+    yield Measurement(case, "CPU: set-up without occlusion", "s", setup)
+    yield Measurement(case, "CPU: one exact level", "s", level, door + setup + level)
 
 
-def head_rows(case: str, mesh: Mesh, repeats: int = 5) -> Iterator[Measurement]:
+def head_rows(case: str, mesh: Mesh) -> Iterator[Measurement]:
     """What a head costs, and how far paths are from exact solves."""
-    yield Measurement(case, "ambient occlusion", "s", seconds(lambda: ambient_occlusion(*mesh), 1))
-    yield from time_rows(case, mesh, Exaggerate(limit_cavities=False), repeats)
-    yield from path_rows(case, Exaggerator(*mesh, preset("robust")))
+    occlusion = seconds(lambda: ambient_occlusion(*mesh), 1, time.process_time, warm=False)
+    yield Measurement(case, "CPU: ambient occlusion", "s", occlusion)
+    yield from time_rows(case, mesh, Exaggerate(limit_cavities=False))
+    solver = Exaggerator(*mesh, preset("robust"))
+    yield from order_rows(case, solver)
+    yield from path_rows(case, solver)
+
+
+def measurements(heads: Mapping[str, Mesh], typical: str, model: HeadModel | None) -> Iterator[Measurement]:
+    """All rows, what takes longest last."""
+    yield from sphere_rows(range(2, 7))
+    yield from curvature_rows(range(2, 6))
+    for name, mesh in heads.items():
+        yield from head_rows(name, mesh)
+    for name in PRESETS:
+        yield from bound_rows(f"{typical}, {name}", Exaggerator(*heads[typical], preset(name)))
+    yield from size_rows(*heads[typical])
+    if model is not None:
+        yield from lid_rows(model, PEOPLE)
+
+
+def told(rows: Iterable[Measurement]) -> Iterator[Measurement]:
+    """The rows, and a line for each new case."""
+    start, case = time.perf_counter(), None
+    for row in rows:
+        if row.case != case:
+            case = row.case
+            print(f"{time.perf_counter() - start:6.1f} s  {case}", flush=True)
+        yield row
 
 
 def benchmark(file: Path, heads: Mapping[str, Mesh], model: HeadModel | None) -> None:
@@ -59,15 +92,7 @@ def benchmark(file: Path, heads: Mapping[str, Mesh], model: HeadModel | None) ->
     torus = trimesh.creation.torus(1.0, 0.4, major_sections=100, minor_sections=50)
     shown = dict(heads) or {"torus": (np.asarray(torus.vertices), np.asarray(torus.faces))}
     typical = min(shown, key=lambda name: abs(len(shown[name][0]) - FLAME_SIZE))
-    rows = [*sphere_rows(range(2, 7)), *curvature_rows(range(2, 6))]
-    for name, mesh in shown.items():
-        rows += head_rows(name, mesh)
-    for name in PRESETS:
-        rows += bound_rows(f"{typical}, {name}", Exaggerator(*shown[typical], preset(name)))
-    if model is not None:
-        rows += lid_rows(model, PEOPLE)
-    rows += size_rows(*shown[typical])
-    write_measurements(file, rows)
+    rows = write_measurements(file, told(measurements(shown, typical, model)))
     plot(file.with_suffix(".png"), rows, typical)
 
 

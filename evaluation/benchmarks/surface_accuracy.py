@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import igl
@@ -140,7 +140,14 @@ def bound_rows(case: str, solver: Exaggerator, samples: int = 25) -> Iterator[Me
             yield Measurement(case, f"{quantity} {at}", "diagonal", getattr(bound, name) / extent, truth)
 
 
-def lid_rows(model: HeadModel, people: int) -> Iterator[Measurement]:
+def random_person(model: HeadModel, seed: int) -> Float[np.ndarray, "v 3"]:
+    """A neutral head whose first 30 identity codes are from N(0, 1), as the model's directions are scaled for."""
+    return neutral(model, HeadParameters(shape=np.pad(np.random.default_rng(seed).normal(size=30), (0, 270))))
+
+
+def lid_rows(
+    model: HeadModel, people: int, presets: Sequence[str] = PRESETS, transports: Sequence[str] = tuple(SHARES)
+) -> Iterator[Measurement]:
     """How far lids close under a full blink at GAMMA, for random people; the reference is the natural closure.
 
     Closure is the share by which the gap between the lids' landmarks shrinks.
@@ -152,14 +159,14 @@ def lid_rows(model: HeadModel, people: int) -> Iterator[Measurement]:
     def gap(vertices: np.ndarray) -> float:
         return float((vertices[upper] - vertices[lower])[:, 1].mean())
 
+    chosen = {name: preset(name) for name in presets}
     for seed in range(1, people + 1):
-        shape = np.pad(np.random.default_rng(seed).normal(size=30), (0, 270))
-        head = neutral(model, HeadParameters(shape=shape))
+        head = random_person(model, seed)
         natural = 1 - gap(head + blinks.sum(axis=0)) / gap(head)
-        for name in PRESETS:
-            solver = Exaggerator(head, model.faces, preset(name))
+        for name, settings in chosen.items():
+            solver = Exaggerator(head, model.faces, settings)
             path = solver.path(GAMMA)
-            for transport in SHARES:
+            for transport in transports:
                 solver.settings = replace(solver.settings, expressions=transport)
                 caricature = with_motions(path, solver, blinks, np.arange(2)).at(GAMMA)
                 moved = head + caricature.displacement

@@ -1,4 +1,5 @@
-"""Input that is broken in known ways: what comes out is right, or an error that names the element.
+"""Bars that must hold, case by case.
 
-- `surface`: meshes for the exaggeration
+- `surface`: meshes that are broken in known ways: what comes out is right, or an error that names the element
+- `heads`: what the exaggeration must keep of real heads and random people
 """

@@ -59,9 +59,10 @@ def test_every_way_of_solving_gives_the_same_answer():
 
 def test_times_and_their_plot(tmp_path, monkeypatch):
     monkeypatch.setattr(surface_solvers, "SIZES", 2)
-    rows = [*time_rows("torus", MESH, Exaggerate(limit_cavities=False), 1), *surface_solvers.size_rows(*MESH)]
+    rows = list(surface_solvers.size_rows(*MESH))
+    assert {row.case.split(" ")[0] for row in rows} == {"288", "1152"}
+    rows += time_rows("torus", MESH, Exaggerate(limit_cavities=False), 1)
     assert all(row.value > 0 for row in rows)
-    assert {row.case.split(" ")[0] for row in rows[2:]} == {"288", "1152"}
     rows += [*sphere_rows(range(2, 4)), *curvature_rows(range(2, 3))]
     solver = Exaggerator(*MESH, Exaggerate(limit_cavities=False))
     for preset in ("robust", "paper"):
@@ -80,6 +81,38 @@ def test_rows_as_csv(tmp_path):
             ["a, b", "time", "s", "0.333333", ""],
             ["c", "d", "1", "2", "4"],
         ]
+
+
+def test_a_run_that_ends_early_leaves_its_rows(tmp_path):
+    def rows():
+        yield Measurement("a", "time", "s", 1.0)
+        raise KeyboardInterrupt
+
+    file = tmp_path / "folder" / "rows.csv"
+    with pytest.raises(KeyboardInterrupt):
+        write_measurements(file, rows())
+    assert not file.exists()
+    assert (file.parent / ".rows.part.csv").read_text().splitlines()[1:] == ["a,time,s,1,"]
+    write_measurements(file, [])
+    assert [left.name for left in file.parent.iterdir()] == ["rows.csv"]
+
+
+def test_factors_hold_at_least_the_entries_of_the_system():
+    solver = Exaggerator(*MESH, Exaggerate(limit_cavities=False))
+    entries, times = surface_solvers.order_rows("torus", solver, 1)
+    assert min(entries.value, entries.reference) > solver.system.nnz
+    assert min(times.value, times.reference) > 0
+
+
+def test_what_takes_too_long_is_left_out_at_the_next_size(monkeypatch):
+    monkeypatch.setattr(surface_solvers, "SIZES", 2)
+    monkeypatch.setattr(surface_solvers, "SLOW", 0.0)
+    rows = list(surface_solvers.size_rows(*MESH))
+    assert {row.case.split(" ")[0] for row in rows} == {"288"}
+    monkeypatch.setattr(surface_solvers, "SLOW", np.inf)
+    monkeypatch.setattr(surface_solvers, "MOST_VERTICES", {"conjugate gradients": 300})
+    sizes = [row.case.split(" ")[0] for row in surface_solvers.size_rows(*MESH) if "conjugate" in row.case]
+    assert set(sizes) == {"288"}
 
 
 def test_a_missing_mesh_is_named_before_work_starts(tmp_path):

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from surface.test_exaggeration import PLAIN, bumpy
+from surface.test_operators import sphere
 
 from carigs.errors import SettingsError
 from carigs.settings import Exaggerate
@@ -39,6 +40,22 @@ def test_the_region_moves_and_the_rest_is_held(mode):
     assert moved[TOP].max() > 5e-3
     assert moved[outside].max() <= (1e-3 if mode == "soft" else 0.0)
     assert not edit.solve(0.0).any()
+
+
+def test_an_eyeball_at_the_edge_of_an_exact_region_stays_bit_for_bit():
+    """In a socket that the region holds it follows."""
+    ball, more = sphere(2, 0.15)
+    centre = VERTICES[VERTICES[:, 2].argmax()]
+    socket = np.linalg.norm(VERTICES - centre, axis=1) < 0.4
+    beside = socket & (VERTICES[:, 0] > centre[0] + 0.12)
+    both, faces = np.vstack([VERTICES, ball + centre]), np.vstack([FACES, more + len(VERTICES)])
+    eye = Exaggerator(both, faces, replace(PLAIN, local="exact"))
+    assert eye.followers
+    for region, follows in ((socket, True), (beside, False)):
+        edit = eye.local(np.flatnonzero(region))
+        displacement = edit.solve(0.25)
+        assert displacement[eye.followers[0].around].any()  # the ramp reaches the socket
+        assert displacement[len(VERTICES) :].any() == follows
 
 
 def test_the_border_has_no_crease():

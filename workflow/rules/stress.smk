@@ -1,4 +1,4 @@
-"""Broken input: what comes out is right, or an error that names the element.  A case that does not hold fails the rule."""
+"""Broken input, and what real heads must keep.  A case that does not hold fails the rule."""
 
 
 localrules:
@@ -8,6 +8,7 @@ localrules:
 rule stress:
     input:
         "results/stress/surface.csv",
+        ["results/stress/heads.csv"] if heads else [],
 
 
 rule stress_surface:
@@ -26,3 +27,21 @@ rule stress_surface:
         code=fingerprint("evaluation.stress.surface"),
     shell:
         "python -m evaluation.stress.surface {output.rows:q} {input.mesh:q} > {log:q} 2>&1"
+
+
+rule stress_heads:
+    input:
+        meshes=heads,
+        model=[f"{environ['CARIGS_DATA']}/ict_model.npz"] if heads else [],
+    output:
+        rows="results/stress/heads.csv",
+    log:
+        "results/stress/log/heads.log",
+    conda:
+        "../../environment.yml"
+    resources:
+        mem_mb=2000,
+    params:
+        code=fingerprint("evaluation.stress.heads"),
+    shell:
+        "python -m evaluation.stress.heads {output.rows:q} {input.meshes:q} --head-model {input.model:q} > {log:q} 2>&1"
