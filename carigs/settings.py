@@ -96,8 +96,8 @@ class Gtstar:
     """`perspective`: exact; `affine`: the paper's equation 5."""
     footprint: bool = False
     """Average over a pixel's footprint in the frame where triangles shrink."""
-    supersampling: int = 2
-    """Samples per pixel and axis on the caricature's side."""
+    supersampling: int = 4
+    """Samples per pixel and axis that say how much of a pixel the mesh covers, along its outline in both images."""
     depth_tolerance: float = 0.003
     """Metres by which a pixel of the frame may lie before or behind the point that is looked for."""
     grazing: float = 0.1

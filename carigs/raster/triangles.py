@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int, Int32
 
 from carigs.raster import scan
+from carigs.raster.coverage import cover
 
 if TYPE_CHECKING:
     from carigs.capture.camera import Camera
@@ -52,6 +53,15 @@ class Visibility:
         c = self.camera
         weights, depth = scan.locate(self.points, self.faces, self.slope, self.face, c.fx, c.fy, c.cx, c.cy)
         return Fragments(self.face, weights, depth)
+
+    def coverage(self, n: int) -> Float32[np.ndarray, "h w"]:
+        """Share of each pixel on the outline (on the mesh, a neighbour off it) that the mesh covers; 1 elsewhere.
+
+        Counted on n x n samples, n <= 8, at least one; faces that reach nearer than `NEAR` are left out.
+        """
+        if n == 1:
+            return np.ones(self.face.shape, np.float32)
+        return cover(self.points, self.pixel, self.faces, self.face, n, NEAR)
 
 
 def visible(
