@@ -15,6 +15,7 @@ from carigs.raster.span import WIDTH, draw
 TILE = 8  # pixels
 FRONT, LAST = 1 << 31, (1 << 31) - 1  # the rank of a face: fronts first, then in their order
 CLOSER = 1.0001  # more than what rounding adds to an inverse depth
+SLACK = 1e-6  # pixels: more than what rounding moves the end of a span
 
 kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
 
@@ -189,6 +190,10 @@ def _scan_side(keys, lowest, side, seen, pixel, faces, slope, back, near, fx, fy
             continue
         rank = LAST - f + (0 if side else FRONT)
         depth = min(za, zb, zc)
+        if depth > near:
+            x0, x1, y0, y1 = bounds(pixel, i, j, k)
+            if np.ceil(x0 - 0.5 - SLACK) >= np.ceil(x1 - 0.5 + SLACK) or np.ceil(y0 - 0.5) >= np.ceil(y1 - 0.5):
+                continue  # between the pixel centres
         if not depth > near:
             _fill_clipped(
                 seen, pixel, faces[f], near, fx, fy, cx, cy, sx, sy, s, rank, keys, height, width
