@@ -86,12 +86,16 @@ class Exaggerate:
 class Gtstar:
     """GT*: every training frame warped to its caricature, and the reasons against its pixels."""
 
+    threads: int = 2
+    """Over timesteps; the result does not depend on it."""
     provider: str = "lat"
     """`lat`: the local warp; `identity`: frames as they are; `precomputed`: edited frames from a folder."""
     folder: str | None = None
     """Edited frames, `{timestep:05d}_{camera:02d}.png` and, if they differ, mattes `..._mask.png`."""
     misfit_limit: float = 1.5
     """Pixels by which a frame's colours may be off those of the other cameras on the same mesh."""
+    misfit_tolerance: float = 0.5
+    """Pixels up to which a frame counts in full; from here its weight falls to 0 at `misfit_limit`."""
     warp: str = "perspective"
     """`perspective`: exact; `affine`: the paper's equation 5."""
     footprint: bool = False

@@ -32,7 +32,7 @@ def add_lit(transfer, column, points, pixel, cosine, nearness, tolerance):
 
 @kernel
 def _lit(colour, factor):
-    """An sRGB value under `factor` times the light, at most 1; as `to_linear` and `to_srgb` of carigs.capture.images."""
+    """An sRGB value under `factor` times the light, at most 1 (curves: `carigs.capture.images`)."""
     if colour <= np.float32(0.04045):
         light = colour / np.float32(12.92)
     else:
