@@ -41,7 +41,7 @@ def gtstar(settings: Gtstar, *, capture: Path, path: Path, targets: Path, index:
     exaggerated = gamma_path.at(gamma_path.gamma_f)
     of_faces = face_reasons(subject.model, settings)
     frames = subject.split("train")
-    key = _key(settings, subject, capture, path)
+    key = _key(settings, subject, exaggerated, capture)
     with resuming_folder(targets, key) as (folder, notes), _threads(settings.threads) as pool:
         np.save(folder / "faces.npy", of_faces)
         shading = load_shading(notes / "shading.npz")
@@ -92,12 +92,13 @@ def _threads(count: int) -> Iterator[ThreadPoolExecutor]:
         pool.shutdown(cancel_futures=True)
 
 
-def _key(settings: Gtstar, subject: Capture, capture: Path, path: Path) -> str:
+def _key(settings: Gtstar, subject: Capture, exaggerated: Caricature, capture: Path) -> str:
     """Digest of all that the targets depend on."""
     digest = hashlib.sha256(fingerprint("carigs.stages.gtstar").encode())
     digest.update(json.dumps({k: v for k, v in asdict(settings).items() if k != "threads"}).encode())
-    for file in (capture, path):
-        digest.update(hashlib.sha256(file.read_bytes()).digest())
+    digest.update(hashlib.sha256(capture.read_bytes()).digest())
+    for array in vars(exaggerated).values():
+        digest.update(b"none" if array is None else np.ascontiguousarray(array).tobytes())
     for file in input_files(settings, subject):
         status = file.stat() if file.is_file() else None
         size, changed = (status.st_size, status.st_mtime_ns) if status else (-1, -1)

@@ -14,16 +14,13 @@ from carigs.capture import Capture, Frame
 from carigs.capture.images import read_grey, read_rgb
 from carigs.errors import InputError, SettingsError
 from carigs.head import pose
-from carigs.settings import Gtstar
+from carigs.settings import Gtstar, check
 from carigs.surface import Caricature
 from carigs.target.lat import Target, make_target
 from carigs.target.light import Observation, Shading, fit_light, observe, relight, transfer
 from carigs.target.reasons import Reason
 from carigs.target.registration import Misfit, misfits
-from carigs.target.warp import MAPS
 
-PROVIDERS = ("lat", "identity", "precomputed")
-RELIGHTS = ("none", "targets", "targets_and_surfels")
 KEPT = Reason.HAIR | Reason.EYEBALLS | Reason.MOUTH
 """Triangles whose colours are no matter of their own normals: strands, gloss, teeth."""
 FITTED_TIMESTEPS = 9
@@ -106,17 +103,7 @@ def input_files(settings: Gtstar, capture: Capture) -> list[Path]:
 
 def check_settings(settings: Gtstar) -> None:
     """Raise `SettingsError` for a value without meaning, before any work."""
-    for name, choices in (("provider", PROVIDERS), ("relight", RELIGHTS), ("warp", MAPS)):
-        if getattr(settings, name) not in choices:
-            value = getattr(settings, name)
-            raise SettingsError(f"gtstar.{name}={value} is unknown; choose {', '.join(choices[:-1])} or {choices[-1]}")
-    for name, low, high in (
-        ("supersampling", 1, 8), ("depth_tolerance", 0, 1), ("relight_strength", 0, 1), ("relight_limit", 1, 100),
-        ("hair_band", 0, 1000), ("background_ring", 0, 1000), ("grazing", 0, 1), ("stretch", 1, 1e9),
-        ("misfit_limit", 0, 1e9), ("misfit_tolerance", 0, 1e9), ("threads", 1, 10**4),
-    ):  # fmt: skip
-        if not low <= getattr(settings, name) <= high:
-            raise SettingsError(f"gtstar.{name}={getattr(settings, name)} must lie in [{low}, {high}]")
+    check("gtstar", settings)
     if settings.provider == "precomputed" and not (settings.folder and Path(settings.folder).is_dir()):
         raise SettingsError(f"gtstar.folder={settings.folder}: gtstar.provider=precomputed needs a folder of images")
 

@@ -13,8 +13,6 @@ from carigs.raster import Visibility
 from carigs.settings import Gtstar
 from carigs.target import maps, trace
 
-MAPS = ("affine", "perspective")
-
 
 class Warp(NamedTuple):
     """A frame warped onto the caricature, and what speaks against its pixels."""
@@ -67,13 +65,13 @@ def source_pixels(natural: Visibility, caricature: Visibility, kind: str) -> Flo
 
 
 def source_maps(natural: Visibility, caricature: Visibility, kind: str) -> Float64[np.ndarray, "f 3 3"]:
-    """Per face the map of homogeneous pixels of the caricature to those of the frame; `kind` is one of `MAPS`."""
+    """Per face the map of homogeneous caricature pixels to those of the frame; `kind`: `affine` or `perspective`."""
     if kind == "affine":
         return maps.affine_maps(natural.pixel, caricature.pixel, natural.faces)
     if kind == "perspective":
         lenses = [_lens(seen.camera) for seen in (natural, caricature)]
         return maps.perspective_maps(natural.points, caricature.points, natural.faces, *lenses)
-    raise SettingsError(f"gtstar.warp={kind} is unknown; choose {' or '.join(MAPS)}")
+    raise SettingsError(f"gtstar.warp={kind} is unknown; choose affine or perspective")
 
 
 def _lens(camera: Camera) -> tuple[float, float, float, float]:
