@@ -20,14 +20,14 @@ HALF, ONE = np.float32(0.5), np.uint64(1)
 
 
 @kernel
-def look_up(face_image, of_faces):
-    """The value of each pixel's face, 0 where there is none."""
-    image = np.zeros(face_image.shape, of_faces.dtype)
+def shows(face_image, faces):
+    """Whether each pixel shows one of the chosen `faces` (f,)."""
+    shown = np.zeros(face_image.shape, np.bool_)
     for y in range(face_image.shape[0]):
         for x in range(face_image.shape[1]):
             if face_image[y, x] >= 0:
-                image[y, x] = of_faces[face_image[y, x]]
-    return image
+                shown[y, x] = faces[np.uint32(face_image[y, x])]
+    return shown
 
 
 @inlined
