@@ -18,7 +18,7 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from carigs.errors import InputError, SettingsError
-from carigs.settings import STAGES, Density, Study, Toy, Tune
+from carigs.settings import STAGES, Density, Study, Toy, Tune, check
 
 CONF = Path(__file__).parents[1] / "conf"
 OF_A_VARIANT = ("gtstar", "train")
@@ -139,6 +139,8 @@ def _check(config: DictConfig) -> None:
         for name in names:
             if name not in known(group):
                 raise SettingsError(f"study.{group}s: {name} is unknown; known: {', '.join(known(group))}")
+    for stage in STAGES:
+        check(stage, config[stage])
     if not 1e-4 <= config.gamma <= 100:
         raise SettingsError(f"gamma={config.gamma:g} is outside [0.0001, 100]")
     for level in study.levels:

@@ -2,7 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from carigs.errors import SettingsError
+
+
+def one_of(default: str, *others: str) -> Any:
+    """A field with these choices."""
+    return field(default=default, metadata={"choices": (default, *others)})
+
+
+def within(low: float, high: float, default: float) -> Any:
+    """A field with these bounds, both included."""
+    return field(default=default, metadata={"range": (low, high)})
+
+
+def check(stage: str, settings: Any) -> None:
+    """Raise `SettingsError` for a value of a stage's section that its field does not allow."""
+    for f in fields(STAGES[stage]):
+        value = getattr(settings, f.name)
+        choices, bounds = f.metadata.get("choices"), f.metadata.get("range")
+        if choices and value not in choices:
+            known = f"{', '.join(choices[:-1])} or {choices[-1]}"
+            raise SettingsError(f"{stage}.{f.name}={value} is unknown; choose {known}")
+        if bounds and not bounds[0] <= value <= bounds[1]:
+            raise SettingsError(f"{stage}.{f.name}={value} must lie in [{bounds[0]:g}, {bounds[1]:g}]")
 
 
 @dataclass
@@ -86,34 +111,38 @@ class Exaggerate:
 class Gtstar:
     """GT*: every training frame warped to its caricature, and the reasons against its pixels."""
 
-    provider: str = "lat"
+    threads: int = within(1, 10**4, 2)
+    """Over timesteps; the result does not depend on it."""
+    provider: str = one_of("lat", "identity", "precomputed")
     """`lat`: the local warp; `identity`: frames as they are; `precomputed`: edited frames from a folder."""
     folder: str | None = None
     """Edited frames, `{timestep:05d}_{camera:02d}.png` and, if they differ, mattes `..._mask.png`."""
-    misfit_limit: float = 1.5
+    misfit_limit: float = within(0, 1e9, 1.5)
     """Pixels by which a frame's colours may be off those of the other cameras on the same mesh."""
-    warp: str = "perspective"
+    misfit_tolerance: float = within(0, 1e9, 0.5)
+    """Pixels up to which a frame counts in full; from here its weight falls to 0 at `misfit_limit`."""
+    warp: str = one_of("perspective", "affine")
     """`perspective`: exact; `affine`: the paper's equation 5."""
     footprint: bool = False
     """Average over a pixel's footprint in the frame where triangles shrink."""
-    supersampling: int = 2
-    """Samples per pixel and axis on the caricature's side."""
-    depth_tolerance: float = 0.003
+    supersampling: int = within(1, 8, 4)
+    """Samples per pixel and axis that say how much of a pixel the mesh covers, along its outline in both images."""
+    depth_tolerance: float = within(0, 1, 0.003)
     """Metres by which a pixel of the frame may lie before or behind the point that is looked for."""
-    grazing: float = 0.1
+    grazing: float = within(0, 1, 0.1)
     """Least cosine between view and normal in the frame."""
-    stretch: float = 6.0
+    stretch: float = within(1, 1e9, 6.0)
     """Largest ratio of a triangle's area in the caricature to its area in the frame."""
-    relight: str = "targets_and_surfels"
+    relight: str = one_of("targets_and_surfels", "targets", "none")
     """`none`: targets keep the light of the natural surface, as in the paper; `targets`: they are shaded anew;
     `targets_and_surfels`: surfels too, whenever they are drawn."""
-    relight_strength: float = 0.7
+    relight_strength: float = within(0, 1, 0.7)
     """Power to which the ratio of new to old irradiance is taken."""
-    relight_limit: float = 2.0
+    relight_limit: float = within(1, 100, 2.0)
     """Largest factor, and its inverse the smallest, on linear colours."""
-    hair_band: int = 3
+    hair_band: int = within(0, 1000, 3)
     """Width in pixels of the band around hair."""
-    background_ring: int = 1
+    background_ring: int = within(0, 1000, 1)
     """Pixels left out around the mesh and the foreground where background is taken as known."""
     hair_regions: tuple[str, ...] = ("scalp",)
     """Head-model regions that carry hair; names that the model lacks are ignored, here and below."""

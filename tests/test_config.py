@@ -202,6 +202,10 @@ def test_data_folder_comes_from_the_environment(monkeypatch):
         ("+train.more=1", ("+train.more=1",)),
         ("~train.seed", ("~train.seed",)),
         ("exaggerate.gamma=${gama}", ("gama",)),
+        ("gtstar.relight=sun", ("gtstar.relight=sun", "targets_and_surfels, targets or none")),
+        ("gtstar.warp=cubic", ("gtstar.warp=cubic", "affine")),
+        ("gtstar.supersampling=9", ("gtstar.supersampling=9", "[1, 8]")),
+        ("gtstar.grazing=nan", ("gtstar.grazing=nan",)),
     ],
 )
 def test_a_mistake_is_told_in_one_line_that_names_the_key(override, named):

@@ -1,5 +1,5 @@
 """Triangle rasteriser: which face, where on it, and how deep, at every pixel."""
 
-from carigs.raster.triangles import Fragments, Visibility, rasterize_mesh, visible
+from carigs.raster.triangles import Fragments, Visibility, project, rasterize_mesh, visible
 
-__all__ = ["Fragments", "Visibility", "rasterize_mesh", "visible"]
+__all__ = ["Fragments", "Visibility", "project", "rasterize_mesh", "visible"]

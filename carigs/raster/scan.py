@@ -10,6 +10,13 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from carigs.raster.span import WIDTH, draw
+
+TILE = 8  # pixels
+FRONT, LAST = 1 << 31, (1 << 31) - 1  # the rank of a face: fronts first, then in their order
+CLOSER = 1.0001  # more than what rounding adds to an inverse depth
+SLACK = 1e-6  # pixels: more than what rounding moves the end of a span
+
 kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
 
 
@@ -49,34 +56,56 @@ def planes(seen, faces, fx, fy, cx, cy):
 
 
 @kernel
-def _fill(tx, ty, mx, my, bx, by, slope, f, face_image, nearness):
-    """Draw one triangle where it is nearer than what is there."""
-    height, width = face_image.shape
-    if not np.isfinite(tx + ty + mx + my + bx + by):
+def ordered(ax, ay, bx, by, cx, cy):
+    """Corners from top to bottom, then from left to right."""
+    if by < ay or (by == ay and bx < ax):
+        ax, ay, bx, by = bx, by, ax, ay
+    if cy < by or (cy == by and cx < bx):
+        bx, by, cx, cy = cx, cy, bx, by
+        if by < ay or (by == ay and bx < ax):
+            ax, ay, bx, by = bx, by, ax, ay
+    return ax, ay, bx, by, cx, cy
+
+
+@kernel
+def rows(top, bottom, height):
+    """First row whose centre lies between two heights, and the one after the last."""
+    return int(max(np.ceil(top - 0.5), 0.0)), int(min(np.ceil(bottom - 0.5), float(height)))
+
+
+@kernel
+def slopes(tx, ty, mx, my, bx, by):
+    """Columns per row along the long, the upper and the lower edge, and whether the middle corner is on the right."""
+    right = (mx - tx) * (by - ty) > (bx - tx) * (my - ty)
+    return (bx - tx) / (by - ty), (mx - tx) / (my - ty), (bx - mx) / (by - my), right
+
+
+@kernel
+def span(tx, ty, mx, my, long, upper, lower, right, y, width):
+    """First column whose centre lies in the triangle in row y, and the one after the last."""
+    py = y + 0.5
+    start = tx + (py - ty) * long
+    stop = tx + (py - ty) * upper if py < my else mx + (py - my) * lower
+    if not right:
+        start, stop = stop, start
+    return int(max(np.ceil(start - 0.5), 0.0)), int(min(np.ceil(stop - 0.5), float(width)))
+
+
+@kernel
+def _fill(ax, ay, bx, by, cx, cy, sx, sy, s, rank, keys, height, width):
+    """Draw one triangle, of inverse depth sx x + sy y + s, where it is nearer than what is there."""
+    if not np.isfinite(ax + ay + bx + by + cx + cy):
         return
-    # From top to bottom, then from left to right.
-    if my < ty or (my == ty and mx < tx):
-        tx, ty, mx, my = mx, my, tx, ty
-    if by < my or (by == my and bx < mx):
-        mx, my, bx, by = bx, by, mx, my
-        if my < ty or (my == ty and mx < tx):
-            tx, ty, mx, my = mx, my, tx, ty
-    first, last = int(max(np.ceil(ty - 0.5), 0.0)), int(min(np.ceil(by - 0.5), float(height)))
-    right = (mx - tx) * (by - ty) > (bx - tx) * (my - ty)  # the side of the long edge on which the middle corner lies
-    long, upper, lower = (bx - tx) / (by - ty), (mx - tx) / (my - ty), (bx - mx) / (by - my)
+    tx, ty, mx, my, bx, by = ordered(ax, ay, bx, by, cx, cy)
+    first, last = rows(ty, by, height)
+    long, upper, lower, right = slopes(tx, ty, mx, my, bx, by)
     for y in range(first, last):
-        py = y + 0.5
-        start = tx + (py - ty) * long
-        stop = tx + (py - ty) * upper if py < my else mx + (py - my) * lower
-        if not right:
-            start, stop = stop, start
-        x0, x1 = int(max(np.ceil(start - 0.5), 0.0)), int(min(np.ceil(stop - 0.5), float(width)))
-        row = slope[f, 1] * py + slope[f, 2]
-        for x in range(x0, x1):
-            near = np.float32(slope[f, 0] * (x + 0.5) + row)
-            if near > nearness[y, x]:
-                nearness[y, x] = near
-                face_image[y, x] = f
+        x0, x1 = span(tx, ty, mx, my, long, upper, lower, right, y, width)
+        near = sx * (x0 + 0.5) + (sy * (y + 0.5) + s)
+        place = y * (width + WIDTH) + x0
+        while x0 < x1:
+            draw(keys, place, x1 - x0, near, sx, rank)
+            x0, place, near = x0 + WIDTH, place + WIDTH, near + WIDTH * sx
 
 
 @kernel
@@ -91,7 +120,7 @@ def _cut(seen, i, j, near, fx, fy, cx, cy):
 
 
 @kernel
-def _fill_clipped(seen, pixel, corners, near, fx, fy, cx, cy, slope, f, face_image, nearness):
+def _fill_clipped(seen, pixel, corners, near, fx, fy, cx, cy, sx, sy, s, rank, keys, height, width):
     """Draw what of a triangle lies beyond the near plane: a triangle, or two."""
     x, y = np.empty(4), np.empty(4)
     n = 0
@@ -104,32 +133,99 @@ def _fill_clipped(seen, pixel, corners, near, fx, fy, cx, cy, slope, f, face_ima
             x[n], y[n] = _cut(seen, i, j, near, fx, fy, cx, cy)
             n += 1
     for k in range(2, n):
-        _fill(x[0], y[0], x[k - 1], y[k - 1], x[k], y[k], slope, f, face_image, nearness)
+        _fill(x[0], y[0], x[k - 1], y[k - 1], x[k], y[k], sx, sy, s, rank, keys, height, width)
+
+
+@kernel
+def bounds(pixel, i, j, k):
+    """Least and largest column, least and largest row of a face."""
+    ax, bx, cx = pixel[i, 0], pixel[j, 0], pixel[k, 0]
+    ay, by, cy = pixel[i, 1], pixel[j, 1], pixel[k, 1]
+    return min(ax, bx, cx), max(ax, bx, cx), min(ay, by, cy), max(ay, by, cy)
+
+
+@kernel
+def tiles(x0, x1, y0, y1, height, width):
+    """The tiles of pixels that a box touches: first and last column, first and last row."""
+    left, right = int(max(x0, 0.0)) // TILE, int(min(x1, width - 1.0)) // TILE
+    return left, right, int(max(y0, 0.0)) // TILE, int(min(y1, height - 1.0)) // TILE
+
+
+@kernel
+def _farthest(keys, height, width):
+    """Per tile the lowest key of its pixels."""
+    stride = width + WIDTH
+    lowest = np.full(((height + TILE - 1) // TILE, (width + TILE - 1) // TILE), np.int64(1) << 62)
+    for y in range(height):
+        for column in range(lowest.shape[1] - 1):
+            low = lowest[y // TILE, column]
+            for k in range(TILE):
+                low = min(low, keys[y * stride + column * TILE + k])
+            lowest[y // TILE, column] = low
+        for x in range((lowest.shape[1] - 1) * TILE, width):
+            lowest[y // TILE, -1] = min(lowest[y // TILE, -1], keys[y * stride + x])
+    return lowest
+
+
+@kernel
+def _hidden(pixel, i, j, k, depth, lowest, height, width):
+    """Whether all that a face may cover is covered by something nearer."""
+    left, right, top, bottom = tiles(*bounds(pixel, i, j, k), height, width)
+    key = np.int64(np.float32(CLOSER / depth).view(np.int32)) << 32
+    for row in range(top, bottom + 1):
+        for column in range(left, right + 1):
+            if lowest[row, column] < key:
+                return False
+    return True
+
+
+@kernel
+def _scan_side(keys, lowest, side, seen, pixel, faces, slope, back, near, fx, fy, cx, cy, height, width):
+    """Draw the faces that show their front (side 0), or those that show their back and are not hidden."""
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        sx, sy, s = slope[f, 0], slope[f, 1], slope[f, 2]
+        za, zb, zc = seen[i, 2], seen[j, 2], seen[k, 2]
+        if back[f] != (side == 1) or not max(za, zb, zc) > near or not np.isfinite(sx + sy + s):
+            continue
+        rank = LAST - f + (0 if side else FRONT)
+        depth = min(za, zb, zc)
+        if depth > near:
+            x0, x1, y0, y1 = bounds(pixel, i, j, k)
+            if np.ceil(x0 - 0.5 - SLACK) >= np.ceil(x1 - 0.5 + SLACK) or np.ceil(y0 - 0.5) >= np.ceil(y1 - 0.5):
+                continue  # between the pixel centres
+        if not depth > near:
+            _fill_clipped(
+                seen, pixel, faces[f], near, fx, fy, cx, cy, sx, sy, s, rank, keys, height, width
+            )  # fmt: skip
+        elif side == 0 or not _hidden(pixel, i, j, k, depth, lowest, height, width):
+            _fill(
+                pixel[i, 0], pixel[i, 1], pixel[j, 0], pixel[j, 1], pixel[k, 0], pixel[k, 1],
+                sx, sy, s, rank, keys, height, width,
+            )  # fmt: skip
+
+
+@kernel
+def _read(keys, height, width):
+    face_image, nearness = np.empty((height, width), np.int32), np.empty((height, width), np.float32)
+    for y in range(height):
+        for x in range(width):
+            key = keys[y * (width + WIDTH) + x]
+            face_image[y, x] = np.int32(LAST - (key & LAST) if key > 0 else -1)
+            nearness[y, x] = np.int32(key >> 32).view(np.float32)
+    return face_image, nearness
 
 
 @kernel
 def scan(seen, pixel, faces, slope, back, cull_back, near, fx, fy, cx, cy, height, width):
     """The nearest face (-1: none) and its inverse depth at every pixel centre; of equals the first front."""
-    face_image = np.full((height, width), -1, np.int32)
-    nearness = np.zeros((height, width), np.float32)
-    for side in range(1 if cull_back else 2):  # fronts first: what they hide is not drawn
-        for f in range(faces.shape[0]):
-            i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-            za, zb, zc = seen[i, 2], seen[j, 2], seen[k, 2]
-            if (
-                back[f] != (side == 1)
-                or not max(za, zb, zc) > near
-                or not np.isfinite(slope[f, 0] + slope[f, 1] + slope[f, 2])
-            ):
-                continue
-            if min(za, zb, zc) > near:
-                _fill(
-                    pixel[i, 0], pixel[i, 1], pixel[j, 0], pixel[j, 1], pixel[k, 0], pixel[k, 1],
-                    slope, f, face_image, nearness,
-                )  # fmt: skip
-            else:
-                _fill_clipped(seen, pixel, faces[f], near, fx, fy, cx, cy, slope, f, face_image, nearness)
-    return face_image, nearness
+    keys = np.zeros(height * (width + WIDTH), np.int64)
+    lowest = np.zeros((0, 0), np.int64)
+    _scan_side(keys, lowest, 0, seen, pixel, faces, slope, back, near, fx, fy, cx, cy, height, width)
+    if not cull_back:
+        lowest = _farthest(keys, height, width)
+        _scan_side(keys, lowest, 1, seen, pixel, faces, slope, back, near, fx, fy, cx, cy, height, width)
+    return _read(keys, height, width)
 
 
 @kernel

@@ -11,7 +11,6 @@ from carigs.capture import Camera
 from carigs.head import HeadModel
 from carigs.raster import Visibility, visible
 from carigs.settings import Gtstar
-from carigs.target import trace
 from carigs.target.reasons import add_target_reasons, frame_reasons, hair_in_frame
 from carigs.target.warp import warp_frame
 
@@ -47,13 +46,8 @@ def make_target(
     natural = visible(natural_vertices, model.faces, camera)
     hair = hair_in_frame(natural, foreground, of_faces)
     of_frame = frame_reasons(natural, hair, model, settings)
-    n = settings.supersampling
     caricature = visible(caricature_vertices, model.faces, camera)
-    fine = caricature if n == 1 else visible(caricature_vertices, model.faces, camera.scaled(n))
-    warp = warp_frame(image, natural, fine, of_faces, of_frame, settings, background)
-    colour, reasons = warp.colour, warp.reasons
-    if n > 1:
-        colour, reasons = trace.gather(colour, reasons, n)
+    colour, reasons = warp_frame(image, natural, caricature, of_faces, of_frame, settings, background)
     add_target_reasons(reasons, caricature, hair, foreground, of_faces, model, settings)
     facing = all(_sees_front(seen) for seen in (natural, caricature))
     return Target(colour, reasons, caricature, facing)

@@ -16,8 +16,8 @@ from jaxtyping import Bool, Float, Float32, Float64, Int
 from scipy.optimize import nnls
 
 from carigs.capture import Camera, look_at
-from carigs.capture.images import to_linear, to_srgb
-from carigs.raster import Visibility, visible
+from carigs.capture.images import to_linear
+from carigs.raster import Visibility, project, visible
 from carigs.surface.mesh import vertex_normals
 from carigs.target import shadow
 from carigs.target.registration import sample, well_seen
@@ -55,9 +55,8 @@ def transfer(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) 
     cosines = np.maximum(np.einsum("vk,dk->dv", normals, fibonacci_sphere(DIRECTIONS)), 0)
     for d, direction in enumerate(fibonacci_sphere(DIRECTIONS)):
         lamp = _lamp(middle, radius, direction)
-        pixel, _ = lamp.project(lifted)
         nearness = visible(vertices, faces, lamp).nearness
-        shadow.add_lit(found, d, lamp.to_camera(lifted), pixel, cosines[d], nearness, TOLERANCE)
+        shadow.add_lit(found, d, *project(lifted, lamp), cosines[d], nearness, TOLERANCE)
     total = np.maximum(cosines.sum(axis=0), 1e-9)
     found[:, -1] = 1 - found[:, :-1].sum(axis=1) / total
     found[:, :-1] *= 4 / DIRECTIONS  # unit light from everywhere comes to 1
@@ -169,12 +168,10 @@ def relight(
 ) -> Float32[np.ndarray, "h w 3"]:
     """Multiply what is seen of the mesh by a factor per vertex, in linear light; some faces keep their colours."""
     fragments = caricature.fragments
-    on = (fragments.face >= 0) & ~except_faces[fragments.face]
-    corners = of_vertices[caricature.faces[fragments.face[on]]]
-    factor = np.einsum("pk,pkc->pc", fragments.barycentric[on], corners)
-    lit = colour.copy()
-    lit[on] = to_srgb(np.clip(to_linear(colour[on]) * factor, 0, 1))
-    return lit
+    return shadow.relit(
+        np.ascontiguousarray(colour), fragments.face, fragments.barycentric, caricature.faces,
+        of_vertices.astype(np.float32), except_faces,
+    )  # fmt: skip
 
 
 def save_shading(file: Path, shading: Shading) -> None:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import replace
-from itertools import groupby
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,16 +14,13 @@ from carigs.capture import Capture, Frame
 from carigs.capture.images import read_grey, read_rgb
 from carigs.errors import InputError, SettingsError
 from carigs.head import pose
-from carigs.settings import Gtstar
+from carigs.settings import Gtstar, check
 from carigs.surface import Caricature
 from carigs.target.lat import Target, make_target
-from carigs.target.light import Shading, fit_light, observe, relight, transfer
+from carigs.target.light import Observation, Shading, fit_light, observe, relight, transfer
 from carigs.target.reasons import Reason
 from carigs.target.registration import Misfit, misfits
-from carigs.target.warp import MAPS
 
-PROVIDERS = ("lat", "identity", "precomputed")
-RELIGHTS = ("none", "targets", "targets_and_surfels")
 KEPT = Reason.HAIR | Reason.EYEBALLS | Reason.MOUTH
 """Triangles whose colours are no matter of their own normals: strands, gloss, teeth."""
 FITTED_TIMESTEPS = 9
@@ -37,6 +33,8 @@ class Provided(NamedTuple):
     target: Target | None
     misfit: Misfit | None
     """How far the frame is off its mesh, where that can be told."""
+    weight: float = 1.0
+    """What the frame counts for: less where it is off its mesh."""
     left_out: str = ""
 
 
@@ -46,65 +44,77 @@ def provide(
     of_faces: UInt16[np.ndarray, "f"],
     exaggerated: Caricature,
     shading: Shading | None,
-) -> Iterator[Provided]:
-    """The targets of all training frames, in order, on the mesh that `exaggerated` makes of each.
+    frames: list[Frame],
+) -> list[Provided]:
+    """The targets of the frames of one timestep, in order, on the mesh that `exaggerated` makes of it.
 
     With `lat` the frame is warped.  `identity` and `precomputed` take the frame, or a file of its name, for a picture
     of the caricature itself; it goes through the same checks.  A frame that cannot be used is left out, with the
     reason.
     """
-    warped = settings.provider == "lat"
-    for timestep, frames in groupby(capture.split("train"), key=lambda frame: frame.timestep):
-        parameters, faces = capture.parameters(timestep), capture.model.faces
-        caricature = pose(capture.model, parameters, exaggerated)
-        natural = pose(capture.model, parameters) if warped else caricature
-        factor = None
-        if shading is not None:
-            factor = shading.factor(*(transfer(vertices, faces) for vertices in (natural, caricature)))
-        group = list(frames)
-        pictures, faults = _pictures(settings, capture, group)
-        views = {frame: (image, capture.cameras[frame.camera]) for frame, (image, _) in pictures.items()}
-        off = misfits(views, natural, faces)
-        for frame in group:
-            misfit = off.get(frame)
-            if frame not in pictures:
-                yield Provided(frame, None, None, faults[frame])
-                continue
-            if misfit is not None and misfit.pixels > settings.misfit_limit:
-                why = f"its colours are {misfit.pixels:.1f} pixels off those of the other cameras"
-                yield Provided(frame, None, misfit, why)
-                continue
-            image, matte = pictures[frame]
-            target = make_target(
-                image, matte, natural, caricature, capture.cameras[frame.camera], capture.model, of_faces, settings,
-                capture.background,
-            )  # fmt: skip
-            if not target.facing:
-                yield Provided(frame, None, misfit, "the camera sees no front of the mesh: behind it or inside")
-                continue
-            if factor is not None:
-                target = replace(target, colour=relight(target.colour, target.caricature, factor, shading.kept))
-            yield Provided(frame, target, misfit)
+    parameters, faces = capture.parameters(frames[0].timestep), capture.model.faces
+    caricature = pose(capture.model, parameters, exaggerated)
+    natural = pose(capture.model, parameters) if settings.provider == "lat" else caricature
+    factor = None
+    if shading is not None:
+        factor = shading.factor(*(transfer(vertices, faces) for vertices in (natural, caricature)))
+    pictures, faults = _pictures(settings, capture, frames)
+    views = {frame: (image, capture.cameras[frame.camera]) for frame, (image, _) in pictures.items()}
+    off = misfits(views, natural, faces)
+    provided = []
+    for frame in frames:
+        misfit = off.get(frame)
+        if frame not in pictures:
+            provided.append(Provided(frame, None, None, left_out=faults[frame]))
+            continue
+        if misfit is not None and misfit.pixels > settings.misfit_limit:
+            why = f"its colours are {misfit.pixels:.1f} pixels off those of the other cameras"
+            provided.append(Provided(frame, None, misfit, left_out=why))
+            continue
+        image, matte = pictures[frame]
+        target = make_target(
+            image, matte, natural, caricature, capture.cameras[frame.camera], capture.model, of_faces, settings,
+            capture.background,
+        )  # fmt: skip
+        if not target.facing:
+            why = "the camera sees no front of the mesh: behind it or inside"
+            provided.append(Provided(frame, None, misfit, left_out=why))
+            continue
+        if factor is not None:
+            target = replace(target, colour=relight(target.colour, target.caricature, factor, shading.kept))
+        provided.append(Provided(frame, target, misfit, frame_weight(misfit, settings)))
+    return provided
+
+
+def frame_weight(misfit: Misfit | None, settings: Gtstar) -> float:
+    """1 up to `misfit_tolerance` pixels or where nothing can be told, then falling to 0 at `misfit_limit`."""
+    if misfit is None or misfit.pixels <= settings.misfit_tolerance:
+        return 1.0
+    return (settings.misfit_limit - misfit.pixels) / (settings.misfit_limit - settings.misfit_tolerance)
+
+
+def input_files(settings: Gtstar, capture: Capture) -> list[Path]:
+    """Every file that the targets depend on, beside the index of the capture and the path."""
+    files = [capture.head_model]
+    for frame in capture.split("train"):
+        files += [capture.root / frame.parameters, *_files(settings, capture, frame)]
+    return list(dict.fromkeys(files))
 
 
 def check_settings(settings: Gtstar) -> None:
     """Raise `SettingsError` for a value without meaning, before any work."""
-    for name, choices in (("provider", PROVIDERS), ("relight", RELIGHTS), ("warp", MAPS)):
-        if getattr(settings, name) not in choices:
-            value = getattr(settings, name)
-            raise SettingsError(f"gtstar.{name}={value} is unknown; choose {', '.join(choices[:-1])} or {choices[-1]}")
-    for name, low, high in (
-        ("supersampling", 1, 8), ("depth_tolerance", 0, 1), ("relight_strength", 0, 1), ("relight_limit", 1, 100),
-        ("hair_band", 0, 1000), ("background_ring", 0, 1000), ("grazing", 0, 1), ("stretch", 1, 1e9),
-    ):  # fmt: skip
-        if not low <= getattr(settings, name) <= high:
-            raise SettingsError(f"gtstar.{name}={getattr(settings, name)} must lie in [{low}, {high}]")
+    check("gtstar", settings)
     if settings.provider == "precomputed" and not (settings.folder and Path(settings.folder).is_dir()):
         raise SettingsError(f"gtstar.folder={settings.folder}: gtstar.provider=precomputed needs a folder of images")
 
 
-def fitted_shading(settings: Gtstar, capture: Capture, of_faces: UInt16[np.ndarray, "f"]) -> Shading | None:
-    """The light of a capture, from the plain skin of some of its training timesteps; None where nothing is relit."""
+def fitted_shading(
+    settings: Gtstar, capture: Capture, of_faces: UInt16[np.ndarray, "f"], run: Callable = map
+) -> Shading | None:
+    """The light of a capture, from the plain skin of some of its training timesteps; None where nothing is relit.
+
+    `run` is `map`, or that of an executor.
+    """
     if settings.provider != "lat" or settings.relight == "none":
         return None
     model = capture.model
@@ -113,12 +123,14 @@ def fitted_shading(settings: Gtstar, capture: Capture, of_faces: UInt16[np.ndarr
     frames = capture.split("train")
     timesteps = sorted({frame.timestep for frame in frames})
     chosen = {timesteps[i] for i in np.linspace(0, len(timesteps) - 1, FITTED_TIMESTEPS).astype(int)}
-    observations = []
-    for timestep in sorted(chosen):
+
+    def observed(timestep: int) -> Observation:
         vertices = pose(model, capture.parameters(timestep))
         pictures, _ = _pictures(settings, capture, [frame for frame in frames if frame.timestep == timestep])
         views = [(image, capture.cameras[frame.camera]) for frame, (image, _) in pictures.items()]
-        observations.append(observe(views, vertices, model.faces, skin))
+        return observe(views, vertices, model.faces, skin)
+
+    observations = list(run(observed, sorted(chosen)))
     kept = (of_faces & np.uint16(KEPT.value)) > 0
     return Shading(fit_light(observations), settings.relight_strength, settings.relight_limit, kept)
 
@@ -140,11 +152,7 @@ def _picture(
     settings: Gtstar, capture: Capture, frame: Frame
 ) -> tuple[Float32[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"]]:
     """Image and matte of a frame, or of its edited copy; raises `InputError` for one that cannot be used."""
-    image, matte = capture.root / frame.image, capture.root / frame.mask
-    if settings.provider == "precomputed":
-        image = Path(settings.folder) / f"{frame.name}.png"
-        edited_matte = image.with_name(f"{frame.name}_mask.png")
-        matte = edited_matte if edited_matte.is_file() else matte
+    image, matte = _files(settings, capture, frame)
     camera = capture.cameras[frame.camera]
     pictures = read_rgb(image), read_grey(matte)
     for pixels, file in zip(pictures, (image, matte), strict=True):
@@ -152,3 +160,12 @@ def _picture(
             size = f"{pixels.shape[1]} x {pixels.shape[0]} pixels"
             raise InputError(f"{size}, its camera has {camera.width} x {camera.height}", file=file)
     return pictures
+
+
+def _files(settings: Gtstar, capture: Capture, frame: Frame) -> tuple[Path, Path]:
+    image, matte = capture.root / frame.image, capture.root / frame.mask
+    if settings.provider == "precomputed":
+        image = Path(settings.folder) / f"{frame.name}.png"
+        edited_matte = image.with_name(f"{frame.name}_mask.png")
+        matte = edited_matte if edited_matte.is_file() else matte
+    return image, matte

@@ -85,8 +85,8 @@ def hair_in_frame(
     """Find the hair of a frame from its mesh and its matte."""
     on_mesh = natural.face >= 0
     stray = (foreground > 0.5) & ~_dilate(on_mesh, 1)
-    scalp = (trace.look_up(natural.face, of_faces) & np.uint16(Reason.HAIR.value)) > 0
-    return Hair(scalp | stray, float(_distance(on_mesh)[stray].max(initial=0)) if stray.any() else 0.0)
+    scalp = trace.shows(natural.face, (of_faces & np.uint16(Reason.HAIR.value)) > 0)
+    return Hair(scalp | stray, float(_distance(on_mesh)[_halved(stray)].max(initial=0)) if stray.any() else 0.0)
 
 
 def frame_reasons(natural: Visibility, hair: Hair, model: HeadModel, settings: Gtstar) -> UInt16[np.ndarray, "h w"]:
@@ -113,12 +113,13 @@ def add_target_reasons(
     length of where it is or of the scalp.
     """
     on_mesh = caricature.face >= 0
-    scalp = (trace.look_up(caricature.face, of_faces) & np.uint16(Reason.HAIR.value)) > 0
+    scalp = trace.shows(caricature.face, (of_faces & np.uint16(Reason.HAIR.value)) > 0)
     _add(reasons, Reason.HAIR, on_mesh & _dilate(scalp, settings.hair_band))
     _between_lips(reasons, caricature, model)
     unknown = _dilate(foreground > 0, settings.background_ring) & ~on_mesh
     if unknown.any():
-        unknown &= _distance(hair.where | scalp) <= hair.length + settings.hair_band
+        near = _distance(hair.where | scalp) <= hair.length + settings.hair_band
+        unknown &= _doubled(near)[: unknown.shape[0], : unknown.shape[1]]
     _add(reasons, Reason.OUTSIDE_MESH, ~on_mesh & (unknown | _dilate(on_mesh, settings.background_ring)))
 
 
@@ -138,21 +139,25 @@ def _between_lips(reasons: UInt16[np.ndarray, "h w"], seen: Visibility, model: H
     _add(reasons, Reason.MOUTH, inside.view(bool) & (seen.face >= 0))
 
 
-def _distance(mask: Bool[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
-    """Pixels to the nearest one of the mask, to about two (infinite where there is none): a transform of every other
-    row and column."""
-    height, width = mask.shape
-    coarse = np.ones((-(-height // 2), -(-width // 2)), np.uint8)
-    for i in range(2):
-        for j in range(2):
-            part = mask[i::2, j::2]
-            coarse[: part.shape[0], : part.shape[1]] &= ~part
-    if coarse.all():
-        return np.full(mask.shape, np.inf, np.float32)
-    distance = cv2.distanceTransform(coarse, cv2.DIST_L2, cv2.DIST_MASK_3)
-    return cv2.resize(2 * distance, (2 * coarse.shape[1], 2 * coarse.shape[0]), interpolation=cv2.INTER_NEAREST)[
-        :height, :width
-    ]
+def _distance(mask: Bool[np.ndarray, "h w"]) -> Float32[np.ndarray, "h2 w2"]:
+    """Pixels, to about two, from every block of 2 x 2 to the nearest one in the mask; infinite if there is none."""
+    held = _halved(mask)
+    if not held.any():
+        return np.full(held.shape, np.inf, np.float32)
+    return 2 * cv2.distanceTransform((~held).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3)
+
+
+def _halved(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h2 w2"]:
+    """Whether any pixel of each block of 2 x 2 is in the mask."""
+    if mask.shape[0] % 2 or mask.shape[1] % 2:
+        mask = np.pad(mask, [(0, n % 2) for n in mask.shape])
+    pairs = np.ascontiguousarray(mask).view(np.uint16)
+    return (pairs[::2] | pairs[1::2]) > 0
+
+
+def _doubled(blocks: Bool[np.ndarray, "h2 w2"]) -> Bool[np.ndarray, "h w"]:
+    size = 2 * blocks.shape[1], 2 * blocks.shape[0]
+    return cv2.resize(blocks.view(np.uint8), size, interpolation=cv2.INTER_NEAREST).view(bool)
 
 
 def _dilate(mask: Bool[np.ndarray, "h w"], radius: int) -> Bool[np.ndarray, "h w"]:

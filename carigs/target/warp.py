@@ -11,9 +11,7 @@ from carigs.capture import Camera
 from carigs.errors import SettingsError
 from carigs.raster import Visibility
 from carigs.settings import Gtstar
-from carigs.target import trace
-
-MAPS = ("affine", "perspective")
+from carigs.target import maps, trace
 
 
 class Warp(NamedTuple):
@@ -23,8 +21,6 @@ class Warp(NamedTuple):
     """Warped colours on the caricature mesh where the frame shows that point, background elsewhere."""
     reasons: UInt16[np.ndarray, "h w"]
     """Bits of `Reason`; 0 off the mesh, of which the warp knows nothing."""
-    source_pixel: Float32[np.ndarray, "h w 2"]
-    """Where in the frame each mesh pixel came from (x, y; pixel centres at +0.5); nan off the mesh."""
 
 
 def warp_frame(
@@ -43,30 +39,39 @@ def warp_frame(
     `perspective` keeps the 3D point.  Pixels of the frame that show another surface, or none, are not sampled: the
     others share their weight.  `of_faces` and `of_frame` are reasons that each triangle and each pixel of the frame
     bring along.
+
+    A frame's pixel on the outline, of which the mesh covers the share a, shows c = a s + (1 - a) b: surface s before
+    background b.  The target gets its own share of s, so that outlines are neither blended twice nor not at all.
     """
-    maps = source_maps(natural, caricature, settings.warp)
-    reasons, samples = trace.judge_faces(
+    source = source_maps(natural, caricature, settings.warp)
+    reasons, samples = maps.judge_faces(
         of_faces, natural.points, natural.pixel, caricature.pixel, natural.faces, natural.back, caricature.back,
         settings.grazing, settings.stretch * (caricature.camera.fx / natural.camera.fx) ** 2,
     )  # fmt: skip
     if not settings.footprint:
         samples[:] = 1
-    source, reasons = trace.follow(caricature.face, maps, reasons, of_frame)
-    colour = trace.sample(
-        source, reasons, caricature.face, maps, samples, natural.nearness, natural.slope, image,
-        np.float32(settings.depth_tolerance), background,
+    before, after = (seen.coverage(settings.supersampling) for seen in (natural, caricature))
+    return Warp(
+        *trace.warp(
+            caricature.face, after, source, reasons, samples, natural.nearness, before, natural.slope,
+            np.ascontiguousarray(image), of_frame, settings.depth_tolerance, background,
+        )
     )  # fmt: skip
-    return Warp(colour, reasons, source)
+
+
+def source_pixels(natural: Visibility, caricature: Visibility, kind: str) -> Float32[np.ndarray, "h w 2"]:
+    """Where in the frame each mesh pixel comes from (x, y; pixel centres at +0.5); nan off the mesh."""
+    return trace.source_pixels(caricature.face, source_maps(natural, caricature, kind))
 
 
 def source_maps(natural: Visibility, caricature: Visibility, kind: str) -> Float64[np.ndarray, "f 3 3"]:
-    """Per face the map of homogeneous pixels of the caricature to those of the frame; `kind` is one of `MAPS`."""
+    """Per face the map of homogeneous caricature pixels to those of the frame; `kind`: `affine` or `perspective`."""
     if kind == "affine":
-        return trace.affine_maps(natural.pixel, caricature.pixel, natural.faces)
+        return maps.affine_maps(natural.pixel, caricature.pixel, natural.faces)
     if kind == "perspective":
         lenses = [_lens(seen.camera) for seen in (natural, caricature)]
-        return trace.perspective_maps(natural.points, caricature.points, natural.faces, *lenses)
-    raise SettingsError(f"gtstar.warp={kind} is unknown; choose {' or '.join(MAPS)}")
+        return maps.perspective_maps(natural.points, caricature.points, natural.faces, *lenses)
+    raise SettingsError(f"gtstar.warp={kind} is unknown; choose affine or perspective")
 
 
 def _lens(camera: Camera) -> tuple[float, float, float, float]:

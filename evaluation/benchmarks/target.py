@@ -3,7 +3,8 @@
 python -m evaluation.benchmarks.target target.csv [folder of a toy capture with path.npz and capture.json]
 
 Time: CPU ms of one thread for a frame of 802x550 and a head of 10 000 triangles.  Error: frames of the procedural
-person, warped plainly (no new light), against renderings of the caricature under the same light.
+person, warped plainly (no new light), against renderings of the caricature under the same light; n x n are the samples
+that say how much of a pixel the mesh covers.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from evaluation.benchmarks.measurements import Measurement, write_measurements
 SIZE = (550, 802)
 FRAMES = 6
 REPEATS = 9
+WRONG = 0.15
 OPTIONS = tuple(product(("affine", "perspective"), (1, 2, 4), (True, False)))
 
 
@@ -65,9 +67,9 @@ def measure(subject: Capture, path: GammaPath) -> Iterator[Measurement]:
     for frame in frames:
         parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
         ends = pose(model, parameters), pose(model, parameters, exaggerated)
-        truth, _ = render_subject(person, parameters, camera, exaggerated)
-        scenes.append((subject.image(frame), subject.mask(frame), *ends, camera, truth))
-    image, matte, natural, caricature, camera, _ = scenes[0]
+        truth = render_subject(person, parameters, camera, exaggerated)
+        scenes.append((subject.image(frame), subject.mask(frame), *ends, camera, *truth))
+    image, matte, natural, caricature, camera, *_ = scenes[0]
     large = _large(camera)
     pictures = cv2.resize(image, SIZE), cv2.resize(matte, SIZE)
     scene = f"{len(model.faces)} triangles, {SIZE[1]}x{SIZE[0]}"
@@ -80,14 +82,19 @@ def measure(subject: Capture, path: GammaPath) -> Iterator[Measurement]:
             return make_target(*pictures, natural, caricature, large, model, of_faces, settings)
 
         numbers = {("visibility, warp and masks", "ms"): cpu_ms(one)}
-        errors = []
-        for *inputs, view, truth in scenes:
+        errors, left_out, wrong = [], [], []
+        for *inputs, view, truth, true_matte in scenes:
             target = make_target(*inputs, view, model, of_faces, settings)
-            trusted = (target.caricature.face >= 0) & ((target.reasons & excluded) == 0)
-            errors.append(np.abs(target.colour - truth).mean(axis=2)[trusted])
+            on_mesh, out = target.caricature.face >= 0, (target.reasons & excluded) > 0
+            error = np.abs(target.colour - truth).mean(axis=2)
+            errors.append(error[on_mesh & ~out])
+            left_out.append(out[on_mesh])
+            wrong.append(out[(on_mesh | (true_matte > 0)) & (error > WRONG)])
         pooled = np.concatenate(errors)
         numbers["mean absolute error", "1"] = float(pooled.mean())
         numbers["99th percentile of the error", "1"] = float(np.quantile(pooled, 0.99))
+        numbers["share of the mesh's pixels that is left out", "1"] = float(np.concatenate(left_out).mean())
+        numbers[f"share of the head's errors above {WRONG} that is left out", "1"] = float(np.concatenate(wrong).mean())
         for (quantity, unit), value in numbers.items():
             reference = plain.setdefault(quantity, value)
             yield Measurement(name(*option), quantity, unit, value, reference)

@@ -126,3 +126,36 @@ def test_faces_without_area_or_with_a_corner_that_is_not_finite_are_not_seen(cor
 def test_nothing_is_seen_behind_the_camera():
     vertices, faces = bumpy_sphere(1)
     assert (visible(vertices + np.array([0, 0, 4.0]), faces, FRONTAL).face == -1).all()
+
+
+@settings(max_examples=30)
+@given(seed=st.integers(0, 2**31), n=st.integers(2, 8))
+def test_coverage_is_the_share_of_samples_on_the_mesh(seed, n):
+    """As the rasteriser itself finds them in an image n times as large, along every outline and hole."""
+    vertices, faces = bumpy_sphere()
+    random = np.random.default_rng(seed)
+    faces = faces[random.random(len(faces)) < 0.9]
+    camera = Camera(look_at(random.uniform([-0.3, -0.3, 0.9], [0.3, 0.3, 1.5]), np.zeros(3)), 60, 60, 24, 20, 48, 40)
+    seen = visible(vertices, faces, camera)
+    fine = visible(vertices, faces, camera.scaled(n)).face >= 0
+    share = fine.reshape(40, n, 48, n).mean(axis=(1, 3))
+    off = np.pad(seen.face < 0, 1, mode="edge")
+    beside_off = np.any([off[j : j + 40, i : i + 48] for j in range(3) for i in range(3)], axis=0)
+    outline = (seen.face >= 0) & beside_off
+    assert outline.sum() > 50
+    expected = np.where(outline, np.maximum(share, 1 / n**2), 1)
+    np.testing.assert_allclose(seen.coverage(n), expected, atol=1e-6)
+
+
+def test_coverage_of_a_half_plane_is_the_area_on_its_side():
+    """A slanted edge through the image: to what n x n samples can tell of an area."""
+    vertices = np.array([[-9, -3.33, 0], [9, 3.34, 0], [-9, 9, 0.0]])
+    seen = visible(vertices, np.array([[0, 1, 2]]), FRONTAL)
+    x, y = np.meshgrid((np.arange(48 * 64) + 0.5) / 64, (np.arange(40 * 64) + 0.5) / 64)
+    points = np.stack([(x - 24) / 40, -(y - 20) / 40], axis=-1)  # at 2 m
+    a, b = vertices[0, :2], vertices[1, :2]
+    above = (b[0] - a[0]) * (points[..., 1] - a[1]) - (b[1] - a[1]) * (points[..., 0] - a[0]) > 0
+    area = above.reshape(40, 64, 48, 64).mean(axis=(1, 3))
+    on_mesh = seen.face >= 0
+    assert (seen.coverage(8)[on_mesh] < 1).sum() > 20
+    np.testing.assert_allclose(seen.coverage(8)[on_mesh], area[on_mesh], atol=1 / 8)

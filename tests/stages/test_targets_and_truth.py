@@ -2,6 +2,8 @@
 
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,8 @@ from carigs.stages.gtstar import gtstar
 from carigs.stages.truth import truth
 from carigs.surface import GammaPath
 from carigs.target import Reason
+from carigs.target.provider import frame_weight
+from carigs.target.registration import Misfit
 
 
 @pytest.fixture(scope="module")
@@ -133,6 +137,93 @@ def test_frames_that_cannot_be_used_are_left_out_and_counted(damaged, tmp_path, 
     assert len(index["targets"]) == 3
 
 
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from carigs.capture.images import write_png
+from carigs.settings import Gtstar
+from carigs.stages import gtstar as stage
+whole = stage._write
+def write(folder, provided):
+    if len(list(folder.glob("*_reasons.png"))) < 2:
+        return whole(folder, provided)
+    (folder / f"{provided[0].frame.name}.png").write_bytes(b"half of an ima")
+    os.kill(os.getpid(), signal.SIGKILL)
+stage._write = write
+subject, out = map(Path, sys.argv[1:])
+files = {"capture": subject / "capture.json", "path": subject / "path.npz"}
+stage.gtstar(Gtstar(threads=1), **files, targets=out / "targets", index=out / "targets.json")
+"""
+
+
+@pytest.fixture(scope="module")
+def killed(folder, tmp_path_factory) -> Path:
+    """What a run leaves behind that was killed while it wrote its second timestep."""
+    out = tmp_path_factory.mktemp("killed")
+    run = subprocess.run([sys.executable, "-c", KILLED, str(folder), str(out)], capture_output=True, check=False)
+    assert run.returncode == -9, run.stderr.decode()
+    assert not (out / "targets").exists() and not (out / "targets.json").exists()
+    return out
+
+
+def contents(out: Path) -> dict[str, bytes]:
+    return {file.relative_to(out).as_posix(): file.read_bytes() for file in out.rglob("*") if file.is_file()}
+
+
+def test_a_killed_run_goes_on_to_the_same_bytes_on_any_number_of_threads(folder, killed, tmp_path, capsys):
+    shutil.copytree(killed, tmp_path / "again")
+    make_targets(folder, tmp_path / "again", threads=2)
+    assert "2 of 6 frames were whole" in capsys.readouterr().out
+    make_targets(folder, tmp_path / "whole", threads=1)
+    make_targets(folder, tmp_path / "wide", threads=3)
+    whole = contents(tmp_path / "whole")
+    assert len(whole) > 2 * 6
+    assert contents(tmp_path / "again") == contents(tmp_path / "wide") == whole
+
+
+def test_what_was_made_of_other_settings_or_frames_is_not_gone_on_with(folder, killed, damaged, tmp_path, capsys):
+    shutil.copytree(killed, tmp_path / "again")
+    make_targets(folder, tmp_path / "again", hair_band=1)
+    make_targets(folder, tmp_path / "whole", hair_band=1)
+    assert contents(tmp_path / "again") == contents(tmp_path / "whole")
+    shutil.copytree(killed, tmp_path / "other")
+    make_targets(damaged, tmp_path / "other")  # equal files, in another place
+    assert "were whole" not in capsys.readouterr().out
+
+
+def test_a_failed_run_keeps_what_was_there(folder, tmp_path):
+    make_targets(folder, tmp_path)
+    before = contents(tmp_path)
+    edited = tmp_path.with_name(f"{tmp_path.name}_none")
+    edited.mkdir()
+    with pytest.raises(InputError, match="no frame can be used"):
+        make_targets(folder, tmp_path, provider="precomputed", folder=str(edited))
+    assert {name: data for name, data in contents(tmp_path).items() if ".targets.part" not in name} == before
+
+
+def test_frames_off_their_mesh_count_for_less_or_nothing():
+    settings = Gtstar(misfit_tolerance=0.5, misfit_limit=1.5)
+    weights = [frame_weight(Misfit(pixels, 0.0), settings) for pixels in (0.0, 0.5, 0.75, 1.0, 1.5)]
+    np.testing.assert_allclose(weights, [1, 1, 0.75, 0.5, 0])
+    assert frame_weight(None, settings) == 1
+
+
+def test_the_index_says_what_a_shifted_frame_counts_for(folder, tmp_path, capsys, monkeypatch):
+    """The others count in full, and one that is too far off is left out."""
+    off = {"00000_02": 0.8, "00001_00": 1.6}
+
+    def found(views, vertices, faces):
+        return {frame: Misfit(off[frame.name], 0.0) for frame in views if frame.name in off}
+
+    monkeypatch.setattr("carigs.target.provider.misfits", found)
+    index = make_targets(folder, tmp_path)
+    weights = {(entry["timestep"], entry["camera"]): entry["weight"] for entry in index["targets"]}
+    assert weights == {(0, 0): 1, (0, 2): 0.7, (1, 2): 1, (2, 0): 1, (2, 2): 1}
+    assert [entry["pixels_off"] for entry in index["left_out"]] == [1.6]
+    said = capsys.readouterr().out
+    assert "frame 00000_02 is 0.8 pixels off" in said and "frame 00001_00 is left out" in said
+
+
 @pytest.mark.parametrize("centre", [(0.0, 0.0, 0.0), (0.0, 0.05, 1.0)])
 def test_a_camera_inside_the_head_or_with_the_head_behind_it_sees_no_target(damaged, tmp_path, centre):
     file = damaged / "capture.json"
@@ -173,7 +264,7 @@ def test_edited_frames_come_from_a_folder(folder, tmp_path):
         make_targets(folder, tmp_path, provider="precomputed")
 
 
-@pytest.mark.parametrize("change", [{"provider": "magic"}, {"relight": "sun"}, {"warp": "cubic"}, {"supersampling": 0}])
+@pytest.mark.parametrize("change", [{"provider": "magic"}, {"relight": "sun"}, {"warp": "cubic"}, {"supersampling": 9}])
 def test_settings_without_meaning_are_refused_before_work(folder, tmp_path, change):
     with pytest.raises(SettingsError, match=f"gtstar.{next(iter(change))}="):
         make_targets(folder, tmp_path, **change)

@@ -11,6 +11,7 @@ from carigs.errors import SettingsError
 from carigs.raster import visible
 from carigs.settings import Gtstar
 from carigs.target import warp_frame
+from carigs.target.warp import source_pixels
 
 
 def warped(image, natural, caricature, faces, camera, **changes):
@@ -30,13 +31,13 @@ def test_an_affine_motion_in_the_image_plane_is_undone_exactly(kind, sx, sy, she
     linear, shift = np.array([[sx, shear], [0, sy]]), np.array([dx, dy])
     moved = vertices.copy()
     moved[:, :2] = vertices[:, :2] @ linear.T + shift
-    warp, _, caricature = warped(picture(FRONTAL), vertices, moved, faces, FRONTAL, warp=kind)
+    warp, natural, caricature = warped(picture(FRONTAL), vertices, moved, faces, FRONTAL, warp=kind)
     on_mesh = caricature.face >= 0
     y, x = np.nonzero(on_mesh)
     world = np.column_stack([(x + 0.5 - 32) / 100, -(y + 0.5 - 24) / 100])  # depth is 1 m
     source = (world - shift) @ np.linalg.inv(linear).T
     expected = np.column_stack([source[:, 0] * 100 + 32, -source[:, 1] * 100 + 24])
-    np.testing.assert_allclose(warp.source_pixel[on_mesh], expected, atol=1e-5)
+    np.testing.assert_allclose(source_pixels(natural, caricature, kind)[on_mesh], expected, atol=1e-5)
     inside = (np.abs(expected - [32, 24]) < [30, 22]).all(axis=1) & (warp.reasons[on_mesh] == 0)
     # Within a pixel of the sheet's edge the neighbours off the sheet give their weight to the others.
     inside &= (np.abs(expected - [32, 24]) < [19, 14]).all(axis=1)
@@ -62,13 +63,13 @@ def test_a_point_of_the_surface_is_found_where_it_is_in_the_frame(surface):
     camera = Camera(look_at(np.array([0.1, 0.1, 0.8]), np.zeros(3)), 380, 380, 64, 48, 128, 96)
     errors = {}
     for kind in ("perspective", "affine"):
-        warp, _, target = warped(np.zeros((96, 128, 3), np.float32), natural, caricature, faces, camera, warp=kind)
-        fragments = target.fragments
+        ends = [visible(vertices, faces, camera) for vertices in (natural, caricature)]
+        fragments = ends[1].fragments
         on_mesh = fragments.face >= 0
         weights, corners = fragments.barycentric[on_mesh], faces[fragments.face[on_mesh]]
         points = np.einsum("pk,pkc->pc", weights, natural[corners])
         expected, _ = camera.project(points)
-        errors[kind] = float(np.abs(warp.source_pixel[on_mesh] - expected).max())
+        errors[kind] = float(np.abs(source_pixels(*ends, kind)[on_mesh] - expected).max())
     assert on_mesh.sum() > 2000
     assert errors["perspective"] < 1e-3
     assert errors["affine"] < 0.1
@@ -103,6 +104,29 @@ def test_colours_are_never_fetched_from_the_background_or_across_an_edge():
     np.testing.assert_allclose(warp.colour[trusted].max(axis=1), warp.colour[trusted].min(axis=1), atol=1e-6)
     on_flap = target.face[trusted] >= len(faces)
     np.testing.assert_allclose(warp.colour[trusted][:, 0], on_flap, atol=1e-6)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.floats(0.8, 1.3), st.floats(-0.3, 0.3), st.floats(-0.004, 0.004), st.floats(0.0, 1.0))
+def test_outlines_are_blended_as_the_caricature_covers_their_pixels(scale, shear, shift, background):
+    """A sheet of one colour whose frame has a blended outline: so has the target, by its own coverage."""
+    vertices, faces = sheet()
+    linear = np.array([[scale, shear], [0.1, scale]])
+    moved = vertices.copy()
+    moved[:, :2] = vertices[:, :2] @ linear.T + shift
+    vertices[:, :2] += 0.0037
+    ends = [visible(v, faces, FRONTAL) for v in (vertices, moved)]
+    colour = np.array([0.2, 0.9, 0.5])
+
+    def blended(seen):
+        share = np.where(seen.face >= 0, seen.coverage(4), 0)[..., None]
+        return (share * colour + (1 - share) * background).astype(np.float32)
+
+    of_faces, of_frame = np.zeros(len(faces), np.uint16), np.zeros((48, 64), np.uint16)
+    warp = warp_frame(blended(ends[0]), *ends, of_faces, of_frame, Gtstar(supersampling=4), background)
+    trusted = warp.reasons == 0
+    assert trusted.sum() > 2500
+    np.testing.assert_allclose(warp.colour[trusted], blended(ends[1])[trusted], atol=2e-6)
 
 
 def test_an_unknown_map_is_refused():

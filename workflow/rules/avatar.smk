@@ -51,6 +51,7 @@ rule gtstar:
         "results/{study}/log/gtstar/{subject},gamma={gamma},{variant},level={level}.log",
     conda:
         "../../environment.yml"
+    threads: lambda wildcards: section("gtstar", wildcards, "subject").threads
     resources:
         mem_mb=4000,
     params:
