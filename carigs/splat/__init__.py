@@ -3,7 +3,7 @@
 - `rig`: canonical frames of the triangles, their Jacobians to a posed mesh, polar parts of those
 - `surfels`: what is learned, and which attributes there are
 - `skinning`: local -> world by Jacobian blend skinning, with its gradient; its formulas: `jacobian_blend`, `matrix3`
-- `harmonics`: view-dependent colour
+- `appearance`: the colour that each shows, along a view and in a light; its functions: `harmonics`
 - `initialise`: the first surfels, coloured from the frames
 - `motion`: posed meshes per timestep and level, remembered
 - `rasterize`: surfels to images: `projection`, `binning`, `forward`, `backward`, and their vector twins `*_simd`

@@ -15,7 +15,7 @@ import numba
 import numpy as np
 
 from carigs.splat.binning import TILE
-from carigs.splat.forward import END, LOG_THRESHOLD, ONE, TWO, ZERO, intersect, log2_alpha
+from carigs.splat.forward import DEPTH, END, LOG_THRESHOLD, ONE, TWO, ZERO, intersect, log2_alpha
 from carigs.splat.projection import SLOT
 from carigs.splat.simd import FASTMATH
 
@@ -27,15 +27,19 @@ def distortion_gradient(depth, a, d, a_total, d_total):
 
 
 @numba.njit(cache=True, parallel=True, fastmath=FASTMATH, error_model="numpy")
-def composite_backward(record, box, surfel, slot, start, order, image, upstream, width, height, cap, geometry, workers):
+def composite_backward(
+    record, box, surfel, slot, start, order, image, upstream, width, height, cap, geometry, background, workers
+):
     """Gradient slots (pairs, 20) float32: sums over the pixels of each (surfel, tile) pair.
 
     `image` holds the forward's planes, `upstream` the gradients of the same planes except that the first one is that of
-    alpha = 1 - T.  Columns: zx, zy, zz, zx dx, zx dy, zy dx, zy dy, zz dx, zz dy (gradients of the ray's homogeneous
-    disc coordinates and their moments), low-pass offset x, y, dL / d ln(alpha), colour, depth, normal.  Each slot is
+    alpha = 1 - T, or those of the colours alone (3 planes).  Columns: zx, zy, zz, zx dx, zx dy, zy dx, zy dy, zz dx,
+    zz dy (gradients of the ray's homogeneous disc coordinates and their moments), low-pass offset x, y, dL / d
+    ln(alpha), colour, depth, normal.  Each slot is
     written once by one worker, so that neither atomics nor a fixed number of threads are needed.
     """
-    cap = np.float32(cap)
+    cap, background = np.float32(cap), np.float32(background)
+    first = 1 if len(upstream) == 3 else 0  # plane of the image whose gradient comes first
     slots = np.empty((surfel.size, SLOT), np.float32)
     across = -(-width // TILE)
     planes = 9 if geometry else 4
@@ -56,11 +60,12 @@ def composite_backward(record, box, surfel, slot, start, order, image, upstream,
                 for x in range(left, right):
                     b, a = y - top, x - left
                     transmittance[b, a] = ONE
-                    total = upstream[0, y, x] * (ONE - image[0, y, x])
-                    v[0, b, a] = upstream[0, y, x]
+                    v[0, b, a] = ZERO if first else upstream[0, y, x]
+                    total = v[0, b, a] * (ONE - image[0, y, x])
                     for plane in range(1, planes):
-                        v[plane, b, a] = upstream[plane, y, x]
-                        total += upstream[plane, y, x] * image[plane, y, x]
+                        v[plane, b, a] = upstream[plane - first, y, x]
+                        behind = background if plane < DEPTH else ZERO
+                        total += v[plane, b, a] * (image[plane, y, x] - behind)
                     if geometry:
                         total += upstream[8, y, x] * image[8, y, x]
                         front[b, a] = ZERO

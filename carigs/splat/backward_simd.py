@@ -21,6 +21,7 @@ from carigs.splat.forward_simd import (
     blocks,
     clear,
     fetch_ahead,
+    fetch_tile,
     open_pixels,
 )
 from carigs.splat.projection import RECORD, SLOT
@@ -58,6 +59,13 @@ def multiply_add(state, to, a, b):
 
 
 @inner
+def subtract(state, plane, number, sign):
+    """The plane less a number, or the number less the plane (`sign` -1)."""
+    for at in range(plane * PLANE, (plane + 1) * PLANE, WIDTH):
+        store(state, at, (load(state, at) - number) * sign)
+
+
+@inner
 def copy_plane(state, to, a):
     """Plane `to` = plane a."""
     for at in range(0, PLANE, WIDTH):
@@ -68,37 +76,36 @@ def _work(geometry: bool):
     buffers = WHOLE_DEPTH + 1 if geometry else DEPTH + 1  # without geometry DEPTH serves as scratch
 
     @inner
-    def fill(state, image, upstream, height, width, left, top):
+    def fill(state, image, upstream, height, width, left, top, background):
         """Upstream gradients, T = 1 and Q = sum of upstream times output, the distortion's twice."""
         across, down = min(TILE, width - left), min(TILE, height - top)
-        clear(state, 0)
+        pixel, size = top * width + left, width * height
+        fetch_tile(image, pixel, width, height, down)
+        fetch_tile(upstream, pixel, width, height, down)
+        clear(state, 0, buffers * PLANE)
         scratch = FRONT if geometry else DEPTH
-        for plane in range(upstream.size // (width * height)):  # a number that LLVM does not unroll
-            offset = (plane * height + top) * width + left
-            read_plane(state, (ALPHA + plane) * PLANE, upstream, offset, width, across, down)
-            read_plane(state, scratch * PLANE, image, offset, width, across, down)
+        first = 1 if upstream.size == 3 * size else 0  # plane of the image whose gradient comes first
+        for plane in range(first, first + upstream.size // size):  # a number that LLVM does not unroll
+            read_plane(state, (ALPHA + plane) * PLANE, upstream, (plane - first) * size + pixel, width, across, down)
+            read_plane(state, scratch * PLANE, image, plane * size + pixel, width, across, down)
             if plane == 0:
                 # The image holds T, upstream is that of alpha.
-                for at in range(scratch * PLANE, (scratch + 1) * PLANE, WIDTH):
-                    store(state, at, ONE - load(state, at))
+                subtract(state, scratch, ONE, -ONE)
+            elif plane < DEPTH - ALPHA:
+                subtract(state, scratch, background, ONE)
             multiply_add(state, REST, ALPHA + plane, scratch)
             if geometry:
                 if plane == 0:
-                    state[WHOLE_ALPHA * PLANE : (WHOLE_ALPHA + 1) * PLANE] = state[
-                        scratch * PLANE : (scratch + 1) * PLANE
-                    ]
+                    copy_plane(state, WHOLE_ALPHA, scratch)
                 if plane == DEPTH - ALPHA:
-                    state[WHOLE_DEPTH * PLANE : (WHOLE_DEPTH + 1) * PLANE] = state[
-                        scratch * PLANE : (scratch + 1) * PLANE
-                    ]
+                    copy_plane(state, WHOLE_DEPTH, scratch)
                 if plane == DISTORTION - ALPHA:
                     multiply_add(state, REST, DISTORTION, scratch)
-        for at in range(scratch * PLANE, (scratch + 1) * PLANE, WIDTH):
-            store(state, at, splat(ZERO))
+        clear(state, scratch * PLANE, (scratch + 1) * PLANE)
         open_pixels(state, width - left, height - top)
 
     @inner
-    def work(record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, counter):
+    def work(record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, background, counter):
         align_stack()
         across = -(-width // TILE)
         state = np.empty(buffers * PLANE + WIDTH, np.float32)
@@ -111,7 +118,7 @@ def _work(geometry: bool):
             begin, stop = np.int64(peek(start, t)), np.int64(peek(start, t + 1))
             if begin == stop:
                 continue
-            fill(state, image, upstream, height, width, left, top)
+            fill(state, image, upstream, height, width, left, top, background)
             done = False
             for e in range(begin, stop):
                 to = np.int64(peek(slot, e)) * SLOT
@@ -228,26 +235,32 @@ _work_colour, _work_all = _work(geometry=False), _work(geometry=True)
 # As in `forward_simd`: no closures, so that the cache knows them again.
 @numba.njit(cache=True, parallel=True, error_model="numpy")
 def _backward_colour(
-    record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, counter, workers
+    record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, background, counter, workers
 ):
     for _worker in numba.prange(workers):
-        _work_colour(record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, counter)
+        _work_colour(
+            record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, background, counter
+        )
 
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
 def _backward_all(
-    record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, counter, workers
+    record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, background, counter, workers
 ):
     for _worker in numba.prange(workers):
-        _work_all(record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, counter)
+        _work_all(
+            record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, background, counter
+        )
 
 
-def composite_backward(record, box, surfel, slot, start, order, image, upstream, width, height, cap, geometry, workers):
+def composite_backward(
+    record, box, surfel, slot, start, order, image, upstream, width, height, cap, geometry, background, workers
+):
     """As `backward.composite_backward`, to rounding."""
     slots = np.empty(surfel.size * SLOT + WIDTH, np.float32)
     kernel = _backward_all if geometry else _backward_colour
     kernel(
         record.reshape(-1), box.reshape(-1), surfel, slot, start, order, image.reshape(-1), upstream.reshape(-1), slots,
-        width, height, np.float32(cap), np.zeros(1, np.int64), workers,
+        width, height, np.float32(cap), np.float32(background), np.zeros(1, np.int64), workers,
     )  # fmt: skip
     return slots[: surfel.size * SLOT].reshape(-1, SLOT)

@@ -85,7 +85,9 @@ def _box(homography: Float[Tensor, "m 3 3"], squared_radius: Float[Tensor, "m"])
     return middle, (middle.square() - squares).clamp_min(0).sqrt()
 
 
-def rasterize_cuda(surfels: WorldSurfels, camera: Camera, outputs: tuple[str, ...]) -> Rendering:
+def rasterize_cuda(
+    surfels: WorldSurfels, camera: Camera, outputs: tuple[str, ...], background: float = 0.0
+) -> Rendering:
     """As `carigs.splat.rasterize.rasterize`; images lie on the surfels' device.
 
     Raises SettingsError if there is no CUDA device or no gsplat.
@@ -113,7 +115,7 @@ def rasterize_cuda(surfels: WorldSurfels, camera: Camera, outputs: tuple[str, ..
 
     probe.register_hook(keep)
     # The last channel is taken as depth by the distortion.
-    features = torch.cat([surfels.colour[index], p.depth[:, None]], dim=1)
+    features = torch.cat([surfels.colour[index] - background, p.depth[:, None]], dim=1)
     image, alpha, normal, distortion, _ = gsplat.rasterize_to_pixels_2dgs(
         p.middle[None],
         p.homography[None],
@@ -128,7 +130,7 @@ def rasterize_cuda(surfels: WorldSurfels, camera: Camera, outputs: tuple[str, ..
         distloss="distortion" in outputs,
     )
     images = {
-        "colour": image[0, ..., :3],
+        "colour": image[0, ..., :3] + background,
         "alpha": alpha[0, ..., 0],
         "depth": image[0, ..., 3],
         "normal": normal[0],

@@ -1,8 +1,7 @@
-"""From surfels and a posed mesh to an image: skinning, view-dependent colour, rasteriser, background."""
+"""From surfels and a posed mesh to an image: skinning, appearance, rasteriser."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +10,7 @@ from jaxtyping import Float, Float32
 from torch import Tensor
 
 from carigs.capture import Camera
-from carigs.splat.harmonics import view_colour
+from carigs.splat.appearance import seen_colour
 from carigs.splat.rasterize import Rendering, WorldSurfels, rasterize
 from carigs.splat.rig import FaceMotion, Rig
 from carigs.splat.skinning import skin
@@ -26,7 +25,6 @@ class Drawing(NamedTuple):
     image: Float[Tensor, "h w 3"]
     """Over the background; not clamped."""
     rendering: Rendering
-    """Its colours are relative to the background."""
     world: WorldSurfels
 
 
@@ -50,17 +48,10 @@ def draw(
     """
     eye = camera.centre if surfels.sh_degree > 0 else None
     skinned = skin(surfels, rig, motion, blend=kind == "jbs", eye=eye, turning=rotate_harmonics)
-    colour = skinned.colour
-    if skinned.direction is not None:
-        colour = colour + view_colour(surfels.harmonics, skinned.direction, surfels.sh_degree)
-    if shade is not None:
-        colour = colour * torch.from_numpy(shade[surfels.binding])
-    world = WorldSurfels(*skinned[:4], colour.clamp_min(0))
-    # sum w c + (1 - sum w) b = b + sum w (c - b): colours relative to the background need no alpha, nor its gradient.
-    rendering = rasterize(
-        replace(world, colour=world.colour - background), camera, backend=backend, outputs=("colour", *outputs)
-    )
-    return Drawing(rendering.colour + background, rendering, world)
+    colour = seen_colour(surfels.colour, surfels.harmonics, skinned.direction, shade, surfels.binding)
+    world = WorldSurfels(*skinned[:4], colour)
+    rendering = rasterize(world, camera, backend=backend, outputs=("colour", *outputs), background=background)
+    return Drawing(rendering.colour, rendering, world)
 
 
 def contribution(

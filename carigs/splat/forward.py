@@ -46,9 +46,12 @@ def log2_alpha(g3, g2, log_opacity):
 
 
 @numba.njit(cache=True, parallel=True, fastmath=FASTMATH, error_model="numpy")
-def composite(record, box, surfel, start, order, width, height, cap, geometry, workers):
-    """Planes (9 or 4, height, width) float32: T, r, g, b and, with `geometry`, depth, normal x, y, z, distortion."""
-    cap = np.float32(cap)
+def composite(record, box, surfel, start, order, width, height, cap, geometry, background, workers):
+    """Planes (9 or 4, height, width) float32: T, r, g, b and, with `geometry`, depth, normal x, y, z, distortion.
+
+    Colours in `record` are relative to the background, those of the image are not.
+    """
+    cap, background = np.float32(cap), np.float32(background)
     planes = PLANES if geometry else COLOUR_PLANES
     image = np.empty((planes, height, width), np.float32)
     across = -(-width // TILE)
@@ -105,7 +108,8 @@ def composite(record, box, surfel, start, order, width, height, cap, geometry, w
                 for x in range(left, right):
                     image[0, y, x] = abs(state[0, y - top, x - left])
             for plane in range(1, planes):
+                behind = background if plane < DEPTH else ZERO
                 for y in range(top, bottom):
                     for x in range(left, right):
-                        image[plane, y, x] = state[plane, y - top, x - left]
+                        image[plane, y, x] = state[plane, y - top, x - left] + behind
     return image

@@ -18,11 +18,21 @@ import numpy as np
 
 from carigs.splat import limits
 from carigs.splat.binning import TILE
-from carigs.splat.forward import COLOUR_PLANES, END, HALF_LOG2E, LOG_THRESHOLD, ONE, PLANES, TWO, ZERO
+from carigs.splat.forward import COLOUR, COLOUR_PLANES, DEPTH, END, HALF_LOG2E, LOG_THRESHOLD, ONE, PLANES, TWO, ZERO
 from carigs.splat.projection import RECORD
 from carigs.splat.simd import WIDTH, inner, splat
 from carigs.splat.simd_math import absolute, columns, exp2, larger, largest, rows, select, smaller
-from carigs.splat.simd_memory import align_stack, claim, load, peek, poke, prefetch, store, store_block
+from carigs.splat.simd_memory import (
+    align_stack,
+    claim,
+    load,
+    peek,
+    poke,
+    prefetch,
+    prefetch_to_write,
+    store,
+    store_block,
+)
 
 STRIDE = TILE + 4
 PLANE = TILE * STRIDE
@@ -44,9 +54,9 @@ def open_pixels(state, columns_left, rows_left):
 
 
 @inner
-def clear(state, begin):
-    """Zeros from `begin` to the end, both multiples of WIDTH."""
-    for at in range(begin, state.size, WIDTH):
+def clear(state, begin, stop):
+    """Zeros from `begin` to `stop`, both multiples of WIDTH."""
+    for at in range(begin, stop, WIDTH):
         store(state, at, splat(ZERO))
 
 
@@ -77,13 +87,30 @@ def fetch_ahead(record, box, surfel, e, stop):
         prefetch(box, i * 4)
 
 
+def _fetch(hint):
+    @inner
+    def fetch(image, offset, width, height, down):
+        """Have the processor load a tile's rows of all planes: they lie far apart, which it would not foresee."""
+        for plane in range(image.size // (width * height)):
+            for row in range(down):
+                at = (plane * height + row) * width + offset
+                for column in range(0, TILE, WIDTH):
+                    hint(image, at + column)
+                hint(image, at + TILE - 1)
+
+    return fetch
+
+
+fetch_tile, _fetch_tile_to_write = _fetch(prefetch), _fetch(prefetch_to_write)
+
+
 @inner
-def write_plane(image, offset, width, across, down, state, base, magnitude):
-    """A plane of the buffer to the image, at `offset` its first pixel there; `across` x `down` pixels of it."""
+def write_plane(image, offset, width, across, down, state, base, magnitude, behind):
+    """A plane of the buffer, plus `behind`, to the image: `across` x `down` pixels, the first one at `offset` there."""
     for y in range(0, down, 4):
         for x in range(0, across, 4):
             at = base + y * STRIDE + 4 * x
-            value = load(state, at)
+            value = load(state, at) + behind
             if magnitude:
                 value = absolute(value)
             if x + 4 <= across and y + 4 <= down:
@@ -101,7 +128,7 @@ def _work(geometry: bool):
 
     # In a function of its own: Numba would infer the types of a parallel loop's body twice.
     @inner
-    def work(record, box, surfel, start, order, image, width, height, cap, counter):
+    def work(record, box, surfel, start, order, image, width, height, cap, background, counter):
         align_stack()
         across = -(-width // TILE)
         state = np.empty(planes * PLANE + WIDTH, np.float32)
@@ -112,7 +139,8 @@ def _work(geometry: bool):
             t = np.int64(peek(order, k))
             left, top = (t % across) * TILE, (t // across) * TILE
             begin, stop = np.int64(peek(start, t)), np.int64(peek(start, t + 1))
-            clear(state, PLANE)
+            _fetch_tile_to_write(image, top * width + left, width, height, min(TILE, height - top))
+            clear(state, PLANE, planes * PLANE)
             open_pixels(state, width - left, height - top)
             for e in range(begin, stop):
                 if (e - begin) % CHECK == CHECK - 1 and all_ended(state):
@@ -169,6 +197,7 @@ def _work(geometry: bool):
                 write_plane(
                     image, (plane * height + top) * width + left, width, min(TILE, width - left),
                     min(TILE, height - top), state, plane * PLANE, plane == 0,
+                    background if COLOUR <= plane < DEPTH else ZERO,
                 )  # fmt: skip
 
     return work
@@ -180,23 +209,23 @@ _work_colour, _work_all = _work(geometry=False), _work(geometry=True)
 # Two functions, and what they call by its global name: the key of a cached closure that holds compiled functions is new
 # in every process, and the kernel would be compiled again and again.
 @numba.njit(cache=True, parallel=True, error_model="numpy")
-def _composite_colour(record, box, surfel, start, order, image, width, height, cap, counter, workers):
+def _composite_colour(record, box, surfel, start, order, image, width, height, cap, background, counter, workers):
     for _worker in numba.prange(workers):
-        _work_colour(record, box, surfel, start, order, image, width, height, cap, counter)
+        _work_colour(record, box, surfel, start, order, image, width, height, cap, background, counter)
 
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
-def _composite_all(record, box, surfel, start, order, image, width, height, cap, counter, workers):
+def _composite_all(record, box, surfel, start, order, image, width, height, cap, background, counter, workers):
     for _worker in numba.prange(workers):
-        _work_all(record, box, surfel, start, order, image, width, height, cap, counter)
+        _work_all(record, box, surfel, start, order, image, width, height, cap, background, counter)
 
 
-def composite(record, box, surfel, start, order, width, height, cap, geometry, workers):
+def composite(record, box, surfel, start, order, width, height, cap, geometry, background, workers):
     """As `forward.composite`, to rounding."""
     image = np.empty((PLANES if geometry else COLOUR_PLANES, height, width), np.float32)
     kernel = _composite_all if geometry else _composite_colour
     kernel(
         record.reshape(-1), box.reshape(-1), surfel, start, order, image.reshape(-1), width, height, np.float32(cap),
-        np.zeros(1, np.int64), workers,
+        np.float32(background), np.zeros(1, np.int64), workers,
     )  # fmt: skip
     return image

@@ -15,17 +15,15 @@ from jaxtyping import Float
 
 from carigs.splat import matrix3
 from carigs.splat.jacobian_blend import (
-    blended_motion,
     direction_gradient,
     disc_axes,
     pulled_back,
-    shares_of,
     stretch_gradient,
     torque_of,
     turn_gradient,
     view_direction,
 )
-from carigs.splat.motion_rows import CENTRE, ROTATION, STRETCH, TURN, FaceMotion, read3, read4, read9, read_face
+from carigs.splat.motion_rows import CENTRE, ROTATION, STRETCH, TURN, FaceMotion, read3, read4, read9, read_blend
 from carigs.splat.rig import Rig, polar_motion, rows_of
 from carigs.splat.simd_math import exp
 
@@ -61,14 +59,7 @@ def _of_one(
     centre, g_centre, g_u, g_v, g_direction, weights, parts,
 ):  # fmt: skip
     """What surfel i adds to its face's columns (`weights` times the stretch and turns), in their order."""
-    own, one, two, three, turn, u, _t = read_face(binding[i], neighbours, rows)
-    shares, g = (1.0, 0.0, 0.0, 0.0), 1.0
-    if blended:
-        shares, g = shares_of(read4(blend, i))
-    v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])
-    w, p = blended_motion(v, own, one, two, three, turn)
-    a, b, c = matrix3.exponential_terms(w)
-    q = matrix3.turned(u, w, a, b)
+    _faces, _t, _shares, _g, v, w, p, (a, b, c), q = read_blend(i, blend, binding, neighbours, rows, blended)
     first, second, unit, length = disc_axes(read4(quaternion, i))
     gx, gu, gv = read3(g_centre, i), read3(g_u, i), read3(g_v, i)
     twist, view, gd = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
@@ -115,8 +106,8 @@ def _of_one(
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
 def rows_gradient(
-    position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
-    centre, g_centre, g_u, g_v, g_opacity, g_colour, g_direction,
+    position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
+    centre, g_centre, g_u, g_v, g_opacity, g_direction,
 ):  # fmt: skip
     """Of the motion rows, from the gradients of what `skinning.skin_each` wrote."""
     n = len(binding)

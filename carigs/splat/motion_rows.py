@@ -8,6 +8,9 @@ import numba
 import numpy as np
 from jaxtyping import Float32
 
+from carigs.splat import matrix3
+from carigs.splat.jacobian_blend import blended_motion, shares_of
+
 if TYPE_CHECKING:
     from torch import Tensor
 
@@ -53,6 +56,24 @@ def read_face(f, neighbours, rows):
         read6(rows, f), read6(rows, i), read6(rows, j), read6(rows, k), read9(rows, f, TURN),
         read9(rows, f, ROTATION), (rows[f, CENTRE], rows[f, CENTRE + 1], rows[f, CENTRE + 2]),
     )  # fmt: skip
+
+
+@numba.njit(cache=True)
+def read_blend(i, blend, binding, neighbours, rows, blended):
+    """The faces around surfel i, the centre of its own, and how it blends their motions.
+
+    Returns stretches and turns as `jacobian_blend` takes them, the centre, sigmoids of the weights and their inverse
+    sum, the weights, and of the blend: rotation vector, stretch, terms of the exponential, rotation.
+    """
+    own, one, two, three, turn, u, t = read_face(binding[i], neighbours, rows)
+    shares, g = (1.0, 0.0, 0.0, 0.0), 1.0
+    if blended:
+        shares, g = shares_of(read4(blend, i))
+    v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])
+    w, p = blended_motion(v, own, one, two, three, turn)
+    terms = matrix3.exponential_terms(w)
+    q = matrix3.turned(u, w, terms[0], terms[1])
+    return (own, one, two, three, turn), t, shares, g, v, w, p, terms, q
 
 
 @numba.njit(cache=True)

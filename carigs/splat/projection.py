@@ -231,7 +231,7 @@ def _three(array, i):
 
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
-def project(centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height, tile):
+def project(centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height, tile, background):
     """Records (n, 20) float32, pixel boxes (n, 4) int32 [x0, x1, y0, y1) and numbers of tiles (n,) int32, 0 if dropped.
 
     `view` is camera_from_world row by row (>= 12 numbers), `intrinsics` fx fy cx cy.  Dropped: surfels with a number
@@ -255,7 +255,7 @@ def project(centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, wid
             box[i, k] = int(corners[k])
         for k in range(12):
             record[i, k] = line[k]
-        record[i, 12], record[i, 13], record[i, 14] = r, g, b
+        record[i, 12], record[i, 13], record[i, 14] = r - background, g - background, b - background
         for k in range(12, 16):
             record[i, k + 3] = line[k]
         record[i, 19] = 0.0

@@ -41,8 +41,9 @@ def _joined16(a, b):
 
 @inner
 def _project(
-    i, centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height, tile, record, box, tiles
-):
+    i, centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height, tile, background,
+    record, box, tiles,
+):  # fmt: skip
     align_stack()
     m, u, v = _halves3(load3(centre, 3 * i)), _halves3(load3(tangent_u, 3 * i)), _halves3(load3(tangent_v, 3 * i))
     rgb, o = load3(colour, 3 * i), halves(load(opacity, i))
@@ -53,6 +54,7 @@ def _project(
     store4(box, 4 * i, (whole_bits(corners[0]), whole_bits(corners[1]), whole_bits(corners[2]), whole_bits(corners[3])))
     store(tiles, i, whole_bits(joined(a[1], b[1])))
     r = _joined16(a[2], b[2])
+    rgb = (rgb[0] - background, rgb[1] - background, rgb[2] - background)
     # The last sixteen columns, then the first: the middle twice.
     last = (r[4], r[5], r[6], r[7], r[8], r[9], r[10], r[11], rgb[0], rgb[1], rgb[2], r[12], r[13], r[14], r[15])
     store_rows(record, RECORD * i + 4, RECORD, (*last, splat(np.float32(0))))
@@ -61,25 +63,27 @@ def _project(
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
 def _project_all(
-    centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height, tile, record, box, tiles
-):
+    centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height, tile, background,
+    record, box, tiles,
+):  # fmt: skip
     n = len(opacity)
     for part in numba.prange((n + PART - 1) // PART):
         for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
             _project(
                 min(start, n - WIDTH), centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height,
-                tile, record, box, tiles,
+                tile, background, record, box, tiles,
             )  # fmt: skip
 
 
-def project(centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height, tile):
+def project(centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height, tile, background):
     """As `projection.project`, for sixteen surfels or more; records of surfels that are dropped are not defined."""
     n = len(opacity)
     record, box, tiles = np.empty((n, RECORD), np.float32), np.empty((n, 4), np.int32), np.empty(n, np.int32)
     surfels = (a.reshape(-1) for a in (centre, tangent_u, tangent_v, opacity, colour))
     _project_all(
-        *surfels, view, intrinsics, float(width), float(height), float(tile), record.reshape(-1), box.reshape(-1), tiles
-    )
+        *surfels, view, intrinsics, float(width), float(height), float(tile), np.float32(background),
+        record.reshape(-1), box.reshape(-1), tiles,
+    )  # fmt: skip
     return record, box, tiles
 
 

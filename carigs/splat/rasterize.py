@@ -59,10 +59,10 @@ class Screen:
 
 @dataclass
 class Rendering:
-    """Sums over the surfels of each pixel, weighted by alpha compositing; no background; None where not asked for."""
+    """Sums over the surfels of each pixel, weighted by alpha compositing; None where not asked for."""
 
     colour: Float[torch.Tensor, "h w 3"] | None = None
-    """Premultiplied: image = colour + (1 - alpha) * background."""
+    """Sum of weighted colours + (1 - alpha) * background."""
     alpha: Float[torch.Tensor, "h w"] | None = None
     """Sum of the weights."""
     depth: Float[torch.Tensor, "h w"] | None = None
@@ -80,9 +80,10 @@ def rasterize(
     *,
     backend: str = "cpu",
     outputs: tuple[str, ...] = OUTPUTS,
+    background: float = 0.0,
     alpha_cap: float = 0.99,
 ) -> Rendering:
-    """Render surfels, differentiably with respect to all five of their tensors.
+    """Render surfels before a uniform grey `background`, differentiably with respect to all five of their tensors.
 
     `outputs` names what is wanted; without depth, normal and distortion their cost is saved.  `alpha_cap` limits a
     surfel's alpha (2D Gaussian Splatting and gsplat's main branch: 0.99; the `cuda` backend has its own).  Surfels that
@@ -102,15 +103,14 @@ def rasterize(
     if backend == "cuda":
         from carigs.splat.cuda import rasterize_cuda
 
-        return rasterize_cuda(surfels, camera, outputs)
+        return rasterize_cuda(surfels, camera, outputs, background)
     if backend not in _KERNELS:
         raise SettingsError(f"rasterize: unknown backend {backend!r}; known: {', '.join(_KERNELS)}, cuda")
     geometry = any(name in outputs for name in ("depth", "normal", "distortion"))
-    screen = Screen()
+    screen, wanted = Screen(), tuple(name for name in OUTPUTS if name in outputs)
     tensors = (surfels.centre, surfels.tangent_u, surfels.tangent_v, surfels.opacity, surfels.colour)
-    images = _Rasterize.apply(*tensors, camera, geometry, alpha_cap, screen, _KERNELS[backend])
-    wanted = {name: image for name, image in zip(OUTPUTS, images, strict=False) if name in outputs}
-    return Rendering(**wanted, screen=screen)
+    images = _Rasterize.apply(*tensors, camera, wanted, geometry, background, alpha_cap, screen, _KERNELS[backend])
+    return Rendering(**dict(zip(wanted, images, strict=True)), screen=screen)
 
 
 def _check(surfels: WorldSurfels) -> None:
@@ -122,11 +122,17 @@ def _check(surfels: WorldSurfels) -> None:
             raise ValueError(f"surfels.{name}: expected float32 {expected}, got {tensor.dtype} {tuple(tensor.shape)}")
 
 
+_PLACES = {"colour": slice(1, 4), "alpha": 0, "depth": 4, "normal": slice(5, 8), "distortion": 8}
+"""Planes of the kernels' images that hold each output; plane 0 is the transmittance, but the gradient of alpha."""
+
+
 class _Rasterize(torch.autograd.Function):
     """Arrays in, planes out; the images handed to torch are views of planes, so that nothing is copied."""
 
     @staticmethod
-    def forward(ctx, centre, tangent_u, tangent_v, opacity, colour, camera, geometry, cap, screen, kernels):
+    def forward(
+        ctx, centre, tangent_u, tangent_v, opacity, colour, camera, wanted, geometry, background, cap, screen, kernels
+    ):
         arrays = [t.detach().contiguous().numpy() for t in (centre, tangent_u, tangent_v, opacity, colour)]
         view = tuple(float(x) for x in camera.camera_from_world[:3].reshape(-1))
         intrinsics = (float(camera.fx), float(camera.fy), float(camera.cx), float(camera.cy))
@@ -134,33 +140,38 @@ class _Rasterize(torch.autograd.Function):
         project, composite, ctx.composite_backward, ctx.project_backward = kernels
         if len(centre) < WIDTH:
             project, ctx.project_backward = projection.project, projection.project_backward
-        record, box, tiles = project(*arrays, view, intrinsics, *size, binning.TILE)
+        record, box, tiles = project(*arrays, view, intrinsics, *size, binning.TILE, background)
         lists = binning.tile_lists(record[:, projection.DEPTH], box, tiles, *size, _workers())
-        image = composite(record, box, lists.surfel, lists.start, lists.order, *size, cap, geometry, _workers())
+        image = composite(
+            record, box, lists.surfel, lists.start, lists.order, *size, cap, geometry, background, _workers()
+        )
         screen.visible = torch.from_numpy(tiles > 0)
         ctx.set_materialize_grads(False)
         ctx.arrays, ctx.view, ctx.intrinsics, ctx.size = arrays, view, intrinsics, size
-        ctx.record, ctx.box, ctx.lists, ctx.image = record, box, lists, image
-        ctx.geometry, ctx.cap, ctx.screen = geometry, cap, screen
+        ctx.record, ctx.box, ctx.lists, ctx.image, ctx.wanted = record, box, lists, image, wanted
+        ctx.background, ctx.cap, ctx.screen = background, cap, screen
         planes = torch.from_numpy(image)
-        images = [planes[1:4].permute(1, 2, 0), 1.0 - planes[0]]
-        if geometry:
-            images += [planes[4], planes[5:8].permute(1, 2, 0), planes[8]]
-        return tuple(images)
+        images = {name: planes[_PLACES[name]] for name in wanted}
+        if "alpha" in images:
+            images["alpha"] = 1.0 - images["alpha"]
+        return tuple(image.permute(1, 2, 0) if image.ndim == 3 else image for image in images.values())
 
     @staticmethod
     @torch.autograd.function.once_differentiable
-    def backward(ctx, *gradients):
+    def backward(ctx, *given):
+        gradients = {
+            name: g.permute(2, 0, 1) if g.ndim == 3 else g
+            for name, g in zip(ctx.wanted, given, strict=True)
+            if g is not None
+        }
         # Geometry that no loss term used needs no geometry in the backward either.
-        geometry = any(g is not None for g in gradients[2:])
-        planes = forward.PLANES if geometry else forward.COLOUR_PLANES
-        upstream = torch.empty((planes, ctx.size[1], ctx.size[0]))
-        places = (slice(1, 4), 0, 4, slice(5, 8), 8)
-        for place, gradient in zip(places[: len(places) if geometry else 2], gradients, strict=False):
-            if gradient is None:
-                upstream[place] = 0
-            else:
-                upstream[place] = gradient.permute(2, 0, 1) if gradient.ndim == 3 else gradient
+        geometry = any(name not in ("colour", "alpha") for name in gradients)
+        if list(gradients) == ["colour"]:
+            upstream = gradients["colour"].contiguous()
+        else:
+            upstream = torch.zeros((forward.PLANES if geometry else forward.COLOUR_PLANES, *ctx.image.shape[1:]))
+            for name, gradient in gradients.items():
+                upstream[_PLACES[name]] = gradient
         lists = ctx.lists
         slots = ctx.composite_backward(
             ctx.record,
@@ -174,6 +185,7 @@ class _Rasterize(torch.autograd.Function):
             *ctx.size,
             ctx.cap,
             geometry,
+            ctx.background,
             _workers(),
         )
         centre, tangent_u, tangent_v, opacity, _ = ctx.arrays
@@ -181,7 +193,7 @@ class _Rasterize(torch.autograd.Function):
             slots, lists.first_slot, centre, tangent_u, tangent_v, opacity, ctx.view, ctx.intrinsics
         )
         ctx.screen.gradient = torch.from_numpy(pixel)
-        return *(torch.from_numpy(g) for g in surfel_gradients), None, None, None, None, None
+        return *(torch.from_numpy(g) for g in surfel_gradients), *[None] * 7
 
 
 def _workers() -> int:

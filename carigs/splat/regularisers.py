@@ -11,6 +11,8 @@ from torch import Tensor
 from carigs.capture import Camera
 from carigs.splat.surfels import Surfels
 
+PART = 1024  # surfels whose terms are summed in order
+
 
 def pull_to_triangles(
     surfels: Surfels,
@@ -27,13 +29,12 @@ def pull_to_triangles(
     count = int(np.count_nonzero(seen))
     if count == 0 or (position_weight == 0 and scale_weight == 0):
         return 0.0
-    values = np.zeros(len(surfels))
-    _thresholds(
+    value = _thresholds(
         surfels.position.detach().numpy(), surfels.log_scale.detach().numpy(), seen, position_limit,
         position_weight / count, scale_limit, scale_weight / count,
-        surfels.position.grad.numpy(), surfels.log_scale.grad.numpy(), values,
+        surfels.position.grad.numpy(), surfels.log_scale.grad.numpy(),
     )  # fmt: skip
-    return float(values.sum())
+    return float(value)
 
 
 def normal_mismatch(
@@ -56,21 +57,27 @@ def normal_mismatch(
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
 def _thresholds(
-    position, log_scale, seen, position_limit, position_weight, scale_limit, scale_weight,
-    d_position, d_log_scale, value,
-):  # fmt: skip
-    for i in numba.prange(len(seen)):
-        if not seen[i]:
-            continue
-        far = np.sqrt(position[i, 0] ** 2 + position[i, 1] ** 2 + position[i, 2] ** 2)
-        if far > position_limit[i]:
-            value[i] += position_weight * (far - position_limit[i])
-            for c in range(3):
-                d_position[i, c] += position_weight * position[i, c] / far
-        s, t = np.exp(log_scale[i, 0]), np.exp(log_scale[i, 1])
-        over_s, over_t = max(s - scale_limit, 0.0), max(t - scale_limit, 0.0)
-        over = np.sqrt(over_s**2 + over_t**2)
-        if over > 0:
-            value[i] += scale_weight * over
-            d_log_scale[i, 0] += scale_weight * over_s / over * s
-            d_log_scale[i, 1] += scale_weight * over_t / over * t
+    position, log_scale, seen, position_limit, position_weight, scale_limit, scale_weight, d_position, d_log_scale
+):
+    n, log_limit = len(seen), np.log(max(scale_limit, 0.0))
+    value = np.zeros((n + PART - 1) // PART)
+    for part in numba.prange(len(value)):
+        for i in range(part * PART, min((part + 1) * PART, n)):
+            if not seen[i]:
+                continue
+            # Few surfels are beyond a limit: no root and no exponential for the others.
+            square = position[i, 0] ** 2 + position[i, 1] ** 2 + position[i, 2] ** 2
+            if square > position_limit[i] ** 2:
+                far = np.sqrt(square)
+                value[part] += position_weight * (far - position_limit[i])
+                for c in range(3):
+                    d_position[i, c] += position_weight * position[i, c] / far
+            if log_scale[i, 0] > log_limit or log_scale[i, 1] > log_limit:
+                s, t = np.exp(log_scale[i, 0]), np.exp(log_scale[i, 1])
+                over_s, over_t = max(s - scale_limit, 0.0), max(t - scale_limit, 0.0)
+                over = np.sqrt(over_s**2 + over_t**2)
+                if over > 0:
+                    value[part] += scale_weight * over
+                    d_log_scale[i, 0] += scale_weight * over_s / over * s
+                    d_log_scale[i, 1] += scale_weight * over_t / over * t
+    return value.sum()

@@ -20,15 +20,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from carigs.splat import matrix3, skinning_simd
+from carigs.splat import skinning_simd
 from carigs.splat.jacobian_blend import (
     blend_gradient,
-    blended_motion,
     carried,
     direction_gradient,
     disc_axes,
     pulled_back,
-    shares_of,
     sigmoid,
     stretch_gradient,
     torque_of,
@@ -36,11 +34,11 @@ from carigs.splat.jacobian_blend import (
     view_direction,
 )
 from carigs.splat.mesh_gradient import rows_gradient
-from carigs.splat.motion_rows import FaceMotion, read3, read4, read9, read_face
+from carigs.splat.motion_rows import FaceMotion, read3, read4, read9, read_blend
 from carigs.splat.rig import Rig
 from carigs.splat.simd import WIDTH
 from carigs.splat.simd_math import exp
-from carigs.splat.surfels import SH_BASE, Surfels
+from carigs.splat.surfels import Surfels
 
 
 class Skinned(NamedTuple):
@@ -51,8 +49,6 @@ class Skinned(NamedTuple):
     """World vectors as long as the standard deviations (metres)."""
     tangent_v: Float[Tensor, "n 3"]
     opacity: Float[Tensor, "n"]
-    colour: Float[Tensor, "n 3"]
-    """RGB of degree 0, not clamped."""
     direction: Float[Tensor, "n 3"] | None
     """Unit vector from the eye to the centre; only where an eye is given."""
 
@@ -73,7 +69,7 @@ def skin(
     the motion where its rows are a tensor.
     """
     rows = motion.rows if isinstance(motion.rows, Tensor) else torch.from_numpy(motion.rows)
-    leaves = (surfels.position, surfels.rotation, surfels.log_scale, surfels.opacity, surfels.colour, surfels.blend)
+    leaves = (surfels.position, surfels.rotation, surfels.log_scale, surfels.opacity, surfels.blend)
     place = None if eye is None else tuple(float(c) for c in eye)
     mesh = (surfels.binding, rig.frame_rows, rig.neighbours)
     return Skinned(*_Skin.apply(*leaves, rows, mesh, blend, place, turning))
@@ -81,10 +77,10 @@ def skin(
 
 class _Skin(torch.autograd.Function):
     @staticmethod
-    def forward(ctx, position, rotation, log_scale, opacity, colour, blend, rows, mesh, blended, eye, turning):
-        leaves = [t.detach().contiguous().numpy() for t in (position, rotation, log_scale, opacity, colour, blend)]
+    def forward(ctx, position, rotation, log_scale, opacity, blend, rows, mesh, blended, eye, turning):
+        leaves = [t.detach().contiguous().numpy() for t in (position, rotation, log_scale, opacity, blend)]
         n, dtype = len(position), leaves[0].dtype
-        out = [np.empty(shape, dtype) for shape in ((n, 3), (n, 3), (n, 3), n, (n, 3), (n if eye else 0, 3))]
+        out = [np.empty(shape, dtype) for shape in ((n, 3), (n, 3), (n, 3), n, (n if eye else 0, 3))]
         ctx.vectors = dtype == np.float32 and n >= WIDTH
         ctx.kept = [*leaves, *mesh, rows.detach().numpy(), blended, eye or (0.0, 0.0, 0.0), turning, out[0]]
         ctx.seen = eye is not None
@@ -94,24 +90,24 @@ class _Skin(torch.autograd.Function):
             skin_each(*ctx.kept, *out[1:])
         ctx.set_materialize_grads(True)
         tensors = [torch.from_numpy(array) for array in out]
-        return *tensors[:5], tensors[5] if ctx.seen else None
+        return *tensors[:4], tensors[4] if ctx.seen else None
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, *given):
-        given = [g.contiguous().numpy() for g in given[:5]] + [
-            given[5].contiguous().numpy() if ctx.seen else np.empty((0, 3), given[0].numpy().dtype)
+        given = [g.contiguous().numpy() for g in given[:4]] + [
+            given[4].contiguous().numpy() if ctx.seen else np.empty((0, 3), given[0].numpy().dtype)
         ]
         n = len(given[0])
-        shapes = ((n, 3), (n, 4), (n, 2), (n,), (n, 3), (n, 4))
+        shapes = ((n, 3), (n, 4), (n, 2), (n,), (n, 4))
         gradients = [np.empty(shape, given[0].dtype) for shape in shapes]
         if ctx.vectors:
             skinning_simd.skin_backward(*_flat(ctx.kept), *_flat(given), *_flat(gradients))
         else:
             skin_each_backward(*ctx.kept, *given, *gradients)
         d_rows = None
-        if ctx.needs_input_grad[6]:
-            d_rows = torch.from_numpy(rows_gradient(*ctx.kept, *given).astype(ctx.kept[9].dtype))
+        if ctx.needs_input_grad[5]:
+            d_rows = torch.from_numpy(rows_gradient(*ctx.kept, *given).astype(ctx.kept[8].dtype))
         return *(torch.from_numpy(g) for g in gradients), d_rows, None, None, None, None
 
 
@@ -121,19 +117,12 @@ def _flat(values):
 
 @numba.njit(cache=True, error_model="numpy")
 def skin_each(
-    position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
-    centre, tangent_u, tangent_v, opacity, colour, direction,
+    position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
+    centre, tangent_u, tangent_v, opacity, direction,
 ):  # fmt: skip
     """The world's surfels from the triangles', one by one."""
     for i in range(len(binding)):
-        own, one, two, three, turn, u, t = read_face(binding[i], neighbours, rows)
-        v = (1.0, 0.0, 0.0, 0.0)
-        if blended:
-            shares, g = shares_of(read4(blend, i))
-            v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])
-        w, p = blended_motion(v, own, one, two, three, turn)
-        a, b, _c = matrix3.exponential_terms(w)
-        q = matrix3.turned(u, w, a, b)
+        _faces, t, _shares, _g, _v, _w, p, _terms, q = read_blend(i, blend, binding, neighbours, rows, blended)
         first, second, _unit, _length = disc_axes(read4(quaternion, i))
         x, tu, tv = carried(
             q, p, read9(frame_rows, binding[i], 0), read3(position, i), first, second, exp(log_scale[i, 0]),
@@ -141,7 +130,6 @@ def skin_each(
         )  # fmt: skip
         for c in range(3):
             centre[i, c], tangent_u[i, c], tangent_v[i, c] = x[c] + t[c], tu[c], tv[c]
-            colour[i, c] = 0.5 + SH_BASE * dc[i, c]
         opacity[i] = sigmoid(logit[i])
         if len(direction) > 0:
             _n, _g, d = view_direction(q, read3(centre, i), eye, turning)
@@ -150,29 +138,21 @@ def skin_each(
 
 @numba.njit(cache=True, error_model="numpy")
 def skin_each_backward(
-    position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
-    centre, g_centre, g_u, g_v, g_opacity, g_colour, g_direction,
-    d_position, d_quaternion, d_log_scale, d_logit, d_dc, d_blend,
+    position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
+    centre, g_centre, g_u, g_v, g_opacity, g_direction,
+    d_position, d_quaternion, d_log_scale, d_logit, d_blend,
 ):  # fmt: skip
     """From the gradients of what `skin_each` wrote to those of what it read."""
     seen = len(g_direction) > 0
     for i in range(len(binding)):
         moved = g_opacity[i] != 0
         for n in range(3):
-            moved |= g_centre[i, n] != 0 or g_u[i, n] != 0 or g_v[i, n] != 0 or g_colour[i, n] != 0
+            moved |= g_centre[i, n] != 0 or g_u[i, n] != 0 or g_v[i, n] != 0
             moved |= seen and g_direction[i, n] != 0
         if not moved:
-            d_position[i], d_quaternion[i], d_log_scale[i], d_dc[i], d_blend[i] = 0.0, 0.0, 0.0, 0.0, 0.0
-            d_logit[i] = 0.0
+            d_position[i], d_quaternion[i], d_log_scale[i], d_logit[i], d_blend[i] = 0.0, 0.0, 0.0, 0.0, 0.0
             continue
-        own, one, two, three, turn, u, _t = read_face(binding[i], neighbours, rows)
-        shares, g = (1.0, 0.0, 0.0, 0.0), 1.0
-        if blended:
-            shares, g = shares_of(read4(blend, i))
-        v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])
-        w, p = blended_motion(v, own, one, two, three, turn)
-        a, b, c = matrix3.exponential_terms(w)
-        q = matrix3.turned(u, w, a, b)
+        faces, _t, shares, g, _v, w, p, (_a, b, c), q = read_blend(i, blend, binding, neighbours, rows, blended)
         first, second, unit, length = disc_axes(read4(quaternion, i))
         gx, torque = read3(g_centre, i), (0.0, 0.0, 0.0)
         if seen:
@@ -187,7 +167,7 @@ def skin_each_backward(
         d_logit[i] = g_opacity[i] * opacity * (1 - opacity)
         d_log_scale[i, 0], d_log_scale[i, 1] = ds
         for n in range(3):
-            d_position[i, n], d_dc[i, n] = dx[n], SH_BASE * g_colour[i, n]
+            d_position[i, n] = dx[n]
         for n in range(4):
             d_quaternion[i, n], d_blend[i, n] = dq[n], 0.0
         if blended:
@@ -195,6 +175,6 @@ def skin_each_backward(
             own_torque = torque_of(p, h, y)
             torque = (torque[0] + own_torque[0], torque[1] + own_torque[1], torque[2] + own_torque[2])
             dturn, dp = turn_gradient(w, b, c, torque), stretch_gradient(h, y)
-            db = blend_gradient(shares, g, dturn, dp, own, one, two, three, turn)
+            db = blend_gradient(shares, g, dturn, dp, *faces)
             for n in range(4):
                 d_blend[i, n] = db[n]

@@ -35,7 +35,6 @@ from carigs.splat.simd_memory import (
     store3,
     store4,
 )
-from carigs.splat.surfels import SH_BASE
 
 PART = 1024  # surfels of one task
 
@@ -81,8 +80,8 @@ def _unless4(condition, v):
 
 @inner
 def _forward_sixteen(
-    i, position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended,
-    eye, turning, centre, tangent_u, tangent_v, opacity, colour, direction, around,
+    i, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
+    eye, turning, centre, tangent_u, tangent_v, opacity, direction, around,
 ):  # fmt: skip
     align_stack()
     own, one, two, three, turn, u, t, k = _faces(i, binding, frame_rows, neighbours, rows, around)
@@ -98,8 +97,6 @@ def _forward_sixteen(
     store3(centre, 3 * i, x)
     store3(tangent_u, 3 * i, tu)
     store3(tangent_v, 3 * i, tv)
-    rgb = load3(dc, 3 * i)
-    store3(colour, 3 * i, (0.5 + SH_BASE * rgb[0], 0.5 + SH_BASE * rgb[1], 0.5 + SH_BASE * rgb[2]))
     store(opacity, i, sigmoid(load(logit, i)))
     if len(direction) > 0:
         _n, _g, d = view_direction(q, x, eye, turning)
@@ -108,17 +105,17 @@ def _forward_sixteen(
 
 @inner
 def _backward_sixteen(
-    i, position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended,
-    eye, turning, centre, g_centre, g_u, g_v, g_opacity, g_colour, g_direction,
-    d_position, d_quaternion, d_log_scale, d_logit, d_dc, d_blend, around,
+    i, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
+    eye, turning, centre, g_centre, g_u, g_v, g_opacity, g_direction,
+    d_position, d_quaternion, d_log_scale, d_logit, d_blend, around,
 ):  # fmt: skip
     align_stack()
-    up_x, up_u, up_v, rgb = load3(g_centre, 3 * i), load3(g_u, 3 * i), load3(g_v, 3 * i), load3(g_colour, 3 * i)
+    up_x, up_u, up_v = load3(g_centre, 3 * i), load3(g_u, 3 * i), load3(g_v, 3 * i)
     none = splat(np.float32(0))
     seen, up_d = len(g_direction) > 0, (none, none, none)
     if seen:
         up_d = load3(g_direction, 3 * i)
-    change = _size(up_x) + _size(up_u) + _size(up_v) + _size(rgb) + _size(up_d) + absolute(load(g_opacity, i))
+    change = _size(up_x) + _size(up_u) + _size(up_v) + _size(up_d) + absolute(load(g_opacity, i))
     still = change <= none
     own, one, two, three, turn, u, _t, k = _faces(i, binding, frame_rows, neighbours, rows, around)
     shares, g = _weights_of(blend, i, blended)
@@ -141,7 +138,6 @@ def _backward_sixteen(
     store2(d_log_scale, 2 * i, (select(still, none, ds[0]), select(still, none, ds[1])))
     opacity = sigmoid(load(logit, i))
     store(d_logit, i, select(still, none, load(g_opacity, i) * opacity * (1 - opacity)))
-    store3(d_dc, 3 * i, (SH_BASE * rgb[0], SH_BASE * rgb[1], SH_BASE * rgb[2]))
     db = (none, none, none, none)
     if blended:
         own_torque = torque_of(p, h, y)
@@ -153,8 +149,8 @@ def _backward_sixteen(
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
 def skin(
-    position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
-    centre, tangent_u, tangent_v, opacity, colour, direction,
+    position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
+    centre, tangent_u, tangent_v, opacity, direction,
 ):  # fmt: skip
     """As `skinning.skin_each`, on flat arrays."""
     n = len(binding)
@@ -162,17 +158,17 @@ def skin(
         around = np.empty(3 * WIDTH, np.int32)
         for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
             _forward_sixteen(
-                min(start, n - WIDTH), position, quaternion, log_scale, logit, dc, blend, binding, frame_rows,
-                neighbours, rows, blended, eye, turning, centre, tangent_u, tangent_v, opacity, colour, direction,
+                min(start, n - WIDTH), position, quaternion, log_scale, logit, blend, binding, frame_rows,
+                neighbours, rows, blended, eye, turning, centre, tangent_u, tangent_v, opacity, direction,
                 around,
             )  # fmt: skip
 
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
 def skin_backward(
-    position, quaternion, log_scale, logit, dc, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
-    centre, g_centre, g_u, g_v, g_opacity, g_colour, g_direction,
-    d_position, d_quaternion, d_log_scale, d_logit, d_dc, d_blend,
+    position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
+    centre, g_centre, g_u, g_v, g_opacity, g_direction,
+    d_position, d_quaternion, d_log_scale, d_logit, d_blend,
 ):  # fmt: skip
     """As `skinning.skin_each_backward`, on flat arrays."""
     n = len(binding)
@@ -180,7 +176,7 @@ def skin_backward(
         around = np.empty(3 * WIDTH, np.int32)
         for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
             _backward_sixteen(
-                min(start, n - WIDTH), position, quaternion, log_scale, logit, dc, blend, binding, frame_rows,
-                neighbours, rows, blended, eye, turning, centre, g_centre, g_u, g_v, g_opacity, g_colour, g_direction,
-                d_position, d_quaternion, d_log_scale, d_logit, d_dc, d_blend, around,
+                min(start, n - WIDTH), position, quaternion, log_scale, logit, blend, binding, frame_rows,
+                neighbours, rows, blended, eye, turning, centre, g_centre, g_u, g_v, g_opacity, g_direction,
+                d_position, d_quaternion, d_log_scale, d_logit, d_blend, around,
             )  # fmt: skip

@@ -10,9 +10,8 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from carigs.splat.harmonics import coefficients
+from carigs.splat.harmonics import SH_BASE, coefficients
 
-SH_BASE = 0.28209479177387814  # Y_00 = 1 / (2 sqrt(pi))
 BLEND_OWN, BLEND_NEIGHBOUR = 0.9, 0.05
 """Initial sigmoids of the blend weights (SurFhead)."""
 

@@ -23,6 +23,7 @@ from torch.nn.functional import conv2d
 
 from carigs.capture import Camera
 from carigs.head import pose
+from carigs.splat.appearance import seen_colour
 from carigs.splat.initialise import place
 from carigs.splat.losses import photometric
 from carigs.splat.rasterize import OUTPUTS, WorldSurfels, rasterize
@@ -152,27 +153,36 @@ def loss_rows(width: int, height: int, repeats: int) -> Iterator[Measurement]:
 
 
 def skinning_rows(subdivisions: int, repeats: int) -> Iterator[Measurement]:
-    """CPU time of skinning with one thread, sixteen surfels at a time; references are one by one, in float64."""
+    """CPU time of skinning and of colours of degree 3 with one thread; references are one by one, in float64."""
     performance = moving_head(subdivisions)
     rig, head = performance.rig, performance.head
     motion = face_motion(rig, pose(head, performance.parameters[2]))
     binding, position, scale = place(SETTINGS, rig, np.zeros(len(rig.faces), bool))
-    surfels = plain(binding, position, scale, 0.5, np.full((len(binding), 3), 0.5))
+    surfels = plain(binding, position, scale, 0.5, np.full((len(binding), 3), 0.5), sh_degree=3)
     doubles = {name: value.detach().double().requires_grad_(True) for name, value in surfels.attributes()}
+    shade, eye = np.ones((len(rig.faces), 3), np.float32), np.array([0.0, 0.0, 1.0])
 
-    def measured(surfels: Surfels) -> dict[str, float]:
-        leaves = [value for name, value in surfels.attributes() if name != "harmonics"]
+    def clocked(name: str, function: Callable[..., object], *leaves: Tensor) -> dict[str, float]:
         start = cpu_seconds()
-        outputs = skin(surfels, rig, motion)[:5]
+        outputs = function()
         middle = cpu_seconds()
         torch.autograd.grad(outputs, leaves, [torch.ones_like(output) for output in outputs])
-        return {"skinning forward": middle - start, "skinning backward": cpu_seconds() - middle}
+        return {f"{name} forward": middle - start, f"{name} backward": cpu_seconds() - middle}
+
+    def measured(surfels: Surfels) -> dict[str, float]:
+        leaves = [value for name, value in surfels.attributes() if name not in ("colour", "harmonics")]
+        direction = skin(surfels, rig, motion, eye=eye).direction.detach().requires_grad_(True)
+        painted = surfels.colour, surfels.harmonics, direction
+        return clocked(
+            "skinning", lambda: skin(surfels, rig, motion, eye=np.array([0.0, 0.0, 1.0])), *leaves
+        ) | clocked("colours", lambda: (seen_colour(*painted, shade, surfels.binding),), *painted)
 
     works = {"lanes": surfels, "loops": Surfels(**doubles, binding=surfels.binding)}
     with threads(1):
         times = in_turns({name: partial(measured, s) for name, s in works.items()}, repeats)
     for name, value in times["lanes"].items():
-        yield Measurement(f"{len(surfels)} surfels, 1 thread", name, "ms", 1e3 * value, 1e3 * times["loops"][name])
+        case = f"{len(surfels)} surfels, 1 thread, SH 3"
+        yield Measurement(case, name, "ms", 1e3 * value, 1e3 * times["loops"][name])
 
 
 def scaling_rows(sizes: Sizes) -> Iterator[Measurement]:

@@ -16,6 +16,7 @@ QUANTITIES = {
     "projection", "binning", "forward", "backward", "projection backward", "all kernels", "with torch around them",
     "plain loops / all kernels", "contributing pairs", "forward per pair", "backward per pair",
     "L1 + SSIM", "torch / fused L1 + SSIM", "skinning forward", "skinning backward",
+    "colours forward", "colours backward",
     "training step", "rendering", "forward and backward", "import", "first rendering and gradient",
 }  # fmt: skip
 

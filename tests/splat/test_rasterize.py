@@ -76,6 +76,7 @@ def relative(a, b):
     return ((a.double() - b).norm() / b.norm()).item()
 
 
+@pytest.mark.parametrize("background", [0.0, 0.7])
 @pytest.mark.parametrize(
     ("arrays", "camera", "outputs", "cap"),
     [
@@ -83,15 +84,17 @@ def relative(a, b):
         (cloud(300, 1, size=0.02), ODD, OUTPUTS, 0.99),
         (cloud(150, 2, size=0.3, opacity=(0.5, 1.0)), CAMERA, OUTPUTS, 0.999),
         (cloud(200, 3), ODD, ("colour", "alpha"), 0.99),
+        (cloud(200, 4), ODD, ("colour",), 0.99),
         (awkward(), FRONTAL, OUTPUTS, 0.99),
         (layers(70, 6), FRONTAL, OUTPUTS, 0.99),
     ],
-    ids=["cloud", "small", "opaque", "colour", "awkward", "layers"],
+    ids=["cloud", "small", "opaque", "colour", "colour alone", "awkward", "layers"],
 )
-def test_agrees_with_the_dense_definition(arrays, camera, outputs, cap):
+def test_agrees_with_the_dense_definition(arrays, camera, outputs, cap, background):
     single, double = tensors(arrays, grad=True), tensors(arrays, torch.float64, grad=True)
-    rendered = rasterize(WorldSurfels(*single), camera, outputs=outputs, alpha_cap=cap)
+    rendered = rasterize(WorldSurfels(*single), camera, outputs=outputs, background=background, alpha_cap=cap)
     expected = render(double, camera, alpha_cap=cap)
+    expected["colour"] = expected["colour"] + background * (1 - expected["alpha"])[..., None]
     # Where a threshold is met to 1e-4, float32 may decide otherwise.
     clear = expected.pop("margin") > 1e-4
     assert clear.float().mean() > 0.95
@@ -107,7 +110,9 @@ def test_plain_loops_and_vector_code_are_the_same():
     """The readable kernels say what the fast ones compute, in every branch."""
     for arrays, camera in ((awkward(), FRONTAL), (layers(70, 7), FRONTAL), (cloud(300, 17, size=0.03), ODD)):
         fast, plain = tensors(arrays, grad=True), tensors(arrays, grad=True)
-        images = [rasterize(WorldSurfels(*t), camera, backend=b) for t, b in ((fast, "cpu"), (plain, "plain"))]
+        images = [
+            rasterize(WorldSurfels(*t), camera, backend=b, background=0.4) for t, b in ((fast, "cpu"), (plain, "plain"))
+        ]
         # Pixels whose sets of surfels differ by rounding at a threshold are told by alpha's jump of 1/255.
         same = (images[0].alpha - images[1].alpha).abs() < 1e-5
         assert same.float().mean() > 0.99
@@ -327,7 +332,7 @@ def test_cuda_agrees_with_cpu(arrays):
     clear = render(tensors(arrays, torch.float64), CAMERA).pop("margin") > 1e-4
     images = []
     for tensor, backend in zip(leaves, ("cpu", "cuda"), strict=True):
-        images.append(rasterize(WorldSurfels(*tensor), CAMERA, backend=backend))
+        images.append(rasterize(WorldSurfels(*tensor), CAMERA, backend=backend, background=0.4))
         upstream(images[-1], clear, 5).backward()
     for name in OUTPUTS:
         torch.testing.assert_close(getattr(images[0], name)[clear], getattr(images[1], name)[clear], rtol=0, atol=1e-3)

@@ -374,7 +374,7 @@ def skinned(surfels, rig, motion, blend=True):
     """World surfels, and the gradients of a linear functional of them by attribute."""
     for _, value in surfels.attributes():
         value.grad = None
-    world = skin(surfels, rig, motion, blend=blend)[:5]
+    world = skin(surfels, rig, motion, blend=blend)[:4]
     loss(world).backward()
     gradients = {name: value.grad for name, value in surfels.attributes() if value.grad is not None}
     return [value.detach() for value in world], gradients

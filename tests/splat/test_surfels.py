@@ -1,5 +1,7 @@
 """Surfels and their way into the world: skinning, its gradient, colours, the first surfels."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -7,7 +9,8 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from carigs.settings import Train
-from carigs.splat.harmonics import coefficients, view_colour
+from carigs.splat.appearance import seen_colour
+from carigs.splat.harmonics import SH_BASE, coefficients
 from carigs.splat.initialise import place
 from carigs.splat.motion_rows import FaceMotion
 from carigs.splat.rig import build_rig, face_motion, jacobians
@@ -69,7 +72,8 @@ def test_at_rest_a_surfel_lies_where_its_triangle_puts_it(ball):
     np.testing.assert_allclose(world.tangent_u[0].detach().numpy(), 0.4 * k * edge, atol=1e-7)
     np.testing.assert_allclose(world.tangent_v[0].detach().numpy(), 0.4 * k * towards, atol=1e-7)
     assert world.opacity.item() == pytest.approx(0.8)
-    np.testing.assert_allclose(world.colour[0].detach().numpy(), [0.1, 0.5, 0.9], atol=1e-6)
+    colour = seen_colour(surfels.colour, surfels.harmonics, None, None, surfels.binding)
+    np.testing.assert_allclose(colour[0].detach().numpy(), [0.1, 0.5, 0.9], atol=1e-6)
 
 
 def test_without_blending_only_the_own_jacobian_acts(ball):
@@ -117,12 +121,12 @@ def test_gradients_are_those_of_finite_differences(ball, blend, turning):
     rig = build_rig(vertices, faces)
     rows = torch.from_numpy(face_motion(rig, bent(vertices)).rows).double().requires_grad_(True)
     surfels = random_surfels(5, len(faces))
-    names = [name for name in ATTRIBUTES if name != "harmonics"]
+    names = [name for name in ATTRIBUTES if name not in ("colour", "harmonics")]
     leaves = [getattr(surfels, name).detach().double().requires_grad_(True) for name in names]
     used = np.unique([surfels.binding, *rig.neighbours[surfels.binding].T])
 
     def outputs(some, *values):
-        doubled = Surfels(**dict(zip(names, values, strict=True)), harmonics=surfels.harmonics, binding=surfels.binding)
+        doubled = replace(surfels, **dict(zip(names, values, strict=True)))
         motion = FaceMotion(rows.detach().index_put((torch.from_numpy(used),), some))
         return skin(doubled, rig, motion, blend=blend, eye=np.array([0.1, -0.2, 1.0]), turning=turning)
 
@@ -147,7 +151,8 @@ def test_sixteen_at_a_time_is_the_same_as_one_by_one(ball, blend):
         generator = torch.Generator().manual_seed(1)
         upstream = [torch.randn(t.shape, generator=generator).to(t.dtype) for t in world]
         torch.autograd.backward(world, upstream)
-        results.append(([t.detach() for t in world], [v.grad for n, v in some.attributes() if n != "harmonics"]))
+        gradients = [v.grad for n, v in some.attributes() if n not in ("colour", "harmonics")]
+        results.append(([t.detach() for t in world], gradients))
     for single, double in zip(*(values for values, _ in results), strict=True):
         torch.testing.assert_close(single.double(), double.double(), rtol=1e-5, atol=1e-6)
     for single, double in zip(*(gradients for _, gradients in results), strict=True):
@@ -165,8 +170,10 @@ def test_gradients_do_not_depend_on_the_number_of_threads(ball):
         numba.set_num_threads(threads)
         surfels = random_surfels(1001, len(faces))
         world = skin(surfels, rig, motion)
-        torch.autograd.backward(world[:5], [torch.ones_like(t) for t in world[:5]])
-        seen.append(b"".join(v.grad.numpy().tobytes() for n, v in surfels.attributes() if n != "harmonics"))
+        torch.autograd.backward(world[:4], [torch.ones_like(t) for t in world[:4]])
+        seen.append(
+            b"".join(v.grad.numpy().tobytes() for v in (v for _, v in surfels.attributes()) if v.grad is not None)
+        )
     assert seen[0] == seen[1]
 
 
@@ -182,7 +189,9 @@ def test_harmonics_are_orthonormal():
     for k in range(coefficients(3)):  # each function alone, in red
         one = torch.zeros(len(direction), coefficients(3), 3, dtype=torch.float64)
         one[:, k, 0] = 1
-        values[:, k] = view_colour(one, torch.from_numpy(direction), 3)[:, 0]
+        grey = torch.full((len(direction), 3), 8.0, dtype=torch.float64)  # nothing is below 0
+        colour = seen_colour(grey, one, torch.from_numpy(direction), None, np.zeros(len(direction), np.int32))
+        values[:, k] = colour[:, 0] - 0.5 - 8.0 * SH_BASE
     gram = np.einsum("n,ni,nj->ij", np.repeat(weight, 16) * 2 * np.pi / 16, values, values)
     np.testing.assert_allclose(gram, np.eye(coefficients(3)), atol=1e-12)
 
@@ -197,21 +206,28 @@ def test_directions_are_the_same_when_head_and_eye_turn_together(ball):
     torch.testing.assert_close(turned.direction, still.direction, rtol=0, atol=5e-6)
 
 
-@pytest.mark.parametrize("degree", [1, 2, 3])
-def test_gradients_of_harmonics_are_those_of_finite_differences_in_vectors_too(degree):
+@pytest.mark.parametrize("lit", [True, False])
+@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+def test_gradients_of_the_colour_are_those_of_finite_differences_in_vectors_too(degree, lit):
+    """About half of the colours would be below 0."""
     rng = np.random.default_rng(degree)
-    double = [
-        torch.from_numpy(values).requires_grad_(True)
-        for values in (rng.normal(size=(37, coefficients(degree), 3)), rng.normal(size=(37, 3)))
-    ]
-    some = [leaf[:5].detach().requires_grad_(True) for leaf in double]
-    assert torch.autograd.gradcheck(lambda h, d: view_colour(h, d, degree), some, atol=1e-7)
+    sizes = [(37, 3), (37, coefficients(degree), 3), (37, 3)][: 3 if degree else 1]
+    double = [torch.from_numpy(rng.normal(-0.3, 1.5, size)).requires_grad_(True) for size in sizes]
+    shade = rng.uniform(0.5, 1.5, (7, 3)).astype(np.float32) if lit else None
+    binding = rng.integers(0, 7, 37).astype(np.int32)
+
+    def colour(base, harmonics=None, direction=None):
+        harmonics = base.new_empty(len(base), 0, 3) if harmonics is None else harmonics
+        return seen_colour(base, harmonics, direction, shade, binding[: len(base)])
+
+    assert torch.autograd.gradcheck(colour, [leaf[:5].detach().requires_grad_(True) for leaf in double], atol=1e-7)
     single = [leaf.detach().float().requires_grad_(True) for leaf in double]
+    seen, expected = colour(*single), colour(*double)
+    assert 0.1 < (expected == 0).float().mean() < 0.9
+    torch.testing.assert_close(seen.double(), expected, rtol=1e-5, atol=1e-4)
     upstream = torch.from_numpy(rng.normal(size=(37, 3)))
-    view_colour(*double, degree).backward(upstream)
-    colour = view_colour(*single, degree)
-    colour.backward(upstream.float())
-    torch.testing.assert_close(colour.detach().double(), view_colour(*double, degree).detach(), rtol=1e-5, atol=1e-4)
+    expected.backward(upstream)
+    seen.backward(upstream.float())
     for a, b in zip(single, double, strict=True):
         torch.testing.assert_close(a.grad.double(), b.grad, rtol=1e-4, atol=1e-4)
 
