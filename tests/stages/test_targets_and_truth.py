@@ -152,7 +152,7 @@ def write(folder, provided):
 stage._write = write
 subject, out = map(Path, sys.argv[1:])
 files = {"capture": subject / "capture.json", "path": subject / "path.npz"}
-stage.gtstar(Gtstar(threads=1), **files, targets=out / "targets", index=out / "targets.json")
+stage.gtstar(Gtstar(threads=1), **files, level=0.25, targets=out / "targets", index=out / "targets.json")
 """
 
 
