@@ -8,10 +8,13 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 from scipy.sparse import csc_array
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
+from threadpoolctl import ThreadpoolController
 
-COLUMNS = 4
-"""SuperLU solves for so many right-hand sides at once; with more it loses more in small products than it gains."""
+COLUMNS = 16
+"""SuperLU solves for so many right-hand sides at once."""
+_BLAS = ThreadpoolController().select(user_api="blas")
+"""Held to one thread meanwhile: on the small products of a solve, threads wait longer than they work."""
 
 MINIMUM_DEGREE = 30_000
 """Rows up to which unknowns are eliminated in the order of the symmetric minimum degree: its factors of heads hold 28
@@ -37,11 +40,16 @@ class Factors:
     def solve(self, right: Float[np.ndarray, "n c"]) -> Float[np.ndarray, "n c"]:
         """The solutions for all columns of `right`."""
         if CholeskySolverD is None:
-            solved = [self._lu.solve(right[:, c : c + COLUMNS]) for c in range(0, right.shape[1], COLUMNS)]
-            return np.concatenate(solved, axis=1)
+            return solve_in_blocks(self._lu, right)
         solved = np.zeros(right.shape)
         self._cholesky.solve(np.ascontiguousarray(right), solved)
         return solved
+
+
+def solve_in_blocks(lu: SuperLU, right: Float[np.ndarray, "n c"]) -> Float[np.ndarray, "n c"]:
+    """The solutions for all columns of `right`, by SuperLU's factors."""
+    with _BLAS.limit(limits=1):
+        return np.concatenate([lu.solve(right[:, c : c + COLUMNS]) for c in range(0, right.shape[1], COLUMNS)], axis=1)
 
 
 def conjugate_gradients(

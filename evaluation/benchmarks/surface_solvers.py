@@ -12,7 +12,7 @@ from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import splu
 
 from carigs.surface import Exaggerator
-from carigs.surface.factors import COLUMNS, SYMMETRIC, CholeskySolverD, Factors, conjugate_gradients
+from carigs.surface.factors import COLUMNS, SYMMETRIC, CholeskySolverD, Factors, conjugate_gradients, solve_in_blocks
 from carigs.surface.operators import EdgeCotans, mixed_voronoi_areas
 from evaluation.benchmarks.measurements import Measurement, seconds
 
@@ -69,9 +69,7 @@ def _ways(matrix: csc_array, mass: np.ndarray) -> Mapping[str, Callable[[], Solv
 
     def lu(system: csc_array, **options: object) -> Solve:
         factors = splu(system, **options)
-        return lambda right: np.hstack(
-            [factors.solve(right[:, c : c + COLUMNS]) for c in range(0, len(right.T), COLUMNS)]
-        )
+        return lambda right: solve_in_blocks(factors, right)
 
     def all_at_once() -> Solve:
         return splu(matrix).solve
