@@ -140,7 +140,7 @@ class Gtstar:
     """Power to which the ratio of new to old irradiance is taken."""
     relight_limit: float = within(1, 100, 2.0)
     """Largest factor, and its inverse the smallest, on linear colours."""
-    hair_band: int = within(0, 1000, 3)
+    hair_band: int = within(0, 1000, 2)
     """Width in pixels of the band around hair."""
     background_ring: int = within(0, 1000, 1)
     """Pixels left out around the mesh and the foreground where background is taken as known."""
