@@ -136,7 +136,7 @@ class Gtstar:
     relight: str = one_of("targets_and_surfels", "targets", "none")
     """`none`: targets keep the light of the natural surface, as in the paper; `targets`: they are shaded anew;
     `targets_and_surfels`: surfels too, whenever they are drawn."""
-    relight_strength: float = within(0, 1, 0.7)
+    relight_strength: float = within(0, 1, 0.85)
     """Power to which the ratio of new to old irradiance is taken."""
     relight_limit: float = within(1, 100, 2.0)
     """Largest factor, and its inverse the smallest, on linear colours."""

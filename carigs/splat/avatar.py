@@ -21,7 +21,7 @@ from carigs.splat.surfels import ATTRIBUTES, Surfels, from_arrays, to_arrays
 from carigs.surface import GammaPath
 from carigs.target.light import Shading
 
-FORMAT = "carigs-avatar-1"
+FORMAT = "carigs-avatar-2"
 POSE = ("translation", "rotation", "neck", "jaw", "eyes", "expression")
 
 

@@ -15,7 +15,7 @@ from carigs.errors import InputError
 from carigs.head import HeadModel, HeadParameters, neutral, pose
 from carigs.head.model import N_SHAPE
 from carigs.splat.rig import FaceMotion, Rig, build_rig, face_motion
-from carigs.target.light import Shading, Transfer, transfer
+from carigs.target.light import Shading, Transfer
 
 if TYPE_CHECKING:
     from carigs.surface import GammaPath
@@ -62,13 +62,13 @@ class Performance:
         key = (timestep, float(level))
         if key not in self._shades:
             posed = pose(self.head, self._tracked[timestep], self.path.at(level) if level else None)
-            after = transfer(posed, self.rig.faces)
+            after = self.shading.transfer(posed, self.rig.faces)
             self._shades[key] = self.shading.of_faces(self._canonical_transfer, after, self.rig.faces)
         return self._shades[key]
 
     @cached_property
     def _canonical_transfer(self) -> Transfer:
-        return transfer(self.rig.vertices, self.rig.faces)
+        return self.shading.transfer(self.rig.vertices, self.rig.faces)
 
     def motion(self, timestep: int, level: float) -> FaceMotion:
         """Motion of every triangle from the canonical mesh."""

@@ -1,12 +1,14 @@
 """The light of a capture, fitted to its frames, and how a caricature's shading differs from the frame's under it.
 
-Light comes from a fixed set of directions; a vertex gets the cosine of those that reach it (transfer), and a share of
+Light comes from a number of directions; a vertex gets the cosine of those that reach it (transfer), and a share of
 what it would get from hidden ones (light from skin to skin).  Colour in linear light = albedo x transfer @ light.
+A first look at many directions tells the brightest, which the fit and all shading go on with: a shadow map per
+direction and surface is what light costs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -14,20 +16,24 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int
 from scipy.optimize import nnls
+from threadpoolctl import threadpool_limits
 
-from carigs.capture import Camera, look_at
+from carigs.capture import Camera
 from carigs.capture.images import to_linear
-from carigs.raster import Visibility, project, visible
+from carigs.raster import Visibility, visible
 from carigs.surface.mesh import vertex_normals
 from carigs.target import shadow
 from carigs.target.registration import sample, well_seen
 
-DIRECTIONS = 64
+CANDIDATES = 256  # directions of the first look
+BRIGHTEST = 64  # that are gone on with
 SIDE = 160  # pixels of a shadow map
 BIAS = 0.0015  # metres: shadows are looked for this far off the surface
 TOLERANCE = 0.003  # metres
-ROUNDS = 5  # of light, then albedo
-RIDGE = 0.01  # of the mean eigenvalue
+EVERY = 4  # vertex, of those that the light is fitted to
+FIRST_TIMESTEPS = 3  # of those given, for the first look
+FIRST_ROUNDS, ROUNDS = 2, 30  # of light, then albedo: they converge slowly, since each explains most of the other
+RIDGE = 0.001  # of the mean eigenvalue
 PRIOR = 0.001  # of one observation: albedo is that of most of the skin where nothing was seen
 
 GAMMA = 2.2  # of sRGB, about
@@ -38,37 +44,42 @@ Transfer = Float32[np.ndarray, "v k"]
 class Observation(NamedTuple):
     """Colours of the skin at one timestep."""
 
-    transfer: Transfer
+    vertices: Float[np.ndarray, "v 3"]
     colour: Float64[np.ndarray, "v 3"]
     """Linear; mean over the cameras."""
     weight: Float64[np.ndarray, "v"]
     """Sum of the cameras' cosines; 0 where none sees the vertex."""
 
 
-def transfer(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Transfer:
-    """How much light of each direction reaches each vertex (metres); the last column is what the head itself hides."""
+def transfer(
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], directions: Float[np.ndarray, "d 3"]
+) -> Transfer:
+    """How much light of each direction reaches each vertex (metres); the last column is what the head itself hides.
+
+    `directions` are unit vectors towards the light, in world axes.
+    """
     normals = vertex_normals(vertices, faces)
     middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
     radius = 1.02 * float(np.linalg.norm(vertices - middle, axis=1).max())
-    lifted = vertices + BIAS * normals
-    found = np.zeros((len(vertices), DIRECTIONS + 1), np.float32)
-    cosines = np.maximum(np.einsum("vk,dk->dv", normals, fibonacci_sphere(DIRECTIONS)), 0)
-    for d, direction in enumerate(fibonacci_sphere(DIRECTIONS)):
-        lamp = _lamp(middle, radius, direction)
-        nearness = visible(vertices, faces, lamp).nearness
-        shadow.add_lit(found, d, *project(lifted, lamp), cosines[d], nearness, TOLERANCE)
-    total = np.maximum(cosines.sum(axis=0), 1e-9)
-    found[:, -1] = 1 - found[:, :-1].sum(axis=1) / total
-    found[:, :-1] *= 4 / DIRECTIONS  # unit light from everywhere comes to 1
-    return found
+    cosines = np.maximum(directions @ normals.T, 0).astype(np.float32)
+    found = np.zeros((len(directions) + 1, len(vertices)), np.float32)
+    points = np.concatenate([vertices - middle, vertices - middle + BIAS * normals]).astype(np.float32)
+    scale = 0.5 * SIDE / radius
+    for d, direction in enumerate(directions):
+        map_from_world = _map_from_world(direction) * np.array([[scale], [scale], [1]])
+        on_map = points @ map_from_world.T.astype(np.float32) + np.float32([0.5 * SIDE, 0.5 * SIDE, 0])
+        surface, lifted = np.split(on_map, 2)
+        shadow.light_up(found[d], surface, faces, lifted, cosines[d], SIDE, TOLERANCE)
+    found[-1] = 1 - found[:-1].sum(axis=0) / np.maximum(cosines.sum(axis=0), 1e-9)
+    found[:-1] *= 4 / len(directions)  # unit light from everywhere comes to 1
+    return found.T
 
 
-def _lamp(middle: Float[np.ndarray, "3"], radius: float, direction: Float[np.ndarray, "3"]) -> Camera:
-    """A camera far away whose square image holds a ball: nearly parallel rays."""
-    distance = 14.0 * radius
-    up = np.array([0.0, 1.0, 0.0] if abs(direction[1]) < 0.9 else [0.0, 0.0, 1.0])
-    focal = 0.5 * SIDE / radius * distance * 0.997
-    return Camera(look_at(middle + distance * direction, middle, up), focal, focal, 0.5 * SIDE, 0.5 * SIDE, SIDE, SIDE)
+def _map_from_world(direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """Rotation to the axes of a direction's shadow map: the third points away from the light."""
+    beside = np.cross(direction, np.eye(3)[np.abs(direction).argmin()])
+    beside /= np.linalg.norm(beside)
+    return np.stack([np.cross(direction, beside), beside, -direction])
 
 
 def observe(
@@ -86,41 +97,68 @@ def observe(
         cosine = np.where(skin[seen.vertex], seen.cosine, 0)
         total[seen.vertex] += cosine[:, None] * to_linear(colour)
         weight[seen.vertex] += cosine
-    return Observation(transfer(vertices, faces), total / np.maximum(weight, 1e-9)[:, None], weight)
+    return Observation(vertices, total / np.maximum(weight, 1e-9)[:, None], weight)
 
 
-def fit_light(observations: list[Observation]) -> Float64[np.ndarray, "k 3"]:
-    """Light and albedo by turns, least squares; no direction's light is negative.
+def fit_light(
+    observations: list[Observation], faces: Int[np.ndarray, "f 3"], run: Callable = map
+) -> tuple[Float64[np.ndarray, "d 3"], Float64[np.ndarray, "k 3"]]:
+    """The brightest directions and the light from each, the last row that of the head itself (`transfer`).
 
-    Scaled so that the median of the skin's albedo is about its median colour: only ratios of irradiance matter.
+    Least squares by turns with an albedo per vertex; no direction's light is negative.  Scaled so that the median of
+    the skin's albedo is about its median colour: only ratios of irradiance matter.  `run` is `map`, or that of an
+    executor.
     """
-    light = np.zeros((DIRECTIONS + 1, 3))
     if not any((o.weight > 0).any() for o in observations):
-        return light
-    middle = np.median(np.concatenate([o.colour[o.weight > 0] for o in observations]), axis=0)
-    albedo = np.ones((len(observations[0].weight), 3))
-    for _ in range(ROUNDS):
-        light = np.stack([_fit_channel(observations, albedo[:, c], c, middle[c]) for c in range(3)], axis=1)
+        return fibonacci_sphere(BRIGHTEST), np.zeros((BRIGHTEST + 1, 3))
+
+    def fit(
+        chosen: list[Observation], directions: Float64[np.ndarray, "d 3"], rounds: int
+    ) -> Float64[np.ndarray, "k 3"]:
+        reach = list(run(lambda o: transfer(o.vertices, faces, directions)[::EVERY], chosen))
+        return _fit(reach, [o.colour[::EVERY] for o in chosen], [o.weight[::EVERY] for o in chosen], rounds)
+
+    candidates = fibonacci_sphere(CANDIDATES)
+    with threadpool_limits(1, "blas"):  # on several threads it would add in another order, and wait for busy cores
+        light = fit(observations[:: max(1, len(observations) // FIRST_TIMESTEPS)], candidates, FIRST_ROUNDS)
+        directions = candidates[np.sort(np.argsort(-light[:-1].sum(axis=1))[:BRIGHTEST])]
+        return directions, fit(observations, directions, ROUNDS)
+
+
+def _fit(
+    reach: list[Transfer],
+    colours: list[Float64[np.ndarray, "v 3"]],
+    weights: list[Float64[np.ndarray, "v"]],
+    rounds: int,
+) -> Float64[np.ndarray, "k 3"]:
+    """Light and albedo by turns."""
+    middle = np.median(np.concatenate([c[w > 0] for c, w in zip(colours, weights, strict=True)]), axis=0)
+    samples = [
+        (r.astype(np.float64), c / middle, np.minimum(w, 2)[:, None])
+        for r, c, w in zip(reach, colours, weights, strict=True)
+    ]
+    albedo = np.ones(colours[0].shape)
+    for _ in range(rounds):
+        light = np.stack([_fit_channel(samples, albedo[:, c], c) for c in range(3)], axis=1)
         above, below = np.full(albedo.shape, PRIOR), np.full(albedo.shape, PRIOR)
-        for o in observations:
-            irradiance, weight = o.transfer @ light, np.minimum(o.weight, 2)[:, None]
-            above += weight * irradiance * o.colour / middle
+        for transfers, colour, weight in samples:
+            irradiance = transfers @ light
+            above += weight * irradiance * colour
             below += weight * irradiance**2
         albedo = above / below
     return light
 
 
 def _fit_channel(
-    observations: list[Observation], albedo: Float64[np.ndarray, "v"], channel: int, middle: float
+    samples: list[tuple[np.ndarray, np.ndarray, np.ndarray]], albedo: Float64[np.ndarray, "v"], channel: int
 ) -> Float64[np.ndarray, "k"]:
-    matrix, right = np.zeros((DIRECTIONS + 1, DIRECTIONS + 1)), np.zeros(DIRECTIONS + 1)
-    for o in observations:
-        used = o.weight > 0
-        design = o.transfer[used] * albedo[used, None]
-        weighted = design * np.minimum(o.weight[used], 2)[:, None]
-        matrix += weighted.T @ design
-        right += weighted.T @ (o.colour[used, channel] / middle)
-    matrix += RIDGE * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
+    size = samples[0][0].shape[1]
+    matrix, right = np.zeros((size, size)), np.zeros(size)
+    for transfers, colour, weight in samples:
+        design = transfers * (albedo[:, None] * np.sqrt(weight))
+        matrix += design.T @ design
+        right += design.T @ (colour[:, channel] * np.sqrt(weight[:, 0]))
+    matrix += RIDGE * np.trace(matrix) / size * np.eye(size)
     factor = np.linalg.cholesky(matrix)
     return nnls(factor.T, np.linalg.solve(factor, right))[0]
 
@@ -141,6 +179,7 @@ def gain(
 class Shading:
     """The light of a capture, and how far a surface's shading follows it."""
 
+    directions: Float64[np.ndarray, "d 3"]
     light: Float64[np.ndarray, "k 3"]
     strength: float
     """Power to which the ratio of irradiances is taken: below 1, since a fit of diffuse light knows neither gloss nor
@@ -149,6 +188,10 @@ class Shading:
     """Largest factor, and its inverse the smallest, on linear colours."""
     kept: Bool[np.ndarray, "f"]
     """Triangles whose colours do not follow."""
+
+    def transfer(self, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Transfer:
+        """`transfer` of its directions."""
+        return transfer(vertices, faces, self.directions)
 
     def factor(self, before: Transfer, after: Transfer) -> Float64[np.ndarray, "v 3"]:
         """`gain` of every vertex from one posed surface to another."""
@@ -184,7 +227,13 @@ def load_shading(file: Path) -> Shading | None:
     if not file.is_file():
         return None
     with np.load(file) as archive:
-        return Shading(archive["light"], float(archive["strength"]), float(archive["limit"]), archive["kept"])
+        return Shading(
+            archive["directions"],
+            archive["light"],
+            float(archive["strength"]),
+            float(archive["limit"]),
+            archive["kept"],
+        )
 
 
 def fibonacci_sphere(n: int) -> Float[np.ndarray, "n 3"]:

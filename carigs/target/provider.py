@@ -17,7 +17,7 @@ from carigs.head import pose
 from carigs.settings import Gtstar, check
 from carigs.surface import Caricature
 from carigs.target.lat import Target, make_target
-from carigs.target.light import Observation, Shading, fit_light, observe, relight, transfer
+from carigs.target.light import Observation, Shading, fit_light, observe, relight
 from carigs.target.reasons import Reason
 from carigs.target.registration import Misfit, misfits
 
@@ -57,7 +57,7 @@ def provide(
     natural = pose(capture.model, parameters) if settings.provider == "lat" else caricature
     factor = None
     if shading is not None:
-        factor = shading.factor(*(transfer(vertices, faces) for vertices in (natural, caricature)))
+        factor = shading.factor(*(shading.transfer(vertices, faces) for vertices in (natural, caricature)))
     pictures, faults = _pictures(settings, capture, frames)
     views = {frame: (image, capture.cameras[frame.camera]) for frame, (image, _) in pictures.items()}
     off = misfits(views, natural, faces)
@@ -132,7 +132,8 @@ def fitted_shading(
 
     observations = list(run(observed, sorted(chosen)))
     kept = (of_faces & np.uint16(KEPT.value)) > 0
-    return Shading(fit_light(observations), settings.relight_strength, settings.relight_limit, kept)
+    directions, light = fit_light(observations, model.faces, run)
+    return Shading(directions, light, settings.relight_strength, settings.relight_limit, kept)
 
 
 def _pictures(

@@ -22,7 +22,7 @@ from carigs.splat.surfels import plain, to_arrays
 from carigs.stages.render import nearest_point, orbit_cameras, render
 from carigs.stages.train import train
 from carigs.surface.path import straight_path
-from carigs.target.light import DIRECTIONS, Shading, fibonacci_sphere
+from carigs.target.light import Shading, fibonacci_sphere
 
 
 def random_surfels(n=30, sh_degree=2, seed=0):
@@ -168,12 +168,13 @@ def test_colours_follow_the_light_and_the_file_keeps_it(trained, tmp_path):
     """One lamp: triangles that follow get lighter and darker within the limit, and the file alone renders the same."""
     avatar = load_avatar(trained / "avatar.npz")
     plain_image = avatar.render(0, 0.25, Capture.load(trained / "capture.json").cameras[1])
-    light = np.zeros((DIRECTIONS + 1, 3))
-    light[fibonacci_sphere(DIRECTIONS)[:, 0].argmax()] = 1
+    directions = fibonacci_sphere(64)
+    light = np.zeros((len(directions) + 1, 3))
+    light[directions[:, 0].argmax()] = 1
     light[-1] = 0.01
     kept = np.zeros(len(avatar.performance.head.faces), bool)
     kept[::2] = True
-    avatar.performance.shading = Shading(light, 1.0, 2.0, kept)
+    avatar.performance.shading = Shading(directions, light, 1.0, 2.0, kept)
     shade = avatar.performance.shade(0, 0.25)
     assert (shade[kept] == 1).all()
     assert 0.72 < shade.min() < 0.95 and 1.05 < shade.max() < 1.38  # 2 to the power 1 / 2.2 is 1.37

@@ -11,7 +11,6 @@ from carigs.head import HeadModel
 from carigs.raster import visible
 from carigs.settings import EXCLUDED, Gtstar
 from carigs.target import Reason, Target, as_bits, face_reasons, make_target
-from carigs.target.light import DIRECTIONS, gain, relight, transfer
 
 BALD = replace(ball_model(), regions={})
 
@@ -140,43 +139,3 @@ def test_a_pixel_on_a_triangle_has_all_its_triangle_s_reasons(supersampling):
 def test_an_unknown_reason_is_named():
     with pytest.raises(SettingsError, match=r"freckles is no reason .* occluded"):
         as_bits(["hair", "freckles"])
-
-
-def test_light_from_everywhere_reaches_a_convex_surface_evenly():
-    """Irradiance of a uniform sky is 1 at every normal (to the spacing of the directions), and nothing is hidden."""
-    reach = transfer(ball() * [1, 1, 1], BALD.faces)
-    np.testing.assert_allclose(reach[:, :-1].sum(axis=1), 1, atol=0.1)
-    assert np.median(reach[:, -1]) < 0.02
-
-
-def test_a_wall_keeps_light_away():
-    """Half of the sky is behind a high wall."""
-    floor, faces = sheet(21, 0.2, 0.2)
-    floor = floor[:, [1, 2, 0]]  # y is up
-    wall, wall_faces = sheet(3, 0.8, 0.8)
-    wall = wall[:, [2, 1, 0]] + [0.005, 0, 0]
-    both = np.vstack([floor, wall])
-    reach = transfer(both, np.vstack([faces, wall_faces + len(floor)]))
-    open_floor = transfer(floor, faces)
-    near = np.abs(floor).max(axis=1) < 0.03
-    assert open_floor[near, :-1].sum(axis=1).min() > 0.9
-    beside = near & (floor[:, 0] < 0)
-    assert 0.35 < np.median(reach[: len(floor)][beside, :-1].sum(axis=1)) < 0.65
-
-
-def test_gain_is_one_without_a_change_and_bounded_with_any():
-    rng = np.random.default_rng(0)
-    light = rng.random((DIRECTIONS + 1, 3))
-    one, other = rng.random((2, 50, DIRECTIONS + 1)).astype(np.float32) ** 8
-    np.testing.assert_array_equal(gain(light, one, one, 0.7, 2.0), 1.0)
-    bounded = gain(light, one * 1e-4, other, 1.0, 2.0)
-    assert bounded.max() <= 2.0
-    np.testing.assert_allclose(gain(light, one, other, 1.0, 1e9) * gain(light, other, one, 1.0, 1e9), 1, rtol=1e-5)
-    np.testing.assert_array_equal(gain(np.zeros_like(light), one, other, 1.0, 2.0), 1.0)
-
-
-def test_relit_with_factor_one_is_the_same_picture():
-    seen = visible(ball(), BALD.faces, ball_cameras()[0])
-    image = np.random.default_rng(0).random((48, 40, 3)).astype(np.float32)
-    lit = relight(image, seen, np.ones((len(ball()), 3)), np.zeros(len(BALD.faces), bool))
-    np.testing.assert_allclose(lit, image, atol=1e-6)
