@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int, Int32
 
-from carigs.raster import scan
+from carigs.raster import bits, scan
+from carigs.raster.bits import Bits
 from carigs.raster.coverage import cover
 
 if TYPE_CHECKING:
@@ -46,6 +48,11 @@ class Visibility:
     """Their pixels: without meaning unless their depth is positive."""
     faces: Int32[np.ndarray, "f 3"]
     camera: Camera
+
+    @cached_property
+    def on_mesh(self) -> Bits:
+        """The pixels with a face."""
+        return bits.above(self.face, -1)
 
     @property
     def fragments(self) -> Fragments:

@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float32, UInt16
+from jaxtyping import Float32, UInt16
 
 from carigs.errors import SettingsError
 from carigs.head import HeadModel
-from carigs.raster import Visibility
+from carigs.raster import Visibility, bits
+from carigs.raster.bits import Bits
 from carigs.settings import Gtstar
-from carigs.target import trace
 
 INNER_LIPS = slice(60, 68)
 
@@ -73,9 +73,9 @@ def face_reasons(model: HeadModel, settings: Gtstar) -> UInt16[np.ndarray, "f"]:
 class Hair(NamedTuple):
     """Hair as a frame shows it."""
 
-    where: Bool[np.ndarray, "h w"]
+    where: Bits
     """The scalp's triangles, and what of the matte sticks out of the mesh by more than the outline's own blur."""
-    length: float
+    length: int
     """Pixels by which it sticks out at most."""
 
 
@@ -83,17 +83,15 @@ def hair_in_frame(
     natural: Visibility, foreground: Float32[np.ndarray, "h w"], of_faces: UInt16[np.ndarray, "f"]
 ) -> Hair:
     """Find the hair of a frame from its mesh and its matte."""
-    on_mesh = natural.face >= 0
-    stray = (foreground > 0.5) & ~_dilate(on_mesh, 1)
-    scalp = trace.shows(natural.face, (of_faces & np.uint16(Reason.HAIR.value)) > 0)
-    return Hair(scalp | stray, float(_distance(on_mesh)[_halved(stray)].max(initial=0)) if stray.any() else 0.0)
+    stray = bits.above(foreground, 0.5) - natural.on_mesh.grown(1)
+    return Hair(_scalp(natural, of_faces) | stray, natural.on_mesh.reach(stray))
 
 
 def frame_reasons(natural: Visibility, hair: Hair, model: HeadModel, settings: Gtstar) -> UInt16[np.ndarray, "h w"]:
     """What a target must not fetch from the frame: hair with a band around it, and what is seen between the lips."""
-    reasons = np.zeros(hair.where.shape, np.uint16)
-    _add(reasons, Reason.HAIR, _dilate(hair.where, settings.hair_band))
-    _between_lips(reasons, natural, model)
+    reasons = np.zeros(natural.face.shape, np.uint16)
+    bits.add(reasons, hair.where.grown(settings.hair_band).words, Reason.HAIR.value)
+    _add_between_lips(reasons, natural, model)
     return reasons
 
 
@@ -112,56 +110,32 @@ def add_target_reasons(
     skin: that has moved away.  Only hair, and whatever else sticks out of the mesh, may be anywhere within its own
     length of where it is or of the scalp.
     """
-    on_mesh = caricature.face >= 0
-    scalp = trace.shows(caricature.face, (of_faces & np.uint16(Reason.HAIR.value)) > 0)
-    _add(reasons, Reason.HAIR, on_mesh & _dilate(scalp, settings.hair_band))
-    _between_lips(reasons, caricature, model)
-    unknown = _dilate(foreground > 0, settings.background_ring) & ~on_mesh
-    if unknown.any():
-        near = _distance(hair.where | scalp) <= hair.length + settings.hair_band
-        unknown &= _doubled(near)[: unknown.shape[0], : unknown.shape[1]]
-    _add(reasons, Reason.OUTSIDE_MESH, ~on_mesh & (unknown | _dilate(on_mesh, settings.background_ring)))
+    on_mesh, scalp = caricature.on_mesh, _scalp(caricature, of_faces)
+    unknown = bits.above(foreground, 0).grown(settings.background_ring) - on_mesh
+    if unknown:
+        unknown &= (hair.where | scalp).grown(hair.length + settings.hair_band)
+    outside = (unknown | on_mesh.grown(settings.background_ring)) - on_mesh
+    bits.add(reasons, (scalp.grown(settings.hair_band) & on_mesh).words, Reason.HAIR.value)
+    bits.add(reasons, outside.words, Reason.OUTSIDE_MESH.value)
+    _add_between_lips(reasons, caricature, model)
 
 
-def _add(reasons: UInt16[np.ndarray, "h w"], reason: Reason, where: Bool[np.ndarray, "h w"]) -> None:
-    reasons |= np.multiply(where, np.uint16(reason.value), dtype=np.uint16)  # far cheaper than indexing by a mask
+def _scalp(seen: Visibility, of_faces: UInt16[np.ndarray, "f"]) -> Bits:
+    return bits.chosen(seen.face, (of_faces & np.uint16(Reason.HAIR.value)) > 0)
 
 
-def _between_lips(reasons: UInt16[np.ndarray, "h w"], seen: Visibility, model: HeadModel) -> None:
+def _add_between_lips(reasons: UInt16[np.ndarray, "h w"], seen: Visibility, model: HeadModel) -> None:
     """Mark the pixels within the outline of the inner lips (iBUG landmarks 60..67) where there is mesh."""
     if model.landmarks68 is None:
         return
     lips = model.landmarks68[INNER_LIPS]
     if not (seen.points[lips, 2] > 0).all():
         return
-    inside = np.zeros(reasons.shape, np.uint8)
-    cv2.fillPoly(inside, [np.rint(seen.pixel[lips] - 0.5).astype(np.int32)], 1)
-    _add(reasons, Reason.MOUTH, inside.view(bool) & (seen.face >= 0))
-
-
-def _distance(mask: Bool[np.ndarray, "h w"]) -> Float32[np.ndarray, "h2 w2"]:
-    """Pixels, to about two, from every block of 2 x 2 to the nearest one in the mask; infinite if there is none."""
-    held = _halved(mask)
-    if not held.any():
-        return np.full(held.shape, np.inf, np.float32)
-    return 2 * cv2.distanceTransform((~held).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_3)
-
-
-def _halved(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h2 w2"]:
-    """Whether any pixel of each block of 2 x 2 is in the mask."""
-    if mask.shape[0] % 2 or mask.shape[1] % 2:
-        mask = np.pad(mask, [(0, n % 2) for n in mask.shape])
-    pairs = np.ascontiguousarray(mask).view(np.uint16)
-    return (pairs[::2] | pairs[1::2]) > 0
-
-
-def _doubled(blocks: Bool[np.ndarray, "h2 w2"]) -> Bool[np.ndarray, "h w"]:
-    size = 2 * blocks.shape[1], 2 * blocks.shape[0]
-    return cv2.resize(blocks.view(np.uint8), size, interpolation=cv2.INTER_NEAREST).view(bool)
-
-
-def _dilate(mask: Bool[np.ndarray, "h w"], radius: int) -> Bool[np.ndarray, "h w"]:
-    if radius <= 0:
-        return mask
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    return cv2.dilate(mask.view(np.uint8), disc).view(bool)
+    outline = np.rint(seen.pixel[lips] - 0.5).astype(np.int32)
+    low = np.clip(outline.min(axis=0), 0, reasons.shape[::-1])
+    high = np.clip(outline.max(axis=0) + 1, low, reasons.shape[::-1])
+    box = slice(low[1], high[1]), slice(low[0], high[0])
+    inside = np.zeros(reasons[box].shape, np.uint8)
+    if inside.size:
+        cv2.fillPoly(inside, [outline - low], 1)
+        reasons[box] |= np.uint16(Reason.MOUTH.value) * (inside.view(bool) & (seen.face[box] >= 0))
