@@ -1,7 +1,7 @@
 """The kernels of coverage (Numba): how much of each pixel on the outline of what is seen the mesh covers.
 
 Inside a mesh one ray per pixel is enough; along its outline pixels are partly background.  Only those are looked at:
-per triangle near the outline and row of samples, the bits of the samples in its span.
+per triangle that reaches one and row of samples, the bits of the samples in its span.
 """
 
 from __future__ import annotations
@@ -9,102 +9,128 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from carigs.raster.scan import TILE, bounds, ordered, rows, slopes, span, tiles
+from carigs.raster.bits import ALL, LOG, NONE, ONE, add_beside, count, inverse, stretched
+from carigs.raster.scan import bounds
 
 kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
-ONE = np.uint64(1)
 
 
 @kernel
-def outline(face_image):
-    """1 for the pixels on the mesh with one of the eight neighbours off it, else 0."""
-    height, width = face_image.shape
-    found = np.zeros((height, width), np.uint8)
-    for y in range(height):
-        above, below = max(y - 1, 0), min(y + 1, height - 1)
-        for x in range(width - 2):
-            any_off = face_image[above, x] | face_image[above, x + 1] | face_image[above, x + 2]
-            any_off |= face_image[y, x] | face_image[y, x + 2]
-            any_off |= face_image[below, x] | face_image[below, x + 1] | face_image[below, x + 2]
-            found[y, x + 1] = any_off < 0 <= face_image[y, x + 1]
-        for x, beside in ((0, min(1, width - 1)), (width - 1, max(width - 2, 0))):
-            any_off = face_image[above, x] | face_image[above, beside] | face_image[y, beside]
-            any_off |= face_image[below, x] | face_image[below, beside]
-            found[y, x] = any_off < 0 <= face_image[y, x]
-    return found
+def outline(on_mesh, height):
+    """The pixels on the mesh with one of the eight neighbours off it; both are words of `bits`."""
+    off = stretched(inverse(on_mesh, height), 1)
+    beside = off.copy()
+    add_beside(beside, off, 1)
+    return beside & on_mesh
 
 
 @kernel
-def _number(found):
-    """The number of each outline pixel (undefined elsewhere), the pixels by number, and which tiles hold some."""
-    height, width = found.shape
-    number, where, count = np.empty((height, width), np.int32), np.empty(height * width, np.int32), 0
-    held = np.zeros(((height + TILE - 1) // TILE, (width + TILE - 1) // TILE), np.bool_)
-    for y in range(height):
-        for x in range(width):
-            if found[y, x]:
-                number[y, x], where[count] = count, y * width + x
-                held[y // TILE, x // TILE] = True
-                count += 1
-    return number, where[:count], held
+def numbered(words):
+    """The number of the first pixel of each word, and how many pixels there are."""
+    first, total = np.empty(words.shape, np.int32), 0
+    for j in range(words.shape[0]):
+        for x in range(words.shape[1]):
+            first[j, x] = total
+            total += count(words[j, x])
+    return first, total
 
 
 @kernel
-def _mark(ax, ay, bx, by, cx, cy, n, found, number, bits):
-    """Set the bits of the samples in one triangle; corners are in samples."""
-    if not np.isfinite(ax + ay + bx + by + cx + cy):
+def number_of(words, first, y, x):
+    """The number of a pixel of the mask, -1 for others."""
+    word, bit = words[y >> LOG, x], ONE << np.uint64(y & 63)
+    return first[y >> LOG, x] + np.int64(count(word & (bit - ONE))) if word & bit else np.int64(-1)
+
+
+@kernel
+def _gathered(words):
+    """The bits of every eight columns in one word."""
+    result = np.zeros((words.shape[0], (words.shape[1] + 7) // 8), np.uint64)
+    for j in range(words.shape[0]):
+        for x in range(words.shape[1]):
+            result[j, x // 8] |= words[j, x]
+    return result
+
+
+@kernel
+def _touches(words, left, right, top, bottom):
+    """Whether any pixel of the mask lies in these columns and rows (both ends included)."""
+    for j in range(top >> LOG, (bottom >> LOG) + 1):
+        inside = ALL
+        if j == top >> LOG:
+            inside &= ALL << np.uint64(top & 63)
+        if j == bottom >> LOG:
+            inside &= ALL >> np.uint64(63 - (bottom & 63))
+        for x in range(left, right + 1):
+            if words[j, x] & inside:
+                return True
+    return False
+
+
+@kernel
+def _edge(ax, ay, bx, by, turn):
+    """The function of x and y that is positive on the inner side of an edge: its slopes, and its value at 0."""
+    sx, sy = turn * (ay - by), turn * (bx - ax)
+    return sx, sy, -(sx * ax + sy * ay)
+
+
+@kernel
+def _mark(pixel, i, j, k, sx, sy, left, right, top, bottom, words, first, samples):
+    """Set the bits of the samples in one triangle, for the pixels of the mask within its box."""
+    ax, ay, bx, by, cx, cy = pixel[i, 0], pixel[i, 1], pixel[j, 0], pixel[j, 1], pixel[k, 0], pixel[k, 1]
+    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    if area == 0.0:
         return
-    height, width = found.shape
-    left, right = max(min(ax, bx, cx), 0.0), min(max(ax, bx, cx), width * n - 1.0)
-    tx, ty, mx, my, bx, by = ordered(ax, ay, bx, by, cx, cy)
-    first, last = rows(ty, by, height * n)
-    long, upper, lower, turn = slopes(tx, ty, mx, my, bx, by)
-    for y in range(first // n, (last + n - 1) // n):
-        column, end = int(left) // n, int(right) // n + 1
-        while column < end and not found[y, column]:
-            column += 1
-        if column >= end:
-            continue
-        for row in range(max(first, y * n), min(last, y * n + n)):
-            x0, x1 = span(tx, ty, mx, my, long, upper, lower, turn, row, width * n)
-            for x in range(max(x0 // n, column), (x1 + n - 1) // n if x0 < x1 else 0):
-                if found[y, x]:
-                    low, high = max(x0 - x * n, 0), min(x1 - x * n, n)
-                    samples = ((ONE << np.uint64(high)) - ONE) & ~((ONE << np.uint64(low)) - ONE)
-                    bits[number[y, x]] |= samples << np.uint64(row % n * n)
+    turn = 1.0 if area > 0.0 else -1.0
+    ux, uy, u = _edge(ax, ay, bx, by, turn)
+    vx, vy, v = _edge(bx, by, cx, cy, turn)
+    wx, wy, w = _edge(cx, cy, ax, ay, turn)
+    for y in range(top, bottom + 1):
+        for x in range(left, right + 1):
+            number = number_of(words, first, y, x)
+            if number < 0:
+                continue
+            pu, pv, pw = ux * x + uy * y + u, vx * x + vy * y + v, wx * x + wy * y + w
+            found = NONE
+            for s in range(len(sx)):
+                least = min(pu + ux * sx[s] + uy * sy[s], pv + vx * sx[s] + vy * sy[s], pw + wx * sx[s] + wy * sy[s])
+                found |= np.uint64(least >= 0.0) << np.uint64(s)
+            samples[number] |= found
 
 
 @kernel
-def _share(bits, n):
-    count = 0
-    while bits:
-        bits &= bits - ONE
-        count += 1
-    return np.float32(max(count, 1) / (n * n))
-
-
-@kernel
-def cover(seen, pixel, faces, face_image, n, near):
-    """Share of each pixel's n x n samples (n <= 8) that lie in any face, for those on the outline; 1 elsewhere."""
-    found = outline(face_image)
-    number, where, held = _number(found)
-    height, width = found.shape
-    bits = np.zeros(len(where), np.uint64)
+def cover(seen, pixel, faces, words, first, total, n, near, height):
+    """Share of the n x n samples (n <= 8) that lie in any face, at least one, for each pixel of the mask `words`."""
+    width, eighth = words.shape[1], _gathered(words)
+    samples = np.zeros(total, np.uint64)
+    sx, sy = (np.arange(n * n) % n + 0.5) / n, (np.arange(n * n) // n + 0.5) / n
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        if not min(seen[i, 2], seen[j, 2], seen[k, 2]) > near:
+        x0, x1, y0, y1 = bounds(pixel, i, j, k)
+        if not (min(seen[i, 2], seen[j, 2], seen[k, 2]) > near and np.isfinite(x0 + x1 + y0 + y1)):
             continue
-        left, right, top, bottom = tiles(*bounds(pixel, i, j, k), height, width)
-        near_outline = False
-        for row in range(top, bottom + 1):
-            for column in range(left, right + 1):
-                near_outline |= held[row, column]
-        if near_outline:
-            _mark(
-                pixel[i, 0] * n, pixel[i, 1] * n, pixel[j, 0] * n, pixel[j, 1] * n, pixel[k, 0] * n, pixel[k, 1] * n,
-                n, found, number, bits,
-            )  # fmt: skip
-    share = np.ones((height, width), np.float32)
-    for k in range(len(where)):
-        share[where[k] // width, where[k] % width] = _share(bits[k], n)
-    return share
+        left, right = int(max(x0, 0.0)), int(min(x1, width - 1.0))
+        top, bottom = int(max(y0, 0.0)), int(min(y1, height - 1.0))
+        if left <= right and top <= bottom and _touches(eighth, left // 8, right // 8, top, bottom):
+            _mark(pixel, i, j, k, sx, sy, left, right, top, bottom, words, first, samples)
+    shares = np.empty(total, np.float32)
+    for k in range(total):
+        shares[k] = np.float32(max(np.int64(count(samples[k])), 1) / (n * n))
+    return shares
+
+
+@kernel
+def share_of(words, first, shares, y, x):
+    """How much of a pixel is covered."""
+    number = number_of(words, first, y, x)
+    return shares[number] if number >= 0 else np.float32(1.0)
+
+
+@kernel
+def image(words, first, shares, height):
+    """The share at every pixel."""
+    result = np.empty((height, words.shape[1]), np.float32)
+    for y in range(height):
+        for x in range(words.shape[1]):
+            result[y, x] = share_of(words, first, shares, y, x)
+    return result

@@ -7,11 +7,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Float64, Int, Int32
+from jaxtyping import Bool, Float, Float32, Float64, Int, Int32, UInt64
 
-from carigs.raster import bits, scan
+from carigs.raster import bits, coverage, scan
 from carigs.raster.bits import Bits
-from carigs.raster.coverage import cover
 
 if TYPE_CHECKING:
     from carigs.capture.camera import Camera
@@ -28,6 +27,21 @@ class Fragments(NamedTuple):
     """Perspective-correct weights of the face's corners: weights @ corners is the 3D point hit."""
     depth: Float32[np.ndarray, "h w"]
     """Depth along the optical axis in metres, inf where there is no face."""
+
+
+class Coverage(NamedTuple):
+    """How much of each pixel on an outline is covered; all of every other one."""
+
+    outline: UInt64[np.ndarray, "j w"]
+    """The pixels, as words of `Bits`."""
+    first: Int32[np.ndarray, "j w"]
+    """Number of the first pixel of each word."""
+    share: Float32[np.ndarray, "n"]
+    """By number."""
+
+    def image(self, height: int) -> Float32[np.ndarray, "h w"]:
+        """The share at every pixel."""
+        return coverage.image(*self, height)
 
 
 @dataclass(frozen=True)
@@ -61,14 +75,17 @@ class Visibility:
         weights, depth = scan.locate(self.points, self.faces, self.slope, self.face, c.fx, c.fy, c.cx, c.cy)
         return Fragments(self.face, weights, depth)
 
-    def coverage(self, n: int) -> Float32[np.ndarray, "h w"]:
-        """Share of each pixel on the outline (on the mesh, a neighbour off it) that the mesh covers; 1 elsewhere.
+    def coverage(self, n: int) -> Coverage:
+        """Share of each pixel on the outline (on the mesh, a neighbour off it) that the mesh covers.
 
-        Counted on n x n samples, n <= 8, at least one; faces that reach nearer than `NEAR` are left out.
+        Counted on n x n samples, n <= 8, at least one; with n = 1 all of each.  Faces that reach nearer than `NEAR` are
+        left out.
         """
-        if n == 1:
-            return np.ones(self.face.shape, np.float32)
-        return cover(self.points, self.pixel, self.faces, self.face, n, NEAR)
+        height, on_mesh = len(self.face), self.on_mesh.words
+        outline = np.zeros_like(on_mesh) if n == 1 else coverage.outline(on_mesh, height)
+        first, count = coverage.numbered(outline)
+        share = coverage.cover(self.points, self.pixel, self.faces, outline, first, count, n, NEAR, height)
+        return Coverage(outline, first, share)
 
 
 def visible(

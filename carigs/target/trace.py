@@ -8,7 +8,10 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from carigs.raster.bits import LOG, NONE, ONE
+from carigs.raster.coverage import share_of
 from carigs.target.bilinear import copy_sample
+from carigs.target.eight import BEYOND, OFF, SMOOTH, WIDTH, locate
 
 kernel = numba.njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
 inlined = numba.njit(
@@ -16,18 +19,6 @@ inlined = numba.njit(
 )
 
 OCCLUDED, OUTSIDE_IMAGE = 2, 16  # as in `Reason`
-HALF, ONE = np.float32(0.5), np.uint64(1)
-
-
-@kernel
-def shows(face_image, faces):
-    """Whether each pixel shows one of the chosen `faces` (f,)."""
-    shown = np.zeros(face_image.shape, np.bool_)
-    for y in range(face_image.shape[0]):
-        for x in range(face_image.shape[1]):
-            if face_image[y, x] >= 0:
-                shown[y, x] = faces[np.uint32(face_image[y, x])]
-    return shown
 
 
 @inlined
@@ -37,19 +28,27 @@ def _same(near, other, tolerance):
 
 
 @kernel
-def smooth_blocks(nearness, coverage, tolerance):
-    """Whether each pixel, its right, its lower neighbour and the one between them show one surface and all of each."""
+def smooth_blocks(nearness, outline, tolerance):
+    """The nearness of pixels that show, with the right, the lower and the neighbour between, one surface and all of it.
+
+    0 elsewhere; `outline` are words of `bits`.
+    """
     height, width = nearness.shape
-    smooth = np.zeros((height, width), np.bool_)
+    smooth = np.zeros((height, width), np.float32)
     for y in range(height - 1):
+        row, below, result = nearness[y], nearness[y + 1], smooth[y]
+        mixed, mixed_below = outline[y >> LOG], outline[(y + 1) >> LOG]
+        bit, bit_below = np.uint64(y & 63), np.uint64((y + 1) & 63)
         for x in range(width - 1):
-            a, b, c, d = nearness[y, x], nearness[y, x + 1], nearness[y + 1, x], nearness[y + 1, x + 1]
-            least, most = min(a, b, c, d), max(a, b, c, d)
-            one = least > 0.0 and most - least <= tolerance * least * most
-            whole = min(coverage[y, x], coverage[y, x + 1], coverage[y + 1, x], coverage[y + 1, x + 1])
-            smooth[y, x] = one and whole == 1.0
+            least = min(row[x], row[x + 1], below[x], below[x + 1])
+            most = max(row[x], row[x + 1], below[x], below[x + 1])
+            part = (mixed[x] | mixed[x + 1]) >> bit | (mixed_below[x] | mixed_below[x + 1]) >> bit_below
+            one = (most - least <= tolerance * least * most) & (part & ONE == NONE)  # least = 0 stays 0
+            result[x] = least if one else np.float32(0.0)
+        for x in range(width - 1):
+            result[x] = row[x] if result[x] > 0.0 else np.float32(0.0)
     if height > 1 and width > 1:
-        smooth[height - 2, width - 2] = False  # after it there is no float to be read
+        smooth[height - 2, width - 2] = 0.0  # after it there is no float to be read
     return smooth
 
 
@@ -66,7 +65,7 @@ def _mixed(colour, share, background):
 
 
 @kernel
-def _fetch(image, nearness, coverage, sa, sb, sc, tolerance, background, sx, sy):
+def _fetch(image, nearness, outline, first, shares, sa, sb, sc, tolerance, background, sx, sy):
     """Bilinear sample at (sx, sy) where surfaces meet: pixels of another one give their weight to the others.
 
     Pixels on the outline are freed of their background.  Returns the colour, 0 without any weight, and the weight.
@@ -83,7 +82,7 @@ def _fetch(image, nearness, coverage, sa, sb, sc, tolerance, background, sx, sy)
             if _same(nearness[row, column], expected, tolerance):
                 weight = (x - x0 if i else 1.0 - x + x0) * (y - y0 if j else 1.0 - y + y0)
                 total += weight
-                covered += weight * coverage[row, column]
+                covered += weight * share_of(outline, first, shares, row, column)
                 red += weight * image[row, column, 0]
                 green += weight * image[row, column, 1]
                 blue += weight * image[row, column, 2]
@@ -114,14 +113,15 @@ def _inside(sx, sy, w, columns, rows):
 
 
 @kernel
-def _fetch_footprint(image, nearness, coverage, slope, maps, f, n, tolerance, background, x, y):
+def _fetch_footprint(image, nearness, outline, first, shares, slope, maps, f, n, tolerance, background, x, y):
     """Mean of n x n samples over a target pixel's footprint in the frame, and their weight."""
     red = green = blue = total = 0.0
     for k in range(n * n):
         sx, sy, w = _map(maps, f, x + (k % n + 0.5) / n, y + (k // n + 0.5) / n)
         if _inside(sx, sy, w, image.shape[1], image.shape[0]):
             r, g, b, weight = _fetch(
-                image, nearness, coverage, slope[f, 0], slope[f, 1], slope[f, 2], tolerance, background, sx, sy
+                image, nearness, outline, first, shares, slope[f, 0], slope[f, 1], slope[f, 2], tolerance, background,
+                sx, sy,
             )  # fmt: skip
             red, green, blue, total = red + weight * r, green + weight * g, blue + weight * b, total + weight
     share = 1.0 / total if total > 0.0 else 0.0
@@ -142,89 +142,89 @@ def source_pixels(face_image, maps):
 
 @kernel
 def _warp_smooth(
-    colour,
-    reasons,
-    rest,
-    face_image,
-    covered,
-    maps,
-    of_faces,
-    samples,
-    nearness,
-    smooth,
-    slope,
-    image,
-    of_frame,
-    tolerance,
-):
+    colour, reasons, rest, face_image, outline, maps, of_faces, samples, smooth, slope, image, of_frame, tolerance,
+    background,
+):  # fmt: skip
     """Colours where one surface is all there is to see, and first reasons; the number of pixels left in `rest`."""
-    height, width = face_image.shape
-    rows, columns = nearness.shape
+    (height, width), (rows, columns) = face_image.shape, smooth.shape
+    faces, maps, slope, smooth, image = (
+        face_image.reshape(-1), maps.reshape(-1), slope.reshape(-1), smooth.reshape(-1), image.reshape(-1)
+    )  # fmt: skip
+    colour, reasons, of_frame = colour.reshape(-1), reasons.reshape(-1), of_frame.reshape(-1)
+    fx, fy = np.empty(width + WIDTH, np.float32), np.empty(width + WIDTH, np.float32)
+    corner, pixel, state = (
+        np.empty(width + WIDTH, np.int32),
+        np.empty(width + WIDTH, np.int32),
+        np.empty(width + WIDTH, np.int32),
+    )
     left = 0
     for y in range(height):
+        for x in range(0, width, WIDTH):
+            locate(
+                faces, y * width + x, width - x, float(x), y + 0.5, maps, slope, smooth, rows, columns, tolerance,
+                fx, fy, corner, pixel, state, x,
+            )  # fmt: skip
         for x in range(width):
-            if face_image[y, x] < 0:
-                continue
-            f = np.uint64(face_image[y, x])  # unsigned, here and below: no index counts from the end
-            sx, sy, w = _map(maps, f, x + 0.5, y + 0.5)
-            if not _inside(sx, sy, w, columns, rows):
-                reasons[y, x] = of_faces[f] | np.uint16(OUTSIDE_IMAGE)
-                continue
-            reasons[y, x] = of_faces[f] | of_frame[np.uint64(sy), np.uint64(sx)]
-            i, j = np.uint64(max(sx - 0.5, 0.0)), np.uint64(max(sy - 0.5, 0.0))
-            fx, fy = sx - 0.5 - np.float64(i), sy - 0.5 - np.float64(j)
-            near = nearness[j, i]
-            expected = slope[f, 0] * (sx - fx) + slope[f, 1] * (sy - fy) + slope[f, 2]
-            beside = abs(near - expected) > tolerance * near * expected
-            if beside or covered[y, x] < 1.0 or samples[f] > 1 or not smooth[j, i] or min(fx, fy) < 0.0:
-                rest[left] = y * width + x
-                left += 1
-                continue
-            start = (np.int64(j) * columns + np.int64(i)) * 3
-            copy_sample(image, start, 3 * columns, np.float32(fx), np.float32(fy), colour, (y * width + x) * 3)
+            said, place = state[x], y * width + x
+            known, mixed = np.uint16(0), outline[y >> LOG, x] >> np.uint64(y & 63) & ONE
+            if said != OFF:
+                f = np.uint64(faces[place])  # unsigned: no index counts from the end
+                known = of_faces[f]
+                if said == BEYOND:
+                    known |= np.uint16(OUTSIDE_IMAGE)
+                else:
+                    known |= of_frame[np.uint64(pixel[x])]
+                    if said == SMOOTH and not mixed and samples[f] == 1:
+                        reasons[place] = known
+                        copy_sample(image, 3 * np.int64(corner[x]), 3 * columns, fx[x], fy[x], colour, 3 * place)
+                        continue
+                    rest[left] = place
+                    left += 1
+            reasons[place] = known
+            colour[3 * place] = colour[3 * place + 1] = colour[3 * place + 2] = background
     return left
 
 
 @kernel
-def _warp_pixel(maps, samples, nearness, coverage, slope, image, tolerance, background, f, x, y):
+def _warp_pixel(maps, samples, nearness, outline, first, shares, slope, image, tolerance, background, f, x, y):
     """Colour of a target pixel whose source needs a closer look, and its weight."""
     if samples[f] > 1:
         return _fetch_footprint(
-            image, nearness, coverage, slope, maps, f, samples[f], tolerance, background, x, y
+            image, nearness, outline, first, shares, slope, maps, f, samples[f], tolerance, background, x, y
         )  # fmt: skip
     sx, sy, _ = _map(maps, f, x + 0.5, y + 0.5)
     return _fetch(
-        image, nearness, coverage, slope[f, 0], slope[f, 1], slope[f, 2], tolerance, background, sx, sy
+        image, nearness, outline, first, shares, slope[f, 0], slope[f, 1], slope[f, 2], tolerance, background, sx, sy
     )  # fmt: skip
 
 
 @kernel
-def warp(
-    face_image, covered, maps, of_faces, samples, nearness, coverage, slope, image, of_frame, tolerance, background
-):
+def warp(face_image, target, maps, of_faces, samples, nearness, source, slope, image, of_frame, tolerance, background):
     """Colour (h, w, 3) and reasons (h, w) of every target pixel.
 
-    `face_image` and `covered` are the caricature's; `nearness`, `coverage` and `slope` the frame's; `of_faces` and
-    `of_frame` are reasons of triangles and of pixels of the frame; `tolerance` is in metres.
+    `face_image` and the coverage `target` are the caricature's; `nearness`, the coverage `source` and `slope` the
+    frame's; `of_faces` and `of_frame` are reasons of triangles and of pixels of the frame; `tolerance` is in metres.
     """
     height, width = face_image.shape
-    smooth = smooth_blocks(nearness, coverage, np.float32(tolerance))
-    colour = np.full((height, width, 3), background, np.float32)
-    reasons = np.zeros((height, width), np.uint16)
+    outline, first, shares = source
+    target_outline, target_first, target_shares = target
+    smooth = smooth_blocks(nearness, outline, np.float32(tolerance))
+    colour, reasons = np.empty((height, width, 3), np.float32), np.empty((height, width), np.uint16)
     rest = np.empty(height * width, np.int32)
     left = _warp_smooth(
-        colour.reshape(-1), reasons, rest, face_image, covered, maps, of_faces, samples, nearness, smooth, slope,
-        image.reshape(-1), of_frame, tolerance,
+        colour, reasons, rest, face_image, target_outline, maps, of_faces, samples, smooth, slope, image, of_frame,
+        tolerance, np.float32(background),
     )  # fmt: skip
     for k in range(left):
         y, x = rest[k] // width, rest[k] % width
         red, green, blue, weight = _warp_pixel(
-            maps, samples, nearness, coverage, slope, image, tolerance, background, face_image[y, x], x, y
+            maps, samples, nearness, outline, first, shares, slope, image, tolerance, background, face_image[y, x], x, y
         )  # fmt: skip
         if weight > 0.0:
-            colour[y, x, 0] = _mixed(red, covered[y, x], background)
-            colour[y, x, 1] = _mixed(green, covered[y, x], background)
-            colour[y, x, 2] = _mixed(blue, covered[y, x], background)
+            covered = share_of(target_outline, target_first, target_shares, y, x)
+            colour[y, x, 0] = _mixed(red, covered, background)
+            colour[y, x, 1] = _mixed(green, covered, background)
+            colour[y, x, 2] = _mixed(blue, covered, background)
         if weight < 0.5:
             reasons[y, x] |= np.uint16(OCCLUDED)
     return colour, reasons

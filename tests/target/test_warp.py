@@ -119,7 +119,7 @@ def test_outlines_are_blended_as_the_caricature_covers_their_pixels(scale, shear
     colour = np.array([0.2, 0.9, 0.5])
 
     def blended(seen):
-        share = np.where(seen.face >= 0, seen.coverage(4), 0)[..., None]
+        share = np.where(seen.face >= 0, seen.coverage(4).image(48), 0)[..., None]
         return (share * colour + (1 - share) * background).astype(np.float32)
 
     of_faces, of_frame = np.zeros(len(faces), np.uint16), np.zeros((48, 64), np.uint16)
