@@ -100,7 +100,7 @@ def _mark(pixel, i, j, k, sx, sy, left, right, top, bottom, words, first, sample
 
 @kernel
 def cover(seen, pixel, faces, words, first, total, n, near, height):
-    """Share of the n x n samples (n <= 8) that lie in any face, at least one, for each pixel of the mask `words`."""
+    """Bits of the n x n samples (n <= 8) that lie in any face, for each pixel of the mask `words`."""
     width, eighth = words.shape[1], _gathered(words)
     samples = np.zeros(total, np.uint64)
     sx, sy = (np.arange(n * n) % n + 0.5) / n, (np.arange(n * n) // n + 0.5) / n
@@ -113,10 +113,27 @@ def cover(seen, pixel, faces, words, first, total, n, near, height):
         top, bottom = int(max(y0, 0.0)), int(min(y1, height - 1.0))
         if left <= right and top <= bottom and _touches(eighth, left // 8, right // 8, top, bottom):
             _mark(pixel, i, j, k, sx, sy, left, right, top, bottom, words, first, samples)
-    shares = np.empty(total, np.float32)
-    for k in range(total):
-        shares[k] = np.float32(max(np.int64(count(samples[k])), 1) / (n * n))
-    return shares
+    return samples
+
+
+@kernel
+def partly(words, samples, n):
+    """The pixels of a mask with samples off the mesh, and the share of those on it."""
+    part, shares, number, kept = words.copy(), np.empty(len(samples), np.float32), 0, 0
+    for j in range(words.shape[0]):
+        for x in range(words.shape[1]):
+            left = words[j, x]
+            while left:
+                lowest = left & (~left + ONE)
+                on_mesh = np.int64(count(samples[number]))
+                if on_mesh == n * n:
+                    part[j, x] ^= lowest
+                else:
+                    shares[kept] = np.float32(max(on_mesh, 1) / (n * n))
+                    kept += 1
+                left ^= lowest
+                number += 1
+    return part, shares[:kept]
 
 
 @kernel

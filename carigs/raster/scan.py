@@ -152,18 +152,25 @@ def tiles(x0, x1, y0, y1, height, width):
 
 
 @kernel
+def _lower(lowest, keys):
+    for x in range(len(lowest)):
+        lowest[x] = min(lowest[x], keys[x])
+
+
+@kernel
 def _farthest(keys, height, width):
-    """Per tile the lowest key of its pixels."""
-    stride = width + WIDTH
-    lowest = np.full(((height + TILE - 1) // TILE, (width + TILE - 1) // TILE), np.int64(1) << 62)
-    for y in range(height):
-        for column in range(lowest.shape[1] - 1):
-            low = lowest[y // TILE, column]
-            for k in range(TILE):
-                low = min(low, keys[y * stride + column * TILE + k])
-            lowest[y // TILE, column] = low
-        for x in range((lowest.shape[1] - 1) * TILE, width):
-            lowest[y // TILE, -1] = min(lowest[y // TILE, -1], keys[y * stride + x])
+    """Per tile the lowest key of its pixels: first of its columns, then of the tile."""
+    lowest = np.empty(((height + TILE - 1) // TILE, (width + TILE - 1) // TILE), np.int64)
+    of_columns = np.empty(width, np.int64)
+    for row in range(lowest.shape[0]):
+        of_columns[:] = np.int64(1) << 62
+        for y in range(row * TILE, min(row * TILE + TILE, height)):
+            _lower(of_columns, keys[y * (width + WIDTH) : y * (width + WIDTH) + width])
+        for column in range(lowest.shape[1]):
+            low = of_columns[column * TILE]
+            for x in range(column * TILE + 1, min(column * TILE + TILE, width)):
+                low = min(low, of_columns[x])
+            lowest[row, column] = low
     return lowest
 
 

@@ -30,10 +30,10 @@ class Fragments(NamedTuple):
 
 
 class Coverage(NamedTuple):
-    """How much of each pixel on an outline is covered; all of every other one."""
+    """How much of each pixel on an outline is covered where it is not all; all of every other one."""
 
-    outline: UInt64[np.ndarray, "j w"]
-    """The pixels, as words of `Bits`."""
+    partly: UInt64[np.ndarray, "j w"]
+    """Those pixels, as words of `Bits`."""
     first: Int32[np.ndarray, "j w"]
     """Number of the first pixel of each word."""
     share: Float32[np.ndarray, "n"]
@@ -84,8 +84,9 @@ class Visibility:
         height, on_mesh = len(self.face), self.on_mesh.words
         outline = np.zeros_like(on_mesh) if n == 1 else coverage.outline(on_mesh, height)
         first, count = coverage.numbered(outline)
-        share = coverage.cover(self.points, self.pixel, self.faces, outline, first, count, n, NEAR, height)
-        return Coverage(outline, first, share)
+        samples = coverage.cover(self.points, self.pixel, self.faces, outline, first, count, n, NEAR, height)
+        partly, share = coverage.partly(outline, samples, n)
+        return Coverage(partly, coverage.numbered(partly)[0], share)
 
 
 def visible(

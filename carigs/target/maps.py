@@ -20,6 +20,7 @@ def perspective_maps(source, target, faces, source_lens, target_lens):
     """
     sfx, sfy, scx, scy = source_lens
     tfx, tfy, tcx, tcy = target_lens
+    per_tfx, per_tfy = 1.0 / tfx, 1.0 / tfy
     maps, inverse, point = np.empty((faces.shape[0], 3, 3)), np.empty((3, 3)), np.empty(3)
     for f in range(faces.shape[0]):
         for k in range(3):
@@ -29,18 +30,19 @@ def perspective_maps(source, target, faces, source_lens, target_lens):
                 inverse[k, m] = target[b, n] * target[c, o] - target[b, o] * target[c, n]
         a = faces[f, 0]
         determinant = target[a, 0] * inverse[0, 0] + target[a, 1] * inverse[0, 1] + target[a, 2] * inverse[0, 2]
+        whole = 1.0 / determinant
         for m in range(3):  # columns of S T^-1 K_target^-1, after K_source
             for n in range(3):
                 point[n] = 0.0
                 for k in range(3):
                     point[n] += source[faces[f, k], n] * inverse[k, m]
-                point[n] /= determinant
+                point[n] *= whole
             maps[f, 0, m] = sfx * point[0] + scx * point[2]
             maps[f, 1, m] = sfy * point[1] + scy * point[2]
             maps[f, 2, m] = point[2]
         for n in range(3):
-            maps[f, n, 0] /= tfx
-            maps[f, n, 1] /= tfy
+            maps[f, n, 0] *= per_tfx
+            maps[f, n, 1] *= per_tfy
             maps[f, n, 2] -= maps[f, n, 0] * tcx + maps[f, n, 1] * tcy
     return maps
 
