@@ -130,7 +130,7 @@ class Gtstar:
     depth_tolerance: float = within(0, 1, 0.003)
     """Metres by which a pixel of the frame may lie before or behind the point that is looked for."""
     grazing: float = within(0, 1, 0.1)
-    """Least cosine between view and normal in the frame."""
+    """Least cosine between view and normal in the frame, where the caricature is not seen just as obliquely."""
     stretch: float = within(1, 1e9, 6.0)
     """Largest ratio of a triangle's area in the caricature to its area in the frame."""
     relight: str = one_of("targets_and_surfels", "targets", "none")

@@ -9,6 +9,7 @@ kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
 
 NEWLY_VISIBLE, GRAZING, STRETCHED = 1, 4, 8  # as in `Reason`
 MOST_SAMPLES = 4  # per axis of a footprint
+CLEARLY = 1.25  # times the cosine: what was seen as obliquely, to this factor, lost nothing on its way
 
 
 @kernel
@@ -69,22 +70,31 @@ def affine_maps(source, target, faces):
 
 
 @kernel
-def judge_faces(of_faces, source, source_pixel, target_pixel, faces, source_back, target_back, grazing, stretch):
+def _cosine(points, a, b, c):
+    """Between the normal of a triangle in camera axes and the view; nan without an area."""
+    x, y, z = points[a, 0], points[a, 1], points[a, 2]
+    ux, uy, uz = points[b, 0] - x, points[b, 1] - y, points[b, 2] - z
+    vx, vy, vz = points[c, 0] - x, points[c, 1] - y, points[c, 2] - z
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return abs(nx * x + ny * y + nz * z) / np.sqrt((nx * nx + ny * ny + nz * nz) * (x * x + y * y + z * z))
+
+
+@kernel
+def judge_faces(
+    of_faces, source, target, source_pixel, target_pixel, faces, source_back, target_back, grazing, stretch
+):
     """Add to each face's reasons what this view makes of it; also the samples per axis that its footprint takes.
 
-    `grazing` is the least cosine between the view and the normal in the frame, `stretch` the largest ratio of areas.
+    `grazing` is the least cosine between the view and the normal in the frame, where the target does not see the face
+    just as obliquely; `stretch` is the largest ratio of areas.
     """
     reasons, samples = of_faces.copy(), np.ones(faces.shape[0], np.uint8)
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         if source_back[f] != target_back[f]:
             reasons[f] |= np.uint16(NEWLY_VISIBLE)
-        x, y, z = source[a, 0], source[a, 1], source[a, 2]
-        ux, uy, uz = source[b, 0] - x, source[b, 1] - y, source[b, 2] - z
-        vx, vy, vz = source[c, 0] - x, source[c, 1] - y, source[c, 2] - z
-        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        length = np.sqrt((nx * nx + ny * ny + nz * nz) * (x * x + y * y + z * z))
-        if abs(nx * x + ny * y + nz * z) < grazing * length:
+        cosine = _cosine(source, a, b, c)
+        if cosine < grazing and CLEARLY * cosine < _cosine(target, a, b, c):
             reasons[f] |= np.uint16(GRAZING)
         px, py = source_pixel[b, 0] - source_pixel[a, 0], source_pixel[b, 1] - source_pixel[a, 1]
         qx, qy = source_pixel[c, 0] - source_pixel[a, 0], source_pixel[c, 1] - source_pixel[a, 1]

@@ -27,7 +27,7 @@ class Reason(IntFlag):
     OCCLUDED = 2
     """Hidden by something nearer in the frame."""
     GRAZING = 4
-    """Seen too obliquely in the frame."""
+    """Seen too obliquely in the frame, and clearly less so in the caricature."""
     STRETCHED = 8
     """Covers far more pixels in the caricature than in the frame."""
     OUTSIDE_IMAGE = 16

@@ -45,8 +45,8 @@ def warp_frame(
     """
     source = source_maps(natural, caricature, settings.warp)
     reasons, samples = maps.judge_faces(
-        of_faces, natural.points, natural.pixel, caricature.pixel, natural.faces, natural.back, caricature.back,
-        settings.grazing, settings.stretch * (caricature.camera.fx / natural.camera.fx) ** 2,
+        of_faces, natural.points, caricature.points, natural.pixel, caricature.pixel, natural.faces, natural.back,
+        caricature.back, settings.grazing, settings.stretch * (caricature.camera.fx / natural.camera.fx) ** 2,
     )  # fmt: skip
     if not settings.footprint:
         samples[:] = 1

@@ -39,7 +39,7 @@ def ball() -> np.ndarray:
 def test_level_zero_is_the_frame_and_is_valid_inside_the_mesh(supersampling):
     camera = ball_cameras()[1]
     image = np.random.default_rng(0).random((camera.height, camera.width, 3)).astype(np.float32)
-    target = made(ball(), ball(), BALD, camera, image=image, grazing=0.0, supersampling=supersampling)
+    target = made(ball(), ball(), BALD, camera, image=image, supersampling=supersampling)
     on_mesh = target.caricature.face >= 0
     np.testing.assert_allclose(target.colour[on_mesh], image[on_mesh], atol=1e-6)
     np.testing.assert_array_equal(target.colour[~on_mesh], 1.0)
@@ -79,6 +79,22 @@ def test_grazing_and_stretched_triangles_are_found():
         target = made(natural, vertices, model, FRONTAL)
         found = np.bitwise_or.reduce(target.reasons[target.caricature.face >= 0]) & (4 | 8)
         assert found == reason.value
+
+
+@pytest.mark.parametrize(("degrees", "grazes"), [(88.2, False), (87.7, False), (85.0, True), (60.0, True)])
+def test_what_is_seen_as_obliquely_in_the_caricature_does_not_graze(degrees, grazes):
+    """A sheet at 88 degrees in the frame, turned: only where its cosine grows by more than a quarter."""
+    vertices, faces = sheet(3)
+    model = mesh_model(vertices, faces)
+
+    def turned(angle):
+        cosine, sine = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+        return vertices @ np.array([[cosine, 0, -sine], [0, 1, 0], [0, 0, 1.0]])
+
+    target = made(turned(88.0), turned(degrees), model, FRONTAL)
+    found = target.reasons[target.caricature.face >= 0] & Reason.GRAZING.value
+    assert len(found) > 0
+    assert (found > 0).all() == grazes and (found > 0).any() == grazes
 
 
 def test_what_comes_from_beyond_the_border_is_found():
