@@ -109,8 +109,8 @@ def cover(seen, pixel, faces, words, first, total, n, near, height):
         x0, x1, y0, y1 = bounds(pixel, i, j, k)
         if not (min(seen[i, 2], seen[j, 2], seen[k, 2]) > near and np.isfinite(x0 + x1 + y0 + y1)):
             continue
-        left, right = int(max(x0, 0.0)), int(min(x1, width - 1.0))
-        top, bottom = int(max(y0, 0.0)), int(min(y1, height - 1.0))
+        left, right = int(min(max(x0, 0.0), width)), int(min(x1, width - 1.0))
+        top, bottom = int(min(max(y0, 0.0), height)), int(min(y1, height - 1.0))
         if left <= right and top <= bottom and _touches(eighth, left // 8, right // 8, top, bottom):
             _mark(pixel, i, j, k, sx, sy, left, right, top, bottom, words, first, samples)
     return samples
