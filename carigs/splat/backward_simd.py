@@ -6,7 +6,6 @@ together.
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from carigs.splat.binning import TILE
@@ -24,6 +23,7 @@ from carigs.splat.forward_simd import (
     fetch_tile,
     open_pixels,
 )
+from carigs.splat.kernels import each, kernel
 from carigs.splat.projection import RECORD, SLOT
 from carigs.splat.simd import WIDTH, inner, splat
 from carigs.splat.simd_math import absolute, columns, exp2, larger, rows, select, smaller, total, totals
@@ -105,7 +105,10 @@ def _work(geometry: bool):
         open_pixels(state, width - left, height - top)
 
     @inner
-    def work(record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, background, counter):
+    def work(
+        _worker, record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, background,
+        counter,
+    ):  # fmt: skip
         align_stack()
         across = -(-width // TILE)
         state = np.empty(buffers * PLANE + WIDTH, np.float32)
@@ -233,24 +236,14 @@ _work_colour, _work_all = _work(geometry=False), _work(geometry=True)
 
 
 # As in `forward_simd`: no closures, so that the cache knows them again.
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def _backward_colour(
-    record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, background, counter, workers
-):
-    for _worker in numba.prange(workers):
-        _work_colour(
-            record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, background, counter
-        )
+@kernel
+def _backward_colour(workers, *arguments):
+    each(_work_colour, workers, arguments)
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def _backward_all(
-    record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, background, counter, workers
-):
-    for _worker in numba.prange(workers):
-        _work_all(
-            record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, background, counter
-        )
+@kernel
+def _backward_all(workers, *arguments):
+    each(_work_all, workers, arguments)
 
 
 def composite_backward(
@@ -258,9 +251,9 @@ def composite_backward(
 ):
     """As `backward.composite_backward`, to rounding."""
     slots = np.empty(surfel.size * SLOT + WIDTH, np.float32)
-    kernel = _backward_all if geometry else _backward_colour
-    kernel(
-        record.reshape(-1), box.reshape(-1), surfel, slot, start, order, image.reshape(-1), upstream.reshape(-1), slots,
-        width, height, np.float32(cap), np.float32(background), np.zeros(1, np.int64), workers,
+    pulled_back = _backward_all if geometry else _backward_colour
+    pulled_back(
+        workers, record.reshape(-1), box.reshape(-1), surfel, slot, start, order, image.reshape(-1),
+        upstream.reshape(-1), slots, width, height, np.float32(cap), np.float32(background), np.zeros(1, np.int64),
     )  # fmt: skip
     return slots[: surfel.size * SLOT].reshape(-1, SLOT)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from jaxtyping import Float32, Int32
 
+from carigs.splat.kernels import each, kernel
+from carigs.splat.simd import formula
 from carigs.splat.simd_memory import peek, prefetch
 
 TILE = 32  # pixels along a tile's side
@@ -34,13 +35,13 @@ class TileLists(NamedTuple):
 # summed it knows where its own results go.  The lists do not depend on the number of workers.
 
 
-@numba.njit(cache=True)
+@formula
 def _part(worker, workers, count):
     size = (count + workers - 1) // workers
     return min(worker * size, count), min((worker + 1) * size, count)
 
 
-@numba.njit(cache=True)
+@formula
 def _starts(counts):
     """Counts (workers, bins) become the places of each worker's first element of each bin; also returns the bins'."""
     workers, bins = counts.shape
@@ -56,60 +57,86 @@ def _starts(counts):
     return start
 
 
-@numba.njit(cache=True, parallel=True)
+@formula
+def _count_visible(w, tiles, pairs, seen):
+    begin, stop = _part(w, len(seen), tiles.size)
+    all_pairs, visible = 0, 0
+    for i in range(begin, stop):
+        all_pairs += tiles[i]
+        visible += tiles[i] > 0
+    pairs[w, 0], seen[w, 0] = all_pairs, visible
+
+
+@formula
+def _list_visible(w, depth_bits, tiles, pairs, seen, first_slot, key, surfel):
+    begin, stop = _part(w, len(seen), tiles.size)
+    slot, k = pairs[w, 0], seen[w, 0]
+    for i in range(begin, stop):
+        first_slot[i] = slot
+        slot += tiles[i]
+        if tiles[i] > 0:
+            key[k], surfel[k] = depth_bits[i], i
+            k += 1
+
+
+@kernel
 def _visible(depth_bits, tiles, workers):
     """Keys and numbers of the visible surfels, and every surfel's first slot."""
     n = tiles.size
     first_slot = np.empty(n + 1, np.int32)
-    pairs, seen = np.zeros((workers, 1), np.int32), np.zeros((workers, 1), np.int32)
-    for w in numba.prange(workers):
-        begin, stop = _part(w, workers, n)
-        for i in range(begin, stop):
-            pairs[w, 0] += tiles[i]
-            seen[w, 0] += tiles[i] > 0
+    pairs, seen = np.empty((workers, 1), np.int32), np.empty((workers, 1), np.int32)
+    each(_count_visible, workers, (tiles, pairs, seen))
     first_slot[n] = _starts(pairs)[1]
     count = _starts(seen)[1]
     key, surfel = np.empty(count, np.uint32), np.empty(count, np.int32)
-    for w in numba.prange(workers):
-        begin, stop = _part(w, workers, n)
-        slot, k = pairs[w, 0], seen[w, 0]
-        for i in range(begin, stop):
-            first_slot[i] = slot
-            slot += tiles[i]
-            if tiles[i] > 0:
-                key[k], surfel[k] = depth_bits[i], i
-                k += 1
+    each(_list_visible, workers, (depth_bits, tiles, pairs, seen, first_slot, key, surfel))
     return key, surfel, first_slot
 
 
-@numba.njit(cache=True, parallel=True)
+@formula
+def _digit(key, low, shift):
+    return ((key - low) >> np.uint32(shift)) & np.uint32(DIGITS - 1)
+
+
+@formula
+def _count_digits(w, key, low, shift, places):
+    begin, stop = _part(w, len(places), key.size)
+    for d in range(DIGITS):
+        places[w, d] = 0
+    for i in range(begin, stop):
+        places[w, _digit(key[i], low, shift)] += 1
+
+
+@formula
+def _move_by_digit(w, key, surfel, low, shift, places, other_key, other):
+    begin, stop = _part(w, len(places), key.size)
+    for i in range(begin, stop):
+        digit = _digit(key[i], low, shift)
+        to = places[w, digit]
+        places[w, digit] = to + 1
+        other_key[to], other[to] = key[i], surfel[i]
+
+
+@kernel
 def _sort_by_key(key, surfel, workers):
     """Stable radix sort of surfels by unsigned keys, 12 bits at a time; only as many as their range has."""
-    count = key.size
     other_key, other = np.empty_like(key), np.empty_like(surfel)
-    low, high = key.min(), key.max()
+    places = np.empty((workers, DIGITS), np.int32)
+    low, high = key[0], key[0]
+    for k in key:
+        low, high = min(low, k), max(high, k)
     shift = 0
     while shift < 32 and (high - low) >> np.uint32(shift) > 0:
-        places = np.zeros((workers, DIGITS), np.int32)
-        for w in numba.prange(workers):
-            begin, stop = _part(w, workers, count)
-            for i in range(begin, stop):
-                places[w, ((key[i] - low) >> np.uint32(shift)) & np.uint32(DIGITS - 1)] += 1
+        each(_count_digits, workers, (key, low, shift, places))
         _starts(places)
-        for w in numba.prange(workers):
-            begin, stop = _part(w, workers, count)
-            for i in range(begin, stop):
-                digit = ((key[i] - low) >> np.uint32(shift)) & np.uint32(DIGITS - 1)
-                to = places[w, digit]
-                places[w, digit] = to + 1
-                other_key[to], other[to] = key[i], surfel[i]
+        each(_move_by_digit, workers, (key, surfel, low, shift, places, other_key, other))
         key, other_key = other_key, key
         surfel, other = other, surfel
         shift += 12
     return surfel
 
 
-@numba.njit(cache=True)
+@formula
 def _tiles_of(box, at):
     """Ranges of the columns and rows of tiles that a box touches."""
     # A constant: division by an argument would take half of the time of `_scatter`.
@@ -119,40 +146,47 @@ def _tiles_of(box, at):
     )  # fmt: skip
 
 
-@numba.njit(cache=True, parallel=True)
+@formula
+def _count_entries(w, surfel, box, across, places):
+    begin, stop = _part(w, len(places), surfel.size)
+    for t in range(places.shape[1]):
+        places[w, t] = 0
+    for k in range(begin, stop):
+        if k + AHEAD < stop:
+            prefetch(box, 4 * np.int64(surfel[k + AHEAD]))
+        left, right, top, bottom = _tiles_of(box, 4 * np.int64(surfel[k]))
+        for ty in range(top, bottom):
+            for tx in range(left, right):
+                places[w, ty * across + tx] += 1
+
+
+@formula
+def _enter(w, surfel, box, first_slot, across, places, entry, slot):
+    begin, stop = _part(w, len(places), surfel.size)
+    for k in range(begin, stop):
+        i = surfel[k]
+        if k + AHEAD < stop:
+            later = np.int64(surfel[k + AHEAD])
+            prefetch(box, 4 * later)
+            prefetch(first_slot, later)
+        s = first_slot[i]
+        left, right, top, bottom = _tiles_of(box, 4 * np.int64(i))
+        for ty in range(top, bottom):
+            for tx in range(left, right):
+                to = places[w, ty * across + tx]
+                places[w, ty * across + tx] = to + 1
+                entry[to], slot[to] = i, s
+                s += 1
+
+
+@kernel
 def _scatter(surfel, box, first_slot, across, down, workers):
     """Append each surfel, front to back, to the tiles that its box touches."""
-    count = surfel.size
-    places = np.zeros((workers, across * down), np.int32)
-    flat = box.reshape(-1)
-    for w in numba.prange(workers):
-        begin, stop = _part(w, workers, count)
-        for k in range(begin, stop):
-            i = surfel[k]
-            if k + AHEAD < stop:
-                prefetch(flat, 4 * np.int64(surfel[k + AHEAD]))
-            left, right, top, bottom = _tiles_of(flat, 4 * np.int64(i))
-            for ty in range(top, bottom):
-                for tx in range(left, right):
-                    places[w, ty * across + tx] += 1
+    places = np.empty((workers, across * down), np.int32)
+    each(_count_entries, workers, (surfel, box, across, places))
     start = _starts(places)
     entry, slot = np.empty(first_slot[-1], np.int32), np.empty(first_slot[-1], np.int32)
-    for w in numba.prange(workers):
-        begin, stop = _part(w, workers, count)
-        for k in range(begin, stop):
-            i = surfel[k]
-            if k + AHEAD < stop:
-                later = np.int64(surfel[k + AHEAD])
-                prefetch(flat, 4 * later)
-                prefetch(first_slot, later)
-            s = first_slot[i]
-            left, right, top, bottom = _tiles_of(flat, 4 * np.int64(i))
-            for ty in range(top, bottom):
-                for tx in range(left, right):
-                    to = places[w, ty * across + tx]
-                    places[w, ty * across + tx] = to + 1
-                    entry[to], slot[to] = i, s
-                    s += 1
+    each(_enter, workers, (surfel, box, first_slot, across, places, entry, slot))
     return entry, slot, start
 
 
@@ -171,6 +205,6 @@ def tile_lists(
     key, surfel, first_slot = _visible(bits, tiles, workers)
     if len(surfel):
         surfel = _sort_by_key(key, surfel, workers)
-    entry, slot, start = _scatter(surfel, box, first_slot, across, down, workers)
+    entry, slot, start = _scatter(surfel, box.reshape(-1), first_slot, across, down, workers)
     order = np.argsort(-np.diff(start), kind="stable").astype(np.int32)
     return TileLists(entry, slot, start, first_slot, order)

@@ -13,12 +13,12 @@ the box means.  A pixel that has ended, or lies outside the image, holds T <= 0:
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from carigs.splat import limits
 from carigs.splat.binning import TILE
 from carigs.splat.forward import COLOUR, COLOUR_PLANES, DEPTH, END, HALF_LOG2E, LOG_THRESHOLD, ONE, PLANES, TWO, ZERO
+from carigs.splat.kernels import each, kernel
 from carigs.splat.projection import RECORD
 from carigs.splat.simd import WIDTH, inner, splat
 from carigs.splat.simd_math import absolute, columns, exp2, larger, largest, rows, select, smaller
@@ -126,9 +126,8 @@ def write_plane(image, offset, width, across, down, state, base, magnitude, behi
 def _work(geometry: bool):
     planes = PLANES if geometry else COLOUR_PLANES
 
-    # In a function of its own: Numba would infer the types of a parallel loop's body twice.
     @inner
-    def work(record, box, surfel, start, order, image, width, height, cap, background, counter):
+    def work(_worker, record, box, surfel, start, order, image, width, height, cap, background, counter):
         align_stack()
         across = -(-width // TILE)
         state = np.empty(planes * PLANE + WIDTH, np.float32)
@@ -208,24 +207,22 @@ _work_colour, _work_all = _work(geometry=False), _work(geometry=True)
 
 # Two functions, and what they call by its global name: the key of a cached closure that holds compiled functions is new
 # in every process, and the kernel would be compiled again and again.
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def _composite_colour(record, box, surfel, start, order, image, width, height, cap, background, counter, workers):
-    for _worker in numba.prange(workers):
-        _work_colour(record, box, surfel, start, order, image, width, height, cap, background, counter)
+@kernel
+def _composite_colour(workers, *arguments):
+    each(_work_colour, workers, arguments)
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def _composite_all(record, box, surfel, start, order, image, width, height, cap, background, counter, workers):
-    for _worker in numba.prange(workers):
-        _work_all(record, box, surfel, start, order, image, width, height, cap, background, counter)
+@kernel
+def _composite_all(workers, *arguments):
+    each(_work_all, workers, arguments)
 
 
 def composite(record, box, surfel, start, order, width, height, cap, geometry, background, workers):
     """As `forward.composite`, to rounding."""
     image = np.empty((PLANES if geometry else COLOUR_PLANES, height, width), np.float32)
-    kernel = _composite_all if geometry else _composite_colour
-    kernel(
-        record.reshape(-1), box.reshape(-1), surfel, start, order, image.reshape(-1), width, height, np.float32(cap),
-        np.float32(background), np.zeros(1, np.int64), workers,
+    composited = _composite_all if geometry else _composite_colour
+    composited(
+        workers, record.reshape(-1), box.reshape(-1), surfel, start, order, image.reshape(-1), width, height,
+        np.float32(cap), np.float32(background), np.zeros(1, np.int64),
     )  # fmt: skip
     return image

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from carigs.splat.kernels import each, kernel
 from carigs.splat.projection import RECORD, SLOT, projected, pulled_back
 from carigs.splat.simd import WIDTH, inner, splat
 from carigs.splat.simd_math import absolute, halves, joined, select, whole_bits
@@ -61,18 +61,15 @@ def _project(
     store_rows(record, RECORD * i, RECORD, (r[0], r[1], r[2], r[3], *last[0:12]))
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def _project_all(
-    centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height, tile, background,
-    record, box, tiles,
-):  # fmt: skip
-    n = len(opacity)
-    for part in numba.prange((n + PART - 1) // PART):
-        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _project(
-                min(start, n - WIDTH), centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height,
-                tile, background, record, box, tiles,
-            )  # fmt: skip
+@inner
+def _project_part(part, count, *arguments):
+    for start in range(part * PART, min((part + 1) * PART, count), WIDTH):
+        _project(min(start, count - WIDTH), *arguments)
+
+
+@kernel
+def _project_all(count, *arguments):
+    each(_project_part, (count + PART - 1) // PART, (count, *arguments))
 
 
 def project(centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height, tile, background):
@@ -81,7 +78,7 @@ def project(centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, wid
     record, box, tiles = np.empty((n, RECORD), np.float32), np.empty((n, 4), np.int32), np.empty(n, np.int32)
     surfels = (a.reshape(-1) for a in (centre, tangent_u, tangent_v, opacity, colour))
     _project_all(
-        *surfels, view, intrinsics, float(width), float(height), float(tile), np.float32(background),
+        n, *surfels, view, intrinsics, float(width), float(height), float(tile), np.float32(background),
         record.reshape(-1), box.reshape(-1), tiles,
     )  # fmt: skip
     return record, box, tiles
@@ -89,8 +86,8 @@ def project(centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, wid
 
 @inner
 def _backward(
-    i, slots, first_slot, centre, tangent_u, tangent_v, opacity, view, intrinsics,
-    d_centre, d_tangent_u, d_tangent_v, d_opacity, d_colour, d_pixel, sums, counts,
+    i, sums, counts, slots, first_slot, centre, tangent_u, tangent_v, opacity, view, intrinsics,
+    d_centre, d_tangent_u, d_tangent_v, d_opacity, d_colour, d_pixel,
 ):  # fmt: skip
     align_stack()
     for r in range(WIDTH):
@@ -130,19 +127,16 @@ def _halves19(g, normals):
     )
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def _backward_all(
-    slots, first_slot, centre, tangent_u, tangent_v, opacity, view, intrinsics,
-    d_centre, d_tangent_u, d_tangent_v, d_opacity, d_colour, d_pixel,
-):  # fmt: skip
-    n = len(opacity)
-    for part in numba.prange((n + PART - 1) // PART):
-        sums, counts = np.empty(WIDTH * SLOT, np.float32), np.empty(WIDTH, np.float32)
-        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _backward(
-                min(start, n - WIDTH), slots, first_slot, centre, tangent_u, tangent_v, opacity, view, intrinsics,
-                d_centre, d_tangent_u, d_tangent_v, d_opacity, d_colour, d_pixel, sums, counts,
-            )  # fmt: skip
+@inner
+def _backward_part(part, count, *arguments):
+    sums, counts = np.empty(WIDTH * SLOT, np.float32), np.empty(WIDTH, np.float32)
+    for start in range(part * PART, min((part + 1) * PART, count), WIDTH):
+        _backward(min(start, count - WIDTH), sums, counts, *arguments)
+
+
+@kernel
+def _backward_all(count, *arguments):
+    each(_backward_part, (count + PART - 1) // PART, (count, *arguments))
 
 
 def project_backward(slots, first_slot, centre, tangent_u, tangent_v, opacity, view, intrinsics):
@@ -150,5 +144,6 @@ def project_backward(slots, first_slot, centre, tangent_u, tangent_v, opacity, v
     n = len(opacity)
     gradients = [np.empty((n, k) if k else n, np.float32) for k in (3, 3, 3, 0, 3, 2)]
     surfels = (a.reshape(-1) for a in (centre, tangent_u, tangent_v, opacity))
-    _backward_all(slots.reshape(-1), first_slot, *surfels, view, intrinsics, *(g.reshape(-1) for g in gradients))
+    flat = (g.reshape(-1) for g in gradients)
+    _backward_all(n, slots.reshape(-1), first_slot, *surfels, view, intrinsics, *flat)
     return gradients

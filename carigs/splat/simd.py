@@ -16,6 +16,8 @@ from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
+from carigs.splat.kernels import PIECE
+
 WIDTH, WIDE = 16, 8
 FLOAT, DOUBLE, INT = ir.FloatType(), ir.DoubleType(), ir.IntType(32)
 
@@ -75,11 +77,8 @@ def _model(vector: Vector) -> None:
 for _vector in (lanes, wide, mask, wide_mask):
     _model(_vector)
 
-# For functions that are called from kernels only: nothing is compiled for calls from Python or C, and none stays a
-# function of its own (forward compositing is a sixth faster, projection a third).
-_private = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "forceinline": True}
-inner = njit(fastmath=FASTMATH, **_private)
-formula = njit(**_private)
+inner = njit(fastmath=FASTMATH, **PIECE)
+formula = njit(**PIECE)
 """For formulas that serve scalars too: those keep the order of their operations."""
 
 
