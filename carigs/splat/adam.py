@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-import numba
 import numpy as np
 from jaxtyping import Bool, Float32
 
+from carigs.splat.kernels import each, kernel
+from carigs.splat.simd import formula
 from carigs.splat.surfels import Surfels
 
 BETA_1, BETA_2, EPSILON = 0.9, 0.999, 1e-15
@@ -66,16 +67,20 @@ def restore(adam: Adam, steps: int, arrays: Mapping[str, np.ndarray]) -> None:
         adam.first[name], adam.second[name] = arrays[f"first_{name}"].copy(), arrays[f"second_{name}"].copy()
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def _update(value, gradient, first, second, keep, step_size, correction):
+@formula
+def _update_row(i, value, gradient, first, second, keep, step_size, correction):
     b1, b2, eps = np.float32(BETA_1), np.float32(BETA_2), np.float32(EPSILON)
     c1, c2 = np.float32(1 - BETA_1), np.float32(1 - BETA_2)  # rounded once: 1 - float32(0.999) is off by 5e-5
-    for i in numba.prange(len(value)):
-        if keep[i]:
-            continue
-        for c in range(value.shape[1]):
-            g = gradient[i, c]
-            m = b1 * first[i, c] + c1 * g
-            v = b2 * second[i, c] + c2 * g * g
-            first[i, c], second[i, c] = m, v
-            value[i, c] -= step_size * m / (np.sqrt(v) * correction + eps)
+    if keep[i]:
+        return
+    for c in range(value.shape[1]):
+        g = gradient[i, c]
+        m = b1 * first[i, c] + c1 * g
+        v = b2 * second[i, c] + c2 * g * g
+        first[i, c], second[i, c] = m, v
+        value[i, c] -= step_size * m / (np.sqrt(v) * correction + eps)
+
+
+@kernel
+def _update(value, *arguments):
+    each(_update_row, len(value), (value, *arguments))

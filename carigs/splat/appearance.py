@@ -45,14 +45,15 @@ class _SeenColour(torch.autograd.Function):
         vectors = base.dtype == torch.float32 and len(base) >= WIDTH
         forward, ctx.kernel = appearance_simd.KERNELS[degree] if vectors else _SCALARS[degree]
         colour = np.empty_like(arrays[0])
-        forward(*arrays, shade, binding, colour)
-        ctx.kept, ctx.shapes = (*arrays, shade, binding, colour), [t.shape for t in tensors]
+        ctx.kept = (binding, *arrays, shade, colour)
+        forward(*ctx.kept)
+        ctx.shapes = [t.shape for t in tensors]
         return torch.from_numpy(colour).view(base.shape)
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, g_colour):
-        gradients = [np.empty_like(array) for array in ctx.kept[:3]]
+        gradients = [np.empty_like(array) for array in ctx.kept[1:4]]
         ctx.kernel(*ctx.kept, g_colour.contiguous().numpy().reshape(-1), *gradients)
         tensors = [torch.from_numpy(d).view(shape) for d, shape in zip(gradients, ctx.shapes, strict=True)]
         return tensors[0], tensors[1], tensors[2] if len(tensors[2]) else None, None, None
@@ -80,7 +81,7 @@ def _one_by_one(degree):
     scaled, paired, numbers = SCALED[degree], PAIRED[degree], _numbers(3 * coefficients(degree))
 
     @numba.njit(error_model="numpy")
-    def forward(base, harmonics, direction, shade, binding, colour):
+    def forward(binding, base, harmonics, direction, shade, colour):
         for i in range(len(binding)):
             b, factor = basis(_three(direction, 3 * i)), _factors_of(binding[i], shade)
             for c in range(3):
@@ -92,7 +93,7 @@ def _one_by_one(degree):
 
     @numba.njit(error_model="numpy")
     def backward(
-        base, harmonics, direction, shade, binding, colour, g_colour, d_base, d_harmonics, d_direction
+        binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction
     ):  # fmt: skip
         for i in range(len(binding)):
             at, f = 3 * i, _factors_of(binding[i], shade)
@@ -117,7 +118,7 @@ def _one_by_one(degree):
 
 
 @numba.njit(error_model="numpy")
-def _scalar_forward0(base, harmonics, direction, shade, binding, colour):
+def _scalar_forward0(binding, base, harmonics, direction, shade, colour):
     for i in range(len(binding)):
         factor = _factors_of(binding[i], shade)
         for c in range(3):
@@ -127,7 +128,7 @@ def _scalar_forward0(base, harmonics, direction, shade, binding, colour):
 
 @numba.njit(error_model="numpy")
 def _scalar_backward0(
-    base, harmonics, direction, shade, binding, colour, g_colour, d_base, d_harmonics, d_direction
+    binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction
 ):  # fmt: skip
     for i in range(len(binding)):
         factor = _factors_of(binding[i], shade)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from carigs.splat.harmonics import BASIS, PAIRED, SCALED, SH_BASE, SLOPE, coefficients
+from carigs.splat.kernels import each, kernel
 from carigs.splat.simd import WIDTH, inner, splat
 from carigs.splat.simd_math import absolute, select
 from carigs.splat.simd_memory import align_stack, load3, load9, load_rows, store3, store9, store_rows
@@ -43,7 +43,7 @@ def _through(colour, factor, g, none):
 
 
 @inner
-def _forward0(i, base, harmonics, direction, shade, binding, colour, factor):
+def _forward0(i, factor, binding, base, harmonics, direction, shade, colour):
     align_stack()
     none = splat(np.float32(0))
     factors = _factors(i, shade, binding, factor)
@@ -52,7 +52,7 @@ def _forward0(i, base, harmonics, direction, shade, binding, colour, factor):
 
 @inner
 def _backward0(
-    i, base, harmonics, direction, shade, binding, colour, g_colour, d_base, d_harmonics, d_direction, factor
+    i, factor, binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction
 ):
     align_stack()
     factors = _factors(i, shade, binding, factor)
@@ -101,7 +101,7 @@ def _sixteen(degree, read, write):
     scaled, paired = SCALED[degree], PAIRED[degree]
 
     @inner
-    def forward(i, base, harmonics, direction, shade, binding, colour, factor):
+    def forward(i, factor, binding, base, harmonics, direction, shade, colour):
         align_stack()
         b, h = basis(load3(direction, 3 * i)), read(harmonics, i)
         red, green, blue = b[0] * h[0], b[0] * h[1], b[0] * h[2]
@@ -112,7 +112,7 @@ def _sixteen(degree, read, write):
 
     @inner
     def backward(
-        i, base, harmonics, direction, shade, binding, colour, g_colour, d_base, d_harmonics, d_direction, factor
+        i, factor, binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction
     ):
         align_stack()
         none = splat(np.float32(0))
@@ -132,91 +132,103 @@ _forward1, _backward1 = _sixteen(1, _load3, _store3)
 _forward2, _backward2 = _sixteen(2, _load8, _store8)
 _forward3, _backward3 = _sixteen(3, _load15, _store15)
 
-# One function for each degree: a cached closure that holds compiled functions would be compiled in every process.
+# Functions by name for each degree: a cached closure that holds compiled functions would be compiled in every process.
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def _forward_vectors0(base, harmonics, direction, shade, binding, colour):
-    n = len(binding)
-    for part in numba.prange((n + PART - 1) // PART):
-        factor = np.ones(3 * WIDTH, np.float32)
-        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _forward0(min(start, n - WIDTH), base, harmonics, direction, shade, binding, colour, factor)
+@inner
+def _forward_part0(part, binding, *arguments):
+    factor = np.ones(3 * WIDTH, np.float32)
+    for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
+        _forward0(min(start, len(binding) - WIDTH), factor, binding, *arguments)
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def _backward_vectors0(base, harmonics, direction, shade, binding, colour, g_colour, d_base, d_harmonics, d_direction):
-    n = len(binding)
-    for part in numba.prange((n + PART - 1) // PART):
-        factor = np.ones(3 * WIDTH, np.float32)
-        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _backward0(
-                min(start, n - WIDTH), base, harmonics, direction, shade, binding, colour, g_colour, d_base,
-                d_harmonics, d_direction, factor,
-            )  # fmt: skip
+@kernel
+def _forward_vectors0(binding, *arguments):
+    each(_forward_part0, (len(binding) + PART - 1) // PART, (binding, *arguments))
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def _forward_vectors1(base, harmonics, direction, shade, binding, colour):
-    n = len(binding)
-    for part in numba.prange((n + PART - 1) // PART):
-        factor = np.ones(3 * WIDTH, np.float32)
-        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _forward1(min(start, n - WIDTH), base, harmonics, direction, shade, binding, colour, factor)
+@inner
+def _backward_part0(part, binding, *arguments):
+    factor = np.ones(3 * WIDTH, np.float32)
+    for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
+        _backward0(min(start, len(binding) - WIDTH), factor, binding, *arguments)
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def _backward_vectors1(base, harmonics, direction, shade, binding, colour, g_colour, d_base, d_harmonics, d_direction):
-    n = len(binding)
-    for part in numba.prange((n + PART - 1) // PART):
-        factor = np.ones(3 * WIDTH, np.float32)
-        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _backward1(
-                min(start, n - WIDTH), base, harmonics, direction, shade, binding, colour, g_colour, d_base,
-                d_harmonics, d_direction, factor,
-            )  # fmt: skip
+@kernel
+def _backward_vectors0(binding, *arguments):
+    each(_backward_part0, (len(binding) + PART - 1) // PART, (binding, *arguments))
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def _forward_vectors2(base, harmonics, direction, shade, binding, colour):
-    n = len(binding)
-    for part in numba.prange((n + PART - 1) // PART):
-        factor = np.ones(3 * WIDTH, np.float32)
-        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _forward2(min(start, n - WIDTH), base, harmonics, direction, shade, binding, colour, factor)
+@inner
+def _forward_part1(part, binding, *arguments):
+    factor = np.ones(3 * WIDTH, np.float32)
+    for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
+        _forward1(min(start, len(binding) - WIDTH), factor, binding, *arguments)
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def _backward_vectors2(base, harmonics, direction, shade, binding, colour, g_colour, d_base, d_harmonics, d_direction):
-    n = len(binding)
-    for part in numba.prange((n + PART - 1) // PART):
-        factor = np.ones(3 * WIDTH, np.float32)
-        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _backward2(
-                min(start, n - WIDTH), base, harmonics, direction, shade, binding, colour, g_colour, d_base,
-                d_harmonics, d_direction, factor,
-            )  # fmt: skip
+@kernel
+def _forward_vectors1(binding, *arguments):
+    each(_forward_part1, (len(binding) + PART - 1) // PART, (binding, *arguments))
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def _forward_vectors3(base, harmonics, direction, shade, binding, colour):
-    n = len(binding)
-    for part in numba.prange((n + PART - 1) // PART):
-        factor = np.ones(3 * WIDTH, np.float32)
-        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _forward3(min(start, n - WIDTH), base, harmonics, direction, shade, binding, colour, factor)
+@inner
+def _backward_part1(part, binding, *arguments):
+    factor = np.ones(3 * WIDTH, np.float32)
+    for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
+        _backward1(min(start, len(binding) - WIDTH), factor, binding, *arguments)
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def _backward_vectors3(base, harmonics, direction, shade, binding, colour, g_colour, d_base, d_harmonics, d_direction):
-    n = len(binding)
-    for part in numba.prange((n + PART - 1) // PART):
-        factor = np.ones(3 * WIDTH, np.float32)
-        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _backward3(
-                min(start, n - WIDTH), base, harmonics, direction, shade, binding, colour, g_colour, d_base,
-                d_harmonics, d_direction, factor,
-            )  # fmt: skip
+@kernel
+def _backward_vectors1(binding, *arguments):
+    each(_backward_part1, (len(binding) + PART - 1) // PART, (binding, *arguments))
+
+
+@inner
+def _forward_part2(part, binding, *arguments):
+    factor = np.ones(3 * WIDTH, np.float32)
+    for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
+        _forward2(min(start, len(binding) - WIDTH), factor, binding, *arguments)
+
+
+@kernel
+def _forward_vectors2(binding, *arguments):
+    each(_forward_part2, (len(binding) + PART - 1) // PART, (binding, *arguments))
+
+
+@inner
+def _backward_part2(part, binding, *arguments):
+    factor = np.ones(3 * WIDTH, np.float32)
+    for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
+        _backward2(min(start, len(binding) - WIDTH), factor, binding, *arguments)
+
+
+@kernel
+def _backward_vectors2(binding, *arguments):
+    each(_backward_part2, (len(binding) + PART - 1) // PART, (binding, *arguments))
+
+
+@inner
+def _forward_part3(part, binding, *arguments):
+    factor = np.ones(3 * WIDTH, np.float32)
+    for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
+        _forward3(min(start, len(binding) - WIDTH), factor, binding, *arguments)
+
+
+@kernel
+def _forward_vectors3(binding, *arguments):
+    each(_forward_part3, (len(binding) + PART - 1) // PART, (binding, *arguments))
+
+
+@inner
+def _backward_part3(part, binding, *arguments):
+    factor = np.ones(3 * WIDTH, np.float32)
+    for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
+        _backward3(min(start, len(binding) - WIDTH), factor, binding, *arguments)
+
+
+@kernel
+def _backward_vectors3(binding, *arguments):
+    each(_backward_part3, (len(binding) + PART - 1) // PART, (binding, *arguments))
 
 
 KERNELS = (

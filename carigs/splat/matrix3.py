@@ -1,27 +1,25 @@
 """3x3 matrices inside Numba kernels: tuples of nine numbers, row by row (small arrays would live on the heap).
 
-The numbers are scalars, or for the functions marked `formula` also vectors of `simd`: one surfel per lane.
+The numbers are scalars or, where nothing branches on them, vectors of `simd`: one surfel per lane.
 """
 
 from __future__ import annotations
 
 import math
 
-import numba
-
 from carigs.splat.simd import formula
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
-@numba.njit(cache=True)
+@formula
 def load(array, i):
     """Matrix `array[i]`."""
     return (array[i, 0, 0], array[i, 0, 1], array[i, 0, 2], array[i, 1, 0], array[i, 1, 1],
             array[i, 1, 2], array[i, 2, 0], array[i, 2, 1], array[i, 2, 2])  # fmt: skip
 
 
-@numba.njit(cache=True)
+@formula
 def store(array, i, m):
     """Set `array[i]`."""
     for k in range(9):
@@ -34,7 +32,7 @@ def transpose(m):
     return (m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8])
 
 
-@numba.njit(cache=True)
+@formula
 def cofactor(m):
     """The matrix of cofactors; M^-T = cofactor / det."""
     a, b, c, d, e, f, g, h, i = m
@@ -53,7 +51,7 @@ def product(m, n):
             g * j + h * q + i * t, g * k + h * r + i * u, g * p + h * s + i * v)  # fmt: skip
 
 
-@numba.njit(cache=True)
+@formula
 def polar_rotation(u):
     """U of J = U P (det J > 0) by Newton's iteration, scaled by Frobenius norms (Higham 1986)."""
     for _ in range(30):
@@ -77,7 +75,7 @@ def polar_rotation(u):
     return u
 
 
-@numba.njit(cache=True)
+@formula
 def rotation_vector(r):
     """log of a rotation (radians) through its quaternion, so that angles near pi are as good as small ones."""
     # Four times the squares of w, x, y, z: the largest divides.

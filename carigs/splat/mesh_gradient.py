@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 import torch
 from jaxtyping import Float
@@ -23,8 +22,10 @@ from carigs.splat.jacobian_blend import (
     turn_gradient,
     view_direction,
 )
+from carigs.splat.kernels import each, kernel
 from carigs.splat.motion_rows import CENTRE, ROTATION, STRETCH, TURN, FaceMotion, read3, read4, read9, read_blend
 from carigs.splat.rig import Rig, polar_motion, rows_of
+from carigs.splat.simd import formula
 from carigs.splat.simd_math import exp
 
 
@@ -52,8 +53,7 @@ class _Motion(torch.autograd.Function):
         return torch.from_numpy(gradient), None
 
 
-# In a function of its own: Numba's analysis of arrays in parallel loops stumbles over tuples that are put together.
-@numba.njit(cache=True, error_model="numpy")
+@formula
 def _of_one(
     i, position, quaternion, log_scale, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
     centre, g_centre, g_u, g_v, g_direction, weights, parts,
@@ -104,7 +104,7 @@ def _of_one(
         weights[i, k] = v[k]
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
+@kernel
 def rows_gradient(
     position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
     centre, g_centre, g_u, g_v, g_opacity, g_direction,
@@ -112,11 +112,11 @@ def rows_gradient(
     """Of the motion rows, from the gradients of what `skinning.skin_each` wrote."""
     n = len(binding)
     weights, parts = np.zeros((n, 4)), np.zeros((n, TURN + 3))
-    for i in numba.prange(n):
-        _of_one(
-            i, position, quaternion, log_scale, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
-            centre, g_centre, g_u, g_v, g_direction, weights, parts,
-        )  # fmt: skip
+    each(
+        _of_one, n,
+        (position, quaternion, log_scale, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
+         centre, g_centre, g_u, g_v, g_direction, weights, parts),
+    )  # fmt: skip
     total = np.zeros(rows.shape)
     for i in range(n):
         f = binding[i]
@@ -133,7 +133,7 @@ def rows_gradient(
     return total
 
 
-@numba.njit(cache=True)
+@formula
 def _logarithm_gradient(rho, g):
     """g J^-1(rho): with log(exp(d) R) = rho + J^-1(rho) d, J the left Jacobian of SO(3) (Sola et al. 2018, eq. 146)."""
     square = matrix3.dot(rho, rho)
@@ -149,13 +149,13 @@ def _logarithm_gradient(rho, g):
     )  # fmt: skip
 
 
-@numba.njit(cache=True)
+@formula
 def _axial(m):
     """The vector a with (M - M^T) x = a x x."""
     return m[7] - m[5], m[2] - m[6], m[3] - m[1]
 
 
-@numba.njit(cache=True)
+@formula
 def _jacobian_gradient(u, p, torque, g):
     """From the gradients of J's polar parts to that of J = U P: `torque` for dU = [w] U, `g` (six numbers) for P.
 
@@ -174,7 +174,7 @@ def _jacobian_gradient(u, p, torque, g):
     return matrix3.product(u, (gp[0], gp[1] - z, gp[2] + y, gp[3] + z, gp[4], gp[5] - x, gp[6] - y, gp[7] + x, gp[8]))
 
 
-@numba.njit(cache=True)
+@formula
 def _edge_gradients(a, b, m):
     """From the gradient m of E = [a, b, n sqrt(2 area)] to those of its edges a and b."""
     normal = matrix3.cross(a, b)
@@ -187,32 +187,39 @@ def _edge_gradients(a, b, m):
     return (m[0] + ga[0], m[3] + ga[1], m[6] + ga[2]), (m[1] + gb[0], m[4] + gb[1], m[7] + gb[2])
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
+@formula
+def _face_corners(f, g_rows, torque, faces, canonical_edges, posed, rotation, stretch, sound, corners):
+    for corner in range(3):
+        for k in range(3):
+            corners[f, corner, k] = g_rows[f, CENTRE + k] / 3
+    if not sound[f]:
+        return
+    u, p = matrix3.load(rotation, f), matrix3.load(stretch, f)
+    g = (g_rows[f, 0], g_rows[f, 1], g_rows[f, 2], g_rows[f, 3], g_rows[f, 4], g_rows[f, 5])
+    to_jacobian = _jacobian_gradient(u, p, read3(torque, f), g)
+    to_edges = matrix3.product(to_jacobian, matrix3.transpose(matrix3.load(canonical_edges, f)))
+    i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+    origin, a, b = read3(posed, i), read3(posed, j), read3(posed, k)
+    a = (a[0] - origin[0], a[1] - origin[1], a[2] - origin[2])
+    b = (b[0] - origin[0], b[1] - origin[1], b[2] - origin[2])
+    ga, gb = _edge_gradients(a, b, to_edges)
+    for c in range(3):
+        corners[f, 0, c] -= ga[c] + gb[c]
+        corners[f, 1, c] += ga[c]
+        corners[f, 2, c] += gb[c]
+
+
+@kernel
 def _corner_gradients(g_rows, torque, faces, canonical_edges, posed, rotation, stretch, sound):
     corners = np.zeros((len(faces), 3, 3))
-    for f in numba.prange(len(faces)):
-        for corner in range(3):
-            for k in range(3):
-                corners[f, corner, k] = g_rows[f, CENTRE + k] / 3
-        if not sound[f]:
-            continue
-        u, p = matrix3.load(rotation, f), matrix3.load(stretch, f)
-        g = (g_rows[f, 0], g_rows[f, 1], g_rows[f, 2], g_rows[f, 3], g_rows[f, 4], g_rows[f, 5])
-        to_jacobian = _jacobian_gradient(u, p, read3(torque, f), g)
-        to_edges = matrix3.product(to_jacobian, matrix3.transpose(matrix3.load(canonical_edges, f)))
-        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        origin, a, b = read3(posed, i), read3(posed, j), read3(posed, k)
-        a = (a[0] - origin[0], a[1] - origin[1], a[2] - origin[2])
-        b = (b[0] - origin[0], b[1] - origin[1], b[2] - origin[2])
-        ga, gb = _edge_gradients(a, b, to_edges)
-        for c in range(3):
-            corners[f, 0, c] -= ga[c] + gb[c]
-            corners[f, 1, c] += ga[c]
-            corners[f, 2, c] += gb[c]
+    each(
+        _face_corners, len(faces),
+        (g_rows, torque, faces, canonical_edges, posed, rotation, stretch, sound, corners),
+    )  # fmt: skip
     return corners
 
 
-@numba.njit(cache=True)
+@kernel
 def _torques(g_rows, neighbours, rotation):
     """Gradient of every face's rotation vector, dU = [w] U: from U itself, and from the turns between neighbours."""
     torque = np.zeros((len(neighbours), 3))

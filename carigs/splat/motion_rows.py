@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-import numba
 import numpy as np
 from jaxtyping import Float32
 
 from carigs.splat import matrix3
 from carigs.splat.jacobian_blend import blended_motion, shares_of
+from carigs.splat.simd import formula
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -48,7 +48,7 @@ class FaceMotion(NamedTuple):
         return self.rows[:, TURN : TURN + 9].reshape(-1, 3, 3)
 
 
-@numba.njit(cache=True)
+@formula
 def read_face(f, neighbours, rows):
     """Stretches of the face and its neighbours, the neighbours' turns, rotation and centre of the face."""
     i, j, k = neighbours[f, 0], neighbours[f, 1], neighbours[f, 2]
@@ -58,7 +58,7 @@ def read_face(f, neighbours, rows):
     )  # fmt: skip
 
 
-@numba.njit(cache=True)
+@formula
 def read_blend(i, blend, binding, neighbours, rows, blended):
     """The faces around surfel i, the centre of its own, and how it blends their motions.
 
@@ -76,26 +76,26 @@ def read_blend(i, blend, binding, neighbours, rows, blended):
     return (own, one, two, three, turn), t, shares, g, v, w, p, terms, q
 
 
-@numba.njit(cache=True)
+@formula
 def read3(rows, i):
     """The first numbers of a row."""
     return rows[i, 0], rows[i, 1], rows[i, 2]
 
 
-@numba.njit(cache=True)
+@formula
 def read4(rows, i):
     """The first numbers of a row."""
     return rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3]
 
 
-@numba.njit(cache=True)
+@formula
 def read6(rows, f):
     """The stretch of a face."""
     r = rows[f, STRETCH : STRETCH + 6]
     return r[0], r[1], r[2], r[3], r[4], r[5]
 
 
-@numba.njit(cache=True)
+@formula
 def read9(rows, f, at):
     """Nine numbers of a row, from `at` on."""
     r = rows[f, at : at + 9]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from carigs.capture import Camera
+from carigs.splat.kernels import each, kernel
+from carigs.splat.simd import formula
 from carigs.splat.surfels import Surfels
 
 PART = 1024  # surfels whose terms are summed in order
@@ -55,29 +56,40 @@ def normal_mismatch(
     return (alpha[1:-1, 1:-1] - (normal[1:-1, 1:-1] * facing).sum(dim=2)).mean()
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
+@formula
+def _part_beyond(
+    part, position, log_scale, seen, position_limit, position_weight, scale_limit, log_limit, scale_weight,
+    d_position, d_log_scale, value,
+):  # fmt: skip
+    for i in range(part * PART, min((part + 1) * PART, len(seen))):
+        if not seen[i]:
+            continue
+        # Few surfels are beyond a limit: no root and no exponential for the others.
+        square = position[i, 0] ** 2 + position[i, 1] ** 2 + position[i, 2] ** 2
+        if square > position_limit[i] ** 2:
+            far = np.sqrt(square)
+            value[part] += position_weight * (far - position_limit[i])
+            for c in range(3):
+                d_position[i, c] += position_weight * position[i, c] / far
+        if log_scale[i, 0] > log_limit or log_scale[i, 1] > log_limit:
+            s, t = np.exp(log_scale[i, 0]), np.exp(log_scale[i, 1])
+            over_s, over_t = max(s - scale_limit, 0.0), max(t - scale_limit, 0.0)
+            over = np.sqrt(over_s**2 + over_t**2)
+            if over > 0:
+                value[part] += scale_weight * over
+                d_log_scale[i, 0] += scale_weight * over_s / over * s
+                d_log_scale[i, 1] += scale_weight * over_t / over * t
+
+
+@kernel
 def _thresholds(
     position, log_scale, seen, position_limit, position_weight, scale_limit, scale_weight, d_position, d_log_scale
 ):
-    n, log_limit = len(seen), np.log(max(scale_limit, 0.0))
-    value = np.zeros((n + PART - 1) // PART)
-    for part in numba.prange(len(value)):
-        for i in range(part * PART, min((part + 1) * PART, n)):
-            if not seen[i]:
-                continue
-            # Few surfels are beyond a limit: no root and no exponential for the others.
-            square = position[i, 0] ** 2 + position[i, 1] ** 2 + position[i, 2] ** 2
-            if square > position_limit[i] ** 2:
-                far = np.sqrt(square)
-                value[part] += position_weight * (far - position_limit[i])
-                for c in range(3):
-                    d_position[i, c] += position_weight * position[i, c] / far
-            if log_scale[i, 0] > log_limit or log_scale[i, 1] > log_limit:
-                s, t = np.exp(log_scale[i, 0]), np.exp(log_scale[i, 1])
-                over_s, over_t = max(s - scale_limit, 0.0), max(t - scale_limit, 0.0)
-                over = np.sqrt(over_s**2 + over_t**2)
-                if over > 0:
-                    value[part] += scale_weight * over
-                    d_log_scale[i, 0] += scale_weight * over_s / over * s
-                    d_log_scale[i, 1] += scale_weight * over_t / over * t
+    log_limit = np.log(max(scale_limit, 0.0))
+    value = np.zeros((len(seen) + PART - 1) // PART)
+    each(
+        _part_beyond, len(value),
+        (position, log_scale, seen, position_limit, position_weight, scale_limit, log_limit, scale_weight,
+         d_position, d_log_scale, value),
+    )  # fmt: skip
     return value.sum()

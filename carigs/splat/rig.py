@@ -10,13 +10,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int, Int32
 
 from carigs.errors import MeshError
 from carigs.splat import matrix3
+from carigs.splat.kernels import each, kernel
 from carigs.splat.motion_rows import CENTRE, MOTION_ROW, ROTATION, STRETCH, TURN, FaceMotion
+from carigs.splat.simd import formula
 
 DEGENERATE = 1e-6
 """Twice the area over the longest edge squared below which a triangle has no usable frame."""
@@ -142,7 +143,7 @@ def _follow_neighbours(
         sound[lost] = True
 
 
-@numba.njit(cache=True)
+@formula
 def _edges(vertices, faces, f):
     """E of a face, and whether it has an area."""
     i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -157,7 +158,7 @@ def _edges(vertices, faces, f):
     return (ax, bx, cx * g, ay, by, cy * g, az, bz, cz * g), sound
 
 
-@numba.njit(cache=True)
+@kernel
 def _frames(vertices, faces):
     n = len(faces)
     scale, frame, inverse = np.zeros(n), np.zeros((n, 3, 3)), np.zeros((n, 3, 3))
@@ -165,7 +166,7 @@ def _frames(vertices, faces):
         e, sound = _edges(vertices, faces, f)
         base = math.sqrt(e[0] ** 2 + e[3] ** 2 + e[6] ** 2)
         if not sound:
-            frame[f] = np.eye(3)
+            matrix3.store(frame, f, matrix3.IDENTITY)
             scale[f] = base / 2
             continue
         length = math.sqrt(e[2] ** 2 + e[5] ** 2 + e[8] ** 2)
@@ -181,40 +182,47 @@ def _frames(vertices, faces):
     return scale, frame, inverse
 
 
-@numba.njit(cache=True, parallel=True)
+@formula
+def _face_motion(f, posed, faces, canonical_edges, centre, rotation, stretch, sound):
+    for c in range(3):
+        centre[f, c] = (posed[faces[f, 0], c] + posed[faces[f, 1], c] + posed[faces[f, 2], c]) / 3
+    e, posed_sound = _edges(posed, faces, f)
+    inverse = matrix3.load(canonical_edges, f)
+    # det E = (2 area)^1.5 > 0 in both meshes: a triangle in space has no mirror image, so U is a proper rotation.
+    sound[f] = posed_sound and (inverse[0] != 0.0 or inverse[1] != 0.0 or inverse[2] != 0.0)
+    u = p = matrix3.IDENTITY
+    if sound[f]:
+        jacobian = matrix3.product(e, inverse)
+        u = matrix3.polar_rotation(jacobian)
+        p = matrix3.product(matrix3.transpose(u), jacobian)
+    matrix3.store(rotation, f, u)
+    xy, xz, yz = 0.5 * (p[1] + p[3]), 0.5 * (p[2] + p[6]), 0.5 * (p[5] + p[7])
+    matrix3.store(stretch, f, (p[0], xy, xz, xy, p[4], yz, xz, yz, p[8]))
+
+
+@kernel
 def _motion(posed, faces, canonical_edges):
     n = len(faces)
     centre = np.empty((n, 3))
     rotation, stretch = np.empty((n, 3, 3)), np.empty((n, 3, 3))
     sound = np.empty(n, np.bool_)
-    for f in numba.prange(n):
-        for c in range(3):
-            centre[f, c] = (posed[faces[f, 0], c] + posed[faces[f, 1], c] + posed[faces[f, 2], c]) / 3
-        e, posed_sound = _edges(posed, faces, f)
-        inverse = matrix3.load(canonical_edges, f)
-        # det E = (2 area)^1.5 > 0 in both meshes: a triangle in space has no mirror image, so U is a proper rotation.
-        sound[f] = posed_sound and (inverse[0] != 0.0 or inverse[1] != 0.0 or inverse[2] != 0.0)
-        u = p = matrix3.IDENTITY
-        if sound[f]:
-            jacobian = matrix3.product(e, inverse)
-            u = matrix3.polar_rotation(jacobian)
-            p = matrix3.product(matrix3.transpose(u), jacobian)
-        matrix3.store(rotation, f, u)
-        xy, xz, yz = 0.5 * (p[1] + p[3]), 0.5 * (p[2] + p[6]), 0.5 * (p[5] + p[7])
-        matrix3.store(stretch, f, (p[0], xy, xz, xy, p[4], yz, xz, yz, p[8]))
+    each(_face_motion, n, (posed, faces, canonical_edges, centre, rotation, stretch, sound))
     return centre, rotation, stretch, sound
 
 
-@numba.njit(cache=True, parallel=True)
+@formula
+def _face_turns(f, rotation, neighbours, turn):
+    own = matrix3.transpose(matrix3.load(rotation, f))
+    for s in range(3):
+        g, vector = neighbours[f, s], (0.0, 0.0, 0.0)
+        if g != f:
+            vector = matrix3.rotation_vector(matrix3.product(own, matrix3.load(rotation, g)))
+        for c in range(3):
+            turn[f, s, c] = vector[c]
+
+
+@kernel
 def _turns(rotation, neighbours):
-    n = len(rotation)
-    turn = np.zeros((n, 3, 3))
-    for f in numba.prange(n):
-        own = matrix3.transpose(matrix3.load(rotation, f))
-        for s in range(3):
-            g = neighbours[f, s]
-            if g != f:
-                vector = matrix3.rotation_vector(matrix3.product(own, matrix3.load(rotation, g)))
-                for c in range(3):
-                    turn[f, s, c] = vector[c]
+    turn = np.empty((len(rotation), 3, 3))
+    each(_face_turns, len(rotation), (rotation, neighbours, turn))
     return turn

@@ -85,7 +85,7 @@ class _Skin(torch.autograd.Function):
         ctx.kept = [*leaves, *mesh, rows.detach().numpy(), blended, eye or (0.0, 0.0, 0.0), turning, out[0]]
         ctx.seen = eye is not None
         if ctx.vectors:
-            skinning_simd.skin(*_flat(ctx.kept), *_flat(out[1:]))
+            skinning_simd.skin(n, *_flat(ctx.kept), *_flat(out[1:]))
         else:
             skin_each(*ctx.kept, *out[1:])
         ctx.set_materialize_grads(True)
@@ -102,7 +102,7 @@ class _Skin(torch.autograd.Function):
         shapes = ((n, 3), (n, 4), (n, 2), (n,), (n, 4))
         gradients = [np.empty(shape, given[0].dtype) for shape in shapes]
         if ctx.vectors:
-            skinning_simd.skin_backward(*_flat(ctx.kept), *_flat(given), *_flat(gradients))
+            skinning_simd.skin_backward(n, *_flat(ctx.kept), *_flat(given), *_flat(gradients))
         else:
             skin_each_backward(*ctx.kept, *given, *gradients)
         d_rows = None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from carigs.splat import matrix3
@@ -20,6 +19,7 @@ from carigs.splat.jacobian_blend import (
     turn_gradient,
     view_direction,
 )
+from carigs.splat.kernels import each, kernel
 from carigs.splat.motion_rows import MOTION_ROW
 from carigs.splat.simd import WIDTH, inner, splat
 from carigs.splat.simd_math import absolute, exp, select
@@ -80,8 +80,8 @@ def _unless4(condition, v):
 
 @inner
 def _forward_sixteen(
-    i, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
-    eye, turning, centre, tangent_u, tangent_v, opacity, direction, around,
+    i, around, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
+    eye, turning, centre, tangent_u, tangent_v, opacity, direction,
 ):  # fmt: skip
     align_stack()
     own, one, two, three, turn, u, t, k = _faces(i, binding, frame_rows, neighbours, rows, around)
@@ -105,9 +105,9 @@ def _forward_sixteen(
 
 @inner
 def _backward_sixteen(
-    i, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
+    i, around, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
     eye, turning, centre, g_centre, g_u, g_v, g_opacity, g_direction,
-    d_position, d_quaternion, d_log_scale, d_logit, d_blend, around,
+    d_position, d_quaternion, d_log_scale, d_logit, d_blend,
 ):  # fmt: skip
     align_stack()
     up_x, up_u, up_v = load3(g_centre, 3 * i), load3(g_u, 3 * i), load3(g_v, 3 * i)
@@ -147,36 +147,27 @@ def _backward_sixteen(
     store4(d_blend, 4 * i, _unless4(still, db))
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def skin(
-    position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
-    centre, tangent_u, tangent_v, opacity, direction,
-):  # fmt: skip
-    """As `skinning.skin_each`, on flat arrays."""
-    n = len(binding)
-    for part in numba.prange((n + PART - 1) // PART):
-        around = np.empty(3 * WIDTH, np.int32)
-        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _forward_sixteen(
-                min(start, n - WIDTH), position, quaternion, log_scale, logit, blend, binding, frame_rows,
-                neighbours, rows, blended, eye, turning, centre, tangent_u, tangent_v, opacity, direction,
-                around,
-            )  # fmt: skip
+@inner
+def _forward_part(part, count, *arguments):
+    around = np.empty(3 * WIDTH, np.int32)
+    for start in range(part * PART, min((part + 1) * PART, count), WIDTH):
+        _forward_sixteen(min(start, count - WIDTH), around, *arguments)
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
-def skin_backward(
-    position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
-    centre, g_centre, g_u, g_v, g_opacity, g_direction,
-    d_position, d_quaternion, d_log_scale, d_logit, d_blend,
-):  # fmt: skip
-    """As `skinning.skin_each_backward`, on flat arrays."""
-    n = len(binding)
-    for part in numba.prange((n + PART - 1) // PART):
-        around = np.empty(3 * WIDTH, np.int32)
-        for start in range(part * PART, min((part + 1) * PART, n), WIDTH):
-            _backward_sixteen(
-                min(start, n - WIDTH), position, quaternion, log_scale, logit, blend, binding, frame_rows,
-                neighbours, rows, blended, eye, turning, centre, g_centre, g_u, g_v, g_opacity, g_direction,
-                d_position, d_quaternion, d_log_scale, d_logit, d_blend, around,
-            )  # fmt: skip
+@inner
+def _backward_part(part, count, *arguments):
+    around = np.empty(3 * WIDTH, np.int32)
+    for start in range(part * PART, min((part + 1) * PART, count), WIDTH):
+        _backward_sixteen(min(start, count - WIDTH), around, *arguments)
+
+
+@kernel
+def skin(count, *arguments):
+    """As `skinning.skin_each`, on flat arrays of `count` surfels."""
+    each(_forward_part, (count + PART - 1) // PART, (count, *arguments))
+
+
+@kernel
+def skin_backward(count, *arguments):
+    """As `skinning.skin_each_backward`, on flat arrays of `count` surfels."""
+    each(_backward_part, (count + PART - 1) // PART, (count, *arguments))

@@ -15,10 +15,10 @@ strip moments, maps and gradient follow each other at a distance of five rows, s
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from jaxtyping import Bool, Float32
 
+from carigs.splat.kernels import each, kernel
 from carigs.splat.simd import WIDTH, inner, splat
 from carigs.splat.simd_math import absolute, select, total
 from carigs.splat.simd_memory import align_stack, load, store
@@ -220,9 +220,8 @@ def _gradient_row(result, rows, slopes, j, stride, begin, stop, l1_weight, ssim_
     return total(apart)
 
 
-# In a function of its own: Numba would infer the types of a parallel loop's body twice.
 @inner
-def _strip(x, y, valid, l1_weight, ssim_weight, gradient, strips, task):
+def _strip(task, x, y, valid, l1_weight, ssim_weight, gradient, strips, differences, similarities):
     """Sums of |x - y| and S over a strip of one channel; writes its part of the gradient."""
     align_stack()
     _, height, width = x.shape
@@ -234,7 +233,8 @@ def _strip(x, y, valid, l1_weight, ssim_weight, gradient, strips, task):
     for r in range(r0, r1):
         gradient[c, r, :] = ZERO
     if c1 <= c0:
-        return 0.0, float((r1 - r0) * width)
+        differences[task], similarities[task] = 0.0, float((r1 - r0) * width)
+        return
     f0, f1 = max(c0 - 2 * RADIUS, 0), min(c1 + 2 * RADIUS, width)  # columns that are read and have a gradient
     d0, d1 = max(c0 - RADIUS, 0), min(c1 + RADIUS, width)  # columns with derivative maps: these begin at LEFT
     mapped, begin, stop = d1 - d0, LEFT + f0 - d0, LEFT + f1 - d0
@@ -262,11 +262,13 @@ def _strip(x, y, valid, l1_weight, ssim_weight, gradient, strips, task):
             if r0 <= r < r1:
                 _fill(rows, stride, x, y, valid, c, r, f0, f1, begin)
                 difference += _gradient_row(result, rows, slopes, j, stride, begin, stop, l1_weight, ssim_weight)
-                gradient[c, r, f0:f1] = result[begin:stop]
-    return difference, similarity
+                row = gradient[c, r, f0:f1]
+                for q in range(f1 - f0):  # an assignment of slices costs two seconds to compile
+                    row[q] = result[begin + q]
+    differences[task], similarities[task] = difference, similarity
 
 
-@numba.njit(cache=True, parallel=True)
+@kernel
 def l1_and_ssim(x, y, valid, l1_weight, ssim_weight):
     """Sums over all pixels of |x - y| and of S, and the gradient of l1_weight sum|x - y| - ssim_weight sum S.
 
@@ -275,9 +277,11 @@ def l1_and_ssim(x, y, valid, l1_weight, ssim_weight):
     channels, height, _ = x.shape
     strips = (height + STRIP - 1) // STRIP
     gradient = np.empty_like(x)
-    difference, similarity = np.zeros(channels * strips), np.zeros(channels * strips)
-    for task in numba.prange(channels * strips):
-        difference[task], similarity[task] = _strip(x, y, valid, l1_weight, ssim_weight, gradient, strips, task)
+    difference, similarity = np.empty(channels * strips), np.empty(channels * strips)
+    each(
+        _strip, channels * strips,
+        (x, y, valid, l1_weight, ssim_weight, gradient, strips, difference, similarity),
+    )  # fmt: skip
     return difference.sum(), similarity.sum(), gradient
 
 
