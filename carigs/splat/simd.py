@@ -161,13 +161,13 @@ def two_arguments(names, vectors, scalars=None):
         return scalars if isinstance(a, number) and isinstance(b, number) else None
 
     for name in names:
-        overload(name)(choose)
+        overload(name, jit_options=PIECE)(choose)
 
 
 def one_argument(name, vectors, scalars=None):
     """The same for one argument."""
 
-    @overload(name)
+    @overload(name, jit_options=PIECE)
     def choose(a):
         for vector, function in vectors.items():
             if a == vector:
@@ -190,7 +190,7 @@ _operator((operator.gt,), lambda builder, a, b: builder.fcmp_ordered(">", a, b),
 _operator((operator.ge,), lambda builder, a, b: builder.fcmp_ordered(">=", a, b), compares=True)
 
 
-@overload(operator.and_)
+@overload(operator.and_, jit_options=PIECE)
 def _choose_and(a, b):
     for vector, function in _ANDS.items():
         if a == vector and b == vector:

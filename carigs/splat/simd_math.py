@@ -13,6 +13,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic, overload
 
+from carigs.splat.kernels import PIECE
 from carigs.splat.simd import (
     FLAGS,
     FLOAT,
@@ -99,7 +100,7 @@ def _selection(vector):
 _SELECT = {MASKS[v]: (v, _selection(v)) for v in (lanes, wide)}
 
 
-@overload(select)
+@overload(select, jit_options=PIECE)
 def _choose_select(condition, a, b):
     if condition not in _SELECT:
         return lambda condition, a, b: a if condition else b
