@@ -11,7 +11,11 @@ import os
 import shutil
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+from filelock import FileLock
 
 PACKAGE = Path(__file__).parent
 MARKS = (b"numba", b"splat.simd")
@@ -40,6 +44,25 @@ def use_kernel_cache() -> Path:
     if "numba" in sys.modules:
         sys.modules["numba"].config.CACHE_DIR = str(folder)
     return folder
+
+
+@contextmanager
+def kernel_lock(name: str) -> Iterator[None]:
+    """Only one process at a time is within, of those that share the folder; ended processes, however, hold nothing.
+
+    Without effect where files cannot be written or locked: kernels are then compiled by each process.
+    """
+    import numba
+
+    folder = Path(numba.config.CACHE_DIR)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(folder / f"{name}.lock").acquire()
+    except (OSError, NotImplementedError):
+        yield
+        return
+    with lock:
+        yield
 
 
 def say_if_cold() -> None:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Bool, Float32
 
-from carigs.splat.kernels import each, kernel
+from carigs.kernels import each, kernel
 from carigs.splat.simd import formula
 from carigs.splat.surfels import Surfels
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from carigs.kernels import each, kernel
 from carigs.splat.harmonics import BASIS, PAIRED, SCALED, SH_BASE, SLOPE, coefficients
-from carigs.splat.kernels import each, kernel
 from carigs.splat.simd import WIDTH, inner, splat
 from carigs.splat.simd_math import absolute, select
 from carigs.splat.simd_memory import align_stack, load3, load9, load_rows, store3, store9, store_rows

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from carigs.kernels import each, kernel
 from carigs.splat.binning import TILE
 from carigs.splat.forward import END, HALF_LOG2E, LOG_THRESHOLD, ONE, TWO, ZERO
 from carigs.splat.forward_simd import (
@@ -23,7 +24,6 @@ from carigs.splat.forward_simd import (
     fetch_tile,
     open_pixels,
 )
-from carigs.splat.kernels import each, kernel
 from carigs.splat.projection import RECORD, SLOT
 from carigs.splat.simd import WIDTH, inner, splat
 from carigs.splat.simd_math import absolute, columns, exp2, larger, rows, select, smaller, total, totals

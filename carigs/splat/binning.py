@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float32, Int32
 
-from carigs.splat.kernels import each, kernel
+from carigs.kernels import each, kernel
 from carigs.splat.simd import formula
 from carigs.splat.simd_memory import peek, prefetch
 

@@ -15,10 +15,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from carigs.kernels import each, kernel
 from carigs.splat import limits
 from carigs.splat.binning import TILE
 from carigs.splat.forward import COLOUR, COLOUR_PLANES, DEPTH, END, HALF_LOG2E, LOG_THRESHOLD, ONE, PLANES, TWO, ZERO
-from carigs.splat.kernels import each, kernel
 from carigs.splat.projection import RECORD
 from carigs.splat.simd import WIDTH, inner, splat
 from carigs.splat.simd_math import absolute, columns, exp2, larger, largest, rows, select, smaller

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
+from carigs.kernels import each, kernel
 from carigs.splat import matrix3
 from carigs.splat.jacobian_blend import (
     direction_gradient,
@@ -22,7 +23,6 @@ from carigs.splat.jacobian_blend import (
     turn_gradient,
     view_direction,
 )
-from carigs.splat.kernels import each, kernel
 from carigs.splat.motion_rows import CENTRE, ROTATION, STRETCH, TURN, FaceMotion, read3, read4, read9, read_blend
 from carigs.splat.rig import Rig, polar_motion, rows_of
 from carigs.splat.simd import formula

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from carigs.splat.kernels import each, kernel
+from carigs.kernels import each, kernel
 from carigs.splat.projection import RECORD, SLOT, projected, pulled_back
 from carigs.splat.simd import WIDTH, inner, splat
 from carigs.splat.simd_math import absolute, halves, joined, select, whole_bits

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from carigs.capture import Camera
-from carigs.splat.kernels import each, kernel
+from carigs.kernels import each, kernel
 from carigs.splat.simd import formula
 from carigs.splat.surfels import Surfels
 

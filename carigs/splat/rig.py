@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int, Int32
 
 from carigs.errors import MeshError
+from carigs.kernels import each, kernel
 from carigs.splat import matrix3
-from carigs.splat.kernels import each, kernel
 from carigs.splat.motion_rows import CENTRE, MOTION_ROW, ROTATION, STRETCH, TURN, FaceMotion
 from carigs.splat.simd import formula
 

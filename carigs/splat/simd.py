@@ -16,7 +16,7 @@ from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
-from carigs.splat.kernels import PIECE
+from carigs.kernels import PIECE
 
 WIDTH, WIDE = 16, 8
 FLOAT, DOUBLE, INT = ir.FloatType(), ir.DoubleType(), ir.IntType(32)

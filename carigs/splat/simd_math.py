@@ -13,7 +13,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic, overload
 
-from carigs.splat.kernels import PIECE
+from carigs.kernels import PIECE
 from carigs.splat.simd import (
     FLAGS,
     FLOAT,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from carigs.kernels import each, kernel
 from carigs.splat import matrix3
 from carigs.splat.jacobian_blend import (
     blend_gradient,
@@ -19,7 +20,6 @@ from carigs.splat.jacobian_blend import (
     turn_gradient,
     view_direction,
 )
-from carigs.splat.kernels import each, kernel
 from carigs.splat.motion_rows import MOTION_ROW
 from carigs.splat.simd import WIDTH, inner, splat
 from carigs.splat.simd_math import absolute, exp, select

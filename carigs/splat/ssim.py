@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float32
 
-from carigs.splat.kernels import each, kernel
+from carigs.kernels import each, kernel
 from carigs.splat.simd import WIDTH, inner, splat
 from carigs.splat.simd_math import absolute, select, total
 from carigs.splat.simd_memory import align_stack, load, store

@@ -7,16 +7,35 @@ linked, and `each` calls the function of a task from one loop in the kernel's ow
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 from llvmlite import ir
 from numba import njit, types
 from numba.core import cgutils
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.typed_passes import _reload_parfors
 from numba.extending import intrinsic
 
-kernel = njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-"""What Python calls."""
+from carigs.kernel_cache import kernel_lock
+
+
+def kernel(function: Callable | None = None, /, **options: object) -> Callable:
+    """A function that Python calls, kept in the cache; processes that need it at the same time wait for the first."""
+    if function is None:
+        return partial(kernel, **options)
+    dispatcher = njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)(function)
+    compiled = dispatcher.compile
+
+    def compiled_once(signature: object) -> object:
+        # Numba takes this one, too; in the same order everywhere, so that no two threads wait for each other.
+        with global_compiler_lock, kernel_lock(f"{function.__module__}.{function.__qualname__}"):
+            return compiled(signature)
+
+    dispatcher.compile = compiled_once
+    return dispatcher
 
 
 class _Pieces(JITCodeLibrary):
