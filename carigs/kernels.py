@@ -46,6 +46,7 @@ class _Pieces(JITCodeLibrary):
         for library in dict.fromkeys(self._linking_libraries):
             self._reload_init.update(library._reload_init)
             self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._optimize_final_module()
         self._finalized = True
 
 
@@ -63,10 +64,13 @@ def _uncallable() -> object:
 
 PIECE = {
     "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "forceinline": True,
-    "pipeline_class": _PieceCompiler,
+    "pipeline_class": _PieceCompiler, "_nrt": False,
 }  # fmt: skip
 """Options of functions that only kernels call.  None stays a function of its own (forward compositing is a sixth
-faster, projection a third)."""
+faster, projection a third), and none counts who refers to an array, which LLVM does not always see to be idle: they can
+make none."""
+OWNER = {**PIECE, "_nrt": True}
+"""Of those among them that make arrays: best not in inner loops."""
 _BYTES, _INTP = ir.IntType(8).as_pointer(), ir.IntType(64)
 
 
@@ -122,6 +126,7 @@ def _loop(context, module, work, task, shared):
     start = builder.ptrtoint(builder.load(first), _INTP)
     with cgutils.for_range(builder, builder.load(counts), intp=_INTP) as tasks:
         number = builder.add(start, tasks.index)
+        builder.assume(builder.icmp_signed(">=", number, _INTP(0)))  # negative indices count from the end
         status, _ = context.call_internal_no_propagate(builder, work, task, [number, *given])
         with cgutils.if_unlikely(builder, status.is_error):
             builder.store(status.code, cgutils.gep_inbounds(builder, place, 0, 0))

@@ -6,7 +6,7 @@ import numpy as np
 
 from carigs.kernels import each, kernel
 from carigs.splat.harmonics import BASIS, PAIRED, SCALED, SH_BASE, SLOPE, coefficients
-from carigs.splat.simd import WIDTH, inner, splat
+from carigs.splat.simd import WIDTH, inner, owner, splat
 from carigs.splat.simd_math import absolute, select
 from carigs.splat.simd_memory import align_stack, load3, load9, load_rows, store3, store9, store_rows
 
@@ -43,7 +43,7 @@ def _through(colour, factor, g, none):
 
 
 @inner
-def _forward0(i, factor, binding, base, harmonics, direction, shade, colour):
+def _forward0(i, binding, base, harmonics, direction, shade, colour, factor):
     align_stack()
     none = splat(np.float32(0))
     factors = _factors(i, shade, binding, factor)
@@ -52,7 +52,7 @@ def _forward0(i, factor, binding, base, harmonics, direction, shade, colour):
 
 @inner
 def _backward0(
-    i, factor, binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction
+    i, binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction, factor
 ):
     align_stack()
     factors = _factors(i, shade, binding, factor)
@@ -101,7 +101,7 @@ def _sixteen(degree, read, write):
     scaled, paired = SCALED[degree], PAIRED[degree]
 
     @inner
-    def forward(i, factor, binding, base, harmonics, direction, shade, colour):
+    def forward(i, binding, base, harmonics, direction, shade, colour, factor):
         align_stack()
         b, h = basis(load3(direction, 3 * i)), read(harmonics, i)
         red, green, blue = b[0] * h[0], b[0] * h[1], b[0] * h[2]
@@ -112,7 +112,7 @@ def _sixteen(degree, read, write):
 
     @inner
     def backward(
-        i, factor, binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction
+        i, binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction, factor
     ):
         align_stack()
         none = splat(np.float32(0))
@@ -135,11 +135,11 @@ _forward3, _backward3 = _sixteen(3, _load15, _store15)
 # Functions by name for each degree: a cached closure that holds compiled functions would be compiled in every process.
 
 
-@inner
-def _forward_part0(part, binding, *arguments):
+@owner
+def _forward_part0(part, binding, base, harmonics, direction, shade, colour):
     factor = np.ones(3 * WIDTH, np.float32)
     for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
-        _forward0(min(start, len(binding) - WIDTH), factor, binding, *arguments)
+        _forward0(min(start, len(binding) - WIDTH), binding, base, harmonics, direction, shade, colour, factor)
 
 
 @kernel
@@ -147,11 +147,16 @@ def _forward_vectors0(binding, *arguments):
     each(_forward_part0, (len(binding) + PART - 1) // PART, (binding, *arguments))
 
 
-@inner
-def _backward_part0(part, binding, *arguments):
+@owner
+def _backward_part0(
+    part, binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction
+):  # fmt: skip
     factor = np.ones(3 * WIDTH, np.float32)
     for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
-        _backward0(min(start, len(binding) - WIDTH), factor, binding, *arguments)
+        _backward0(
+            min(start, len(binding) - WIDTH), binding, base, harmonics, direction, shade, colour, g_colour, d_base,
+            d_harmonics, d_direction, factor,
+        )  # fmt: skip
 
 
 @kernel
@@ -159,11 +164,11 @@ def _backward_vectors0(binding, *arguments):
     each(_backward_part0, (len(binding) + PART - 1) // PART, (binding, *arguments))
 
 
-@inner
-def _forward_part1(part, binding, *arguments):
+@owner
+def _forward_part1(part, binding, base, harmonics, direction, shade, colour):
     factor = np.ones(3 * WIDTH, np.float32)
     for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
-        _forward1(min(start, len(binding) - WIDTH), factor, binding, *arguments)
+        _forward1(min(start, len(binding) - WIDTH), binding, base, harmonics, direction, shade, colour, factor)
 
 
 @kernel
@@ -171,11 +176,16 @@ def _forward_vectors1(binding, *arguments):
     each(_forward_part1, (len(binding) + PART - 1) // PART, (binding, *arguments))
 
 
-@inner
-def _backward_part1(part, binding, *arguments):
+@owner
+def _backward_part1(
+    part, binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction
+):  # fmt: skip
     factor = np.ones(3 * WIDTH, np.float32)
     for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
-        _backward1(min(start, len(binding) - WIDTH), factor, binding, *arguments)
+        _backward1(
+            min(start, len(binding) - WIDTH), binding, base, harmonics, direction, shade, colour, g_colour, d_base,
+            d_harmonics, d_direction, factor,
+        )  # fmt: skip
 
 
 @kernel
@@ -183,11 +193,11 @@ def _backward_vectors1(binding, *arguments):
     each(_backward_part1, (len(binding) + PART - 1) // PART, (binding, *arguments))
 
 
-@inner
-def _forward_part2(part, binding, *arguments):
+@owner
+def _forward_part2(part, binding, base, harmonics, direction, shade, colour):
     factor = np.ones(3 * WIDTH, np.float32)
     for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
-        _forward2(min(start, len(binding) - WIDTH), factor, binding, *arguments)
+        _forward2(min(start, len(binding) - WIDTH), binding, base, harmonics, direction, shade, colour, factor)
 
 
 @kernel
@@ -195,11 +205,16 @@ def _forward_vectors2(binding, *arguments):
     each(_forward_part2, (len(binding) + PART - 1) // PART, (binding, *arguments))
 
 
-@inner
-def _backward_part2(part, binding, *arguments):
+@owner
+def _backward_part2(
+    part, binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction
+):  # fmt: skip
     factor = np.ones(3 * WIDTH, np.float32)
     for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
-        _backward2(min(start, len(binding) - WIDTH), factor, binding, *arguments)
+        _backward2(
+            min(start, len(binding) - WIDTH), binding, base, harmonics, direction, shade, colour, g_colour, d_base,
+            d_harmonics, d_direction, factor,
+        )  # fmt: skip
 
 
 @kernel
@@ -207,11 +222,11 @@ def _backward_vectors2(binding, *arguments):
     each(_backward_part2, (len(binding) + PART - 1) // PART, (binding, *arguments))
 
 
-@inner
-def _forward_part3(part, binding, *arguments):
+@owner
+def _forward_part3(part, binding, base, harmonics, direction, shade, colour):
     factor = np.ones(3 * WIDTH, np.float32)
     for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
-        _forward3(min(start, len(binding) - WIDTH), factor, binding, *arguments)
+        _forward3(min(start, len(binding) - WIDTH), binding, base, harmonics, direction, shade, colour, factor)
 
 
 @kernel
@@ -219,11 +234,16 @@ def _forward_vectors3(binding, *arguments):
     each(_forward_part3, (len(binding) + PART - 1) // PART, (binding, *arguments))
 
 
-@inner
-def _backward_part3(part, binding, *arguments):
+@owner
+def _backward_part3(
+    part, binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction
+):  # fmt: skip
     factor = np.ones(3 * WIDTH, np.float32)
     for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
-        _backward3(min(start, len(binding) - WIDTH), factor, binding, *arguments)
+        _backward3(
+            min(start, len(binding) - WIDTH), binding, base, harmonics, direction, shade, colour, g_colour, d_base,
+            d_harmonics, d_direction, factor,
+        )  # fmt: skip
 
 
 @kernel

@@ -25,7 +25,7 @@ from carigs.splat.forward_simd import (
     open_pixels,
 )
 from carigs.splat.projection import RECORD, SLOT
-from carigs.splat.simd import WIDTH, inner, splat
+from carigs.splat.simd import WIDTH, inner, owner, splat
 from carigs.splat.simd_math import absolute, columns, exp2, larger, rows, select, smaller, total, totals
 from carigs.splat.simd_memory import align_stack, claim, load, load_block, peek, poke, prefetch_to_write, store
 
@@ -104,7 +104,7 @@ def _work(geometry: bool):
         clear(state, scratch * PLANE, (scratch + 1) * PLANE)
         open_pixels(state, width - left, height - top)
 
-    @inner
+    @owner
     def work(
         _worker, record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, background,
         counter,

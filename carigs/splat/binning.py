@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float32, Int32
 
 from carigs.kernels import each, kernel
-from carigs.splat.simd import formula
+from carigs.splat.simd import formula, owner
 from carigs.splat.simd_memory import peek, prefetch
 
 TILE = 32  # pixels along a tile's side
@@ -41,7 +41,7 @@ def _part(worker, workers, count):
     return min(worker * size, count), min((worker + 1) * size, count)
 
 
-@formula
+@owner
 def _starts(counts):
     """Counts (workers, bins) become the places of each worker's first element of each bin; also returns the bins'."""
     workers, bins = counts.shape

@@ -20,7 +20,7 @@ from carigs.splat import limits
 from carigs.splat.binning import TILE
 from carigs.splat.forward import COLOUR, COLOUR_PLANES, DEPTH, END, HALF_LOG2E, LOG_THRESHOLD, ONE, PLANES, TWO, ZERO
 from carigs.splat.projection import RECORD
-from carigs.splat.simd import WIDTH, inner, splat
+from carigs.splat.simd import WIDTH, inner, owner, splat
 from carigs.splat.simd_math import absolute, columns, exp2, larger, largest, rows, select, smaller
 from carigs.splat.simd_memory import (
     align_stack,
@@ -126,7 +126,7 @@ def write_plane(image, offset, width, across, down, state, base, magnitude, behi
 def _work(geometry: bool):
     planes = PLANES if geometry else COLOUR_PLANES
 
-    @inner
+    @owner
     def work(_worker, record, box, surfel, start, order, image, width, height, cap, background, counter):
         align_stack()
         across = -(-width // TILE)

@@ -6,7 +6,7 @@ import numpy as np
 
 from carigs.kernels import each, kernel
 from carigs.splat.projection import RECORD, SLOT, projected, pulled_back
-from carigs.splat.simd import WIDTH, inner, splat
+from carigs.splat.simd import WIDTH, inner, owner, splat
 from carigs.splat.simd_math import absolute, halves, joined, select, whole_bits
 from carigs.splat.simd_memory import align_stack, load, load3, load_rows, store, store2, store3, store4, store_rows
 
@@ -62,9 +62,15 @@ def _project(
 
 
 @inner
-def _project_part(part, count, *arguments):
+def _project_part(
+    part, count, centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height, tile, background,
+    record, box, tiles,
+):  # fmt: skip
     for start in range(part * PART, min((part + 1) * PART, count), WIDTH):
-        _project(min(start, count - WIDTH), *arguments)
+        _project(
+            min(start, count - WIDTH), centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height,
+            tile, background, record, box, tiles,
+        )  # fmt: skip
 
 
 @kernel
@@ -86,8 +92,8 @@ def project(centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, wid
 
 @inner
 def _backward(
-    i, sums, counts, slots, first_slot, centre, tangent_u, tangent_v, opacity, view, intrinsics,
-    d_centre, d_tangent_u, d_tangent_v, d_opacity, d_colour, d_pixel,
+    i, slots, first_slot, centre, tangent_u, tangent_v, opacity, view, intrinsics,
+    d_centre, d_tangent_u, d_tangent_v, d_opacity, d_colour, d_pixel, sums, counts,
 ):  # fmt: skip
     align_stack()
     for r in range(WIDTH):
@@ -127,11 +133,17 @@ def _halves19(g, normals):
     )
 
 
-@inner
-def _backward_part(part, count, *arguments):
+@owner
+def _backward_part(
+    part, count, slots, first_slot, centre, tangent_u, tangent_v, opacity, view, intrinsics,
+    d_centre, d_tangent_u, d_tangent_v, d_opacity, d_colour, d_pixel,
+):  # fmt: skip
     sums, counts = np.empty(WIDTH * SLOT, np.float32), np.empty(WIDTH, np.float32)
     for start in range(part * PART, min((part + 1) * PART, count), WIDTH):
-        _backward(min(start, count - WIDTH), sums, counts, *arguments)
+        _backward(
+            min(start, count - WIDTH), slots, first_slot, centre, tangent_u, tangent_v, opacity, view, intrinsics,
+            d_centre, d_tangent_u, d_tangent_v, d_opacity, d_colour, d_pixel, sums, counts,
+        )  # fmt: skip
 
 
 @kernel

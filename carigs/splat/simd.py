@@ -16,7 +16,7 @@ from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
-from carigs.kernels import PIECE
+from carigs.kernels import OWNER, PIECE
 
 WIDTH, WIDE = 16, 8
 FLOAT, DOUBLE, INT = ir.FloatType(), ir.DoubleType(), ir.IntType(32)
@@ -78,6 +78,8 @@ for _vector in (lanes, wide, mask, wide_mask):
     _model(_vector)
 
 inner = njit(fastmath=FASTMATH, **PIECE)
+owner = njit(fastmath=FASTMATH, **OWNER)
+"""Of pieces that make arrays."""
 formula = njit(**PIECE)
 """For formulas that serve scalars too: those keep the order of their operations."""
 

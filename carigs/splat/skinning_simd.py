@@ -21,7 +21,7 @@ from carigs.splat.jacobian_blend import (
     view_direction,
 )
 from carigs.splat.motion_rows import MOTION_ROW
-from carigs.splat.simd import WIDTH, inner, splat
+from carigs.splat.simd import WIDTH, inner, owner, splat
 from carigs.splat.simd_math import absolute, exp, select
 from carigs.splat.simd_memory import (
     align_stack,
@@ -80,8 +80,8 @@ def _unless4(condition, v):
 
 @inner
 def _forward_sixteen(
-    i, around, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
-    eye, turning, centre, tangent_u, tangent_v, opacity, direction,
+    i, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
+    eye, turning, centre, tangent_u, tangent_v, opacity, direction, around,
 ):  # fmt: skip
     align_stack()
     own, one, two, three, turn, u, t, k = _faces(i, binding, frame_rows, neighbours, rows, around)
@@ -105,9 +105,9 @@ def _forward_sixteen(
 
 @inner
 def _backward_sixteen(
-    i, around, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
+    i, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
     eye, turning, centre, g_centre, g_u, g_v, g_opacity, g_direction,
-    d_position, d_quaternion, d_log_scale, d_logit, d_blend,
+    d_position, d_quaternion, d_log_scale, d_logit, d_blend, around,
 ):  # fmt: skip
     align_stack()
     up_x, up_u, up_v = load3(g_centre, 3 * i), load3(g_u, 3 * i), load3(g_v, 3 * i)
@@ -147,18 +147,32 @@ def _backward_sixteen(
     store4(d_blend, 4 * i, _unless4(still, db))
 
 
-@inner
-def _forward_part(part, count, *arguments):
+@owner
+def _forward_part(
+    part, count, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
+    eye, turning, centre, tangent_u, tangent_v, opacity, direction,
+):  # fmt: skip
     around = np.empty(3 * WIDTH, np.int32)
     for start in range(part * PART, min((part + 1) * PART, count), WIDTH):
-        _forward_sixteen(min(start, count - WIDTH), around, *arguments)
+        _forward_sixteen(
+            min(start, count - WIDTH), position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours,
+            rows, blended, eye, turning, centre, tangent_u, tangent_v, opacity, direction, around,
+        )  # fmt: skip
 
 
-@inner
-def _backward_part(part, count, *arguments):
+@owner
+def _backward_part(
+    part, count, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
+    eye, turning, centre, g_centre, g_u, g_v, g_opacity, g_direction,
+    d_position, d_quaternion, d_log_scale, d_logit, d_blend,
+):  # fmt: skip
     around = np.empty(3 * WIDTH, np.int32)
     for start in range(part * PART, min((part + 1) * PART, count), WIDTH):
-        _backward_sixteen(min(start, count - WIDTH), around, *arguments)
+        _backward_sixteen(
+            min(start, count - WIDTH), position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours,
+            rows, blended, eye, turning, centre, g_centre, g_u, g_v, g_opacity, g_direction,
+            d_position, d_quaternion, d_log_scale, d_logit, d_blend, around,
+        )  # fmt: skip
 
 
 @kernel

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Bool, Float32
 
 from carigs.kernels import each, kernel
-from carigs.splat.simd import WIDTH, inner, splat
+from carigs.splat.simd import WIDTH, inner, owner, splat
 from carigs.splat.simd_math import absolute, select, total
 from carigs.splat.simd_memory import align_stack, load, store
 
@@ -220,7 +220,7 @@ def _gradient_row(result, rows, slopes, j, stride, begin, stop, l1_weight, ssim_
     return total(apart)
 
 
-@inner
+@owner
 def _strip(task, x, y, valid, l1_weight, ssim_weight, gradient, strips, differences, similarities):
     """Sums of |x - y| and S over a strip of one channel; writes its part of the gradient."""
     align_stack()
