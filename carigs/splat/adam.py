@@ -17,6 +17,7 @@ from carigs.splat.simd import formula
 from carigs.splat.surfels import Surfels
 
 BETA_1, BETA_2, EPSILON = 0.9, 0.999, 1e-15
+PART = 1024  # rows of one task
 
 
 class Adam:
@@ -68,19 +69,20 @@ def restore(adam: Adam, steps: int, arrays: Mapping[str, np.ndarray]) -> None:
 
 
 @formula
-def _update_row(i, value, gradient, first, second, keep, step_size, correction):
+def _update_part(part, value, gradient, first, second, keep, step_size, correction):
     b1, b2, eps = np.float32(BETA_1), np.float32(BETA_2), np.float32(EPSILON)
     c1, c2 = np.float32(1 - BETA_1), np.float32(1 - BETA_2)  # rounded once: 1 - float32(0.999) is off by 5e-5
-    if keep[i]:
-        return
-    for c in range(value.shape[1]):
-        g = gradient[i, c]
-        m = b1 * first[i, c] + c1 * g
-        v = b2 * second[i, c] + c2 * g * g
-        first[i, c], second[i, c] = m, v
-        value[i, c] -= step_size * m / (np.sqrt(v) * correction + eps)
+    for i in range(part * PART, min((part + 1) * PART, len(value))):
+        if keep[i]:
+            continue
+        for c in range(value.shape[1]):
+            g = gradient[i, c]
+            m = b1 * first[i, c] + c1 * g
+            v = b2 * second[i, c] + c2 * g * g
+            first[i, c], second[i, c] = m, v
+            value[i, c] -= step_size * m / (np.sqrt(v) * correction + eps)
 
 
 @kernel
 def _update(value, *arguments):
-    each(_update_row, len(value), (value, *arguments))
+    each(_update_part, (len(value) + PART - 1) // PART, (value, *arguments))
