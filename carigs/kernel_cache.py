@@ -71,4 +71,4 @@ def say_if_cold() -> None:
 
     folder = Path(numba.config.CACHE_DIR)
     if not any(folder.rglob("forward_simd.*.nbi")):
-        print(f"carigs: compiling kernels for this processor into {folder}: once, a quarter of a minute or more", file=sys.stderr)
+        print(f"carigs: compiling kernels for this processor into {folder}: once, 15 to 60 seconds", file=sys.stderr)

@@ -23,8 +23,8 @@ FLOAT, DOUBLE, INT = ir.FloatType(), ir.DoubleType(), ir.IntType(32)
 
 FASTMATH = {"contract", "nsz", "arcp", "afn"}
 """Neither nnan nor ninf: grazing rays and lanes that are masked later hold inf and NaN, and comparisons with those must
-be false; a NaN in an image must come out as one.  Not reassoc either: a piece is optimised by itself and again inside each
-kernel, each time in another order of operations, and kernels that share a formula would differ in its digits."""
+be false; a NaN in an image must come out as one.  Not reassoc either: a piece is optimised by itself and again inside
+each kernel, each time in another order of operations; kernels that share a formula would differ in its digits."""
 FLAGS = tuple(sorted(FASTMATH))
 
 
