@@ -4,7 +4,7 @@ python -m evaluation.benchmarks.target target.csv [folder of a toy capture with 
 
 Time: CPU ms of one thread for a frame of 802x550 and a head of 10 000 triangles.  Error: frames of the procedural
 person, warped plainly (no new light), against renderings of the caricature under the same light; n x n are the samples
-that say how much of a pixel the mesh covers.
+that say how much of a pixel the mesh covers.  And what new light brings.
 """
 
 from __future__ import annotations
@@ -31,7 +31,10 @@ from carigs.stages.capture import capture
 from carigs.stages.exaggerate import exaggerate
 from carigs.surface import GammaPath
 from carigs.target import as_bits, face_reasons, make_target
+from carigs.target.light import relight
+from carigs.target.provider import fitted_shading
 from evaluation.benchmarks.measurements import Measurement, write_measurements
+from evaluation.regions import surface_regions
 
 SIZE = (550, 802)
 FRAMES = 6
@@ -100,6 +103,38 @@ def measure(subject: Capture, path: GammaPath) -> Iterator[Measurement]:
             yield Measurement(name(*option), quantity, unit, value, reference)
 
 
+def relighting(subject: Capture, path: GammaPath) -> Iterator[Measurement]:
+    """Rows of what new light brings at gamma and twice it: trusted pixels of the regions skin and face."""
+    model, settings = subject.model, Gtstar()
+    of_faces, excluded = face_reasons(model, settings), np.uint16(as_bits(EXCLUDED).value)
+    regions = {name: surface_regions(model, model.v_template).faces[name] for name in ("skin", "face")}
+    person, frames = load_subject(subject.root), subject.split("test")[::2]
+    shading = fitted_shading(settings, subject, of_faces)
+    for level in (path.gamma_f, 2 * path.gamma_f):
+        exaggerated = path.at(level)
+        squares: dict[tuple[str, str], list[np.ndarray]] = {}
+        for frame in frames:
+            parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
+            ends = pose(model, parameters), pose(model, parameters, exaggerated)
+            pictures = subject.image(frame), subject.mask(frame)
+            target = make_target(*pictures, *ends, camera, model, of_faces, settings, subject.background)
+            truth, _ = render_subject(person, parameters, camera, exaggerated)
+            factor = shading.factor(*(shading.transfer(vertices, model.faces) for vertices in ends))
+            lit = relight(target.colour, target.caricature, factor, shading.kept)
+            face = target.caricature.face
+            trusted = (face >= 0) & ((target.reasons & excluded) == 0)
+            for region, inside in regions.items():
+                where = trusted & inside[face]
+                for light, image in (("the frame's light", target.colour), ("new light", lit)):
+                    squares.setdefault((region, light), []).append(((image - truth)[where] ** 2).ravel())
+        for region in regions:
+            reference = None
+            for light in ("the frame's light", "new light"):
+                value = float(-10 * np.log10(np.concatenate(squares[region, light]).mean()))
+                reference = value if reference is None else reference
+                yield Measurement(f"level {level:g}, {light}", f"PSNR of trusted {region}", "dB", value, reference)
+
+
 def _large(camera: Camera) -> Camera:
     """The same view in an image of `SIZE`."""
     factor = SIZE[1] / camera.height
@@ -138,7 +173,8 @@ def benchmark(file: Path, folder: Path | None) -> None:
             toy = CaptureSettings(toy=Toy(steps_per_sequence=1))
             capture(toy, index=folder / "capture.json", dataset=folder / "dataset")
             exaggerate(Exaggerate(), capture=folder / "capture.json", path=folder / "path.npz")
-        rows = list(measure(Capture.load(folder / "capture.json"), GammaPath.load(folder / "path.npz")))
+        subject = Capture.load(folder / "capture.json"), GammaPath.load(folder / "path.npz")
+        rows = [*measure(*subject), *relighting(*subject)]
     write_measurements(file, rows)
     plot(file.with_suffix(".png"), rows)
 
