@@ -49,6 +49,7 @@ rule gtstar:
         index="results/{study}/{subject}/gamma={gamma}/targets/{variant}/level={level}/targets.json",
     log:
         "results/{study}/log/gtstar/{subject},gamma={gamma},{variant},level={level}.log",
+    priority: 1  # takes all cores: behind a training it would wait, and half of them with it
     conda:
         "../../environment.yml"
     threads: lambda wildcards: section("gtstar", wildcards, "subject").threads
