@@ -12,13 +12,13 @@ import shutil
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from filelock import FileLock
 
 PACKAGE = Path(__file__).parent
-MARKS = (b"numba", b"splat.simd")
+MARKS = (b"numba", b"carigs.kernels", b"splat.simd")
 """What the sources of kernels contain."""
 KEEP = 7 * 24 * 3600.0
 """Seconds since its last change for which the folder of other sources stays: a run with those may still go on."""
@@ -58,9 +58,8 @@ def kernel_lock(name: str) -> Iterator[None]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock = FileLock(folder / f"{name}.lock").acquire()
-    except (OSError, NotImplementedError):
-        yield
-        return
+    except (OSError, NotImplementedError):  # of a folder that is read-only, or on a file system without locks
+        lock = nullcontext()
     with lock:
         yield
 

@@ -109,7 +109,8 @@ def fit_light(
     the skin's albedo is about its median colour: only ratios of irradiance matter.  `run` is `map`, or that of an
     executor.
     """
-    if not any((o.weight > 0).any() for o in observations):
+    observations = [o for o in observations if (o.weight[::EVERY] > 0).any()]
+    if not observations:
         return fibonacci_sphere(BRIGHTEST), np.zeros((BRIGHTEST + 1, 3))
 
     def fit(

@@ -11,7 +11,7 @@ import numpy as np
 from carigs.raster.bits import LOG, NONE, ONE
 from carigs.raster.coverage import share_of
 from carigs.target.bilinear import copy_sample
-from carigs.target.eight import BEYOND, OFF, SMOOTH, WIDTH, locate
+from carigs.target.trace_simd import BEYOND, OFF, SMOOTH, WIDTH, locate
 
 kernel = numba.njit(cache=True, error_model="numpy", nogil=True, fastmath={"contract"})
 inlined = numba.njit(

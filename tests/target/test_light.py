@@ -60,6 +60,18 @@ def test_light_found_from_a_turning_head_foretells_how_it_shades_another_surface
     assert np.abs(np.log(found / true)).mean() < 0.04
 
 
+def test_a_timestep_without_skin_changes_nothing():
+    """Whichever timesteps the first look would have taken."""
+    rng = np.random.default_rng(1)
+    seen = np.ones(len(ball()))
+    one, other = (Observation(ball() * stretch, rng.random((len(ball()), 3)), seen) for stretch in (1, [1, 1.2, 0.8]))
+    unseen = Observation(ball(), np.zeros((len(ball()), 3)), 0 * seen)
+    for found, expected in zip(
+        fit_light([unseen, one, unseen, other, unseen], BALD.faces), fit_light([one, other], BALD.faces), strict=True
+    ):
+        np.testing.assert_array_equal(found, expected)
+
+
 def test_no_skin_no_light():
     """Nothing was seen: nothing changes."""
     unseen = Observation(ball(), np.zeros((len(ball()), 3)), np.zeros(len(ball())))
