@@ -102,7 +102,7 @@ class Exaggerate:
     nodes: int = 0
     """Number of levels that the path is solved at (0: as `path_error` needs); 2 is the paper's linear blend."""
     local: str = "soft"
-    """How the rest is held when one region is exaggerated: `soft`, `exact` or `literal` (`carigs.surface.local`)."""
+    """How the rest is held when one region is exaggerated: `soft`, `exact` or `literal`."""
     regions: dict[str, float] = field(default_factory=dict)
     """Levels that regions of the head model have where the rest has gamma, as {nose: 0.4, ears: 0}."""
 

@@ -64,7 +64,6 @@ def copy_project(folder: Path) -> Project:
     ignore = shutil.ignore_patterns("*.pyc")  # but with Numba's cache
     for name in ("Snakefile", "environment.yml"):
         shutil.copy2(ROOT / name, folder / name)
-    for name in ("workflow", "conf", "carigs", "evaluation"):
+    for name in ("workflow", "profiles", "conf", "carigs", "evaluation"):
         shutil.copytree(ROOT / name, folder / name, ignore=ignore)
-    (folder / "profiles").symlink_to("workflow/profiles")
     return Project(folder)

@@ -26,8 +26,8 @@ from carigs.config import (
     target_maker,
 )
 from carigs.errors import InputError, SettingsError
+from carigs.gtstar import Reason
 from carigs.settings import EXCLUDED, STAGES
-from carigs.target import Reason
 
 RULES = CONF.parent / "workflow/rules"
 

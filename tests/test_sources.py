@@ -21,10 +21,10 @@ def test_a_stage_is_made_of_itself_and_of_no_other_stage(stage):
 @pytest.mark.parametrize(
     ("stage", "part"),
     [
-        ("exaggerate", "carigs/surface/exaggeration.py"),
-        ("gtstar", "carigs/target/warp.py"),
-        ("train", "carigs/splat/trainer.py"),  # imported inside the function
-        ("metrics", "evaluation/weights.toml"),  # data of a module
+        ("exaggerate", "carigs/exaggeration/exaggerator.py"),
+        ("gtstar", "carigs/gtstar/warp.py"),
+        ("train", "carigs/splat/training/trainer.py"),  # imported inside the function
+        ("metrics", "evaluation/metrics/weights.toml"),  # data of a module
     ],
 )
 def test_detours_and_imports_inside_functions_count(stage, part):

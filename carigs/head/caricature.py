@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from carigs.exaggeration import Exaggerator, GammaPath, with_motions
 from carigs.head.model import HeadModel
 from carigs.head.parameters import HeadParameters
 from carigs.head.posing import motions
 from carigs.head.teeth import skin
 from carigs.settings import Exaggerate
-from carigs.surface import Exaggerator, GammaPath, with_motions
 
 
 def exaggerator(model: HeadModel, neutral: Float[np.ndarray, "v 3"], settings: Exaggerate) -> Exaggerator:

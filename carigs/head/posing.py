@@ -7,9 +7,9 @@ from collections.abc import Iterable
 import numpy as np
 from jaxtyping import Float, Int
 
+from carigs.exaggeration.caricature import Caricature
 from carigs.head.model import N_JOINTS, N_SHAPE, HeadModel
 from carigs.head.parameters import HeadParameters
-from carigs.surface.caricature import Caricature
 
 
 def neutral(model: HeadModel, parameters: HeadParameters) -> Float[np.ndarray, "v 3"]:

@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float, Int
 
+from carigs.exaggeration.gamma_path import GammaPath
 from carigs.head.model import N_SHAPE, HeadModel
-from carigs.surface.path import GammaPath
 
 FLAME = (5023, 9976)
 """Vertices and faces."""

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from carigs.raster.bits import ALL, LOG, NONE, ONE, add_beside, count, inverse, stretched
-from carigs.raster.scan import bounds
+from carigs.raster.bit_masks import ALL, LOG, NONE, ONE, add_beside, count, inverse, stretched
+from carigs.raster.visibility import bounds
 
 kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
 

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int, Int32, UInt64
 
-from carigs.raster import bits, coverage, scan
-from carigs.raster.bits import Bits
+from carigs.raster import bit_masks as bits
+from carigs.raster import coverage
+from carigs.raster import visibility as scan
+from carigs.raster.bit_masks import Bits
 
 if TYPE_CHECKING:
     from carigs.capture.camera import Camera

@@ -12,14 +12,14 @@ from jaxtyping import Float32
 
 from carigs.capture import Camera
 from carigs.errors import InputError
+from carigs.exaggeration import GammaPath
 from carigs.files import writing
 from carigs.head import HeadModel, HeadParameters
 from carigs.head.model import N_SHAPE
-from carigs.splat.draw import RIGS, draw
-from carigs.splat.motion import Performance
-from carigs.splat.surfels import ATTRIBUTES, Surfels, from_arrays, to_arrays
-from carigs.surface import GammaPath
-from carigs.target.light import Shading
+from carigs.light.fitting import Shading
+from carigs.splat.render import RIGS, draw
+from carigs.splat.rig.head_sequence import Performance
+from carigs.splat.surfels.surfels import ATTRIBUTES, Surfels, from_arrays, to_arrays
 
 FORMAT = "carigs-avatar-2"
 POSE = ("translation", "rotation", "neck", "jaw", "eyes", "expression")

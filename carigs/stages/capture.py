@@ -14,7 +14,7 @@ def capture(settings: Capture, *, index: Path, dataset: Path) -> None:
     """Write `index` (capture.json); `dataset` is the folder that the toy is written to, empty for other sources."""
     with writing_folder(dataset) as part:
         if settings.source == "toy":
-            from carigs.capture.toy import write_capture
+            from carigs.toy import write_capture
 
             write_capture(part, settings.toy)
         elif settings.source == "folder":

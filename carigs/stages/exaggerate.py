@@ -9,10 +9,10 @@ import trimesh
 
 from carigs.capture import Capture
 from carigs.errors import InputError, SettingsError
+from carigs.exaggeration import straight_path
 from carigs.head import caricature, neutral
 from carigs.head.teeth import add_teeth, skin
 from carigs.settings import Exaggerate
-from carigs.surface import straight_path
 
 
 def exaggerate(settings: Exaggerate, *, capture: Path, path: Path) -> None:

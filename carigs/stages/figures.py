@@ -8,17 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from carigs.capture import Capture
+from carigs.capture.frame_index import Truths, read_rendered, read_truths
 from carigs.capture.images import read_rgb
 from carigs.errors import InputError, SettingsError
+from carigs.exaggeration import GammaPath
 from carigs.files import writing_folder
 from carigs.head import exaggerator
 from carigs.head.teeth import without_teeth
 from carigs.settings import Exaggerate, Figures
-from carigs.surface import GammaPath
-from evaluation.blend_error import blend_errors, plot_blend_errors, write_blend_errors
-from evaluation.listings import Truths, read_rendered, read_truths
-from evaluation.misregistration import misregistrations, plot_misregistrations, write_misregistrations
-from evaluation.strips import ablation, gamma_strip
+from evaluation.figures.blend_error import blend_errors, plot_blend_errors, write_blend_errors
+from evaluation.figures.misregistration import misregistrations, plot_misregistrations, write_misregistrations
+from evaluation.figures.strips import ablation, gamma_strip
 
 
 def figures(

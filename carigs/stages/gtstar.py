@@ -18,14 +18,14 @@ from rich.progress import Progress
 from carigs.capture import Capture, Frame
 from carigs.capture.images import read_bits, read_rgb, write_bits, write_png
 from carigs.errors import InputError
+from carigs.exaggeration import Caricature, GammaPath
 from carigs.files import resuming_folder, writing
+from carigs.gtstar import Reason, as_bits, face_reasons
+from carigs.gtstar.provider import Provided, check_settings, fitted_shading, input_files, provide
+from carigs.light.fitting import load_shading, save_shading
 from carigs.settings import EXCLUDED, Gtstar
 from carigs.sources import fingerprint
-from carigs.surface import Caricature, GammaPath
-from carigs.target import Reason, as_bits, face_reasons
-from carigs.target.light import load_shading, save_shading
-from carigs.target.provider import Provided, check_settings, fitted_shading, input_files, provide
-from evaluation.target_sheet import Shown, target_sheet
+from evaluation.figures.target_sheet import Shown, target_sheet
 
 SHOWN = 5
 """Frames on the contact sheet."""
@@ -147,7 +147,7 @@ def _write_sheet(folder: Path, subject: Capture, entries: list[dict], exaggerate
     chosen = {frames[i].name: frames[i] for i in np.linspace(0, len(frames) - 1, SHOWN).astype(int)}
     person = None
     if (subject.root / "subject.npz").is_file():
-        from carigs.capture.toy import load_subject, render_subject
+        from carigs.toy import load_subject, render_subject
 
         person = load_subject(subject.root)
     shown = []

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from carigs.capture import Capture
+from carigs.capture.frame_index import read_rendered, read_truths
 from carigs.errors import SettingsError
+from carigs.exaggeration import GammaPath
 from carigs.settings import Metrics
-from carigs.surface import GammaPath
-from evaluation.against_truth import compare
-from evaluation.embeddings import WEIGHTS, embedding_rows
-from evaluation.listings import read_rendered, read_truths
-from evaluation.preprocessing import CROPS
-from evaluation.rows import Scene, write_rows
+from evaluation.metrics.against_truth import compare
+from evaluation.metrics.embeddings import WEIGHTS, embedding_rows
+from evaluation.metrics.preprocessing import CROPS
+from evaluation.tables.rows import Scene, write_rows
 
 
 def metrics(

@@ -12,9 +12,9 @@ from rich.progress import track
 from carigs.capture import Camera, Capture, Frame, look_at
 from carigs.capture.images import write_png
 from carigs.errors import SettingsError
+from carigs.exaggeration import GammaPath
 from carigs.files import writing, writing_folder
 from carigs.settings import Render
-from carigs.surface import GammaPath
 
 
 class View(NamedTuple):
@@ -32,7 +32,7 @@ def render(
     settings: Render, *, avatar: Path, capture: Path, path: Path, level: float, frames: Path, index: Path
 ) -> None:
     """Write PNGs into the folder `frames`, and `index`: what each of them shows, in a stated order."""
-    from carigs.splat.threads import use_threads
+    from carigs.simd.threads import use_threads
 
     use_threads(settings.threads)
     from carigs.splat.avatar import load_avatar

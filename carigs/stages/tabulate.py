@@ -7,9 +7,9 @@ from pathlib import Path
 from carigs.errors import SettingsError
 from carigs.files import writing
 from carigs.settings import Tabulate
-from evaluation.rows import read_rows
-from evaluation.table import summarise, write_csv
-from evaluation.typeset import document, to_latex, to_markdown
+from evaluation.tables.rows import read_rows
+from evaluation.tables.table import summarise, write_csv
+from evaluation.tables.typeset import document, to_latex, to_markdown
 
 
 def tabulate(settings: Tabulate, *, rows: list[Path], table: Path, markdown: Path, latex: Path) -> None:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from carigs.capture import Capture
 from carigs.errors import SettingsError
+from carigs.exaggeration import GammaPath
 from carigs.files import writing
 from carigs.settings import Train
-from carigs.surface import GammaPath
 
 
 def train(
@@ -30,16 +30,16 @@ def train(
     """
     check_settings(settings, targets)
     # torch before numba's threads start: both then share one pool.
-    from carigs.splat.threads import use_threads
+    from carigs.simd.threads import use_threads
 
     use_threads(settings.threads)
+    from carigs.capture.target_index import read_targets
+    from carigs.light.fitting import load_shading
     from carigs.splat.avatar import Avatar, save_avatar
-    from carigs.splat.motion import perform
-    from carigs.splat.ply import write_ply
-    from carigs.splat.supervision import Supervision
-    from carigs.splat.trainer import COLUMNS, train_surfels
-    from carigs.target.light import load_shading
-    from carigs.target.listing import read_targets
+    from carigs.splat.rig.head_sequence import perform
+    from carigs.splat.surfels.ply import write_ply
+    from carigs.splat.training.supervision import Supervision
+    from carigs.splat.training.trainer import COLUMNS, train_surfels
 
     subject, gamma_path = Capture.load(capture), GammaPath.load(path)
     performance = perform(subject, gamma_path)

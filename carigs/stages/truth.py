@@ -12,9 +12,9 @@ from carigs.capture import Capture
 from carigs.capture.dataset import read_json
 from carigs.capture.images import png_size, write_png
 from carigs.errors import InputError
+from carigs.exaggeration import Caricature, GammaPath
 from carigs.files import writing, writing_folder
 from carigs.settings import Truth
-from carigs.surface import Caricature, GammaPath
 
 
 def truth(settings: Truth, *, capture: Path, path: Path, level: float, frames: Path, index: Path) -> None:
@@ -53,7 +53,7 @@ def _captured(subject: Capture, folder: Path) -> list[dict[str, object]]:
 
 
 def _rendered(subject: Capture, caricature: Caricature, folder: Path) -> list[dict[str, object]]:
-    from carigs.capture.toy import load_subject, render_subject
+    from carigs.toy import load_subject, render_subject
 
     person = load_subject(subject.root)
     entries = []

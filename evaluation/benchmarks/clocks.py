@@ -12,13 +12,13 @@ from contextlib import contextmanager
 from statistics import median
 from unittest.mock import patch
 
-# Before numba starts its threads: see `carigs.splat.threads`.
+# Before numba starts its threads: see `carigs.simd.threads`.
 import torch  # isort: skip
 import numba
 
-from carigs.splat import binning
-from carigs.splat import rasterize as rasterizer
-from carigs.splat.threads import use_threads
+from carigs.simd.threads import use_threads
+from carigs.splat.rasterizer import binning
+from carigs.splat.rasterizer import rasterize as rasterizer
 
 KERNELS = ("projection", "binning", "forward", "backward", "projection backward")
 

@@ -5,15 +5,15 @@ Shares no formula with the kernels: each pixel's ray is two planes whose line me
 
 from __future__ import annotations
 
-# Before numba starts its threads: see `carigs.splat.threads`.
+# Before numba starts its threads: see `carigs.simd.threads`.
 import torch  # isort: skip
 import numba
 import numpy as np
 from jaxtyping import Float, Int
 
 from carigs.capture import Camera
-from carigs.splat.limits import END, THRESHOLD
-from carigs.splat.rasterize import WorldSurfels
+from carigs.splat.rasterizer.culling import END, THRESHOLD
+from carigs.splat.rasterizer.rasterize import WorldSurfels
 
 ALPHA_CAP = 0.99  # the rasteriser's default
 

@@ -19,16 +19,16 @@ import pandas as pd
 
 from carigs.capture import Capture
 from carigs.config import load_settings
+from carigs.exaggeration import GammaPath
 from carigs.files import writing
 from carigs.settings import Train
+from carigs.simd.threads import use_threads
 from carigs.splat.avatar import Avatar
-from carigs.splat.checkpoint import State
-from carigs.splat.motion import Performance, perform
-from carigs.splat.supervision import Supervision
-from carigs.splat.threads import use_threads
-from carigs.splat.trainer import train_surfels
-from carigs.surface import GammaPath
-from evaluation.image import psnr
+from carigs.splat.rig.head_sequence import Performance, perform
+from carigs.splat.training.checkpoint import State
+from carigs.splat.training.supervision import Supervision
+from carigs.splat.training.trainer import train_surfels
+from evaluation.metrics.image_quality import psnr
 
 FRAMES = 12
 """Test frames that are compared, evenly over all."""

@@ -11,13 +11,13 @@ from jaxtyping import Float
 
 from carigs.capture import Camera, Capture, Frame, look_at
 from carigs.capture.images import write_png
+from carigs.exaggeration.gamma_path import straight_path
 from carigs.head import HeadModel, HeadParameters, pose
 from carigs.head.model import N_JOINTS, N_SHAPE
 from carigs.raster import rasterize_mesh
-from carigs.splat.motion import Performance
-from carigs.splat.rasterize import WorldSurfels
-from carigs.splat.supervision import Supervision
-from carigs.surface.path import straight_path
+from carigs.splat.rasterizer.rasterize import WorldSurfels
+from carigs.splat.rig.head_sequence import Performance
+from carigs.splat.training.supervision import Supervision
 
 AXES = np.array([0.075, 0.11, 0.09])
 """Half axes of the ellipsoid in metres."""

@@ -23,13 +23,13 @@ from torch.nn.functional import conv2d
 
 from carigs.capture import Camera
 from carigs.head import pose
-from carigs.splat.appearance import seen_colour
-from carigs.splat.initialise import place
-from carigs.splat.losses import photometric
-from carigs.splat.rasterize import OUTPUTS, WorldSurfels, rasterize
-from carigs.splat.rig import face_motion
-from carigs.splat.skinning import skin
-from carigs.splat.surfels import Surfels, plain
+from carigs.splat.colour.appearance import seen_colour
+from carigs.splat.rasterizer.rasterize import OUTPUTS, WorldSurfels, rasterize
+from carigs.splat.rig.rig import face_motion
+from carigs.splat.rig.skinning import skin
+from carigs.splat.surfels.initialization import place
+from carigs.splat.surfels.surfels import Surfels, plain
+from carigs.splat.training.photometric_loss import photometric
 from evaluation.benchmarks.chart import plot
 from evaluation.benchmarks.clocks import (
     KERNELS,
@@ -202,7 +202,7 @@ def scaling_rows(sizes: Sizes) -> Iterator[Measurement]:
 START = """
 import json, time, torch
 start = time.perf_counter()
-from carigs.splat.rasterize import rasterize
+from carigs.splat.rasterizer.rasterize import rasterize
 imported = time.perf_counter()
 from evaluation.benchmarks.scenes import ellipsoid, portrait
 surfels, camera = ellipsoid(1000), portrait(64, 64)

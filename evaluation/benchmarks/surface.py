@@ -15,10 +15,11 @@ import trimesh
 from jaxtyping import Float, Int
 
 from carigs.errors import InputError
+from carigs.exaggeration import Exaggerator
 from carigs.head import HeadModel
+from carigs.mesh import clean_mesh
+from carigs.mesh.ambient_occlusion import ambient_occlusion
 from carigs.settings import Exaggerate
-from carigs.surface import Exaggerator, clean_mesh
-from carigs.surface.occlusion import ambient_occlusion
 from evaluation.benchmarks.measurements import Measurement, seconds, write_measurements
 from evaluation.benchmarks.surface_accuracy import (
     GAMMA,

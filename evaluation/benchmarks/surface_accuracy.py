@@ -12,14 +12,14 @@ from jaxtyping import Float, Int
 from omegaconf import OmegaConf
 
 from carigs.config import compose
+from carigs.exaggeration import Exaggerator, GammaPath, with_motions
+from carigs.exaggeration.blend_bound import blend_bounds
+from carigs.exaggeration.blendshape_transfer import SHARES
 from carigs.head import HeadModel, HeadParameters, neutral
+from carigs.mesh.cotan_laplacian import EdgeCotans, mixed_voronoi_areas
+from carigs.mesh.curvature import angle_defects, heat_smoothed
+from carigs.mesh.triangle_mesh import boundary_vertices, diagonal, size
 from carigs.settings import Exaggerate
-from carigs.surface import Exaggerator, GammaPath, with_motions
-from carigs.surface.bound import blend_bounds
-from carigs.surface.curvature import angle_defects, heat_smoothed
-from carigs.surface.mesh import boundary_vertices, diagonal, size
-from carigs.surface.operators import EdgeCotans, mixed_voronoi_areas
-from carigs.surface.transport import SHARES
 from evaluation.benchmarks.measurements import Measurement, seconds
 
 GAMMA = 0.25

@@ -11,9 +11,9 @@ from jaxtyping import Float, Int
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import splu
 
-from carigs.surface import Exaggerator
-from carigs.surface.factors import COLUMNS, SYMMETRIC, CholeskySolverD, Factors, conjugate_gradients, solve_in_blocks
-from carigs.surface.operators import EdgeCotans, mixed_voronoi_areas
+from carigs.exaggeration import Exaggerator
+from carigs.mesh.cotan_laplacian import EdgeCotans, mixed_voronoi_areas
+from carigs.mesh.linear_solver import COLUMNS, SYMMETRIC, CholeskySolverD, Factors, conjugate_gradients, solve_in_blocks
 from evaluation.benchmarks.measurements import Measurement, seconds
 
 Solve = Callable[[np.ndarray], np.ndarray]

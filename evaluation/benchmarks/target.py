@@ -21,20 +21,20 @@ import cv2
 import numpy as np
 
 from carigs.capture import Camera, Capture
-from carigs.capture.toy import load_subject, render_subject
+from carigs.exaggeration import GammaPath
 from carigs.files import writing
+from carigs.gtstar import as_bits, face_reasons, make_target
+from carigs.gtstar.provider import fitted_shading
 from carigs.head import pose
+from carigs.light.fitting import relight
 from carigs.raster import visible
 from carigs.settings import EXCLUDED, Exaggerate, Gtstar, Toy
 from carigs.settings import Capture as CaptureSettings
 from carigs.stages.capture import capture
 from carigs.stages.exaggerate import exaggerate
-from carigs.surface import GammaPath
-from carigs.target import as_bits, face_reasons, make_target
-from carigs.target.light import relight
-from carigs.target.provider import fitted_shading
+from carigs.toy import load_subject, render_subject
 from evaluation.benchmarks.measurements import Measurement, write_measurements
-from evaluation.regions import surface_regions
+from evaluation.metrics.regions import surface_regions
 
 SIZE = (550, 802)
 FRAMES = 6

@@ -12,13 +12,13 @@ from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
 from carigs.settings import Density, Train
-from carigs.splat import trainer
+from carigs.simd.threads import use_threads
 from carigs.splat.avatar import Avatar
-from carigs.splat.draw import draw
-from carigs.splat.motion import Performance
-from carigs.splat.supervision import Supervision
-from carigs.splat.surfels import Surfels
-from carigs.splat.threads import use_threads
+from carigs.splat.render import draw
+from carigs.splat.rig.head_sequence import Performance
+from carigs.splat.surfels.surfels import Surfels
+from carigs.splat.training import trainer
+from carigs.splat.training.supervision import Supervision
 from evaluation.benchmarks.clocks import spent, threads, wall_seconds
 from evaluation.benchmarks.measurements import Measurement
 from evaluation.benchmarks.pairs import contributing_pairs
@@ -58,7 +58,7 @@ class StepClock:
 
     @contextmanager
     def progress(self, *_: object) -> Iterator[Callable[..., None]]:
-        """As `carigs.splat.progress.progress`."""
+        """As `carigs.splat.training.progress.progress`."""
         with threads(self.count):
             self.started = wall_seconds()
             yield self._report

@@ -18,10 +18,10 @@ from igl.copyleft.cgal import remesh_self_intersections
 from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
+from carigs.exaggeration import Exaggerator
 from carigs.head import HeadModel
+from carigs.mesh.triangle_mesh import diagonal, face_normals
 from carigs.settings import Exaggerate
-from carigs.surface import Exaggerator
-from carigs.surface.mesh import diagonal, face_normals
 from evaluation.benchmarks.surface import read_heads
 from evaluation.benchmarks.surface_accuracy import GAMMA, lid_rows, random_person
 

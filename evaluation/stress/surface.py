@@ -16,10 +16,11 @@ import trimesh
 from jaxtyping import Float, Int
 
 from carigs.errors import CarigsError
+from carigs.exaggeration import Exaggerator
 from carigs.files import writing
+from carigs.mesh import clean_mesh
+from carigs.mesh.triangle_mesh import diagonal
 from carigs.settings import Exaggerate
-from carigs.surface import Exaggerator, clean_mesh
-from carigs.surface.mesh import diagonal
 from evaluation.benchmarks.surface import Mesh, read_heads
 
 GAMMA = 0.25

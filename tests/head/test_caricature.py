@@ -7,10 +7,10 @@ import pytest
 from miniature import ball_model
 
 from carigs.errors import SettingsError
+from carigs.exaggeration import Exaggerator
 from carigs.head import caricature, exaggerator
+from carigs.mesh.triangle_mesh import diagonal
 from carigs.settings import Exaggerate
-from carigs.surface import Exaggerator
-from carigs.surface.mesh import diagonal
 
 PLAIN = Exaggerate(limit_cavities=False, air=0.0)
 MODEL = ball_model()

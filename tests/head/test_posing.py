@@ -10,9 +10,9 @@ from scipy.sparse import csc_matrix
 from scipy.spatial.transform import Rotation
 
 from carigs.errors import InputError
+from carigs.exaggeration import Caricature
 from carigs.head import HeadModel, HeadParameters, motions, neutral, pose
 from carigs.head.posing import rotation_matrix
-from carigs.surface import Caricature
 
 vector = st.tuples(*[st.floats(-3, 3)] * 3).map(np.array)
 

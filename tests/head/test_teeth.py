@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from carigs.capture import Capture
 from carigs.capture.dataset import Frame
+from carigs.exaggeration import Exaggerator, GammaPath, straight_path
 from carigs.head import HeadModel, HeadParameters, neutral, pose
 from carigs.head.teeth import (
     FLAME,
@@ -23,10 +24,9 @@ from carigs.head.teeth import (
     with_teeth,
     without_teeth,
 )
+from carigs.mesh.triangle_mesh import components
 from carigs.settings import Exaggerate
 from carigs.stages.exaggerate import exaggerate
-from carigs.surface import Exaggerator, GammaPath, straight_path
-from carigs.surface.mesh import components
 
 
 def head(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

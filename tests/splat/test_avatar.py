@@ -14,15 +14,15 @@ from scipy.spatial.transform import Rotation
 from carigs.capture import Capture, look_at, read_dataset
 from carigs.capture.images import read_rgb
 from carigs.errors import InputError, SettingsError
+from carigs.exaggeration.gamma_path import straight_path
 from carigs.head import neutral
+from carigs.light.fitting import Shading, fibonacci_sphere
 from carigs.settings import Render, Train
 from carigs.splat.avatar import load_avatar, save_avatar
-from carigs.splat.ply import OURS_FROM_GAUSSIAN_AVATARS, read_ply, write_ply
-from carigs.splat.surfels import plain, to_arrays
+from carigs.splat.surfels.ply import OURS_FROM_GAUSSIAN_AVATARS, read_ply, write_ply
+from carigs.splat.surfels.surfels import plain, to_arrays
 from carigs.stages.render import nearest_point, orbit_cameras, render
 from carigs.stages.train import train
-from carigs.surface.path import straight_path
-from carigs.target.light import Shading, fibonacci_sphere
 
 
 def random_surfels(n=30, sh_degree=2, seed=0):

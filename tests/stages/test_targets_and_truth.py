@@ -13,6 +13,10 @@ from miniature import write_ball
 from carigs.capture import Capture, look_at
 from carigs.capture.images import read_bits, read_rgb, write_png
 from carigs.errors import InputError, SettingsError
+from carigs.exaggeration import GammaPath
+from carigs.gtstar import Reason
+from carigs.gtstar.provider import frame_weight
+from carigs.gtstar.registration import Misfit
 from carigs.head import neutral
 from carigs.settings import Capture as CaptureSettings
 from carigs.settings import Exaggerate, Gtstar, Truth
@@ -20,10 +24,6 @@ from carigs.stages.capture import capture
 from carigs.stages.exaggerate import exaggerate
 from carigs.stages.gtstar import gtstar
 from carigs.stages.truth import truth
-from carigs.surface import GammaPath
-from carigs.target import Reason
-from carigs.target.provider import frame_weight
-from carigs.target.registration import Misfit
 
 
 @pytest.fixture(scope="module")
@@ -215,7 +215,7 @@ def test_the_index_says_what_a_shifted_frame_counts_for(folder, tmp_path, capsys
     def found(views, vertices, faces):
         return {frame: Misfit(off[frame.name], 0.0) for frame in views if frame.name in off}
 
-    monkeypatch.setattr("carigs.target.provider.misfits", found)
+    monkeypatch.setattr("carigs.gtstar.provider.misfits", found)
     index = make_targets(folder, tmp_path)
     weights = {(entry["timestep"], entry["camera"]): entry["weight"] for entry in index["targets"]}
     assert weights == {(0, 0): 1, (0, 2): 0.7, (1, 2): 1, (2, 0): 1, (2, 2): 1}

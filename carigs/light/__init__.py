@@ -1,0 +1,1 @@
+"""The light of a capture: fitted to its frames, with shadow maps, and shading that follows the surface."""

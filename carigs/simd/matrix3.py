@@ -1,0 +1,168 @@
+"""3x3 matrices inside Numba kernels: tuples of nine numbers, row by row (small arrays would live on the heap).
+
+The numbers are scalars or, where nothing branches on them, vectors of `simd`: one surfel per lane.
+"""
+
+from __future__ import annotations
+
+import math
+
+from carigs.simd.vectors import formula
+
+IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+
+@formula
+def load(array, i):
+    """Matrix `array[i]`."""
+    return (array[i, 0, 0], array[i, 0, 1], array[i, 0, 2], array[i, 1, 0], array[i, 1, 1],
+            array[i, 1, 2], array[i, 2, 0], array[i, 2, 1], array[i, 2, 2])  # fmt: skip
+
+
+@formula
+def store(array, i, m):
+    """Set `array[i]`."""
+    for k in range(9):
+        array[i, k // 3, k % 3] = m[k]
+
+
+@formula
+def transpose(m):
+    """M^T."""
+    return (m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8])
+
+
+@formula
+def cofactor(m):
+    """The matrix of cofactors; M^-T = cofactor / det."""
+    a, b, c, d, e, f, g, h, i = m
+    return (e * i - f * h, f * g - d * i, d * h - e * g,
+            c * h - b * i, a * i - c * g, b * g - a * h,
+            b * f - c * e, c * d - a * f, a * e - b * d)  # fmt: skip
+
+
+@formula
+def product(m, n):
+    """M N."""
+    a, b, c, d, e, f, g, h, i = m
+    j, k, p, q, r, s, t, u, v = n
+    return (a * j + b * q + c * t, a * k + b * r + c * u, a * p + b * s + c * v,
+            d * j + e * q + f * t, d * k + e * r + f * u, d * p + e * s + f * v,
+            g * j + h * q + i * t, g * k + h * r + i * u, g * p + h * s + i * v)  # fmt: skip
+
+
+@formula
+def polar_rotation(u):
+    """U of J = U P (det J > 0) by Newton's iteration, scaled by Frobenius norms (Higham 1986)."""
+    for _ in range(30):
+        c = cofactor(u)
+        det = u[0] * c[0] + u[1] * c[1] + u[2] * c[2]
+        own = other = 0.0
+        for i in range(9):
+            own += u[i] * u[i]
+            other += c[i] * c[i]
+        scale = math.sqrt(math.sqrt(other / own) / det)
+        g, h = 0.5 * scale, 0.5 / (scale * det)
+        new = (g * u[0] + h * c[0], g * u[1] + h * c[1], g * u[2] + h * c[2],
+               g * u[3] + h * c[3], g * u[4] + h * c[4], g * u[5] + h * c[5],
+               g * u[6] + h * c[6], g * u[7] + h * c[7], g * u[8] + h * c[8])  # fmt: skip
+        change = 0.0
+        for i in range(9):
+            change = max(change, abs(new[i] - u[i]))
+        u = new
+        if change < 1e-8:  # convergence is quadratic: the next step would change 1e-16
+            break
+    return u
+
+
+@formula
+def rotation_vector(r):
+    """log of a rotation (radians) through its quaternion, so that angles near pi are as good as small ones."""
+    # Four times the squares of w, x, y, z: the largest divides.
+    ww, xx = 1 + r[0] + r[4] + r[8], 1 + r[0] - r[4] - r[8]
+    yy, zz = 1 - r[0] + r[4] - r[8], 1 - r[0] - r[4] + r[8]
+    if ww >= max(xx, yy, zz):
+        w, x, y, z = ww, r[7] - r[5], r[2] - r[6], r[3] - r[1]
+    elif xx >= max(yy, zz):
+        w, x, y, z = r[7] - r[5], xx, r[3] + r[1], r[2] + r[6]
+    elif yy >= zz:
+        w, x, y, z = r[2] - r[6], r[3] + r[1], yy, r[7] + r[5]
+    else:
+        w, x, y, z = r[3] - r[1], r[2] + r[6], r[7] + r[5], zz
+    if w < 0:
+        w, x, y, z = -w, -x, -y, -z
+    length = math.sqrt(x * x + y * y + z * z)
+    factor = 2.0 / w if length < 1e-9 * w else 2.0 * math.atan2(length, w) / length
+    return factor * x, factor * y, factor * z
+
+
+@formula
+def apply(m, x):
+    """M x."""
+    return (
+        m[0] * x[0] + m[1] * x[1] + m[2] * x[2],
+        m[3] * x[0] + m[4] * x[1] + m[5] * x[2],
+        m[6] * x[0] + m[7] * x[1] + m[8] * x[2],
+    )
+
+
+@formula
+def apply_transposed(m, x):
+    """M^T x."""
+    return (
+        m[0] * x[0] + m[3] * x[1] + m[6] * x[2],
+        m[1] * x[0] + m[4] * x[1] + m[7] * x[2],
+        m[2] * x[0] + m[5] * x[1] + m[8] * x[2],
+    )
+
+
+@formula
+def apply_symmetric(p, x):
+    """P x of a symmetric matrix stored as xx, xy, xz, yy, yz, zz."""
+    return (
+        p[0] * x[0] + p[1] * x[1] + p[2] * x[2],
+        p[1] * x[0] + p[3] * x[1] + p[4] * x[2],
+        p[2] * x[0] + p[4] * x[1] + p[5] * x[2],
+    )
+
+
+@formula
+def cross(a, b):
+    """Cross product."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@formula
+def dot(a, b):
+    """Scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+# 1/1! - q/3! + q^2/5! .., 1/2! - q/4! .., 1/3! - q/5! ..: the first term left out is below 1e-13 for angles up to pi.
+_TERMS = 12
+_A, _B, _C = (tuple((-1) ** k / math.factorial(2 * k + n) for k in range(_TERMS)) for n in (1, 2, 3))
+
+
+@formula
+def _series(q, coefficients):
+    total = q * coefficients[_TERMS - 1] + coefficients[_TERMS - 2]
+    for k in range(_TERMS - 3, -1, -1):
+        total = total * q + coefficients[k]
+    return total
+
+
+@formula
+def exponential_terms(w):
+    """sin(t)/t, (1 - cos t)/t^2, (t - sin t)/t^3 of the rotation vector's length t <= pi."""
+    q = dot(w, w)
+    return _series(q, _A), _series(q, _B), _series(q, _C)
+
+
+@formula
+def turned(u, w, a, b):
+    """U exp(w) by Rodrigues' formula; a, b are the first two of `exponential_terms(w)`."""
+    x, y, z = w
+    e = (1 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y,
+         b * x * y + a * z, 1 - b * (x * x + z * z), b * y * z - a * x,
+         b * x * z - a * y, b * y * z + a * x, 1 - b * (x * x + y * y))  # fmt: skip
+    return product(u, e)

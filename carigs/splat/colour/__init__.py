@@ -1,0 +1,1 @@
+"""The colour of a surfel along a view direction: spherical harmonics and light."""

@@ -1,0 +1,1 @@
+"""The differentiable rasteriser of 2D Gaussian surfels, with CPU and CUDA backends."""

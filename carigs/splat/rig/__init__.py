@@ -1,0 +1,1 @@
+"""The rig: face frames, Jacobian blend skinning and the posed head over time."""

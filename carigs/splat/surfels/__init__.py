@@ -1,0 +1,1 @@
+"""The learned attributes of the surfels, their initialization and their files."""

@@ -1,0 +1,128 @@
+"""The first surfels: discs that tile every triangle, strands of them over hair, coloured from the training frames."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from carigs.raster import rasterize_mesh
+from carigs.settings import Train
+from carigs.splat.rig.head_sequence import Performance
+from carigs.splat.rig.rig import Rig, jacobians
+from carigs.splat.surfels.surfels import Surfels, plain
+from carigs.splat.training.supervision import Example, Supervision
+
+OCCLUSION_TOLERANCE = 0.003
+"""Metres that a surfel's centre may lie behind the mesh and still be seen."""
+
+
+def first_surfels(
+    settings: Train, supervision: Supervision, performance: Performance, hair: Bool[np.ndarray, "f"]
+) -> Surfels:
+    """Surfels on every face and above hair faces, with colours of `settings.colour_frames` of what supervises them.
+
+    A run that is supervised by targets alone takes its colours from the targets: real frames would tell it of the hair.
+    """
+    binding, position, scale = place(settings, performance.rig, hair)
+    targets_only = settings.caricature_share >= 1
+    count = len(supervision.targets if targets_only else supervision.frames)
+    chosen = np.unique(np.linspace(0, count - 1, settings.colour_frames).astype(int))
+    views = [supervision.first_view(targets_only, int(i)) for i in chosen]
+    rgb = observed_colours(binding, position, performance, views)
+    return plain(binding, position, scale, settings.initial_opacity, rgb, settings.sh_degree)
+
+
+def place(
+    settings: Train, rig: Rig, hair: Bool[np.ndarray, "f"]
+) -> tuple[Int[np.ndarray, "n"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n"]]:
+    """Binding, position and standard deviation (triangle units) of the first surfels.
+
+    Per face `surfels_per_face` spread by the R2 sequence (Roberts 2018); per hair face `hair_layers` more at random
+    places in the prism over it, up to `hair_length` along the normal.
+    """
+    per_face, layers = settings.surfels_per_face, settings.hair_layers
+    f = len(rig.faces)
+    g = 1.324717957244746
+    spread = (0.5 + np.arange(1, per_face + 1)[:, None] * np.array([1 / g, 1 / g**2])) % 1
+    if per_face == 1:
+        spread = np.array([[1 / 3, 1 / 3]])
+    binding = np.repeat(np.arange(f), per_face)
+    position = _in_triangle(rig, binding, np.tile(spread, (f, 1)))
+    scale = np.full(len(binding), settings.initial_scale / np.sqrt(per_face))
+    rng = np.random.default_rng([settings.seed, 1])
+    strands = np.repeat(np.flatnonzero(hair), layers)
+    above = _in_triangle(rig, strands, rng.random((len(strands), 2)))
+    height = np.tile((np.arange(layers) + 1) / max(layers, 1), int(hair.sum())) * settings.hair_length
+    above[:, 2] = height / np.maximum(rig.scale[strands], 1e-9)
+    return (
+        np.concatenate([binding, strands]),
+        np.concatenate([position, above]),
+        np.concatenate([scale, np.full(len(strands), settings.initial_scale)]),
+    )
+
+
+def _in_triangle(
+    rig: Rig, binding: Int[np.ndarray, "n"], uniform: Float[np.ndarray, "n 2"]
+) -> Float[np.ndarray, "n 3"]:
+    """Points of the triangles in their local frames, from points of the unit square folded onto them."""
+    b, c = uniform.T
+    fold = b + c > 1
+    b, c = np.where(fold, 1 - b, b), np.where(fold, 1 - c, c)
+    corners = rig.vertices[rig.faces[binding]]
+    offset = np.einsum("nk,nkc->nc", np.stack([1 - b - c, b, c], axis=1), corners) - corners.mean(axis=1)
+    scale_squared = np.maximum(rig.scale[binding, None], 1e-9) ** 2
+    return np.einsum("nji,nj->ni", rig.frame[binding], offset) / scale_squared  # frame = k R
+
+
+def observed_colours(
+    binding: Int[np.ndarray, "n"],
+    position: Float[np.ndarray, "n 3"],
+    performance: Performance,
+    views: list[tuple[Example, Float[np.ndarray, "h w"]]],
+) -> Float[np.ndarray, "n 3"]:
+    """Mean colour of each surfel where the views see it; unseen ones take their face's, or its neighbourhood's.
+
+    Each view comes with the weight of its pixels (h, w).
+    """
+    rig = performance.rig
+    canonical = np.einsum("nij,nj->ni", rig.frame[binding], position)
+    total, weight = np.zeros((len(binding), 3)), np.zeros(len(binding))
+    for example, trust in views:
+        camera = example.camera
+        motion = performance.motion(example.timestep, example.level)
+        centre = motion.centre[binding] + np.einsum("nij,nj->ni", jacobians(motion)[binding], canonical)
+        pixel, depth = camera.project(centre)
+        surface = rasterize_mesh(performance.posed(example.timestep, example.level), rig.faces, camera).depth
+        inside = (depth > 0) & (pixel >= 0).all(axis=1) & (pixel < [camera.width, camera.height]).all(axis=1)
+        column, row = np.where(inside[:, None], pixel, 0).astype(int).T
+        seen = inside & (depth < surface[row, column] + OCCLUSION_TOLERANCE)
+        normal = motion.rotation[binding] @ (rig.frame[binding, :, 2] / rig.scale[binding, None].clip(1e-9))[..., None]
+        view = camera.centre - centre
+        facing = np.einsum("nc,nc->n", normal[..., 0], view) / np.linalg.norm(view, axis=1)
+        w = np.where(seen, facing.clip(0.05), 0) * trust[row, column]
+        total += w[:, None] * example.image[row, column]
+        weight += w
+    face_total = np.stack([np.bincount(binding, total[:, c], len(rig.faces)) for c in range(3)], axis=1)
+    face = _fill(face_total, np.bincount(binding, weight, len(rig.faces)), rig.neighbours)
+    return np.where(weight[:, None] > 0, total / np.maximum(weight, 1e-12)[:, None], face[binding]).clip(0.02, 0.98)
+
+
+def _fill(
+    total: Float[np.ndarray, "f 3"], weight: Float[np.ndarray, "f"], neighbours: Int[np.ndarray, "f 3"]
+) -> Float[np.ndarray, "f 3"]:
+    """Mean per face; faces without any take their neighbours' mean, ring by ring, and the overall mean at last."""
+    colour = total / np.maximum(weight, 1e-12)[:, None]
+    known = weight > 0
+    while True:
+        around = known[neighbours] & ~known[:, None]
+        new = around.any(axis=1)
+        if not new.any():
+            break
+        share = around[new] / around[new].sum(axis=1, keepdims=True)
+        colour[new] = np.einsum("fk,fkc->fc", share, colour[neighbours[new]])
+        known |= new
+    if known.any():
+        colour[~known] = colour[known].mean(axis=0)
+    else:
+        colour[:] = 0.5
+    return colour

@@ -1,0 +1,147 @@
+"""Surfels in the .ply layouts of GaussianAvatars and SurFhead, for the field's viewers and converters.
+
+Both store triangle-local values before activation; they differ in the axes of the local frame (GaussianAvatars: second
+axis = normal, third away from the third corner; SurFhead, and here: third axis = normal) and in the number of scales.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from carigs.errors import InputError, SettingsError
+from carigs.files import writing
+from carigs.splat.colour.spherical_harmonics import coefficients
+from carigs.splat.surfels.surfels import Surfels, from_arrays, to_arrays
+
+LAYOUTS = ("surfhead", "gaussian_avatars")
+REST = coefficients(3)  # both layouts always hold degree 3
+SPECULAR = 24  # SurFhead's specular features per surfel, unused here
+FLAT = -10.0  # log scale along the normal of a disc in a layout of ellipsoids
+
+# Columns: GaussianAvatars' axes (edge, normal, away from the third corner) in ours (edge, towards it, normal).
+OURS_FROM_GAUSSIAN_AVATARS = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+
+
+def write_ply(file: Path, surfels: Surfels, layout: str = "surfhead") -> None:
+    """Write the surfels, all properties float32, binary, with the layout's name in a comment.
+
+    SurFhead's 90 properties keep the blend weights; GaussianAvatars' 63 have no place for them.
+    """
+    from plyfile import PlyData, PlyElement
+
+    if layout not in LAYOUTS:
+        raise SettingsError(f"ply layout {layout} is unknown; choose {' or '.join(LAYOUTS)}")
+    columns = _columns(to_arrays(surfels), layout)
+    rows = np.empty(len(surfels), dtype=[(name, "<f4") for name in columns])
+    for name, value in columns.items():
+        rows[name] = value
+    with writing(file) as part:
+        PlyData([PlyElement.describe(rows, "vertex")], byte_order="<", comments=[f"frame={layout}"]).write(str(part))
+
+
+def read_ply(file: Path) -> Surfels:
+    """Read either layout (told apart by the number of scales).
+
+    An ellipsoid becomes the disc of its two larger axes; blend weights that the file lacks are SurFhead's first ones.
+    Raises `InputError` if the file is missing or broken, or lacks a property.
+    """
+    from plyfile import PlyData, PlyParseError
+
+    try:
+        rows = PlyData.read(str(file), mmap=False)["vertex"].data
+    except FileNotFoundError as error:
+        raise InputError("no such file", file=file) from error
+    except (PlyParseError, KeyError, OSError, ValueError) as error:
+        raise InputError(f"not a readable surfel .ply ({error})", file=file) from error
+
+    def take(*names: str) -> Float[np.ndarray, "n k"]:
+        for name in names:
+            if name not in rows.dtype.names:
+                raise InputError("this property is missing", file=file, field=name)
+        return np.stack([rows[name] for name in names], axis=1)
+
+    position, rotation = take(*"xyz"), take(*_numbered("rot", 4))
+    if "scale_2" in rows.dtype.names:
+        position, rotation, scale = _discs(position, rotation, take(*_numbered("scale", 3)))
+    else:
+        scale = take(*_numbered("scale", 2))
+    n_rest = sum(name.startswith("f_rest_") for name in rows.dtype.names)
+    rest = take(*_numbered("f_rest", n_rest)).reshape(len(rows), 3, -1) if n_rest else np.zeros((len(rows), 3, 0))
+    if "blend_weight_0" in rows.dtype.names:
+        blend = take(*_numbered("blend_weight", 4))
+    else:
+        own = np.array([0.9, 0.05, 0.05, 0.05])
+        blend = np.tile(np.log(own / (1 - own)), (len(rows), 1))
+    return from_arrays(
+        take("binding_0")[:, 0].astype(np.int32),
+        position=position,
+        rotation=rotation,
+        log_scale=scale,
+        opacity=take("opacity")[:, 0],
+        colour=take(*_numbered("f_dc", 3)),
+        harmonics=_trimmed(rest.transpose(0, 2, 1)),
+        blend=blend,
+    )
+
+
+def _columns(arrays: dict[str, np.ndarray], layout: str) -> dict[str, np.ndarray]:
+    n = len(arrays["binding"])
+    position, rotation, scale = arrays["position"], arrays["rotation"], arrays["log_scale"]
+    if layout == "gaussian_avatars":
+        position = position @ OURS_FROM_GAUSSIAN_AVATARS
+        rotation = _multiply(np.array([np.sqrt(0.5), -np.sqrt(0.5), 0, 0]), rotation)
+        scale = np.concatenate([scale, np.full((n, 1), FLAT)], axis=1)
+    rest = np.zeros((n, REST, 3), np.float32)
+    rest[:, : arrays["harmonics"].shape[1]] = arrays["harmonics"]
+    blocks = [("xyz", position), (("nx", "ny", "nz"), np.zeros((n, 3)))]
+    if layout == "surfhead":
+        blocks.append((_numbered("blend_weight", 4), arrays["blend"]))
+    blocks += [
+        (_numbered("f_dc", 3), arrays["colour"]),
+        (_numbered("f_rest", 3 * REST), rest.transpose(0, 2, 1).reshape(n, -1)),  # channel by channel
+        (("opacity",), arrays["opacity"][:, None]),
+        (_numbered("scale", scale.shape[1]), scale),
+        (_numbered("rot", 4), rotation),
+    ]
+    if layout == "surfhead":
+        blocks.append((_numbered("f_sg", SPECULAR), np.zeros((n, SPECULAR))))
+    blocks.append((("binding_0",), arrays["binding"][:, None]))
+    return {name: value[:, k] for names, value in blocks for k, name in enumerate(names)}
+
+
+def _discs(position, rotation, scale):
+    """From GaussianAvatars' ellipsoids to discs in our axes: the smallest scale's axis becomes the normal."""
+    thin = scale.argmin(axis=1)
+    # Even permutations of the axes that bring the thin one last, as quaternions.
+    turn = np.array([[0.5, 0.5, 0.5, 0.5], [0.5, -0.5, -0.5, -0.5], [1.0, 0.0, 0.0, 0.0]])[thin]
+    order = np.array([[1, 2], [2, 0], [0, 1]])[thin]
+    rotation = _multiply(np.array([np.sqrt(0.5), np.sqrt(0.5), 0, 0]), _multiply(rotation, turn))
+    return position @ OURS_FROM_GAUSSIAN_AVATARS.T, rotation, np.take_along_axis(scale, order, axis=1)
+
+
+def _multiply(p: Float[np.ndarray, "*#n 4"], q: Float[np.ndarray, "*#n 4"]) -> Float[np.ndarray, "n 4"]:
+    """Quaternion product, wxyz."""
+    a, b, c, d = np.moveaxis(p, -1, 0)
+    w, x, y, z = np.moveaxis(q, -1, 0)
+    product = [
+        a * w - b * x - c * y - d * z,
+        a * x + b * w + c * z - d * y,
+        a * y - b * z + c * w + d * x,
+        a * z + b * y - c * x + d * w,
+    ]
+    return np.stack(product, axis=-1)
+
+
+def _numbered(name: str, count: int) -> tuple[str, ...]:
+    return tuple(f"{name}_{k}" for k in range(count))
+
+
+def _trimmed(rest: Float[np.ndarray, "n k 3"]) -> Float[np.ndarray, "n j 3"]:
+    """Without the degrees that are zero everywhere."""
+    for degree in (0, 1, 2):
+        if not rest[:, coefficients(degree) :].any():
+            return rest[:, : coefficients(degree)]
+    return rest

@@ -1,0 +1,1 @@
+"""Losses, supervision, optimisation, density control and checkpoints."""

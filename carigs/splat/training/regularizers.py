@@ -1,0 +1,95 @@
+"""Terms beside the images: surfels stay near their triangles and small; normals fit depths."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from carigs.capture import Camera
+from carigs.simd.kernels import each, kernel
+from carigs.simd.vectors import formula
+from carigs.splat.surfels.surfels import Surfels
+
+PART = 1024  # surfels whose terms are summed in order
+
+
+def pull_to_triangles(
+    surfels: Surfels,
+    seen: Bool[np.ndarray, "n"],
+    position_limit: Float[np.ndarray, "n"],
+    position_weight: float,
+    scale_limit: float,
+    scale_weight: float,
+) -> float:
+    """GaussianAvatars' thresholds, in triangle units, averaged over the `seen` surfels; adds the gradients to `.grad`.
+
+    position_weight * mean relu(|mu| - limit) + scale_weight * mean ||relu(exp(s) - limit)||.  Returns the value.
+    """
+    count = int(np.count_nonzero(seen))
+    if count == 0 or (position_weight == 0 and scale_weight == 0):
+        return 0.0
+    value = _thresholds(
+        surfels.position.detach().numpy(), surfels.log_scale.detach().numpy(), seen, position_limit,
+        position_weight / count, scale_limit, scale_weight / count,
+        surfels.position.grad.numpy(), surfels.log_scale.grad.numpy(),
+    )  # fmt: skip
+    return float(value)
+
+
+def normal_mismatch(
+    normal: Float[Tensor, "h w 3"], depth: Float[Tensor, "h w"], alpha: Float[Tensor, "h w"], camera: Camera
+) -> Float[Tensor, ""]:
+    """Mean over the pixels of sum_i w_i (1 - n_i . n_depth), 2D Gaussian splatting's normal term (Huang et al. 2024).
+
+    Normals in camera axes, weighted as rendered; n_depth is the cross product of central differences of the
+    back-projected mean depth.
+    """
+    z = depth / alpha.clamp_min(1e-6)
+    x = (torch.arange(camera.width) + 0.5 - camera.cx) / camera.fx
+    y = (torch.arange(camera.height) + 0.5 - camera.cy) / camera.fy
+    points = torch.stack([x[None, :] * z, y[:, None] * z, z], dim=2)
+    across = points[1:-1, 2:] - points[1:-1, :-2]
+    down = points[2:, 1:-1] - points[:-2, 1:-1]
+    facing = torch.nn.functional.normalize(torch.cross(down, across, dim=2), dim=2)  # towards the camera: z < 0
+    return (alpha[1:-1, 1:-1] - (normal[1:-1, 1:-1] * facing).sum(dim=2)).mean()
+
+
+@formula
+def _part_beyond(
+    part, position, log_scale, seen, position_limit, position_weight, scale_limit, log_limit, scale_weight,
+    d_position, d_log_scale, value,
+):  # fmt: skip
+    for i in range(part * PART, min((part + 1) * PART, len(seen))):
+        if not seen[i]:
+            continue
+        # Few surfels are beyond a limit: no root and no exponential for the others.
+        square = position[i, 0] ** 2 + position[i, 1] ** 2 + position[i, 2] ** 2
+        if square > position_limit[i] ** 2:
+            far = np.sqrt(square)
+            value[part] += position_weight * (far - position_limit[i])
+            for c in range(3):
+                d_position[i, c] += position_weight * position[i, c] / far
+        if log_scale[i, 0] > log_limit or log_scale[i, 1] > log_limit:
+            s, t = np.exp(log_scale[i, 0]), np.exp(log_scale[i, 1])
+            over_s, over_t = max(s - scale_limit, 0.0), max(t - scale_limit, 0.0)
+            over = np.sqrt(over_s**2 + over_t**2)
+            if over > 0:
+                value[part] += scale_weight * over
+                d_log_scale[i, 0] += scale_weight * over_s / over * s
+                d_log_scale[i, 1] += scale_weight * over_t / over * t
+
+
+@kernel
+def _thresholds(
+    position, log_scale, seen, position_limit, position_weight, scale_limit, scale_weight, d_position, d_log_scale
+):
+    log_limit = np.log(max(scale_limit, 0.0))
+    value = np.zeros((len(seen) + PART - 1) // PART)
+    each(
+        _part_beyond, len(value),
+        (position, log_scale, seen, position_limit, position_weight, scale_limit, log_limit, scale_weight,
+         d_position, d_log_scale, value),
+    )  # fmt: skip
+    return value.sum()

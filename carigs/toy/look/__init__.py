@@ -1,0 +1,1 @@
+"""The appearance of the toy subject: skin, hair, teeth, light and the renderer."""

@@ -1,0 +1,1 @@
+"""The geometry of the toy head: solids, marching tetrahedra, remeshing, the template mesh."""

@@ -1,0 +1,136 @@
+"""The procedural person's capture on disk, in the folder layout of GaussianAvatars."""
+
+from __future__ import annotations
+
+import json
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+
+from carigs.capture.camera import OPENCV_FROM_OPENGL, Camera
+from carigs.capture.images import write_png
+from carigs.errors import SettingsError
+from carigs.files import writing
+from carigs.head import HeadParameters
+from carigs.settings import Toy
+from carigs.toy.look.renderer import render_subject
+from carigs.toy.scene import TEST_SEQUENCE, Step, cameras, frontal_camera, steps
+from carigs.toy.subject import make_subject
+
+_LEAST = {
+    "width": 16,
+    "height": 16,
+    "cameras": 1,
+    "steps_per_sequence": 1,
+    "supersampling": 1,
+    "texture": 128,
+    "strands": 1,
+}
+
+
+def write_capture(folder: Path, settings: Toy) -> None:
+    """Render and write the whole capture: images, masks, parameters, splits, `head_model.npz` and `subject.npz`.
+
+    The images show exactly what `render_subject` gives for the parameters on disk.  Raises `SettingsError`.
+    """
+    for name, least in _LEAST.items():
+        if getattr(settings, name) < least:
+            raise SettingsError(f"capture.toy.{name}={getattr(settings, name)} must be at least {least}")
+    folder = Path(folder)
+    for name in ("images", "fg_masks", "flame_param"):
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    subject, rig = make_subject(settings), cameras(settings)
+    with writing(folder / "head_model.npz") as part:
+        subject.model.save(part)
+    subject.save(folder / "subject.npz")
+    timeline = steps(settings, subject.shape)
+    parameters = []
+    for t, step in enumerate(timeline):
+        step.parameters.save(folder / _parameter_file(t), subject.model)
+        parameters.append(HeadParameters.load(folder / _parameter_file(t), subject.model))
+    open_mouth = HeadParameters(shape=subject.shape, jaw=np.array([0.3, 0.0, 0.0]))
+    open_mouth.save(folder / "canonical_flame_param.npz", subject.model)
+
+    def shoot(view: tuple[int, int]) -> None:
+        t, c = view
+        colour, alpha = render_subject(subject, parameters[t], rig[c])
+        write_png(folder / _image_file(t, c), colour)
+        write_png(folder / _mask_file(t, c), alpha)
+
+    views = [(t, c) for t in range(len(timeline)) for c in range(len(rig))]
+    _in_parallel(shoot, views)
+    _write_splits(folder, timeline, rig)
+
+
+def _image_file(t: int, c: int) -> str:
+    return f"images/{t:05d}_{c:02d}.png"
+
+
+def _mask_file(t: int, c: int) -> str:
+    return f"fg_masks/{t:05d}_{c:02d}.png"
+
+
+def _parameter_file(t: int) -> str:
+    return f"flame_param/{t:05d}.npz"
+
+
+def _in_parallel(shoot, views: list[tuple[int, int]]) -> None:
+    from rich.console import Console
+    from rich.progress import track
+
+    shoot(views[0])  # compiles, if need be, once
+    with ThreadPoolExecutor(2) as pool:
+        done = pool.map(shoot, views[1:])
+        console = Console(stderr=True)
+        quiet = len(views) < 50 or not sys.stderr.isatty()
+        for _ in track(
+            done, "rendering the toy person", len(views) - 1, console=console, transient=True, disable=quiet
+        ):
+            pass
+
+
+def _write_splits(folder: Path, timeline: tuple[Step, ...], rig: tuple[Camera, ...]) -> None:
+    """Training timesteps: the frontal camera validates, the others train (a single camera does).  Test: all cameras."""
+    front = frontal_camera(rig)
+    splits: dict[str, list[tuple[int, int]]] = {"train": [], "val": [], "test": []}
+    for t, step in enumerate(timeline):
+        for c in range(len(rig)):
+            held_out = c == front and len(rig) > 1
+            split = "test" if step.sequence == TEST_SEQUENCE else ("val" if held_out else "train")
+            splits[split].append((t, c))
+    for split, views in splits.items():
+        frames = [_entry(t, c, timeline[t], rig[c]) for t, c in views]
+        content: dict[str, object] = {}
+        if frames:
+            shared = ("cx", "cy", "fl_x", "fl_y", "h", "w", "camera_angle_x", "camera_angle_y")
+            content |= {key: frames[-1][key] for key in shared}
+        content["timestep_indices"] = sorted({t for t, _ in views})
+        content["camera_indices"] = sorted({c for _, c in views})
+        content["frames"] = frames
+        with writing(folder / f"transforms_{split}.json") as part:
+            part.write_text(json.dumps(content, indent=1))
+
+
+def _entry(t: int, c: int, step: Step, camera: Camera) -> dict[str, object]:
+    return {
+        "timestep_index": t,
+        "timestep_index_original": step.step,
+        "timestep_id": f"{step.step:05d}",
+        "sequence": step.sequence,
+        "camera_index": c,
+        "camera_id": f"{c:02d}",
+        "cx": camera.cx,
+        "cy": camera.cy,
+        "fl_x": camera.fx,
+        "fl_y": camera.fy,
+        "h": camera.height,
+        "w": camera.width,
+        "camera_angle_x": float(2 * np.arctan(camera.width / (2 * camera.fx))),
+        "camera_angle_y": float(2 * np.arctan(camera.height / (2 * camera.fy))),
+        "transform_matrix": (camera.world_from_camera @ OPENCV_FROM_OPENGL).tolist(),
+        "file_path": _image_file(t, c),
+        "fg_mask_path": _mask_file(t, c),
+        "flame_param_path": _parameter_file(t),
+    }

@@ -1,0 +1,1 @@
+"""Tidy rows, bootstrap intervals and tables."""

@@ -1,0 +1,164 @@
+"""Figures: every image in its place, the blend error of a known path, the files of the stage."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from miniature import write_ball
+
+from carigs.capture import Capture, read_dataset
+from carigs.capture.images import read_rgb, write_png
+from carigs.errors import InputError, SettingsError
+from carigs.exaggeration import Exaggerator, GammaPath, straight_path
+from carigs.head import neutral
+from carigs.settings import Exaggerate, Figures
+from carigs.stages.figures import figures
+from evaluation.figures.blend_error import blend_errors, write_blend_errors
+from evaluation.figures.sheet import write_sheet
+
+
+def test_every_image_of_a_sheet_is_in_its_row_and_column(tmp_path):
+    def flat(i, j):
+        return np.full((30, 20, 3), [i / 2, j / 3, 1.0])
+
+    images = [[flat(i, j) for j in range(3)] for i in range(2)]
+    images[1][2] = None
+    write_sheet(tmp_path / "a.png", images, rows=["x", "y"], columns=list("abc"), title="t", height=60)
+    sheet = read_rgb(tmp_path / "a.png")
+    blue = (sheet[:, :, 2] > 0.99) & (sheet[:, :, :2].min(axis=2) < 0.99)
+    found = {}
+    for i in range(2):
+        for j in range(3):
+            where = blue & (np.abs(sheet[:, :, :2] - [i / 2, j / 3]).max(axis=2) < 0.01)
+            found[i, j] = (where.sum(), *np.argwhere(where).mean(axis=0)) if where.any() else None
+    assert found.pop((1, 2)) is None
+    for (i, j), (area, y, x) in found.items():
+        assert area == pytest.approx(60 * 40, rel=0.05)
+        assert y - found[0, 0][1] == pytest.approx(60 * i, abs=1.5)
+        assert x - found[0, 0][2] == pytest.approx(40 * j, abs=1.5)
+
+
+@pytest.fixture(scope="module")
+def quadratic():
+    """S_gamma = S + gamma (1 + gamma) d: three nodes reproduce it, a straight line does not."""
+    generator = np.random.default_rng(0)
+    shape, direction = generator.normal(size=(50, 3)), generator.normal(size=(50, 3))
+    levels = np.array([0, 0.125, 0.25])
+    displacements = ((levels * (1 + levels))[:, None, None] * direction).astype(np.float32)
+    path = GammaPath(levels, displacements, np.array([[0, 1, 2]]), shape)
+    return path, direction, lambda level: level * (1 + level) * direction
+
+
+def test_the_blend_error_of_a_quadratic_path_is_the_product_of_the_distances_to_its_ends(quadratic):
+    path, direction, exact = quadratic
+    diagonal = np.linalg.norm(np.ptp(path.neutral, axis=0))
+    for error in blend_errors(path, exact, 11):
+        wanted = error.level * (0.25 - error.level) * np.linalg.norm(direction, axis=1) / diagonal
+        assert error.blend_largest == pytest.approx(wanted.max(), abs=1e-12)
+        assert error.blend_rms == pytest.approx(np.sqrt((wanted**2).mean()), abs=1e-12)
+        assert error.path_largest < 1e-7 and error.path_rms <= error.path_largest
+
+
+def test_the_blend_error_does_not_depend_on_the_unit(quadratic):
+    path, _, exact = quadratic
+    scaled = GammaPath(path.levels, 1000 * path.displacements, path.faces, 1000 * path.neutral)
+    metres, millimetres = blend_errors(path, exact, 5), blend_errors(scaled, lambda level: 1000 * exact(level), 5)
+    np.testing.assert_allclose([e[:3] for e in metres], [e[:3] for e in millimetres])
+
+
+def test_blend_errors_are_written_as_numbers(quadratic, tmp_path):
+    errors = blend_errors(*quadratic[::2], 5)
+    write_blend_errors(tmp_path / "e.csv", errors)
+    with (tmp_path / "e.csv").open() as stream:
+        lines = list(csv.DictReader(stream))
+    np.testing.assert_allclose([float(line["blend_rms"]) for line in lines], [e.blend_rms for e in errors], rtol=1e-5)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """Keywords of the stage: two variants at two levels, of which one has a truth."""
+    folder = tmp_path_factory.mktemp("study")
+    read_dataset(write_ball(folder / "ball"), folder / "ball/head_model.npz").save(folder / "capture.json")
+    subject = Capture.load(folder / "capture.json")
+    shape = neutral(subject.model, subject.parameters(0))
+    settings = Exaggerate(limit_cavities=False)
+    Exaggerator(shape, subject.model.faces, settings).path(0.25).save(folder / "path.npz")
+    straight_path(shape, subject.model.faces, 0.1 * shape, 0.25).save(folder / "given.npz")
+    test = subject.split("test")
+    keywords = {"indices": [], "variants": [], "levels": [], "truths": [], "truth_levels": [0.0, 0.25]}
+    for i, variant in enumerate(("alternating", "surfhead")):
+        for level in (0.0, 0.25):
+            place = folder / f"{variant}/{level}"
+            (place / "frames/test").mkdir(parents=True)
+            entries = []
+            for frame in test:
+                write_png(place / f"frames/test/{frame.name}.png", np.full((48, 40, 3), i / 2 + level))
+                entries.append({"protocol": "test", "timestep": frame.timestep, "camera": frame.camera,
+                                "file": f"test/{frame.name}.png", "order": len(entries)})  # fmt: skip
+            (place / "frames.json").write_text(json.dumps(entries))
+            keywords["indices"].append(place / "frames.json")
+            keywords["variants"].append(variant)
+            keywords["levels"].append(level)
+    for level, reason in ((0.0, None), (0.25, "unknown")):
+        place = folder / f"truth/{level}"
+        (place / "frames").mkdir(parents=True)
+        entries = []
+        for frame in () if reason else test:
+            write_png(place / f"frames/{frame.name}.png", subject.image(frame))
+            write_png(place / f"frames/{frame.name}_mask.png", subject.mask(frame))
+            entries.append({"timestep": frame.timestep, "camera": frame.camera,
+                            "image": f"{frame.name}.png", "mask": f"{frame.name}_mask.png"})  # fmt: skip
+        (place / "truth.json").write_text(json.dumps({"level": level, "reason": reason, "frames": entries}))
+        keywords["truths"].append(place / "truth.json")
+    return folder, {**keywords, "capture": folder / "capture.json"}
+
+
+def test_a_given_caricature_gets_its_strips_and_says_why_there_is_no_blend_error(study):
+    folder, keywords = study
+    figures(Figures(height=96), **keywords, path=folder / "given.npz", folder=folder / "given")
+    names = {file.name for file in (folder / "given").iterdir()}
+    assert names == {
+        "gamma_strip_alternating.png",
+        "gamma_strip_surfhead.png",
+        "ablation.png",
+        "blend_error.txt",
+        "misregistration.txt",
+    }
+    assert "from a file" in (folder / "given/blend_error.txt").read_text()
+    # alternating | surfhead | truth against alternating | truth | error
+    assert (
+        read_rgb(folder / "given/ablation.png").shape[1] == read_rgb(folder / "given/gamma_strip_surfhead.png").shape[1]
+    )
+
+
+def test_figures_are_the_same_bytes_again(study):
+    folder, keywords = study
+    for name in ("a", "b"):
+        figures(Figures(height=96), **keywords, path=folder / "given.npz", folder=folder / name)
+    for file in (folder / "a").iterdir():
+        assert file.read_bytes() == (folder / "b" / file.name).read_bytes()
+
+
+def test_a_solved_path_gets_its_blend_error_unless_solving_again_gives_another(study):
+    folder, keywords = study
+    solved = GammaPath.load(folder / "path.npz")
+    told = {**solved.report, "settings": {"limit_cavities": False}}
+    GammaPath(solved.levels, solved.displacements, solved.faces, solved.neutral, told).save(folder / "told.npz")
+    figures(Figures(height=96, samples=5), **keywords, path=folder / "told.npz", folder=folder / "told")
+    assert {"blend_error.png", "blend_error.csv"} < {file.name for file in (folder / "told").iterdir()}
+    wrong = {**solved.report, "settings": {"limit_cavities": False, "curvature_floor": 3.0}}
+    GammaPath(solved.levels, solved.displacements, solved.faces, solved.neutral, wrong).save(folder / "wrong.npz")
+    figures(Figures(height=96, samples=5), **keywords, path=folder / "wrong.npz", folder=folder / "wrong")
+    assert "Solving again gives another" in (folder / "wrong/blend_error.txt").read_text()
+
+
+def test_a_frame_that_does_not_exist_is_an_error(study, tmp_path):
+    folder, keywords = study
+    with pytest.raises(SettingsError, match=r"figures\.camera=99"):
+        figures(Figures(camera=99), **keywords, path=folder / "given.npz", folder=folder / "none")
+    (tmp_path / "frames.json").write_text("[]")
+    with pytest.raises(InputError, match=r"frames\.json: no test frame of timestep 3, camera 1"):
+        figures(Figures(), **{**keywords, "indices": [tmp_path / "frames.json"] * 4}, path=folder / "given.npz",
+                folder=folder / "none")  # fmt: skip
+    assert not (folder / "none").exists()

@@ -1,0 +1,204 @@
+"""Regions: levels of their own, held by the rest, without a crease; sliders that add up."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from surface.test_exaggeration import PLAIN, bumpy
+from surface.test_operators import sphere
+
+from carigs.errors import SettingsError
+from carigs.exaggeration import Exaggerator
+from carigs.mesh.regions import partition_of_unity, vertex_field
+from carigs.mesh.triangle_mesh import diagonal, face_normals
+from carigs.settings import Exaggerate
+
+VERTICES, FACES = bumpy(4)
+TOP = VERTICES[:, 2] > 0.9 * VERTICES[:, 2].max()
+SIDE = np.flatnonzero(VERTICES[:, 0] > 0.9 * VERTICES[:, 0].max())
+REGIONS = {"top": TOP, "side": SIDE}
+
+
+def solver(mode: str = "soft", **chosen) -> Exaggerator:
+    return Exaggerator(VERTICES, FACES, replace(PLAIN, local=mode, **chosen), regions=REGIONS)
+
+
+def bends(vertices: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """Degrees between the normals of neighbouring faces."""
+    a, b = face_normals(vertices, FACES)[pairs.T]
+    return np.degrees(np.arccos(np.clip((a * b).sum(axis=1), -1, 1)))
+
+
+@pytest.mark.parametrize("mode", ["soft", "exact", "literal"])
+def test_the_region_moves_and_the_rest_is_held(mode):
+    edit = solver(mode).local("top")
+    moved = np.linalg.norm(edit.solve(0.25), axis=1) / diagonal(VERTICES)
+    outside = edit.field == 0
+    assert 0.2 < outside.mean() < 0.99
+    assert moved[TOP].max() > 5e-3
+    assert moved[outside].max() <= (1e-3 if mode == "soft" else 0.0)
+    assert not edit.solve(0.0).any()
+
+
+def test_an_eyeball_at_the_edge_of_an_exact_region_stays_bit_for_bit():
+    """In a socket that the region holds it follows."""
+    ball, more = sphere(2, 0.15)
+    centre = VERTICES[VERTICES[:, 2].argmax()]
+    socket = np.linalg.norm(VERTICES - centre, axis=1) < 0.4
+    beside = socket & (VERTICES[:, 0] > centre[0] + 0.12)
+    both, faces = np.vstack([VERTICES, ball + centre]), np.vstack([FACES, more + len(VERTICES)])
+    eye = Exaggerator(both, faces, replace(PLAIN, local="exact"))
+    assert eye.followers
+    for region, follows in ((socket, True), (beside, False)):
+        edit = eye.local(np.flatnonzero(region))
+        displacement = edit.solve(0.25)
+        assert displacement[eye.followers[0].around].any()  # the ramp reaches the socket
+        assert displacement[len(VERTICES) :].any() == follows
+
+
+def test_the_border_has_no_crease():
+    """Across the edges where the field ends, the angle between faces changes by far less than in the literal mode."""
+    changes = {}
+    for name in ("soft", "literal"):
+        edit = solver(name).local("top")
+        first, second = FACES, FACES[:, [1, 2, 0]]
+        edges = {}
+        for f, face in enumerate(np.sort(np.stack([first, second], axis=-1), axis=-1)):
+            for edge in map(tuple, face):
+                edges.setdefault(edge, []).append(f)
+        border = [(e, p) for e, p in edges.items() if (edit.field[e[0]] > 0) != (edit.field[e[1]] > 0)]
+        pairs = np.array([p for _, p in border])
+        change = np.abs(bends(VERTICES + edit.solve(0.25), pairs) - bends(VERTICES, pairs))
+        changes[name] = np.percentile(change, 95)
+    assert changes["soft"] < 0.5 * changes["literal"]
+
+
+def test_exact_and_literal_solve_the_constrained_least_squares():
+    """Both are the minimum of equation 4: no displacement of the free vertices makes the residual smaller."""
+    for mode in ("exact", "literal"):
+        head = solver(mode)
+        edit = head.local("top")
+        strain = edit.weights(0.25) - 1
+        free, x = edit.field > 0, edit.response(strain)
+
+        def residual(u, head=head, strain=strain):
+            r = head.system @ u - head.divergence(strain)
+            return (r**2 / head.areas[:, None]).sum()
+
+        random, least = np.random.default_rng(0), residual(x)
+        for _ in range(5):
+            step = np.where(free[:, None], random.normal(size=x.shape), 0.0)
+            t = 1e-4 * np.abs(x).max()
+            assert residual(x + t * step) > least
+            assert residual(x - t * step) > least
+            slope = (residual(x + t * step) - residual(x - t * step)) / (2 * t)
+            curve = residual(x + t * step) + residual(x - t * step) - 2 * least
+            assert abs(slope) * t < 1e-3 * curve
+
+
+def test_a_region_on_its_own_is_the_path_of_that_region():
+    head = solver()
+    path = head.path(0.25, region="side")
+    for level in (0.0, 0.1, 0.25):
+        error = np.linalg.norm(path.displacement(level) - head.local("side").solve(level), axis=1).max()
+        assert error < 1.1e-4 * diagonal(VERTICES)
+    np.testing.assert_array_equal(head.path(0.25, region=SIDE).displacements, path.displacements)
+
+
+def test_sliders_add_up_and_do_not_know_of_each_other():
+    """The sum is what one equation for both regions gives: their right-hand sides share no face."""
+    head = solver()
+    sliders = head.region_paths(0.25)
+    assert set(sliders.paths) == {"top", "side"}
+    both = sliders.displacement({"top": 0.25, "side": 0.125})
+    np.testing.assert_array_equal(
+        both, sliders.paths["top"].displacement(0.25) + sliders.paths["side"].displacement(0.125)
+    )
+    assert not sliders.displacement({}).any()
+    together = head.regions.field("top") * 0.25 + head.regions.field("side") * 0.125
+    strains = [head.local(name).weights(level) - 1 for name, level in (("top", 0.25), ("side", 0.125))]
+    np.testing.assert_allclose(sum(strains), head.face_mean(np.exp(together * head.log_curvature)) - 1, atol=1e-12)
+    with pytest.raises(SettingsError, match=r"no slider chin; known: side, top"):
+        sliders.displacement({"chin": 0.1})
+
+
+def test_regions_with_the_level_of_the_rest_change_nothing():
+    head = solver()
+    np.testing.assert_allclose(head.solve(0.25, {"top": 0.25}), head.solve(0.25), atol=1e-12)
+    path = head.path(0.25, levels={"top": 0.0})
+    assert path.displacement(0.25)[TOP].std() != pytest.approx(head.solve(0.25)[TOP].std(), rel=1e-2)
+    np.testing.assert_allclose(path.displacement(0.25), head.solve(0.25, {"top": 0.0}), atol=1e-6)
+
+
+def test_a_region_at_level_zero_has_the_weights_of_level_zero():
+    """w = 1 inside, the rest as without regions beyond the ramp."""
+    head = solver(normalise=False)
+    pace = 1 - head.regions.field("top")
+    weights, inside = head.weights(0.25, pace), TOP[FACES].all(axis=1)
+    np.testing.assert_array_equal(weights[inside], 1)
+    beyond = (pace[FACES] == 1).all(axis=1)
+    np.testing.assert_array_equal(weights[beyond], head.weights(0.25)[beyond])
+    np.testing.assert_allclose(head.response(weights - 1), head.solve(0.25, {"top": 0.0}), atol=1e-13)
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 2**31))
+def test_fields_of_overlapping_regions_share(seed):
+    random = np.random.default_rng(seed)
+    fields = random.random((3, 50)) * (random.random((3, 50)) < 0.6)
+    shared = partition_of_unity(fields)
+    assert shared.sum(axis=0).max() <= 1 + 1e-12
+    alone = fields.sum(axis=0) <= 1
+    np.testing.assert_array_equal(shared[:, alone], fields[:, alone])
+
+
+def test_masks_lists_and_painted_scalars_are_regions():
+    v = len(VERTICES)
+    np.testing.assert_array_equal(vertex_field(TOP, v), vertex_field(np.flatnonzero(TOP), v))
+    painted = np.clip(VERTICES[:, 2], 0, 1)
+    np.testing.assert_array_equal(solver().regions.field(painted), painted)
+    field = solver().regions.field("top")
+    assert (field[TOP] == 1).all()
+    assert ((field > 0) & (field < 1)).any()
+    for a, b in FACES[:, :2]:  # smooth: no jump along an edge
+        assert abs(field[a] - field[b]) < 0.75
+
+
+@pytest.mark.parametrize(
+    "region", [[], [-1], [10**6], [0.5], np.zeros(len(VERTICES), bool), np.full(len(VERTICES), 2.0), [[1, 2]], ["nose"]]
+)
+def test_what_is_no_region_is_refused(region):
+    with pytest.raises(SettingsError, match="a region"):
+        solver().local(region)
+
+
+def test_a_plural_stands_for_left_and_right():
+    head = Exaggerator(
+        VERTICES, FACES, PLAIN, regions={"left_ear": SIDE, "right_ear": np.flatnonzero(TOP), "nose": TOP}
+    )
+    np.testing.assert_array_equal(head.regions.field("ears"), head.regions.field(np.union1d(SIDE, np.flatnonzero(TOP))))
+    with pytest.raises(SettingsError, match="region noses is unknown"):
+        head.regions.field("noses")
+
+
+def test_unknown_names_say_which_are_known_and_where_names_come_from():
+    with pytest.raises(SettingsError, match=r"region nose is unknown; known: side, top \(they come with"):
+        solver().path(0.25, region="nose")
+    with pytest.raises(SettingsError, match="this mesh came without any"):
+        Exaggerator(VERTICES, FACES, PLAIN).solve(0.25, {"nose": 0.4})
+
+
+def test_a_region_that_leaves_nothing_to_hold_it_is_refused():
+    for mode in ("soft", "exact", "literal"):
+        with pytest.raises(SettingsError, match="covers a whole component"):
+            solver(mode).local(np.ones(len(VERTICES), bool))
+    with pytest.raises(SettingsError, match="use `region_paths`"):
+        solver().solve(0.0, {"top": 0.1})
+
+
+def test_units_do_not_matter_to_regions():
+    for mode in ("soft", "exact"):
+        big = Exaggerator(1e3 * VERTICES, FACES, Exaggerate(limit_cavities=False, air=0, local=mode))
+        np.testing.assert_allclose(big.local(TOP).solve(0.25), 1e3 * solver(mode).local(TOP).solve(0.25), atol=1e-6)

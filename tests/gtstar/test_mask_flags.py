@@ -1,0 +1,157 @@
+"""The reasons against a target's pixels, and that frozen triangles agree with them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from miniature import FRONTAL, ball_cameras, ball_model, picture, sheet
+
+from carigs.errors import SettingsError
+from carigs.gtstar import Reason, Target, as_bits, face_reasons, make_target
+from carigs.head import HeadModel
+from carigs.raster import visible
+from carigs.settings import EXCLUDED, Gtstar
+
+BALD = replace(ball_model(), regions={})
+
+
+def made(natural, caricature, model: HeadModel, camera, foreground=None, image=None, **changes) -> Target:
+    if foreground is None:
+        foreground = (visible(natural, model.faces, camera).face >= 0).astype(np.float32)
+    chosen = Gtstar(**{"supersampling": 1, **changes})
+    image = picture(camera) if image is None else image
+    return make_target(image, foreground, natural, caricature, camera, model, face_reasons(model, chosen), chosen)
+
+
+def mesh_model(vertices: np.ndarray, faces: np.ndarray) -> HeadModel:
+    """A head model of these triangles that nothing moves."""
+    v = len(vertices)
+    empty = {"shapedirs": (v, 3, 301), "posedirs": (v, 3, 36), "joint_regressor": (5, v), "weights": (v, 5)}
+    arrays = {name: np.zeros(shape, np.float32) for name, shape in empty.items()}
+    return replace(BALD, v_template=vertices.astype(np.float32), faces=faces, **arrays)
+
+
+def ball() -> np.ndarray:
+    return ball_model().v_template.astype(np.float64)
+
+
+@pytest.mark.parametrize("supersampling", [1, 4, 8])
+def test_level_zero_is_the_frame_and_is_valid_inside_the_mesh(supersampling):
+    camera = ball_cameras()[1]
+    image = np.random.default_rng(0).random((camera.height, camera.width, 3)).astype(np.float32)
+    target = made(ball(), ball(), BALD, camera, image=image, supersampling=supersampling)
+    on_mesh = target.caricature.face >= 0
+    np.testing.assert_allclose(target.colour[on_mesh], image[on_mesh], atol=1e-6)
+    np.testing.assert_array_equal(target.colour[~on_mesh], 1.0)
+    assert not target.reasons[on_mesh].any()
+    assert not (target.reasons[~dilated(~on_mesh)] & as_bits(EXCLUDED).value).any()
+
+
+def test_newly_visible_skin_is_found():
+    """A flap hides part of the sheet in the frame and is gone in the caricature: exactly that part was hidden."""
+    vertices, faces = sheet()
+    flap, flap_faces = sheet(4, 0.1, 0.1)
+    both = np.vstack([vertices, flap + np.array([0, 0, 0.1])])
+    moved = np.vstack([vertices, flap + np.array([5.0, 0, 0.1])])
+    model = mesh_model(both, np.vstack([faces, flap_faces + len(vertices)]))
+    target = made(both, moved, model, FRONTAL, np.ones((48, 64), np.float32))
+    natural = visible(both, model.faces, FRONTAL)
+    hidden = (natural.face >= len(faces)) & (target.caricature.face >= 0)
+    assert hidden.sum() > 80
+    np.testing.assert_array_equal((target.reasons & Reason.OCCLUDED.value) > 0, hidden)
+
+
+def test_what_turns_towards_the_camera_is_newly_visible():
+    vertices, faces = sheet(3)
+    model = mesh_model(vertices, faces)
+    target = made(vertices * [-1, 1, 1], vertices, model, FRONTAL)
+    on_mesh = target.caricature.face >= 0
+    assert on_mesh.any()
+    assert ((target.reasons[on_mesh] & Reason.NEWLY_VISIBLE.value) > 0).all()
+
+
+def test_grazing_and_stretched_triangles_are_found():
+    vertices, faces = sheet(3)
+    model = mesh_model(vertices, faces)
+    turn = np.radians(87)
+    oblique = vertices @ np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [0, 0, 1.0]]) * [1, 1, -1]
+    for natural, reason in ((oblique, Reason.GRAZING | Reason.STRETCHED), (vertices / 3, Reason.STRETCHED)):
+        target = made(natural, vertices, model, FRONTAL)
+        found = np.bitwise_or.reduce(target.reasons[target.caricature.face >= 0]) & (4 | 8)
+        assert found == reason.value
+
+
+@pytest.mark.parametrize(("degrees", "grazes"), [(88.2, False), (87.7, False), (85.0, True), (60.0, True)])
+def test_what_is_seen_as_obliquely_in_the_caricature_does_not_graze(degrees, grazes):
+    """A sheet at 88 degrees in the frame, turned: only where its cosine grows by more than a quarter."""
+    vertices, faces = sheet(3)
+    model = mesh_model(vertices, faces)
+
+    def turned(angle):
+        cosine, sine = np.cos(np.radians(angle)), np.sin(np.radians(angle))
+        return vertices @ np.array([[cosine, 0, -sine], [0, 1, 0], [0, 0, 1.0]])
+
+    target = made(turned(88.0), turned(degrees), model, FRONTAL)
+    found = target.reasons[target.caricature.face >= 0] & Reason.GRAZING.value
+    assert len(found) > 0
+    assert (found > 0).all() == grazes and (found > 0).any() == grazes
+
+
+def test_what_comes_from_beyond_the_border_is_found():
+    vertices, faces = sheet(3)
+    model = mesh_model(vertices, faces)
+    target = made(vertices + np.array([0.3, 0, 0]), vertices, model, FRONTAL)
+    _, x = np.nonzero((target.reasons & Reason.OUTSIDE_IMAGE.value) > 0)
+    assert set(x) == set(range(34, 52))  # 30 pixels to the right of them the image ends
+
+
+def test_background_is_where_nothing_is_and_where_skin_has_moved_away():
+    """The shrunken ball leaves skin behind: background from the ring around the caricature on."""
+    camera = ball_cameras()[1]
+    target = made(ball(), 0.8 * ball(), BALD, camera, background_ring=1)
+    on_mesh = target.caricature.face >= 0
+    outside = (target.reasons & Reason.OUTSIDE_MESH.value) > 0
+    np.testing.assert_array_equal(outside, ~on_mesh & dilated(on_mesh))
+    assert target.reasons[0, 0] == 0
+
+
+def test_hair_may_be_anywhere_within_its_length():
+    """A tuft stands off the ball: no background near it or the scalp, and none where it stood but plain background."""
+    model, camera = ball_model(), ball_cameras()[1]
+    foreground = (visible(ball(), model.faces, camera).face >= 0).astype(np.float32)
+    row, column = np.argwhere(foreground > 0)[0]
+    assert row > 6, "room for the tuft above the ball"
+    tuft = np.zeros_like(foreground, bool)
+    tuft[row - 6 : row, column - 1 : column + 2] = True
+    outside = {
+        hairy: (made(ball(), 0.8 * ball(), model, camera, matte).reasons & Reason.OUTSIDE_MESH.value) > 0
+        for hairy, matte in ((True, np.maximum(foreground, tuft)), (False, foreground))
+    }
+    assert outside[True][tuft].all()
+    assert (outside[True] | ~outside[False]).all() and outside[True].sum() > outside[False].sum() + tuft.sum()
+    assert not outside[True][~dilated((foreground > 0) | tuft)].any()
+
+
+def dilated(mask: np.ndarray) -> np.ndarray:
+    """The mask and its four neighbours in each pixel's direction."""
+    grown, padded = mask.copy(), np.pad(mask, 1)
+    for dy, dx in ((0, 1), (2, 1), (1, 0), (1, 2)):
+        grown |= padded[dy : dy + mask.shape[0], dx : dx + mask.shape[1]]
+    return grown
+
+
+@pytest.mark.parametrize("supersampling", [1, 2])
+def test_a_pixel_on_a_triangle_has_all_its_triangle_s_reasons(supersampling):
+    """Hence what freezes a triangle's surfels also leaves out every pixel that shows it."""
+    model, camera = ball_model(), ball_cameras()[2]
+    target = made(ball(), ball() * [1.2, 1, 1], model, camera, supersampling=supersampling)
+    of_faces = face_reasons(model, Gtstar())
+    assert (of_faces == Reason.HAIR.value).sum() > 20
+    on_mesh = target.caricature.face >= 0
+    expected = of_faces[target.caricature.face[on_mesh]]
+    np.testing.assert_array_equal(target.reasons[on_mesh] & expected, expected)
+
+
+def test_an_unknown_reason_is_named():
+    with pytest.raises(SettingsError, match=r"freckles is no reason .* occluded"):
+        as_bits(["hair", "freckles"])

@@ -1,0 +1,97 @@
+"""Light: what reaches a surface, what is learned of it from skin, and new light on pictures."""
+
+from dataclasses import replace
+
+import numpy as np
+from miniature import ball_cameras, ball_model, sheet
+from scipy.spatial.transform import Rotation
+
+from carigs.light.fitting import Observation, Shading, fibonacci_sphere, fit_light, gain, relight, transfer
+from carigs.mesh.triangle_mesh import vertex_normals
+from carigs.raster import visible
+
+BALD = replace(ball_model(), regions={})
+
+
+def ball() -> np.ndarray:
+    return ball_model().v_template.astype(np.float64)
+
+
+def test_light_from_everywhere_reaches_a_convex_surface_evenly():
+    """Irradiance of a uniform sky is 1 at every normal (to the spacing of the directions), and nothing is hidden."""
+    reach = transfer(ball(), BALD.faces, fibonacci_sphere(64))
+    np.testing.assert_allclose(reach[:, :-1].sum(axis=1), 1, atol=0.1)
+    assert np.median(reach[:, -1]) < 0.02
+
+
+def test_a_wall_keeps_light_away():
+    """Half of the sky is behind a high wall."""
+    floor, faces = sheet(21, 0.2, 0.2)
+    floor = floor[:, [1, 2, 0]]  # y is up
+    wall, wall_faces = sheet(3, 0.8, 0.8)
+    wall = wall[:, [2, 1, 0]] + [0.005, 0, 0]
+    both = np.vstack([floor, wall])
+    sky = fibonacci_sphere(64)
+    reach = transfer(both, np.vstack([faces, wall_faces + len(floor)]), sky)
+    open_floor = transfer(floor, faces, sky)
+    near = np.abs(floor).max(axis=1) < 0.03
+    assert open_floor[near, :-1].sum(axis=1).min() > 0.9
+    beside = near & (floor[:, 0] < 0)
+    assert 0.35 < np.median(reach[: len(floor)][beside, :-1].sum(axis=1)) < 0.65
+
+
+def test_light_found_from_a_turning_head_foretells_how_it_shades_another_surface():
+    """A lamp and a dim sky on a ball of spotted skin, seen in eight attitudes; then the ball is an ellipsoid."""
+    rng = np.random.default_rng(0)
+    lamp, albedo = np.array([0.6, 0.64, 0.48]), rng.uniform(0.2, 0.6, (len(ball()), 3))
+
+    def irradiance(vertices):
+        normals = vertex_normals(vertices, BALD.faces)
+        return np.maximum(normals @ lamp, 0)[:, None] * [2.0, 1.8, 1.5] + 0.3 * (1.2 + normals[:, 1:2])
+
+    turns = Rotation.from_rotvec(rng.normal(size=(8, 3))).as_matrix()
+    seen = np.ones(len(albedo))
+    observations = [Observation(ball() @ turn.T, albedo * irradiance(ball() @ turn.T), seen) for turn in turns]
+    shading = Shading(*fit_light(observations, BALD.faces), 1.0, 1e9, np.zeros(len(BALD.faces), bool))
+    flat = ball() * [1.5, 1, 0.5]
+    found = shading.factor(*(shading.transfer(vertices, BALD.faces) for vertices in (ball(), flat)))
+    true = irradiance(flat) / irradiance(ball())
+    assert np.ptp(true) > 2
+    assert np.abs(np.log(found / true)).mean() < 0.04
+
+
+def test_a_timestep_without_skin_changes_nothing():
+    """Whichever timesteps the first look would have taken."""
+    rng = np.random.default_rng(1)
+    seen = np.ones(len(ball()))
+    one, other = (Observation(ball() * stretch, rng.random((len(ball()), 3)), seen) for stretch in (1, [1, 1.2, 0.8]))
+    unseen = Observation(ball(), np.zeros((len(ball()), 3)), 0 * seen)
+    for found, expected in zip(
+        fit_light([unseen, one, unseen, other, unseen], BALD.faces), fit_light([one, other], BALD.faces), strict=True
+    ):
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_no_skin_no_light():
+    """Nothing was seen: nothing changes."""
+    unseen = Observation(ball(), np.zeros((len(ball()), 3)), np.zeros(len(ball())))
+    _, light = fit_light([unseen], BALD.faces)
+    assert (light == 0).all()
+
+
+def test_gain_is_one_without_a_change_and_bounded_with_any():
+    rng = np.random.default_rng(0)
+    light = rng.random((65, 3))
+    one, other = rng.random((2, 50, 65)).astype(np.float32) ** 8
+    np.testing.assert_array_equal(gain(light, one, one, 0.7, 2.0), 1.0)
+    bounded = gain(light, one * 1e-4, other, 1.0, 2.0)
+    assert bounded.max() <= 2.0
+    np.testing.assert_allclose(gain(light, one, other, 1.0, 1e9) * gain(light, other, one, 1.0, 1e9), 1, rtol=1e-5)
+    np.testing.assert_array_equal(gain(np.zeros_like(light), one, other, 1.0, 2.0), 1.0)
+
+
+def test_relit_with_factor_one_is_the_same_picture():
+    seen = visible(ball(), BALD.faces, ball_cameras()[0])
+    image = np.random.default_rng(0).random((48, 40, 3)).astype(np.float32)
+    lit = relight(image, seen, np.ones((len(ball()), 3)), np.zeros(len(BALD.faces), bool))
+    np.testing.assert_allclose(lit, image, atol=1e-6)

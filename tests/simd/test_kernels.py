@@ -1,0 +1,99 @@
+"""Kernels run their tasks on all threads, and are compiled by one process for all."""
+
+import os
+import subprocess
+import sys
+
+import numba
+import numpy as np
+import pytest
+from numba import njit
+
+from carigs.simd.kernels import OWNER, PIECE, each, kernel
+
+
+@njit(**PIECE)
+def note(i, seen, factor):
+    if i == len(seen) - 1 and factor < 0:
+        raise ValueError("negative")
+    seen[i] += factor * i
+
+
+@kernel
+def note_all(seen, factor):
+    each(note, len(seen), (seen, factor))
+
+
+@njit(**OWNER)
+def fill(i, seen, *others):
+    scratch = np.full(3, i)
+    seen[i] = scratch.sum() + others[0] + others[1][i]
+
+
+@kernel
+def fill_all(seen, *others):
+    each(fill, len(seen), (seen, *others))
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("count", [0, 1, 7, 1000])
+def test_every_task_runs_once(threads, count):
+    before = numba.get_num_threads()
+    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
+    try:
+        seen = np.zeros(count)
+        note_all(seen, 2.0)
+        np.testing.assert_array_equal(seen, 2 * np.arange(count))
+        fill_all(seen, 5, np.arange(count))
+        np.testing.assert_array_equal(seen, 4 * np.arange(count) + 5)
+    finally:
+        numba.set_num_threads(before)
+
+
+def test_an_error_of_a_task_is_raised():
+    with pytest.raises(ValueError, match="negative"):
+        note_all(np.zeros(100), -1.0)
+    note_all(np.zeros(100), 1.0)
+
+
+MODULE = """
+import os, sys, time
+from numba.extending import intrinsic
+from carigs.simd.kernels import kernel
+
+@intrinsic
+def slowly(typingctx, x):
+    print("compiling", flush=True)
+    time.sleep(float(os.environ["SECONDS"]))
+    return x(x), lambda context, builder, signature, values: values[0]
+
+@kernel
+def twice(x):
+    return 2 * slowly(x)
+"""
+
+
+def start(folder, seconds):
+    """A process that calls a kernel whose compilation takes that long."""
+    (folder / "slow_kernel.py").write_text(MODULE)
+    path = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", ""), os.getcwd()])
+    setting = {"NUMBA_CACHE_DIR": str(folder / "cache"), "SECONDS": str(seconds), "PYTHONPATH": path}
+    code = "from slow_kernel import twice; print(twice(21), flush=True)"
+    return subprocess.Popen(
+        [sys.executable, "-c", code], env={**os.environ, **setting}, stdout=subprocess.PIPE, text=True
+    )
+
+
+def test_of_two_processes_one_compiles(tmp_path):
+    both = [start(tmp_path, 2) for _ in range(2)]
+    outputs = [process.communicate(timeout=100)[0].split() for process in both]
+    assert [output[-1] for output in outputs] == ["42", "42"]
+    assert sum(output.count("compiling") > 0 for output in outputs) == 1
+
+
+def test_a_process_killed_while_it_compiles_blocks_nobody(tmp_path):
+    with start(tmp_path, 1000) as killed:
+        assert killed.stdout.readline() == "compiling\n"
+        waiting = start(tmp_path, 0)
+        killed.kill()
+    assert waiting.communicate(timeout=100)[0].split()[-1] == "42"

@@ -1,0 +1,262 @@
+"""Surfels and their way into the world: skinning, its gradient, colours, the first surfels."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from carigs.settings import Train
+from carigs.splat.colour.appearance import seen_colour
+from carigs.splat.colour.spherical_harmonics import SH_BASE, coefficients
+from carigs.splat.rig.face_motion import FaceMotion
+from carigs.splat.rig.rig import build_rig, face_motion, jacobians
+from carigs.splat.rig.skinning import skin
+from carigs.splat.surfels.initialization import place
+from carigs.splat.surfels.surfels import ATTRIBUTES, Surfels, plain, to_arrays
+
+
+@pytest.fixture(scope="module")
+def ball():
+    mesh = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
+    return np.asarray(mesh.vertices) * [1.0, 1.3, 0.8], np.asarray(mesh.faces)
+
+
+def random_surfels(n: int, faces: int, seed: int = 0) -> Surfels:
+    rng = np.random.default_rng(seed)
+    surfels = plain(rng.integers(0, faces, n), rng.normal(size=(n, 3)), rng.random(n) + 0.2, 0.7, rng.random((n, 3)))
+    for _, value in surfels.attributes():
+        value.data += torch.from_numpy(rng.normal(size=tuple(value.shape)) * 0.5).float()
+    return surfels
+
+
+def bent(vertices):
+    """A smooth non-rigid motion."""
+    x, y, z = vertices.T
+    angle = 6 * y
+    return np.stack(
+        [x * np.cos(angle) - z * np.sin(angle), 1.2 * y, x * np.sin(angle) + z * np.cos(angle) + x * x], axis=1
+    )
+
+
+def test_affine_motion_is_carried_exactly_with_any_blend_weights(ball):
+    """All triangles share U and P, so blending them changes nothing: centre and tangents move by the affine map."""
+    vertices, faces = ball
+    rig = build_rig(vertices, faces)
+    surfels = random_surfels(300, len(faces))
+    similarity = 1.3 * Rotation.from_rotvec([0.5, -2.5, 0.4]).as_matrix()
+    rest = skin(surfels, rig, face_motion(rig, vertices))
+    moved = skin(surfels, rig, face_motion(rig, vertices @ similarity.T + [0.1, 0.2, 0.3]))
+    expected = rest.centre.detach().numpy() @ similarity.T + [0.1, 0.2, 0.3]
+    np.testing.assert_allclose(moved.centre.detach().numpy(), expected, atol=2e-6)
+    for name in ("tangent_u", "tangent_v"):
+        expected = getattr(rest, name).detach().numpy() @ similarity.T
+        np.testing.assert_allclose(getattr(moved, name).detach().numpy(), expected, atol=2e-6)
+
+
+def test_at_rest_a_surfel_lies_where_its_triangle_puts_it(ball):
+    vertices, faces = ball
+    rig = build_rig(vertices, faces)
+    surfels = plain(np.array([7]), np.array([[0.2, -0.1, 0.5]]), np.array([0.4]), 0.8, np.array([[0.1, 0.5, 0.9]]))
+    world = skin(surfels, rig, face_motion(rig, vertices))
+    corners = vertices[faces[7]]
+    edge = corners[1] - corners[0]
+    normal = np.cross(edge, corners[2] - corners[0])
+    edge, normal = edge / np.linalg.norm(edge), normal / np.linalg.norm(normal)
+    towards = np.cross(normal, edge)
+    k = (np.linalg.norm(corners[1] - corners[0]) + towards @ (corners[2] - corners[0])) / 2
+    centre = corners.mean(axis=0) + k * (0.2 * edge - 0.1 * towards + 0.5 * normal)
+    np.testing.assert_allclose(world.centre[0].detach().numpy(), centre, atol=1e-7)
+    np.testing.assert_allclose(world.tangent_u[0].detach().numpy(), 0.4 * k * edge, atol=1e-7)
+    np.testing.assert_allclose(world.tangent_v[0].detach().numpy(), 0.4 * k * towards, atol=1e-7)
+    assert world.opacity.item() == pytest.approx(0.8)
+    colour = seen_colour(surfels.colour, surfels.harmonics, None, None, surfels.binding)
+    np.testing.assert_allclose(colour[0].detach().numpy(), [0.1, 0.5, 0.9], atol=1e-6)
+
+
+def test_without_blending_only_the_own_jacobian_acts(ball):
+    vertices, faces = ball
+    rig = build_rig(vertices, faces)
+    motion = face_motion(rig, bent(vertices))
+    surfels = random_surfels(200, len(faces))
+    world = skin(surfels, rig, motion, blend=False)
+    local = np.einsum("nij,nj->ni", rig.frame[surfels.binding], surfels.position.detach().numpy())
+    expected = motion.centre[surfels.binding] + np.einsum("nij,nj->ni", jacobians(motion)[surfels.binding], local)
+    np.testing.assert_allclose(world.centre.detach().numpy(), expected, atol=2e-6)
+
+
+def test_blending_follows_the_formula(ball):
+    """Against scipy's rotation vectors: J_b = U exp(sum v_i log(U^T U_i)) sum v_i P_i."""
+    vertices, faces = ball
+    rig = build_rig(vertices, faces)
+    motion = face_motion(rig, bent(vertices))
+    surfels = random_surfels(100, len(faces))
+    eye = np.array([0.1, -0.2, 1.0])
+    world = skin(surfels, rig, motion, eye=eye)
+    weight = 1 / (1 + np.exp(-surfels.blend.detach().numpy().astype(float)))
+    weight /= weight.sum(axis=1, keepdims=True)
+    around = np.concatenate([surfels.binding[:, None], rig.neighbours[surfels.binding]], axis=1)
+    own = Rotation.from_matrix(motion.rotation[surfels.binding])
+    vector = sum(
+        weight[:, [i]] * (own.inv() * Rotation.from_matrix(motion.rotation[around[:, i]])).as_rotvec() for i in range(4)
+    )
+    stretch = motion.stretch[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
+    rotation = (own * Rotation.from_rotvec(vector)).as_matrix()
+    jacobian = rotation @ np.einsum("ns,nsij->nij", weight, stretch[around])
+    local = np.einsum("nij,nj->ni", rig.frame[surfels.binding], surfels.position.detach().numpy())
+    expected = motion.centre[surfels.binding] + np.einsum("nij,nj->ni", jacobian, local)
+    np.testing.assert_allclose(world.centre.detach().numpy(), expected, atol=3e-6)
+    away = expected - eye
+    seen = np.einsum("nji,nj->ni", rotation, away / np.linalg.norm(away, axis=1, keepdims=True))
+    np.testing.assert_allclose(world.direction.detach().numpy(), seen, atol=3e-6)
+
+
+@pytest.mark.parametrize("blend", [True, False])
+@pytest.mark.parametrize("turning", [True, False])
+def test_gradients_are_those_of_finite_differences(ball, blend, turning):
+    """Of the surfels, and of the triangles' motion, each number of which may change by itself."""
+    vertices, faces = ball
+    rig = build_rig(vertices, faces)
+    rows = torch.from_numpy(face_motion(rig, bent(vertices)).rows).double().requires_grad_(True)
+    surfels = random_surfels(5, len(faces))
+    names = [name for name in ATTRIBUTES if name not in ("colour", "harmonics")]
+    leaves = [getattr(surfels, name).detach().double().requires_grad_(True) for name in names]
+    used = np.unique([surfels.binding, *rig.neighbours[surfels.binding].T])
+
+    def outputs(some, *values):
+        doubled = replace(surfels, **dict(zip(names, values, strict=True)))
+        motion = FaceMotion(rows.detach().index_put((torch.from_numpy(used),), some))
+        return skin(doubled, rig, motion, blend=blend, eye=np.array([0.1, -0.2, 1.0]), turning=turning)
+
+    some = rows.detach()[used].requires_grad_(True)
+    assert torch.autograd.gradcheck(outputs, [some, *leaves], eps=1e-6, atol=1e-8, rtol=1e-5)
+
+
+@pytest.mark.parametrize("blend", [True, False])
+def test_sixteen_at_a_time_is_the_same_as_one_by_one(ball, blend):
+    """Float32 goes through vectors, float64 through scalars: the same formulas, and 1001 is no multiple of sixteen."""
+    vertices, faces = ball
+    rig = build_rig(vertices, faces)
+    motion = face_motion(rig, bent(vertices))
+    surfels = random_surfels(1001, len(faces))
+    doubled = Surfels(
+        **{name: value.detach().double().requires_grad_(True) for name, value in surfels.attributes()},
+        binding=surfels.binding,
+    )
+    results = []
+    for some in (surfels, doubled):
+        world = skin(some, rig, motion, blend=blend, eye=np.array([0.1, -0.2, 1.0]))
+        generator = torch.Generator().manual_seed(1)
+        upstream = [torch.randn(t.shape, generator=generator).to(t.dtype) for t in world]
+        torch.autograd.backward(world, upstream)
+        gradients = [v.grad for n, v in some.attributes() if n not in ("colour", "harmonics")]
+        results.append(([t.detach() for t in world], gradients))
+    for single, double in zip(*(values for values, _ in results), strict=True):
+        torch.testing.assert_close(single.double(), double.double(), rtol=1e-5, atol=1e-6)
+    for single, double in zip(*(gradients for _, gradients in results), strict=True):
+        torch.testing.assert_close(single.double(), double, rtol=1e-4, atol=1e-6 * double.abs().max().item())
+
+
+def test_gradients_do_not_depend_on_the_number_of_threads(ball):
+    import numba
+
+    vertices, faces = ball
+    rig = build_rig(vertices, faces)
+    motion = face_motion(rig, bent(vertices))
+    seen = []
+    for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
+        numba.set_num_threads(threads)
+        surfels = random_surfels(1001, len(faces))
+        world = skin(surfels, rig, motion)
+        torch.autograd.backward(world[:4], [torch.ones_like(t) for t in world[:4]])
+        seen.append(
+            b"".join(v.grad.numpy().tobytes() for v in (v for _, v in surfels.attributes()) if v.grad is not None)
+        )
+    assert seen[0] == seen[1]
+
+
+def test_harmonics_are_orthonormal():
+    """Gauss-Legendre in z, equal steps in azimuth: exact for the products of degree 6."""
+    z, weight = np.polynomial.legendre.leggauss(8)
+    angle = 2 * np.pi * np.arange(16) / 16
+    r = np.sqrt(1 - z * z)[:, None]
+    direction = np.stack([r * np.cos(angle), r * np.sin(angle), np.broadcast_to(z[:, None], (8, 16))], axis=2).reshape(
+        -1, 3
+    )
+    values = np.empty((len(direction), coefficients(3)))
+    for k in range(coefficients(3)):  # each function alone, in red
+        one = torch.zeros(len(direction), coefficients(3), 3, dtype=torch.float64)
+        one[:, k, 0] = 1
+        grey = torch.full((len(direction), 3), 8.0, dtype=torch.float64)  # nothing is below 0
+        colour = seen_colour(grey, one, torch.from_numpy(direction), None, np.zeros(len(direction), np.int32))
+        values[:, k] = colour[:, 0] - 0.5 - 8.0 * SH_BASE
+    gram = np.einsum("n,ni,nj->ij", np.repeat(weight, 16) * 2 * np.pi / 16, values, values)
+    np.testing.assert_allclose(gram, np.eye(coefficients(3)), atol=1e-12)
+
+
+def test_directions_are_the_same_when_head_and_eye_turn_together(ball):
+    """So view-dependent colour turns with the head."""
+    vertices, faces = ball
+    rig, surfels, eye = build_rig(vertices, faces), random_surfels(50, len(faces)), np.array([0.0, 0.3, 0.4])
+    turn = Rotation.from_rotvec([0.3, 1.2, -0.5]).as_matrix()
+    still = skin(surfels, rig, face_motion(rig, bent(vertices)), eye=eye)
+    turned = skin(surfels, rig, face_motion(rig, bent(vertices) @ turn.T), eye=turn @ eye)
+    torch.testing.assert_close(turned.direction, still.direction, rtol=0, atol=5e-6)
+
+
+@pytest.mark.parametrize("lit", [True, False])
+@pytest.mark.parametrize("degree", [0, 1, 2, 3])
+def test_gradients_of_the_colour_are_those_of_finite_differences_in_vectors_too(degree, lit):
+    """About half of the colours would be below 0."""
+    rng = np.random.default_rng(degree)
+    sizes = [(37, 3), (37, coefficients(degree), 3), (37, 3)][: 3 if degree else 1]
+    double = [torch.from_numpy(rng.normal(-0.3, 1.5, size)).requires_grad_(True) for size in sizes]
+    shade = rng.uniform(0.5, 1.5, (7, 3)).astype(np.float32) if lit else None
+    binding = rng.integers(0, 7, 37).astype(np.int32)
+
+    def colour(base, harmonics=None, direction=None):
+        harmonics = base.new_empty(len(base), 0, 3) if harmonics is None else harmonics
+        return seen_colour(base, harmonics, direction, shade, binding[: len(base)])
+
+    assert torch.autograd.gradcheck(colour, [leaf[:5].detach().requires_grad_(True) for leaf in double], atol=1e-7)
+    single = [leaf.detach().float().requires_grad_(True) for leaf in double]
+    seen, expected = colour(*single), colour(*double)
+    assert 0.1 < (expected == 0).float().mean() < 0.9
+    torch.testing.assert_close(seen.double(), expected, rtol=1e-5, atol=1e-4)
+    upstream = torch.from_numpy(rng.normal(size=(37, 3)))
+    expected.backward(upstream)
+    seen.backward(upstream.float())
+    for a, b in zip(single, double, strict=True):
+        torch.testing.assert_close(a.grad.double(), b.grad, rtol=1e-4, atol=1e-4)
+
+
+def test_first_surfels_lie_in_their_triangles_and_hair_stands_on_them(ball):
+    vertices, faces = ball
+    rig = build_rig(vertices, faces)
+    hair = vertices[faces][:, :, 1].min(axis=1) > 0.05
+    settings = Train(surfels_per_face=4, hair_layers=3, hair_length=0.012)
+    binding, position, scale = place(settings, rig, hair)
+    assert len(binding) == 4 * len(faces) + 3 * hair.sum()
+    assert (scale > 0).all()
+    point = np.einsum("nij,nj->ni", rig.frame[binding], position)  # relative to the centroid, in metres
+    corners = vertices[faces[binding]] - vertices[faces[binding]].mean(axis=1, keepdims=True)
+    normal = rig.frame[binding, :, 2] / rig.scale[binding, None]
+    height = np.einsum("nc,nc->n", point, normal)
+    on_skin = np.arange(len(binding)) < 4 * len(faces)
+    np.testing.assert_allclose(height[on_skin], 0, atol=1e-7)
+    np.testing.assert_allclose(np.unique(height[~on_skin].round(6)), [0.004, 0.008, 0.012])
+    foot = point - height[:, None] * normal
+    solved = np.linalg.solve(np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], normal], 2),
+                             (foot - corners[:, 0])[..., None])[:, :2, 0]  # fmt: skip
+    assert solved.min() > -1e-5
+    assert solved.sum(axis=1).max() < 1 + 1e-5
+
+
+def test_surfels_are_sorted_by_triangle_with_their_attributes():
+    surfels = plain(np.array([3, 1, 2]), np.diag([1.0, 2, 3]), np.ones(3), 0.5, np.diag([0.3, 0.6, 0.9]), sh_degree=2)
+    np.testing.assert_array_equal(surfels.binding, [1, 2, 3])
+    np.testing.assert_array_equal(surfels.position.detach().numpy(), [[0, 2, 0], [0, 0, 3], [1, 0, 0]])
+    assert surfels.sh_degree == 2
+    assert set(to_arrays(surfels)) == {*ATTRIBUTES, "binding"}

@@ -1,0 +1,125 @@
+"""The tracked head learns with the surfels: its pose in torch, its gradient, where it goes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from miniature import write_ball
+
+from carigs.capture import read_dataset
+from carigs.exaggeration.gamma_path import straight_path
+from carigs.head import HeadParameters, neutral, pose
+from carigs.head.model import N_SHAPE
+from carigs.settings import Density, Train, Tune
+from carigs.splat.rig.head_sequence import perform
+from carigs.splat.surfels.surfels import to_arrays
+from carigs.splat.training.supervision import Supervision
+from carigs.splat.training.tracking_refinement import Codes, HeadTuning, PosableHead
+from carigs.splat.training.trainer import train_surfels
+
+TUNED = Train(
+    iterations=40, caricature_share=0.0, hair_layers=0, density=Density(every=0),
+    tune=Tune(head=True, translation_rate=2e-4, rotation_rate=2e-3),
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("ball")
+    write_ball(folder)
+    return read_dataset(folder, folder / "head_model.npz")
+
+
+@pytest.fixture
+def performance(capture):
+    rest = neutral(capture.model, capture.parameters(0))
+    return perform(capture, straight_path(rest, capture.model.faces, rest * [0.3, 0, 0], 0.25))
+
+
+def random_parameters(seed: int) -> HeadParameters:
+    rng = np.random.default_rng(seed)
+    names = ("translation", "rotation", "neck", "jaw")
+    return HeadParameters(
+        **{name: 0.3 * rng.normal(size=3) for name in names}, eyes=0.3 * rng.normal(size=6),
+        expression=rng.normal(size=100),
+    )  # fmt: skip
+
+
+def full_model(model):
+    """The ball with expressions, correctives and joints that all move something."""
+    rng, v = np.random.default_rng(0), len(model.v_template)
+    shapedirs = np.zeros((v, 3, N_SHAPE + 100), np.float32)
+    shapedirs[:, :, N_SHAPE + np.array([0, 3, 7])] = 0.003 * rng.normal(size=(v, 3, 3))
+    weights = rng.random((v, 5))
+    return replace(
+        model, shapedirs=shapedirs, posedirs=(1e-3 * rng.normal(size=(v, 3, 36))).astype(np.float32),
+        weights=(weights / weights.sum(axis=1, keepdims=True)).astype(np.float32),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_pose_in_torch_is_the_pose(capture, seed):
+    model, parameters = full_model(capture.model), random_parameters(seed)
+    head = PosableHead(model)
+    np.testing.assert_array_equal(head.used, [0, 3, 7])
+    posed = head.pose(Codes(parameters, head.used)).detach().numpy()
+    np.testing.assert_allclose(posed, pose(model, parameters), atol=1e-6)  # codes are float32
+
+
+def test_the_gradient_of_the_codes_is_that_of_finite_differences_also_at_rest(capture):
+    head = PosableHead(full_model(capture.model))
+    upstream = torch.from_numpy(np.random.default_rng(3).normal(size=capture.model.v_template.shape))
+    for parameters in (HeadParameters(), random_parameters(4)):
+        codes = Codes(parameters, head.used)
+        leaves = {name: row.detach().double().requires_grad_(True) for name, row in codes.attributes()}
+
+        def value(*rows, names=tuple(leaves)):
+            moved = Codes(HeadParameters(), head.used)
+            for name, row in zip(names, rows, strict=True):
+                setattr(moved, name, row)
+            return (head.pose(moved) * upstream).sum()
+
+        assert torch.autograd.gradcheck(value, tuple(leaves.values()), eps=1e-6, atol=1e-7)
+
+
+def test_timesteps_that_were_tracked_apart_come_together(capture, performance, tmp_path):
+    """What all have in common, the surfels can take over: only where they differ is there a right answer."""
+    true = {t: performance.posed(t, 0.0) for t in performance.parameters}
+    first, *others = sorted({frame.timestep for frame in capture.split("train")})
+    wrong = np.array([0.004, -0.003, 0.0])
+    for t in others:
+        before = performance.parameters[t]
+        performance.move(t, replace(before, translation=before.translation + wrong))
+    train_surfels(replace(TUNED, iterations=150), performance, Supervision(capture), tmp_path / "c")
+    error = {t: (performance.posed(t, 0.0) - true[t]).mean(axis=0) for t in (first, *others)}
+    apart = [np.linalg.norm(error[t] - error[first]) for t in others]
+    assert max(apart) < 0.5 * np.linalg.norm(wrong)
+
+
+def test_a_run_that_was_interrupted_ends_where_one_in_a_single_sitting_does(capture, performance, tmp_path):
+    def run(checkpoint, watch=None):
+        own = replace(performance, parameters=dict(performance.parameters))
+        settings = replace(TUNED, checkpoint_seconds=0.0)
+        surfels, _ = train_surfels(settings, own, Supervision(capture), checkpoint, watch)
+        codes = [getattr(own.parameters[t], name) for t in own.parameters for name in ("translation", "jaw")]
+        return b"".join(value.tobytes() for value in (*to_arrays(surfels).values(), *codes))
+
+    class Killed(Exception):
+        pass
+
+    def kill(state):
+        if state.iteration == 25:
+            raise Killed
+
+    whole = run(tmp_path / "whole")
+    with pytest.raises(Killed):
+        run(tmp_path / "parts", kill)
+    assert run(tmp_path / "parts") == whole
+
+
+def test_timesteps_that_are_not_trained_on_stay(capture, performance):
+    trained = sorted({frame.timestep for frame in capture.split("train")})
+    tuning = HeadTuning(performance, trained)
+    assert sorted(tuning.codes) == trained
+    assert set(performance.parameters) - set(trained)

@@ -1,0 +1,335 @@
+"""Training on the miniature subject: schedules, updates, freezing, resuming, repeatability."""
+
+import json
+from dataclasses import replace
+
+import numba
+import numpy as np
+import pytest
+import torch
+from miniature import write_ball
+
+from carigs.capture import Camera, read_dataset
+from carigs.capture.images import write_bits, write_png
+from carigs.capture.target_index import read_targets
+from carigs.errors import InputError
+from carigs.exaggeration.gamma_path import straight_path
+from carigs.gtstar import Reason
+from carigs.head import neutral
+from carigs.settings import EXCLUDED, Density, Train
+from carigs.splat.rig.head_sequence import perform
+from carigs.splat.surfels.surfels import plain, to_arrays
+from carigs.splat.training import trainer
+from carigs.splat.training.adam import Adam
+from carigs.splat.training.regularizers import normal_mismatch, pull_to_triangles
+from carigs.splat.training.supervision import Supervision, draw_schedule
+from carigs.splat.training.trainer import learning_rates, train_surfels
+
+LEVELS = (0.1, 0.25)
+SETTINGS = Train(
+    iterations=30,
+    hair_layers=2,
+    hair_length=0.01,
+    log_every=5,
+    density=Density(start=10, stop=28, every=6, gradient=1e-5, max_surfels=2200),
+)
+
+
+@pytest.fixture(scope="module")
+def subject(tmp_path_factory):
+    """The ball, a caricature of it that is wider, and targets whose scalp is masked."""
+    folder = tmp_path_factory.mktemp("ball")
+    write_ball(folder)
+    capture = read_dataset(folder, folder / "head_model.npz")
+    rest = neutral(capture.model, capture.parameters(0))
+    path = straight_path(rest, capture.model.faces, rest * [0.3, 0, 0], 0.25)
+    return capture, perform(capture, path), {level: write_targets(folder, capture, level) for level in LEVELS}
+
+
+def write_targets(folder, capture, level):
+    """Mirrored frames, the darker the higher the level, whose upper part is masked; returns their index."""
+    images = folder / f"level={level}"
+    images.mkdir()
+    entries = []
+    for frame in capture.split("train"):
+        names = {"image": f"{frame.name}.png", "reasons": f"{frame.name}_reasons.png"}
+        write_png(images / names["image"], (1 - level) * capture.image(frame)[:, ::-1])
+        reasons = np.zeros(capture.mask(frame).shape, np.uint16)
+        reasons[:12] = Reason.HAIR.value
+        write_bits(images / names["reasons"], reasons)
+        entries.append({"timestep": frame.timestep, "camera": frame.camera, **names})
+    np.save(images / "faces.npy", np.where(capture.model.face_region("scalp"), Reason.HAIR.value, 0).astype(np.uint16))
+    index = folder / f"level={level}.json"
+    index.write_text(json.dumps({"level": level, "folder": images.name, "targets": entries}))
+    return index
+
+
+def supervise(subject, *levels, exclude=EXCLUDED):
+    capture, _, indices = subject
+    return Supervision(capture, [read_targets(indices[level], capture) for level in levels], exclude)
+
+
+def run(subject, checkpoint, at=(0.25,), **changes):
+    settings, performance = replace(SETTINGS, **changes), subject[1]
+    supervision = supervise(subject, *at, exclude=settings.exclude)
+    return train_surfels(settings, performance, supervision, checkpoint)
+
+
+def as_bytes(surfels):
+    return b"".join(value.tobytes() for value in to_arrays(surfels).values())
+
+
+def figures(rows):
+    """The log without the clock."""
+    return [(row[0], *row[2:]) for row in rows]
+
+
+def test_training_brings_the_images_closer(subject, tmp_path, capsys):
+    _, rows = run(subject, tmp_path / "c", caricature_share=0.0, iterations=60)
+    psnr = [row[4] for row in rows]
+    assert psnr[-1] > psnr[0] + 2
+    assert rows[-1][3] < 0.7 * rows[0][3]
+    assert "train 60/60" in capsys.readouterr().err
+
+
+def test_equal_settings_give_equal_bytes_at_any_number_of_threads(subject, tmp_path):
+    results = []
+    for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
+        numba.set_num_threads(threads)
+        torch.set_num_threads(threads)
+        results.append(run(subject, tmp_path / "c", sh_degree=1))
+    assert as_bytes(results[0][0]) == as_bytes(results[1][0])
+    assert figures(results[0][1]) == figures(results[1][1])
+
+
+def test_a_killed_run_goes_on_to_the_same_bytes(subject, tmp_path, monkeypatch):
+    surfels, rows = run(subject, tmp_path / "none")
+    assert len({row[5] for row in rows}) > 1  # density control was at work
+    steps = 0
+    photometric = trainer.photometric
+
+    def killed(*arguments):
+        nonlocal steps
+        steps += 1
+        if steps == 18:
+            raise KeyboardInterrupt
+        return photometric(*arguments)
+
+    monkeypatch.setattr(trainer, "photometric", killed)
+    with pytest.raises(KeyboardInterrupt):
+        run(subject, tmp_path / "state", checkpoint_seconds=0.0)
+    resumed, resumed_rows = run(subject, tmp_path / "state")
+    assert steps < 18 + 15  # it did not start again
+    assert as_bytes(resumed) == as_bytes(surfels)
+    assert figures(resumed_rows) == figures(rows)
+
+
+def test_a_checkpoint_of_another_run_is_not_gone_on_with(subject, tmp_path, monkeypatch):
+    surfels, _ = run(subject, tmp_path / "none", iterations=8)
+    monkeypatch.setattr(trainer, "progress", _killing_after(5))
+    with pytest.raises(KeyboardInterrupt):
+        run(subject, tmp_path / "state", iterations=8, seed=1, checkpoint_seconds=0.0)
+    monkeypatch.undo()
+    assert (tmp_path / "state").is_file()
+    assert as_bytes(run(subject, tmp_path / "state", iterations=8)[0]) == as_bytes(surfels)
+    (tmp_path / "state").write_bytes(b"half of a")
+    assert as_bytes(run(subject, tmp_path / "state", iterations=8)[0]) == as_bytes(surfels)
+
+
+def _killing_after(steps):
+    from contextlib import contextmanager
+
+    @contextmanager
+    def progress(*_):
+        def report(done, **_):
+            if done > steps:
+                raise KeyboardInterrupt
+
+        yield report
+
+    return progress
+
+
+def test_frozen_surfels_do_not_change_at_all_in_caricature_steps(subject, tmp_path):
+    """Neither values nor moments, although momentum of the real steps before would carry them on."""
+    capture = subject[0]
+    seen = {"frozen": 0, "free": 0}
+    step = Adam.step
+
+    class Watch(Adam):
+        def step(self, surfels, rates, frozen=None):
+            before = {name: value.detach().clone() for name, value in surfels.attributes()}
+            moments = [{k: v.copy() for k, v in m.items()} for m in (self.first, self.second)]
+            step(self, surfels, rates, frozen)
+            if frozen is None:
+                return
+            assert (frozen == capture.model.face_region("scalp")[surfels.binding]).all()
+            for name, value in surfels.attributes():
+                assert torch.equal(value[frozen], before[name][frozen])
+                np.testing.assert_array_equal(self.first[name][frozen], moments[0][name][frozen])
+                np.testing.assert_array_equal(self.second[name][frozen], moments[1][name][frozen])
+                seen["frozen"] += np.count_nonzero(moments[0][name][frozen])  # there was momentum
+                seen["free"] += int((value[~frozen] != before[name][~frozen]).sum())
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trainer, "Adam", Watch)
+        run(subject, tmp_path / "c", density=Density(every=0))
+    assert seen["frozen"] > 0
+    assert seen["free"] > 0
+
+
+def test_without_masks_nothing_is_frozen(subject):
+    example = supervise(subject, 0.25, exclude=()).example(True, 0)
+    assert example.frozen is None
+    assert example.valid is None
+    assert not supervise(subject, 0.25).example(True, 0).valid[:12].any()
+
+
+def test_targets_are_rendered_on_the_caricature_and_frames_on_the_natural_mesh(subject):
+    capture = subject[0]
+    supervision = supervise(subject, 0.25)
+    assert supervision.example(False, 2).level == 0.0
+    assert supervision.example(True, 2).level == 0.25
+    np.testing.assert_array_equal(supervision.example(False, 2).image, capture.image(capture.split("train")[2]))
+
+
+def test_every_level_has_its_own_targets_masks_and_resting_faces(subject, tmp_path):
+    capture, _, indices = subject
+    content = json.loads(indices[0.1].read_text())
+    content["folder"] = str(indices[0.1].parent / content["folder"])
+    for entry in content["targets"]:
+        entry["weight"] = 0.5
+    (tmp_path / "light.json").write_text(json.dumps(content))
+    sets = [read_targets(tmp_path / "light.json", capture), read_targets(indices[0.25], capture)]
+    sets[0] = replace(sets[0], of_faces=np.zeros_like(sets[0].of_faces))
+    supervision = Supervision(capture, sets)
+    count = len(capture.split("train"))
+    assert len(supervision.targets) == 2 * count
+    for i, level, weight in ((1, 0.1, 0.5), (count + 1, 0.25, 1.0)):
+        example = supervision.example(True, i)
+        frame = capture.split("train")[1]
+        assert (example.level, example.weight, example.timestep) == (level, weight, frame.timestep)
+        np.testing.assert_allclose(example.image, (1 - level) * capture.image(frame)[:, ::-1], atol=0.5 / 255 + 1e-6)
+    assert supervision.example(True, 1).frozen is None
+    assert (supervision.example(True, count + 1).frozen == capture.model.face_region("scalp")).all()
+
+
+def test_each_step_is_drawn_at_the_level_of_its_target(subject, tmp_path, monkeypatch):
+    """All levels come equally often; real frames stay at level 0."""
+    capture, performance, _ = subject
+    drawn = []
+    motion = performance.motion
+    monkeypatch.setattr(performance, "motion", lambda timestep, level: drawn.append(level) or motion(timestep, level))
+    targets = 2 * len(capture.split("train"))
+    run(
+        subject, tmp_path / "c", at=(0.1, 0.25), iterations=2 * targets, caricature_share=1.0,
+        density=Density(every=0), colour_frames=1,
+    )  # fmt: skip
+    drawn = drawn[1:]  # the first colours
+    assert {level: drawn.count(level) for level in (0.1, 0.25)} == {0.1: targets, 0.25: targets}
+
+
+def test_the_weight_of_a_target_is_that_of_its_loss(subject, tmp_path):
+    """A run whose targets weigh nothing is a run whose targets do not move anything."""
+    capture, performance, indices = subject
+    given = read_targets(indices[0.25], capture)
+    settings = replace(SETTINGS, caricature_share=1.0, position_weight=0.0, scale_weight=0.0, density=Density(every=0))
+
+    def trained(weight, iterations):
+        targets = replace(given, targets=tuple(target._replace(weight=weight) for target in given.targets))
+        shorter, supervision = replace(settings, iterations=iterations), Supervision(capture, [targets])
+        return as_bytes(train_surfels(shorter, performance, supervision, tmp_path / "c")[0])
+
+    assert trained(0.0, 1) == trained(0.0, 4)
+    assert trained(1.0, 1) != trained(1.0, 4)
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"level": None}, "level"),
+        ({"targets": []}, "targets: holds none"),
+        ({"targets": [{"timestep": 0, "camera": 0, "image": "a.png"}]}, r"targets\[0\].reasons"),
+        ({"targets": [{"timestep": 9, "camera": 0, "image": "a", "reasons": "b"}]}, "no such training frame"),
+        ({"targets": [{"timestep": 0, "camera": 0, "image": "a", "reasons": "b", "weight": -1}]}, "weight"),
+        ({"folder": "nowhere"}, "faces.npy: no such file"),
+    ],
+)
+def test_an_index_that_is_broken_or_of_another_capture_is_named(subject, tmp_path, change, named):
+    content = json.loads(subject[2][0.25].read_text())
+    content["folder"] = str(subject[2][0.25].parent / content["folder"])
+    (tmp_path / "targets.json").write_text(json.dumps({**content, **change}))
+    with pytest.raises(InputError, match=named):
+        read_targets(tmp_path / "targets.json", subject[0])
+
+
+def test_each_example_comes_once_per_epoch():
+    schedule = draw_schedule(700, frames=30, targets=20, caricature_share=0.3, seed=5)
+    assert schedule.caricature.mean() == pytest.approx(0.3, abs=0.06)
+    for kind, count in ((False, 30), (True, 20)):
+        index = schedule.index[schedule.caricature == kind]
+        for start in range(0, len(index) - count + 1, count):
+            np.testing.assert_array_equal(np.sort(index[start : start + count]), np.arange(count))
+    assert not draw_schedule(50, 30, 0, 0.0, 5).caricature.any()
+    assert draw_schedule(50, 30, 20, 1.0, 5).caricature.all()
+
+
+def test_adam_is_adam():
+    rng = np.random.default_rng(0)
+    surfels = plain(np.arange(40), rng.normal(size=(40, 3)), np.ones(40), 0.5, rng.random((40, 3)))
+    leaves = {name: value.detach().clone().requires_grad_(True) for name, value in surfels.attributes()}
+    rates = {name: 0.01 * (i + 1) for i, name in enumerate(leaves)}
+    theirs = torch.optim.Adam([{"params": [leaf], "lr": rates[name]} for name, leaf in leaves.items()], eps=1e-15)
+    ours = Adam(surfels)
+    for _ in range(12):
+        for name, value in surfels.attributes():
+            value.grad = torch.from_numpy(rng.normal(size=tuple(value.shape)).astype(np.float32))
+            leaves[name].grad = value.grad.clone()
+        ours.step(surfels, rates)
+        theirs.step()
+    for name, value in surfels.attributes():
+        np.testing.assert_allclose(value.detach(), leaves[name].detach(), rtol=1e-5, atol=1e-6)
+
+
+def test_pull_is_the_thresholds_gradient():
+    rng = np.random.default_rng(1)
+    n = 50
+    surfels = plain(np.arange(n), rng.normal(size=(n, 3)), 0.3 + 0.6 * rng.random(n), 0.5, rng.random((n, 3)))
+    surfels.log_scale.data += 0.3 * torch.randn(n, 2, generator=torch.Generator().manual_seed(0))
+    seen, limit = rng.random(n) < 0.7, 0.5 + rng.random(n)
+    position = surfels.position.detach().double().requires_grad_(True)
+    log_scale = surfels.log_scale.detach().double().requires_grad_(True)
+    far = 0.01 * (position.norm(dim=1) - torch.from_numpy(limit)).relu()[seen].mean()
+    wide = 2.0 * (log_scale.exp() - 0.6).relu().norm(dim=1)[seen].mean()
+    (far + wide).backward()
+    surfels.position.grad, surfels.log_scale.grad = torch.ones(n, 3), torch.ones(n, 2)
+    value = pull_to_triangles(surfels, seen, limit, 0.01, 0.6, 2.0)
+    assert value == pytest.approx((far + wide).item(), rel=1e-6)
+    np.testing.assert_allclose(surfels.position.grad - 1, position.grad, atol=1e-6)
+    np.testing.assert_allclose(surfels.log_scale.grad - 1, log_scale.grad.nan_to_num(), atol=1e-6)
+
+
+def test_a_plane_agrees_with_its_own_normal_and_not_with_another():
+    camera = Camera(np.eye(4), 60.0, 50.0, 15.0, 12.0, 32, 24)
+    n = np.array([0.3, -0.2, -1.0])
+    n /= np.linalg.norm(n)
+    x = (np.arange(32) + 0.5 - 15) / 60
+    y = (np.arange(24) + 0.5 - 12) / 50
+    rays = np.stack([*np.meshgrid(x, y), np.ones((24, 32))], axis=2)
+    depth = torch.from_numpy(n @ [0, 0, 2.0] / (rays @ n))
+    half = torch.full((24, 32), 0.5, dtype=torch.float64)
+    normal = torch.from_numpy(np.broadcast_to(0.5 * n, (24, 32, 3)).copy())
+    assert normal_mismatch(normal, half * depth, half, camera).item() == pytest.approx(0, abs=1e-6)
+    tilted = torch.from_numpy(np.broadcast_to([0.0, 0, -0.5], (24, 32, 3)).copy())
+    expected = 0.5 * (1 + n[2])
+    assert normal_mismatch(tilted, half * depth, half, camera).item() == pytest.approx(expected, abs=1e-6)
+
+
+def test_rates_fall_from_the_first_value_to_the_share_left():
+    settings = Train(iterations=100)
+    first, last = learning_rates(settings, 0), learning_rates(settings, 99)
+    assert first["position"] == settings.position_rate
+    assert last["position"] == pytest.approx(settings.position_rate * settings.position_final_rate)
+    assert last["colour"] == pytest.approx(settings.colour_rate * settings.final_rate)
+    middle = learning_rates(Train(iterations=101), 50)["opacity"]
+    assert middle**2 == pytest.approx(first["opacity"] * last["opacity"])
