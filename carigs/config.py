@@ -18,7 +18,7 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from carigs.errors import InputError, SettingsError
-from carigs.settings import STAGES, Density, Study, Toy, Tune, check
+from carigs.settings import STAGES, Density, RefineTracking, Study, Toy, check
 
 CONF = Path(__file__).parents[1] / "conf"
 OF_A_VARIANT = ("gtstar", "train")
@@ -93,13 +93,13 @@ def rendered_levels(config: DictConfig) -> list[str]:
 
 
 def target_levels(train: DictConfig, gamma: float) -> list[str]:
-    """The levels whose GT* frames training reads, as in paths: `train.levels` of them, evenly up to gamma.
+    """The levels whose GT* frames training reads, as in paths: `train.num_gtstar_levels` of them, evenly up to gamma.
 
     Gamma alone where only the light that was fitted for them is wanted; none for the baseline.
     """
-    if train.caricature_share == 0:
+    if train.gtstar_probability == 0:
         return [f"{gamma:g}"] if train.follow_light else []
-    return [f"{gamma * k / train.levels:g}" for k in range(1, train.levels + 1)]
+    return [f"{gamma * k / train.num_gtstar_levels:g}" for k in range(1, train.num_gtstar_levels + 1)]
 
 
 def target_maker(variant: str, *overrides: str) -> str:
@@ -146,8 +146,8 @@ def _check(config: DictConfig) -> None:
     for level in study.levels:
         if not 0 <= level <= 100:
             raise SettingsError(f"study.levels: {level:g} is outside [0, 100]")
-    if not 1 <= config.train.levels <= 64:
-        raise SettingsError(f"train.levels={config.train.levels} is outside [1, 64]")
+    if not 1 <= config.train.num_gtstar_levels <= 64:
+        raise SettingsError(f"train.num_gtstar_levels={config.train.num_gtstar_levels} is outside [1, 64]")
 
 
 def _one_line(error: Exception) -> str:
@@ -159,7 +159,7 @@ def _one_line(error: Exception) -> str:
     detail = r"^\s*(full_key|object_type|reference_type)[:=]\s*(.*)$"
     details = dict(re.findall(detail, text, re.MULTILINE))
     problem = " ".join(re.sub(rf"{detail}|^See https.*$", "", text, flags=re.MULTILINE).split())
-    schemas = {schema.__name__: schema for schema in (Config, Study, Toy, Density, Tune, *STAGES.values())}
+    schemas = {schema.__name__: schema for schema in (Config, Study, Toy, Density, RefineTracking, *STAGES.values())}
     if "Key '" in problem and (schema := schemas.get(details.get("object_type", ""))):
         problem += f"; known: {', '.join(f.name for f in fields(schema))}"
     where = details.get("full_key") or getattr(error, "override", None)

@@ -79,29 +79,29 @@ class Exaggerate:
     """eps in units of K_ref: |K|_eps = sqrt(K^2 + eps^2)."""
     relative_curvature: bool = True
     """Divide |K| by K_ref, so that the unit of the mesh does not matter."""
-    heat: float = 0.005
+    curvature_smoothing: float = 0.005
     """Smoothing length of the curvature in units of the head's size, about its bounding box's diagonal (0: none)."""
-    individual: str = "subject"
+    curvature_source: str = "subject"
     """Whose curvature exaggerates: `subject`; `ratio`: the subject's relative to the head model's mean face, so that
     only what is individual grows; `template`: the mean face's, one displacement for everyone (the paper)."""
     limit_cavities: bool = True
     """Ambient occlusion keeps nostrils, ear canals and the mouth bag from growing through the skin."""
     cavity_stiffness: float = 4.0
     """How much stiffer those are than the skin, which may not fold them (0: as stiff)."""
-    air: float = 20.0
+    gap_stiffness: float = 20.0
     """Stiffness of narrow gaps relative to the skin's: lips and lids grow outwards, not into each other (0: none)."""
-    normalise: bool = True
+    normalize_weights: bool = True
     """Divide the weights by their area mean: keeps the overall size."""
-    followers: bool = True
+    rigid_components: bool = True
     """Small components (eyeballs) follow their surroundings by a similarity."""
-    expressions: str = "mixed"
+    blendshape_transfer: str = "mixed"
     """What the caricature does to expressions: `offset` leaves them, `linear` exaggerates them as it does the head,
     `mixed` goes half of the way, so that lids close.  A caricature from a file leaves them."""
     path_error: float = 1e-4
     """Largest error of the path between its nodes, in diagonals of the bounding box: sets their number."""
-    nodes: int = 0
+    path_nodes: int = 0
     """Number of levels that the path is solved at (0: as `path_error` needs); 2 is the paper's linear blend."""
-    local: str = "soft"
+    region_constraint: str = "soft"
     """How the rest is held when one region is exaggerated: `soft`, `exact` or `literal`."""
     regions: dict[str, float] = field(default_factory=dict)
     """Levels that regions of the head model have where the rest has gamma, as {nose: 0.4, ears: 0}."""
@@ -117,10 +117,10 @@ class Gtstar:
     """`lat`: the local warp; `identity`: frames as they are; `precomputed`: edited frames from a folder."""
     folder: str | None = None
     """Edited frames, `{timestep:05d}_{camera:02d}.png` and, if they differ, mattes `..._mask.png`."""
-    misfit_limit: float = within(0, 1e9, 1.5)
+    registration_error_limit: float = within(0, 1e9, 1.5)
     """Pixels by which a frame's colours may be off those of the other cameras on the same mesh."""
-    misfit_tolerance: float = within(0, 1e9, 0.5)
-    """Pixels up to which a frame counts in full; from here its weight falls to 0 at `misfit_limit`."""
+    registration_error_tolerance: float = within(0, 1e9, 0.5)
+    """Pixels up to which a frame counts in full; from here its weight falls to 0 at `registration_error_limit`."""
     warp: str = one_of("perspective", "affine")
     """`perspective`: exact; `affine`: the paper's equation 5."""
     footprint: bool = False
@@ -129,9 +129,9 @@ class Gtstar:
     """Samples per pixel and axis that say how much of a pixel the mesh covers, along its outline in both images."""
     depth_tolerance: float = within(0, 1, 0.003)
     """Metres by which a pixel of the frame may lie before or behind the point that is looked for."""
-    grazing: float = within(0, 1, 0.1)
+    grazing_cosine: float = within(0, 1, 0.1)
     """Least cosine between view and normal in the frame, where the caricature is not seen just as obliquely."""
-    stretch: float = within(1, 1e9, 6.0)
+    max_stretch: float = within(1, 1e9, 6.0)
     """Largest ratio of a triangle's area in the caricature to its area in the frame."""
     relight: str = one_of("targets_and_surfels", "targets", "none")
     """`none`: targets keep the light of the natural surface, as in the paper; `targets`: they are shaded anew;
@@ -164,35 +164,35 @@ class Density:
     """Steps from here on only move what there is."""
     every: int = 200
     """Steps between two refinements (0: none)."""
-    gradient: float = 0.0002
+    gradient_threshold: float = 0.0002
     """Mean screen-space positional gradient (in NDC) above which a surfel is cloned or split."""
-    size: float = 0.01
+    split_scale: float = 0.01
     """World scale in scene extents above which a surfel is split rather than cloned."""
-    opacity: float = 0.005
+    prune_opacity: float = 0.005
     """Opacity below which a surfel is pruned."""
     max_surfels: int = 60000
-    turnover: float = 0.2
+    replace_fraction: float = 0.2
     """Share of the surfels that may be replaced at one refinement where the budget is spent: the least important."""
-    views: int = 8
+    importance_views: int = 8
     """Training frames by which importance is judged."""
     reset_every: int = 0
     """Steps between two resets of the opacities (0: none; they cost short trainings more than they give)."""
 
 
-EXCLUDED = ("newly_visible", "occluded", "grazing", "outside_image", "outside_mesh", "hair", "mouth")
+DEFAULT_MASK_FLAGS = ("newly_visible", "occluded", "grazing", "outside_image", "outside_mesh", "hair", "mouth")
 """What GT* frames are not trusted with.  Also known: stretched, lids, brows, ears, eyeballs."""
 
 
 @dataclass
-class Tune:
+class RefineTracking:
     """Fine-tuning of the tracked head on the real training frames, by Adam; off where the tracking is exact."""
 
-    head: bool = False
-    translation_rate: float = 2e-5
+    enabled: bool = False
+    translation_lr: float = 2e-5
     """Metres."""
-    rotation_rate: float = 2e-4
+    rotation_lr: float = 2e-4
     """Radians: head, neck, jaw and eyes."""
-    expression_rate: float = 1e-3
+    expression_lr: float = 1e-3
 
 
 @dataclass
@@ -202,11 +202,11 @@ class Train:
     iterations: int = 1500
     seed: int = 0
     threads: int = 1
-    caricature_share: float = 0.5
+    gtstar_probability: float = 0.5
     """Probability p that a step is supervised by a GT* frame: 0 is real frames only, 1 is GT* only."""
-    levels: int = 1
+    num_gtstar_levels: int = 1
     """Levels whose GT* frames supervise, equally often: gamma alone, or so many evenly up to it (4: its quarters)."""
-    exclude: tuple[str, ...] = EXCLUDED
+    mask_flags: tuple[str, ...] = DEFAULT_MASK_FLAGS
     """Reasons for which pixels of GT* frames are left out; in those steps the surfels of triangles rest for which one
     of them always holds.
     """
@@ -230,16 +230,16 @@ class Train:
     """Extra surfels on each hair face, spread along the normal."""
     hair_length: float = 0.012
     """Metres above the scalp over which those are spread."""
-    ssim: float = 0.2
-    position_rate: float = 0.03
-    scale_rate: float = 0.017
-    rotation_rate: float = 0.03
-    opacity_rate: float = 0.05
-    colour_rate: float = 0.01
-    blend_rate: float = 0.001
-    final_rate: float = 0.1
+    ssim_weight: float = 0.2
+    position_lr: float = 0.03
+    scale_lr: float = 0.017
+    rotation_lr: float = 0.03
+    opacity_lr: float = 0.05
+    colour_lr: float = 0.01
+    blend_lr: float = 0.001
+    final_lr_factor: float = 0.1
     """What is left of the rates at the last step (they fall log-linearly)."""
-    position_final_rate: float = 0.01
+    position_final_lr_factor: float = 0.01
     """The same for positions."""
     position_limit: float = 1.0
     """lambda_xyz's threshold in triangle units."""
@@ -248,10 +248,10 @@ class Train:
     scale_weight: float = 1.0
     distortion_weight: float = 0.0
     normal_weight: float = 0.0
-    regularise_from: int = 500
+    regularize_from: int = 500
     """First iteration with the distortion and normal terms."""
     density: Density = field(default_factory=Density)
-    tune: Tune = field(default_factory=Tune)
+    refine_tracking: RefineTracking = field(default_factory=RefineTracking)
     checkpoint_seconds: float = 60.0
     log_every: int = 20
     """Steps between two rows of the log."""

@@ -26,8 +26,8 @@ from carigs.config import (
     target_maker,
 )
 from carigs.errors import InputError, SettingsError
-from carigs.gtstar import Reason
-from carigs.settings import EXCLUDED, STAGES
+from carigs.gtstar import MaskFlag
+from carigs.settings import DEFAULT_MASK_FLAGS, STAGES
 
 RULES = CONF.parent / "workflow/rules"
 
@@ -62,9 +62,14 @@ def test_default_presets_are_the_defaults(stage, preset, tmp_path):
 def test_presets_of_the_paper_are_literal(tmp_path):
     """The paper's weight is |K|^gamma, its path the linear blend of two solves."""
     settings = load("exaggerate", "study=paper", folder=tmp_path)
-    assert (settings.nodes, settings.local, settings.individual) == (2, "literal", "template")
-    assert (settings.air, settings.cavity_stiffness) == (0, 0)
-    assert (settings.heat, settings.normalise, settings.limit_cavities, settings.followers) == (0, False, False, False)
+    assert (settings.path_nodes, settings.region_constraint, settings.curvature_source) == (2, "literal", "template")
+    assert (settings.gap_stiffness, settings.cavity_stiffness) == (0, 0)
+    assert (
+        settings.curvature_smoothing,
+        settings.normalize_weights,
+        settings.limit_cavities,
+        settings.rigid_components,
+    ) == (0, False, False, False)
     assert compose("study=paper").train.iterations == 120_000
     assert len(compose("study=paper").study.subjects) == 10
 
@@ -79,26 +84,26 @@ def test_regions_are_the_head_models_names_and_numbers(tmp_path):
 
 def test_variants_differ_in_supervision_masks_levels_and_light_only():
     trained = {name: OmegaConf.to_object(compose(f"variant={name}").train) for name in known("variant")}
-    ours, reasons = trained["alternating"], {reason.name.lower() for reason in Reason}
-    assert [trained[name].caricature_share for name in ("surfhead", "gtstar_only", "no_mask")] == [0.0, 1.0, 0.35]
-    assert list(trained["no_mask"].exclude) == []
+    ours, reasons = trained["alternating"], {reason.name.lower() for reason in MaskFlag}
+    assert [trained[name].gtstar_probability for name in ("surfhead", "gtstar_only", "no_mask")] == [0.0, 1.0, 0.35]
+    assert list(trained["no_mask"].mask_flags) == []
     assert [name for name, t in trained.items() if not t.follow_light] == ["surfhead"]
-    assert {*ours.exclude} == {*EXCLUDED}
+    assert {*ours.mask_flags} == {*DEFAULT_MASK_FLAGS}
     for t in trained.values():
-        assert {*t.exclude} <= reasons
-        for name in ("caricature_share", "exclude", "follow_light", "levels"):
+        assert {*t.mask_flags} <= reasons
+        for name in ("gtstar_probability", "mask_flags", "follow_light", "num_gtstar_levels"):
             setattr(t, name, getattr(ours, name))
         assert t == ours
 
 
 def test_the_study_of_masks_turns_every_default_reason_off_and_every_other_one_on_in_turn():
-    ours = set(EXCLUDED)
+    ours = set(DEFAULT_MASK_FLAGS)
     changed = [
-        ours ^ set(compose("study=ablation", f"variant={name}").train.exclude)
+        ours ^ set(compose("study=ablation", f"variant={name}").train.mask_flags)
         for name in compose("study=ablation").study.variants
     ]
     assert {reason for reasons in changed if len(reasons) == 1 for reason in reasons} == {
-        reason.name.lower() for reason in Reason
+        reason.name.lower() for reason in MaskFlag
     }
 
 
@@ -131,10 +136,10 @@ def test_what_a_variant_changes_in_vain_is_named(tmp_path, monkeypatch):
     ("overrides", "gamma", "expected"),
     [
         ((), 0.25, ["0.25"]),
-        (("train.levels=4",), 0.25, ["0.0625", "0.125", "0.1875", "0.25"]),
-        (("train.levels=3",), 0.1, ["0.0333333", "0.0666667", "0.1"]),
-        (("train.levels=4", "train.caricature_share=0"), 0.25, ["0.25"]),
-        (("train.caricature_share=0", "train.follow_light=false"), 0.25, []),
+        (("train.num_gtstar_levels=4",), 0.25, ["0.0625", "0.125", "0.1875", "0.25"]),
+        (("train.num_gtstar_levels=3",), 0.1, ["0.0333333", "0.0666667", "0.1"]),
+        (("train.num_gtstar_levels=4", "train.gtstar_probability=0"), 0.25, ["0.25"]),
+        (("train.gtstar_probability=0", "train.follow_light=false"), 0.25, []),
     ],
 )
 def test_targets_are_made_at_the_levels_trained_on(overrides, gamma, expected):
@@ -186,7 +191,7 @@ def test_data_folder_comes_from_the_environment(monkeypatch):
         ("gamma=0", ("gamma=0",)),
         ("gamma=nan", ("gamma=nan",)),
         ("gamma=lots", ("gamma", "lots")),
-        ("train.levels=0", ("train.levels=0",)),
+        ("train.num_gtstar_levels=0", ("train.num_gtstar_levels=0",)),
         ("train.iteration=3", ("train.iteration", "iterations")),
         ("train.iterations=3x", ("train.iterations", "3x")),
         ("train.iterations=2.5", ("train.iterations", "2.5")),
@@ -205,7 +210,7 @@ def test_data_folder_comes_from_the_environment(monkeypatch):
         ("gtstar.relight=sun", ("gtstar.relight=sun", "targets_and_surfels, targets or none")),
         ("gtstar.warp=cubic", ("gtstar.warp=cubic", "affine")),
         ("gtstar.supersampling=9", ("gtstar.supersampling=9", "[1, 8]")),
-        ("gtstar.grazing=nan", ("gtstar.grazing=nan",)),
+        ("gtstar.grazing_cosine=nan", ("gtstar.grazing_cosine=nan",)),
     ],
 )
 def test_a_mistake_is_told_in_one_line_that_names_the_key(override, named):

@@ -3,11 +3,11 @@
 - `Exaggerator`: factorise once, solve any level, of the head or (`LocalEdit`) of one region while the rest is held
 - `GammaPath`, `straight_path`: S_gamma at any level, interpolated between exact nodes
 - `RegionPaths`: independent sliders for regions, which add up without a solve
-- `with_motions`: expressions and pose correctives carried along; `Caricature`: all that a level changes of a head
+- `with_blendshapes`: expressions and pose correctives carried along; `Caricature`: all that a level changes of a head
 - `blend_bound`: error of the paper's linear blend, and its bound
 """
 
-from carigs.exaggeration.blendshape_transfer import with_motions
+from carigs.exaggeration.blendshape_transfer import with_blendshapes
 from carigs.exaggeration.caricature import Caricature
 from carigs.exaggeration.exaggerator import Exaggerator
 from carigs.exaggeration.gamma_path import GammaPath, RegionPaths, straight_path
@@ -20,5 +20,5 @@ __all__ = [
     "LocalEdit",
     "RegionPaths",
     "straight_path",
-    "with_motions",
+    "with_blendshapes",
 ]

@@ -53,8 +53,8 @@ def blend_bounds(solver: Exaggerator, gamma_f: float, levels: Sequence[float]) -
     reach = np.sqrt(2) * poincare_constant(stiffness, solver.areas[inside], connected)
 
     logs = solver.log_curvature[inside]
-    steep = growth = np.ptp(logs) if solver.settings.normalise else 0.0
-    if not solver.settings.normalise:
+    steep = growth = np.ptp(logs) if solver.settings.normalize_weights else 0.0
+    if not solver.settings.normalize_weights:
         steep, growth = np.abs(logs).max(), max(0.0, logs.max())
 
     start, end, moved = solver.weights(0.0), solver.weights(gamma_f), solver.solve(gamma_f)[inside]

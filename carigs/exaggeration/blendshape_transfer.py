@@ -23,14 +23,14 @@ SHARES = {"offset": 0.0, "mixed": 0.5, "linear": 1.0}
 """How much of T d - d a motion gets.  Lids of an exaggerated head need more than `offset` to close and less than T."""
 
 
-def transported(
+def transferred(
     solver: Exaggerator, motion: Float[np.ndarray, "v 3"], weights: Float[np.ndarray, " f"]
 ) -> Float[np.ndarray, "v 3"]:
     """T d of a motion d, for the weights w of a level; each component keeps its mean motion."""
     return motion + solver.response(weights - 1, motion)
 
 
-def with_motions(
+def with_blendshapes(
     path: GammaPath,
     solver: Exaggerator,
     motions: Float[np.ndarray, "b v 3"],
@@ -42,7 +42,7 @@ def with_motions(
     How much is the solver's setting `expressions`; `levels` are those of regions that the path was made with.
     Components that follow by a similarity turn and scale their motions by it.
     """
-    share = SHARES[solver.settings.expressions]
+    share = SHARES[solver.settings.blendshape_transfer]
     if share == 0 or len(motions) == 0:
         return path
     changes = np.zeros((len(path.levels) - 1, *motions.shape), np.float32)
@@ -50,7 +50,7 @@ def with_motions(
     for at_level, level, displacement in zip(changes, path.levels[1:], path.displacements[1:], strict=True):
         weights, linear = weights_at(float(level)), _followed(solver, displacement)
         for change, motion in zip(at_level, motions, strict=True):
-            moved = transported(solver, motion, weights)
+            moved = transferred(solver, motion, weights)
             for inside, scaled_rotation in linear:
                 moved[inside] = motion[inside] @ scaled_rotation.T
             change[:] = share * (moved - motion)
@@ -61,7 +61,7 @@ def _followed(
     solver: Exaggerator, displacement: Float[np.ndarray, "v 3"]
 ) -> list[tuple[Int[np.ndarray, " _"], Float[np.ndarray, "3 3"]]]:
     """Vertices of each component that follows, and the linear part of its similarity."""
-    if not solver.settings.followers:
+    if not solver.settings.rigid_components:
         return []
     parts = [np.flatnonzero(solver.component == c) for c in range(solver.component.max() + 1) if c != solver.main]
     moved = solver.vertices + displacement

@@ -15,12 +15,12 @@ from carigs.exaggeration.choices import check_choices
 from carigs.exaggeration.gamma_path import GammaPath, RegionPaths
 from carigs.exaggeration.gap_stiffness import gap_stiffness
 from carigs.exaggeration.local_edit import LocalEdit
-from carigs.exaggeration.rigid_components import Follower, find_followers, follow
+from carigs.exaggeration.rigid_components import RigidComponent, find_rigid_components, follow
 from carigs.exaggeration.solved_path import Solvable, solved_path
 from carigs.exaggeration.whole import Whole
 from carigs.mesh import triangle_mesh as mesh
 from carigs.mesh.ambient_occlusion import cached_occlusion, smoothstep
-from carigs.mesh.cotan_laplacian import EdgeCotans, mixed_voronoi_areas
+from carigs.mesh.cotan_laplacian import CotanLaplacian, mixed_voronoi_areas
 from carigs.mesh.curvature import log_magnitude, smooth_curvature
 from carigs.mesh.linear_solver import COLUMNS
 from carigs.mesh.pinned_solver import PinnedSystem
@@ -52,8 +52,9 @@ class Exaggerator:
         """Assemble and factorise.
 
         Vertices are in any unit.  `regions` gives names to lists of vertices, masks or painted scalars, as
-        `Regions.field` takes them.  `mean` is the face that the curvature is compared with when `settings.individual`
-        is `ratio`: other vertices of the same faces.  Raises `MeshError`, `SettingsError` for what cannot be used.
+        `Regions.field` takes them.  `mean` is the face that the curvature is compared with when
+        `settings.curvature_source` is `ratio`: other vertices of the same faces.  Raises `MeshError`, `SettingsError`
+        for what cannot be used.
         """
         self.settings = settings or Exaggerate()
         check_choices(self.settings)
@@ -64,11 +65,11 @@ class Exaggerator:
         self.face_areas = mesh.face_areas(self.vertices, self.faces)
         self._corners = np.ascontiguousarray(self.faces.T)
         self.size = mesh.size(self.vertices, self.faces)
-        self.cotans = EdgeCotans(self.vertices, self.faces)
+        self.cotans = CotanLaplacian(self.vertices, self.faces)
         component_areas = np.bincount(self.component, self.areas)
         self.main = int(component_areas.argmax())
         every = np.ones(len(self.vertices), bool)
-        self.solved = self.component == self.main if self.settings.followers else every
+        self.solved = self.component == self.main if self.settings.rigid_components else every
         """Vertices that the equation moves; the others follow, and their curvature does not set the scale."""
         shares = np.where(self.solved[self.faces].all(axis=1), self.face_areas, 0.0)
         self._face_shares = shares / shares.sum()
@@ -81,7 +82,12 @@ class Exaggerator:
         self.regions = Regions(regions or {}, self.areas, stiffness, self.size)
         hidden = self._hidden()
         self.curvature = smooth_curvature(
-            self.vertices, self.faces, boundary, self.areas, stiffness, (self.settings.heat * self.size) ** 2
+            self.vertices,
+            self.faces,
+            boundary,
+            self.areas,
+            stiffness,
+            (self.settings.curvature_smoothing * self.size) ** 2,
         )
         self.log_curvature = self._limited(self._logarithm(boundary, mean), hidden)
         """Of what is raised to the power gamma."""
@@ -106,14 +112,17 @@ class Exaggerator:
         floor, solved = self.settings.curvature_floor, self.solved
         logarithm, reference = log_magnitude(self.curvature, self.areas, solved, floor)
         self.report["curvature_reference"] = float(np.exp(reference))
-        if self.settings.individual == "ratio":
+        if self.settings.curvature_source == "ratio":
             if mean is None or np.shape(mean) != self.vertices.shape:
-                raise SettingsError("exaggerate.individual=ratio needs a mean face of the same vertices")
+                raise SettingsError("exaggerate.curvature_source=ratio needs a mean face of the same vertices")
             mean = np.asarray(mean, np.float64)
             mesh.check_mesh(mean, self.faces)
-            areas, time = mixed_voronoi_areas(mean, self.faces), (self.settings.heat * mesh.size(mean, self.faces)) ** 2
+            areas, time = (
+                mixed_voronoi_areas(mean, self.faces),
+                (self.settings.curvature_smoothing * mesh.size(mean, self.faces)) ** 2,
+            )
             curvature = smooth_curvature(
-                mean, self.faces, boundary, areas, EdgeCotans(mean, self.faces).stiffness(), time
+                mean, self.faces, boundary, areas, CotanLaplacian(mean, self.faces).stiffness(), time
             )
             usual, usual_reference = log_magnitude(curvature, areas, solved, floor)
             return (logarithm - reference) - (usual - usual_reference)
@@ -131,15 +140,15 @@ class Exaggerator:
     def _system(self, stiffness: csc_array) -> csc_array:
         if (self.face_stiffness != 1).any():
             stiffness = self.cotans.stiffness(self.face_stiffness)
-        if self.settings.air > 0:
+        if self.settings.gap_stiffness > 0:
             skin = self.faces[self.solved[self.faces].all(axis=1)]
-            stiffness = (stiffness + self.settings.air * gap_stiffness(self.vertices, skin)).tocsc()
+            stiffness = (stiffness + self.settings.gap_stiffness * gap_stiffness(self.vertices, skin)).tocsc()
         return stiffness
 
     def weights(self, level: float, pace: np.ndarray | float = 1.0) -> Float[np.ndarray, " f"]:
         """w = |K|^(level pace) per face, the mean over its corners; `pace` may differ from vertex to vertex."""
         weights = self.face_mean(np.exp(level * pace * self.log_curvature))
-        return weights / (self._face_shares @ weights) if self.settings.normalise else weights
+        return weights / (self._face_shares @ weights) if self.settings.normalize_weights else weights
 
     def face_mean(self, values: Float[np.ndarray, " v"]) -> Float[np.ndarray, " f"]:
         """The mean over each face's corners."""
@@ -211,14 +220,14 @@ class Exaggerator:
         return RegionPaths({name: self.path(gamma_f, region=name) for name in names or self.regions.named})
 
     @cached_property
-    def followers(self) -> list[Follower]:
+    def followers(self) -> list[RigidComponent]:
         """The small components, in groups; none where the equation moves all."""
-        if not self.settings.followers:
+        if not self.settings.rigid_components:
             return []
-        return find_followers(self.vertices, self.faces, self.component, self.main)
+        return find_rigid_components(self.vertices, self.faces, self.component, self.main)
 
     def with_followers(
-        self, displacement: Float[np.ndarray, "v 3"], followers: Sequence[Follower] | None = None
+        self, displacement: Float[np.ndarray, "v 3"], followers: Sequence[RigidComponent] | None = None
     ) -> Float[np.ndarray, "v 3"]:
         """The displacement of the solved vertices, and of the small components by similarities of those around.
 

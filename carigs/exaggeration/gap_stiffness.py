@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 from scipy.sparse import coo_array, csc_array
 
 from carigs.mesh.ray_caster import RayCaster
-from carigs.mesh.triangle_mesh import face_areas, face_middles, face_normals, size
+from carigs.mesh.triangle_mesh import barycenters, face_areas, face_normals, size
 
 REACH = 0.02
 """Widest gap, in head sizes."""
@@ -26,7 +26,7 @@ def gap_stiffness(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 
     cotans' energy this one has no unit, so that one number relates both (`Exaggerate.air`).
     """
     vertices = vertices - vertices[0]
-    middles, extent = face_middles(vertices, faces), size(vertices, faces)
+    middles, extent = barycenters(vertices, faces), size(vertices, faces)
     normals = face_normals(vertices, faces)
     across, gap, barycentric = RayCaster(vertices, faces).first(middles / extent + OFFSET * normals, normals, REACH)
     gap = gap + OFFSET

@@ -22,7 +22,7 @@ from scipy.sparse import diags_array
 from carigs.errors import SettingsError
 from carigs.exaggeration.gamma_path import GammaPath
 from carigs.exaggeration.solved_path import solved_path
-from carigs.mesh.linear_solver import Factors
+from carigs.mesh.linear_solver import CholeskySolver
 
 if TYPE_CHECKING:
     from carigs.exaggeration.exaggerator import Exaggerator
@@ -38,7 +38,7 @@ class LocalEdit:
 
     def __init__(self, solver: Exaggerator, region: str | np.ndarray | Sequence[int]) -> None:
         """`region` as in `Regions.field`.  Raises `SettingsError` for one that leaves nothing to hold it."""
-        self._solver, self._mode = solver, solver.settings.local
+        self._solver, self._mode = solver, solver.settings.region_constraint
         self.field = solver.regions.field(region, ramp=self._mode != "literal")
         """1 in the region, 0 where nothing is exaggerated."""
         reach = BEYOND if self._mode == "soft" else 0.0
@@ -52,10 +52,10 @@ class LocalEdit:
         if self._mode == "soft":
             stiffness, length = SCREEN
             held = stiffness * (1 - self.field) * solver.areas / (length * solver.size) ** 2
-            self._factors = Factors((rows.tocsr()[self._moving] + diags_array(held[self._moving])).tocsc())
+            self._factors = CholeskySolver((rows.tocsr()[self._moving] + diags_array(held[self._moving])).tocsc())
         else:
             self._least_squares = (rows.T @ diags_array(1 / solver.areas)).tocsr()
-            self._factors = Factors((self._least_squares @ rows).tocsc())
+            self._factors = CholeskySolver((self._least_squares @ rows).tocsc())
 
     def weights(self, level: float) -> Float[np.ndarray, " f"]:
         """w per face: |K|^level in the region, 1 beyond the ramp (in `literal` mode |K|^level everywhere)."""

@@ -28,7 +28,7 @@ def similarity(
     return scale, rotation, mean_target - scale * rotation @ mean_source
 
 
-class Follower(NamedTuple):
+class RigidComponent(NamedTuple):
     """Small components that move as one, and what they follow."""
 
     inside: Int[np.ndarray, " i"]
@@ -37,9 +37,9 @@ class Follower(NamedTuple):
     """The vertices of the main component around them."""
 
 
-def find_followers(
+def find_rigid_components(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], component: Int[np.ndarray, " v"], main: int
-) -> list[Follower]:
+) -> list[RigidComponent]:
     """All components but `main`; those whose bounding spheres overlap (iris and sclera of one eye) are one group.
 
     A group follows the skin that touches it: an eyeball its lids and socket, so that it stays between them.
@@ -57,12 +57,12 @@ def find_followers(
             around = near[squared < (TOUCH * radius) ** 2]
         if len(around) < LEAST:
             around = on_main[cKDTree(vertices[on_main]).query(centre, k=min(LEAST, len(on_main)))[1]]
-        found.append(Follower(np.flatnonzero(inside), around))
+        found.append(RigidComponent(np.flatnonzero(inside), around))
     return found
 
 
 def follow(
-    vertices: Float[np.ndarray, "v 3"], displacement: Float[np.ndarray, "v 3"], followers: list[Follower]
+    vertices: Float[np.ndarray, "v 3"], displacement: Float[np.ndarray, "v 3"], followers: list[RigidComponent]
 ) -> tuple[Float[np.ndarray, "v 3"], list[float]]:
     """Move each follower by the similarity of what is around it; returns all displacements and the scale of each."""
     moved, scales, vertices = displacement.copy(), [], vertices - vertices[0]

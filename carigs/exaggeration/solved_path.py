@@ -45,7 +45,7 @@ def solved_path(what: Solvable, gamma_f: float, solver: Exaggerator) -> GammaPat
     if not (gamma_f != 0 and np.isfinite(gamma_f)):
         raise SettingsError(f"gamma={gamma_f:g}: a path needs a level other than 0")
     settings = solver.settings
-    count, error = settings.nodes, None
+    count, error = settings.path_nodes, None
     if count == 0:
         extent = diagonal(solver.vertices)
         for count in range(2, MOST_NODES + 1):

@@ -20,7 +20,7 @@ from carigs.settings import Gtstar
 INNER_LIPS = slice(60, 68)
 
 
-class Reason(IntFlag):
+class MaskFlag(IntFlag):
     """One bit each, so that reasons can overlap; stored as 16-bit grey values."""
 
     NEWLY_VISIBLE = 1
@@ -45,27 +45,27 @@ class Reason(IntFlag):
     EYEBALLS = 2048
 
 
-def as_bits(names: Iterable[str]) -> Reason:
+def flags_from_names(names: Iterable[str]) -> MaskFlag:
     """The bits of reasons by their names in lower case; raises `SettingsError` for an unknown one."""
-    bits = Reason(0)
+    bits = MaskFlag(0)
     for name in names:
-        if name.upper() not in Reason.__members__:
-            known = ", ".join(reason.name.lower() for reason in Reason)
+        if name.upper() not in MaskFlag.__members__:
+            known = ", ".join(reason.name.lower() for reason in MaskFlag)
             raise SettingsError(f"{name} is no reason to leave out pixels; known: {known}")
-        bits |= Reason[name.upper()]
+        bits |= MaskFlag[name.upper()]
     return bits
 
 
-def face_reasons(model: HeadModel, settings: Gtstar) -> UInt16[np.ndarray, "f"]:
+def face_mask_flags(model: HeadModel, settings: Gtstar) -> UInt16[np.ndarray, "f"]:
     """What the head model alone says of each triangle, in every frame: from here come pixels and frozen surfels."""
     found = np.zeros(len(model.faces), np.uint16)
     for reason, regions in (
-        (Reason.HAIR, settings.hair_regions),
-        (Reason.MOUTH, settings.mouth_regions),
-        (Reason.LIDS, settings.lid_regions),
-        (Reason.BROWS, settings.brow_regions),
-        (Reason.EARS, settings.ear_regions),
-        (Reason.EYEBALLS, settings.eyeball_regions),
+        (MaskFlag.HAIR, settings.hair_regions),
+        (MaskFlag.MOUTH, settings.mouth_regions),
+        (MaskFlag.LIDS, settings.lid_regions),
+        (MaskFlag.BROWS, settings.brow_regions),
+        (MaskFlag.EARS, settings.ear_regions),
+        (MaskFlag.EYEBALLS, settings.eyeball_regions),
     ):
         found[model.face_region(*regions)] |= reason.value
     return found
@@ -88,15 +88,15 @@ def hair_in_frame(
     return Hair(_scalp(natural, of_faces) | stray, natural.on_mesh.reach(stray))
 
 
-def frame_reasons(natural: Visibility, hair: Hair, model: HeadModel, settings: Gtstar) -> UInt16[np.ndarray, "h w"]:
+def frame_mask_flags(natural: Visibility, hair: Hair, model: HeadModel, settings: Gtstar) -> UInt16[np.ndarray, "h w"]:
     """What a target must not fetch from the frame: hair with a band around it, and what is seen between the lips."""
     reasons = np.zeros(natural.face.shape, np.uint16)
-    bits.add(reasons, hair.where.grown(settings.hair_band).words, Reason.HAIR.value)
+    bits.add(reasons, hair.where.grown(settings.hair_band).words, MaskFlag.HAIR.value)
     _add_between_lips(reasons, natural, model)
     return reasons
 
 
-def add_target_reasons(
+def add_target_mask_flags(
     reasons: UInt16[np.ndarray, "h w"],
     caricature: Visibility,
     hair: Hair,
@@ -116,13 +116,13 @@ def add_target_reasons(
     if unknown:
         unknown &= (hair.where | scalp).grown(hair.length + settings.hair_band)
     outside = (unknown | on_mesh.grown(settings.background_ring)) - on_mesh
-    bits.add(reasons, (scalp.grown(settings.hair_band) & on_mesh).words, Reason.HAIR.value)
-    bits.add(reasons, outside.words, Reason.OUTSIDE_MESH.value)
+    bits.add(reasons, (scalp.grown(settings.hair_band) & on_mesh).words, MaskFlag.HAIR.value)
+    bits.add(reasons, outside.words, MaskFlag.OUTSIDE_MESH.value)
     _add_between_lips(reasons, caricature, model)
 
 
 def _scalp(seen: Visibility, of_faces: UInt16[np.ndarray, "f"]) -> Bits:
-    return bits.chosen(seen.face, (of_faces & np.uint16(Reason.HAIR.value)) > 0)
+    return bits.chosen(seen.face, (of_faces & np.uint16(MaskFlag.HAIR.value)) > 0)
 
 
 def _add_between_lips(reasons: UInt16[np.ndarray, "h w"], seen: Visibility, model: HeadModel) -> None:
@@ -139,4 +139,4 @@ def _add_between_lips(reasons: UInt16[np.ndarray, "h w"], seen: Visibility, mode
     inside = np.zeros(reasons[box].shape, np.uint8)
     if inside.size:
         cv2.fillPoly(inside, [outline - low], 1)
-        reasons[box] |= np.uint16(Reason.MOUTH.value) * (inside.view(bool) & (seen.face[box] >= 0))
+        reasons[box] |= np.uint16(MaskFlag.MOUTH.value) * (inside.view(bool) & (seen.face[box] >= 0))

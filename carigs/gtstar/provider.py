@@ -14,14 +14,14 @@ from carigs.capture import Capture, Frame
 from carigs.capture.images import read_grey, read_rgb
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration import Caricature
-from carigs.gtstar.mask_flags import Reason
-from carigs.gtstar.registration import Misfit, misfits
+from carigs.gtstar.mask_flags import MaskFlag
+from carigs.gtstar.registration import RegistrationError, registration_errors
 from carigs.gtstar.target import Target, make_target
 from carigs.head import pose
 from carigs.light.fitting import Observation, Shading, fit_light, observe, relight
 from carigs.settings import Gtstar, check
 
-KEPT = Reason.HAIR | Reason.EYEBALLS | Reason.MOUTH
+KEPT = MaskFlag.HAIR | MaskFlag.EYEBALLS | MaskFlag.MOUTH
 """Triangles whose colours are no matter of their own normals: strands, gloss, teeth."""
 FITTED_TIMESTEPS = 9
 
@@ -31,7 +31,7 @@ class Provided(NamedTuple):
 
     frame: Frame
     target: Target | None
-    misfit: Misfit | None
+    misfit: RegistrationError | None
     """How far the frame is off its mesh, where that can be told."""
     weight: float = 1.0
     """What the frame counts for: less where it is off its mesh."""
@@ -60,14 +60,14 @@ def provide(
         factor = shading.factor(*(shading.transfer(vertices, faces) for vertices in (natural, caricature)))
     pictures, faults = _pictures(settings, capture, frames)
     views = {frame: (image, capture.cameras[frame.camera]) for frame, (image, _) in pictures.items()}
-    off = misfits(views, natural, faces)
+    off = registration_errors(views, natural, faces)
     provided = []
     for frame in frames:
         misfit = off.get(frame)
         if frame not in pictures:
             provided.append(Provided(frame, None, None, left_out=faults[frame]))
             continue
-        if misfit is not None and misfit.pixels > settings.misfit_limit:
+        if misfit is not None and misfit.pixels > settings.registration_error_limit:
             why = f"its colours are {misfit.pixels:.1f} pixels off those of the other cameras"
             provided.append(Provided(frame, None, misfit, left_out=why))
             continue
@@ -86,11 +86,13 @@ def provide(
     return provided
 
 
-def frame_weight(misfit: Misfit | None, settings: Gtstar) -> float:
-    """1 up to `misfit_tolerance` pixels or where nothing can be told, then falling to 0 at `misfit_limit`."""
-    if misfit is None or misfit.pixels <= settings.misfit_tolerance:
+def frame_weight(misfit: RegistrationError | None, settings: Gtstar) -> float:
+    """1 up to `registration_error_tolerance` pixels, then falling to 0 at `registration_error_limit`; 1 if unknown."""
+    if misfit is None or misfit.pixels <= settings.registration_error_tolerance:
         return 1.0
-    return (settings.misfit_limit - misfit.pixels) / (settings.misfit_limit - settings.misfit_tolerance)
+    return (settings.registration_error_limit - misfit.pixels) / (
+        settings.registration_error_limit - settings.registration_error_tolerance
+    )
 
 
 def input_files(settings: Gtstar, capture: Capture) -> list[Path]:

@@ -27,7 +27,7 @@ class Seen(NamedTuple):
     """Between the view and the normal."""
 
 
-class Misfit(NamedTuple):
+class RegistrationError(NamedTuple):
     """How a frame differs from what the other cameras of its timestep see on the same vertices."""
 
     pixels: float
@@ -36,11 +36,11 @@ class Misfit(NamedTuple):
     """Mean absolute difference of colours."""
 
 
-def misfits(
+def registration_errors(
     views: Mapping[Key, tuple[Float32[np.ndarray, "h w 3"], Camera]],
     vertices: Float[np.ndarray, "v 3"],
     faces: Int[np.ndarray, "f 3"],
-) -> dict[Key, Misfit]:
+) -> dict[Key, RegistrationError]:
     """The misfit of each image of one timestep; none for an image that shares too little with the others.
 
     To first order a shift s changes the colour c at a vertex by s.grad(c): s solves min sum |d - s.grad(c)|^2, with d
@@ -64,7 +64,7 @@ def misfits(
         difference = (mean - colour[shared]).ravel()
         design = slope[shared].reshape(-1, 2)
         shift = np.linalg.lstsq(design, difference, rcond=None)[0]
-        result[key] = Misfit(float(np.linalg.norm(shift)), float(np.abs(difference).mean()))
+        result[key] = RegistrationError(float(np.linalg.norm(shift)), float(np.abs(difference).mean()))
     return result
 
 

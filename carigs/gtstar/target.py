@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Float32, UInt16
 
 from carigs.capture import Camera
-from carigs.gtstar.mask_flags import add_target_reasons, frame_reasons, hair_in_frame
+from carigs.gtstar.mask_flags import add_target_mask_flags, frame_mask_flags, hair_in_frame
 from carigs.gtstar.warp import warp_frame
 from carigs.head import HeadModel
 from carigs.raster import Visibility, visible
@@ -45,10 +45,10 @@ def make_target(
     """
     natural = visible(natural_vertices, model.faces, camera)
     hair = hair_in_frame(natural, foreground, of_faces)
-    of_frame = frame_reasons(natural, hair, model, settings)
+    of_frame = frame_mask_flags(natural, hair, model, settings)
     caricature = visible(caricature_vertices, model.faces, camera)
     colour, reasons = warp_frame(image, natural, caricature, of_faces, of_frame, settings, background)
-    add_target_reasons(reasons, caricature, hair, foreground, of_faces, model, settings)
+    add_target_mask_flags(reasons, caricature, hair, foreground, of_faces, model, settings)
     facing = all(_sees_front(seen) for seen in (natural, caricature))
     return Target(colour, reasons, caricature, facing)
 

@@ -80,7 +80,7 @@ def _cosine(points, a, b, c):
 
 
 @kernel
-def judge_faces(
+def flag_triangles(
     of_faces, source, target, source_pixel, target_pixel, faces, source_back, target_back, grazing, stretch
 ):
     """Add to each face's reasons what this view makes of it; also the samples per axis that its footprint takes.

@@ -45,9 +45,10 @@ def warp_frame(
     background b.  The target gets its own share of s, so that outlines are neither blended twice nor not at all.
     """
     source = source_maps(natural, caricature, settings.warp)
-    reasons, samples = maps.judge_faces(
+    reasons, samples = maps.flag_triangles(
         of_faces, natural.points, caricature.points, natural.pixel, caricature.pixel, natural.faces, natural.back,
-        caricature.back, settings.grazing, settings.stretch * (caricature.camera.fx / natural.camera.fx) ** 2,
+        caricature.back, settings.grazing_cosine,
+        settings.max_stretch * (caricature.camera.fx / natural.camera.fx) ** 2,
     )  # fmt: skip
     if not settings.footprint:
         samples[:] = 1

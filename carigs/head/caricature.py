@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
-from carigs.exaggeration import Exaggerator, GammaPath, with_motions
+from carigs.exaggeration import Exaggerator, GammaPath, with_blendshapes
 from carigs.head.model import HeadModel
 from carigs.head.parameters import HeadParameters
 from carigs.head.posing import motions
@@ -22,7 +22,7 @@ def exaggerator(model: HeadModel, neutral: Float[np.ndarray, "v 3"], settings: E
     Teeth are left out: `carigs.head.teeth` builds them anew.
     """
     v, f = skin(len(model.v_template), len(model.faces))
-    shape = model.v_template if settings.individual == "template" else neutral
+    shape = model.v_template if settings.curvature_source == "template" else neutral
     regions = {name: ids[ids < v] for name, ids in model.regions.items()}
     return Exaggerator(shape[:v], model.faces[:f], settings, regions=regions, mean=model.v_template[:v])
 
@@ -35,12 +35,12 @@ def caricature(
 ) -> GammaPath:
     """The path of a subject's skin to `settings.gamma`: regions have levels of their own, and expressions go along.
 
-    The motions that `parameters` use are changed as `settings.expressions` says, the others stay natural.
+    The motions that `parameters` use are changed as `settings.blendshape_transfer` says, the others stay natural.
     """
     solver = exaggerator(model, neutral, settings)
     solved = solver.path(settings.gamma, levels=settings.regions)
     if parameters:
         directions, columns = motions(model, parameters)
         directions = directions[:, : len(solver.vertices)]
-        solved = with_motions(solved, solver, directions, columns, settings.regions)
+        solved = with_blendshapes(solved, solver, directions, columns, settings.regions)
     return replace(solved, neutral=np.asarray(neutral, np.float64)[: len(solver.vertices)])

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from carigs.files import writing
 from carigs.mesh.ray_caster import RayCaster
-from carigs.mesh.triangle_mesh import face_areas, face_middles, size, vertex_normals
+from carigs.mesh.triangle_mesh import barycenters, face_areas, size, vertex_normals
 
 RAYS = 64
 OFFSET = 1e-4
@@ -36,7 +36,7 @@ def ambient_occlusion(
     at = np.ones(len(vertices), bool) if at is None else at
     extent = size(vertices, faces)
     places, normals = vertices[at], vertex_normals(vertices, faces)[at]
-    middle = np.average(face_middles(vertices, faces), axis=0, weights=face_areas(vertices, faces))
+    middle = np.average(barycenters(vertices, faces), axis=0, weights=face_areas(vertices, faces))
     inwards = middle - places
     tangents = inwards - (inwards * normals).sum(axis=1, keepdims=True) * normals
     tangents /= np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-300)

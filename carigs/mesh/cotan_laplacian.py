@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 from scipy.sparse import coo_array, csc_array
 
 
-class EdgeCotans:
+class CotanLaplacian:
     """Half cotangents of every corner, opposite to its edge: all stiffness matrices of a mesh come from these."""
 
     def __init__(self, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import csc_array, diags_array
 
-from carigs.mesh.linear_solver import Factors, conjugate_gradients
+from carigs.mesh.linear_solver import CholeskySolver, conjugate_gradients
 
 
 def angle_defects(
@@ -46,7 +46,7 @@ def heat_smoothed(
     matrix, right = (diags_array(areas) + time * stiffness).tocsc(), areas * values
     # Heat goes a few edges far: a few dozen steps of conjugate gradients, where factors would cost as much as a solve.
     smooth = conjugate_gradients(matrix, right, values)
-    return Factors(matrix).solve(right[:, None])[:, 0] if smooth is None else smooth
+    return CholeskySolver(matrix).solve(right[:, None])[:, 0] if smooth is None else smooth
 
 
 def smooth_curvature(

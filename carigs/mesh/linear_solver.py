@@ -28,7 +28,7 @@ except ImportError:  # the extra `fast`
     CholeskySolverD = None
 
 
-class Factors:
+class CholeskySolver:
     """The factors of a matrix (n, n); `solve` may be called as often as one likes."""
 
     def __init__(self, matrix: csc_array) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import csc_array
 
-from carigs.mesh.linear_solver import Factors
+from carigs.mesh.linear_solver import CholeskySolver
 
 
 class PinnedSystem:
@@ -26,7 +26,7 @@ class PinnedSystem:
         # One vertex of each component is pinned; the others' system is symmetric positive definite.
         pinned = np.unique(component, return_index=True)[1]
         self._free = np.setdiff1d(np.flatnonzero(solved), pinned)
-        self._factors = Factors(matrix[self._free][:, self._free].tocsc())
+        self._factors = CholeskySolver(matrix[self._free][:, self._free].tocsc())
         inside = [np.flatnonzero(component == c) for c in np.unique(component[solved])]
         self._centroids = [(ids, areas[ids] / areas[ids].sum()) for ids in inside]
 

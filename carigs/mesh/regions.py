@@ -11,7 +11,7 @@ from scipy.sparse import csc_array, diags_array
 
 from carigs.errors import SettingsError
 from carigs.mesh.ambient_occlusion import smoothstep
-from carigs.mesh.linear_solver import Factors
+from carigs.mesh.linear_solver import CholeskySolver
 
 RAMP = 0.04
 """Width of the border over which a region's level fades out, in head sizes."""
@@ -49,9 +49,9 @@ class Regions:
         return np.where(inside, 0.0, np.maximum(0.0, -RAMP / SHORT * np.log(np.maximum(2 * heat, 1e-300))))
 
     @cached_property
-    def _spread(self) -> Factors:
+    def _spread(self) -> CholeskySolver:
         time = (RAMP / SHORT * self._size) ** 2
-        return Factors((diags_array(self._areas) + time * self._stiffness).tocsc())
+        return CholeskySolver((diags_array(self._areas) + time * self._stiffness).tocsc())
 
 
 def vertex_field(region: np.ndarray | Sequence[int], v: int) -> Float[np.ndarray, " v"]:

@@ -60,13 +60,13 @@ def size(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> f
     For heads this is the bounding box's diagonal within 5 %, but it does not change when the mesh is rotated.
     """
     vertices = vertices - vertices[0]  # sums far from the origin lose digits
-    centroids, shares = face_middles(vertices, faces), face_areas(vertices, faces)
+    centroids, shares = barycenters(vertices, faces), face_areas(vertices, faces)
     shares /= shares.sum()
     x, y, z = (centroids - shares @ centroids).T
     return 4 * float(np.sqrt(shares @ (x * x + y * y + z * z)))
 
 
-def face_middles(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, "f 3"]:
+def barycenters(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, "f 3"]:
     """The mean of each face's corners."""
     return igl.barycenter(np.asarray(vertices, np.float64), np.asarray(faces, np.int64))
 
@@ -83,7 +83,7 @@ def face_normals(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3
 
 def signed_volume(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> float:
     """Volume between the faces and the middle of their vertices: negative where faces are turned inwards."""
-    middles = face_middles(vertices, faces)
+    middles = barycenters(vertices, faces)
     a, b, c = (vertices - middles.mean(axis=0))[faces.T]
     return float(np.einsum("fk,fk->", a, np.cross(b, c)) / 6)
 

@@ -64,7 +64,7 @@ def kernel_lock(name: str) -> Iterator[None]:
         yield
 
 
-def say_if_cold() -> None:
+def announce_compilation() -> None:
     """One line on stderr if the engine's kernels are not in the cache: the first step will seem to hang."""
     import numba
 

@@ -2,7 +2,7 @@
 
 Numba optimises every function by itself, makes machine code of it, and does so again inside each of its callers; a
 `prange` goes through this three more times, and infers the types of its body twice.  Here pieces of kernels are only
-linked, and `each` calls the function of a task from one loop in the kernel's own module.
+linked, and `parallel_for` calls the function of a task from one loop in the kernel's own module.
 """
 
 from __future__ import annotations
@@ -62,20 +62,20 @@ def _uncallable() -> object:
     return [].pop
 
 
-PIECE = {
+INLINE = {
     "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "forceinline": True,
     "pipeline_class": _PieceCompiler, "_nrt": False,
 }  # fmt: skip
 """Options of functions that only kernels call.  None stays a function of its own (forward compositing is a sixth
 faster, projection a third), and none counts who refers to an array, which LLVM does not always see to be idle: they can
 make none."""
-OWNER = {**PIECE, "_nrt": True}
+INLINE_ALLOC = {**INLINE, "_nrt": True}
 """Of those among them that make arrays: best not in inner loops."""
 _BYTES, _INTP = ir.IntType(8).as_pointer(), ir.IntType(64)
 
 
 @intrinsic
-def each(typingctx, work, count, arguments):
+def parallel_for(typingctx, work, count, arguments):
     """work(i, *arguments) for all i in range(count), on Numba's threads; arrays are the way to hand results back.
 
     An error of one of them is raised when all have ended.
@@ -111,13 +111,13 @@ def _folded(context, builder, values, kinds, wanted):
         n = len(wanted)
         rest = [context.make_tuple(builder, rest, _folded(context, builder, values[n:], kinds[n:], tuple(rest)))]
         return _folded(context, builder, values[:n], kinds[:n], wanted) + rest
-    return [context.cast(builder, *each) for each in zip(values, kinds, wanted, strict=True)]
+    return [context.cast(builder, *parallel_for) for parallel_for in zip(values, kinds, wanted, strict=True)]
 
 
 def _loop(context, module, work, task, shared):
     """What Numba's threads call: steps a range of tasks."""
     kind = ir.FunctionType(ir.VoidType(), [_BYTES.as_pointer(), _INTP.as_pointer(), _INTP.as_pointer(), _BYTES])
-    function = ir.Function(module, kind, module.get_unique_name("each"))
+    function = ir.Function(module, kind, module.get_unique_name("parallel_for"))
     function.linkage = "internal"
     first, counts, _, data = function.args
     builder = ir.IRBuilder(function.append_basic_block())

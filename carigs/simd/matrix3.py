@@ -7,32 +7,32 @@ from __future__ import annotations
 
 import math
 
-from carigs.simd.vectors import formula
+from carigs.simd.vectors import scalar_or_simd
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
-@formula
+@scalar_or_simd
 def load(array, i):
     """Matrix `array[i]`."""
     return (array[i, 0, 0], array[i, 0, 1], array[i, 0, 2], array[i, 1, 0], array[i, 1, 1],
             array[i, 1, 2], array[i, 2, 0], array[i, 2, 1], array[i, 2, 2])  # fmt: skip
 
 
-@formula
+@scalar_or_simd
 def store(array, i, m):
     """Set `array[i]`."""
     for k in range(9):
         array[i, k // 3, k % 3] = m[k]
 
 
-@formula
+@scalar_or_simd
 def transpose(m):
     """M^T."""
     return (m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8])
 
 
-@formula
+@scalar_or_simd
 def cofactor(m):
     """The matrix of cofactors; M^-T = cofactor / det."""
     a, b, c, d, e, f, g, h, i = m
@@ -41,7 +41,7 @@ def cofactor(m):
             b * f - c * e, c * d - a * f, a * e - b * d)  # fmt: skip
 
 
-@formula
+@scalar_or_simd
 def product(m, n):
     """M N."""
     a, b, c, d, e, f, g, h, i = m
@@ -51,7 +51,7 @@ def product(m, n):
             g * j + h * q + i * t, g * k + h * r + i * u, g * p + h * s + i * v)  # fmt: skip
 
 
-@formula
+@scalar_or_simd
 def polar_rotation(u):
     """U of J = U P (det J > 0) by Newton's iteration, scaled by Frobenius norms (Higham 1986)."""
     for _ in range(30):
@@ -75,7 +75,7 @@ def polar_rotation(u):
     return u
 
 
-@formula
+@scalar_or_simd
 def rotation_vector(r):
     """log of a rotation (radians) through its quaternion, so that angles near pi are as good as small ones."""
     # Four times the squares of w, x, y, z: the largest divides.
@@ -96,7 +96,7 @@ def rotation_vector(r):
     return factor * x, factor * y, factor * z
 
 
-@formula
+@scalar_or_simd
 def apply(m, x):
     """M x."""
     return (
@@ -106,7 +106,7 @@ def apply(m, x):
     )
 
 
-@formula
+@scalar_or_simd
 def apply_transposed(m, x):
     """M^T x."""
     return (
@@ -116,7 +116,7 @@ def apply_transposed(m, x):
     )
 
 
-@formula
+@scalar_or_simd
 def apply_symmetric(p, x):
     """P x of a symmetric matrix stored as xx, xy, xz, yy, yz, zz."""
     return (
@@ -126,13 +126,13 @@ def apply_symmetric(p, x):
     )
 
 
-@formula
+@scalar_or_simd
 def cross(a, b):
     """Cross product."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@formula
+@scalar_or_simd
 def dot(a, b):
     """Scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -143,7 +143,7 @@ _TERMS = 12
 _A, _B, _C = (tuple((-1) ** k / math.factorial(2 * k + n) for k in range(_TERMS)) for n in (1, 2, 3))
 
 
-@formula
+@scalar_or_simd
 def _series(q, coefficients):
     total = q * coefficients[_TERMS - 1] + coefficients[_TERMS - 2]
     for k in range(_TERMS - 3, -1, -1):
@@ -151,14 +151,14 @@ def _series(q, coefficients):
     return total
 
 
-@formula
+@scalar_or_simd
 def exponential_terms(w):
     """sin(t)/t, (1 - cos t)/t^2, (t - sin t)/t^3 of the rotation vector's length t <= pi."""
     q = dot(w, w)
     return _series(q, _A), _series(q, _B), _series(q, _C)
 
 
-@formula
+@scalar_or_simd
 def turned(u, w, a, b):
     """U exp(w) by Rodrigues' formula; a, b are the first two of `exponential_terms(w)`."""
     x, y, z = w

@@ -224,7 +224,7 @@ def store_rows(typingctx, array, index, stride, columns):
 
 
 @intrinsic
-def peek(typingctx, array, index):
+def load_scalar(typingctx, array, index):
     """array[index] of a flat array without Python's treatment of negative indices."""
 
     def codegen(context, builder, signature, values):
@@ -234,7 +234,7 @@ def peek(typingctx, array, index):
 
 
 @intrinsic
-def poke(typingctx, array, index, value):
+def store_scalar(typingctx, array, index, value):
     """array[index] = value, likewise."""
 
     def codegen(context, builder, signature, values):
@@ -263,7 +263,7 @@ prefetch, prefetch_to_write = _prefetch(0), _prefetch(1)
 
 
 @intrinsic
-def claim(typingctx, counter, index):
+def atomic_add(typingctx, counter, index):
     """counter[index], which is increased by one for the next to ask: atomic."""
 
     def codegen(context, builder, signature, values):

@@ -5,14 +5,14 @@ from __future__ import annotations
 import torch  # isort: skip
 import numba
 
-from carigs.simd.kernel_cache import say_if_cold
+from carigs.simd.kernel_cache import announce_compilation
 
 numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
 
 
 def use_threads(count: int) -> None:
     """Set both to `count` (at most what Numba was started with)."""
-    say_if_cold()
+    announce_compilation()
     # Numba first: when it starts its threads it sets OpenMP's number to all of them, for torch too.
     numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
     torch.set_num_threads(count)

@@ -1,6 +1,6 @@
 """Functions of the vectors of `simd`.
 
-`sqrt`, `exp`, `log2`, `floor`, `absolute`, `smaller`, `larger` and `select` take vectors and scalars alike: a formula
+`sqrt`, `exp`, `log2`, `floor`, `absolute`, `minimum`, `maximum` and `select` take vectors and scalars alike: a formula
 written with them once serves plain loops in float64 and vector loops.
 """
 
@@ -13,7 +13,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic, overload
 
-from carigs.simd.kernels import PIECE
+from carigs.simd.kernels import INLINE
 from carigs.simd.vectors import (
     FLAGS,
     FLOAT,
@@ -22,14 +22,14 @@ from carigs.simd.vectors import (
     WIDE,
     WIDTH,
     binary,
+    broadcast,
+    broadcast_wide,
     call,
     constant,
-    inner,
     lanes,
     one_argument,
     shuffle,
-    splat,
-    splat_wide,
+    simd_inline,
     two_arguments,
     unary,
     wide,
@@ -64,12 +64,12 @@ one_argument(absolute, _llvm("fabs"), lambda a: abs(a))
 one_argument(floor, _llvm("floor"), lambda a: np.floor(a))
 
 
-def smaller(a, b):
+def minimum(a, b):
     """a if a < b, else b: also where one is NaN."""
     return a if a < b else b
 
 
-def larger(a, b):
+def maximum(a, b):
     """a if a > b, else b: also where one is NaN."""
     return a if a > b else b
 
@@ -79,8 +79,8 @@ def _choice(sign):
     return lambda builder, a, b: builder.select(builder.fcmp_ordered(sign, a, b), a, b)
 
 
-two_arguments((smaller,), {v: binary(v, v, _choice("<")) for v in (lanes, wide)}, lambda a, b: a if a < b else b)
-two_arguments((larger,), {v: binary(v, v, _choice(">")) for v in (lanes, wide)}, lambda a, b: a if a > b else b)
+two_arguments((minimum,), {v: binary(v, v, _choice("<")) for v in (lanes, wide)}, lambda a, b: a if a < b else b)
+two_arguments((maximum,), {v: binary(v, v, _choice(">")) for v in (lanes, wide)}, lambda a, b: a if a > b else b)
 
 
 def select(condition, a, b):
@@ -100,12 +100,12 @@ def _selection(vector):
 _SELECT = {MASKS[v]: (v, _selection(v)) for v in (lanes, wide)}
 
 
-@overload(select, jit_options=PIECE)
+@overload(select, jit_options=INLINE)
 def _choose_select(condition, a, b):
     if condition not in _SELECT:
         return lambda condition, a, b: a if condition else b
     vector, function = _SELECT[condition]
-    spread, kind = (splat, np.float32) if vector == lanes else (splat_wide, np.float64)
+    spread, kind = (broadcast, np.float32) if vector == lanes else (broadcast_wide, np.float64)
     if a == vector and b == vector:
         return lambda condition, a, b: function(condition, a, b)
     if a == vector:
@@ -177,7 +177,7 @@ _C0, _C1, _C2, _C3, _C4, _C5 = (
 )
 
 
-@inner
+@simd_inline
 def exp2(x):
     """2^x for lanes within (-126, 128): relative error 1.6e-7."""
     whole = _floor(x)
@@ -189,9 +189,9 @@ _floor = _llvm("floor")[lanes]
 _LOG2E = np.float32(math.log2(math.e))
 
 
-@inner
+@simd_inline
 def _exp(x):
-    return select(x <= np.inf, exp2(smaller(larger(x * _LOG2E, -125.0), 127.0)), x)  # NaN stays NaN
+    return select(x <= np.inf, exp2(minimum(maximum(x * _LOG2E, -125.0), 127.0)), x)  # NaN stays NaN
 
 
 def exp(x):
@@ -220,7 +220,7 @@ def _split(typingctx, a):
     return types.UniTuple(wide, 2)(wide), codegen
 
 
-@inner
+@simd_inline
 def _log2(x):
     m, power = _split(x)
     high = m > 1.4142135623730951
@@ -254,7 +254,7 @@ largest = _reduction("llvm.vector.reduce.fmax.v16f32", None)
 
 
 @intrinsic
-def totals(typingctx, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p):  # noqa: E741
+def reduce_add(typingctx, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p):  # noqa: E741
     """The sixteen values' sums over their lanes, as lanes: a tree of shuffles and additions shared by all."""
 
     def codegen(context, builder, signature, values):

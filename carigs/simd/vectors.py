@@ -16,7 +16,7 @@ from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
-from carigs.simd.kernels import OWNER, PIECE
+from carigs.simd.kernels import INLINE, INLINE_ALLOC
 
 WIDTH, WIDE = 16, 8
 FLOAT, DOUBLE, INT = ir.FloatType(), ir.DoubleType(), ir.IntType(32)
@@ -76,10 +76,10 @@ def _model(vector: Vector) -> None:
 for _vector in (lanes, wide, mask, wide_mask):
     _model(_vector)
 
-inner = njit(fastmath=FASTMATH, **PIECE)
-owner = njit(fastmath=FASTMATH, **OWNER)
+simd_inline = njit(fastmath=FASTMATH, **INLINE)
+simd_inline_alloc = njit(fastmath=FASTMATH, **INLINE_ALLOC)
 """Of pieces that make arrays."""
-formula = njit(**PIECE)
+scalar_or_simd = njit(**INLINE)
 """For formulas that serve scalars too: those keep the order of their operations."""
 
 
@@ -142,7 +142,7 @@ def _splat(vector):
     return function
 
 
-splat, splat_wide = _splat(lanes), _splat(wide)
+broadcast, broadcast_wide = _splat(lanes), _splat(wide)
 """A scalar in all elements."""
 
 
@@ -152,7 +152,7 @@ def two_arguments(names, vectors, scalars=None):
 
     def choose(a, b):
         for vector, function in vectors.items():
-            spread, kind = (splat, np.float32) if vector == lanes else (splat_wide, np.float64)
+            spread, kind = (broadcast, np.float32) if vector == lanes else (broadcast_wide, np.float64)
             if a == vector and b == vector:
                 return lambda a, b: function(a, b)
             if a == vector and isinstance(b, number):
@@ -162,13 +162,13 @@ def two_arguments(names, vectors, scalars=None):
         return scalars if isinstance(a, number) and isinstance(b, number) else None
 
     for name in names:
-        overload(name, jit_options=PIECE)(choose)
+        overload(name, jit_options=INLINE)(choose)
 
 
 def one_argument(name, vectors, scalars=None):
     """The same for one argument."""
 
-    @overload(name, jit_options=PIECE)
+    @overload(name, jit_options=INLINE)
     def choose(a):
         for vector, function in vectors.items():
             if a == vector:
@@ -191,7 +191,7 @@ _operator((operator.gt,), lambda builder, a, b: builder.fcmp_ordered(">", a, b),
 _operator((operator.ge,), lambda builder, a, b: builder.fcmp_ordered(">=", a, b), compares=True)
 
 
-@overload(operator.and_, jit_options=PIECE)
+@overload(operator.and_, jit_options=INLINE)
 def _choose_and(a, b):
     for vector, function in _ANDS.items():
         if a == vector and b == vector:

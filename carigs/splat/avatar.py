@@ -17,8 +17,8 @@ from carigs.files import writing
 from carigs.head import HeadModel, HeadParameters
 from carigs.head.model import N_SHAPE
 from carigs.light.fitting import Shading
-from carigs.splat.render import RIGS, draw
-from carigs.splat.rig.head_sequence import Performance
+from carigs.splat.render import RIGS, render
+from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.surfels import ATTRIBUTES, Surfels, from_arrays, to_arrays
 
 FORMAT = "carigs-avatar-2"
@@ -30,7 +30,7 @@ class Avatar:
     """Everything that rendering needs, at any timestep of the capture and any level of the path."""
 
     surfels: Surfels
-    performance: Performance
+    performance: HeadSequence
     rig: str = "jbs"
     """`jbs` or `jacobian`."""
     rotate_harmonics: bool = True
@@ -43,7 +43,7 @@ class Avatar:
         """The head at a timestep's expression and pose, exaggerated to `level`; colours in [0, 1]."""
         performance = self.performance
         with torch.no_grad():
-            drawing = draw(
+            drawing = render(
                 self.surfels,
                 performance.rig,
                 performance.motion(timestep, level),
@@ -152,7 +152,7 @@ def _from_arrays(arrays: dict[str, np.ndarray], file: Path) -> Avatar:
         columns=arrays.get("path_columns"),
         changes=arrays.get("path_changes"),
     )
-    performance = Performance(head, parameters, path)
+    performance = HeadSequence(head, parameters, path)
     if "shading_light" in arrays:
         performance.shading = Shading(**{f.name: arrays[f"shading_{f.name}"] for f in fields(Shading)})
     return Avatar(

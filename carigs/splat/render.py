@@ -19,7 +19,7 @@ from carigs.splat.surfels.surfels import Surfels
 RIGS = ("jbs", "jacobian")
 
 
-class Drawing(NamedTuple):
+class RenderedFrame(NamedTuple):
     """An image and what it is made of."""
 
     image: Float[Tensor, "h w 3"]
@@ -28,7 +28,7 @@ class Drawing(NamedTuple):
     world: WorldSurfels
 
 
-def draw(
+def render(
     surfels: Surfels,
     rig: Rig,
     motion: FaceMotion,
@@ -40,7 +40,7 @@ def draw(
     shade: Float32[np.ndarray, "f 3"] | None = None,
     outputs: tuple[str, ...] = (),
     backend: str = "cpu",
-) -> Drawing:
+) -> RenderedFrame:
     """Render the surfels on a posed mesh; `outputs` are wanted beside the colour.
 
     `kind` is one of `RIGS`: `jbs` blends the neighbours' motions, `jacobian` takes the own face's.  With
@@ -51,7 +51,7 @@ def draw(
     colour = seen_colour(surfels.colour, surfels.harmonics, skinned.direction, shade, surfels.binding)
     world = WorldSurfels(*skinned[:4], colour)
     rendering = rasterize(world, camera, backend=backend, outputs=("colour", *outputs), background=background)
-    return Drawing(rendering.colour, rendering, world)
+    return RenderedFrame(rendering.colour, rendering, world)
 
 
 def contribution(

@@ -20,10 +20,10 @@ from carigs.capture.images import read_bits, read_rgb, write_bits, write_png
 from carigs.errors import InputError
 from carigs.exaggeration import Caricature, GammaPath
 from carigs.files import resuming_folder, writing
-from carigs.gtstar import Reason, as_bits, face_reasons
+from carigs.gtstar import MaskFlag, face_mask_flags, flags_from_names
 from carigs.gtstar.provider import Provided, check_settings, fitted_shading, input_files, provide
 from carigs.light.fitting import load_shading, save_shading
-from carigs.settings import EXCLUDED, Gtstar
+from carigs.settings import DEFAULT_MASK_FLAGS, Gtstar
 from carigs.sources import fingerprint
 from evaluation.figures.target_sheet import Shown, target_sheet
 
@@ -40,7 +40,7 @@ def gtstar(settings: Gtstar, *, capture: Path, path: Path, level: float, targets
     check_settings(settings)
     subject, gamma_path = Capture.load(capture), GammaPath.load(path)
     exaggerated = gamma_path.at(level)
-    of_faces = face_reasons(subject.model, settings)
+    of_faces = face_mask_flags(subject.model, settings)
     frames = subject.split("train")
     key = _key(settings, subject, exaggerated, capture)
     with resuming_folder(targets, key) as (folder, notes), _threads(settings.threads) as pool:
@@ -161,9 +161,9 @@ def _write_sheet(folder: Path, subject: Capture, entries: list[dict], exaggerate
         target, reasons = read_rgb(folder / entry["image"]), read_bits(folder / entry["reasons"])
         shown.append(Shown(frame.name, subject.image(frame), target, reasons, truth))
     if shown:
-        target_sheet(folder / "inspection.png", shown, as_bits(EXCLUDED))
+        target_sheet(folder / "inspection.png", shown, flags_from_names(DEFAULT_MASK_FLAGS))
 
 
 def _shares(reasons: np.ndarray) -> dict[str, float]:
     """Of the image's pixels, for each reason."""
-    return {reason.name.lower(): round(float(np.mean((reasons & reason.value) > 0)), 6) for reason in Reason}
+    return {reason.name.lower(): round(float(np.mean((reasons & reason.value) > 0)), 6) for reason in MaskFlag}

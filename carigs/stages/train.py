@@ -25,7 +25,7 @@ def train(
 ) -> None:
     """Write the trained avatar, its .ply (SurFhead's layout) and the log.
 
-    `targets` are the indices of GT* frames, one per level; None may do where `caricature_share` is 0 and no light is
+    `targets` are the indices of GT* frames, one per level; None may do where `gtstar_probability` is 0 and no light is
     followed.  The run's state is kept beside `avatar` (suffix `.checkpoint`) until it is done.
     """
     check_settings(settings, targets)
@@ -36,17 +36,17 @@ def train(
     from carigs.capture.target_index import read_targets
     from carigs.light.fitting import load_shading
     from carigs.splat.avatar import Avatar, save_avatar
-    from carigs.splat.rig.head_sequence import perform
+    from carigs.splat.rig.head_sequence import head_sequence
     from carigs.splat.surfels.ply import write_ply
     from carigs.splat.training.supervision import Supervision
     from carigs.splat.training.trainer import COLUMNS, train_surfels
 
     subject, gamma_path = Capture.load(capture), GammaPath.load(path)
-    performance = perform(subject, gamma_path)
+    performance = head_sequence(subject, gamma_path)
     sets = [read_targets(index, subject) for index in targets or ()]
     if sets and settings.follow_light:
         performance.shading = load_shading(sets[-1].folder / "shading.npz")  # one light for all levels
-    supervision = Supervision(subject, sets if settings.caricature_share > 0 else (), settings.exclude)
+    supervision = Supervision(subject, sets if settings.gtstar_probability > 0 else (), settings.mask_flags)
     checkpoint = avatar.with_suffix(".checkpoint")
     surfels, rows = train_surfels(settings, performance, supervision, checkpoint)
     trained = Avatar(surfels, performance, settings.rig, settings.rotate_harmonics, subject.background)
@@ -62,20 +62,27 @@ def train(
 def check_settings(settings: Train, targets: Sequence[Path] | None) -> None:
     """Raise `SettingsError` for a value out of range, before any work."""
     for name, low, high in (
-        ("caricature_share", 0, 1), ("iterations", 1, 10**9), ("threads", 1, 10**4), ("sh_degree", 0, 3),
-        ("surfels_per_face", 1, 1000), ("hair_layers", 0, 1000), ("ssim", 0, 1), ("log_every", 1, 10**9),
+        ("gtstar_probability", 0, 1), ("iterations", 1, 10**9), ("threads", 1, 10**4), ("sh_degree", 0, 3),
+        ("surfels_per_face", 1, 1000), ("hair_layers", 0, 1000), ("ssim_weight", 0, 1), ("log_every", 1, 10**9),
         ("initial_opacity", 1e-6, 1 - 1e-6), ("initial_scale", 1e-6, 1e6), ("colour_frames", 1, 10**6),
     ):  # fmt: skip
         if not low <= getattr(settings, name) <= high:
             raise SettingsError(f"train.{name}={getattr(settings, name)} must lie in [{low}, {high}]")
-    for name, low, high in (("max_surfels", 1, 10**9), ("turnover", 0, 1), ("views", 1, 10**6), ("opacity", 0, 1)):
+    for name, low, high in (
+        ("max_surfels", 1, 10**9),
+        ("replace_fraction", 0, 1),
+        ("importance_views", 1, 10**6),
+        ("prune_opacity", 0, 1),
+    ):
         value = getattr(settings.density, name)
         if not low <= value <= high:
             raise SettingsError(f"train.density.{name}={value} must lie in [{low}, {high}]")
-    for name in ("translation_rate", "rotation_rate", "expression_rate"):
-        if not 0 <= getattr(settings.tune, name) < 1:
-            raise SettingsError(f"train.tune.{name}={getattr(settings.tune, name)} must lie in [0, 1)")
+    for name in ("translation_lr", "rotation_lr", "expression_lr"):
+        if not 0 <= getattr(settings.refine_tracking, name) < 1:
+            raise SettingsError(
+                f"train.refine_tracking.{name}={getattr(settings.refine_tracking, name)} must lie in [0, 1)"
+            )
     if settings.rig not in ("jbs", "jacobian"):
         raise SettingsError(f"train.rig={settings.rig} is unknown; choose jbs or jacobian")
-    if settings.caricature_share > 0 and not targets:
-        raise SettingsError(f"train.caricature_share={settings.caricature_share} needs targets, and there are none")
+    if settings.gtstar_probability > 0 and not targets:
+        raise SettingsError(f"train.gtstar_probability={settings.gtstar_probability} needs targets, and there are none")

@@ -24,7 +24,7 @@ from carigs.files import writing
 from carigs.settings import Train
 from carigs.simd.threads import use_threads
 from carigs.splat.avatar import Avatar
-from carigs.splat.rig.head_sequence import Performance, perform
+from carigs.splat.rig.head_sequence import HeadSequence, head_sequence
 from carigs.splat.training.checkpoint import State
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
@@ -50,7 +50,7 @@ class Look(NamedTuple):
 class Watch:
     """Looks at a run from beside it."""
 
-    def __init__(self, settings: Train, performance: Performance, capture: Capture) -> None:
+    def __init__(self, settings: Train, performance: HeadSequence, capture: Capture) -> None:
         self.settings, self.performance, self.capture = settings, performance, capture
         frames = capture.split("test")
         self.frames = [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, FRAMES).astype(int))]
@@ -80,13 +80,13 @@ class Watch:
 
 
 def looks(
-    settings: Train, performance: Performance, capture: Capture, budgets: Sequence[int], steps: Sequence[int]
+    settings: Train, performance: HeadSequence, capture: Capture, budgets: Sequence[int], steps: Sequence[int]
 ) -> Iterator[Look]:
     """Rows of a run on real frames alone for each budget and number of steps; surfels multiply for two thirds of it."""
     use_threads(settings.threads)
     for budget, iterations in product(budgets, steps):
         density = replace(settings.density, stop=2 * iterations // 3, max_surfels=budget)
-        run = replace(settings, iterations=iterations, caricature_share=0.0, density=density)
+        run = replace(settings, iterations=iterations, gtstar_probability=0.0, density=density)
         watch, supervision = Watch(run, performance, capture), Supervision(capture)
         with TemporaryDirectory() as folder:
             train_surfels(run, performance, supervision, Path(folder) / "checkpoint", watch)
@@ -127,7 +127,7 @@ def main() -> None:
     arguments = parser.parse_args()
     settings = replace(load_settings("train", arguments.settings), threads=arguments.threads)
     capture, path = Capture.load(arguments.capture), GammaPath.load(arguments.path)
-    rows = looks(settings, perform(capture, path), capture, arguments.budgets, arguments.steps)
+    rows = looks(settings, head_sequence(capture, path), capture, arguments.budgets, arguments.steps)
     table = pd.DataFrame(rows)
     with writing(arguments.file) as part:
         table.round({"seconds": 2, "psnr": 3}).to_csv(part, index=False)

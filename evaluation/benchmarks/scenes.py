@@ -16,7 +16,7 @@ from carigs.head import HeadModel, HeadParameters, pose
 from carigs.head.model import N_JOINTS, N_SHAPE
 from carigs.raster import rasterize_mesh
 from carigs.splat.rasterizer.rasterize import WorldSurfels
-from carigs.splat.rig.head_sequence import Performance
+from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.training.supervision import Supervision
 
 AXES = np.array([0.075, 0.11, 0.09])
@@ -65,7 +65,7 @@ def scene_name(surfels: int, camera: Camera, threads: int, *more: str) -> str:
     return ", ".join((f"{surfels} surfels", size, f"{threads} thread{'s' * (threads > 1)}", *more))
 
 
-def moving_head(subdivisions: int, timesteps: int = 4) -> Performance:
+def moving_head(subdivisions: int, timesteps: int = 4) -> HeadSequence:
     """An ellipsoid of 20 * 4^subdivisions triangles that turns and opens its lower half."""
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=1.0)
     vertices = (np.asarray(mesh.vertices) * AXES).astype(np.float32)
@@ -85,10 +85,12 @@ def moving_head(subdivisions: int, timesteps: int = 4) -> Performance:
         t: HeadParameters(rotation=np.array([0, 0.1 * t, 0]), expression=0.3 * t * np.eye(100)[0])
         for t in range(timesteps)
     }
-    return Performance(model, parameters, straight_path(vertices.astype(np.float64), model.faces, 0.2 * vertices, 0.25))
+    return HeadSequence(
+        model, parameters, straight_path(vertices.astype(np.float64), model.faces, 0.2 * vertices, 0.25)
+    )
 
 
-def filmed(performance: Performance, folder: Path, width: int, height: int) -> Supervision:
+def filmed(performance: HeadSequence, folder: Path, width: int, height: int) -> Supervision:
     """Images of the head, painted with a pattern, from three sides and at all of its timesteps, in `folder`."""
     cameras = {c: portrait(width, height, side) for c, side in enumerate((-0.4, 0.0, 0.4))}
     head, frames = performance.head, []

@@ -28,7 +28,7 @@ from carigs.splat.rasterizer.rasterize import OUTPUTS, WorldSurfels, rasterize
 from carigs.splat.rig.rig import face_motion
 from carigs.splat.rig.skinning import skin
 from carigs.splat.surfels.initialization import place
-from carigs.splat.surfels.surfels import Surfels, plain
+from carigs.splat.surfels.surfels import Surfels, flat_discs
 from carigs.splat.training.photometric_loss import photometric
 from evaluation.benchmarks.chart import plot
 from evaluation.benchmarks.clocks import (
@@ -100,8 +100,8 @@ def kernel_rows(
         return {**times, "all kernels": sum(times.values()), "with torch around them": call}
 
     with threads(1):
-        times = in_turns({backend: partial(measured, backend) for backend in ("cpu", "plain")}, repeats)
-    fast, slow = times["cpu"], times["plain"]
+        times = in_turns({backend: partial(measured, backend) for backend in ("cpu", "scalar")}, repeats)
+    fast, slow = times["cpu"], times["scalar"]
     case = scene_name(len(surfels.centre), camera, 1, name)
     for kernel in (*KERNELS, "all kernels", "with torch around them"):
         yield Measurement(case, kernel, "ms", 1e3 * fast[kernel], 1e3 * slow[kernel])
@@ -158,7 +158,7 @@ def skinning_rows(subdivisions: int, repeats: int) -> Iterator[Measurement]:
     rig, head = performance.rig, performance.head
     motion = face_motion(rig, pose(head, performance.parameters[2]))
     binding, position, scale = place(SETTINGS, rig, np.zeros(len(rig.faces), bool))
-    surfels = plain(binding, position, scale, 0.5, np.full((len(binding), 3), 0.5), sh_degree=3)
+    surfels = flat_discs(binding, position, scale, 0.5, np.full((len(binding), 3), 0.5), sh_degree=3)
     doubles = {name: value.detach().double().requires_grad_(True) for name, value in surfels.attributes()}
     shade, eye = np.ones((len(rig.faces), 3), np.float32), np.array([0.0, 0.0, 1.0])
 
@@ -194,9 +194,9 @@ def scaling_rows(sizes: Sizes) -> Iterator[Measurement]:
         work = gradient_of(ellipsoid(count), camera, COLOURS)
         for number in (1, 2):
             with threads(number):
-                times = race({name: partial(work, name) for name in ("cpu", "plain")}, max(sizes.repeats // 3, 1))
+                times = race({name: partial(work, name) for name in ("cpu", "scalar")}, max(sizes.repeats // 3, 1))
             case = scene_name(count, camera, number)
-            yield Measurement(case, "forward and backward", "ms", 1e3 * times["cpu"], 1e3 * times["plain"])
+            yield Measurement(case, "forward and backward", "ms", 1e3 * times["cpu"], 1e3 * times["scalar"])
 
 
 START = """

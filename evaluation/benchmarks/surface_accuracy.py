@@ -12,11 +12,11 @@ from jaxtyping import Float, Int
 from omegaconf import OmegaConf
 
 from carigs.config import compose
-from carigs.exaggeration import Exaggerator, GammaPath, with_motions
+from carigs.exaggeration import Exaggerator, GammaPath, with_blendshapes
 from carigs.exaggeration.blend_bound import blend_bounds
 from carigs.exaggeration.blendshape_transfer import SHARES
 from carigs.head import HeadModel, HeadParameters, neutral
-from carigs.mesh.cotan_laplacian import EdgeCotans, mixed_voronoi_areas
+from carigs.mesh.cotan_laplacian import CotanLaplacian, mixed_voronoi_areas
 from carigs.mesh.curvature import angle_defects, heat_smoothed
 from carigs.mesh.triangle_mesh import boundary_vertices, diagonal, size
 from carigs.settings import Exaggerate
@@ -100,7 +100,7 @@ def _estimates(
 ) -> dict[str, Float[np.ndarray, " v"]]:
     defects = angle_defects(vertices, faces, boundary_vertices(faces, len(vertices)))
     thirds = np.bincount(faces.ravel(), np.repeat(igl.doublearea(vertices, faces) / 6, 3), len(vertices))
-    stiffness = EdgeCotans(vertices, faces).stiffness()
+    stiffness = CotanLaplacian(vertices, faces).stiffness()
     estimates = {"angle defect, mixed Voronoi": defects / areas, "angle defect, barycentric": defects / thirds}
     for share in (0.005, 0.02):
         smooth = heat_smoothed(defects / areas, areas, stiffness, (share * size(vertices, faces)) ** 2)
@@ -167,8 +167,8 @@ def lid_rows(
             solver = Exaggerator(head, model.faces, settings)
             path = solver.path(GAMMA)
             for transport in transports:
-                solver.settings = replace(solver.settings, expressions=transport)
-                caricature = with_motions(path, solver, blinks, np.arange(2)).at(GAMMA)
+                solver.settings = replace(solver.settings, blendshape_transfer=transport)
+                caricature = with_blendshapes(path, solver, blinks, np.arange(2)).at(GAMMA)
                 moved = head + caricature.displacement
                 closed = 1 - gap(moved + blinks.sum(axis=0) + caricature.change(np.ones(2))) / gap(moved)
                 case = f"person {seed}, {name}"

@@ -12,8 +12,15 @@ from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import splu
 
 from carigs.exaggeration import Exaggerator
-from carigs.mesh.cotan_laplacian import EdgeCotans, mixed_voronoi_areas
-from carigs.mesh.linear_solver import COLUMNS, SYMMETRIC, CholeskySolverD, Factors, conjugate_gradients, solve_in_blocks
+from carigs.mesh.cotan_laplacian import CotanLaplacian, mixed_voronoi_areas
+from carigs.mesh.linear_solver import (
+    COLUMNS,
+    SYMMETRIC,
+    CholeskySolver,
+    CholeskySolverD,
+    conjugate_gradients,
+    solve_in_blocks,
+)
 from evaluation.benchmarks.measurements import Measurement, seconds
 
 Solve = Callable[[np.ndarray], np.ndarray]
@@ -34,7 +41,7 @@ def size_rows(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"])
     """
     left_out: set[str] = set()
     for _ in range(SIZES):
-        cotans = EdgeCotans(vertices, faces)
+        cotans = CotanLaplacian(vertices, faces)
         matrix, mass = cotans.stiffness()[1:][:, 1:].tocsc(), mixed_voronoi_areas(vertices, faces)
         rights = _right_hand_sides(cotans, vertices, faces)
         first: dict[str, float] = {}
@@ -86,7 +93,7 @@ def _ways(matrix: csc_array, mass: np.ndarray) -> Mapping[str, Callable[[], Solv
 
     ours = "LU in the order that suits the size" if CholeskySolverD is None else "Cholesky (cholespy)"
     return {
-        ours: lambda: Factors(matrix).solve,
+        ours: lambda: CholeskySolver(matrix).solve,
         f"LU (COLAMD), {COLUMNS} columns at once": lambda: lu(matrix),
         "LU (COLAMD), all columns at once": all_at_once,
         "LU (MMD, symmetric)": lambda: lu(matrix, **SYMMETRIC),
@@ -115,7 +122,7 @@ def _times(make: Callable[[], Solve], rights: Float[np.ndarray, "n c"]) -> dict[
 
 
 def _right_hand_sides(
-    cotans: EdgeCotans, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
+    cotans: CotanLaplacian, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
 ) -> Float[np.ndarray, "n c"]:
     """Of all levels, for weights that vary as those of a head do."""
     rough = np.sin(40 * vertices / np.ptp(vertices, axis=0).max()).sum(axis=1)[faces].mean(axis=1)

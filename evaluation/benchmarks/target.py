@@ -23,12 +23,12 @@ import numpy as np
 from carigs.capture import Camera, Capture
 from carigs.exaggeration import GammaPath
 from carigs.files import writing
-from carigs.gtstar import as_bits, face_reasons, make_target
+from carigs.gtstar import face_mask_flags, flags_from_names, make_target
 from carigs.gtstar.provider import fitted_shading
 from carigs.head import pose
 from carigs.light.fitting import relight
 from carigs.raster import visible
-from carigs.settings import EXCLUDED, Exaggerate, Gtstar, Toy
+from carigs.settings import DEFAULT_MASK_FLAGS, Exaggerate, Gtstar, Toy
 from carigs.settings import Capture as CaptureSettings
 from carigs.stages.capture import capture
 from carigs.stages.exaggerate import exaggerate
@@ -62,8 +62,8 @@ def cpu_ms(work: Callable[[], object]) -> float:
 def measure(subject: Capture, path: GammaPath) -> Iterator[Measurement]:
     """Rows of every option; the reference is the paper's: affine, one sample, no footprint."""
     model, exaggerated = subject.model, path.at(path.gamma_f)
-    of_faces = face_reasons(model, Gtstar())
-    excluded = np.uint16(as_bits(EXCLUDED).value)
+    of_faces = face_mask_flags(model, Gtstar())
+    excluded = np.uint16(flags_from_names(DEFAULT_MASK_FLAGS).value)
     frames = subject.split("test")[:: max(1, len(subject.split("test")) // FRAMES)][:FRAMES]
     person = load_subject(subject.root)
     scenes = []
@@ -106,7 +106,7 @@ def measure(subject: Capture, path: GammaPath) -> Iterator[Measurement]:
 def relighting(subject: Capture, path: GammaPath) -> Iterator[Measurement]:
     """Rows of what new light brings at gamma and twice it: trusted pixels of the regions skin and face."""
     model, settings = subject.model, Gtstar()
-    of_faces, excluded = face_reasons(model, settings), np.uint16(as_bits(EXCLUDED).value)
+    of_faces, excluded = face_mask_flags(model, settings), np.uint16(flags_from_names(DEFAULT_MASK_FLAGS).value)
     regions = {name: surface_regions(model, model.v_template).faces[name] for name in ("skin", "face")}
     person, frames = load_subject(subject.root), subject.split("test")[::2]
     shading = fitted_shading(settings, subject, of_faces)

@@ -14,8 +14,8 @@ from unittest.mock import patch
 from carigs.settings import Density, Train
 from carigs.simd.threads import use_threads
 from carigs.splat.avatar import Avatar
-from carigs.splat.render import draw
-from carigs.splat.rig.head_sequence import Performance
+from carigs.splat.render import render
+from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.surfels import Surfels
 from carigs.splat.training import trainer
 from carigs.splat.training.supervision import Supervision
@@ -29,7 +29,7 @@ BLOCK = 5
 SETTINGS = Train(
     sh_degree=3,
     surfels_per_face=3,
-    caricature_share=0.0,
+    gtstar_probability=0.0,
     hair_regions=(),
     # About the sizes and the mean opacity of `scenes.ellipsoid`.
     initial_scale=0.21,
@@ -38,7 +38,7 @@ SETTINGS = Train(
 )
 VARIANTS = {
     ("SH 3",): {},
-    ("SH 3", "distortion and normals"): {"distortion_weight": 100.0, "normal_weight": 0.05, "regularise_from": 0},
+    ("SH 3", "distortion and normals"): {"distortion_weight": 100.0, "normal_weight": 0.05, "regularize_from": 0},
     ("SH 3", "first surfels by default"): {
         "initial_scale": Train().initial_scale,
         "initial_opacity": Train().initial_opacity,
@@ -85,7 +85,7 @@ def training_rows(subdivisions: int, width: int, height: int, turns: int) -> Ite
             surfels, fast = _steps(settings, performance, supervision, turns)
             plain = None
             if number == 0:
-                plain = _steps(replace(settings, backend="plain"), performance, supervision, 3)[1]
+                plain = _steps(replace(settings, backend="scalar"), performance, supervision, 3)[1]
                 yield from _frame_rows(surfels, performance, supervision, turns)
             for count in (1, 2):
                 reference = plain and 1 / plain.seconds(count)
@@ -94,7 +94,7 @@ def training_rows(subdivisions: int, width: int, height: int, turns: int) -> Ite
 
 
 def _steps(
-    settings: Train, performance: Performance, supervision: Supervision, turns: int
+    settings: Train, performance: HeadSequence, supervision: Supervision, turns: int
 ) -> tuple[Surfels, StepClock]:
     """Train with the trainer's own steps."""
     clock = StepClock()
@@ -105,13 +105,13 @@ def _steps(
 
 
 def _frame_rows(
-    surfels: Surfels, performance: Performance, supervision: Supervision, turns: int
+    surfels: Surfels, performance: HeadSequence, supervision: Supervision, turns: int
 ) -> Iterator[Measurement]:
     """Rendering alone, of the poses in turn; and how much there is to render."""
     avatar = Avatar(surfels, performance)
     camera = supervision.capture.cameras[1]
     poses = itertools.cycle(performance.parameters)
-    times: dict[tuple[int, str], list[float]] = {key: [] for key in itertools.product((1, 2), ("cpu", "plain"))}
+    times: dict[tuple[int, str], list[float]] = {key: [] for key in itertools.product((1, 2), ("cpu", "scalar"))}
     for _ in range(turns):
         for (count, backend), measured in times.items():
             with threads(count):
@@ -122,7 +122,7 @@ def _frame_rows(
     rates = {key: 1 / median(measured[BLOCK:]) for key, measured in times.items()}
     for count in (1, 2):
         case = scene_name(len(surfels), camera, count, "SH 3")
-        yield Measurement(case, "rendering", "1/s", rates[count, "cpu"], rates[count, "plain"])
-    drawing = draw(surfels, performance.rig, performance.motion(0, 0.0), camera)
+        yield Measurement(case, "rendering", "1/s", rates[count, "cpu"], rates[count, "scalar"])
+    drawing = render(surfels, performance.rig, performance.motion(0, 0.0), camera)
     case = scene_name(len(surfels), camera, 1, "SH 3")
     yield Measurement(case, "contributing pairs", "1", contributing_pairs(drawing.world, camera))

@@ -14,9 +14,9 @@ from carigs.capture.frame_index import Truths
 from carigs.capture.images import read_grey, read_rgb
 from carigs.exaggeration import GammaPath
 from carigs.files import writing
-from carigs.gtstar import as_bits, face_reasons, make_target
+from carigs.gtstar import face_mask_flags, flags_from_names, make_target
 from carigs.head import neutral, pose
-from carigs.settings import EXCLUDED, Gtstar
+from carigs.settings import DEFAULT_MASK_FLAGS, Gtstar
 from evaluation.metrics.regions import image_regions, surface_regions
 
 REGIONS = ("face", "eyes", "brow", "neck_ear", "hair", "skin")
@@ -41,8 +41,8 @@ def misregistrations(
     subject: Capture, path: GammaPath, truths: Mapping[float, Truths], cameras: int = 3
 ) -> Iterable[Misregistration]:
     """Rows of every level that has a truth, over its first `cameras` views: plain warps, in the old light."""
-    model, settings, excluded = subject.model, Gtstar(), np.uint16(as_bits(EXCLUDED).value)
-    of_faces = face_reasons(model, settings)
+    model, settings, excluded = subject.model, Gtstar(), np.uint16(flags_from_names(DEFAULT_MASK_FLAGS).value)
+    of_faces = face_mask_flags(model, settings)
     for level, known in truths.items():
         frames = [f for f in subject.split("test") if (f.timestep, f.camera) in known.images]
         chosen = sorted({f.camera for f in frames})[:cameras]

@@ -12,7 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from carigs.exaggeration import Exaggerator, with_motions
+from carigs.exaggeration import Exaggerator, with_blendshapes
 from carigs.exaggeration.blendshape_transfer import SHARES
 from carigs.head import HeadModel, HeadParameters, neutral
 from carigs.mesh.triangle_mesh import size
@@ -46,8 +46,8 @@ def lids(file: Path, model: HeadModel) -> None:
     path = solver.path(GAMMA)
     shown = {"natural, eyes closed": head + blinks.sum(axis=0)}
     for transport in SHARES:
-        solver.settings = replace(solver.settings, expressions=transport)
-        caricature = with_motions(path, solver, blinks, np.arange(2)).at(GAMMA)
+        solver.settings = replace(solver.settings, blendshape_transfer=transport)
+        caricature = with_blendshapes(path, solver, blinks, np.arange(2)).at(GAMMA)
         moved = head + caricature.displacement
         shown[f"{GAMMA:g}, {transport}"] = moved + blinks.sum(axis=0) + caricature.change(np.ones(2))
     faces = model.faces[model.vertex_region("eye_region", "left_eyeball", "right_eyeball")[model.faces].all(axis=1)]

@@ -9,23 +9,23 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Float32, UInt16
 
-from carigs.gtstar import Reason
+from carigs.gtstar import MaskFlag
 from evaluation.figures.sheet import write_sheet
 from evaluation.figures.strips import ERROR_SCALE, error_map
 
 COLOURS = {
-    Reason.NEWLY_VISIBLE: (0.90, 0.10, 0.10),
-    Reason.OCCLUDED: (1.00, 0.50, 0.05),
-    Reason.GRAZING: (1.00, 0.85, 0.10),
-    Reason.STRETCHED: (0.75, 0.75, 0.20),
-    Reason.OUTSIDE_IMAGE: (0.20, 0.20, 0.20),
-    Reason.OUTSIDE_MESH: (0.55, 0.55, 0.55),
-    Reason.HAIR: (0.20, 0.40, 0.90),
-    Reason.MOUTH: (0.85, 0.20, 0.60),
-    Reason.LIDS: (0.10, 0.75, 0.75),
-    Reason.BROWS: (0.50, 0.25, 0.75),
-    Reason.EARS: (0.20, 0.65, 0.30),
-    Reason.EYEBALLS: (0.00, 0.90, 0.95),
+    MaskFlag.NEWLY_VISIBLE: (0.90, 0.10, 0.10),
+    MaskFlag.OCCLUDED: (1.00, 0.50, 0.05),
+    MaskFlag.GRAZING: (1.00, 0.85, 0.10),
+    MaskFlag.STRETCHED: (0.75, 0.75, 0.20),
+    MaskFlag.OUTSIDE_IMAGE: (0.20, 0.20, 0.20),
+    MaskFlag.OUTSIDE_MESH: (0.55, 0.55, 0.55),
+    MaskFlag.HAIR: (0.20, 0.40, 0.90),
+    MaskFlag.MOUTH: (0.85, 0.20, 0.60),
+    MaskFlag.LIDS: (0.10, 0.75, 0.75),
+    MaskFlag.BROWS: (0.50, 0.25, 0.75),
+    MaskFlag.EARS: (0.20, 0.65, 0.30),
+    MaskFlag.EYEBALLS: (0.00, 0.90, 0.95),
 }
 
 
@@ -39,7 +39,7 @@ class Shown(NamedTuple):
     truth: Float32[np.ndarray, "h w 3"] | None
 
 
-def target_sheet(file: Path, rows: Sequence[Shown], excluded: Reason, *, height: int = 300) -> None:
+def target_sheet(file: Path, rows: Sequence[Shown], excluded: MaskFlag, *, height: int = 300) -> None:
     """Write a PNG: pixels that the `excluded` reasons leave out are solid, those of other reasons tinted."""
     images = [
         [r.frame, r.target, coloured(r.target, r.reasons, excluded), r.truth, error_map(r.target, r.truth)]
@@ -53,7 +53,7 @@ def target_sheet(file: Path, rows: Sequence[Shown], excluded: Reason, *, height:
 
 
 def coloured(
-    target: Float32[np.ndarray, "h w 3"], reasons: UInt16[np.ndarray, "h w"], excluded: Reason
+    target: Float32[np.ndarray, "h w 3"], reasons: UInt16[np.ndarray, "h w"], excluded: MaskFlag
 ) -> Float[np.ndarray, "h w 3"]:
     """The target under the mean colour of each pixel's reasons: solid where one excludes it, else a tint."""
     total, count = np.zeros(target.shape), np.zeros((*reasons.shape, 1))

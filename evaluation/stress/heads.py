@@ -118,7 +118,7 @@ def region_checks(
     edges, _, sides = igl.edge_topology(vertices, np.asarray(faces, np.int64))
     sides = sides.astype(np.int64)  # from C's long long, which NumPy tells apart
     for mode, outside in (("soft", 1e-3), ("exact", 0.0)):
-        edit = Exaggerator(vertices, faces, Exaggerate(local=mode)).local(region)
+        edit = Exaggerator(vertices, faces, Exaggerate(region_constraint=mode)).local(region)
         displacement = edit.solve(GAMMA)
         beyond = np.linalg.norm(displacement, axis=1)[edit.field == 0].max() / diagonal(vertices)
         yield Check(f"{case}, {mode}", "moved beyond the ramp, diagonals", float(beyond), outside)

@@ -6,12 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from surface.test_exaggeration import PLAIN, RAW, bumpy
-from surface.test_operators import cap, sphere, torus
+from surfaces import PLAIN, RAW, bumpy, cap, sphere, torus
 
 from carigs.exaggeration import Exaggerator
 from carigs.exaggeration.blend_bound import BlendBound, blend_bounds, poincare_constant
-from carigs.mesh.cotan_laplacian import EdgeCotans, mixed_voronoi_areas
+from carigs.mesh.cotan_laplacian import CotanLaplacian, mixed_voronoi_areas
 from carigs.mesh.triangle_mesh import diagonal
 from carigs.settings import Exaggerate
 
@@ -20,7 +19,9 @@ LEVELS = np.linspace(0, 0.25, 6)
 
 
 def constant(vertices: np.ndarray, faces: np.ndarray, connected: int = 1) -> float:
-    return poincare_constant(EdgeCotans(vertices, faces).stiffness(), mixed_voronoi_areas(vertices, faces), connected)
+    return poincare_constant(
+        CotanLaplacian(vertices, faces).stiffness(), mixed_voronoi_areas(vertices, faces), connected
+    )
 
 
 @pytest.mark.parametrize("radius", [0.01, 30.0])
@@ -62,7 +63,7 @@ def test_components_and_followers_keep_the_bound():
     second, more = sphere(1, 0.2)
     both = np.vstack([vertices, second]), np.vstack([faces, more + len(vertices)])
     for followers in (True, False):
-        chosen = Exaggerate(limit_cavities=False, followers=followers)
+        chosen = Exaggerate(limit_cavities=False, rigid_components=followers)
         check_order(blend_bounds(Exaggerator(*both, chosen), 0.25, LEVELS))
 
 

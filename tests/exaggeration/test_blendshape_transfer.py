@@ -9,12 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from surface.test_exaggeration import PLAIN, bumpy
-from surface.test_operators import sphere
+from surfaces import PLAIN, bumpy, sphere
 
 from carigs.errors import InputError, SettingsError
-from carigs.exaggeration import Caricature, Exaggerator, GammaPath, with_motions
-from carigs.exaggeration.blendshape_transfer import SHARES, transported
+from carigs.exaggeration import Caricature, Exaggerator, GammaPath, with_blendshapes
+from carigs.exaggeration.blendshape_transfer import SHARES, transferred
 from carigs.head import HeadModel, HeadParameters, neutral
 
 DATA = Path(os.environ.get("CARIGS_DATA", Path(__file__).parents[2] / "../shared/data"))
@@ -23,13 +22,13 @@ MOTIONS = 0.1 * np.random.default_rng(0).normal(size=(2, len(SOLVER.vertices), 3
 
 
 def carried(transport: str, solver: Exaggerator = SOLVER, motions: np.ndarray = MOTIONS) -> GammaPath:
-    solver.settings = replace(solver.settings, expressions=transport)
-    return with_motions(solver.path(0.25), solver, motions, np.array([4, 9]))
+    solver.settings = replace(solver.settings, blendshape_transfer=transport)
+    return with_blendshapes(solver.path(0.25), solver, motions, np.array([4, 9]))
 
 
 @pytest.mark.parametrize("level", [0.1, 0.25])
 def test_the_map_takes_the_head_to_its_caricature(level):
-    moved = transported(SOLVER, SOLVER.vertices, SOLVER.weights(level))
+    moved = transferred(SOLVER, SOLVER.vertices, SOLVER.weights(level))
     np.testing.assert_allclose(moved, SOLVER.vertices + SOLVER.solve(level), atol=1e-12)
 
 
@@ -38,17 +37,17 @@ def test_the_map_takes_the_head_to_its_caricature(level):
 def test_the_map_is_linear_and_keeps_translations(seed, factor):
     first, second = np.random.default_rng(seed).normal(size=(2, len(SOLVER.vertices), 3))
     weights = SOLVER.weights(0.25)
-    together = transported(SOLVER, first + factor * second, weights)
-    apart = transported(SOLVER, first, weights) + factor * transported(SOLVER, second, weights)
+    together = transferred(SOLVER, first + factor * second, weights)
+    apart = transferred(SOLVER, first, weights) + factor * transferred(SOLVER, second, weights)
     np.testing.assert_allclose(together, apart, atol=1e-10)
-    np.testing.assert_allclose(transported(SOLVER, first + 1.0, weights), transported(SOLVER, first, weights) + 1.0)
+    np.testing.assert_allclose(transferred(SOLVER, first + 1.0, weights), transferred(SOLVER, first, weights) + 1.0)
 
 
 def test_nodes_hold_the_share_of_the_map():
     path = carried("mixed")
     for level in path.levels[1:]:
         for motion, change in zip(MOTIONS, path.at(level).changes, strict=True):
-            expected = SHARES["mixed"] * (transported(SOLVER, motion, SOLVER.weights(level)) - motion)
+            expected = SHARES["mixed"] * (transferred(SOLVER, motion, SOLVER.weights(level)) - motion)
             np.testing.assert_allclose(change, expected, atol=1e-6)
     np.testing.assert_allclose(
         path.at(0.1).changes * SHARES["linear"], carried("linear").at(0.1).changes * SHARES["mixed"], atol=1e-6
@@ -113,8 +112,8 @@ def test_broken_motions_are_named(tmp_path, field, broken):
 
 
 def test_an_unknown_transport_is_named():
-    with pytest.raises(SettingsError, match=r"exaggerate\.expressions=half is unknown"):
-        Exaggerator(SOLVER.vertices, SOLVER.faces, replace(PLAIN, expressions="half"))
+    with pytest.raises(SettingsError, match=r"exaggerate\.blendshape_transfer=half is unknown"):
+        Exaggerator(SOLVER.vertices, SOLVER.faces, replace(PLAIN, blendshape_transfer="half"))
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -135,7 +134,7 @@ def test_lids_close_as_they_naturally_do(seed):
         return 1 - gap(head + motions.sum(axis=0)) / gap(head)
 
     solver = Exaggerator(head, model.faces)
-    path = with_motions(solver.path(0.25), solver, blinks, np.arange(2)).at(0.25)
+    path = with_blendshapes(solver.path(0.25), solver, blinks, np.arange(2)).at(0.25)
     moved, natural = head + path.displacement, closed(head, blinks)
     mixed, offset = closed(moved, blinks + path.changes), closed(moved, blinks)
     assert abs(mixed / natural - 1) < 0.15

@@ -9,32 +9,17 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from surface.test_operators import cap, sphere, torus
+from surfaces import PLAIN, RAW, bumpy, cap, sphere, torus
 
 from carigs.errors import MeshError, SettingsError
 from carigs.exaggeration import Exaggerator, straight_path
 from carigs.exaggeration.rigid_components import similarity
 from carigs.mesh.ambient_occlusion import ambient_occlusion
-from carigs.mesh.cotan_laplacian import EdgeCotans
+from carigs.mesh.cotan_laplacian import CotanLaplacian
 from carigs.mesh.triangle_mesh import boundary_vertices, diagonal
 from carigs.settings import Exaggerate
 
 DATA = Path(os.environ.get("CARIGS_DATA", Path(__file__).parents[2] / "../shared/data"))
-RAW = Exaggerate(
-    curvature_floor=1e-9,
-    relative_curvature=False,
-    heat=0.0,
-    limit_cavities=False,
-    air=0.0,
-    normalise=False,
-    followers=False,
-)
-PLAIN = Exaggerate(limit_cavities=False, air=0.0)
-
-
-def bumpy(subdivisions: int = 3) -> tuple[np.ndarray, np.ndarray]:
-    vertices, faces = sphere(subdivisions)
-    return vertices * (1 + 0.2 * np.sin(4 * vertices[:, :1]) * np.cos(3 * vertices[:, 1:2])), faces
 
 
 @pytest.mark.parametrize("radius", [0.5, 3.0])
@@ -56,7 +41,7 @@ def test_manufactured_solution_on_a_cap():
     errors = []
     for subdivisions in (2, 3, 4, 5, 6):  # four refinements
         vertices, faces = cap(subdivisions)
-        cotans, z = EdgeCotans(vertices, faces), vertices[:, 2]
+        cotans, z = CotanLaplacian(vertices, faces), vertices[:, 2]
         weights = 1 + z[faces].mean(axis=1) / 2
         right = cotans.weighted_divergence(vertices, weights)[:, 2]
         exact, rim = z**2 / 4 + z, boundary_vertices(faces, len(vertices))
@@ -99,7 +84,7 @@ def test_each_component_keeps_its_centroid():
     vertices, faces = bumpy(2)
     second, more = torus()
     both, all_faces = np.vstack([vertices, second + np.array([4, 0, 0])]), np.vstack([faces, more + len(vertices)])
-    solver = Exaggerator(both, all_faces, Exaggerate(limit_cavities=False, followers=False))
+    solver = Exaggerator(both, all_faces, Exaggerate(limit_cavities=False, rigid_components=False))
     displacement = solver.solve(0.3)
     for c in (0, 1):
         inside = solver.component == c
@@ -209,14 +194,14 @@ def test_surfaces_that_have_no_curvature_or_no_outside_are_refused():
     [
         ("curvature_floor", 0.0),
         ("curvature_floor", float("nan")),
-        ("heat", -0.1),
-        ("nodes", 1),
-        ("nodes", -1),
+        ("curvature_smoothing", -0.1),
+        ("path_nodes", 1),
+        ("path_nodes", -1),
         ("path_error", 0.0),
-        ("air", float("nan")),
+        ("gap_stiffness", float("nan")),
         ("cavity_stiffness", -1.0),
-        ("local", "hard"),
-        ("individual", "mean"),
+        ("region_constraint", "hard"),
+        ("curvature_source", "mean"),
     ],
 )
 def test_settings_out_of_range_are_named(field, value):

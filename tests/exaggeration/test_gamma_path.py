@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from surface.test_exaggeration import PLAIN, bumpy
+from surfaces import PLAIN, bumpy
 
 from carigs.errors import InputError
 from carigs.exaggeration import Exaggerator, GammaPath, straight_path
@@ -51,7 +51,7 @@ def test_the_path_has_as_many_nodes_as_the_requested_error_needs(gamma, requeste
     count, reached = error(path_error=requested)
     assert reached < 1.1 * requested + 1e-6  # the nodes are in float32
     if count > 2:
-        assert error(nodes=count - 1)[1] > 0.9 * requested
+        assert error(path_nodes=count - 1)[1] > 0.9 * requested
 
 
 def test_a_path_towards_less_character_is_exact_at_its_end(tmp_path):

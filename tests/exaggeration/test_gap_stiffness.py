@@ -6,14 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse import diags_array
 from scipy.spatial.transform import Rotation
-from surface.test_exaggeration import bumpy
-from surface.test_operators import sphere
+from surfaces import bumpy, sphere
 
 from carigs.exaggeration.gap_stiffness import NARROW, REACH, gap_stiffness
 from carigs.mesh import ambient_occlusion as occlusion
 from carigs.mesh import linear_solver as factors
-from carigs.mesh.cotan_laplacian import EdgeCotans, mixed_voronoi_areas
-from carigs.mesh.linear_solver import Factors, conjugate_gradients
+from carigs.mesh.cotan_laplacian import CotanLaplacian, mixed_voronoi_areas
+from carigs.mesh.linear_solver import CholeskySolver, conjugate_gradients
 from carigs.mesh.triangle_mesh import size
 
 
@@ -104,15 +103,15 @@ def library(request, monkeypatch):
 @pytest.mark.parametrize("columns", [1, 3, 10])
 def test_factors_solve(library, columns):
     vertices, faces = bumpy(2)
-    matrix = (EdgeCotans(vertices, faces).stiffness() + diags_array(mixed_voronoi_areas(vertices, faces))).tocsc()
+    matrix = (CotanLaplacian(vertices, faces).stiffness() + diags_array(mixed_voronoi_areas(vertices, faces))).tocsc()
     right = np.random.default_rng(0).normal(size=(len(vertices), columns))
-    np.testing.assert_allclose(matrix @ Factors(matrix).solve(right), right, atol=1e-11)
+    np.testing.assert_allclose(matrix @ CholeskySolver(matrix).solve(right), right, atol=1e-11)
 
 
 def test_conjugate_gradients_solve_or_say_that_they_do_not():
     vertices, faces = bumpy(2)
-    matrix = (EdgeCotans(vertices, faces).stiffness() + diags_array(mixed_voronoi_areas(vertices, faces))).tocsc()
+    matrix = (CotanLaplacian(vertices, faces).stiffness() + diags_array(mixed_voronoi_areas(vertices, faces))).tocsc()
     right = np.random.default_rng(0).normal(size=len(vertices))
     found = conjugate_gradients(matrix, right, 0 * right)
-    np.testing.assert_allclose(found, Factors(matrix).solve(right[:, None])[:, 0], atol=1e-10)
+    np.testing.assert_allclose(found, CholeskySolver(matrix).solve(right[:, None])[:, 0], atol=1e-10)
     assert conjugate_gradients(matrix, right, 0 * right, most=3) is None

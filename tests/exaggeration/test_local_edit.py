@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from surface.test_exaggeration import PLAIN, bumpy
-from surface.test_operators import sphere
+from surfaces import PLAIN, bumpy, sphere
 
 from carigs.errors import SettingsError
 from carigs.exaggeration import Exaggerator
@@ -22,7 +21,7 @@ REGIONS = {"top": TOP, "side": SIDE}
 
 
 def solver(mode: str = "soft", **chosen) -> Exaggerator:
-    return Exaggerator(VERTICES, FACES, replace(PLAIN, local=mode, **chosen), regions=REGIONS)
+    return Exaggerator(VERTICES, FACES, replace(PLAIN, region_constraint=mode, **chosen), regions=REGIONS)
 
 
 def bends(vertices: np.ndarray, pairs: np.ndarray) -> np.ndarray:
@@ -49,7 +48,7 @@ def test_an_eyeball_at_the_edge_of_an_exact_region_stays_bit_for_bit():
     socket = np.linalg.norm(VERTICES - centre, axis=1) < 0.4
     beside = socket & (VERTICES[:, 0] > centre[0] + 0.12)
     both, faces = np.vstack([VERTICES, ball + centre]), np.vstack([FACES, more + len(VERTICES)])
-    eye = Exaggerator(both, faces, replace(PLAIN, local="exact"))
+    eye = Exaggerator(both, faces, replace(PLAIN, region_constraint="exact"))
     assert eye.followers
     for region, follows in ((socket, True), (beside, False)):
         edit = eye.local(np.flatnonzero(region))
@@ -134,7 +133,7 @@ def test_regions_with_the_level_of_the_rest_change_nothing():
 
 def test_a_region_at_level_zero_has_the_weights_of_level_zero():
     """w = 1 inside, the rest as without regions beyond the ramp."""
-    head = solver(normalise=False)
+    head = solver(normalize_weights=False)
     pace = 1 - head.regions.field("top")
     weights, inside = head.weights(0.25, pace), TOP[FACES].all(axis=1)
     np.testing.assert_array_equal(weights[inside], 1)
@@ -200,5 +199,7 @@ def test_a_region_that_leaves_nothing_to_hold_it_is_refused():
 
 def test_units_do_not_matter_to_regions():
     for mode in ("soft", "exact"):
-        big = Exaggerator(1e3 * VERTICES, FACES, Exaggerate(limit_cavities=False, air=0, local=mode))
+        big = Exaggerator(
+            1e3 * VERTICES, FACES, Exaggerate(limit_cavities=False, gap_stiffness=0, region_constraint=mode)
+        )
         np.testing.assert_allclose(big.local(TOP).solve(0.25), 1e3 * solver(mode).local(TOP).solve(0.25), atol=1e-6)

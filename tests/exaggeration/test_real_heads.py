@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from surface.test_operators import sphere
+from surfaces import sphere
 
 from carigs.exaggeration import Exaggerator
 from carigs.head import HeadModel

@@ -7,10 +7,10 @@ import pytest
 from miniature import FRONTAL, ball_cameras, ball_model, picture, sheet
 
 from carigs.errors import SettingsError
-from carigs.gtstar import Reason, Target, as_bits, face_reasons, make_target
+from carigs.gtstar import MaskFlag, Target, face_mask_flags, flags_from_names, make_target
 from carigs.head import HeadModel
 from carigs.raster import visible
-from carigs.settings import EXCLUDED, Gtstar
+from carigs.settings import DEFAULT_MASK_FLAGS, Gtstar
 
 BALD = replace(ball_model(), regions={})
 
@@ -20,7 +20,7 @@ def made(natural, caricature, model: HeadModel, camera, foreground=None, image=N
         foreground = (visible(natural, model.faces, camera).face >= 0).astype(np.float32)
     chosen = Gtstar(**{"supersampling": 1, **changes})
     image = picture(camera) if image is None else image
-    return make_target(image, foreground, natural, caricature, camera, model, face_reasons(model, chosen), chosen)
+    return make_target(image, foreground, natural, caricature, camera, model, face_mask_flags(model, chosen), chosen)
 
 
 def mesh_model(vertices: np.ndarray, faces: np.ndarray) -> HeadModel:
@@ -44,7 +44,7 @@ def test_level_zero_is_the_frame_and_is_valid_inside_the_mesh(supersampling):
     np.testing.assert_allclose(target.colour[on_mesh], image[on_mesh], atol=1e-6)
     np.testing.assert_array_equal(target.colour[~on_mesh], 1.0)
     assert not target.reasons[on_mesh].any()
-    assert not (target.reasons[~dilated(~on_mesh)] & as_bits(EXCLUDED).value).any()
+    assert not (target.reasons[~dilated(~on_mesh)] & flags_from_names(DEFAULT_MASK_FLAGS).value).any()
 
 
 def test_newly_visible_skin_is_found():
@@ -58,7 +58,7 @@ def test_newly_visible_skin_is_found():
     natural = visible(both, model.faces, FRONTAL)
     hidden = (natural.face >= len(faces)) & (target.caricature.face >= 0)
     assert hidden.sum() > 80
-    np.testing.assert_array_equal((target.reasons & Reason.OCCLUDED.value) > 0, hidden)
+    np.testing.assert_array_equal((target.reasons & MaskFlag.OCCLUDED.value) > 0, hidden)
 
 
 def test_what_turns_towards_the_camera_is_newly_visible():
@@ -67,7 +67,7 @@ def test_what_turns_towards_the_camera_is_newly_visible():
     target = made(vertices * [-1, 1, 1], vertices, model, FRONTAL)
     on_mesh = target.caricature.face >= 0
     assert on_mesh.any()
-    assert ((target.reasons[on_mesh] & Reason.NEWLY_VISIBLE.value) > 0).all()
+    assert ((target.reasons[on_mesh] & MaskFlag.NEWLY_VISIBLE.value) > 0).all()
 
 
 def test_grazing_and_stretched_triangles_are_found():
@@ -75,7 +75,7 @@ def test_grazing_and_stretched_triangles_are_found():
     model = mesh_model(vertices, faces)
     turn = np.radians(87)
     oblique = vertices @ np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [0, 0, 1.0]]) * [1, 1, -1]
-    for natural, reason in ((oblique, Reason.GRAZING | Reason.STRETCHED), (vertices / 3, Reason.STRETCHED)):
+    for natural, reason in ((oblique, MaskFlag.GRAZING | MaskFlag.STRETCHED), (vertices / 3, MaskFlag.STRETCHED)):
         target = made(natural, vertices, model, FRONTAL)
         found = np.bitwise_or.reduce(target.reasons[target.caricature.face >= 0]) & (4 | 8)
         assert found == reason.value
@@ -92,7 +92,7 @@ def test_what_is_seen_as_obliquely_in_the_caricature_does_not_graze(degrees, gra
         return vertices @ np.array([[cosine, 0, -sine], [0, 1, 0], [0, 0, 1.0]])
 
     target = made(turned(88.0), turned(degrees), model, FRONTAL)
-    found = target.reasons[target.caricature.face >= 0] & Reason.GRAZING.value
+    found = target.reasons[target.caricature.face >= 0] & MaskFlag.GRAZING.value
     assert len(found) > 0
     assert (found > 0).all() == grazes and (found > 0).any() == grazes
 
@@ -101,7 +101,7 @@ def test_what_comes_from_beyond_the_border_is_found():
     vertices, faces = sheet(3)
     model = mesh_model(vertices, faces)
     target = made(vertices + np.array([0.3, 0, 0]), vertices, model, FRONTAL)
-    _, x = np.nonzero((target.reasons & Reason.OUTSIDE_IMAGE.value) > 0)
+    _, x = np.nonzero((target.reasons & MaskFlag.OUTSIDE_IMAGE.value) > 0)
     assert set(x) == set(range(34, 52))  # 30 pixels to the right of them the image ends
 
 
@@ -110,7 +110,7 @@ def test_background_is_where_nothing_is_and_where_skin_has_moved_away():
     camera = ball_cameras()[1]
     target = made(ball(), 0.8 * ball(), BALD, camera, background_ring=1)
     on_mesh = target.caricature.face >= 0
-    outside = (target.reasons & Reason.OUTSIDE_MESH.value) > 0
+    outside = (target.reasons & MaskFlag.OUTSIDE_MESH.value) > 0
     np.testing.assert_array_equal(outside, ~on_mesh & dilated(on_mesh))
     assert target.reasons[0, 0] == 0
 
@@ -124,7 +124,7 @@ def test_hair_may_be_anywhere_within_its_length():
     tuft = np.zeros_like(foreground, bool)
     tuft[row - 6 : row, column - 1 : column + 2] = True
     outside = {
-        hairy: (made(ball(), 0.8 * ball(), model, camera, matte).reasons & Reason.OUTSIDE_MESH.value) > 0
+        hairy: (made(ball(), 0.8 * ball(), model, camera, matte).reasons & MaskFlag.OUTSIDE_MESH.value) > 0
         for hairy, matte in ((True, np.maximum(foreground, tuft)), (False, foreground))
     }
     assert outside[True][tuft].all()
@@ -145,8 +145,8 @@ def test_a_pixel_on_a_triangle_has_all_its_triangle_s_reasons(supersampling):
     """Hence what freezes a triangle's surfels also leaves out every pixel that shows it."""
     model, camera = ball_model(), ball_cameras()[2]
     target = made(ball(), ball() * [1.2, 1, 1], model, camera, supersampling=supersampling)
-    of_faces = face_reasons(model, Gtstar())
-    assert (of_faces == Reason.HAIR.value).sum() > 20
+    of_faces = face_mask_flags(model, Gtstar())
+    assert (of_faces == MaskFlag.HAIR.value).sum() > 20
     on_mesh = target.caricature.face >= 0
     expected = of_faces[target.caricature.face[on_mesh]]
     np.testing.assert_array_equal(target.reasons[on_mesh] & expected, expected)
@@ -154,4 +154,4 @@ def test_a_pixel_on_a_triangle_has_all_its_triangle_s_reasons(supersampling):
 
 def test_an_unknown_reason_is_named():
     with pytest.raises(SettingsError, match=r"freckles is no reason .* occluded"):
-        as_bits(["hair", "freckles"])
+        flags_from_names(["hair", "freckles"])

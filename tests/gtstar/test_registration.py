@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from miniature import ball_cameras, ball_model
 
-from carigs.gtstar.registration import misfits, sample
+from carigs.gtstar.registration import registration_errors, sample
 from carigs.raster import rasterize_mesh
 
 
@@ -26,7 +26,7 @@ def test_a_shifted_image_is_off_by_its_shift(dx, dy):
     x, y = np.clip(x - dx, 0.5, camera.width - 1.51), np.clip(y - dy, 0.5, camera.height - 1.51)
     shifted, _ = sample(image, np.column_stack([x.ravel(), y.ravel()]))
     views[1] = shifted.reshape(image.shape).astype(np.float32), camera
-    found = misfits(views, vertices, faces)
+    found = registration_errors(views, vertices, faces)
     assert set(found) == {0, 1, 2}
     assert found[1].pixels == pytest.approx(np.hypot(dx, dy), abs=0.12)
 
@@ -34,4 +34,4 @@ def test_a_shifted_image_is_off_by_its_shift(dx, dy):
 def test_an_image_alone_has_nothing_to_be_compared_with():
     vertices, faces = ball_model().v_template.astype(np.float64), ball_model().faces
     camera = ball_cameras()[1]
-    assert misfits({1: (painted(vertices, faces, camera), camera)}, vertices, faces) == {}
+    assert registration_errors({1: (painted(vertices, faces, camera), camera)}, vertices, faces) == {}

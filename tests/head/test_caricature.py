@@ -12,7 +12,7 @@ from carigs.head import caricature, exaggerator
 from carigs.mesh.triangle_mesh import diagonal
 from carigs.settings import Exaggerate
 
-PLAIN = Exaggerate(limit_cavities=False, air=0.0)
+PLAIN = Exaggerate(limit_cavities=False, gap_stiffness=0.0)
 MODEL = ball_model()
 MEAN = MODEL.v_template.astype(np.float64)
 DENT = np.exp(-((MEAN - [0, 0, 0.1]) ** 2).sum(axis=1) / 0.04**2)
@@ -21,7 +21,7 @@ SUBJECT = MEAN * (1 + 0.15 * DENT[:, None])
 
 def test_the_template_deforms_everyone_alike():
     """The paper's way: one displacement, that of the template, added to the subject."""
-    path = caricature(MODEL, SUBJECT, replace(PLAIN, individual="template"))
+    path = caricature(MODEL, SUBJECT, replace(PLAIN, curvature_source="template"))
     np.testing.assert_array_equal(path.neutral, SUBJECT)
     expected = Exaggerator(MEAN, MODEL.faces, PLAIN).solve(0.25)
     np.testing.assert_allclose(path.displacement(0.25), expected, atol=1e-6)
@@ -31,14 +31,14 @@ def test_the_template_deforms_everyone_alike():
 
 @pytest.mark.parametrize("scale", [1.0, 3.0])
 def test_the_mean_face_of_any_size_has_nothing_individual(scale):
-    settings = replace(PLAIN, individual="ratio")
+    settings = replace(PLAIN, curvature_source="ratio")
     np.testing.assert_allclose(exaggerator(MODEL, scale * MEAN, settings).solve(0.5), 0, atol=1e-9)
 
 
 def test_only_what_is_individual_grows():
     """The subject differs from the mean in a bump: the weights differ from 1 there and nowhere else."""
     # Without the division by the mean and by each face's K_ref, which act everywhere.
-    solver = exaggerator(MODEL, SUBJECT, replace(PLAIN, individual="ratio", heat=0.0))
+    solver = exaggerator(MODEL, SUBJECT, replace(PLAIN, curvature_source="ratio", curvature_smoothing=0.0))
     far = DENT < 1e-4
     spread = solver.log_curvature[far].std() / solver.log_curvature.std()
     assert spread < 0.2
@@ -47,9 +47,9 @@ def test_only_what_is_individual_grows():
 
 
 def test_the_mean_face_must_be_given_and_fit():
-    settings = replace(PLAIN, individual="ratio")
+    settings = replace(PLAIN, curvature_source="ratio")
     for mean in (None, MEAN[:-1]):
-        with pytest.raises(SettingsError, match=r"individual=ratio needs a mean face"):
+        with pytest.raises(SettingsError, match=r"curvature_source=ratio needs a mean face"):
             Exaggerator(SUBJECT, MODEL.faces, settings, mean=mean)
 
 

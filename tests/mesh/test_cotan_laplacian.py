@@ -2,32 +2,14 @@
 
 import numpy as np
 import pytest
-import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from surfaces import cap, sphere, torus
 
 from carigs.errors import MeshError
-from carigs.mesh.cotan_laplacian import EdgeCotans, mixed_voronoi_areas
+from carigs.mesh.cotan_laplacian import CotanLaplacian, mixed_voronoi_areas
 from carigs.mesh.curvature import angle_defects, extrapolated, heat_smoothed
 from carigs.mesh.triangle_mesh import boundary_vertices, check_mesh, components, face_areas, signed_volume
-
-
-def sphere(subdivisions: int, radius: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-    mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius)
-    return np.array(mesh.vertices), np.array(mesh.faces)
-
-
-def cap(subdivisions: int) -> tuple[np.ndarray, np.ndarray]:
-    """The unit sphere without its faces below z = -0.3: an open surface."""
-    vertices, faces = sphere(subdivisions)
-    faces = faces[vertices[faces].mean(axis=1)[:, 2] > -0.3]
-    used, faces = np.unique(faces, return_inverse=True)
-    return vertices[used], faces.reshape(-1, 3)
-
-
-def torus() -> tuple[np.ndarray, np.ndarray]:
-    mesh = trimesh.creation.torus(1.0, 0.4, major_sections=40, minor_sections=20)
-    return np.array(mesh.vertices), np.array(mesh.faces)
 
 
 @pytest.mark.parametrize(("mesh", "euler"), [(sphere(2), 2), (cap(3), 1), (torus(), 0)])
@@ -57,7 +39,7 @@ def test_stiffness_is_the_dirichlet_energy(seed):
     vertices, faces = sphere(2)
     vertices = vertices + 0.05 * random.normal(size=vertices.shape)
     weights = random.random(len(faces)) + 0.1
-    stiffness = EdgeCotans(vertices, faces).stiffness(weights)
+    stiffness = CotanLaplacian(vertices, faces).stiffness(weights)
     np.testing.assert_allclose(stiffness @ np.ones(len(vertices)), 0, atol=1e-12)
     assert abs(stiffness - stiffness.T).max() < 1e-12
     direction = random.normal(size=3)
@@ -73,7 +55,7 @@ def test_stiffness_is_the_dirichlet_energy(seed):
 def test_weighted_divergence_is_the_stiffness_applied():
     vertices, faces = cap(2)
     weights = np.random.default_rng(0).random(len(faces))
-    cotans = EdgeCotans(vertices, faces)
+    cotans = CotanLaplacian(vertices, faces)
     np.testing.assert_allclose(
         cotans.weighted_divergence(vertices, weights), cotans.stiffness(weights) @ vertices, atol=1e-13
     )
@@ -88,7 +70,7 @@ def test_cells_tile_the_surface(mesh):
 
 def test_heat_keeps_the_integral_and_smooths():
     vertices, faces = torus()
-    areas, stiffness = mixed_voronoi_areas(vertices, faces), EdgeCotans(vertices, faces).stiffness()
+    areas, stiffness = mixed_voronoi_areas(vertices, faces), CotanLaplacian(vertices, faces).stiffness()
     noise = np.random.default_rng(1).normal(size=len(vertices))
     smooth = heat_smoothed(noise, areas, stiffness, 0.01)
     assert areas @ smooth == pytest.approx(areas @ noise, rel=1e-9)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numba
 
 import carigs
-from carigs.simd.kernel_cache import say_if_cold
+from carigs.simd.kernel_cache import announce_compilation
 
 
 def folder_of(root: Path, **environment: str) -> Path:
@@ -44,10 +44,10 @@ def test_the_user_may_choose_the_folder(tmp_path):
 
 def test_one_line_says_that_kernels_will_be_compiled_unless_they_are_there(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
-    say_if_cold()
+    announce_compilation()
     line = capsys.readouterr().err
     assert str(tmp_path) in line and line.count("\n") == 1
     (tmp_path / "splat").mkdir()
     (tmp_path / "splat" / "forward_simd._composite_colour-181.py311.nbi").touch()
-    say_if_cold()
+    announce_compilation()
     assert capsys.readouterr().err == ""

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from numba import njit
 
-from carigs.simd.kernels import OWNER, PIECE, each, kernel
+from carigs.simd.kernels import INLINE, INLINE_ALLOC, kernel, parallel_for
 
 
-@njit(**PIECE)
+@njit(**INLINE)
 def note(i, seen, factor):
     if i == len(seen) - 1 and factor < 0:
         raise ValueError("negative")
@@ -21,10 +21,10 @@ def note(i, seen, factor):
 
 @kernel
 def note_all(seen, factor):
-    each(note, len(seen), (seen, factor))
+    parallel_for(note, len(seen), (seen, factor))
 
 
-@njit(**OWNER)
+@njit(**INLINE_ALLOC)
 def fill(i, seen, *others):
     scratch = np.full(3, i)
     seen[i] = scratch.sum() + others[0] + others[1][i]
@@ -32,7 +32,7 @@ def fill(i, seen, *others):
 
 @kernel
 def fill_all(seen, *others):
-    each(fill, len(seen), (seen, *others))
+    parallel_for(fill, len(seen), (seen, *others))
 
 
 @pytest.mark.parametrize("threads", [1, 2])

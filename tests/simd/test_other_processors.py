@@ -19,10 +19,10 @@ from numba.core.registry import CPUDispatcher
 
 from carigs.capture import Camera
 from carigs.splat.rasterizer.rasterize import OUTPUTS
-from carigs.splat.render import draw
+from carigs.splat.render import render
 from carigs.splat.rig.rig import build_rig, face_motion
 from carigs.splat.rig.skinning import skin
-from carigs.splat.surfels.surfels import plain
+from carigs.splat.surfels.surfels import flat_discs
 from carigs.splat.training.photometric_loss import photometric
 
 ROOT = Path(__file__).parents[2]
@@ -33,7 +33,7 @@ def some_surfels(n, faces):
     # With this seed no disc is within a degree of edge-on: such a one magnifies rounding a hundredfold.
     random = np.random.default_rng(37)
     position, size = random.normal(size=(n, 3)), random.uniform(0.2, 1, n)
-    surfels = plain(
+    surfels = flat_discs(
         random.integers(0, faces, n),
         position,
         size,
@@ -57,7 +57,7 @@ def rendered():
     """Every image, a loss, and its gradients: the kernels of a training step."""
     rig, motion = ball()
     surfels = some_surfels(150, len(rig.faces))
-    drawing = draw(surfels, rig, motion, CAMERA, outputs=OUTPUTS)
+    drawing = render(surfels, rig, motion, CAMERA, outputs=OUTPUTS)
     target = torch.full_like(drawing.image, 0.4)
     geometry = [getattr(drawing.rendering, name) for name in ("depth", "normal", "distortion")]
     loss = photometric(drawing.image, target) + sum(plane.mean() for plane in geometry)

@@ -22,8 +22,8 @@ from carigs.simd.memory import (
     store_block,
     store_rows,
 )
-from carigs.simd.vector_math import exp, exp2, halves, joined, larger, log2, select, smaller, totals, whole_bits
-from carigs.simd.vectors import WIDTH, inner
+from carigs.simd.vector_math import exp, exp2, halves, joined, log2, maximum, minimum, reduce_add, select, whole_bits
+from carigs.simd.vectors import WIDTH, simd_inline
 
 sixteen = dict(min_size=WIDTH, max_size=WIDTH)
 
@@ -61,8 +61,8 @@ def test_the_logarithm_is_right_to_rounding(values):
 @numba.njit
 def _choices(x, y, out):
     a, b = load(x, 0), load(y, 0)
-    store(out, 0, smaller(a, b))
-    store(out, WIDTH, larger(a, b))
+    store(out, 0, minimum(a, b))
+    store(out, WIDTH, maximum(a, b))
     store(out, 2 * WIDTH, select((a < b) & (a > 0.0), a, 7.0))
     store(out, 3 * WIDTH, -a * 2 - 1)
 
@@ -83,22 +83,22 @@ def _records(count):
     return np.random.default_rng(count).random((WIDTH, count)).astype(np.float32)
 
 
-@inner
+@simd_inline
 def _tuple2(c):
     return load(c, 0), load(c, 16)
 
 
-@inner
+@simd_inline
 def _tuple3(c):
     return (*_tuple2(c), load(c, 32))
 
 
-@inner
+@simd_inline
 def _tuple4(c):
     return (*_tuple3(c), load(c, 48))
 
 
-@inner
+@simd_inline
 def _tuple9(c):
     return (*_tuple4(c), load(c, 64), load(c, 80), load(c, 96), load(c, 112), load(c, 128))
 
@@ -172,7 +172,7 @@ def test_blocks_of_pixels_are_columns_first():
 @numba.njit
 def _sums(rows, out, ints):
     r = load_rows(rows, 0, WIDTH)
-    t = totals(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], r[9], r[10], r[11], r[12], r[13], r[14], r[15])
+    t = reduce_add(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], r[9], r[10], r[11], r[12], r[13], r[14], r[15])
     store(out, 0, t)
     store(ints, 0, whole_bits(t))
 

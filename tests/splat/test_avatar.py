@@ -20,14 +20,14 @@ from carigs.light.fitting import Shading, fibonacci_sphere
 from carigs.settings import Render, Train
 from carigs.splat.avatar import load_avatar, save_avatar
 from carigs.splat.surfels.ply import OURS_FROM_GAUSSIAN_AVATARS, read_ply, write_ply
-from carigs.splat.surfels.surfels import plain, to_arrays
+from carigs.splat.surfels.surfels import flat_discs, to_arrays
 from carigs.stages.render import nearest_point, orbit_cameras, render
 from carigs.stages.train import train
 
 
 def random_surfels(n=30, sh_degree=2, seed=0):
     rng = np.random.default_rng(seed)
-    surfels = plain(
+    surfels = flat_discs(
         rng.integers(0, 10144, n), rng.normal(size=(n, 3)), rng.random(n) + 0.1, 0.6, rng.random((n, 3)), sh_degree
     )
     for _, value in surfels.attributes():
@@ -107,7 +107,7 @@ def trained(tmp_path_factory):
     rest = neutral(capture.model, capture.parameters(0))
     straight_path(rest, capture.model.faces, rest * [0.2, 0, 0], 0.25).save(folder / "path.npz")
     train(
-        Train(iterations=25, caricature_share=0.0, hair_layers=0),
+        Train(iterations=25, gtstar_probability=0.0, hair_layers=0),
         capture=folder / "capture.json", path=folder / "path.npz", targets=None,
         avatar=folder / "avatar.npz", ply=folder / "avatar.ply", log=folder / "log.csv",
     )  # fmt: skip
@@ -216,14 +216,14 @@ def test_levels_beyond_the_path_and_unknown_timesteps_are_refused(trained, tmp_p
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"caricature_share": 1.5}, "caricature_share=1.5 must lie"),
-        ({"caricature_share": 0.5}, "needs targets"),
+        ({"gtstar_probability": 1.5}, "gtstar_probability=1.5 must lie"),
+        ({"gtstar_probability": 0.5}, "needs targets"),
         ({"rig": "bones"}, "rig=bones is unknown"),
         ({"sh_degree": 4}, "sh_degree=4 must lie"),
     ],
 )
 def test_impossible_settings_are_refused_before_any_work(tmp_path, changes, says):
-    settings = Train(**{"caricature_share": 0.0, **changes})
+    settings = Train(**{"gtstar_probability": 0.0, **changes})
     nothing = tmp_path / "nothing"
     with pytest.raises(SettingsError, match=says):
         train(settings, capture=nothing, path=nothing, targets=None, avatar=nothing, ply=nothing, log=nothing)

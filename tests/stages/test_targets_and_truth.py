@@ -14,9 +14,9 @@ from carigs.capture import Capture, look_at
 from carigs.capture.images import read_bits, read_rgb, write_png
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration import GammaPath
-from carigs.gtstar import Reason
+from carigs.gtstar import MaskFlag
 from carigs.gtstar.provider import frame_weight
-from carigs.gtstar.registration import Misfit
+from carigs.gtstar.registration import RegistrationError
 from carigs.head import neutral
 from carigs.settings import Capture as CaptureSettings
 from carigs.settings import Exaggerate, Gtstar, Truth
@@ -54,12 +54,12 @@ def test_a_given_caricature_is_the_end_of_a_straight_path(folder):
 def test_a_solved_caricature_carries_the_expressions_of_the_capture(folder, tmp_path):
     """jawOpen, the only one in use, is changed as told; what is not told is natural."""
     arguments = {"capture": folder / "capture.json", "path": tmp_path / "path.npz"}
-    exaggerate(Exaggerate(limit_cavities=False, expressions="linear"), **arguments)
+    exaggerate(Exaggerate(limit_cavities=False, blendshape_transfer="linear"), **arguments)
     caricature = GammaPath.load(tmp_path / "path.npz").at(0.25)
     np.testing.assert_array_equal(caricature.columns, [0])
     opened = Capture.load(folder / "capture.json").model.shapedirs[:, :, 300]
     assert np.abs(caricature.changes).max() > 0.01 * np.abs(opened).max()
-    exaggerate(Exaggerate(limit_cavities=False, expressions="offset"), **arguments)
+    exaggerate(Exaggerate(limit_cavities=False, blendshape_transfer="offset"), **arguments)
     assert GammaPath.load(tmp_path / "path.npz").changes is None
     assert GammaPath.load(folder / "path.npz").changes is None  # a sculpt
 
@@ -98,12 +98,12 @@ def test_targets_exist_for_training_frames_alone(folder, tmp_path):
         (f.timestep, f.camera) for f in subject.split("train")
     ]
     of_faces = np.load(tmp_path / "targets/faces.npy")
-    np.testing.assert_array_equal(of_faces == Reason.HAIR.value, subject.model.face_region("scalp"))
+    np.testing.assert_array_equal(of_faces == MaskFlag.HAIR.value, subject.model.face_region("scalp"))
     for entry in index["targets"]:
         target = read_rgb(tmp_path / "targets" / entry["image"])
         reasons = read_bits(tmp_path / "targets" / entry["reasons"])
         assert target.shape == (*reasons.shape, 3) == (48, 40, 3)
-        for reason in Reason:
+        for reason in MaskFlag:
             share = float(((reasons & reason.value) > 0).mean())
             assert entry["shares"][reason.name.lower()] == pytest.approx(share, abs=1e-6)
 
@@ -202,8 +202,8 @@ def test_a_failed_run_keeps_what_was_there(folder, tmp_path):
 
 
 def test_frames_off_their_mesh_count_for_less_or_nothing():
-    settings = Gtstar(misfit_tolerance=0.5, misfit_limit=1.5)
-    weights = [frame_weight(Misfit(pixels, 0.0), settings) for pixels in (0.0, 0.5, 0.75, 1.0, 1.5)]
+    settings = Gtstar(registration_error_tolerance=0.5, registration_error_limit=1.5)
+    weights = [frame_weight(RegistrationError(pixels, 0.0), settings) for pixels in (0.0, 0.5, 0.75, 1.0, 1.5)]
     np.testing.assert_allclose(weights, [1, 1, 0.75, 0.5, 0])
     assert frame_weight(None, settings) == 1
 
@@ -213,7 +213,7 @@ def test_the_index_says_what_a_shifted_frame_counts_for(folder, tmp_path, capsys
     off = {"00000_02": 0.8, "00001_00": 1.6}
 
     def found(views, vertices, faces):
-        return {frame: Misfit(off[frame.name], 0.0) for frame in views if frame.name in off}
+        return {frame: RegistrationError(off[frame.name], 0.0) for frame in views if frame.name in off}
 
     monkeypatch.setattr("carigs.gtstar.provider.misfits", found)
     index = make_targets(folder, tmp_path)

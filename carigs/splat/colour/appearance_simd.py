@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from carigs.simd.kernels import each, kernel
+from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.memory import align_stack, load3, load9, load_rows, store3, store9, store_rows
 from carigs.simd.vector_math import absolute, select
-from carigs.simd.vectors import WIDTH, inner, owner, splat
+from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
 from carigs.splat.colour.spherical_harmonics import BASIS, PAIRED, SCALED, SH_BASE, SLOPE, coefficients
 
 PART = 1024  # surfels of one task
 
 
-@inner
+@simd_inline
 def _factors(i, shade, binding, factor):
     """Of the light, on sixteen surfels; `factor` holds 48 ones."""
     if len(shade) > 0:
@@ -23,7 +23,7 @@ def _factors(i, shade, binding, factor):
     return load3(factor, 0)
 
 
-@inner
+@simd_inline
 def _shown(dc, more, factor, none):
     """NaN stays NaN: the rasteriser leaves such surfels out."""
     red, green, blue = (
@@ -33,7 +33,7 @@ def _shown(dc, more, factor, none):
     return select(red < none, none, red), select(green < none, none, green), select(blue < none, none, blue)
 
 
-@inner
+@simd_inline
 def _through(colour, factor, g, none):
     """The gradient before the factor and the clamp."""
     return (
@@ -42,55 +42,55 @@ def _through(colour, factor, g, none):
     )  # fmt: skip
 
 
-@inner
+@simd_inline
 def _forward0(i, binding, base, harmonics, direction, shade, colour, factor):
     align_stack()
-    none = splat(np.float32(0))
+    none = broadcast(np.float32(0))
     factors = _factors(i, shade, binding, factor)
     store3(colour, 3 * i, _shown(load3(base, 3 * i), (none, none, none), factors, none))
 
 
-@inner
+@simd_inline
 def _backward0(
     i, binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction, factor
 ):
     align_stack()
     factors = _factors(i, shade, binding, factor)
-    g = _through(load3(colour, 3 * i), factors, load3(g_colour, 3 * i), splat(np.float32(0)))
+    g = _through(load3(colour, 3 * i), factors, load3(g_colour, 3 * i), broadcast(np.float32(0)))
     store3(d_base, 3 * i, (SH_BASE * g[0], SH_BASE * g[1], SH_BASE * g[2]))
 
 
-@inner
+@simd_inline
 def _load8(array, i):
     a, b = load_rows(array, 24 * i, 24), load_rows(array, 24 * i + 8, 24)
     return (*a, *b[8:16])
 
 
-@inner
+@simd_inline
 def _store8(array, i, h):
     store_rows(array, 24 * i + 8, 24, h[8:24])
     store_rows(array, 24 * i, 24, h[0:16])
 
 
-@inner
+@simd_inline
 def _load15(array, i):
     a, b, c = load_rows(array, 45 * i, 45), load_rows(array, 45 * i + 16, 45), load_rows(array, 45 * i + 29, 45)
     return (*a, *b, *c[3:16])
 
 
-@inner
+@simd_inline
 def _store15(array, i, h):
     store_rows(array, 45 * i + 29, 45, h[29:45])
     store_rows(array, 45 * i + 16, 45, h[16:32])
     store_rows(array, 45 * i, 45, h[0:16])
 
 
-@inner
+@simd_inline
 def _load3(array, i):
     return load9(array, 9 * i)
 
 
-@inner
+@simd_inline
 def _store3(array, i, h):
     store9(array, 9 * i, h)
 
@@ -100,7 +100,7 @@ def _sixteen(degree, read, write):
     count, basis, slope = coefficients(degree), BASIS[degree], SLOPE[degree]
     scaled, paired = SCALED[degree], PAIRED[degree]
 
-    @inner
+    @simd_inline
     def forward(i, binding, base, harmonics, direction, shade, colour, factor):
         align_stack()
         b, h = basis(load3(direction, 3 * i)), read(harmonics, i)
@@ -108,14 +108,14 @@ def _sixteen(degree, read, write):
         for k in range(1, count):
             red, green, blue = red + b[k] * h[3 * k], green + b[k] * h[3 * k + 1], blue + b[k] * h[3 * k + 2]
         factors = _factors(i, shade, binding, factor)
-        store3(colour, 3 * i, _shown(load3(base, 3 * i), (red, green, blue), factors, splat(np.float32(0))))
+        store3(colour, 3 * i, _shown(load3(base, 3 * i), (red, green, blue), factors, broadcast(np.float32(0))))
 
-    @inner
+    @simd_inline
     def backward(
         i, binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction, factor
     ):
         align_stack()
-        none = splat(np.float32(0))
+        none = broadcast(np.float32(0))
         g = _through(load3(colour, 3 * i), _factors(i, shade, binding, factor), load3(g_colour, 3 * i), none)
         store3(d_base, 3 * i, (SH_BASE * g[0], SH_BASE * g[1], SH_BASE * g[2]))
         still = absolute(g[0]) + absolute(g[1]) + absolute(g[2]) <= none
@@ -135,7 +135,7 @@ _forward3, _backward3 = _sixteen(3, _load15, _store15)
 # Functions by name for each degree: a cached closure that holds compiled functions would be compiled in every process.
 
 
-@owner
+@simd_inline_alloc
 def _forward_part0(part, binding, base, harmonics, direction, shade, colour):
     factor = np.ones(3 * WIDTH, np.float32)
     for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
@@ -144,10 +144,10 @@ def _forward_part0(part, binding, base, harmonics, direction, shade, colour):
 
 @kernel
 def _forward_vectors0(binding, *arguments):
-    each(_forward_part0, (len(binding) + PART - 1) // PART, (binding, *arguments))
+    parallel_for(_forward_part0, (len(binding) + PART - 1) // PART, (binding, *arguments))
 
 
-@owner
+@simd_inline_alloc
 def _backward_part0(
     part, binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction
 ):  # fmt: skip
@@ -161,10 +161,10 @@ def _backward_part0(
 
 @kernel
 def _backward_vectors0(binding, *arguments):
-    each(_backward_part0, (len(binding) + PART - 1) // PART, (binding, *arguments))
+    parallel_for(_backward_part0, (len(binding) + PART - 1) // PART, (binding, *arguments))
 
 
-@owner
+@simd_inline_alloc
 def _forward_part1(part, binding, base, harmonics, direction, shade, colour):
     factor = np.ones(3 * WIDTH, np.float32)
     for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
@@ -173,10 +173,10 @@ def _forward_part1(part, binding, base, harmonics, direction, shade, colour):
 
 @kernel
 def _forward_vectors1(binding, *arguments):
-    each(_forward_part1, (len(binding) + PART - 1) // PART, (binding, *arguments))
+    parallel_for(_forward_part1, (len(binding) + PART - 1) // PART, (binding, *arguments))
 
 
-@owner
+@simd_inline_alloc
 def _backward_part1(
     part, binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction
 ):  # fmt: skip
@@ -190,10 +190,10 @@ def _backward_part1(
 
 @kernel
 def _backward_vectors1(binding, *arguments):
-    each(_backward_part1, (len(binding) + PART - 1) // PART, (binding, *arguments))
+    parallel_for(_backward_part1, (len(binding) + PART - 1) // PART, (binding, *arguments))
 
 
-@owner
+@simd_inline_alloc
 def _forward_part2(part, binding, base, harmonics, direction, shade, colour):
     factor = np.ones(3 * WIDTH, np.float32)
     for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
@@ -202,10 +202,10 @@ def _forward_part2(part, binding, base, harmonics, direction, shade, colour):
 
 @kernel
 def _forward_vectors2(binding, *arguments):
-    each(_forward_part2, (len(binding) + PART - 1) // PART, (binding, *arguments))
+    parallel_for(_forward_part2, (len(binding) + PART - 1) // PART, (binding, *arguments))
 
 
-@owner
+@simd_inline_alloc
 def _backward_part2(
     part, binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction
 ):  # fmt: skip
@@ -219,10 +219,10 @@ def _backward_part2(
 
 @kernel
 def _backward_vectors2(binding, *arguments):
-    each(_backward_part2, (len(binding) + PART - 1) // PART, (binding, *arguments))
+    parallel_for(_backward_part2, (len(binding) + PART - 1) // PART, (binding, *arguments))
 
 
-@owner
+@simd_inline_alloc
 def _forward_part3(part, binding, base, harmonics, direction, shade, colour):
     factor = np.ones(3 * WIDTH, np.float32)
     for start in range(part * PART, min((part + 1) * PART, len(binding)), WIDTH):
@@ -231,10 +231,10 @@ def _forward_part3(part, binding, base, harmonics, direction, shade, colour):
 
 @kernel
 def _forward_vectors3(binding, *arguments):
-    each(_forward_part3, (len(binding) + PART - 1) // PART, (binding, *arguments))
+    parallel_for(_forward_part3, (len(binding) + PART - 1) // PART, (binding, *arguments))
 
 
-@owner
+@simd_inline_alloc
 def _backward_part3(
     part, binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction
 ):  # fmt: skip
@@ -248,7 +248,7 @@ def _backward_part3(
 
 @kernel
 def _backward_vectors3(binding, *arguments):
-    each(_backward_part3, (len(binding) + PART - 1) // PART, (binding, *arguments))
+    parallel_for(_backward_part3, (len(binding) + PART - 1) // PART, (binding, *arguments))
 
 
 KERNELS = (

@@ -8,7 +8,7 @@ coefficients colour by colour, s a number for each function.
 from __future__ import annotations
 
 from carigs.simd import matrix3
-from carigs.simd.vectors import formula
+from carigs.simd.vectors import scalar_or_simd
 
 SH_BASE = 0.28209479177387814  # Y_0 = 1 / (2 sqrt(pi))
 _A, _B, _C, _D = 0.4886025119029199, 1.0925484305920792, 0.31539156525252005, 0.5462742152960396
@@ -20,13 +20,13 @@ def coefficients(degree: int) -> int:
     return (degree + 1) ** 2 - 1
 
 
-@formula
+@scalar_or_simd
 def _basis1(d):
     x, y, z = d
     return -_A * y, _A * z, -_A * x
 
 
-@formula
+@scalar_or_simd
 def _basis2(d):
     x, y, z = d
     return (
@@ -34,7 +34,7 @@ def _basis2(d):
     )  # fmt: skip
 
 
-@formula
+@scalar_or_simd
 def _basis3(d):
     x, y, z = d
     xx, yy, zz = x * x, y * y, z * z
@@ -44,12 +44,12 @@ def _basis3(d):
     )  # fmt: skip
 
 
-@formula
+@scalar_or_simd
 def _slope1(d, s):
     return -_A * s[2], -_A * s[0], _A * s[1]
 
 
-@formula
+@scalar_or_simd
 def _slope2(d, s):
     x, y, z = d
     a, b, c = _slope1(d, s)
@@ -60,7 +60,7 @@ def _slope2(d, s):
     )
 
 
-@formula
+@scalar_or_simd
 def _slope3(d, s):
     x, y, z = d
     xx, yy, zz = x * x, y * y, z * z
@@ -75,24 +75,24 @@ def _slope3(d, s):
     )
 
 
-@formula
+@scalar_or_simd
 def _times(b, g):
     return b * g[0], b * g[1], b * g[2]
 
 
-@formula
+@scalar_or_simd
 def _scaled1(b, g):
     return (*_times(b[0], g), *_times(b[1], g), *_times(b[2], g))
 
 
-@formula
+@scalar_or_simd
 def _scaled2(b, g):
     return (
         *_scaled1(b, g), *_times(b[3], g), *_times(b[4], g), *_times(b[5], g), *_times(b[6], g), *_times(b[7], g),
     )  # fmt: skip
 
 
-@formula
+@scalar_or_simd
 def _scaled3(b, g):
     return (
         *_scaled2(b, g), *_times(b[8], g), *_times(b[9], g), *_times(b[10], g), *_times(b[11], g), *_times(b[12], g),
@@ -100,12 +100,12 @@ def _scaled3(b, g):
     )  # fmt: skip
 
 
-@formula
+@scalar_or_simd
 def _paired1(h, g):
     return matrix3.dot(h[0:3], g), matrix3.dot(h[3:6], g), matrix3.dot(h[6:9], g)
 
 
-@formula
+@scalar_or_simd
 def _paired2(h, g):
     return (
         *_paired1(h, g), matrix3.dot(h[9:12], g), matrix3.dot(h[12:15], g), matrix3.dot(h[15:18], g),
@@ -113,7 +113,7 @@ def _paired2(h, g):
     )  # fmt: skip
 
 
-@formula
+@scalar_or_simd
 def _paired3(h, g):
     return (
         *_paired2(h, g), matrix3.dot(h[24:27], g), matrix3.dot(h[27:30], g), matrix3.dot(h[30:33], g),

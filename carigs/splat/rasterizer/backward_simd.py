@@ -8,10 +8,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from carigs.simd.kernels import each, kernel
-from carigs.simd.memory import align_stack, claim, load, load_block, peek, poke, prefetch_to_write, store
-from carigs.simd.vector_math import absolute, columns, exp2, larger, rows, select, smaller, total, totals
-from carigs.simd.vectors import WIDTH, inner, owner, splat
+from carigs.simd.kernels import kernel, parallel_for
+from carigs.simd.memory import (
+    align_stack,
+    atomic_add,
+    load,
+    load_block,
+    load_scalar,
+    prefetch_to_write,
+    store,
+    store_scalar,
+)
+from carigs.simd.vector_math import absolute, columns, exp2, maximum, minimum, reduce_add, rows, select, total
+from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
 from carigs.splat.rasterizer.binning import TILE
 from carigs.splat.rasterizer.forward import END, HALF_LOG2E, LOG_THRESHOLD, ONE, TWO, ZERO
 from carigs.splat.rasterizer.forward_simd import (
@@ -34,7 +43,7 @@ from carigs.splat.rasterizer.projection import RECORD, SLOT
 REST, ALPHA, RED, DEPTH, NORMAL, DISTORTION, FRONT, WHOLE_ALPHA, WHOLE_DEPTH = 1, 2, 3, 6, 7, 10, 11, 12, 13
 
 
-@inner
+@simd_inline
 def read_plane(state, base, image, offset, width, across, down):
     """A plane of the image to the buffer; zero outside the image."""
     for y in range(0, TILE, 4):
@@ -43,14 +52,14 @@ def read_plane(state, base, image, offset, width, across, down):
             if x + 4 <= across and y + 4 <= down:
                 store(state, at, load_block(image, offset + y * width + x, width))
             else:
-                store(state, at, splat(ZERO))
+                store(state, at, broadcast(ZERO))
                 for row in range(min(4, down - y)):
                     for column in range(min(4, across - x)):
                         pixel = offset + (y + row) * width + x + column
-                        poke(state, at + 4 * column + row, peek(image, pixel))
+                        store_scalar(state, at + 4 * column + row, load_scalar(image, pixel))
 
 
-@inner
+@simd_inline
 def multiply_add(state, to, a, b):
     """Plane `to` += plane a * plane b."""
     for at in range(0, PLANE, WIDTH):
@@ -58,14 +67,14 @@ def multiply_add(state, to, a, b):
         store(state, to * PLANE + at, load(state, to * PLANE + at) + product)
 
 
-@inner
+@simd_inline
 def subtract(state, plane, number, sign):
     """The plane less a number, or the number less the plane (`sign` -1)."""
     for at in range(plane * PLANE, (plane + 1) * PLANE, WIDTH):
         store(state, at, (load(state, at) - number) * sign)
 
 
-@inner
+@simd_inline
 def copy_plane(state, to, a):
     """Plane `to` = plane a."""
     for at in range(0, PLANE, WIDTH):
@@ -75,7 +84,7 @@ def copy_plane(state, to, a):
 def _work(geometry: bool):
     buffers = WHOLE_DEPTH + 1 if geometry else DEPTH + 1  # without geometry DEPTH serves as scratch
 
-    @inner
+    @simd_inline
     def fill(state, image, upstream, height, width, left, top, background):
         """Upstream gradients, T = 1 and Q = sum of upstream times output, the distortion's twice."""
         across, down = min(TILE, width - left), min(TILE, height - top)
@@ -104,7 +113,7 @@ def _work(geometry: bool):
         clear(state, scratch * PLANE, (scratch + 1) * PLANE)
         open_pixels(state, width - left, height - top)
 
-    @owner
+    @simd_inline_alloc
     def work(
         _worker, record, box, surfel, slot, start, order, image, upstream, slots, width, height, cap, background,
         counter,
@@ -113,44 +122,50 @@ def _work(geometry: bool):
         across = -(-width // TILE)
         state = np.empty(buffers * PLANE + WIDTH, np.float32)
         while True:
-            k = claim(counter, 0)
+            k = atomic_add(counter, 0)
             if k >= order.size:
                 break
-            t = np.int64(peek(order, k))
+            t = np.int64(load_scalar(order, k))
             left, top = (t % across) * TILE, (t // across) * TILE
-            begin, stop = np.int64(peek(start, t)), np.int64(peek(start, t + 1))
+            begin, stop = np.int64(load_scalar(start, t)), np.int64(load_scalar(start, t + 1))
             if begin == stop:
                 continue
             fill(state, image, upstream, height, width, left, top, background)
             done = False
             for e in range(begin, stop):
-                to = np.int64(peek(slot, e)) * SLOT
+                to = np.int64(load_scalar(slot, e)) * SLOT
                 if done or ((e - begin) % CHECK == CHECK - 1 and all_ended(state)):
                     done = True
-                    store(slots, to, splat(ZERO))
-                    store(slots, to + SLOT - WIDTH, splat(ZERO))
+                    store(slots, to, broadcast(ZERO))
+                    store(slots, to + SLOT - WIDTH, broadcast(ZERO))
                     continue
                 fetch_ahead(record, box, surfel, e, stop)
                 if e + AHEAD < stop:
-                    later = np.int64(peek(slot, e + AHEAD)) * SLOT
+                    later = np.int64(load_scalar(slot, e + AHEAD)) * SLOT
                     prefetch_to_write(slots, later)
                     prefetch_to_write(slots, later + SLOT - 1)
-                i = np.int64(peek(surfel, e))
+                i = np.int64(load_scalar(surfel, e))
                 x0, x1, y0, y1 = blocks(box, i, left, top)
                 r = i * RECORD
-                offset_x = peek(record, r) + np.float32(left + x0 - peek(box, 4 * i))
-                offset_y = peek(record, r + 1) + np.float32(top + y0 - peek(box, 4 * i + 2))
-                u0, u1 = splat(peek(record, r + 2)), splat(peek(record, r + 3))
-                v0, v1 = splat(peek(record, r + 4)), splat(peek(record, r + 5))
-                det, a3, b3 = splat(peek(record, r + 6)), splat(peek(record, r + 7)), splat(peek(record, r + 8))
-                ex, ey = splat(peek(record, r + 9)), splat(peek(record, r + 10))
-                opacity = splat(peek(record, r + 11))
+                offset_x = load_scalar(record, r) + np.float32(left + x0 - load_scalar(box, 4 * i))
+                offset_y = load_scalar(record, r + 1) + np.float32(top + y0 - load_scalar(box, 4 * i + 2))
+                u0, u1 = broadcast(load_scalar(record, r + 2)), broadcast(load_scalar(record, r + 3))
+                v0, v1 = broadcast(load_scalar(record, r + 4)), broadcast(load_scalar(record, r + 5))
+                det, a3, b3 = (
+                    broadcast(load_scalar(record, r + 6)),
+                    broadcast(load_scalar(record, r + 7)),
+                    broadcast(load_scalar(record, r + 8)),
+                )
+                ex, ey = broadcast(load_scalar(record, r + 9)), broadcast(load_scalar(record, r + 10))
+                opacity = broadcast(load_scalar(record, r + 11))
                 red, green, blue = (
-                    splat(peek(record, r + 12)), splat(peek(record, r + 13)), splat(peek(record, r + 14)),
-                )  # fmt: skip
-                depth, nx = splat(peek(record, r + 15)), splat(peek(record, r + 16))
-                ny, nz = splat(peek(record, r + 17)), splat(peek(record, r + 18))
-                none = splat(ZERO)
+                    broadcast(load_scalar(record, r + 12)),
+                    broadcast(load_scalar(record, r + 13)),
+                    broadcast(load_scalar(record, r + 14)),
+                )
+                depth, nx = broadcast(load_scalar(record, r + 15)), broadcast(load_scalar(record, r + 16))
+                ny, nz = broadcast(load_scalar(record, r + 17)), broadcast(load_scalar(record, r + 18))
+                none = broadcast(ZERO)
                 gx = gy = gz = gxx = gxy = gyx = gyy = gzx = gzy = none
                 mx = my = g_alpha = g_red = g_green = g_blue = g_depth = g_nx = g_ny = g_nz = none
                 for y in range(y0, y1, 4):
@@ -166,8 +181,8 @@ def _work(geometry: bool):
                         hit = g3 < g2
                         exponent = opacity - select(hit, g3, g2) * HALF_LOG2E
                         valid = exponent >= LOG_THRESHOLD
-                        raw = exp2(larger(exponent, splat(FAINTEST)))
-                        alpha = smaller(raw, splat(cap))
+                        raw = exp2(maximum(exponent, broadcast(FAINTEST)))
+                        alpha = minimum(raw, broadcast(cap))
                         at = y * STRIDE + 4 * x
                         before = load(state, at)
                         w = before * alpha
@@ -218,16 +233,16 @@ def _work(geometry: bool):
                         far = select(hit, none, g) * TWO
                         mx -= far * low_x
                         my -= far * low_y
-                sums = totals(
+                sums = reduce_add(
                     gx, gy, gz, gxx, gxy, gyx, gyy, gzx, gzy, mx, my, g_alpha, g_red, g_green, g_blue, g_depth
                 )
                 # The last four first: this store ends with the slot, whose neighbours belong to other workers.
                 store(slots, to + SLOT - WIDTH, none)
                 store(slots, to, sums)
                 if geometry:
-                    poke(slots, to + 16, total(g_nx))
-                    poke(slots, to + 17, total(g_ny))
-                    poke(slots, to + 18, total(g_nz))
+                    store_scalar(slots, to + 16, total(g_nx))
+                    store_scalar(slots, to + 17, total(g_ny))
+                    store_scalar(slots, to + 18, total(g_nz))
 
     return work
 
@@ -238,12 +253,12 @@ _work_colour, _work_all = _work(geometry=False), _work(geometry=True)
 # As in `forward_simd`: no closures, so that the cache knows them again.
 @kernel
 def _backward_colour(workers, *arguments):
-    each(_work_colour, workers, arguments)
+    parallel_for(_work_colour, workers, arguments)
 
 
 @kernel
 def _backward_all(workers, *arguments):
-    each(_work_all, workers, arguments)
+    parallel_for(_work_all, workers, arguments)
 
 
 def composite_backward(

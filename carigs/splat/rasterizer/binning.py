@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float32, Int32
 
-from carigs.simd.kernels import each, kernel
-from carigs.simd.memory import peek, prefetch
-from carigs.simd.vectors import formula, owner
+from carigs.simd.kernels import kernel, parallel_for
+from carigs.simd.memory import load_scalar, prefetch
+from carigs.simd.vectors import scalar_or_simd, simd_inline_alloc
 
 TILE = 32  # pixels along a tile's side
 DIGITS = 1 << 12  # of the radix sort
@@ -35,13 +35,13 @@ class TileLists(NamedTuple):
 # summed it knows where its own results go.  The lists do not depend on the number of workers.
 
 
-@formula
+@scalar_or_simd
 def _part(worker, workers, count):
     size = (count + workers - 1) // workers
     return min(worker * size, count), min((worker + 1) * size, count)
 
 
-@owner
+@simd_inline_alloc
 def _starts(counts):
     """Counts (workers, bins) become the places of each worker's first element of each bin; also returns the bins'."""
     workers, bins = counts.shape
@@ -57,7 +57,7 @@ def _starts(counts):
     return start
 
 
-@formula
+@scalar_or_simd
 def _count_visible(w, tiles, pairs, seen):
     begin, stop = _part(w, len(seen), tiles.size)
     all_pairs, visible = 0, 0
@@ -67,7 +67,7 @@ def _count_visible(w, tiles, pairs, seen):
     pairs[w, 0], seen[w, 0] = all_pairs, visible
 
 
-@formula
+@scalar_or_simd
 def _list_visible(w, depth_bits, tiles, pairs, seen, first_slot, key, surfel):
     begin, stop = _part(w, len(seen), tiles.size)
     slot, k = pairs[w, 0], seen[w, 0]
@@ -85,20 +85,20 @@ def _visible(depth_bits, tiles, workers):
     n = tiles.size
     first_slot = np.empty(n + 1, np.int32)
     pairs, seen = np.empty((workers, 1), np.int32), np.empty((workers, 1), np.int32)
-    each(_count_visible, workers, (tiles, pairs, seen))
+    parallel_for(_count_visible, workers, (tiles, pairs, seen))
     first_slot[n] = _starts(pairs)[1]
     count = _starts(seen)[1]
     key, surfel = np.empty(count, np.uint32), np.empty(count, np.int32)
-    each(_list_visible, workers, (depth_bits, tiles, pairs, seen, first_slot, key, surfel))
+    parallel_for(_list_visible, workers, (depth_bits, tiles, pairs, seen, first_slot, key, surfel))
     return key, surfel, first_slot
 
 
-@formula
+@scalar_or_simd
 def _digit(key, low, shift):
     return ((key - low) >> np.uint32(shift)) & np.uint32(DIGITS - 1)
 
 
-@formula
+@scalar_or_simd
 def _count_digits(w, key, low, shift, places):
     begin, stop = _part(w, len(places), key.size)
     for d in range(DIGITS):
@@ -107,7 +107,7 @@ def _count_digits(w, key, low, shift, places):
         places[w, _digit(key[i], low, shift)] += 1
 
 
-@formula
+@scalar_or_simd
 def _move_by_digit(w, key, surfel, low, shift, places, other_key, other):
     begin, stop = _part(w, len(places), key.size)
     for i in range(begin, stop):
@@ -127,26 +127,26 @@ def _sort_by_key(key, surfel, workers):
         low, high = min(low, k), max(high, k)
     shift = 0
     while shift < 32 and (high - low) >> np.uint32(shift) > 0:
-        each(_count_digits, workers, (key, low, shift, places))
+        parallel_for(_count_digits, workers, (key, low, shift, places))
         _starts(places)
-        each(_move_by_digit, workers, (key, surfel, low, shift, places, other_key, other))
+        parallel_for(_move_by_digit, workers, (key, surfel, low, shift, places, other_key, other))
         key, other_key = other_key, key
         surfel, other = other, surfel
         shift += 12
     return surfel
 
 
-@formula
+@scalar_or_simd
 def _tiles_of(box, at):
     """Ranges of the columns and rows of tiles that a box touches."""
     # A constant: division by an argument would take half of the time of `_scatter`.
     return (
-        np.int64(peek(box, at)) // TILE, (np.int64(peek(box, at + 1)) - 1) // TILE + 1,
-        np.int64(peek(box, at + 2)) // TILE, (np.int64(peek(box, at + 3)) - 1) // TILE + 1,
+        np.int64(load_scalar(box, at)) // TILE, (np.int64(load_scalar(box, at + 1)) - 1) // TILE + 1,
+        np.int64(load_scalar(box, at + 2)) // TILE, (np.int64(load_scalar(box, at + 3)) - 1) // TILE + 1,
     )  # fmt: skip
 
 
-@formula
+@scalar_or_simd
 def _count_entries(w, surfel, box, across, places):
     begin, stop = _part(w, len(places), surfel.size)
     for t in range(places.shape[1]):
@@ -160,7 +160,7 @@ def _count_entries(w, surfel, box, across, places):
                 places[w, ty * across + tx] += 1
 
 
-@formula
+@scalar_or_simd
 def _enter(w, surfel, box, first_slot, across, places, entry, slot):
     begin, stop = _part(w, len(places), surfel.size)
     for k in range(begin, stop):
@@ -183,10 +183,10 @@ def _enter(w, surfel, box, first_slot, across, places, entry, slot):
 def _scatter(surfel, box, first_slot, across, down, workers):
     """Append each surfel, front to back, to the tiles that its box touches."""
     places = np.empty((workers, across * down), np.int32)
-    each(_count_entries, workers, (surfel, box, across, places))
+    parallel_for(_count_entries, workers, (surfel, box, across, places))
     start = _starts(places)
     entry, slot = np.empty(first_slot[-1], np.int32), np.empty(first_slot[-1], np.int32)
-    each(_enter, workers, (surfel, box, first_slot, across, places, entry, slot))
+    parallel_for(_enter, workers, (surfel, box, first_slot, across, places, entry, slot))
     return entry, slot, start
 
 

@@ -15,10 +15,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from carigs.simd.kernels import each, kernel
-from carigs.simd.memory import align_stack, claim, load, peek, poke, prefetch, prefetch_to_write, store, store_block
-from carigs.simd.vector_math import absolute, columns, exp2, larger, largest, rows, select, smaller
-from carigs.simd.vectors import WIDTH, inner, owner, splat
+from carigs.simd.kernels import kernel, parallel_for
+from carigs.simd.memory import (
+    align_stack,
+    atomic_add,
+    load,
+    load_scalar,
+    prefetch,
+    prefetch_to_write,
+    store,
+    store_block,
+    store_scalar,
+)
+from carigs.simd.vector_math import absolute, columns, exp2, largest, maximum, minimum, rows, select
+from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
 from carigs.splat.rasterizer import culling as limits
 from carigs.splat.rasterizer.binning import TILE
 from carigs.splat.rasterizer.forward import (
@@ -44,52 +54,52 @@ ALL_ENDED = np.float32(limits.END / (1 - limits.THRESHOLD))
 FAINTEST = np.float32(-9)  # exponents are clamped to this, below LOG_THRESHOLD
 
 
-@inner
+@simd_inline
 def open_pixels(state, columns_left, rows_left):
     """T = 1 in the image, 0 outside and in the overhang."""
     for y in range(0, TILE, 4):
         for x in range(0, STRIDE, 4):
             inside_x = columns() < np.float32(min(columns_left, TILE) - x)
             inside_y = rows() < np.float32(rows_left - y)
-            store(state, y * STRIDE + 4 * x, select(inside_x & inside_y, splat(ONE), splat(ZERO)))
+            store(state, y * STRIDE + 4 * x, select(inside_x & inside_y, broadcast(ONE), broadcast(ZERO)))
 
 
-@inner
+@simd_inline
 def clear(state, begin, stop):
     """Zeros from `begin` to `stop`, both multiples of WIDTH."""
     for at in range(begin, stop, WIDTH):
-        store(state, at, splat(ZERO))
+        store(state, at, broadcast(ZERO))
 
 
-@inner
+@simd_inline
 def all_ended(state):
     """Whether no surfel behind can contribute to the tile."""
     most = load(state, 0)
     for at in range(WIDTH, PLANE, WIDTH):
-        most = larger(most, load(state, at))
+        most = maximum(most, load(state, at))
     return largest(most) <= ALL_ENDED
 
 
-@inner
+@simd_inline
 def blocks(box, i, left, top):
     """Ranges of the blocks of surfel i in the tile, x from anywhere, y from a multiple of 4, relative to the tile."""
-    x0, x1 = max(peek(box, 4 * i) - left, 0), min(peek(box, 4 * i + 1) - left, TILE)
-    y0, y1 = max(peek(box, 4 * i + 2) - top, 0) & ~3, min(peek(box, 4 * i + 3) - top, TILE)
+    x0, x1 = max(load_scalar(box, 4 * i) - left, 0), min(load_scalar(box, 4 * i + 1) - left, TILE)
+    y0, y1 = max(load_scalar(box, 4 * i + 2) - top, 0) & ~3, min(load_scalar(box, 4 * i + 3) - top, TILE)
     return x0, x1, y0, y1
 
 
-@inner
+@simd_inline
 def fetch_ahead(record, box, surfel, e, stop):
     """Have the processor load the record and the box of a later entry."""
     if e + AHEAD < stop:
-        i = np.int64(peek(surfel, e + AHEAD))
+        i = np.int64(load_scalar(surfel, e + AHEAD))
         prefetch(record, i * RECORD)
         prefetch(record, i * RECORD + RECORD - 1)
         prefetch(box, i * 4)
 
 
 def _fetch(hint):
-    @inner
+    @simd_inline
     def fetch(image, offset, width, height, down):
         """Have the processor load a tile's rows of all planes: they lie far apart, which it would not foresee."""
         for plane in range(image.size // (width * height)):
@@ -105,7 +115,7 @@ def _fetch(hint):
 fetch_tile, _fetch_tile_to_write = _fetch(prefetch), _fetch(prefetch_to_write)
 
 
-@inner
+@simd_inline
 def write_plane(image, offset, width, across, down, state, base, magnitude, behind):
     """A plane of the buffer, plus `behind`, to the image: `across` x `down` pixels, the first one at `offset` there."""
     for y in range(0, down, 4):
@@ -121,24 +131,24 @@ def write_plane(image, offset, width, across, down, state, base, magnitude, behi
                 for row in range(min(4, down - y)):
                     for column in range(min(4, across - x)):
                         pixel = offset + (y + row) * width + x + column
-                        poke(image, pixel, peek(state, at + 4 * column + row))
+                        store_scalar(image, pixel, load_scalar(state, at + 4 * column + row))
 
 
 def _work(geometry: bool):
     planes = PLANES if geometry else COLOUR_PLANES
 
-    @owner
+    @simd_inline_alloc
     def work(_worker, record, box, surfel, start, order, image, width, height, cap, background, counter):
         align_stack()
         across = -(-width // TILE)
         state = np.empty(planes * PLANE + WIDTH, np.float32)
         while True:
-            k = claim(counter, 0)
+            k = atomic_add(counter, 0)
             if k >= order.size:
                 break
-            t = np.int64(peek(order, k))
+            t = np.int64(load_scalar(order, k))
             left, top = (t % across) * TILE, (t // across) * TILE
-            begin, stop = np.int64(peek(start, t)), np.int64(peek(start, t + 1))
+            begin, stop = np.int64(load_scalar(start, t)), np.int64(load_scalar(start, t + 1))
             _fetch_tile_to_write(image, top * width + left, width, height, min(TILE, height - top))
             clear(state, PLANE, planes * PLANE)
             open_pixels(state, width - left, height - top)
@@ -146,21 +156,27 @@ def _work(geometry: bool):
                 if (e - begin) % CHECK == CHECK - 1 and all_ended(state):
                     break
                 fetch_ahead(record, box, surfel, e, stop)
-                i = np.int64(peek(surfel, e))
+                i = np.int64(load_scalar(surfel, e))
                 x0, x1, y0, y1 = blocks(box, i, left, top)
                 r = i * RECORD
-                offset_x = peek(record, r) + np.float32(left + x0 - peek(box, 4 * i))
-                offset_y = peek(record, r + 1) + np.float32(top + y0 - peek(box, 4 * i + 2))
-                u0, u1 = splat(peek(record, r + 2)), splat(peek(record, r + 3))
-                v0, v1 = splat(peek(record, r + 4)), splat(peek(record, r + 5))
-                det, a3, b3 = splat(peek(record, r + 6)), splat(peek(record, r + 7)), splat(peek(record, r + 8))
-                ex, ey = splat(peek(record, r + 9)), splat(peek(record, r + 10))
-                opacity = splat(peek(record, r + 11))
+                offset_x = load_scalar(record, r) + np.float32(left + x0 - load_scalar(box, 4 * i))
+                offset_y = load_scalar(record, r + 1) + np.float32(top + y0 - load_scalar(box, 4 * i + 2))
+                u0, u1 = broadcast(load_scalar(record, r + 2)), broadcast(load_scalar(record, r + 3))
+                v0, v1 = broadcast(load_scalar(record, r + 4)), broadcast(load_scalar(record, r + 5))
+                det, a3, b3 = (
+                    broadcast(load_scalar(record, r + 6)),
+                    broadcast(load_scalar(record, r + 7)),
+                    broadcast(load_scalar(record, r + 8)),
+                )
+                ex, ey = broadcast(load_scalar(record, r + 9)), broadcast(load_scalar(record, r + 10))
+                opacity = broadcast(load_scalar(record, r + 11))
                 red, green, blue = (
-                    splat(peek(record, r + 12)), splat(peek(record, r + 13)), splat(peek(record, r + 14)),
-                )  # fmt: skip
-                depth, nx = splat(peek(record, r + 15)), splat(peek(record, r + 16))
-                ny, nz = splat(peek(record, r + 17)), splat(peek(record, r + 18))
+                    broadcast(load_scalar(record, r + 12)),
+                    broadcast(load_scalar(record, r + 13)),
+                    broadcast(load_scalar(record, r + 14)),
+                )
+                depth, nx = broadcast(load_scalar(record, r + 15)), broadcast(load_scalar(record, r + 16))
+                ny, nz = broadcast(load_scalar(record, r + 17)), broadcast(load_scalar(record, r + 18))
                 for y in range(y0, y1, 4):
                     dy = rows() + (offset_y + np.float32(y - y0))
                     # What is constant along the row of blocks.
@@ -169,17 +185,17 @@ def _work(geometry: bool):
                         dx = columns() + (offset_x + np.float32(x - x0))
                         iz = ONE / (plane + a3 * dx)
                         s, u = (v1 * dx - u1_dy) * iz, (u0_dy - v0 * dx) * iz
-                        g = smaller(s * s + u * u, ((dx + ex) * (dx + ex) + low) * TWO)
+                        g = minimum(s * s + u * u, ((dx + ex) * (dx + ex) + low) * TWO)
                         exponent = opacity - g * HALF_LOG2E
                         valid = exponent >= LOG_THRESHOLD
-                        alpha = smaller(exp2(larger(exponent, splat(FAINTEST))), splat(cap))
+                        alpha = minimum(exp2(maximum(exponent, broadcast(FAINTEST))), broadcast(cap))
                         at = y * STRIDE + 4 * x
                         before = load(state, at)
                         w = before * alpha
                         after = before - w
                         goes_on = valid & (after > END)
-                        w = select(goes_on, w, splat(ZERO))
-                        ended = select(valid, splat(ZERO) - absolute(before), before)
+                        w = select(goes_on, w, broadcast(ZERO))
+                        ended = select(valid, broadcast(ZERO) - absolute(before), before)
                         store(state, at, select(goes_on, after, ended))
                         store(state, at + PLANE, load(state, at + PLANE) + w * red)
                         store(state, at + 2 * PLANE, load(state, at + 2 * PLANE) + w * green)
@@ -210,12 +226,12 @@ _work_colour, _work_all = _work(geometry=False), _work(geometry=True)
 # in every process, and the kernel would be compiled again and again.
 @kernel
 def _composite_colour(workers, *arguments):
-    each(_work_colour, workers, arguments)
+    parallel_for(_work_colour, workers, arguments)
 
 
 @kernel
 def _composite_all(workers, *arguments):
-    each(_work_all, workers, arguments)
+    parallel_for(_work_all, workers, arguments)
 
 
 def composite(record, box, surfel, start, order, width, height, cap, geometry, background, workers):

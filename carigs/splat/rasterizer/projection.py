@@ -20,8 +20,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from carigs.simd.vector_math import absolute, floor, larger, log2, select, smaller, sqrt
-from carigs.simd.vectors import formula
+from carigs.simd.vector_math import absolute, floor, log2, maximum, minimum, select, sqrt
+from carigs.simd.vectors import scalar_or_simd
 from carigs.splat.rasterizer.culling import HORIZON, NEAR, SMALLEST_AREA, THRESHOLD
 
 SLACK = 1e-3  # pixels by which boxes are widened against rounding
@@ -35,17 +35,17 @@ MOMENT, SHIFT, EXPONENT = 0, 9, 11  # then COLOUR, DEPTH and NORMAL as above
 SLOT = 20
 
 
-@formula
+@scalar_or_simd
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@formula
+@scalar_or_simd
 def _cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@formula
+@scalar_or_simd
 def _rotate(view, x):
     return (
         view[0] * x[0] + view[1] * x[1] + view[2] * x[2],
@@ -54,7 +54,7 @@ def _rotate(view, x):
     )
 
 
-@formula
+@scalar_or_simd
 def _rotate_back(view, x):
     return (
         view[0] * x[0] + view[4] * x[1] + view[8] * x[2],
@@ -63,7 +63,7 @@ def _rotate_back(view, x):
     )
 
 
-@formula
+@scalar_or_simd
 def _camera_space(view, centre, tangent_u, tangent_v):
     """Centre and tangents in camera axes; `view` is camera_from_world row by row."""
     m = _rotate(view, centre)
@@ -71,7 +71,7 @@ def _camera_space(view, centre, tangent_u, tangent_v):
     return m, _rotate(view, tangent_u), _rotate(view, tangent_v)
 
 
-@formula
+@scalar_or_simd
 def _homography(m, u, v, fx, fy):
     """(xh, yh, U0, U1, V0, V1, p, q) of a disc: perspective division of centre and tangents."""
     iz = 1.0 / m[2]
@@ -81,7 +81,7 @@ def _homography(m, u, v, fx, fy):
     return xh, yh, u0, u1, v0, v1, p, q
 
 
-@formula
+@scalar_or_simd
 def _facing_normal(m, u, v):
     """Unit normal towards the camera, the area |u x v| and the sign of the flip."""
     n = _cross(u, v)
@@ -91,7 +91,7 @@ def _facing_normal(m, u, v):
     return (n[0] * scale, n[1] * scale, n[2] * scale), area, sign
 
 
-@formula
+@scalar_or_simd
 def _interval(a, b, p, q, rho2, rho_lowpass):
     """Extent along one axis of the visible ellipse relative to the projected centre, and the low-pass centre.
 
@@ -102,19 +102,19 @@ def _interval(a, b, p, q, rho2, rho_lowpass):
     squared = p * p + q * q
     e = rho2 * squared - 1.0
     middle = rho2 * n / e
-    half = sqrt(larger(middle * middle - rho2 * (a * a + b * b) / e, 0.0))
+    half = sqrt(maximum(middle * middle - rho2 * (a * a + b * b) / e, 0.0))
     lowpass = n / (squared - 1.0)
-    return smaller(middle - half, lowpass - rho_lowpass), larger(middle + half, lowpass + rho_lowpass), lowpass
+    return minimum(middle - half, lowpass - rho_lowpass), maximum(middle + half, lowpass + rho_lowpass), lowpass
 
 
-@formula
+@scalar_or_simd
 def _pixels(low, high, size):
     """Indices [first, last) of the pixels whose centres lie in [low, high] and in the image."""
-    first = -floor(-larger(low - 0.5 - SLACK, 0.0))
-    return first, floor(smaller(high - 0.5 + SLACK, size - 1.0)) + 1.0
+    first = -floor(-maximum(low - 0.5 - SLACK, 0.0))
+    return first, floor(minimum(high - 0.5 + SLACK, size - 1.0)) + 1.0
 
 
-@formula
+@scalar_or_simd
 def projected(centre, tangent_u, tangent_v, opacity, paint, view, intrinsics, width, height, tile):
     """Whether a surfel is seen, its box [x0, x1, y0, y1), its number of tiles, and its record without the colour.
 
@@ -149,7 +149,7 @@ def projected(centre, tangent_u, tangent_v, opacity, paint, view, intrinsics, wi
 LN2, LOG2_255 = float(np.log(2)), float(np.log2(255))
 
 
-@formula
+@scalar_or_simd
 def _homography_gradient(g, u0, u1, v0, v1, p, q):
     """Chain rule from the summed moments `g` to (pc_x, pc_y, U0, U1, V0, V1, p, q).
 
@@ -181,7 +181,7 @@ def _homography_gradient(g, u0, u1, v0, v1, p, q):
     return d_pcx + mx, d_pcy + my, d_u0, d_u1, d_v0, d_v1, d_p, d_q
 
 
-@formula
+@scalar_or_simd
 def _disc_gradient(d, d_depth, m, u, v, xh, yh, p, q, fx, fy):
     """Chain rule of `_homography`, and of the centre's depth, to (m, u, v) in camera axes."""
     d_pcx, d_pcy, d_u0, d_u1, d_v0, d_v1, d_p, d_q = d
@@ -198,7 +198,7 @@ def _disc_gradient(d, d_depth, m, u, v, xh, yh, p, q, fx, fy):
     return d_m, d_u, d_v
 
 
-@formula
+@scalar_or_simd
 def _normal_gradient(d_n, n, area, sign, u, v):
     """Chain rule of n = sign (u x v) / |u x v| to (u, v)."""
     along = _dot(n, d_n)
@@ -207,7 +207,7 @@ def _normal_gradient(d_n, n, area, sign, u, v):
     return _cross(v, c), _cross(c, u)
 
 
-@formula
+@scalar_or_simd
 def pulled_back(g, centre, tangent_u, tangent_v, view, intrinsics):
     """Gradients of centre, tangents and projected centre from the sums `g` of a surfel's slots."""
     fx, fy, _, _ = intrinsics

@@ -4,32 +4,32 @@ from __future__ import annotations
 
 import numpy as np
 
-from carigs.simd.kernels import each, kernel
+from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.memory import align_stack, load, load3, load_rows, store, store2, store3, store4, store_rows
 from carigs.simd.vector_math import absolute, halves, joined, select, whole_bits
-from carigs.simd.vectors import WIDTH, inner, owner, splat
+from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
 from carigs.splat.rasterizer.projection import RECORD, SLOT, projected, pulled_back
 
 PART = 1024  # surfels of one task
 
 
-@inner
+@simd_inline
 def _halves3(x):
     a, b, c = halves(x[0]), halves(x[1]), halves(x[2])
     return (a[0], b[0], c[0]), (a[1], b[1], c[1])
 
 
-@inner
+@simd_inline
 def _joined3(a, b):
     return joined(a[0], b[0]), joined(a[1], b[1]), joined(a[2], b[2])
 
 
-@inner
+@simd_inline
 def _joined4(a, b):
     return joined(a[0], b[0]), joined(a[1], b[1]), joined(a[2], b[2]), joined(a[3], b[3])
 
 
-@inner
+@simd_inline
 def _joined16(a, b):
     return (
         *_joined4(a[0:4], b[0:4]),
@@ -39,7 +39,7 @@ def _joined16(a, b):
     )
 
 
-@inner
+@simd_inline
 def _project(
     i, centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height, tile, background,
     record, box, tiles,
@@ -57,11 +57,11 @@ def _project(
     rgb = (rgb[0] - background, rgb[1] - background, rgb[2] - background)
     # The last sixteen columns, then the first: the middle twice.
     last = (r[4], r[5], r[6], r[7], r[8], r[9], r[10], r[11], rgb[0], rgb[1], rgb[2], r[12], r[13], r[14], r[15])
-    store_rows(record, RECORD * i + 4, RECORD, (*last, splat(np.float32(0))))
+    store_rows(record, RECORD * i + 4, RECORD, (*last, broadcast(np.float32(0))))
     store_rows(record, RECORD * i, RECORD, (r[0], r[1], r[2], r[3], *last[0:12]))
 
 
-@inner
+@simd_inline
 def _project_part(
     part, count, centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height, tile, background,
     record, box, tiles,
@@ -75,7 +75,7 @@ def _project_part(
 
 @kernel
 def _project_all(count, *arguments):
-    each(_project_part, (count + PART - 1) // PART, (count, *arguments))
+    parallel_for(_project_part, (count + PART - 1) // PART, (count, *arguments))
 
 
 def project(centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height, tile, background):
@@ -90,7 +90,7 @@ def project(centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, wid
     return record, box, tiles
 
 
-@inner
+@simd_inline
 def _backward(
     i, slots, first_slot, centre, tangent_u, tangent_v, opacity, view, intrinsics,
     d_centre, d_tangent_u, d_tangent_v, d_opacity, d_colour, d_pixel, sums, counts,
@@ -99,7 +99,7 @@ def _backward(
     for r in range(WIDTH):
         start, stop = first_slot[i + r], first_slot[i + r + 1]
         counts[r] = stop - start
-        first, last = splat(np.float32(0)), splat(np.float32(0))
+        first, last = broadcast(np.float32(0)), broadcast(np.float32(0))
         for slot in range(start, stop):
             first = first + load(slots, SLOT * slot)
             last = last + load(slots, SLOT * slot + SLOT - WIDTH)
@@ -107,7 +107,7 @@ def _backward(
         store(sums, SLOT * r + SLOT - WIDTH, last)
     g = load_rows(sums, 0, SLOT)
     normals = load_rows(sums, SLOT - WIDTH, SLOT)
-    seen, none = load(counts, 0) > 0.0, splat(np.float32(0))
+    seen, none = load(counts, 0) > 0.0, broadcast(np.float32(0))
     moments, others = _halves19(g, normals)
     m, u, v = _halves3(load3(centre, 3 * i)), _halves3(load3(tangent_u, 3 * i)), _halves3(load3(tangent_v, 3 * i))
     a = pulled_back(moments, m[0], u[0], v[0], view, intrinsics)
@@ -121,7 +121,7 @@ def _backward(
     store(d_opacity, i, select(seen, g[11] / load(opacity, i), none))
 
 
-@inner
+@simd_inline
 def _halves19(g, normals):
     a = (
         *_halves3(g[0:3]), *_halves3(g[3:6]), *_halves3(g[6:9]), *_halves3(g[9:12]), *_halves3(g[12:15]),
@@ -133,7 +133,7 @@ def _halves19(g, normals):
     )
 
 
-@owner
+@simd_inline_alloc
 def _backward_part(
     part, count, slots, first_slot, centre, tangent_u, tangent_v, opacity, view, intrinsics,
     d_centre, d_tangent_u, d_tangent_v, d_opacity, d_colour, d_pixel,
@@ -148,7 +148,7 @@ def _backward_part(
 
 @kernel
 def _backward_all(count, *arguments):
-    each(_backward_part, (count + PART - 1) // PART, (count, *arguments))
+    parallel_for(_backward_part, (count + PART - 1) // PART, (count, *arguments))
 
 
 def project_backward(slots, first_slot, centre, tangent_u, tangent_v, opacity, view, intrinsics):

@@ -29,7 +29,7 @@ _KERNELS = {
         projection_simd.project, forward_simd.composite, backward_simd.composite_backward,
         projection_simd.project_backward,
     ),
-    "plain": (projection.project, forward.composite, backward.composite_backward, projection.project_backward),
+    "scalar": (projection.project, forward.composite, backward.composite_backward, projection.project_backward),
 }  # fmt: skip
 OUTPUTS = ("colour", "alpha", "depth", "normal", "distortion")
 

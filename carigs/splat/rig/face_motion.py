@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from carigs.simd import matrix3
-from carigs.simd.vectors import formula
+from carigs.simd.vectors import scalar_or_simd
 from carigs.splat.rig.jacobian_blend import blended_motion, shares_of
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class FaceMotion(NamedTuple):
         return self.rows[:, TURN : TURN + 9].reshape(-1, 3, 3)
 
 
-@formula
+@scalar_or_simd
 def read_face(f, neighbours, rows):
     """Stretches of the face and its neighbours, the neighbours' turns, rotation and centre of the face."""
     i, j, k = neighbours[f, 0], neighbours[f, 1], neighbours[f, 2]
@@ -58,7 +58,7 @@ def read_face(f, neighbours, rows):
     )  # fmt: skip
 
 
-@formula
+@scalar_or_simd
 def read_blend(i, blend, binding, neighbours, rows, blended):
     """The faces around surfel i, the centre of its own, and how it blends their motions.
 
@@ -76,26 +76,26 @@ def read_blend(i, blend, binding, neighbours, rows, blended):
     return (own, one, two, three, turn), t, shares, g, v, w, p, terms, q
 
 
-@formula
+@scalar_or_simd
 def read3(rows, i):
     """The first numbers of a row."""
     return rows[i, 0], rows[i, 1], rows[i, 2]
 
 
-@formula
+@scalar_or_simd
 def read4(rows, i):
     """The first numbers of a row."""
     return rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3]
 
 
-@formula
+@scalar_or_simd
 def read6(rows, f):
     """The stretch of a face."""
     r = rows[f, STRETCH : STRETCH + 6]
     return r[0], r[1], r[2], r[3], r[4], r[5]
 
 
-@formula
+@scalar_or_simd
 def read9(rows, f, at):
     """Nine numbers of a row, from `at` on."""
     r = rows[f, at : at + 9]

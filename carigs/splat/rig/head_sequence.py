@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 @dataclass
-class Performance:
+class HeadSequence:
     """A person's head, what it does over time, and its caricature; motions are remembered up to a budget."""
 
     head: HeadModel
@@ -84,7 +84,7 @@ class Performance:
         return motion
 
 
-def perform(capture: Capture, path: GammaPath) -> Performance:
+def head_sequence(capture: Capture, path: GammaPath) -> HeadSequence:
     """The captured person.
 
     Raises `InputError` if identity or static offset change between timesteps (the canonical mesh would not be one
@@ -110,4 +110,4 @@ def perform(capture: Capture, path: GammaPath) -> Performance:
     shapedirs[:, :, :N_SHAPE] = 0
     head = replace(model, v_template=canonical.astype(np.float32), shapedirs=shapedirs)
     bare = {t: replace(p, shape=np.zeros(N_SHAPE), static_offset=None) for t, p in parameters.items()}
-    return Performance(head, bare, path)
+    return HeadSequence(head, bare, path)

@@ -8,8 +8,8 @@ v the blend weights, which sum to one; q is the blended rotation, p the blended 
 from __future__ import annotations
 
 from carigs.simd import matrix3
-from carigs.simd.vector_math import absolute, exp, larger, sqrt
-from carigs.simd.vectors import formula
+from carigs.simd.vector_math import absolute, exp, maximum, sqrt
+from carigs.simd.vectors import scalar_or_simd
 
 SMALLEST = 1e-30
 """In place of lengths that could be 0 in a denominator."""
@@ -17,41 +17,41 @@ FAINTEST = 60.0
 """Blend logits below minus this count as this: their sigmoids must not all be 0."""
 
 
-@formula
+@scalar_or_simd
 def sigmoid(x):
     """1 / (1 + e^-x)."""
     return 1.0 / (1.0 + exp(-x))
 
 
-@formula
+@scalar_or_simd
 def shares_of(logits):
     """Sigmoids of the blend logits, and the inverse of their sum, which is never 0."""
-    w0, w1 = sigmoid(larger(-FAINTEST, logits[0])), sigmoid(larger(-FAINTEST, logits[1]))
-    w2, w3 = sigmoid(larger(-FAINTEST, logits[2])), sigmoid(larger(-FAINTEST, logits[3]))
+    w0, w1 = sigmoid(maximum(-FAINTEST, logits[0])), sigmoid(maximum(-FAINTEST, logits[1]))
+    w2, w3 = sigmoid(maximum(-FAINTEST, logits[2])), sigmoid(maximum(-FAINTEST, logits[3]))
     return (w0, w1, w2, w3), 1.0 / (w0 + w1 + w2 + w3)
 
 
-@formula
+@scalar_or_simd
 def disc_axes(quaternion):
     """First two columns of the rotation matrix, the unit quaternion and the inverse of its length."""
     w, x, y, z = quaternion
     # By the largest number first: squares would overflow, or vanish.
-    most = larger(larger(absolute(w), absolute(x)), larger(absolute(y), absolute(z)))
-    h = 1.0 / larger(most, SMALLEST)
+    most = maximum(maximum(absolute(w), absolute(x)), maximum(absolute(y), absolute(z)))
+    h = 1.0 / maximum(most, SMALLEST)
     w, x, y, z = w * h, x * h, y * h, z * h
-    unit = 1.0 / sqrt(larger(w * w + x * x + y * y + z * z, 1.0))
+    unit = 1.0 / sqrt(maximum(w * w + x * x + y * y + z * z, 1.0))
     w, x, y, z, g = w * unit, x * unit, y * unit, z * unit, h * unit
     first = (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y))
     second = (2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x))
     return first, second, (w, x, y, z), g
 
 
-@formula
+@scalar_or_simd
 def _scaled(s, x):
     return s * x[0], s * x[1], s * x[2]
 
 
-@formula
+@scalar_or_simd
 def blended_motion(v, own, one, two, three, turn):
     """Blended rotation vector (relative to the own face) and stretch."""
     w = (
@@ -70,7 +70,7 @@ def blended_motion(v, own, one, two, three, turn):
     return w, p
 
 
-@formula
+@scalar_or_simd
 def carried(q, p, k, position, first, second, s, t):
     """Offset from the triangle's centre, and the tangents: J_b k R mu, J_b k R r S."""
     x = matrix3.apply(q, matrix3.apply_symmetric(p, matrix3.apply(k, position)))
@@ -79,7 +79,7 @@ def carried(q, p, k, position, first, second, s, t):
     return x, u, v
 
 
-@formula
+@scalar_or_simd
 def _quaternion_gradient(unit, length, du, dv):
     """From the gradients of the disc's axes; `length` is the inverse of the quaternion's."""
     qw, qx, qy, qz = unit
@@ -94,18 +94,18 @@ def _quaternion_gradient(unit, length, du, dv):
     )  # fmt: skip
 
 
-@formula
+@scalar_or_simd
 def view_direction(q, centre, eye, turning):
     """Unit vector from the eye, the inverse of its length, and the vector in the axes that q turns if `turning`."""
     x, y, z = centre[0] - eye[0], centre[1] - eye[1], centre[2] - eye[2]
-    g = 1.0 / sqrt(larger(x * x + y * y + z * z, 1e-24))
+    g = 1.0 / sqrt(maximum(x * x + y * y + z * z, 1e-24))
     n = (x * g, y * g, z * g)
     if turning:
         return n, g, matrix3.apply_transposed(q, n)
     return n, g, n
 
 
-@formula
+@scalar_or_simd
 def direction_gradient(q, n, length, d, gd, turning):
     """From the gradient of a `view_direction` to the centre's, and its torque: d(Q^T n) = d x dw."""
     up = gd
@@ -117,7 +117,7 @@ def direction_gradient(q, n, length, d, gd, turning):
     return centre, torque
 
 
-@formula
+@scalar_or_simd
 def torque_of(p, h, y):
     """Gradient with respect to dw in Q exp(dw), where d(Q P y) = Q (dw x P y), summed over the vectors y."""
     x = matrix3.cross(matrix3.apply_symmetric(p, y[0]), h[0])
@@ -126,7 +126,7 @@ def torque_of(p, h, y):
     return x[0] + u[0] + v[0], x[1] + u[1] + v[1], x[2] + u[2] + v[2]
 
 
-@formula
+@scalar_or_simd
 def turn_gradient(w, b, c, torque):
     """From a torque to the blended rotation vector: the right Jacobian's transpose I + b [w] + c [w]^2."""
     once = matrix3.cross(w, torque)
@@ -138,7 +138,7 @@ def turn_gradient(w, b, c, torque):
     )
 
 
-@formula
+@scalar_or_simd
 def stretch_gradient(h, y):
     """To the blended stretch, from the gradients h after it and the vectors y before it."""
     (hx, hu, hv), (x, u, v) = h, y
@@ -152,12 +152,12 @@ def stretch_gradient(h, y):
     )
 
 
-@formula
+@scalar_or_simd
 def _six(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 
 
-@formula
+@scalar_or_simd
 def blend_gradient(shares, g, dturn, dp, own, one, two, three, turn):
     """To the logits, through the normalised sigmoids."""
     d0 = _six(dp, own)
@@ -172,7 +172,7 @@ def blend_gradient(shares, g, dturn, dp, own, one, two, three, turn):
     )  # fmt: skip
 
 
-@formula
+@scalar_or_simd
 def pulled_back(q, p, k, first, second, unit, length, s, t, g_centre, g_u, g_v, position):
     """Gradients of position, quaternion and logarithmic scales; and what the blend's gradients need."""
     hx, hu, hv = (

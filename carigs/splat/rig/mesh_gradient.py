@@ -13,9 +13,9 @@ import torch
 from jaxtyping import Float
 
 from carigs.simd import matrix3
-from carigs.simd.kernels import each, kernel
+from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.vector_math import exp
-from carigs.simd.vectors import formula
+from carigs.simd.vectors import scalar_or_simd
 from carigs.splat.rig.face_motion import (
     CENTRE,
     ROTATION,
@@ -39,7 +39,7 @@ from carigs.splat.rig.jacobian_blend import (
 from carigs.splat.rig.rig import Rig, polar_motion, rows_of
 
 
-def tuned_motion(rig: Rig, posed: Float[torch.Tensor, "v 3"]) -> FaceMotion:
+def differentiable_face_motion(rig: Rig, posed: Float[torch.Tensor, "v 3"]) -> FaceMotion:
     """`rig.face_motion` with rows that are differentiable with respect to the float64 vertices.
 
     Triangles without area, which follow their neighbours, pass the gradient of their centre alone.
@@ -63,7 +63,7 @@ class _Motion(torch.autograd.Function):
         return torch.from_numpy(gradient), None
 
 
-@formula
+@scalar_or_simd
 def _of_one(
     i, position, quaternion, log_scale, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
     centre, g_centre, g_u, g_v, g_direction, weights, parts,
@@ -122,7 +122,7 @@ def rows_gradient(
     """Of the motion rows, from the gradients of what `skinning.skin_each` wrote."""
     n = len(binding)
     weights, parts = np.zeros((n, 4)), np.zeros((n, TURN + 3))
-    each(
+    parallel_for(
         _of_one, n,
         (position, quaternion, log_scale, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
          centre, g_centre, g_u, g_v, g_direction, weights, parts),
@@ -143,7 +143,7 @@ def rows_gradient(
     return total
 
 
-@formula
+@scalar_or_simd
 def _logarithm_gradient(rho, g):
     """g J^-1(rho): with log(exp(d) R) = rho + J^-1(rho) d, J the left Jacobian of SO(3) (Sola et al. 2018, eq. 146)."""
     square = matrix3.dot(rho, rho)
@@ -159,13 +159,13 @@ def _logarithm_gradient(rho, g):
     )  # fmt: skip
 
 
-@formula
+@scalar_or_simd
 def _axial(m):
     """The vector a with (M - M^T) x = a x x."""
     return m[7] - m[5], m[2] - m[6], m[3] - m[1]
 
 
-@formula
+@scalar_or_simd
 def _jacobian_gradient(u, p, torque, g):
     """From the gradients of J's polar parts to that of J = U P: `torque` for dU = [w] U, `g` (six numbers) for P.
 
@@ -184,7 +184,7 @@ def _jacobian_gradient(u, p, torque, g):
     return matrix3.product(u, (gp[0], gp[1] - z, gp[2] + y, gp[3] + z, gp[4], gp[5] - x, gp[6] - y, gp[7] + x, gp[8]))
 
 
-@formula
+@scalar_or_simd
 def _edge_gradients(a, b, m):
     """From the gradient m of E = [a, b, n sqrt(2 area)] to those of its edges a and b."""
     normal = matrix3.cross(a, b)
@@ -197,7 +197,7 @@ def _edge_gradients(a, b, m):
     return (m[0] + ga[0], m[3] + ga[1], m[6] + ga[2]), (m[1] + gb[0], m[4] + gb[1], m[7] + gb[2])
 
 
-@formula
+@scalar_or_simd
 def _face_corners(f, g_rows, torque, faces, canonical_edges, posed, rotation, stretch, sound, corners):
     for corner in range(3):
         for k in range(3):
@@ -222,7 +222,7 @@ def _face_corners(f, g_rows, torque, faces, canonical_edges, posed, rotation, st
 @kernel
 def _corner_gradients(g_rows, torque, faces, canonical_edges, posed, rotation, stretch, sound):
     corners = np.zeros((len(faces), 3, 3))
-    each(
+    parallel_for(
         _face_corners, len(faces),
         (g_rows, torque, faces, canonical_edges, posed, rotation, stretch, sound, corners),
     )  # fmt: skip

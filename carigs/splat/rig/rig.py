@@ -15,8 +15,8 @@ from jaxtyping import Bool, Float, Float32, Float64, Int, Int32
 
 from carigs.errors import MeshError
 from carigs.simd import matrix3
-from carigs.simd.kernels import each, kernel
-from carigs.simd.vectors import formula
+from carigs.simd.kernels import kernel, parallel_for
+from carigs.simd.vectors import scalar_or_simd
 from carigs.splat.rig.face_motion import CENTRE, MOTION_ROW, ROTATION, STRETCH, TURN, FaceMotion
 
 DEGENERATE = 1e-6
@@ -143,7 +143,7 @@ def _follow_neighbours(
         sound[lost] = True
 
 
-@formula
+@scalar_or_simd
 def _edges(vertices, faces, f):
     """E of a face, and whether it has an area."""
     i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -182,7 +182,7 @@ def _frames(vertices, faces):
     return scale, frame, inverse
 
 
-@formula
+@scalar_or_simd
 def _face_motion(f, posed, faces, canonical_edges, centre, rotation, stretch, sound):
     for c in range(3):
         centre[f, c] = (posed[faces[f, 0], c] + posed[faces[f, 1], c] + posed[faces[f, 2], c]) / 3
@@ -206,11 +206,11 @@ def _motion(posed, faces, canonical_edges):
     centre = np.empty((n, 3))
     rotation, stretch = np.empty((n, 3, 3)), np.empty((n, 3, 3))
     sound = np.empty(n, np.bool_)
-    each(_face_motion, n, (posed, faces, canonical_edges, centre, rotation, stretch, sound))
+    parallel_for(_face_motion, n, (posed, faces, canonical_edges, centre, rotation, stretch, sound))
     return centre, rotation, stretch, sound
 
 
-@formula
+@scalar_or_simd
 def _face_turns(f, rotation, neighbours, turn):
     own = matrix3.transpose(matrix3.load(rotation, f))
     for s in range(3):
@@ -224,5 +224,5 @@ def _face_turns(f, rotation, neighbours, turn):
 @kernel
 def _turns(rotation, neighbours):
     turn = np.empty((len(rotation), 3, 3))
-    each(_face_turns, len(rotation), (rotation, neighbours, turn))
+    parallel_for(_face_turns, len(rotation), (rotation, neighbours, turn))
     return turn

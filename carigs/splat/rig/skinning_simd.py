@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from carigs.simd import matrix3
-from carigs.simd.kernels import each, kernel
+from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.memory import align_stack, gather_rows, load, load2, load3, load4, store, store2, store3, store4
 from carigs.simd.vector_math import absolute, exp, select
-from carigs.simd.vectors import WIDTH, inner, owner, splat
+from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
 from carigs.splat.rig.face_motion import MOTION_ROW
 from carigs.splat.rig.jacobian_blend import (
     blend_gradient,
@@ -28,7 +28,7 @@ from carigs.splat.rig.jacobian_blend import (
 PART = 1024  # surfels of one task
 
 
-@inner
+@simd_inline
 def _faces(i, binding, frame_rows, neighbours, rows, around):
     """The same as `_face` for the faces of sixteen surfels, and their canonical frames."""
     for r in range(WIDTH):
@@ -45,29 +45,29 @@ def _faces(i, binding, frame_rows, neighbours, rows, around):
     return first[0:6], one[0:6], two[0:6], three[0:6], last[2:11], rotation, first[6:9], frame[0:9]
 
 
-@inner
+@simd_inline
 def _weights_of(blend, i, blended):
     if blended:
         return shares_of(load4(blend, 4 * i))
-    one, none = splat(np.float32(1)), splat(np.float32(0))
+    one, none = broadcast(np.float32(1)), broadcast(np.float32(0))
     return (one, none, none, none), one
 
 
-@inner
+@simd_inline
 def _size(v):
     return absolute(v[0]) + absolute(v[1]) + absolute(v[2])
 
 
-@inner
+@simd_inline
 def _unless4(condition, v):
-    none = splat(np.float32(0))
+    none = broadcast(np.float32(0))
     return (
         select(condition, none, v[0]), select(condition, none, v[1]),
         select(condition, none, v[2]), select(condition, none, v[3]),
     )  # fmt: skip
 
 
-@inner
+@simd_inline
 def _forward_sixteen(
     i, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
     eye, turning, centre, tangent_u, tangent_v, opacity, direction, around,
@@ -92,7 +92,7 @@ def _forward_sixteen(
         store3(direction, 3 * i, d)
 
 
-@inner
+@simd_inline
 def _backward_sixteen(
     i, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
     eye, turning, centre, g_centre, g_u, g_v, g_opacity, g_direction,
@@ -100,7 +100,7 @@ def _backward_sixteen(
 ):  # fmt: skip
     align_stack()
     up_x, up_u, up_v = load3(g_centre, 3 * i), load3(g_u, 3 * i), load3(g_v, 3 * i)
-    none = splat(np.float32(0))
+    none = broadcast(np.float32(0))
     seen, up_d = len(g_direction) > 0, (none, none, none)
     if seen:
         up_d = load3(g_direction, 3 * i)
@@ -136,7 +136,7 @@ def _backward_sixteen(
     store4(d_blend, 4 * i, _unless4(still, db))
 
 
-@owner
+@simd_inline_alloc
 def _forward_part(
     part, count, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
     eye, turning, centre, tangent_u, tangent_v, opacity, direction,
@@ -149,7 +149,7 @@ def _forward_part(
         )  # fmt: skip
 
 
-@owner
+@simd_inline_alloc
 def _backward_part(
     part, count, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
     eye, turning, centre, g_centre, g_u, g_v, g_opacity, g_direction,
@@ -167,10 +167,10 @@ def _backward_part(
 @kernel
 def skin(count, *arguments):
     """As `skinning.skin_each`, on flat arrays of `count` surfels."""
-    each(_forward_part, (count + PART - 1) // PART, (count, *arguments))
+    parallel_for(_forward_part, (count + PART - 1) // PART, (count, *arguments))
 
 
 @kernel
 def skin_backward(count, *arguments):
     """As `skinning.skin_each_backward`, on flat arrays of `count` surfels."""
-    each(_backward_part, (count + PART - 1) // PART, (count, *arguments))
+    parallel_for(_backward_part, (count + PART - 1) // PART, (count, *arguments))

@@ -7,29 +7,29 @@ from jaxtyping import Bool, Float, Int
 
 from carigs.raster import rasterize_mesh
 from carigs.settings import Train
-from carigs.splat.rig.head_sequence import Performance
+from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.rig import Rig, jacobians
-from carigs.splat.surfels.surfels import Surfels, plain
+from carigs.splat.surfels.surfels import Surfels, flat_discs
 from carigs.splat.training.supervision import Example, Supervision
 
 OCCLUSION_TOLERANCE = 0.003
 """Metres that a surfel's centre may lie behind the mesh and still be seen."""
 
 
-def first_surfels(
-    settings: Train, supervision: Supervision, performance: Performance, hair: Bool[np.ndarray, "f"]
+def initial_surfels(
+    settings: Train, supervision: Supervision, performance: HeadSequence, hair: Bool[np.ndarray, "f"]
 ) -> Surfels:
     """Surfels on every face and above hair faces, with colours of `settings.colour_frames` of what supervises them.
 
     A run that is supervised by targets alone takes its colours from the targets: real frames would tell it of the hair.
     """
     binding, position, scale = place(settings, performance.rig, hair)
-    targets_only = settings.caricature_share >= 1
+    targets_only = settings.gtstar_probability >= 1
     count = len(supervision.targets if targets_only else supervision.frames)
     chosen = np.unique(np.linspace(0, count - 1, settings.colour_frames).astype(int))
     views = [supervision.first_view(targets_only, int(i)) for i in chosen]
     rgb = observed_colours(binding, position, performance, views)
-    return plain(binding, position, scale, settings.initial_opacity, rgb, settings.sh_degree)
+    return flat_discs(binding, position, scale, settings.initial_opacity, rgb, settings.sh_degree)
 
 
 def place(
@@ -77,7 +77,7 @@ def _in_triangle(
 def observed_colours(
     binding: Int[np.ndarray, "n"],
     position: Float[np.ndarray, "n 3"],
-    performance: Performance,
+    performance: HeadSequence,
     views: list[tuple[Example, Float[np.ndarray, "h w"]]],
 ) -> Float[np.ndarray, "n 3"]:
     """Mean colour of each surfel where the views see it; unseen ones take their face's, or its neighbourhood's.

@@ -73,7 +73,7 @@ def to_arrays(surfels: Surfels) -> dict[str, np.ndarray]:
     return {name: value.detach().numpy() for name, value in surfels.attributes()} | {"binding": surfels.binding}
 
 
-def plain(
+def flat_discs(
     binding: Int[np.ndarray, "n"],
     position: Float[np.ndarray, "n 3"],
     scale: Float[np.ndarray, "n"],

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Bool, Float32
 
-from carigs.simd.kernels import each, kernel
-from carigs.simd.vectors import formula
+from carigs.simd.kernels import kernel, parallel_for
+from carigs.simd.vectors import scalar_or_simd
 from carigs.splat.surfels.surfels import Surfels
 
 BETA_1, BETA_2, EPSILON = 0.9, 0.999, 1e-15
@@ -68,7 +68,7 @@ def restore(adam: Adam, steps: int, arrays: Mapping[str, np.ndarray]) -> None:
         adam.first[name], adam.second[name] = arrays[f"first_{name}"].copy(), arrays[f"second_{name}"].copy()
 
 
-@formula
+@scalar_or_simd
 def _update_part(part, value, gradient, first, second, keep, step_size, correction):
     b1, b2, eps = np.float32(BETA_1), np.float32(BETA_2), np.float32(EPSILON)
     c1, c2 = np.float32(1 - BETA_1), np.float32(1 - BETA_2)  # rounded once: 1 - float32(0.999) is off by 5e-5
@@ -85,4 +85,4 @@ def _update_part(part, value, gradient, first, second, keep, step_size, correcti
 
 @kernel
 def _update(value, *arguments):
-    each(_update_part, (len(value) + PART - 1) // PART, (value, *arguments))
+    parallel_for(_update_part, (len(value) + PART - 1) // PART, (value, *arguments))

@@ -12,12 +12,12 @@ import numpy as np
 
 from carigs.files import writing
 from carigs.settings import Train
-from carigs.splat.rig.head_sequence import Performance
+from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.surfels import ATTRIBUTES, Surfels, from_arrays, to_arrays
 from carigs.splat.training.adam import Adam, as_arrays, restore
 from carigs.splat.training.density import GradientStatistics
 from carigs.splat.training.supervision import Supervision
-from carigs.splat.training.tracking_refinement import HeadTuning
+from carigs.splat.training.tracking_refinement import TrackingRefinement
 
 
 @dataclass
@@ -35,11 +35,11 @@ class State:
     """Since the last row."""
     seconds: float = 0.0
     """Spent in earlier sittings."""
-    tuning: HeadTuning | None = None
+    tuning: TrackingRefinement | None = None
     """Of the tracked head, where that is fine-tuned."""
 
 
-def fingerprint(settings: Train, performance: Performance, supervision: Supervision) -> str:
+def fingerprint(settings: Train, performance: HeadSequence, supervision: Supervision) -> str:
     """Digest of the inputs: a checkpoint of other settings, meshes or images is not gone on with."""
     digest = hashlib.sha256()
     # How fast, how often saved: no part of the result.
@@ -76,7 +76,7 @@ def save_state(file: Path, state: State, key: str) -> None:
         )
 
 
-def load_state(file: Path, key: str, tuning: HeadTuning | None = None) -> State | None:
+def load_state(file: Path, key: str, tuning: TrackingRefinement | None = None) -> State | None:
     """The state saved by a run with the same inputs; None if there is none that can be gone on with.
 
     `tuning` is set to where it was.

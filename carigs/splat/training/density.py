@@ -59,21 +59,21 @@ def refine(
     """
     arrays = to_arrays(surfels)
     n = len(surfels)
-    leaving = 1 / (1 + np.exp(-arrays["opacity"])) < settings.opacity
+    leaving = 1 / (1 + np.exp(-arrays["opacity"])) < settings.prune_opacity
     leaving = ~keep_one_per_face(arrays["binding"], leaving, arrays["opacity"])
-    wanted = np.flatnonzero((gradient >= settings.gradient) & ~leaving)
+    wanted = np.flatnonzero((gradient >= settings.gradient_threshold) & ~leaving)
     short = n - leaving.sum() + len(wanted) - settings.max_surfels
-    if short > 0 and importance is not None and settings.turnover > 0:
+    if short > 0 and importance is not None and settings.replace_fraction > 0:
         value = np.where(leaving, -np.inf, importance())
         value[wanted] = np.inf
-        count = leaving.sum() + min(short, int(settings.turnover * n))
+        count = leaving.sum() + min(short, int(settings.replace_fraction * n))
         leaving[np.argsort(value, kind="stable")[:count]] = True
         leaving[wanted] = False
         leaving = ~keep_one_per_face(arrays["binding"], leaving, arrays["opacity"])
     room = max(settings.max_surfels - int(n - leaving.sum()), 0)
     wanted = np.sort(wanted[np.argsort(-gradient[wanted], kind="stable")[:room]])
     size = np.exp(arrays["log_scale"]).max(axis=1) * rig.scale[arrays["binding"]]
-    large = size[wanted] > settings.size * extent
+    large = size[wanted] > settings.split_scale * extent
     cloned, split = wanted[~large], np.repeat(wanted[large], SPLIT_CHILDREN)
     source = np.concatenate([np.arange(n), cloned, split])
     arrays = {name: value[source] for name, value in arrays.items()}

@@ -8,8 +8,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from carigs.capture import Camera
-from carigs.simd.kernels import each, kernel
-from carigs.simd.vectors import formula
+from carigs.simd.kernels import kernel, parallel_for
+from carigs.simd.vectors import scalar_or_simd
 from carigs.splat.surfels.surfels import Surfels
 
 PART = 1024  # surfels whose terms are summed in order
@@ -56,7 +56,7 @@ def normal_mismatch(
     return (alpha[1:-1, 1:-1] - (normal[1:-1, 1:-1] * facing).sum(dim=2)).mean()
 
 
-@formula
+@scalar_or_simd
 def _part_beyond(
     part, position, log_scale, seen, position_limit, position_weight, scale_limit, log_limit, scale_weight,
     d_position, d_log_scale, value,
@@ -87,7 +87,7 @@ def _thresholds(
 ):
     log_limit = np.log(max(scale_limit, 0.0))
     value = np.zeros((len(seen) + PART - 1) // PART)
-    each(
+    parallel_for(
         _part_beyond, len(value),
         (position, log_scale, seen, position_limit, position_weight, scale_limit, log_limit, scale_weight,
          d_position, d_log_scale, value),

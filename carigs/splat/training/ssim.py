@@ -18,10 +18,10 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float32
 
-from carigs.simd.kernels import each, kernel
+from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.memory import align_stack, load, store
 from carigs.simd.vector_math import absolute, select, total
-from carigs.simd.vectors import WIDTH, inner, owner, splat
+from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
 
 RADIUS = 5
 C1, C2 = np.float32(0.01**2), np.float32(0.03**2)
@@ -35,12 +35,12 @@ _taps = np.exp(-(np.arange(-RADIUS, RADIUS + 1) ** 2) / (2 * 1.5**2))
 T0, T1, T2, T3, T4, T5 = (_taps / _taps.sum()).astype(np.float32)[: RADIUS + 1]  # the other half mirrors these
 
 
-@inner
+@simd_inline
 def _filtered(v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10):
     return T0 * (v0 + v10) + T1 * (v1 + v9) + T2 * (v2 + v8) + T3 * (v3 + v7) + T4 * (v4 + v6) + T5 * v5
 
 
-@inner
+@simd_inline
 def _across(row, at):
     """Taps along a row, around sixteen elements."""
     return _filtered(
@@ -49,7 +49,7 @@ def _across(row, at):
     )  # fmt: skip
 
 
-@inner
+@simd_inline
 def _tap(x, y, at, weight, sums):
     m, n, squares, product = sums
     a, b = load(x, at), load(y, at)
@@ -57,10 +57,10 @@ def _tap(x, y, at, weight, sums):
     return m + u, n + v, squares + u * a + v * b, product + u * b
 
 
-@inner
+@simd_inline
 def _moments_across(x, y, at):
     """Of x, y, x^2 + y^2 (B2 has only this sum) and x y: loads of four rows of products would cost more."""
-    none = splat(ZERO)
+    none = broadcast(ZERO)
     sums = _tap(x, y, at - 5, T0, (none, none, none, none))
     sums = _tap(x, y, at + 5, T0, _tap(x, y, at - 4, T1, sums))
     sums = _tap(x, y, at + 4, T1, _tap(x, y, at - 3, T2, sums))
@@ -69,7 +69,7 @@ def _moments_across(x, y, at):
     return _tap(x, y, at + 1, T4, _tap(x, y, at, T5, sums))
 
 
-@inner
+@simd_inline
 def _down(ring, plane, first, stride, at):
     """Taps along columns for a block of rows; `first` is the topmost row that the first of them needs."""
     v0, v1 = _ring_row(ring, plane, first, stride, at), _ring_row(ring, plane, first + 1, stride, at)
@@ -87,17 +87,17 @@ def _down(ring, plane, first, stride, at):
     )
 
 
-@inner
+@simd_inline
 def _place(plane, row, stride):
     return (plane * RING + (row & (RING - 1))) * stride
 
 
-@inner
+@simd_inline
 def _ring_row(ring, plane, row, stride, at):
     return load(ring, _place(plane, row, stride) + at)
 
 
-@inner
+@simd_inline
 def _similarity(m, n, squares, product):
     """S and its derivatives with respect to m, G(x^2) and G(xy)."""
     mn, mm_nn = m * n, m * m + n * n
@@ -106,18 +106,18 @@ def _similarity(m, n, squares, product):
     inverse = ONE / (b1 * b2)
     i1, i2 = b2 * inverse, b1 * inverse
     s = a1 * a2 * inverse
-    return s, TWO * (n * (a2 - a1) * inverse - m * s * (i1 - i2)), splat(ZERO) - s * i2, TWO * a1 * inverse
+    return s, TWO * (n * (a2 - a1) * inverse - m * s * (i1 - i2)), broadcast(ZERO) - s * i2, TWO * a1 * inverse
 
 
-@inner
+@simd_inline
 def _map_row(maps, r, stride, at, height, here, m, n, squares, product):
     """Stores the derivatives, 0 outside the image, and returns S."""
     if r < 0 or r >= height:
-        store(maps, _place(0, r, stride) + at, splat(ZERO))
-        store(maps, _place(1, r, stride) + at, splat(ZERO))
-        store(maps, _place(2, r, stride) + at, splat(ZERO))
-        return splat(ZERO)
-    none = splat(ZERO)
+        store(maps, _place(0, r, stride) + at, broadcast(ZERO))
+        store(maps, _place(1, r, stride) + at, broadcast(ZERO))
+        store(maps, _place(2, r, stride) + at, broadcast(ZERO))
+        return broadcast(ZERO)
+    none = broadcast(ZERO)
     s, by_m, by_square, by_product = _similarity(m, n, squares, product)
     store(maps, _place(0, r, stride) + at, select(here, by_m, none))
     store(maps, _place(1, r, stride) + at, select(here, by_square, none))
@@ -125,7 +125,7 @@ def _map_row(maps, r, stride, at, height, here, m, n, squares, product):
     return select(here, s, none)
 
 
-@inner
+@simd_inline
 def _fill(rows, stride, x, y, valid, c, r, f0, f1, at):
     """A row of x, of y (of x where that is not valid) and of 1 where it is."""
     x_row, y_row, valid_row = x[c, r, f0:f1], y[c, r, f0:f1], valid[r, f0:f1]
@@ -137,13 +137,13 @@ def _fill(rows, stride, x, y, valid, c, r, f0, f1, at):
         v_row[q] = ONE if valid_row[q] else ZERO
 
 
-@inner
+@simd_inline
 def _same(x, y, at):
     """Whether sixteen elements are equal: not where one is NaN."""
-    return total(select(absolute(load(x, at) - load(y, at)) <= ZERO, splat(ZERO), splat(ONE))) == ZERO
+    return total(select(absolute(load(x, at) - load(y, at)) <= ZERO, broadcast(ZERO), broadcast(ONE))) == ZERO
 
 
-@inner
+@simd_inline
 def _compared(x, y, valid, c, h0, h1):
     """First column with a difference in these rows, and the one after the last."""
     _, height, width = x.shape
@@ -170,7 +170,7 @@ def _compared(x, y, valid, c, h0, h1):
     return c0, c1
 
 
-@inner
+@simd_inline
 def _moment_row(moments, rows, r, stride, mapped):
     for at in range(LEFT, LEFT + mapped, WIDTH):
         m, n, squares, product = _moments_across(rows, rows[stride:], at)
@@ -180,10 +180,10 @@ def _moment_row(moments, rows, r, stride, mapped):
         store(moments, _place(3, r, stride) + at, product)
 
 
-@inner
+@simd_inline
 def _map_rows(maps, moments, inside, top, stride, mapped, height):
     """The maps of a block of rows; returns the rows' sums of S."""
-    s0 = s1 = s2 = s3 = splat(ZERO)
+    s0 = s1 = s2 = s3 = broadcast(ZERO)
     for at in range(LEFT, LEFT + mapped, WIDTH):
         m, n = _down(moments, 0, top - RADIUS, stride, at), _down(moments, 1, top - RADIUS, stride, at)
         squares, product = _down(moments, 2, top - RADIUS, stride, at), _down(moments, 3, top - RADIUS, stride, at)
@@ -195,7 +195,7 @@ def _map_rows(maps, moments, inside, top, stride, mapped, height):
     return total(s0), total(s1), total(s2), total(s3)
 
 
-@inner
+@simd_inline
 def _maps_down(slopes, maps, top, stride, mapped):
     for at in range(LEFT, LEFT + mapped, WIDTH):
         for plane in range(3):
@@ -206,10 +206,10 @@ def _maps_down(slopes, maps, top, stride, mapped):
             store(slopes, (plane * BLOCK + 3) * stride + at, r3)
 
 
-@inner
+@simd_inline
 def _gradient_row(result, rows, slopes, j, stride, begin, stop, l1_weight, ssim_weight):
     """The gradient of row j of the block; returns the sum of |x - y|."""
-    one, apart = splat(ONE), splat(ZERO)
+    one, apart = broadcast(ONE), broadcast(ZERO)
     for at in range(begin, stop, WIDTH):
         a, b, counts = load(rows, at), load(rows, stride + at), load(rows, 2 * stride + at)
         slope = _across(slopes, j * stride + at) + TWO * a * _across(slopes, (BLOCK + j) * stride + at)
@@ -220,7 +220,7 @@ def _gradient_row(result, rows, slopes, j, stride, begin, stop, l1_weight, ssim_
     return total(apart)
 
 
-@owner
+@simd_inline_alloc
 def _strip(task, x, y, valid, l1_weight, ssim_weight, gradient, strips, differences, similarities):
     """Sums of |x - y| and S over a strip of one channel; writes its part of the gradient."""
     align_stack()
@@ -278,7 +278,7 @@ def l1_and_ssim(x, y, valid, l1_weight, ssim_weight):
     strips = (height + STRIP - 1) // STRIP
     gradient = np.empty_like(x)
     difference, similarity = np.empty(channels * strips), np.empty(channels * strips)
-    each(
+    parallel_for(
         _strip, channels * strips,
         (x, y, valid, l1_weight, ssim_weight, gradient, strips, difference, similarity),
     )  # fmt: skip

@@ -14,8 +14,8 @@ from carigs.capture import Camera, Capture
 from carigs.capture.images import read_bits, read_rgb8
 from carigs.capture.target_index import TargetSet
 from carigs.errors import InputError
-from carigs.gtstar.mask_flags import as_bits
-from carigs.settings import EXCLUDED
+from carigs.gtstar.mask_flags import flags_from_names
+from carigs.settings import DEFAULT_MASK_FLAGS
 from carigs.splat.training.image_cache import ImageCache
 
 
@@ -43,10 +43,10 @@ class Schedule(NamedTuple):
     """Into the training frames, or into the targets of all levels."""
 
 
-def draw_schedule(iterations: int, frames: int, targets: int, caricature_share: float, seed: int) -> Schedule:
+def draw_schedule(iterations: int, frames: int, targets: int, gtstar_probability: float, seed: int) -> Schedule:
     """A Bernoulli draw per step; within each kind every example once in random order, then all over again."""
     rng = np.random.default_rng([seed, 0])
-    caricature = rng.random(iterations) < caricature_share
+    caricature = rng.random(iterations) < gtstar_probability
     index = np.zeros(iterations, np.int64)
     for kind, count in ((False, frames), (True, targets)):
         steps = np.flatnonzero(caricature == kind)
@@ -62,13 +62,13 @@ class Supervision:
 
     capture: Capture
     sets: Sequence[TargetSet] = ()
-    exclude: tuple[str, ...] = EXCLUDED
+    mask_flags: tuple[str, ...] = DEFAULT_MASK_FLAGS
     """Names of the reasons for which pixels are left out and triangles rest."""
     megabytes: int = 2048
 
     def __post_init__(self) -> None:
         self.frames = self.capture.split("train")
-        self._excluded = np.uint16(as_bits(self.exclude).value)
+        self._excluded = np.uint16(flags_from_names(self.mask_flags).value)
         self._images = ImageCache(self.megabytes)
         if not self.frames:
             raise InputError("no training frames", file=self.capture.root, field="train")
@@ -95,7 +95,7 @@ class Supervision:
         frame, level, file, reasons, weight = self.targets[index]
         camera = self.capture.cameras[frame.camera]
         image, valid = self._images.get(file, _read_planes), None
-        if self.exclude:
+        if self.mask_flags:
             valid = (self._images.get(reasons, read_bits) & self._excluded) == 0
         return Example(
             frame.timestep, camera, level, _as_float(image, camera, file), valid, self._frozen.get(level), weight
@@ -108,7 +108,7 @@ class Supervision:
             return
         target = self.targets[index]
         self._images.ask(target.image, _read_planes)
-        if self.exclude:
+        if self.mask_flags:
             self._images.ask(target.reasons, read_bits)
 
     def first_view(self, caricature: bool, index: int) -> tuple[Example, Float[np.ndarray, "h w"]]:

@@ -17,10 +17,10 @@ from torch import Tensor
 
 from carigs.head import HeadModel, HeadParameters
 from carigs.head.model import N_JOINTS, N_SHAPE
-from carigs.settings import Tune
+from carigs.settings import RefineTracking
 from carigs.splat.rig.face_motion import FaceMotion
-from carigs.splat.rig.head_sequence import Performance
-from carigs.splat.rig.mesh_gradient import tuned_motion
+from carigs.splat.rig.head_sequence import HeadSequence
+from carigs.splat.rig.mesh_gradient import differentiable_face_motion
 from carigs.splat.training.adam import Adam, as_arrays, restore
 
 CODES = ("translation", "rotation", "neck", "jaw", "eyes", "expression")
@@ -93,10 +93,10 @@ def _cross_matrices(vectors: Float64[Tensor, "n 3"]) -> Float64[Tensor, "n 3 3"]
     return torch.stack([none, -z, y, z, none, -x, -y, x, none], dim=1).reshape(-1, 3, 3)
 
 
-class HeadTuning:
-    """The codes of every training timestep and their optimiser, beside a `Performance` that is kept up to date."""
+class TrackingRefinement:
+    """The codes of every training timestep and their optimiser, beside a `HeadSequence` that is kept up to date."""
 
-    def __init__(self, performance: Performance, timesteps: list[int]) -> None:
+    def __init__(self, performance: HeadSequence, timesteps: list[int]) -> None:
         self.performance = performance
         self.head = PosableHead(performance.head)
         self.codes = {t: Codes(performance.parameters[t], self.head.used) for t in timesteps}
@@ -106,12 +106,12 @@ class HeadTuning:
         """Of the natural head, differentiable with respect to the timestep's codes."""
         for _, row in self.codes[timestep].attributes():
             row.grad = None
-        return tuned_motion(self.performance.rig, self.head.pose(self.codes[timestep]))
+        return differentiable_face_motion(self.performance.rig, self.head.pose(self.codes[timestep]))
 
-    def step(self, timestep: int, settings: Tune) -> None:
+    def step(self, timestep: int, settings: RefineTracking) -> None:
         """Move the codes down the gradient that a backward pass has left."""
-        rates = dict.fromkeys(CODES, settings.rotation_rate)
-        rates |= {"translation": settings.translation_rate, "expression": settings.expression_rate}
+        rates = dict.fromkeys(CODES, settings.rotation_lr)
+        rates |= {"translation": settings.translation_lr, "expression": settings.expression_lr}
         self.adam[timestep].step(self.codes[timestep], rates)
         self._publish(timestep)
 

@@ -13,9 +13,9 @@ from torch import Tensor
 
 from carigs.capture import Frame
 from carigs.settings import Train
-from carigs.splat.render import Drawing, contribution, draw
-from carigs.splat.rig.head_sequence import Performance
-from carigs.splat.surfels.initialization import first_surfels
+from carigs.splat.render import RenderedFrame, contribution, render
+from carigs.splat.rig.head_sequence import HeadSequence
+from carigs.splat.surfels.initialization import initial_surfels
 from carigs.splat.surfels.surfels import Surfels
 from carigs.splat.training.adam import Adam
 from carigs.splat.training.checkpoint import State, fingerprint, load_state, save_state
@@ -24,7 +24,7 @@ from carigs.splat.training.photometric_loss import photometric
 from carigs.splat.training.progress import progress
 from carigs.splat.training.regularizers import normal_mismatch, pull_to_triangles
 from carigs.splat.training.supervision import Example, Supervision, draw_schedule
-from carigs.splat.training.tracking_refinement import HeadTuning
+from carigs.splat.training.tracking_refinement import TrackingRefinement
 
 AHEAD = 4
 """Steps whose images are decoded while others are computed."""
@@ -34,25 +34,25 @@ COLUMNS = ("iteration", "seconds", "caricature", "loss", "psnr", "surfels")
 
 def train_surfels(
     settings: Train,
-    performance: Performance,
+    performance: HeadSequence,
     supervision: Supervision,
     checkpoint: Path,
     watch: Callable[[State], None] | None = None,
 ) -> tuple[Surfels, list[tuple]]:
     """Train from the first surfels, or go on from `checkpoint` if that is of the same run; also returns the log's rows.
 
-    `watch` is shown the state after every step.  With `tune.head` the parameters of `performance` move too.  Steps,
-    density control and their random draws depend on the settings and the iteration alone, so an interrupted run ends in
-    the same bytes as one in a single sitting.
+    `watch` is shown the state after every step.  With `refine_tracking.enabled` the parameters of `performance` move.
+    Steps, density control and their random draws depend on the settings and the iteration alone, so an interrupted run
+    ends in the same bytes as one in a single sitting.
     """
     hair = performance.head.face_region(*settings.hair_regions)
     key = fingerprint(settings, performance, supervision)
     tuning = None
-    if settings.tune.head and settings.caricature_share < 1:
-        tuning = HeadTuning(performance, sorted({frame.timestep for frame in supervision.frames}))
+    if settings.refine_tracking.enabled and settings.gtstar_probability < 1:
+        tuning = TrackingRefinement(performance, sorted({frame.timestep for frame in supervision.frames}))
     state = load_state(checkpoint, key, tuning) if checkpoint.is_file() else None
     if state is None:
-        surfels = first_surfels(settings, supervision, performance, hair)
+        surfels = initial_surfels(settings, supervision, performance, hair)
         state = State(0, surfels, Adam(surfels), GradientStatistics(len(surfels)), tuning=tuning)
     run = _Run(settings, performance, supervision, hair, state)
     started = saved = time.perf_counter()
@@ -81,7 +81,7 @@ class _Run:
         reach = np.where(hair, settings.hair_length / np.maximum(rig.scale, 1e-9), 0)
         self.face_limit = settings.position_limit + reach
         self.extent = scene_extent(supervision.capture.cameras)
-        share = settings.caricature_share if supervision.targets else 0.0
+        share = settings.gtstar_probability if supervision.targets else 0.0
         self.schedule = draw_schedule(
             settings.iterations, len(supervision.frames), len(supervision.targets), share, settings.seed
         )
@@ -105,22 +105,22 @@ class _Run:
             state.statistics.add(drawing.rendering.screen, example.camera)
         state.adam.step(state.surfels, learning_rates(settings, i), frozen)
         if state.tuning is not None and not caricature:
-            state.tuning.step(example.timestep, settings.tune)
+            state.tuning.step(example.timestep, settings.refine_tracking)
         self._control_density(i + 1)
         state.iteration = i + 1
         self._record(value, drawing, example, caricature)
         return value
 
-    def _compare(self, example: Example, i: int) -> tuple[Drawing, Float[Tensor, ""]]:
+    def _compare(self, example: Example, i: int) -> tuple[RenderedFrame, Float[Tensor, ""]]:
         settings = self.settings
-        late = i >= settings.regularise_from
+        late = i >= settings.regularize_from
         distortion, normals = late and settings.distortion_weight > 0, late and settings.normal_weight > 0
         outputs = ("distortion",) * distortion + ("alpha", "depth", "normal") * normals
         if self.state.tuning is not None and example.level == 0:
             motion = self.state.tuning.motion(example.timestep)
         else:
             motion = self.performance.motion(example.timestep, example.level)
-        drawing = draw(
+        drawing = render(
             self.state.surfels,
             self.performance.rig,
             motion,
@@ -133,7 +133,7 @@ class _Run:
             backend=settings.backend,
         )
         valid = None if example.valid is None else torch.from_numpy(example.valid)
-        loss = photometric(drawing.image, torch.from_numpy(example.image), settings.ssim, valid)
+        loss = photometric(drawing.image, torch.from_numpy(example.image), settings.ssim_weight, valid)
         rendering = drawing.rendering
         if distortion:
             loss = loss + settings.distortion_weight * rendering.distortion.mean()
@@ -142,7 +142,7 @@ class _Run:
             loss = loss + settings.normal_weight * mismatch
         return drawing, example.weight * loss
 
-    def _pull(self, drawing: Drawing) -> float:
+    def _pull(self, drawing: RenderedFrame) -> float:
         settings, surfels = self.settings, self.state.surfels
         return pull_to_triangles(
             surfels,
@@ -172,7 +172,9 @@ class _Run:
             views = [(frame, 0.0) for frame in self.supervision.frames]
             if self.only_targets:
                 views = [(target.frame, target.level) for target in self.supervision.targets]
-            chosen = [views[i] for i in rng.choice(len(views), min(density.views, len(views)), replace=False)]
+            chosen = [
+                views[i] for i in rng.choice(len(views), min(density.importance_views, len(views)), replace=False)
+            ]
             state.surfels = refine(
                 state.surfels, state.adam, gradient, self.performance.rig, self.extent, density, rng,
                 lambda: self._importance(chosen),
@@ -181,7 +183,7 @@ class _Run:
         if density.reset_every and done % density.reset_every == 0 and done < density.stop:
             reset_opacity(state.surfels, state.adam)
 
-    def _record(self, loss: float, drawing: Drawing, example: Example, caricature: bool) -> None:
+    def _record(self, loss: float, drawing: RenderedFrame, example: Example, caricature: bool) -> None:
         state = self.state
         state.losses.append(loss)
         if state.iteration % self.settings.log_every and state.iteration < self.settings.iterations:
@@ -195,16 +197,16 @@ class _Run:
 
 
 def learning_rates(settings: Train, iteration: int) -> dict[str, float]:
-    """Adam's rate of every attribute: log-linear from its first value to `final_rate` (positions:
-    `position_final_rate`) of it."""
+    """Adam's rate of every attribute: log-linear from its first value to `final_lr_factor` (positions:
+    `position_final_lr_factor`) of it."""
     progress = iteration / max(settings.iterations - 1, 1)
-    decay = settings.final_rate**progress
+    decay = settings.final_lr_factor**progress
     return {
-        "position": settings.position_rate * settings.position_final_rate**progress,
-        "rotation": settings.rotation_rate * decay,
-        "log_scale": settings.scale_rate * decay,
-        "opacity": settings.opacity_rate * decay,
-        "colour": settings.colour_rate * decay,
-        "harmonics": settings.colour_rate / 20 * decay,
-        "blend": settings.blend_rate * decay,
+        "position": settings.position_lr * settings.position_final_lr_factor**progress,
+        "rotation": settings.rotation_lr * decay,
+        "log_scale": settings.scale_lr * decay,
+        "opacity": settings.opacity_lr * decay,
+        "colour": settings.colour_lr * decay,
+        "harmonics": settings.colour_lr / 20 * decay,
+        "blend": settings.blend_lr * decay,
     }

@@ -8,7 +8,7 @@ from carigs.settings import Density, Train
 from evaluation.benchmarks.quality import LOOKS, looks, plot
 from evaluation.benchmarks.scenes import filmed, moving_head
 
-SETTINGS = Train(hair_regions=(), density=Density(start=10, every=10, gradient=1e-6))
+SETTINGS = Train(hair_regions=(), density=Density(start=10, every=10, gradient_threshold=1e-6))
 
 
 def test_rows_tell_of_runs_that_learn_within_their_budgets(tmp_path):

@@ -111,7 +111,8 @@ def test_plain_loops_and_vector_code_are_the_same():
     for arrays, camera in ((awkward(), FRONTAL), (layers(70, 7), FRONTAL), (cloud(300, 17, size=0.03), ODD)):
         fast, plain = tensors(arrays, grad=True), tensors(arrays, grad=True)
         images = [
-            rasterize(WorldSurfels(*t), camera, backend=b, background=0.4) for t, b in ((fast, "cpu"), (plain, "plain"))
+            rasterize(WorldSurfels(*t), camera, backend=b, background=0.4)
+            for t, b in ((fast, "cpu"), (plain, "scalar"))
         ]
         # Pixels whose sets of surfels differ by rounding at a threshold are told by alpha's jump of 1/255.
         same = (images[0].alpha - images[1].alpha).abs() < 1e-5

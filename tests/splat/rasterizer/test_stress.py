@@ -13,17 +13,17 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from splat.rasterizer.reference import render
+from splat.rasterizer.reference import render as reference_render
 
 from carigs.capture import Camera
 from carigs.errors import CarigsError
 from carigs.simd.vectors import WIDTH
 from carigs.splat.rasterizer.culling import NEAR
 from carigs.splat.rasterizer.rasterize import OUTPUTS, WorldSurfels, rasterize
-from carigs.splat.render import draw
+from carigs.splat.render import render
 from carigs.splat.rig.rig import build_rig, face_motion
 from carigs.splat.rig.skinning import skin
-from carigs.splat.surfels.surfels import plain
+from carigs.splat.surfels.surfels import flat_discs
 
 # Neither rotation nor offset: a surfel's depth is its z, to the last digit.
 CAMERA = Camera(np.eye(4), fx=60, fy=58, cx=16.3, cy=13.8, width=33, height=27)
@@ -168,7 +168,7 @@ def measured(arrays, camera=CAMERA, clear=None, backend="cpu"):
 def defined(arrays, clear=None, shift=(0.0, 0.0)):
     """The same by definition, and `clear`: where no decision is so close that float32 may decide otherwise."""
     tensors = leaves(arrays, torch.float64)
-    rendering = render(tensors, replace(CAMERA, cx=CAMERA.cx + shift[0], cy=CAMERA.cy + shift[1]))
+    rendering = reference_render(tensors, replace(CAMERA, cx=CAMERA.cx + shift[0], cy=CAMERA.cy + shift[1]))
     clear = rendering["margin"] > 1e-4 if clear is None else clear
     images = [masked(rendering[name], clear) for name in OUTPUTS]
     loss(images).backward()
@@ -280,10 +280,10 @@ def test_extreme_scenes_are_the_same_bytes_at_any_number_of_threads(kinds, seed)
 
 def assert_as_plain(arrays, camera):
     """Vector code against plain loops, where both found the same sets of surfels (else alpha jumps by 1/255)."""
-    alpha = [measured(arrays, camera, backend=backend)[0][1] for backend in ("cpu", "plain")]
+    alpha = [measured(arrays, camera, backend=backend)[0][1] for backend in ("cpu", "scalar")]
     same = (alpha[0] - alpha[1]).abs() < 1e-5
     assert same.float().mean() > 0.98
-    found, expected = (measured(arrays, camera, same, backend) for backend in ("cpu", "plain"))
+    found, expected = (measured(arrays, camera, same, backend) for backend in ("cpu", "scalar"))
     for a, b in zip(found[0] + found[1], expected[0] + expected[1], strict=True):
         assert a.shape == b.shape
         assert (a - b).norm() <= 1e-4 * b.norm()
@@ -364,7 +364,7 @@ def some_surfels(n, seed=0, sh_degree=0):
     random = np.random.default_rng(seed)
     binding = random.integers(0, len(FACES), n)
     position, colour = random.normal(size=(n, 3)), random.random((n, 3))
-    surfels = plain(binding, position, random.uniform(0.2, 1, n), 0.7, colour, sh_degree)
+    surfels = flat_discs(binding, position, random.uniform(0.2, 1, n), 0.7, colour, sh_degree)
     for _, value in surfels.attributes():
         value.data += torch.from_numpy(random.normal(size=tuple(value.shape)) * 0.4).float()
     return surfels
@@ -484,7 +484,7 @@ HEAD_ON = replace(CAMERA, camera_from_world=np.array([[1.0, 0, 0, 0], [0, 1, 0, 
 def drawn(surfels):
     """Image, and gradients by attribute."""
     rig = build_rig(VERTICES, FACES)
-    drawing = draw(surfels, rig, face_motion(rig, VERTICES * [1.1, 0.9, 1.0]), HEAD_ON)
+    drawing = render(surfels, rig, face_motion(rig, VERTICES * [1.1, 0.9, 1.0]), HEAD_ON)
     loss([drawing.image]).backward()
     return drawing.image.detach(), {name: value.grad for name, value in surfels.attributes()}
 

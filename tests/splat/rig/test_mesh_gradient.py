@@ -6,7 +6,7 @@ import torch
 import trimesh
 
 from carigs.errors import MeshError
-from carigs.splat.rig.mesh_gradient import tuned_motion, vertices_gradient
+from carigs.splat.rig.mesh_gradient import differentiable_face_motion, vertices_gradient
 from carigs.splat.rig.rig import build_rig, face_motion, polar_motion, rows_of
 
 
@@ -48,7 +48,7 @@ def test_rows_are_those_of_the_fixed_mesh(ball):
     vertices, faces = ball
     rig = build_rig(vertices, faces)
     posed = twisted(vertices, 0.7)
-    tuned = tuned_motion(rig, torch.from_numpy(posed).requires_grad_(True))
+    tuned = differentiable_face_motion(rig, torch.from_numpy(posed).requires_grad_(True))
     np.testing.assert_array_equal(tuned.rows.detach().numpy(), face_motion(rig, posed).rows)
 
 
@@ -57,7 +57,7 @@ def test_a_vertex_that_is_not_finite_is_an_error_that_names_it(ball):
     posed = torch.from_numpy(vertices).clone()
     posed[7, 1] = torch.nan
     with pytest.raises(MeshError, match="vertex 7"):
-        tuned_motion(build_rig(vertices, faces), posed)
+        differentiable_face_motion(build_rig(vertices, faces), posed)
 
 
 def test_a_triangle_without_area_passes_the_gradient_of_its_centre_alone(ball):
@@ -66,7 +66,7 @@ def test_a_triangle_without_area_passes_the_gradient_of_its_centre_alone(ball):
     flat = vertices.copy()
     flat[faces[0, 2]] = vertices[faces[0, :2]].mean(axis=0)
     posed = torch.from_numpy(flat).requires_grad_(True)
-    rows = tuned_motion(rig, posed).rows
+    rows = differentiable_face_motion(rig, posed).rows
     only = torch.zeros_like(rows)
     only[0, :] = 1
     only[0, 18:] = 0  # its neighbours' turns are theirs too

@@ -15,7 +15,7 @@ from carigs.splat.rig.face_motion import FaceMotion
 from carigs.splat.rig.rig import build_rig, face_motion, jacobians
 from carigs.splat.rig.skinning import skin
 from carigs.splat.surfels.initialization import place
-from carigs.splat.surfels.surfels import ATTRIBUTES, Surfels, plain, to_arrays
+from carigs.splat.surfels.surfels import ATTRIBUTES, Surfels, flat_discs, to_arrays
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,9 @@ def ball():
 
 def random_surfels(n: int, faces: int, seed: int = 0) -> Surfels:
     rng = np.random.default_rng(seed)
-    surfels = plain(rng.integers(0, faces, n), rng.normal(size=(n, 3)), rng.random(n) + 0.2, 0.7, rng.random((n, 3)))
+    surfels = flat_discs(
+        rng.integers(0, faces, n), rng.normal(size=(n, 3)), rng.random(n) + 0.2, 0.7, rng.random((n, 3))
+    )
     for _, value in surfels.attributes():
         value.data += torch.from_numpy(rng.normal(size=tuple(value.shape)) * 0.5).float()
     return surfels
@@ -59,7 +61,7 @@ def test_affine_motion_is_carried_exactly_with_any_blend_weights(ball):
 def test_at_rest_a_surfel_lies_where_its_triangle_puts_it(ball):
     vertices, faces = ball
     rig = build_rig(vertices, faces)
-    surfels = plain(np.array([7]), np.array([[0.2, -0.1, 0.5]]), np.array([0.4]), 0.8, np.array([[0.1, 0.5, 0.9]]))
+    surfels = flat_discs(np.array([7]), np.array([[0.2, -0.1, 0.5]]), np.array([0.4]), 0.8, np.array([[0.1, 0.5, 0.9]]))
     world = skin(surfels, rig, face_motion(rig, vertices))
     corners = vertices[faces[7]]
     edge = corners[1] - corners[0]
@@ -255,7 +257,9 @@ def test_first_surfels_lie_in_their_triangles_and_hair_stands_on_them(ball):
 
 
 def test_surfels_are_sorted_by_triangle_with_their_attributes():
-    surfels = plain(np.array([3, 1, 2]), np.diag([1.0, 2, 3]), np.ones(3), 0.5, np.diag([0.3, 0.6, 0.9]), sh_degree=2)
+    surfels = flat_discs(
+        np.array([3, 1, 2]), np.diag([1.0, 2, 3]), np.ones(3), 0.5, np.diag([0.3, 0.6, 0.9]), sh_degree=2
+    )
     np.testing.assert_array_equal(surfels.binding, [1, 2, 3])
     np.testing.assert_array_equal(surfels.position.detach().numpy(), [[0, 2, 0], [0, 0, 3], [1, 0, 0]])
     assert surfels.sh_degree == 2

@@ -10,7 +10,7 @@ import trimesh
 from carigs.capture import Camera
 from carigs.settings import Density
 from carigs.splat.rig.rig import build_rig
-from carigs.splat.surfels.surfels import from_arrays, plain, to_arrays
+from carigs.splat.surfels.surfels import flat_discs, from_arrays, to_arrays
 from carigs.splat.training.adam import Adam
 from carigs.splat.training.density import GradientStatistics, keep_one_per_face, refine, reset_opacity, scene_extent
 
@@ -25,7 +25,7 @@ def scene(rig, seed=0):
     """One surfel per face, and an optimiser whose moments tell the surfels apart."""
     n = len(rig.faces)
     rng = np.random.default_rng(seed)
-    surfels = plain(np.arange(n), 0.1 * rng.normal(size=(n, 3)), np.full(n, 0.4), 0.8, rng.random((n, 3)))
+    surfels = flat_discs(np.arange(n), 0.1 * rng.normal(size=(n, 3)), np.full(n, 0.4), 0.8, rng.random((n, 3)))
     adam = Adam(surfels)
     for moments in (adam.first, adam.second):
         for value in moments.values():

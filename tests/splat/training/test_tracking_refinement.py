@@ -11,16 +11,16 @@ from carigs.capture import read_dataset
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.head import HeadParameters, neutral, pose
 from carigs.head.model import N_SHAPE
-from carigs.settings import Density, Train, Tune
-from carigs.splat.rig.head_sequence import perform
+from carigs.settings import Density, RefineTracking, Train
+from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.surfels.surfels import to_arrays
 from carigs.splat.training.supervision import Supervision
-from carigs.splat.training.tracking_refinement import Codes, HeadTuning, PosableHead
+from carigs.splat.training.tracking_refinement import Codes, PosableHead, TrackingRefinement
 from carigs.splat.training.trainer import train_surfels
 
 TUNED = Train(
-    iterations=40, caricature_share=0.0, hair_layers=0, density=Density(every=0),
-    tune=Tune(head=True, translation_rate=2e-4, rotation_rate=2e-3),
+    iterations=40, gtstar_probability=0.0, hair_layers=0, density=Density(every=0),
+    refine_tracking=RefineTracking(enabled=True, translation_lr=2e-4, rotation_lr=2e-3),
 )  # fmt: skip
 
 
@@ -34,7 +34,7 @@ def capture(tmp_path_factory):
 @pytest.fixture
 def performance(capture):
     rest = neutral(capture.model, capture.parameters(0))
-    return perform(capture, straight_path(rest, capture.model.faces, rest * [0.3, 0, 0], 0.25))
+    return head_sequence(capture, straight_path(rest, capture.model.faces, rest * [0.3, 0, 0], 0.25))
 
 
 def random_parameters(seed: int) -> HeadParameters:
@@ -120,6 +120,6 @@ def test_a_run_that_was_interrupted_ends_where_one_in_a_single_sitting_does(capt
 
 def test_timesteps_that_are_not_trained_on_stay(capture, performance):
     trained = sorted({frame.timestep for frame in capture.split("train")})
-    tuning = HeadTuning(performance, trained)
+    tuning = TrackingRefinement(performance, trained)
     assert sorted(tuning.codes) == trained
     assert set(performance.parameters) - set(trained)

@@ -14,11 +14,11 @@ from carigs.capture.images import write_bits, write_png
 from carigs.capture.target_index import read_targets
 from carigs.errors import InputError
 from carigs.exaggeration.gamma_path import straight_path
-from carigs.gtstar import Reason
+from carigs.gtstar import MaskFlag
 from carigs.head import neutral
-from carigs.settings import EXCLUDED, Density, Train
-from carigs.splat.rig.head_sequence import perform
-from carigs.splat.surfels.surfels import plain, to_arrays
+from carigs.settings import DEFAULT_MASK_FLAGS, Density, Train
+from carigs.splat.rig.head_sequence import head_sequence
+from carigs.splat.surfels.surfels import flat_discs, to_arrays
 from carigs.splat.training import trainer
 from carigs.splat.training.adam import Adam
 from carigs.splat.training.regularizers import normal_mismatch, pull_to_triangles
@@ -31,7 +31,7 @@ SETTINGS = Train(
     hair_layers=2,
     hair_length=0.01,
     log_every=5,
-    density=Density(start=10, stop=28, every=6, gradient=1e-5, max_surfels=2200),
+    density=Density(start=10, stop=28, every=6, gradient_threshold=1e-5, max_surfels=2200),
 )
 
 
@@ -43,7 +43,7 @@ def subject(tmp_path_factory):
     capture = read_dataset(folder, folder / "head_model.npz")
     rest = neutral(capture.model, capture.parameters(0))
     path = straight_path(rest, capture.model.faces, rest * [0.3, 0, 0], 0.25)
-    return capture, perform(capture, path), {level: write_targets(folder, capture, level) for level in LEVELS}
+    return capture, head_sequence(capture, path), {level: write_targets(folder, capture, level) for level in LEVELS}
 
 
 def write_targets(folder, capture, level):
@@ -55,23 +55,25 @@ def write_targets(folder, capture, level):
         names = {"image": f"{frame.name}.png", "reasons": f"{frame.name}_reasons.png"}
         write_png(images / names["image"], (1 - level) * capture.image(frame)[:, ::-1])
         reasons = np.zeros(capture.mask(frame).shape, np.uint16)
-        reasons[:12] = Reason.HAIR.value
+        reasons[:12] = MaskFlag.HAIR.value
         write_bits(images / names["reasons"], reasons)
         entries.append({"timestep": frame.timestep, "camera": frame.camera, **names})
-    np.save(images / "faces.npy", np.where(capture.model.face_region("scalp"), Reason.HAIR.value, 0).astype(np.uint16))
+    np.save(
+        images / "faces.npy", np.where(capture.model.face_region("scalp"), MaskFlag.HAIR.value, 0).astype(np.uint16)
+    )
     index = folder / f"level={level}.json"
     index.write_text(json.dumps({"level": level, "folder": images.name, "targets": entries}))
     return index
 
 
-def supervise(subject, *levels, exclude=EXCLUDED):
+def supervise(subject, *levels, mask_flags=DEFAULT_MASK_FLAGS):
     capture, _, indices = subject
-    return Supervision(capture, [read_targets(indices[level], capture) for level in levels], exclude)
+    return Supervision(capture, [read_targets(indices[level], capture) for level in levels], mask_flags)
 
 
 def run(subject, checkpoint, at=(0.25,), **changes):
     settings, performance = replace(SETTINGS, **changes), subject[1]
-    supervision = supervise(subject, *at, exclude=settings.exclude)
+    supervision = supervise(subject, *at, mask_flags=settings.mask_flags)
     return train_surfels(settings, performance, supervision, checkpoint)
 
 
@@ -85,7 +87,7 @@ def figures(rows):
 
 
 def test_training_brings_the_images_closer(subject, tmp_path, capsys):
-    _, rows = run(subject, tmp_path / "c", caricature_share=0.0, iterations=60)
+    _, rows = run(subject, tmp_path / "c", gtstar_probability=0.0, iterations=60)
     psnr = [row[4] for row in rows]
     assert psnr[-1] > psnr[0] + 2
     assert rows[-1][3] < 0.7 * rows[0][3]
@@ -179,7 +181,7 @@ def test_frozen_surfels_do_not_change_at_all_in_caricature_steps(subject, tmp_pa
 
 
 def test_without_masks_nothing_is_frozen(subject):
-    example = supervise(subject, 0.25, exclude=()).example(True, 0)
+    example = supervise(subject, 0.25, mask_flags=()).example(True, 0)
     assert example.frozen is None
     assert example.valid is None
     assert not supervise(subject, 0.25).example(True, 0).valid[:12].any()
@@ -222,7 +224,7 @@ def test_each_step_is_drawn_at_the_level_of_its_target(subject, tmp_path, monkey
     monkeypatch.setattr(performance, "motion", lambda timestep, level: drawn.append(level) or motion(timestep, level))
     targets = 2 * len(capture.split("train"))
     run(
-        subject, tmp_path / "c", at=(0.1, 0.25), iterations=2 * targets, caricature_share=1.0,
+        subject, tmp_path / "c", at=(0.1, 0.25), iterations=2 * targets, gtstar_probability=1.0,
         density=Density(every=0), colour_frames=1,
     )  # fmt: skip
     drawn = drawn[1:]  # the first colours
@@ -233,7 +235,9 @@ def test_the_weight_of_a_target_is_that_of_its_loss(subject, tmp_path):
     """A run whose targets weigh nothing is a run whose targets do not move anything."""
     capture, performance, indices = subject
     given = read_targets(indices[0.25], capture)
-    settings = replace(SETTINGS, caricature_share=1.0, position_weight=0.0, scale_weight=0.0, density=Density(every=0))
+    settings = replace(
+        SETTINGS, gtstar_probability=1.0, position_weight=0.0, scale_weight=0.0, density=Density(every=0)
+    )
 
     def trained(weight, iterations):
         targets = replace(given, targets=tuple(target._replace(weight=weight) for target in given.targets))
@@ -264,7 +268,7 @@ def test_an_index_that_is_broken_or_of_another_capture_is_named(subject, tmp_pat
 
 
 def test_each_example_comes_once_per_epoch():
-    schedule = draw_schedule(700, frames=30, targets=20, caricature_share=0.3, seed=5)
+    schedule = draw_schedule(700, frames=30, targets=20, gtstar_probability=0.3, seed=5)
     assert schedule.caricature.mean() == pytest.approx(0.3, abs=0.06)
     for kind, count in ((False, 30), (True, 20)):
         index = schedule.index[schedule.caricature == kind]
@@ -276,7 +280,7 @@ def test_each_example_comes_once_per_epoch():
 
 def test_adam_is_adam():
     rng = np.random.default_rng(0)
-    surfels = plain(np.arange(40), rng.normal(size=(40, 3)), np.ones(40), 0.5, rng.random((40, 3)))
+    surfels = flat_discs(np.arange(40), rng.normal(size=(40, 3)), np.ones(40), 0.5, rng.random((40, 3)))
     leaves = {name: value.detach().clone().requires_grad_(True) for name, value in surfels.attributes()}
     rates = {name: 0.01 * (i + 1) for i, name in enumerate(leaves)}
     theirs = torch.optim.Adam([{"params": [leaf], "lr": rates[name]} for name, leaf in leaves.items()], eps=1e-15)
@@ -294,7 +298,7 @@ def test_adam_is_adam():
 def test_pull_is_the_thresholds_gradient():
     rng = np.random.default_rng(1)
     n = 50
-    surfels = plain(np.arange(n), rng.normal(size=(n, 3)), 0.3 + 0.6 * rng.random(n), 0.5, rng.random((n, 3)))
+    surfels = flat_discs(np.arange(n), rng.normal(size=(n, 3)), 0.3 + 0.6 * rng.random(n), 0.5, rng.random((n, 3)))
     surfels.log_scale.data += 0.3 * torch.randn(n, 2, generator=torch.Generator().manual_seed(0))
     seen, limit = rng.random(n) < 0.7, 0.5 + rng.random(n)
     position = surfels.position.detach().double().requires_grad_(True)
@@ -328,8 +332,8 @@ def test_a_plane_agrees_with_its_own_normal_and_not_with_another():
 def test_rates_fall_from_the_first_value_to_the_share_left():
     settings = Train(iterations=100)
     first, last = learning_rates(settings, 0), learning_rates(settings, 99)
-    assert first["position"] == settings.position_rate
-    assert last["position"] == pytest.approx(settings.position_rate * settings.position_final_rate)
-    assert last["colour"] == pytest.approx(settings.colour_rate * settings.final_rate)
+    assert first["position"] == settings.position_lr
+    assert last["position"] == pytest.approx(settings.position_lr * settings.position_final_lr_factor)
+    assert last["colour"] == pytest.approx(settings.colour_lr * settings.final_lr_factor)
     middle = learning_rates(Train(iterations=101), 50)["opacity"]
     assert middle**2 == pytest.approx(first["opacity"] * last["opacity"])
