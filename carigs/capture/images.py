@@ -17,7 +17,7 @@ def to_linear(colours: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
 
 
 def to_srgb(light: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """sRGB values of linear light in [0, 1]: the inverse of `to_linear`."""
+    """SRGB values of linear light in [0, 1]: the inverse of `to_linear`."""
     return np.where(light <= 0.0031308, light * 12.92, 1.055 * np.maximum(light, 0.0031308) ** (1 / 2.4) - 0.055)
 
 

@@ -1,4 +1,4 @@
-"""Exaggerate a mesh: python -m carigs.cli.mesh head.obj --gamma 0.25 -o caricature.ply
+"""Exaggerate a mesh: python -m carigs.cli.mesh head.obj --gamma 0.25 -o caricature.ply.
 
 The mesh is checked first and what was mended is told; the result has the vertices of the file, in their order.  Units
 do not matter; for the preview +y is up and the face looks along +z.

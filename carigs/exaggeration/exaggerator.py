@@ -108,7 +108,7 @@ class Exaggerator:
         return smoothstep(cached_occlusion(self.vertices, self.faces, self.solved), *CAVITY)
 
     def _logarithm(self, boundary: np.ndarray, mean: np.ndarray | None) -> Float[np.ndarray, " v"]:
-        """ln |K|_eps, in units of K_ref or relative to the mean face's."""
+        """Ln |K|_eps, in units of K_ref or relative to the mean face's."""
         floor, solved = self.settings.curvature_floor, self.solved
         logarithm, reference = log_magnitude(self.curvature, self.areas, solved, floor)
         self.report["curvature_reference"] = float(np.exp(reference))
@@ -146,7 +146,7 @@ class Exaggerator:
         return stiffness
 
     def weights(self, level: float, pace: np.ndarray | float = 1.0) -> Float[np.ndarray, " f"]:
-        """w = |K|^(level pace) per face, the mean over its corners; `pace` may differ from vertex to vertex."""
+        """W = |K|^(level pace) per face, the mean over its corners; `pace` may differ from vertex to vertex."""
         weights = self.face_mean(np.exp(level * pace * self.log_curvature))
         return weights / (self._face_shares @ weights) if self.settings.normalize_weights else weights
 

@@ -58,7 +58,7 @@ class LocalEdit:
             self._factors = CholeskySolver((self._least_squares @ rows).tocsc())
 
     def weights(self, level: float) -> Float[np.ndarray, " f"]:
-        """w per face: |K|^level in the region, 1 beyond the ramp (in `literal` mode |K|^level everywhere)."""
+        """W per face: |K|^level in the region, 1 beyond the ramp (in `literal` mode |K|^level everywhere)."""
         if self._mode == "literal":
             return self._solver.weights(level)
         return self._solver.face_mean(np.exp(level * self.field * self._solver.log_curvature))

@@ -27,7 +27,7 @@ class Solvable(Protocol):
     """A head, or a region of one: what `solved_path` interpolates."""
 
     def weights(self, level: float) -> Float[np.ndarray, " f"]:
-        """w per face."""
+        """W per face."""
 
     def response(self, strain: Float[np.ndarray, " f"]) -> Float[np.ndarray, "v 3"]:
         """The displacement that weights of 1 + strain cause."""

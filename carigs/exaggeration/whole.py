@@ -30,7 +30,7 @@ class Whole:
             self._pace = 1 + (np.array(list(levels.values())) / level - 1) @ shares
 
     def weights(self, level: float) -> Float[np.ndarray, " f"]:
-        """w per face."""
+        """W per face."""
         return self._solver.weights(level, self._pace)
 
     def solve(self, level: float) -> Float[np.ndarray, "v 3"]:

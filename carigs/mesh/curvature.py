@@ -65,7 +65,7 @@ def smooth_curvature(
 def log_magnitude(
     curvature: Float[np.ndarray, " v"], areas: Float[np.ndarray, " v"], counted: Bool[np.ndarray, " v"], floor: float
 ) -> tuple[Float[np.ndarray, " v"], float]:
-    """ln |K|_eps with eps = floor K_ref, and ln K_ref: the mean of ln |K| over the area of the `counted` vertices."""
+    """Ln |K|_eps with eps = floor K_ref, and ln K_ref: the mean of ln |K| over the area of the `counted` vertices."""
     magnitude = np.abs(curvature)
     least = 1e-12 * magnitude[counted].max() + np.finfo(float).tiny
     log_reference = float(np.average(np.log(np.maximum(magnitude[counted], least)), weights=areas[counted]))

@@ -142,7 +142,7 @@ def _add(result, words):
 
 @kernel
 def add_beside(result, words, columns):
-    """result |= the mask moved to the right, and to the left."""
+    """Result |= the mask moved to the right, and to the left."""
     width = words.shape[1]
     for j in range(words.shape[0] if columns < width else 0):
         _add(result[j, columns:], words[j, : width - columns])
@@ -166,7 +166,7 @@ def _grown(words, radius, height):
 
 @kernel
 def add(image, words, value):
-    """image |= value where the mask is."""
+    """Image |= value where the mask is."""
     number = np.uint16(value)
     for y in range(image.shape[0]):
         for x in range(image.shape[1]):

@@ -77,7 +77,7 @@ def polar_rotation(u):
 
 @scalar_or_simd
 def rotation_vector(r):
-    """log of a rotation (radians) through its quaternion, so that angles near pi are as good as small ones."""
+    """Log of a rotation (radians) through its quaternion, so that angles near pi are as good as small ones."""
     # Four times the squares of w, x, y, z: the largest divides.
     ww, xx = 1 + r[0] + r[4] + r[8], 1 + r[0] - r[4] - r[8]
     yy, zz = 1 - r[0] + r[4] - r[8], 1 - r[0] - r[4] + r[8]

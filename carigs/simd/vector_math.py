@@ -65,12 +65,12 @@ one_argument(floor, _llvm("floor"), lambda a: np.floor(a))
 
 
 def minimum(a, b):
-    """a if a < b, else b: also where one is NaN."""
+    """A if a < b, else b: also where one is NaN."""
     return a if a < b else b
 
 
 def maximum(a, b):
-    """a if a > b, else b: also where one is NaN."""
+    """A if a > b, else b: also where one is NaN."""
     return a if a > b else b
 
 
@@ -84,7 +84,7 @@ two_arguments((maximum,), {v: binary(v, v, _choice(">")) for v in (lanes, wide)}
 
 
 def select(condition, a, b):
-    """a where the condition holds, else b."""
+    """A where the condition holds, else b."""
     return a if condition else b
 
 
@@ -161,7 +161,7 @@ def whole_bits(typingctx, a):
 
 @intrinsic
 def _times_power(typingctx, a, whole):
-    """a * 2^whole for whole-numbered lanes, by adding to the exponent's bits."""
+    """A * 2^whole for whole-numbered lanes, by adding to the exponent's bits."""
 
     def codegen(context, builder, signature, values):
         ints = ir.VectorType(INT, WIDTH)

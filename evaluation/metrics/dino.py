@@ -23,7 +23,7 @@ def paired_cosine(a: Float[np.ndarray, "n d"], b: Float[np.ndarray, "n d"]) -> F
 
 
 def load_dino(file: Path, model: str = MODEL) -> torch.nn.Module:
-    """timm's `model` with the parameters in `file`; its output is the final-norm class token.
+    """Timm's `model` with the parameters in `file`; its output is the final-norm class token.
 
     Raises `InputError` if the parameters do not fit.
     """

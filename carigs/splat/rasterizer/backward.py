@@ -22,7 +22,7 @@ from carigs.splat.rasterizer.projection import SLOT
 
 @numba.njit
 def distortion_gradient(depth, a, d, a_total, d_total):
-    """d distortion / d w_i = 2 (2 (Z_i A_i - D_i) + D - Z_i A): A_i, D_i the sums in front, A, D the whole sums."""
+    """D distortion / d w_i = 2 (2 (Z_i A_i - D_i) + D - Z_i A): A_i, D_i the sums in front, A, D the whole sums."""
     return TWO * (TWO * (depth * a - d) + d_total - depth * a_total)
 
 

@@ -145,7 +145,7 @@ def rows_gradient(
 
 @scalar_or_simd
 def _logarithm_gradient(rho, g):
-    """g J^-1(rho): with log(exp(d) R) = rho + J^-1(rho) d, J the left Jacobian of SO(3) (Sola et al. 2018, eq. 146)."""
+    """G J^-1(rho): with log(exp(d) R) = rho + J^-1(rho) d, J the left Jacobian of SO(3) (Sola et al. 2018, eq. 146)."""
     square = matrix3.dot(rho, rho)
     c = 1 / 12 + square / 720
     if square > 1e-4:

@@ -197,8 +197,16 @@ class _Run:
 
 
 def learning_rates(settings: Train, iteration: int) -> dict[str, float]:
-    """Adam's rate of every attribute: log-linear from its first value to `final_lr_factor` (positions:
-    `position_final_lr_factor`) of it."""
+    """Learning rate of every attribute at an iteration, decayed log-linearly.
+
+    Args:
+        settings: `*_lr` are the rates at the first iteration; `final_lr_factor` (of positions:
+            `position_final_lr_factor`) is the factor reached at the last one.
+        iteration: Index from 0.
+
+    Returns:
+        The rate of Adam by the name of the attribute.
+    """
     progress = iteration / max(settings.iterations - 1, 1)
     decay = settings.final_lr_factor**progress
     return {
