@@ -11,7 +11,6 @@ from jaxtyping import Float, Int
 from scipy.sparse import csc_array
 
 from carigs.errors import MeshError, SettingsError
-from carigs.exaggeration.choices import check_choices
 from carigs.exaggeration.gamma_path import GammaPath, RegionPaths
 from carigs.exaggeration.gap_stiffness import gap_stiffness
 from carigs.exaggeration.local_edit import LocalEdit
@@ -25,7 +24,7 @@ from carigs.mesh.curvature import log_magnitude, smooth_curvature
 from carigs.mesh.linear_solver import COLUMNS
 from carigs.mesh.pinned_solver import PinnedSystem
 from carigs.mesh.regions import Regions
-from carigs.settings import Exaggerate
+from carigs.settings import Exaggerate, check
 
 CAVITY = (0.45, 0.75)
 """Hidden share of the hemisphere over which the limiter sets in."""
@@ -57,7 +56,9 @@ class Exaggerator:
         for what cannot be used.
         """
         self.settings = settings or Exaggerate()
-        check_choices(self.settings)
+        check("exaggerate", self.settings)
+        if self.settings.path_nodes == 1:
+            raise SettingsError("exaggerate.path_nodes=1 must be 0, for as many as path_error needs, or 2 or more")
         mesh.check_mesh(np.asarray(vertices), np.asarray(faces))
         self.vertices, self.faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
         self.component = mesh.components(self.faces, len(self.vertices))
