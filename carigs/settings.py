@@ -75,33 +75,33 @@ class Exaggerate:
     """An .npz with `delta` (V,3), or a mesh; `{gamma}` in it is replaced by the level it stands for."""
     gamma: float = 0.25
     """gamma_f, the exaggeration trained for."""
-    curvature_floor: float = 0.3
+    curvature_floor: float = within(1e-12, 1e12, 0.3)
     """eps in units of K_ref: |K|_eps = sqrt(K^2 + eps^2)."""
     relative_curvature: bool = True
     """Divide |K| by K_ref, so that the unit of the mesh does not matter."""
-    curvature_smoothing: float = 0.005
+    curvature_smoothing: float = within(0, 1, 0.005)
     """Smoothing length of the curvature in units of the head's size, about its bounding box's diagonal (0: none)."""
-    curvature_source: str = "subject"
+    curvature_source: str = one_of("subject", "ratio", "template")
     """Whose curvature exaggerates: `subject`; `ratio`: the subject's relative to the head model's mean face, so that
     only what is individual grows; `template`: the mean face's, one displacement for everyone (the paper)."""
     limit_cavities: bool = True
     """Ambient occlusion keeps nostrils, ear canals and the mouth bag from growing through the skin."""
-    cavity_stiffness: float = 4.0
+    cavity_stiffness: float = within(0, 1e9, 4.0)
     """How much stiffer those are than the skin, which may not fold them (0: as stiff)."""
-    gap_stiffness: float = 20.0
+    gap_stiffness: float = within(0, 1e9, 20.0)
     """Stiffness of narrow gaps relative to the skin's: lips and lids grow outwards, not into each other (0: none)."""
     normalize_weights: bool = True
     """Divide the weights by their area mean: keeps the overall size."""
     rigid_components: bool = True
     """Small components (eyeballs) follow their surroundings by a similarity."""
-    blendshape_transfer: str = "mixed"
+    blendshape_transfer: str = one_of("mixed", "offset", "linear")
     """What the caricature does to expressions: `offset` leaves them, `linear` exaggerates them as it does the head,
     `mixed` goes half of the way, so that lids close.  A caricature from a file leaves them."""
-    path_error: float = 1e-4
+    path_error: float = within(1e-12, 1, 1e-4)
     """Largest error of the path between its nodes, in diagonals of the bounding box: sets their number."""
-    path_nodes: int = 0
+    path_nodes: int = within(0, 100, 0)
     """Number of levels that the path is solved at (0: as `path_error` needs); 2 is the paper's linear blend."""
-    region_constraint: str = "soft"
+    region_constraint: str = one_of("soft", "exact", "literal")
     """How the rest is held when one region is exaggerated: `soft`, `exact` or `literal`."""
     regions: dict[str, float] = field(default_factory=dict)
     """Levels that regions of the head model have where the rest has gamma, as {nose: 0.4, ears: 0}."""

@@ -24,7 +24,7 @@ from carigs.config import compose, known
 from carigs.errors import CarigsError, InputError, SettingsError
 from carigs.exaggeration.exaggerator import Exaggerator
 from carigs.head.flame_pickle import read_pickle
-from carigs.mesh.regions import named, vertex_field
+from carigs.mesh.regions import find_region, vertex_field
 from carigs.mesh.repair import CleanMesh, clean_mesh
 from carigs.settings import Exaggerate
 from evaluation.figures.clay import clay_sheet
@@ -100,11 +100,11 @@ def exaggerate(
         own = {name: share * level for name, level in regions.items()}
         name = ", ".join(f"{level:.3g}" for level in (share * gamma, *own.values()))
         if gamma == 0:
-            displacement = sum((exaggerator.local(n).solve(level) for n, level in own.items()), 0 * clean.vertices)
+            displacement = sum((exaggerator.local_edit(n).solve(level) for n, level in own.items()), 0 * clean.vertices)
         else:
             displacement = exaggerator.solve(share * gamma, own)
         result = mesh.copy()
-        result.vertices = np.asarray(mesh.vertices) + clean.to_given(displacement)
+        result.vertices = np.asarray(mesh.vertices) + clean.to_input(displacement)
         target = output if levels == 1 else output.with_stem(f"{output.stem}_{_step(share, gamma, own)}")
         result.export(target)
         shown[f"level {name}"] = clean.vertices + displacement
@@ -115,9 +115,9 @@ def exaggerate(
 
 def _field(clean: CleanMesh, file: Path, name: str) -> Float[np.ndarray, " v"]:
     """The region on the mesh as it was cleaned."""
-    region = named(read_regions(file), name)
+    region = find_region(read_regions(file), name)
     try:
-        return clean.from_given(vertex_field(region, len(clean.of_given)))
+        return clean.from_input(vertex_field(region, len(clean.vertex_map)))
     except SettingsError as error:
         raise InputError(str(error), file=file, field=name) from error
 
