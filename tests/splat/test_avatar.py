@@ -139,14 +139,14 @@ def test_the_file_alone_renders_what_was_trained(trained):
 def test_changed_expressions_are_kept_and_used(trained, tmp_path):
     """What a path changes of the expressions comes back from the file, and moves the mesh at levels above 0 alone."""
     avatar, jaw = load_avatar(trained / "avatar.npz"), np.array([0])
-    performance, v = avatar.performance, len(avatar.performance.head.v_template)
-    natural = [performance.posed(2, level) for level in (0.0, 0.25)]
+    sequence, v = avatar.sequence, len(avatar.sequence.head.v_template)
+    natural = [sequence.posed(2, level) for level in (0.0, 0.25)]
     lifted = np.tile(np.float32([0, 0.01, 0]), (1, 1, v, 1))
-    performance.path = replace(performance.path, columns=jaw, changes=lifted)
+    sequence.path = replace(sequence.path, columns=jaw, changes=lifted)
     save_avatar(tmp_path / "avatar.npz", avatar)
-    again = load_avatar(tmp_path / "avatar.npz").performance
+    again = load_avatar(tmp_path / "avatar.npz").sequence
     np.testing.assert_array_equal(again.posed(2, 0.0), natural[0])
-    moved = performance.parameters[2].expression[0] * np.array([0, 0.01, 0])
+    moved = sequence.parameters[2].expression[0] * np.array([0, 0.01, 0])
     assert moved.any()
     shift = again.posed(2, 0.25) - natural[1]  # joints move along: no rotation in it
     np.testing.assert_allclose(shift, np.broadcast_to(moved, shift.shape), atol=1e-6)
@@ -172,15 +172,15 @@ def test_colours_follow_the_light_and_the_file_keeps_it(trained, tmp_path):
     light = np.zeros((len(directions) + 1, 3))
     light[directions[:, 0].argmax()] = 1
     light[-1] = 0.01
-    kept = np.zeros(len(avatar.performance.head.faces), bool)
+    kept = np.zeros(len(avatar.sequence.head.faces), bool)
     kept[::2] = True
-    avatar.performance.shading = Shading(directions, light, 1.0, 2.0, kept)
-    shade = avatar.performance.shade(0, 0.25)
+    avatar.sequence.shading = Shading(directions, light, 1.0, 2.0, kept)
+    shade = avatar.sequence.shade(0, 0.25)
     assert (shade[kept] == 1).all()
     assert 0.72 < shade.min() < 0.95 and 1.05 < shade.max() < 1.38  # 2 to the power 1 / 2.2 is 1.37
     save_avatar(tmp_path / "lit.npz", avatar)
     again = load_avatar(tmp_path / "lit.npz")
-    np.testing.assert_array_equal(again.performance.shade(0, 0.25), shade)
+    np.testing.assert_array_equal(again.sequence.shade(0, 0.25), shade)
     camera = Capture.load(trained / "capture.json").cameras[1]
     np.testing.assert_array_equal(again.render(0, 0.25, camera), avatar.render(0, 0.25, camera))
     assert np.abs(again.render(0, 0.25, camera) - plain_image).max() > 0.01

@@ -6,8 +6,9 @@ import torch
 import trimesh
 
 from carigs.errors import MeshError
+from carigs.splat.rig.face_motion import RECORD_END, RECORD_SIZE, RELATIVE_ROTATION
 from carigs.splat.rig.mesh_gradient import differentiable_face_motion, vertices_gradient
-from carigs.splat.rig.rig import build_rig, face_motion, polar_motion, rows_of
+from carigs.splat.rig.rig import build_rig, face_motion, motion_records, polar_decomposition
 
 
 @pytest.fixture(scope="module")
@@ -28,14 +29,14 @@ def test_gradient_of_the_vertices_is_that_of_finite_differences(ball, by):
     vertices, faces = ball
     rig, rng = build_rig(vertices, faces), np.random.default_rng(0)
     posed = twisted(vertices, by) + 0.004 * rng.normal(size=vertices.shape)
-    weights = rng.normal(size=(len(faces), 32))
-    weights[:, 27:] = 0  # spare numbers
+    weights = rng.normal(size=(len(faces), RECORD_SIZE))
+    weights[:, RECORD_END:] = 0  # padding
 
     def value(some):
-        centre, rotation, stretch, _ = polar_motion(rig, some)
-        return float((weights * rows_of(rig, centre, rotation, stretch, np.float64)).sum())
+        centre, rotation, stretch, _ = polar_decomposition(rig, some)
+        return float((weights * motion_records(rig, centre, rotation, stretch, np.float64)).sum())
 
-    _, rotation, stretch, sound = polar_motion(rig, posed)
+    _, rotation, stretch, sound = polar_decomposition(rig, posed)
     gradient = vertices_gradient(weights, rig, posed, rotation, stretch, sound)
     for _ in range(10):
         step = rng.normal(size=posed.shape)
@@ -49,7 +50,7 @@ def test_rows_are_those_of_the_fixed_mesh(ball):
     rig = build_rig(vertices, faces)
     posed = twisted(vertices, 0.7)
     tuned = differentiable_face_motion(rig, torch.from_numpy(posed).requires_grad_(True))
-    np.testing.assert_array_equal(tuned.rows.detach().numpy(), face_motion(rig, posed).rows)
+    np.testing.assert_array_equal(tuned.records.detach().numpy(), face_motion(rig, posed).records)
 
 
 def test_a_vertex_that_is_not_finite_is_an_error_that_names_it(ball):
@@ -66,10 +67,10 @@ def test_a_triangle_without_area_passes_the_gradient_of_its_centre_alone(ball):
     flat = vertices.copy()
     flat[faces[0, 2]] = vertices[faces[0, :2]].mean(axis=0)
     posed = torch.from_numpy(flat).requires_grad_(True)
-    rows = differentiable_face_motion(rig, posed).rows
+    rows = differentiable_face_motion(rig, posed).records
     only = torch.zeros_like(rows)
     only[0, :] = 1
-    only[0, 18:] = 0  # its neighbours' turns are theirs too
+    only[0, RELATIVE_ROTATION:] = 0  # relative rotations depend on the neighbours, too
     rows.backward(only)
     expected = np.zeros_like(flat)
     expected[faces[0]] = 1 / 3

@@ -21,8 +21,9 @@ from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.surfels.surfels import flat_discs, to_arrays
 from carigs.splat.training import trainer
 from carigs.splat.training.adam import Adam
-from carigs.splat.training.regularizers import normal_mismatch, pull_to_triangles
-from carigs.splat.training.supervision import Supervision, draw_schedule
+from carigs.splat.training.regularizers import add_threshold_loss, normal_consistency_loss
+from carigs.splat.training.schedule import draw_schedule
+from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import learning_rates, train_surfels
 
 LEVELS = (0.1, 0.25)
@@ -72,9 +73,9 @@ def supervise(subject, *levels, mask_flags=DEFAULT_MASK_FLAGS):
 
 
 def run(subject, checkpoint, at=(0.25,), **changes):
-    settings, performance = replace(SETTINGS, **changes), subject[1]
+    settings, sequence = replace(SETTINGS, **changes), subject[1]
     supervision = supervise(subject, *at, mask_flags=settings.mask_flags)
-    return train_surfels(settings, performance, supervision, checkpoint)
+    return train_surfels(settings, sequence, supervision, checkpoint)
 
 
 def as_bytes(surfels):
@@ -104,20 +105,20 @@ def test_equal_settings_give_equal_bytes_at_any_number_of_threads(subject, tmp_p
     assert figures(results[0][1]) == figures(results[1][1])
 
 
-def test_a_killed_run_goes_on_to_the_same_bytes(subject, tmp_path, monkeypatch):
+def test_a_killed_run_resumes_to_the_same_bytes(subject, tmp_path, monkeypatch):
     surfels, rows = run(subject, tmp_path / "none")
     assert len({row[5] for row in rows}) > 1  # density control was at work
     steps = 0
-    photometric = trainer.photometric
+    photometric_loss = trainer.photometric_loss
 
     def killed(*arguments):
         nonlocal steps
         steps += 1
         if steps == 18:
             raise KeyboardInterrupt
-        return photometric(*arguments)
+        return photometric_loss(*arguments)
 
-    monkeypatch.setattr(trainer, "photometric", killed)
+    monkeypatch.setattr(trainer, "photometric_loss", killed)
     with pytest.raises(KeyboardInterrupt):
         run(subject, tmp_path / "state", checkpoint_seconds=0.0)
     resumed, resumed_rows = run(subject, tmp_path / "state")
@@ -126,7 +127,7 @@ def test_a_killed_run_goes_on_to_the_same_bytes(subject, tmp_path, monkeypatch):
     assert figures(resumed_rows) == figures(rows)
 
 
-def test_a_checkpoint_of_another_run_is_not_gone_on_with(subject, tmp_path, monkeypatch):
+def test_a_checkpoint_of_another_run_is_ignored(subject, tmp_path, monkeypatch):
     surfels, _ = run(subject, tmp_path / "none", iterations=8)
     monkeypatch.setattr(trainer, "progress", _killing_after(5))
     with pytest.raises(KeyboardInterrupt):
@@ -195,7 +196,7 @@ def test_targets_are_rendered_on_the_caricature_and_frames_on_the_natural_mesh(s
     np.testing.assert_array_equal(supervision.example(False, 2).image, capture.image(capture.split("train")[2]))
 
 
-def test_every_level_has_its_own_targets_masks_and_resting_faces(subject, tmp_path):
+def test_every_level_has_its_own_targets_masks_and_frozen_faces(subject, tmp_path):
     capture, _, indices = subject
     content = json.loads(indices[0.1].read_text())
     content["folder"] = str(indices[0.1].parent / content["folder"])
@@ -218,10 +219,10 @@ def test_every_level_has_its_own_targets_masks_and_resting_faces(subject, tmp_pa
 
 def test_each_step_is_drawn_at_the_level_of_its_target(subject, tmp_path, monkeypatch):
     """All levels come equally often; real frames stay at level 0."""
-    capture, performance, _ = subject
+    capture, sequence, _ = subject
     drawn = []
-    motion = performance.motion
-    monkeypatch.setattr(performance, "motion", lambda timestep, level: drawn.append(level) or motion(timestep, level))
+    motion = sequence.motion
+    monkeypatch.setattr(sequence, "motion", lambda timestep, level: drawn.append(level) or motion(timestep, level))
     targets = 2 * len(capture.split("train"))
     run(
         subject, tmp_path / "c", at=(0.1, 0.25), iterations=2 * targets, gtstar_probability=1.0,
@@ -233,7 +234,7 @@ def test_each_step_is_drawn_at_the_level_of_its_target(subject, tmp_path, monkey
 
 def test_the_weight_of_a_target_is_that_of_its_loss(subject, tmp_path):
     """A run whose targets weigh nothing is a run whose targets do not move anything."""
-    capture, performance, indices = subject
+    capture, sequence, indices = subject
     given = read_targets(indices[0.25], capture)
     settings = replace(
         SETTINGS, gtstar_probability=1.0, position_weight=0.0, scale_weight=0.0, density=Density(every=0)
@@ -242,7 +243,7 @@ def test_the_weight_of_a_target_is_that_of_its_loss(subject, tmp_path):
     def trained(weight, iterations):
         targets = replace(given, targets=tuple(target._replace(weight=weight) for target in given.targets))
         shorter, supervision = replace(settings, iterations=iterations), Supervision(capture, [targets])
-        return as_bytes(train_surfels(shorter, performance, supervision, tmp_path / "c")[0])
+        return as_bytes(train_surfels(shorter, sequence, supervision, tmp_path / "c")[0])
 
     assert trained(0.0, 1) == trained(0.0, 4)
     assert trained(1.0, 1) != trained(1.0, 4)
@@ -269,13 +270,13 @@ def test_an_index_that_is_broken_or_of_another_capture_is_named(subject, tmp_pat
 
 def test_each_example_comes_once_per_epoch():
     schedule = draw_schedule(700, frames=30, targets=20, gtstar_probability=0.3, seed=5)
-    assert schedule.caricature.mean() == pytest.approx(0.3, abs=0.06)
-    for kind, count in ((False, 30), (True, 20)):
-        index = schedule.index[schedule.caricature == kind]
+    assert schedule.gtstar.mean() == pytest.approx(0.3, abs=0.06)
+    for is_target, count in ((False, 30), (True, 20)):
+        index = schedule.index[schedule.gtstar == is_target]
         for start in range(0, len(index) - count + 1, count):
             np.testing.assert_array_equal(np.sort(index[start : start + count]), np.arange(count))
-    assert not draw_schedule(50, 30, 0, 0.0, 5).caricature.any()
-    assert draw_schedule(50, 30, 20, 1.0, 5).caricature.all()
+    assert not draw_schedule(50, 30, 0, 0.0, 5).gtstar.any()
+    assert draw_schedule(50, 30, 20, 1.0, 5).gtstar.all()
 
 
 def test_adam_is_adam():
@@ -307,7 +308,7 @@ def test_pull_is_the_thresholds_gradient():
     wide = 2.0 * (log_scale.exp() - 0.6).relu().norm(dim=1)[seen].mean()
     (far + wide).backward()
     surfels.position.grad, surfels.log_scale.grad = torch.ones(n, 3), torch.ones(n, 2)
-    value = pull_to_triangles(surfels, seen, limit, 0.01, 0.6, 2.0)
+    value = add_threshold_loss(surfels, seen, limit, 0.01, 0.6, 2.0)
     assert value == pytest.approx((far + wide).item(), rel=1e-6)
     np.testing.assert_allclose(surfels.position.grad - 1, position.grad, atol=1e-6)
     np.testing.assert_allclose(surfels.log_scale.grad - 1, log_scale.grad.nan_to_num(), atol=1e-6)
@@ -323,10 +324,10 @@ def test_a_plane_agrees_with_its_own_normal_and_not_with_another():
     depth = torch.from_numpy(n @ [0, 0, 2.0] / (rays @ n))
     half = torch.full((24, 32), 0.5, dtype=torch.float64)
     normal = torch.from_numpy(np.broadcast_to(0.5 * n, (24, 32, 3)).copy())
-    assert normal_mismatch(normal, half * depth, half, camera).item() == pytest.approx(0, abs=1e-6)
+    assert normal_consistency_loss(normal, half * depth, half, camera).item() == pytest.approx(0, abs=1e-6)
     tilted = torch.from_numpy(np.broadcast_to([0.0, 0, -0.5], (24, 32, 3)).copy())
     expected = 0.5 * (1 + n[2])
-    assert normal_mismatch(tilted, half * depth, half, camera).item() == pytest.approx(expected, abs=1e-6)
+    assert normal_consistency_loss(tilted, half * depth, half, camera).item() == pytest.approx(expected, abs=1e-6)
 
 
 def test_rates_fall_from_the_first_value_to_the_share_left():
