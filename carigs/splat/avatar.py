@@ -22,6 +22,8 @@ from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.surfels import ATTRIBUTES, Surfels, from_arrays, to_arrays
 
 FORMAT = "carigs-avatar-2"
+HEAD = ("posedirs", "joint_regressor", "weights", "parents")
+"""Fields of `HeadModel` that the file holds as they are."""
 POSE = ("translation", "rotation", "neck", "jaw", "eyes", "expression")
 """Fields of `HeadParameters` that the file holds for every timestep."""
 
@@ -60,16 +62,10 @@ class Avatar:
         """
         with torch.no_grad():
             rendered = render(
-                self.surfels,
-                self.sequence.rig,
-                self.sequence.motion(timestep, level),
-                camera,
-                skinning=self.skinning,
-                rotate_harmonics=self.rotate_harmonics,
-                background=self.background,
-                shade=self.sequence.shade(timestep, level),
-                backend=backend,
-            )
+                self.surfels, self.sequence.rig, self.sequence.motion(timestep, level), camera, skinning=self.skinning,
+                rotate_harmonics=self.rotate_harmonics, background=self.background,
+                shade=self.sequence.shade(timestep, level), backend=backend,
+            )  # fmt: skip
         return rendered.image.numpy().clip(0, 1)
 
 
@@ -101,10 +97,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
             head_columns=used,
             head_blendshapes=head.shapedirs.shape[2],
             head_expressions=head.shapedirs[:, :, used],
-            head_posedirs=head.posedirs,
-            head_joint_regressor=head.joint_regressor,
-            head_weights=head.weights,
-            head_parents=head.parents,
+            **{f"head_{name}": getattr(head, name) for name in HEAD},
             head_expression_names=np.array(head.expression_names, dtype=str),
             **{f"region_{name}": ids for name, ids in head.regions.items()},
             timesteps=timesteps,
@@ -164,10 +157,7 @@ def _from_arrays(arrays: dict[str, np.ndarray], file: Path) -> Avatar:
         v_template=vertices,
         faces=faces,
         shapedirs=shapedirs,
-        posedirs=arrays["head_posedirs"],
-        joint_regressor=arrays["head_joint_regressor"],
-        weights=arrays["head_weights"],
-        parents=arrays["head_parents"],
+        **{name: arrays[f"head_{name}"] for name in HEAD},
         regions={n.removeprefix("region_"): ids for n, ids in arrays.items() if n.startswith("region_")},
         expression_names=tuple(str(name) for name in arrays["head_expression_names"]),
     )
@@ -176,21 +166,12 @@ def _from_arrays(arrays: dict[str, np.ndarray], file: Path) -> Avatar:
         for i, t in enumerate(arrays["timesteps"])
     }
     path = GammaPath(
-        levels=arrays["path_levels"],
-        displacements=arrays["path_displacements"],
-        faces=faces,
-        neutral=arrays["path_neutral"],
-        report={},
-        columns=arrays.get("path_columns"),
+        levels=arrays["path_levels"], displacements=arrays["path_displacements"], faces=faces,
+        neutral=arrays["path_neutral"], report={}, columns=arrays.get("path_columns"),
         changes=arrays.get("path_changes"),
-    )
+    )  # fmt: skip
     sequence = HeadSequence(head, parameters, path)
     if "shading_light" in arrays:
         sequence.shading = Shading(**{f.name: arrays[f"shading_{f.name}"] for f in fields(Shading)})
-    return Avatar(
-        from_arrays(**surfels),
-        sequence,
-        str(arrays["rig"]),
-        bool(arrays["rotate_harmonics"]),
-        float(arrays["background"]),
-    )
+    rotate_harmonics, background = bool(arrays["rotate_harmonics"]), float(arrays["background"])
+    return Avatar(from_arrays(**surfels), sequence, str(arrays["rig"]), rotate_harmonics, background)

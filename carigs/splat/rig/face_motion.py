@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float32, Float64
 from torch import Tensor
 
-STRETCH, CENTRE, ROTATION, RELATIVE_ROTATION, RECORD_END, RECORD_SIZE = 0, 6, 9, 18, 27, 32
-"""First columns of the fields of a record, the end of the last field, and the size with padding.
+STRETCH, CENTRE, ROTATION, RELATIVE_ROTATION, RECORD_SIZE = 0, 6, 9, 18, 32
+"""First columns of the fields of a record (6, 3, 9 and 9 numbers), and the size with padding.
 
 Vector kernels read a record as two halves of 16 numbers.
 """
@@ -45,7 +45,7 @@ class FaceMotion(NamedTuple):
     @property
     def relative_rotation(self) -> Float32[np.ndarray, "f 3 3"]:
         """Rotation vectors log(U^T U_neighbour) in radians, one row per neighbour."""
-        return self.records[:, RELATIVE_ROTATION:RECORD_END].reshape(-1, 3, 3)
+        return self.records[:, RELATIVE_ROTATION : RELATIVE_ROTATION + 9].reshape(-1, 3, 3)
 
     @property
     def jacobian(self) -> Float64[np.ndarray, "f 3 3"]:

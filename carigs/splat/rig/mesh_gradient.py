@@ -16,15 +16,9 @@ from carigs.simd import matrix3
 from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.vector_math import exp
 from carigs.simd.vectors import scalar_or_simd
+from carigs.splat.rig import jacobian_blend as jbs
+from carigs.splat.rig import jacobian_blend_backward as backward
 from carigs.splat.rig.face_motion import CENTRE, RELATIVE_ROTATION, ROTATION, STRETCH, FaceMotion
-from carigs.splat.rig.jacobian_blend import (
-    add,
-    disc_axes,
-    motion_gradient,
-    scaled,
-    skin_surfel_gradient,
-    view_direction_gradient,
-)
 from carigs.splat.rig.rig import Rig, motion_records, polar_decomposition
 from carigs.splat.rig.skinning_arguments import read3, read4, read9, read_blend
 
@@ -78,12 +72,14 @@ def _surfel_gradient(i, inputs, centre, upstream, weights, parts):
     v, w, p, (a, b, _c), q = blend
     torque, view = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     if len(upstream.direction) > 0:
-        gx, torque, view = view_direction_gradient(q, read3(centre, i), inputs.eye, inputs.rotate_directions, gd, gx)
-    _dx, _dq, _ds, h, y = skin_surfel_gradient(
-        blend, frame, read3(inputs.position, i), disc_axes(read4(inputs.quaternion, i)),
+        gx, torque, view = backward.view_direction_gradient(
+            q, read3(centre, i), inputs.eye, inputs.rotate_directions, gd, gx
+        )
+    _dx, _dq, _ds, h, y = backward.skin_surfel_gradient(
+        blend, frame, read3(inputs.position, i), jbs.disc_axes(read4(inputs.quaternion, i)),
         (exp(inputs.log_scale[i, 0]), exp(inputs.log_scale[i, 1])), (gx, gu, gv),
     )  # fmt: skip
-    dw, dp = motion_gradient(blend, h, y, torque)
+    dw, dp = backward.motion_gradient(blend, h, y, torque)
     # Gradient with respect to the matrix Q = U exp(w), by its uses: Q P y for three vectors y, and Q^T n.
     e = matrix3.turned(matrix3.IDENTITY, w, a, b)
     x0, x1, x2 = (
@@ -149,7 +145,7 @@ def _logarithm_gradient(rho, g):
         # (1 + cos)/sin = cot(angle / 2), which does not lose its digits near pi.
         c = 1 / square - 1 / (2 * angle * math.tan(0.5 * angle))
     once = matrix3.cross(rho, g)
-    return add(add(g, scaled(0.5, once)), scaled(c, matrix3.cross(rho, once)))
+    return jbs.add(jbs.add(g, jbs.scaled(0.5, once)), jbs.scaled(c, matrix3.cross(rho, once)))
 
 
 @scalar_or_simd
@@ -166,7 +162,7 @@ def _jacobian_gradient(u, p, torque, g):
     """
     gp = (g[0], 0.5 * g[1], 0.5 * g[2], 0.5 * g[1], g[3], 0.5 * g[4], 0.5 * g[2], 0.5 * g[4], g[5])
     pg = _axial(matrix3.product(p, gp))
-    alpha = add(matrix3.apply_transposed(u, torque), pg)
+    alpha = jbs.add(matrix3.apply_transposed(u, torque), pg)
     trace = p[0] + p[4] + p[8]
     system = (trace - p[0], -p[1], -p[2], -p[3], trace - p[4], -p[5], -p[6], -p[7], trace - p[8])
     inverse = matrix3.cofactor(system)  # symmetric; over the determinant
@@ -185,7 +181,7 @@ def _edge_gradients(a, b, m):
     g = (m[2], m[5], m[8])
     along, root = 0.5 * matrix3.dot(n, g), 1 / math.sqrt(length)
     g = (root * (g[0] - along * n[0]), root * (g[1] - along * n[1]), root * (g[2] - along * n[2]))
-    return add((m[0], m[3], m[6]), matrix3.cross(b, g)), add((m[1], m[4], m[7]), matrix3.cross(g, a))
+    return jbs.add((m[0], m[3], m[6]), matrix3.cross(b, g)), jbs.add((m[1], m[4], m[7]), matrix3.cross(g, a))
 
 
 @scalar_or_simd
@@ -202,8 +198,8 @@ def _corner_gradient(f, g_records, torque, faces, inverse_edges, posed, rotation
     to_jacobian = _jacobian_gradient(matrix3.load(rotation, f), matrix3.load(stretch, f), read3(torque, f), g)
     to_edges = matrix3.product(to_jacobian, matrix3.transpose(matrix3.load(inverse_edges, f)))
     i, j, k = read3(faces, f)
-    minus_origin = scaled(-1.0, read3(posed, i))
-    ga, gb = _edge_gradients(add(read3(posed, j), minus_origin), add(read3(posed, k), minus_origin), to_edges)
+    minus_origin = jbs.scaled(-1.0, read3(posed, i))
+    ga, gb = _edge_gradients(jbs.add(read3(posed, j), minus_origin), jbs.add(read3(posed, k), minus_origin), to_edges)
     for c in range(3):
         corners[f, 0, c] -= ga[c] + gb[c]
         corners[f, 1, c] += ga[c]

@@ -17,15 +17,9 @@ from carigs.errors import MeshError
 from carigs.simd import matrix3
 from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.vectors import scalar_or_simd
-from carigs.splat.rig.face_motion import (
-    CENTRE,
-    RECORD_END,
-    RECORD_SIZE,
-    RELATIVE_ROTATION,
-    ROTATION,
-    STRETCH,
-    FaceMotion,
-)
+from carigs.splat.rig.face_motion import CENTRE, RECORD_SIZE, RELATIVE_ROTATION, ROTATION, STRETCH, FaceMotion
+from carigs.splat.rig.jacobian_blend import add, scaled
+from carigs.splat.rig.skinning_arguments import read3
 
 FRAME_SIZE = 16
 """Numbers of a frame's record: nine, and padding."""
@@ -176,7 +170,7 @@ def motion_records(
     records[:, STRETCH:CENTRE] = stretch[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
     records[:, CENTRE:ROTATION] = centre
     records[:, ROTATION:RELATIVE_ROTATION] = rotation.reshape(-1, 9)
-    records[:, RELATIVE_ROTATION:RECORD_END] = _relative_rotations(rotation, rig.neighbours).reshape(-1, 9)
+    records[:, RELATIVE_ROTATION : RELATIVE_ROTATION + 9] = _relative_rotations(rotation, rig.neighbours).reshape(-1, 9)
     return records
 
 
@@ -205,16 +199,15 @@ def _follow_neighbours(
 @scalar_or_simd
 def _edges(vertices, faces, f):
     """E of a triangle, and whether it is not degenerate."""
-    i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-    ax, ay, az = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
-    bx, by, bz = vertices[k, 0] - vertices[i, 0], vertices[k, 1] - vertices[i, 1], vertices[k, 2] - vertices[i, 2]
-    cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    area = math.sqrt(cx * cx + cy * cy + cz * cz)
-    third = (bx - ax) ** 2 + (by - ay) ** 2 + (bz - az) ** 2
-    longest = max(ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz, third)
+    i, j, k = read3(faces, f)
+    minus_origin = scaled(-1.0, read3(vertices, i))
+    a, b = add(read3(vertices, j), minus_origin), add(read3(vertices, k), minus_origin)
+    c, third = matrix3.cross(a, b), add(b, scaled(-1.0, a))
+    area = math.sqrt(matrix3.dot(c, c))
+    longest = max(matrix3.dot(a, a), matrix3.dot(b, b), matrix3.dot(third, third))
     valid = area > DEGENERATE * longest
-    g = 1.0 / math.sqrt(area) if valid else 0.0
-    return (ax, bx, cx * g, ay, by, cy * g, az, bz, cz * g), valid
+    n = scaled(1.0 / math.sqrt(area) if valid else 0.0, c)
+    return (a[0], b[0], n[0], a[1], b[1], n[1], a[2], b[2], n[2]), valid
 
 
 @kernel

@@ -18,18 +18,10 @@ from torch import Tensor
 
 from carigs.simd.vector_math import exp
 from carigs.simd.vectors import WIDTH, scalar_or_simd
+from carigs.splat.rig import jacobian_blend as jbs
+from carigs.splat.rig import jacobian_blend_backward as backward
 from carigs.splat.rig import skinning_simd
 from carigs.splat.rig.face_motion import FaceMotion
-from carigs.splat.rig.jacobian_blend import (
-    blend_gradient,
-    disc_axes,
-    motion_gradient,
-    sigmoid,
-    skin_surfel,
-    skin_surfel_gradient,
-    view_direction,
-    view_direction_gradient,
-)
 from carigs.splat.rig.mesh_gradient import record_gradients
 from carigs.splat.rig.rig import Rig
 from carigs.splat.rig.skinning_arguments import (
@@ -151,14 +143,14 @@ def skin_scalar(inputs, skinned):
     """
     for i in range(len(inputs.binding)):
         _faces, t, frame, _sigmoids, _inverse_sum, blend = read_blend(i, inputs)
-        axes = disc_axes(read4(inputs.quaternion, i))
+        axes = jbs.disc_axes(read4(inputs.quaternion, i))
         scale = (exp(inputs.log_scale[i, 0]), exp(inputs.log_scale[i, 1]))
-        x, u, v = skin_surfel(blend, frame, t, read3(inputs.position, i), axes, scale)
+        x, u, v = jbs.skin_surfel(blend, frame, t, read3(inputs.position, i), axes, scale)
         for c in range(3):
             skinned.centre[i, c], skinned.tangent_u[i, c], skinned.tangent_v[i, c] = x[c], u[c], v[c]
-        skinned.opacity[i] = sigmoid(inputs.logit[i])
+        skinned.opacity[i] = jbs.sigmoid(inputs.logit[i])
         if len(skinned.direction) > 0:
-            _n, _g, d = view_direction(blend[4], read3(skinned.centre, i), inputs.eye, inputs.rotate_directions)
+            _n, _g, d = jbs.view_direction(blend[4], read3(skinned.centre, i), inputs.eye, inputs.rotate_directions)
             skinned.direction[i, 0], skinned.direction[i, 1], skinned.direction[i, 2] = d
 
 
@@ -189,22 +181,22 @@ def skin_scalar_backward(inputs, centre, upstream, gradients):
         faces, _t, frame, sigmoids, inverse_sum, blend = read_blend(i, inputs)
         gx, torque = read3(upstream.centre, i), (0.0, 0.0, 0.0)
         if len(upstream.direction) > 0:
-            gx, torque, _n = view_direction_gradient(
+            gx, torque, _n = backward.view_direction_gradient(
                 blend[4], read3(centre, i), inputs.eye, inputs.rotate_directions, read3(upstream.direction, i), gx
             )
-        dx, dq, ds, h, y = skin_surfel_gradient(
-            blend, frame, read3(inputs.position, i), disc_axes(read4(inputs.quaternion, i)),
+        dx, dq, ds, h, y = backward.skin_surfel_gradient(
+            blend, frame, read3(inputs.position, i), jbs.disc_axes(read4(inputs.quaternion, i)),
             (exp(inputs.log_scale[i, 0]), exp(inputs.log_scale[i, 1])),
             (gx, read3(upstream.tangent_u, i), read3(upstream.tangent_v, i)),
         )  # fmt: skip
-        opacity = sigmoid(inputs.logit[i])
+        opacity = jbs.sigmoid(inputs.logit[i])
         gradients.logit[i] = upstream.opacity[i] * opacity * (1 - opacity)
         gradients.log_scale[i, 0], gradients.log_scale[i, 1] = ds
         gradients.position[i, 0], gradients.position[i, 1], gradients.position[i, 2] = dx
         for c in range(4):
             gradients.quaternion[i, c], gradients.blend[i, c] = dq[c], 0.0
         if inputs.blended:
-            d_w, d_p = motion_gradient(blend, h, y, torque)
-            db = blend_gradient(sigmoids, inverse_sum, d_w, d_p, faces)
+            d_w, d_p = backward.motion_gradient(blend, h, y, torque)
+            db = backward.blend_gradient(sigmoids, inverse_sum, d_w, d_p, faces)
             for c in range(4):
                 gradients.blend[i, c] = db[c]

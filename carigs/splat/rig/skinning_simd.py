@@ -8,19 +8,9 @@ from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.memory import align_stack, gather_rows, load, load2, load3, load4, store, store2, store3, store4
 from carigs.simd.vector_math import absolute, exp, select
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
+from carigs.splat.rig import jacobian_blend as jbs
+from carigs.splat.rig import jacobian_blend_backward as backward
 from carigs.splat.rig.face_motion import RECORD_SIZE
-from carigs.splat.rig.jacobian_blend import (
-    blend_gradient,
-    blend_motion,
-    blend_weights,
-    disc_axes,
-    motion_gradient,
-    sigmoid,
-    skin_surfel,
-    skin_surfel_gradient,
-    view_direction,
-    view_direction_gradient,
-)
 
 PART = 1024  # surfels of one task
 
@@ -40,14 +30,14 @@ def _gather_blend(i, inputs, around):
     # Numba takes slices of tuples as numbers only: the columns STRETCH, CENTRE, ROTATION and RELATIVE_ROTATION.
     faces = (first[0:6], one[0:6], two[0:6], three[0:6], last[2:11])
     sigmoids, inverse_sum = _weights(i, inputs)
-    blend = blend_motion(sigmoids, inverse_sum, faces, first[9:16] + last[0:2])
+    blend = jbs.blend_motion(sigmoids, inverse_sum, faces, first[9:16] + last[0:2])
     return faces, first[6:9], frame[0:9], sigmoids, inverse_sum, blend
 
 
 @simd_inline
 def _weights(i, inputs):
     if inputs.blended:
-        return blend_weights(load4(inputs.blend, 4 * i))
+        return jbs.blend_weights(load4(inputs.blend, 4 * i))
     one, zero = broadcast(np.float32(1)), broadcast(np.float32(0))
     return (one, zero, zero, zero), one
 
@@ -71,15 +61,15 @@ def _zero_where(condition, v):
 def _forward_sixteen(i, inputs, skinned, around):
     align_stack()
     _faces, t, frame, _sigmoids, _inverse_sum, blend = _gather_blend(i, inputs, around)
-    axes, scale = disc_axes(load4(inputs.quaternion, 4 * i)), load2(inputs.log_scale, 2 * i)
+    axes, scale = jbs.disc_axes(load4(inputs.quaternion, 4 * i)), load2(inputs.log_scale, 2 * i)
     scale = (exp(scale[0]), exp(scale[1]))
-    x, u, v = skin_surfel(blend, frame, t, load3(inputs.position, 3 * i), axes, scale)
+    x, u, v = jbs.skin_surfel(blend, frame, t, load3(inputs.position, 3 * i), axes, scale)
     store3(skinned.centre, 3 * i, x)
     store3(skinned.tangent_u, 3 * i, u)
     store3(skinned.tangent_v, 3 * i, v)
-    store(skinned.opacity, i, sigmoid(load(inputs.logit, i)))
+    store(skinned.opacity, i, jbs.sigmoid(load(inputs.logit, i)))
     if len(skinned.direction) > 0:
-        _n, _g, d = view_direction(blend[4], x, inputs.eye, inputs.rotate_directions)
+        _n, _g, d = jbs.view_direction(blend[4], x, inputs.eye, inputs.rotate_directions)
         store3(skinned.direction, 3 * i, d)
 
 
@@ -93,24 +83,26 @@ def _backward_sixteen(i, inputs, centre, upstream, gradients, around):
         up_d = load3(upstream.direction, 3 * i)
     unchanged = _size(up_x) + _size(up_u) + _size(up_v) + _size(up_d) + absolute(up_opacity) <= zero
     faces, _t, frame, sigmoids, inverse_sum, blend = _gather_blend(i, inputs, around)
-    axes, scale = disc_axes(load4(inputs.quaternion, 4 * i)), load2(inputs.log_scale, 2 * i)
+    axes, scale = jbs.disc_axes(load4(inputs.quaternion, 4 * i)), load2(inputs.log_scale, 2 * i)
     scale = (exp(scale[0]), exp(scale[1]))
     if has_eye:
         x = load3(centre, 3 * i)
-        up_x, torque, _n = view_direction_gradient(blend[4], x, inputs.eye, inputs.rotate_directions, up_d, up_x)
-    dx, dq, ds, h, y = skin_surfel_gradient(
+        up_x, torque, _n = backward.view_direction_gradient(
+            blend[4], x, inputs.eye, inputs.rotate_directions, up_d, up_x
+        )
+    dx, dq, ds, h, y = backward.skin_surfel_gradient(
         blend, frame, load3(inputs.position, 3 * i), axes, scale, (up_x, up_u, up_v)
     )
     dx = _zero_where(unchanged, (dx[0], dx[1], dx[2], zero))
     store3(gradients.position, 3 * i, dx[0:3])
     store4(gradients.quaternion, 4 * i, _zero_where(unchanged, dq))
     store2(gradients.log_scale, 2 * i, (select(unchanged, zero, ds[0]), select(unchanged, zero, ds[1])))
-    opacity = sigmoid(load(inputs.logit, i))
+    opacity = jbs.sigmoid(load(inputs.logit, i))
     store(gradients.logit, i, select(unchanged, zero, up_opacity * opacity * (1 - opacity)))
     db = (zero, zero, zero, zero)
     if inputs.blended:
-        d_w, d_p = motion_gradient(blend, h, y, torque)
-        db = blend_gradient(sigmoids, inverse_sum, d_w, d_p, faces)
+        d_w, d_p = backward.motion_gradient(blend, h, y, torque)
+        db = backward.blend_gradient(sigmoids, inverse_sum, d_w, d_p, faces)
     store4(gradients.blend, 4 * i, _zero_where(unchanged, db))
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor
 
 from carigs.capture import Frame
@@ -86,14 +86,7 @@ def train_surfels(
 class _Run:
     """The steps of a run, on a `TrainingState`."""
 
-    def __init__(
-        self,
-        settings: Train,
-        sequence: HeadSequence,
-        supervision: Supervision,
-        hair: Bool[np.ndarray, "f"],
-        state: TrainingState,
-    ) -> None:
+    def __init__(self, settings: Train, sequence: HeadSequence, supervision: Supervision, hair, state) -> None:
         self.settings, self.sequence, self.supervision, self.state = settings, sequence, supervision, state
         rig = sequence.rig
         # Surfels of hair start away from their triangles.
@@ -142,17 +135,11 @@ class _Run:
         else:
             motion = self.sequence.motion(example.timestep, example.level)
         rendered = render(
-            self.state.surfels,
-            self.sequence.rig,
-            motion,
-            example.camera,
-            skinning=settings.rig,
-            rotate_harmonics=settings.rotate_harmonics,
-            background=self.supervision.capture.background,
-            shade=self.sequence.shade(example.timestep, example.level),
+            self.state.surfels, self.sequence.rig, motion, example.camera, skinning=settings.rig,
+            rotate_harmonics=settings.rotate_harmonics, background=self.supervision.capture.background,
+            shade=self.sequence.shade(example.timestep, example.level), backend=settings.backend,
             outputs=("distortion",) * distortion + ("alpha", "depth", "normal") * normals,
-            backend=settings.backend,
-        )
+        )  # fmt: skip
         valid = None if example.valid is None else torch.from_numpy(example.valid)
         loss = photometric_loss(rendered.image, torch.from_numpy(example.image), settings.ssim_weight, valid)
         rendering = rendered.rendering
