@@ -89,7 +89,7 @@ def test_an_ellipsoid_becomes_the_disc_of_its_larger_axes(tmp_path, thin):
     np.testing.assert_allclose(local_covariance(back), full @ full.transpose(0, 2, 1), atol=1e-6)
 
 
-def test_a_ply_that_is_none_is_named(tmp_path):
+def test_a_broken_ply_is_refused(tmp_path):
     (tmp_path / "a.ply").write_text("ply\nformat ascii 1.0\n")
     with pytest.raises(InputError, match=r"a\.ply: not a readable"):
         read_ply(tmp_path / "a.ply")
@@ -126,8 +126,8 @@ def test_training_leaves_its_outputs_and_nothing_else(trained):
         np.testing.assert_array_equal(value, to_arrays(avatar.surfels)[name])
 
 
-def test_the_file_alone_renders_what_was_trained(trained):
-    """Posed by the avatar's own head, at level 0, the test frames come out as they were taken."""
+def test_a_loaded_avatar_renders_the_test_frames(trained):
+    """At level 0 the avatar reproduces the test frames."""
     capture = Capture.load(trained / "capture.json")
     avatar = load_avatar(trained / "avatar.npz")
     for frame in capture.split("test"):
@@ -137,7 +137,7 @@ def test_the_file_alone_renders_what_was_trained(trained):
 
 
 def test_changed_expressions_are_kept_and_used(trained, tmp_path):
-    """What a path changes of the expressions comes back from the file, and moves the mesh at levels above 0 alone."""
+    """Changes of the expressions by the path are restored from the file and act at levels above 0 only."""
     avatar, jaw = load_avatar(trained / "avatar.npz"), np.array([0])
     sequence, v = avatar.sequence, len(avatar.sequence.head.v_template)
     natural = [sequence.posed(2, level) for level in (0.0, 0.25)]
@@ -229,7 +229,7 @@ def test_impossible_settings_are_refused_before_any_work(tmp_path, changes, says
         train(settings, capture=nothing, path=nothing, targets=None, avatar=nothing, ply=nothing, log=nothing)
 
 
-def test_a_file_that_is_no_avatar_is_named(trained, tmp_path):
+def test_broken_avatars_are_refused(trained, tmp_path):
     with pytest.raises(InputError, match="no such avatar"):
         load_avatar(tmp_path / "none.npz")
     with pytest.raises(InputError, match=r"path\.npz: format: not a carigs-avatar"):

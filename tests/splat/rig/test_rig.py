@@ -1,4 +1,4 @@
-"""The rig: frames, Jacobians, their polar parts, and what degenerate triangles do."""
+"""The rig: frames, Jacobians, polar decomposition, degenerate triangles."""
 
 import numpy as np
 import pytest
@@ -89,8 +89,8 @@ def test_jacobian_maps_edges_and_its_polar_parts_are_a_rotation_and_symmetric_po
     )
 
 
-def test_turns_are_the_same_however_the_whole_head_is_turned(ball):
-    """Blending absolute rotation vectors would break at half a turn; relative ones know nothing of it."""
+def test_relative_rotations_are_invariant_to_a_rotation_of_the_head(ball):
+    """Absolute rotation vectors would jump at half a turn; relative ones do not change."""
     vertices, faces = ball
     posed = vertices * [1.2, 0.9, 1.0] + 0.005 * np.random.default_rng(0).standard_normal(vertices.shape)
     rig = build_rig(vertices, faces)
@@ -118,7 +118,7 @@ def test_degenerate_triangles_follow_their_neighbours(ball, where):
         np.testing.assert_allclose(motion.stretch[0], [1, 0, 0, 1, 0, 1], atol=1e-6)
 
 
-def test_a_mesh_of_points_stands_still():
+def test_a_mesh_of_points_has_the_identity_as_motion():
     rig = build_rig(np.zeros((3, 3)), np.array([[0, 1, 2]]))
     motion = face_motion(rig, np.ones((3, 3)))
     np.testing.assert_array_equal(motion.rotation[0], np.eye(3))
@@ -127,7 +127,7 @@ def test_a_mesh_of_points_stands_still():
 
 
 def test_slivers_keep_an_exact_jacobian():
-    """Newton's iteration with scaling also converges where the stretches differ by five orders."""
+    """The scaled Newton iteration also converges if the stretches differ by five orders of magnitude."""
     flat = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 1e-5, 0]])
     rig = build_rig(flat, np.array([[0, 1, 2]]))
     motion = face_motion(rig, np.array([[0.0, 0, 0], [0, 1, 0], [0, 0.5, 1.0]]))

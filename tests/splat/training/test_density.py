@@ -28,7 +28,7 @@ def rig():
 
 
 def scene(rig, seed=0):
-    """One surfel per face, and an optimiser whose moments tell the surfels apart."""
+    """One surfel per face, and an optimiser whose moments identify the surfels."""
     n = len(rig.faces)
     rng = np.random.default_rng(seed)
     surfels = flat_discs(np.arange(n), 0.1 * rng.normal(size=(n, 3)), np.full(n, 0.4), 0.8, rng.random((n, 3)))
@@ -44,7 +44,7 @@ def run(surfels, adam, gradient, rig, extent=1.0, **settings):
     return densify_and_prune(surfels, adam, gradient, rig, extent, Density(**settings), np.random.default_rng(0))
 
 
-def test_nothing_happens_where_gradients_are_small_and_surfels_opaque(rig):
+def test_opaque_surfels_with_small_gradients_do_not_change(rig):
     surfels, adam = scene(rig)
     before = to_arrays(surfels)
     after = to_arrays(run(surfels, adam, np.full(len(surfels), 1e-9), rig))
@@ -88,7 +88,7 @@ def test_a_large_surfel_is_split_around_its_place_in_local_units(rig):
     assert np.abs(offsets[:, 2]).max() < 1e-6
 
 
-def test_transparent_surfels_go_unless_they_are_their_faces_last(rig):
+def test_transparent_surfels_are_pruned_unless_they_are_the_last_of_their_face(rig):
     surfels, _ = scene(rig)
     arrays = to_arrays(surfels)
     arrays = {name: np.concatenate([value, value[:10]]) for name, value in arrays.items()}  # faces 0..9 have two
@@ -125,13 +125,13 @@ def test_the_budget_goes_to_the_largest_gradients(rig):
     np.testing.assert_array_equal(np.flatnonzero(counts == 2), len(surfels) - 3 + np.arange(3))
 
 
-def test_within_the_budget_the_least_important_make_room(rig):
+def test_at_the_budget_the_least_important_surfels_are_replaced(rig):
     surfels, _ = scene(rig)
     n = len(surfels)
     doubled = from_arrays(**{name: np.concatenate([value, value]) for name, value in to_arrays(surfels).items()})
     gradient, importance = np.zeros(2 * n), 1 + np.random.default_rng(3).random(2 * n)
     gradient[[2 * 3, 2 * 8]] = 1.0  # surfels are sorted by face
-    importance[[2 * 3, 2 * 5, 2 * 7 + 1]] = 0, 0.1, 0.2  # the first does not count: it is wanted
+    importance[[2 * 3, 2 * 5, 2 * 7 + 1]] = 0, 0.1, 0.2  # the first does not count: it is cloned
     after = densify_and_prune(
         doubled, Adam(doubled), gradient, rig, 1.0, Density(max_surfels=2 * n), np.random.default_rng(0),
         lambda: importance,
@@ -141,7 +141,7 @@ def test_within_the_budget_the_least_important_make_room(rig):
     np.testing.assert_array_equal(np.bincount(after.binding), expected)
 
 
-def test_an_unimportant_surfel_stays_if_it_is_its_faces_last(rig):
+def test_an_unimportant_surfel_is_kept_if_it_is_the_last_of_its_face(rig):
     surfels, adam = scene(rig)
     gradient = np.zeros(len(surfels))
     gradient[3] = 1.0
@@ -152,9 +152,9 @@ def test_an_unimportant_surfel_stays_if_it_is_its_faces_last(rig):
     np.testing.assert_array_equal(after.binding, np.arange(len(surfels)))
 
 
-def test_importance_is_not_asked_for_where_the_budget_suffices(rig):
+def test_importance_is_not_computed_if_the_budget_suffices(rig):
     def importance():
-        raise AssertionError("asked for")
+        raise AssertionError("called")
 
     surfels, adam = scene(rig)
     gradient = np.ones(len(surfels))

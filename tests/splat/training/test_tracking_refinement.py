@@ -59,15 +59,15 @@ def full_model(model):
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_the_pose_in_torch_is_the_pose(capture, seed):
+def test_the_differentiable_head_poses_as_the_head_model(capture, seed):
     model, parameters = full_model(capture.model), random_parameters(seed)
     head = DifferentiableHead(model)
     np.testing.assert_array_equal(head.used, [0, 3, 7])
     posed = head.pose(RefinedParameters(parameters, head.used)).detach().numpy()
-    np.testing.assert_allclose(posed, pose(model, parameters), atol=1e-6)  # refined are float32
+    np.testing.assert_allclose(posed, pose(model, parameters), atol=1e-6)  # refined parameters are float32
 
 
-def test_the_gradient_of_the_codes_is_that_of_finite_differences_also_at_rest(capture):
+def test_gradients_of_the_parameters_agree_with_finite_differences(capture):
     head = DifferentiableHead(full_model(capture.model))
     upstream = torch.from_numpy(np.random.default_rng(3).normal(size=capture.model.v_template.shape))
     for parameters in (HeadParameters(), random_parameters(4)):
@@ -83,8 +83,8 @@ def test_the_gradient_of_the_codes_is_that_of_finite_differences_also_at_rest(ca
         assert torch.autograd.gradcheck(value, tuple(leaves.values()), eps=1e-6, atol=1e-7)
 
 
-def test_timesteps_that_were_tracked_apart_come_together(capture, sequence, tmp_path):
-    """What all have in common, the surfels can take over: only where they differ is there a right answer."""
+def test_errors_of_the_tracking_that_differ_between_timesteps_shrink(capture, sequence, tmp_path):
+    """An error that all timesteps share can be absorbed by the surfels; only differences are observable."""
     true = {t: sequence.posed(t, 0.0) for t in sequence.parameters}
     first, *others = sorted({frame.timestep for frame in capture.split("train")})
     wrong = np.array([0.004, -0.003, 0.0])
@@ -97,7 +97,7 @@ def test_timesteps_that_were_tracked_apart_come_together(capture, sequence, tmp_
     assert max(apart) < 0.5 * np.linalg.norm(wrong)
 
 
-def test_a_run_that_was_interrupted_ends_where_one_in_a_single_sitting_does(capture, sequence, tmp_path):
+def test_an_interrupted_run_ends_in_the_same_bytes(capture, sequence, tmp_path):
     def run(checkpoint, on_step=None):
         own = replace(sequence, parameters=dict(sequence.parameters))
         settings = replace(SETTINGS, checkpoint_seconds=0.0)
@@ -118,7 +118,7 @@ def test_a_run_that_was_interrupted_ends_where_one_in_a_single_sitting_does(capt
     assert run(tmp_path / "parts") == whole
 
 
-def test_timesteps_that_are_not_trained_on_stay(capture, sequence):
+def test_timesteps_without_training_frames_are_not_refined(capture, sequence):
     trained = sorted({frame.timestep for frame in capture.split("train")})
     refinement = TrackingRefinement(sequence, trained)
     assert sorted(refinement.parameters) == trained
