@@ -1,14 +1,18 @@
 """Formulas of Jacobian blend skinning (paper equation 6), for one surfel or sixteen at a time.
 
 A triangle moves by its Jacobian J = U P: rotation U, symmetric stretch P, both from the canonical to the posed mesh. A
-surfel blends the motions of its own triangle and of the three neighbours with weights v_0 .. v_3, which sum to one:
+surfel blends the motions of its own triangle and of the three neighbours with weights v_i that sum to one. The paper's
+equation 6 (SurFhead, Lee et al. 2025):
 
-    J_b = Q P_b,    Q = U exp(sum_i v_i log(U^T U_i)),    P_b = sum_i v_i P_i                       (equation 6)
-    centre = J_b K mu + T,    tangents = J_b K r S
+    Sigma^(1/2) = J_b r s,    mu' = J_b mu + T,    J_b = exp(sum_i v_i log(U_i)) sum_i v_i P_i
 
-with K = k_c R_c the canonical frame, mu the local position, r the disc's two axes, S its standard deviations and T the
-centre of the posed triangle. SurFhead (Lee et al. 2025) blends absolute rotation vectors log U_i, which jump where the
-head turns by pi; those relative to the own triangle do not.
+Here rotations are blended relative to that of the own triangle, U: the absolute rotation vectors log(U_i) jump where
+the head turns by pi. With the canonical frame K = k_c R_c of the triangle (`Rig.frame`), in whose units mu and s are:
+
+    J_b = Q P_b,    Q = U exp(sum_i v_i log(U^T U_i)),    P_b = sum_i v_i P_i
+    centre = J_b K mu + T,    tangents = J_b K r s
+
+mu is the local position, r the two axes of the disc, s its standard deviations, T the centre of the posed triangle.
 
 All arguments are tuples of numbers: scalars, or vectors of `carigs.simd`. The backward passes are in
 `jacobian_blend_backward`. Names in the functions:

@@ -66,8 +66,11 @@ def jacobian_blend_skinning(
 
     Paper equation 6, with the polar decomposition J_i = U_i P_i of every triangle and weights v_i that sum to one:
 
-        J_b = U exp(sum_i v_i log(U^T U_i)) sum_i v_i P_i
-        centre = J_b k_c R_c mu + T,    tangents = J_b k_c R_c r S
+        Sigma^(1/2) = J_b r s,    mu' = J_b mu + T,    J_b = exp(sum_i v_i log(U_i)) sum_i v_i P_i
+
+    with two differences: the rotations are blended relative to that of the own triangle, U exp(sum_i v_i log(U^T U_i)),
+    which does not jump where the head turns by pi; and mu, r, s are given in the canonical frame k_c R_c of the
+    triangle, so that k_c R_c stands between J_b and each of them.
 
     Differentiable with respect to the surfels, and with respect to the motion if its records are a tensor.
 

@@ -45,8 +45,9 @@ class Example(NamedTuple):
 class Supervision:
     """The training examples of a run: real frames, and the GT* targets of every level.
 
-    Masked pixels of GT* targets do not supervise. Freezing: triangles that are masked in all targets of a level (hair,
-    eyelids) are named in `Example.frozen`, and `Adam.step` leaves the surfels on them as they are in GT* steps.
+    Masking: masked pixels of GT* targets do not supervise. Freezing: triangles that are masked in all targets of a
+    level (hair, eyelids) are marked in `Example.frozen`; in GT* steps the trainer passes the surfels on them to
+    `Adam.step` as frozen, which leaves their values and moments unchanged.
 
     Attributes:
         capture: The captured subject.

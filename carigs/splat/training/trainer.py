@@ -43,9 +43,14 @@ def train_surfels(
     """Train the surfels of a subject.
 
     Every step renders one view and compares it with a real frame on the natural mesh, or with a GT* target on the
-    caricature mesh of its level (`draw_schedule`). Surfels on masked triangles are frozen in GT* steps. Steps, density
-    control and their random draws depend on the settings and the iteration only: a run that was interrupted ends in the
-    same bytes as one that was not.
+    caricature mesh of its level: the random alternation of `draw_schedule`. The loss of a step is
+
+        w ((1 - lambda) L1 + lambda (1 - SSIM) + a distortion + b (normal consistency)) + threshold losses
+
+    with the weight w of the target (1 for real frames), see `photometric_loss`, `normal_consistency_loss` and
+    `add_threshold_loss`. Surfels on masked triangles are frozen in GT* steps (freezing: see `Supervision` and
+    `Adam.step`). Steps, density control and their random draws depend on the settings and the iteration only: a run
+    that was interrupted ends in the same bytes as one that was not.
 
     Args:
         settings: Settings of the stage.
