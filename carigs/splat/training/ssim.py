@@ -9,9 +9,8 @@ channels. With G the filter, m = G x, n = G y:
     dS/dm = 2 n (A2 - A1) / (B1 B2) - 2 m S (1/B1 - 1/B2)
     d(sum S)/dx = G(dS/dm) + 2 x G(dS/dG(x^2)) + y G(dS/dG(xy))          (G is symmetric)
 
-Strips of rows are independent tasks, and their sums are added in order: the result does not depend on the number of
-threads. Within a strip the moments, the derivative maps and the gradient follow each other at a distance of five rows,
-so that their rows stay in the cache.
+Strips of rows are independent tasks; their sums are added in order, so the number of threads does not matter. Within a
+strip moments, derivative maps and gradient follow each other at a distance of five rows, to stay in the cache.
 """
 
 from __future__ import annotations
@@ -25,8 +24,7 @@ from carigs.simd.vector_math import absolute, select, total
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
 
 RADIUS = 5
-C1, C2 = np.float32(0.01**2), np.float32(0.03**2)
-ZERO, ONE, TWO = np.float32(0), np.float32(1), np.float32(2)
+C1, C2, ZERO, ONE, TWO = np.float32(0.01**2), np.float32(0.03**2), np.float32(0), np.float32(1), np.float32(2)
 STRIP = 96  # rows per task; 10 more on either side are filtered again
 BLOCK = 4  # rows that are filtered down the columns together: 14 loads give 4 results
 RING = 16  # rows of moments and of maps in memory: the 14 that a block needs, rounded up to a power of two
@@ -272,12 +270,9 @@ def _l1_and_ssim(x, y, valid, l1_weight, ssim_weight):
     """Sums over all pixels of |x - y| and of S, and the gradient of l1_weight sum|x - y| - ssim_weight sum S."""
     channels, height, _ = x.shape
     strips = (height + STRIP - 1) // STRIP
-    gradient = np.empty_like(x)
-    difference, similarity = np.empty(channels * strips), np.empty(channels * strips)
-    parallel_for(
-        _strip, channels * strips,
-        (x, y, valid, l1_weight, ssim_weight, gradient, strips, difference, similarity),
-    )  # fmt: skip
+    tasks, gradient = channels * strips, np.empty_like(x)
+    difference, similarity = np.empty(tasks), np.empty(tasks)
+    parallel_for(_strip, tasks, (x, y, valid, l1_weight, ssim_weight, gradient, strips, difference, similarity))
     return difference.sum(), similarity.sum(), gradient
 
 
