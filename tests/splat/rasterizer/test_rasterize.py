@@ -302,11 +302,11 @@ def test_cuda_without_a_device_is_a_readable_error():
 
 def test_projection_for_cuda_is_that_of_the_points_of_the_disc():
     """The homography maps disc points to pixels; boxes hold what is visible; their middle is that at one sigma."""
-    from carigs.splat.rasterizer.cuda import project
+    from carigs.splat.rasterizer.cuda import disc_homographies
 
     surfels = WorldSurfels(*tensors(cloud(40, 16)))
-    projected = project(surfels, CAMERA)
-    assert projected.drawn.all()
+    projected = disc_homographies(surfels, CAMERA)
+    assert projected.kept.all()
     angle = torch.linspace(0, 2 * np.pi, 2001)
     circle = torch.stack([angle.cos(), angle.sin(), torch.ones_like(angle)])
     for i in range(40):
@@ -315,10 +315,10 @@ def test_projection_for_cuda_is_that_of_the_points_of_the_disc():
         homogeneous = (projected.homography[i] @ circle).T
         np.testing.assert_allclose(homogeneous[:, :2] / homogeneous[:, 2:], pixels, atol=1e-3)
         np.testing.assert_allclose(homogeneous[:, 2], depth, rtol=1e-5)
-        np.testing.assert_allclose(projected.middle[i], (pixels.max(0) + pixels.min(0)) / 2, atol=1e-2)
+        np.testing.assert_allclose(projected.lowpass_centre[i], (pixels.max(0) + pixels.min(0)) / 2, atol=1e-2)
         rho = np.sqrt(2 * np.log(255 * surfels.opacity[i].item()))
         points = surfels.centre[i] + rho * (points - surfels.centre[i])
-        reach = np.abs(CAMERA.project(points.double().numpy())[0] - projected.middle[i].numpy()).max(0)
+        reach = np.abs(CAMERA.project(points.double().numpy())[0] - projected.lowpass_centre[i].numpy()).max(0)
         assert (reach <= projected.radius[i].numpy() + 1e-2).all() or (projected.radius[i] == 0).all()
 
 

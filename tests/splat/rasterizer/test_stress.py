@@ -18,7 +18,7 @@ from splat.rasterizer.reference import render as reference_render
 from carigs.capture import Camera
 from carigs.errors import CarigsError
 from carigs.simd.vectors import WIDTH
-from carigs.splat.rasterizer.culling import NEAR
+from carigs.splat.rasterizer.culling import NEAR_PLANE
 from carigs.splat.rasterizer.rasterize import OUTPUTS, WorldSurfels, rasterize
 from carigs.splat.render import render
 from carigs.splat.rig.rig import build_rig, face_motion
@@ -91,7 +91,7 @@ def close(surfel, random):
 
 
 def at_near_plane(surfel, random):
-    plane = np.float32(NEAR)
+    plane = np.float32(NEAR_PLANE)
     move(surfel, random.choice([plane, np.nextafter(plane, np.float32(1)), np.nextafter(plane, np.float32(0))]))
 
 
