@@ -13,11 +13,11 @@ from jaxtyping import Float
 
 from carigs.errors import InputError, SettingsError
 from carigs.files import writing
-from carigs.splat.colour.spherical_harmonics import coefficients
+from carigs.splat.colour.spherical_harmonics import num_coefficients
 from carigs.splat.surfels.surfels import Surfels, from_arrays, to_arrays
 
 LAYOUTS = ("surfhead", "gaussian_avatars")
-REST = coefficients(3)  # both layouts always hold degree 3
+REST = num_coefficients(3)  # both layouts always hold degree 3
 SPECULAR = 24  # SurFhead's specular features per surfel, unused here
 FLAT = -10.0  # log scale along the normal of a disc in a layout of ellipsoids
 
@@ -142,6 +142,6 @@ def _numbered(name: str, count: int) -> tuple[str, ...]:
 def _trimmed(rest: Float[np.ndarray, "n k 3"]) -> Float[np.ndarray, "n j 3"]:
     """Without the degrees that are zero everywhere."""
     for degree in (0, 1, 2):
-        if not rest[:, coefficients(degree) :].any():
-            return rest[:, : coefficients(degree)]
+        if not rest[:, num_coefficients(degree) :].any():
+            return rest[:, : num_coefficients(degree)]
     return rest

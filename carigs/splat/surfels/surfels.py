@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from carigs.splat.colour.spherical_harmonics import SH_BASE, coefficients
+from carigs.splat.colour.spherical_harmonics import SH_BASE, num_coefficients
 
 BLEND_OWN, BLEND_NEIGHBOUR = 0.9, 0.05
 """Initial sigmoids of the blend weights (SurFhead)."""
@@ -95,6 +95,6 @@ def flat_discs(
         log_scale=np.log(np.repeat(np.asarray(scale)[:, None], 2, axis=1)),
         opacity=np.full(n, np.log(opacity / (1 - opacity))),
         colour=(rgb - 0.5) / SH_BASE,
-        harmonics=np.zeros((n, coefficients(sh_degree), 3)),
+        harmonics=np.zeros((n, num_coefficients(sh_degree), 3)),
         blend=np.tile(np.log(blend / (1 - blend)), (n, 1)),
     )
