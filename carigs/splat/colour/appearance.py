@@ -21,14 +21,7 @@ from torch import Tensor
 
 from carigs.simd.vectors import WIDTH
 from carigs.splat.colour import appearance_simd
-from carigs.splat.colour.spherical_harmonics import (
-    BASIS,
-    BASIS_GRADIENT,
-    BASIS_TIMES,
-    COEFFICIENTS_DOT,
-    SH_BASE,
-    num_coefficients,
-)
+from carigs.splat.colour.spherical_harmonics import FUNCTIONS, SH_BASE, num_coefficients
 
 
 def seen_colour(
@@ -98,8 +91,8 @@ def _light_factors(f, shade):
 
 def _scalar_kernels(degree):
     """Forward and backward loops for harmonics of degrees 1 to `degree`."""
-    count, basis, basis_gradient = num_coefficients(degree), BASIS[degree], BASIS_GRADIENT[degree]
-    basis_times, coefficients_dot, numbers = BASIS_TIMES[degree], COEFFICIENTS_DOT[degree], _numbers(3 * count)
+    count, numbers = num_coefficients(degree), _numbers(3 * num_coefficients(degree))
+    basis, basis_gradient, basis_times, coefficients_dot = FUNCTIONS[degree]
 
     @numba.njit(error_model="numpy")
     def forward(binding, base, harmonics, direction, shade, colour):

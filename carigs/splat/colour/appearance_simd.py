@@ -15,14 +15,7 @@ from carigs.simd.kernels import INLINE, kernel, parallel_for
 from carigs.simd.memory import align_stack, load3, load9, load_rows, store3, store9, store_rows
 from carigs.simd.vector_math import absolute, select
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
-from carigs.splat.colour.spherical_harmonics import (
-    BASIS,
-    BASIS_GRADIENT,
-    BASIS_TIMES,
-    COEFFICIENTS_DOT,
-    SH_BASE,
-    num_coefficients,
-)
+from carigs.splat.colour.spherical_harmonics import FUNCTIONS, SH_BASE, num_coefficients
 
 PART_SIZE = 1024  # surfels of one task
 
@@ -95,8 +88,8 @@ def _store3(array, i, h):
 
 def _of_degree(degree, load, store):
     """View-dependent colour and its gradient for harmonics of degrees 1 to `degree`."""
-    count, basis, basis_gradient = num_coefficients(degree), BASIS[degree], BASIS_GRADIENT[degree]
-    basis_times, coefficients_dot = BASIS_TIMES[degree], COEFFICIENTS_DOT[degree]
+    count = num_coefficients(degree)
+    basis, basis_gradient, basis_times, coefficients_dot = FUNCTIONS[degree]
 
     @simd_inline
     def forward(i, harmonics, direction):

@@ -128,12 +128,16 @@ def _coefficients_dot3(h, g):
     )  # fmt: skip
 
 
-# Functions by degree; degree 0 has none of them.
-BASIS = None, _basis1, _basis2, _basis3
-"""Y_k(d) for all k: arguments d."""
-BASIS_GRADIENT = None, _basis_gradient1, _basis_gradient2, _basis_gradient3
-"""Gradient of sum_k s_k Y_k(d) with respect to d: arguments d, s."""
-BASIS_TIMES = None, _basis_times1, _basis_times2, _basis_times3
-"""Y_k g_c for all k and colours c, the gradient with respect to the coefficients: arguments Y, g."""
-COEFFICIENTS_DOT = None, _coefficients_dot1, _coefficients_dot2, _coefficients_dot3
-"""sum_c h_kc g_c for all k, the gradient with respect to the functions: arguments h, g."""
+FUNCTIONS = (
+    None,
+    (_basis1, _basis_gradient1, _basis_times1, _coefficients_dot1),
+    (_basis2, _basis_gradient2, _basis_times2, _coefficients_dot2),
+    (_basis3, _basis_gradient3, _basis_times3, _coefficients_dot3),
+)
+"""Functions by degree (degree 0 has none), for all k and colours c:
+
+- basis(d): Y_k(d)
+- basis_gradient(d, s): gradient of sum_k s_k Y_k(d) with respect to d
+- basis_times(Y, g): Y_k g_c, the gradient with respect to the coefficients
+- coefficients_dot(h, g): sum_c h_kc g_c, the gradient with respect to the basis functions
+"""

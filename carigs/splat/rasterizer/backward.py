@@ -27,33 +27,10 @@ import numpy as np
 from jaxtyping import Float32
 
 from carigs.simd.vectors import FASTMATH
-from carigs.splat.rasterizer import records
+from carigs.splat.rasterizer import forward, records
 from carigs.splat.rasterizer.binning import TILE_SIZE, TileLists
-from carigs.splat.rasterizer.forward import (
-    LOG2_ALPHA_THRESHOLD,
-    MIN_TRANSMITTANCE,
-    NUM_COLOUR_PLANES,
-    NUM_PLANES,
-    ONE,
-    PLANE_BLUE,
-    PLANE_DEPTH,
-    PLANE_DISTORTION,
-    PLANE_GREEN,
-    PLANE_NORMAL_X,
-    PLANE_NORMAL_Y,
-    PLANE_NORMAL_Z,
-    PLANE_RED,
-    PLANE_TRANSMITTANCE,
-    TWO,
-    ZERO,
-    intersect,
-    log2_alpha,
-    read_record,
-)
-from carigs.splat.rasterizer.records import Compositing, ProjectedSurfels
-
-PLANE_ALPHA = PLANE_TRANSMITTANCE
-"""Upstream gradients hold the derivative with respect to alpha = 1 - T where the image holds T."""
+from carigs.splat.rasterizer.forward import LOG2_ALPHA_THRESHOLD, MIN_TRANSMITTANCE, ONE, TWO, ZERO
+from carigs.splat.rasterizer.records import PLANE
 
 
 @numba.njit
@@ -64,9 +41,9 @@ def _distortion_gradient(depth, a, d, a_total, d_total):
 
 @numba.njit(cache=True, parallel=True, fastmath=FASTMATH, error_model="numpy")
 def composite_backward(
-    projected: ProjectedSurfels,
+    projected: records.ProjectedSurfels,
     lists: TileLists,
-    compositing: Compositing,
+    compositing: records.Compositing,
     image: Float32[np.ndarray, "planes h w"],
     upstream: Float32[np.ndarray, "planes h w"],
     geometry: bool,
@@ -92,10 +69,10 @@ def composite_backward(
     record, box, _ = projected
     surfel_of, slot_of, start, order = lists.surfel, lists.slot, lists.start, lists.order
     width, height, cap, background = compositing
-    first = PLANE_RED if len(upstream) == 3 else PLANE_ALPHA  # plane of the image that upstream begins with
+    first = PLANE.red if len(upstream) == 3 else PLANE.transmittance  # plane of the image that upstream begins with
     slots = np.empty((surfel_of.size, records.GRADIENT_SIZE), np.float32)
     across = -(-width // TILE_SIZE)
-    num_planes = NUM_PLANES if geometry else NUM_COLOUR_PLANES
+    num_planes = records.NUM_PLANES if geometry else records.NUM_COLOUR_PLANES
     for worker in numba.prange(workers):
         # Per pixel: upstream gradients, T (negative where complete), S, D_i, and the totals A and D.
         v = np.empty((num_planes, TILE_SIZE, TILE_SIZE), np.float32)
@@ -111,17 +88,17 @@ def composite_backward(
                 for x in range(left, right):
                     b, a = y - top, x - left
                     transmittance[b, a] = ONE
-                    v[PLANE_ALPHA, b, a] = ZERO if first else upstream[PLANE_ALPHA, y, x]
-                    total = v[PLANE_ALPHA, b, a] * (ONE - image[PLANE_TRANSMITTANCE, y, x])
-                    for plane in range(PLANE_RED, num_planes):
+                    v[PLANE.transmittance, b, a] = ZERO if first else upstream[PLANE.transmittance, y, x]
+                    total = v[PLANE.transmittance, b, a] * (ONE - image[PLANE.transmittance, y, x])
+                    for plane in range(PLANE.red, num_planes):
                         v[plane, b, a] = upstream[plane - first, y, x]
-                        behind = background if plane < PLANE_DEPTH else ZERO
+                        behind = background if plane < PLANE.depth else ZERO
                         total += v[plane, b, a] * (image[plane, y, x] - behind)
                     if geometry:
-                        total += upstream[PLANE_DISTORTION, y, x] * image[PLANE_DISTORTION, y, x]
+                        total += upstream[PLANE.distortion, y, x] * image[PLANE.distortion, y, x]
                         depth_in_front[b, a] = ZERO
-                        a_total[b, a] = ONE - image[PLANE_TRANSMITTANCE, y, x]
-                        d_total[b, a] = image[PLANE_DEPTH, y, x]
+                        a_total[b, a] = ONE - image[PLANE.transmittance, y, x]
+                        d_total[b, a] = image[PLANE.depth, y, x]
                     remainder[b, a] = total
             incomplete_pixels = (right - left) * (bottom - top)
             for e in range(start[tile], start[tile + 1]):
@@ -129,20 +106,20 @@ def composite_backward(
                 if incomplete_pixels == 0:
                     slots[slot] = ZERO
                     continue
-                surfel = read_record(record, i)
+                surfel = forward.read_record(record, i)
                 gx = gy = gz = gxx = gxy = gyx = gyy = gzx = gzy = ZERO
                 mx = my = g_alpha = g_red = g_green = g_blue = g_depth = g_nx = g_ny = g_nz = ZERO
                 for y in range(max(box[i, 2], top), min(box[i, 3], bottom)):
-                    dy = record[i, records.RECORD_DY] + np.float32(y - box[i, 2])
+                    dy = surfel.dy + np.float32(y - box[i, 2])
                     low_y = dy + surfel.lowpass_y
                     b = y - top
                     for x in range(max(box[i, 0], left), min(box[i, 1], right)):
-                        dx = record[i, records.RECORD_DX] + np.float32(x - box[i, 0])
+                        dx = surfel.dx + np.float32(x - box[i, 0])
                         low_x = dx + surfel.lowpass_x
-                        s, t, iz = intersect(dx, dy, surfel)
+                        s, t, iz = forward.intersect(dx, dy, surfel)
                         g3 = s * s + t * t
                         g2 = TWO * (low_x * low_x + low_y * low_y)
-                        exponent = log2_alpha(g3, g2, surfel.log2_opacity)
+                        exponent = forward.log2_alpha(g3, g2, surfel.log2_opacity)
                         a = x - left
                         before = transmittance[b, a]
                         if exponent < LOG2_ALPHA_THRESHOLD or before <= ZERO:
@@ -156,15 +133,28 @@ def composite_backward(
                             incomplete_pixels -= 1
                             continue
                         transmittance[b, a] = after
-                        v_red, v_green, v_blue = v[PLANE_RED, b, a], v[PLANE_GREEN, b, a], v[PLANE_BLUE, b, a]
-                        q = v[PLANE_ALPHA, b, a] + v_red * surfel.red + v_green * surfel.green + v_blue * surfel.blue
+                        v_red, v_green, v_blue = (
+                            v[PLANE.red, b, a],
+                            v[PLANE.green, b, a],
+                            v[PLANE.blue, b, a],
+                        )
+                        q = (
+                            v[PLANE.transmittance, b, a]
+                            + v_red * surfel.red
+                            + v_green * surfel.green
+                            + v_blue * surfel.blue
+                        )
                         g_red += w * v_red
                         g_green += w * v_green
                         g_blue += w * v_blue
                         if geometry:
                             in_front = ONE - before
-                            v_depth, v_distortion = v[PLANE_DEPTH, b, a], v[PLANE_DISTORTION, b, a]
-                            v_nx, v_ny, v_nz = v[PLANE_NORMAL_X, b, a], v[PLANE_NORMAL_Y, b, a], v[PLANE_NORMAL_Z, b, a]
+                            v_depth, v_distortion = v[PLANE.depth, b, a], v[PLANE.distortion, b, a]
+                            v_nx, v_ny, v_nz = (
+                                v[PLANE.normal_x, b, a],
+                                v[PLANE.normal_y, b, a],
+                                v[PLANE.normal_z, b, a],
+                            )
                             q += (
                                 v_depth * surfel.depth + v_nx * surfel.normal_x + v_ny * surfel.normal_y
                                 + v_nz * surfel.normal_z
@@ -198,18 +188,11 @@ def composite_backward(
                         else:
                             mx -= TWO * g * low_x
                             my -= TWO * g * low_y
-                row = slots[slot]
-                row[records.GRADIENT_ZX], row[records.GRADIENT_ZY], row[records.GRADIENT_ZZ] = gx, gy, gz
-                row[records.GRADIENT_ZX_DX], row[records.GRADIENT_ZX_DY] = gxx, gxy
-                row[records.GRADIENT_ZY_DX], row[records.GRADIENT_ZY_DY] = gyx, gyy
-                row[records.GRADIENT_ZZ_DX], row[records.GRADIENT_ZZ_DY] = gzx, gzy
-                row[records.GRADIENT_LOWPASS_X], row[records.GRADIENT_LOWPASS_Y] = mx, my
-                row[records.GRADIENT_LOG_OPACITY], row[records.GRADIENT_DEPTH] = g_alpha, g_depth
-                row[records.GRADIENT_RED], row[records.GRADIENT_GREEN], row[records.GRADIENT_BLUE] = (
-                    g_red,
-                    g_green,
-                    g_blue,
-                )
-                row[records.GRADIENT_NORMAL_X], row[records.GRADIENT_NORMAL_Y] = g_nx, g_ny
-                row[records.GRADIENT_NORMAL_Z], row[records.GRADIENT_SIZE - 1] = g_nz, ZERO
+                sums = records.GradientSlot(
+                    gx, gy, gz, gxx, gxy, gyx, gyy, gzx, gzy, mx, my, g_alpha, g_red, g_green, g_blue, g_depth,
+                    g_nx, g_ny, g_nz,
+                )  # fmt: skip
+                for column in range(records.GRADIENT_SIZE - 1):
+                    slots[slot, column] = sums[column]
+                slots[slot, records.GRADIENT_SIZE - 1] = ZERO
     return slots

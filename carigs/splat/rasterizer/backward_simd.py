@@ -13,70 +13,52 @@ from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.memory import align_stack, atomic_add, load, load_scalar, prefetch_to_write, store, store_scalar
 from carigs.simd.vector_math import absolute, columns, exp2, maximum, minimum, reduce_add, rows, select, total
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
-from carigs.splat.rasterizer import records
+from carigs.splat.rasterizer import tile_buffer
 from carigs.splat.rasterizer.binning import TILE_SIZE, TileLists
 from carigs.splat.rasterizer.forward import HALF_LOG2E, LOG2_ALPHA_THRESHOLD, MIN_TRANSMITTANCE, ONE, TWO, ZERO
-from carigs.splat.rasterizer.records import Compositing, ProjectedSurfels
-from carigs.splat.rasterizer.tile_buffer import (
-    CHECK_INTERVAL,
-    MIN_EXPONENT,
-    PLANE_SIZE,
-    PREFETCH_DISTANCE,
-    STRIDE,
-    all_complete,
-    block_offset,
-    block_range,
-    broadcast_record,
-    clear,
-    copy_plane,
-    multiply_add,
-    open_pixels,
-    prefetch_surfel,
-    prefetch_tile,
-    read_plane,
-    subtract,
-)
+from carigs.splat.rasterizer.records import GRADIENT_COLUMN, GRADIENT_SIZE, PLANE, Compositing, ProjectedSurfels
+from carigs.splat.rasterizer.tile_buffer import PLANE_SIZE, STRIDE
 
-# Planes of the buffer: T, the remainder S_i, upstream gradients of alpha, colour and (with geometry) depth, normal,
-# distortion; then D_i and the totals A and D of the distortion.
-REMAINDER, ALPHA, RED, GREEN, BLUE, DEPTH, NORMAL_X, NORMAL_Y, NORMAL_Z, DISTORTION = 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
-DEPTH_IN_FRONT, TOTAL_ALPHA, TOTAL_DEPTH = 11, 12, 13
+# Starts of the planes in the buffer: T, the remainder S_i, upstream gradients of alpha, colour and (with geometry)
+# depth, normal, distortion; then D_i and the totals A and D of the distortion.
+STARTS = tuple(plane * PLANE_SIZE for plane in range(14))
+REMAINDER, ALPHA, RED, GREEN, BLUE, DEPTH, NORMAL_X, NORMAL_Y, NORMAL_Z, DISTORTION = STARTS[1:11]
+DEPTH_IN_FRONT, TOTAL_ALPHA, TOTAL_DEPTH = STARTS[11:]
 
 
 def _tile_worker(geometry: bool):
     """The task of one worker, with or without depth, normal and distortion."""
-    num_planes = TOTAL_DEPTH + 1 if geometry else DEPTH + 1  # without geometry DEPTH is scratch space
+    size_of_state = (TOTAL_DEPTH if geometry else DEPTH) + PLANE_SIZE  # without geometry DEPTH is scratch space
 
     @simd_inline
     def fill(state, image, upstream, height, width, left, top, background):
         """Read the upstream gradients; T = 1, remainder Q = sum_c v_c output_c + v_a alpha + 2 v_x distortion."""
         across, down = min(TILE_SIZE, width - left), min(TILE_SIZE, height - top)
         pixel, size = top * width + left, width * height
-        prefetch_tile(image, pixel, width, height, down)
-        prefetch_tile(upstream, pixel, width, height, down)
-        clear(state, 0, num_planes * PLANE_SIZE)
+        tile_buffer.prefetch_tile(image, pixel, width, height, down)
+        tile_buffer.prefetch_tile(upstream, pixel, width, height, down)
+        tile_buffer.clear(state, 0, size_of_state)
         scratch = DEPTH_IN_FRONT if geometry else DEPTH
         first = 1 if upstream.size == 3 * size else 0  # plane of the image that upstream begins with
         for plane in range(first, first + upstream.size // size):  # not a constant: LLVM would unroll the loop
-            read_plane(
-                state, (ALPHA + plane) * PLANE_SIZE, upstream, (plane - first) * size + pixel, width, across, down
-            )
-            read_plane(state, scratch * PLANE_SIZE, image, plane * size + pixel, width, across, down)
+            gradient = ALPHA + plane * PLANE_SIZE
+            tile_buffer.read_plane(state, gradient, upstream, (plane - first) * size + pixel, width, across, down)
+            tile_buffer.read_plane(state, scratch, image, plane * size + pixel, width, across, down)
             if plane == 0:
                 # The image holds T, upstream is the gradient of alpha = 1 - T.
-                subtract(state, scratch, ONE, -ONE)
-            elif plane < DEPTH - ALPHA:
-                subtract(state, scratch, background, ONE)
-            multiply_add(state, REMAINDER, ALPHA + plane, scratch)
+                tile_buffer.subtract(state, scratch, ONE, -ONE)
+            elif plane < PLANE.depth:
+                tile_buffer.subtract(state, scratch, background, ONE)
+            tile_buffer.multiply_add(state, REMAINDER, gradient, scratch)
             if geometry:
                 if plane == 0:
-                    copy_plane(state, TOTAL_ALPHA, scratch)
-                if plane == DEPTH - ALPHA:
-                    copy_plane(state, TOTAL_DEPTH, scratch)
-                if plane == DISTORTION - ALPHA:
-                    multiply_add(state, REMAINDER, DISTORTION, scratch)
-        clear(state, scratch * PLANE_SIZE, (scratch + 1) * PLANE_SIZE)
-        open_pixels(state, width - left, height - top)
+                    tile_buffer.copy_plane(state, TOTAL_ALPHA, scratch)
+                if plane == PLANE.depth:
+                    tile_buffer.copy_plane(state, TOTAL_DEPTH, scratch)
+                if plane == PLANE.distortion:
+                    tile_buffer.multiply_add(state, REMAINDER, DISTORTION, scratch)
+        tile_buffer.clear(state, scratch, scratch + PLANE_SIZE)
+        tile_buffer.open_pixels(state, width - left, height - top)
 
     @simd_inline_alloc
     def differentiate_tiles(_worker, projected, lists, compositing, image, upstream, slots, next_tile):
@@ -84,7 +66,7 @@ def _tile_worker(geometry: bool):
         record, box = projected.record, projected.box
         width, height = compositing.width, compositing.height
         across = -(-width // TILE_SIZE)
-        state = np.empty(num_planes * PLANE_SIZE + WIDTH, np.float32)
+        state = np.empty(size_of_state + WIDTH, np.float32)
         while True:
             k = atomic_add(next_tile, 0)
             if k >= lists.order.size:
@@ -97,21 +79,24 @@ def _tile_worker(geometry: bool):
             fill(state, image, upstream, height, width, left, top, compositing.background)
             done = False
             for e in range(begin, stop):
-                slot = np.int64(load_scalar(lists.slot, e)) * records.GRADIENT_SIZE
-                if done or ((e - begin) % CHECK_INTERVAL == CHECK_INTERVAL - 1 and all_complete(state)):
+                slot = np.int64(load_scalar(lists.slot, e)) * GRADIENT_SIZE
+                if done or (
+                    (e - begin) % tile_buffer.CHECK_INTERVAL == tile_buffer.CHECK_INTERVAL - 1
+                    and tile_buffer.all_complete(state)
+                ):
                     done = True
                     store(slots, slot, broadcast(ZERO))
-                    store(slots, slot + records.GRADIENT_SIZE - WIDTH, broadcast(ZERO))
+                    store(slots, slot + GRADIENT_SIZE - WIDTH, broadcast(ZERO))
                     continue
-                prefetch_surfel(record, box, lists.surfel, e, stop)
-                if e + PREFETCH_DISTANCE < stop:
-                    ahead = np.int64(load_scalar(lists.slot, e + PREFETCH_DISTANCE)) * records.GRADIENT_SIZE
+                tile_buffer.prefetch_surfel(record, box, lists.surfel, e, stop)
+                if e + tile_buffer.PREFETCH_DISTANCE < stop:
+                    ahead = np.int64(load_scalar(lists.slot, e + tile_buffer.PREFETCH_DISTANCE)) * GRADIENT_SIZE
                     prefetch_to_write(slots, ahead)
-                    prefetch_to_write(slots, ahead + records.GRADIENT_SIZE - 1)
+                    prefetch_to_write(slots, ahead + GRADIENT_SIZE - 1)
                 i = np.int64(load_scalar(lists.surfel, e))
-                x0, x1, y0, y1 = block_range(box, i, left, top)
-                offset_x, offset_y = block_offset(record, box, i, left + x0, top + y0)
-                surfel = broadcast_record(record, i)
+                x0, x1, y0, y1 = tile_buffer.block_range(box, i, left, top)
+                offset_x, offset_y = tile_buffer.block_offset(record, box, i, left + x0, top + y0)
+                surfel = tile_buffer.broadcast_record(record, i)
                 zero = broadcast(ZERO)
                 gx = gy = gz = gxx = gxy = gyx = gyy = gzx = gzy = zero
                 mx = my = g_alpha = g_red = g_green = g_blue = g_depth = g_nx = g_ny = g_nz = zero
@@ -133,7 +118,7 @@ def _tile_worker(geometry: bool):
                         intersects = g3 < g2
                         exponent = surfel.log2_opacity - select(intersects, g3, g2) * HALF_LOG2E
                         valid = exponent >= LOG2_ALPHA_THRESHOLD
-                        uncapped = exp2(maximum(exponent, broadcast(MIN_EXPONENT)))
+                        uncapped = exp2(maximum(exponent, broadcast(tile_buffer.MIN_EXPONENT)))
                         cap = broadcast(compositing.alpha_cap)
                         alpha = minimum(uncapped, cap)
                         at = y * STRIDE + 4 * x
@@ -144,35 +129,35 @@ def _tile_worker(geometry: bool):
                         w = select(continues, w, zero)
                         complete = select(valid, zero - absolute(before), before)
                         store(state, at, select(continues, after, complete))
-                        v_red, v_green = load(state, at + RED * PLANE_SIZE), load(state, at + GREEN * PLANE_SIZE)
-                        v_blue = load(state, at + BLUE * PLANE_SIZE)
-                        q = load(state, at + ALPHA * PLANE_SIZE) + v_red * surfel.red + v_green * surfel.green
+                        v_red, v_green = load(state, at + RED), load(state, at + GREEN)
+                        v_blue = load(state, at + BLUE)
+                        q = load(state, at + ALPHA) + v_red * surfel.red + v_green * surfel.green
                         q = q + v_blue * surfel.blue
                         g_red += w * v_red
                         g_green += w * v_green
                         g_blue += w * v_blue
                         if geometry:
-                            v_depth = load(state, at + DEPTH * PLANE_SIZE)
+                            v_depth = load(state, at + DEPTH)
                             v_nx, v_ny = (
-                                load(state, at + NORMAL_X * PLANE_SIZE),
-                                load(state, at + NORMAL_Y * PLANE_SIZE),
+                                load(state, at + NORMAL_X),
+                                load(state, at + NORMAL_Y),
                             )
-                            v_nz = load(state, at + NORMAL_Z * PLANE_SIZE)
+                            v_nz = load(state, at + NORMAL_Z)
                             q = q + v_depth * surfel.depth + v_nx * surfel.normal_x + v_ny * surfel.normal_y
                             q = q + v_nz * surfel.normal_z
                             g_nx += w * v_nx
                             g_ny += w * v_ny
                             g_nz += w * v_nz
-                            v_spread = load(state, at + DISTORTION * PLANE_SIZE) * TWO
-                            front = load(state, at + DEPTH_IN_FRONT * PLANE_SIZE)
-                            total_alpha = load(state, at + TOTAL_ALPHA * PLANE_SIZE)
+                            v_spread = load(state, at + DISTORTION) * TWO
+                            front = load(state, at + DEPTH_IN_FRONT)
+                            total_alpha = load(state, at + TOTAL_ALPHA)
                             in_front = ONE - before
                             change = (surfel.depth * in_front - front) * TWO - surfel.depth * total_alpha
-                            q += v_spread * (change + load(state, at + TOTAL_DEPTH * PLANE_SIZE))
+                            q += v_spread * (change + load(state, at + TOTAL_DEPTH))
                             g_depth += w * (v_depth + v_spread * (in_front * TWO + w - total_alpha))
-                            store(state, at + DEPTH_IN_FRONT * PLANE_SIZE, front + w * surfel.depth)
-                        behind = load(state, at + REMAINDER * PLANE_SIZE) - w * q
-                        store(state, at + REMAINDER * PLANE_SIZE, behind)
+                            store(state, at + DEPTH_IN_FRONT, front + w * surfel.depth)
+                        behind = load(state, at + REMAINDER) - w * q
+                        store(state, at + REMAINDER, behind)
                         g = alpha * (before * q - behind / (ONE - alpha))
                         g = select(continues & (uncapped <= cap), g, zero)
                         g_alpha += g
@@ -196,12 +181,12 @@ def _tile_worker(geometry: bool):
                     gx, gy, gz, gxx, gxy, gyx, gyy, gzx, gzy, mx, my, g_alpha, g_red, g_green, g_blue, g_depth
                 )
                 # The last four columns first. No store exceeds the slot: its neighbours belong to other workers.
-                store(slots, slot + records.GRADIENT_SIZE - WIDTH, zero)
+                store(slots, slot + GRADIENT_SIZE - WIDTH, zero)
                 store(slots, slot, sums)
                 if geometry:
-                    store_scalar(slots, slot + records.GRADIENT_NORMAL_X, total(g_nx))
-                    store_scalar(slots, slot + records.GRADIENT_NORMAL_Y, total(g_ny))
-                    store_scalar(slots, slot + records.GRADIENT_NORMAL_Z, total(g_nz))
+                    store_scalar(slots, slot + GRADIENT_COLUMN.normal_x, total(g_nx))
+                    store_scalar(slots, slot + GRADIENT_COLUMN.normal_y, total(g_ny))
+                    store_scalar(slots, slot + GRADIENT_COLUMN.normal_z, total(g_nz))
 
     return differentiate_tiles
 
@@ -244,11 +229,11 @@ def composite_backward(
     Returns:
         Gradient slots: sums over the pixels of each (surfel, tile) pair, see `records`.
     """
-    size = lists.surfel.size * records.GRADIENT_SIZE
+    size = lists.surfel.size * GRADIENT_SIZE
     slots = np.empty(size + WIDTH, np.float32)
     run = _backward_geometry if geometry else _backward_colour
     run(
         workers, projected.flattened(), lists, compositing, image.reshape(-1), upstream.reshape(-1), slots,
         np.zeros(1, np.int64),
     )  # fmt: skip
-    return slots[:size].reshape(-1, records.GRADIENT_SIZE)
+    return slots[:size].reshape(-1, GRADIENT_SIZE)

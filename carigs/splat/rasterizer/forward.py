@@ -23,27 +23,23 @@ import math
 import numba
 import numpy as np
 from jaxtyping import Float32
+from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from carigs.simd.vectors import FASTMATH
 from carigs.splat.rasterizer import records
 from carigs.splat.rasterizer.binning import TILE_SIZE, TileLists
 from carigs.splat.rasterizer.culling import ALPHA_THRESHOLD, TRANSMITTANCE_THRESHOLD
-from carigs.splat.rasterizer.records import Compositing, ProjectedSurfels, SurfelRecord
+from carigs.splat.rasterizer.records import PLANE
 
 LOG2_ALPHA_THRESHOLD = np.float32(math.log2(ALPHA_THRESHOLD))
 MIN_TRANSMITTANCE = np.float32(TRANSMITTANCE_THRESHOLD)
 HALF_LOG2E = np.float32(0.5 / math.log(2.0))
 ZERO, ONE, TWO = np.float32(0), np.float32(1), np.float32(2)
 
-# Planes of the image: transmittance T, r, g, b and, with geometry, depth, normal x, y, z, distortion.
-PLANE_TRANSMITTANCE, PLANE_RED, PLANE_GREEN, PLANE_BLUE, PLANE_DEPTH = 0, 1, 2, 3, 4
-PLANE_NORMAL_X, PLANE_NORMAL_Y, PLANE_NORMAL_Z, PLANE_DISTORTION = 5, 6, 7, 8
-NUM_PLANES, NUM_COLOUR_PLANES = 9, 4
-
 
 @numba.njit
 def read_record(record, i):
-    """Columns of a record that do not depend on the pixel.
+    """The record of a surfel.
 
     Args:
         record: Records (n, 20).
@@ -52,14 +48,7 @@ def read_record(record, i):
     Returns:
         `SurfelRecord` of numbers.
     """
-    return SurfelRecord(
-        record[i, records.RECORD_U0], record[i, records.RECORD_U1], record[i, records.RECORD_V0],
-        record[i, records.RECORD_V1], record[i, records.RECORD_DET], record[i, records.RECORD_A3],
-        record[i, records.RECORD_B3], record[i, records.RECORD_LOWPASS_X], record[i, records.RECORD_LOWPASS_Y],
-        record[i, records.RECORD_LOG2_OPACITY], record[i, records.RECORD_RED], record[i, records.RECORD_GREEN],
-        record[i, records.RECORD_BLUE], record[i, records.RECORD_DEPTH], record[i, records.RECORD_NORMAL_X],
-        record[i, records.RECORD_NORMAL_Y], record[i, records.RECORD_NORMAL_Z],
-    )  # fmt: skip
+    return records.SurfelRecord(*to_fixed_tuple(record[i, : records.RECORD_SIZE - 1], 19))
 
 
 @numba.njit
@@ -96,7 +85,11 @@ def log2_alpha(g3, g2, log2_opacity):
 
 @numba.njit(cache=True, parallel=True, fastmath=FASTMATH, error_model="numpy")
 def composite(
-    projected: ProjectedSurfels, lists: TileLists, compositing: Compositing, geometry: bool, workers: int
+    projected: records.ProjectedSurfels,
+    lists: TileLists,
+    compositing: records.Compositing,
+    geometry: bool,
+    workers: int,
 ) -> Float32[np.ndarray, "planes h w"]:
     """Composite the surfels of all tiles (scalar reference).
 
@@ -113,7 +106,7 @@ def composite(
     record, box, _ = projected
     surfel_of, start, order = lists.surfel, lists.start, lists.order
     width, height, cap, background = compositing
-    num_planes = NUM_PLANES if geometry else NUM_COLOUR_PLANES
+    num_planes = records.NUM_PLANES if geometry else records.NUM_COLOUR_PLANES
     image = np.empty((num_planes, height, width), np.float32)
     across = -(-width // TILE_SIZE)
     for worker in numba.prange(workers):
@@ -123,8 +116,8 @@ def composite(
             tile = order[k]
             left, top = (tile % across) * TILE_SIZE, (tile // across) * TILE_SIZE
             right, bottom = min(left + TILE_SIZE, width), min(top + TILE_SIZE, height)
-            state[PLANE_TRANSMITTANCE] = ONE
-            state[PLANE_RED:] = ZERO
+            state[PLANE.transmittance] = ONE
+            state[PLANE.red :] = ZERO
             incomplete_pixels = (right - left) * (bottom - top)
             for e in range(start[tile], start[tile + 1]):
                 if incomplete_pixels == 0:
@@ -132,43 +125,43 @@ def composite(
                 i = surfel_of[e]
                 surfel = read_record(record, i)
                 for y in range(max(box[i, 2], top), min(box[i, 3], bottom)):
-                    dy = record[i, records.RECORD_DY] + np.float32(y - box[i, 2])
+                    dy = surfel.dy + np.float32(y - box[i, 2])
                     low_y = dy + surfel.lowpass_y
                     b = y - top
                     for x in range(max(box[i, 0], left), min(box[i, 1], right)):
-                        dx = record[i, records.RECORD_DX] + np.float32(x - box[i, 0])
+                        dx = surfel.dx + np.float32(x - box[i, 0])
                         low_x = dx + surfel.lowpass_x
                         s, t, _ = intersect(dx, dy, surfel)
                         g2 = TWO * (low_x * low_x + low_y * low_y)
                         exponent = log2_alpha(s * s + t * t, g2, surfel.log2_opacity)
                         a = x - left
-                        before = state[PLANE_TRANSMITTANCE, b, a]
+                        before = state[PLANE.transmittance, b, a]
                         if exponent < LOG2_ALPHA_THRESHOLD or before <= ZERO:
                             continue
                         alpha = min(np.exp2(exponent), cap)
                         w = before * alpha
                         after = before - w
                         if after <= MIN_TRANSMITTANCE:
-                            state[PLANE_TRANSMITTANCE, b, a] = -before
+                            state[PLANE.transmittance, b, a] = -before
                             incomplete_pixels -= 1
                             continue
-                        state[PLANE_TRANSMITTANCE, b, a] = after
-                        state[PLANE_RED, b, a] += w * surfel.red
-                        state[PLANE_GREEN, b, a] += w * surfel.green
-                        state[PLANE_BLUE, b, a] += w * surfel.blue
+                        state[PLANE.transmittance, b, a] = after
+                        state[PLANE.red, b, a] += w * surfel.red
+                        state[PLANE.green, b, a] += w * surfel.green
+                        state[PLANE.blue, b, a] += w * surfel.blue
                         if geometry:
                             # The depth plane before this surfel is D_i.
-                            in_front = surfel.depth * (ONE - before) - state[PLANE_DEPTH, b, a]
-                            state[PLANE_DISTORTION, b, a] += TWO * w * in_front
-                            state[PLANE_DEPTH, b, a] += w * surfel.depth
-                            state[PLANE_NORMAL_X, b, a] += w * surfel.normal_x
-                            state[PLANE_NORMAL_Y, b, a] += w * surfel.normal_y
-                            state[PLANE_NORMAL_Z, b, a] += w * surfel.normal_z
+                            in_front = surfel.depth * (ONE - before) - state[PLANE.depth, b, a]
+                            state[PLANE.distortion, b, a] += TWO * w * in_front
+                            state[PLANE.depth, b, a] += w * surfel.depth
+                            state[PLANE.normal_x, b, a] += w * surfel.normal_x
+                            state[PLANE.normal_y, b, a] += w * surfel.normal_y
+                            state[PLANE.normal_z, b, a] += w * surfel.normal_z
             for y in range(top, bottom):
                 for x in range(left, right):
-                    image[PLANE_TRANSMITTANCE, y, x] = abs(state[PLANE_TRANSMITTANCE, y - top, x - left])
-            for plane in range(PLANE_RED, num_planes):
-                behind = background if plane < PLANE_DEPTH else ZERO
+                    image[PLANE.transmittance, y, x] = abs(state[PLANE.transmittance, y - top, x - left])
+            for plane in range(PLANE.red, num_planes):
+                behind = background if plane < PLANE.depth else ZERO
                 for y in range(top, bottom):
                     for x in range(left, right):
                         image[plane, y, x] = state[plane, y - top, x - left] + behind

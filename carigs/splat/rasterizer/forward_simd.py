@@ -14,42 +14,14 @@ from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.memory import align_stack, atomic_add, load, load_scalar, store
 from carigs.simd.vector_math import absolute, columns, exp2, maximum, minimum, rows, select
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline_alloc
+from carigs.splat.rasterizer import tile_buffer
 from carigs.splat.rasterizer.binning import TILE_SIZE, TileLists
-from carigs.splat.rasterizer.forward import (
-    HALF_LOG2E,
-    LOG2_ALPHA_THRESHOLD,
-    MIN_TRANSMITTANCE,
-    NUM_COLOUR_PLANES,
-    NUM_PLANES,
-    ONE,
-    PLANE_BLUE,
-    PLANE_DEPTH,
-    PLANE_DISTORTION,
-    PLANE_GREEN,
-    PLANE_NORMAL_X,
-    PLANE_NORMAL_Y,
-    PLANE_NORMAL_Z,
-    PLANE_RED,
-    TWO,
-    ZERO,
-)
-from carigs.splat.rasterizer.records import Compositing, ProjectedSurfels
-from carigs.splat.rasterizer.tile_buffer import (
-    CHECK_INTERVAL,
-    MIN_EXPONENT,
-    PLANE_SIZE,
-    STRIDE,
-    add_to_plane,
-    all_complete,
-    block_offset,
-    block_range,
-    broadcast_record,
-    clear,
-    open_pixels,
-    prefetch_surfel,
-    prefetch_tile_to_write,
-    write_plane,
-)
+from carigs.splat.rasterizer.forward import HALF_LOG2E, LOG2_ALPHA_THRESHOLD, MIN_TRANSMITTANCE, ONE, TWO, ZERO
+from carigs.splat.rasterizer.records import NUM_COLOUR_PLANES, NUM_PLANES, PLANE, Compositing, Planes, ProjectedSurfels
+from carigs.splat.rasterizer.tile_buffer import PLANE_SIZE, STRIDE
+
+START = Planes(*(plane * PLANE_SIZE for plane in PLANE))
+"""Start of each plane in the buffer."""
 
 
 def _tile_worker(geometry: bool):
@@ -70,17 +42,19 @@ def _tile_worker(geometry: bool):
             tile = np.int64(load_scalar(lists.order, k))
             left, top = (tile % across) * TILE_SIZE, (tile // across) * TILE_SIZE
             begin, stop = np.int64(load_scalar(lists.start, tile)), np.int64(load_scalar(lists.start, tile + 1))
-            prefetch_tile_to_write(image, top * width + left, width, height, min(TILE_SIZE, height - top))
-            clear(state, PLANE_SIZE, num_planes * PLANE_SIZE)
-            open_pixels(state, width - left, height - top)
+            tile_buffer.prefetch_tile_to_write(image, top * width + left, width, height, min(TILE_SIZE, height - top))
+            tile_buffer.clear(state, PLANE_SIZE, num_planes * PLANE_SIZE)
+            tile_buffer.open_pixels(state, width - left, height - top)
             for e in range(begin, stop):
-                if (e - begin) % CHECK_INTERVAL == CHECK_INTERVAL - 1 and all_complete(state):
+                if (
+                    e - begin
+                ) % tile_buffer.CHECK_INTERVAL == tile_buffer.CHECK_INTERVAL - 1 and tile_buffer.all_complete(state):
                     break
-                prefetch_surfel(record, box, lists.surfel, e, stop)
+                tile_buffer.prefetch_surfel(record, box, lists.surfel, e, stop)
                 i = np.int64(load_scalar(lists.surfel, e))
-                x0, x1, y0, y1 = block_range(box, i, left, top)
-                offset_x, offset_y = block_offset(record, box, i, left + x0, top + y0)
-                surfel = broadcast_record(record, i)
+                x0, x1, y0, y1 = tile_buffer.block_range(box, i, left, top)
+                offset_x, offset_y = tile_buffer.block_offset(record, box, i, left + x0, top + y0)
+                surfel = tile_buffer.broadcast_record(record, i)
                 for y in range(y0, y1, 4):
                     dy = rows() + (offset_y + np.float32(y - y0))
                     # Terms that are constant along the row of blocks.
@@ -100,7 +74,8 @@ def _tile_worker(geometry: bool):
                         exponent = surfel.log2_opacity - g * HALF_LOG2E
                         valid = exponent >= LOG2_ALPHA_THRESHOLD
                         alpha = minimum(
-                            exp2(maximum(exponent, broadcast(MIN_EXPONENT))), broadcast(compositing.alpha_cap)
+                            exp2(maximum(exponent, broadcast(tile_buffer.MIN_EXPONENT))),
+                            broadcast(compositing.alpha_cap),
                         )
                         at = y * STRIDE + 4 * x
                         before = load(state, at)
@@ -110,23 +85,23 @@ def _tile_worker(geometry: bool):
                         w = select(continues, w, broadcast(ZERO))
                         complete = select(valid, broadcast(ZERO) - absolute(before), before)
                         store(state, at, select(continues, after, complete))
-                        add_to_plane(state, at + PLANE_RED * PLANE_SIZE, w * surfel.red)
-                        add_to_plane(state, at + PLANE_GREEN * PLANE_SIZE, w * surfel.green)
-                        add_to_plane(state, at + PLANE_BLUE * PLANE_SIZE, w * surfel.blue)
+                        tile_buffer.add_to_plane(state, at + START.red, w * surfel.red)
+                        tile_buffer.add_to_plane(state, at + START.green, w * surfel.green)
+                        tile_buffer.add_to_plane(state, at + START.blue, w * surfel.blue)
                         if geometry:
                             # The depth plane before this surfel is D_i of the distortion.
-                            front = load(state, at + PLANE_DEPTH * PLANE_SIZE)
+                            front = load(state, at + START.depth)
                             spread = w * (surfel.depth * (ONE - before) - front) * TWO
-                            store(state, at + PLANE_DEPTH * PLANE_SIZE, front + w * surfel.depth)
-                            add_to_plane(state, at + PLANE_NORMAL_X * PLANE_SIZE, w * surfel.normal_x)
-                            add_to_plane(state, at + PLANE_NORMAL_Y * PLANE_SIZE, w * surfel.normal_y)
-                            add_to_plane(state, at + PLANE_NORMAL_Z * PLANE_SIZE, w * surfel.normal_z)
-                            add_to_plane(state, at + PLANE_DISTORTION * PLANE_SIZE, spread)
+                            store(state, at + START.depth, front + w * surfel.depth)
+                            tile_buffer.add_to_plane(state, at + START.normal_x, w * surfel.normal_x)
+                            tile_buffer.add_to_plane(state, at + START.normal_y, w * surfel.normal_y)
+                            tile_buffer.add_to_plane(state, at + START.normal_z, w * surfel.normal_z)
+                            tile_buffer.add_to_plane(state, at + START.distortion, spread)
             for plane in range(image.size // (width * height)):  # not a constant: LLVM would unroll the loop
-                write_plane(
+                tile_buffer.write_plane(
                     image, (plane * height + top) * width + left, width, min(TILE_SIZE, width - left),
                     min(TILE_SIZE, height - top), state, plane * PLANE_SIZE, plane == 0,
-                    compositing.background if PLANE_RED <= plane < PLANE_DEPTH else ZERO,
+                    compositing.background if PLANE.red <= plane < PLANE.depth else ZERO,
                 )  # fmt: skip
 
     return composite_tiles

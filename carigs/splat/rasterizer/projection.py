@@ -31,6 +31,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 from jaxtyping import Float32, Int32
+from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from carigs.simd import matrix3
 from carigs.simd.vector_math import absolute, floor, log2, maximum, minimum, select, sqrt
@@ -38,7 +39,6 @@ from carigs.simd.vectors import scalar_or_simd
 from carigs.splat.rasterizer import records
 from carigs.splat.rasterizer.binning import TILE_SIZE
 from carigs.splat.rasterizer.culling import ALPHA_THRESHOLD, CAMERA_PLANE_MARGIN, MIN_AREA, NEAR_PLANE
-from carigs.splat.rasterizer.records import Pinhole, ProjectedSurfels, SurfelArrays, SurfelGradients
 
 BOX_MARGIN = 1e-3
 """Pixels by which boxes are enlarged against rounding."""
@@ -112,8 +112,7 @@ def surfel_record(centre, tangent_u, tangent_v, opacity, colour_magnitude, camer
         camera: `Pinhole`.
 
     Returns:
-        Pixel box (x0, x1, y0, y1), half open; number of tiles, 0 if the surfel is culled; record without the colour
-        (columns 0-11 and 15-18).
+        Box (x0, x1, y0, y1); number of tiles, 0 if culled; record without the colour (columns 0-11 and 15-18).
     """
     m, u, v = _to_camera(camera, centre, tangent_u, tangent_v)
     xh, yh, u0, u1, v0, v1, p, q = _homography(m, u, v, camera.fx, camera.fy)
@@ -148,20 +147,17 @@ def _homography_gradient(g, u0, u1, v0, v1, p, q):
     zx, zy, zz and the low-pass offset are linear in the pixel offset. The sums over pixels of their derivatives, and of
     those times dx and dy, therefore suffice; for example dL/dU0 = sum dL/dzy dy + dL/dzz (V1 - q dy).
     """
-    gx, gy, gz = g[records.GRADIENT_ZX], g[records.GRADIENT_ZY], g[records.GRADIENT_ZZ]
-    gxx, gxy, gyx = g[records.GRADIENT_ZX_DX], g[records.GRADIENT_ZX_DY], g[records.GRADIENT_ZY_DX]
-    gyy, gzx, gzy = g[records.GRADIENT_ZY_DY], g[records.GRADIENT_ZZ_DX], g[records.GRADIENT_ZZ_DY]
     a3, b3 = v0 * q - v1 * p, u1 * p - u0 * q
-    d_u0 = gyy + gz * v1 - gzy * q
-    d_u1 = -gxy - gz * v0 + gzy * p
-    d_v0 = -gyx - gz * u1 + gzx * q
-    d_v1 = gxx + gz * u0 - gzx * p
-    d_p = -gzx * v1 + gzy * u1
-    d_q = gzx * v0 - gzy * u0
-    d_pcx = -(gx * v1 - gy * v0 + gz * a3)
-    d_pcy = -(-gx * u1 + gy * u0 + gz * b3)
+    d_u0 = g.zy_dy + g.zz * v1 - g.zz_dy * q
+    d_u1 = -g.zx_dy - g.zz * v0 + g.zz_dy * p
+    d_v0 = -g.zy_dx - g.zz * u1 + g.zz_dx * q
+    d_v1 = g.zx_dx + g.zz * u0 - g.zz_dx * p
+    d_p = -g.zz_dx * v1 + g.zz_dy * u1
+    d_q = g.zz_dx * v0 - g.zz_dy * u0
+    d_pcx = -(g.zx * v1 - g.zy * v0 + g.zz * a3)
+    d_pcy = -(-g.zx * u1 + g.zy * u0 + g.zz * b3)
     # Low-pass centre m2 = pc + N / E1.
-    mx, my = -g[records.GRADIENT_LOWPASS_X], -g[records.GRADIENT_LOWPASS_Y]
+    mx, my = -g.lowpass_x, -g.lowpass_y
     e1 = p * p + q * q - 1.0
     kx, ky = mx / e1, my / e1
     nx, ny = u0 * p + u1 * q, v0 * p + v1 * q
@@ -206,7 +202,7 @@ def surfel_gradients(g, centre, tangent_u, tangent_v, camera):
     """Gradients of one surfel, or of one per lane, from the sum of its gradient slots.
 
     Args:
-        g: Sums of the columns of the surfel's gradient slots.
+        g: `GradientSlot`, the sum of the surfel's slots.
         centre: Three numbers or vectors, float64, world space.
         tangent_u: First tangent.
         tangent_v: Second tangent.
@@ -218,10 +214,9 @@ def surfel_gradients(g, centre, tangent_u, tangent_v, camera):
     m, u, v = _to_camera(camera, centre, tangent_u, tangent_v)
     xh, yh, u0, u1, v0, v1, p, q = _homography(m, u, v, camera.fx, camera.fy)
     d = _homography_gradient(g, u0, u1, v0, v1, p, q)
-    d_m, d_u, d_v = _disc_gradient(d, g[records.GRADIENT_DEPTH], m, u, v, xh, yh, p, q, camera.fx, camera.fy)
+    d_m, d_u, d_v = _disc_gradient(d, g.depth, m, u, v, xh, yh, p, q, camera.fx, camera.fy)
     n, area, sign = _facing_normal(m, u, v)
-    d_n = (g[records.GRADIENT_NORMAL_X], g[records.GRADIENT_NORMAL_Y], g[records.GRADIENT_NORMAL_Z])
-    normal_u, normal_v = _normal_gradient(d_n, n, area, sign, u, v)
+    normal_u, normal_v = _normal_gradient((g.normal_x, g.normal_y, g.normal_z), n, area, sign, u, v)
     rotation = camera.rotation
     return (
         matrix3.apply_transposed(rotation, d_m),
@@ -237,7 +232,9 @@ def _row(array, i):
 
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
-def project_surfels(surfels: SurfelArrays, camera: Pinhole, background: float) -> ProjectedSurfels:
+def project_surfels(
+    surfels: records.SurfelArrays, camera: records.Pinhole, background: float
+) -> records.ProjectedSurfels:
     """Project surfels to records and pixel boxes (scalar reference).
 
     Culled are surfels with a number that is not finite, without area, nearer than NEAR_PLANE, with an opacity below
@@ -245,7 +242,7 @@ def project_surfels(surfels: SurfelArrays, camera: Pinhole, background: float) -
 
     Args:
         surfels: Surfels in world space.
-        camera: Pinhole camera.
+        camera: records.Pinhole camera.
         background: Grey value; records hold colours relative to it.
 
     Returns:
@@ -258,7 +255,7 @@ def project_surfels(surfels: SurfelArrays, camera: Pinhole, background: float) -
     centre, tangent_u, tangent_v, opacity, colour = surfels
     rotation, translation, fx, fy, cx, cy, width, height = camera  # `prange` does not accept nested tuples
     for i in numba.prange(count):
-        pinhole = Pinhole(rotation, translation, fx, fy, cx, cy, width, height)
+        pinhole = records.Pinhole(rotation, translation, fx, fy, cx, cy, width, height)
         r, g, b = _row(colour, i)
         corners, number, geometry = surfel_record(
             _row(centre, i), _row(tangent_u, i), _row(tangent_v, i), np.float64(opacity[i]),
@@ -269,20 +266,19 @@ def project_surfels(surfels: SurfelArrays, camera: Pinhole, background: float) -
         num_tiles[i] = int(number)
         for k in range(4):
             box[i, k] = int(corners[k])
-        for k in range(records.RECORD_RED):
-            record[i, k] = geometry[k]
-        record[i, records.RECORD_RED], record[i, records.RECORD_GREEN] = r - background, g - background
-        record[i, records.RECORD_BLUE] = b - background
-        for k in range(records.RECORD_DEPTH, records.RECORD_SIZE - 1):
-            record[i, k] = geometry[k - 3]
-        record[i, records.RECORD_SIZE - 1] = 0.0
-    return ProjectedSurfels(record, box, num_tiles)
+        line = (*geometry[0:12], r - background, g - background, b - background, *geometry[12:16], 0.0)
+        for k in range(records.RECORD_SIZE):
+            record[i, k] = line[k]
+    return records.ProjectedSurfels(record, box, num_tiles)
 
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
 def project_surfels_backward(
-    slots: Float32[np.ndarray, "pairs 20"], first_slot: Int32[np.ndarray, "n+1"], surfels: SurfelArrays, camera: Pinhole
-) -> SurfelGradients:
+    slots: Float32[np.ndarray, "pairs 20"],
+    first_slot: Int32[np.ndarray, "n+1"],
+    surfels: records.SurfelArrays,
+    camera: records.Pinhole,
+) -> records.SurfelGradients:
     """Gradient of `project_surfels` (scalar reference).
 
     Sums each surfel's gradient slots in order, in float64, and applies the chain rule of the projection.
@@ -292,7 +288,7 @@ def project_surfels_backward(
         slots: Gradient slots of all (surfel, tile) pairs, see `records`.
         first_slot: Range of each surfel's slots.
         surfels: Surfels in world space.
-        camera: Pinhole camera.
+        camera: records.Pinhole camera.
 
     Returns:
         Gradients with respect to the surfels and their projected centres.
@@ -302,26 +298,23 @@ def project_surfels_backward(
     d_centre, d_tangent_u = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
     d_tangent_v, d_colour = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
     d_opacity, d_projected = np.zeros(count, np.float32), np.zeros((count, 2), np.float32)
+    sums = np.zeros((count, records.GRADIENT_SIZE))
     rotation, translation, fx, fy, cx, cy, width, height = camera
     for i in numba.prange(count):
         start, stop = first_slot[i], first_slot[i + 1]
         if stop == start:
             continue
-        pinhole = Pinhole(rotation, translation, fx, fy, cx, cy, width, height)
-        g = np.zeros(records.GRADIENT_SIZE)
+        pinhole = records.Pinhole(rotation, translation, fx, fy, cx, cy, width, height)
         for slot in range(start, stop):
             for k in range(records.GRADIENT_SIZE - 1):
-                g[k] += slots[slot, k]
+                sums[i, k] += slots[slot, k]
+        g = records.GradientSlot(*to_fixed_tuple(sums[i], 19))
         d_m, d_u, d_v, d_p = surfel_gradients(g, _row(centre, i), _row(tangent_u, i), _row(tangent_v, i), pinhole)
         for axis in range(3):
             d_centre[i, axis] = d_m[axis]
             d_tangent_u[i, axis] = d_u[axis]
             d_tangent_v[i, axis] = d_v[axis]
-        d_colour[i, 0], d_colour[i, 1], d_colour[i, 2] = (
-            g[records.GRADIENT_RED],
-            g[records.GRADIENT_GREEN],
-            g[records.GRADIENT_BLUE],
-        )
-        d_opacity[i] = g[records.GRADIENT_LOG_OPACITY] / opacity[i]
+        d_colour[i, 0], d_colour[i, 1], d_colour[i, 2] = g.red, g.green, g.blue
+        d_opacity[i] = g.log_opacity / opacity[i]
         d_projected[i, 0], d_projected[i, 1] = d_p
-    return SurfelGradients(d_centre, d_tangent_u, d_tangent_v, d_opacity, d_colour, d_projected)
+    return records.SurfelGradients(d_centre, d_tangent_u, d_tangent_v, d_opacity, d_colour, d_projected)

@@ -11,7 +11,6 @@ from carigs.simd.vector_math import absolute, halves, joined, select, whole_bits
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
 from carigs.splat.rasterizer import records
 from carigs.splat.rasterizer.projection import surfel_gradients, surfel_record
-from carigs.splat.rasterizer.records import Pinhole, ProjectedSurfels, SurfelArrays, SurfelGradients
 
 PART_SIZE = 1024  # surfels of one task
 SECOND_VECTOR = records.RECORD_SIZE - WIDTH  # first column of the second vector of a record or a gradient slot
@@ -51,8 +50,8 @@ def _halves19(g):
     a, b, c, d = _halves3(g[0:3]), _halves3(g[3:6]), _halves3(g[6:9]), _halves3(g[9:12])
     e, f, last = _halves3(g[12:15]), _halves3(g[15:18]), halves(g[18])
     return (
-        (*a[0], *b[0], *c[0], *d[0], *e[0], *f[0], last[0]),
-        (*a[1], *b[1], *c[1], *d[1], *e[1], *f[1], last[1]),
+        records.GradientSlot(*a[0], *b[0], *c[0], *d[0], *e[0], *f[0], last[0]),
+        records.GradientSlot(*a[1], *b[1], *c[1], *d[1], *e[1], *f[1], last[1]),
     )
 
 
@@ -95,19 +94,21 @@ def _project_all(count, *arguments):
     parallel_for(_project_part, (count + PART_SIZE - 1) // PART_SIZE, (count, *arguments))
 
 
-def project_surfels(surfels: SurfelArrays, camera: Pinhole, background: float) -> ProjectedSurfels:
+def project_surfels(
+    surfels: records.SurfelArrays, camera: records.Pinhole, background: float
+) -> records.ProjectedSurfels:
     """Project surfels to records and pixel boxes: as `projection.project_surfels`, to rounding.
 
     Args:
         surfels: Sixteen surfels or more in world space.
-        camera: Pinhole camera.
+        camera: records.Pinhole camera.
         background: Grey value; records hold colours relative to it.
 
     Returns:
         Records, boxes and numbers of tiles.
     """
     n = len(surfels.opacity)
-    projected = ProjectedSurfels(
+    projected = records.ProjectedSurfels(
         np.empty((n, records.RECORD_SIZE), np.float32), np.empty((n, 4), np.int32), np.empty(n, np.int32)
     )
     _project_all(n, surfels.flattened(), camera, np.float32(background), projected.flattened())
@@ -129,7 +130,7 @@ def _project_backward(i, slots, first_slot, surfels, camera, gradients, sums, co
         store(sums, records.GRADIENT_SIZE * r + SECOND_VECTOR, second)
     first_columns = load_rows(sums, 0, records.GRADIENT_SIZE)
     last_columns = load_rows(sums, SECOND_VECTOR, records.GRADIENT_SIZE)
-    g = (*first_columns, *last_columns[12:15])
+    g = records.GradientSlot(*first_columns, *last_columns[12:15])
     visible, zero = load(counts, 0) > 0.0, broadcast(np.float32(0))
     g_a, g_b = _halves19(g)
     m, u = _halves3(load3(surfels.centre, 3 * i)), _halves3(load3(surfels.tangent_u, 3 * i))
@@ -141,8 +142,8 @@ def _project_backward(i, slots, first_slot, surfels, camera, gradients, sums, co
     store3(gradients.tangent_v, 3 * i, _select3(visible, _joined3(v_a, v_b), zero))
     x, y = joined(pixel_a[0], pixel_b[0]), joined(pixel_a[1], pixel_b[1])
     store2(gradients.projected_centre, 2 * i, (select(visible, x, zero), select(visible, y, zero)))
-    store3(gradients.colour, 3 * i, (g[records.GRADIENT_RED], g[records.GRADIENT_GREEN], g[records.GRADIENT_BLUE]))
-    opacity = g[records.GRADIENT_LOG_OPACITY] / load(surfels.opacity, i)
+    store3(gradients.colour, 3 * i, (g.red, g.green, g.blue))
+    opacity = g.log_opacity / load(surfels.opacity, i)
     store(gradients.opacity, i, select(visible, opacity, zero))
 
 
@@ -161,21 +162,24 @@ def _project_backward_all(count, *arguments):
 
 
 def project_surfels_backward(
-    slots: Float32[np.ndarray, "pairs 20"], first_slot: Int32[np.ndarray, "n+1"], surfels: SurfelArrays, camera: Pinhole
-) -> SurfelGradients:
+    slots: Float32[np.ndarray, "pairs 20"],
+    first_slot: Int32[np.ndarray, "n+1"],
+    surfels: records.SurfelArrays,
+    camera: records.Pinhole,
+) -> records.SurfelGradients:
     """Gradient of `project_surfels`: as `projection.project_surfels_backward`, with sums of slots in float32.
 
     Args:
         slots: Gradient slots of all (surfel, tile) pairs, see `records`.
         first_slot: Range of each surfel's slots.
         surfels: Sixteen surfels or more in world space.
-        camera: Pinhole camera.
+        camera: records.Pinhole camera.
 
     Returns:
         Gradients with respect to the surfels and their projected centres.
     """
     n = len(surfels.opacity)
-    gradients = SurfelGradients(*(np.empty((n, k) if k else n, np.float32) for k in (3, 3, 3, 0, 3, 2)))
-    flat = SurfelGradients(*(array.reshape(-1) for array in gradients))
+    gradients = records.SurfelGradients(*(np.empty((n, k) if k else n, np.float32) for k in (3, 3, 3, 0, 3, 2)))
+    flat = records.SurfelGradients(*(array.reshape(-1) for array in gradients))
     _project_backward_all(n, slots.reshape(-1), first_slot, surfels.flattened(), camera, flat)
     return gradients

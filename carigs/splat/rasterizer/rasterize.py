@@ -19,7 +19,7 @@ from carigs.simd.vectors import WIDTH
 from carigs.splat.rasterizer import backward, backward_simd, binning, forward, forward_simd, projection, projection_simd
 from carigs.splat.rasterizer.cuda import rasterize_cuda
 from carigs.splat.rasterizer.interface import OUTPUTS, Rendering, Screen, WorldSurfels
-from carigs.splat.rasterizer.records import RECORD_DEPTH, Compositing, Pinhole, SurfelArrays
+from carigs.splat.rasterizer.records import PLANE, RECORD_COLUMN, Compositing, Pinhole, SurfelArrays
 
 if TYPE_CHECKING:
     from carigs.capture.camera import Camera
@@ -123,7 +123,7 @@ class _Rasterize(torch.autograd.Function):
         if len(centre) < WIDTH:
             project, ctx.project_backward = projection.project_surfels, projection.project_surfels_backward
         projected = project(surfels, camera, background)
-        depth, workers = projected.record[:, RECORD_DEPTH], numba.get_num_threads()
+        depth, workers = projected.record[:, RECORD_COLUMN.depth], numba.get_num_threads()
         lists = binning.tile_lists(
             depth, projected.box, projected.num_tiles, compositing.width, compositing.height, workers
         )
@@ -152,7 +152,7 @@ class _Rasterize(torch.autograd.Function):
         if list(gradients) == ["colour"]:
             upstream = gradients["colour"].contiguous()
         else:
-            num_planes = forward.NUM_PLANES if geometry else forward.NUM_COLOUR_PLANES
+            num_planes = len(PLANE) if geometry else PLANE.depth
             upstream = torch.zeros((num_planes, *ctx.image.shape[1:]))
             for name, gradient in gradients.items():
                 upstream[_PLANES[name]] = gradient

@@ -1,71 +1,69 @@
-"""Layout of the arrays that the rasterizer's kernels exchange.
+"""Layout of the arrays that the rasterizer's kernels exchange (compile-time constants, see `carigs.simd.kernels`).
 
-The column numbers are compile-time constants of the kernels (see `carigs.simd.kernels`). Symbols are those of
-`projection`, where the quantities are computed.
+Symbols are those of `projection`, where the quantities are computed.
 
-A **record** describes one projected surfel:
+A **record** describes one projected surfel. Its columns are the fields of `SurfelRecord`, in order:
 
-=======  =============================  ==============================================================================
-columns  constant                       content
-=======  =============================  ==============================================================================
-0-1      RECORD_DX, RECORD_DY           first pixel centre of the surfel's box minus the projected centre, in pixels
-2-5      RECORD_U0, U1, V0, V1          homography from disc coordinates to pixel offsets
-6-8      RECORD_DET, A3, B3             denominator of the inverse homography: zz = det + a3 dx + b3 dy
-9-10     RECORD_LOWPASS_X, _Y           projected centre minus the centre of the low-pass filter, in pixels
-11       RECORD_LOG2_OPACITY            log2 of the opacity
-12-14    RECORD_RED, GREEN, BLUE        colour minus the background
-15       RECORD_DEPTH                   depth Z of the centre in metres
-16-18    RECORD_NORMAL_X, _Y, _Z        unit normal in camera axes
-19       -                              unused: rows of 20 numbers can be stored as two vectors of 16
-=======  =============================  ==============================================================================
+=======  =======================  ======================================================================================
+columns  fields                   content
+=======  =======================  ======================================================================================
+0-1      dx, dy                   first pixel centre of the surfel's box minus the projected centre, in pixels
+2-5      u0, u1, v0, v1           homography from disc coordinates to pixel offsets
+6-8      det, a3, b3              denominator of the inverse homography: zz = det + a3 dx + b3 dy
+9-10     lowpass_x, lowpass_y     projected centre minus the centre of the low-pass filter, in pixels
+11       log2_opacity             log2 of the opacity
+12-14    red, green, blue         colour minus the background
+15       depth                    depth Z of the centre in metres
+16-18    normal_x .. normal_z     unit normal in camera axes
+19       -                        unused: a row of 20 numbers is two overlapping vectors of 16
+=======  =======================  ======================================================================================
 
 A **gradient slot** holds the derivatives of the loss that one (surfel, tile) pair contributes, summed over the tile's
-pixels. zx, zy, zz are the homogeneous disc coordinates of a pixel's ray, (dx, dy) is the pixel's offset from the
-projected centre:
+pixels. Its columns are the fields of `GradientSlot`, in order; zx, zy, zz are the homogeneous disc coordinates of a
+pixel's ray, and (dx, dy) is the pixel's offset from the projected centre:
 
-=======  =============================  ==============================================================================
-columns  constant                       content
-=======  =============================  ==============================================================================
-0-2      GRADIENT_ZX, ZY, ZZ            sum dL/dzx, sum dL/dzy, sum dL/dzz
-3-4      GRADIENT_ZX_DX, ZX_DY          sum dL/dzx dx, sum dL/dzx dy
-5-6      GRADIENT_ZY_DX, ZY_DY          sum dL/dzy dx, sum dL/dzy dy
-7-8      GRADIENT_ZZ_DX, ZZ_DY          sum dL/dzz dx, sum dL/dzz dy
-9-10     GRADIENT_LOWPASS_X, _Y         derivative with respect to the offset from the low-pass centre
-11       GRADIENT_LOG_OPACITY           derivative with respect to ln(opacity)
-12-14    GRADIENT_RED, GREEN, BLUE      derivative with respect to the colour
-15       GRADIENT_DEPTH                 derivative with respect to the depth
-16-18    GRADIENT_NORMAL_X, _Y, _Z      derivative with respect to the normal
-19       -                              unused
-=======  =============================  ==============================================================================
+=======  =======================  ======================================================================================
+columns  fields                   content
+=======  =======================  ======================================================================================
+0-2      zx, zy, zz               sum dL/dzx, sum dL/dzy, sum dL/dzz
+3-4      zx_dx, zx_dy             sum dL/dzx dx, sum dL/dzx dy
+5-6      zy_dx, zy_dy             sum dL/dzy dx, sum dL/dzy dy
+7-8      zz_dx, zz_dy             sum dL/dzz dx, sum dL/dzz dy
+9-10     lowpass_x, lowpass_y     derivative with respect to the offset from the low-pass centre
+11       log_opacity              derivative with respect to ln(opacity)
+12-14    red, green, blue         derivative with respect to the colour
+15       depth                    derivative with respect to the depth
+16-18    normal_x .. normal_z     derivative with respect to the normal
+19       -                        unused
+=======  =======================  ======================================================================================
+
+An **image** consists of planes, numbered by `PLANE`: the transmittance T, the colour and, with geometry, depth, normal
+and distortion. In the gradient of an image the first plane is the derivative with respect to alpha = 1 - T.
 """
 
 from __future__ import annotations
 
+from collections import namedtuple
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float32, Int32
 
-RECORD_SIZE = 20
-RECORD_DX, RECORD_DY = 0, 1
-RECORD_U0, RECORD_U1, RECORD_V0, RECORD_V1 = 2, 3, 4, 5
-RECORD_DET, RECORD_A3, RECORD_B3 = 6, 7, 8
-RECORD_LOWPASS_X, RECORD_LOWPASS_Y = 9, 10
-RECORD_LOG2_OPACITY = 11
-RECORD_RED, RECORD_GREEN, RECORD_BLUE = 12, 13, 14
-RECORD_DEPTH = 15
-RECORD_NORMAL_X, RECORD_NORMAL_Y, RECORD_NORMAL_Z = 16, 17, 18
-
-GRADIENT_SIZE = 20
-GRADIENT_ZX, GRADIENT_ZY, GRADIENT_ZZ = 0, 1, 2
-GRADIENT_ZX_DX, GRADIENT_ZX_DY = 3, 4
-GRADIENT_ZY_DX, GRADIENT_ZY_DY = 5, 6
-GRADIENT_ZZ_DX, GRADIENT_ZZ_DY = 7, 8
-GRADIENT_LOWPASS_X, GRADIENT_LOWPASS_Y = 9, 10
-GRADIENT_LOG_OPACITY = 11
-GRADIENT_RED, GRADIENT_GREEN, GRADIENT_BLUE = 12, 13, 14
-GRADIENT_DEPTH = 15
-GRADIENT_NORMAL_X, GRADIENT_NORMAL_Y, GRADIENT_NORMAL_Z = 16, 17, 18
+SurfelRecord = namedtuple(
+    "SurfelRecord",
+    "dx dy u0 u1 v0 v1 det a3 b3 lowpass_x lowpass_y log2_opacity red green blue depth normal_x normal_y normal_z",
+)
+GradientSlot = namedtuple(
+    "GradientSlot",
+    "zx zy zz zx_dx zx_dy zy_dx zy_dy zz_dx zz_dy lowpass_x lowpass_y log_opacity red green blue depth "
+    "normal_x normal_y normal_z",
+)
+RECORD_COLUMN, GRADIENT_COLUMN = SurfelRecord(*range(19)), GradientSlot(*range(19))
+"""Number of the column of each field."""
+RECORD_SIZE = GRADIENT_SIZE = 20
+Planes = namedtuple("Planes", "transmittance red green blue depth normal_x normal_y normal_z distortion")
+PLANE = Planes(*range(9))
+NUM_PLANES, NUM_COLOUR_PLANES = len(PLANE), PLANE.depth
 
 
 class SurfelArrays(NamedTuple):
@@ -112,28 +110,6 @@ class SurfelGradients(NamedTuple):
     colour: Float32[np.ndarray, "n 3"]
     projected_centre: Float32[np.ndarray, "n 2"]
     """With respect to the projected centre in pixels."""
-
-
-class SurfelRecord(NamedTuple):
-    """Columns 2 to 18 of a record as numbers or vectors of equal lanes."""
-
-    u0: float
-    u1: float
-    v0: float
-    v1: float
-    det: float
-    a3: float
-    b3: float
-    lowpass_x: float
-    lowpass_y: float
-    log2_opacity: float
-    red: float
-    green: float
-    blue: float
-    depth: float
-    normal_x: float
-    normal_y: float
-    normal_z: float
 
 
 class ProjectedSurfels(NamedTuple):

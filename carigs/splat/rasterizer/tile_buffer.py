@@ -25,11 +25,10 @@ from carigs.simd.memory import (
 )
 from carigs.simd.vector_math import absolute, columns, largest, maximum, rows, select
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline
-from carigs.splat.rasterizer import records
 from carigs.splat.rasterizer.binning import TILE_SIZE
 from carigs.splat.rasterizer.culling import ALPHA_THRESHOLD, TRANSMITTANCE_THRESHOLD
 from carigs.splat.rasterizer.forward import ONE, ZERO
-from carigs.splat.rasterizer.records import SurfelRecord
+from carigs.splat.rasterizer.records import RECORD_COLUMN, RECORD_SIZE, SurfelRecord
 
 STRIDE = TILE_SIZE + 4
 PLANE_SIZE = TILE_SIZE * STRIDE
@@ -105,13 +104,16 @@ def block_range(box, i, left, top):
 
 
 @simd_inline
-def _lanes(record, at):
-    return broadcast(load_scalar(record, at))
+def _broadcast4(record, at):
+    return (
+        broadcast(load_scalar(record, at)), broadcast(load_scalar(record, at + 1)),
+        broadcast(load_scalar(record, at + 2)), broadcast(load_scalar(record, at + 3)),
+    )  # fmt: skip
 
 
 @simd_inline
 def broadcast_record(record, i):
-    """Columns of a record that do not depend on the pixel.
+    """The record of a surfel.
 
     Args:
         record: Flat records.
@@ -120,18 +122,10 @@ def broadcast_record(record, i):
     Returns:
         `SurfelRecord` of vectors with equal lanes.
     """
-    r = i * records.RECORD_SIZE
-    return SurfelRecord(
-        _lanes(record, r + records.RECORD_U0), _lanes(record, r + records.RECORD_U1),
-        _lanes(record, r + records.RECORD_V0), _lanes(record, r + records.RECORD_V1),
-        _lanes(record, r + records.RECORD_DET), _lanes(record, r + records.RECORD_A3),
-        _lanes(record, r + records.RECORD_B3), _lanes(record, r + records.RECORD_LOWPASS_X),
-        _lanes(record, r + records.RECORD_LOWPASS_Y), _lanes(record, r + records.RECORD_LOG2_OPACITY),
-        _lanes(record, r + records.RECORD_RED), _lanes(record, r + records.RECORD_GREEN),
-        _lanes(record, r + records.RECORD_BLUE), _lanes(record, r + records.RECORD_DEPTH),
-        _lanes(record, r + records.RECORD_NORMAL_X), _lanes(record, r + records.RECORD_NORMAL_Y),
-        _lanes(record, r + records.RECORD_NORMAL_Z),
-    )  # fmt: skip
+    r = i * RECORD_SIZE
+    first, second = _broadcast4(record, r), _broadcast4(record, r + 4)
+    third, fourth, last = _broadcast4(record, r + 8), _broadcast4(record, r + 12), _broadcast4(record, r + 16)
+    return SurfelRecord(*first, *second, *third, *fourth, *last[0:3])
 
 
 @simd_inline
@@ -148,10 +142,10 @@ def block_offset(record, box, i, x, y):
     Returns:
         dx and dy in pixels.
     """
-    r = i * records.RECORD_SIZE
+    r = i * RECORD_SIZE
     return (
-        load_scalar(record, r + records.RECORD_DX) + np.float32(x - load_scalar(box, 4 * i)),
-        load_scalar(record, r + records.RECORD_DY) + np.float32(y - load_scalar(box, 4 * i + 2)),
+        load_scalar(record, r + RECORD_COLUMN.dx) + np.float32(x - load_scalar(box, 4 * i)),
+        load_scalar(record, r + RECORD_COLUMN.dy) + np.float32(y - load_scalar(box, 4 * i + 2)),
     )
 
 
@@ -168,8 +162,8 @@ def prefetch_surfel(record, box, surfel, e, stop):
     """
     if e + PREFETCH_DISTANCE < stop:
         i = np.int64(load_scalar(surfel, e + PREFETCH_DISTANCE))
-        prefetch(record, i * records.RECORD_SIZE)
-        prefetch(record, i * records.RECORD_SIZE + records.RECORD_SIZE - 1)
+        prefetch(record, i * RECORD_SIZE)
+        prefetch(record, i * RECORD_SIZE + RECORD_SIZE - 1)
         prefetch(box, i * 4)
 
 
@@ -266,13 +260,12 @@ def multiply_add(state, to, a, b):
 
     Args:
         state: Buffer.
-        to: Number of the plane that is added to.
-        a: Number of the first factor's plane.
-        b: Number of the second factor's plane.
+        to: Start of the plane that is added to.
+        a: Start of the first factor's plane.
+        b: Start of the second factor's plane.
     """
     for at in range(0, PLANE_SIZE, WIDTH):
-        product = load(state, a * PLANE_SIZE + at) * load(state, b * PLANE_SIZE + at)
-        add_to_plane(state, to * PLANE_SIZE + at, product)
+        add_to_plane(state, to + at, load(state, a + at) * load(state, b + at))
 
 
 @simd_inline
@@ -281,11 +274,11 @@ def subtract(state, plane, number, sign):
 
     Args:
         state: Buffer.
-        plane: Number of the plane.
+        plane: Start of the plane.
         number: Number to subtract.
         sign: 1 or -1.
     """
-    for at in range(plane * PLANE_SIZE, (plane + 1) * PLANE_SIZE, WIDTH):
+    for at in range(plane, plane + PLANE_SIZE, WIDTH):
         store(state, at, (load(state, at) - number) * sign)
 
 
@@ -295,8 +288,8 @@ def copy_plane(state, to, a):
 
     Args:
         state: Buffer.
-        to: Number of the destination.
-        a: Number of the source.
+        to: Start of the destination.
+        a: Start of the source.
     """
     for at in range(0, PLANE_SIZE, WIDTH):
-        store(state, to * PLANE_SIZE + at, load(state, a * PLANE_SIZE + at))
+        store(state, to + at, load(state, a + at))

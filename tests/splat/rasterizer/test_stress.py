@@ -171,8 +171,11 @@ def expected_of(arrays, clear=None, shift=(0.0, 0.0)):
     rendering = reference_render(tensors, replace(CAMERA, cx=CAMERA.cx + shift[0], cy=CAMERA.cy + shift[1]))
     clear = rendering["margin"] > 1e-4 if clear is None else clear
     images = [masked(rendering[name], clear) for name in OUTPUTS]
-    loss(images).backward()
-    return [image.detach() for image in images], [t.grad for t in tensors], clear
+    total = loss(images)
+    if total.requires_grad:  # some surfel is visible
+        total.backward()
+    gradients = [torch.zeros_like(t) if t.grad is None else t.grad for t in tensors]
+    return [image.detach() for image in images], gradients, clear
 
 
 def blur(arrays, images, gradients, clear):
