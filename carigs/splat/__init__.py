@@ -1,19 +1,12 @@
-"""Rigged Gaussian surfels: parameters, rig, rasteriser, losses, density control, training, files.
+"""Rigged Gaussian surfels: what the avatar consists of, how it is rendered and how it is trained.
 
-- `rig`: canonical frames of the triangles, their Jacobians to a posed mesh, polar parts of those
-- `surfels`: what is learned, and which attributes there are
-- `skinning`: local -> world by Jacobian blend skinning, with its gradient; its formulas: `jacobian_blend`, `matrix3`
-- `appearance`: the colour that each shows, along a view and in a light; its functions: `harmonics`
-- `initialise`: the first surfels, coloured from the frames
-- `motion`: posed meshes per timestep and level, remembered
-- `rasterize`: surfels to images: `projection`, `binning`, `forward`, `backward`, and their vector twins `*_simd`
-- `simd`, `simd_math`, `simd_memory`: vectors as Numba values
-- `losses`, `ssim`: images to a loss
-- `regularisers`: terms on the surfels themselves and on the rendered geometry
-- `adam`, `density`: updates; cloning, splitting and pruning within a budget
-- `supervision`, `image_cache`: which frame or target supervises which step, decoded ahead
-- `trainer`, `checkpoint`: the loop, and how it goes on after a kill
-- `avatar`, `ply`: files
+- `surfels`: the learned attributes, their initialization and .ply files
+- `rig`: motion of the triangles, Jacobian blend skinning (local to world), posed meshes per timestep and level
+- `colour`: view-dependent colour in a light
+- `rasterizer`: surfels to images, differentiably
+- `training`: losses, regularizers, optimizer, density control, supervision, the training loop and its checkpoints
+- `render`: surfels on a posed mesh to an image
+- `avatar`: files of trained avatars
 
 Nothing is imported here: some of these modules need torch, which takes seconds to load, others do not.
 """

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from carigs.capture import Camera
-from carigs.splat.rasterizer.culling import END, THRESHOLD
+from carigs.splat.rasterizer.culling import ALPHA_THRESHOLD, TRANSMITTANCE_THRESHOLD
 from carigs.splat.rasterizer.rasterize import WorldSurfels
 
 ALPHA_CAP = 0.99  # the rasteriser's default
@@ -54,7 +54,7 @@ def _boxes(
     camera: Camera,
 ) -> Int[np.ndarray, "n 4"]:
     """Ranges of pixels [x0, y0, x1, y1) that hold all with an alpha of 1/255 or more."""
-    reach = np.sqrt(2 * np.log(np.maximum(opacity / THRESHOLD, 1)))[:, None]  # standard deviations
+    reach = np.sqrt(2 * np.log(np.maximum(opacity / ALPHA_THRESHOLD, 1)))[:, None]  # standard deviations
     # A disc's image lies in that of the square around it; the low-pass filter's reach is less than `reach` pixels.
     signs = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
     corner = reach[:, :, None] * np.einsum("nij,kj->nki", pixel_from_disc[:, :, :2], signs)
@@ -76,11 +76,11 @@ def _count(order, pixel_from_disc, middle, box, opacity, width, height):
             for x in range(box[i, 0], box[i, 2]):
                 before = transmittance[y, x]
                 alpha = opacity[i] * np.exp(-0.5 * _squared_distance(pixel_from_disc[i], middle[i], x + 0.5, y + 0.5))
-                if alpha < THRESHOLD or before == 0.0:
+                if alpha < ALPHA_THRESHOLD or before == 0.0:
                     continue
                 after = before * (1.0 - min(alpha, ALPHA_CAP))
-                transmittance[y, x] = after if after > END else 0.0
-                pairs += after > END
+                transmittance[y, x] = after if after > TRANSMITTANCE_THRESHOLD else 0.0
+                pairs += after > TRANSMITTANCE_THRESHOLD
     return pairs
 
 

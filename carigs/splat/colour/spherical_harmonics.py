@@ -1,8 +1,8 @@
-"""Real spherical harmonics of degrees 1 to 3 and what their gradients need, for one direction or sixteen.
+"""Real spherical harmonics of degrees 1 to 3 and the products that their gradients need, for one direction or sixteen.
 
-Order and signs are those of 3D Gaussian splatting (Condon-Shortley phase, m = -l .. l), so that its files fit.
-Arguments are tuples of numbers, scalars or vectors of `simd`: d a unit vector, g the gradient of a colour, h
-coefficients colour by colour, s a number for each function.
+Order and signs are those of 3D Gaussian Splatting (Kerbl et al. 2023; Condon-Shortley phase, m = -l .. l), so that its
+files are compatible. Arguments are tuples of scalars or vectors: a unit direction d, the gradient g of a colour,
+coefficients h in the order (function, colour), and one number s per function.
 """
 
 from __future__ import annotations
@@ -15,8 +15,15 @@ _A, _B, _C, _D = 0.4886025119029199, 1.0925484305920792, 0.31539156525252005, 0.
 _E, _F, _G, _H, _I = 0.5900435899266435, 2.890611442640554, 0.4570457994644658, 0.3731763325901154, 1.445305721320277
 
 
-def coefficients(degree: int) -> int:
-    """Number of basis functions of degrees 1 .. `degree`."""
+def num_coefficients(degree: int) -> int:
+    """Number of basis functions of degrees 1 to `degree`.
+
+    Args:
+        degree: Highest degree, 0 to 3.
+
+    Returns:
+        (degree + 1)^2 - 1.
+    """
     return (degree + 1) ** 2 - 1
 
 
@@ -45,14 +52,14 @@ def _basis3(d):
 
 
 @scalar_or_simd
-def _slope1(d, s):
+def _basis_gradient1(d, s):
     return -_A * s[2], -_A * s[0], _A * s[1]
 
 
 @scalar_or_simd
-def _slope2(d, s):
+def _basis_gradient2(d, s):
     x, y, z = d
-    a, b, c = _slope1(d, s)
+    a, b, c = _basis_gradient1(d, s)
     return (
         a + _B * (y * s[3] - z * s[6]) + 2 * x * (_D * s[7] - _C * s[5]),
         b + _B * (x * s[3] - z * s[4]) - 2 * y * (_D * s[7] + _C * s[5]),
@@ -61,10 +68,10 @@ def _slope2(d, s):
 
 
 @scalar_or_simd
-def _slope3(d, s):
+def _basis_gradient3(d, s):
     x, y, z = d
     xx, yy, zz = x * x, y * y, z * z
-    a, b, c = _slope2(d, s)
+    a, b, c = _basis_gradient2(d, s)
     a = a - 6 * _E * x * y * s[8] + _F * y * z * s[9] + 2 * _G * x * y * s[10] - 6 * _H * x * z * s[11]
     b = b - 3 * _E * (xx - yy) * s[8] + _F * x * z * s[9] - _G * (4 * zz - xx - 3 * yy) * s[10] - 6 * _H * y * z * s[11]
     c = c + _F * x * y * s[9] - 8 * _G * y * z * s[10] + 3 * _H * (2 * zz - xx - yy) * s[11]
@@ -81,52 +88,56 @@ def _times(b, g):
 
 
 @scalar_or_simd
-def _scaled1(b, g):
+def _basis_times1(b, g):
     return (*_times(b[0], g), *_times(b[1], g), *_times(b[2], g))
 
 
 @scalar_or_simd
-def _scaled2(b, g):
+def _basis_times2(b, g):
     return (
-        *_scaled1(b, g), *_times(b[3], g), *_times(b[4], g), *_times(b[5], g), *_times(b[6], g), *_times(b[7], g),
+        *_basis_times1(b, g), *_times(b[3], g), *_times(b[4], g), *_times(b[5], g), *_times(b[6], g), *_times(b[7], g),
     )  # fmt: skip
 
 
 @scalar_or_simd
-def _scaled3(b, g):
+def _basis_times3(b, g):
     return (
-        *_scaled2(b, g), *_times(b[8], g), *_times(b[9], g), *_times(b[10], g), *_times(b[11], g), *_times(b[12], g),
-        *_times(b[13], g), *_times(b[14], g),
+        *_basis_times2(b, g), *_times(b[8], g), *_times(b[9], g), *_times(b[10], g), *_times(b[11], g),
+        *_times(b[12], g), *_times(b[13], g), *_times(b[14], g),
     )  # fmt: skip
 
 
 @scalar_or_simd
-def _paired1(h, g):
+def _coefficients_dot1(h, g):
     return matrix3.dot(h[0:3], g), matrix3.dot(h[3:6], g), matrix3.dot(h[6:9], g)
 
 
 @scalar_or_simd
-def _paired2(h, g):
+def _coefficients_dot2(h, g):
     return (
-        *_paired1(h, g), matrix3.dot(h[9:12], g), matrix3.dot(h[12:15], g), matrix3.dot(h[15:18], g),
+        *_coefficients_dot1(h, g), matrix3.dot(h[9:12], g), matrix3.dot(h[12:15], g), matrix3.dot(h[15:18], g),
         matrix3.dot(h[18:21], g), matrix3.dot(h[21:24], g),
     )  # fmt: skip
 
 
 @scalar_or_simd
-def _paired3(h, g):
+def _coefficients_dot3(h, g):
     return (
-        *_paired2(h, g), matrix3.dot(h[24:27], g), matrix3.dot(h[27:30], g), matrix3.dot(h[30:33], g),
+        *_coefficients_dot2(h, g), matrix3.dot(h[24:27], g), matrix3.dot(h[27:30], g), matrix3.dot(h[30:33], g),
         matrix3.dot(h[33:36], g), matrix3.dot(h[36:39], g), matrix3.dot(h[39:42], g), matrix3.dot(h[42:45], g),
     )  # fmt: skip
 
 
-# By degree; 0 has none of them.
-BASIS = None, _basis1, _basis2, _basis3
-"""Y_k(d)."""
-SLOPE = None, _slope1, _slope2, _slope3
-"""Gradient of sum_k s_k Y_k(d) with respect to d."""
-SCALED = None, _scaled1, _scaled2, _scaled3
-"""Y_k g_c, the gradient of the coefficients."""
-PAIRED = None, _paired1, _paired2, _paired3
-"""sum_c h_kc g_c, the gradient of the functions."""
+FUNCTIONS = (
+    None,
+    (_basis1, _basis_gradient1, _basis_times1, _coefficients_dot1),
+    (_basis2, _basis_gradient2, _basis_times2, _coefficients_dot2),
+    (_basis3, _basis_gradient3, _basis_times3, _coefficients_dot3),
+)
+"""Functions by degree (degree 0 has none), for all k and colours c:
+
+- basis(d): Y_k(d)
+- basis_gradient(d, s): gradient of sum_k s_k Y_k(d) with respect to d
+- basis_times(Y, g): Y_k g_c, the gradient with respect to the coefficients
+- coefficients_dot(h, g): sum_c h_kc g_c, the gradient with respect to the basis functions
+"""

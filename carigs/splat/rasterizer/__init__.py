@@ -1,1 +1,13 @@
-"""The differentiable rasteriser of 2D Gaussian surfels, with CPU and CUDA backends."""
+"""The differentiable rasterizer of 2D Gaussian surfels, with CPU and CUDA backends.
+
+- `rasterize`: the function `rasterize`, an autograd function with backends
+- `interface`: its inputs and outputs, `WorldSurfels` and `Rendering`
+- `projection`: surfels to homographies and pixel boxes, and back (formulas and scalar loops)
+- `binning`: depth-sorted lists of surfels per tile
+- `forward`, `backward`: compositing and its gradient in scalar loops, the readable reference
+- `projection_simd`, `forward_simd`, `backward_simd`, `tile_buffer`: the same, sixteen surfels or pixels at a time
+- `records`, `culling`: layout of the kernels' arrays, thresholds
+- `cuda`: the backend on gsplat's kernels
+
+Modules are imported directly: a name here would hide the module `rasterize`.
+"""

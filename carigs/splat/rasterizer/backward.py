@@ -1,137 +1,181 @@
-"""Gradient of the compositing, front to back, with one running scalar per pixel: the plain loops (Numba).
+"""Gradient of the compositing in scalar loops: the readable reference of `backward_simd` (`backend="scalar"`).
 
-With q_i = dL/dw_i (weights taken as independent) and S_i = sum_(j>i) w_j q_j,
+Notation as in `forward`; v_c, v_a, v_x are the given derivatives of the loss with respect to a pixel's colour, depth
+and normal (c), alpha and distortion. With f_ic the seven features (colour, depth, normal) of surfel i,
 
-    dL/dalpha_i = T_i q_i - S_i / (1 - alpha_i)
+    q_i = dL/dw_i = sum_c v_c f_ic + v_a + v_x d distortion/dw_i         (weights taken as independent)
+    d distortion / dw_i = 2 (2 (Z_i A_i - D_i) + D - Z_i A)              A, D: sums of w and w Z over all surfels
+    dL/dalpha_i = T_i q_i - S_i / (1 - alpha_i),   S_i = sum_(j>i) w_j q_j
 
-Q = sum_j w_j q_j over a whole pixel is known from the outputs, because colour, depth, normal and alpha are homogeneous
-of degree 1 in the weights and the distortion of degree 2: Q = sum_c v_c output_c + v_a alpha + 2 v_x distortion.  So
-the lists are walked in the forward's direction, with its end conditions, and S_i = Q - sum_(j<=i) w_j q_j.
+Q = sum_j w_j q_j of a pixel follows from its outputs, because colour, depth, normal and alpha are homogeneous of degree
+1 in the weights and the distortion of degree 2: Q = sum_c v_c output_c + v_a alpha + 2 v_x distortion. Therefore the
+lists are traversed front to back, as in the forward pass, with S_i = Q - sum_(j<=i) w_j q_j in one number per pixel.
+
+Features: dL/df_ic = w_i v_c; for the depth also through the distortion, d distortion/dZ_i = 2 w_i (2 A_i + w_i - A).
+
+Geometry: let a = alpha dL/dalpha = dL/dln(alpha), 0 where the cap holds. Then dL/dln(opacity) = a and dL/dG = -a / 2.
+With s = zx / zz and t = zy / zz,
+
+    intersection (G3 < G2):  dL/dzx = -a s / zz,   dL/dzy = -a t / zz,   dL/dzz = a (s^2 + t^2) / zz
+    low-pass (otherwise):    dL/d(pixel - m2) = -2 a (pixel - m2)
 """
 
 from __future__ import annotations
 
 import numba
 import numpy as np
+from jaxtyping import Float32
 
 from carigs.simd.vectors import FASTMATH
-from carigs.splat.rasterizer.binning import TILE
-from carigs.splat.rasterizer.forward import DEPTH, END, LOG_THRESHOLD, ONE, TWO, ZERO, intersect, log2_alpha
-from carigs.splat.rasterizer.projection import SLOT
+from carigs.splat.rasterizer import forward, records
+from carigs.splat.rasterizer.binning import TILE_SIZE, TileLists
+from carigs.splat.rasterizer.forward import LOG2_ALPHA_THRESHOLD, MIN_TRANSMITTANCE, ONE, TWO, ZERO
+from carigs.splat.rasterizer.records import PLANE
 
 
 @numba.njit
-def distortion_gradient(depth, a, d, a_total, d_total):
-    """D distortion / d w_i = 2 (2 (Z_i A_i - D_i) + D - Z_i A): A_i, D_i the sums in front, A, D the whole sums."""
+def _distortion_gradient(depth, a, d, a_total, d_total):
+    """D distortion / dw_i = 2 (2 (Z_i A_i - D_i) + D - Z_i A)."""
     return TWO * (TWO * (depth * a - d) + d_total - depth * a_total)
 
 
 @numba.njit(cache=True, parallel=True, fastmath=FASTMATH, error_model="numpy")
 def composite_backward(
-    record, box, surfel, slot, start, order, image, upstream, width, height, cap, geometry, background, workers
-):
-    """Gradient slots (pairs, 20) float32: sums over the pixels of each (surfel, tile) pair.
+    projected: records.ProjectedSurfels,
+    lists: TileLists,
+    compositing: records.Compositing,
+    image: Float32[np.ndarray, "planes h w"],
+    upstream: Float32[np.ndarray, "planes h w"],
+    geometry: bool,
+    workers: int,
+) -> Float32[np.ndarray, "pairs 20"]:
+    """Gradient of `forward.composite` (scalar reference).
 
-    `image` holds the forward's planes, `upstream` the gradients of the same planes except that the first one is that of
-    alpha = 1 - T, or those of the colours alone (3 planes).  Columns: zx, zy, zz, zx dx, zx dy, zy dx, zy dy, zz dx,
-    zz dy (gradients of the ray's homogeneous disc coordinates and their moments), low-pass offset x, y, dL / d
-    ln(alpha), colour, depth, normal.  Each slot is
-    written once by one worker, so that neither atomics nor a fixed number of threads are needed.
+    Every slot is written once, by one worker: the result needs no atomics and does not depend on the number of threads.
+
+    Args:
+        projected: Records and pixel boxes.
+        lists: Depth-sorted surfels of every tile.
+        compositing: Image size and constants.
+        image: Planes that `composite` returned.
+        upstream: Gradients of the loss with respect to those planes, the first one with respect to alpha = 1 - T; or
+            with respect to the colours alone (3 planes).
+        geometry: Whether `upstream` has planes for depth, normal and distortion.
+        workers: Number of threads that share the tiles.
+
+    Returns:
+        Gradient slots: sums over the pixels of each (surfel, tile) pair, see `records`.
     """
-    cap, background = np.float32(cap), np.float32(background)
-    first = 1 if len(upstream) == 3 else 0  # plane of the image whose gradient comes first
-    slots = np.empty((surfel.size, SLOT), np.float32)
-    across = -(-width // TILE)
-    planes = 9 if geometry else 4
+    record, box, _ = projected
+    surfel_of, slot_of, start, order = lists.surfel, lists.slot, lists.start, lists.order
+    width, height, cap, background = compositing
+    first = PLANE.red if len(upstream) == 3 else PLANE.transmittance  # plane of the image that upstream begins with
+    slots = np.empty((surfel_of.size, records.GRADIENT_SIZE), np.float32)
+    across = -(-width // TILE_SIZE)
+    num_planes = records.NUM_PLANES if geometry else records.NUM_COLOUR_PLANES
     for worker in numba.prange(workers):
-        # Per pixel: upstream gradients (as the image's planes), T (negative where ended), Q, sums in front and in all.
-        v = np.empty((planes, TILE, TILE), np.float32)
-        transmittance, rest = np.empty((TILE, TILE), np.float32), np.empty((TILE, TILE), np.float32)
-        front, a_total, d_total = (
-            np.empty((TILE, TILE), np.float32),
-            np.empty((TILE, TILE), np.float32),
-            np.empty((TILE, TILE), np.float32),
-        )
+        # Per pixel: upstream gradients, T (negative where complete), S, D_i, and the totals A and D.
+        v = np.empty((num_planes, TILE_SIZE, TILE_SIZE), np.float32)
+        transmittance = np.empty((TILE_SIZE, TILE_SIZE), np.float32)
+        remainder = np.empty((TILE_SIZE, TILE_SIZE), np.float32)
+        depth_in_front = np.empty((TILE_SIZE, TILE_SIZE), np.float32)
+        a_total, d_total = np.empty((TILE_SIZE, TILE_SIZE), np.float32), np.empty((TILE_SIZE, TILE_SIZE), np.float32)
         for k in range(worker, order.size, workers):
-            t = order[k]
-            left, top = (t % across) * TILE, (t // across) * TILE
-            right, bottom = min(left + TILE, width), min(top + TILE, height)
+            tile = order[k]
+            left, top = (tile % across) * TILE_SIZE, (tile // across) * TILE_SIZE
+            right, bottom = min(left + TILE_SIZE, width), min(top + TILE_SIZE, height)
             for y in range(top, bottom):
                 for x in range(left, right):
                     b, a = y - top, x - left
                     transmittance[b, a] = ONE
-                    v[0, b, a] = ZERO if first else upstream[0, y, x]
-                    total = v[0, b, a] * (ONE - image[0, y, x])
-                    for plane in range(1, planes):
+                    v[PLANE.transmittance, b, a] = ZERO if first else upstream[PLANE.transmittance, y, x]
+                    total = v[PLANE.transmittance, b, a] * (ONE - image[PLANE.transmittance, y, x])
+                    for plane in range(PLANE.red, num_planes):
                         v[plane, b, a] = upstream[plane - first, y, x]
-                        behind = background if plane < DEPTH else ZERO
+                        behind = background if plane < PLANE.depth else ZERO
                         total += v[plane, b, a] * (image[plane, y, x] - behind)
                     if geometry:
-                        total += upstream[8, y, x] * image[8, y, x]
-                        front[b, a] = ZERO
-                        a_total[b, a] = ONE - image[0, y, x]
-                        d_total[b, a] = image[4, y, x]
-                    rest[b, a] = total
-            pixels_left = (right - left) * (bottom - top)
-            for e in range(start[t], start[t + 1]):
-                i, to = surfel[e], slot[e]
-                if pixels_left == 0:
-                    slots[to] = ZERO
+                        total += upstream[PLANE.distortion, y, x] * image[PLANE.distortion, y, x]
+                        depth_in_front[b, a] = ZERO
+                        a_total[b, a] = ONE - image[PLANE.transmittance, y, x]
+                        d_total[b, a] = image[PLANE.depth, y, x]
+                    remainder[b, a] = total
+            incomplete_pixels = (right - left) * (bottom - top)
+            for e in range(start[tile], start[tile + 1]):
+                i, slot = surfel_of[e], slot_of[e]
+                if incomplete_pixels == 0:
+                    slots[slot] = ZERO
                     continue
-                u0, u1, v0, v1 = record[i, 2], record[i, 3], record[i, 4], record[i, 5]
-                det, a3, b3 = record[i, 6], record[i, 7], record[i, 8]
-                ex, ey, log_opacity = record[i, 9], record[i, 10], record[i, 11]
-                red, green, blue, depth = record[i, 12], record[i, 13], record[i, 14], record[i, 15]
-                nx, ny, nz = record[i, 16], record[i, 17], record[i, 18]
+                surfel = forward.read_record(record, i)
                 gx = gy = gz = gxx = gxy = gyx = gyy = gzx = gzy = ZERO
                 mx = my = g_alpha = g_red = g_green = g_blue = g_depth = g_nx = g_ny = g_nz = ZERO
                 for y in range(max(box[i, 2], top), min(box[i, 3], bottom)):
-                    dy = record[i, 1] + np.float32(y - box[i, 2])
+                    dy = surfel.dy + np.float32(y - box[i, 2])
+                    low_y = dy + surfel.lowpass_y
                     b = y - top
                     for x in range(max(box[i, 0], left), min(box[i, 1], right)):
-                        dx = record[i, 0] + np.float32(x - box[i, 0])
-                        s, u, iz = intersect(dx, dy, u0, u1, v0, v1, det, a3, b3)
-                        g3 = s * s + u * u
-                        g2 = TWO * ((dx + ex) * (dx + ex) + (dy + ey) * (dy + ey))
-                        exponent = log2_alpha(g3, g2, log_opacity)
+                        dx = surfel.dx + np.float32(x - box[i, 0])
+                        low_x = dx + surfel.lowpass_x
+                        s, t, iz = forward.intersect(dx, dy, surfel)
+                        g3 = s * s + t * t
+                        g2 = TWO * (low_x * low_x + low_y * low_y)
+                        exponent = forward.log2_alpha(g3, g2, surfel.log2_opacity)
                         a = x - left
                         before = transmittance[b, a]
-                        if exponent < LOG_THRESHOLD or before <= ZERO:
+                        if exponent < LOG2_ALPHA_THRESHOLD or before <= ZERO:
                             continue
-                        raw = np.exp2(exponent)
-                        alpha = min(raw, cap)
+                        uncapped = np.exp2(exponent)
+                        alpha = min(uncapped, cap)
                         w = before * alpha
                         after = before - w
-                        if after <= END:
+                        if after <= MIN_TRANSMITTANCE:
                             transmittance[b, a] = -before
-                            pixels_left -= 1
+                            incomplete_pixels -= 1
                             continue
                         transmittance[b, a] = after
-                        q = v[0, b, a] + v[1, b, a] * red + v[2, b, a] * green + v[3, b, a] * blue
-                        g_red += w * v[1, b, a]
-                        g_green += w * v[2, b, a]
-                        g_blue += w * v[3, b, a]
+                        v_red, v_green, v_blue = (
+                            v[PLANE.red, b, a],
+                            v[PLANE.green, b, a],
+                            v[PLANE.blue, b, a],
+                        )
+                        q = (
+                            v[PLANE.transmittance, b, a]
+                            + v_red * surfel.red
+                            + v_green * surfel.green
+                            + v_blue * surfel.blue
+                        )
+                        g_red += w * v_red
+                        g_green += w * v_green
+                        g_blue += w * v_blue
                         if geometry:
                             in_front = ONE - before
-                            q += v[4, b, a] * depth + v[5, b, a] * nx + v[6, b, a] * ny + v[7, b, a] * nz
-                            q += v[8, b, a] * distortion_gradient(
-                                depth, in_front, front[b, a], a_total[b, a], d_total[b, a]
+                            v_depth, v_distortion = v[PLANE.depth, b, a], v[PLANE.distortion, b, a]
+                            v_nx, v_ny, v_nz = (
+                                v[PLANE.normal_x, b, a],
+                                v[PLANE.normal_y, b, a],
+                                v[PLANE.normal_z, b, a],
                             )
-                            front[b, a] += w * depth
-                            # d distortion / d Z_i = 2 w_i (2 A_i + w_i - A)
-                            g_depth += w * (v[4, b, a] + TWO * v[8, b, a] * (TWO * in_front + w - a_total[b, a]))
-                            g_nx += w * v[5, b, a]
-                            g_ny += w * v[6, b, a]
-                            g_nz += w * v[7, b, a]
-                        behind = rest[b, a] - w * q
-                        rest[b, a] = behind
-                        if raw > cap:
+                            q += (
+                                v_depth * surfel.depth + v_nx * surfel.normal_x + v_ny * surfel.normal_y
+                                + v_nz * surfel.normal_z
+                            )  # fmt: skip
+                            q += v_distortion * _distortion_gradient(
+                                surfel.depth, in_front, depth_in_front[b, a], a_total[b, a], d_total[b, a]
+                            )
+                            depth_in_front[b, a] += w * surfel.depth
+                            g_depth += w * (v_depth + TWO * v_distortion * (TWO * in_front + w - a_total[b, a]))
+                            g_nx += w * v_nx
+                            g_ny += w * v_ny
+                            g_nz += w * v_nz
+                        behind = remainder[b, a] - w * q
+                        remainder[b, a] = behind
+                        if uncapped > cap:
                             continue
                         g = alpha * (before * q - behind / (ONE - alpha))
                         g_alpha += g
                         if g3 < g2:
                             c = g * iz
-                            zx, zy, zz = -c * s, -c * u, c * g3
+                            zx, zy, zz = -c * s, -c * t, c * g3
                             gx += zx
                             gy += zy
                             gz += zz
@@ -142,11 +186,13 @@ def composite_backward(
                             gzx += zz * dx
                             gzy += zz * dy
                         else:
-                            mx -= TWO * g * (dx + ex)
-                            my -= TWO * g * (dy + ey)
-                row = slots[to]
-                row[0], row[1], row[2], row[3], row[4], row[5] = gx, gy, gz, gxx, gxy, gyx
-                row[6], row[7], row[8], row[9], row[10], row[11] = gyy, gzx, gzy, mx, my, g_alpha
-                row[12], row[13], row[14], row[15] = g_red, g_green, g_blue, g_depth
-                row[16], row[17], row[18], row[19] = g_nx, g_ny, g_nz, ZERO
+                            mx -= TWO * g * low_x
+                            my -= TWO * g * low_y
+                sums = records.GradientSlot(
+                    gx, gy, gz, gxx, gxy, gyx, gyy, gzx, gzy, mx, my, g_alpha, g_red, g_green, g_blue, g_depth,
+                    g_nx, g_ny, g_nz,
+                )  # fmt: skip
+                for column in range(records.GRADIENT_SIZE - 1):
+                    slots[slot, column] = sums[column]
+                slots[slot, records.GRADIENT_SIZE - 1] = ZERO
     return slots

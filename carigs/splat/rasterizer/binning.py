@@ -1,4 +1,4 @@
-"""Depth-sorted lists of surfels per tile: one radix sort of the surfels, then a counting scatter, both parallel."""
+"""Depth-sorted lists of surfels per tile: a parallel radix sort by depth, then a parallel counting sort by tile."""
 
 from __future__ import annotations
 
@@ -11,28 +11,30 @@ from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.memory import load_scalar, prefetch
 from carigs.simd.vectors import scalar_or_simd, simd_inline_alloc
 
-TILE = 32  # pixels along a tile's side
-DIGITS = 1 << 12  # of the radix sort
-AHEAD = 16  # surfels by which boxes are fetched before they are needed
+TILE_SIZE = 32
+"""Pixels along a tile's side."""
+NUM_DIGITS = 1 << 12  # of the radix sort
+PREFETCH_DISTANCE = 16  # surfels by which boxes are fetched before they are needed
 
 
 class TileLists(NamedTuple):
-    """Which surfels touch which tile, front to back, and where each pair keeps its gradient."""
+    """Surfels of every tile, front to back, and the gradient slot of each (surfel, tile) pair."""
 
     surfel: Int32[np.ndarray, "pairs"]
-    """Surfels, tile after tile, by depth of the centre within a tile; equal depths in surfel order."""
+    """Surfels of the pairs, ordered by tile, then by depth of the centre, then by surfel."""
     slot: Int32[np.ndarray, "pairs"]
-    """Gradient slot of each entry: numbered surfel by surfel, so that a surfel's slots lie together."""
+    """Gradient slot of each pair. Slots are numbered surfel by surfel: those of one surfel are contiguous."""
     start: Int32[np.ndarray, "tiles+1"]
-    """Range of each tile's entries."""
+    """Range of each tile's pairs."""
     first_slot: Int32[np.ndarray, "surfels+1"]
     """Range of each surfel's slots."""
     order: Int32[np.ndarray, "tiles"]
-    """Tiles by number of entries, longest first: the order of work."""
+    """Tiles by number of pairs, most first: the order in which workers take them."""
 
 
-# Every worker has an equal part of the surfels (of the sorted ones in `_scatter`): it counts, and once all counts are
-# summed it knows where its own results go.  The lists do not depend on the number of workers.
+# Parallel counting sort: every worker counts within an equal part of the surfels (in `_scatter`, of the sorted ones).
+# The prefix sums of all counts give each worker the positions of its results. The lists do not depend on the number of
+# workers.
 
 
 @scalar_or_simd
@@ -42,8 +44,8 @@ def _part(worker, workers, count):
 
 
 @simd_inline_alloc
-def _starts(counts):
-    """Counts (workers, bins) become the places of each worker's first element of each bin; also returns the bins'."""
+def _prefix_sum(counts):
+    """Replace counts (workers, bins) by each worker's first position in each bin; return the bins' starts."""
     workers, bins = counts.shape
     start = np.empty(bins + 1, np.int32)
     total = 0
@@ -58,50 +60,50 @@ def _starts(counts):
 
 
 @scalar_or_simd
-def _count_visible(w, tiles, pairs, seen):
-    begin, stop = _part(w, len(seen), tiles.size)
-    all_pairs, visible = 0, 0
+def _count_visible(w, num_tiles, pairs, visible):
+    begin, stop = _part(w, len(visible), num_tiles.size)
+    pair_count, visible_count = 0, 0
     for i in range(begin, stop):
-        all_pairs += tiles[i]
-        visible += tiles[i] > 0
-    pairs[w, 0], seen[w, 0] = all_pairs, visible
+        pair_count += num_tiles[i]
+        visible_count += num_tiles[i] > 0
+    pairs[w, 0], visible[w, 0] = pair_count, visible_count
 
 
 @scalar_or_simd
-def _list_visible(w, depth_bits, tiles, pairs, seen, first_slot, key, surfel):
-    begin, stop = _part(w, len(seen), tiles.size)
-    slot, k = pairs[w, 0], seen[w, 0]
+def _list_visible(w, depth_bits, num_tiles, pairs, visible, first_slot, key, surfel):
+    begin, stop = _part(w, len(visible), num_tiles.size)
+    slot, k = pairs[w, 0], visible[w, 0]
     for i in range(begin, stop):
         first_slot[i] = slot
-        slot += tiles[i]
-        if tiles[i] > 0:
+        slot += num_tiles[i]
+        if num_tiles[i] > 0:
             key[k], surfel[k] = depth_bits[i], i
             k += 1
 
 
 @kernel
-def _visible(depth_bits, tiles, workers):
-    """Keys and numbers of the visible surfels, and every surfel's first slot."""
-    n = tiles.size
+def _visible_surfels(depth_bits, num_tiles, workers):
+    """Sort keys and indices of the visible surfels, and every surfel's first slot."""
+    n = num_tiles.size
     first_slot = np.empty(n + 1, np.int32)
-    pairs, seen = np.empty((workers, 1), np.int32), np.empty((workers, 1), np.int32)
-    parallel_for(_count_visible, workers, (tiles, pairs, seen))
-    first_slot[n] = _starts(pairs)[1]
-    count = _starts(seen)[1]
+    pairs, visible = np.empty((workers, 1), np.int32), np.empty((workers, 1), np.int32)
+    parallel_for(_count_visible, workers, (num_tiles, pairs, visible))
+    first_slot[n] = _prefix_sum(pairs)[1]
+    count = _prefix_sum(visible)[1]
     key, surfel = np.empty(count, np.uint32), np.empty(count, np.int32)
-    parallel_for(_list_visible, workers, (depth_bits, tiles, pairs, seen, first_slot, key, surfel))
+    parallel_for(_list_visible, workers, (depth_bits, num_tiles, pairs, visible, first_slot, key, surfel))
     return key, surfel, first_slot
 
 
 @scalar_or_simd
 def _digit(key, low, shift):
-    return ((key - low) >> np.uint32(shift)) & np.uint32(DIGITS - 1)
+    return ((key - low) >> np.uint32(shift)) & np.uint32(NUM_DIGITS - 1)
 
 
 @scalar_or_simd
 def _count_digits(w, key, low, shift, places):
     begin, stop = _part(w, len(places), key.size)
-    for d in range(DIGITS):
+    for d in range(NUM_DIGITS):
         places[w, d] = 0
     for i in range(begin, stop):
         places[w, _digit(key[i], low, shift)] += 1
@@ -119,16 +121,16 @@ def _move_by_digit(w, key, surfel, low, shift, places, other_key, other):
 
 @kernel
 def _sort_by_key(key, surfel, workers):
-    """Stable radix sort of surfels by unsigned keys, 12 bits at a time; only as many as their range has."""
+    """Stable radix sort of surfels by unsigned keys, 12 bits per pass, for as many bits as the range of keys has."""
     other_key, other = np.empty_like(key), np.empty_like(surfel)
-    places = np.empty((workers, DIGITS), np.int32)
+    places = np.empty((workers, NUM_DIGITS), np.int32)
     low, high = key[0], key[0]
     for k in key:
         low, high = min(low, k), max(high, k)
     shift = 0
     while shift < 32 and (high - low) >> np.uint32(shift) > 0:
         parallel_for(_count_digits, workers, (key, low, shift, places))
-        _starts(places)
+        _prefix_sum(places)
         parallel_for(_move_by_digit, workers, (key, surfel, low, shift, places, other_key, other))
         key, other_key = other_key, key
         surfel, other = other, surfel
@@ -137,74 +139,86 @@ def _sort_by_key(key, surfel, workers):
 
 
 @scalar_or_simd
-def _tiles_of(box, at):
-    """Ranges of the columns and rows of tiles that a box touches."""
-    # A constant: division by an argument would take half of the time of `_scatter`.
+def _tile_range(box, at):
+    """Half-open ranges of the columns and rows of tiles that a box overlaps."""
+    # TILE_SIZE is a constant: division by an argument would take half of the time of `_scatter`.
     return (
-        np.int64(load_scalar(box, at)) // TILE, (np.int64(load_scalar(box, at + 1)) - 1) // TILE + 1,
-        np.int64(load_scalar(box, at + 2)) // TILE, (np.int64(load_scalar(box, at + 3)) - 1) // TILE + 1,
+        np.int64(load_scalar(box, at)) // TILE_SIZE, (np.int64(load_scalar(box, at + 1)) - 1) // TILE_SIZE + 1,
+        np.int64(load_scalar(box, at + 2)) // TILE_SIZE, (np.int64(load_scalar(box, at + 3)) - 1) // TILE_SIZE + 1,
     )  # fmt: skip
 
 
 @scalar_or_simd
-def _count_entries(w, surfel, box, across, places):
+def _count_pairs(w, surfel, box, across, places):
     begin, stop = _part(w, len(places), surfel.size)
     for t in range(places.shape[1]):
         places[w, t] = 0
     for k in range(begin, stop):
-        if k + AHEAD < stop:
-            prefetch(box, 4 * np.int64(surfel[k + AHEAD]))
-        left, right, top, bottom = _tiles_of(box, 4 * np.int64(surfel[k]))
+        if k + PREFETCH_DISTANCE < stop:
+            prefetch(box, 4 * np.int64(surfel[k + PREFETCH_DISTANCE]))
+        left, right, top, bottom = _tile_range(box, 4 * np.int64(surfel[k]))
         for ty in range(top, bottom):
             for tx in range(left, right):
                 places[w, ty * across + tx] += 1
 
 
 @scalar_or_simd
-def _enter(w, surfel, box, first_slot, across, places, entry, slot):
+def _write_pairs(w, surfel, box, first_slot, across, places, pair_surfel, slot):
     begin, stop = _part(w, len(places), surfel.size)
     for k in range(begin, stop):
         i = surfel[k]
-        if k + AHEAD < stop:
-            later = np.int64(surfel[k + AHEAD])
-            prefetch(box, 4 * later)
-            prefetch(first_slot, later)
+        if k + PREFETCH_DISTANCE < stop:
+            ahead = np.int64(surfel[k + PREFETCH_DISTANCE])
+            prefetch(box, 4 * ahead)
+            prefetch(first_slot, ahead)
         s = first_slot[i]
-        left, right, top, bottom = _tiles_of(box, 4 * np.int64(i))
+        left, right, top, bottom = _tile_range(box, 4 * np.int64(i))
         for ty in range(top, bottom):
             for tx in range(left, right):
                 to = places[w, ty * across + tx]
                 places[w, ty * across + tx] = to + 1
-                entry[to], slot[to] = i, s
+                pair_surfel[to], slot[to] = i, s
                 s += 1
 
 
 @kernel
 def _scatter(surfel, box, first_slot, across, down, workers):
-    """Append each surfel, front to back, to the tiles that its box touches."""
+    """Append each surfel, front to back, to the lists of the tiles that its box overlaps."""
     places = np.empty((workers, across * down), np.int32)
-    parallel_for(_count_entries, workers, (surfel, box, across, places))
-    start = _starts(places)
-    entry, slot = np.empty(first_slot[-1], np.int32), np.empty(first_slot[-1], np.int32)
-    parallel_for(_enter, workers, (surfel, box, first_slot, across, places, entry, slot))
-    return entry, slot, start
+    parallel_for(_count_pairs, workers, (surfel, box, across, places))
+    start = _prefix_sum(places)
+    pair_surfel, slot = np.empty(first_slot[-1], np.int32), np.empty(first_slot[-1], np.int32)
+    parallel_for(_write_pairs, workers, (surfel, box, first_slot, across, places, pair_surfel, slot))
+    return pair_surfel, slot, start
 
 
 def tile_lists(
     depth: Float32[np.ndarray, "n"],
     box: Int32[np.ndarray, "n 4"],
-    tiles: Int32[np.ndarray, "n"],
+    num_tiles: Int32[np.ndarray, "n"],
     width: int,
     height: int,
     workers: int = 1,
 ) -> TileLists:
-    """Sort the visible surfels (tiles > 0) by depth and append each to the tiles that its pixel box touches."""
-    # Positive floats sort as their bit patterns.
+    """Depth-sorted lists of the surfels whose pixel box overlaps each tile.
+
+    Args:
+        depth: Depth of the centres in metres; positive where `num_tiles` is.
+        box: Pixel boxes [x0, x1, y0, y1).
+        num_tiles: Tiles that each box overlaps; 0 for culled surfels.
+        width: Image width in pixels.
+        height: Image height in pixels.
+        workers: Number of threads; the result does not depend on it.
+
+    Returns:
+        Lists of all tiles, row by row.
+    """
+    # The bit patterns of positive floats have the order of the floats.
     bits = np.ascontiguousarray(depth, np.float32).view(np.uint32)
-    across, down = -(-width // TILE), -(-height // TILE)
-    key, surfel, first_slot = _visible(bits, tiles, workers)
+    across, down = -(-width // TILE_SIZE), -(-height // TILE_SIZE)
+    key, surfel, first_slot = _visible_surfels(bits, num_tiles, workers)
     if len(surfel):
         surfel = _sort_by_key(key, surfel, workers)
-    entry, slot, start = _scatter(surfel, box.reshape(-1), first_slot, across, down, workers)
+    pair_surfel, slot, start = _scatter(surfel, box.reshape(-1), first_slot, across, down, workers)
     order = np.argsort(-np.diff(start), kind="stable").astype(np.int32)
-    return TileLists(entry, slot, start, first_slot, order)
+    return TileLists(pair_surfel, slot, start, first_slot, order)

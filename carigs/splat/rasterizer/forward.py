@@ -1,13 +1,19 @@
-"""Compositing of surfels, front to back, tile by tile: the plain loops (Numba; `forward_simd` is the fast twin).
+"""Front-to-back compositing in scalar loops: the readable reference of `forward_simd` (`backend="scalar"`).
 
-Per pixel, over its surfels by depth Z of the centre, T_1 = 1:
+Per pixel, over its surfels in order of the depth Z of their centres, with transmittance T_1 = 1:
 
-    g3 = s^2 + t^2 (ray-splat intersection),  g2 = 2 |pixel - m2|^2 (low-pass filter),  g = min(g3, g2)
-    alpha = min(o exp(-g / 2), cap), dropped below 1/255;   w = T alpha;   T <- T (1 - alpha)
-    a pixel ends before the surfel that would leave T <= 1e-4
+    G3 = s^2 + t^2                       squared disc coordinates of the ray-splat intersection (see `projection`)
+    G2 = 2 |pixel - m2|^2                low-pass filter: a disc of standard deviation 1/sqrt(2) pixels
+    G  = min(G3, G2)
+    alpha_i = min(o_i exp(-G / 2), cap)  dropped below 1/255
+    w_i = T_i alpha_i,                   T_(i+1) = T_i (1 - alpha_i)
 
-Sums of w times (1, colour, Z, normal); distortion = sum 2 w (Z A - D), with A and D the sums of w and w Z in front:
-equal to sum_ij w_i w_j |Z_i - Z_j| (2D Gaussian Splatting, Huang et al. 2024, eq. 10-13; constants as gsplat).
+A pixel is complete before the surfel that would leave T <= 1e-4. Images are sums of w times colour, Z and normal, and
+
+    distortion = sum_i 2 w_i (Z_i A_i - D_i),   A_i = sum_(j<i) w_j = 1 - T_i,   D_i = sum_(j<i) w_j Z_j
+
+which equals sum_ij w_i w_j |Z_i - Z_j| for sorted Z (2D Gaussian Splatting, Huang et al. 2024: low-pass filter eq. 11,
+compositing eq. 12, distortion eq. 13; constants as in gsplat).
 """
 
 from __future__ import annotations
@@ -16,99 +22,146 @@ import math
 
 import numba
 import numpy as np
+from jaxtyping import Float32
+from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from carigs.simd.vectors import FASTMATH
-from carigs.splat.rasterizer import culling as limits
-from carigs.splat.rasterizer.binning import TILE
+from carigs.splat.rasterizer import records
+from carigs.splat.rasterizer.binning import TILE_SIZE, TileLists
+from carigs.splat.rasterizer.culling import ALPHA_THRESHOLD, TRANSMITTANCE_THRESHOLD
+from carigs.splat.rasterizer.records import PLANE
 
-LOG_THRESHOLD = np.float32(math.log2(limits.THRESHOLD))
-END = np.float32(limits.END)
+LOG2_ALPHA_THRESHOLD = np.float32(math.log2(ALPHA_THRESHOLD))
+MIN_TRANSMITTANCE = np.float32(TRANSMITTANCE_THRESHOLD)
 HALF_LOG2E = np.float32(0.5 / math.log(2.0))
 ZERO, ONE, TWO = np.float32(0), np.float32(1), np.float32(2)
 
-# Planes of the output.
-TRANSMITTANCE, COLOUR, DEPTH, NORMAL, DISTORTION = 0, 1, 4, 5, 8
-PLANES, COLOUR_PLANES = 9, 4  # with geometry, without
+
+@numba.njit
+def read_record(record, i):
+    """The record of a surfel.
+
+    Args:
+        record: Records (n, 20).
+        i: Surfel.
+
+    Returns:
+        `SurfelRecord` of numbers.
+    """
+    return records.SurfelRecord(*to_fixed_tuple(record[i, : records.RECORD_SIZE - 1], 19))
 
 
 @numba.njit
-def intersect(dx, dy, u0, u1, v0, v1, det, a3, b3):
-    """Local disc coordinates (s, t) of the ray through the pixel, and 1 / zz; grazing rays give inf or NaN."""
-    iz = ONE / (det + a3 * dx + b3 * dy)
-    return (v1 * dx - u1 * dy) * iz, (u0 * dy - v0 * dx) * iz, iz
+def intersect(dx, dy, surfel):
+    """Ray-splat intersection: disc coordinates of the ray through a pixel (2DGS eq. 10).
+
+    Args:
+        dx: Pixel offset from the projected centre.
+        dy: The same in y.
+        surfel: `SurfelRecord`.
+
+    Returns:
+        s, t and 1 / zz; grazing rays give inf or NaN.
+    """
+    iz = ONE / (surfel.det + surfel.a3 * dx + surfel.b3 * dy)
+    return (surfel.v1 * dx - surfel.u1 * dy) * iz, (surfel.u0 * dy - surfel.v0 * dx) * iz, iz
 
 
 @numba.njit
-def log2_alpha(g3, g2, log_opacity):
-    """log2 of o exp(-g/2), g = min(g3, g2); written so that a NaN g3 (grazing ray) gives g2."""
+def log2_alpha(g3, g2, log2_opacity):
+    """log2(o exp(-G / 2)) with G = min(G3, G2).
+
+    Args:
+        g3: Squared disc coordinates of the intersection; NaN (grazing rays) gives G = G2.
+        g2: Low-pass term.
+        log2_opacity: log2 of the opacity o.
+
+    Returns:
+        log2 of alpha before the cap.
+    """
     g = g3 if g3 < g2 else g2
-    return log_opacity - g * HALF_LOG2E
+    return log2_opacity - g * HALF_LOG2E
 
 
 @numba.njit(cache=True, parallel=True, fastmath=FASTMATH, error_model="numpy")
-def composite(record, box, surfel, start, order, width, height, cap, geometry, background, workers):
-    """Planes (9 or 4, height, width) float32: T, r, g, b and, with `geometry`, depth, normal x, y, z, distortion.
+def composite(
+    projected: records.ProjectedSurfels,
+    lists: TileLists,
+    compositing: records.Compositing,
+    geometry: bool,
+    workers: int,
+) -> Float32[np.ndarray, "planes h w"]:
+    """Composite the surfels of all tiles (scalar reference).
 
-    Colours in `record` are relative to the background, those of the image are not.
+    Args:
+        projected: Records and pixel boxes; colours are relative to the background.
+        lists: Depth-sorted surfels of every tile.
+        compositing: Image size and constants.
+        geometry: Whether to compute depth, normal and distortion.
+        workers: Number of threads that share the tiles.
+
+    Returns:
+        Planes of the image: T, r, g, b and, with `geometry`, depth, normal x, y, z, distortion.
     """
-    cap, background = np.float32(cap), np.float32(background)
-    planes = PLANES if geometry else COLOUR_PLANES
-    image = np.empty((planes, height, width), np.float32)
-    across = -(-width // TILE)
+    record, box, _ = projected
+    surfel_of, start, order = lists.surfel, lists.start, lists.order
+    width, height, cap, background = compositing
+    num_planes = records.NUM_PLANES if geometry else records.NUM_COLOUR_PLANES
+    image = np.empty((num_planes, height, width), np.float32)
+    across = -(-width // TILE_SIZE)
     for worker in numba.prange(workers):
-        # State of the tile's pixels; T of a pixel that has ended is stored as -T.
-        state = np.empty((planes, TILE, TILE), np.float32)
+        # Planes of the tile. The transmittance of a complete pixel is stored as -T.
+        state = np.empty((num_planes, TILE_SIZE, TILE_SIZE), np.float32)
         for k in range(worker, order.size, workers):
-            t = order[k]
-            left, top = (t % across) * TILE, (t // across) * TILE
-            right, bottom = min(left + TILE, width), min(top + TILE, height)
-            state[0] = ONE
-            state[1:] = ZERO
-            pixels_left = (right - left) * (bottom - top)
-            for e in range(start[t], start[t + 1]):
-                if pixels_left == 0:
+            tile = order[k]
+            left, top = (tile % across) * TILE_SIZE, (tile // across) * TILE_SIZE
+            right, bottom = min(left + TILE_SIZE, width), min(top + TILE_SIZE, height)
+            state[PLANE.transmittance] = ONE
+            state[PLANE.red :] = ZERO
+            incomplete_pixels = (right - left) * (bottom - top)
+            for e in range(start[tile], start[tile + 1]):
+                if incomplete_pixels == 0:
                     break
-                i = surfel[e]
-                u0, u1, v0, v1 = record[i, 2], record[i, 3], record[i, 4], record[i, 5]
-                det, a3, b3 = record[i, 6], record[i, 7], record[i, 8]
-                ex, ey, log_opacity = record[i, 9], record[i, 10], record[i, 11]
-                red, green, blue, depth = record[i, 12], record[i, 13], record[i, 14], record[i, 15]
-                nx, ny, nz = record[i, 16], record[i, 17], record[i, 18]
+                i = surfel_of[e]
+                surfel = read_record(record, i)
                 for y in range(max(box[i, 2], top), min(box[i, 3], bottom)):
-                    dy = record[i, 1] + np.float32(y - box[i, 2])
+                    dy = surfel.dy + np.float32(y - box[i, 2])
+                    low_y = dy + surfel.lowpass_y
                     b = y - top
                     for x in range(max(box[i, 0], left), min(box[i, 1], right)):
-                        dx = record[i, 0] + np.float32(x - box[i, 0])
-                        s, u, _ = intersect(dx, dy, u0, u1, v0, v1, det, a3, b3)
-                        g2 = TWO * ((dx + ex) * (dx + ex) + (dy + ey) * (dy + ey))
-                        exponent = log2_alpha(s * s + u * u, g2, log_opacity)
+                        dx = surfel.dx + np.float32(x - box[i, 0])
+                        low_x = dx + surfel.lowpass_x
+                        s, t, _ = intersect(dx, dy, surfel)
+                        g2 = TWO * (low_x * low_x + low_y * low_y)
+                        exponent = log2_alpha(s * s + t * t, g2, surfel.log2_opacity)
                         a = x - left
-                        before = state[0, b, a]
-                        if exponent < LOG_THRESHOLD or before <= ZERO:
+                        before = state[PLANE.transmittance, b, a]
+                        if exponent < LOG2_ALPHA_THRESHOLD or before <= ZERO:
                             continue
                         alpha = min(np.exp2(exponent), cap)
                         w = before * alpha
                         after = before - w
-                        if after <= END:
-                            state[0, b, a] = -before
-                            pixels_left -= 1
+                        if after <= MIN_TRANSMITTANCE:
+                            state[PLANE.transmittance, b, a] = -before
+                            incomplete_pixels -= 1
                             continue
-                        state[0, b, a] = after
-                        state[1, b, a] += w * red
-                        state[2, b, a] += w * green
-                        state[3, b, a] += w * blue
+                        state[PLANE.transmittance, b, a] = after
+                        state[PLANE.red, b, a] += w * surfel.red
+                        state[PLANE.green, b, a] += w * surfel.green
+                        state[PLANE.blue, b, a] += w * surfel.blue
                         if geometry:
-                            # The depth plane before this surfel is D of the distortion.
-                            state[8, b, a] += TWO * w * (depth * (ONE - before) - state[4, b, a])
-                            state[4, b, a] += w * depth
-                            state[5, b, a] += w * nx
-                            state[6, b, a] += w * ny
-                            state[7, b, a] += w * nz
+                            # The depth plane before this surfel is D_i.
+                            in_front = surfel.depth * (ONE - before) - state[PLANE.depth, b, a]
+                            state[PLANE.distortion, b, a] += TWO * w * in_front
+                            state[PLANE.depth, b, a] += w * surfel.depth
+                            state[PLANE.normal_x, b, a] += w * surfel.normal_x
+                            state[PLANE.normal_y, b, a] += w * surfel.normal_y
+                            state[PLANE.normal_z, b, a] += w * surfel.normal_z
             for y in range(top, bottom):
                 for x in range(left, right):
-                    image[0, y, x] = abs(state[0, y - top, x - left])
-            for plane in range(1, planes):
-                behind = background if plane < DEPTH else ZERO
+                    image[PLANE.transmittance, y, x] = abs(state[PLANE.transmittance, y - top, x - left])
+            for plane in range(PLANE.red, num_planes):
+                behind = background if plane < PLANE.depth else ZERO
                 for y in range(top, bottom):
                     for x in range(left, right):
                         image[plane, y, x] = state[plane, y - top, x - left] + behind

@@ -1,79 +1,62 @@
-"""Surfels to image space and back: the homography record of each surfel, its pixel box, and their gradients (Numba).
+"""Projection of surfels to image space and its gradient (Numba).
 
-A disc `centre + s u + t v` seen by a pinhole is a homography of (s, t); relative to the projected centre it has eight
-numbers (pc_x, pc_y, U0, U1, V0, V1, p, q):
+A surfel `m + s u + t v` (camera space: centre m = (X, Y, Z), tangents u and v) projects through a pinhole as a
+homography of its disc coordinates (s, t). Relative to the projected centre pc = (fx X/Z + cx, fy Y/Z + cy) it has
+eight parameters (pc_x, pc_y, U0, U1, V0, V1, p, q):
 
-    dx = (U0 s + U1 t) / (1 + p s + q t),   dy = (V0 s + V1 t) / (1 + p s + q t),   (dx, dy) = pixel - pc
+    p  = u_z / Z                             q  = v_z / Z
+    U0 = fx (u_x / Z - X/Z p)                U1 = fx (v_x / Z - X/Z q)
+    V0 = fy (u_y / Z - Y/Z p)                V1 = fy (v_y / Z - Y/Z q)
+    dx = (U0 s + U1 t) / (1 + p s + q t)     dy = (V0 s + V1 t) / (1 + p s + q t)     (dx, dy) = pixel - pc
 
-Its inverse (Cramer) is linear over linear in the pixel, which is what the tile kernels evaluate:
+The ray through a pixel meets the disc at the inverse of the homography (Cramer's rule):
 
-    zx = V1 dx - U1 dy,   zy = U0 dy - V0 dx,   zz = det + a3 dx + b3 dy,   s = zx / zz,  t = zy / zz
+    zx = V1 dx - U1 dy,    zy = U0 dy - V0 dx,    zz = det + a3 dx + b3 dy,    s = zx / zz,    t = zy / zz
+    det = U0 V1 - U1 V0,   a3 = V0 q - V1 p,      b3 = U1 p - U0 q
 
-This is the ray-splat intersection of 2D Gaussian Splatting (Huang et al. 2024, eq. 8-10), in a form fit for float32.
+This is the ray-splat intersection of 2D Gaussian Splatting (Huang et al. 2024, eq. 8-10). The cross product of two
+planes in absolute pixel coordinates, which that paper uses, cancels in float32; offsets from the projected centre do
+not.
 
-Everything here is in float64, on tuples of numbers: scalars in the loops below, or vectors of eight surfels in
-`projection_simd`.
+The low-pass filter (eq. 11) is a disc of standard deviation 1/sqrt(2) pixels around m2 = pc + N / E1, the centre of the
+bounding box of the projected unit circle, as in gsplat:
+
+    N = (U0 p + U1 q, V0 p + V1 q),    E1 = p^2 + q^2 - 1
+
+All arithmetic is in float64, on tuples of scalars in the loops of this module or of vectors in `projection_simd`.
 """
 
 from __future__ import annotations
 
 import numba
 import numpy as np
+from jaxtyping import Float32, Int32
+from numba.np.unsafe.ndarray import to_fixed_tuple
 
+from carigs.simd import matrix3
 from carigs.simd.vector_math import absolute, floor, log2, maximum, minimum, select, sqrt
 from carigs.simd.vectors import scalar_or_simd
-from carigs.splat.rasterizer.culling import HORIZON, NEAR, SMALLEST_AREA, THRESHOLD
+from carigs.splat.rasterizer import records
+from carigs.splat.rasterizer.binning import TILE_SIZE
+from carigs.splat.rasterizer.culling import ALPHA_THRESHOLD, CAMERA_PLANE_MARGIN, MIN_AREA, NEAR_PLANE
 
-SLACK = 1e-3  # pixels by which boxes are widened against rounding
-
-# Columns of a surfel's record.  PIXEL is the first pixel centre of its box relative to the projected centre: small
-# numbers where the absolute position would cost float32 its last digits.
-PIXEL, HOMOGRAPHY, PLANE, LOWPASS, LOG_OPACITY, COLOUR, DEPTH, NORMAL = 0, 2, 6, 9, 11, 12, 15, 16
-RECORD = 20
-# Columns of a gradient slot: sums over the pixels of one (surfel, tile) pair, see `backward`.
-MOMENT, SHIFT, EXPONENT = 0, 9, 11  # then COLOUR, DEPTH and NORMAL as above
-SLOT = 20
+BOX_MARGIN = 1e-3
+"""Pixels by which boxes are enlarged against rounding."""
+LN2, LOG2_255 = float(np.log(2)), float(np.log2(255))
+TILE_WIDTH = float(TILE_SIZE)
 
 
 @scalar_or_simd
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@scalar_or_simd
-def _cross(a, b):
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-@scalar_or_simd
-def _rotate(view, x):
-    return (
-        view[0] * x[0] + view[1] * x[1] + view[2] * x[2],
-        view[4] * x[0] + view[5] * x[1] + view[6] * x[2],
-        view[8] * x[0] + view[9] * x[1] + view[10] * x[2],
-    )
-
-
-@scalar_or_simd
-def _rotate_back(view, x):
-    return (
-        view[0] * x[0] + view[4] * x[1] + view[8] * x[2],
-        view[1] * x[0] + view[5] * x[1] + view[9] * x[2],
-        view[2] * x[0] + view[6] * x[1] + view[10] * x[2],
-    )
-
-
-@scalar_or_simd
-def _camera_space(view, centre, tangent_u, tangent_v):
-    """Centre and tangents in camera axes; `view` is camera_from_world row by row."""
-    m = _rotate(view, centre)
-    m = (m[0] + view[3], m[1] + view[7], m[2] + view[11])
-    return m, _rotate(view, tangent_u), _rotate(view, tangent_v)
+def _to_camera(camera, centre, tangent_u, tangent_v):
+    """Centre and tangents in camera space."""
+    m, offset = matrix3.apply(camera.rotation, centre), camera.translation
+    m = (m[0] + offset[0], m[1] + offset[1], m[2] + offset[2])
+    return m, matrix3.apply(camera.rotation, tangent_u), matrix3.apply(camera.rotation, tangent_v)
 
 
 @scalar_or_simd
 def _homography(m, u, v, fx, fy):
-    """(xh, yh, U0, U1, V0, V1, p, q) of a disc: perspective division of centre and tangents."""
+    """(X/Z, Y/Z, U0, U1, V0, V1, p, q) of a disc in camera space."""
     iz = 1.0 / m[2]
     xh, yh, p, q = m[0] * iz, m[1] * iz, u[2] * iz, v[2] * iz
     u0, u1 = fx * (u[0] * iz - xh * p), fx * (v[0] * iz - xh * q)
@@ -83,20 +66,20 @@ def _homography(m, u, v, fx, fy):
 
 @scalar_or_simd
 def _facing_normal(m, u, v):
-    """Unit normal towards the camera, the area |u x v| and the sign of the flip."""
-    n = _cross(u, v)
-    area = sqrt(_dot(n, n))
-    sign = select(_dot(n, m) > 0.0, -1.0, 1.0)
+    """Unit normal n = sign (u x v) / |u x v| with n . m <= 0, the area |u x v|, and the sign."""
+    n = matrix3.cross(u, v)
+    area = sqrt(matrix3.dot(n, n))
+    sign = select(matrix3.dot(n, m) > 0.0, -1.0, 1.0)
     scale = sign / area
     return (n[0] * scale, n[1] * scale, n[2] * scale), area, sign
 
 
 @scalar_or_simd
-def _interval(a, b, p, q, rho2, rho_lowpass):
-    """Extent along one axis of the visible ellipse relative to the projected centre, and the low-pass centre.
+def _extent(a, b, p, q, rho2, rho_lowpass):
+    """Range of offsets along one axis where alpha may reach 1/255, and the low-pass centre's offset.
 
-    The circle s^2 + t^2 = rho2 touches the line at offset c where c^2 E - 2 c rho2 N + rho2 (a^2 + b^2) = 0 with
-    N = a p + b q and E = rho2 (p^2 + q^2) - 1; united with the low-pass disc around N / E1.
+    The projected circle s^2 + t^2 = rho2 touches the line at offset c where c^2 E - 2 c rho2 N + rho2 (a^2 + b^2) = 0,
+    N = a p + b q, E = rho2 (p^2 + q^2) - 1. The range also contains the low-pass disc around N / E1.
     """
     n = a * p + b * q
     squared = p * p + q * q
@@ -108,66 +91,73 @@ def _interval(a, b, p, q, rho2, rho_lowpass):
 
 
 @scalar_or_simd
-def _pixels(low, high, size):
-    """Indices [first, last) of the pixels whose centres lie in [low, high] and in the image."""
-    first = -floor(-maximum(low - 0.5 - SLACK, 0.0))
-    return first, floor(minimum(high - 0.5 + SLACK, size - 1.0)) + 1.0
+def _pixel_range(low, high, size):
+    """Half-open range of the pixels with centres in [low, high] and in the image."""
+    first = -floor(-maximum(low - 0.5 - BOX_MARGIN, 0.0))
+    return first, floor(minimum(high - 0.5 + BOX_MARGIN, size - 1.0)) + 1.0
 
 
 @scalar_or_simd
-def projected(centre, tangent_u, tangent_v, opacity, paint, view, intrinsics, width, height, tile):
-    """Whether a surfel is seen, its box [x0, x1, y0, y1), its number of tiles, and its record without the colour.
+def surfel_record(centre, tangent_u, tangent_v, opacity, colour_magnitude, camera):
+    """Project one surfel, or one per lane.
 
-    `paint` is anything that is finite if the colour is.
+    alpha >= 1/255 where s^2 + t^2 <= rho2 = 2 ln(255 opacity), which gives the box.
+
+    Args:
+        centre: Three numbers or vectors, float64, world space.
+        tangent_u: First tangent.
+        tangent_v: Second tangent.
+        opacity: Opacity in [0, 1].
+        colour_magnitude: Any number that is finite exactly if the colour is.
+        camera: `Pinhole`.
+
+    Returns:
+        Box (x0, x1, y0, y1); number of tiles, 0 if culled; record without the colour (columns 0-11 and 15-18).
     """
-    fx, fy, cx, cy = intrinsics
-    m, u, v = _camera_space(view, centre, tangent_u, tangent_v)
-    xh, yh, u0, u1, v0, v1, p, q = _homography(m, u, v, fx, fy)
-    bits = log2(opacity)
-    rho2 = 2.0 * LN2 * (bits + LOG2_255)  # where alpha is 1/255
+    m, u, v = _to_camera(camera, centre, tangent_u, tangent_v)
+    xh, yh, u0, u1, v0, v1, p, q = _homography(m, u, v, camera.fx, camera.fy)
+    log2_opacity = log2(opacity)
+    rho2 = 2.0 * LN2 * (log2_opacity + LOG2_255)
     squared = p * p + q * q
     normal, area, _ = _facing_normal(m, u, v)
-    pcx, pcy = fx * xh + cx, fy * yh + cy
+    pcx, pcy = camera.fx * xh + camera.cx, camera.fy * yh + camera.cy
     rho_lowpass = sqrt(0.5 * rho2)
-    low_x, high_x, ex = _interval(u0, u1, p, q, rho2, rho_lowpass)
-    low_y, high_y, ey = _interval(v0, v1, p, q, rho2, rho_lowpass)
-    x0, x1 = _pixels(pcx + low_x, pcx + high_x, width)
-    y0, y1 = _pixels(pcy + low_y, pcy + high_y, height)
-    checksum = _dot(m, m) + _dot(u, u) + _dot(v, v) + opacity + paint
-    seen = (checksum < np.inf) & (m[2] > NEAR) & (opacity >= THRESHOLD) & (area > SMALLEST_AREA)
-    seen = seen & (rho2 * squared - 1.0 < HORIZON) & (squared - 1.0 < HORIZON) & (x1 > x0) & (y1 > y0)
-    across = floor((x1 - 1.0) / tile) - floor(x0 / tile) + 1.0
-    down = floor((y1 - 1.0) / tile) - floor(y0 / tile) + 1.0
-    box = (select(seen, x0, 0.0), select(seen, x1, 0.0), select(seen, y0, 0.0), select(seen, y1, 0.0))
+    low_x, high_x, lowpass_x = _extent(u0, u1, p, q, rho2, rho_lowpass)
+    low_y, high_y, lowpass_y = _extent(v0, v1, p, q, rho2, rho_lowpass)
+    x0, x1 = _pixel_range(pcx + low_x, pcx + high_x, camera.width)
+    y0, y1 = _pixel_range(pcy + low_y, pcy + high_y, camera.height)
+    checksum = matrix3.dot(m, m) + matrix3.dot(u, u) + matrix3.dot(v, v) + opacity + colour_magnitude
+    visible = (checksum < np.inf) & (m[2] > NEAR_PLANE) & (opacity >= ALPHA_THRESHOLD) & (area > MIN_AREA)
+    visible = visible & (rho2 * squared - 1.0 < CAMERA_PLANE_MARGIN) & (squared - 1.0 < CAMERA_PLANE_MARGIN)
+    visible = visible & (x1 > x0) & (y1 > y0)
+    across = floor((x1 - 1.0) / TILE_WIDTH) - floor(x0 / TILE_WIDTH) + 1.0
+    down = floor((y1 - 1.0) / TILE_WIDTH) - floor(y0 / TILE_WIDTH) + 1.0
+    box = (select(visible, x0, 0.0), select(visible, x1, 0.0), select(visible, y0, 0.0), select(visible, y1, 0.0))
     record = (
-        x0 + 0.5 - pcx, y0 + 0.5 - pcy, u0, u1, v0, v1, u0 * v1 - u1 * v0, v0 * q - v1 * p, u1 * p - u0 * q, -ex, -ey,
-        bits, m[2], normal[0], normal[1], normal[2],
+        x0 + 0.5 - pcx, y0 + 0.5 - pcy, u0, u1, v0, v1, u0 * v1 - u1 * v0, v0 * q - v1 * p, u1 * p - u0 * q,
+        -lowpass_x, -lowpass_y, log2_opacity, m[2], normal[0], normal[1], normal[2],
     )  # fmt: skip
-    return box, select(seen, across * down, 0.0), record
-
-
-LN2, LOG2_255 = float(np.log(2)), float(np.log2(255))
+    return box, select(visible, across * down, 0.0), record
 
 
 @scalar_or_simd
 def _homography_gradient(g, u0, u1, v0, v1, p, q):
-    """Chain rule from the summed moments `g` to (pc_x, pc_y, U0, U1, V0, V1, p, q).
+    """Derivatives with respect to (pc_x, pc_y, U0, U1, V0, V1, p, q) from a sum of gradient slots.
 
-    zx, zy, zz and the low-pass centre are linear in the pixel offset: sums over pixels of their gradients, and of those
-    times dx, dy, are all that is needed.
+    zx, zy, zz and the low-pass offset are linear in the pixel offset. The sums over pixels of their derivatives, and of
+    those times dx and dy, therefore suffice; for example dL/dU0 = sum dL/dzy dy + dL/dzz (V1 - q dy).
     """
-    gx, gy, gz, gxx, gxy, gyx, gyy, gzx, gzy = g[0], g[1], g[2], g[3], g[4], g[5], g[6], g[7], g[8]
     a3, b3 = v0 * q - v1 * p, u1 * p - u0 * q
-    d_u0 = gyy + gz * v1 - gzy * q
-    d_u1 = -gxy - gz * v0 + gzy * p
-    d_v0 = -gyx - gz * u1 + gzx * q
-    d_v1 = gxx + gz * u0 - gzx * p
-    d_p = -gzx * v1 + gzy * u1
-    d_q = gzx * v0 - gzy * u0
-    d_pcx = -(gx * v1 - gy * v0 + gz * a3)
-    d_pcy = -(-gx * u1 + gy * u0 + gz * b3)
+    d_u0 = g.zy_dy + g.zz * v1 - g.zz_dy * q
+    d_u1 = -g.zx_dy - g.zz * v0 + g.zz_dy * p
+    d_v0 = -g.zy_dx - g.zz * u1 + g.zz_dx * q
+    d_v1 = g.zx_dx + g.zz * u0 - g.zz_dx * p
+    d_p = -g.zz_dx * v1 + g.zz_dy * u1
+    d_q = g.zz_dx * v0 - g.zz_dy * u0
+    d_pcx = -(g.zx * v1 - g.zy * v0 + g.zz * a3)
+    d_pcy = -(-g.zx * u1 + g.zy * u0 + g.zz * b3)
     # Low-pass centre m2 = pc + N / E1.
-    mx, my = -g[9], -g[10]
+    mx, my = -g.lowpass_x, -g.lowpass_y
     e1 = p * p + q * q - 1.0
     kx, ky = mx / e1, my / e1
     nx, ny = u0 * p + u1 * q, v0 * p + v1 * q
@@ -183,7 +173,7 @@ def _homography_gradient(g, u0, u1, v0, v1, p, q):
 
 @scalar_or_simd
 def _disc_gradient(d, d_depth, m, u, v, xh, yh, p, q, fx, fy):
-    """Chain rule of `_homography`, and of the centre's depth, to (m, u, v) in camera axes."""
+    """Chain rule of `_homography` and of the centre's depth: derivatives with respect to (m, u, v) in camera space."""
     d_pcx, d_pcy, d_u0, d_u1, d_v0, d_v1, d_p, d_q = d
     iz = 1.0 / m[2]
     d_xh = fx * (d_pcx - d_u0 * p - d_u1 * q)
@@ -200,118 +190,131 @@ def _disc_gradient(d, d_depth, m, u, v, xh, yh, p, q, fx, fy):
 
 @scalar_or_simd
 def _normal_gradient(d_n, n, area, sign, u, v):
-    """Chain rule of n = sign (u x v) / |u x v| to (u, v)."""
-    along = _dot(n, d_n)
+    """Chain rule of n = sign (u x v) / |u x v|: c = sign (I - n n^T) d_n / |u x v|; d_u = v x c, d_v = c x u."""
+    along = matrix3.dot(n, d_n)
     scale = sign / area
     c = ((d_n[0] - along * n[0]) * scale, (d_n[1] - along * n[1]) * scale, (d_n[2] - along * n[2]) * scale)
-    return _cross(v, c), _cross(c, u)
+    return matrix3.cross(v, c), matrix3.cross(c, u)
 
 
 @scalar_or_simd
-def pulled_back(g, centre, tangent_u, tangent_v, view, intrinsics):
-    """Gradients of centre, tangents and projected centre from the sums `g` of a surfel's slots."""
-    fx, fy, _, _ = intrinsics
-    m, u, v = _camera_space(view, centre, tangent_u, tangent_v)
-    xh, yh, u0, u1, v0, v1, p, q = _homography(m, u, v, fx, fy)
+def surfel_gradients(g, centre, tangent_u, tangent_v, camera):
+    """Gradients of one surfel, or of one per lane, from the sum of its gradient slots.
+
+    Args:
+        g: `GradientSlot`, the sum of the surfel's slots.
+        centre: Three numbers or vectors, float64, world space.
+        tangent_u: First tangent.
+        tangent_v: Second tangent.
+        camera: `Pinhole`.
+
+    Returns:
+        Gradients with respect to centre, tangent_u, tangent_v (three numbers each) and the projected centre (two).
+    """
+    m, u, v = _to_camera(camera, centre, tangent_u, tangent_v)
+    xh, yh, u0, u1, v0, v1, p, q = _homography(m, u, v, camera.fx, camera.fy)
     d = _homography_gradient(g, u0, u1, v0, v1, p, q)
-    d_m, d_u, d_v = _disc_gradient(d, g[15], m, u, v, xh, yh, p, q, fx, fy)
+    d_m, d_u, d_v = _disc_gradient(d, g.depth, m, u, v, xh, yh, p, q, camera.fx, camera.fy)
     n, area, sign = _facing_normal(m, u, v)
-    along_u, along_v = _normal_gradient((g[16], g[17], g[18]), n, area, sign, u, v)
+    normal_u, normal_v = _normal_gradient((g.normal_x, g.normal_y, g.normal_z), n, area, sign, u, v)
+    rotation = camera.rotation
     return (
-        _rotate_back(view, d_m),
-        _rotate_back(view, (d_u[0] + along_u[0], d_u[1] + along_u[1], d_u[2] + along_u[2])),
-        _rotate_back(view, (d_v[0] + along_v[0], d_v[1] + along_v[1], d_v[2] + along_v[2])),
+        matrix3.apply_transposed(rotation, d_m),
+        matrix3.apply_transposed(rotation, (d_u[0] + normal_u[0], d_u[1] + normal_u[1], d_u[2] + normal_u[2])),
+        matrix3.apply_transposed(rotation, (d_v[0] + normal_v[0], d_v[1] + normal_v[1], d_v[2] + normal_v[2])),
         (d[0], d[1]),
     )
 
 
 @numba.njit
-def _three(array, i):
+def _row(array, i):
     return np.float64(array[i, 0]), np.float64(array[i, 1]), np.float64(array[i, 2])
 
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
-def project(centre, tangent_u, tangent_v, opacity, colour, view, intrinsics, width, height, tile, background):
-    """Records (n, 20) float32, pixel boxes (n, 4) int32 [x0, x1, y0, y1) and numbers of tiles (n,) int32, 0 if dropped.
+def project_surfels(
+    surfels: records.SurfelArrays, camera: records.Pinhole, background: float
+) -> records.ProjectedSurfels:
+    """Project surfels to records and pixel boxes (scalar reference).
 
-    `view` is camera_from_world row by row (>= 12 numbers), `intrinsics` fx fy cx cy.  Dropped: surfels with a number
-    that is not finite, without area, nearer than NEAR, fainter than THRESHOLD, crossing the camera plane within their
-    visible extent, or outside the image.
+    Culled are surfels with a number that is not finite, without area, nearer than NEAR_PLANE, with an opacity below
+    ALPHA_THRESHOLD, crossing the camera plane within their visible extent, or outside the image.
+
+    Args:
+        surfels: Surfels in world space.
+        camera: records.Pinhole camera.
+        background: Grey value; records hold colours relative to it.
+
+    Returns:
+        Records, boxes and numbers of tiles.
     """
-    count = centre.shape[0]
-    record = np.empty((count, RECORD), np.float32)
+    count = surfels.centre.shape[0]
+    record = np.empty((count, records.RECORD_SIZE), np.float32)
     box = np.zeros((count, 4), np.int32)
-    tiles = np.zeros(count, np.int32)
+    num_tiles = np.zeros(count, np.int32)
+    centre, tangent_u, tangent_v, opacity, colour = surfels
+    rotation, translation, fx, fy, cx, cy, width, height = camera  # `prange` does not accept nested tuples
     for i in numba.prange(count):
-        r, g, b = _three(colour, i)
-        corners, number, line = projected(
-            _three(centre, i), _three(tangent_u, i), _three(tangent_v, i), np.float64(opacity[i]),
-            absolute(r) + absolute(g) + absolute(b), view, intrinsics, float(width), float(height), float(tile),
+        pinhole = records.Pinhole(rotation, translation, fx, fy, cx, cy, width, height)
+        r, g, b = _row(colour, i)
+        corners, number, geometry = surfel_record(
+            _row(centre, i), _row(tangent_u, i), _row(tangent_v, i), np.float64(opacity[i]),
+            absolute(r) + absolute(g) + absolute(b), pinhole,
         )  # fmt: skip
         if number == 0.0:
             continue
-        tiles[i] = int(number)
+        num_tiles[i] = int(number)
         for k in range(4):
             box[i, k] = int(corners[k])
-        for k in range(12):
+        line = (*geometry[0:12], r - background, g - background, b - background, *geometry[12:16], 0.0)
+        for k in range(records.RECORD_SIZE):
             record[i, k] = line[k]
-        record[i, 12], record[i, 13], record[i, 14] = r - background, g - background, b - background
-        for k in range(12, 16):
-            record[i, k + 3] = line[k]
-        record[i, 19] = 0.0
-    return record, box, tiles
+    return records.ProjectedSurfels(record, box, num_tiles)
 
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
-def project_backward(slots, first_slot, centre, tangent_u, tangent_v, opacity, view, intrinsics):
-    """Gradients of centre, tangent_u, tangent_v (n, 3), opacity (n,), colour (n, 3) and projected centre (n, 2).
+def project_surfels_backward(
+    slots: Float32[np.ndarray, "pairs 20"],
+    first_slot: Int32[np.ndarray, "n+1"],
+    surfels: records.SurfelArrays,
+    camera: records.Pinhole,
+) -> records.SurfelGradients:
+    """Gradient of `project_surfels` (scalar reference).
 
-    Sums each surfel's gradient slots (rows first_slot[i] .. first_slot[i + 1]) in order and in float64.
+    Sums each surfel's gradient slots in order, in float64, and applies the chain rule of the projection.
+    dL/dopacity = dL/dln(opacity) / opacity.
+
+    Args:
+        slots: Gradient slots of all (surfel, tile) pairs, see `records`.
+        first_slot: Range of each surfel's slots.
+        surfels: Surfels in world space.
+        camera: records.Pinhole camera.
+
+    Returns:
+        Gradients with respect to the surfels and their projected centres.
     """
+    centre, tangent_u, tangent_v, opacity, _ = surfels
     count = centre.shape[0]
     d_centre, d_tangent_u = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
     d_tangent_v, d_colour = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
-    d_opacity, d_pixel = np.zeros(count, np.float32), np.zeros((count, 2), np.float32)
+    d_opacity, d_projected = np.zeros(count, np.float32), np.zeros((count, 2), np.float32)
+    sums = np.zeros((count, records.GRADIENT_SIZE))
+    rotation, translation, fx, fy, cx, cy, width, height = camera
     for i in numba.prange(count):
         start, stop = first_slot[i], first_slot[i + 1]
         if stop == start:
             continue
-        g = (0.0,) * 19
+        pinhole = records.Pinhole(rotation, translation, fx, fy, cx, cy, width, height)
         for slot in range(start, stop):
-            g = _add_slot(g, slots, slot)
-        d_m, d_u, d_v, d_p = pulled_back(
-            g, _three(centre, i), _three(tangent_u, i), _three(tangent_v, i), view, intrinsics
-        )
+            for k in range(records.GRADIENT_SIZE - 1):
+                sums[i, k] += slots[slot, k]
+        g = records.GradientSlot(*to_fixed_tuple(sums[i], 19))
+        d_m, d_u, d_v, d_p = surfel_gradients(g, _row(centre, i), _row(tangent_u, i), _row(tangent_v, i), pinhole)
         for axis in range(3):
             d_centre[i, axis] = d_m[axis]
             d_tangent_u[i, axis] = d_u[axis]
             d_tangent_v[i, axis] = d_v[axis]
-        d_colour[i, 0], d_colour[i, 1], d_colour[i, 2] = g[12], g[13], g[14]
-        d_opacity[i] = g[11] / opacity[i]
-        d_pixel[i, 0], d_pixel[i, 1] = d_p
-    return d_centre, d_tangent_u, d_tangent_v, d_opacity, d_colour, d_pixel
-
-
-@numba.njit
-def _add_slot(g, slots, slot):
-    return (
-        g[0] + slots[slot, 0],
-        g[1] + slots[slot, 1],
-        g[2] + slots[slot, 2],
-        g[3] + slots[slot, 3],
-        g[4] + slots[slot, 4],
-        g[5] + slots[slot, 5],
-        g[6] + slots[slot, 6],
-        g[7] + slots[slot, 7],
-        g[8] + slots[slot, 8],
-        g[9] + slots[slot, 9],
-        g[10] + slots[slot, 10],
-        g[11] + slots[slot, 11],
-        g[12] + slots[slot, 12],
-        g[13] + slots[slot, 13],
-        g[14] + slots[slot, 14],
-        g[15] + slots[slot, 15],
-        g[16] + slots[slot, 16],
-        g[17] + slots[slot, 17],
-        g[18] + slots[slot, 18],
-    )
+        d_colour[i, 0], d_colour[i, 1], d_colour[i, 2] = g.red, g.green, g.blue
+        d_opacity[i] = g.log_opacity / opacity[i]
+        d_projected[i, 0], d_projected[i, 1] = d_p
+    return records.SurfelGradients(d_centre, d_tangent_u, d_tangent_v, d_opacity, d_colour, d_projected)

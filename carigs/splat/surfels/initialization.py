@@ -1,4 +1,4 @@
-"""The first surfels: discs that tile every triangle, strands of them over hair, coloured from the training frames."""
+"""Initial surfels: discs on every triangle, layers of discs above hair, with colours from the training images."""
 
 from __future__ import annotations
 
@@ -13,21 +13,31 @@ from carigs.splat.surfels.surfels import Surfels, flat_discs
 from carigs.splat.training.supervision import Example, Supervision
 
 OCCLUSION_TOLERANCE = 0.003
-"""Metres that a surfel's centre may lie behind the mesh and still be seen."""
+"""Metres that a surfel's centre may lie behind the mesh and still count as visible."""
 
 
 def initial_surfels(
     settings: Train, supervision: Supervision, performance: HeadSequence, hair: Bool[np.ndarray, "f"]
 ) -> Surfels:
-    """Surfels on every face and above hair faces, with colours of `settings.colour_frames` of what supervises them.
+    """Initialize surfels on every face and above hair faces.
 
-    A run that is supervised by targets alone takes its colours from the targets: real frames would tell it of the hair.
+    Colours are means over `settings.colour_frames` training images: GT* targets if they alone supervise the run
+    (`gtstar_probability` 1), otherwise captured frames.
+
+    Args:
+        settings: Settings of the training.
+        supervision: Training images.
+        performance: Posed meshes per timestep and level.
+        hair: Faces that carry hair.
+
+    Returns:
+        Surfels, sorted by triangle.
     """
     binding, position, scale = place(settings, performance.rig, hair)
     targets_only = settings.gtstar_probability >= 1
     count = len(supervision.targets if targets_only else supervision.frames)
-    chosen = np.unique(np.linspace(0, count - 1, settings.colour_frames).astype(int))
-    views = [supervision.weighted_example(targets_only, int(i)) for i in chosen]
+    indices = np.unique(np.linspace(0, count - 1, settings.colour_frames).astype(int))
+    views = [supervision.weighted_example(targets_only, int(i)) for i in indices]
     rgb = observed_colours(binding, position, performance, views)
     return flat_discs(binding, position, scale, settings.initial_opacity, rgb, settings.sh_degree)
 
@@ -35,14 +45,22 @@ def initial_surfels(
 def place(
     settings: Train, rig: Rig, hair: Bool[np.ndarray, "f"]
 ) -> tuple[Int[np.ndarray, "n"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n"]]:
-    """Binding, position and standard deviation (triangle units) of the first surfels.
+    """Positions of the initial surfels.
 
-    Per face `surfels_per_face` spread by the R2 sequence (Roberts 2018); per hair face `hair_layers` more at random
-    places in the prism over it, up to `hair_length` along the normal.
+    Each face gets `surfels_per_face` surfels, spread by the low-discrepancy sequence R2 (Roberts 2018). Each hair face
+    gets `hair_layers` more at random positions of the prism above it, up to `hair_length` along the normal.
+
+    Args:
+        settings: Settings of the training.
+        rig: Rig of the canonical mesh.
+        hair: Faces that carry hair.
+
+    Returns:
+        Triangle, position in the triangle's frame, and standard deviation of each surfel, in units of k.
     """
     per_face, layers = settings.surfels_per_face, settings.hair_layers
     f = len(rig.faces)
-    g = 1.324717957244746
+    g = 1.324717957244746  # plastic number: g^3 = g + 1
     spread = (0.5 + np.arange(1, per_face + 1)[:, None] * np.array([1 / g, 1 / g**2])) % 1
     if per_face == 1:
         spread = np.array([[1 / 3, 1 / 3]])
@@ -64,7 +82,7 @@ def place(
 def _in_triangle(
     rig: Rig, binding: Int[np.ndarray, "n"], uniform: Float[np.ndarray, "n 2"]
 ) -> Float[np.ndarray, "n 3"]:
-    """Points of the triangles in their local frames, from points of the unit square folded onto them."""
+    """Points of the triangles in their local frames, from points of the unit square folded along its diagonal."""
     b, c = uniform.T
     fold = b + c > 1
     b, c = np.where(fold, 1 - b, b), np.where(fold, 1 - c, c)
@@ -80,14 +98,23 @@ def observed_colours(
     performance: HeadSequence,
     views: list[tuple[Example, Float[np.ndarray, "h w"]]],
 ) -> Float[np.ndarray, "n 3"]:
-    """Mean colour of each surfel where the views see it; unseen ones take their face's, or its neighbourhood's.
+    """Mean colour of each surfel over the views that see its centre, weighted by the cosine of the viewing angle.
 
-    Each view comes with the weight of its pixels (h, w).
+    Surfels that no view sees take the mean colour of their face, or else of the nearest faces with a colour.
+
+    Args:
+        binding: Triangle of each surfel.
+        position: Centres in the triangles' frames, in units of k.
+        performance: Posed meshes per timestep and level.
+        views: Images with the weights of their pixels.
+
+    Returns:
+        RGB in [0.02, 0.98].
     """
     rig = performance.rig
     canonical = np.einsum("nij,nj->ni", rig.frame[binding], position)
     total, weight = np.zeros((len(binding), 3)), np.zeros(len(binding))
-    for example, trust in views:
+    for example, pixel_weight in views:
         camera = example.camera
         motion = performance.motion(example.timestep, example.level)
         centre = motion.centre[binding] + np.einsum("nij,nj->ni", motion.jacobian[binding], canonical)
@@ -99,7 +126,7 @@ def observed_colours(
         normal = motion.rotation[binding] @ (rig.frame[binding, :, 2] / rig.scale[binding, None].clip(1e-9))[..., None]
         view = camera.centre - centre
         facing = np.einsum("nc,nc->n", normal[..., 0], view) / np.linalg.norm(view, axis=1)
-        w = np.where(seen, facing.clip(0.05), 0) * trust[row, column]
+        w = np.where(seen, facing.clip(0.05), 0) * pixel_weight[row, column]
         total += w[:, None] * example.image[row, column]
         weight += w
     face_total = np.stack([np.bincount(binding, total[:, c], len(rig.faces)) for c in range(3)], axis=1)
@@ -110,7 +137,7 @@ def observed_colours(
 def _fill(
     total: Float[np.ndarray, "f 3"], weight: Float[np.ndarray, "f"], neighbours: Int[np.ndarray, "f 3"]
 ) -> Float[np.ndarray, "f 3"]:
-    """Mean per face; faces without any take their neighbours' mean, ring by ring, and the overall mean at last."""
+    """Mean colour per face; faces without one take their neighbours' mean, ring by ring, then the overall mean."""
     colour = total / np.maximum(weight, 1e-12)[:, None]
     known = weight > 0
     while True:

@@ -1,7 +1,8 @@
-"""Surfels in the .ply layouts of GaussianAvatars and SurFhead, for the field's viewers and converters.
+"""Surfels as .ply files in the layouts of GaussianAvatars and SurFhead, for other viewers and converters.
 
-Both store triangle-local values before activation; they differ in the axes of the local frame (GaussianAvatars: second
-axis = normal, third away from the third corner; SurFhead, and here: third axis = normal) and in the number of scales.
+Both store triangle-local values before activation. They differ in the axes of the local frame and in the number of
+scales. GaussianAvatars: second axis = normal, third axis away from the third corner, three scales; SurFhead, and this
+package: third axis = normal, two scales.
 """
 
 from __future__ import annotations
@@ -13,22 +14,28 @@ from jaxtyping import Float
 
 from carigs.errors import InputError, SettingsError
 from carigs.files import writing
-from carigs.splat.colour.spherical_harmonics import coefficients
-from carigs.splat.surfels.surfels import Surfels, from_arrays, to_arrays
+from carigs.splat.colour.spherical_harmonics import num_coefficients
+from carigs.splat.surfels.surfels import BLEND_NEIGHBOUR, BLEND_OWN, Surfels, from_arrays, to_arrays
 
 LAYOUTS = ("surfhead", "gaussian_avatars")
-REST = coefficients(3)  # both layouts always hold degree 3
-SPECULAR = 24  # SurFhead's specular features per surfel, unused here
-FLAT = -10.0  # log scale along the normal of a disc in a layout of ellipsoids
+REST = num_coefficients(3)  # both layouts always store degree 3
+SPECULAR = 24  # specular features per surfel in SurFhead's layout, written as zeros
+FLAT_LOG_SCALE = -10.0  # log scale along the normal of a disc in the layout of ellipsoids
 
-# Columns: GaussianAvatars' axes (edge, normal, away from the third corner) in ours (edge, towards it, normal).
+# Columns: the axes of GaussianAvatars (edge, normal, away from the third corner) in ours (edge, towards it, normal).
 OURS_FROM_GAUSSIAN_AVATARS = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 def write_ply(file: Path, surfels: Surfels, layout: str = "surfhead") -> None:
-    """Write the surfels, all properties float32, binary, with the layout's name in a comment.
+    """Write surfels as binary little-endian .ply with float32 properties and the layout's name in a comment.
 
-    SurFhead's 90 properties keep the blend weights; GaussianAvatars' 63 have no place for them.
+    Args:
+        file: Path to write.
+        surfels: Surfels.
+        layout: `surfhead` (90 properties) or `gaussian_avatars` (63 properties, without the blend weights).
+
+    Raises:
+        SettingsError: If the layout is unknown.
     """
     from plyfile import PlyData, PlyElement
 
@@ -43,10 +50,18 @@ def write_ply(file: Path, surfels: Surfels, layout: str = "surfhead") -> None:
 
 
 def read_ply(file: Path) -> Surfels:
-    """Read either layout (told apart by the number of scales).
+    """Read surfels from either layout; the number of scales tells them apart.
 
-    An ellipsoid becomes the disc of its two larger axes; blend weights that the file lacks are SurFhead's first ones.
-    Raises `InputError` if the file is missing or broken, or lacks a property.
+    An ellipsoid becomes the disc of its two larger axes. Missing blend weights get SurFhead's initial values.
+
+    Args:
+        file: Path to read.
+
+    Returns:
+        Surfels, sorted by triangle. Degrees of the harmonics that are zero everywhere are dropped.
+
+    Raises:
+        InputError: If the file is missing or broken, or lacks a property.
     """
     from plyfile import PlyData, PlyParseError
 
@@ -57,31 +72,31 @@ def read_ply(file: Path) -> Surfels:
     except (PlyParseError, KeyError, OSError, ValueError) as error:
         raise InputError(f"not a readable surfel .ply ({error})", file=file) from error
 
-    def take(*names: str) -> Float[np.ndarray, "n k"]:
+    def properties(*names: str) -> Float[np.ndarray, "n k"]:
         for name in names:
             if name not in rows.dtype.names:
                 raise InputError("this property is missing", file=file, field=name)
         return np.stack([rows[name] for name in names], axis=1)
 
-    position, rotation = take(*"xyz"), take(*_numbered("rot", 4))
+    position, rotation = properties(*"xyz"), properties(*_numbered("rot", 4))
     if "scale_2" in rows.dtype.names:
-        position, rotation, scale = _discs(position, rotation, take(*_numbered("scale", 3)))
+        position, rotation, scale = _discs(position, rotation, properties(*_numbered("scale", 3)))
     else:
-        scale = take(*_numbered("scale", 2))
+        scale = properties(*_numbered("scale", 2))
     n_rest = sum(name.startswith("f_rest_") for name in rows.dtype.names)
-    rest = take(*_numbered("f_rest", n_rest)).reshape(len(rows), 3, -1) if n_rest else np.zeros((len(rows), 3, 0))
+    rest = properties(*_numbered("f_rest", n_rest)).reshape(len(rows), 3, -1) if n_rest else np.zeros((len(rows), 3, 0))
     if "blend_weight_0" in rows.dtype.names:
-        blend = take(*_numbered("blend_weight", 4))
+        blend = properties(*_numbered("blend_weight", 4))
     else:
-        own = np.array([0.9, 0.05, 0.05, 0.05])
-        blend = np.tile(np.log(own / (1 - own)), (len(rows), 1))
+        weight = np.array([BLEND_OWN] + 3 * [BLEND_NEIGHBOUR])
+        blend = np.tile(np.log(weight / (1 - weight)), (len(rows), 1))
     return from_arrays(
-        take("binding_0")[:, 0].astype(np.int32),
+        properties("binding_0")[:, 0].astype(np.int32),
         position=position,
         rotation=rotation,
         log_scale=scale,
-        opacity=take("opacity")[:, 0],
-        colour=take(*_numbered("f_dc", 3)),
+        opacity=properties("opacity")[:, 0],
+        colour=properties(*_numbered("f_dc", 3)),
         harmonics=_trimmed(rest.transpose(0, 2, 1)),
         blend=blend,
     )
@@ -93,7 +108,7 @@ def _columns(arrays: dict[str, np.ndarray], layout: str) -> dict[str, np.ndarray
     if layout == "gaussian_avatars":
         position = position @ OURS_FROM_GAUSSIAN_AVATARS
         rotation = _multiply(np.array([np.sqrt(0.5), -np.sqrt(0.5), 0, 0]), rotation)
-        scale = np.concatenate([scale, np.full((n, 1), FLAT)], axis=1)
+        scale = np.concatenate([scale, np.full((n, 1), FLAT_LOG_SCALE)], axis=1)
     rest = np.zeros((n, REST, 3), np.float32)
     rest[:, : arrays["harmonics"].shape[1]] = arrays["harmonics"]
     blocks = [("xyz", position), (("nx", "ny", "nz"), np.zeros((n, 3)))]
@@ -113,11 +128,11 @@ def _columns(arrays: dict[str, np.ndarray], layout: str) -> dict[str, np.ndarray
 
 
 def _discs(position, rotation, scale):
-    """From GaussianAvatars' ellipsoids to discs in our axes: the smallest scale's axis becomes the normal."""
-    thin = scale.argmin(axis=1)
-    # Even permutations of the axes that bring the thin one last, as quaternions.
-    turn = np.array([[0.5, 0.5, 0.5, 0.5], [0.5, -0.5, -0.5, -0.5], [1.0, 0.0, 0.0, 0.0]])[thin]
-    order = np.array([[1, 2], [2, 0], [0, 1]])[thin]
+    """GaussianAvatars' ellipsoids as discs in our axes: the axis of the smallest scale becomes the normal."""
+    thinnest = scale.argmin(axis=1)
+    # Even permutations of the axes that put the thinnest one last, as quaternions.
+    turn = np.array([[0.5, 0.5, 0.5, 0.5], [0.5, -0.5, -0.5, -0.5], [1.0, 0.0, 0.0, 0.0]])[thinnest]
+    order = np.array([[1, 2], [2, 0], [0, 1]])[thinnest]
     rotation = _multiply(np.array([np.sqrt(0.5), np.sqrt(0.5), 0, 0]), _multiply(rotation, turn))
     return position @ OURS_FROM_GAUSSIAN_AVATARS.T, rotation, np.take_along_axis(scale, order, axis=1)
 
@@ -140,8 +155,8 @@ def _numbered(name: str, count: int) -> tuple[str, ...]:
 
 
 def _trimmed(rest: Float[np.ndarray, "n k 3"]) -> Float[np.ndarray, "n j 3"]:
-    """Without the degrees that are zero everywhere."""
+    """Drop the degrees that are zero everywhere."""
     for degree in (0, 1, 2):
-        if not rest[:, coefficients(degree) :].any():
-            return rest[:, : coefficients(degree)]
+        if not rest[:, num_coefficients(degree) :].any():
+            return rest[:, : num_coefficients(degree)]
     return rest

@@ -1,4 +1,4 @@
-"""What is learned: the surfels' attributes before activation, each surfel bound to one triangle."""
+"""The learned surfel attributes before activation; every surfel is bound to one triangle of the mesh."""
 
 from __future__ import annotations
 
@@ -10,22 +10,25 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from carigs.splat.colour.spherical_harmonics import SH_BASE, coefficients
+from carigs.splat.colour.spherical_harmonics import SH_BASE, num_coefficients
 
 BLEND_OWN, BLEND_NEIGHBOUR = 0.9, 0.05
-"""Initial sigmoids of the blend weights (SurFhead)."""
+"""Initial blend weights of a surfel's own triangle and of each neighbour, after the sigmoid (SurFhead)."""
 
 
 @dataclass
 class Surfels:
-    """Attributes of n surfels in units of their triangles, sorted by triangle."""
+    """Attributes of n surfels in the local frames of their triangles, sorted by triangle.
+
+    The unit of length is the triangle's scale k (see `rig.build_rig`).
+    """
 
     position: Float[Tensor, "n 3"]
-    """In the canonical triangle's frame, in units of its scale k."""
+    """Centre in the frame of the canonical triangle, in units of k."""
     rotation: Float[Tensor, "n 4"]
-    """Quaternion wxyz, not normalised, in that frame; the third axis is the disc's normal."""
+    """Quaternion wxyz, not normalized, in that frame; the third axis of the rotation is the disc's normal."""
     log_scale: Float[Tensor, "n 2"]
-    """Logarithm of the standard deviations along the first two axes, in units of k."""
+    """Natural logarithm of the standard deviations along the first two axes, in units of k."""
     opacity: Float[Tensor, "n"]
     """Logit."""
     colour: Float[Tensor, "n 3"]
@@ -33,9 +36,9 @@ class Surfels:
     harmonics: Float[Tensor, "n k 3"]
     """Higher degrees, k = (degree + 1)^2 - 1."""
     blend: Float[Tensor, "n 4"]
-    """Logits of the blend weights: own face, then its neighbours."""
+    """Logits of the blend weights: own triangle, then its three neighbours."""
     binding: Int[np.ndarray, "n"]
-    """Index of the triangle, ascending: neighbours on the mesh are neighbours in memory."""
+    """Triangle of each surfel, ascending: surfels of one triangle are contiguous in memory."""
 
     def __len__(self) -> int:
         return len(self.binding)
@@ -46,12 +49,20 @@ class Surfels:
         return round((self.harmonics.shape[1] + 1) ** 0.5) - 1
 
     def attributes(self) -> Iterator[tuple[str, Tensor]]:
-        """Name and tensor of every learned attribute."""
+        """Iterate over the learned attributes.
+
+        Yields:
+            Name and tensor of each attribute.
+        """
         for name in ATTRIBUTES:
             yield name, getattr(self, name)
 
     def detached(self) -> Surfels:
-        """Fresh leaves with the same values, ready for gradients."""
+        """Copy the surfels to new leaf tensors.
+
+        Returns:
+            Surfels with the same values, without gradients.
+        """
         leaves = {name: value.detach().clone().requires_grad_(True) for name, value in self.attributes()}
         return Surfels(**leaves, binding=self.binding.copy())
 
@@ -60,7 +71,15 @@ ATTRIBUTES = tuple(f.name for f in fields(Surfels) if f.name != "binding")
 
 
 def from_arrays(binding: Int[np.ndarray, "n"], **arrays: np.ndarray) -> Surfels:
-    """Surfels as float32 leaves from arrays of every attribute; they are sorted by triangle."""
+    """Make surfels from arrays and sort them by triangle.
+
+    Args:
+        binding: Triangle of each surfel, in any order.
+        **arrays: One array per attribute (see `Surfels`), in the order of `binding`.
+
+    Returns:
+        Surfels with float32 leaf tensors.
+    """
     order = np.argsort(binding, kind="stable")
     leaves = {name: torch.from_numpy(np.ascontiguousarray(arrays[name][order], np.float32)) for name in ATTRIBUTES}
     return Surfels(
@@ -69,7 +88,14 @@ def from_arrays(binding: Int[np.ndarray, "n"], **arrays: np.ndarray) -> Surfels:
 
 
 def to_arrays(surfels: Surfels) -> dict[str, np.ndarray]:
-    """Every attribute and the binding as arrays."""
+    """Every attribute and the binding as arrays, by name.
+
+    Args:
+        surfels: Surfels.
+
+    Returns:
+        Views of the tensors, and the binding.
+    """
     return {name: value.detach().numpy() for name, value in surfels.attributes()} | {"binding": surfels.binding}
 
 
@@ -81,10 +107,18 @@ def flat_discs(
     rgb: Float[np.ndarray, "n 3"],
     sh_degree: int = 0,
 ) -> Surfels:
-    """Round discs in their triangles' planes.
+    """Make round discs in the planes of their triangles, with SurFhead's initial blend weights.
 
-    Positions and scales are in units of the triangles, opacity and colour after activation; blend weights start as in
-    SurFhead.
+    Args:
+        binding: Triangle of each surfel.
+        position: Centres in the triangles' frames, in units of k.
+        scale: Standard deviations in units of k.
+        opacity: Opacity of all surfels, after the sigmoid.
+        rgb: Colours.
+        sh_degree: Degree of the spherical harmonics; degrees 1 and higher start at zero.
+
+    Returns:
+        Surfels, sorted by triangle.
     """
     n = len(binding)
     blend = np.array([BLEND_OWN] + 3 * [BLEND_NEIGHBOUR])
@@ -95,6 +129,6 @@ def flat_discs(
         log_scale=np.log(np.repeat(np.asarray(scale)[:, None], 2, axis=1)),
         opacity=np.full(n, np.log(opacity / (1 - opacity))),
         colour=(rgb - 0.5) / SH_BASE,
-        harmonics=np.zeros((n, coefficients(sh_degree), 3)),
+        harmonics=np.zeros((n, num_coefficients(sh_degree), 3)),
         blend=np.tile(np.log(blend / (1 - blend)), (n, 1)),
     )

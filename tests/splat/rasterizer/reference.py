@@ -1,7 +1,7 @@
-"""The rasteriser's definition in plain float64 torch: dense, one surfel after the other, gradients by autograd.
+"""Independent reference of the rasterizer in float64 torch: dense, surfel by surfel, with gradients by autograd.
 
-Written from the absolute-pixel form (each pixel ray as two planes whose line meets the disc), as gsplat and 2D Gaussian
-Splatting do it; shares no formula with the kernels.
+It follows the absolute-pixel form of 2D Gaussian Splatting and gsplat, in which a pixel's ray is the intersection of
+two planes. It shares no formula with the kernels.
 """
 
 import torch
@@ -10,8 +10,8 @@ import torch
 def render(surfels, camera, *, alpha_cap=0.99, near=0.01):
     """Dictionary of colour, alpha, depth, normal, distortion (h, w[, 3]) and `margin` (h, w).
 
-    `surfels`: centre, tangent_u, tangent_v, opacity, colour as float64 tensors.  `margin` is how near (relatively) any
-    decision of the pixel came to its threshold: where it is tiny, float32 may decide otherwise.
+    `surfels`: centre, tangent_u, tangent_v, opacity, colour as float64 tensors. `margin` is the smallest relative
+    distance of any quantity of the pixel from its threshold; where it is tiny, float32 may fall on the other side.
     """
     centre, tangent_u, tangent_v, opacity, colour = surfels
     view = torch.as_tensor(camera.camera_from_world, dtype=torch.float64)

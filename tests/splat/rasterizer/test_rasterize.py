@@ -1,5 +1,6 @@
-"""The surfel rasteriser against its dense float64 definition, closed forms and invariances."""
+"""The surfel rasterizer against the dense float64 reference, closed forms and invariances."""
 
+from copy import copy
 from dataclasses import replace
 
 import numba
@@ -28,11 +29,11 @@ def cloud(count, seed, size=0.08, opacity=(0.02, 1.0), extent=0.5):
     return [centre, u, v, random.uniform(*opacity, count), random.uniform(0, 1, (count, 3))]
 
 
-def awkward():
-    """A cloud in which every kind of trouble occurs, seen by FRONTAL (depth = 2 - z)."""
+def degenerate_cloud():
+    """A cloud with every kind of degenerate surfel, seen by FRONTAL (depth = 2 - z)."""
     centre, u, v, opacity, colour = cloud(120, 7)
     centre[:10] = [0.0, 0.0, 2.5]  # behind the camera
-    u[10:14] *= 1e-4  # needles and specks
+    u[10:14] *= 1e-4  # very thin and very small
     u[14:18], v[14:18] = u[14:18] * 1e-5, v[14:18] * 1e-5
     u[18:20] *= 40  # reaches the camera's plane, or covers everything
     u[20:24], v[20:24] = [0, 0, 0.1], centre[20:24] * 0.1 + [0, 0, -0.2]  # the disc's plane contains the camera
@@ -47,7 +48,7 @@ def awkward():
 
 
 def layers(count, seed):
-    """Nearly opaque discs that cover FRONTAL's image one behind the other: every pixel ends after a few."""
+    """Nearly opaque discs, one behind the other, that cover FRONTAL's image: every pixel is complete after a few."""
     random = np.random.default_rng(seed)
     centre = np.column_stack([np.zeros((count, 2)), random.uniform(-0.5, 0.5, count)])
     u, v = random.normal(0, 0.1, (2, count, 3)) * [1, 1, 0] + [[[2, 0, 0]], [[0, 2, 0]]]
@@ -60,7 +61,7 @@ def tensors(arrays, dtype=torch.float32, grad=False):
 
 
 def upstream(images, mask, seed):
-    """A random linear functional of the images, blind where `mask` is false."""
+    """A random linear functional of the images, with weight zero where `mask` is false."""
     generator = torch.Generator().manual_seed(seed)
     total = 0
     for name in OUTPUTS:
@@ -85,17 +86,17 @@ def relative(a, b):
         (cloud(150, 2, size=0.3, opacity=(0.5, 1.0)), CAMERA, OUTPUTS, 0.999),
         (cloud(200, 3), ODD, ("colour", "alpha"), 0.99),
         (cloud(200, 4), ODD, ("colour",), 0.99),
-        (awkward(), FRONTAL, OUTPUTS, 0.99),
+        (degenerate_cloud(), FRONTAL, OUTPUTS, 0.99),
         (layers(70, 6), FRONTAL, OUTPUTS, 0.99),
     ],
-    ids=["cloud", "small", "opaque", "colour", "colour alone", "awkward", "layers"],
+    ids=["cloud", "small", "opaque", "colour", "colour alone", "degenerate", "layers"],
 )
-def test_agrees_with_the_dense_definition(arrays, camera, outputs, cap, background):
+def test_agrees_with_the_dense_reference(arrays, camera, outputs, cap, background):
     single, double = tensors(arrays, grad=True), tensors(arrays, torch.float64, grad=True)
     rendered = rasterize(WorldSurfels(*single), camera, outputs=outputs, background=background, alpha_cap=cap)
     expected = render(double, camera, alpha_cap=cap)
     expected["colour"] = expected["colour"] + background * (1 - expected["alpha"])[..., None]
-    # Where a threshold is met to 1e-4, float32 may decide otherwise.
+    # Within 1e-4 of a threshold, float32 may fall on the other side.
     clear = expected.pop("margin") > 1e-4
     assert clear.float().mean() > 0.95
     for name in outputs:
@@ -106,15 +107,15 @@ def test_agrees_with_the_dense_definition(arrays, camera, outputs, cap, backgrou
     assert max(errors) < 1e-4, errors
 
 
-def test_plain_loops_and_vector_code_are_the_same():
-    """The readable kernels say what the fast ones compute, in every branch."""
-    for arrays, camera in ((awkward(), FRONTAL), (layers(70, 7), FRONTAL), (cloud(300, 17, size=0.03), ODD)):
-        fast, plain = tensors(arrays, grad=True), tensors(arrays, grad=True)
+def test_scalar_and_vector_kernels_agree():
+    """In every branch."""
+    for arrays, camera in ((degenerate_cloud(), FRONTAL), (layers(70, 7), FRONTAL), (cloud(300, 17, size=0.03), ODD)):
+        fast, scalar = tensors(arrays, grad=True), tensors(arrays, grad=True)
         images = [
             rasterize(WorldSurfels(*t), camera, backend=b, background=0.4)
-            for t, b in ((fast, "cpu"), (plain, "scalar"))
+            for t, b in ((fast, "cpu"), (scalar, "scalar"))
         ]
-        # Pixels whose sets of surfels differ by rounding at a threshold are told by alpha's jump of 1/255.
+        # Where rounding at a threshold changes the set of contributing surfels, alpha jumps by 1/255.
         same = (images[0].alpha - images[1].alpha).abs() < 1e-5
         assert same.float().mean() > 0.99
         for name in OUTPUTS:
@@ -122,10 +123,10 @@ def test_plain_loops_and_vector_code_are_the_same():
             torch.testing.assert_close(first, second, rtol=0, atol=1e-5)
         for image in images:
             upstream(image, same, 8).backward()
-        assert max(relative(a.grad, b.grad.double()) for a, b in zip(fast, plain, strict=True)) < 1e-4
+        assert max(relative(a.grad, b.grad.double()) for a, b in zip(fast, scalar, strict=True)) < 1e-4
 
 
-def test_what_lies_behind_closed_layers_gets_no_gradient():
+def test_surfels_behind_opaque_layers_get_no_gradient():
     arrays = layers(70, 8)
     surfels = tensors(arrays, grad=True)
     image = rasterize(WorldSurfels(*surfels), FRONTAL)
@@ -135,7 +136,7 @@ def test_what_lies_behind_closed_layers_gets_no_gradient():
     assert all((t.grad[np.argsort(-arrays[0][:, 2])[:3]] != 0).any() for t in surfels)
 
 
-def test_what_cannot_be_drawn_is_left_out():
+def test_invalid_surfels_are_culled():
     good = cloud(30, 4)
     bad = cloud(30, 5)
     for k, (array, value) in enumerate(((0, np.nan), (0, np.inf), (1, np.nan), (2, -np.inf), (3, np.nan), (4, np.nan))):
@@ -157,7 +158,7 @@ def test_what_cannot_be_drawn_is_left_out():
         assert tensor.grad.isfinite().all()
 
 
-def test_no_surfels_make_an_empty_image():
+def test_no_surfels_give_an_empty_image():
     empty = WorldSurfels(*(t[:0] for t in tensors(cloud(1, 0))))
     rendered = rasterize(empty, ODD)
     assert all(not getattr(rendered, name).any() for name in OUTPUTS)
@@ -189,8 +190,8 @@ def test_a_far_surfel_is_the_low_pass_disc():
     np.testing.assert_allclose(image.alpha, np.where(expected < 1 / 255, 0, expected), atol=1e-6)
 
 
-def test_two_layers_compose_and_spread():
-    """alpha = a + (1 - a) b and distortion = 2 w_1 w_2 |Z_1 - Z_2|, whatever the order in memory."""
+def test_alpha_and_distortion_of_two_layers():
+    """alpha = a + (1 - a) b and distortion = 2 w_1 w_2 |Z_1 - Z_2|; the order in memory does not matter."""
     centre, wide = [[0, 0, -0.4], [0, 0, 0.3]], 50.0
     arrays = [centre, [[wide, 0, 0]] * 2, [[0, wide, 0]] * 2, [0.6, 0.7], [[1, 0, 0], [0, 1, 0]]]
     image = rasterize(WorldSurfels(*tensors(arrays)), FRONTAL)
@@ -227,14 +228,14 @@ def test_order_in_memory_does_not_matter():
     assert all(torch.equal(a.grad[order], b.grad) for a, b in zip(first, second, strict=True))
 
 
-def test_equal_depths_are_drawn_in_the_order_of_memory():
+def test_equal_depths_are_composited_in_the_order_of_memory():
     arrays = [[[0, 0, 0]] * 2, [[9, 0, 0]] * 2, [[0, 9, 0]] * 2, [0.9, 0.9], [[1, 0, 0], [0, 1, 0]]]
     colour = rasterize(WorldSurfels(*tensors(arrays)), FRONTAL).colour[20, 24]
     np.testing.assert_allclose(colour, [0.9, 0.09, 0], atol=1e-4)
 
 
-def test_turning_the_axes_in_the_plane_changes_nothing():
-    """A Gaussian is round in its own coordinates: (u, v) R draws the same disc for any rotation R."""
+def test_rotating_the_tangents_in_their_plane_changes_nothing():
+    """A Gaussian is isotropic in its disc coordinates: (u, v) R is the same disc for any rotation R."""
     centre, u, v, opacity, colour = cloud(100, 10)
     angle = np.random.default_rng(1).uniform(0, 2 * np.pi, (100, 1))
     turned = [centre, np.cos(angle) * u - np.sin(angle) * v, np.sin(angle) * u + np.cos(angle) * v, opacity, colour]
@@ -243,15 +244,15 @@ def test_turning_the_axes_in_the_plane_changes_nothing():
         torch.testing.assert_close(getattr(first, name), getattr(second, name), rtol=0, atol=3e-4)
 
 
-def test_less_output_is_the_same_output():
+def test_fewer_outputs_are_the_same_bytes():
     surfels = WorldSurfels(*tensors(cloud(150, 11)))
     whole, part = rasterize(surfels, CAMERA), rasterize(surfels, CAMERA, outputs=("alpha", "colour"))
     assert torch.equal(whole.colour, part.colour) and torch.equal(whole.alpha, part.alpha)
     assert part.depth is part.normal is part.distortion is None
 
 
-def test_screen_gradients_add_up_to_that_of_the_principal_point():
-    """Shifting the principal point shifts every projected centre alike."""
+def test_screen_gradients_sum_to_that_of_the_principal_point():
+    """A shift of the principal point shifts every projected centre equally."""
     arrays, clear = cloud(40, 12), None
     images = []
     for shift in (-1e-5, 1e-5):
@@ -280,7 +281,14 @@ def test_same_bytes_at_any_number_of_threads():
     assert results[0] == results[1]
 
 
-def test_wrong_arguments_are_refused():
+def with_field(surfels, name, value):
+    """A copy with another tensor; set after construction, where the tests check shapes already."""
+    changed = copy(surfels)
+    setattr(changed, name, value)
+    return changed
+
+
+def test_invalid_arguments_raise():
     surfels = WorldSurfels(*tensors(cloud(5, 14)))
     with pytest.raises(SettingsError, match="vulkan"):
         rasterize(surfels, CAMERA, backend="vulkan")
@@ -289,24 +297,24 @@ def test_wrong_arguments_are_refused():
     with pytest.raises(SettingsError, match="alpha_cap"):
         rasterize(surfels, CAMERA, alpha_cap=1.0)
     with pytest.raises(ValueError, match=r"surfels\.opacity"):
-        rasterize(replace(surfels, opacity=surfels.opacity[:, None]), CAMERA)
+        rasterize(with_field(surfels, "opacity", surfels.opacity[:, None]), CAMERA)
     with pytest.raises(ValueError, match=r"surfels\.centre"):
-        rasterize(replace(surfels, centre=surfels.centre.double()), CAMERA)
+        rasterize(with_field(surfels, "centre", surfels.centre.double()), CAMERA)
 
 
-@pytest.mark.skipif(torch.cuda.is_available(), reason="CUDA is there")
+@pytest.mark.skipif(torch.cuda.is_available(), reason="CUDA device available")
 def test_cuda_without_a_device_is_a_readable_error():
     with pytest.raises(CarigsError, match="cuda"):
         rasterize(WorldSurfels(*tensors(cloud(5, 15))), CAMERA, backend="cuda")
 
 
-def test_projection_for_cuda_is_that_of_the_points_of_the_disc():
-    """The homography maps disc points to pixels; boxes hold what is visible; their middle is that at one sigma."""
-    from carigs.splat.rasterizer.cuda import project
+def test_disc_homographies_map_points_of_the_disc():
+    """The homography maps disc points to pixels; boxes contain the visible part; their centre is that at one sigma."""
+    from carigs.splat.rasterizer.cuda import disc_homographies
 
     surfels = WorldSurfels(*tensors(cloud(40, 16)))
-    projected = project(surfels, CAMERA)
-    assert projected.drawn.all()
+    projected = disc_homographies(surfels, CAMERA)
+    assert projected.kept.all()
     angle = torch.linspace(0, 2 * np.pi, 2001)
     circle = torch.stack([angle.cos(), angle.sin(), torch.ones_like(angle)])
     for i in range(40):
@@ -315,19 +323,21 @@ def test_projection_for_cuda_is_that_of_the_points_of_the_disc():
         homogeneous = (projected.homography[i] @ circle).T
         np.testing.assert_allclose(homogeneous[:, :2] / homogeneous[:, 2:], pixels, atol=1e-3)
         np.testing.assert_allclose(homogeneous[:, 2], depth, rtol=1e-5)
-        np.testing.assert_allclose(projected.middle[i], (pixels.max(0) + pixels.min(0)) / 2, atol=1e-2)
+        np.testing.assert_allclose(projected.lowpass_centre[i], (pixels.max(0) + pixels.min(0)) / 2, atol=1e-2)
         rho = np.sqrt(2 * np.log(255 * surfels.opacity[i].item()))
         points = surfels.centre[i] + rho * (points - surfels.centre[i])
-        reach = np.abs(CAMERA.project(points.double().numpy())[0] - projected.middle[i].numpy()).max(0)
+        reach = np.abs(CAMERA.project(points.double().numpy())[0] - projected.lowpass_centre[i].numpy()).max(0)
         assert (reach <= projected.radius[i].numpy() + 1e-2).all() or (projected.radius[i] == 0).all()
 
 
 @pytest.mark.gpu
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
-@pytest.mark.parametrize("arrays", [cloud(200, 0, opacity=(0.02, 0.9)), awkward()], ids=["cloud", "awkward"])
+@pytest.mark.parametrize(
+    "arrays", [cloud(200, 0, opacity=(0.02, 0.9)), degenerate_cloud()], ids=["cloud", "degenerate"]
+)
 def test_cuda_agrees_with_cpu(arrays):
     pytest.importorskip("gsplat")
-    # The cap on alpha is gsplat's own: stay below both.
+    # gsplat has its own cap on alpha: stay below both.
     arrays[3] = np.minimum(arrays[3], 0.98)
     leaves = [tensors(arrays, grad=True) for _ in range(2)]
     clear = render(tensors(arrays, torch.float64), CAMERA).pop("margin") > 1e-4

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from carigs.settings import Train
 from carigs.splat.colour.appearance import seen_colour
-from carigs.splat.colour.spherical_harmonics import SH_BASE, coefficients
+from carigs.splat.colour.spherical_harmonics import SH_BASE, num_coefficients
 from carigs.splat.rig.face_motion import FaceMotion
 from carigs.splat.rig.rig import build_rig, face_motion
 from carigs.splat.rig.skinning import jacobian_blend_skinning
@@ -189,15 +189,15 @@ def test_harmonics_are_orthonormal():
     direction = np.stack([r * np.cos(angle), r * np.sin(angle), np.broadcast_to(z[:, None], (8, 16))], axis=2).reshape(
         -1, 3
     )
-    values = np.empty((len(direction), coefficients(3)))
-    for k in range(coefficients(3)):  # each function alone, in red
-        one = torch.zeros(len(direction), coefficients(3), 3, dtype=torch.float64)
+    values = np.empty((len(direction), num_coefficients(3)))
+    for k in range(num_coefficients(3)):  # each function alone, in red
+        one = torch.zeros(len(direction), num_coefficients(3), 3, dtype=torch.float64)
         one[:, k, 0] = 1
         grey = torch.full((len(direction), 3), 8.0, dtype=torch.float64)  # nothing is below 0
         colour = seen_colour(grey, one, torch.from_numpy(direction), None, np.zeros(len(direction), np.int32))
         values[:, k] = colour[:, 0] - 0.5 - 8.0 * SH_BASE
     gram = np.einsum("n,ni,nj->ij", np.repeat(weight, 16) * 2 * np.pi / 16, values, values)
-    np.testing.assert_allclose(gram, np.eye(coefficients(3)), atol=1e-12)
+    np.testing.assert_allclose(gram, np.eye(num_coefficients(3)), atol=1e-12)
 
 
 def test_directions_are_the_same_when_head_and_eye_turn_together(ball):
@@ -215,7 +215,7 @@ def test_directions_are_the_same_when_head_and_eye_turn_together(ball):
 def test_gradients_of_the_colour_are_those_of_finite_differences_in_vectors_too(degree, lit):
     """About half of the colours would be below 0."""
     rng = np.random.default_rng(degree)
-    sizes = [(37, 3), (37, coefficients(degree), 3), (37, 3)][: 3 if degree else 1]
+    sizes = [(37, 3), (37, num_coefficients(degree), 3), (37, 3)][: 3 if degree else 1]
     double = [torch.from_numpy(rng.normal(-0.3, 1.5, size)).requires_grad_(True) for size in sizes]
     shade = rng.uniform(0.5, 1.5, (7, 3)).astype(np.float32) if lit else None
     binding = rng.integers(0, 7, 37).astype(np.int32)
