@@ -22,7 +22,7 @@ from carigs.toy.look.teeth import attach_teeth, build_teeth
 from carigs.toy.rig.attributes import Attributes, sample_attributes
 from carigs.toy.rig.head_model import METRES_PER_MILLIMETRE, head_model
 from carigs.toy.rig.regions import height_above_hairline
-from carigs.toy.shape.signed_distance import EYE_CENTRE, EYE_Z
+from carigs.toy.shape.anatomy import EYE_CENTRE, EYE_Z
 from carigs.toy.shape.template import Template, build_template
 
 _CHUNK = 1 << 15  # texels

@@ -9,10 +9,11 @@ from jaxtyping import Float, Float32, Int
 
 from carigs.toy.rig.attributes import Attributes
 from carigs.toy.rig.regions import brow_weight, ear_weight, height_above_hairline
+from carigs.toy.shape.anatomy import lid_margins
 from carigs.toy.shape.falloff import displacement_field
 from carigs.toy.shape.head_solids import head_solids
 from carigs.toy.shape.noise import gradient_noise
-from carigs.toy.shape.signed_distance import lid_margins, smoothstep, solids_distance
+from carigs.toy.shape.signed_distance import smoothstep, solids_distance
 from carigs.toy.shape.template import Template
 
 _KNOTS = 8  # points of a strand
@@ -77,14 +78,7 @@ def grow_hair(template: Template, attributes: Attributes, count: int) -> Strands
     return Strands(*(np.concatenate(fields) for fields in zip(*parts, strict=True)))
 
 
-def _bind(
-    template: Template,
-    roots: _Roots,
-    points: np.ndarray,
-    width: np.ndarray | float,
-    colour: np.ndarray,
-    shade: np.ndarray | float,
-) -> Strands:
+def _bind(template: Template, roots: _Roots, points: np.ndarray, width, colour, shade) -> Strands:
     """Bind strands to the triangles of their roots; width, colour and shade are broadcast."""
     axes = triangle_frames(template.vertices, template.faces)[roots.face]
     local = np.einsum("sij,skj->ski", axes, points - points[:, :1]).astype(np.float32)
@@ -196,7 +190,8 @@ def _brows(template: Template, attributes: Attributes, rng: np.random.Generator)
     dilated = density.copy()
     np.maximum.at(dilated, template.faces, density[template.faces].max(axis=1, keepdims=True))
     roots = _sample_roots(template, dilated, 2600, rng)
-    roots = roots.where(brow_weight(roots.point) > rng.uniform(0.02, 0.5, len(roots.point)) / attributes.brows)
+    threshold = rng.uniform(0.02, 0.5, len(roots.point)) / attributes.brows
+    roots = roots.where(brow_weight(roots.point) > threshold)
     root, n = roots.point, len(roots.point)
     _, normal = _height_and_normal(head_solids(), root)
     side = np.sign(root[:, 0])

@@ -7,19 +7,10 @@ from jaxtyping import Float32
 
 from carigs.toy.rig.attributes import Attributes, Colour
 from carigs.toy.rig.regions import brow_weight, ear_weight, height_above_hairline, lip_borders
+from carigs.toy.shape import anatomy
 from carigs.toy.shape.falloff import gaussian
 from carigs.toy.shape.noise import gradient_noise, spots
-from carigs.toy.shape.signed_distance import (
-    EYE_RADIUS,
-    EYE_Y,
-    EYE_Z,
-    SOCKET_RADIUS,
-    eye_distance,
-    lid_margins,
-    lip_line,
-    mouth_cavity,
-    smoothstep,
-)
+from carigs.toy.shape.signed_distance import smoothstep
 
 _IRIS_RADIUS, _PUPIL_RADIUS = 5.9, 2.1
 
@@ -103,9 +94,9 @@ def _mouth(p: np.ndarray, attributes: Attributes, layers: _Layers, seed: int) ->
     wrinkles = gradient_noise(p, (1.1, 9.0, 9.0), 2, seed + 7)
     tint(np.clip(red * (0.35 * wrinkles), -0.3, 0.5), (0.80, 0.72, 0.72))
     tint(gaussian(p, (24, -44.3, 92), (3.5, 3.5, 9)), (0.70, 0.58, 0.56))  # corner
-    line = np.abs(y - lip_line(x))
+    line = np.abs(y - anatomy.lip_line(x))
     tint(np.exp(-((line / 1.1) ** 2)) * red, (0.62, 0.42, 0.42))
-    inside = smoothstep((1.22 - mouth_cavity(p)) / 0.1)
+    inside = smoothstep((1.22 - anatomy.mouth_cavity(p)) / 0.1)
     inside = np.maximum(inside, (line < 0.9) * smoothstep((100.0 - z) / 3)) * (ax < 27) * (z > 50)
     cover(inside, (0.42, 0.16, 0.15), 0.05)
     cover(inside * smoothstep((-44.5 - y) / 3) * (ax < 19), (0.66, 0.33, 0.33), 0.08)  # tongue
@@ -118,16 +109,17 @@ def _mouth(p: np.ndarray, attributes: Attributes, layers: _Layers, seed: int) ->
 def _eyes(p: np.ndarray, layers: _Layers) -> None:
     cover = layers.cover
     x, y, z = np.abs(p[:, 0]), p[:, 1], p[:, 2]
-    lower, upper = lid_margins(x)
-    front = (z > EYE_Z) & (x > 14) & (x < 50) & (np.abs(y - EYE_Y) < 16)
-    radius = eye_distance(p)
+    lower, upper = anatomy.lid_margins(x)
+    front = (z > anatomy.EYE_Z) & (x > 14) & (x < 50) & (np.abs(y - anatomy.EYE_Y) < 16)
+    radius = anatomy.eye_distance(p)
     at_lid = front * (upper > lower - 0.6) * (radius < 18)
-    rim = front * (radius < SOCKET_RADIUS + 1.3) * (y < upper + 1) * (y > lower - 1)
+    rim = front * (radius < anatomy.SOCKET_RADIUS + 1.3) * (y < upper + 1) * (y > lower - 1)
     cover(rim, (0.76, 0.48, 0.44), 0.12)  # the moist margin
-    cover(front * (radius < SOCKET_RADIUS + 0.35) * ((y > upper + 0.7) | (y < lower - 0.7)), (0.25, 0.12, 0.11), 0.0)
+    fold = front * (radius < anatomy.SOCKET_RADIUS + 0.35) * ((y > upper + 0.7) | (y < lower - 0.7))
+    cover(fold, (0.25, 0.12, 0.11), 0.0)
     cover(0.8 * at_lid * np.exp(-((np.abs(y - upper) / 0.75) ** 2)), (0.13, 0.08, 0.07))
     cover(0.38 * at_lid * np.exp(-((np.abs(y - lower) / 0.6) ** 2)) * smoothstep((x - 22) / 8), (0.22, 0.13, 0.11))
-    behind = (z <= EYE_Z + 1) & (radius < SOCKET_RADIUS + 1)
+    behind = (z <= anatomy.EYE_Z + 1) & (radius < anatomy.SOCKET_RADIUS + 1)
     cover(behind.astype(np.float32), (0.25, 0.12, 0.11), 0.0)
 
 
@@ -159,5 +151,5 @@ def eyeball_texture(points: Float32[np.ndarray, "n 3"], attributes: Attributes) 
     inside = (smoothstep((_IRIS_RADIUS + 0.35 - axial) / 0.7) * (z > 0))[:, None]
     paint[:, :3] += inside * (iris - paint[:, :3])
     layers.cover(smoothstep((_PUPIL_RADIUS + 0.25 - axial) / 0.5) * (z > 0), (0.015, 0.015, 0.015))
-    paint[:, 3] += np.where(axial < EYE_RADIUS * 0.5, 0.25, 0.0)
+    paint[:, 3] += np.where(axial < anatomy.EYE_RADIUS * 0.5, 0.25, 0.0)
     return np.clip(paint, 0, 1)

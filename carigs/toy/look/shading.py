@@ -94,25 +94,9 @@ def _texel_triangle(first, n, weight):
 
 @numba.njit(cache=True, error_model="numpy", nogil=True)
 def shade(
-    face_image,
-    weight_image,
-    faces,
-    n_textured,
-    positions,
-    normals,
-    ambient,
-    first,
-    resolution,
-    texels,
-    vertex_colours,
-    eye,
-    light,
-    shadow,
-    shadow_from_world,
-    samples,
-    linear,
-    stored,
-):
+    face_image, weight_image, faces, n_textured, positions, normals, ambient, first, resolution, texels, vertex_colours,
+    eye, light, shadow, shadow_from_world, samples, linear, stored,
+):  # fmt: skip
     """Shade rasterised fragments and average them over the pixels, on a white background.
 
     Faces below `n_textured` are lit here, the others have lit vertex colours. Lengths are in metres.

@@ -6,17 +6,9 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.toy.rig.skin_weights import JAW, jaw_weight
+from carigs.toy.shape.anatomy import EYE_CENTRE, EYE_X, EYE_Y, EYE_Z, eye_distance, lid_margins, lip_line
 from carigs.toy.shape.falloff import displacement_field, gaussian, gaussian_displacement, rotated, smooth_sign
-from carigs.toy.shape.signed_distance import (
-    EYE_CENTRE,
-    EYE_X,
-    EYE_Y,
-    EYE_Z,
-    eye_distance,
-    lid_margins,
-    lip_line,
-    smoothstep,
-)
+from carigs.toy.shape.signed_distance import smoothstep
 
 _ONE_SIDED = (
     "eye_blink", "eye_squint", "eye_wide", "brow_down", "brow_inner_up", "brow_outer_up", "cheek_puff", "cheek_raise",

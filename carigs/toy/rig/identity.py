@@ -6,8 +6,9 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.toy.rig.regions import ear_weight
+from carigs.toy.shape.anatomy import EYE_CENTRE, EYE_X, EYE_Y, EYE_Z, lip_line
 from carigs.toy.shape.falloff import displacement_field, gaussian, gaussian_displacement, rotated, smooth_sign
-from carigs.toy.shape.signed_distance import EYE_CENTRE, EYE_X, EYE_Y, EYE_Z, lip_line, smoothstep
+from carigs.toy.shape.signed_distance import smoothstep
 
 NAMES = (
     "width", "skull_height", "skull_depth", "forehead", "face_length", "jaw_width", "chin_height", "chin_depth",

@@ -7,16 +7,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
 from carigs.toy.rig.regions import lip_borders
-from carigs.toy.shape.signed_distance import (
-    CANTHUS_INNER,
-    CANTHUS_OUTER,
-    EYE_X,
-    EYE_Y,
-    EYE_Z,
-    MOUTH_CORNER,
-    lid_margins,
-    lip_line,
-)
+from carigs.toy.shape import anatomy
 from carigs.toy.shape.template import Template
 
 Point = tuple[float, float, float]
@@ -49,7 +40,7 @@ def landmarks68(template: Template) -> Int[np.ndarray, "68"]:
         *_right(inner[:2]), *(inner[i] for i in (2, 1, 0, 3, 4)), *_right([inner[3]]),
     ], float)  # fmt: skip
     # The lips touch: inner lip landmarks are searched on the lip that they belong to.
-    height = template.vertices[:, 1] - lip_line(template.vertices[:, 0])
+    height = template.vertices[:, 1] - anatomy.lip_line(template.vertices[:, 0])
     ids = _nearest(template, template.on_head, positions)
     ids[61:64] = _nearest(template, template.on_head & (height > 0), positions[61:64])
     ids[65:68] = _nearest(template, template.on_head & (height < 0), positions[65:68])
@@ -69,23 +60,24 @@ def _right(points: list[Point]) -> list[Point]:
 
 def _eye() -> list[Point]:
     """Outer corner, upper lid towards the nose, inner corner, lower lid away from it."""
-    x = np.array([CANTHUS_OUTER, EYE_X + 5, EYE_X - 5, CANTHUS_INNER, EYE_X - 5, EYE_X + 5])
-    lower, upper = lid_margins(x)
+    eye_x, eye_y, eye_z = anatomy.EYE_CENTRE
+    x = np.array([anatomy.CANTHUS_OUTER, eye_x + 5, eye_x - 5, anatomy.CANTHUS_INNER, eye_x - 5, eye_x + 5])
+    lower, upper = anatomy.lid_margins(x)
     y = np.where([True, True, True, True, False, False], upper, lower)
-    z = EYE_Z + np.sqrt(np.maximum(14.2**2 - (x - EYE_X) ** 2 - (y - EYE_Y) ** 2, 25.0))
+    z = eye_z + np.sqrt(np.maximum(14.2**2 - (x - eye_x) ** 2 - (y - eye_y) ** 2, 25.0))
     return list(zip(x, y, z, strict=True))
 
 
 def _outer_lips() -> list[Point]:
     """Corner, two points of the upper lip, its middle, two points of the lower lip, its middle."""
-    x = np.array([MOUTH_CORNER, 16, 5.5, 0, 16, 8, 0])
+    x = np.array([anatomy.MOUTH_CORNER, 16, 5.5, 0, 16, 8, 0])
     lower, upper = lip_borders(x)
-    y = np.concatenate([lip_line(x[:1]), upper[1:4], lower[4:]])
+    y = np.concatenate([anatomy.lip_line(x[:1]), upper[1:4], lower[4:]])
     return list(zip(x, y, [92.0, 100, 106, 106, 98, 103, 105], strict=True))
 
 
 def _inner_lips() -> list[Point]:
     """Corner, upper lip, its middle, lower lip, its middle."""
     x = np.array([22.5, 9, 0, 9, 0])
-    y = lip_line(x) + np.array([0, 0.8, 0.8, -0.8, -0.8])
+    y = anatomy.lip_line(x) + np.array([0, 0.8, 0.8, -0.8, -0.8])
     return list(zip(x, y, [94.0, 101, 103, 101, 103], strict=True))

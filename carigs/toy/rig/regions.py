@@ -5,19 +5,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Int
 
+from carigs.toy.shape import anatomy
 from carigs.toy.shape.head_solids import head_solids
-from carigs.toy.shape.signed_distance import (
-    EYE_X,
-    EYE_Y,
-    EYE_Z,
-    SOCKET_RADIUS,
-    eye_distance,
-    lid_margins,
-    lip_line,
-    mouth_cavity,
-    smoothstep,
-    solids_distance,
-)
+from carigs.toy.shape.signed_distance import smoothstep, solids_distance
 from carigs.toy.shape.template import NECK_CUT, Template
 
 # Height of the hairline by azimuth in degrees: 0 forehead, 70 sideburn, 95 over the ear, 180 nape.
@@ -63,7 +53,7 @@ def lip_borders(x: Float[np.ndarray, "n"]) -> tuple[Float[np.ndarray, "n"], Floa
         y of the border of the lower lip and of the upper lip, in millimetres.
     """
     t = np.clip(np.abs(x) / 25.0, 0.0, 1.0)
-    line = lip_line(np.minimum(np.abs(x), 25.0))
+    line = anatomy.lip_line(np.minimum(np.abs(x), 25.0))
     upper = 8.6 * (1 - t**1.7) - 1.5 * np.exp(-((t / 0.13) ** 2))
     return line - 10.2 * np.sqrt(1 - t**2) * (1 - 0.35 * t), line + np.maximum(upper, 0.0)
 
@@ -103,15 +93,15 @@ def vertex_regions(template: Template) -> dict[str, Int[np.ndarray, "_"]]:
     ax, left = np.abs(x), x > 0
     on_head = template.on_head
     ear = on_head & (solids_distance(head_solids(ear=False), p) > 0.8) & (ax > 55)
-    socket = eye_distance(p) < SOCKET_RADIUS + 0.5
-    cavity = on_head & (mouth_cavity(p) < 1.2) & (z < 97)
+    socket = anatomy.eye_distance(p) < anatomy.SOCKET_RADIUS + 0.5
+    cavity = on_head & (anatomy.mouth_cavity(p) < 1.2) & (z < 97)
     scalp = on_head & ~ear & (height_above_hairline(p) > 0)
     low = y + 0.35 * np.minimum(z, 60.0)
     boundary = on_head & (y < NECK_CUT + 16.0)
     neck = on_head & ~scalp & ~ear & (low < -66) & ~boundary
     face = on_head & ~scalp & ~ear & ~neck & ~boundary & (z > 0)
-    eye = on_head & (np.hypot((ax - EYE_X) / 24, (y - EYE_Y - 1) / 17) < 1) & (z > EYE_Z - 20)
-    lower, upper = lid_margins(ax)
+    eye = on_head & (np.hypot((ax - anatomy.EYE_X) / 24, (y - anatomy.EYE_Y - 1) / 17) < 1) & (z > anatomy.EYE_Z - 20)
+    lower, upper = anatomy.lid_margins(ax)
     lid = eye & ((np.maximum(y - upper, lower - y) < 7) & (ax > 17) & (ax < 48) | socket)
     under, over = lip_borders(x)
     lips = on_head & ~cavity & (y > under - 0.3) & (y < over + 0.3) & (ax < 25.5) & (z > 80)
@@ -119,7 +109,7 @@ def vertex_regions(template: Template) -> dict[str, Int[np.ndarray, "_"]]:
     along, across = _brow_coordinates(p)
     brows = face & (along > -0.2) & (along < 1.15) & (across < 9.0) & (z > 35)
     nose = on_head & (solids_distance(head_solids(nose=False), p) > 0.8) & (ax < 22) & (z > 80)
-    inner_lips = lips & (np.abs(y - lip_line(x)) < 1.0) & (z < 103)
+    inner_lips = lips & (np.abs(y - anatomy.lip_line(x)) < 1.0) & (z < 103)
     masks = {
         "face": face,
         "neck": neck,

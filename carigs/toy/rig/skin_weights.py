@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from carigs.toy.shape.signed_distance import EYE_CENTRE, MOUTH_CORNER, lip_line, smoothstep
+from carigs.toy.shape.anatomy import EYE_CENTRE, MOUTH_CORNER, lip_line
+from carigs.toy.shape.signed_distance import smoothstep
 from carigs.toy.shape.template import Template
 
 JAW = np.array([0.0, -2.0, 10.0])

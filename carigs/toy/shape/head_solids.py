@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from carigs.toy.shape.signed_distance import EYE_X, EYE_Y, EYE_Z
+from carigs.toy.shape.anatomy import EYE_X, EYE_Y, EYE_Z
 from carigs.toy.shape.solids import chain, ellipsoid, round_cone
 
 

@@ -29,26 +29,26 @@ def marching_tetrahedra(
     inside = values < 0.0
     nx, ny, nz = (n - 1 for n in values.shape)
     negative = sum(inside[i : i + nx, j : j + ny, k : k + nz].astype(np.int8) for i, j, k in np.ndindex(2, 2, 2))
-    cells = np.argwhere((negative > 0) & (negative < 8))
-    corners = cells[:, None, None] + _TETRAHEDRA  # (cells, 6, 4, 3)
-    nodes = np.ravel_multi_index(tuple(np.moveaxis(corners, -1, 0)), values.shape)
-    cases = inside.ravel()[nodes] @ [1, 2, 4, 8]
-    edges = _CASES[np.arange(6), cases]
+    strides = np.array([values.shape[1] * values.shape[2], values.shape[2], 1])
+    cells = np.argwhere((negative > 0) & (negative < 8)) @ strides
+    nodes = cells[:, None, None] + _TETRAHEDRA @ strides  # (cells, 6, 4)
+    edges = _CASES[np.arange(6), inside.ravel()[nodes] @ np.array([1, 2, 4, 8])]
     cell, tetrahedron, used = np.nonzero(edges[..., 0] >= 0)
     a, b = edges[cell, tetrahedron, used].T
     start, end = nodes[cell, tetrahedron, a], nodes[cell, tetrahedron, b]
-    origin = corners[cell, tetrahedron, a]
-    direction = corners[cell, tetrahedron, b] - origin
+    direction = _TETRAHEDRA[tetrahedron, b] - _TETRAHEDRA[tetrahedron, a]
     # The start of an edge and its direction identify the vertex on it.
     _, first, vertex = np.unique(start * 8 + direction @ [1, 2, 4], return_index=True, return_inverse=True)
-    value, other = values.ravel()[start[first]], values.ravel()[end[first]]
-    weight = (value / (value - other))[:, None]
-    return low + step * (origin[first] + weight * direction[first]), vertex.reshape(-1, 3)
+    start, end, direction = start[first], end[first], direction[first]
+    value = values.ravel()[start]
+    weight = value / (value - values.ravel()[end])
+    origin = np.stack(np.unravel_index(start, values.shape), axis=1)
+    return low + step * (origin + weight[:, None] * direction), vertex.reshape(-1, 3)
 
 
 def _cases() -> Int[np.ndarray, "6 16 6 2"]:
     """Edges (pairs of corners) that bound up to two triangles, by tetrahedron and inside corners; -1 where unused."""
-    table = np.full((6, 16, 6, 2), -1)
+    table = np.full((6, 16, 6, 2), -1, np.int8)
     for t, case in np.ndindex(6, 16):
         inside, outside = ([c for c in range(4) if (case >> c & 1) == flag] for flag in (1, 0))
         if not inside or not outside:

@@ -1,7 +1,6 @@
 """Signed distance function of the head: smoothly blended solids, minus the openings of eyes and mouth.
 
-All lengths and coordinates are in millimetres. `rows` are the solids as built by `carigs.toy.shape.solids`. Kernels
-that call each other are in this one module, because Numba's cache detects changes of a kernel's own file only.
+Lengths and coordinates are in millimetres. Solids are rows of numbers, as built by `carigs.toy.shape.solids`.
 """
 
 from __future__ import annotations
@@ -11,15 +10,11 @@ import numpy as np
 from jaxtyping import Float, Int
 from numba.extending import register_jitable
 
+from carigs.toy.shape.anatomy import EYE_X, EYE_Y, EYE_Z, MOUTH_CORNER, SOCKET_RADIUS, lid_margins, lip_line
 from carigs.toy.shape.solids import ELLIPSOID, FAR, LINK
 
-EYE_X, EYE_Y, EYE_Z, EYE_RADIUS = 31.8, 28.0, 69.0, 12.3  # the left eyeball
-EYE_CENTRE = np.array([EYE_X, EYE_Y, EYE_Z])
-SOCKET_RADIUS = 12.75
-CANTHUS_INNER, CANTHUS_OUTER = 18.0, 46.0  # x of the corners of the eye
-MOUTH_CORNER = 24.5  # x of the corner of the mouth
-LIP_GAP = 0.1  # half the distance between the closed lips
-SPREAD_GAP = 3.2  # half the distance between the lips while the surface is meshed, see `_close_lips`
+_LIP_GAP = 0.1  # half the distance between the closed lips
+_SPREAD_GAP = 3.2  # half the distance between the lips while the surface is meshed, see `_close_lips`
 
 
 @register_jitable
@@ -34,63 +29,6 @@ def smoothstep(t):
     """
     t = np.minimum(np.maximum(t, 0.0), 1.0)
     return t * t * (3.0 - 2.0 * t)
-
-
-@register_jitable
-def lid_margins(x):
-    """Heights of the lid margins; they cross at the corners of the eye.
-
-    Args:
-        x: Lateral coordinate in millimetres, a number or an array; the sign does not matter.
-
-    Returns:
-        y of the lower and of the upper lid margin, in millimetres.
-    """
-    t = (abs(x) - CANTHUS_INNER) / (CANTHUS_OUTER - CANTHUS_INNER)
-    line = 25.9 + 2.6 * t
-    upper = 4.0 * t * (1.0 - t) * (1.0 - 0.22 * (2.0 * t - 1.0))
-    lower = 4.0 * t * (1.0 - t) * (1.0 + 0.25 * (2.0 * t - 1.0))
-    return line - 4.2 * lower, line + 5.9 * upper
-
-
-@register_jitable
-def lip_line(x):
-    """Height of the line where the closed lips meet.
-
-    Args:
-        x: Lateral coordinate in millimetres, a number or an array; the sign does not matter.
-
-    Returns:
-        y in millimetres.
-    """
-    t = abs(x) / MOUTH_CORNER
-    return -43.4 - 0.9 * np.exp(-((t / 0.16) ** 2)) + 0.5 * np.exp(-(((t - 0.35) / 0.25) ** 2)) - 0.6 * t**4
-
-
-def eye_distance(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
-    """Distance to the centre of the eyeball on the same side of the head.
-
-    Args:
-        points: Positions, in millimetres.
-
-    Returns:
-        Distances in millimetres.
-    """
-    x, y, z = points.T
-    return np.sqrt((np.abs(x) - EYE_X) ** 2 + (y - EYE_Y) ** 2 + (z - EYE_Z) ** 2)
-
-
-def mouth_cavity(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
-    """Quadratic form of the ellipsoid that bounds the mouth cavity.
-
-    Args:
-        points: Positions, in millimetres.
-
-    Returns:
-        1 on the ellipsoid, less inside.
-    """
-    x, y, z = points.T
-    return (x / 26) ** 2 + ((y + 44) / 14) ** 2 + ((z - 78) / 21) ** 2
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -112,7 +50,7 @@ def _solid_distance(row, x, y, z):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _solids_distance(rows, x, y, z):
+def _solids_distance(solids, x, y, z):
     """Approximate signed distance of a point to the solids, without the openings; symmetric in x, negative inside.
 
     Solids (a chain counts as one) are added or carved in their order with the quadratic polynomial smooth minimum
@@ -121,8 +59,8 @@ def _solids_distance(rows, x, y, z):
     x = np.sqrt(x * x + 1.0)  # a rounded |x|: no crease at the midline
     d = FAR
     part = FAR
-    for i in range(rows.shape[0]):
-        row = rows[i]
+    for i in range(solids.shape[0]):
+        row = solids[i]
         blend = row[2]
         reach = row[6] + (d + blend if row[1] > 0.0 else blend - d)  # no effect beyond this distance from its centre
         gx, gy, gz = x - row[3], y - row[4], z - row[5]
@@ -145,11 +83,11 @@ def _close_lips(x, y, z):
     wide = 1.0 - smoothstep((ax - MOUTH_CORNER + 2.0) / 8.0)
     front = smoothstep((z - 40.0) / 25.0)
     t = y - lip_line(x)
-    inner = SPREAD_GAP * wide * front
-    shift = inner * (1.0 - LIP_GAP / SPREAD_GAP)
+    inner = _SPREAD_GAP * wide * front
+    shift = inner * (1.0 - _LIP_GAP / _SPREAD_GAP)
     a = abs(t)
     if a < inner:
-        a *= LIP_GAP / SPREAD_GAP
+        a *= _LIP_GAP / _SPREAD_GAP
     else:
         a -= shift * (1.0 - smoothstep((a - inner) / 26.0))
     return lip_line(x) + (a if t > 0.0 else -a)
@@ -162,10 +100,10 @@ def _carve(d, solid, blend):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _head_distance(rows, x, y, z):
+def _head_distance(solids, x, y, z):
     """Signed distance in meshing space: the solids minus eye sockets, lid openings, mouth slit and mouth cavity."""
     y = _close_lips(x, y, z)
-    d = _solids_distance(rows, x, y, z)
+    d = _solids_distance(solids, x, y, z)
     ax = abs(x)
     if y > 5.0 and y < 50.0 and z > 45.0 and ax < 56.0:
         socket = np.sqrt((ax - EYE_X) ** 2 + (y - EYE_Y) ** 2 + (z - EYE_Z) ** 2) - SOCKET_RADIUS
@@ -178,7 +116,7 @@ def _head_distance(rows, x, y, z):
         u, v, w = ax / 26.0, (y + 44.0) / 14.0, (z - 78.0) / 21.0
         r = np.sqrt(u * u + v * v + w * w)
         bag = (r - 1.0) * 14.0
-        half = LIP_GAP * np.sqrt(max(1.0 - (ax / MOUTH_CORNER) ** 2, 0.0))
+        half = _LIP_GAP * np.sqrt(max(1.0 - (ax / MOUTH_CORNER) ** 2, 0.0))
         slit = max(max(abs(y - lip_line(ax)) - half, ax - MOUTH_CORNER), 80.0 - z)
         d = _carve(d, bag, 1.0)
         d = _carve(d, slit, 1.2)
@@ -187,12 +125,12 @@ def _head_distance(rows, x, y, z):
 
 @numba.njit(cache=True, error_model="numpy")
 def sample_head_distance(
-    rows: Float[np.ndarray, "n 24"], low: Float[np.ndarray, "3"], step: float, shape: tuple[int, int, int]
+    solids: Float[np.ndarray, "n 24"], low: Float[np.ndarray, "3"], step: float, shape: tuple[int, int, int]
 ) -> Float[np.ndarray, "nx ny nz"]:
     """Sample the signed distance of the head on a grid in meshing space (lips spread apart).
 
     Args:
-        rows: The solids.
+        solids: One row per solid, in the order of blending.
         low: Position of sample (0, 0, 0), in millimetres.
         step: Spacing of the grid, in millimetres.
         shape: Number of samples along each axis.
@@ -207,7 +145,7 @@ def sample_head_distance(
         for by in range(0, shape[1], block):
             for bz in range(0, shape[2], block):
                 centre = low + step * (np.array([bx, by, bz]) + (block - 1) / 2.0)
-                d = _head_distance(rows, centre[0], centre[1], centre[2])
+                d = _head_distance(solids, centre[0], centre[1], centre[2])
                 # 1.6 half diagonals of the block: the distance is approximate.
                 far = abs(d) > 1.6 * step * block * 0.87
                 for i in range(bx, min(bx + block, shape[0])):
@@ -215,32 +153,32 @@ def sample_head_distance(
                         for k in range(bz, min(bz + block, shape[2])):
                             v = d
                             if not far:
-                                v = _head_distance(rows, low[0] + i * step, low[1] + j * step, low[2] + k * step)
+                                v = _head_distance(solids, low[0] + i * step, low[1] + j * step, low[2] + k * step)
                             values[i, j, k] = v if abs(v) > 1e-6 else 1e-6
     return values
 
 
 @numba.njit(cache=True, error_model="numpy")
 def project_to_surface(
-    points: Float[np.ndarray, "v 3"], border: Int[np.ndarray, "v"], rows: Float[np.ndarray, "n 24"]
+    points: Float[np.ndarray, "v 3"], border: Int[np.ndarray, "v"], solids: Float[np.ndarray, "n 24"]
 ) -> None:
     """Move points of meshing space onto the surface of the head by Newton steps, in place.
 
     Args:
         points: Positions, in millimetres.
         border: Bit 1 keeps a point in its plane of constant x, bit 2 in its plane of constant y.
-        rows: The solids.
+        solids: One row per solid, in the order of blending.
     """
     h = 0.02
     for v in range(len(points)):
         for _ in range(4):
             x, y, z = points[v, 0], points[v, 1], points[v, 2]
-            d = _head_distance(rows, x, y, z)
+            d = _head_distance(solids, x, y, z)
             if abs(d) < 1e-4:
                 break
-            gx = (_head_distance(rows, x + h, y, z) - _head_distance(rows, x - h, y, z)) / (2 * h)
-            gy = (_head_distance(rows, x, y + h, z) - _head_distance(rows, x, y - h, z)) / (2 * h)
-            gz = (_head_distance(rows, x, y, z + h) - _head_distance(rows, x, y, z - h)) / (2 * h)
+            gx = (_head_distance(solids, x + h, y, z) - _head_distance(solids, x - h, y, z)) / (2 * h)
+            gy = (_head_distance(solids, x, y + h, z) - _head_distance(solids, x, y - h, z)) / (2 * h)
+            gz = (_head_distance(solids, x, y, z + h) - _head_distance(solids, x, y, z - h)) / (2 * h)
             if border[v] & 1:
                 gx = 0.0
             if border[v] & 2:
@@ -266,11 +204,11 @@ def close_lips(points: Float[np.ndarray, "v 3"]) -> None:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def solids_distance(rows: Float[np.ndarray, "n 24"], points: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v"]:
+def solids_distance(solids: Float[np.ndarray, "n 24"], points: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v"]:
     """Approximate signed distance of points to the solids, without the openings of eyes and mouth.
 
     Args:
-        rows: The solids.
+        solids: One row per solid, in the order of blending.
         points: Positions in head space, in millimetres.
 
     Returns:
@@ -278,5 +216,5 @@ def solids_distance(rows: Float[np.ndarray, "n 24"], points: Float[np.ndarray, "
     """
     d = np.empty(len(points))
     for v in range(len(points)):
-        d[v] = _solids_distance(rows, points[v, 0], points[v, 1], points[v, 2])
+        d[v] = _solids_distance(solids, points[v, 0], points[v, 1], points[v, 2])
     return d

@@ -5,15 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from carigs.toy.shape.signed_distance import (
-    EYE_X,
-    EYE_Z,
-    SOCKET_RADIUS,
-    eye_distance,
-    lid_margins,
-    lip_line,
-    mouth_cavity,
-)
+from carigs.toy.shape.anatomy import EYE_X, EYE_Z, SOCKET_RADIUS, eye_distance, lid_margins, lip_line, mouth_cavity
 
 
 def target_edge_lengths(points: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v"]:

@@ -8,16 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from carigs.toy.shape.anatomy import EYE_CENTRE, EYE_RADIUS
 from carigs.toy.shape.head_solids import head_solids
 from carigs.toy.shape.marching_tetrahedra import marching_tetrahedra
 from carigs.toy.shape.remeshing import remesh
-from carigs.toy.shape.signed_distance import (
-    EYE_CENTRE,
-    EYE_RADIUS,
-    close_lips,
-    project_to_surface,
-    sample_head_distance,
-)
+from carigs.toy.shape.signed_distance import close_lips, project_to_surface, sample_head_distance
 from carigs.toy.shape.sizing_field import target_edge_lengths
 
 NECK_CUT = -168.0  # y of the open end of the neck, millimetres
@@ -48,13 +43,15 @@ def build_template() -> Template:
     Returns:
         The mesh, in millimetres.
     """
-    rows = head_solids()
+    solids = head_solids()
     shape = tuple(int(n) for n in np.ceil((_HIGH - _LOW) / _STEP) + 1)
-    vertices, faces = marching_tetrahedra(sample_head_distance(rows, _LOW, _STEP, shape), _LOW, _STEP)
+    vertices, faces = marching_tetrahedra(sample_head_distance(solids, _LOW, _STEP, shape), _LOW, _STEP)
     border = (vertices[:, 0] < 1e-9) + 2 * (vertices[:, 1] < NECK_CUT + 1e-9)
-    vertices, faces, border = remesh(
-        vertices, faces, border, target_edge_lengths, lambda p, border: project_to_surface(p, border, rows), rounds=7
-    )
+
+    def project(points: np.ndarray, border: np.ndarray) -> None:
+        project_to_surface(points, border, solids)
+
+    vertices, faces, border = remesh(vertices, faces, border, target_edge_lengths, project, rounds=7)
     left = (border & 1) == 0  # the others lie on the midline
     vertices[~left, 0] = 0.0
     close_lips(vertices)
