@@ -81,5 +81,4 @@ def _interpolated(palette: np.ndarray, position: float) -> np.ndarray:
 
 
 def _colour(values: np.ndarray) -> Colour:
-    r, g, b = (float(v) for v in np.clip(values, 0, 1))
-    return r, g, b
+    return tuple(float(v) for v in np.clip(values, 0, 1))
