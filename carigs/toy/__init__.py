@@ -1,9 +1,12 @@
-"""The procedural person: a synthetic subject in the formats of a real one, and its true caricatures.
+"""The procedural subject: a synthetic head in the formats of a real capture, with reference images of its caricatures.
 
-- `write_capture`: a whole multi-view capture on disk
-- `make_subject`, `load_subject`: the person of a seed; the person of a written capture
-- `render_subject`: a true image of any expression, camera and caricature
+- `write_capture`: write a multi-view capture to disk
+- `make_subject`, `load_subject`: build the subject of a seed, or read that of a written capture
+- `render_subject`: the reference image of an expression, camera and caricature
 - `head_model`: the head model in FLAME's format
+
+Subpackages: `shape` (template mesh, in millimetres), `rig` (blendshapes, joints, regions, in millimetres) and `look`
+(texture, hair, teeth, light, renderer). `head_model`, `Subject` and everything in the world are in metres.
 """
 
 from carigs.toy.look.renderer import render_subject

@@ -1,4 +1,4 @@
-"""The studio: calibrated cameras on a frontal cap, and ten short sequences of expressions."""
+"""The capture studio: calibrated cameras on a spherical cap in front of the head, and ten sequences of expressions."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from carigs.head import HeadParameters
 from carigs.settings import Toy
 from carigs.toy.rig import expressions
 
-DISTANCE = 1.05  # metres from the cameras to the middle of the head
+_DISTANCE = 1.05  # metres from the cameras to the middle of the head
 _MIDDLE = np.array([0.0, -0.010, 0.005])
-_HALF_HEIGHT = 0.182  # metres shown above and below it
+_HALF_HEIGHT = 0.182  # metres in view above and below it
 _AZIMUTH = 50.0  # degrees to either side
 TEST_SEQUENCE = "EXP-2"
 
-# What each sequence works up to: weights of expressions (both sides at once where no side is named) and, under joint
-# names, rotation vectors in radians; `gaze` is (down, left).
-_ACTS: dict[str, dict[str, float | tuple[float, ...]]] = {
+# The pose at the end of each sequence: weights of expressions (of both sides where no side is named) and rotation
+# vectors of joints, in radians; `gaze` is (down, left).
+_END_POSES: dict[str, dict[str, float | tuple[float, ...]]] = {
     "EMO-1": {"mouth_smile": 1.0, "cheek_raise": 0.8, "eye_squint": 0.4, "upper_lip_up": 0.35, "jaw": (0.06, 0, 0)},
     "EMO-2": {"mouth_frown": 0.9, "brow_inner_up": 1.0, "eye_squint": 0.2, "gaze": (0.18, -0.1), "neck": (0.10, 0, 0)},
     "EMO-3": {"brow_inner_up": 1.0, "brow_outer_up": 1.0, "eye_wide": 1.0, "jaw": (0.20, 0, 0), "mouth_pucker": 0.2},
@@ -41,85 +41,88 @@ _ACTS: dict[str, dict[str, float | tuple[float, ...]]] = {
 
 
 @dataclass(frozen=True)
-class Step:
+class Timestep:
     """One timestep of the capture."""
 
     sequence: str
-    step: int
+    index: int
     """Within its sequence."""
     parameters: HeadParameters
 
 
-def cameras(settings: Toy) -> tuple[Camera, ...]:
-    """Cameras from the subject's right to its left, at changing heights; all look at the middle of the head."""
+def studio_cameras(settings: Toy) -> tuple[Camera, ...]:
+    """Cameras at changing heights that look at the middle of the head.
+
+    Args:
+        settings: Number of cameras, size of the images.
+
+    Returns:
+        The cameras, from the subject's right to its left; lengths in metres.
+    """
     count = settings.cameras
     azimuths = np.radians(np.linspace(-_AZIMUTH, _AZIMUTH, count) if count > 1 else [0.0])
-    # The most frontal camera looks straight, the others alternate between below and above.
+    # The frontal camera is nearly level, the others alternate between below and above.
     elevations = np.radians(np.where(np.abs(azimuths) < 1e-6, 2.0, 4.0 + 12.0 * np.sin(2.4 * np.arange(count) + 0.7)))
-    focal = 0.5 * settings.height / _HALF_HEIGHT * DISTANCE
-    rig = []
+    focal = 0.5 * settings.height / _HALF_HEIGHT * _DISTANCE
+    cameras = []
     for azimuth, elevation in zip(azimuths, elevations, strict=True):
         toward = np.array([np.cos(elevation) * np.sin(azimuth), np.sin(elevation), np.cos(elevation) * np.cos(azimuth)])
-        rig.append(
-            Camera(
-                camera_from_world=look_at(_MIDDLE + DISTANCE * toward, _MIDDLE),
-                fx=focal,
-                fy=focal,
-                cx=settings.width / 2,
-                cy=settings.height / 2,
-                width=settings.width,
-                height=settings.height,
-            )
-        )
-    return tuple(rig)
+        camera_from_world = look_at(_MIDDLE + _DISTANCE * toward, _MIDDLE)
+        width, height = settings.width, settings.height
+        cameras.append(Camera(camera_from_world, focal, focal, width / 2, height / 2, width, height))
+    return tuple(cameras)
 
 
-def frontal_camera(rig: tuple[Camera, ...]) -> int:
-    """Index of the camera whose axis is nearest to the direction the face looks in."""
-    return int(np.argmin([camera.camera_from_world[2, 2] for camera in rig]))
+def frontal_camera(cameras: tuple[Camera, ...]) -> int:
+    """Index of the camera that looks at the face most directly.
+
+    Args:
+        cameras: The cameras.
+
+    Returns:
+        Index of the camera whose viewing direction is closest to -z.
+    """
+    return int(np.argmin([camera.camera_from_world[2, 2] for camera in cameras]))
 
 
-def steps(settings: Toy, shape: Float[np.ndarray, "300"]) -> tuple[Step, ...]:
-    """All timesteps: the training sequences, then the test sequence."""
-    order = [name for name in _ACTS if name != TEST_SEQUENCE] + [TEST_SEQUENCE]
+def timesteps(settings: Toy, shape: Float[np.ndarray, "300"]) -> tuple[Timestep, ...]:
+    """Head parameters of all timesteps: each sequence goes from nearly neutral to its end pose.
+
+    Args:
+        settings: Seed of the head motion, timesteps per sequence.
+        shape: Identity coefficients of the subject.
+
+    Returns:
+        The training sequences, then the test sequence.
+    """
+    order = [name for name in _END_POSES if name != TEST_SEQUENCE] + [TEST_SEQUENCE]
     rng = np.random.default_rng([settings.seed, 0x5EC])
     result = []
     for sequence in order:
-        turn, shift = rng.uniform(-1, 1, (2, 3)) * [0.10, 0.16, 0.05], rng.uniform(-0.003, 0.003, (2, 3))
+        rotation, translation = rng.uniform(-1, 1, (2, 3)) * [0.10, 0.16, 0.05], rng.uniform(-0.003, 0.003, (2, 3))
         for k in range(settings.steps_per_sequence):
             t = (k + 1) / settings.steps_per_sequence
-            amount = 0.5 - 0.5 * np.cos(np.pi * t)  # from nearly neutral to the full act
-            wander = (1 - t) * turn[0] + t * turn[1]
-            result.append(Step(sequence, k, _act(sequence, amount, shape, wander, (1 - t) * shift[0] + t * shift[1])))
+            parameters = HeadParameters(
+                translation=(1 - t) * translation[0] + t * translation[1],
+                rotation=(1 - t) * rotation[0] + t * rotation[1],
+                shape=shape,
+                **_pose(_END_POSES[sequence], 0.5 - 0.5 * np.cos(np.pi * t)),
+            )
+            result.append(Timestep(sequence, k, parameters))
     return tuple(result)
 
 
-def _act(
-    sequence: str, amount: float, shape: np.ndarray, rotation: np.ndarray, translation: np.ndarray
-) -> HeadParameters:
+def _pose(end: dict[str, float | tuple[float, ...]], amount: float) -> dict[str, np.ndarray]:
+    """Rotation vectors of the joints and weights of the expressions at a share of an end pose."""
     code = np.zeros(100)
-    joints = {"jaw": np.zeros(3), "neck": np.zeros(3)}
-    gaze = np.zeros(2)
-    for name, value in _ACTS[sequence].items():
-        if name in joints:
-            joints[name] = amount * np.asarray(value, float)
-        elif name == "gaze":
-            gaze = amount * np.asarray(value, float)
-        else:
-            for i, expression in enumerate(expressions.NAMES):
-                if expression in (name, f"{name}_left", f"{name}_right"):
-                    code[i] = amount * value
-    # The lids go with the gaze.
+    joints = {name: amount * np.asarray(end.get(name, np.zeros(3)), float) for name in ("jaw", "neck")}
+    down, left = amount * np.asarray(end.get("gaze", (0, 0)), float)
+    for name, weight in ((name, weight) for name, weight in end.items() if isinstance(weight, float)):
+        for i, expression in enumerate(expressions.NAMES):
+            if expression in (name, f"{name}_left", f"{name}_right"):
+                code[i] = amount * weight
+    # The lids follow the gaze.
     for side in ("left", "right"):
-        code[expressions.NAMES.index(f"eye_blink_{side}")] += 0.9 * max(gaze[0], 0.0)
-        code[expressions.NAMES.index(f"eye_wide_{side}")] += 2.0 * max(-gaze[0], 0.0)
-    eye = np.array([gaze[0], gaze[1], 0.0])
-    return HeadParameters(
-        translation=translation,
-        rotation=rotation,
-        neck=joints["neck"],
-        jaw=joints["jaw"],
-        eyes=np.concatenate([eye, eye]),
-        shape=shape,
-        expression=code,
-    )
+        code[expressions.NAMES.index(f"eye_blink_{side}")] += 0.9 * max(down, 0.0)
+        code[expressions.NAMES.index(f"eye_wide_{side}")] += 2.0 * max(-down, 0.0)
+    return {**joints, "eyes": np.array([down, left, 0.0] * 2), "expression": code}

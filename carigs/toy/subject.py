@@ -1,4 +1,4 @@
-"""The procedural person: head model, identity, texture, hair - everything its true images need."""
+"""The procedural subject: head model, identity, texture and hair, all that its reference images need."""
 
 from __future__ import annotations
 
@@ -14,129 +14,152 @@ from carigs.errors import InputError
 from carigs.files import writing
 from carigs.head import HeadModel, HeadParameters, neutral, pose
 from carigs.settings import Toy
-from carigs.toy.look import teeth
-from carigs.toy.look.atlas import Atlas, layout, texel_points
-from carigs.toy.look.exposure import exposure
-from carigs.toy.look.hair import Strands, grow
-from carigs.toy.look.paint import paint_eyeball, paint_skin
-from carigs.toy.rig.head_model import MILLIMETRE, head_model
-from carigs.toy.rig.regions import above_hairline
-from carigs.toy.rig.traits import Traits, draw
-from carigs.toy.shape.field import EYE_X, EYE_Y, EYE_Z
-from carigs.toy.shape.template import Template, template
+from carigs.toy.look.ambient_visibility import ambient_visibility
+from carigs.toy.look.atlas import Atlas, allocate_texels, texel_count, texel_points
+from carigs.toy.look.hair import Strands, grow_hair
+from carigs.toy.look.procedural_texture import eyeball_texture, skin_texture
+from carigs.toy.look.teeth import attach_teeth, build_teeth
+from carigs.toy.rig.attributes import Attributes, sample_attributes
+from carigs.toy.rig.head_model import METRES_PER_MILLIMETRE, head_model
+from carigs.toy.rig.regions import height_above_hairline
+from carigs.toy.shape.anatomy import EYE_CENTRE, EYE_Z
+from carigs.toy.shape.template import Template, build_template
 
-_CHUNK = 1 << 15
+_CHUNK = 1 << 15  # texels
+_KEYS = {"ambient_visibility": "exposure"}  # keys in the file that differ from the field's name
 
 
 @dataclass(frozen=True)
 class Subject:
-    """What `render_subject` needs; every array is a function of the settings."""
+    """The arrays that `render_subject` needs; all are functions of the settings."""
 
     model: HeadModel
     shape: Float[np.ndarray, "300"]
+    """Identity coefficients."""
     supersampling: int
+    """Samples per pixel and axis."""
     atlas: Atlas
     strands: Strands
-    exposure: Float32[np.ndarray, "v"]
-    """Ambient light that reaches each vertex of the neutral face, in [0, 1]."""
+    ambient_visibility: Float32[np.ndarray, "v"]
+    """Ambient visibility of each vertex on the neutral face, in [0, 1]."""
     teeth: Float32[np.ndarray, "t 3"]
-    """Vertices on the template, metres: the upper jaw's, then the lower jaw's."""
+    """Vertices of the teeth on the template, in metres: upper jaw first."""
     teeth_faces: Int[np.ndarray, "g 3"]
     teeth_colours: Float32[np.ndarray, "t 3"]
+    """sRGB in [0, 1]."""
     upper_teeth: int
-    """How many of the vertices are the upper jaw's."""
+    """Number of vertices of the upper jaw."""
 
     @cached_property
-    def posed_model(self) -> HeadModel:
-        """The head model with the teeth behind its vertices."""
-        return teeth.with_teeth(self.model, self.teeth, self.upper_teeth)
+    def model_with_teeth(self) -> HeadModel:
+        """The head model with the teeth appended to its vertices."""
+        return attach_teeth(self.model, self.teeth, self.upper_teeth)
 
     def save(self, file: Path) -> None:
-        """Write all but the head model, which has its own file."""
+        """Write everything except the head model, which has its own file.
+
+        Args:
+            file: The .npz file to write.
+        """
         arrays: dict[str, np.ndarray] = {}
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if item.name == "model":
-                continue
+        for name in (field.name for field in fields(self) if field.name != "model"):
+            value = getattr(self, name)
             if isinstance(value, Atlas | Strands):
-                arrays |= {f"{item.name}.{name}": array for name, array in value._asdict().items()}
+                arrays |= {f"{name}.{part}": array for part, array in value._asdict().items()}
             else:
-                arrays[item.name] = np.asarray(value)
+                arrays[_KEYS.get(name, name)] = np.asarray(value)
         with writing(file) as part:
             np.savez_compressed(part, **arrays)
 
 
 def make_subject(settings: Toy) -> Subject:
-    """The person of a seed (some seconds: the template, the texture, the hair)."""
-    shape, model, traits = template(), head_model(), draw(settings.seed)
-    mouth, mouth_faces, mouth_colours, upper = teeth.jaws()
+    """Build the subject of a seed; takes some seconds.
+
+    Args:
+        settings: Seed, size of the texture, number of strands, supersampling.
+
+    Returns:
+        The subject.
+    """
+    template, model, attributes = build_template(), head_model(), sample_attributes(settings.seed)
+    teeth, teeth_faces, teeth_colours, upper_teeth = build_teeth()
     return Subject(
         model=model,
-        shape=traits.shape,
+        shape=attributes.shape,
         supersampling=settings.supersampling,
-        atlas=_texture(shape, traits, settings.texture**2),
-        strands=grow(shape, traits, settings.strands),
-        exposure=_exposure(model, traits),
-        teeth=(mouth * MILLIMETRE).astype(np.float32),
-        teeth_faces=mouth_faces.astype(np.int32),
-        teeth_colours=mouth_colours.astype(np.float32),
-        upper_teeth=upper,
+        atlas=_texture(template, attributes, settings.texture**2),
+        strands=grow_hair(template, attributes, settings.strands),
+        ambient_visibility=_ambient_visibility(model, attributes),
+        teeth=(teeth * METRES_PER_MILLIMETRE).astype(np.float32),
+        teeth_faces=teeth_faces.astype(np.int32),
+        teeth_colours=teeth_colours.astype(np.float32),
+        upper_teeth=upper_teeth,
     )
 
 
 def load_subject(folder: Path) -> Subject:
-    """Read `subject.npz` and `head_model.npz`; raises `InputError` if they are missing or no such files."""
+    """Read the subject of a capture that `write_capture` has written.
+
+    Args:
+        folder: Folder with `subject.npz` and `head_model.npz`.
+
+    Returns:
+        The subject.
+
+    Raises:
+        InputError: A file is missing or has another format.
+    """
     file = Path(folder) / "subject.npz"
     model = HeadModel.load(Path(folder) / "head_model.npz")
     try:
-        with np.load(file, allow_pickle=False) as archive:
-            arrays = dict(archive.items())
-        values = {name: array for name, array in arrays.items() if "." not in name}
-        groups = {
-            name: kind(**{part: arrays[f"{name}.{part}"] for part in kind._fields})
-            for name, kind in (("atlas", Atlas), ("strands", Strands))
-        }
-        whole = {name: int(values.pop(name)) for name in ("supersampling", "upper_teeth")}
-        return Subject(model=model, **values, **groups, **whole)
+        with np.load(file, allow_pickle=False) as arrays:
+            values = {
+                field.name: arrays[_KEYS.get(field.name, field.name)]
+                for field in fields(Subject)
+                if field.name not in ("model", "atlas", "strands")
+            }
+            for name, kind in (("atlas", Atlas), ("strands", Strands)):
+                values[name] = kind(*(arrays[f"{name}.{part}"] for part in kind._fields))
+        return Subject(model=model, **values | {name: int(values[name]) for name in ("supersampling", "upper_teeth")})
     except FileNotFoundError as error:
         raise InputError("no such subject; write the toy capture first", file=file) from error
     except (OSError, KeyError, TypeError, ValueError) as error:
         raise InputError(f"not a toy subject ({error})", file=file) from error
 
 
-def _exposure(model: HeadModel, traits: Traits) -> Float32[np.ndarray, "v"]:
-    """On the neutral face; inside the mouth, which only shows when it is open, on the open mouth."""
-    closed = HeadParameters(shape=traits.shape)
-    free = exposure(neutral(model, closed), model.faces)
+def _ambient_visibility(model: HeadModel, attributes: Attributes) -> Float32[np.ndarray, "v"]:
+    """Ambient visibility on the neutral face; inside the mouth, which shows when it is open, on the open mouth."""
+    closed = HeadParameters(shape=attributes.shape)
+    visibility = ambient_visibility(neutral(model, closed), model.faces)
     inside = model.regions["lip_inside"]
     opened = pose(model, replace(closed, jaw=np.array([0.22, 0.0, 0.0])))
-    free[inside] = np.maximum(exposure(opened, model.faces)[inside], 0.06)
-    return free
+    visibility[inside] = np.maximum(ambient_visibility(opened, model.faces)[inside], 0.06)
+    return visibility
 
 
-def _texture(shape: Template, traits: Traits, budget: int) -> Atlas:
-    corners = shape.vertices[shape.faces]
+def _texture(template: Template, attributes: Attributes, budget: int) -> Atlas:
+    """Texture of at most `budget` texels."""
+    corners = template.vertices[template.faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     middle = corners.mean(axis=1)
-    left, right = shape.left_eye[shape.faces[:, 0]], shape.right_eye[shape.faces[:, 0]]
-    # Finer texels where one looks; the scalp is under the hair.
-    value = np.where(middle[:, 2] > 30, 2.0, 1.0) * np.where(above_hairline(middle) > 6, 0.5, 1.0)
-    value = np.where(left | right, np.where(middle[:, 2] > EYE_Z + 6, 4.0, 1.0), value)
-    first, resolution, _ = layout(longest * value, budget)
+    left, right = template.left_eye[template.faces[:, 0]], template.right_eye[template.faces[:, 0]]
+    # Finer on the face and in front of the eyeballs, coarser on the scalp, which is under the hair.
+    density = np.where(middle[:, 2] > 30, 2.0, 1.0) * np.where(height_above_hairline(middle) > 6, 0.5, 1.0)
+    density = np.where(left | right, np.where(middle[:, 2] > EYE_Z + 6, 4.0, 1.0), density)
+    first, resolution, _ = allocate_texels(longest * density, budget)
     points = texel_points(corners, resolution)
-    centre = np.array([EYE_X, EYE_Y, EYE_Z])
-    owner = np.repeat(left * 1 + right * 2, (resolution + 1) * (resolution + 2) // 2)
+    owner = np.repeat(left * 1 + right * 2, texel_count(resolution))  # 0 head, 1 left eyeball, 2 right eyeball
     texels = np.empty((len(points), 4), np.uint8)
 
-    def paint(start: int) -> None:
-        part, who = points[start : start + _CHUNK], owner[start : start + _CHUNK]
-        colours = np.empty((len(part), 4), np.float32)
-        colours[who == 0] = paint_skin(part[who == 0], traits)
+    def fill(start: int) -> None:
+        part, owners = points[start : start + _CHUNK], owner[start : start + _CHUNK]
+        values = np.empty((len(part), 4), np.float32)
+        values[owners == 0] = skin_texture(part[owners == 0], attributes)
         for eye, sign in ((1, 1.0), (2, -1.0)):
-            here = part[who == eye] - (centre * [sign, 1, 1]).astype(np.float32)
-            colours[who == eye] = paint_eyeball(here, traits)
-        texels[start : start + _CHUNK] = np.rint(colours * 255)
+            local = part[owners == eye] - (EYE_CENTRE * [sign, 1, 1]).astype(np.float32)
+            values[owners == eye] = eyeball_texture(local, attributes)
+        texels[start : start + _CHUNK] = np.rint(values * 255)
 
     with ThreadPoolExecutor(2) as pool:
-        list(pool.map(paint, range(0, len(points), _CHUNK)))
+        list(pool.map(fill, range(0, len(points), _CHUNK)))
     return Atlas(first, resolution, texels)

@@ -1,13 +1,16 @@
-"""The procedural person's capture on disk, in the folder layout of GaussianAvatars."""
+"""Writing a capture of the procedural subject to disk, in the folder layout of GaussianAvatars."""
 
 from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+from rich.console import Console
+from rich.progress import track
 
 from carigs.capture.camera import OPENCV_FROM_OPENGL, Camera
 from carigs.capture.images import write_png
@@ -16,36 +19,35 @@ from carigs.files import writing
 from carigs.head import HeadParameters
 from carigs.settings import Toy
 from carigs.toy.look.renderer import render_subject
-from carigs.toy.scene import TEST_SEQUENCE, Step, cameras, frontal_camera, steps
+from carigs.toy.scene import TEST_SEQUENCE, Timestep, frontal_camera, studio_cameras, timesteps
 from carigs.toy.subject import make_subject
 
-_LEAST = {
-    "width": 16,
-    "height": 16,
-    "cameras": 1,
-    "steps_per_sequence": 1,
-    "supersampling": 1,
-    "texture": 128,
-    "strands": 1,
-}
+_MINIMUM = dict(width=16, height=16, cameras=1, steps_per_sequence=1, supersampling=1, texture=128, strands=1)
 
 
 def write_capture(folder: Path, settings: Toy) -> None:
-    """Render and write the whole capture: images, masks, parameters, splits, `head_model.npz` and `subject.npz`.
+    """Render and write a capture: images, masks, head parameters, splits, `head_model.npz` and `subject.npz`.
 
-    The images show exactly what `render_subject` gives for the parameters on disk.  Raises `SettingsError`.
+    The images are what `render_subject` gives for the parameters on disk.
+
+    Args:
+        folder: Where the capture is written; created if it does not exist.
+        settings: The subject, the size of the images, the number of cameras and timesteps.
+
+    Raises:
+        SettingsError: A setting is too small.
     """
-    for name, least in _LEAST.items():
-        if getattr(settings, name) < least:
-            raise SettingsError(f"capture.toy.{name}={getattr(settings, name)} must be at least {least}")
+    for name, minimum in _MINIMUM.items():
+        if getattr(settings, name) < minimum:
+            raise SettingsError(f"capture.toy.{name}={getattr(settings, name)} must be at least {minimum}")
     folder = Path(folder)
     for name in ("images", "fg_masks", "flame_param"):
         (folder / name).mkdir(parents=True, exist_ok=True)
-    subject, rig = make_subject(settings), cameras(settings)
+    subject, cameras = make_subject(settings), studio_cameras(settings)
     with writing(folder / "head_model.npz") as part:
         subject.model.save(part)
     subject.save(folder / "subject.npz")
-    timeline = steps(settings, subject.shape)
+    timeline = timesteps(settings, subject.shape)
     parameters = []
     for t, step in enumerate(timeline):
         step.parameters.save(folder / _parameter_file(t), subject.model)
@@ -53,15 +55,14 @@ def write_capture(folder: Path, settings: Toy) -> None:
     open_mouth = HeadParameters(shape=subject.shape, jaw=np.array([0.3, 0.0, 0.0]))
     open_mouth.save(folder / "canonical_flame_param.npz", subject.model)
 
-    def shoot(view: tuple[int, int]) -> None:
+    def render_view(view: tuple[int, int]) -> None:
         t, c = view
-        colour, alpha = render_subject(subject, parameters[t], rig[c])
+        colour, alpha = render_subject(subject, parameters[t], cameras[c])
         write_png(folder / _image_file(t, c), colour)
         write_png(folder / _mask_file(t, c), alpha)
 
-    views = [(t, c) for t in range(len(timeline)) for c in range(len(rig))]
-    _in_parallel(shoot, views)
-    _write_splits(folder, timeline, rig)
+    _run_with_progress(render_view, [(t, c) for t in range(len(timeline)) for c in range(len(cameras))])
+    _write_splits(folder, timeline, cameras)
 
 
 def _image_file(t: int, c: int) -> str:
@@ -76,32 +77,31 @@ def _parameter_file(t: int) -> str:
     return f"flame_param/{t:05d}.npz"
 
 
-def _in_parallel(shoot, views: list[tuple[int, int]]) -> None:
-    from rich.console import Console
-    from rich.progress import track
-
-    shoot(views[0])  # compiles, if need be, once
+def _run_with_progress(render_view: Callable[[tuple[int, int]], None], views: list[tuple[int, int]]) -> None:
+    render_view(views[0])  # compiles the kernels once, before two threads need them
+    console = Console(stderr=True)
+    quiet = len(views) < 50 or not sys.stderr.isatty()
     with ThreadPoolExecutor(2) as pool:
-        done = pool.map(shoot, views[1:])
-        console = Console(stderr=True)
-        quiet = len(views) < 50 or not sys.stderr.isatty()
-        for _ in track(
-            done, "rendering the toy person", len(views) - 1, console=console, transient=True, disable=quiet
-        ):
+        done = pool.map(render_view, views[1:])
+        for _ in track(done, "rendering the toy", len(views) - 1, console=console, transient=True, disable=quiet):
             pass
 
 
-def _write_splits(folder: Path, timeline: tuple[Step, ...], rig: tuple[Camera, ...]) -> None:
-    """Training timesteps: the frontal camera validates, the others train (a single camera does).  Test: all cameras."""
-    front = frontal_camera(rig)
+def _write_splits(folder: Path, timeline: tuple[Timestep, ...], cameras: tuple[Camera, ...]) -> None:
+    """Write the splits.
+
+    Of the training sequences, the frontal camera is the validation split, unless it is the only camera; the test
+    sequence is the test split.
+    """
+    front = frontal_camera(cameras)
     splits: dict[str, list[tuple[int, int]]] = {"train": [], "val": [], "test": []}
     for t, step in enumerate(timeline):
-        for c in range(len(rig)):
-            held_out = c == front and len(rig) > 1
+        for c in range(len(cameras)):
+            held_out = c == front and len(cameras) > 1
             split = "test" if step.sequence == TEST_SEQUENCE else ("val" if held_out else "train")
             splits[split].append((t, c))
     for split, views in splits.items():
-        frames = [_entry(t, c, timeline[t], rig[c]) for t, c in views]
+        frames = [_frame_entry(t, c, timeline[t], cameras[c]) for t, c in views]
         content: dict[str, object] = {}
         if frames:
             shared = ("cx", "cy", "fl_x", "fl_y", "h", "w", "camera_angle_x", "camera_angle_y")
@@ -113,11 +113,11 @@ def _write_splits(folder: Path, timeline: tuple[Step, ...], rig: tuple[Camera, .
             part.write_text(json.dumps(content, indent=1))
 
 
-def _entry(t: int, c: int, step: Step, camera: Camera) -> dict[str, object]:
+def _frame_entry(t: int, c: int, step: Timestep, camera: Camera) -> dict[str, object]:
     return {
         "timestep_index": t,
-        "timestep_index_original": step.step,
-        "timestep_id": f"{step.step:05d}",
+        "timestep_index_original": step.index,
+        "timestep_id": f"{step.index:05d}",
         "sequence": step.sequence,
         "camera_index": c,
         "camera_id": f"{c:02d}",

@@ -1,4 +1,4 @@
-"""Hair: strands grown on the template and bound to its triangles - scalp, brows, lashes.  Millimetres."""
+"""Hair strands on scalp, brows and lids, grown on the template and bound to its triangles. Lengths in millimetres."""
 
 from __future__ import annotations
 
@@ -7,76 +7,107 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
-from carigs.toy.rig.regions import above_hairline, brow_weight, ear_weight
-from carigs.toy.rig.traits import Traits
-from carigs.toy.shape import sculpture
-from carigs.toy.shape.falloff import smoothstep
-from carigs.toy.shape.field import distances, lid_margins
-from carigs.toy.shape.noise import fractal
+from carigs.toy.rig.attributes import Attributes
+from carigs.toy.rig.regions import brow_weight, ear_weight, height_above_hairline
+from carigs.toy.shape.anatomy import lid_margins
+from carigs.toy.shape.falloff import displacement_field
+from carigs.toy.shape.head_solids import head_solids
+from carigs.toy.shape.noise import gradient_noise
+from carigs.toy.shape.signed_distance import smoothstep, solids_distance
 from carigs.toy.shape.template import Template
 
-KNOTS = 8  # points of a strand
+_KNOTS = 8  # points of a strand
 
 
 class Strands(NamedTuple):
-    """Polylines in the frame of their root's triangle."""
+    """Polylines in the frames of the triangles that their roots lie on."""
 
     face: Int[np.ndarray, "s"]
     barycentric: Float[np.ndarray, "s 3"]
+    """Position of the root on its face."""
     local: Float32[np.ndarray, "s k 3"]
-    """Points relative to the root, in the triangle's axes (see `frames`), millimetres."""
+    """Points relative to the root, in the triangle's frame (see `triangle_frames`), millimetres."""
     width: Float32[np.ndarray, "s"]
-    """At the root; strands taper towards the tip."""
+    """Width at the root, in millimetres; strands taper towards the tip."""
     colour: Float32[np.ndarray, "s 3"]
     """sRGB in [0, 1]."""
     shade: Float32[np.ndarray, "s k"]
-    """How much light reaches each point through the hair around it."""
+    """Share of light that reaches each point through the hair around it."""
 
 
-def frames(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, "f 3 3"]:
-    """Rows: first edge, normal's cross with it, normal; a turn of a triangle turns its frame alike."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
+class _Roots(NamedTuple):
+    face: np.ndarray
+    barycentric: np.ndarray
+    point: np.ndarray
+
+    def where(self, keep: np.ndarray) -> _Roots:
+        return _Roots(self.face[keep], self.barycentric[keep], self.point[keep])
+
+
+def triangle_frames(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, "f 3 3"]:
+    """Orthonormal frames of triangles.
+
+    Args:
+        vertices: Positions, in any unit.
+        faces: Vertex indices of the triangles.
+
+    Returns:
+        Axes as rows: direction of the first edge, cross product of normal and first edge, normal.
+    """
+    a, b, c = vertices[faces.T]
     edge = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
     normal = np.cross(b - a, c - a)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     return np.stack([edge, np.cross(normal, edge), normal], axis=1)
 
 
-def grow(shape: Template, traits: Traits, count: int) -> Strands:
-    """All hair of a person, `count` strands of it on the scalp."""
-    rng = np.random.default_rng([traits.seed, 0x4A1])
-    parts = [_scalp(shape, traits, count, rng), _brows(shape, traits, rng), _lashes(shape, traits, rng)]
+def grow_hair(template: Template, attributes: Attributes, count: int) -> Strands:
+    """Grow all hair of a person.
+
+    Args:
+        template: The template mesh, in millimetres.
+        attributes: Seed, colours and hair style of the person.
+        count: Number of strands on the scalp, before thinning at the hairline.
+
+    Returns:
+        Strands of scalp, brows and lashes.
+    """
+    rng = np.random.default_rng([attributes.seed, 0x4A1])
+    scalp = _scalp(template, attributes, rng, count)
+    parts = [scalp, _brows(template, attributes, rng), _lashes(template, attributes, rng)]
     return Strands(*(np.concatenate(fields) for fields in zip(*parts, strict=True)))
 
 
-def _bound(shape: Template, face: np.ndarray, weights: np.ndarray, points: np.ndarray, **fields: np.ndarray) -> Strands:
-    axes = frames(shape.vertices, shape.faces)[face]
-    local = np.einsum("sij,skj->ski", axes, points - points[:, :1])
-    return Strands(face, weights, local.astype(np.float32), **{k: v.astype(np.float32) for k, v in fields.items()})
+def _bind(template: Template, roots: _Roots, points: np.ndarray, width, colour, shade) -> Strands:
+    """Bind strands to the triangles of their roots; width, colour and shade are broadcast."""
+    axes = triangle_frames(template.vertices, template.faces)[roots.face]
+    local = np.einsum("sij,skj->ski", axes, points - points[:, :1]).astype(np.float32)
+    n, knots, _ = points.shape
+    shapes = ((width, (n,)), (colour, (n, 3)), (shade, (n, knots)))
+    rest = (np.broadcast_to(value, shape).astype(np.float32, order="C") for value, shape in shapes)
+    return Strands(roots.face, roots.barycentric, local, *rest)
 
 
-def _roots(
-    shape: Template, density: np.ndarray, count: int, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Faces, barycentrics and positions of points spread over the skin by a density at its vertices."""
-    corners = shape.vertices[shape.faces]
+def _sample_roots(template: Template, density: np.ndarray, count: int, rng: np.random.Generator) -> _Roots:
+    """Random points on the template, with a density that is given at its vertices."""
+    corners = template.vertices[template.faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    mass = np.cumsum(area * density[shape.faces].max(axis=1))
-    # Stratified along the faces' order: even coverage.
+    mass = np.cumsum(area * density[template.faces].max(axis=1))
+    # Stratified in the order of the faces, for even coverage.
     face = np.searchsorted(mass, (np.arange(count) + rng.random(count)) / count * mass[-1])
     face = np.minimum(face, len(mass) - 1)
     u, v = rng.random(count), rng.random(count)
     over = u + v > 1
     u, v = np.where(over, 1 - u, u), np.where(over, 1 - v, v)
     weights = np.stack([1 - u - v, u, v], axis=1)
-    return face, weights, np.einsum("si,sij->sj", weights, corners[face])
+    return _Roots(face, weights, np.einsum("si,sij->sj", weights, corners[face]))
 
 
-def _normals(rows: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Height over the head without its ears, and the direction away from it."""
-    # Central differences along the corners of a tetrahedron: four samples make a gradient and a mean.
+def _height_and_normal(solids: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Height above the solids, and the unit normal there."""
+    # Differences along the corners of a tetrahedron: four samples give the gradient and the mean.
     corners = np.array([[1.0, -1, -1], [-1, -1, 1], [-1, 1, -1], [1, 1, 1]])
-    around = distances(rows, (points[:, None] + 0.4 * corners).reshape(-1, 3)).reshape(-1, 4)
+    around = solids_distance(solids, (points[:, None] + 0.4 * corners).reshape(-1, 3)).reshape(-1, 4)
     return around.mean(axis=1), _unit(around @ corners)
 
 
@@ -84,130 +115,120 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
     return vectors / (np.linalg.norm(vectors, axis=-1, keepdims=True) + 1e-9)
 
 
-def _flow(points: np.ndarray, normals: np.ndarray, style: str) -> np.ndarray:
-    """The way the hair is combed, along the surface."""
+def _tangential(vectors: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Unit vectors of the tangential parts."""
+    return _unit(vectors - normals * (vectors * normals).sum(axis=1, keepdims=True))
+
+
+def _combing_direction(points: np.ndarray, normals: np.ndarray, style: str) -> np.ndarray:
+    """Unit tangent along which the hair is combed."""
     x, _, z = points.T
-    none = np.zeros(len(points))
     side = smoothstep((0.62 - normals[:, 1]) / 0.5)[:, None]  # 0 on top, 1 on the sides
-    down = np.stack([none, none - 1.0, none - 0.30], axis=1)
     match style:
         case "side_part":
-            across = np.tanh((x - 24.0) / 5.0)
-            top = np.stack([1.1 * across, none, 0.35 + 0.004 * z], axis=1)
-            down[:, 2] = -0.25
+            top = displacement_field(points, 1.1 * np.tanh((x - 24.0) / 5.0), 0, 0.35 + 0.004 * z)
+            down = displacement_field(points, 0, -1.0, -0.25)
         case "swept_back":
-            top = np.stack([0.006 * x, none, none - 1.0], axis=1)
-            down = np.stack([none, none - 0.55, none - 0.85], axis=1)
+            top = displacement_field(points, 0.006 * x, 0, -1.0)
+            down = displacement_field(points, 0, -0.55, -0.85)
         case _:
             angle = np.arctan2(x, z + 25.0)  # a whorl at the crown
-            top = np.stack([np.sin(angle), none, 0.25 + np.cos(angle)], axis=1)
-    flow = top + side * (down - top)
-    return _unit(flow - normals * (flow * normals).sum(axis=1, keepdims=True))
+            top = displacement_field(points, np.sin(angle), 0, 0.25 + np.cos(angle))
+            down = displacement_field(points, 0, -1.0, -0.30)
+    return _tangential(top + side * (down - top), normals)
 
 
-def _scalp(shape: Template, traits: Traits, count: int, rng: np.random.Generator) -> Strands:
-    rows = sculpture.solids(without="ear")
-    p = shape.vertices
-    edge = above_hairline(p) + 3 * fractal(p.astype(np.float32), 9.0, 2, 1000 * traits.seed + 9)
-    density = smoothstep((edge + 6) / 12) * (ear_weight(p) < 0.05) * shape.skin
-    face, weights, root = _roots(shape, density, count, rng)
-    over = above_hairline(root) + 3 * fractal(root.astype(np.float32), 9.0, 2, 1000 * traits.seed + 9)
+def _scalp(template: Template, attributes: Attributes, rng: np.random.Generator, count: int) -> Strands:
+    solids, style = head_solids(ear=False), attributes.style
+
+    def noise(points: np.ndarray, scale: float, offset: int) -> np.ndarray:
+        return gradient_noise(points.astype(np.float32), scale, 2, 1000 * attributes.seed + offset)
+
+    def inside(points: np.ndarray) -> np.ndarray:
+        """Height above the hairline, which is ragged."""
+        return height_above_hairline(points) + 3 * noise(points, 9.0, 9)
+
+    p = template.vertices
+    density = smoothstep((inside(p) + 6) / 12) * (ear_weight(p) < 0.05) * template.on_head
+    roots = _sample_roots(template, density, count, rng)
+    over = inside(roots.point)
     keep = over > rng.uniform(-3, 4, count)
-    face, weights, root, over = face[keep], weights[keep], root[keep], over[keep]
-    _, normal = _normals(rows, root)
+    roots, over = roots.where(keep), over[keep]
+    root, n = roots.point, len(roots.point)
+    _, normal = _height_and_normal(solids, root)
     top = smoothstep((root[:, 1] - 55) / 55)
-    crop = 0.45 if traits.style == "crop" else 1.0
-    length = 9.0 + (crop * traits.hair_length - 9.0) * (0.15 + 0.85 * top)
-    length = length * smoothstep((over + 6) / 16) ** 0.5 * rng.uniform(0.8, 1.12, len(root))
-    clump = np.stack([fractal(root.astype(np.float32), 11.0, 2, 1000 * traits.seed + 20 + k) for k in range(3)], axis=1)
-    stray = 0.55 * clump + 0.16 * rng.standard_normal((len(root), 3))
-    lift = np.radians(42 if traits.style != "crop" else 58) * (0.4 + 0.6 * top) * rng.uniform(0.6, 1.2, len(root))
-    # How high above the scalp a strand comes to lie: the layers make the volume.
-    layer = (1.5 + 9.0 * crop * top) * rng.uniform(0.15, 1.0, len(root))
-    points = np.empty((len(root), KNOTS, 3))
+    crop = 0.45 if style == "crop" else 1.0
+    length = 9.0 + (crop * attributes.hair_length - 9.0) * (0.15 + 0.85 * top)
+    length = length * smoothstep((over + 6) / 16) ** 0.5 * rng.uniform(0.8, 1.12, n)
+    clump = np.stack([noise(root, 11.0, 20 + k) for k in range(3)], axis=1)
+    stray = 0.55 * clump + 0.16 * rng.standard_normal((n, 3))
+    lift = np.radians(42 if style != "crop" else 58) * (0.4 + 0.6 * top) * rng.uniform(0.6, 1.2, n)
+    # Height above the scalp at which a strand comes to lie: the layers give the hair its volume.
+    layer = (1.5 + 9.0 * crop * top) * rng.uniform(0.15, 1.0, n)
+    points = np.empty((n, _KNOTS, 3))
     points[:, 0] = root
-    step = (length / (KNOTS - 1))[:, None]
-    direction = _unit(
-        np.cos(lift)[:, None] * (_flow(root, normal, traits.style) + stray) + np.sin(lift)[:, None] * normal
-    )
-    for k in range(1, KNOTS):
+    step = (length / (_KNOTS - 1))[:, None]
+    combed = _combing_direction(root, normal, style) + stray
+    direction = _unit(np.cos(lift)[:, None] * combed + np.sin(lift)[:, None] * normal)
+    for k in range(1, _KNOTS):
         points[:, k] = points[:, k - 1] + step * direction
-        height, normal = _normals(rows, points[:, k])
-        low = np.maximum(0.8 - height, 0)[:, None]
-        points[:, k] += normal * np.minimum(low, step)
-        wanted = _unit(_flow(points[:, k], normal, traits.style) + 0.7 * stray)
+        height, normal = _height_and_normal(solids, points[:, k])
+        points[:, k] += normal * np.minimum(np.maximum(0.8 - height, 0)[:, None], step)
+        combed = _unit(_combing_direction(points[:, k], normal, style) + 0.7 * stray)
         rise = np.clip((layer - height) / (length + 1e-9) * 3.0, -0.7, 0.8)[:, None]
-        direction = _unit(0.45 * direction + 0.55 * _unit(wanted + rise * normal))
-    t = np.linspace(0, 1, KNOTS)
+        direction = _unit(0.45 * direction + 0.55 * _unit(combed + rise * normal))
     depth = np.clip(layer / 9.0, 0, 1)[:, None]
-    shade = (0.42 + 0.3 * depth) + (0.58 - 0.3 * depth) * t**0.7
-    tone = (1 + 0.16 * rng.standard_normal(len(root)) + 0.5 * clump[:, 0]).clip(0.55, 1.7)[:, None]
-    colour = np.clip(np.asarray(traits.hair) * tone * [1.03, 1.0, 0.96], 0, 1)
-    width = rng.uniform(0.6, 0.95, len(root))
-    return _bound(shape, face, weights, points, width=width, colour=colour, shade=shade * np.ones((len(root), 1)))
+    shade = (0.42 + 0.3 * depth) + (0.58 - 0.3 * depth) * np.linspace(0, 1, _KNOTS) ** 0.7
+    tone = (1 + 0.16 * rng.standard_normal(n) + 0.5 * clump[:, 0]).clip(0.55, 1.7)[:, None]
+    colour = np.clip(np.asarray(attributes.hair) * tone * [1.03, 1.0, 0.96], 0, 1)
+    return _bind(template, roots, points, rng.uniform(0.6, 0.95, n), colour, shade)
 
 
-def _brows(shape: Template, traits: Traits, rng: np.random.Generator) -> Strands:
-    rows = sculpture.solids()
-    density = (brow_weight(shape.vertices) > 0).astype(float)
-    # Faces at the edge count too; the weight at the root decides.
-    face, weights, root = _roots(shape, np.maximum(density, _dilated(shape, density)), 2600, rng)
-    keep = brow_weight(root) > rng.uniform(0.02, 0.5, len(root)) / traits.brows
-    face, weights, root = face[keep], weights[keep], root[keep]
-    _, normal = _normals(rows, root)
-    ax, side = np.abs(root[:, 0]), np.sign(root[:, 0])
-    t = np.clip((ax - 10) / 44, 0, 1)
+def _brows(template: Template, attributes: Attributes, rng: np.random.Generator) -> Strands:
+    density = (brow_weight(template.vertices) > 0).astype(float)
+    # Include the faces at the edge: the weight at the root decides.
+    dilated = density.copy()
+    np.maximum.at(dilated, template.faces, density[template.faces].max(axis=1, keepdims=True))
+    roots = _sample_roots(template, dilated, 2600, rng)
+    threshold = rng.uniform(0.02, 0.5, len(roots.point)) / attributes.brows
+    roots = roots.where(brow_weight(roots.point) > threshold)
+    root, n = roots.point, len(roots.point)
+    _, normal = _height_and_normal(head_solids(), root)
+    side = np.sign(root[:, 0])
+    t = np.clip((np.abs(root[:, 0]) - 10) / 44, 0, 1)
     along = np.stack([side * (0.35 + 0.75 * t), 0.95 - 1.25 * t, -0.2 - 0.5 * t], axis=1)
     along += 0.18 * rng.standard_normal(along.shape)
-    along = _unit(along - normal * (along * normal).sum(axis=1, keepdims=True))
-    length = rng.uniform(4.0, 7.0, len(root)) * (1 - 0.35 * t)
-    s = np.linspace(0, 1, KNOTS)[None, :, None]
-    bend = along + np.stack([side * 0.4, -0.5 * np.ones_like(side), np.zeros_like(side)], axis=1) * s.max()
+    along = _tangential(along, normal)
+    length = rng.uniform(4.0, 7.0, n) * (1 - 0.35 * t)
+    s = np.linspace(0, 1, _KNOTS)[None, :, None]
+    bend = along + displacement_field(root, side * 0.4, -0.5, 0)
     points = root[:, None] + length[:, None, None] * (
         s * along[:, None] + 0.35 * s**2 * (bend - along)[:, None] + (0.28 * s - 0.12 * s**2) * normal[:, None]
     )
-    colour = np.asarray(traits.hair) * 0.72 * (1 + 0.12 * rng.standard_normal((len(root), 1)))
-    ones = np.ones(len(root))
-    return _bound(
-        shape,
-        face,
-        weights,
-        points,
-        width=0.42 * ones,
-        colour=colour.clip(0, 1),
-        shade=np.full((len(root), KNOTS), 0.85),
-    )
+    colour = np.asarray(attributes.hair) * 0.72 * (1 + 0.12 * rng.standard_normal((n, 1)))
+    return _bind(template, roots, points, 0.42, colour.clip(0, 1), 0.85)
 
 
-def _dilated(shape: Template, values: np.ndarray) -> np.ndarray:
-    grown = values.copy()
-    np.maximum.at(grown, shape.faces, values[shape.faces].max(axis=1, keepdims=True))
-    return grown
-
-
-def _lashes(shape: Template, traits: Traits, rng: np.random.Generator) -> Strands:
-    """Roots on the faces of the lid margins, where they are nearest to the margin curves."""
-    x, y, z = shape.vertices.T
-    lower, upper = lid_margins.py_func(x)
+def _lashes(template: Template, attributes: Attributes, rng: np.random.Generator) -> Strands:
+    """Lashes: their roots lie on the faces of the lid margins, close to the margin curves."""
+    x, y, z = template.vertices.T
+    lower, upper = lid_margins(x)
     ax = np.abs(x)
-    near = shape.skin & (z > 72) & (ax > 20) & (ax < 45.5) & (np.hypot(ax - 31.8, z - 69) < 17)
+    near = template.on_head & (z > 72) & (ax > 20) & (ax < 45.5) & (np.hypot(ax - 31.8, z - 69) < 17)
     near &= (np.abs(y - upper) < 2.0) | (np.abs(y - lower) < 2.0)
-    face, weights, root = _roots(shape, near.astype(float), 2200, rng)
-    lower, upper = lid_margins.py_func(root[:, 0])
-    ax, side = np.abs(root[:, 0]), np.sign(root[:, 0])
-    is_upper = root[:, 1] > 0.5 * (lower + upper)
-    off = np.where(is_upper, np.abs(root[:, 1] - upper - 0.2), np.abs(root[:, 1] - lower + 0.2))
-    ahead = root[:, 2] > 69 + np.sqrt(np.maximum(13.6**2 - (ax - 31.8) ** 2 - (root[:, 1] - 28) ** 2, 0))
-    keep = (off < 0.4) & ahead & (ax > 21) & (rng.random(len(root)) < np.where(is_upper, 0.3, 0.12))
-    face, weights, root = face[keep], weights[keep], root[keep]
-    side, is_upper, ax = side[keep], is_upper[keep], ax[keep]
+    roots = _sample_roots(template, near.astype(float), 2200, rng)
+    x, y, z = roots.point.T
+    lower, upper = lid_margins(x)
+    ax = np.abs(x)
+    is_upper = y > 0.5 * (lower + upper)
+    distance = np.where(is_upper, np.abs(y - upper - 0.2), np.abs(y - lower + 0.2))
+    in_front = z > 69 + np.sqrt(np.maximum(13.6**2 - (ax - 31.8) ** 2 - (y - 28) ** 2, 0))
+    keep = (distance < 0.4) & in_front & (ax > 21) & (rng.random(len(x)) < np.where(is_upper, 0.3, 0.12))
+    roots, is_upper, ax, side = roots.where(keep), is_upper[keep], ax[keep], np.sign(x[keep])
     out = np.stack([(ax - 29) / 22 * side, np.where(is_upper, 0.15, -0.35), np.ones_like(ax)], axis=1)
     out = _unit(out + 0.10 * rng.standard_normal(out.shape))
     curl = np.stack([0 * ax, np.where(is_upper, 0.85, -0.25), 0 * ax], axis=1)
-    length = np.where(is_upper, rng.uniform(3.0, 4.6, len(root)), rng.uniform(1.4, 2.2, len(root)))
-    s = np.linspace(0, 1, KNOTS)[None, :, None]
-    points = root[:, None] + length[:, None, None] * (s * out[:, None] + s**2 * curl[:, None])
-    colour = np.tile(np.asarray(traits.hair) * 0.25 + 0.01, (len(root), 1))
-    return _bound(
-        shape, face, weights, points, width=0.22 * np.ones(len(root)), colour=colour, shade=np.ones((len(root), KNOTS))
-    )
+    length = np.where(is_upper, rng.uniform(3.0, 4.6, len(ax)), rng.uniform(1.4, 2.2, len(ax)))
+    s = np.linspace(0, 1, _KNOTS)[None, :, None]
+    points = roots.point[:, None] + length[:, None, None] * (s * out[:, None] + s**2 * curl[:, None])
+    return _bind(template, roots, points, 0.22, np.asarray(attributes.hair) * 0.25 + 0.01, 1.0)

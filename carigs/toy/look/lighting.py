@@ -1,4 +1,4 @@
-"""The light of the capture studio, fixed to the world: one soft key, and light from all around."""
+"""The light of the capture studio, fixed to the world: one key light, and ambient light from all around."""
 
 from __future__ import annotations
 
@@ -7,47 +7,48 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-KEY_DIRECTION = np.array([0.42, 0.50, 0.76]) / np.linalg.norm([0.42, 0.50, 0.76])
-"""Towards the key light: from the front, above, to the subject's left."""
+_KEY_DIRECTION = np.array([0.42, 0.50, 0.76]) / np.linalg.norm([0.42, 0.50, 0.76])  # front, above, subject's left
 KEY_COLOUR = np.array([0.36, 0.345, 0.32])
+"""Linear colour of the key light."""
 
-# Irradiance over pi by the normal, as a second-order polynomial in it (Ramamoorthi and Hanrahan 2001):
-# constant, x, y, z, and z^2 - 1/3.  Bright from above and in front, warm from below.
-AMBIENT = np.array(
-    [
-        [0.62, 0.62, 0.63],
-        [0.09, 0.09, 0.08],
-        [0.17, 0.17, 0.18],
-        [0.22, 0.22, 0.21],
-        [0.08, 0.08, 0.08],
-    ]
+# Irradiance over pi as a second-order polynomial of the normal (Ramamoorthi and Hanrahan 2001), one row per term:
+# 1, x, y, z, z^2 - 1/3. Brighter from above and from the front.
+_AMBIENT = np.array(
+    [[0.62, 0.62, 0.63], [0.09, 0.09, 0.08], [0.17, 0.17, 0.18], [0.22, 0.22, 0.21], [0.08, 0.08, 0.08]]
 )
 
 
 @dataclass(frozen=True)
-class Light:
-    """The studio's light, turned by `world_from_light`; linear colours."""
+class StudioLight:
+    """The light of the studio in linear colours, optionally rotated."""
 
     world_from_light: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
 
     @property
-    def key(self) -> Float[np.ndarray, "3"]:
+    def key_direction(self) -> Float[np.ndarray, "3"]:
         """Unit vector towards the key light, in world axes."""
-        return self.world_from_light @ KEY_DIRECTION
+        return self.world_from_light @ _KEY_DIRECTION
 
     def ambient(self, normals: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Irradiance over pi from all around for unit normals in world axes."""
+        """Ambient irradiance over pi.
+
+        Args:
+            normals: Unit normals in world axes.
+
+        Returns:
+            Linear colours.
+        """
         local = normals @ self.world_from_light
         terms = np.concatenate([np.ones((len(local), 1)), local, local[:, 2:] ** 2 - 1 / 3], axis=1)
-        return terms @ AMBIENT
+        return terms @ _AMBIENT
 
     @property
-    def rows(self) -> Float[np.ndarray, "7 3"]:
-        """For the kernels, in world axes: key, its colour, ambient constant, three rows of slopes, the squared axis."""
-        slopes = self.world_from_light @ AMBIENT[1:4]
-        return np.concatenate(
-            [self.key[None], KEY_COLOUR[None], AMBIENT[:1], slopes, self.world_from_light[:, 2][None]]
-        )
+    def coefficients(self) -> Float[np.ndarray, "8 3"]:
+        """The light for the shading kernel, in world axes.
 
-
-AMBIENT_SQUARE = AMBIENT[4]
+        Rows: 0 direction of the key light, 1 its colour; ambient light: 2 constant term, 3-5 linear terms, 6 axis and
+        7 colour of the quadratic term.
+        """
+        slopes = self.world_from_light @ _AMBIENT[1:4]
+        rows = [self.key_direction, KEY_COLOUR, _AMBIENT[0], *slopes, self.world_from_light[:, 2], _AMBIENT[4]]
+        return np.stack(rows)

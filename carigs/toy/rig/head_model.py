@@ -1,4 +1,4 @@
-"""The head model of the procedural person, in FLAME's format (metres)."""
+"""The head model of the procedural subject, in FLAME's format (metres)."""
 
 from __future__ import annotations
 
@@ -10,33 +10,38 @@ from carigs.head import HeadModel
 from carigs.head.model import N_SHAPE
 from carigs.toy.rig import expressions, identity
 from carigs.toy.rig.landmarks import landmarks68
-from carigs.toy.rig.regions import regions
+from carigs.toy.rig.regions import vertex_regions
 from carigs.toy.rig.skin_weights import PARENTS, joint_regressor, skin_weights
-from carigs.toy.shape.template import template
+from carigs.toy.shape.template import build_template
 
-MILLIMETRE = 1e-3
-N_COLUMNS = 400  # FLAME's: 300 identity, 100 expression
+METRES_PER_MILLIMETRE = 1e-3
+_N_COLUMNS = 400  # as in FLAME: 300 identity, 100 expression
 
 
 @lru_cache(maxsize=1)
 def head_model() -> HeadModel:
-    """Template, bases, joints, skin weights, regions and landmarks; the same for every person."""
-    shape = template()
-    eyeball = shape.left_eye.astype(float) - shape.right_eye
-    shapedirs = np.zeros((len(shape.vertices), 3, N_COLUMNS), np.float32)
-    people = identity.identity_basis(shape.vertices, eyeball)
-    faces = expressions.expression_basis(shape.vertices, shape.skin.astype(float))
-    shapedirs[:, :, : people.shape[2]] = people * MILLIMETRE
-    shapedirs[:, :, N_SHAPE : N_SHAPE + faces.shape[2]] = faces * MILLIMETRE
+    """Build the head model, which is the same for every person (cached).
+
+    Returns:
+        Template, blendshapes, joints, skinning weights, regions and landmarks; lengths in metres.
+    """
+    template = build_template()
+    n = len(template.vertices)
+    eyeball = template.left_eye.astype(float) - template.right_eye
+    shapedirs = np.zeros((n, 3, _N_COLUMNS), np.float32)
+    identities = identity.identity_basis(template.vertices, eyeball)
+    actions = expressions.expression_basis(template.vertices, template.on_head.astype(float))
+    shapedirs[:, :, : identities.shape[2]] = identities * METRES_PER_MILLIMETRE
+    shapedirs[:, :, N_SHAPE : N_SHAPE + actions.shape[2]] = actions * METRES_PER_MILLIMETRE
     return HeadModel(
-        v_template=(shape.vertices * MILLIMETRE).astype(np.float32),
-        faces=shape.faces,
+        v_template=(template.vertices * METRES_PER_MILLIMETRE).astype(np.float32),
+        faces=template.faces,
         shapedirs=shapedirs,
-        posedirs=np.zeros((len(shape.vertices), 3, 36), np.float32),
-        joint_regressor=joint_regressor(shape).astype(np.float32),
-        weights=skin_weights(shape).astype(np.float32),
+        posedirs=np.zeros((n, 3, 36), np.float32),
+        joint_regressor=joint_regressor(template).astype(np.float32),
+        weights=skin_weights(template).astype(np.float32),
         parents=PARENTS,
-        regions=regions(shape),
+        regions=vertex_regions(template),
         expression_names=expressions.NAMES,
-        landmarks68=landmarks68(shape),
+        landmarks68=landmarks68(template),
     )

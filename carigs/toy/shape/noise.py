@@ -9,7 +9,7 @@ from jaxtyping import Float32
 
 @numba.njit(cache=True, inline="always")
 def _hash(x, y, z, seed):
-    """A well-mixed 32-bit number per lattice point."""
+    """32-bit hash of a lattice point."""
     h = (x * 73856093) ^ (y * 19349663) ^ (z * 83492791) ^ (seed * 2654435761)
     h &= 0xFFFFFFFF
     h ^= h >> 16
@@ -20,7 +20,7 @@ def _hash(x, y, z, seed):
 
 
 @numba.njit(cache=True, error_model="numpy", nogil=True)
-def _fractal(points, scale, octaves, seed, out):
+def _gradient_noise(points, scale, octaves, seed, out):
     for n in range(len(points)):
         total = 0.0
         amplitude = 1.0
@@ -46,8 +46,40 @@ def _fractal(points, scale, octaves, seed, out):
         out[n] = 1.6 * total
 
 
+def gradient_noise(
+    points: Float32[np.ndarray, "n 3"], scale: float | tuple[float, float, float], octaves: int, seed: int
+) -> Float32[np.ndarray, "n"]:
+    """Fractal sum of gradient noise (Perlin 2002), each octave with half the wavelength and half the amplitude.
+
+    Args:
+        points: Positions, in any unit.
+        scale: Wavelength of the first octave in the same unit, one number or one per axis.
+        octaves: Number of octaves.
+        seed: Selects the random function.
+
+    Returns:
+        Values within about [-1, 1].
+    """
+    out = np.empty(len(points), np.float32)
+    _gradient_noise(points, np.broadcast_to(np.asarray(scale, np.float32), 3).copy(), octaves, seed, out)
+    return out
+
+
 @numba.njit(cache=True, error_model="numpy", nogil=True)
-def _spots(points, cell, share, seed, out):
+def spots(points, cell, share, seed):
+    """Randomly placed round spots, at most one in each cell of a cubic grid.
+
+    Args:
+        points: Positions, (n, 3) float32, in the unit of `cell`.
+        cell: Size of the grid's cells.
+        share: Share of the cells that have a spot.
+        seed: Selects the random function.
+
+    Returns:
+        (n,) float32: 1 at the centre of a spot, 0 outside of all spots.
+    """
+    cell = np.float32(cell)
+    out = np.empty(len(points), np.float32)
     for n in range(len(points)):
         fx, fy, fz = points[n, 0] / cell, points[n, 1] / cell, points[n, 2] / cell
         ix, iy, iz = int(np.floor(fx)), int(np.floor(fy)), int(np.floor(fz))
@@ -67,19 +99,4 @@ def _spots(points, cell, share, seed, out):
                     if d < 1.0:
                         best = max(best, (1.0 - d * d) ** 2)
         out[n] = best
-
-
-def fractal(
-    points: Float32[np.ndarray, "n 3"], scale: float | tuple[float, float, float], octaves: int, seed: int
-) -> Float32[np.ndarray, "n"]:
-    """Perlin's gradient noise, octaves of half the size and half the height; about within [-1, 1]."""
-    out = np.empty(len(points), np.float32)
-    _fractal(points, np.broadcast_to(np.asarray(scale, np.float32), 3).copy(), octaves, seed, out)
-    return out
-
-
-def spots(points: Float32[np.ndarray, "n 3"], cell: float, share: float, seed: int) -> Float32[np.ndarray, "n"]:
-    """Round spots, at most one in each cell of the given size and that in a share of them; 1 in their middles."""
-    out = np.empty(len(points), np.float32)
-    _spots(points, np.float32(cell), share, seed, out)
     return out

@@ -1,4 +1,4 @@
-"""The template mesh: the sculpture's surface, meshed and mirrored, and two eyeballs."""
+"""Template mesh of the procedural head: the surface of the solids, remeshed and mirrored, and two eyeballs."""
 
 from __future__ import annotations
 
@@ -8,69 +8,72 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from carigs.toy.shape import sculpture
-from carigs.toy.shape.field import EYE_RADIUS, EYE_X, EYE_Y, EYE_Z, close_mouth, project, sample
-from carigs.toy.shape.marching import surface
-from carigs.toy.shape.remesh import remesh
-from carigs.toy.shape.sizing import edge_lengths
+from carigs.toy.shape.anatomy import EYE_CENTRE, EYE_RADIUS
+from carigs.toy.shape.head_solids import head_solids
+from carigs.toy.shape.marching_tetrahedra import marching_tetrahedra
+from carigs.toy.shape.remeshing import remesh
+from carigs.toy.shape.signed_distance import close_lips, project_to_surface, sample_head_distance
+from carigs.toy.shape.sizing_field import target_edge_lengths
 
-NECK_CUT = -168.0  # y of the open end of the neck
-_HIGH = np.array([104.0, 150.0, 126.0])
-_STEP = 1.5  # the lids are 2.4 thick
-_LOW = np.array([0.0, NECK_CUT, -114.0])
+NECK_CUT = -168.0  # y of the open end of the neck, millimetres
+_LOW, _HIGH = np.array([0.0, NECK_CUT, -114.0]), np.array([104.0, 150.0, 126.0])
+_STEP = 1.5  # the lids are 2.4 mm thick
+_MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
 class Template(NamedTuple):
-    """Skin first, then the left (x > 0) and the right eyeball; millimetres."""
+    """The template mesh, in millimetres: the head surface first, then the left (x > 0) and the right eyeball."""
 
     vertices: Float[np.ndarray, "v 3"]
     faces: Int[np.ndarray, "f 3"]
-    mirror: Int[np.ndarray, "v"]
-    """The vertex at (-x, y, z) of each vertex."""
     left_eye: Bool[np.ndarray, "v"]
+    """Whether a vertex belongs to the left eyeball."""
     right_eye: Bool[np.ndarray, "v"]
 
     @property
-    def skin(self) -> Bool[np.ndarray, "v"]:
-        """Vertices that belong to neither eyeball."""
+    def on_head(self) -> Bool[np.ndarray, "v"]:
+        """Whether a vertex belongs to the head surface, that is to neither eyeball."""
         return ~(self.left_eye | self.right_eye)
 
 
 @lru_cache(maxsize=1)
-def template() -> Template:
-    """Build it (about two seconds); the same for every person."""
-    rows = sculpture.solids()
+def build_template() -> Template:
+    """Build the template mesh, which is the same for every person (about two seconds; cached).
+
+    Returns:
+        The mesh, in millimetres.
+    """
+    solids = head_solids()
     shape = tuple(int(n) for n in np.ceil((_HIGH - _LOW) / _STEP) + 1)
-    vertices, faces = surface(sample(rows, _LOW, _STEP, shape), _LOW, _STEP)
-    tag = (vertices[:, 0] < 1e-9) + 2 * (vertices[:, 1] < NECK_CUT + 1e-9)
-    vertices, faces, tag = remesh(
-        vertices, faces, tag, edge_lengths, lambda points, tag: project(points, tag, rows), rounds=7
-    )
-    middle = (tag & 1) > 0
-    vertices[middle, 0] = 0.0
-    close_mouth(vertices)
-    n, m = len(vertices), np.count_nonzero(~middle)
-    mirrored = np.arange(n)
-    mirrored[~middle] = n + np.arange(m)
-    ball, ball_faces = eyeball()
-    b, skin = len(ball), n + m
-    ball += np.array([EYE_X, EYE_Y, EYE_Z])
-    flip = np.array([-1.0, 1.0, 1.0])
-    left = skin + np.arange(b)
-    vertex_ids = np.arange(skin + 2 * b)
+    vertices, faces = marching_tetrahedra(sample_head_distance(solids, _LOW, _STEP, shape), _LOW, _STEP)
+    border = (vertices[:, 0] < 1e-9) + 2 * (vertices[:, 1] < NECK_CUT + 1e-9)
+
+    def project(points: np.ndarray, border: np.ndarray) -> None:
+        project_to_surface(points, border, solids)
+
+    vertices, faces, border = remesh(vertices, faces, border, target_edge_lengths, project, rounds=7)
+    left = (border & 1) == 0  # the others lie on the midline
+    vertices[~left, 0] = 0.0
+    close_lips(vertices)
+    mirrored = np.arange(len(vertices))
+    mirrored[left] = len(vertices) + np.arange(np.count_nonzero(left))
+    head = np.concatenate([vertices, vertices[left] * _MIRROR])
+    ball, ball_faces = _eyeball()
+    ball += EYE_CENTRE
+    n, b = len(head), len(ball)
+    ids = np.arange(n + 2 * b)
     return Template(
-        vertices=np.concatenate([vertices, vertices[~middle] * flip, ball, ball * flip]),
+        vertices=np.concatenate([head, ball, ball * _MIRROR]),
         faces=np.concatenate(
-            [faces, mirrored[faces][:, ::-1], ball_faces + skin, ball_faces[:, ::-1] + skin + b], dtype=np.int32
+            [faces, mirrored[faces][:, ::-1], ball_faces + n, ball_faces[:, ::-1] + n + b], dtype=np.int32
         ),
-        mirror=np.concatenate([mirrored, np.flatnonzero(~middle), left + b, left]),
-        left_eye=(vertex_ids >= skin) & (vertex_ids < skin + b),
-        right_eye=vertex_ids >= skin + b,
+        left_eye=(ids >= n) & (ids < n + b),
+        right_eye=ids >= n + b,
     )
 
 
-def eyeball() -> tuple[Float[np.ndarray, "b 3"], Int[np.ndarray, "g 3"]]:
-    """A closed ball about the origin with its pole at +z, finer in front."""
+def _eyeball() -> tuple[Float[np.ndarray, "b 3"], Int[np.ndarray, "g 3"]]:
+    """A closed sphere around the origin with its pole at +z, finer in front."""
     polar = np.radians([9.0, 18.0, 28.0, 39.0, 51.0, 65.0, 82.0, 104.0, 133.0])
     around = 16
     angle = np.arange(around) * 2 * np.pi / around
@@ -79,16 +82,21 @@ def eyeball() -> tuple[Float[np.ndarray, "b 3"], Int[np.ndarray, "g 3"]]:
         for p in polar
     ]
     vertices = EYE_RADIUS * np.concatenate([[[0.0, 0.0, 1.0]], *rings, [[0.0, 0.0, -1.0]]])
-    ring = 1 + np.arange(len(polar) * around).reshape(-1, around)
-    here, there = ring, np.roll(ring, -1, axis=1)
-    last = len(vertices) - 1
-    a, b, c, d = here[:-1], there[:-1], there[1:], here[1:]
-    faces = np.concatenate(
-        [
-            np.stack([np.zeros(around, int), here[0], there[0]], axis=1),
-            np.stack([a, d, b], axis=-1).reshape(-1, 3),
-            np.stack([b, d, c], axis=-1).reshape(-1, 3),
-            np.stack([there[-1], here[-1], np.full(around, last)], axis=1),
-        ]
-    )
-    return vertices, faces
+    ring = np.pad(1 + np.arange(len(polar) * around).reshape(-1, around), ((0, 0), (0, 1)), "wrap")
+    first, last = np.zeros(around, int), np.full(around, len(vertices) - 1)
+    front = np.stack([first, ring[0, :-1], ring[0, 1:]], axis=1)
+    back = np.stack([ring[-1, 1:], ring[-1, :-1], last], axis=1)
+    return vertices, np.concatenate([front, grid_faces(ring), back])
+
+
+def grid_faces(vertices: Int[np.ndarray, "r c"]) -> Int[np.ndarray, "f 3"]:
+    """Triangulate a grid of vertices, two triangles to a cell.
+
+    Args:
+        vertices: Vertex indices, by row and column.
+
+    Returns:
+        Faces, counter-clockwise where rows run down and columns to the right.
+    """
+    a, b, c, d = vertices[:-1, :-1], vertices[:-1, 1:], vertices[1:, 1:], vertices[1:, :-1]
+    return np.concatenate([np.stack([a, d, b], axis=-1).reshape(-1, 3), np.stack([b, d, c], axis=-1).reshape(-1, 3)])

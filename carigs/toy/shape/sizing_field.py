@@ -1,20 +1,27 @@
-"""How long the mesh's edges are, and where: short around eyes, mouth, nose and ears.  Millimetres."""
+"""Sizing field of the template mesh: short edges around eyes, mouth, nose and ears. Lengths are in millimetres."""
 
 from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float
 
-from carigs.toy.shape.field import EYE_X, EYE_Y, EYE_Z, SOCKET_RADIUS, lid_margins, lip_line
+from carigs.toy.shape.anatomy import EYE_X, EYE_Z, SOCKET_RADIUS, eye_distance, lid_margins, lip_line, mouth_cavity
 
 
-def edge_lengths(points: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v"]:
-    """Wanted edge length at points of the surface (in the space where the lips are spread)."""
+def target_edge_lengths(points: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v"]:
+    """Target edge length at points of the surface.
+
+    Args:
+        points: Positions in meshing space (lips spread apart), in millimetres.
+
+    Returns:
+        Lengths in millimetres.
+    """
     x, y, z = np.abs(points[:, 0]), points[:, 1], points[:, 2]
     length = np.full(len(points), 13.0)
 
     def near(fine: float, distance: np.ndarray, reach: float) -> None:
-        """`fine` at a feature, back to the present length over `reach`."""
+        """Set `fine` at a feature, with a linear transition to the previous length over `reach`."""
         np.minimum(length, fine + (length - fine) * np.clip(distance / reach, 0, 1), out=length)
 
     def box(centre: tuple[float, float, float], half: tuple[float, float, float]) -> np.ndarray:
@@ -26,17 +33,15 @@ def edge_lengths(points: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v"]:
     near(3.4, box((0, -8, 104), (17, 20, 16)), 18)  # nose
     near(1.9, box((7, -19, 104), (6, 4, 8)), 8)  # nostrils
     near(3.4, box((EYE_X, 29, 80), (17, 14, 10)), 14)  # lids
-    lower, upper = lid_margins.py_func(x)
+    lower, upper = lid_margins(x)
     margin = np.maximum(np.abs(np.maximum(y - upper, lower - y)) - 1.2, EYE_Z + 4 - z)
     near(1.6, np.maximum(margin, np.where((x < 15) | (x > 49), np.abs(x - EYE_X) - 16, 0)) - 0.5, 7)
     near(2.6, box((0, -44, 104), (25, 9, 14)), 20)  # lips
-    near(1.9, np.max([np.abs(np.abs(y - lip_line.py_func(x)) - 3) - 2, 92 - z, x - 24], axis=0), 8)
+    near(1.9, np.max([np.abs(np.abs(y - lip_line(x)) - 3) - 2, 92 - z, x - 24], axis=0), 8)
     near(1.7, np.sqrt((x - 24.5) ** 2 + (y + 44) ** 2 + (z - 91) ** 2) - 3, 8)  # corner of the mouth
     near(4.0, box((82, 14, -16), (13, 34, 20)), 16)  # ear
-    # Nobody sees the back of a socket, or the depth of the mouth.
-    socket = np.sqrt((x - EYE_X) ** 2 + (y - EYE_Y) ** 2 + (z - EYE_Z) ** 2) < SOCKET_RADIUS + 0.6
-    hidden = np.where(socket, np.clip(EYE_Z + 6 - z, 0, 6), 0)
+    # Coarser where it is not visible: the back of the eye socket and the depth of the mouth cavity.
+    hidden = np.where(eye_distance(points) < SOCKET_RADIUS + 0.6, np.clip(EYE_Z + 6 - z, 0, 6), 0)
     length = np.where(hidden > 0, np.maximum(length, 3.2 + 0.55 * hidden), length)
-    bag = (x / 26) ** 2 + ((y + 44) / 14) ** 2 + ((z - 78) / 21) ** 2 < 1.25
-    hidden = np.where(bag, np.clip(95 - z, 0, 9), 0)
+    hidden = np.where(mouth_cavity(points) < 1.25, np.clip(95 - z, 0, 9), 0)
     return np.where(hidden > 0, np.maximum(length, 2.4 + 0.55 * hidden), length)

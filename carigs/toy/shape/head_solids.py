@@ -1,6 +1,7 @@
-"""The sculpture: the solids a neutral head is made of.
+"""The solids that a neutral head is made of.
 
-Millimetres; x left, y up, z forward; the origin lies between the ear canals, the right half mirrors the left.
+Coordinates are in millimetres: x to the subject's left, y up, z forward. The origin lies between the ear canals.
+Only the left half is listed; the signed distance function mirrors it.
 """
 
 from __future__ import annotations
@@ -8,23 +9,22 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from carigs.toy.shape.field import EYE_X, EYE_Y, EYE_Z
-from carigs.toy.shape.solids import chain, cone, ellipsoid
+from carigs.toy.shape.anatomy import EYE_X, EYE_Y, EYE_Z
+from carigs.toy.shape.solids import chain, ellipsoid, round_cone
 
 
-def solids(*, without: str | None = None) -> Float[np.ndarray, "n 24"]:
-    """All solids in the order of modelling, or all but one part; the openings of eyes and mouth are not among them."""
-    parts = {
-        "skull": _skull,
-        "jaw": _jaw,
-        "neck": _neck,
-        "cheeks": _cheeks,
-        "orbit": _orbit,
-        "nose": _nose,
-        "mouth": _mouth,
-        "ear": _ear,
-    }
-    return np.stack([row for name, part in parts.items() if name != without for row in part()])
+def head_solids(*, nose: bool = True, ear: bool = True) -> Float[np.ndarray, "n 24"]:
+    """All solids of the head in the order in which they are blended, without the openings of eyes and mouth.
+
+    Args:
+        nose: Whether the nose is included.
+        ear: Whether the ears are included.
+
+    Returns:
+        One row per solid (see `carigs.toy.shape.solids`).
+    """
+    rows = _skull() + _jaw() + _neck() + _cheeks() + _orbit()
+    return np.stack(rows + (_nose() if nose else []) + _mouth() + (_ear() if ear else []))
 
 
 def _skull() -> list[np.ndarray]:
@@ -48,17 +48,17 @@ def _jaw() -> list[np.ndarray]:
 
 def _neck() -> list[np.ndarray]:
     return [
-        cone((0, -55, -20), 46, (0, -190, -34), 50, 24.0),
-        cone((0, -100, 22), 15, (0, -190, 10), 17, 24.0),  # larynx
-        cone((54, -20, -20), 10, (20, -190, 20), 10, 20.0),  # sternocleidomastoid
-        cone((22, -60, -60), 21, (46, -236, -50), 38, 24.0),  # trapezius
+        round_cone((0, -55, -20), 46, (0, -190, -34), 50, 24.0),
+        round_cone((0, -100, 22), 15, (0, -190, 10), 17, 24.0),  # larynx
+        round_cone((54, -20, -20), 10, (20, -190, 20), 10, 20.0),  # sternocleidomastoid
+        round_cone((22, -60, -60), 21, (46, -236, -50), 38, 24.0),  # trapezius
     ]
 
 
 def _cheeks() -> list[np.ndarray]:
     return [
         ellipsoid((41, 2, 60), (21, 15, 20), 18.0),  # cheek bone
-        cone((49, 4, 50), 9, (60, 8, 10), 9, 22.0),  # zygomatic arch
+        round_cone((49, 4, 50), 9, (60, 8, 10), 9, 22.0),  # zygomatic arch
         ellipsoid((36, -24, 62), (21, 30, 23), 20.0),
         ellipsoid((0, -40, 73), (32, 28, 29.8), 14.0),  # muzzle
     ]
@@ -68,7 +68,7 @@ def _orbit() -> list[np.ndarray]:
     x, y, z = EYE_X, EYE_Y, EYE_Z
     return [
         ellipsoid((31, 34.5, 95), (18, 8, 14), 10.0, carve=True),
-        ellipsoid((17.0, 27, 90), (5, 8, 8), 10.0, carve=True),  # beside the bridge of the nose
+        ellipsoid((17.0, 27, 90), (5, 8, 8), 10.0, carve=True),  # beside the nasal bridge
         ellipsoid((x, y, z), (15.2, 15.2, 15.2), 6.0),  # the lids over the eyeball
         *chain([(20, 33.0, 85.5, 1.0), (26, 37.2, 86, 1.5), (34, 38.4, 85, 1.5), (42, 36, 80.2, 1.3)], 3.0, carve=True),
     ]
@@ -77,17 +77,17 @@ def _orbit() -> list[np.ndarray]:
 def _nose() -> list[np.ndarray]:
     return [
         *chain([(0, 37, 85, 7.5), (0, 14, 97, 6.5), (0, -4, 107, 9.5)], 12.0),
-        cone((7, 24, 80), 6, (8, -5, 96), 8.5, 12.0),
+        round_cone((7, 24, 80), 6, (8, -5, 96), 8.5, 12.0),
         ellipsoid((0, -8.5, 109), (9.5, 9, 11), 5.0),  # tip
-        ellipsoid((12.3, -13.5, 99.5), (5.6, 6.6, 9.5), 3.5),  # wing
-        cone((0, -15, 112), 4.0, (0, -19, 105), 4.2, 6.0),  # columella
+        ellipsoid((12.3, -13.5, 99.5), (5.6, 6.6, 9.5), 3.5),  # ala
+        round_cone((0, -15, 112), 4.0, (0, -19, 105), 4.2, 6.0),  # columella
         ellipsoid((6.8, -20.5, 105), (3.1, 6.0, 5.5), 2.0, carve=True),  # nostril
     ]
 
 
 def _mouth() -> list[np.ndarray]:
     return [
-        cone((0, -24, 107.5), 1.5, (0, -33, 108), 2.0, 6.0, carve=True),  # philtrum
+        round_cone((0, -24, 107.5), 1.5, (0, -33, 108), 2.0, 6.0, carve=True),  # philtrum
         *chain(
             [(0, -39.2, 102.0, 4.4), (6, -38.3, 102.0, 4.7), (15, -40.4, 98.2, 4.3), (25.5, -43.8, 89.5, 2.4)],
             4.0,

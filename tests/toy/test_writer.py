@@ -15,7 +15,7 @@ from carigs.capture.images import read_rgb8
 from carigs.errors import InputError, SettingsError
 from carigs.settings import Toy
 from carigs.toy import load_subject, render_subject, write_capture
-from carigs.toy.scene import cameras, frontal_camera, steps
+from carigs.toy.scene import frontal_camera, studio_cameras, timesteps
 
 SETTINGS = Toy(width=40, height=52, cameras=3, steps_per_sequence=1, supersampling=1, texture=128, strands=200)
 SEQUENCES = {f"EMO-{i}" for i in range(1, 5)} | {f"EXP-{i}" for i in range(1, 7)}
@@ -82,21 +82,21 @@ def test_equal_settings_give_equal_bytes(folder: Path, tmp_path: Path) -> None:
 
 
 def test_cameras_stand_on_a_frontal_cap_and_look_at_the_head() -> None:
-    rig = cameras(Toy())
-    assert len(rig) >= 8
-    distance = [np.linalg.norm(camera.centre) for camera in rig]
+    cameras = studio_cameras(Toy())
+    assert len(cameras) >= 8
+    distance = [np.linalg.norm(camera.centre) for camera in cameras]
     assert np.ptp(distance) < 0.05
-    azimuth = np.degrees([np.arctan2(camera.centre[0], camera.centre[2]) for camera in rig])
+    azimuth = np.degrees([np.arctan2(camera.centre[0], camera.centre[2]) for camera in cameras])
     assert azimuth.min() == pytest.approx(-50, abs=1) and azimuth.max() == pytest.approx(50, abs=1)
-    assert (np.diff(azimuth) > 0).all() and len({round(camera.centre[1], 2) for camera in rig}) >= 3
-    for camera in rig:
+    assert (np.diff(azimuth) > 0).all() and len({round(camera.centre[1], 2) for camera in cameras}) >= 3
+    for camera in cameras:
         pixel, depth = camera.project(np.array([[0.0, -0.01, 0.005]]))
         assert depth[0] > 0 and pixel[0] == pytest.approx([camera.width / 2, camera.height / 2], abs=1e-6)
-    assert frontal_camera(rig) == 4
+    assert frontal_camera(cameras) == 4
 
 
 def test_sequences_go_from_nearly_neutral_to_the_full_act() -> None:
-    timeline = steps(replace(Toy(), steps_per_sequence=3), np.zeros(300))
+    timeline = timesteps(replace(Toy(), steps_per_sequence=3), np.zeros(300))
     assert [step.sequence for step in timeline[-3:]] == ["EXP-2"] * 3 and len(timeline) == 30
     for i in range(0, 30, 3):
         strength = [

@@ -1,4 +1,4 @@
-"""Strands in an image: ribbons that face the eye, lit as hair is."""
+"""Rendering of hair strands: camera-facing ribbons of triangles, shaded at their vertices."""
 
 from __future__ import annotations
 
@@ -7,49 +7,64 @@ import numpy as np
 from jaxtyping import Float, Float32, Int32
 
 from carigs.toy.look.hair import Strands
-from carigs.toy.look.lighting import KEY_COLOUR, Light
+from carigs.toy.look.lighting import KEY_COLOUR, StudioLight
 
 
 def ribbon_faces(strands: int, knots: int, first: int) -> Int32[np.ndarray, "f 3"]:
-    """Two triangles between neighbouring knots; vertices are numbered from `first`, two to a knot."""
+    """Faces of the ribbons: two triangles between neighbouring knots, two vertices to a knot.
+
+    Args:
+        strands: Number of strands.
+        knots: Points of a strand.
+        first: Index of the first vertex.
+
+    Returns:
+        Vertex indices.
+    """
     row = first + 2 * (np.arange(strands)[:, None] * knots + np.arange(knots - 1)).reshape(-1)
     return np.concatenate(
         [np.stack([row, row + 1, row + 2], axis=1), np.stack([row + 1, row + 3, row + 2], axis=1)]
     ).astype(np.int32)
 
 
-def comb(
+def strand_ribbons(
     strands: Strands,
     colour: Float[np.ndarray, "s 3"],
     roots: Float[np.ndarray, "s 3"],
     axes: Float[np.ndarray, "s 3 3"],
     unit: float,
     eye: Float[np.ndarray, "3"],
-    light: Light,
+    light: StudioLight,
 ) -> tuple[Float[np.ndarray, "r 3"], Float32[np.ndarray, "r 3"]]:
-    """Vertices (metres) and lit linear colours of the ribbons as `eye` sees them.
+    """Vertices of the ribbons and their colours, with the diffuse and specular terms of Kajiya and Kay (1989).
 
-    `roots` and the rows of `axes` are where each root and its triangle's frame lie now, `colour` is linear, `unit` the
-    metres of a strand's length unit.  Highlights after Kajiya and Kay (1989).
+    Args:
+        strands: The strands.
+        colour: Their linear colours.
+        roots: World positions of their roots, in metres.
+        axes: Frames of the triangles that they are bound to, in world axes (see `triangle_frames`).
+        unit: Length in metres of the unit of `strands`.
+        eye: World position of the camera that the ribbons face, in metres.
+        light: The light of the studio.
+
+    Returns:
+        Positions in metres and linear colours of the vertices.
     """
-    normals = np.ascontiguousarray(axes[:, 2])
-    toward = np.maximum(0.35 + 0.65 * (normals @ light.key), 0.0)
-    count = 2 * strands.local.shape[0] * strands.local.shape[1]
-    positions, colours = np.empty((count, 3)), np.empty((count, 3), np.float32)
-    _comb(
-        strands.local, strands.width, strands.shade, colour, roots, axes, unit, eye, light.key, KEY_COLOUR, toward,
-        light.ambient(normals), positions, colours,
+    toward = np.maximum(0.35 + 0.65 * (np.ascontiguousarray(axes[:, 2]) @ light.key_direction), 0.0)
+    return _strand_ribbons(
+        strands.local, strands.width, strands.shade, colour, roots, axes, unit, eye, light.key_direction, KEY_COLOUR,
+        toward, light.ambient(np.ascontiguousarray(axes[:, 2])),
     )  # fmt: skip
-    return positions, colours
 
 
 @numba.njit(cache=True, error_model="numpy", nogil=True)
-def _comb(local, width, shade, colour, roots, axes, unit, eye, key, key_colour, toward, ambient, positions, colours):
-    knots = local.shape[1]
+def _strand_ribbons(local, width, shade, colour, roots, axes, unit, eye, key, key_colour, toward, ambient):
+    n, knots = local.shape[:2]
+    positions, colours = np.empty((2 * n * knots, 3)), np.empty((2 * n * knots, 3), np.float32)
     point = np.empty((knots, 3))
     tangent = np.empty(3)
     view = np.empty(3)
-    for s in range(len(roots)):
+    for s in range(n):
         for k in range(knots):
             for c in range(3):
                 point[k, c] = roots[s, c] + unit * (
@@ -62,6 +77,7 @@ def _comb(local, width, shade, colour, roots, axes, unit, eye, key, key_colour, 
                 view[c] = eye[c] - point[k, c]
             tangent /= np.sqrt((tangent * tangent).sum()) + 1e-20
             view /= np.sqrt((view * view).sum())
+            # The ribbon extends across the tangent and the viewing direction.
             bx = tangent[1] * view[2] - tangent[2] * view[1]
             by = tangent[2] * view[0] - tangent[0] * view[2]
             bz = tangent[0] * view[1] - tangent[1] * view[0]
@@ -81,3 +97,4 @@ def _comb(local, width, shade, colour, roots, axes, unit, eye, key, key_colour, 
                 value += toward[s] * key_colour[c] * (0.045 * shine**60.0 + 0.22 * colour[s, c] * shine**14.0)
                 colours[row, c] = shade[s, k] * value
                 colours[row + 1, c] = shade[s, k] * value
+    return positions, colours

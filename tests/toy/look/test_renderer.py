@@ -12,17 +12,12 @@ from carigs.capture import Camera
 from carigs.capture.images import to_linear
 from carigs.exaggeration import Caricature
 from carigs.head import HeadParameters, neutral
-from carigs.raster import rasterize_mesh
 from carigs.settings import Toy
 from carigs.toy import Subject, load_subject, make_subject, render_subject
-from carigs.toy.look.atlas import layout, texel_points
-from carigs.toy.look.exposure import exposure
-from carigs.toy.look.hair import frames
-from carigs.toy.look.lighting import AMBIENT_SQUARE, Light
-from carigs.toy.look.ribbons import comb, ribbon_faces
-from carigs.toy.look.shading import LINEAR, STORED, bounced, shade
-from carigs.toy.scene import cameras, frontal_camera
-from carigs.toy.shape.noise import fractal, spots
+from carigs.toy.look.hair import triangle_frames
+from carigs.toy.look.hair_rendering import ribbon_faces, strand_ribbons
+from carigs.toy.look.lighting import StudioLight
+from carigs.toy.scene import frontal_camera, studio_cameras
 
 SETTINGS = Toy(width=96, height=128, cameras=3, supersampling=2, texture=200, strands=800)
 
@@ -34,8 +29,8 @@ def subject() -> Subject:
 
 @pytest.fixture(scope="module")
 def camera() -> Camera:
-    rig = cameras(SETTINGS)
-    return rig[frontal_camera(rig)]
+    cameras = studio_cameras(SETTINGS)
+    return cameras[frontal_camera(cameras)]
 
 
 def person(subject: Subject, **fields: np.ndarray) -> HeadParameters:
@@ -104,7 +99,7 @@ def test_closed_lips_hide_the_teeth_and_open_ones_show_them(subject: Subject, ca
 
 def test_equal_seeds_give_equal_people_and_others_differ(subject: Subject) -> None:
     again, other = make_subject(SETTINGS), make_subject(replace(SETTINGS, seed=2))
-    for name in ("shape", "exposure", "teeth"):
+    for name in ("shape", "ambient_visibility", "teeth"):
         np.testing.assert_array_equal(getattr(again, name), getattr(subject, name))
     for group in ("atlas", "strands"):
         for mine, theirs in zip(getattr(subject, group), getattr(again, group), strict=True):
@@ -128,12 +123,14 @@ def test_hair_turns_with_its_triangle_and_keeps_its_length(subject: Subject) -> 
     strands, faces = subject.strands, subject.model.faces
     rest = neutral(subject.model, person(subject))
     turn = Rotation.from_rotvec([0.3, -0.8, 0.4]).as_matrix()
-    np.testing.assert_allclose(frames(rest @ turn.T, faces), frames(rest, faces) @ turn.T, atol=1e-9)
+    np.testing.assert_allclose(triangle_frames(rest @ turn.T, faces), triangle_frames(rest, faces) @ turn.T, atol=1e-9)
     # A caricature may stretch the roots' triangles: the strands stay as long as they grew.
     stretched = rest * [1.5, 1.0, 0.7]
     roots = np.einsum("si,sij->sj", strands.barycentric, stretched[faces[strands.face]])
-    axes = frames(stretched, faces)[strands.face]
-    ribbon, _ = comb(strands, to_linear(strands.colour), roots, axes, 1e-3, np.array([0.0, 0.0, 1.0]), Light())
+    axes = triangle_frames(stretched, faces)[strands.face]
+    ribbon, _ = strand_ribbons(
+        strands, to_linear(strands.colour), roots, axes, 1e-3, np.array([0.0, 0.0, 1.0]), StudioLight()
+    )
     middle = ribbon.reshape(len(roots), -1, 2, 3).mean(axis=2)
     grown = np.linalg.norm(np.diff(strands.local.astype(float), axis=1), axis=2) * 1e-3
     np.testing.assert_allclose(np.linalg.norm(np.diff(middle, axis=1), axis=2), grown, atol=1e-8)
@@ -146,58 +143,3 @@ def test_scalp_hair_leaves_the_mesh(subject: Subject) -> None:
     tips = subject.strands.local[:, -1, 2]  # along the root triangle's normal, millimetres
     on_scalp = np.isin(subject.model.faces[subject.strands.face], subject.model.regions["scalp"]).all(axis=1)
     assert on_scalp.sum() > 400 and np.median(tips[on_scalp]) > 1
-
-
-def test_texture_reproduces_linear_functions() -> None:
-    """Mesh colours interpolate linearly between texels: a linear texture is exact whatever the resolution."""
-    vertices = np.array([[-0.09, -0.08, 0.0], [0.09, -0.07, 0.01], [0.02, 0.09, -0.01], [-0.08, 0.07, 0.0]])
-    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
-    first, resolution, count = layout(np.array([7.0, 3.0]), 60)
-    assert count <= 60 and resolution.min() >= 1 and resolution[0] > resolution[1]
-    points = texel_points(vertices[faces], resolution)
-    texels = np.zeros((count, 4), np.uint8)
-    texels[:, :3] = np.rint(255 * (0.5 + 4 * points))
-    (view,) = cameras(Toy(width=40, height=40, cameras=1))
-    hit = rasterize_mesh(vertices, faces, view)
-    flat = np.linspace(0, 1, 256, dtype=np.float32)
-    light = np.zeros((7, 3))
-    light[0, 2] = light[2] = 1  # no key light, the same ambient everywhere
-    up, open_sky = np.tile([0.0, 0, 1], (4, 1)), bounced(np.ones(4, np.float32))
-    colour, alpha = shade(
-        hit.face, hit.barycentric, faces, 2, vertices, up, open_sky, first, resolution, texels,
-        np.zeros((1, 3), np.float32), view.centre, light, 0 * AMBIENT_SQUARE,
-        np.full((8, 8), np.inf, np.float32), np.eye(3, 4), 1, flat, np.linspace(0, 1, 4097, dtype=np.float32),
-    )  # fmt: skip
-    inside = alpha == 1
-    assert inside.sum() > 100
-    expected = 0.5 + 4 * np.einsum("nk,nkx->nx", hit.barycentric[inside], vertices[faces[hit.face[inside]]])
-    np.testing.assert_allclose(colour[inside], expected, atol=1.2 / 255)
-
-
-def test_colour_tables_are_each_others_inverse() -> None:
-    levels = np.arange(256) / 255
-    np.testing.assert_allclose(to_linear(levels), LINEAR, atol=1e-6)
-    np.testing.assert_allclose(STORED[np.rint(LINEAR * 4096).astype(int)], levels, atol=2e-3)
-
-
-def test_exposure_of_a_ball_is_full_and_of_its_inside_nothing() -> None:
-    import trimesh
-
-    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.1)
-    assert exposure(ball.vertices, np.asarray(ball.faces)).min() > 0.97
-    shell = trimesh.creation.icosphere(subdivisions=3, radius=0.11)
-    both = np.concatenate([ball.faces, shell.faces + len(ball.vertices)])
-    free = exposure(np.concatenate([ball.vertices, shell.vertices]), both)
-    assert free[: len(ball.vertices)].max() < 0.02 and free[len(ball.vertices) :].min() > 0.97
-
-
-def test_noise_is_smooth_centred_and_seeded() -> None:
-    points = np.random.default_rng(0).uniform(-50, 50, (4000, 3)).astype(np.float32)
-    values = fractal(points, 5.0, 3, 1)
-    assert abs(values.mean()) < 0.03 and 0.15 < values.std() < 0.6
-    assert np.abs(fractal(points + np.float32(1e-2), 5.0, 3, 1) - values).max() < 0.05
-    assert np.abs(np.corrcoef(values, fractal(points, 5.0, 3, 99))[0, 1]) < 0.1
-    lattice = np.round(points)
-    np.testing.assert_allclose(fractal(lattice, 1.0, 1, 1), 0, atol=1e-5)  # gradient noise vanishes on its lattice
-    share = (spots(points, 4.0, 0.5, 3) > 0).mean()
-    assert (spots(points, 4.0, 0.0, 3) == 0).all() and 0.01 < share < 0.5

@@ -1,0 +1,342 @@
+"""Edge operations on a triangle mesh that keep it a manifold: split, collapse, flip; and tangential smoothing.
+
+These are the steps of isotropic remeshing (Botsch and Kobbelt 2004). All lengths are in millimetres.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+MAX_DEGREE = 40  # faces around a vertex
+
+
+class EditableMesh(NamedTuple):
+    """Arrays with room for further vertices and faces.
+
+    `border` has one bit for each of two border planes. Vertices on a border stay on it, and no inner edge joins two
+    vertices of one border, so that the mesh can be mirrored there.
+    """
+
+    points: np.ndarray
+    """Vertex positions, (v, 3), millimetres."""
+    border: np.ndarray
+    """Bits of the borders that a vertex lies on, (v,)."""
+    size: np.ndarray
+    """Target edge length at a vertex, (v,), millimetres."""
+    faces: np.ndarray
+    """Vertex indices, (f, 3); -1 in deleted faces."""
+    ring: np.ndarray
+    """Faces around a vertex, (v, MAX_DEGREE)."""
+    degree: np.ndarray
+    """Number of valid entries in `ring`, (v,)."""
+
+
+def editable_mesh(vertices: np.ndarray, faces: np.ndarray, border: np.ndarray, size: np.ndarray) -> EditableMesh:
+    """Build the incidence lists, and reserve room for half as many vertices and faces again.
+
+    Args:
+        vertices: Positions, (v, 3), millimetres.
+        faces: Vertex indices, (f, 3).
+        border: Bits of the borders that a vertex lies on, (v,).
+        size: Target edge length at a vertex, (v,), millimetres.
+
+    Returns:
+        The mesh; its valid vertices and faces come first.
+    """
+    v, f = len(vertices), len(faces)
+    room = v + v // 2 + 64
+    corners = faces.reshape(-1)
+    degree = np.bincount(corners, minlength=room)
+    order = np.argsort(corners, kind="stable")
+    ring = np.full((room, MAX_DEGREE), -1)
+    ring[corners[order], np.arange(3 * f) - np.repeat(np.cumsum(degree) - degree, degree)] = order // 3
+    return EditableMesh(
+        points=np.pad(vertices.astype(float), ((0, room - v), (0, 0))),
+        border=np.pad(border.astype(np.int64), (0, room - v)),
+        size=np.pad(size, (0, room - v)),
+        faces=np.pad(faces.astype(np.int64), ((0, 2 * room - f), (0, 0))),
+        ring=ring,
+        degree=degree,
+    )
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _distance(points, a, b):
+    return np.sqrt(
+        (points[a, 0] - points[b, 0]) ** 2 + (points[a, 1] - points[b, 1]) ** 2 + (points[a, 2] - points[b, 2]) ** 2
+    )
+
+
+@numba.njit(cache=True)
+def _corners(mesh, f):
+    return mesh.faces[f, 0], mesh.faces[f, 1], mesh.faces[f, 2]
+
+
+@numba.njit(cache=True)
+def _edge_faces(mesh, a, b):
+    """Number of faces at edge (a, b), and (face, third corner) of the first two."""
+    count, first, second = 0, (-1, -1), (-1, -1)
+    for i in range(mesh.degree[a]):
+        f = mesh.ring[a, i]
+        p, q, r = _corners(mesh, f)
+        if p == b or q == b or r == b:
+            if count == 0:
+                first = (f, p + q + r - a - b)
+            else:
+                second = (f, p + q + r - a - b)
+            count += 1
+    return count, (first, second)
+
+
+@numba.njit(cache=True)
+def _unlink(mesh, v, f):
+    for i in range(mesh.degree[v]):
+        if mesh.ring[v, i] == f:
+            mesh.degree[v] -= 1
+            mesh.ring[v, i] = mesh.ring[v, mesh.degree[v]]
+            return
+
+
+@numba.njit(cache=True)
+def _link(mesh, v, f):
+    mesh.ring[v, mesh.degree[v]] = f
+    mesh.degree[v] += 1
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _normal(points, a, b, c):
+    """Normal of a triangle, not normalised: twice its area long."""
+    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+    vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _aligned(n, m, min_cosine):
+    dot = n[0] * m[0] + n[1] * m[1] + n[2] * m[2]
+    norm = np.sqrt((n[0] ** 2 + n[1] ** 2 + n[2] ** 2) * (m[0] ** 2 + m[1] ** 2 + m[2] ** 2))
+    return dot > min_cosine * norm and norm > 0.0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def split_long_edges(mesh, n_vertices, n_faces):
+    """Split every edge longer than 4/3 of its target length at its midpoint.
+
+    Args:
+        mesh: The mesh, edited in place.
+        n_vertices: Number of valid vertices.
+        n_faces: Number of faces, deleted ones included.
+
+    Returns:
+        The new numbers of vertices and faces.
+    """
+    points, border, size, faces, _, degree = mesh
+    for f in range(n_faces):
+        if faces[f, 0] < 0:
+            continue
+        for c in range(3):
+            a, b = faces[f, c], faces[f, (c + 1) % 3]
+            count, sides = _edge_faces(mesh, a, b)
+            # An inner edge between two border vertices would be doubled by mirroring: it is always split.
+            chord = count == 2 and (border[a] & border[b]) != 0
+            if not chord and _distance(points, a, b) <= 4.0 / 3.0 * 0.5 * (size[a] + size[b]):
+                continue
+            if n_vertices >= len(points) or n_faces + 2 >= len(faces):
+                return n_vertices, n_faces
+            if max(degree[sides[0][1]], degree[sides[count - 1][1]]) >= MAX_DEGREE - 1:
+                continue
+            m = n_vertices
+            n_vertices += 1
+            points[m] = 0.5 * (points[a] + points[b])
+            size[m] = 0.5 * (size[a] + size[b])
+            border[m] = border[a] & border[b] if count == 1 else 0
+            degree[m] = 0
+            for side in range(count):
+                g, third = sides[side]
+                new = n_faces
+                n_faces += 1
+                for q in range(3):
+                    v = faces[g, q]
+                    faces[new, q] = m if v == a else v
+                    faces[g, q] = m if v == b else v
+                _unlink(mesh, b, g)
+                _link(mesh, b, new)
+                _link(mesh, m, g)
+                _link(mesh, m, new)
+                _link(mesh, third, new)
+    return n_vertices, n_faces
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _can_move(mesh, v, other, target):
+    """Whether the faces of `v` without `other` keep their orientation and stay small when `v` moves to `target`."""
+    points = mesh.points
+    old = points[v].copy()
+    for i in range(mesh.degree[v]):
+        p, q, r = _corners(mesh, mesh.ring[v, i])
+        if p == other or q == other or r == other:
+            continue
+        before = _normal(points, p, q, r)
+        points[v] = target
+        after = _normal(points, p, q, r)
+        longest = max(_distance(points, p, q), _distance(points, q, r), _distance(points, r, p))
+        points[v] = old
+        if not (_aligned(before, after, 0.7) and longest < 4.0 / 3.0 * mesh.size[v]):
+            return False
+    return True
+
+
+@numba.njit(cache=True, error_model="numpy")
+def collapse_short_edges(mesh, n_faces):
+    """Collapse every edge shorter than 4/5 of its target length, where the mesh stays a manifold.
+
+    Args:
+        mesh: The mesh, edited in place.
+        n_faces: Number of faces, deleted ones included.
+    """
+    points, border, size, faces, ring, degree = mesh
+    mark = np.full(len(points), -1)  # the last edge for which a vertex was a neighbour of `a`
+    for f in range(n_faces):
+        for c in range(3):
+            if faces[f, 0] < 0:
+                break
+            a, b = faces[f, c], faces[f, (c + 1) % 3]
+            if _distance(points, a, b) >= 0.8 * 0.5 * (size[a] + size[b]):
+                continue
+            count, sides = _edge_faces(mesh, a, b)
+            # b is merged into a, which must lie on every border that b lies on.
+            if (border[a] & border[b]) != border[b]:
+                a, b = b, a
+                if (border[a] & border[b]) != border[b]:
+                    continue
+            if count == 2 and border[b] != 0:
+                continue
+            # Link condition: the common neighbours are the opposite corners of the edge and no others.
+            edge = 3 * f + c
+            mark[a] = mark[b] = edge
+            neighbours = 0
+            for i in range(degree[a]):
+                for v in _corners(mesh, ring[a, i]):
+                    neighbours += mark[v] != edge
+                    mark[v] = edge
+            common = 0
+            valid = degree[a] + degree[b] - 2 * count < MAX_DEGREE - 2 and neighbours + degree[b] < 14
+            for i in range(degree[b]):
+                for v in _corners(mesh, ring[b, i]):
+                    if v == a or v == b:
+                        continue
+                    if mark[v] == edge:
+                        common += 1  # counted in two faces of b, in one at a border
+                    elif border[v] & border[a]:
+                        # A new inner edge between two border vertices, unless it runs along the border.
+                        valid = valid and _edge_faces(mesh, b, v)[0] == 1 and count == 1
+            expected = 0
+            for side in range(count):
+                expected += _edge_faces(mesh, b, sides[side][1])[0]
+            if not valid or common != expected:
+                continue
+            target = points[a] + (0.5 if border[a] == border[b] else 0.0) * (points[b] - points[a])
+            if not (_can_move(mesh, a, b, target) and _can_move(mesh, b, a, target)):
+                continue
+            points[a] = target
+            size[a] = 0.5 * (size[a] + size[b])
+            for side in range(count):
+                g, third = sides[side]
+                _unlink(mesh, a, g)
+                _unlink(mesh, b, g)
+                _unlink(mesh, third, g)
+                faces[g] = -1
+            for i in range(degree[b]):
+                g = ring[b, i]
+                for q in range(3):
+                    if faces[g, q] == b:
+                        faces[g, q] = a
+                _link(mesh, a, g)
+            degree[b] = 0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def flip_edges(mesh, n_faces):
+    """Flip every edge whose flip brings vertex degrees closer to six (three on a border) and keeps the shape.
+
+    Args:
+        mesh: The mesh, edited in place.
+        n_faces: Number of faces, deleted ones included.
+    """
+    points, border, _, faces, _, degree = mesh
+    for f in range(n_faces):
+        if faces[f, 0] < 0:
+            continue
+        for c in range(3):
+            a, b = faces[f, c], faces[f, (c + 1) % 3]
+            count, sides = _edge_faces(mesh, a, b)
+            if count != 2:
+                continue
+            if sides[1][0] == f:
+                sides = (sides[1], sides[0])
+            # f runs from a to b with third corner c0, the other face from b to a with third corner c1.
+            (f0, c0), (f1, c1) = sides
+            if (border[c0] & border[c1]) != 0 or max(degree[c0], degree[c1]) >= MAX_DEGREE - 1:
+                continue
+            before = 0
+            after = 0
+            for v, change in ((a, -1), (b, -1), (c0, 1), (c1, 1)):
+                excess = degree[v] - (6 if border[v] == 0 else 3)
+                before += excess * excess
+                after += (excess + change) * (excess + change)
+            if after >= before or _edge_faces(mesh, c0, c1)[0]:
+                continue
+            m, k = _normal(points, a, b, c0), _normal(points, b, a, c1)
+            p, q = _normal(points, a, c1, c0), _normal(points, b, c0, c1)
+            if not (_aligned(m, p, 0.8) and _aligned(m, q, 0.8) and _aligned(k, p, 0.8) and _aligned(k, q, 0.8)):
+                continue
+            faces[f0, 0], faces[f0, 1], faces[f0, 2] = a, c1, c0
+            faces[f1, 0], faces[f1, 1], faces[f1, 2] = b, c0, c1
+            _unlink(mesh, b, f0)
+            _unlink(mesh, a, f1)
+            _link(mesh, c1, f0)
+            _link(mesh, c0, f1)
+            break
+
+
+@numba.njit(cache=True, error_model="numpy")
+def relax_vertices(mesh, n_vertices):
+    """Move vertices towards the weighted centroid of their faces, within the tangent plane or along their border.
+
+    Args:
+        mesh: The mesh, edited in place.
+        n_vertices: Number of valid vertices.
+    """
+    points, border, size, _, ring, degree = mesh
+    for v in range(n_vertices):
+        if degree[v] == 0 or border[v] == 3:
+            continue
+        step = np.zeros(3)
+        if border[v] == 0:
+            normal = np.zeros(3)
+            total = 0.0
+            for i in range(degree[v]):
+                p, q, r = _corners(mesh, ring[v, i])
+                n = _normal(points, p, q, r)
+                area = np.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
+                local = (size[p] + size[q] + size[r]) / 3.0
+                weight = area / (local * local)
+                total += weight
+                for axis in range(3):
+                    normal[axis] += n[axis]
+                    step[axis] += weight * (points[p, axis] + points[q, axis] + points[r, axis]) / 3.0
+            normal /= np.sqrt((normal**2).sum()) + 1e-30
+            step = step / total - points[v]
+            step -= normal * (step * normal).sum()
+        else:
+            ends = 0
+            for i in range(degree[v]):
+                for w in _corners(mesh, ring[v, i]):
+                    if w != v and (border[w] & border[v]) != 0 and _edge_faces(mesh, v, w)[0] == 1:
+                        step += points[w] - points[v]
+                        ends += 1
+            step /= max(ends, 1)
+        points[v] += 0.7 * step
