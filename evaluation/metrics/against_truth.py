@@ -1,8 +1,9 @@
-"""Rendered frames against the true images of the same frames, region by region."""
+"""PSNR and SSIM of rendered frames against the true images of the same frames, by region."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 
 from rich.progress import track
 
@@ -14,42 +15,52 @@ from carigs.exaggeration import Caricature
 from carigs.head import neutral, pose
 from carigs.raster import rasterize_mesh
 from evaluation.metrics.image_quality import psnr, region_mean, ssim_map
-from evaluation.metrics.regions import REGIONS, image_regions, surface_regions
-from evaluation.tables.rows import Row, Scene, row
+from evaluation.metrics.regions import image_regions, surface_regions
+from evaluation.tables.metric_records import REGIONS, MetricRecord, StudyPoint, metric_record
 
 METRICS = ("psnr", "ssim")
 PROTOCOLS = ("test", "val")
 
 
-def compare(
-    scene: Scene,
+def truth_records(
+    point: StudyPoint,
     rendered: list[Rendered],
     truths: Truths,
     subject: Capture,
     caricature: Caricature,
     *,
     band: int,
-) -> Iterator[Row]:
-    """PSNR and SSIM rows of every `test` and `val` frame.
+) -> Iterator[MetricRecord]:
+    """Compare every `test` and `val` frame with its true image.
 
-    `caricature` is the one of the scene's level, `band` the silhouette's half width in pixels.
-    Where there is no truth at all: one null row per protocol, region and metric.  Raises `InputError` where sizes of
-    images differ.
+    Args:
+        point: Avatar and level.
+        rendered: Rendered frames.
+        truths: True images, or the reason why there are none.
+        subject: The capture.
+        caricature: Caricature at the rendered level.
+        band: Half width of the silhouette region in pixels.
+
+    Yields:
+        One record per frame, region and metric; without a value where there is no truth or no pixel of the region.
+
+    Raises:
+        InputError: An image has another size than its camera.
     """
     rendered = [frame for frame in rendered if frame.protocol in PROTOCOLS]
     if truths.reason is not None:
         for protocol in sorted({frame.protocol for frame in rendered}):
             for region in REGIONS:
                 for metric in METRICS:
-                    yield row(scene, protocol, (None, None), region, metric, None, truths.reason)
+                    yield metric_record(point, protocol, (None, None), region, metric, None, truths.reason)
         return
     surface = None
     for frame in track(rendered, description="against the truth", disable=len(rendered) < 10):
-        here = (frame.camera, frame.timestep)
+        record = partial(metric_record, point, frame.protocol, (frame.camera, frame.timestep))
         key = (frame.timestep, frame.camera)
         if key not in truths.images:
             for metric in METRICS:
-                yield row(scene, frame.protocol, here, "full", metric, None, "no true image of this frame")
+                yield record("full", metric, None, "no true image of this frame")
             continue
         image, truth = read_rgb(frame.file), read_rgb(truths.images[key])
         foreground = read_grey(truths.masks[key]) > 0.5
@@ -70,7 +81,7 @@ def compare(
             if inside is None or not inside.any():
                 reason = surface.missing[region] if inside is None else "no pixel of this region in view"
                 for metric in METRICS:
-                    yield row(scene, frame.protocol, here, region, metric, None, reason)
+                    yield record(region, metric, None, reason)
                 continue
-            yield row(scene, frame.protocol, here, region, "psnr", psnr(image, truth, inside))
-            yield row(scene, frame.protocol, here, region, "ssim", region_mean(similarity, inside))
+            yield record(region, "psnr", psnr(image, truth, inside))
+            yield record(region, "ssim", region_mean(similarity, inside))

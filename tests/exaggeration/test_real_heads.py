@@ -13,7 +13,14 @@ from carigs.head import HeadModel
 from evaluation.benchmarks.surface import read_heads
 from evaluation.benchmarks.surface_accuracy import random_person
 from evaluation.stress import heads
-from evaluation.stress.heads import Check, bends, cut_faces, invariance_checks, region_checks, shape_checks
+from evaluation.stress.heads import (
+    Check,
+    dihedral_angles,
+    intersecting_faces,
+    invariance_checks,
+    region_checks,
+    shape_checks,
+)
 
 DATA = Path(os.environ.get("CARIGS_DATA", Path(__file__).parents[2] / "../shared/data"))
 real = pytest.mark.skipif(not DATA.is_dir(), reason="the shared meshes are not here; set CARIGS_DATA")
@@ -87,8 +94,8 @@ def test_faces_that_cut_others_are_found():
     """Two balls: apart, and one with its centre on the other's surface."""
     ball, faces = sphere(2)
     both = np.vstack([faces, faces + len(ball)])
-    assert cut_faces(np.vstack([ball, ball + 3.0]), both) == set()
-    cut = cut_faces(np.vstack([ball, ball + np.array([1.0, 0, 0])]), both)
+    assert intersecting_faces(np.vstack([ball, ball + 3.0]), both) == set()
+    cut = intersecting_faces(np.vstack([ball, ball + np.array([1.0, 0, 0])]), both)
     middles = ball[faces].mean(axis=1)
     # The circle of the cut lies in the plane x = 1/2.
     assert max(abs(middles[f % len(faces), 0] + (f >= len(faces)) - 0.5) for f in cut) < 0.3
@@ -99,7 +106,9 @@ def test_faces_that_cut_others_are_found():
 def test_bends_are_the_angles_between_faces(angle):
     turn = np.radians(angle)
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, -1, 0], [0, np.cos(turn), np.sin(turn)]])
-    assert bends(vertices, np.array([[0, 2, 1], [0, 1, 3]]), np.array([[0, 1]]))[0] == pytest.approx(angle, abs=1e-5)
+    assert dihedral_angles(vertices, np.array([[0, 2, 1], [0, 1, 3]]), np.array([[0, 1]]))[0] == pytest.approx(
+        angle, abs=1e-5
+    )
 
 
 def test_what_is_no_number_does_not_hold():

@@ -85,6 +85,8 @@ rule tabulate:
 rule figures:
     input:
         settings="results/{study}/settings/figures/subject={subject}.yaml",
+        gtstar_settings="results/{study}/settings/gtstar/subject={subject}.yaml",
+        train_settings="results/{study}/settings/train/subject={subject}.yaml",
         capture="results/{study}/{subject}/capture.json",
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
         indices=each("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json"),

@@ -8,13 +8,16 @@ import pytest
 from miniature import write_ball
 
 from carigs.capture import Capture, read_dataset
+from carigs.capture.frame_index import read_truths
 from carigs.capture.images import read_rgb, write_png
+from carigs.config import settings_text
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration import Exaggerator, GammaPath, straight_path
 from carigs.head import neutral
-from carigs.settings import Exaggerate, Figures
+from carigs.settings import DEFAULT_MASK_FLAGS, Exaggerate, Figures, Gtstar
 from carigs.stages.figures import figures
 from evaluation.figures.blend_error import blend_errors, write_blend_errors
+from evaluation.figures.misregistration import REGIONS, misregistrations
 from evaluation.figures.sheet import write_sheet
 
 
@@ -111,6 +114,9 @@ def study(tmp_path_factory):
                             "image": f"{frame.name}.png", "mask": f"{frame.name}_mask.png"})  # fmt: skip
         (place / "truth.json").write_text(json.dumps({"level": level, "reason": reason, "frames": entries}))
         keywords["truths"].append(place / "truth.json")
+    for stage in ("gtstar", "train"):
+        keywords[f"{stage}_settings"] = folder / f"{stage}.yaml"
+        (folder / f"{stage}.yaml").write_text(settings_text(stage, "study=toy"))
     return folder, {**keywords, "capture": folder / "capture.json"}
 
 
@@ -151,6 +157,21 @@ def test_a_solved_path_gets_its_blend_error_unless_solving_again_gives_another(s
     GammaPath(solved.levels, solved.displacements, solved.faces, solved.neutral, wrong).save(folder / "wrong.npz")
     figures(Figures(height=96, samples=5), **keywords, path=folder / "wrong.npz", folder=folder / "wrong")
     assert "Solving again gives another" in (folder / "wrong/blend_error.txt").read_text()
+
+
+def test_misregistration_follows_the_settings_of_the_study(study):
+    """Pixels are marked by the flags of the settings, on the truth that the frames themselves are at level 0."""
+    folder, keywords = study
+    subject, path = Capture.load(keywords["capture"]), GammaPath.load(folder / "given.npz")
+    truths = {0.25: read_truths(keywords["truths"][0])}  # natural frames, hence wrong at 0.25
+    marked = {}
+    for flags in (DEFAULT_MASK_FLAGS, ("stretched",)):
+        records = list(misregistrations(subject, path, truths, Gtstar(max_stretch=1.0), flags))
+        assert {record.level for record in records} == {0.25} and {r.region for r in records} <= set(REGIONS)
+        marked[flags] = {record.region: record.marked for record in records}
+    assert marked[DEFAULT_MASK_FLAGS] != marked["stretched",]
+    narrow = list(misregistrations(subject, path, truths, Gtstar(max_stretch=6.0), ("stretched",)))
+    assert sum(record.marked for record in narrow) < sum(marked["stretched",].values())
 
 
 def test_a_frame_that_does_not_exist_is_an_error(study, tmp_path):

@@ -1,4 +1,4 @@
-"""Broken meshes: every known case holds, and whatever else comes through the door is mended or named."""
+"""Broken meshes: every known case holds, and any other mesh is repaired or refused with a named element."""
 
 import csv
 

@@ -1,4 +1,4 @@
-"""Whole training steps per second, and frames per second of what they make."""
+"""Training steps per second, and rendered frames per second."""
 
 from __future__ import annotations
 
@@ -19,19 +19,20 @@ from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.surfels import Surfels
 from carigs.splat.training import trainer
 from carigs.splat.training.supervision import Supervision
-from evaluation.benchmarks.clocks import spent, threads, wall_seconds
-from evaluation.benchmarks.measurements import Measurement
-from evaluation.benchmarks.pairs import contributing_pairs
-from evaluation.benchmarks.scenes import filmed, moving_head, scene_name
+from evaluation.benchmarks.kernel_timing import num_threads
+from evaluation.benchmarks.measurement import Measurement
+from evaluation.benchmarks.surfel_pixel_pairs import contributing_pairs
+from evaluation.benchmarks.synthetic_scenes import capture_images, moving_head, scene_name
+from evaluation.benchmarks.timing import elapsed, wall_seconds
 
 BLOCK = 5
-"""Steps in a row with the same number of threads."""
+"""Number of consecutive steps with the same number of threads."""
 SETTINGS = Train(
     sh_degree=3,
     surfels_per_face=3,
     gtstar_probability=0.0,
     hair_regions=(),
-    # About the sizes and the mean opacity of `scenes.ellipsoid`.
+    # About the sizes and the mean opacity of `synthetic_scenes.ellipsoid`.
     initial_scale=0.21,
     initial_opacity=0.55,
     density=Density(every=0),
@@ -47,9 +48,9 @@ VARIANTS = {
 
 
 class StepClock:
-    """Stands where the trainer shows its progress: times each step, and every few changes the number of threads.
+    """Takes the place of the trainer's progress bar: times each step, and alternates between 1 and 2 threads.
 
-    A run's result does not depend on the latter, so one run can take turns.
+    The result of a training does not depend on the number of threads, so one run serves both.
     """
 
     def __init__(self) -> None:
@@ -58,8 +59,15 @@ class StepClock:
 
     @contextmanager
     def progress(self, *_: object) -> Iterator[Callable[..., None]]:
-        """As `carigs.splat.training.progress.progress`."""
-        with threads(self.count):
+        """Take the place of `carigs.splat.training.progress.progress`.
+
+        Args:
+            _: Arguments of the progress bar, which are not used.
+
+        Yields:
+            Function to report a step to.
+        """
+        with num_threads(self.count):
             self.started = wall_seconds()
             yield self._report
 
@@ -71,58 +79,73 @@ class StepClock:
         self.started = wall_seconds()
 
     def seconds(self, count: int) -> float:
-        """Median of the steps with that many threads, without those of the first turn."""
+        """Median time of a step, without the first turn.
+
+        Args:
+            count: Number of threads.
+
+        Returns:
+            Wall seconds.
+        """
         return median(self.times[count][BLOCK:])
 
 
-def training_rows(subdivisions: int, width: int, height: int, turns: int) -> Iterator[Measurement]:
-    """Steps and frames per second with 1 and 2 threads, each in `turns` turns; references are those of plain loops."""
-    performance = moving_head(subdivisions)
+def measure_training(subdivisions: int, width: int, height: int, turns: int) -> Iterator[Measurement]:
+    """Measure steps and frames per second with 1 and 2 threads.
+
+    Args:
+        subdivisions: Fineness of the head.
+        width: Image width in pixels.
+        height: Image height in pixels.
+        turns: Number of turns of `BLOCK` steps with each number of threads.
+
+    Yields:
+        Records; references are those of the scalar kernels.
+    """
+    sequence = moving_head(subdivisions)
     with TemporaryDirectory() as folder:
-        supervision = filmed(performance, Path(folder), width, height)
+        supervision = capture_images(sequence, Path(folder), width, height)
         for number, (name, changes) in enumerate(VARIANTS.items()):
             settings = replace(SETTINGS, **changes)
-            surfels, fast = _steps(settings, performance, supervision, turns)
-            plain = None
+            surfels, fast = _steps(settings, sequence, supervision, turns)
+            scalar = None
             if number == 0:
-                plain = _steps(replace(settings, backend="scalar"), performance, supervision, 3)[1]
-                yield from _frame_rows(surfels, performance, supervision, turns)
+                scalar = _steps(replace(settings, backend="scalar"), sequence, supervision, 3)[1]
+                yield from _measure_rendering(surfels, sequence, supervision, turns)
             for count in (1, 2):
-                reference = plain and 1 / plain.seconds(count)
+                reference = scalar and 1 / scalar.seconds(count)
                 case = scene_name(len(surfels), supervision.capture.cameras[1], count, *name)
                 yield Measurement(case, "training step", "1/s", 1 / fast.seconds(count), reference)
 
 
-def _steps(
-    settings: Train, performance: HeadSequence, supervision: Supervision, turns: int
-) -> tuple[Surfels, StepClock]:
-    """Train with the trainer's own steps."""
+def _steps(settings: Train, sequence: HeadSequence, supervision: Supervision, turns: int) -> tuple[Surfels, StepClock]:
+    """Time the steps of a training."""
     clock = StepClock()
     settings = replace(settings, iterations=2 * turns * BLOCK)
     with patch.object(trainer, "progress", clock.progress):
-        surfels, _ = trainer.train_surfels(settings, performance, supervision, supervision.capture.root / "checkpoint")
+        surfels, _ = trainer.train_surfels(settings, sequence, supervision, supervision.capture.root / "checkpoint")
     return surfels, clock
 
 
-def _frame_rows(
-    surfels: Surfels, performance: HeadSequence, supervision: Supervision, turns: int
+def _measure_rendering(
+    surfels: Surfels, sequence: HeadSequence, supervision: Supervision, turns: int
 ) -> Iterator[Measurement]:
-    """Rendering alone, of the poses in turn; and how much there is to render."""
-    avatar = Avatar(surfels, performance)
+    """Measure rendering alone, of the poses in turn, and the number of contributing pairs."""
+    avatar = Avatar(surfels, sequence)
     camera = supervision.capture.cameras[1]
-    poses = itertools.cycle(performance.parameters)
+    poses = itertools.cycle(sequence.parameters)
     times: dict[tuple[int, str], list[float]] = {key: [] for key in itertools.product((1, 2), ("cpu", "scalar"))}
     for _ in range(turns):
         for (count, backend), measured in times.items():
-            with threads(count):
+            with num_threads(count):
                 measured += [
-                    spent(lambda b=backend: avatar.render(next(poses), 0.0, camera, backend=b), wall_seconds)
+                    elapsed(lambda b=backend: avatar.render(next(poses), 0.0, camera, backend=b), wall_seconds)
                     for _ in range(BLOCK)
                 ]
     rates = {key: 1 / median(measured[BLOCK:]) for key, measured in times.items()}
     for count in (1, 2):
         case = scene_name(len(surfels), camera, count, "SH 3")
         yield Measurement(case, "rendering", "1/s", rates[count, "cpu"], rates[count, "scalar"])
-    drawing = render(surfels, performance.rig, performance.motion(0, 0.0), camera)
+    drawing = render(surfels, sequence.rig, sequence.motion(0, 0.0), camera)
     case = scene_name(len(surfels), camera, 1, "SH 3")
     yield Measurement(case, "contributing pairs", "1", contributing_pairs(drawing.world, camera))

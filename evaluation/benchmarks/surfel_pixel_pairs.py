@@ -1,6 +1,7 @@
-"""How many (surfel, pixel) pairs make an image: what the time of a rasteriser is divided by.
+"""Number of (surfel, pixel) pairs that contribute to an image: the unit of work of a rasterizer.
 
-Shares no formula with the kernels: each pixel's ray is two planes whose line meets the disc, in float64.
+An independent count: it shares no formula with the kernels. Each pixel's ray is the intersection of two planes
+(Weyrich et al. 2007), in float64.
 """
 
 from __future__ import annotations
@@ -15,13 +16,18 @@ from carigs.capture import Camera
 from carigs.splat.rasterizer.culling import END, THRESHOLD
 from carigs.splat.rasterizer.rasterize import WorldSurfels
 
-ALPHA_CAP = 0.99  # the rasteriser's default
+ALPHA_CAP = 0.99  # the rasterizer's default
 
 
 def contributing_pairs(surfels: WorldSurfels, camera: Camera) -> int:
-    """Pairs in which a surfel adds to a pixel: its alpha there is 1/255 or more and the pixel has not ended.
+    """Count the pairs in which a surfel adds to a pixel: its alpha is at least 1/255, and the pixel has not ended.
 
-    All surfels must lie in front of the camera and have an area.
+    Args:
+        surfels: Surfels, all in front of the camera and of positive area.
+        camera: Camera.
+
+    Returns:
+        Number of pairs.
     """
     centre, u, v, opacity = (
         _as_double(tensor) for tensor in (surfels.centre, surfels.tangent_u, surfels.tangent_v, surfels.opacity)
@@ -41,7 +47,7 @@ def _as_double(tensor: torch.Tensor) -> Float[np.ndarray, "n *c"]:
 
 
 def _middle(pixel_from_disc: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 2"]:
-    """Middle of the box of each disc's image at one standard deviation: the low-pass filter's centre."""
+    """Centre of the low-pass filter: middle of the bounding box of each disc's image at one standard deviation."""
     signed = pixel_from_disc * [1, 1, -1]
     products = np.einsum("nij,nj->ni", signed, pixel_from_disc[:, 2])
     return products[:, :2] / products[:, 2:]
@@ -53,9 +59,9 @@ def _boxes(
     opacity: Float[np.ndarray, "n"],
     camera: Camera,
 ) -> Int[np.ndarray, "n 4"]:
-    """Ranges of pixels [x0, y0, x1, y1) that hold all with an alpha of 1/255 or more."""
+    """Pixel ranges [x0, y0, x1, y1) that contain all pixels with an alpha of at least 1/255."""
     reach = np.sqrt(2 * np.log(np.maximum(opacity / THRESHOLD, 1)))[:, None]  # standard deviations
-    # A disc's image lies in that of the square around it; the low-pass filter's reach is less than `reach` pixels.
+    # A disc's image lies in the image of its square; the low-pass filter reaches less than `reach` pixels.
     signs = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
     corner = reach[:, :, None] * np.einsum("nij,kj->nki", pixel_from_disc[:, :, :2], signs)
     corner += pixel_from_disc[:, None, :, 2]
@@ -68,7 +74,7 @@ def _boxes(
 
 @numba.njit(cache=True)
 def _count(order, pixel_from_disc, middle, box, opacity, width, height):
-    """Front to back as the kernels, with their end conditions; T of a pixel that has ended is 0."""
+    """Composite front to back with the kernels' end conditions; the transmittance of an ended pixel is set to 0."""
     transmittance = np.ones((height, width))
     pairs = 0
     for i in order:
@@ -86,7 +92,7 @@ def _count(order, pixel_from_disc, middle, box, opacity, width, height):
 
 @numba.njit(cache=True)
 def _squared_distance(m, middle, x, y):
-    """Of a pixel from a surfel in standard deviations: on the disc or, if nearer, in the image (low-pass filter)."""
+    """Squared distance of a pixel from a surfel in standard deviations: the smaller of disc and low-pass filter."""
     # Planes through the pixel's column and row, pulled back to the disc; they meet in (s, t, 1) times a factor.
     a0, a1, a2 = x * m[2, 0] - m[0, 0], x * m[2, 1] - m[0, 1], x * m[2, 2] - m[0, 2]
     b0, b1, b2 = y * m[2, 0] - m[1, 0], y * m[2, 1] - m[1, 1], y * m[2, 2] - m[1, 2]
