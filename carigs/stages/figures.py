@@ -17,9 +17,10 @@ from carigs.files import writing_folder
 from carigs.head import exaggerator
 from carigs.head.teeth import without_teeth
 from carigs.settings import Exaggerate, Figures
-from evaluation.figures.blend_error import blend_errors, plot_blend_errors, write_blend_errors
-from evaluation.figures.misregistration import misregistrations, plot_misregistrations, write_misregistrations
+from evaluation.figures.blend_error import BlendError, blend_errors, plot_blend_errors
+from evaluation.figures.misregistration import Misregistration, misregistrations, plot_misregistrations
 from evaluation.figures.strips import ablation, gamma_strip
+from evaluation.tables.csv_files import write_csv
 
 
 def figures(
@@ -81,7 +82,7 @@ def figures(
         _blend_error(part, without_teeth(gamma_path), subject, settings.samples)
         if any(level > 0 and truth.images for level, truth in known.items()):
             records = list(misregistrations(subject, gamma_path, known, gtstar, mask_flags))
-            write_misregistrations(part / "misregistration.csv", records)
+            write_csv(part / "misregistration.csv", records, Misregistration)
             plot_misregistrations(part / "misregistration.png", records)
         else:
             (part / "misregistration.txt").write_text("No true caricature is known.\n")
@@ -127,5 +128,5 @@ def _blend_error(folder: Path, path: GammaPath, subject: Capture, samples: int) 
         )
         return
     errors = blend_errors(path, exact, samples)
-    write_blend_errors(folder / "blend_error.csv", errors)
+    write_csv(folder / "blend_error.csv", errors, BlendError)
     plot_blend_errors(folder / "blend_error.png", errors)

@@ -31,7 +31,7 @@ from carigs.splat.surfels.initialization import place
 from carigs.splat.surfels.surfels import Surfels, flat_discs
 from carigs.splat.training.photometric_loss import photometric
 from evaluation.benchmarks.kernel_timing import KERNELS, kernel_times, num_threads
-from evaluation.benchmarks.measurement import Measurement, write_measurements
+from evaluation.benchmarks.measurement import Measurement
 from evaluation.benchmarks.plots import plot_splat
 from evaluation.benchmarks.surfel_pixel_pairs import contributing_pairs
 from evaluation.benchmarks.synthetic_scenes import ellipsoid, moving_head, portrait, scene_name
@@ -44,6 +44,7 @@ from evaluation.benchmarks.timing import (
 )
 from evaluation.benchmarks.training_speed import SETTINGS, measure_training
 from evaluation.command_line import csv_parser, run
+from evaluation.tables.csv_files import stream_csv
 
 COLOURS = ("colour", "alpha")
 """Outputs that a training without geometric regularizers asks for."""
@@ -320,7 +321,7 @@ def benchmark(file: Path, sizes: Sizes) -> None:
             print(f"{m.case}: {m.quantity} {m.value:.4g} {m.unit}", flush=True)
             yield m
 
-    plot_splat(file.with_suffix(".png"), write_measurements(file, printed()), KERNELS)
+    plot_splat(file.with_suffix(".png"), stream_csv(file, printed(), Measurement), KERNELS)
 
 
 def main() -> None:

@@ -20,7 +20,7 @@ from carigs.head import HeadModel
 from carigs.mesh import clean_mesh
 from carigs.mesh.ambient_occlusion import ambient_occlusion
 from carigs.settings import Exaggerate
-from evaluation.benchmarks.measurement import Measurement, write_measurements
+from evaluation.benchmarks.measurement import Measurement
 from evaluation.benchmarks.plots import plot_surface
 from evaluation.benchmarks.surface_accuracy import (
     GAMMA,
@@ -35,6 +35,7 @@ from evaluation.benchmarks.surface_accuracy import (
 from evaluation.benchmarks.surface_solvers import measure_fill_in, measure_solvers
 from evaluation.benchmarks.timing import median_time
 from evaluation.command_line import csv_parser, run
+from evaluation.tables.csv_files import stream_csv
 
 FLAME_SIZE = 5023
 PEOPLE = 20
@@ -128,7 +129,7 @@ def benchmark(file: Path, heads: Mapping[str, Mesh], model: HeadModel | None) ->
     torus = trimesh.creation.torus(1.0, 0.4, major_sections=100, minor_sections=50)
     meshes = dict(heads) or {"torus": (np.asarray(torus.vertices), np.asarray(torus.faces))}
     typical = min(meshes, key=lambda name: abs(len(meshes[name][0]) - FLAME_SIZE))
-    records = write_measurements(file, _with_progress(measurements(meshes, typical, model)))
+    records = stream_csv(file, _with_progress(measurements(meshes, typical, model)), Measurement)
     plot_surface(file.with_suffix(".png"), records, typical, PRESETS)
 
 

@@ -144,14 +144,26 @@ def measure_paths(case: str, solver: Exaggerator) -> Iterator[Measurement]:
     for count in (2, 3, 4, 5, 6, 8):
         nodes = GAMMA * (1 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2
         path = GammaPath(nodes, solver.solve_many(nodes).astype(np.float32), solver.faces, solver.vertices)
-        error = max(
-            float(np.linalg.norm(path.displacement(float(level)) - solved, axis=1).max() / extent)
-            for level, solved in zip(levels, exact, strict=True)
-        )
+        error = path_error(path, levels, exact) / extent
         query = median_time(lambda path=path: path.displacement(0.1), 200)
         yield Measurement(case, f"largest error of a path of {count} nodes", "diagonal", error, blend and blend[0])
         yield Measurement(case, f"one level of a path of {count} nodes", "s", query, blend and blend[1])
         blend = blend or (error, query)
+
+
+def path_error(path: GammaPath, levels: Float[np.ndarray, " n"], exact: Float[np.ndarray, "n v 3"]) -> float:
+    """Largest distance of a path from exact solutions.
+
+    Args:
+        path: The path.
+        levels: Levels to compare.
+        exact: Displacement that the solver gives at each level.
+
+    Returns:
+        Distance in metres.
+    """
+    distances = (path.displacement(float(level)) - solved for level, solved in zip(levels, exact, strict=True))
+    return max(float(np.linalg.norm(distance, axis=1).max()) for distance in distances)
 
 
 def measure_blend_bounds(case: str, solver: Exaggerator, samples: int = 25) -> Iterator[Measurement]:

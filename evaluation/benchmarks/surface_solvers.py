@@ -22,7 +22,7 @@ from carigs.mesh.linear_solver import (
     solve_in_blocks,
 )
 from evaluation.benchmarks.measurement import Measurement
-from evaluation.benchmarks.timing import median_time
+from evaluation.benchmarks.timing import elapsed, median_time
 
 Solve = Callable[[np.ndarray], np.ndarray]
 LEVELS = np.linspace(0.25 / 32, 0.25, 32)
@@ -119,18 +119,11 @@ def _times(make: Callable[[], Solve], right_hand_sides: Float[np.ndarray, "n c"]
     start = time.process_time()
     solve = make()
     factorised = time.process_time() - start
-    start = time.process_time()
-    solve(right_hand_sides[:, :3])
-    one = time.process_time() - start
-    if len(LEVELS) * one > MAX_ALL_LEVELS:
-        return {"factorise": factorised, "one level": factorised + one, "32 levels": factorised + len(LEVELS) * one}
-    start = time.process_time()
-    solve(right_hand_sides)
-    return {
-        "factorise": factorised,
-        "one level": factorised + one,
-        "32 levels": factorised + time.process_time() - start,
-    }
+    one = elapsed(lambda: solve(right_hand_sides[:, :3]), time.process_time)
+    every = len(LEVELS) * one
+    if every <= MAX_ALL_LEVELS:
+        every = elapsed(lambda: solve(right_hand_sides), time.process_time)
+    return {"factorise": factorised, "one level": factorised + one, "32 levels": factorised + every}
 
 
 def _right_hand_sides(

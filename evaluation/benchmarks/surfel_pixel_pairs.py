@@ -6,10 +6,8 @@ An independent count: it shares no formula with the kernels. Each pixel's ray is
 
 from __future__ import annotations
 
-# Before numba starts its threads: see `carigs.simd.threads`.
-import torch  # isort: skip
-import numba
 import numpy as np
+import torch
 from jaxtyping import Float, Int
 
 from carigs.capture import Camera
@@ -38,8 +36,18 @@ def contributing_pairs(surfels: WorldSurfels, camera: Camera) -> int:
     pixel_from_disc = intrinsics @ in_camera
     middle = _middle(pixel_from_disc)
     box = _boxes(pixel_from_disc, middle, opacity, camera)
-    order = np.argsort(in_camera[:, 2, 2].astype(np.float32), kind="stable")
-    return int(_count(order, pixel_from_disc, middle, box, opacity, camera.width, camera.height))
+    # Front to back with the kernels' end conditions; the transmittance of a pixel that has ended is 0.
+    transmittance, pairs = np.ones((camera.height, camera.width)), 0
+    for i in np.argsort(in_camera[:, 2, 2].astype(np.float32), kind="stable"):
+        x0, y0, x1, y1 = box[i]
+        x, y = np.arange(x0, x1) + 0.5, np.arange(y0, y1)[:, None] + 0.5
+        alpha = opacity[i] * np.exp(-0.5 * _squared_distance(pixel_from_disc[i], middle[i], x, y))
+        before = transmittance[y0:y1, x0:x1]
+        after = before * (1.0 - np.minimum(alpha, ALPHA_CAP))
+        touched, goes_on = (alpha >= THRESHOLD) & (before > 0), after > END
+        before[touched] = np.where(goes_on, after, 0.0)[touched]
+        pairs += np.count_nonzero(touched & goes_on)
+    return pairs
 
 
 def _as_double(tensor: torch.Tensor) -> Float[np.ndarray, "n *c"]:
@@ -72,32 +80,14 @@ def _boxes(
     return np.concatenate([np.floor(low).clip(0, size), np.ceil(high).clip(0, size)], axis=1).astype(np.int64)
 
 
-@numba.njit(cache=True)
-def _count(order, pixel_from_disc, middle, box, opacity, width, height):
-    """Composite front to back with the kernels' end conditions; the transmittance of an ended pixel is set to 0."""
-    transmittance = np.ones((height, width))
-    pairs = 0
-    for i in order:
-        for y in range(box[i, 1], box[i, 3]):
-            for x in range(box[i, 0], box[i, 2]):
-                before = transmittance[y, x]
-                alpha = opacity[i] * np.exp(-0.5 * _squared_distance(pixel_from_disc[i], middle[i], x + 0.5, y + 0.5))
-                if alpha < THRESHOLD or before == 0.0:
-                    continue
-                after = before * (1.0 - min(alpha, ALPHA_CAP))
-                transmittance[y, x] = after if after > END else 0.0
-                pairs += after > END
-    return pairs
-
-
-@numba.njit(cache=True)
-def _squared_distance(m, middle, x, y):
-    """Squared distance of a pixel from a surfel in standard deviations: the smaller of disc and low-pass filter."""
+def _squared_distance(
+    m: Float[np.ndarray, "3 3"], middle: Float[np.ndarray, "2"], x: Float[np.ndarray, "w"], y: Float[np.ndarray, "h 1"]
+) -> Float[np.ndarray, "h w"]:
+    """Squared distance of pixels from a surfel in standard deviations: the smaller of disc and low-pass filter."""
     # Planes through the pixel's column and row, pulled back to the disc; they meet in (s, t, 1) times a factor.
-    a0, a1, a2 = x * m[2, 0] - m[0, 0], x * m[2, 1] - m[0, 1], x * m[2, 2] - m[0, 2]
-    b0, b1, b2 = y * m[2, 0] - m[1, 0], y * m[2, 1] - m[1, 1], y * m[2, 2] - m[1, 2]
+    a0, a1, a2 = (x * m[2, k] - m[0, k] for k in range(3))
+    b0, b1, b2 = (y * m[2, k] - m[1, k] for k in range(3))
     s, t, factor = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
     in_image = 2.0 * ((x - middle[0]) ** 2 + (y - middle[1]) ** 2)
-    if factor == 0.0:
-        return in_image
-    return min((s * s + t * t) / (factor * factor), in_image)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.fmin((s * s + t * t) / (factor * factor), in_image)

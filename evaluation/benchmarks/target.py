@@ -27,11 +27,12 @@ from carigs.light.fitting import relight
 from carigs.raster import visible
 from carigs.settings import DEFAULT_MASK_FLAGS, Exaggerate, Gtstar, Toy
 from carigs.toy import load_subject, render_subject, write_capture
-from evaluation.benchmarks.measurement import Measurement, write_measurements
+from evaluation.benchmarks.measurement import Measurement
 from evaluation.benchmarks.plots import plot_target
 from evaluation.benchmarks.timing import cpu_seconds, median_time
 from evaluation.command_line import csv_parser, run
 from evaluation.metrics.regions import surface_regions
+from evaluation.tables.csv_files import stream_csv
 
 SIZE = (550, 802)
 FRAMES = 6
@@ -157,7 +158,7 @@ def benchmark(file: Path, folder: Path | None = None, toy: Toy | None = None, re
             _write_subject(folder, toy or Toy(steps_per_sequence=1))
         subject, path = Capture.load(folder / "capture.json"), GammaPath.load(folder / "path.npz")
         measurements = [*measure_warp(subject, path, repeats), *measure_relighting(subject, path)]
-    write_measurements(file, measurements)
+    stream_csv(file, measurements, Measurement)
     plot_target(file.with_suffix(".png"), measurements)
 
 

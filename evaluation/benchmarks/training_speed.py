@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
-from unittest.mock import patch
 
 from carigs.settings import Density, Train
 from carigs.simd.threads import use_threads
@@ -17,8 +15,9 @@ from carigs.splat.avatar import Avatar
 from carigs.splat.render import render
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.surfels import Surfels
-from carigs.splat.training import trainer
+from carigs.splat.training.checkpoint import State
 from carigs.splat.training.supervision import Supervision
+from carigs.splat.training.trainer import train_surfels
 from evaluation.benchmarks.kernel_timing import num_threads
 from evaluation.benchmarks.measurement import Measurement
 from evaluation.benchmarks.surfel_pixel_pairs import contributing_pairs
@@ -47,33 +46,24 @@ VARIANTS = {
 }
 
 
-class StepClock:
-    """Takes the place of the trainer's progress bar: times each step, and alternates between 1 and 2 threads.
+class StepTimer:
+    """Observer of a training that times each step, and alternates between 1 and 2 threads.
 
     The result of a training does not depend on the number of threads, so one run serves both.
     """
 
     def __init__(self) -> None:
-        self.count, self.started = 1, 0.0
+        self.count, self.started = 1, wall_seconds()
         self.times: dict[int, list[float]] = {1: [], 2: []}
 
-    @contextmanager
-    def progress(self, *_: object) -> Iterator[Callable[..., None]]:
-        """Take the place of `carigs.splat.training.progress.progress`.
+    def __call__(self, state: State) -> None:
+        """Take the time of a step; change the number of threads after `BLOCK` steps.
 
         Args:
-            _: Arguments of the progress bar, which are not used.
-
-        Yields:
-            Function to report a step to.
+            state: State of the training after the step.
         """
-        with num_threads(self.count):
-            self.started = wall_seconds()
-            yield self._report
-
-    def _report(self, done: int, **_: float) -> None:
         self.times[self.count].append(wall_seconds() - self.started)
-        if done % BLOCK == 0:
+        if state.iteration % BLOCK == 0:
             self.count = 3 - self.count
             use_threads(self.count)
         self.started = wall_seconds()
@@ -118,13 +108,13 @@ def measure_training(subdivisions: int, width: int, height: int, turns: int) -> 
                 yield Measurement(case, "training step", "1/s", 1 / fast.seconds(count), reference)
 
 
-def _steps(settings: Train, sequence: HeadSequence, supervision: Supervision, turns: int) -> tuple[Surfels, StepClock]:
+def _steps(settings: Train, sequence: HeadSequence, supervision: Supervision, turns: int) -> tuple[Surfels, StepTimer]:
     """Time the steps of a training."""
-    clock = StepClock()
+    timer = StepTimer()
     settings = replace(settings, iterations=2 * turns * BLOCK)
-    with patch.object(trainer, "progress", clock.progress):
-        surfels, _ = trainer.train_surfels(settings, sequence, supervision, supervision.capture.root / "checkpoint")
-    return surfels, clock
+    with num_threads(1):
+        surfels, _ = train_surfels(settings, sequence, supervision, supervision.capture.root / "checkpoint", timer)
+    return surfels, timer
 
 
 def _measure_rendering(

@@ -11,7 +11,6 @@ from jaxtyping import Float
 
 from carigs.exaggeration import GammaPath
 from evaluation.figures.png_figure import png_figure
-from evaluation.tables.csv_files import write_csv
 
 STYLES = {
     "blend_largest": ("linear blend, largest", "C0-"),
@@ -58,16 +57,6 @@ def blend_errors(path: GammaPath, exact: Callable[[float], Float[np.ndarray, "v 
             numbers += [float(distance.max()), float(np.sqrt((distance**2).mean()))]
         errors.append(BlendError(float(level), *numbers))
     return errors
-
-
-def write_blend_errors(file: Path, errors: Sequence[BlendError]) -> None:
-    """Write the curves as CSV.
-
-    Args:
-        file: File to write.
-        errors: Errors at each level.
-    """
-    write_csv(file, BlendError._fields, errors)
 
 
 def plot_blend_errors(file: Path, errors: Sequence[BlendError]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,7 +17,6 @@ from carigs.head import neutral, pose
 from carigs.settings import Gtstar
 from evaluation.figures.png_figure import png_figure
 from evaluation.metrics.regions import image_regions, surface_regions
-from evaluation.tables.csv_files import write_csv
 
 REGIONS = ("face", "eyes", "brow", "neck_ear", "hair", "skin")
 ERROR_THRESHOLD = 0.15
@@ -85,16 +84,6 @@ def misregistrations(
                 wrong = pixels[0] > ERROR_THRESHOLD
                 marked = float(pixels[1][wrong].mean()) if wrong.any() else 1.0
                 yield Misregistration(level, region, float(pixels[0].mean()), float(wrong.mean()), marked)
-
-
-def write_misregistrations(file: Path, records: Iterable[Misregistration]) -> None:
-    """Write the records as CSV.
-
-    Args:
-        file: File to write.
-        records: Errors by level and region.
-    """
-    write_csv(file, Misregistration._fields, records)
 
 
 def plot_misregistrations(file: Path, records: Sequence[Misregistration]) -> None:

@@ -23,13 +23,7 @@ PROTOCOLS = ("test", "val")
 
 
 def truth_records(
-    point: StudyPoint,
-    rendered: list[Rendered],
-    truths: Truths,
-    subject: Capture,
-    caricature: Caricature,
-    *,
-    band: int,
+    point: StudyPoint, rendered: list[Rendered], truths: Truths, subject: Capture, caricature: Caricature, *, band: int
 ) -> Iterator[MetricRecord]:
     """Compare every `test` and `val` frame with its true image.
 

@@ -21,7 +21,7 @@ from carigs.head import HeadModel
 from carigs.mesh.triangle_mesh import diagonal, face_normals
 from carigs.settings import Exaggerate
 from evaluation.benchmarks.surface import read_heads
-from evaluation.benchmarks.surface_accuracy import GAMMA, measure_lid_closure, random_person
+from evaluation.benchmarks.surface_accuracy import GAMMA, measure_lid_closure, path_error, random_person
 from evaluation.command_line import csv_parser, run
 from evaluation.tables.csv_files import stream_csv
 
@@ -38,10 +38,22 @@ class Check(NamedTuple):
     value: float
     bar: float
 
-    @property
-    def holds(self) -> bool:
-        """Whether it does not; False for nan, too."""
-        return self.value <= self.bar
+    holds: bool
+
+
+def check(case: str, what: str, value: float, bar: float) -> Check:
+    """Compare a number with its bound.
+
+    Args:
+        case: Name of the head.
+        what: Name of the invariant.
+        value: The number.
+        bar: Its bound.
+
+    Returns:
+        The check; it does not hold for nan.
+    """
+    return Check(case, what, value, bar, bool(value <= bar))
 
 
 def shape_checks(case: str, solver: Exaggerator) -> Iterator[Check]:
@@ -56,22 +68,19 @@ def shape_checks(case: str, solver: Exaggerator) -> Iterator[Check]:
     """
     vertices, faces, extent = solver.vertices, solver.faces, diagonal(solver.vertices)
     moved = vertices + solver.solve(GAMMA)
-    yield Check(case, "level 0: largest displacement", float(np.abs(solver.solve(0.0)).max()), 0.0)
+    yield check(case, "level 0: largest displacement", float(np.abs(solver.solve(0.0)).max()), 0.0)
     turned = (face_normals(vertices, faces) * face_normals(moved, faces)).sum(axis=1) <= 0
-    yield Check(case, "faces turned by 90 degrees or more", float(turned.sum()), 0.0)
+    yield check(case, "faces turned by 90 degrees or more", float(turned.sum()), 0.0)
     skin = faces[solver.solved[faces].all(axis=1)]
     new = intersecting_faces(moved, skin) - intersecting_faces(vertices, skin)
-    yield Check(case, "faces that newly cut another, share", len(new) / len(skin), 1e-3)
+    yield check(case, "faces that newly cut another, share", len(new) / len(skin), 1e-3)
     depths = zip(penetration_depths(vertices, solver), penetration_depths(moved, solver), strict=True)
     for k, (before, after) in enumerate(depths, start=1):
-        yield Check(case, f"eyeball part {k}: deeper in the skin than before, radii", after - before, 0.03)
+        yield check(case, f"eyeball part {k}: deeper in the skin than before, radii", after - before, 0.03)
     path, levels = solver.path(GAMMA), np.linspace(0, GAMMA, 26)
-    errors = [
-        np.linalg.norm(path.displacement(float(level)) - exact, axis=1).max()
-        for level, exact in zip(levels, solver.solve_many(levels), strict=True)
-    ]
-    yield Check(case, "largest error of the path, diagonals", float(max(errors) / extent), 1e-4)
-    yield Check(case, "level 0 of the path: largest displacement", float(np.abs(path.displacement(0.0)).max()), 0.0)
+    error = path_error(path, levels, solver.solve_many(levels)) / extent
+    yield check(case, "largest error of the path, diagonals", error, 1e-4)
+    yield check(case, "level 0 of the path: largest displacement", float(np.abs(path.displacement(0.0)).max()), 0.0)
 
 
 def intersecting_faces(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> set[int]:
@@ -140,14 +149,11 @@ def invariance_checks(
         ("vertices and faces in another order", (vertices[order], shuffled), lambda moved: moved[np.argsort(order)]),
     ):
         change = np.abs(back(Exaggerator(*mesh).solve(GAMMA)) - expected).max() / extent
-        yield Check(case, f"{what}: change, diagonals", float(change), bar)
+        yield check(case, f"{what}: change, diagonals", float(change), bar)
 
 
 def region_checks(
-    case: str,
-    vertices: Float[np.ndarray, "v 3"],
-    faces: Int[np.ndarray, "f 3"],
-    region: Int[np.ndarray, " r"],
+    case: str, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], region: Int[np.ndarray, " r"]
 ) -> Iterator[Check]:
     """Check a local edit: vertices beyond its ramp stay, and normals do not jump at the border of the ramp.
 
@@ -166,11 +172,11 @@ def region_checks(
         edit = Exaggerator(vertices, faces, Exaggerate(region_constraint=mode)).local(region)
         displacement = edit.solve(GAMMA)
         beyond = np.linalg.norm(displacement, axis=1)[edit.field == 0].max() / diagonal(vertices)
-        yield Check(f"{case}, {mode}", "moved beyond the ramp, diagonals", float(beyond), outside)
+        yield check(f"{case}, {mode}", "moved beyond the ramp, diagonals", float(beyond), outside)
         border = (sides >= 0).all(axis=1) & ((edit.field[edges] > 0).sum(axis=1) == 1)
         before, after = (dihedral_angles(v, faces, sides[border]) for v in (vertices, vertices + displacement))
         jump = np.abs(after - before)
-        yield Check(f"{case}, {mode}", "jump of normals at the border, 95 %, degrees", np.percentile(jump, 95), 3.0)
+        yield check(f"{case}, {mode}", "jump of normals at the border, 95 %, degrees", np.percentile(jump, 95), 3.0)
 
 
 def dihedral_angles(
@@ -212,7 +218,7 @@ def checks(heads: dict[str, tuple[np.ndarray, np.ndarray]], model: HeadModel | N
     yield from region_checks("the nose of the model's mean head", model.v_template, model.faces, model.regions["nose"])
     for closure in measure_lid_closure(model, people, ["robust"], ["mixed"]):
         deviation = abs(closure.value / closure.reference - 1)
-        yield Check(closure.case, "closure of the lids under a blink, from the natural one", deviation, 0.15)
+        yield check(closure.case, "closure of the lids under a blink, from the natural one", deviation, 0.15)
 
 
 def main() -> bool:
@@ -227,20 +233,14 @@ def main() -> bool:
     parser.add_argument("--people", type=int, default=PEOPLE, help="number of random people (default %(default)s)")
     arguments = parser.parse_args()
     model = HeadModel.load(arguments.head_model) if arguments.head_model else None
-    done: list[Check] = []
-
-    def lines() -> Iterator[tuple]:
-        for check in checks(read_heads(arguments.meshes), model, arguments.people):
-            done.append(check)
-            yield (*check, check.holds)
-
-    stream_csv(arguments.rows, [*Check._fields, "holds"], lines(), digits=3)
+    heads = read_heads(arguments.meshes)
+    results = stream_csv(arguments.rows, checks(heads, model, arguments.people), Check, digits=3)
     worst: dict[str, Check] = {}
-    for check in done:
-        worst[check.what] = max(worst.get(check.what, check), check, key=lambda c: c.value)
-    for what, check in worst.items():
-        print(f"{what}: at most {check.value:.3g} ({check.case}), bar {check.bar:g}")
-    failed = [check for check in done if not check.holds]
+    for result in results:
+        worst[result.what] = max(worst.get(result.what, result), result, key=lambda c: c.value)
+    for what, result in worst.items():
+        print(f"{what}: at most {result.value:.3g} ({result.case}), bar {result.bar:g}")
+    failed = [result for result in results if not result.holds]
     print(f"{len(failed)} do not hold" + "".join(f"\n  {c.case}: {c.what}: {c.value:.3g}" for c in failed))
     return bool(failed)
 

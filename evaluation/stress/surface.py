@@ -6,7 +6,7 @@ Example:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -184,16 +184,6 @@ CASES = (
 )  # fmt: skip
 
 
-def write_outcomes(file: Path, results: Sequence[Outcome]) -> None:
-    """Write the results as CSV.
-
-    Args:
-        file: File to write.
-        results: Results of the cases.
-    """
-    write_csv(file, Outcome._fields, results, digits=2)
-
-
 def sound_mesh() -> Mesh:
     """Bumpy ball with an opening below, used where no head is given.
 
@@ -219,7 +209,7 @@ def main() -> bool:
     arguments = parser.parse_args()
     vertices, faces = read_heads([arguments.mesh])[arguments.mesh.stem] if arguments.mesh else sound_mesh()
     results = list(outcomes(vertices, faces))
-    write_outcomes(arguments.rows, results)
+    write_csv(arguments.rows, results, Outcome, digits=2)
     failed = [result.case for result in results if not result.holds]
     print(f"{len(results)} cases, {len(failed)} do not hold" + "".join(f"\n  {name}" for name in failed))
     return bool(failed)

@@ -7,38 +7,38 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TypeVar
 
 from carigs.files import writing
 
-Record = TypeVar("Record", bound=Sequence)
+Record = TypeVar("Record", bound=tuple)
 
 
-def write_csv(file: Path, columns: Sequence[str], records: Iterable[Sequence], *, digits: int = 6) -> None:
+def write_csv(file: Path, records: Iterable[Record], record_type: type[Record], *, digits: int = 6) -> None:
     """Write records to a CSV file, which appears only once it is complete.
 
     Args:
         file: File to write.
-        columns: Column names of the first line.
-        records: One sequence of cells per line.
+        records: Named tuples, one per line.
+        record_type: Their type; its fields are the columns.
         digits: Significant digits of floats.
     """
     with writing(file) as part:
-        for _ in _written(part, columns, records, digits):
+        for _ in _written(part, records, record_type, digits):
             pass
 
 
-def stream_csv(file: Path, columns: Sequence[str], records: Iterable[Record], *, digits: int = 6) -> list[Record]:
+def stream_csv(file: Path, records: Iterable[Record], record_type: type[Record], *, digits: int = 6) -> list[Record]:
     """Write records to a CSV file as they are produced.
 
     The lines go to `.NAME.part.csv`, renamed when all are written. A killed run leaves that file with its results.
 
     Args:
         file: File to write.
-        columns: Column names of the first line.
-        records: One sequence of cells per line.
+        records: Named tuples, one per line.
+        record_type: Their type; its fields are the columns.
         digits: Significant digits of floats.
 
     Returns:
@@ -46,15 +46,15 @@ def stream_csv(file: Path, columns: Sequence[str], records: Iterable[Record], *,
     """
     part = file.with_name(f".{file.stem}.part{file.suffix}")
     file.parent.mkdir(parents=True, exist_ok=True)
-    complete = list(_written(part, columns, records, digits))
+    complete = list(_written(part, records, record_type, digits))
     os.replace(part, file)
     return complete
 
 
-def _written(file: Path, columns: Sequence[str], records: Iterable[Record], digits: int) -> Iterable[Record]:
+def _written(file: Path, records: Iterable[Record], record_type: type[Record], digits: int) -> Iterable[Record]:
     with file.open("w", newline="", encoding="utf-8", buffering=1) as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(columns)
+        writer.writerow(record_type._fields)
         for record in records:
             # The writer leaves cells of None empty.
             writer.writerow([f"{cell:.{digits}g}" if isinstance(cell, float) else cell for cell in record])

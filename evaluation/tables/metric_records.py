@@ -78,4 +78,4 @@ def write_metrics(file: Path, records: Iterable[MetricRecord]) -> None:
         file: File to write; `evaluation.tables.summary.read_metrics` reads it.
         records: Records of one study point.
     """
-    write_csv(file, MetricRecord._fields, records, digits=9)
+    write_csv(file, records, MetricRecord, digits=9)

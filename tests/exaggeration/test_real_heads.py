@@ -14,7 +14,7 @@ from evaluation.benchmarks.surface import read_heads
 from evaluation.benchmarks.surface_accuracy import random_person
 from evaluation.stress import heads
 from evaluation.stress.heads import (
-    Check,
+    check,
     dihedral_angles,
     intersecting_faces,
     invariance_checks,
@@ -112,6 +112,6 @@ def test_bends_are_the_angles_between_faces(angle):
 
 
 def test_what_is_no_number_does_not_hold():
-    assert not Check("a", "b", float("nan"), 1.0).holds
-    assert not Check("a", "b", 1.1, 1.0).holds
-    assert Check("a", "b", 1.0, 1.0).holds
+    assert not check("a", "b", float("nan"), 1.0).holds
+    assert not check("a", "b", 1.1, 1.0).holds
+    assert check("a", "b", 1.0, 1.0).holds

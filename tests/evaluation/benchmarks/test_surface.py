@@ -10,7 +10,7 @@ from carigs.errors import InputError
 from carigs.exaggeration import Exaggerator
 from carigs.settings import Exaggerate
 from evaluation.benchmarks import surface_solvers
-from evaluation.benchmarks.measurement import Measurement, write_measurements
+from evaluation.benchmarks.measurement import Measurement
 from evaluation.benchmarks.plots import plot_surface
 from evaluation.benchmarks.surface import measure_set_up, read_heads
 from evaluation.benchmarks.surface_accuracy import (
@@ -19,6 +19,7 @@ from evaluation.benchmarks.surface_accuracy import (
     measure_paths,
     measure_sphere_law,
 )
+from evaluation.tables.csv_files import stream_csv
 
 TORUS = trimesh.creation.torus(1.0, 0.4, major_sections=24, minor_sections=12)
 MESH = np.asarray(TORUS.vertices), np.asarray(TORUS.faces)
@@ -77,9 +78,8 @@ def test_times_and_their_plot(tmp_path, monkeypatch):
 
 
 def test_records_as_csv(tmp_path):
-    write_measurements(
-        tmp_path / "rows.csv", [Measurement("a, b", "time", "s", 1 / 3), Measurement("c", "d", "1", 2, 4)]
-    )
+    records = [Measurement("a, b", "time", "s", 1 / 3), Measurement("c", "d", "1", 2, 4)]
+    stream_csv(tmp_path / "rows.csv", records, Measurement)
     with (tmp_path / "rows.csv").open(newline="") as stream:
         assert list(csv.reader(stream)) == [
             ["case", "quantity", "unit", "value", "reference"],
@@ -95,10 +95,10 @@ def test_a_run_that_ends_early_leaves_its_records(tmp_path):
 
     file = tmp_path / "folder" / "rows.csv"
     with pytest.raises(KeyboardInterrupt):
-        write_measurements(file, records())
+        stream_csv(file, records(), Measurement)
     assert not file.exists()
     assert (file.parent / ".rows.part.csv").read_text().splitlines()[1:] == ["a,time,s,1,"]
-    write_measurements(file, [])
+    stream_csv(file, [], Measurement)
     assert [left.name for left in file.parent.iterdir()] == ["rows.csv"]
 
 

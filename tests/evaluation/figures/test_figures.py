@@ -16,9 +16,10 @@ from carigs.exaggeration import Exaggerator, GammaPath, straight_path
 from carigs.head import neutral
 from carigs.settings import DEFAULT_MASK_FLAGS, Exaggerate, Figures, Gtstar
 from carigs.stages.figures import figures
-from evaluation.figures.blend_error import blend_errors, write_blend_errors
+from evaluation.figures.blend_error import BlendError, blend_errors
 from evaluation.figures.misregistration import REGIONS, misregistrations
 from evaluation.figures.sheet import write_sheet
+from evaluation.tables.csv_files import write_csv
 
 
 def test_every_image_of_a_sheet_is_in_its_row_and_column(tmp_path):
@@ -72,7 +73,7 @@ def test_the_blend_error_does_not_depend_on_the_unit(quadratic):
 
 def test_blend_errors_are_written_as_numbers(quadratic, tmp_path):
     errors = blend_errors(*quadratic[::2], 5)
-    write_blend_errors(tmp_path / "e.csv", errors)
+    write_csv(tmp_path / "e.csv", errors, BlendError)
     with (tmp_path / "e.csv").open() as stream:
         lines = list(csv.DictReader(stream))
     np.testing.assert_allclose([float(line["blend_rms"]) for line in lines], [e.blend_rms for e in errors], rtol=1e-5)
