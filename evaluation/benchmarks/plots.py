@@ -8,13 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from evaluation.benchmarks.measurement import Measurement
 from evaluation.figures.png_figure import png_figure
 
-CARIGS, SCALAR = "tab:blue", "0.6"
+COLOURS = {"plain loops": "0.6", "carigs": "tab:blue"}
 SCALING = re.compile(
     r"(?P<surfels>\d+) surfels, (?P<height>\d+)x(?P<width>\d+), (?P<threads>\d) threads?; forward and backward"
 )
@@ -98,7 +97,7 @@ def plot_target(file: Path, measurements: Sequence[Measurement]) -> None:
                 axes.plot(
                     value["visibility, warp and masks"], value["99th percentile of the error"],
                     "os^"[int(option["samples"]).bit_length() - 1],
-                    color=CARIGS if option["warp"] == "perspective" else SCALAR,
+                    color="tab:blue" if option["warp"] == "perspective" else "0.6",
                     fillstyle="full" if option["footprint"] == "on" else "none", label=case,
                 )  # fmt: skip
         axes.set(
@@ -129,27 +128,20 @@ def plot_quality(file: Path, evaluations: pd.DataFrame) -> None:
 
 
 def _draw_kernels(axes: Any, measurements: Sequence[Measurement]) -> None:
-    place = np.arange(len(measurements))
-    for shift, label, colour, values in (
-        (-0.2, "plain loops", SCALAR, [m.reference for m in measurements]),
-        (0.2, "carigs", CARIGS, [m.value for m in measurements]),
-    ):
-        bars = axes.bar(place + shift, values, 0.4, color=colour, label=label)
-        axes.bar_label(bars, [f"{value:.3g}" for value in values], fontsize=8)
-    axes.set_xticks(place, [m.quantity.replace(" ", "\n") for m in measurements])
-    axes.set_ylabel("CPU ms, 1 thread")
+    times = {"plain loops": [m.reference for m in measurements], "carigs": [m.value for m in measurements]}
+    table = pd.DataFrame(times, index=[m.quantity.replace(" ", "\n") for m in measurements])
+    table.plot.bar(ax=axes, color=COLOURS, rot=0, width=0.8, ylabel="CPU ms, 1 thread")
+    for bars in axes.containers:
+        axes.bar_label(bars, fmt="%.3g", fontsize=8)
     axes.set_title(measurements[0].case, fontsize=10)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(frameon=False)
 
 
 def _draw_scaling(axes: Any, x: str, scaling: pd.DataFrame) -> None:
     for threads, style in ((1, "o-"), (2, "s--")):
-        shown = scaling[scaling["threads"] == threads]
-        for name, colour in (("plain loops", SCALAR), ("carigs", CARIGS)):
-            label = f"{name}, {threads} thread{'s' * (threads > 1)}"
-            axes.plot(shown[x], shown[name], style, color=colour, label=label)
-    axes.set(xscale="log", yscale="log", xlabel=x, ylabel="wall ms")
+        shown = scaling[scaling["threads"] == threads].set_index(x)[list(COLOURS)]
+        shown.add_suffix(f", {threads} thread{'s' * (threads > 1)}").plot(
+            ax=axes, style=style, color=list(COLOURS.values()), loglog=True, ylabel="wall ms"
+        )
     axes.grid(alpha=0.3, which="both")
     axes.legend(fontsize=8)
 
@@ -181,7 +173,7 @@ def _draw_lids(axes: Any, measurements: Sequence[Measurement]) -> None:
     for m in measurements:
         closures[m.case.split(", ")[1], m.quantity.split(", ")[1]].append(m.value / m.reference)
     for place, kind in enumerate(sorted(closures, reverse=True)):
-        axes.plot([place] * len(closures[kind]), closures[kind], "o", alpha=0.4, color=CARIGS)
+        axes.plot([place] * len(closures[kind]), closures[kind], "o", alpha=0.4, color="tab:blue")
     axes.axhspan(0.85, 1.15, color="tab:green", alpha=0.15)
     axes.axhline(1, color="k", linewidth=0.6)
     axes.set_xticks(range(len(closures)), ["\n".join(kind) for kind in sorted(closures, reverse=True)], fontsize=8)

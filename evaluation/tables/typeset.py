@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,71 +25,20 @@ COLUMNS = {
 NOVEL_VIEW = {"PSNR": ("val", "psnr"), "SSIM": ("val", "ssim")}
 
 
-@dataclass(frozen=True)
-class Table:
-    """A table of texts; the first cell of each line names it."""
-
-    title: str
-    header: list[str]
-    body: list[list[str]]
-
-
 @dataclass
 class Document:
-    """Tables, and the reasons for their missing values as notes (a), (b), ..."""
+    """Comparison tables with an explanation and notes."""
 
-    settings: Tabulate
-    tables: list[Table] = field(default_factory=list)
+    explanation: str
+    tables: list[tuple[str, list[list[str]]]] = field(default_factory=list)
+    """Title and cells of each table; the first line is the header, the first cell of each line its name."""
     reasons: list[str] = field(default_factory=list)
-
-    @property
-    def explanation(self) -> str:
-        """Description of the numbers."""
-        return (
-            f"Means over frames with {self.settings.confidence:.0%} bootstrap intervals (percentile, "
-            f"{self.settings.resamples} resamples; subjects, timesteps and cameras resampled). PSNR in dB. "
-            "n: number of frames. Higher is better."
-        )
+    """Reasons for missing values: notes (a), (b), ..."""
 
     @property
     def notes(self) -> list[str]:
         """Reasons with their letters."""
         return [f"({_letter(i)}) {reason}" for i, reason in enumerate(self.reasons)]
-
-    def add(
-        self, title: str, lines: Sequence[str], columns: Mapping[str, tuple], summaries: pd.DataFrame, keys: list[str]
-    ) -> None:
-        """Append a table.
-
-        Args:
-            title: Its title.
-            lines: Names of its lines.
-            columns: Names of its columns, each with the rest of the key of its cells.
-            summaries: Means and intervals, with the columns `evaluation.tables.summary.SUMMARY`.
-            keys: Columns of `summaries` that make the key of a cell: the one of the line first.
-        """
-        cells: dict[Hashable, Any] = dict(
-            zip(zip(*(summaries[key] for key in keys), strict=True), summaries.itertuples(), strict=True)
-        )
-        header = [""]
-        for name, key in columns.items():
-            counts = sorted({cell.n for line in lines if (cell := cells.get((line, *key))) and cell.n})
-            ends = dict.fromkeys((*counts[:1], *counts[-1:]))
-            header.append(f"{name} (n={'-'.join(map(str, ends))})" if counts else name)
-        body = [[line, *(self._text(cells.get((line, *key))) for key in columns.values())] for line in lines]
-        self.tables.append(Table(title, header, body))
-
-    def _text(self, cell: Any) -> str:
-        if cell is None:
-            return NO_VALUE
-        if pd.isna(cell.mean):
-            if cell.reason not in self.reasons:
-                self.reasons.append(cell.reason)
-            return f"{NO_VALUE} ({_letter(self.reasons.index(cell.reason))})"
-        digits = self.settings.digits if cell.metric == "psnr" else self.settings.digits + 2
-        pattern = f"{{:{'+' if cell.minus else ''}.{digits}f}}"
-        ends = "" if pd.isna(cell.low) else f" [{pattern}, {pattern}]".format(cell.low, cell.high)
-        return pattern.format(cell.mean) + ends
 
 
 def comparison_tables(summaries: pd.DataFrame, settings: Tabulate) -> Document:
@@ -105,20 +54,45 @@ def comparison_tables(summaries: pd.DataFrame, settings: Tabulate) -> Document:
     Returns:
         The tables and notes.
     """
-    document = Document(settings)
+    document = Document(
+        f"Means over frames with {settings.confidence:.0%} bootstrap intervals (percentile, {settings.resamples} "
+        "resamples; subjects, timesteps and cameras resampled). PSNR in dB. n: number of frames. Higher is better."
+    )
+
+    def add(title: str, lines: Sequence[str], columns: Mapping[str, tuple], subset: pd.DataFrame, *keys: str) -> None:
+        """Append a table; `keys` are the columns of `subset` that identify a cell: first its line, then its column."""
+        cells = {tuple(getattr(s, key) for key in keys): s for s in subset.itertuples()}
+        header = [""]
+        for name, key in columns.items():
+            counts = sorted({cell.n for line in lines if (cell := cells.get((line, *key))) and cell.n})
+            ends = dict.fromkeys((*counts[:1], *counts[-1:]))
+            header.append(f"{name} (n={'-'.join(map(str, ends))})" if counts else name)
+        body = [[line, *(_text(cells.get((line, *key)), document.reasons, settings.digits) for key in columns.values())]
+                for line in lines]  # fmt: skip
+        document.tables.append((title, [header, *body]))
+
     for (study, gamma), here in summaries.groupby(["study", "gamma"]):
         title = f"{study}, trained for gamma {gamma:g}"
         for level, means in here[here["minus"] == ""].groupby("level"):
-            variants, whole = sorted(set(means["variant"])), means[means["region"] == "full"]
-            keys = ["variant", "protocol", "metric"]
-            document.add(f"{title}, level {level:g}", variants, COLUMNS, whole, keys)
+            at_level, variants, whole = (
+                f"{title}, level {level:g}",
+                sorted(set(means["variant"])),
+                means["region"] == "full",
+            )
+            add(at_level, variants, COLUMNS, means[whole], "variant", "protocol", "metric")
             if (means["protocol"] == "val").any():
-                document.add(f"{title}, level {level:g}, novel view", variants, NOVEL_VIEW, whole, keys)
+                add(f"{at_level}, novel view", variants, NOVEL_VIEW, means[whole], "variant", "protocol", "metric")
         psnr = here[(here["metric"] == "psnr") & (here["protocol"] == "test")]
         level = psnr["level"][psnr["mean"].notna()].max()
-        if pd.notna(level):
-            title = f"{title}, level {level:g}: PSNR by region"
-            _add_regions(document, title, psnr[psnr["level"] == level], settings.reference)
+        if pd.isna(level):
+            continue
+        psnr, title = psnr[psnr["level"] == level], f"{title}, level {level:g}: PSNR by region"
+        columns = {variant: (variant, "") for variant in sorted(set(psnr["variant"]))}
+        add(title, REGIONS, columns, psnr, "region", "variant", "minus")
+        columns = {f"minus {name}": (settings.reference, name) for name in sorted(set(psnr["minus"]) - {""})}
+        if columns:
+            title += f", {settings.reference} minus the others, paired by frame"
+            add(title, REGIONS, columns, psnr, "region", "variant", "minus")
     return document
 
 
@@ -132,10 +106,10 @@ def to_markdown(document: Document) -> str:
         The text.
     """
     parts = [document.explanation + "\n"]
-    for table in document.tables:
-        lines = [table.header, ["---"] * len(table.header), *table.body]
-        body = "\n".join("| " + " | ".join(cell.replace("|", "/") for cell in line) + " |" for line in lines)
-        parts.append(f"### {table.title}\n\n{body}\n")
+    for title, (header, *body) in document.tables:
+        lines = [header, ["---"] * len(header), *body]
+        text = "\n".join("| " + " | ".join(cell.replace("|", "/") for cell in line) + " |" for line in lines)
+        parts.append(f"### {title}\n\n{text}\n")
     parts += [f"{note}\n" for note in document.notes]
     return "\n".join(parts)
 
@@ -150,13 +124,13 @@ def to_latex(document: Document) -> str:
         The text.
     """
     parts = [f"{_escape(document.explanation)}\n"]
-    for table in document.tables:
-        header, *body = [" & ".join(_escape(cell) for cell in line) + r" \\" for line in (table.header, *table.body)]
+    for title, cells in document.tables:
+        header, *body = [" & ".join(_escape(cell) for cell in line) + r" \\" for line in cells]
         lines = [
             r"\begin{table}",
             r"\centering\small",
-            rf"\caption{{{_escape(table.title)}}}",
-            rf"\begin{{tabular}}{{l{'c' * (len(table.header) - 1)}}}",
+            rf"\caption{{{_escape(title)}}}",
+            rf"\begin{{tabular}}{{l{'c' * (len(cells[0]) - 1)}}}",
             *(r"\toprule", header, r"\midrule", *body, r"\bottomrule"),
             r"\end{tabular}",
             r"\end{table}",
@@ -166,12 +140,17 @@ def to_latex(document: Document) -> str:
     return "\n".join(parts)
 
 
-def _add_regions(document: Document, title: str, psnr: pd.DataFrame, reference: str) -> None:
-    keys = ["region", "variant", "minus"]
-    document.add(title, REGIONS, {variant: (variant, "") for variant in sorted(set(psnr["variant"]))}, psnr, keys)
-    differences = {f"minus {variant}": (reference, variant) for variant in sorted(set(psnr["minus"]) - {""})}
-    if differences:
-        document.add(f"{title}, {reference} minus the others, paired by frame", REGIONS, differences, psnr, keys)
+def _text(cell: Any, reasons: list[str], digits: int) -> str:
+    """Text of a cell; a new reason for a missing value is appended to the reasons."""
+    if cell is None:
+        return NO_VALUE
+    if pd.isna(cell.mean):
+        if cell.reason not in reasons:
+            reasons.append(cell.reason)
+        return f"{NO_VALUE} ({_letter(reasons.index(cell.reason))})"
+    pattern = f"{{:{'+' if cell.minus else ''}.{digits if cell.metric == 'psnr' else digits + 2}f}}"
+    ends = "" if pd.isna(cell.low) else f" [{pattern}, {pattern}]".format(cell.low, cell.high)
+    return pattern.format(cell.mean) + ends
 
 
 def _letter(i: int) -> str:
