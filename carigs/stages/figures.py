@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from carigs.capture import Capture
 from carigs.capture.frame_index import read_rendered, read_truths
 from carigs.capture.images import read_rgb
-from carigs.config import load_settings
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration import GammaPath
 from carigs.files import writing_folder
 from carigs.head import exaggerator
 from carigs.head.teeth import without_teeth
-from carigs.settings import Exaggerate, Figures
+from carigs.settings import Exaggerate, Figures, Gtstar
 from evaluation.figures.blend_error import BlendError, blend_errors, plot_blend_errors
 from evaluation.figures.misregistration import Misregistration, misregistrations, plot_misregistrations
 from evaluation.figures.strips import ablation, gamma_strip
@@ -33,8 +33,8 @@ def figures(
     truth_levels: Sequence[float],
     capture: Path,
     path: Path,
-    gtstar_settings: Path,
-    train_settings: Path,
+    gtstar: Mapping[str, Any],
+    mask_flags: Sequence[str],
     folder: Path,
 ) -> None:
     """Write `gamma_strip_{variant}.png`, `ablation.png`, and .png and .csv of `blend_error` and `misregistration`.
@@ -51,8 +51,8 @@ def figures(
         truth_levels: Level of each of `truths`.
         capture: Index of the capture.
         path: Caricature path of the subject.
-        gtstar_settings: Settings file of the stage `gtstar`, for the targets of the misregistration.
-        train_settings: Settings file of the stage `train`, for the flags that their masks use.
+        gtstar: Settings of the stage `gtstar`, for the targets of the misregistration.
+        mask_flags: Flags whose pixels the training leaves out (`train.mask_flags`).
         folder: Folder to write.
 
     Raises:
@@ -63,7 +63,6 @@ def figures(
         raise SettingsError(
             f"figures.samples={settings.samples} must be at least 3, figures.height={settings.height} at least 1"
         )
-    gtstar, mask_flags = load_settings("gtstar", gtstar_settings), load_settings("train", train_settings).mask_flags
     subject, gamma_path = Capture.load(capture), GammaPath.load(path)
     frame = _strip_frame(settings, subject)
     known = {level: read_truths(file) for level, file in zip(truth_levels, truths, strict=True)}
@@ -81,7 +80,7 @@ def figures(
         ablation(part / "ablation.png", strips, shown, true_images, height=settings.height)
         _blend_error(part, without_teeth(gamma_path), subject, settings.samples)
         if any(level > 0 and truth.images for level, truth in known.items()):
-            records = list(misregistrations(subject, gamma_path, known, gtstar, mask_flags))
+            records = list(misregistrations(subject, gamma_path, known, Gtstar(**gtstar), mask_flags))
             write_csv(part / "misregistration.csv", records, Misregistration)
             plot_misregistrations(part / "misregistration.png", records)
         else:

@@ -28,7 +28,7 @@ def metrics(
     variant: str,
     gamma: float,
     level: float,
-    rows: Path,
+    records: Path,
 ) -> None:
     """Write metric records: one line per frame, region and metric.
 
@@ -44,7 +44,7 @@ def metrics(
         variant: Name of the variant.
         gamma: Level that the avatar is trained for.
         level: Level that is rendered.
-        rows: CSV file to write; a metric that cannot be computed has an empty value and a reason.
+        records: CSV file to write; a metric that cannot be computed has an empty value and a reason.
 
     Raises:
         SettingsError: A setting is out of range.
@@ -55,11 +55,11 @@ def metrics(
     point = StudyPoint(study, subject, variant, gamma, level)
     person, rendered, truths = Capture.load(capture), read_rendered(index, frames), read_truths(truth)
     caricature = GammaPath.load(path).at(level)
-    records = [
+    measured = [
         *truth_records(point, rendered, truths, person, caricature, band=settings.silhouette_band),
         *embedding_records(point, rendered, person, settings),
     ]
-    write_metrics(rows, records)
+    write_metrics(records, measured)
 
 
 def check_settings(settings: Metrics) -> None:

@@ -11,12 +11,12 @@ from evaluation.tables.summary import read_metrics, summarise
 from evaluation.tables.typeset import comparison_tables, to_latex, to_markdown
 
 
-def tabulate(settings: Tabulate, *, rows: list[Path], table: Path, markdown: Path, latex: Path) -> None:
+def tabulate(settings: Tabulate, *, records: list[Path], table: Path, markdown: Path, latex: Path) -> None:
     """Write the summary of a study as tidy CSV and as readable tables.
 
     Args:
         settings: Resampling, reference variant and number of digits.
-        rows: Metric records of all avatars and levels.
+        records: Metric records of all avatars and levels.
         table: CSV file to write: every mean and paired difference.
         markdown: Markdown file to write: the comparison tables.
         latex: LaTeX file to write: the same tables.
@@ -30,7 +30,7 @@ def tabulate(settings: Tabulate, *, rows: list[Path], table: Path, markdown: Pat
             f"tabulate.resamples={settings.resamples} must be positive, "
             f"tabulate.confidence={settings.confidence} must lie between 0 and 1"
         )
-    summaries = summarise(read_metrics(rows), settings)
+    summaries = summarise(read_metrics(records), settings)
     document = comparison_tables(summaries, settings)
     with writing(table) as part:
         summaries.to_csv(part, index=False, float_format="%.6g", lineterminator="\n")

@@ -15,26 +15,15 @@ from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 
-import numpy as np
 import torch
-from jaxtyping import Float
-from torch import Tensor
-from torch.nn.functional import conv2d
 
 from carigs.capture import Camera
-from carigs.head import pose
-from carigs.splat.colour.appearance import seen_colour
 from carigs.splat.rasterizer.rasterize import OUTPUTS, WorldSurfels, rasterize
-from carigs.splat.rig.rig import face_motion
-from carigs.splat.rig.skinning import skin
-from carigs.splat.surfels.initialization import place
-from carigs.splat.surfels.surfels import Surfels, flat_discs
-from carigs.splat.training.photometric_loss import photometric
 from evaluation.benchmarks.kernel_timing import KERNELS, kernel_times, num_threads
 from evaluation.benchmarks.measurement import Measurement
 from evaluation.benchmarks.plots import plot_splat
 from evaluation.benchmarks.surfel_pixel_pairs import contributing_pairs
-from evaluation.benchmarks.synthetic_scenes import ellipsoid, moving_head, portrait, scene_name
+from evaluation.benchmarks.synthetic_scenes import ellipsoid, portrait, scene_name
 from evaluation.benchmarks.timing import (
     compare_times,
     cpu_seconds,
@@ -42,7 +31,7 @@ from evaluation.benchmarks.timing import (
     median_times_in_turns,
     run_in_fresh_process,
 )
-from evaluation.benchmarks.training_speed import SETTINGS, measure_training
+from evaluation.benchmarks.training_speed import measure_loss, measure_skinning, measure_training
 from evaluation.command_line import csv_parser, run
 from evaluation.tables.csv_files import stream_csv
 
@@ -132,104 +121,6 @@ def measure_kernels(
         yield Measurement(case, f"{kernel} per pair", "ns", 1e9 * fast[kernel] / pairs, 1e9 * slow[kernel] / pairs)
 
 
-def torch_photometric(
-    image: Float[Tensor, "3 h w"], target: Float[Tensor, "3 h w"], share: float = 0.2
-) -> Float[Tensor, ""]:
-    """The loss `photometric` in torch: a separable filter on a stack of all channels and moments.
-
-    Args:
-        image: Rendered image.
-        target: Target image.
-        share: Weight of the SSIM term.
-
-    Returns:
-        (1 - share) L1 + share (1 - SSIM).
-    """
-    offsets = torch.arange(-5, 6)
-    taps = torch.exp(-(offsets**2) / (2 * 1.5**2))
-    taps = (taps / taps.sum()).expand(15, 1, 1, 11)
-    stack = torch.cat([image, target, image * image, target * target, image * target])[None]
-    stack = conv2d(conv2d(stack, taps, padding=(0, 5), groups=15), taps.mT, padding=(5, 0), groups=15)
-    m, n, xx, yy, xy = stack[0].chunk(5)
-    upper = (2 * m * n + 0.01**2) * (2 * (xy - m * n) + 0.03**2)
-    lower = (m * m + n * n + 0.01**2) * (xx - m * m + yy - n * n + 0.03**2)
-    return (1 - share) * (image - target).abs().mean() + share * (1 - (upper / lower).mean())
-
-
-def measure_loss(width: int, height: int, repeats: int) -> Iterator[Measurement]:
-    """Measure the wall time of L1 + SSIM and its gradient with two threads.
-
-    Images differ in every pixel, or on a head before an equal background.
-
-    Args:
-        width: Image width in pixels.
-        height: Image height in pixels.
-        repeats: Number of rounds.
-
-    Yields:
-        Records; references are those of `torch_photometric`.
-    """
-    generator = torch.Generator().manual_seed(0)
-    image = torch.rand((3, height, width), generator=generator, requires_grad=True)
-    other = torch.rand((3, height, width), generator=generator)
-    with torch.no_grad():
-        head = rasterize(ellipsoid(2_000, spread=2.0), portrait(width, height), outputs=COLOURS).alpha > 0
-        masked = torch.where(head, other, image)
-    for name, target in (("everywhere", other), ("on half of the image", masked)):
-        in_memory = target.permute(1, 2, 0).contiguous()
-        works = {
-            # Memory layouts as in training: the image in planes, as rendered, and the target as read from a file.
-            "fused": lambda y=in_memory: torch.autograd.grad(photometric(image.permute(1, 2, 0), y), image),
-            "torch": lambda y=target: torch.autograd.grad(torch_photometric(image, y), image),
-        }
-        with num_threads(2):
-            times = compare_times(works, repeats)
-        case = f"{height}x{width}, 2 threads, images differ {name}"
-        yield Measurement(case, "L1 + SSIM", "ms", 1e3 * times["fused"], 1e3 * times["torch"])
-        yield Measurement(case, "torch / fused L1 + SSIM", "1", times["torch"] / times["fused"])
-
-
-def measure_skinning(subdivisions: int, repeats: int) -> Iterator[Measurement]:
-    """Measure the CPU time of skinning and of spherical harmonics of degree 3 with one thread.
-
-    Args:
-        subdivisions: Fineness of the head.
-        repeats: Number of rounds.
-
-    Yields:
-        Records; references are those of the scalar kernels in float64.
-    """
-    sequence = moving_head(subdivisions)
-    rig, head = sequence.rig, sequence.head
-    motion = face_motion(rig, pose(head, sequence.parameters[2]))
-    binding, position, scale = place(SETTINGS, rig, np.zeros(len(rig.faces), bool))
-    surfels = flat_discs(binding, position, scale, 0.5, np.full((len(binding), 3), 0.5), sh_degree=3)
-    doubles = {name: value.detach().double().requires_grad_(True) for name, value in surfels.attributes()}
-    shade, eye = np.ones((len(rig.faces), 3), np.float32), np.array([0.0, 0.0, 1.0])
-
-    def timed(name: str, function: Callable[..., object], *leaves: Tensor) -> dict[str, float]:
-        start = cpu_seconds()
-        outputs = function()
-        middle = cpu_seconds()
-        torch.autograd.grad(outputs, leaves, [torch.ones_like(output) for output in outputs])
-        return {f"{name} forward": middle - start, f"{name} backward": cpu_seconds() - middle}
-
-    def measured(surfels: Surfels) -> dict[str, float]:
-        leaves = [value for name, value in surfels.attributes() if name not in ("colour", "harmonics")]
-        direction = skin(surfels, rig, motion, eye=eye).direction.detach().requires_grad_(True)
-        painted = surfels.colour, surfels.harmonics, direction
-        return timed("skinning", lambda: skin(surfels, rig, motion, eye=np.array([0.0, 0.0, 1.0])), *leaves) | timed(
-            "colours", lambda: (seen_colour(*painted, shade, surfels.binding),), *painted
-        )
-
-    works = {"simd": surfels, "scalar": Surfels(**doubles, binding=surfels.binding)}
-    with num_threads(1):
-        times = median_times_in_turns({name: partial(measured, s) for name, s in works.items()}, repeats)
-    for name, value in times["simd"].items():
-        case = f"{len(surfels)} surfels, 1 thread, SH 3"
-        yield Measurement(case, name, "ms", 1e3 * value, 1e3 * times["scalar"][name])
-
-
 def measure_scaling(sizes: Sizes) -> Iterator[Measurement]:
     """Measure the wall time of a rendering and its gradient against the numbers of surfels and pixels.
 
@@ -246,9 +137,8 @@ def measure_scaling(sizes: Sizes) -> Iterator[Measurement]:
         work = rendering_and_gradient(ellipsoid(count), camera, COLOURS)
         for number in (1, 2):
             with num_threads(number):
-                times = compare_times(
-                    {name: partial(work, name) for name in ("cpu", "scalar")}, max(sizes.repeats // 3, 1)
-                )
+                works = {backend: partial(work, backend) for backend in ("cpu", "scalar")}
+                times = compare_times(works, max(sizes.repeats // 3, 1))
             case = scene_name(count, camera, number)
             yield Measurement(case, "forward and backward", "ms", 1e3 * times["cpu"], 1e3 * times["scalar"])
 

@@ -10,15 +10,15 @@ Example:
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import product
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from carigs.capture import Camera, Capture, read_dataset
-from carigs.exaggeration import GammaPath
+from carigs.capture import Camera, Capture, Frame, read_dataset
+from carigs.exaggeration import Caricature, GammaPath
 from carigs.gtstar import face_mask_flags, flags_from_names, make_target
 from carigs.gtstar.provider import fitted_shading
 from carigs.head import caricature, neutral, pose
@@ -58,13 +58,7 @@ def measure_warp(subject: Capture, path: GammaPath, repeats: int = REPEATS) -> I
     face_flags = face_mask_flags(model, Gtstar())
     excluded = np.uint16(flags_from_names(DEFAULT_MASK_FLAGS).value)
     frames = subject.split("test")[:: max(1, len(subject.split("test")) // FRAMES)][:FRAMES]
-    person = load_subject(subject.root)
-    scenes = []
-    for frame in frames:
-        parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
-        meshes = pose(model, parameters), pose(model, parameters, exaggerated)
-        truth = render_subject(person, parameters, camera, exaggerated)
-        scenes.append((subject.image(frame), subject.mask(frame), *meshes, camera, *truth))
+    scenes = _scenes(subject, frames, exaggerated)
     image, matte, natural, deformed, camera, *_ = scenes[0]
     large = _enlarged(camera)
     pictures = cv2.resize(image, SIZE), cv2.resize(matte, SIZE)
@@ -115,17 +109,12 @@ def measure_relighting(subject: Capture, path: GammaPath) -> Iterator[Measuremen
     model, settings = subject.model, Gtstar()
     face_flags, excluded = face_mask_flags(model, settings), np.uint16(flags_from_names(DEFAULT_MASK_FLAGS).value)
     regions = {name: surface_regions(model, model.v_template).faces[name] for name in ("skin", "face")}
-    person, frames = load_subject(subject.root), subject.split("test")[::2]
     shading = fitted_shading(settings, subject, face_flags)
     for level in (path.gamma_f, 2 * path.gamma_f):
-        exaggerated = path.at(level)
         squares: dict[tuple[str, str], list[np.ndarray]] = {}
-        for frame in frames:
-            parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
-            meshes = pose(model, parameters), pose(model, parameters, exaggerated)
-            pictures = subject.image(frame), subject.mask(frame)
-            target = make_target(*pictures, *meshes, camera, model, face_flags, settings, subject.background)
-            truth, _ = render_subject(person, parameters, camera, exaggerated)
+        for *inputs, camera, truth, _ in _scenes(subject, subject.split("test")[::2], path.at(level)):
+            target = make_target(*inputs, camera, model, face_flags, settings, subject.background)
+            meshes = inputs[2:]
             factor = shading.factor(*(shading.transfer(vertices, model.faces) for vertices in meshes))
             relit = relight(target.colour, target.caricature, factor, shading.kept)
             face = target.caricature.face
@@ -160,6 +149,17 @@ def benchmark(file: Path, folder: Path | None = None, toy: Toy | None = None, re
         measurements = [*measure_warp(subject, path, repeats), *measure_relighting(subject, path)]
     stream_csv(file, measurements, Measurement)
     plot_target(file.with_suffix(".png"), measurements)
+
+
+def _scenes(subject: Capture, frames: Sequence[Frame], exaggerated: Caricature) -> list[tuple]:
+    """Image, matte, natural and caricature mesh, camera, true caricature and its matte, of each frame."""
+    person, model, scenes = load_subject(subject.root), subject.model, []
+    for frame in frames:
+        parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
+        meshes = pose(model, parameters), pose(model, parameters, exaggerated)
+        truth = render_subject(person, parameters, camera, exaggerated)
+        scenes.append((subject.image(frame), subject.mask(frame), *meshes, camera, *truth))
+    return scenes
 
 
 def _write_subject(folder: Path, toy: Toy) -> None:

@@ -1,28 +1,42 @@
-"""Training steps per second, and rendered frames per second."""
+"""Parts of a training step (loss, skinning, colours), whole steps per second, and rendered frames per second."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
 
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn.functional import conv2d
+
+from carigs.head import pose
 from carigs.settings import Density, Train
 from carigs.simd.threads import use_threads
 from carigs.splat.avatar import Avatar
+from carigs.splat.colour.appearance import seen_colour
+from carigs.splat.rasterizer.rasterize import rasterize
 from carigs.splat.render import render
 from carigs.splat.rig.head_sequence import HeadSequence
-from carigs.splat.surfels.surfels import Surfels
+from carigs.splat.rig.rig import face_motion
+from carigs.splat.rig.skinning import skin
+from carigs.splat.surfels.initialization import place
+from carigs.splat.surfels.surfels import Surfels, flat_discs
 from carigs.splat.training.checkpoint import State
+from carigs.splat.training.photometric_loss import photometric
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
 from evaluation.benchmarks.kernel_timing import num_threads
 from evaluation.benchmarks.measurement import Measurement
 from evaluation.benchmarks.surfel_pixel_pairs import contributing_pairs
-from evaluation.benchmarks.synthetic_scenes import capture_images, moving_head, scene_name
-from evaluation.benchmarks.timing import elapsed, wall_seconds
+from evaluation.benchmarks.synthetic_scenes import capture_images, ellipsoid, moving_head, portrait, scene_name
+from evaluation.benchmarks.timing import compare_times, cpu_seconds, elapsed, median_times_in_turns, wall_seconds
 
 BLOCK = 5
 """Number of consecutive steps with the same number of threads."""
@@ -78,6 +92,104 @@ class StepTimer:
             Wall seconds.
         """
         return median(self.times[count][BLOCK:])
+
+
+def torch_photometric(
+    image: Float[Tensor, "3 h w"], target: Float[Tensor, "3 h w"], share: float = 0.2
+) -> Float[Tensor, ""]:
+    """The loss `photometric` in torch: a separable filter on a stack of all channels and moments.
+
+    Args:
+        image: Rendered image.
+        target: Target image.
+        share: Weight of the SSIM term.
+
+    Returns:
+        (1 - share) L1 + share (1 - SSIM).
+    """
+    offsets = torch.arange(-5, 6)
+    taps = torch.exp(-(offsets**2) / (2 * 1.5**2))
+    taps = (taps / taps.sum()).expand(15, 1, 1, 11)
+    stack = torch.cat([image, target, image * image, target * target, image * target])[None]
+    stack = conv2d(conv2d(stack, taps, padding=(0, 5), groups=15), taps.mT, padding=(5, 0), groups=15)
+    m, n, xx, yy, xy = stack[0].chunk(5)
+    upper = (2 * m * n + 0.01**2) * (2 * (xy - m * n) + 0.03**2)
+    lower = (m * m + n * n + 0.01**2) * (xx - m * m + yy - n * n + 0.03**2)
+    return (1 - share) * (image - target).abs().mean() + share * (1 - (upper / lower).mean())
+
+
+def measure_loss(width: int, height: int, repeats: int) -> Iterator[Measurement]:
+    """Measure the wall time of L1 + SSIM and its gradient with two threads.
+
+    Images differ in every pixel, or on a head before an equal background.
+
+    Args:
+        width: Image width in pixels.
+        height: Image height in pixels.
+        repeats: Number of rounds.
+
+    Yields:
+        Records; references are those of `torch_photometric`.
+    """
+    generator = torch.Generator().manual_seed(0)
+    image = torch.rand((3, height, width), generator=generator, requires_grad=True)
+    other = torch.rand((3, height, width), generator=generator)
+    with torch.no_grad():
+        head = rasterize(ellipsoid(2_000, spread=2.0), portrait(width, height), outputs=("colour", "alpha")).alpha > 0
+        masked = torch.where(head, other, image)
+    for name, target in (("everywhere", other), ("on half of the image", masked)):
+        in_memory = target.permute(1, 2, 0).contiguous()
+        works = {
+            # Memory layouts as in training: the image in planes, as rendered, and the target as read from a file.
+            "fused": lambda y=in_memory: torch.autograd.grad(photometric(image.permute(1, 2, 0), y), image),
+            "torch": lambda y=target: torch.autograd.grad(torch_photometric(image, y), image),
+        }
+        with num_threads(2):
+            times = compare_times(works, repeats)
+        case = f"{height}x{width}, 2 threads, images differ {name}"
+        yield Measurement(case, "L1 + SSIM", "ms", 1e3 * times["fused"], 1e3 * times["torch"])
+        yield Measurement(case, "torch / fused L1 + SSIM", "1", times["torch"] / times["fused"])
+
+
+def measure_skinning(subdivisions: int, repeats: int) -> Iterator[Measurement]:
+    """Measure the CPU time of skinning and of spherical harmonics of degree 3 with one thread.
+
+    Args:
+        subdivisions: Fineness of the head.
+        repeats: Number of rounds.
+
+    Yields:
+        Records; references are those of the scalar kernels in float64.
+    """
+    sequence = moving_head(subdivisions)
+    rig, head = sequence.rig, sequence.head
+    motion = face_motion(rig, pose(head, sequence.parameters[2]))
+    binding, position, scale = place(SETTINGS, rig, np.zeros(len(rig.faces), bool))
+    surfels = flat_discs(binding, position, scale, 0.5, np.full((len(binding), 3), 0.5), sh_degree=3)
+    doubles = {name: value.detach().double().requires_grad_(True) for name, value in surfels.attributes()}
+    shade, eye = np.ones((len(rig.faces), 3), np.float32), np.array([0.0, 0.0, 1.0])
+
+    def timed(name: str, function: Callable[..., object], *leaves: Tensor) -> dict[str, float]:
+        start = cpu_seconds()
+        outputs = function()
+        middle = cpu_seconds()
+        torch.autograd.grad(outputs, leaves, [torch.ones_like(output) for output in outputs])
+        return {f"{name} forward": middle - start, f"{name} backward": cpu_seconds() - middle}
+
+    def measured(surfels: Surfels) -> dict[str, float]:
+        leaves = [value for name, value in surfels.attributes() if name not in ("colour", "harmonics")]
+        direction = skin(surfels, rig, motion, eye=eye).direction.detach().requires_grad_(True)
+        painted = surfels.colour, surfels.harmonics, direction
+        return timed("skinning", lambda: skin(surfels, rig, motion, eye=np.array([0.0, 0.0, 1.0])), *leaves) | timed(
+            "colours", lambda: (seen_colour(*painted, shade, surfels.binding),), *painted
+        )
+
+    works = {"simd": surfels, "scalar": Surfels(**doubles, binding=surfels.binding)}
+    with num_threads(1):
+        times = median_times_in_turns({name: partial(measured, s) for name, s in works.items()}, repeats)
+    for name, value in times["simd"].items():
+        case = f"{len(surfels)} surfels, 1 thread, SH 3"
+        yield Measurement(case, name, "ms", 1e3 * value, 1e3 * times["scalar"][name])
 
 
 def measure_training(subdivisions: int, width: int, height: int, turns: int) -> Iterator[Measurement]:

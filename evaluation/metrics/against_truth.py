@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
+from itertools import product
 
 from rich.progress import track
 
@@ -43,10 +44,8 @@ def truth_records(
     """
     rendered = [frame for frame in rendered if frame.protocol in PROTOCOLS]
     if truths.reason is not None:
-        for protocol in sorted({frame.protocol for frame in rendered}):
-            for region in REGIONS:
-                for metric in METRICS:
-                    yield metric_record(point, protocol, (None, None), region, metric, None, truths.reason)
+        for protocol, region, metric in product(sorted({frame.protocol for frame in rendered}), REGIONS, METRICS):
+            yield metric_record(point, protocol, (None, None), region, metric, None, truths.reason)
         return
     surface = None
     for frame in track(rendered, description="against the truth", disable=len(rendered) < 10):
@@ -71,11 +70,12 @@ def truth_records(
         regions = image_regions(surface, vertices, fragments, camera, foreground, band=band)
         similarity = ssim_map(image, truth)
         for region in REGIONS:
-            inside = regions.get(region)
-            if inside is None or not inside.any():
-                reason = surface.missing[region] if inside is None else "no pixel of this region in view"
-                for metric in METRICS:
-                    yield record(region, metric, None, reason)
-                continue
-            yield record(region, "psnr", psnr(image, truth, inside))
-            yield record(region, "ssim", region_mean(similarity, inside))
+            inside, values, reason = regions.get(region), (None, None), ""
+            if inside is None:
+                reason = surface.missing[region]
+            elif not inside.any():
+                reason = "no pixel of this region in view"
+            else:
+                values = psnr(image, truth, inside), region_mean(similarity, inside)
+            for metric, value in zip(METRICS, values, strict=True):
+                yield record(region, metric, value, reason)

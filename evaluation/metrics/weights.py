@@ -62,7 +62,7 @@ def find_weights(weights: Weights, folder: str | Path | None, *, download: bool 
         WeightsMissing: There is no such file; names files, folders and source.
         InputError: The checksum differs.
     """
-    hub_cache, torch_cache = _hub_cache(), _torch_cache()
+    hub_cache, torch_cache = _caches()
     candidates = [Path(folder) / file for file in weights.files] if folder else []
     snapshots = hub_cache / f"models--{weights.hub.replace('/', '--')}" / "snapshots"
     candidates += [file for name in weights.hub_files for file in sorted(snapshots.glob(f"*/{name}"))]
@@ -151,14 +151,9 @@ def _download(weights: Weights, missing: str) -> Path:
         raise WeightsMissing(f"{missing}; the download failed ({type(error).__name__})") from error
 
 
-def _hub_cache() -> Path:
-    home = os.environ.get("HF_HOME") or _user_cache() / "huggingface"
-    return Path(os.environ.get("HF_HUB_CACHE") or Path(home) / "hub").expanduser()
-
-
-def _torch_cache() -> Path:
-    return Path(os.environ.get("TORCH_HOME") or _user_cache() / "torch").expanduser() / "hub" / "checkpoints"
-
-
-def _user_cache() -> Path:
-    return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
+def _caches() -> tuple[Path, Path]:
+    """Caches of the Hugging Face hub and of torch hub."""
+    user = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
+    hub = os.environ.get("HF_HUB_CACHE") or Path(os.environ.get("HF_HOME") or user / "huggingface") / "hub"
+    torch_hub = Path(os.environ.get("TORCH_HOME") or user / "torch") / "hub" / "checkpoints"
+    return Path(hub).expanduser(), torch_hub.expanduser()

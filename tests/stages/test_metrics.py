@@ -58,14 +58,14 @@ def scene(tmp_path):
     (tmp_path / "truth/truth.json").write_text(json.dumps({"level": 0.25, "reason": None, "frames": truths}))
     return {
         "frames": tmp_path / "frames", "index": tmp_path / "frames.json", "capture": tmp_path / "capture.json",
-        "path": tmp_path / "path.npz", "truth": tmp_path / "truth/truth.json", "rows": tmp_path / "rows.csv",
+        "path": tmp_path / "path.npz", "truth": tmp_path / "truth/truth.json", "records": tmp_path / "rows.csv",
         "study": "s", "subject": "ball", "variant": "v", "gamma": 0.25, "level": 0.25,
     }  # fmt: skip
 
 
 def measured(scene, **settings):
     metrics(Metrics(**settings), **scene)
-    return list(read_metrics([scene["rows"]]).itertuples())
+    return list(read_metrics([scene["records"]]).itertuples())
 
 
 def edit(file, change):
@@ -156,7 +156,7 @@ metrics(Metrics(), **{{key: Path(value) if isinstance(value, str) and "/" in val
 assert not {{"torch", "open_clip", "timm", "huggingface_hub", "pandas"}} & set(sys.modules)
 """
     subprocess.run([sys.executable, "-c", code], check=True)
-    assert scene["rows"].is_file()
+    assert scene["records"].is_file()
 
 
 def test_with_weights_every_frame_has_its_scores(scene, monkeypatch):
@@ -193,14 +193,14 @@ def test_with_weights_every_frame_has_its_scores(scene, monkeypatch):
 )
 def test_settings_without_meaning_are_refused_before_any_work(scene, settings, says):
     with pytest.raises(SettingsError, match=says):
-        metrics(Metrics(**settings), **{**scene, "capture": scene["rows"]})
+        metrics(Metrics(**settings), **{**scene, "capture": scene["records"]})
 
 
 def test_broken_inputs_are_named_and_leave_nothing_behind(scene):
     def refuses(says):
         with pytest.raises(InputError, match=says):
             metrics(Metrics(), **scene)
-        assert not scene["rows"].exists()
+        assert not scene["records"].exists()
 
     some = next(scene["frames"].glob("0*.png"))
     good = some.read_bytes()

@@ -10,7 +10,6 @@ from miniature import write_ball
 from carigs.capture import Capture, read_dataset
 from carigs.capture.frame_index import read_truths
 from carigs.capture.images import read_rgb, write_png
-from carigs.config import settings_text
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration import Exaggerator, GammaPath, straight_path
 from carigs.head import neutral
@@ -115,10 +114,7 @@ def study(tmp_path_factory):
                             "image": f"{frame.name}.png", "mask": f"{frame.name}_mask.png"})  # fmt: skip
         (place / "truth.json").write_text(json.dumps({"level": level, "reason": reason, "frames": entries}))
         keywords["truths"].append(place / "truth.json")
-    for stage in ("gtstar", "train"):
-        keywords[f"{stage}_settings"] = folder / f"{stage}.yaml"
-        (folder / f"{stage}.yaml").write_text(settings_text(stage, "study=toy"))
-    return folder, {**keywords, "capture": folder / "capture.json"}
+    return folder, {**keywords, "capture": folder / "capture.json", "gtstar": {}, "mask_flags": DEFAULT_MASK_FLAGS}
 
 
 def test_a_given_caricature_gets_its_strips_and_says_why_there_is_no_blend_error(study):

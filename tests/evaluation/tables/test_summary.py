@@ -81,14 +81,14 @@ def test_tables_do_not_depend_on_the_order_of_records_and_files(tmp_path):
         files = [tmp_path / f"{name}{i}.csv" for i in range(2)]
         write_metrics(files[0], order[:half])
         write_metrics(files[1], order[half:])
-        tabulate(SETTINGS, rows=files[:: 1 if name == "a" else -1], **paths(tmp_path, f"out_{name}"))
+        tabulate(SETTINGS, records=files[:: 1 if name == "a" else -1], **paths(tmp_path, f"out_{name}"))
     for a, b in zip(paths(tmp_path, "out_a").values(), paths(tmp_path, "out_b").values(), strict=True):
         assert a.read_bytes() == b.read_bytes()
 
 
 def test_the_readable_tables_are_well_formed_and_tell_the_reason(tmp_path):
     write_metrics(tmp_path / "rows.csv", study_records())
-    tabulate(SETTINGS, rows=[tmp_path / "rows.csv"], **paths(tmp_path))
+    tabulate(SETTINGS, records=[tmp_path / "rows.csv"], **paths(tmp_path))
     markdown, latex = ((tmp_path / f"out.{end}").read_text() for end in ("md", "tex"))
     widths = [line.count("|") for line in markdown.splitlines() if line.startswith("|")]
     assert set(widths) == {9, 4, 3}  # variant + 7 metrics; region + 2 variants; region + 1 difference
@@ -102,7 +102,7 @@ def test_the_readable_tables_are_well_formed_and_tell_the_reason(tmp_path):
 
 def test_the_csv_holds_every_summary(tmp_path):
     write_metrics(tmp_path / "rows.csv", study_records())
-    tabulate(SETTINGS, rows=[tmp_path / "rows.csv"], **paths(tmp_path))
+    tabulate(SETTINGS, records=[tmp_path / "rows.csv"], **paths(tmp_path))
     with (tmp_path / "out.csv").open() as stream:
         lines = list(csv.DictReader(stream))
     assert len(lines) == 2 * 2 * 3 + 2 * 2
