@@ -1,8 +1,9 @@
-"""How good it is: metrics on images and embeddings, tables with intervals, figures.
+"""Evaluation of avatars: metrics, tables, figures, benchmarks and stress tests.
 
-- `image`, `regions`, `against_truth`: PSNR and SSIM against true images, by region
-- `clip`, `dino`, `preprocessing`, `embeddings`, `weights`: scores on embeddings, and the networks that make those
-- `rows`, `listings`: metric rows and image indices on disk
-- `bootstrap`, `table`, `typeset`: means with intervals, as CSV, Markdown and LaTeX
-- `sheet`, `strips`, `blend_error`: figures
+- `metrics`: PSNR and SSIM against true images, CLIP-I, CLIP-D, CLIP-C and DINO
+- `tables`: means with confidence intervals, as CSV, Markdown and LaTeX (table 1 of the paper)
+- `figures`: the figures of a study
+- `benchmarks`: time and accuracy of the parts
+- `stress`: broken meshes, and invariants on real heads
+- `command_line`: command lines of the benchmarks and stress tests
 """

@@ -1,24 +1,26 @@
-"""Stage `figures`: strips over the level, the ablation sheet, and the blend error."""
+"""Stage `figures`: strips over the level, the ablation sheet, the blend error (figure 2) and the misregistration."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from carigs.capture import Capture
-from carigs.capture.frame_index import Truths, read_rendered, read_truths
+from carigs.capture.frame_index import read_rendered, read_truths
 from carigs.capture.images import read_rgb
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration import GammaPath
 from carigs.files import writing_folder
 from carigs.head import subject_exaggerator
 from carigs.head.teeth import without_teeth
-from carigs.settings import Exaggerate, Figures
-from evaluation.figures.blend_error import blend_errors, plot_blend_errors, write_blend_errors
-from evaluation.figures.misregistration import misregistrations, plot_misregistrations, write_misregistrations
+from carigs.settings import Exaggerate, Figures, Gtstar
+from evaluation.figures.blend_error import BlendError, blend_errors, plot_blend_errors
+from evaluation.figures.misregistration import Misregistration, misregistrations, plot_misregistrations
 from evaluation.figures.strips import ablation, gamma_strip
+from evaluation.tables.csv_files import write_csv
 
 
 def figures(
@@ -31,40 +33,61 @@ def figures(
     truth_levels: Sequence[float],
     capture: Path,
     path: Path,
+    gtstar: Mapping[str, Any],
+    mask_flags: Sequence[str],
     folder: Path,
 ) -> None:
     """Write `gamma_strip_{variant}.png`, `ablation.png`, and .png and .csv of `blend_error` and `misregistration`.
 
-    `variants` and `levels` belong to `indices` one by one, `truth_levels` to `truths`.  A path that no solver made has
-    no blend error: `blend_error.txt` then says so, and `misregistration.txt` where there is no truth.
+    A path that no solver made has no exact solution: `blend_error.txt` then says so in place of the other two files.
+    Likewise `misregistration.txt` where there is no true caricature.
+
+    Args:
+        settings: Camera, timestep and height of the strips, and samples of the blend error.
+        indices: Indices of rendered frames.
+        variants: Variant of each index.
+        levels: Level of each index.
+        truths: Indices of true images.
+        truth_levels: Level of each of `truths`.
+        capture: Index of the capture.
+        path: Caricature path of the subject.
+        gtstar: Settings of the stage `gtstar`, for the targets of the misregistration.
+        mask_flags: Flags whose pixels the training leaves out (`train.mask_flags`).
+        folder: Folder to write.
+
+    Raises:
+        SettingsError: A setting is out of range, or names no test frame.
+        InputError: An input is malformed or lacks the frame of the strips.
     """
     if settings.samples < 3 or settings.height < 1:
         raise SettingsError(
             f"figures.samples={settings.samples} must be at least 3, figures.height={settings.height} at least 1"
         )
-    subject = Capture.load(capture)
-    frame = _shown_frame(settings, subject)
-    true_images = dict.fromkeys(sorted(set(levels)))
-    for level, file in zip(truth_levels, truths, strict=True):
-        image = read_truths(file).images.get(frame)
-        true_images[level] = None if image is None else read_rgb(image)
-    shown = sorted(true_images)
-    truth_row = [true_images[level] for level in shown]
+    subject, gamma_path = Capture.load(capture), GammaPath.load(path)
+    frame = _strip_frame(settings, subject)
+    known = {level: read_truths(file) for level, file in zip(truth_levels, truths, strict=True)}
+    files = {level: known[level].images.get(frame) if level in known else None for level in {*levels, *known}}
+    shown = sorted(files)
+    true_images = [None if files[level] is None else read_rgb(files[level]) for level in shown]
     renders = {variant: dict.fromkeys(shown) for variant in variants}
     for index, variant, level in zip(indices, variants, levels, strict=True):
         renders[variant][level] = _rendered(index, frame)
-    rows = {variant: list(images.values()) for variant, images in renders.items()}
+    strips = {variant: list(images.values()) for variant, images in renders.items()}
     with writing_folder(folder) as part:
-        for variant, images in rows.items():
+        for variant, images in strips.items():
             file = part / f"gamma_strip_{variant}.png"
-            gamma_strip(file, variant, shown, images, truth_row, height=settings.height)
-        ablation(part / "ablation.png", rows, shown, truth_row, height=settings.height)
-        _blend_error(part, without_teeth(GammaPath.load(path)), subject, settings.samples)
-        known = {level: read_truths(file) for level, file in zip(truth_levels, truths, strict=True)}
-        _misregistration(part, subject, GammaPath.load(path), known)
+            gamma_strip(file, variant, shown, images, true_images, height=settings.height)
+        ablation(part / "ablation.png", strips, shown, true_images, height=settings.height)
+        _blend_error(part, without_teeth(gamma_path), subject, settings.samples)
+        if any(level > 0 and truth.images for level, truth in known.items()):
+            records = list(misregistrations(subject, gamma_path, known, Gtstar(**gtstar), mask_flags))
+            write_csv(part / "misregistration.csv", records, Misregistration)
+            plot_misregistrations(part / "misregistration.png", records)
+        else:
+            (part / "misregistration.txt").write_text("No true caricature is known.\n")
 
 
-def _shown_frame(settings: Figures, subject: Capture) -> tuple[int, int]:
+def _strip_frame(settings: Figures, subject: Capture) -> tuple[int, int]:
     """Timestep and camera of the frame in the strips."""
     camera = subject.validation_camera if settings.camera is None else settings.camera
     frames = [(frame.timestep, frame.camera) for frame in subject.split("test") if frame.camera == camera]
@@ -84,15 +107,6 @@ def _rendered(index: Path, frame: tuple[int, int]) -> np.ndarray:
     raise InputError(f"no test frame of timestep {frame[0]}, camera {frame[1]}", file=index)
 
 
-def _misregistration(folder: Path, subject: Capture, path: GammaPath, truths: dict[float, Truths]) -> None:
-    if not any(level > 0 and known.images for level, known in truths.items()):
-        (folder / "misregistration.txt").write_text("No true caricature is known.\n")
-        return
-    rows = list(misregistrations(subject, path, truths))
-    write_misregistrations(folder / "misregistration.csv", rows)
-    plot_misregistrations(folder / "misregistration.png", rows)
-
-
 def _blend_error(folder: Path, path: GammaPath, subject: Capture, samples: int) -> None:
     if path.report.get("source") != "poisson":
         (folder / "blend_error.txt").write_text("The caricature comes from a file: there is no exact path.\n")
@@ -105,7 +119,7 @@ def _blend_error(folder: Path, path: GammaPath, subject: Capture, samples: int) 
         share = level / path.gamma_f
         return head.solve(level, {name: share * own for name, own in settings.regions.items()} if level else None)
 
-    # Stored in float32; a larger difference means that the path was made otherwise, and the error would mislead.
+    # Paths are stored in float32. After a larger difference, the error would describe another path.
     difference = np.abs(exact(path.gamma_f) - path.displacement(path.gamma_f)).max()
     if difference > 1e-4 * np.linalg.norm(np.ptp(path.neutral, axis=0)):
         (folder / "blend_error.txt").write_text(
@@ -113,5 +127,5 @@ def _blend_error(folder: Path, path: GammaPath, subject: Capture, samples: int) 
         )
         return
     errors = blend_errors(path, exact, samples)
-    write_blend_errors(folder / "blend_error.csv", errors)
+    write_csv(folder / "blend_error.csv", errors, BlendError)
     plot_blend_errors(folder / "blend_error.png", errors)

@@ -25,7 +25,7 @@ from carigs.gtstar.provider import Provided, check_settings, fitted_shading, inp
 from carigs.light.fitting import load_shading, save_shading
 from carigs.settings import DEFAULT_MASK_FLAGS, Gtstar
 from carigs.sources import fingerprint
-from evaluation.figures.target_sheet import Shown, target_sheet
+from evaluation.figures.target_sheet import TargetRow, target_sheet
 
 SHOWN = 5
 """Frames on the contact sheet."""
@@ -159,7 +159,7 @@ def _write_sheet(folder: Path, subject: Capture, entries: list[dict], exaggerate
             parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
             truth, _ = render_subject(person, parameters, camera, exaggerated)
         target, reasons = read_rgb(folder / entry["image"]), read_bits(folder / entry["reasons"])
-        shown.append(Shown(frame.name, subject.image(frame), target, reasons, truth))
+        shown.append(TargetRow(frame.name, subject.image(frame), target, reasons, truth))
     if shown:
         target_sheet(folder / "inspection.png", shown, flags_from_names(DEFAULT_MASK_FLAGS))
 

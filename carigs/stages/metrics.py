@@ -1,4 +1,4 @@
-"""Stage `metrics`: how close the rendered frames come to the truth, to the prompt, and to each other."""
+"""Stage `metrics`: PSNR and SSIM against the truth, and CLIP-I, CLIP-D, CLIP-C and DINO, of rendered frames."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from carigs.capture.frame_index import read_rendered, read_truths
 from carigs.errors import SettingsError
 from carigs.exaggeration import GammaPath
 from carigs.settings import Metrics
-from evaluation.metrics.against_truth import compare
-from evaluation.metrics.embeddings import WEIGHTS, embedding_rows
+from evaluation.metrics.against_truth import truth_records
+from evaluation.metrics.embeddings import WEIGHTS, embedding_records
 from evaluation.metrics.preprocessing import CROPS
-from evaluation.tables.rows import Scene, write_rows
+from evaluation.tables.metric_records import StudyPoint, write_metrics
 
 
 def metrics(
@@ -28,22 +28,49 @@ def metrics(
     variant: str,
     gamma: float,
     level: float,
-    rows: Path,
+    records: Path,
 ) -> None:
-    """Write `rows`: one line per frame, region and metric; null, with the reason, what cannot be measured."""
+    """Write metric records: one line per frame, region and metric.
+
+    Args:
+        settings: Networks, prompts, and the silhouette region.
+        frames: Folder of rendered frames.
+        index: Index of the rendered frames.
+        capture: Index of the capture.
+        path: Caricature path of the subject.
+        truth: Index of the true images.
+        study: Name of the study.
+        subject: Name of the subject.
+        variant: Name of the variant.
+        gamma: Level that the avatar is trained for.
+        level: Level that is rendered.
+        records: CSV file to write; a metric that cannot be computed has an empty value and a reason.
+
+    Raises:
+        SettingsError: A setting is out of range.
+        InputError: An input is malformed.
+        WeightsMissing: Network weights are missing and `settings.strict` is set.
+    """
     check_settings(settings)
-    scene = Scene(study, subject, variant, gamma, level)
+    point = StudyPoint(study, subject, variant, gamma, level)
     person, rendered, truths = Capture.load(capture), read_rendered(index, frames), read_truths(truth)
     caricature = GammaPath.load(path).at(level)
     measured = [
-        *compare(scene, rendered, truths, person, caricature, band=settings.silhouette_band),
-        *embedding_rows(scene, rendered, person, settings),
+        *truth_records(point, rendered, truths, person, caricature, band=settings.silhouette_band),
+        *embedding_records(point, rendered, person, settings),
     ]
-    write_rows(rows, measured)
+    write_metrics(records, measured)
 
 
 def check_settings(settings: Metrics) -> None:
-    """Raise `SettingsError` for a value without meaning, before any work."""
+    """Check the ranges of settings.
+
+    Args:
+        settings: Settings of the stage.
+
+    Raises:
+        SettingsError: A setting is out of range.
+    """
     for name in settings.embeddings:
         if name not in WEIGHTS:
             raise SettingsError(f"metrics.embeddings: {name} is unknown; choose from {', '.join(WEIGHTS)}")

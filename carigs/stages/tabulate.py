@@ -1,4 +1,4 @@
-"""Stage `tabulate`: means with intervals of all variants, subjects and levels of a study."""
+"""Stage `tabulate`: means with intervals of all variants, subjects and levels of a study (table 1 of the paper)."""
 
 from __future__ import annotations
 
@@ -7,21 +7,33 @@ from pathlib import Path
 from carigs.errors import SettingsError
 from carigs.files import writing
 from carigs.settings import Tabulate
-from evaluation.tables.rows import read_rows
-from evaluation.tables.table import summarise, write_csv
-from evaluation.tables.typeset import document, to_latex, to_markdown
+from evaluation.tables.summary import read_metrics, summarise
+from evaluation.tables.typeset import comparison_tables, to_latex, to_markdown
 
 
-def tabulate(settings: Tabulate, *, rows: list[Path], table: Path, markdown: Path, latex: Path) -> None:
-    """Write `table` (tidy csv: everything), and the readable summaries `markdown` and `latex`."""
+def tabulate(settings: Tabulate, *, records: list[Path], table: Path, markdown: Path, latex: Path) -> None:
+    """Write the summary of a study as tidy CSV and as readable tables.
+
+    Args:
+        settings: Resampling, reference variant and number of digits.
+        records: Metric records of all avatars and levels.
+        table: CSV file to write: every mean and paired difference.
+        markdown: Markdown file to write: the comparison tables.
+        latex: LaTeX file to write: the same tables.
+
+    Raises:
+        SettingsError: A setting is out of range.
+        InputError: A file of records is malformed.
+    """
     if settings.resamples < 1 or not 0 < settings.confidence < 1:
         raise SettingsError(
             f"tabulate.resamples={settings.resamples} must be positive, "
             f"tabulate.confidence={settings.confidence} must lie between 0 and 1"
         )
-    summaries = summarise((row for file in rows for row in read_rows(file)), settings)
-    readable = document(summaries, settings)
-    write_csv(table, summaries)
-    for file, text in ((markdown, to_markdown(readable)), (latex, to_latex(readable))):
+    summaries = summarise(read_metrics(records), settings)
+    document = comparison_tables(summaries, settings)
+    with writing(table) as part:
+        summaries.to_csv(part, index=False, float_format="%.6g", lineterminator="\n")
+    for file, text in ((markdown, to_markdown(document)), (latex, to_latex(document))):
         with writing(file) as part:
             part.write_text(text, encoding="utf-8")

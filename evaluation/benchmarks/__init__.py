@@ -1,8 +1,16 @@
-"""What our parts cost and how accurate they are, as tidy rows.
+"""Benchmarks: time and accuracy of the parts of carigs, as tidy records.
 
-- `measurements`: the rows, and their CSV file
-- `clocks`, `chart`: times of functions that run by turns; the plot beside the rows
-- `surface`: the exaggeration: time against error; `surface_solvers`, `surface_accuracy`, `surface_chart`: its parts
-- `splat`: the surfel engine beside plain loops and torch; `training`: whole steps
-- `scenes`, `pairs`: what is drawn, and how many surfels contribute to how many pixels
+Programs, each with a CSV file and a plot (`make bench` runs all):
+
+- `surface`: the exaggeration; its parts are `surface_solvers` (linear solvers) and `surface_accuracy` (errors)
+- `target`: GT* targets over the options of the warp
+- `splat`: the surfel engine beside its scalar reference and torch; `training_speed`: whole training steps
+- `quality`: PSNR against seconds of training
+
+Shared parts:
+
+- `measurement`: the records and their CSV file
+- `timing`, `kernel_timing`: times of functions and of the rasterizer's kernels
+- `synthetic_scenes`, `surfel_pixel_pairs`: what is rendered, and the number of contributing surfel-pixel pairs
+- `plots`: the plots
 """

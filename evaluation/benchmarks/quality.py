@@ -1,18 +1,17 @@
-"""Training to quality: PSNR of frames that training never saw against its time, at several surfel budgets.
+"""Training to quality: PSNR of held-out frames against training time, at several surfel budgets.
 
-python -m evaluation.benchmarks.quality quality.csv SETTINGS.yaml CAPTURE.json PATH.npz --budgets 16000 60000
+Example:
+    python -m evaluation.benchmarks.quality quality.csv SETTINGS.yaml CAPTURE.json PATH.npz --budgets 16000 60000
 """
 
 from __future__ import annotations
 
-import argparse
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -28,49 +27,70 @@ from carigs.splat.rig.head_sequence import HeadSequence, head_sequence
 from carigs.splat.training.checkpoint import TrainingState
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
+from evaluation.benchmarks.plots import plot_quality
+from evaluation.benchmarks.timing import wall_seconds
+from evaluation.command_line import csv_parser, run
 from evaluation.metrics.image_quality import psnr
 
 FRAMES = 12
-"""Test frames that are compared, evenly over all."""
-LOOKS = 8
-"""Moments of a run at which they are, closer together at its beginning."""
+"""Number of test frames that are compared, evenly over all."""
+EVALUATIONS = 8
+"""Number of evaluations during a run, closer together at its beginning."""
 
 
-class Look(NamedTuple):
-    """A row: after `step` of `steps`, `seconds` of training (wall time, comparing not counted)."""
+class Evaluation(NamedTuple):
+    """Quality after `step` of `steps` of a run."""
 
     budget: int
     steps: int
     step: int
     seconds: float
+    """Wall time of the training so far, without evaluations."""
     surfels: int
     psnr: float
 
 
-class Watch:
-    """Looks at a run from beside it."""
+class QualityMonitor:
+    """Evaluates a training run at chosen steps.
 
-    def __init__(self, settings: Train, performance: HeadSequence, capture: Capture) -> None:
-        self.settings, self.performance, self.capture = settings, performance, capture
+    Args:
+        settings: Settings of the run.
+        sequence: Head motion of the capture.
+        capture: The capture, with its test frames.
+    """
+
+    def __init__(self, settings: Train, sequence: HeadSequence, capture: Capture) -> None:
+        self.settings, self.sequence, self.capture = settings, sequence, capture
         frames = capture.split("test")
         self.frames = [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, FRAMES).astype(int))]
-        self.moments = set(np.geomspace(settings.iterations / 32, settings.iterations, LOOKS).astype(int))
-        self.rows: list[Look] = []
-        self.seconds, self.started = 0.0, time.perf_counter()
+        self.steps = set(np.geomspace(settings.iterations / 32, settings.iterations, EVALUATIONS).astype(int))
+        self.evaluations: list[Evaluation] = []
+        self.seconds, self.started = 0.0, wall_seconds()
 
     def __call__(self, state: TrainingState) -> None:
-        """Count the time of the step; compare if this is the moment."""
-        self.seconds += time.perf_counter() - self.started
-        if state.iteration in self.moments:
+        """Add the time of a step; evaluate if it is a chosen one.
+
+        Args:
+            state: TrainingState of the training after the step.
+        """
+        self.seconds += wall_seconds() - self.started
+        if state.iteration in self.steps:
             steps, budget = self.settings.iterations, self.settings.density.max_surfels
-            psnr = self.psnr(Avatar(state.surfels, self.performance, background=self.capture.background))
-            row = Look(budget, steps, state.iteration, self.seconds, len(state.surfels), psnr)
-            self.rows.append(row)
-            print(*(f"{name} {value:.6g}" for name, value in row._asdict().items()), flush=True)
-        self.started = time.perf_counter()
+            psnr = self.psnr(Avatar(state.surfels, self.sequence, background=self.capture.background))
+            evaluation = Evaluation(budget, steps, state.iteration, self.seconds, len(state.surfels), psnr)
+            self.evaluations.append(evaluation)
+            print(*(f"{name} {value:.6g}" for name, value in evaluation._asdict().items()), flush=True)
+        self.started = wall_seconds()
 
     def psnr(self, avatar: Avatar) -> float:
-        """Mean over the frames, of images as they would be written: eight bits."""
+        """Mean PSNR over the frames, of images rounded to eight bits.
+
+        Args:
+            avatar: The avatar.
+
+        Returns:
+            PSNR in dB.
+        """
         values = []
         for frame in self.frames:
             image = avatar.render(frame.timestep, 0.0, self.capture.cameras[frame.camera])
@@ -79,45 +99,34 @@ class Watch:
         return float(np.mean(values))
 
 
-def looks(
-    settings: Train, performance: HeadSequence, capture: Capture, budgets: Sequence[int], steps: Sequence[int]
-) -> Iterator[Look]:
-    """Rows of a run on real frames alone for each budget and number of steps; surfels multiply for two thirds of it."""
+def evaluate_runs(
+    settings: Train, sequence: HeadSequence, capture: Capture, budgets: Sequence[int], steps: Sequence[int]
+) -> Iterator[Evaluation]:
+    """Train on real frames alone, once for each budget and number of steps; density control ends after two thirds.
+
+    Args:
+        settings: Settings of the stage `train`.
+        sequence: Head motion of the capture.
+        capture: The capture.
+        budgets: Largest numbers of surfels.
+        steps: Numbers of steps.
+
+    Yields:
+        Evaluations during each run.
+    """
     use_threads(settings.threads)
     for budget, iterations in product(budgets, steps):
         density = replace(settings.density, stop=2 * iterations // 3, max_surfels=budget)
         run = replace(settings, iterations=iterations, gtstar_probability=0.0, density=density)
-        watch, supervision = Watch(run, performance, capture), Supervision(capture)
+        monitor, supervision = QualityMonitor(run, sequence, capture), Supervision(capture)
         with TemporaryDirectory() as folder:
-            train_surfels(run, performance, supervision, Path(folder) / "checkpoint", watch)
-        yield from watch.rows
-
-
-def plot(file: Path, table: pd.DataFrame) -> None:
-    """PSNR against seconds, a line for every run."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.0, 4.5), dpi=120, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes: Any = figure.subplots()
-    for number, (budget, runs) in enumerate(table.groupby("budget")):
-        for style, (steps, run) in zip(("o-", "s--", "^:", "v-."), runs.groupby("steps"), strict=False):
-            label = f"at most {budget:,} surfels, {steps:,} steps"
-            axes.plot(run.seconds, run.psnr, style, color=f"C{number}", markersize=4, label=label)
-    axes.set_xscale("log")
-    axes.set_xlabel("seconds of training")
-    axes.set_ylabel("PSNR of test frames in dB")
-    axes.grid(alpha=0.3, which="both")
-    axes.legend(fontsize=8, frameon=False)
-    with writing(file) as part:
-        figure.savefig(part, metadata={"Software": None})
+            train_surfels(run, sequence, supervision, Path(folder) / "checkpoint", monitor)
+        yield from monitor.evaluations
 
 
 def main() -> None:
-    """Measure, write the rows and the plot beside them."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("file", type=Path, help="CSV to write; the plot goes beside it")
+    """Run the benchmark from the command line."""
+    parser = csv_parser(__doc__)
     parser.add_argument("settings", type=Path, help="YAML of the stage `train`, as in a study's folder `settings`")
     parser.add_argument("capture", type=Path)
     parser.add_argument("path", type=Path, help="gamma path of the subject (of any gamma)")
@@ -127,12 +136,12 @@ def main() -> None:
     arguments = parser.parse_args()
     settings = replace(load_settings("train", arguments.settings), threads=arguments.threads)
     capture, path = Capture.load(arguments.capture), GammaPath.load(arguments.path)
-    rows = looks(settings, head_sequence(capture, path), capture, arguments.budgets, arguments.steps)
-    table = pd.DataFrame(rows)
-    with writing(arguments.file) as part:
+    runs = evaluate_runs(settings, head_sequence(capture, path), capture, arguments.budgets, arguments.steps)
+    table = pd.DataFrame(runs)
+    with writing(arguments.rows) as part:
         table.round({"seconds": 2, "psnr": 3}).to_csv(part, index=False)
-    plot(arguments.file.with_suffix(".png"), table)
+    plot_quality(arguments.rows.with_suffix(".png"), table)
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -1,11 +1,11 @@
-"""Time against error of the exaggeration: on surfaces where the answer is known, and on heads.
+"""Time and error of the exaggeration, on surfaces with a known solution and on heads.
 
-python -m evaluation.benchmarks.surface results/benchmark/surface.csv head.obj ... --head-model ict_model.npz
+Example:
+    python -m evaluation.benchmarks.surface results/benchmark/surface.csv head.obj ... --head-model ict_model.npz
 """
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -20,19 +20,22 @@ from carigs.head import HeadModel
 from carigs.mesh import clean_mesh
 from carigs.mesh.ambient_occlusion import ambient_occlusion
 from carigs.settings import Exaggerate
-from evaluation.benchmarks.measurements import Measurement, seconds, write_measurements
+from evaluation.benchmarks.measurement import Measurement
+from evaluation.benchmarks.plots import plot_surface
 from evaluation.benchmarks.surface_accuracy import (
     GAMMA,
     PRESETS,
-    bound_rows,
-    curvature_rows,
-    lid_rows,
-    path_rows,
+    measure_blend_bounds,
+    measure_curvature,
+    measure_lid_closure,
+    measure_paths,
+    measure_sphere_law,
     preset,
-    sphere_rows,
 )
-from evaluation.benchmarks.surface_chart import plot
-from evaluation.benchmarks.surface_solvers import order_rows, size_rows
+from evaluation.benchmarks.surface_solvers import measure_fill_in, measure_solvers
+from evaluation.benchmarks.timing import median_time
+from evaluation.command_line import csv_parser, run
+from evaluation.tables.csv_files import stream_csv
 
 FLAME_SIZE = 5023
 PEOPLE = 20
@@ -40,76 +43,118 @@ PEOPLE = 20
 Mesh = tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
 
 
-def time_rows(case: str, mesh: Mesh, settings: Exaggerate, repeats: int = 5) -> Iterator[Measurement]:
-    """CPU seconds from arrays to one level; the reference of a level is the sum of all."""
+def measure_set_up(case: str, mesh: Mesh, settings: Exaggerate, repeats: int = 5) -> Iterator[Measurement]:
+    """Measure the CPU time from arrays to one level.
 
-    def spent(work: Callable[[], object]) -> float:
-        return seconds(work, repeats, time.process_time)
+    Args:
+        case: Name of the head.
+        mesh: The head.
+        settings: Settings of the exaggeration.
+        repeats: Number of timed calls.
 
-    door = spent(lambda: clean_mesh(*mesh))
-    setup = spent(lambda: Exaggerator(*mesh, settings))
+    Yields:
+        Records; the reference of a level is the sum of all steps.
+    """
+
+    def cpu(work: Callable[[], object]) -> float:
+        return median_time(work, repeats, time.process_time)
+
+    repair = cpu(lambda: clean_mesh(*mesh))
+    setup = cpu(lambda: Exaggerator(*mesh, settings))
     solver = Exaggerator(*mesh, settings)
-    level = spent(lambda: solver.solve(GAMMA))
-    yield Measurement(case, "CPU: check and mend", "s", door)
+    level = cpu(lambda: solver.solve(GAMMA))
+    yield Measurement(case, "CPU: check and mend", "s", repair)
     yield Measurement(case, "CPU: set-up without occlusion", "s", setup)
-    yield Measurement(case, "CPU: one exact level", "s", level, door + setup + level)
+    yield Measurement(case, "CPU: one exact level", "s", level, repair + setup + level)
 
 
-def head_rows(case: str, mesh: Mesh) -> Iterator[Measurement]:
-    """What a head costs, and how far paths are from exact solves."""
-    occlusion = seconds(lambda: ambient_occlusion(*mesh), 1, time.process_time, warm=False)
+def measure_head(case: str, mesh: Mesh) -> Iterator[Measurement]:
+    """Measure the times of a head, and the error of its paths against exact solutions.
+
+    Args:
+        case: Name of the head.
+        mesh: The head.
+
+    Yields:
+        Records.
+    """
+    occlusion = median_time(lambda: ambient_occlusion(*mesh), 1, time.process_time, warm_up=False)
     yield Measurement(case, "CPU: ambient occlusion", "s", occlusion)
-    yield from time_rows(case, mesh, Exaggerate(limit_cavities=False))
+    yield from measure_set_up(case, mesh, Exaggerate(limit_cavities=False))
     solver = Exaggerator(*mesh, preset("robust"))
-    yield from order_rows(case, solver)
-    yield from path_rows(case, solver)
+    yield from measure_fill_in(case, solver)
+    yield from measure_paths(case, solver)
 
 
 def measurements(heads: Mapping[str, Mesh], typical: str, model: HeadModel | None) -> Iterator[Measurement]:
-    """All rows, what takes longest last."""
-    yield from sphere_rows(range(2, 7))
-    yield from curvature_rows(range(2, 6))
+    """Take all measurements, the slowest last.
+
+    Args:
+        heads: Heads by name.
+        typical: Name of the head whose bounds and solvers are measured.
+        model: Head model for the closure of lids; None to leave it out.
+
+    Yields:
+        Records.
+    """
+    yield from measure_sphere_law(range(2, 7))
+    yield from measure_curvature(range(2, 6))
     for name, mesh in heads.items():
-        yield from head_rows(name, mesh)
+        yield from measure_head(name, mesh)
     for name in PRESETS:
-        yield from bound_rows(f"{typical}, {name}", Exaggerator(*heads[typical], preset(name)))
-    yield from size_rows(*heads[typical])
+        yield from measure_blend_bounds(f"{typical}, {name}", Exaggerator(*heads[typical], preset(name)))
+    yield from measure_solvers(*heads[typical])
     if model is not None:
-        yield from lid_rows(model, PEOPLE)
+        yield from measure_lid_closure(model, PEOPLE)
 
 
-def told(rows: Iterable[Measurement]) -> Iterator[Measurement]:
-    """The rows, and a line for each new case."""
+def _with_progress(records: Iterable[Measurement]) -> Iterator[Measurement]:
+    """Pass the records on, and print a line for each new case."""
     start, case = time.perf_counter(), None
-    for row in rows:
-        if row.case != case:
-            case = row.case
+    for record in records:
+        if record.case != case:
+            case = record.case
             print(f"{time.perf_counter() - start:6.1f} s  {case}", flush=True)
-        yield row
+        yield record
 
 
 def benchmark(file: Path, heads: Mapping[str, Mesh], model: HeadModel | None) -> None:
-    """Measure, and write `file` and the plot beside it; without heads, a torus of a head's size takes their place."""
+    """Measure, and write the records and their plot.
+
+    Args:
+        file: CSV file to write; the plot goes beside it.
+        heads: Heads by name; if empty, a torus of a head's size takes their place.
+        model: Head model for the closure of lids; None to leave it out.
+    """
     torus = trimesh.creation.torus(1.0, 0.4, major_sections=100, minor_sections=50)
-    shown = dict(heads) or {"torus": (np.asarray(torus.vertices), np.asarray(torus.faces))}
-    typical = min(shown, key=lambda name: abs(len(shown[name][0]) - FLAME_SIZE))
-    rows = write_measurements(file, told(measurements(shown, typical, model)))
-    plot(file.with_suffix(".png"), rows, typical)
+    meshes = dict(heads) or {"torus": (np.asarray(torus.vertices), np.asarray(torus.faces))}
+    typical = min(meshes, key=lambda name: abs(len(meshes[name][0]) - FLAME_SIZE))
+    records = stream_csv(file, _with_progress(measurements(meshes, typical, model)), Measurement)
+    plot_surface(file.with_suffix(".png"), records, typical, PRESETS)
 
 
 def main() -> None:
-    """Read the heads, all before any work starts."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("rows", type=Path, help="CSV to write; its plot goes beside it")
+    """Run the benchmark from the command line; all heads are read before work starts."""
+    parser = csv_parser(__doc__)
     parser.add_argument("meshes", type=Path, nargs="*", help="heads")
-    parser.add_argument("--head-model", type=Path, help="for how lids close: a model with landmarks and eyeBlink")
-    given = parser.parse_args()
-    model = HeadModel.load(given.head_model) if given.head_model else None
-    benchmark(given.rows, read_heads(given.meshes), model)
+    parser.add_argument("--head-model", type=Path, help="for the closure of lids: a model with landmarks and eyeBlink")
+    arguments = parser.parse_args()
+    model = HeadModel.load(arguments.head_model) if arguments.head_model else None
+    benchmark(arguments.rows, read_heads(arguments.meshes), model)
 
 
 def read_heads(files: list[Path]) -> dict[str, Mesh]:
-    """Meshes by name; raises `InputError` for a missing one."""
+    """Read meshes.
+
+    Args:
+        files: Mesh files of any format that trimesh reads.
+
+    Returns:
+        Vertices and faces, by the name of the file without suffix.
+
+    Raises:
+        InputError: A file is missing.
+    """
     for file in files:
         if not file.is_file():
             raise InputError("no such mesh", file=file)
@@ -118,4 +163,4 @@ def read_heads(files: list[Path]) -> dict[str, Mesh]:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

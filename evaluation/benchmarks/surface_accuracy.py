@@ -1,4 +1,4 @@
-"""Errors of the exaggeration where the truth is known: curvature, the sphere law, paths, bounds, lids."""
+"""Errors of the exaggeration: curvature, the sphere law, paths, bounds of the blend error, closure of lids."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from carigs.mesh.cotan_laplacian import CotanLaplacian, mixed_voronoi_areas
 from carigs.mesh.curvature import angle_defects, diffuse_heat
 from carigs.mesh.triangle_mesh import boundary_vertices, diagonal, size
 from carigs.settings import Exaggerate
-from evaluation.benchmarks.measurements import Measurement, seconds
+from evaluation.benchmarks.measurement import Measurement
+from evaluation.benchmarks.timing import median_time
 
 GAMMA = 0.25
 RADIUS = 3.0
@@ -33,12 +34,26 @@ BOUNDS = {
 
 
 def preset(name: str) -> Exaggerate:
-    """The settings of a preset of `conf/exaggerate`."""
+    """Settings of a preset of `conf/exaggerate`.
+
+    Args:
+        name: Name of the preset.
+
+    Returns:
+        The settings.
+    """
     return Exaggerate(**OmegaConf.to_container(compose(f"exaggerate={name}").exaggerate))
 
 
-def sphere_rows(subdivisions: range) -> Iterator[Measurement]:
-    """The law S_gamma = R^(-2 gamma) S under refinement; an error's reference is that of the mesh half as fine."""
+def measure_sphere_law(subdivisions: range) -> Iterator[Measurement]:
+    """Measure the error of the sphere law S_gamma = R^(-2 gamma) S, exact for a sphere of radius R, under refinement.
+
+    Args:
+        subdivisions: Finenesses of the icosphere.
+
+    Yields:
+        Errors; the reference is the error of the previous mesh.
+    """
     coarser = None
     for n in subdivisions:
         mesh = trimesh.creation.icosphere(subdivisions=n, radius=RADIUS)
@@ -49,10 +64,14 @@ def sphere_rows(subdivisions: range) -> Iterator[Measurement]:
         coarser = error
 
 
-def curvature_rows(refinements: range) -> Iterator[Measurement]:
-    """Estimators of K on surfaces with a formula for it: the error's root mean square over the surface, relative.
+def measure_curvature(refinements: range) -> Iterator[Measurement]:
+    """Measure the relative rms error of estimators of Gaussian curvature on surfaces with a known one.
 
-    The reference is the error at half as many vertices across.
+    Args:
+        refinements: Finenesses of the meshes.
+
+    Yields:
+        Errors; the reference is the error of the previous mesh.
     """
     coarser: dict[tuple[str, str], float] = {}
     for n in refinements:
@@ -109,26 +128,55 @@ def _estimates(
     return {**estimates, "quadric fit (libigl)": highest * lowest}
 
 
-def path_rows(case: str, solver: Exaggerator) -> Iterator[Measurement]:
-    """Paths of 2 (the paper's blend) to 8 Lobatto nodes against exact solves; references are the blend's."""
+def measure_paths(case: str, solver: Exaggerator) -> Iterator[Measurement]:
+    """Measure the error of paths of 2 to 8 Lobatto nodes against exact solutions, and the time of one level.
+
+    Args:
+        case: Name of the head.
+        solver: Its solver.
+
+    Yields:
+        Records; references are those of two nodes, the paper's linear blend.
+    """
     levels, extent = np.linspace(0, GAMMA, 26), diagonal(solver.vertices)
     exact = solver.solve_many(levels)
     blend = None
     for count in (2, 3, 4, 5, 6, 8):
         nodes = GAMMA * (1 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2
         path = GammaPath(nodes, solver.solve_many(nodes).astype(np.float32), solver.faces, solver.vertices)
-        error = max(
-            float(np.linalg.norm(path.displacement(float(level)) - solved, axis=1).max() / extent)
-            for level, solved in zip(levels, exact, strict=True)
-        )
-        query = seconds(lambda path=path: path.displacement(0.1), 200)
+        error = path_error(path, levels, exact) / extent
+        query = median_time(lambda path=path: path.displacement(0.1), 200)
         yield Measurement(case, f"largest error of a path of {count} nodes", "diagonal", error, blend and blend[0])
         yield Measurement(case, f"one level of a path of {count} nodes", "s", query, blend and blend[1])
         blend = blend or (error, query)
 
 
-def bound_rows(case: str, solver: Exaggerator, samples: int = 25) -> Iterator[Measurement]:
-    """The linear blend's error over the level, and its bounds; the reference of a bound is the error itself."""
+def path_error(path: GammaPath, levels: Float[np.ndarray, " n"], exact: Float[np.ndarray, "n v 3"]) -> float:
+    """Largest distance of a path from exact solutions.
+
+    Args:
+        path: The path.
+        levels: Levels to compare.
+        exact: Displacement that the solver gives at each level.
+
+    Returns:
+        Distance in metres.
+    """
+    distances = (path.displacement(float(level)) - solved for level, solved in zip(levels, exact, strict=True))
+    return max(float(np.linalg.norm(distance, axis=1).max()) for distance in distances)
+
+
+def measure_blend_bounds(case: str, solver: Exaggerator, samples: int = 25) -> Iterator[Measurement]:
+    """Measure the error of the linear blend over the level, and its bounds (equations 8 and 9 of the paper).
+
+    Args:
+        case: Name of the head.
+        solver: Its solver.
+        samples: Number of levels, ends included.
+
+    Yields:
+        Records; the reference of a bound is the error itself.
+    """
     extent = diagonal(solver.vertices)
     for bound in blend_bounds(solver, GAMMA, np.linspace(0, GAMMA, samples)[1:-1]):
         at = f"at level {bound.level:.4f}"
@@ -141,35 +189,86 @@ def bound_rows(case: str, solver: Exaggerator, samples: int = 25) -> Iterator[Me
 
 
 def random_person(model: HeadModel, seed: int) -> Float[np.ndarray, "v 3"]:
-    """A neutral head whose first 30 identity codes are from N(0, 1), as the model's directions are scaled for."""
+    """Neutral head of a random person: the first 30 identity coefficients are drawn from N(0, 1).
+
+    Args:
+        model: Head model.
+        seed: Seed of the coefficients.
+
+    Returns:
+        Vertices in metres.
+    """
     return neutral(model, HeadParameters(shape=np.pad(np.random.default_rng(seed).normal(size=30), (0, 270))))
 
 
-def lid_rows(
-    model: HeadModel, people: int, presets: Sequence[str] = PRESETS, transports: Sequence[str] = tuple(TRANSFER_FACTORS)
-) -> Iterator[Measurement]:
-    """How far lids close under a full blink at GAMMA, for random people; the reference is the natural closure.
+def full_blink(model: HeadModel) -> Float[np.ndarray, "2 v 3"]:
+    """Blendshapes that close both eyes.
 
-    Closure is the share by which the gap between the lids' landmarks shrinks.
+    Args:
+        model: Head model with the blendshapes eyeBlink_L and eyeBlink_R.
+
+    Returns:
+        Displacements in metres.
+    """
+    columns = [model.expression_names.index(name) for name in ("eyeBlink_L", "eyeBlink_R")]
+    return model.shapedirs[:, :, 300:][:, :, columns].transpose(2, 0, 1).astype(np.float64)
+
+
+def blink_by_transfer(
+    head: Float[np.ndarray, "v 3"],
+    model: HeadModel,
+    settings: Exaggerate,
+    transfers: Sequence[str] = tuple(TRANSFER_FACTORS),
+) -> Iterator[tuple[str, Float[np.ndarray, "v 3"], Float[np.ndarray, "v 3"]]]:
+    """Caricature of a head with each blendshape transfer.
+
+    Args:
+        head: Vertices of the neutral head in metres.
+        model: Its head model.
+        settings: Settings of the exaggeration.
+        transfers: Values of `exaggerate.blendshape_transfer`.
+
+    Yields:
+        Name of the transfer, and the caricature with open and with closed eyes.
+    """
+    blinks, solver = full_blink(model), Exaggerator(head, model.faces, settings)
+    path = solver.path(GAMMA)
+    for transfer in transfers:
+        solver.settings = replace(solver.settings, blendshape_transfer=transfer)
+        caricature = transfer_blendshapes(path, solver, blinks, np.arange(2)).at(GAMMA)
+        moved = head + caricature.displacement
+        yield transfer, moved, moved + blinks.sum(axis=0) + caricature.blendshape_change(np.ones(2))
+
+
+def measure_lid_closure(
+    model: HeadModel, people: int, presets: Sequence[str] = PRESETS, transfers: Sequence[str] = tuple(TRANSFER_FACTORS)
+) -> Iterator[Measurement]:
+    """Measure how far the lids of random people close under a full blink at `GAMMA`.
+
+    Closure is the share by which the gap between the landmarks of the lids shrinks.
+
+    Args:
+        model: Head model with landmarks and eyeBlink.
+        people: Number of people.
+        presets: Presets of the exaggeration.
+        transfers: Values of `exaggerate.blendshape_transfer`.
+
+    Yields:
+        Closures; the reference is that of the natural head.
     """
     upper, lower = model.landmarks68[[37, 38, 43, 44]], model.landmarks68[[41, 40, 47, 46]]
-    columns = [model.expression_names.index(name) for name in ("eyeBlink_L", "eyeBlink_R")]
-    blinks = model.shapedirs[:, :, 300:][:, :, columns].transpose(2, 0, 1).astype(np.float64)
+    blink = full_blink(model).sum(axis=0)
 
     def gap(vertices: np.ndarray) -> float:
         return float((vertices[upper] - vertices[lower])[:, 1].mean())
 
-    chosen = {name: preset(name) for name in presets}
+    settings = {name: preset(name) for name in presets}
     for seed in range(1, people + 1):
         head = random_person(model, seed)
-        natural = 1 - gap(head + blinks.sum(axis=0)) / gap(head)
-        for name, settings in chosen.items():
-            solver = Exaggerator(head, model.faces, settings)
-            path = solver.path(GAMMA)
-            for transport in transports:
-                solver.settings = replace(solver.settings, blendshape_transfer=transport)
-                caricature = transfer_blendshapes(path, solver, blinks, np.arange(2)).at(GAMMA)
-                moved = head + caricature.displacement
-                closed = 1 - gap(moved + blinks.sum(axis=0) + caricature.blendshape_change(np.ones(2))) / gap(moved)
-                case = f"person {seed}, {name}"
-                yield Measurement(case, f"lids closed by a blink, {transport}", "gap", closed, natural)
+        natural = 1 - gap(head + blink) / gap(head)
+        for name in presets:
+            for transfer, opened, closed in blink_by_transfer(head, model, settings[name], transfers):
+                closure = 1 - gap(closed) / gap(opened)
+                yield Measurement(
+                    f"person {seed}, {name}", f"lids closed by a blink, {transfer}", "gap", closure, natural
+                )

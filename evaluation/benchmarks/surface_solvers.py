@@ -1,4 +1,4 @@
-"""Ways to solve the equation's system, on one head at four sizes: factorise, then one level and 32."""
+"""Linear solvers for the weighted Poisson equation, on one head at four sizes: factorise, then one level and 32."""
 
 from __future__ import annotations
 
@@ -21,72 +21,84 @@ from carigs.mesh.linear_solver import (
     conjugate_gradients,
     solve_in_blocks,
 )
-from evaluation.benchmarks.measurements import Measurement, seconds
+from evaluation.benchmarks.measurement import Measurement
+from evaluation.benchmarks.timing import elapsed, median_time
 
 Solve = Callable[[np.ndarray], np.ndarray]
 LEVELS = np.linspace(0.25 / 32, 0.25, 32)
 SIZES = 4
 MOST_VERTICES = {"LU (MMD, symmetric)": 100_000}
-"""Of ways that do not grow evenly: on 321169 vertices SciPy's MMD searched for an order for more than seven minutes."""
-SLOW = 5.0
-"""CPU seconds: what takes longer for the first level is not tried at four times the size."""
-TOLD = 20.0
-"""CPU seconds: levels that would take longer are told by the first one."""
+"""Largest sizes: on 321169 vertices SciPy's minimum degree ordering takes more than seven minutes."""
+MAX_FIRST_LEVEL = 5.0
+"""CPU seconds: a solver that takes longer for the first level is not tried at four times the size."""
+MAX_ALL_LEVELS = 20.0
+"""CPU seconds: if all levels would take longer, their time is extrapolated from the first one."""
 
 
-def size_rows(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Iterator[Measurement]:
-    """Times of each way at this size and after one to three splits of every face into four.
+def measure_solvers(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Iterator[Measurement]:
+    """Time each solver on a head, and after one to three splits of every face into four.
 
-    Times are the process's own, all threads together; a reference is that of the first way.
+    Args:
+        vertices: Vertices of the head.
+        faces: Vertex indices of the triangles.
+
+    Yields:
+        CPU seconds of all threads; references are those of the first solver, which carigs uses.
     """
-    left_out: set[str] = set()
+    too_slow: set[str] = set()
     for _ in range(SIZES):
         cotans = CotanLaplacian(vertices, faces)
         matrix, mass = cotans.stiffness()[1:][:, 1:].tocsc(), mixed_voronoi_areas(vertices, faces)
-        rights = _right_hand_sides(cotans, vertices, faces)
+        right_hand_sides = _right_hand_sides(cotans, vertices, faces)
         first: dict[str, float] = {}
-        for name, make in _ways(matrix, mass).items():
-            if name in left_out or len(vertices) > MOST_VERTICES.get(name, np.inf):
+        for name, make in _solvers(matrix, mass).items():
+            if name in too_slow or len(vertices) > MOST_VERTICES.get(name, np.inf):
                 continue
-            times = _times(make, rights)
+            times = _times(make, right_hand_sides)
             for quantity, value in times.items():
                 yield Measurement(f"{len(vertices)} vertices, {name}", quantity, "s", value, first.get(quantity))
             first = first or times
-            if times["one level"] > SLOW:
-                left_out.add(name)
+            if times["one level"] > MAX_FIRST_LEVEL:
+                too_slow.add(name)
         vertices, faces = (
             array.astype(kind) for array, kind in zip(igl.upsample(vertices, faces), (float, np.int64), strict=True)
         )
 
 
-def order_rows(case: str, solver: Exaggerator, repeats: int = 5) -> Iterator[Measurement]:
-    """The symmetric minimum degree on a head's own system, air included; the references are COLAMD's."""
+def measure_fill_in(case: str, solver: Exaggerator, repeats: int = 5) -> Iterator[Measurement]:
+    """Measure LU with symmetric minimum degree ordering on the system of a head, gap stiffness included.
+
+    Args:
+        case: Name of the head.
+        solver: Its solver.
+        repeats: Number of timed calls.
+
+    Yields:
+        Entries of the factors and CPU seconds; references are those of COLAMD.
+    """
     inside = np.flatnonzero(solver.solved_vertices)[1:]
     matrix = solver.system[inside][:, inside].tocsc()
     entries = [float(splu(matrix, **order).nnz) for order in (SYMMETRIC, {})]
     times = [
-        seconds(lambda order=order: splu(matrix, **order), repeats, time.process_time) for order in (SYMMETRIC, {})
+        median_time(lambda order=order: splu(matrix, **order), repeats, time.process_time) for order in (SYMMETRIC, {})
     ]
     yield Measurement(case, "entries of LU's factors, symmetric minimum degree", "1", *entries)
     yield Measurement(case, "CPU: LU, symmetric minimum degree", "s", *times)
 
 
-def _ways(matrix: csc_array, mass: np.ndarray) -> Mapping[str, Callable[[], Solve]]:
-    """What is measured, first of all what `carigs.surface` does."""
+def _solvers(matrix: csc_array, mass: np.ndarray) -> Mapping[str, Callable[[], Solve]]:
+    """Solvers by name; the first is the one that carigs uses."""
 
     def lu(system: csc_array, **options: object) -> Solve:
         factors = splu(system, **options)
         return lambda right: solve_in_blocks(factors, right)
-
-    def all_at_once() -> Solve:
-        return splu(matrix).solve
 
     def iterate() -> Solve:
         start = np.zeros(matrix.shape[0])
         return lambda right: np.stack([conjugate_gradients(matrix, c, start, 10**5) for c in right.T], axis=1)
 
     def least_squares() -> Solve:
-        # Equation 3 as it is written, over A^-1 W: its normal equations are a bi-Laplacian's.
+        # Equation 3 of the paper literally, with L = A^-1 W: the normal equations are those of a bi-Laplacian.
         inverse = diags_array(1 / mass[1:])
         solve = lu((matrix @ inverse @ matrix).tocsc())
         return lambda right: solve(matrix @ (inverse @ right))
@@ -95,36 +107,29 @@ def _ways(matrix: csc_array, mass: np.ndarray) -> Mapping[str, Callable[[], Solv
     return {
         ours: lambda: CholeskySolver(matrix).solve,
         f"LU (COLAMD), {COLUMNS} columns at once": lambda: lu(matrix),
-        "LU (COLAMD), all columns at once": all_at_once,
+        "LU (COLAMD), all columns at once": lambda: splu(matrix).solve,
         "LU (MMD, symmetric)": lambda: lu(matrix, **SYMMETRIC),
         "normal equations of the least squares": least_squares,
         "conjugate gradients": iterate,
     }
 
 
-def _times(make: Callable[[], Solve], rights: Float[np.ndarray, "n c"]) -> dict[str, float]:
+def _times(make: Callable[[], Solve], right_hand_sides: Float[np.ndarray, "n c"]) -> dict[str, float]:
     """CPU seconds to factorise, and with that for one level (3 columns) and for all of them."""
     start = time.process_time()
     solve = make()
     factorised = time.process_time() - start
-    start = time.process_time()
-    solve(rights[:, :3])
-    one = time.process_time() - start
-    if len(LEVELS) * one > TOLD:
-        return {"factorise": factorised, "one level": factorised + one, "32 levels": factorised + len(LEVELS) * one}
-    start = time.process_time()
-    solve(rights)
-    return {
-        "factorise": factorised,
-        "one level": factorised + one,
-        "32 levels": factorised + time.process_time() - start,
-    }
+    one = elapsed(lambda: solve(right_hand_sides[:, :3]), time.process_time)
+    every = len(LEVELS) * one
+    if every <= MAX_ALL_LEVELS:
+        every = elapsed(lambda: solve(right_hand_sides), time.process_time)
+    return {"factorise": factorised, "one level": factorised + one, "32 levels": factorised + every}
 
 
 def _right_hand_sides(
     cotans: CotanLaplacian, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
 ) -> Float[np.ndarray, "n c"]:
-    """Of all levels, for weights that vary as those of a head do."""
+    """Right-hand sides of all levels, for weights that vary as those of a head."""
     rough = np.sin(40 * vertices / np.ptp(vertices, axis=0).max()).sum(axis=1)[faces].mean(axis=1)
     columns = [cotans.weighted_divergence(vertices, np.exp(level * rough) - 1) for level in LEVELS]
     return np.concatenate(columns, axis=1)[1:]

@@ -1,131 +1,127 @@
-"""What a target costs, and how close it comes to a true caricature: time against error over the options of the warp.
+"""Time and error of GT* targets over the options of the warp, and the gain of relighting.
 
-python -m evaluation.benchmarks.target target.csv [folder of a toy capture with path.npz and capture.json]
+Time: CPU ms of one thread for a frame of 802x550. Error: test frames of the procedural subject, warped without
+relighting, against renderings of its caricature under the same light. n x n is the supersampling of outline pixels.
 
-Time: CPU ms of one thread for a frame of 802x550 and a head of 10 000 triangles.  Error: frames of the procedural
-person, warped plainly (no new light), against renderings of the caricature under the same light; n x n are the samples
-that say how much of a pixel the mesh covers.  And what new light brings.
+Example:
+    python -m evaluation.benchmarks.target results/benchmark/target.csv
 """
 
 from __future__ import annotations
 
-import sys
 import tempfile
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from itertools import product
 from pathlib import Path
-from statistics import median
 
 import cv2
 import numpy as np
 
-from carigs.capture import Camera, Capture
-from carigs.exaggeration import GammaPath
-from carigs.files import writing
+from carigs.capture import Camera, Capture, Frame, read_dataset
+from carigs.exaggeration import Caricature, GammaPath
 from carigs.gtstar import face_mask_flags, flags_from_names, make_target
 from carigs.gtstar.provider import fitted_shading
-from carigs.head import pose
+from carigs.head import neutral, pose, subject_gamma_path
+from carigs.head.teeth import add_teeth
 from carigs.light.fitting import relight
 from carigs.raster import visible
 from carigs.settings import DEFAULT_MASK_FLAGS, Exaggerate, Gtstar, Toy
-from carigs.settings import Capture as CaptureSettings
-from carigs.stages.capture import capture
-from carigs.stages.exaggerate import exaggerate
-from carigs.toy import load_subject, render_subject
-from evaluation.benchmarks.measurements import Measurement, write_measurements
+from carigs.toy import load_subject, render_subject, write_capture
+from evaluation.benchmarks.measurement import Measurement
+from evaluation.benchmarks.plots import plot_target
+from evaluation.benchmarks.timing import cpu_seconds, median_time
+from evaluation.command_line import csv_parser, run
 from evaluation.metrics.regions import surface_regions
+from evaluation.tables.csv_files import stream_csv
 
 SIZE = (550, 802)
 FRAMES = 6
 REPEATS = 9
-WRONG = 0.15
+ERROR_THRESHOLD = 0.15
+"""Mean absolute difference of the channels above which a pixel counts as wrong."""
 OPTIONS = tuple(product(("affine", "perspective"), (1, 2, 4), (True, False)))
+"""Values of `gtstar.warp`, `gtstar.supersampling` and `gtstar.footprint`."""
 
 
-def name(warp: str, samples: int, footprint: bool) -> str:
-    """Of one choice of options."""
-    return f"{warp}, {samples}x{samples}, footprint {'on' if footprint else 'off'}"
+def measure_warp(subject: Capture, path: GammaPath, repeats: int = REPEATS) -> Iterator[Measurement]:
+    """Measure time and error of targets at gamma_f for each of `OPTIONS`.
 
+    Args:
+        subject: Capture of the procedural subject.
+        path: Its caricature path.
+        repeats: Number of timed calls.
 
-def cpu_ms(work: Callable[[], object]) -> float:
-    """Median CPU time of the calling thread, once warm."""
-    work()
-    times = []
-    for _ in range(REPEATS):
-        start = time.thread_time()
-        work()
-        times.append(time.thread_time() - start)
-    return 1000 * median(times)
-
-
-def measure(subject: Capture, path: GammaPath) -> Iterator[Measurement]:
-    """Rows of every option; the reference is the paper's: affine, one sample, no footprint."""
+    Yields:
+        Records; the reference is the paper's warp: affine, one sample, no footprint.
+    """
     model, exaggerated = subject.model, path.at(path.gamma_f)
-    of_faces = face_mask_flags(model, Gtstar())
+    face_flags = face_mask_flags(model, Gtstar())
     excluded = np.uint16(flags_from_names(DEFAULT_MASK_FLAGS).value)
     frames = subject.split("test")[:: max(1, len(subject.split("test")) // FRAMES)][:FRAMES]
-    person = load_subject(subject.root)
-    scenes = []
-    for frame in frames:
-        parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
-        ends = pose(model, parameters), pose(model, parameters, exaggerated)
-        truth = render_subject(person, parameters, camera, exaggerated)
-        scenes.append((subject.image(frame), subject.mask(frame), *ends, camera, *truth))
-    image, matte, natural, caricature, camera, *_ = scenes[0]
-    large = _large(camera)
+    scenes = _scenes(subject, frames, exaggerated)
+    image, matte, natural, deformed, camera, *_ = scenes[0]
+    large = _enlarged(camera)
     pictures = cv2.resize(image, SIZE), cv2.resize(matte, SIZE)
+
+    def cpu_ms(work) -> float:
+        return 1000 * median_time(work, repeats, cpu_seconds)
+
     scene = f"{len(model.faces)} triangles, {SIZE[1]}x{SIZE[0]}"
     yield Measurement(scene, "visibility at one end", "ms", cpu_ms(lambda: visible(natural, model.faces, large)))
-    plain: dict[str, float] = {}
+    references: dict[str, float] = {}
     for option in sorted(OPTIONS, key=lambda option: option != ("affine", 1, False)):
-        settings = Gtstar(warp=option[0], supersampling=option[1], footprint=option[2])
+        warp, samples, footprint = option
+        settings = Gtstar(warp=warp, supersampling=samples, footprint=footprint)
 
-        def one(settings: Gtstar = settings) -> object:
-            return make_target(*pictures, natural, caricature, large, model, of_faces, settings)
+        def make_one(settings: Gtstar = settings) -> object:
+            return make_target(*pictures, natural, deformed, large, model, face_flags, settings)
 
-        numbers = {("visibility, warp and masks", "ms"): cpu_ms(one)}
-        errors, left_out, wrong = [], [], []
+        values = {("visibility, warp and masks", "ms"): cpu_ms(make_one)}
+        errors, masked, wrong_masked = [], [], []
         for *inputs, view, truth, true_matte in scenes:
-            target = make_target(*inputs, view, model, of_faces, settings)
-            on_mesh, out = target.caricature.face >= 0, (target.reasons & excluded) > 0
+            target = make_target(*inputs, view, model, face_flags, settings)
+            on_mesh, excludes = target.caricature.face >= 0, (target.reasons & excluded) > 0
             error = np.abs(target.colour - truth).mean(axis=2)
-            errors.append(error[on_mesh & ~out])
-            left_out.append(out[on_mesh])
-            wrong.append(out[(on_mesh | (true_matte > 0)) & (error > WRONG)])
+            errors.append(error[on_mesh & ~excludes])
+            masked.append(excludes[on_mesh])
+            wrong_masked.append(excludes[(on_mesh | (true_matte > 0)) & (error > ERROR_THRESHOLD)])
         pooled = np.concatenate(errors)
-        numbers["mean absolute error", "1"] = float(pooled.mean())
-        numbers["99th percentile of the error", "1"] = float(np.quantile(pooled, 0.99))
-        numbers["share of the mesh's pixels that is left out", "1"] = float(np.concatenate(left_out).mean())
-        numbers[f"share of the head's errors above {WRONG} that is left out", "1"] = float(np.concatenate(wrong).mean())
-        for (quantity, unit), value in numbers.items():
-            reference = plain.setdefault(quantity, value)
-            yield Measurement(name(*option), quantity, unit, value, reference)
+        values["mean absolute error", "1"] = float(pooled.mean())
+        values["99th percentile of the error", "1"] = float(np.quantile(pooled, 0.99))
+        values["share of the mesh's pixels that is left out", "1"] = float(np.concatenate(masked).mean())
+        share = f"share of the head's errors above {ERROR_THRESHOLD} that is left out"
+        values[share, "1"] = float(np.concatenate(wrong_masked).mean())
+        case = f"{warp}, {samples}x{samples}, footprint {'on' if footprint else 'off'}"
+        for (quantity, unit), value in values.items():
+            yield Measurement(case, quantity, unit, value, references.setdefault(quantity, value))
 
 
-def relighting(subject: Capture, path: GammaPath) -> Iterator[Measurement]:
-    """Rows of what new light brings at gamma and twice it: trusted pixels of the regions skin and face."""
+def measure_relighting(subject: Capture, path: GammaPath) -> Iterator[Measurement]:
+    """Measure PSNR of trusted pixels of targets before and after relighting, at gamma_f and twice that level.
+
+    Args:
+        subject: Capture of the procedural subject.
+        path: Its caricature path.
+
+    Yields:
+        Records for the regions skin and face; the reference is the value in the light of the frame.
+    """
     model, settings = subject.model, Gtstar()
-    of_faces, excluded = face_mask_flags(model, settings), np.uint16(flags_from_names(DEFAULT_MASK_FLAGS).value)
+    face_flags, excluded = face_mask_flags(model, settings), np.uint16(flags_from_names(DEFAULT_MASK_FLAGS).value)
     regions = {name: surface_regions(model, model.v_template).faces[name] for name in ("skin", "face")}
-    person, frames = load_subject(subject.root), subject.split("test")[::2]
-    shading = fitted_shading(settings, subject, of_faces)
+    shading = fitted_shading(settings, subject, face_flags)
     for level in (path.gamma_f, 2 * path.gamma_f):
-        exaggerated = path.at(level)
         squares: dict[tuple[str, str], list[np.ndarray]] = {}
-        for frame in frames:
-            parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
-            ends = pose(model, parameters), pose(model, parameters, exaggerated)
-            pictures = subject.image(frame), subject.mask(frame)
-            target = make_target(*pictures, *ends, camera, model, of_faces, settings, subject.background)
-            truth, _ = render_subject(person, parameters, camera, exaggerated)
-            factor = shading.factor(*(shading.transfer(vertices, model.faces) for vertices in ends))
-            lit = relight(target.colour, target.caricature, factor, shading.kept)
+        for *inputs, camera, truth, _ in _scenes(subject, subject.split("test")[::2], path.at(level)):
+            target = make_target(*inputs, camera, model, face_flags, settings, subject.background)
+            meshes = inputs[2:]
+            factor = shading.factor(*(shading.transfer(vertices, model.faces) for vertices in meshes))
+            relit = relight(target.colour, target.caricature, factor, shading.kept)
             face = target.caricature.face
             trusted = (face >= 0) & ((target.reasons & excluded) == 0)
             for region, inside in regions.items():
                 where = trusted & inside[face]
-                for light, image in (("the frame's light", target.colour), ("new light", lit)):
+                for light, image in (("the frame's light", target.colour), ("new light", relit)):
                     squares.setdefault((region, light), []).append(((image - truth)[where] ** 2).ravel())
         for region in regions:
             reference = None
@@ -135,49 +131,61 @@ def relighting(subject: Capture, path: GammaPath) -> Iterator[Measurement]:
                 yield Measurement(f"level {level:g}, {light}", f"PSNR of trusted {region}", "dB", value, reference)
 
 
-def _large(camera: Camera) -> Camera:
-    """The same view in an image of `SIZE`."""
-    factor = SIZE[1] / camera.height
-    scaled = camera.scaled(factor)
-    return Camera(scaled.camera_from_world, scaled.fx, scaled.fy, 0.5 * SIZE[0], 0.5 * SIZE[1], *SIZE)
+def benchmark(file: Path, folder: Path | None = None, toy: Toy | None = None, repeats: int = REPEATS) -> None:
+    """Measure, and write the records and their plot.
 
-
-def plot(file: Path, rows: list[Measurement]) -> None:
-    """Error against time, a point per option."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.0, 4.2), dpi=120, layout="constrained")
-    FigureCanvasAgg(figure)
-    axes = figure.subplots()
-    for option in OPTIONS:
-        values = {row.quantity: row.value for row in rows if row.case == name(*option)}
-        x, y = values["visibility, warp and masks"], values["99th percentile of the error"]
-        axes.plot(x, y, "os^"[option[1].bit_length() - 1], color="tab:blue" if option[0] == "perspective" else "0.6",
-                  fillstyle="full" if option[2] else "none", label=name(*option))  # fmt: skip
-    axes.set_xscale("log")
-    axes.set_xlabel("CPU ms per frame of 802x550, one thread")
-    axes.set_ylabel("99th percentile of |target - truth|, trusted pixels")
-    axes.grid(alpha=0.3, which="both")
-    axes.legend(fontsize=7)
-    with writing(file) as part:
-        figure.savefig(part, metadata={"Software": None})
-
-
-def benchmark(file: Path, folder: Path | None) -> None:
-    """Measure on the toy capture in `folder`, or on one made for it, and write `file` and a plot beside it."""
+    Args:
+        file: CSV file to write; the plot goes beside it.
+        folder: Folder with `capture.json` and `path.npz` of a procedural subject; None to make one.
+        toy: Settings of the subject to make.
+        repeats: Number of timed calls.
+    """
     cv2.setNumThreads(1)
     with tempfile.TemporaryDirectory() as temporary:
         if folder is None:
             folder = Path(temporary)
-            toy = CaptureSettings(toy=Toy(steps_per_sequence=1))
-            capture(toy, index=folder / "capture.json", dataset=folder / "dataset")
-            exaggerate(Exaggerate(), capture=folder / "capture.json", path=folder / "path.npz")
-        subject = Capture.load(folder / "capture.json"), GammaPath.load(folder / "path.npz")
-        rows = [*measure(*subject), *relighting(*subject)]
-    write_measurements(file, rows)
-    plot(file.with_suffix(".png"), rows)
+            _write_subject(folder, toy or Toy(steps_per_sequence=1))
+        subject, path = Capture.load(folder / "capture.json"), GammaPath.load(folder / "path.npz")
+        measurements = [*measure_warp(subject, path, repeats), *measure_relighting(subject, path)]
+    stream_csv(file, measurements, Measurement)
+    plot_target(file.with_suffix(".png"), measurements)
+
+
+def _scenes(subject: Capture, frames: Sequence[Frame], exaggerated: Caricature) -> list[tuple]:
+    """Image, matte, natural and caricature mesh, camera, true caricature and its matte, of each frame."""
+    person, model, scenes = load_subject(subject.root), subject.model, []
+    for frame in frames:
+        parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
+        meshes = pose(model, parameters), pose(model, parameters, exaggerated)
+        truth = render_subject(person, parameters, camera, exaggerated)
+        scenes.append((subject.image(frame), subject.mask(frame), *meshes, camera, *truth))
+    return scenes
+
+
+def _write_subject(folder: Path, toy: Toy) -> None:
+    """Write a capture of the procedural subject and its path, as the stages `capture` and `exaggerate` do."""
+    write_capture(folder / "dataset", toy)
+    read_dataset(folder / "dataset", folder / "dataset/head_model.npz").save(folder / "capture.json")
+    subject = Capture.load(folder / "capture.json")
+    parameters = [subject.parameters(t) for t in dict.fromkeys(frame.timestep for frame in subject.frames)]
+    vertices = neutral(subject.model, parameters[0])
+    path = subject_gamma_path(subject.model, vertices, Exaggerate(), parameters)
+    add_teeth(path, vertices, subject.model.faces).save(folder / "path.npz")
+
+
+def _enlarged(camera: Camera) -> Camera:
+    """The same view in an image of `SIZE`."""
+    scaled = camera.scaled(SIZE[1] / camera.height)
+    return Camera(scaled.camera_from_world, scaled.fx, scaled.fy, 0.5 * SIZE[0], 0.5 * SIZE[1], *SIZE)
+
+
+def main() -> None:
+    """Run the benchmark from the command line."""
+    parser = csv_parser(__doc__)
+    parser.add_argument("folder", type=Path, nargs="?", help="with capture.json and path.npz of a procedural subject")
+    arguments = parser.parse_args()
+    benchmark(arguments.rows, arguments.folder)
 
 
 if __name__ == "__main__":
-    benchmark(Path(sys.argv[1]), Path(sys.argv[2]) if len(sys.argv) > 2 else None)
+    run(main)

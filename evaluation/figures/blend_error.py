@@ -1,8 +1,7 @@
-"""How far interpolated surfaces are from the exactly solved one, over the caricature level."""
+"""Error of interpolated caricatures over the level: the paper's linear blend (equation 7) and the stored path."""
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -11,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.exaggeration import GammaPath
-from carigs.files import writing
+from evaluation.figures.png_figure import png_figure
 
 STYLES = {
     "blend_largest": ("linear blend, largest", "C0-"),
@@ -23,19 +22,30 @@ STYLES = {
 
 
 class BlendError(NamedTuple):
-    """Distances between vertices at one level, in bounding-box diagonals of the neutral head."""
+    """Distances of vertices from the exact solution at one level, in bounding-box diagonals of the neutral head."""
 
     level: float
     blend_largest: float
-    """Of the paper's linear blend of S_0 and S_gamma_f from the exact solution."""
+    """Linear blend of S_0 and S_gamma_f: largest distance."""
     blend_rms: float
     path_largest: float
-    """Of the stored path from the exact solution."""
+    """Stored path: largest distance."""
     path_rms: float
 
 
 def blend_errors(path: GammaPath, exact: Callable[[float], Float[np.ndarray, "v 3"]], samples: int) -> list[BlendError]:
-    """Errors at `samples` levels from 0 to gamma_f; `exact(level)` is the solver's displacement (metres)."""
+    """Compare the linear blend and the stored path with exact solutions.
+
+    The linear blend is equation 7 of the paper: S_gamma ~ (1 - gamma / gamma_f) S_0 + (gamma / gamma_f) S_gamma_f.
+
+    Args:
+        path: The stored path.
+        exact: Displacement in metres that the solver gives for a level.
+        samples: Number of levels, evenly from 0 to gamma_f.
+
+    Returns:
+        Errors at each level.
+    """
     diagonal = float(np.linalg.norm(np.ptp(path.neutral, axis=0)))
     end = exact(path.gamma_f)
     errors = []
@@ -49,40 +59,27 @@ def blend_errors(path: GammaPath, exact: Callable[[float], Float[np.ndarray, "v 
     return errors
 
 
-def write_blend_errors(file: Path, errors: Sequence[BlendError]) -> None:
-    """The curves as CSV."""
-    with writing(file) as part, part.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(BlendError._fields)
-        writer.writerows([f"{value:.6g}" for value in error] for error in errors)
-
-
 def plot_blend_errors(file: Path, errors: Sequence[BlendError]) -> None:
-    """The curves as PNG, linear as the paper draws them, and logarithmic.
+    """Draw the curves on a linear axis, as the paper, and on a logarithmic one.
 
-    The shape of the paper's bound, gamma (gamma_f - gamma), is drawn through the blend's largest error.
+    The shape of the paper's bound (equation 8), gamma (gamma_f - gamma), is scaled to the blend's largest error.
+
+    Args:
+        file: PNG file to write.
+        errors: Errors at each level.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     levels = np.array([error.level for error in errors])
     percent = {name: 100 * np.array([getattr(error, name) for error in errors]) for name in BlendError._fields[1:]}
     shape = levels * (levels[-1] - levels)
     percent["bound"] = shape * percent["blend_largest"].max() / shape.max()
-    figure = Figure(figsize=(9.6, 4.0), dpi=120, layout="constrained")
-    FigureCanvasAgg(figure)
-    for axes, scale in zip(figure.subplots(1, 2), ("linear", "log"), strict=True):
-        for name, (label, style) in STYLES.items():
-            # Errors are exactly 0 at the nodes, which a logarithmic axis cannot show.
-            shown = percent[name] if scale == "linear" else np.where(percent[name] > 1e-12, percent[name], np.nan)
-            axes.plot(levels, shown, style, label=label)
-        axes.set_yscale(scale)
-        axes.set_xlabel(r"caricature level $\gamma$")
-        axes.set_xlim(0, levels[-1])
-        axes.grid(alpha=0.3)
-        if scale == "linear":
-            axes.set_ylabel("distance from the exact solution\n(% of the bounding-box diagonal)")
-            axes.set_ylim(bottom=0)
-            axes.legend(fontsize=8)
-    with writing(file) as part:
-        figure.savefig(part, metadata={"Software": None})
+    with png_figure(file, (9.6, 4.0)) as figure:
+        for axes, scale in zip(figure.subplots(1, 2), ("linear", "log"), strict=True):
+            for name, (label, style) in STYLES.items():
+                # Errors are exactly 0 at the nodes, which a logarithmic axis cannot show.
+                values = percent[name] if scale == "linear" else np.where(percent[name] > 1e-12, percent[name], np.nan)
+                axes.plot(levels, values, style, label=label)
+            axes.set(yscale=scale, xlabel=r"caricature level $\gamma$", xlim=(0, levels[-1]))
+            axes.grid(alpha=0.3)
+            if scale == "linear":
+                axes.set(ylabel="distance from the exact solution\n(% of the bounding-box diagonal)", ylim=(0, None))
+                axes.legend(fontsize=8)

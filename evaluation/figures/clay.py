@@ -1,4 +1,4 @@
-"""Meshes in clay, from the front, from between and from the side, under a lamp at the camera's shoulder."""
+"""Shaded renderings of meshes from three sides, without texture."""
 
 from __future__ import annotations
 
@@ -17,19 +17,26 @@ from carigs.raster import rasterize_mesh
 
 VIEWS = (0.0, 40.0, 90.0)
 """Degrees around the upright axis +y; 0 looks at the face from +z."""
-SIDE = 360
-"""Pixels of one picture."""
-SAMPLES = 2
+SIZE = 360
+"""Height and width of one picture in pixels."""
+SUPERSAMPLING = 2
 CLAY = np.array([0.78, 0.70, 0.64])
 
 
 def clay_sheet(file: Path, meshes: Mapping[str, Float[np.ndarray, "v 3"]], faces: Int[np.ndarray, "f 3"]) -> None:
-    """Write a PNG: a row for each of `meshes` (in any unit), all at the same scale."""
-    every = np.concatenate(list(meshes.values()))
-    centre, reach = (every.min(axis=0) + every.max(axis=0)) / 2, float(np.linalg.norm(np.ptp(every, axis=0))) / 2
+    """Draw meshes of equal topology, one row each, all at the same scale.
+
+    Args:
+        file: PNG file to write.
+        meshes: Vertices by label, in any unit.
+        faces: Vertex indices of the triangles.
+    """
+    vertices = np.concatenate(list(meshes.values()))
+    centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    radius = float(np.linalg.norm(np.ptp(vertices, axis=0))) / 2
     rows = []
     for name, vertices in meshes.items():
-        views = [_shaded((vertices - centre) / reach, faces, angle) for angle in VIEWS]
+        views = [_shaded((vertices - centre) / radius, faces, angle) for angle in VIEWS]
         row = np.rint(255 * np.concatenate(views, axis=1).clip(0, 1)).astype(np.uint8)
         cv2.putText(row, name, (8, 20), cv2.FONT_HERSHEY_SIMPLEX, 0.5, (50, 50, 50), 1, cv2.LINE_AA)
         rows.append(row / 255)
@@ -38,11 +45,11 @@ def clay_sheet(file: Path, meshes: Mapping[str, Float[np.ndarray, "v 3"]], faces
 
 
 def _shaded(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], angle: float) -> np.ndarray:
-    """The mesh, which fits into the unit sphere, through a long lens."""
-    turn, pixels = np.deg2rad(angle), SIDE * SAMPLES
-    place = 8.0 * np.array([np.sin(turn), 0.0, np.cos(turn)])
+    """Render a mesh inside the unit sphere from a distance of 8, lit from beside the camera."""
+    turn, pixels = np.deg2rad(angle), SIZE * SUPERSAMPLING
+    position = 8.0 * np.array([np.sin(turn), 0.0, np.cos(turn)])
     focal = 8.0 * pixels / 2 * 0.98
-    camera = Camera(look_at(place, np.zeros(3)), focal, focal, pixels / 2, pixels / 2, pixels, pixels)
+    camera = Camera(look_at(position, np.zeros(3)), focal, focal, pixels / 2, pixels / 2, pixels, pixels)
     hit = rasterize_mesh(vertices, faces, camera)
     corners = vertex_normals(vertices, faces)[faces[hit.face]]
     normal = np.einsum("hwc,hwcx->hwx", hit.barycentric, corners)
@@ -50,4 +57,4 @@ def _shaded(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], a
     lamp = np.array([np.sin(turn - 0.5), 0.6, np.cos(turn - 0.5)])
     light = 0.25 + 0.8 * np.clip(normal @ (lamp / np.linalg.norm(lamp)), 0, 1)
     image = np.where(hit.face[..., None] >= 0, CLAY * light[..., None], 1.0)
-    return cv2.resize(image.astype(np.float32), (SIDE, SIDE), interpolation=cv2.INTER_AREA)
+    return cv2.resize(image.astype(np.float32), (SIZE, SIZE), interpolation=cv2.INTER_AREA)

@@ -1,4 +1,4 @@
-"""The contact sheet of a subject's targets: frame, target, reasons in colour, and the truth where it is known."""
+"""Contact sheet of GT* targets: frame, target, mask flags in colour, and the true caricature where it is known."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ COLOURS = {
 }
 
 
-class Shown(NamedTuple):
-    """One row of the sheet."""
+class TargetRow(NamedTuple):
+    """One row of the sheet: a frame and its target."""
 
     name: str
     frame: Float32[np.ndarray, "h w 3"]
@@ -39,12 +39,19 @@ class Shown(NamedTuple):
     truth: Float32[np.ndarray, "h w 3"] | None
 
 
-def target_sheet(file: Path, rows: Sequence[Shown], excluded: MaskFlag, *, height: int = 300) -> None:
-    """Write a PNG: pixels that the `excluded` reasons leave out are solid, those of other reasons tinted."""
+def target_sheet(file: Path, rows: Sequence[TargetRow], excluded: MaskFlag, *, height: int = 300) -> None:
+    """Draw the sheet; pixels of `excluded` flags are solid, those of other flags tinted.
+
+    Args:
+        file: PNG file to write.
+        rows: Frames with their targets.
+        excluded: Flags whose pixels the training leaves out.
+        height: Height of each image in pixels.
+    """
     images = [
-        [r.frame, r.target, coloured(r.target, r.reasons, excluded), r.truth, error_map(r.target, r.truth)]
-        for r in rows
-    ]
+        [row.frame, row.target, flag_overlay(row.target, row.reasons, excluded), row.truth,
+         error_map(row.target, row.truth)] for row in rows
+    ]  # fmt: skip
     legend = {reason.name.lower().replace("_", " "): colour for reason, colour in COLOURS.items()}
     write_sheet(
         file, images, rows=[row.name for row in rows], columns=["frame", "target", "reasons", "truth", "error"],
@@ -52,17 +59,26 @@ def target_sheet(file: Path, rows: Sequence[Shown], excluded: MaskFlag, *, heigh
     )  # fmt: skip
 
 
-def coloured(
+def flag_overlay(
     target: Float32[np.ndarray, "h w 3"], reasons: UInt16[np.ndarray, "h w"], excluded: MaskFlag
 ) -> Float[np.ndarray, "h w 3"]:
-    """The target under the mean colour of each pixel's reasons: solid where one excludes it, else a tint."""
+    """Blend a target with the mean colour of each pixel's flags: solid where one excludes it, otherwise tinted.
+
+    Args:
+        target: Target image.
+        reasons: Mask flags of the pixels.
+        excluded: Flags whose pixels the training leaves out.
+
+    Returns:
+        The image.
+    """
     total, count = np.zeros(target.shape), np.zeros((*reasons.shape, 1))
-    out = (reasons & np.uint16(excluded.value)) > 0
+    masked = (reasons & np.uint16(excluded.value)) > 0
     for reason, colour in COLOURS.items():
         holds = (reasons & np.uint16(reason.value)) > 0
         if reason not in excluded:
-            holds &= ~out
+            holds &= ~masked
         total[holds] += colour
         count[holds] += 1
-    cover = np.where(out[..., None], 0.85, 0.35) * (count > 0)
+    cover = np.where(masked[..., None], 0.85, 0.35) * (count > 0)
     return target * (1 - cover) + cover * total / np.maximum(count, 1)

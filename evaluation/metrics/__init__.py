@@ -1,1 +1,11 @@
-"""Metrics on images and embeddings."""
+"""Metrics on images and on embeddings of images.
+
+- `image_quality`: PSNR and SSIM
+- `regions`: image regions of a head
+- `against_truth`: PSNR and SSIM of rendered frames by region
+- `clip`: CLIP-I, CLIP-D and CLIP-C, and the CLIP network
+- `dino`: DINO similarity, and the DINO network
+- `embeddings`: both networks on rendered frames
+- `preprocessing`: images as network input
+- `weights`: registry and search of network weights
+"""

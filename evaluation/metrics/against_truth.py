@@ -1,8 +1,10 @@
-"""Rendered frames against the true images of the same frames, region by region."""
+"""PSNR and SSIM of rendered frames against the true images of the same frames, by region."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
+from itertools import product
 
 from rich.progress import track
 
@@ -14,42 +16,44 @@ from carigs.exaggeration import Caricature
 from carigs.head import neutral, pose
 from carigs.raster import rasterize_mesh
 from evaluation.metrics.image_quality import psnr, region_mean, ssim_map
-from evaluation.metrics.regions import REGIONS, image_regions, surface_regions
-from evaluation.tables.rows import Row, Scene, row
+from evaluation.metrics.regions import image_regions, surface_regions
+from evaluation.tables.metric_records import REGIONS, MetricRecord, StudyPoint, metric_record
 
 METRICS = ("psnr", "ssim")
 PROTOCOLS = ("test", "val")
 
 
-def compare(
-    scene: Scene,
-    rendered: list[Rendered],
-    truths: Truths,
-    subject: Capture,
-    caricature: Caricature,
-    *,
-    band: int,
-) -> Iterator[Row]:
-    """PSNR and SSIM rows of every `test` and `val` frame.
+def truth_records(
+    point: StudyPoint, rendered: list[Rendered], truths: Truths, subject: Capture, caricature: Caricature, *, band: int
+) -> Iterator[MetricRecord]:
+    """Compare every `test` and `val` frame with its true image.
 
-    `caricature` is the one of the scene's level, `band` the silhouette's half width in pixels.
-    Where there is no truth at all: one null row per protocol, region and metric.  Raises `InputError` where sizes of
-    images differ.
+    Args:
+        point: Avatar and level.
+        rendered: Rendered frames.
+        truths: True images, or the reason why there are none.
+        subject: The capture.
+        caricature: Caricature at the rendered level.
+        band: Half width of the silhouette region in pixels.
+
+    Yields:
+        One record per frame, region and metric; without a value where there is no truth or no pixel of the region.
+
+    Raises:
+        InputError: An image has another size than its camera.
     """
     rendered = [frame for frame in rendered if frame.protocol in PROTOCOLS]
     if truths.reason is not None:
-        for protocol in sorted({frame.protocol for frame in rendered}):
-            for region in REGIONS:
-                for metric in METRICS:
-                    yield row(scene, protocol, (None, None), region, metric, None, truths.reason)
+        for protocol, region, metric in product(sorted({frame.protocol for frame in rendered}), REGIONS, METRICS):
+            yield metric_record(point, protocol, (None, None), region, metric, None, truths.reason)
         return
     surface = None
     for frame in track(rendered, description="against the truth", disable=len(rendered) < 10):
-        here = (frame.camera, frame.timestep)
+        record = partial(metric_record, point, frame.protocol, (frame.camera, frame.timestep))
         key = (frame.timestep, frame.camera)
         if key not in truths.images:
             for metric in METRICS:
-                yield row(scene, frame.protocol, here, "full", metric, None, "no true image of this frame")
+                yield record("full", metric, None, "no true image of this frame")
             continue
         image, truth = read_rgb(frame.file), read_rgb(truths.images[key])
         foreground = read_grey(truths.masks[key]) > 0.5
@@ -66,11 +70,12 @@ def compare(
         regions = image_regions(surface, vertices, fragments, camera, foreground, band=band)
         similarity = ssim_map(image, truth)
         for region in REGIONS:
-            inside = regions.get(region)
-            if inside is None or not inside.any():
-                reason = surface.missing[region] if inside is None else "no pixel of this region in view"
-                for metric in METRICS:
-                    yield row(scene, frame.protocol, here, region, metric, None, reason)
-                continue
-            yield row(scene, frame.protocol, here, region, "psnr", psnr(image, truth, inside))
-            yield row(scene, frame.protocol, here, region, "ssim", region_mean(similarity, inside))
+            inside, values, reason = regions.get(region), (None, None), ""
+            if inside is None:
+                reason = surface.missing[region]
+            elif not inside.any():
+                reason = "no pixel of this region in view"
+            else:
+                values = psnr(image, truth, inside), region_mean(similarity, inside)
+            for metric, value in zip(METRICS, values, strict=True):
+                yield record(region, metric, value, reason)

@@ -1,4 +1,4 @@
-"""DINO similarity: the cosine of class tokens, and the network (ViT-B/8) that makes those."""
+"""DINO similarity between rendered and original frames (Caron et al. 2021): the score and the network, ViT-B/8."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from carigs.errors import InputError
-from evaluation.metrics.weights import read_state
+from evaluation.metrics.weights import load_state
 
 if TYPE_CHECKING:
     import torch
@@ -17,22 +16,37 @@ if TYPE_CHECKING:
 MODEL = "vit_base_patch8_224.dino"
 
 
-def paired_cosine(a: Float[np.ndarray, "n d"], b: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n"]:
-    """Cosine of each pair of normalised embeddings."""
-    return (a * b).sum(axis=1)
+def dino_similarity(rendered: Float[np.ndarray, "n d"], original: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n"]:
+    """DINO score of table 1: cosine similarity of the class tokens of rendered and original frames.
+
+        DINO = E(render) . E(original),  |E| = 1
+
+    Identity preservation by DINO features (Caron et al. 2021), following Zhou et al. 2024 (DoesFS). The unedited frame
+    itself has score 1, so read the score together with the level.
+
+    Args:
+        rendered: Normalised embeddings of rendered frames.
+        original: Normalised embeddings of the same frames of the capture.
+
+    Returns:
+        Cosine similarity of each pair.
+    """
+    return (rendered * original).sum(axis=1)
 
 
 def load_dino(file: Path, model: str = MODEL) -> torch.nn.Module:
-    """Timm's `model` with the parameters in `file`; its output is the final-norm class token.
+    """Load a DINO network, whose output is the class token after the final norm.
 
-    Raises `InputError` if the parameters do not fit.
+    Args:
+        file: Network weights.
+        model: Name of the architecture in timm.
+
+    Returns:
+        The network, in evaluation mode.
+
+    Raises:
+        InputError: The weights do not fit the architecture.
     """
     import timm
 
-    network = timm.create_model(model, pretrained=False, num_classes=0)
-    try:
-        network.load_state_dict(read_state(file))
-    except RuntimeError as error:
-        problem = " ".join(str(error).split())[:120]
-        raise InputError(f"these weights are not DINO {model} ({problem})", file=file) from error
-    return network.eval()
+    return load_state(timm.create_model(model, pretrained=False, num_classes=0), file, f"DINO {model}")

@@ -1,4 +1,4 @@
-"""CLIP and DINO rows of the rendered frames; null, with the reason, where weights are missing."""
+"""CLIP and DINO scores of rendered frames: the metrics of table 1 that need network weights."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from carigs.settings import Metrics
 from evaluation.metrics import clip, dino
 from evaluation.metrics.preprocessing import CLIP_STATISTICS, IMAGENET_STATISTICS, preprocess
 from evaluation.metrics.weights import find_weights, registered
-from evaluation.tables.rows import Row, Scene, row
+from evaluation.tables.metric_records import MetricRecord, StudyPoint, metric_record
 
 BATCH = 8
 WEIGHTS = {"clip": "clip_vit_b32_openai", "dino": "dino_vitb8"}
@@ -39,55 +39,83 @@ class Embedder:
     """Embeds image files, each at most once."""
 
     network: Callable
-    """From a batch of preprocessed images (n, 3, s, s) to embeddings (n, d)."""
+    """Maps a batch of preprocessed images (n, 3, s, s) to embeddings (n, d)."""
     prepare: Callable
-    """From an image (h, w, 3) to a preprocessed tensor."""
-    done: dict[Path, Float[np.ndarray, "d"]] = field(default_factory=dict)
+    """Maps an image (h, w, 3) to a preprocessed tensor."""
+    embedded: dict[Path, Float[np.ndarray, "d"]] = field(default_factory=dict)
 
     def __call__(self, files: Sequence[Path]) -> Float[np.ndarray, "n d"]:
-        """Normalised float64 embeddings of the files, in their order."""
+        """Embed image files.
+
+        Args:
+            files: Images.
+
+        Returns:
+            Normalised float64 embeddings, in the order of the files.
+        """
         import torch
 
-        todo = [file for file in dict.fromkeys(files) if file not in self.done]
-        batches = [todo[i : i + BATCH] for i in range(0, len(todo), BATCH)]
+        remaining = [file for file in dict.fromkeys(files) if file not in self.embedded]
+        batches = [remaining[i : i + BATCH] for i in range(0, len(remaining), BATCH)]
         for batch in track(batches, description="embedding", disable=len(batches) < 3):
             with torch.inference_mode():
-                found = self.network(torch.stack([self.prepare(read_rgb(file)) for file in batch])).double().numpy()
-            found /= np.linalg.norm(found, axis=1, keepdims=True)
-            self.done.update(zip(batch, found, strict=True))
-        return np.stack([self.done[file] for file in files])
+                vectors = self.network(torch.stack([self.prepare(read_rgb(file)) for file in batch])).double().numpy()
+            vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
+            self.embedded.update(zip(batch, vectors, strict=True))
+        return np.stack([self.embedded[file] for file in files])
 
 
-def embedding_rows(scene: Scene, rendered: list[Rendered], subject: Capture, settings: Metrics) -> Iterator[Row]:
-    """Rows of the networks in `settings.embeddings`.
+def embedding_records(
+    point: StudyPoint, rendered: list[Rendered], subject: Capture, settings: Metrics
+) -> Iterator[MetricRecord]:
+    """Compute the metrics of the networks in `settings.embeddings`.
 
-    What cannot be measured gives one null row per metric; missing weights raise `WeightsMissing` with
-    `settings.strict`.  Network libraries are imported only once weights are found.
+    Network libraries are imported only once weights are found.
+
+    Args:
+        point: Avatar and level.
+        rendered: Rendered frames.
+        subject: The capture, with the original frames.
+        settings: Settings of the stage `metrics`.
+
+    Yields:
+        One record per frame and metric; one without a value for a metric that cannot be computed.
+
+    Raises:
+        WeightsMissing: Weights are missing and `settings.strict` is set.
+        InputError: The capture lacks the original of a rendered frame.
     """
     frames = {protocol: [frame for frame in rendered if frame.protocol == protocol] for protocol in ("test", "orbit")}
     for name in settings.embeddings:
         scores, reason = {}, ""
         try:
-            file = find_weights(registered(WEIGHTS[name]), settings.weights, download=settings.download)
+            weights = find_weights(registered(WEIGHTS[name]), settings.weights, download=settings.download)
         except WeightsMissing as error:
             if settings.strict:
                 raise
             reason = str(error)
         else:
             if not settings.download:
-                # Read when the hub's client is imported, which else waits for a network.
+                # Read when the hub's client is imported, which otherwise waits for a network.
                 os.environ.setdefault("HF_HUB_OFFLINE", "1")
-            files = {protocol: [frame.file for frame in frames[protocol]] for protocol in frames}
+            test, orbit = ([frame.file for frame in frames[protocol]] for protocol in ("test", "orbit"))
             originals = _originals(frames["test"], subject)
-            measure = {"clip": _clip, "dino": _dino}[name]
-            scores = measure(file, files, originals, subject, settings)
+            prepare = partial(preprocess, size=224, crop=settings.crop, background=subject.background)
+            if name == "clip":
+                network = clip.load_clip(weights)
+                embed = Embedder(network.encode_image, partial(prepare, statistics=CLIP_STATISTICS))
+                texts = clip.embed_texts(network, [settings.source_prompt, settings.edit_prompt])
+                scores = clip_scores(embed, texts, test, originals, orbit)
+            elif test:
+                embed = Embedder(dino.load_dino(weights), partial(prepare, statistics=IMAGENET_STATISTICS))
+                scores = {"dino_vitb8_cls": dino.dino_similarity(embed(test), embed(originals))}
         for protocol, metric in METRICS[name]:
             if metric not in scores:
                 why = reason or f"too few {protocol} frames were rendered"
-                yield row(scene, protocol, (None, None), "full", metric, None, why)
+                yield metric_record(point, protocol, (None, None), "full", metric, None, why)
                 continue
             for frame, value in zip(frames[protocol], scores[metric], strict=False):  # CLIP-C: of a frame and its next
-                yield row(scene, protocol, (frame.camera, frame.timestep), "full", metric, float(value))
+                yield metric_record(point, protocol, (frame.camera, frame.timestep), "full", metric, float(value))
 
 
 def clip_scores(
@@ -97,36 +125,28 @@ def clip_scores(
     originals: Sequence[Path],
     orbit: Sequence[Path],
 ) -> Scores:
-    """CLIP-I (both readings) and CLIP-D of the test frames, CLIP-C of the orbit; `texts` are source and edit prompt."""
+    """CLIP-I (both readings) and CLIP-D of the test frames, and CLIP-C of the orbit.
+
+    Args:
+        embed: Embedder with the CLIP network.
+        texts: Embeddings of the source and the edit prompt.
+        test: Rendered test frames.
+        originals: Original frames of the capture, one for each of `test`.
+        orbit: Frames of the novel trajectory, in its order.
+
+    Returns:
+        Values by name of the metric; a metric without frames is absent.
+    """
     source, edit = texts
     scores = {}
     if test:
         edited = embed(test)
-        scores["clip_i_cos"] = clip.text_cosine(edited, edit)
-        scores["clip_i_score_w2.5"] = clip.clip_score(edited, edit)
-        scores["clip_d"] = clip.directional(edited, embed(originals), edit, source)
+        scores["clip_i_cos"] = clip.clip_i(edited, edit)
+        scores["clip_i_score_w2.5"] = clip.clip_i_score(edited, edit)
+        scores["clip_d"] = clip.clip_d(edited, embed(originals), edit, source)
     if len(orbit) > 1:
-        scores["clip_c_adjacent"] = clip.adjacent(embed(orbit))
+        scores["clip_c_adjacent"] = clip.clip_c(embed(orbit))
     return scores
-
-
-def _clip(file: Path, files: dict[str, list[Path]], originals: list[Path], subject: Capture, settings: Metrics):
-    model = clip.load_clip(file)
-    prepare = partial(
-        preprocess, size=224, statistics=CLIP_STATISTICS, crop=settings.crop, background=subject.background
-    )
-    texts = clip.embed_texts(model, [settings.source_prompt, settings.edit_prompt])
-    return clip_scores(Embedder(model.encode_image, prepare), texts, files["test"], originals, files["orbit"])
-
-
-def _dino(file: Path, files: dict[str, list[Path]], originals: list[Path], subject: Capture, settings: Metrics):
-    if not files["test"]:
-        return {}
-    prepare = partial(
-        preprocess, size=224, statistics=IMAGENET_STATISTICS, crop=settings.crop, background=subject.background
-    )
-    embed = Embedder(dino.load_dino(file), prepare)
-    return {"dino_vitb8_cls": dino.paired_cosine(embed(files["test"]), embed(originals))}
 
 
 def _originals(test: list[Rendered], subject: Capture) -> list[Path]:

@@ -1,4 +1,4 @@
-"""PSNR and SSIM of an image against the truth, on the whole image or on a region of it."""
+"""PSNR and SSIM of an image against the true image, over the whole image or a region."""
 
 from __future__ import annotations
 
@@ -13,10 +13,17 @@ C1, C2 = 0.01**2, 0.03**2  # their constants for values in [0, 1]
 def psnr(
     image: Float[np.ndarray, "h w 3"], truth: Float[np.ndarray, "h w 3"], region: Bool[np.ndarray, "h w"] | None = None
 ) -> float:
-    """Peak signal-to-noise ratio in dB over the region's pixels x 3 channels, of values in [0, 1].
+    """Peak signal-to-noise ratio: -10 log10(mean squared error), for values in [0, 1].
 
-    Infinite where both agree exactly, nan where the region is empty.  For one image: average the results over images,
-    as the field does; pooling the squared error over images gives other numbers.
+    Average the results over images, as usual in the field: pooling the squared error over images gives other numbers.
+
+    Args:
+        image: Image.
+        truth: True image.
+        region: Pixels to compare; all by default.
+
+    Returns:
+        PSNR in dB. Infinite if both images agree exactly, nan if the region is empty.
     """
     error = (np.asarray(image, np.float64) - truth) ** 2
     if region is not None:
@@ -28,9 +35,19 @@ def psnr(
 
 
 def ssim_map(image: Float[np.ndarray, "h w 3"], truth: Float[np.ndarray, "h w 3"]) -> Float64[np.ndarray, "h w"]:
-    """Structural similarity around each pixel (Wang et al. 2004), mean of the channels; values in [0, 1].
+    """Structural similarity (SSIM, Wang et al. 2004) around each pixel.
 
-    Gaussian window 11 x 11, sigma 1.5, images zero-padded: the convention of Gaussian splatting papers.
+        SSIM = (2 mx my + C1) (2 sxy + C2) / ((mx^2 + my^2 + C1) (sx^2 + sy^2 + C2))
+
+    with means, variances and covariance under a Gaussian window, 11 x 11, sigma 1.5. Images are zero-padded: the
+    convention of Gaussian splatting papers.
+
+    Args:
+        image: Image with values in [0, 1].
+        truth: True image.
+
+    Returns:
+        Mean of the channels at every pixel.
     """
     x, y = np.asarray(image, np.float64), np.asarray(truth, np.float64)
     mean_x, mean_y = _blur(x), _blur(y)
@@ -42,7 +59,15 @@ def ssim_map(image: Float[np.ndarray, "h w 3"], truth: Float[np.ndarray, "h w 3"
 
 
 def region_mean(values: Float[np.ndarray, "h w"], region: Bool[np.ndarray, "h w"] | None = None) -> float:
-    """Mean over the region, nan where it is empty."""
+    """Mean over a region.
+
+    Args:
+        values: One value per pixel, as of `ssim_map`.
+        region: Pixels to average; all by default.
+
+    Returns:
+        The mean, nan if the region is empty.
+    """
     inside = values if region is None else values[region]
     return float(inside.mean()) if inside.size else float("nan")
 
@@ -50,5 +75,5 @@ def region_mean(values: Float[np.ndarray, "h w"], region: Bool[np.ndarray, "h w"
 def _blur(image: Float64[np.ndarray, "h w 3"]) -> Float64[np.ndarray, "h w 3"]:
     window = np.exp(-0.5 * (np.arange(-RADIUS, RADIUS + 1) / SIGMA) ** 2)
     window /= window.sum()
-    rows = correlate1d(image, window, axis=0, mode="constant", cval=0.0)
-    return correlate1d(rows, window, axis=1, mode="constant", cval=0.0)
+    vertical = correlate1d(image, window, axis=0, mode="constant", cval=0.0)
+    return correlate1d(vertical, window, axis=1, mode="constant", cval=0.0)

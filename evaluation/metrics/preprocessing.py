@@ -1,4 +1,4 @@
-"""Images as the networks want them: resized with antialiasing, cropped or padded to a square, normalised."""
+"""Images as network input: resized with antialiasing, cropped or padded to a square, normalised."""
 
 from __future__ import annotations
 
@@ -22,10 +22,18 @@ def preprocess(
     crop: str,
     background: float = 1.0,
 ) -> torch.Tensor:
-    """An image (values in [0, 1]) as a normalised float32 tensor (3, size, size); `statistics` are mean and deviation.
+    """Resize, crop and normalise an image as CLIP's and DINO's own pipelines do (bicubic, antialiased).
 
-    `center`: the shorter side becomes `size`, the middle is cut out (CLIP's own pipeline).  `pad_square`: nothing is
-    cut; the shorter side is padded with the background's grey value first.
+    Args:
+        image: Image with values in [0, 1].
+        size: Height and width of the result in pixels.
+        statistics: Mean and standard deviation of the channels to normalise by.
+        crop: `center` scales the shorter side to `size` and cuts out the middle (CLIP's pipeline); `pad_square` pads
+            the shorter side first, so that nothing is cut.
+        background: Grey value of the padding.
+
+    Returns:
+        Float32 tensor (3, size, size).
     """
     import torch
     from torch.nn import functional
@@ -37,10 +45,10 @@ def preprocess(
         left, top = (side - width) // 2, (side - height) // 2
         margins = (left, side - width - left, top, side - height - top)
         pixels = functional.pad(pixels, margins, value=background)
-    # The longer side is truncated, not rounded, and the filter antialiased: else this is not what CLIP was trained on.
+    # The longer side is truncated, not rounded, and the filter is antialiased, as in CLIP's training pipeline.
     shorter = min(pixels.shape[-2:])
     shape = [int(size * length / shorter) for length in pixels.shape[-2:]]
-    for target in ((pixels.shape[2], shape[1]), shape):  # one axis after the other, clipped between, as PIL does it
+    for target in ((pixels.shape[2], shape[1]), shape):  # one axis after the other, with clamping between, as PIL
         pixels = functional.interpolate(pixels, target, mode="bicubic", antialias=True, align_corners=False).clamp(0, 1)
     top, left = (round((length - size) / 2) for length in shape)
     pixels = pixels[0, :, top : top + size, left : left + size]

@@ -1,22 +1,22 @@
-"""The regions of a frame over which errors are reported: which pixels are hair, eyes, mouth, outline, ...
+"""Image regions over which errors are reported: hair, eyes, mouth, silhouette and others.
 
-Surface regions are sets of triangles, chosen once on the subject's neutral head from the head model's masks and
-landmarks, and seen through the mesh posed at the level that is measured; a triangle belongs to a region when all three
-corners do.  What lies off the mesh comes from the truth's foreground matte.
+Surface regions are sets of triangles, found once on the subject's neutral head from the head model's masks and
+landmarks. They are projected with the mesh posed at the rendered level. A triangle belongs to a region if all three
+corners do. Pixels off the mesh are assigned by the foreground matte of the true image.
 
 | region | pixels |
 |---|---|
 | `full` | the whole image |
 | `head` | foreground of the truth, or mesh |
-| `hair` | scalp triangles; foreground off the mesh, above the middle of the neck, 1 px away from other skin |
+| `hair` | scalp triangles; foreground off the mesh, above the middle of the neck, at least 1 px from other skin |
 | `face` | triangles of the `face` mask |
 | `eyes` | eyeballs and lids: the eyelid masks, or else the eye region within a quarter of the eyeball's radius |
 | `brow` | the `brows` mask, or else a band along landmarks 17-26, 10 % of the eye corners' distance to either side |
-| `mouth` | lips, `lip_inside`, and what is seen inside the lips' outer line (landmarks 48-59) |
-| `silhouette` | a band around the mesh's outline, where hair does not hide that |
-| `skin` | mesh that is none of scalp, eyeballs, mouth, boundary, brow |
+| `mouth` | lips, `lip_inside`, and pixels inside the outer line of the lips (landmarks 48-59) |
+| `silhouette` | a band around the outline of the mesh, outside hair |
+| `skin` | mesh without scalp, eyeballs, mouth, boundary, brow |
 | `neck_ear` | neck and ears |
-| `head_hm` | head and silhouette without hair and mouth: what alternation can be expected to improve |
+| `head_hm` | head and silhouette without hair and mouth: the region that alternation can improve |
 """
 
 from __future__ import annotations
@@ -32,7 +32,6 @@ from carigs.capture import Camera
 from carigs.head import HeadModel
 from carigs.raster import Fragments
 
-REGIONS = ("full", "head", "hair", "face", "eyes", "brow", "mouth", "silhouette", "skin", "neck_ear", "head_hm")
 BROW_LINES = (range(17, 22), range(22, 27))
 EYE_CORNERS = (36, 45)
 OUTER_LIPS = range(48, 60)
@@ -40,33 +39,41 @@ MOUTH_CORNERS = (48, 54)
 
 
 @dataclass(frozen=True)
-class Surface:
-    """Triangles of each surface region of one subject, and why the others are not known."""
+class SurfaceRegions:
+    """Triangles of each surface region of one subject."""
 
     faces: dict[str, Bool[np.ndarray, "f"]]
     missing: dict[str, str]
-    """Reason for each of `REGIONS` that this head model cannot give."""
+    """Reasons for regions that the head model does not define."""
     neck: Bool[np.ndarray, "v"]
     outer_lips: tuple[int, ...]
-    """Vertex ids around the lips; empty if the model has no landmarks."""
+    """Vertex indices around the lips; empty if the model has no landmarks."""
 
 
-def surface_regions(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Surface:
-    """Find the triangles of every region on the neutral head (metres)."""
+def surface_regions(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> SurfaceRegions:
+    """Find the triangles of every region on the neutral head.
+
+    Args:
+        model: Head model with named regions and landmarks.
+        neutral: Vertices of the subject's neutral head in metres.
+
+    Returns:
+        Triangles by region.
+    """
     faces, missing = {}, {}
 
-    def take(region: str, *masks: str) -> None:
+    def add(region: str, *masks: str) -> None:
         absent = [mask for mask in masks if mask not in model.regions]
         if absent:
             missing[region] = f"the head model has no region {' and '.join(absent)}"
         else:
             faces[region] = model.face_region(*masks)
 
-    take("hair", "scalp")
-    take("face", "face")
-    take("neck_ear", "neck", "left_ear", "right_ear")
-    take("mouth", "lips")
-    take("eyes", "left_eyeball", "right_eyeball")
+    add("hair", "scalp")
+    add("face", "face")
+    add("neck_ear", "neck", "left_ear", "right_ear")
+    add("mouth", "lips")
+    add("eyes", "left_eyeball", "right_eyeball")
     if "mouth" in faces:
         faces["mouth"] |= model.face_region("lip_inside")
     if "eyes" in faces:
@@ -89,11 +96,11 @@ def surface_regions(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Surf
     if unknown:
         missing["head_hm"] = "; ".join(missing[region] for region in unknown)
     lips = () if model.landmarks68 is None else tuple(int(model.landmarks68[i]) for i in OUTER_LIPS)
-    return Surface(faces=faces, missing=missing, neck=model.vertex_region("neck"), outer_lips=lips)
+    return SurfaceRegions(faces=faces, missing=missing, neck=model.vertex_region("neck"), outer_lips=lips)
 
 
 def image_regions(
-    surface: Surface,
+    surface: SurfaceRegions,
     vertices: Float[np.ndarray, "v 3"],
     fragments: Fragments,
     camera: Camera,
@@ -101,35 +108,43 @@ def image_regions(
     *,
     band: int,
 ) -> dict[str, Bool[np.ndarray, "h w"]]:
-    """Pixels of every region that `surface` knows.
+    """Assign the pixels of a frame to regions, which overlap.
 
-    `vertices` (metres, world) are posed at the level that is measured, `fragments` is what `camera` sees of them,
-    `foreground` is the truth's; `band` is the silhouette's half width in pixels.
+    Args:
+        surface: Triangles of each region.
+        vertices: Mesh posed at the rendered level (world frame, metres).
+        fragments: Rasterized mesh.
+        camera: Camera of the frame.
+        foreground: Foreground of the true image.
+        band: Half width of the silhouette in pixels.
+
+    Returns:
+        Mask of each region that the head model defines.
     """
     mesh = fragments.face >= 0
-    on = {region: mesh & inside[fragments.face] for region, inside in surface.faces.items()}
+    on_mesh = {region: mesh & inside[fragments.face] for region, inside in surface.faces.items()}
     regions = {"full": np.ones_like(mesh), "head": foreground | mesh}
     regions["silhouette"] = _dilate(mesh, band) & _dilate(~mesh, band)
-    if "hair" in on:
-        # Within 1 px of the mesh, foreground is the outline's own blur, unless the mesh is scalp there.
-        off_mesh = foreground & ~mesh & (~_dilate(mesh, 1) | _dilate(on["hair"], 2))
-        hair = on["hair"] | (off_mesh & _above_neck(surface, vertices, camera))
+    if "hair" in on_mesh:
+        # Within 1 px of the mesh, foreground is the blur of the outline, unless the mesh is scalp there.
+        off_mesh = foreground & ~mesh & (~_dilate(mesh, 1) | _dilate(on_mesh["hair"], 2))
+        hair = on_mesh["hair"] | (off_mesh & _above_neck(surface, vertices, camera))
         regions["hair"] = hair
         regions["silhouette"] &= ~_dilate(hair, band)
-    if "mouth" in on:
-        regions["mouth"] = on["mouth"] | _between_lips(surface, vertices, fragments, camera)
+    if "mouth" in on_mesh:
+        regions["mouth"] = on_mesh["mouth"] | _between_lips(surface, vertices, fragments, camera)
     for region in ("face", "eyes", "brow", "neck_ear"):
-        if region in on:
-            regions[region] = on[region]
-    if "skin" in on:
-        regions["skin"] = on["skin"] & ~regions.get("mouth", np.zeros_like(mesh))
+        if region in on_mesh:
+            regions[region] = on_mesh[region]
+    if "skin" in on_mesh:
+        regions["skin"] = on_mesh["skin"] & ~regions.get("mouth", np.zeros_like(mesh))
     if "head_hm" not in surface.missing:
         regions["head_hm"] = (regions["head"] | regions["silhouette"]) & ~regions["hair"] & ~regions["mouth"]
     return regions
 
 
 def _lids(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.ndarray, "f"]:
-    """Triangles of the eye regions that lie close to an eyeball: found by distance, so that closed eyes count too."""
+    """Triangles of the eye regions close to an eyeball; found by distance, hence also on closed eyes."""
     near = np.zeros(len(neutral), bool)
     for side in ("left", "right"):
         ball = neutral[model.vertex_region(f"{side}_eyeball")]
@@ -153,19 +168,19 @@ def _brow_band(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.n
     return near[model.faces].all(axis=1)
 
 
-def _above_neck(surface: Surface, vertices: np.ndarray, camera: Camera) -> Bool[np.ndarray, "h 1"]:
-    """Image rows above the middle of the neck; all of them if the model does not say where that is."""
-    rows = np.arange(camera.height)[:, None] + 0.5
+def _above_neck(surface: SurfaceRegions, vertices: np.ndarray, camera: Camera) -> Bool[np.ndarray, "h 1"]:
+    """Mask of the image rows above the middle of the neck; all of them if the model has no neck region."""
+    y = np.arange(camera.height)[:, None] + 0.5
     if not surface.neck.any():
-        return np.ones_like(rows, bool)
+        return np.ones_like(y, bool)
     pixel, _ = camera.project(vertices[surface.neck].mean(axis=0, keepdims=True))
-    return rows < pixel[0, 1]
+    return y < pixel[0, 1]
 
 
 def _between_lips(
-    surface: Surface, vertices: np.ndarray, fragments: Fragments, camera: Camera
+    surface: SurfaceRegions, vertices: np.ndarray, fragments: Fragments, camera: Camera
 ) -> Bool[np.ndarray, "h w"]:
-    """Pixels inside the outer line of the lips, unless something well in front of the lips hides them."""
+    """Pixels inside the outer line of the lips that nothing well in front of the lips hides."""
     inside = np.zeros(fragments.face.shape, np.uint8)
     if not surface.outer_lips:
         return inside > 0

@@ -1,4 +1,4 @@
-"""Where network weights are: the registry `weights.toml`, and the search for its files.  Imports no network library."""
+"""Network weights: the registry `weights.toml`, and the search for its files. Imports no network library."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _NO_PARAMETERS = ("input_resolution", "context_length", "vocab_size")  # numbers
 
 @dataclass(frozen=True)
 class Weights:
-    """An entry of the registry; its fields are explained there."""
+    """Entry of the registry; see `weights.toml` for the fields."""
 
     name: str
     files: tuple[str, ...]
@@ -33,18 +33,36 @@ class Weights:
 
 
 def registered(name: str) -> Weights:
-    """The registry's entry of that name."""
+    """Look up an entry of the registry.
+
+    Args:
+        name: Its name.
+
+    Returns:
+        The entry.
+    """
     entry = tomllib.loads(REGISTRY.read_text(encoding="utf-8"))[name]
     return Weights(name, tuple(entry.pop("files")), hub_files=tuple(entry.pop("hub_files")), **entry)
 
 
 def find_weights(weights: Weights, folder: str | Path | None, *, download: bool = False) -> Path:
-    """The weights' file on this machine, its checksum verified where one is known.
+    """Find a weights file and verify its checksum where one is known.
 
-    Looked for in `folder`, then in the caches of the Hugging Face hub and of torch hub; fetched from the hub only with
-    `download`.  Raises `WeightsMissing` naming files, folders and source, `InputError` for a file of another content.
+    Searches `folder`, then the caches of the Hugging Face hub and of torch hub.
+
+    Args:
+        weights: Entry of the registry.
+        folder: Folder to search first; None for the caches alone.
+        download: Whether to download a missing file from the hub.
+
+    Returns:
+        The file.
+
+    Raises:
+        WeightsMissing: There is no such file; names files, folders and source.
+        InputError: The checksum differs.
     """
-    hub_cache, torch_cache = _hub_cache(), _torch_cache()
+    hub_cache, torch_cache = _caches()
     candidates = [Path(folder) / file for file in weights.files] if folder else []
     snapshots = hub_cache / f"models--{weights.hub.replace('/', '--')}" / "snapshots"
     candidates += [file for name in weights.hub_files for file in sorted(snapshots.glob(f"*/{name}"))]
@@ -64,7 +82,14 @@ def find_weights(weights: Weights, folder: str | Path | None, *, download: bool 
 
 
 def read_state(file: Path) -> dict[str, torch.Tensor]:
-    """Parameters in a .safetensors, a plain torch file, or a TorchScript archive such as OpenAI's, on the CPU."""
+    """Read network parameters to the CPU.
+
+    Args:
+        file: A .safetensors file, a torch file, or a TorchScript archive such as OpenAI's.
+
+    Returns:
+        Parameters by name.
+    """
     import torch
 
     if file.suffix == ".safetensors":
@@ -77,8 +102,30 @@ def read_state(file: Path) -> dict[str, torch.Tensor]:
     return {name: value for name, value in state.items() if name not in _NO_PARAMETERS}
 
 
+def load_state(network: torch.nn.Module, file: Path, name: str) -> torch.nn.Module:
+    """Load a network's parameters from a file.
+
+    Args:
+        network: Network to load into.
+        file: File of any format that `read_state` knows.
+        name: Name of the network, for the error message.
+
+    Returns:
+        The network, in evaluation mode.
+
+    Raises:
+        InputError: The parameters do not fit the network.
+    """
+    try:
+        network.load_state_dict(read_state(file))
+    except RuntimeError as error:
+        problem = " ".join(str(error).split())[:120]
+        raise InputError(f"these weights are not {name} ({problem})", file=file) from error
+    return network.eval()
+
+
 def _is_torchscript(file: Path) -> bool:
-    """TorchScript archives are zip files that hold `constants.pkl`; torch.load with weights_only refuses them."""
+    """Whether this is a zip file with `constants.pkl`, which torch.load refuses with weights_only."""
     if not zipfile.is_zipfile(file):
         return False
     with zipfile.ZipFile(file) as archive:
@@ -86,13 +133,13 @@ def _is_torchscript(file: Path) -> bool:
 
 
 def _verify(file: Path, weights: Weights) -> None:
-    wanted = weights.sha256.get(file.name)
-    if wanted is None:
+    expected = weights.sha256.get(file.name)
+    if expected is None:
         return
     with file.open("rb") as stream:
-        found = hashlib.file_digest(stream, "sha256").hexdigest()
-    if not found.startswith(wanted):
-        raise InputError(f"sha256 begins with {found[:12]}, {weights.name} has {wanted[:12]}", file=file)
+        actual = hashlib.file_digest(stream, "sha256").hexdigest()
+    if not actual.startswith(expected):
+        raise InputError(f"sha256 begins with {actual[:12]}, {weights.name} has {expected[:12]}", file=file)
 
 
 def _download(weights: Weights, missing: str) -> Path:
@@ -104,14 +151,9 @@ def _download(weights: Weights, missing: str) -> Path:
         raise WeightsMissing(f"{missing}; the download failed ({type(error).__name__})") from error
 
 
-def _hub_cache() -> Path:
-    home = os.environ.get("HF_HOME") or _user_cache() / "huggingface"
-    return Path(os.environ.get("HF_HUB_CACHE") or Path(home) / "hub").expanduser()
-
-
-def _torch_cache() -> Path:
-    return Path(os.environ.get("TORCH_HOME") or _user_cache() / "torch").expanduser() / "hub" / "checkpoints"
-
-
-def _user_cache() -> Path:
-    return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
+def _caches() -> tuple[Path, Path]:
+    """Caches of the Hugging Face hub and of torch hub."""
+    user = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
+    hub = os.environ.get("HF_HUB_CACHE") or Path(os.environ.get("HF_HOME") or user / "huggingface") / "hub"
+    torch_hub = Path(os.environ.get("TORCH_HOME") or user / "torch") / "hub" / "checkpoints"
+    return Path(hub).expanduser(), torch_hub.expanduser()

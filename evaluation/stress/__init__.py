@@ -1,5 +1,5 @@
-"""Bars that must hold, case by case.
+"""Stress tests with a bound for every case.
 
-- `surface`: meshes that are broken in known ways: what comes out is right, or an error that names the element
-- `heads`: what the exaggeration must keep of real heads and random people
+- `surface`: meshes broken in known ways: the result is correct, or an error names the element
+- `heads`: invariants of the exaggeration on real heads and random people
 """

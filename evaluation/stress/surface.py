@@ -1,13 +1,12 @@
-"""Broken meshes through the door of the exaggeration: the right answer, or a typed error that names the element.
+"""Broken meshes: the exaggeration gives the right answer, or a typed error that names the element.
 
-python -m evaluation.stress.surface results/stress/surface.csv [head.obj]
+Example:
+    python -m evaluation.stress.surface results/stress/surface.csv head.obj
 """
 
 from __future__ import annotations
 
-import csv
-import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,17 +16,18 @@ from jaxtyping import Float, Int
 
 from carigs.errors import CarigsError
 from carigs.exaggeration import Exaggerator
-from carigs.files import writing
 from carigs.mesh import clean_mesh
 from carigs.mesh.triangle_mesh import diagonal
 from carigs.settings import Exaggerate
 from evaluation.benchmarks.surface import Mesh, read_heads
+from evaluation.command_line import csv_parser, run
+from evaluation.tables.csv_files import write_csv
 
 GAMMA = 0.25
 SAME = 1e-9
-"""Diagonals: what is mended without a trace."""
+"""Tolerance in diagonals where the repair restores the mesh."""
 NEAR = 2e-3
-"""Diagonals: other triangles of the same surface, which have other curvatures; the caricature itself moves by 0.05."""
+"""Tolerance in diagonals where other triangles, hence other curvatures, remain; the caricature itself moves by 0.05."""
 SETTINGS = Exaggerate(limit_cavities=False)
 SEED = 7
 
@@ -39,31 +39,39 @@ class Case(NamedTuple):
 
     name: str
     damage: Callable[[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]], Damaged]
-    """The broken mesh; it begins with the vertices of the sound one."""
+    """Returns the broken mesh, which begins with the vertices of the sound one."""
     tolerance: float | None
-    """Largest distance from the sound mesh's caricature, in diagonals; None: only an error is right."""
+    """Largest distance from the caricature of the sound mesh in diagonals; None if only an error is right."""
 
 
 class Outcome(NamedTuple):
-    """What became of a case."""
+    """Result of a case."""
 
     case: str
     outcome: str
     """`right answer`, `WRONG ANSWER`, `no error` or the type of the error."""
     error: float | None
-    """Largest distance from the sound mesh's caricature over the vertices of both, in diagonals."""
+    """Largest distance from the caricature of the sound mesh in diagonals, over the vertices of both."""
     tolerance: float | None
     message: str
-    """Of the error, or what was mended."""
+    """Message of the error, or report of the repair."""
 
     @property
     def holds(self) -> bool:
-        """Right answer where one was due, typed error else."""
+        """Whether the result is the right answer or a typed error."""
         return self.outcome not in ("WRONG ANSWER", "no error")
 
 
 def outcomes(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Iterator[Outcome]:
-    """Every case on this sound mesh."""
+    """Run every case on a sound mesh.
+
+    Args:
+        vertices: Its vertices.
+        faces: Vertex indices of the triangles.
+
+    Yields:
+        Results.
+    """
     expected, extent = Exaggerator(vertices, faces, SETTINGS).solve(GAMMA), diagonal(vertices)
     for case in CASES:
         broken = case.damage(vertices.copy(), faces.copy())
@@ -85,7 +93,17 @@ def outcomes(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) 
 def split_edges(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], share: float, count: int = 30
 ) -> Damaged:
-    """A vertex on each of `count` edges, at this share from its end: both faces of the edge are cut in two."""
+    """Insert a vertex on each of some edges, which splits both faces of the edge.
+
+    Args:
+        vertices: Positions.
+        faces: Vertex indices of the triangles.
+        share: Position of the new vertex along its edge, between 0 and 1.
+        count: Number of edges.
+
+    Returns:
+        The broken mesh.
+    """
     random = np.random.default_rng(SEED)
     vertices, faces = list(vertices), [tuple(face) for face in faces]
     touched: set[int] = set()
@@ -106,41 +124,30 @@ def split_edges(
     return np.array(vertices), np.array(faces)
 
 
-def seam(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Damaged:
-    """Half of the faces get vertices of their own, as along the seam of a texture."""
+def _seam(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Damaged:
+    """Give half of the faces vertices of their own, as along a texture seam."""
     half = vertices[faces].mean(axis=1)[:, 0] > np.median(vertices[:, 0])
     return np.concatenate([vertices, vertices]), np.where(half[:, None], faces + len(vertices), faces)
 
 
-def touching(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Damaged:
-    """A ball that touches the surface in a vertex: same place, another number."""
+def _touching_ball(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Damaged:
+    """Add a ball that touches the surface in one vertex: same position, another index."""
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.05 * diagonal(vertices))
     tip = vertices[:, 1].argmax()
     moved = np.asarray(ball.vertices) - ball.vertices[ball.vertices[:, 1].argmin()] + vertices[tip]
     return np.concatenate([vertices, moved]), np.concatenate([faces, np.asarray(ball.faces) + len(vertices)])
 
 
-def with_vertex(value: float) -> Callable[[np.ndarray, np.ndarray], Damaged]:
-    """Vertex 9, which faces use, has a coordinate of this value."""
-
-    def damage(vertices: np.ndarray, faces: np.ndarray) -> Damaged:
-        vertices[9, 1] = value
-        return vertices, faces
-
-    return damage
+def _with_coordinate(value: float) -> Callable[[np.ndarray, np.ndarray], Damaged]:
+    """Set a coordinate of vertex 9, which faces use."""
+    return lambda v, f: (np.concatenate([v[:9], [[v[9, 0], value, v[9, 2]]], v[10:]]), f)
 
 
-def fin(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Damaged:
-    """A third face on an edge."""
+def _fin(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Damaged:
+    """Add a third face to an edge."""
     return np.concatenate([vertices, vertices[:1] + diagonal(vertices)]), np.concatenate(
         [faces, [[*faces[40, :2], len(vertices)]]]
     )
-
-
-def turned(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Damaged:
-    """One face in seven has its corners the other way round."""
-    faces[::7] = faces[::7, ::-1]
-    return vertices, faces
 
 
 CASES = (
@@ -149,15 +156,15 @@ CASES = (
     Case("zero-area faces: 30 edges cut at 0", lambda v, f: split_edges(v, f, 0.0), SAME),
     Case("a face that repeats a corner", lambda v, f: (v, np.concatenate([f, f[:1, [0, 0, 1]]])), SAME),
     Case("duplicate faces", lambda v, f: (v, np.concatenate([f, f[:9], f[:9, ::-1]])), SAME),
-    Case("a seam", seam, SAME),
-    Case("a fin", fin, None),
+    Case("a seam", _seam, SAME),
+    Case("a fin", _fin, None),
     Case("isolated vertices", lambda v, f: (np.concatenate([v, 2 * v[:5]]), f), SAME),
     Case("an isolated vertex that is not finite", lambda v, f: (np.concatenate([v, [[np.nan, 0, 0]]]), f), SAME),
-    Case("1/7 of the faces turned", turned, SAME),
+    Case("1/7 of the faces turned", lambda v, f: (v, np.where(np.arange(len(f))[:, None] % 7, f, f[:, ::-1])), SAME),
     Case("one face missing", lambda v, f: (v, np.delete(f, len(f) // 2, axis=0)), NEAR),
-    Case("two components that touch", touching, NEAR),  # the ball counts in the size of the head
-    Case("nan", with_vertex(np.nan), None),
-    Case("inf", with_vertex(np.inf), None),
+    Case("two components that touch", _touching_ball, NEAR),  # the ball counts in the size of the head
+    Case("nan", _with_coordinate(np.nan), None),
+    Case("inf", _with_coordinate(np.inf), None),
     Case("a corner that is no vertex", lambda v, f: (v, np.concatenate([f, [[0, 1, len(v)]]])), None),
     Case("no faces", lambda v, f: (v, f[:0]), None),
     Case("an empty mesh", lambda v, f: (v[:0], f[:0]), None),
@@ -166,19 +173,12 @@ CASES = (
 )  # fmt: skip
 
 
-def write_outcomes(file: Path, rows: Sequence[Outcome]) -> None:
-    """The table as CSV."""
-    with writing(file) as part, part.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(Outcome._fields)
-        for row in rows:
-            writer.writerow(
-                ["" if field is None else f"{field:.2g}" if isinstance(field, float) else field for field in row]
-            )
-
-
 def sound_mesh() -> Mesh:
-    """A bumpy ball, open below: where no head is given."""
+    """Bumpy ball with an opening below, used where no head is given.
+
+    Returns:
+        The mesh.
+    """
     ball = trimesh.creation.icosphere(subdivisions=4)
     vertices, faces = np.asarray(ball.vertices), np.asarray(ball.faces)
     faces = faces[vertices[faces].mean(axis=1)[:, 1] > -0.7]
@@ -187,16 +187,22 @@ def sound_mesh() -> Mesh:
     return vertices * (1 + 0.1 * np.sin(5 * vertices[:, :1]) * np.cos(4 * vertices[:, 1:2])), corner.reshape(-1, 3)
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Exit code 1 if a case does not hold."""
-    file, *meshes = map(Path, arguments)
-    vertices, faces = next(iter(read_heads(meshes).values())) if meshes else sound_mesh()
-    rows = list(outcomes(vertices, faces))
-    write_outcomes(file, rows)
-    failed = [row.case for row in rows if not row.holds]
-    print(f"{len(rows)} cases, {len(failed)} do not hold" + "".join(f"\n  {name}" for name in failed))
+def main() -> bool:
+    """Run all cases from the command line, and write the results.
+
+    Returns:
+        Whether one fails.
+    """
+    parser = csv_parser(__doc__)
+    parser.add_argument("mesh", type=Path, nargs="?", help="head (default: a bumpy ball)")
+    arguments = parser.parse_args()
+    vertices, faces = read_heads([arguments.mesh])[arguments.mesh.stem] if arguments.mesh else sound_mesh()
+    results = list(outcomes(vertices, faces))
+    write_csv(arguments.rows, results, Outcome, digits=2)
+    failed = [result.case for result in results if not result.holds]
+    print(f"{len(results)} cases, {len(failed)} do not hold" + "".join(f"\n  {name}" for name in failed))
     return bool(failed)
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    run(main)

@@ -1,1 +1,10 @@
-"""Tidy rows, bootstrap intervals and tables."""
+"""Metric records, their means with bootstrap intervals, and the comparison tables (table 1 of the paper).
+
+- `csv_files`: named tuples as CSV files
+- `metric_records`: one value per metric, region and frame
+- `bootstrap`: confidence intervals of means
+- `summary`: means and paired differences over frames
+- `typeset`: the tables as Markdown and LaTeX
+
+Nothing is re-exported: `summary` imports pandas, which jobs that only write records do not need.
+"""

@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 
 class Interval(NamedTuple):
-    """A mean with its interval; the ends are nan where a single frame says nothing about spread."""
+    """Mean with the ends of its confidence interval, which are nan for a single value."""
 
     mean: float
     low: float
@@ -18,19 +18,23 @@ class Interval(NamedTuple):
 
 
 def mean_interval(
-    values: Float[np.ndarray, "n"],
-    units: Sequence[Sequence[Hashable]],
-    *,
-    resamples: int,
-    confidence: float,
-    seed: int,
+    values: Float[np.ndarray, "n"], units: Sequence[Sequence[Hashable]], *, resamples: int, confidence: float, seed: int
 ) -> Interval:
-    """Mean of `values` and its percentile bootstrap interval.
+    """Mean of values and its percentile bootstrap interval under crossed random factors.
 
-    Each of `units` labels all values by one factor, such as the timestep, or the camera.  The levels of every factor
-    are resampled independently and a value counts as often as the product of its levels does (the pigeonhole bootstrap,
-    Owen 2007): frames of one camera or timestep are not independent, and treating them so makes intervals too narrow.
-    The result depends on `seed` and on the labelled values, but not on their order.
+    The levels of every factor are resampled independently; a value counts as often as the product of its levels' counts
+    (pigeonhole bootstrap, Owen 2007, "The pigeonhole bootstrap"). Frames of one camera or timestep are not independent:
+    resampling frames one by one gives intervals that are too narrow.
+
+    Args:
+        values: Values of a metric, one per frame.
+        units: For each factor (subject, timestep, camera) the label of every value.
+        resamples: Number of bootstrap resamples.
+        confidence: Coverage of the interval, between 0 and 1.
+        seed: Seed of the resampling.
+
+    Returns:
+        Mean and interval. They do not depend on the order of the values.
     """
     levels = np.array([_ranks(factor) for factor in units], int).reshape(len(units), len(values))
     order = sorted(range(len(values)), key=lambda i: (*levels[:, i], values[i]))
@@ -44,8 +48,8 @@ def mean_interval(
         n = int(factor.max()) + 1
         weights *= generator.multinomial(n, np.full(n, 1 / n), size=resamples)[:, factor]
     total = weights.sum(axis=1)
-    drawn = total > 0  # where cells are missing, a resample may hold none
-    # Not BLAS: its sums may depend on the number of threads.
+    drawn = total > 0  # with missing cells, a resample may be empty
+    # Not by BLAS, whose sums may depend on the number of threads.
     means = np.einsum("rn,n->r", weights[drawn], sorted_values) / total[drawn]
     tail = 50 * (1 - confidence)
     low, high = np.percentile(means, [tail, 100 - tail])

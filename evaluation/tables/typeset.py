@@ -1,13 +1,15 @@
-"""The readable tables, as Markdown and as LaTeX: variants x metrics at each level, and PSNR by region."""
+"""The comparison tables as Markdown and LaTeX: table 1 of the paper, and PSNR by region."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
+
+import pandas as pd
 
 from carigs.settings import Tabulate
-from evaluation.metrics.regions import REGIONS
-from evaluation.tables.table import Summary
+from evaluation.tables.metric_records import REGIONS
 
 NO_VALUE = "—"
 COLUMNS = {
@@ -19,103 +21,117 @@ COLUMNS = {
     "PSNR": ("test", "psnr"),
     "SSIM": ("test", "ssim"),
 }
+"""Protocol and metric of each column of table 1."""
 NOVEL_VIEW = {"PSNR": ("val", "psnr"), "SSIM": ("val", "ssim")}
-
-
-@dataclass(frozen=True)
-class Grid:
-    """A table of texts; the first column names the rows."""
-
-    title: str
-    head: list[str]
-    rows: list[list[str]]
 
 
 @dataclass
 class Document:
-    """Tables, and the reasons behind their dashes: note (a), (b), ..."""
+    """Comparison tables with an explanation and notes."""
 
-    settings: Tabulate
-    grids: list[Grid] = field(default_factory=list)
+    explanation: str
+    tables: list[tuple[str, list[list[str]]]] = field(default_factory=list)
+    """Title and cells of each table; the first line is the header, the first cell of each line its name."""
     reasons: list[str] = field(default_factory=list)
-
-    @property
-    def explanation(self) -> str:
-        """What the numbers are."""
-        return (
-            f"Means over frames with {self.settings.confidence:.0%} bootstrap intervals (percentile, "
-            f"{self.settings.resamples} resamples; subjects, timesteps and cameras resampled). PSNR in dB. "
-            "n: number of frames. Higher is better."
-        )
+    """Reasons for missing values: notes (a), (b), ..."""
 
     @property
     def notes(self) -> list[str]:
-        """The reasons with their letters."""
+        """Reasons with their letters."""
         return [f"({_letter(i)}) {reason}" for i, reason in enumerate(self.reasons)]
 
-    def add(self, title: str, lines: Sequence[str], columns: dict[str, object], find: Callable) -> None:
-        """Append a table; `find(line, column's value)` is the Summary of a cell, or None."""
-        cells = {(line, name): find(line, key) for line in lines for name, key in columns.items()}
-        head = [""]
-        for name in columns:
-            counts = sorted({cell.n for line in lines if (cell := cells[line, name]) and cell.n})
+
+def comparison_tables(summaries: pd.DataFrame, settings: Tabulate) -> Document:
+    """Build the readable tables of a study.
+
+    Table 1 of the paper (variants x metrics) at each level, and PSNR by region with paired differences at the highest
+    level that has a truth.
+
+    Args:
+        summaries: Means and intervals, with the columns `evaluation.tables.summary.SUMMARY`.
+        settings: Settings of the stage `tabulate`.
+
+    Returns:
+        The tables and notes.
+    """
+    document = Document(
+        f"Means over frames with {settings.confidence:.0%} bootstrap intervals (percentile, {settings.resamples} "
+        "resamples; subjects, timesteps and cameras resampled). PSNR in dB. n: number of frames. Higher is better."
+    )
+
+    def add(title: str, lines: Sequence[str], columns: Mapping[str, tuple], subset: pd.DataFrame, *keys: str) -> None:
+        """Append a table; `keys` are the columns of `subset` that identify a cell: first its line, then its column."""
+        cells = {tuple(getattr(s, key) for key in keys): s for s in subset.itertuples()}
+        header = [""]
+        for name, key in columns.items():
+            counts = sorted({cell.n for line in lines if (cell := cells.get((line, *key))) and cell.n})
             ends = dict.fromkeys((*counts[:1], *counts[-1:]))
-            head.append(f"{name} (n={'-'.join(map(str, ends))})" if counts else name)
-        rows = [[line, *(self._text(cells[line, name]) for name in columns)] for line in lines]
-        self.grids.append(Grid(title, head, rows))
+            header.append(f"{name} (n={'-'.join(map(str, ends))})" if counts else name)
+        body = [[line, *(_text(cells.get((line, *key)), document.reasons, settings.digits) for key in columns.values())]
+                for line in lines]  # fmt: skip
+        document.tables.append((title, [header, *body]))
 
-    def _text(self, cell: Summary | None) -> str:
-        if cell is None:
-            return NO_VALUE
-        if cell.mean is None:
-            if cell.reason not in self.reasons:
-                self.reasons.append(cell.reason)
-            return f"{NO_VALUE} ({_letter(self.reasons.index(cell.reason))})"
-        digits = self.settings.digits if cell.metric == "psnr" else self.settings.digits + 2
-        pattern = f"{{:{'+' if cell.minus else ''}.{digits}f}}"
-        ends = "" if cell.low is None else f" [{pattern}, {pattern}]".format(cell.low, cell.high)
-        return pattern.format(cell.mean) + ends
-
-
-def document(summaries: Iterable[Summary], settings: Tabulate) -> Document:
-    """One table per level, and PSNR by region with paired differences at the highest level that has a truth."""
-    found = Document(settings)
-    summaries = list(summaries)
-    for study, gamma in sorted({(s.study, s.gamma) for s in summaries}):
-        here = [s for s in summaries if (s.study, s.gamma) == (study, gamma)]
+    for (study, gamma), here in summaries.groupby(["study", "gamma"]):
         title = f"{study}, trained for gamma {gamma:g}"
-        for level in sorted({s.level for s in here}):
-            _add_level(found, f"{title}, level {level:g}", [s for s in here if s.level == level and not s.minus])
-        by_region = [s for s in here if (s.metric, s.protocol) == ("psnr", "test")]
-        measured = {s.level for s in by_region if s.mean is not None}
-        if measured:
-            top = max(measured)
-            _add_regions(found, f"{title}, level {top:g}: PSNR by region", [s for s in by_region if s.level == top])
-    return found
+        for level, means in here[here["minus"] == ""].groupby("level"):
+            at_level, variants, whole = (
+                f"{title}, level {level:g}",
+                sorted(set(means["variant"])),
+                means["region"] == "full",
+            )
+            add(at_level, variants, COLUMNS, means[whole], "variant", "protocol", "metric")
+            if (means["protocol"] == "val").any():
+                add(f"{at_level}, novel view", variants, NOVEL_VIEW, means[whole], "variant", "protocol", "metric")
+        psnr = here[(here["metric"] == "psnr") & (here["protocol"] == "test")]
+        level = psnr["level"][psnr["mean"].notna()].max()
+        if pd.isna(level):
+            continue
+        psnr, title = psnr[psnr["level"] == level], f"{title}, level {level:g}: PSNR by region"
+        columns = {variant: (variant, "") for variant in sorted(set(psnr["variant"]))}
+        add(title, REGIONS, columns, psnr, "region", "variant", "minus")
+        columns = {f"minus {name}": (settings.reference, name) for name in sorted(set(psnr["minus"]) - {""})}
+        if columns:
+            title += f", {settings.reference} minus the others, paired by frame"
+            add(title, REGIONS, columns, psnr, "region", "variant", "minus")
+    return document
 
 
 def to_markdown(document: Document) -> str:
-    """GitHub Markdown."""
+    """Format tables as GitHub Markdown.
+
+    Args:
+        document: Tables and notes.
+
+    Returns:
+        The text.
+    """
     parts = [document.explanation + "\n"]
-    for grid in document.grids:
-        lines = [grid.head, ["---"] * len(grid.head), *grid.rows]
-        body = "\n".join("| " + " | ".join(cell.replace("|", "/") for cell in line) + " |" for line in lines)
-        parts.append(f"### {grid.title}\n\n{body}\n")
+    for title, (header, *body) in document.tables:
+        lines = [header, ["---"] * len(header), *body]
+        text = "\n".join("| " + " | ".join(cell.replace("|", "/") for cell in line) + " |" for line in lines)
+        parts.append(f"### {title}\n\n{text}\n")
     parts += [f"{note}\n" for note in document.notes]
     return "\n".join(parts)
 
 
 def to_latex(document: Document) -> str:
-    """LaTeX floats (needs the package booktabs), then the notes."""
+    """Format tables as LaTeX floats, which need the package booktabs.
+
+    Args:
+        document: Tables and notes.
+
+    Returns:
+        The text.
+    """
     parts = [f"{_escape(document.explanation)}\n"]
-    for grid in document.grids:
-        head, *rows = [" & ".join(_escape(cell) for cell in line) + r" \\" for line in (grid.head, *grid.rows)]
+    for title, cells in document.tables:
+        header, *body = [" & ".join(_escape(cell) for cell in line) + r" \\" for line in cells]
         lines = [
             r"\begin{table}",
             r"\centering\small",
-            rf"\caption{{{_escape(grid.title)}}}",
-            rf"\begin{{tabular}}{{l{'c' * (len(grid.head) - 1)}}}",
-            *(r"\toprule", head, r"\midrule", *rows, r"\bottomrule"),
+            rf"\caption{{{_escape(title)}}}",
+            rf"\begin{{tabular}}{{l{'c' * (len(cells[0]) - 1)}}}",
+            *(r"\toprule", header, r"\midrule", *body, r"\bottomrule"),
             r"\end{tabular}",
             r"\end{table}",
         ]
@@ -124,22 +140,17 @@ def to_latex(document: Document) -> str:
     return "\n".join(parts)
 
 
-def _add_level(found: Document, title: str, summaries: list[Summary]) -> None:
-    cells = {(s.variant, s.protocol, s.metric): s for s in summaries if s.region == "full"}
-    variants = sorted({s.variant for s in summaries})
-    found.add(title, variants, COLUMNS, lambda variant, key: cells.get((variant, *key)))
-    if any(s.protocol == "val" for s in summaries):
-        found.add(f"{title}, novel view", variants, NOVEL_VIEW, lambda variant, key: cells.get((variant, *key)))
-
-
-def _add_regions(found: Document, title: str, summaries: list[Summary]) -> None:
-    cells = {(s.region, s.variant, s.minus): s for s in summaries}
-    plain = {variant: (variant, "") for variant in sorted({s.variant for s in summaries})}
-    minus = {f"minus {s.minus}": (s.variant, s.minus) for s in sorted(summaries, key=lambda s: s.minus) if s.minus}
-    found.add(title, REGIONS, plain, lambda region, key: cells.get((region, *key)))
-    if minus:
-        title += f", {found.settings.reference} minus the others, paired by frame"
-        found.add(title, REGIONS, minus, lambda region, key: cells.get((region, *key)))
+def _text(cell: Any, reasons: list[str], digits: int) -> str:
+    """Text of a cell; a new reason for a missing value is appended to the reasons."""
+    if cell is None:
+        return NO_VALUE
+    if pd.isna(cell.mean):
+        if cell.reason not in reasons:
+            reasons.append(cell.reason)
+        return f"{NO_VALUE} ({_letter(reasons.index(cell.reason))})"
+    pattern = f"{{:{'+' if cell.minus else ''}.{digits if cell.metric == 'psnr' else digits + 2}f}}"
+    ends = "" if pd.isna(cell.low) else f" [{pattern}, {pattern}]".format(cell.low, cell.high)
+    return pattern.format(cell.mean) + ends
 
 
 def _letter(i: int) -> str:

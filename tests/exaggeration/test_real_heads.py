@@ -12,7 +12,14 @@ from carigs.head import HeadModel
 from evaluation.benchmarks.surface import read_heads
 from evaluation.benchmarks.surface_accuracy import random_person
 from evaluation.stress import heads
-from evaluation.stress.heads import Check, bends, cut_faces, invariance_checks, region_checks, shape_checks
+from evaluation.stress.heads import (
+    check,
+    dihedral_angles,
+    intersecting_faces,
+    invariance_checks,
+    region_checks,
+    shape_checks,
+)
 
 HEADS = (
     "ict_head_eyes_neutral",
@@ -84,8 +91,8 @@ def test_intersecting_faces_are_found():
     """Two balls: apart, and one with its centre on the other's surface."""
     ball, faces = sphere(2)
     both = np.vstack([faces, faces + len(ball)])
-    assert cut_faces(np.vstack([ball, ball + 3.0]), both) == set()
-    cut = cut_faces(np.vstack([ball, ball + np.array([1.0, 0, 0])]), both)
+    assert intersecting_faces(np.vstack([ball, ball + 3.0]), both) == set()
+    cut = intersecting_faces(np.vstack([ball, ball + np.array([1.0, 0, 0])]), both)
     middles = ball[faces].mean(axis=1)
     # The intersection is a circle in the plane x = 1/2.
     assert max(abs(middles[f % len(faces), 0] + (f >= len(faces)) - 0.5) for f in cut) < 0.3
@@ -96,10 +103,12 @@ def test_intersecting_faces_are_found():
 def test_bends_are_the_angles_between_faces(angle):
     turn = np.radians(angle)
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, -1, 0], [0, np.cos(turn), np.sin(turn)]])
-    assert bends(vertices, np.array([[0, 2, 1], [0, 1, 3]]), np.array([[0, 1]]))[0] == pytest.approx(angle, abs=1e-5)
+    assert dihedral_angles(vertices, np.array([[0, 2, 1], [0, 1, 3]]), np.array([[0, 1]]))[0] == pytest.approx(
+        angle, abs=1e-5
+    )
 
 
 def test_nan_does_not_hold():
-    assert not Check("a", "b", float("nan"), 1.0).holds
-    assert not Check("a", "b", 1.1, 1.0).holds
-    assert Check("a", "b", 1.0, 1.0).holds
+    assert not check("a", "b", float("nan"), 1.0).holds
+    assert not check("a", "b", 1.1, 1.0).holds
+    assert check("a", "b", 1.0, 1.0).holds

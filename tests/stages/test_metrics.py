@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from miniature import write_ball
 
@@ -16,8 +17,8 @@ from carigs.exaggeration import straight_path
 from carigs.head import neutral
 from carigs.settings import Metrics
 from carigs.stages.metrics import metrics
-from evaluation.metrics.regions import REGIONS
-from evaluation.tables.rows import read_rows
+from evaluation.tables.metric_records import REGIONS
+from evaluation.tables.summary import read_metrics
 
 GREY, DIFFERENCE = 100 / 255, 20 / 255
 NAMES = {"clip_i_cos", "clip_i_score_w2.5", "clip_d", "clip_c_adjacent", "dino_vitb8_cls"}
@@ -57,14 +58,14 @@ def scene(tmp_path):
     (tmp_path / "truth/truth.json").write_text(json.dumps({"level": 0.25, "reason": None, "frames": truths}))
     return {
         "frames": tmp_path / "frames", "index": tmp_path / "frames.json", "capture": tmp_path / "capture.json",
-        "path": tmp_path / "path.npz", "truth": tmp_path / "truth/truth.json", "rows": tmp_path / "rows.csv",
+        "path": tmp_path / "path.npz", "truth": tmp_path / "truth/truth.json", "records": tmp_path / "rows.csv",
         "study": "s", "subject": "ball", "variant": "v", "gamma": 0.25, "level": 0.25,
     }  # fmt: skip
 
 
 def measured(scene, **settings):
     metrics(Metrics(**settings), **scene)
-    return read_rows(scene["rows"])
+    return list(read_metrics([scene["records"]]).itertuples())
 
 
 def edit(file, change):
@@ -75,7 +76,7 @@ def edit(file, change):
 
 def test_a_uniform_error_has_the_same_psnr_in_every_region(scene):
     rows = measured(scene, embeddings=())
-    values = [row.value for row in rows if row.metric == "psnr" and row.value is not None]
+    values = [row.value for row in rows if row.metric == "psnr" and pd.notna(row.value)]
     assert len(values) >= 4 * 5  # frames x regions that the ball has
     np.testing.assert_allclose(values, -20 * np.log10(20 / 255), rtol=1e-6)
     assert {row.protocol for row in rows} == {"test", "val"}
@@ -86,8 +87,8 @@ def test_every_frame_has_a_row_for_every_region_and_metric(scene):
     keys = [(r.protocol, r.camera, r.timestep, r.region, r.metric) for r in rows]
     assert len(keys) == len(set(keys)) == 4 * len(REGIONS) * 2
     for row in rows:
-        assert (row.value is None) == bool(row.reason)
-    reasons = {row.region: row.reason for row in rows if row.value is None}
+        assert pd.isna(row.value) == bool(row.reason)
+    reasons = {row.region: row.reason for row in rows if pd.isna(row.value)}
     assert reasons["mouth"] == "the head model has no region lips" and "eyeball" in reasons["eyes"]
 
 
@@ -125,21 +126,21 @@ def test_without_a_truth_every_metric_is_null_with_its_reason(scene):
     assert {(row.region, row.metric) for row in rows if row.protocol == "test"} == {
         (region, metric) for region in REGIONS for metric in ("psnr", "ssim")
     }
-    assert {(row.value, row.reason) for row in rows} == {(None, "no true caricature here")}
+    assert {(pd.isna(row.value), row.reason) for row in rows} == {(True, "no true caricature here")}
 
 
 def test_a_frame_without_a_true_image_is_null_and_the_others_count(scene):
     edit(scene["truth"], lambda content: content["frames"].pop(0))
     rows = [row for row in measured(scene, embeddings=()) if (row.region, row.metric) == ("full", "psnr")]
-    assert [row.reason for row in rows if row.value is None] == ["no true image of this frame"] and len(rows) == 4
+    assert [row.reason for row in rows if pd.isna(row.value)] == ["no true image of this frame"] and len(rows) == 4
 
 
 def test_metrics_without_weights_are_null_and_say_where_to_get_them(scene):
     rows = [row for row in measured(scene) if row.metric in NAMES]
     assert {row.metric for row in rows} == NAMES and len(rows) == len(NAMES)
     for row in rows:
-        wanted = "dino_vitbase8_pretrain.pth" if row.metric.startswith("dino") else "ViT-B-32.pt"
-        assert row.value is None and wanted in row.reason and "https://" in row.reason
+        expected = "dino_vitbase8_pretrain.pth" if row.metric.startswith("dino") else "ViT-B-32.pt"
+        assert pd.isna(row.value) and expected in row.reason and "https://" in row.reason
     with pytest.raises(WeightsMissing, match="clip_vit_b32_openai"):
         measured(scene, strict=True)
 
@@ -152,10 +153,10 @@ from carigs.settings import Metrics
 from carigs.stages.metrics import metrics
 metrics(Metrics(), **{{key: Path(value) if isinstance(value, str) and "/" in value else value
                       for key, value in json.loads({json.dumps(json.dumps(scene, default=str))}).items()}})
-assert not {{"torch", "open_clip", "timm", "huggingface_hub"}} & set(sys.modules)
+assert not {{"torch", "open_clip", "timm", "huggingface_hub", "pandas"}} & set(sys.modules)
 """
     subprocess.run([sys.executable, "-c", code], check=True)
-    assert scene["rows"].is_file()
+    assert scene["records"].is_file()
 
 
 def test_with_weights_every_frame_has_its_scores(scene, monkeypatch):
@@ -192,14 +193,14 @@ def test_with_weights_every_frame_has_its_scores(scene, monkeypatch):
 )
 def test_settings_without_meaning_are_refused_before_any_work(scene, settings, says):
     with pytest.raises(SettingsError, match=says):
-        metrics(Metrics(**settings), **{**scene, "capture": scene["rows"]})
+        metrics(Metrics(**settings), **{**scene, "capture": scene["records"]})
 
 
 def test_broken_inputs_are_named_and_leave_nothing_behind(scene):
     def refuses(says):
         with pytest.raises(InputError, match=says):
             metrics(Metrics(), **scene)
-        assert not scene["rows"].exists()
+        assert not scene["records"].exists()
 
     some = next(scene["frames"].glob("0*.png"))
     good = some.read_bytes()

@@ -6,7 +6,7 @@ from time import sleep
 from carigs.errors import SettingsError
 
 FOLDERS = ("dataset", "targets", "frames", "folder")
-OUTPUTS = ("index", "path", "avatar", "ply", "log", "rows", "table", "markdown", "latex", *FOLDERS)
+OUTPUTS = ("index", "path", "avatar", "ply", "log", "records", "table", "markdown", "latex", *FOLDERS)
 
 
 def stub(settings, **keywords):

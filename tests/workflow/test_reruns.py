@@ -56,7 +56,7 @@ EDITS = {
         {"render": 8, "metrics": 8, "figures": 2, "tabulate": 1},
     ),
     "code of a stage's package": (
-        append("carigs/stages/tabulate.py", "from evaluation import rows"),
+        append("carigs/stages/tabulate.py", "from evaluation.tables import csv_files"),
         {"tabulate": 1},
     ),
 }

@@ -1,5 +1,7 @@
 """How good the avatars are: true images, metrics, table and figures."""
 
+from omegaconf import OmegaConf
+
 
 rule truth:
     input:
@@ -36,7 +38,7 @@ rule metrics:
             "results/{study}/{subject}/gamma={gamma}/truth/level={level}/frames",
         ],
     output:
-        rows="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/metrics.csv",
+        records="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/metrics.csv",
     log:
         "results/{study}/log/metrics/{subject},gamma={gamma},{variant},level={level}.log",
     conda:
@@ -57,7 +59,7 @@ rule metrics:
 rule tabulate:
     input:
         settings="results/{study}/settings/tabulate/all.yaml",
-        rows=each("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/metrics.csv"),
+        records=each("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/metrics.csv"),
     output:
         table=report(
             "results/{study}/table/gamma={gamma}.csv",
@@ -109,6 +111,8 @@ rule figures:
         "../../environment.yml"
     params:
         code=fingerprint("carigs.stages.figures"),
+        gtstar=lambda wildcards: OmegaConf.to_container(section("gtstar", wildcards, "subject")),
+        mask_flags=lambda wildcards: list(section("train", wildcards, "subject").mask_flags),
         variants=lambda wildcards: [variant for variant, _ in shown(wildcards)],
         levels=lambda wildcards: [float(level) for _, level in shown(wildcards)],
         truth_levels=lambda wildcards: [float(level) for level in levels(wildcards)],

@@ -1,4 +1,4 @@
-"""The benchmark of the surfel engine measures what its rows say."""
+"""The benchmark of the surfel engine takes all measurements, and its references are independent."""
 
 import csv
 
@@ -8,9 +8,10 @@ import torch
 
 from carigs.capture.images import read_rgb
 from carigs.splat.training.photometric_loss import photometric_loss
-from evaluation.benchmarks.pairs import contributing_pairs
-from evaluation.benchmarks.scenes import ellipsoid, portrait
-from evaluation.benchmarks.splat import QUICK, benchmark, torch_photometric
+from evaluation.benchmarks.splat import QUICK, benchmark
+from evaluation.benchmarks.surfel_pixel_pairs import contributing_pairs
+from evaluation.benchmarks.synthetic_scenes import ellipsoid, portrait
+from evaluation.benchmarks.training_speed import torch_photometric
 
 QUANTITIES = {
     "projection", "binning", "forward", "backward", "projection backward", "all kernels", "with torch around them",

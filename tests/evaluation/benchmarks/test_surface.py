@@ -1,4 +1,4 @@
-"""The benchmark of the exaggeration measures what its rows say."""
+"""The benchmark of the exaggeration: errors converge, solvers agree, files are complete."""
 
 import csv
 
@@ -10,17 +10,23 @@ from carigs.errors import InputError
 from carigs.exaggeration import Exaggerator
 from carigs.settings import Exaggerate
 from evaluation.benchmarks import surface_solvers
-from evaluation.benchmarks.measurements import Measurement, write_measurements
-from evaluation.benchmarks.surface import read_heads, time_rows
-from evaluation.benchmarks.surface_accuracy import bound_rows, curvature_rows, path_rows, sphere_rows
-from evaluation.benchmarks.surface_chart import plot
+from evaluation.benchmarks.measurement import Measurement
+from evaluation.benchmarks.plots import plot_surface
+from evaluation.benchmarks.surface import measure_set_up, read_heads
+from evaluation.benchmarks.surface_accuracy import (
+    measure_blend_bounds,
+    measure_curvature,
+    measure_paths,
+    measure_sphere_law,
+)
+from evaluation.tables.csv_files import stream_csv
 
 TORUS = trimesh.creation.torus(1.0, 0.4, major_sections=24, minor_sections=12)
 MESH = np.asarray(TORUS.vertices), np.asarray(TORUS.faces)
 
 
 def test_the_sphere_law_is_met_at_second_order():
-    first, second = sphere_rows(range(2, 4))
+    first, second = measure_sphere_law(range(2, 4))
     assert first.reference is None
     assert second.reference == first.value
     assert 3.4 < first.value / second.value < 4.6
@@ -28,53 +34,52 @@ def test_the_sphere_law_is_met_at_second_order():
 
 def test_curvature_of_smooth_surfaces_comes_nearer():
     """The angle defect converges where vertices lie evenly, and over barycentric cells it does not."""
-    rows = {(row.case.split(",")[0], row.quantity): row for row in curvature_rows(range(2, 4))}
-    voronoi = rows["torus", "error of K: angle defect, mixed Voronoi"]
+    records = {(row.case.split(",")[0], row.quantity): row for row in measure_curvature(range(2, 4))}
+    voronoi = records["torus", "error of K: angle defect, mixed Voronoi"]
     assert voronoi.value < voronoi.reference / 3
     assert (
-        rows["ellipsoid", "error of K: angle defect, barycentric"].value
-        > rows["ellipsoid", "error of K: angle defect, mixed Voronoi"].value
+        records["ellipsoid", "error of K: angle defect, barycentric"].value
+        > records["ellipsoid", "error of K: angle defect, mixed Voronoi"].value
     )
 
 
 def test_more_nodes_are_nearer_and_bounds_lie_above_the_truth():
     solver = Exaggerator(*MESH, Exaggerate(limit_cavities=False))
-    errors = [row.value for row in path_rows("torus", solver) if "error" in row.quantity]
+    errors = [row.value for row in measure_paths("torus", solver) if "error" in row.quantity]
     assert errors[:5] == sorted(errors[:5], reverse=True)
     assert errors[-1] < 0.01 * errors[0]
-    bounds = [row for row in bound_rows("torus", solver, samples=5) if row.quantity.startswith("bound")]
+    bounds = [row for row in measure_blend_bounds("torus", solver, samples=5) if row.quantity.startswith("bound")]
     assert len(bounds) == 3 * 4
     assert all(row.value >= row.reference > 0 for row in bounds)
 
 
-def test_every_way_of_solving_gives_the_same_answer():
-    cotans = surface_solvers.EdgeCotans(*MESH)
+def test_every_solver_gives_the_same_answer():
+    cotans = surface_solvers.CotanLaplacian(*MESH)
     matrix = cotans.stiffness()[1:][:, 1:].tocsc()
     right = np.random.default_rng(0).normal(size=(matrix.shape[0], 5))
-    ways = surface_solvers._ways(matrix, surface_solvers.mixed_voronoi_areas(*MESH))
-    answers = [make()(right) for make in ways.values()]
+    solvers = surface_solvers._solvers(matrix, surface_solvers.mixed_voronoi_areas(*MESH))
+    answers = [make()(right) for make in solvers.values()]
     for answer in answers:
         np.testing.assert_allclose(answer, answers[0], atol=1e-5 * np.abs(answers[0]).max())
 
 
 def test_times_and_their_plot(tmp_path, monkeypatch):
     monkeypatch.setattr(surface_solvers, "SIZES", 2)
-    rows = list(surface_solvers.size_rows(*MESH))
-    assert {row.case.split(" ")[0] for row in rows} == {"288", "1152"}
-    rows += time_rows("torus", MESH, Exaggerate(limit_cavities=False), 1)
-    assert all(row.value > 0 for row in rows)
-    rows += [*sphere_rows(range(2, 4)), *curvature_rows(range(2, 3))]
+    records = list(surface_solvers.measure_solvers(*MESH))
+    assert {row.case.split(" ")[0] for row in records} == {"288", "1152"}
+    records += measure_set_up("torus", MESH, Exaggerate(limit_cavities=False), 1)
+    assert all(row.value > 0 for row in records)
+    records += [*measure_sphere_law(range(2, 4)), *measure_curvature(range(2, 3))]
     solver = Exaggerator(*MESH, Exaggerate(limit_cavities=False))
     for preset in ("robust", "paper"):
-        rows += bound_rows(f"torus, {preset}", solver, samples=4)
-    plot(tmp_path / "surface.png", rows, "torus")
+        records += measure_blend_bounds(f"torus, {preset}", solver, samples=4)
+    plot_surface(tmp_path / "surface.png", records, "torus", ("robust", "paper"))
     assert (tmp_path / "surface.png").stat().st_size > 10_000
 
 
-def test_rows_as_csv(tmp_path):
-    write_measurements(
-        tmp_path / "rows.csv", [Measurement("a, b", "time", "s", 1 / 3), Measurement("c", "d", "1", 2, 4)]
-    )
+def test_records_as_csv(tmp_path):
+    records = [Measurement("a, b", "time", "s", 1 / 3), Measurement("c", "d", "1", 2, 4)]
+    stream_csv(tmp_path / "rows.csv", records, Measurement)
     with (tmp_path / "rows.csv").open(newline="") as stream:
         assert list(csv.reader(stream)) == [
             ["case", "quantity", "unit", "value", "reference"],
@@ -83,35 +88,35 @@ def test_rows_as_csv(tmp_path):
         ]
 
 
-def test_a_run_that_ends_early_leaves_its_rows(tmp_path):
-    def rows():
+def test_a_run_that_ends_early_leaves_its_records(tmp_path):
+    def records():
         yield Measurement("a", "time", "s", 1.0)
         raise KeyboardInterrupt
 
     file = tmp_path / "folder" / "rows.csv"
     with pytest.raises(KeyboardInterrupt):
-        write_measurements(file, rows())
+        stream_csv(file, records(), Measurement)
     assert not file.exists()
     assert (file.parent / ".rows.part.csv").read_text().splitlines()[1:] == ["a,time,s,1,"]
-    write_measurements(file, [])
+    stream_csv(file, [], Measurement)
     assert [left.name for left in file.parent.iterdir()] == ["rows.csv"]
 
 
 def test_factors_hold_at_least_the_entries_of_the_system():
     solver = Exaggerator(*MESH, Exaggerate(limit_cavities=False))
-    entries, times = surface_solvers.order_rows("torus", solver, 1)
+    entries, times = surface_solvers.measure_fill_in("torus", solver, 1)
     assert min(entries.value, entries.reference) > solver.system.nnz
     assert min(times.value, times.reference) > 0
 
 
 def test_what_takes_too_long_is_left_out_at_the_next_size(monkeypatch):
     monkeypatch.setattr(surface_solvers, "SIZES", 2)
-    monkeypatch.setattr(surface_solvers, "SLOW", 0.0)
-    rows = list(surface_solvers.size_rows(*MESH))
-    assert {row.case.split(" ")[0] for row in rows} == {"288"}
-    monkeypatch.setattr(surface_solvers, "SLOW", np.inf)
+    monkeypatch.setattr(surface_solvers, "MAX_FIRST_LEVEL", 0.0)
+    records = list(surface_solvers.measure_solvers(*MESH))
+    assert {row.case.split(" ")[0] for row in records} == {"288"}
+    monkeypatch.setattr(surface_solvers, "MAX_FIRST_LEVEL", np.inf)
     monkeypatch.setattr(surface_solvers, "MOST_VERTICES", {"conjugate gradients": 300})
-    sizes = [row.case.split(" ")[0] for row in surface_solvers.size_rows(*MESH) if "conjugate" in row.case]
+    sizes = [row.case.split(" ")[0] for row in surface_solvers.measure_solvers(*MESH) if "conjugate" in row.case]
     assert set(sizes) == {"288"}
 
 

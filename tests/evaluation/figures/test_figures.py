@@ -8,14 +8,17 @@ import pytest
 from miniature import write_ball
 
 from carigs.capture import Capture, read_dataset
+from carigs.capture.frame_index import read_truths
 from carigs.capture.images import read_rgb, write_png
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration import Exaggerator, GammaPath, straight_path
 from carigs.head import neutral
-from carigs.settings import Exaggerate, Figures
+from carigs.settings import DEFAULT_MASK_FLAGS, Exaggerate, Figures, Gtstar
 from carigs.stages.figures import figures
-from evaluation.figures.blend_error import blend_errors, write_blend_errors
+from evaluation.figures.blend_error import BlendError, blend_errors
+from evaluation.figures.misregistration import REGIONS, misregistrations
 from evaluation.figures.sheet import write_sheet
+from evaluation.tables.csv_files import write_csv
 
 
 def test_every_image_of_a_sheet_is_in_its_row_and_column(tmp_path):
@@ -69,7 +72,7 @@ def test_the_blend_error_does_not_depend_on_the_unit(quadratic):
 
 def test_blend_errors_are_written_as_numbers(quadratic, tmp_path):
     errors = blend_errors(*quadratic[::2], 5)
-    write_blend_errors(tmp_path / "e.csv", errors)
+    write_csv(tmp_path / "e.csv", errors, BlendError)
     with (tmp_path / "e.csv").open() as stream:
         lines = list(csv.DictReader(stream))
     np.testing.assert_allclose([float(line["blend_rms"]) for line in lines], [e.blend_rms for e in errors], rtol=1e-5)
@@ -111,7 +114,7 @@ def study(tmp_path_factory):
                             "image": f"{frame.name}.png", "mask": f"{frame.name}_mask.png"})  # fmt: skip
         (place / "truth.json").write_text(json.dumps({"level": level, "reason": reason, "frames": entries}))
         keywords["truths"].append(place / "truth.json")
-    return folder, {**keywords, "capture": folder / "capture.json"}
+    return folder, {**keywords, "capture": folder / "capture.json", "gtstar": {}, "mask_flags": DEFAULT_MASK_FLAGS}
 
 
 def test_a_given_caricature_gets_its_strips_and_says_why_there_is_no_blend_error(study):
@@ -151,6 +154,21 @@ def test_a_solved_path_gets_its_blend_error_unless_solving_again_gives_another(s
     GammaPath(solved.levels, solved.displacements, solved.faces, solved.neutral, wrong).save(folder / "wrong.npz")
     figures(Figures(height=96, samples=5), **keywords, path=folder / "wrong.npz", folder=folder / "wrong")
     assert "Solving again gives another" in (folder / "wrong/blend_error.txt").read_text()
+
+
+def test_misregistration_follows_the_settings_of_the_study(study):
+    """Pixels are marked by the flags of the settings, on the truth that the frames themselves are at level 0."""
+    folder, keywords = study
+    subject, path = Capture.load(keywords["capture"]), GammaPath.load(folder / "given.npz")
+    truths = {0.25: read_truths(keywords["truths"][0])}  # natural frames, hence wrong at 0.25
+    marked = {}
+    for flags in (DEFAULT_MASK_FLAGS, ("stretched",)):
+        records = list(misregistrations(subject, path, truths, Gtstar(max_stretch=1.0), flags))
+        assert {record.level for record in records} == {0.25} and {r.region for r in records} <= set(REGIONS)
+        marked[flags] = {record.region: record.marked for record in records}
+    assert marked[DEFAULT_MASK_FLAGS] != marked["stretched",]
+    narrow = list(misregistrations(subject, path, truths, Gtstar(max_stretch=6.0), ("stretched",)))
+    assert sum(record.marked for record in narrow) < sum(marked["stretched",].values())
 
 
 def test_a_frame_that_does_not_exist_is_an_error(study, tmp_path):

@@ -1,9 +1,9 @@
-"""CLIP scores: identities on hand-made vectors, and the loading code on a tiny network of open_clip's own classes."""
+"""CLIP-I, CLIP-D, CLIP-C and DINO similarity: identities on vectors."""
 
 import numpy as np
 
 from evaluation.metrics import clip
-from evaluation.metrics.dino import paired_cosine
+from evaluation.metrics.dino import dino_similarity
 
 
 def unit(*shape, seed=0):
@@ -14,43 +14,43 @@ def unit(*shape, seed=0):
 def test_the_cosine_with_the_prompt_itself_is_one_and_its_score_two_and_a_half():
     text = unit(8)
     images = np.stack([text, -text])
-    np.testing.assert_allclose(clip.text_cosine(images, text), [1, -1])
-    np.testing.assert_allclose(clip.clip_score(images, text), [2.5, 0])
+    np.testing.assert_allclose(clip.clip_i(images, text), [1, -1])
+    np.testing.assert_allclose(clip.clip_i_score(images, text), [2.5, 0])
 
 
 def test_a_shift_along_the_change_of_the_prompt_has_direction_one():
     original, source, edit = unit(5, 8), unit(8, seed=1), unit(8, seed=2)
     shifted = original + 0.3 * (edit - source)
-    np.testing.assert_allclose(clip.directional(shifted, original, edit, source), 1)
+    np.testing.assert_allclose(clip.clip_d(shifted, original, edit, source), 1)
 
 
 def test_swapping_one_pair_negates_the_direction_and_swapping_both_keeps_it():
     a, b, source, edit = unit(5, 8), unit(5, 8, seed=3), unit(8, seed=1), unit(8, seed=2)
-    plain = clip.directional(a, b, edit, source)
-    np.testing.assert_allclose(clip.directional(b, a, edit, source), -plain)
-    np.testing.assert_allclose(clip.directional(b, a, source, edit), plain)
+    plain = clip.clip_d(a, b, edit, source)
+    np.testing.assert_allclose(clip.clip_d(b, a, edit, source), -plain)
+    np.testing.assert_allclose(clip.clip_d(b, a, source, edit), plain)
 
 
 def test_no_change_has_direction_zero_rather_than_nan():
     a, source, edit = unit(5, 8), unit(8, seed=1), unit(8, seed=2)
-    assert (clip.directional(a, a, edit, source) == 0).all()
-    assert (clip.directional(a, unit(5, 8, seed=3), edit, edit) == 0).all()
+    assert (clip.clip_d(a, a, edit, source) == 0).all()
+    assert (clip.clip_d(a, unit(5, 8, seed=3), edit, edit) == 0).all()
 
 
 def test_consistency_of_identical_frames_is_one_and_the_same_backwards():
-    np.testing.assert_allclose(clip.adjacent(np.tile(unit(8), (5, 1))), 1)
+    np.testing.assert_allclose(clip.clip_c(np.tile(unit(8), (5, 1))), 1)
     frames = unit(6, 8)
-    assert len(clip.adjacent(frames)) == 5
-    np.testing.assert_allclose(clip.adjacent(frames[::-1])[::-1], clip.adjacent(frames))
+    assert len(clip.clip_c(frames)) == 5
+    np.testing.assert_allclose(clip.clip_c(frames[::-1])[::-1], clip.clip_c(frames))
 
 
 def test_consistency_follows_the_order_of_the_frames():
     angles = np.radians([0, 10, 30])
     frames = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    np.testing.assert_allclose(clip.adjacent(frames), np.cos(np.radians([10, 20])))
+    np.testing.assert_allclose(clip.clip_c(frames), np.cos(np.radians([10, 20])))
 
 
-def test_paired_cosines_pair():
+def test_dino_similaritys_pair():
     frames = unit(4, 8)
-    np.testing.assert_allclose(paired_cosine(frames, frames), 1)
-    np.testing.assert_allclose(paired_cosine(frames, -frames), -1)
+    np.testing.assert_allclose(dino_similarity(frames, frames), 1)
+    np.testing.assert_allclose(dino_similarity(frames, -frames), -1)

@@ -9,7 +9,8 @@ from scipy.ndimage import distance_transform_edt
 
 from carigs.capture import Camera, look_at
 from carigs.raster import rasterize_mesh
-from evaluation.metrics.regions import REGIONS, image_regions, surface_regions
+from evaluation.metrics.regions import image_regions, surface_regions
+from evaluation.tables.metric_records import REGIONS
 
 SIZE = 200
 

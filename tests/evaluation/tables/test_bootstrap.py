@@ -14,13 +14,13 @@ def crossed(timesteps, cameras):
 
 
 def test_the_interval_of_a_constant_is_that_constant():
-    found = mean_interval(np.full(12, 2.5), crossed(3, 4), **OPTIONS)
-    assert found == pytest.approx((2.5, 2.5, 2.5), abs=1e-12)
+    interval = mean_interval(np.full(12, 2.5), crossed(3, 4), **OPTIONS)
+    assert interval == pytest.approx((2.5, 2.5, 2.5), abs=1e-12)
 
 
 def test_a_single_frame_has_no_interval():
-    found = mean_interval(np.array([2.5]), [[0], [1]], **OPTIONS)
-    assert found.mean == 2.5 and np.isnan(found.low) and np.isnan(found.high)
+    interval = mean_interval(np.array([2.5]), [[0], [1]], **OPTIONS)
+    assert interval.mean == 2.5 and np.isnan(interval.low) and np.isnan(interval.high)
 
 
 def test_the_result_does_not_depend_on_the_order_of_the_frames():
@@ -60,8 +60,8 @@ def test_intervals_cover_the_true_mean_about_as_often_as_they_say():
     for trial in range(trials):
         timestep, camera = generator.normal(size=(12, 1)), generator.normal(size=(1, 12))
         values = 5 + timestep + camera + 0.3 * generator.normal(size=(12, 12))
-        found = mean_interval(values.ravel(), crossed(12, 12), resamples=300, confidence=0.95, seed=trial)
-        hits += found.low <= 5 <= found.high
+        interval = mean_interval(values.ravel(), crossed(12, 12), resamples=300, confidence=0.95, seed=trial)
+        hits += interval.low <= 5 <= interval.high
     assert 0.87 <= hits / trials <= 0.99
 
 

@@ -1,4 +1,4 @@
-"""What the surfel engine is measured on: surfels on an ellipsoid the size of a head, and a head to train on."""
+"""Scenes of the surfel engine's benchmarks: surfels on an ellipsoid of a head's size, and a head to train on."""
 
 from __future__ import annotations
 
@@ -22,20 +22,37 @@ from carigs.splat.training.supervision import Supervision
 AXES = np.array([0.075, 0.11, 0.09])
 """Half axes of the ellipsoid in metres."""
 SPACINGS = 0.3
-"""Mean standard deviation of a surfel in units of the distance to the next."""
+"""Mean standard deviation of a surfel in units of the distance to its neighbour."""
 
 
 def portrait(width: int, height: int, side: float = 0.0) -> Camera:
-    """A camera at 1 m, `side` radians from the front; the ellipsoid covers about half of its image."""
+    """Camera at a distance of 1 m; the ellipsoid covers about half of its image.
+
+    Args:
+        width: Image width in pixels.
+        height: Image height in pixels.
+        side: Angle from the front in radians.
+
+    Returns:
+        The camera.
+    """
     focal = float(np.sqrt(0.5 * width * height / (np.pi * AXES[0] * AXES[1])))
-    place = np.array([np.sin(side), 0.0, np.cos(side)])
-    return Camera(look_at(place, np.zeros(3)), focal, focal, width / 2, height / 2, width, height)
+    position = np.array([np.sin(side), 0.0, np.cos(side)])
+    return Camera(look_at(position, np.zeros(3)), focal, focal, width / 2, height / 2, width, height)
 
 
 def ellipsoid(count: int, *, spread: float = 1.0, seed: int = 0) -> WorldSurfels:
-    """Surfels evenly over the ellipsoid, front and back, in random order (the worst for caches); normals are jittered.
+    """Distribute surfels evenly over the ellipsoid, with jittered normals.
 
-    `spread` multiplies their size: 2 makes the dense scene.
+    They are in random order, the worst case for caches.
+
+    Args:
+        count: Number of surfels.
+        spread: Factor of their size; 2 makes the dense scene.
+        seed: Seed of positions, sizes and colours.
+
+    Returns:
+        Surfels that require gradients.
     """
     random = np.random.default_rng(seed)
     point = _unit(random.normal(size=(4 * count + 100, 3)))
@@ -54,19 +71,37 @@ def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
 
 
 def _area() -> float:
-    """Of the ellipsoid, to 1 % (Knud Thomsen's formula)."""
+    """Area of the ellipsoid, to 1 % (Knud Thomsen's formula)."""
     a, b, c = AXES**1.6075
     return float(4 * np.pi * ((a * b + a * c + b * c) / 3) ** (1 / 1.6075))
 
 
 def scene_name(surfels: int, camera: Camera, threads: int, *more: str) -> str:
-    """How a row of a benchmark says what it was measured on."""
+    """Name of a case in the records of a benchmark.
+
+    Args:
+        surfels: Number of surfels.
+        camera: Camera.
+        threads: Number of threads.
+        more: Further descriptions.
+
+    Returns:
+        The name.
+    """
     size = f"{camera.height}x{camera.width}"
     return ", ".join((f"{surfels} surfels", size, f"{threads} thread{'s' * (threads > 1)}", *more))
 
 
 def moving_head(subdivisions: int, timesteps: int = 4) -> HeadSequence:
-    """An ellipsoid of 20 * 4^subdivisions triangles that turns and opens its lower half."""
+    """Build an ellipsoid that turns and opens its lower half over time.
+
+    Args:
+        subdivisions: Fineness: it has 20 * 4^subdivisions triangles.
+        timesteps: Number of timesteps.
+
+    Returns:
+        The head and its motion.
+    """
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=1.0)
     vertices = (np.asarray(mesh.vertices) * AXES).astype(np.float32)
     v = len(vertices)
@@ -90,13 +125,23 @@ def moving_head(subdivisions: int, timesteps: int = 4) -> HeadSequence:
     )
 
 
-def filmed(performance: HeadSequence, folder: Path, width: int, height: int) -> Supervision:
-    """Images of the head, painted with a pattern, from three sides and at all of its timesteps, in `folder`."""
+def capture_images(sequence: HeadSequence, folder: Path, width: int, height: int) -> Supervision:
+    """Render a head, painted with a pattern, from three sides at all timesteps.
+
+    Args:
+        sequence: The head and its motion.
+        folder: Folder to write images and masks to.
+        width: Image width in pixels.
+        height: Image height in pixels.
+
+    Returns:
+        The images as supervision of a training.
+    """
     cameras = {c: portrait(width, height, side) for c, side in enumerate((-0.4, 0.0, 0.4))}
-    head, frames = performance.head, []
+    head, frames = sequence.head, []
     paint = 0.5 + 0.2 * np.sin(head.v_template @ np.array([[90, 250, 30], [200, -60, 110], [-40, 90, 300]]))
-    for t in performance.parameters:
-        vertices = pose(head, performance.parameters[t])
+    for t in sequence.parameters:
+        vertices = pose(head, sequence.parameters[t])
         for c, camera in cameras.items():
             hit = rasterize_mesh(vertices, head.faces, camera)
             image = np.einsum("hwc,hwcx->hwx", hit.barycentric, paint[head.faces[hit.face]])

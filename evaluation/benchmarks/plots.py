@@ -1,0 +1,181 @@
+"""Plots of the benchmarks, from their records alone."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from evaluation.benchmarks.measurement import Measurement
+from evaluation.figures.png_figure import png_figure
+
+COLOURS = {"plain loops": "0.6", "carigs": "tab:blue"}
+SCALING = re.compile(
+    r"(?P<surfels>\d+) surfels, (?P<height>\d+)x(?P<width>\d+), (?P<threads>\d) threads?; forward and backward"
+)
+WARP = re.compile(r"(?P<warp>affine|perspective), (?P<samples>\d)x\d, footprint (?P<footprint>on|off)")
+
+Curves = dict[str, list[tuple[float, float]]]
+"""Points of each curve, by label."""
+
+
+def plot_splat(file: Path, measurements: Sequence[Measurement], kernels: Sequence[str]) -> None:
+    """Plot the surfel engine: kernels beside plain loops, and time against surfels and pixels.
+
+    Args:
+        file: PNG file to write.
+        measurements: Records of `evaluation.benchmarks.splat`.
+        kernels: Names of the kernels.
+    """
+    matches = [(SCALING.fullmatch(f"{m.case}; {m.quantity}"), m) for m in measurements]
+    scaling = pd.DataFrame(
+        [{**{k: int(v) for k, v in match.groupdict().items()}, "carigs": m.value, "plain loops": m.reference}
+         for match, m in matches if match]
+    )  # fmt: skip
+    scaling["pixels"] = scaling["width"] * scaling["height"]
+    with png_figure(file, (11.0, 7.6)) as figure:
+        top, bottom = figure.subplots(2, 2)
+        for axes, scene in zip(top, ("normal", "dense"), strict=True):
+            shown = [m for m in measurements if m.quantity in kernels and m.case.endswith(f", {scene}")]
+            _draw_kernels(axes, shown)
+        for axes, x, fixed in zip(bottom, ("surfels", "pixels"), ("pixels", "surfels"), strict=True):
+            # The scenes that differ in nothing but x.
+            common = Counter(scaling[fixed]).most_common(1)[0][0]
+            _draw_scaling(axes, x, scaling[scaling[fixed] == common].sort_values(x))
+            axes.set_title(f"{common:,} {fixed}: rendering and gradient", fontsize=10)
+
+
+def plot_surface(file: Path, measurements: Sequence[Measurement], typical: str, presets: Sequence[str]) -> None:
+    """Plot the exaggeration: solvers, paths and curvature above; bounds of the blend error and lids below.
+
+    Args:
+        file: PNG file to write.
+        measurements: Records of `evaluation.benchmarks.surface`.
+        typical: Name of the head whose bounds are drawn.
+        presets: Names of the two presets.
+    """
+    with png_figure(file, (15.0, 8.6), dpi=100) as figure:
+        (solvers, paths, curvature), (*bounds, lids) = figure.subplots(2, 3)
+        curves = _curves(measurements, r"(?P<x>\d+) vertices, (.*); 32 levels")
+        _draw_curves(solvers, curves, "vertices", "CPU s", "factorise and solve 32 levels")
+        curves = _curves(measurements, r"(.*); largest error of a path of (?P<x>\d+) nodes")
+        _draw_curves(paths, curves, "nodes of the path", "largest error (diagonals)", "paths against exact solves")
+        paths.set_xscale("linear")
+        # The torus with an even grid is left out: every estimator is accurate there.
+        curves = _curves(measurements, r"((?!torus, ).*), (?P<x>\d+) vertices; error of K: (.*)")
+        _draw_curves(curvature, curves, "vertices", "relative rms error", "Gaussian curvature")
+        curvature.set_ylim(top=30)  # room for the legend
+        for axes, preset in zip(bounds, presets, strict=True):
+            name = re.escape(f"{typical}, {preset}; ")
+            curves = _curves(
+                measurements, rf"{name}(rms error of the blend|bound of that error, .*) at level (?P<x>[\d.]+)"
+            )
+            title = f"rms error of the linear blend, {preset}"
+            _draw_curves(axes, curves, r"caricature level $\gamma$", "diagonals", title)
+            axes.set_xscale("linear")
+        _draw_lids(lids, [m for m in measurements if m.quantity.startswith("lids closed")])
+
+
+def plot_target(file: Path, measurements: Sequence[Measurement]) -> None:
+    """Plot the error of GT* targets against their time, one point per set of options.
+
+    Args:
+        file: PNG file to write.
+        measurements: Records of `evaluation.benchmarks.target`.
+    """
+    values: dict[str, dict[str, float]] = defaultdict(dict)
+    for m in measurements:
+        values[m.case][m.quantity] = m.value
+    with png_figure(file, (7.0, 4.2)) as figure:
+        axes = figure.subplots()
+        for case, value in values.items():
+            if option := WARP.fullmatch(case):
+                axes.plot(
+                    value["visibility, warp and masks"], value["99th percentile of the error"],
+                    "os^"[int(option["samples"]).bit_length() - 1],
+                    color="tab:blue" if option["warp"] == "perspective" else "0.6",
+                    fillstyle="full" if option["footprint"] == "on" else "none", label=case,
+                )  # fmt: skip
+        axes.set(
+            xscale="log",
+            xlabel="CPU ms per frame of 802x550, one thread",
+            ylabel="99th percentile of |target - truth|, trusted pixels",
+        )
+        axes.grid(alpha=0.3, which="both")
+        axes.legend(fontsize=7)
+
+
+def plot_quality(file: Path, evaluations: pd.DataFrame) -> None:
+    """Plot PSNR against seconds of training, one line per run.
+
+    Args:
+        file: PNG file to write.
+        evaluations: Records of `evaluation.benchmarks.quality`.
+    """
+    with png_figure(file, (7.0, 4.5)) as figure:
+        axes = figure.subplots()
+        for number, (budget, runs) in enumerate(evaluations.groupby("budget")):
+            for style, (steps, run) in zip(("o-", "s--", "^:", "v-."), runs.groupby("steps"), strict=False):
+                label = f"at most {budget:,} surfels, {steps:,} steps"
+                axes.plot(run.seconds, run.psnr, style, color=f"C{number}", markersize=4, label=label)
+        axes.set(xscale="log", xlabel="seconds of training", ylabel="PSNR of test frames in dB")
+        axes.grid(alpha=0.3, which="both")
+        axes.legend(fontsize=8, frameon=False)
+
+
+def _draw_kernels(axes: Any, measurements: Sequence[Measurement]) -> None:
+    times = {"plain loops": [m.reference for m in measurements], "carigs": [m.value for m in measurements]}
+    table = pd.DataFrame(times, index=[m.quantity.replace(" ", "\n") for m in measurements])
+    table.plot.bar(ax=axes, color=COLOURS, rot=0, width=0.8, ylabel="CPU ms, 1 thread")
+    for bars in axes.containers:
+        axes.bar_label(bars, fmt="%.3g", fontsize=8)
+    axes.set_title(measurements[0].case, fontsize=10)
+
+
+def _draw_scaling(axes: Any, x: str, scaling: pd.DataFrame) -> None:
+    for threads, style in ((1, "o-"), (2, "s--")):
+        shown = scaling[scaling["threads"] == threads].set_index(x)[list(COLOURS)]
+        shown.add_suffix(f", {threads} thread{'s' * (threads > 1)}").plot(
+            ax=axes, style=style, color=list(COLOURS.values()), loglog=True, ylabel="wall ms"
+        )
+    axes.grid(alpha=0.3, which="both")
+    axes.legend(fontsize=8)
+
+
+def _curves(measurements: Sequence[Measurement], pattern: str) -> Curves:
+    """Curves of the records whose "case; quantity" matches: group x is the abscissa, the others make the label."""
+    curves: Curves = defaultdict(list)
+    for m in measurements:
+        if match := re.fullmatch(pattern, f"{m.case}; {m.quantity}"):
+            x = match.re.groupindex["x"]
+            label = ": ".join(text for number, text in enumerate(match.groups(), start=1) if number != x)
+            curves[label].append((float(match["x"]), m.value))
+    return curves
+
+
+def _draw_curves(axes: Any, curves: Curves, xlabel: str, ylabel: str, title: str) -> None:
+    for name, points in curves.items():
+        axes.plot(*zip(*sorted(points), strict=True), "o-", markersize=3, label=name)
+    axes.set(xscale="log", yscale="log", xlabel=xlabel, ylabel=ylabel)
+    axes.set_title(title, fontsize=10)
+    axes.grid(alpha=0.3)
+    if curves:
+        axes.legend(fontsize=6)
+
+
+def _draw_lids(axes: Any, measurements: Sequence[Measurement]) -> None:
+    """One dot for each person: closure relative to the natural one."""
+    closures: dict[tuple[str, str], list[float]] = defaultdict(list)
+    for m in measurements:
+        closures[m.case.split(", ")[1], m.quantity.split(", ")[1]].append(m.value / m.reference)
+    for place, kind in enumerate(sorted(closures, reverse=True)):
+        axes.plot([place] * len(closures[kind]), closures[kind], "o", alpha=0.4, color="tab:blue")
+    axes.axhspan(0.85, 1.15, color="tab:green", alpha=0.15)
+    axes.axhline(1, color="k", linewidth=0.6)
+    axes.set_xticks(range(len(closures)), ["\n".join(kind) for kind in sorted(closures, reverse=True)], fontsize=8)
+    axes.set_title("lids under a full blink: closure / natural closure", fontsize=10)
+    axes.grid(alpha=0.3, axis="y")

@@ -1,0 +1,98 @@
+"""Timing of functions: medians of repeated calls, in turns with the functions that they are compared with."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from statistics import median
+
+# With one thread the calling thread does all the work: its CPU time excludes other work on the machine.
+cpu_seconds = time.thread_time
+wall_seconds = time.perf_counter
+
+
+def elapsed(work: Callable[[], object], clock: Callable[[], float]) -> float:
+    """Time one call.
+
+    Args:
+        work: Function to call.
+        clock: Function that returns seconds.
+
+    Returns:
+        Seconds.
+    """
+    start = clock()
+    work()
+    return clock() - start
+
+
+def median_time(
+    work: Callable[[], object], repeats: int = 5, clock: Callable[[], float] = wall_seconds, warm_up: bool = True
+) -> float:
+    """Median time of repeated calls.
+
+    Args:
+        work: Function to call.
+        repeats: Number of timed calls.
+        clock: Function that returns seconds.
+        warm_up: Whether to call it once before.
+
+    Returns:
+        Seconds.
+    """
+    if warm_up:
+        work()
+    return median(elapsed(work, clock) for _ in range(repeats))
+
+
+def median_times_in_turns(
+    works: Mapping[str, Callable[[], Mapping[str, float]]], repeats: int
+) -> dict[str, dict[str, float]]:
+    """Medians of times that several functions report, called in turns, after a first round to warm up.
+
+    Args:
+        works: Functions that time themselves: each returns seconds by name.
+        repeats: Number of rounds.
+
+    Returns:
+        Median of every time, by function and name.
+    """
+    rounds = [{key: work() for key, work in works.items()} for _ in range(repeats + 1)][1:]
+    return {key: {name: median(r[key][name] for r in rounds) for name in rounds[0][key]} for key in works}
+
+
+def compare_times(
+    works: Mapping[str, Callable[[], object]], repeats: int, clock: Callable[[], float] = wall_seconds
+) -> dict[str, float]:
+    """Median times of several functions, called in turns.
+
+    Args:
+        works: Functions by name.
+        repeats: Number of rounds, after a first one to warm up.
+        clock: Function that returns seconds.
+
+    Returns:
+        Seconds by name.
+    """
+    timed = {name: lambda work=work: {"": elapsed(work, clock)} for name, work in works.items()}
+    return {name: times[""] for name, times in median_times_in_turns(timed, repeats).items()}
+
+
+def run_in_fresh_process(code: str, **environment: str) -> dict[str, float]:
+    """Run Python code that prints times as JSON on its last line.
+
+    Args:
+        code: The code.
+        environment: Environment variables to set.
+
+    Returns:
+        Seconds by name.
+    """
+    completed = subprocess.run(
+        [sys.executable, "-c", code], env={**os.environ, **environment}, check=True, capture_output=True, text=True
+    )
+    return json.loads(completed.stdout.splitlines()[-1])

@@ -1,0 +1,132 @@
+"""Means of metrics over frames with bootstrap intervals, and paired differences against the reference variant."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from carigs.errors import CarigsError, InputError
+from carigs.settings import Tabulate
+from evaluation.tables.bootstrap import Interval, mean_interval
+from evaluation.tables.metric_records import REGIONS, MetricRecord
+
+CONDITION = ["study", "gamma", "level", "protocol", "region", "metric", "variant"]
+"""Columns that are the same for all frames of a mean."""
+FRAME = ["subject", "timestep", "camera"]
+"""Columns that identify a frame."""
+SUMMARY = [*CONDITION, "minus", "mean", "low", "high", "n", "nulls", "reason"]
+"""Columns of a summary.
+
+`minus` is the variant subtracted frame by frame, empty for a plain mean; `low` and `high` are the ends of the interval;
+`n` counts frames with a value and `nulls` records without; `reason` says why there are nulls.
+"""
+
+
+def read_metrics(files: Iterable[Path]) -> pd.DataFrame:
+    """Read files of `write_metrics`.
+
+    Args:
+        files: CSV files.
+
+    Returns:
+        All records, with the columns of `MetricRecord`; missing values, cameras and timesteps are nan.
+
+    Raises:
+        InputError: A file is missing or malformed; names its line and column.
+    """
+    return pd.concat([_read(Path(file)) for file in files], ignore_index=True)
+
+
+def summarise(records: pd.DataFrame, settings: Tabulate) -> pd.DataFrame:
+    """Average every metric over the frames of each condition, with bootstrap intervals.
+
+    Frames of several subjects are pooled; subjects, timesteps and cameras are resampled. The reference variant is also
+    compared with each other variant: mean of the differences, over the frames that both have.
+
+    Args:
+        records: Metric records, as of `read_metrics`.
+        settings: Settings of the stage `tabulate`.
+
+    Returns:
+        One line per mean or difference, with the columns `SUMMARY`, sorted by them.
+
+    Raises:
+        CarigsError: Two records hold the same metric of the same frame.
+    """
+    measured = records.dropna(subset="value").fillna({"timestep": -1, "camera": -1})
+    for record in measured[measured.duplicated(CONDITION + FRAME)].itertuples():
+        frame = f"subject {record.subject}, timestep {record.timestep:g}, camera {record.camera:g}"
+        raise CarigsError(
+            f"{record.variant}, level {record.level:g}: {record.metric} of {record.region} is given twice for {frame}"
+        )
+    frames = measured.pivot(index=[*CONDITION[:-1], *FRAME], columns="variant", values="value")
+    means: dict[tuple, tuple] = {}
+    for shared, group in frames.groupby(CONDITION[:-1]):
+        for variant in frames:
+            comparisons = {(variant, ""): group[variant]}
+            if variant != settings.reference and settings.reference in frames:
+                comparisons[settings.reference, variant] = group[settings.reference] - group[variant]
+            for names, values in comparisons.items():
+                values = values.dropna()
+                if len(values):
+                    means[(*shared, *names)] = (*_mean(values, settings), len(values))
+    unmeasured = records[records["value"].isna()].groupby(CONDITION)["reason"]
+    reasons = {(*condition, ""): (len(group), "; ".join(sorted(set(group)))) for condition, group in unmeasured}
+    lines = [
+        (*key, *means.get(key, (np.nan, np.nan, np.nan, 0)), *reasons.get(key, (0, "")))
+        for key in means.keys() | reasons.keys()
+    ]
+    order = dict(zip(REGIONS, range(len(REGIONS)), strict=True))
+    return pd.DataFrame(lines, columns=SUMMARY).sort_values(
+        SUMMARY[:8], key=lambda column: column.map(order) if column.name == "region" else column
+    )
+
+
+def _mean(values: pd.Series, settings: Tabulate) -> Interval:
+    """Mean and interval of values, the last levels of whose index are `FRAME`."""
+    subjects, timesteps, cameras = (values.index.get_level_values(name).tolist() for name in FRAME)
+    return mean_interval(
+        values.to_numpy(),
+        [subjects, list(zip(subjects, timesteps, strict=True)), cameras],
+        resamples=settings.resamples,
+        confidence=settings.confidence,
+        seed=settings.seed,
+    )
+
+
+def _read(file: Path) -> pd.DataFrame:
+    try:
+        with file.open(newline="", encoding="utf-8") as stream:
+            header, *lines = list(csv.reader(stream)) or [[]]
+    except FileNotFoundError as error:
+        raise InputError("no such file of metric records", file=file) from error
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"cannot be read ({error})", file=file) from error
+    if tuple(header) != MetricRecord._fields:
+        raise InputError(f"expected the columns {', '.join(MetricRecord._fields)}", file=file, field="line 1")
+    for number, cells in enumerate(lines, start=2):
+        if len(cells) != len(header):
+            raise InputError(f"{len(cells)} cells, expected {len(header)}", file=file, field=f"line {number}")
+    table = pd.DataFrame(lines, columns=header, dtype=object)
+    for column, parse in (("gamma", float), ("level", float), ("camera", int), ("timestep", int), ("value", float)):
+        empty = "" if column in ("camera", "timestep", "value") else None
+        table[column] = [np.nan if cell == empty else _number(cell, parse, file, f"line {number}, {column}")
+                         for number, cell in enumerate(table[column], start=2)]  # fmt: skip
+    unexplained = table.index[table["value"].isna() & (table["reason"] == "")]
+    if len(unexplained):
+        raise InputError("neither a value nor a reason", file=file, field=f"line {unexplained[0] + 2}, value")
+    return table
+
+
+def _number(cell: str, parse: type, file: Path, field: str) -> float:
+    try:
+        number = parse(cell)
+    except ValueError as error:
+        raise InputError(f"not a number: {cell!r}", file=file, field=field) from error
+    if not np.isfinite(number):
+        raise InputError(f"not a finite number: {cell!r}", file=file, field=field)
+    return number
