@@ -98,7 +98,7 @@ def target_levels(train: DictConfig, gamma: float) -> list[str]:
     Gamma alone where only the light that was fitted for them is wanted; none for the baseline.
     """
     if train.gtstar_probability == 0:
-        return [f"{gamma:g}"] if train.follow_light else []
+        return [f"{gamma:g}"] if train.relight_surfels else []
     return [f"{gamma * k / train.num_gtstar_levels:g}" for k in range(1, train.num_gtstar_levels + 1)]
 
 

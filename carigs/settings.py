@@ -44,9 +44,9 @@ class Toy:
     """Frames in each of the ten sequences EMO-1..4, EXP-1..6."""
     supersampling: int = 3
     """Samples per pixel and axis."""
-    texture: int = 768
+    texture_size: int = 768
     """The skin has the square of this many texels."""
-    strands: int = 6000
+    hair_strands: int = 6000
     """Hair strands on the scalp."""
 
 
@@ -123,7 +123,7 @@ class Gtstar:
     """Pixels up to which a frame counts in full; from here its weight falls to 0 at `registration_error_limit`."""
     warp: str = one_of("perspective", "affine")
     """`perspective`: exact; `affine`: the paper's equation 5."""
-    footprint: bool = False
+    antialias: bool = False
     """Average over a pixel's footprint in the frame where triangles shrink."""
     supersampling: int = within(1, 8, 4)
     """Samples per pixel and axis that say how much of a pixel the mesh covers, along its outline in both images."""
@@ -140,9 +140,9 @@ class Gtstar:
     """Power to which the ratio of new to old irradiance is taken."""
     relight_limit: float = within(1, 100, 2.0)
     """Largest factor, and its inverse the smallest, on linear colours."""
-    hair_band: int = within(0, 1000, 2)
+    hair_dilation: int = within(0, 1000, 2)
     """Width in pixels of the band around hair."""
-    background_ring: int = within(0, 1000, 1)
+    background_margin: int = within(0, 1000, 1)
     """Pixels left out around the mesh and the foreground where background is taken as known."""
     hair_regions: tuple[str, ...] = ("scalp",)
     """Head-model regions that carry hair; names that the model lacks are ignored, here and below."""
@@ -210,7 +210,7 @@ class Train:
     """Reasons for which pixels of GT* frames are left out; in those steps the surfels of triangles rest for which one
     of them always holds.
     """
-    follow_light: bool = True
+    relight_surfels: bool = True
     """Colours follow the light that GT* frames were shaded with (`gtstar.relight`), where that was fitted."""
     rig: str = "jbs"
     """`jbs`: Jacobian blend skinning; `jacobian`: the own face's Jacobian alone."""
@@ -222,7 +222,7 @@ class Train:
     initial_scale: float = 0.5
     """Standard deviation of the first discs in triangle units; divided by the root of `surfels_per_face`."""
     initial_opacity: float = 0.3
-    colour_frames: int = 32
+    initial_colour_frames: int = 32
     """Training frames that the first colours are taken from."""
     hair_regions: tuple[str, ...] = ("scalp",)
     """Head-model regions whose faces carry hair."""
@@ -264,7 +264,7 @@ class Render:
     """Images of the trained avatar."""
 
     threads: int = 1
-    orbit: int = 24
+    orbit_frames: int = 24
     """Frames of the novel camera orbit (0: none)."""
     orbit_timestep: int | None = None
     """Expression shown on the orbit; the first test timestep if null."""
@@ -325,9 +325,9 @@ class Figures:
     """View shown in the strips; the validation camera if null."""
     timestep: int | None = None
     """Frame of the held-out sequence shown in the strips; its first if null."""
-    height: int = 360
+    image_height: int = 360
     """Of each image in pixels."""
-    samples: int = 26
+    blend_error_samples: int = 26
     """Levels at which the blend error is evaluated."""
 
 

@@ -87,11 +87,11 @@ def test_variants_differ_in_supervision_masks_levels_and_light_only():
     ours, reasons = trained["alternating"], {reason.name.lower() for reason in MaskFlag}
     assert [trained[name].gtstar_probability for name in ("surfhead", "gtstar_only", "no_mask")] == [0.0, 1.0, 0.35]
     assert list(trained["no_mask"].mask_flags) == []
-    assert [name for name, t in trained.items() if not t.follow_light] == ["surfhead"]
+    assert [name for name, t in trained.items() if not t.relight_surfels] == ["surfhead"]
     assert {*ours.mask_flags} == {*DEFAULT_MASK_FLAGS}
     for t in trained.values():
         assert {*t.mask_flags} <= reasons
-        for name in ("gtstar_probability", "mask_flags", "follow_light", "num_gtstar_levels"):
+        for name in ("gtstar_probability", "mask_flags", "relight_surfels", "num_gtstar_levels"):
             setattr(t, name, getattr(ours, name))
         assert t == ours
 
@@ -124,10 +124,10 @@ def test_a_variant_has_targets_and_training_of_its_own_alone(name):
 def test_what_a_variant_changes_in_vain_is_named(tmp_path, monkeypatch):
     conf = tmp_path / "conf"
     shutil.copytree(CONF, conf)
-    (conf / "variant/sharp.yaml").write_text("# @package _global_\nrender: {orbit: 3}\n")
+    (conf / "variant/sharp.yaml").write_text("# @package _global_\nrender: {orbit_frames: 3}\n")
     monkeypatch.setattr(config, "CONF", conf)
     compose.cache_clear()
-    with pytest.raises(SettingsError, match=r"variant/sharp\.yaml: render\.orbit is shared; .*gtstar and train"):
+    with pytest.raises(SettingsError, match=r"variant/sharp\.yaml: render\.orbit_frames is shared; .*gtstar and train"):
         compose_variant("sharp")
     compose.cache_clear()
 
@@ -139,7 +139,7 @@ def test_what_a_variant_changes_in_vain_is_named(tmp_path, monkeypatch):
         (("train.num_gtstar_levels=4",), 0.25, ["0.0625", "0.125", "0.1875", "0.25"]),
         (("train.num_gtstar_levels=3",), 0.1, ["0.0333333", "0.0666667", "0.1"]),
         (("train.num_gtstar_levels=4", "train.gtstar_probability=0"), 0.25, ["0.25"]),
-        (("train.gtstar_probability=0", "train.follow_light=false"), 0.25, []),
+        (("train.gtstar_probability=0", "train.relight_surfels=false"), 0.25, []),
     ],
 )
 def test_targets_are_made_at_the_levels_trained_on(overrides, gamma, expected):

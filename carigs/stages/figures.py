@@ -38,9 +38,10 @@ def figures(
     `variants` and `levels` belong to `indices` one by one, `truth_levels` to `truths`.  A path that no solver made has
     no blend error: `blend_error.txt` then says so, and `misregistration.txt` where there is no truth.
     """
-    if settings.samples < 3 or settings.height < 1:
+    if settings.blend_error_samples < 3 or settings.image_height < 1:
         raise SettingsError(
-            f"figures.samples={settings.samples} must be at least 3, figures.height={settings.height} at least 1"
+            f"figures.blend_error_samples={settings.blend_error_samples} must be at least 3, "
+            f"figures.image_height={settings.image_height} at least 1"
         )
     subject = Capture.load(capture)
     frame = _shown_frame(settings, subject)
@@ -57,9 +58,9 @@ def figures(
     with writing_folder(folder) as part:
         for variant, images in rows.items():
             file = part / f"gamma_strip_{variant}.png"
-            gamma_strip(file, variant, shown, images, truth_row, height=settings.height)
-        ablation(part / "ablation.png", rows, shown, truth_row, height=settings.height)
-        _blend_error(part, without_teeth(GammaPath.load(path)), subject, settings.samples)
+            gamma_strip(file, variant, shown, images, truth_row, height=settings.image_height)
+        ablation(part / "ablation.png", rows, shown, truth_row, height=settings.image_height)
+        _blend_error(part, without_teeth(GammaPath.load(path)), subject, settings.blend_error_samples)
         known = {level: read_truths(file) for level, file in zip(truth_levels, truths, strict=True)}
         _misregistration(part, subject, GammaPath.load(path), known)
 

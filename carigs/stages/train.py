@@ -44,7 +44,7 @@ def train(
     subject, gamma_path = Capture.load(capture), GammaPath.load(path)
     performance = head_sequence(subject, gamma_path)
     sets = [read_targets(index, subject) for index in targets or ()]
-    if sets and settings.follow_light:
+    if sets and settings.relight_surfels:
         performance.shading = load_shading(sets[-1].folder / "shading.npz")  # one light for all levels
     supervision = Supervision(subject, sets if settings.gtstar_probability > 0 else (), settings.mask_flags)
     checkpoint = avatar.with_suffix(".checkpoint")
@@ -64,7 +64,7 @@ def check_settings(settings: Train, targets: Sequence[Path] | None) -> None:
     for name, low, high in (
         ("gtstar_probability", 0, 1), ("iterations", 1, 10**9), ("threads", 1, 10**4), ("sh_degree", 0, 3),
         ("surfels_per_face", 1, 1000), ("hair_layers", 0, 1000), ("ssim_weight", 0, 1), ("log_every", 1, 10**9),
-        ("initial_opacity", 1e-6, 1 - 1e-6), ("initial_scale", 1e-6, 1e6), ("colour_frames", 1, 10**6),
+        ("initial_opacity", 1e-6, 1 - 1e-6), ("initial_scale", 1e-6, 1e6), ("initial_colour_frames", 1, 10**6),
     ):  # fmt: skip
         if not low <= getattr(settings, name) <= high:
             raise SettingsError(f"train.{name}={getattr(settings, name)} must lie in [{low}, {high}]")

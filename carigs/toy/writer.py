@@ -25,8 +25,8 @@ _LEAST = {
     "cameras": 1,
     "steps_per_sequence": 1,
     "supersampling": 1,
-    "texture": 128,
-    "strands": 1,
+    "texture_size": 128,
+    "hair_strands": 1,
 }
 
 

@@ -79,7 +79,7 @@ def measure(subject: Capture, path: GammaPath) -> Iterator[Measurement]:
     yield Measurement(scene, "visibility at one end", "ms", cpu_ms(lambda: visible(natural, model.faces, large)))
     plain: dict[str, float] = {}
     for option in sorted(OPTIONS, key=lambda option: option != ("affine", 1, False)):
-        settings = Gtstar(warp=option[0], supersampling=option[1], footprint=option[2])
+        settings = Gtstar(warp=option[0], supersampling=option[1], antialias=option[2])
 
         def one(settings: Gtstar = settings) -> object:
             return make_target(*pictures, natural, caricature, large, model, of_faces, settings)

@@ -183,8 +183,8 @@ def test_a_killed_run_goes_on_to_the_same_bytes_on_any_number_of_threads(folder,
 
 def test_what_was_made_of_other_settings_or_frames_is_not_gone_on_with(folder, killed, damaged, tmp_path, capsys):
     shutil.copytree(killed, tmp_path / "again")
-    make_targets(folder, tmp_path / "again", hair_band=1)
-    make_targets(folder, tmp_path / "whole", hair_band=1)
+    make_targets(folder, tmp_path / "again", hair_dilation=1)
+    make_targets(folder, tmp_path / "whole", hair_dilation=1)
     assert contents(tmp_path / "again") == contents(tmp_path / "whole")
     shutil.copytree(killed, tmp_path / "other")
     make_targets(damaged, tmp_path / "other")  # equal files, in another place

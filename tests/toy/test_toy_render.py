@@ -24,7 +24,7 @@ from carigs.toy.look.shading import LINEAR, STORED, bounced, shade
 from carigs.toy.scene import cameras, frontal_camera
 from carigs.toy.shape.noise import fractal, spots
 
-SETTINGS = Toy(width=96, height=128, cameras=3, supersampling=2, texture=200, strands=800)
+SETTINGS = Toy(width=96, height=128, cameras=3, supersampling=2, texture_size=200, hair_strands=800)
 
 
 @pytest.fixture(scope="module")

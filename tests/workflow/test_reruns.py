@@ -35,7 +35,7 @@ EDITS = {
         {"settings": 2, **ALTERNATING},
     ),
     "mask, which the baseline does not use": (
-        append("conf/mask/default.yaml", "gtstar: {hair_band: 4}"),
+        append("conf/mask/default.yaml", "gtstar: {hair_dilation: 4}"),
         {"settings": 2, "gtstar": 2, **ALTERNATING},
     ),
     "targets of one variant": (

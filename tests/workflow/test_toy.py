@@ -12,8 +12,8 @@ MINIATURE = " ".join(
     (
         "study.name=mini study.variants=[alternating,surfhead] study.levels=[0,0.25]",
         "capture.toy.width=64 capture.toy.height=84 capture.toy.cameras=3 capture.toy.steps_per_sequence=1",
-        "capture.toy.supersampling=1 capture.toy.texture=128 capture.toy.strands=300",
-        "train.iterations=12 render.orbit=2 tabulate.resamples=50 figures.samples=3",
+        "capture.toy.supersampling=1 capture.toy.texture_size=128 capture.toy.hair_strands=300",
+        "train.iterations=12 render.orbit_frames=2 tabulate.resamples=50 figures.blend_error_samples=3",
     )
 )
 pytestmark = pytest.mark.slow

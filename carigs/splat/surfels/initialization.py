@@ -19,14 +19,14 @@ OCCLUSION_TOLERANCE = 0.003
 def initial_surfels(
     settings: Train, supervision: Supervision, performance: HeadSequence, hair: Bool[np.ndarray, "f"]
 ) -> Surfels:
-    """Surfels on every face and above hair faces, with colours of `settings.colour_frames` of what supervises them.
+    """Surfels on every face and above hair faces, with colours of `initial_colour_frames` of what supervises them.
 
     A run that is supervised by targets alone takes its colours from the targets: real frames would tell it of the hair.
     """
     binding, position, scale = place(settings, performance.rig, hair)
     targets_only = settings.gtstar_probability >= 1
     count = len(supervision.targets if targets_only else supervision.frames)
-    chosen = np.unique(np.linspace(0, count - 1, settings.colour_frames).astype(int))
+    chosen = np.unique(np.linspace(0, count - 1, settings.initial_colour_frames).astype(int))
     views = [supervision.first_view(targets_only, int(i)) for i in chosen]
     rgb = observed_colours(binding, position, performance, views)
     return flat_discs(binding, position, scale, settings.initial_opacity, rgb, settings.sh_degree)
