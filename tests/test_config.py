@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from dataclasses import fields
+from dataclasses import Field, fields
 from itertools import product
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from omegaconf import OmegaConf
 from carigs import config
 from carigs.config import (
     CONF,
+    GROUPS,
     compose,
     compose_study,
     compose_variant,
@@ -27,7 +28,8 @@ from carigs.config import (
 )
 from carigs.errors import InputError, SettingsError
 from carigs.gtstar import MaskFlag
-from carigs.settings import DEFAULT_MASK_FLAGS, STAGES
+from carigs.settings import DEFAULT_MASK_FLAGS, MASK_FLAGS, STAGES, Config, Train
+from carigs.settings.option import Option, walk
 
 RULES = CONF.parent / "workflow/rules"
 
@@ -53,7 +55,7 @@ def test_a_study_is_named_like_its_file(name):
     assert compose_study(f"study={name}").study.name == name
 
 
-@pytest.mark.parametrize(("stage", "preset"), [("exaggerate", "exaggerate=robust"), ("gtstar", "mask=default")])
+@pytest.mark.parametrize(("stage", "preset"), [("exaggerate", "exaggerate=robust"), ("gtstar", "variant=no_mask")])
 def test_default_presets_are_the_defaults(stage, preset, tmp_path):
     settings = load(stage, preset, folder=tmp_path)
     assert settings == STAGES[stage]()
@@ -105,6 +107,37 @@ def test_the_study_of_masks_turns_every_default_reason_off_and_every_other_one_o
     assert {reason for reasons in changed if len(reasons) == 1 for reason in reasons} == {
         reason.name.lower() for reason in MaskFlag
     }
+
+
+@pytest.mark.parametrize(
+    ("variant", "changes"),
+    [
+        *((f"no_{flag}_mask", {flag}) for flag in ("grazing", "hair", "mouth", "newly_visible", "occluded")),
+        *((f"no_{flag}_mask", {flag}) for flag in ("outside_image", "outside_mesh")),
+        *((f"{flag}_mask", {flag}) for flag in ("stretched", "lids", "brows", "ears", "eyeballs")),
+        ("no_visibility_mask", {"newly_visible", "occluded", "grazing"}),
+        ("no_mask", set(DEFAULT_MASK_FLAGS)),
+        ("alternating", set()),
+    ],
+)
+def test_variants_add_and_remove_mask_flags(variant, changes):
+    """Removed flags leave the others in their order; added ones come last."""
+    expected = [flag for flag in DEFAULT_MASK_FLAGS if flag not in changes]
+    expected += [flag for flag in MASK_FLAGS if flag in changes and flag not in DEFAULT_MASK_FLAGS]
+    assert compose(f"variant={variant}").train.mask_flags == expected
+
+
+def test_flags_of_a_variant_are_changes_of_the_studys_list():
+    train = compose("train.mask_flags=[hair,lids]", "variant=no_hair_mask").train
+    assert (train.mask_flags, train.add_mask_flags, train.remove_mask_flags) == (["lids"], [], [])
+    assert Train(add_mask_flags=("ears",), remove_mask_flags=("hair",)).mask_flags == (
+        *(flag for flag in DEFAULT_MASK_FLAGS if flag != "hair"),
+        "ears",
+    )
+
+
+def test_mask_flags_of_the_settings_are_those_of_the_method():
+    assert {*MASK_FLAGS} == {flag.name.lower() for flag in MaskFlag}
 
 
 def test_targets_are_made_once_for_all_variants_with_the_same_settings():
@@ -181,7 +214,7 @@ def test_data_folder_comes_from_the_environment(monkeypatch):
     ("override", "named"),
     [
         ("study=tyo", ("study=tyo", "paper, toy")),
-        ("mask=thick", ("mask=thick", "default, none")),
+        ("exaggerate=thick", ("exaggerate=thick", "paper, relative_to_mean")),
         ("study.subjects=[nobody]", ("study.subjects", "nobody", "toy")),
         ("study.variants=[surfhaed]", ("study.variants", "surfhaed", "surfhead")),
         ("study.variants=[]", ("study.variants",)),
@@ -222,12 +255,71 @@ def test_a_mistake_is_told_in_one_line_that_names_the_key(override, named):
         assert word in message
 
 
+def wrong_values(f: Field) -> list[str]:
+    """Values that the field must refuse, as overrides."""
+    allowed: Option = f.metadata["option"]
+    values = ["nan"] * ("float" in f.type)
+    values += [str(bound - 1) for bound in (allowed.ge,) if bound is not None]
+    values += [str(bound + 1) for bound in (allowed.le,) if bound is not None]
+    values += [str(bound) for bound in (allowed.gt, allowed.lt, allowed.excluded) if bound is not None]
+    values += ["unheard_of"] * bool(allowed.choices)
+    wrap = "[{}]" if f.type.startswith("tuple") else "{{nose:{}}}" if f.type.startswith("dict") else "{}"
+    return [wrap.format(value) for value in values]
+
+
+@pytest.mark.parametrize(("key", "f"), [(key, f) for key, _, f in walk(Config)], ids=lambda x: x if isinstance(x, str) else "")
+def test_every_setting_has_a_meaning_and_its_range_is_checked(key, f):
+    assert f.metadata["option"].meaning.endswith((".", ")."))
+    for value in wrong_values(f):
+        with pytest.raises(SettingsError, match=rf"^{re.escape(key)}[=.\[].*(must|unknown)"):
+            compose(f"{key}={value}")
+
+
+def test_numbers_that_may_take_any_value_are_few():
+    """All numbers have a bound."""
+    free = [
+        key
+        for key, _, f in walk(Config)
+        if any(number in f.type for number in ("int", "float"))
+        if f.metadata["option"].ge is None and f.metadata["option"].gt is None
+    ]
+    assert free == []
+
+
+@pytest.mark.parametrize(
+    ("make", "named"),
+    [
+        (lambda: STAGES["capture"](source="folder", folder="here"), "capture.head_model must be set"),
+        (lambda: STAGES["train"](density=None, ssim_weight=float("nan")), "train.ssim_weight=nan must be"),
+        (lambda: STAGES["gtstar"](max_stretch=float("inf")), "gtstar.max_stretch=inf must be a finite number"),
+    ],
+)
+def test_a_section_checks_itself(make, named):
+    with pytest.raises(SettingsError, match=named):
+        make()
+
+
+def test_subjects_of_ones_own_are_found_in_the_current_directory(tmp_path, monkeypatch):
+    (tmp_path / "conf/subject").mkdir(parents=True)
+    (tmp_path / "conf/subject/anna.yaml").write_text("# @package _global_\ncapture: {toy: {seed: 7}}\n")
+    monkeypatch.chdir(tmp_path)
+    compose.cache_clear()
+    assert {"anna", "toy"} <= {*known("subject")}
+    assert compose("subject=anna", "study.subjects=[anna]").capture.toy.seed == 7
+    (tmp_path / "conf/subject/toy.yaml").write_text("# @package _global_\ncapture: {toy: {seed: 8}}\n")
+    compose.cache_clear()
+    with pytest.raises(SettingsError, match=r"subject.toy\.yaml: subject=toy comes with carigs"):
+        compose()
+    compose.cache_clear()
+
+
 @pytest.mark.parametrize(
     ("text", "named"),
     [
         ("iterations: 3\n  seed: [", ("train.yaml",)),
         ("iteration: 3\n", ("train.yaml", "iteration", "iterations")),
         ("iterations: many\n", ("train.yaml", "iterations", "many")),
+        ("iterations: 0\n", ("train.yaml", "iterations=0")),
     ],
 )
 def test_a_broken_settings_file_is_named(text, named, tmp_path):
@@ -264,6 +356,6 @@ def test_a_section_changes_only_with_what_its_path_names(stage):
 
 def test_every_key_of_conf_is_in_the_schema():
     """Hydra checks a group's file only when it is chosen."""
-    for group in ("study", "subject", "variant", "mask", "exaggerate"):
+    for group in GROUPS:
         for name in known(group):
             assert yaml.safe_load((CONF / group / f"{name}.yaml").read_text()) is None or compose(f"{group}={name}")
