@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 from dataclasses import Field, fields
@@ -28,10 +29,14 @@ from carigs.config import (
 )
 from carigs.errors import InputError, SettingsError
 from carigs.gtstar import MaskFlag
-from carigs.settings import DEFAULT_MASK_FLAGS, MASK_FLAGS, STAGES, Config, Train
+from carigs.settings import DEFAULT_MASK_FLAGS, MASK_FLAGS, STAGES, Config, Train, reference
 from carigs.settings.option import Option, walk
+from evaluation.metrics.embeddings import WEIGHTS
+from evaluation.metrics.preprocessing import CROPS
 
-RULES = CONF.parent / "workflow/rules"
+ROOT = Path(__file__).parents[1]
+RULES = ROOT / "workflow/rules"
+OPTIONS = {key: f for key, _, f in walk(Config)}
 
 
 def load(stage: str, *overrides: str, folder: Path):
@@ -74,6 +79,27 @@ def test_presets_of_the_paper_are_literal(tmp_path):
     ) == (0, False, False, False)
     assert compose("study=paper").train.iterations == 120_000
     assert len(compose("study=paper").study.subjects) == 10
+
+
+def paper_table() -> dict[str, object]:
+    """Key and value of each row of the table in docs/paper.md."""
+    text = (ROOT / "docs/paper.md").read_text().partition("## The preset `study=paper`, key by key")[2]
+    rows = re.findall(r"^\| `([\w.]+)` \| `(.+?)` \| .+ \|$", text, re.MULTILINE)
+    assert len(rows) == text.count("\n| `") and len(rows) == len(dict(rows))
+    return {key: yaml.safe_load(value) for key, value in rows}
+
+
+def test_the_papers_study_is_the_table_of_its_document():
+    composed, table = compose("study=paper"), paper_table()
+    assert {key: OmegaConf.select(composed, key, throw_on_missing=True) for key in table} == table
+    assert set(table) <= {*OPTIONS}
+
+
+def test_the_table_of_the_paper_has_every_key_that_its_study_changes():
+    default, paper = compose(), compose("study=paper")
+    changed = {key for key in OPTIONS if OmegaConf.select(default, key) != OmegaConf.select(paper, key)}
+    data = {key for key in changed if key.startswith(("study.", "capture."))}
+    assert changed - data <= {*paper_table()}
 
 
 def test_regions_are_the_head_models_names_and_numbers(tmp_path):
@@ -138,6 +164,11 @@ def test_flags_of_a_variant_are_changes_of_the_studys_list():
 
 def test_mask_flags_of_the_settings_are_those_of_the_method():
     assert {*MASK_FLAGS} == {flag.name.lower() for flag in MaskFlag}
+
+
+def test_choices_of_the_metrics_are_those_of_the_evaluation():
+    choices = {name: OPTIONS[f"metrics.{name}"].metadata["option"].choices for name in ("embeddings", "crop")}
+    assert choices == {"embeddings": tuple(WEIGHTS), "crop": CROPS}
 
 
 def test_targets_are_made_once_for_all_variants_with_the_same_settings():
@@ -267,8 +298,9 @@ def wrong_values(f: Field) -> list[str]:
     return [wrap.format(value) for value in values]
 
 
-@pytest.mark.parametrize(("key", "f"), [(key, f) for key, _, f in walk(Config)], ids=lambda x: x if isinstance(x, str) else "")
-def test_every_setting_has_a_meaning_and_its_range_is_checked(key, f):
+@pytest.mark.parametrize("key", OPTIONS)
+def test_every_setting_has_a_meaning_and_its_range_is_checked(key):
+    f = OPTIONS[key]
     assert f.metadata["option"].meaning.endswith((".", ")."))
     for value in wrong_values(f):
         with pytest.raises(SettingsError, match=rf"^{re.escape(key)}[=.\[].*(must|unknown)"):
@@ -279,7 +311,7 @@ def test_numbers_that_may_take_any_value_are_few():
     """All numbers have a bound."""
     free = [
         key
-        for key, _, f in walk(Config)
+        for key, f in OPTIONS.items()
         if any(number in f.type for number in ("int", "float"))
         if f.metadata["option"].ge is None and f.metadata["option"].gt is None
     ]
@@ -329,6 +361,22 @@ def test_a_broken_settings_file_is_named(text, named, tmp_path):
     assert "\n" not in str(raised.value)
     for word in named:
         assert word in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("option", "file"), [("markdown", "configuration.md"), ("json_schema", "configuration.schema.json")]
+)
+def test_the_reference_is_current(option, file):
+    """Else: carigs settings --reference > docs/configuration.md, and --schema > docs/configuration.schema.json."""
+    assert (ROOT / "docs" / file).read_text("utf-8") == getattr(reference, option)()
+
+
+def test_the_schema_knows_every_key_of_a_composed_study():
+    def keys(schema: dict, at: str = "") -> set[str]:
+        below = schema.get("properties", {})
+        return {key for name, part in below.items() for key in keys(part, f"{at}.{name}")} or {at.removeprefix(".")}
+
+    assert keys(json.loads(reference.json_schema())) == {*OPTIONS}
 
 
 def settings_paths() -> dict[str, tuple[str, ...]]:

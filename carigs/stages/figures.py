@@ -38,11 +38,6 @@ def figures(
     `variants` and `levels` belong to `indices` one by one, `truth_levels` to `truths`.  A path that no solver made has
     no blend error: `blend_error.txt` then says so, and `misregistration.txt` where there is no truth.
     """
-    if settings.blend_error_samples < 3 or settings.image_height < 1:
-        raise SettingsError(
-            f"figures.blend_error_samples={settings.blend_error_samples} must be at least 3, "
-            f"figures.image_height={settings.image_height} at least 1"
-        )
     subject = Capture.load(capture)
     frame = _shown_frame(settings, subject)
     true_images = dict.fromkeys(sorted(set(levels)))

@@ -6,12 +6,10 @@ from pathlib import Path
 
 from carigs.capture import Capture
 from carigs.capture.frame_index import read_rendered, read_truths
-from carigs.errors import SettingsError
 from carigs.exaggeration import GammaPath
 from carigs.settings import Metrics
 from evaluation.metrics.against_truth import compare
-from evaluation.metrics.embeddings import WEIGHTS, embedding_rows
-from evaluation.metrics.preprocessing import CROPS
+from evaluation.metrics.embeddings import embedding_rows
 from evaluation.tables.rows import Scene, write_rows
 
 
@@ -31,7 +29,6 @@ def metrics(
     rows: Path,
 ) -> None:
     """Write `rows`: one line per frame, region and metric; null, with the reason, what cannot be measured."""
-    check_settings(settings)
     scene = Scene(study, subject, variant, gamma, level)
     person, rendered, truths = Capture.load(capture), read_rendered(index, frames), read_truths(truth)
     caricature = GammaPath.load(path).at(level)
@@ -40,14 +37,3 @@ def metrics(
         *embedding_rows(scene, rendered, person, settings),
     ]
     write_rows(rows, measured)
-
-
-def check_settings(settings: Metrics) -> None:
-    """Raise `SettingsError` for a value without meaning, before any work."""
-    for name in settings.embeddings:
-        if name not in WEIGHTS:
-            raise SettingsError(f"metrics.embeddings: {name} is unknown; choose from {', '.join(WEIGHTS)}")
-    if settings.crop not in CROPS:
-        raise SettingsError(f"metrics.crop={settings.crop} is unknown; choose {' or '.join(CROPS)}")
-    if settings.silhouette_band < 1:
-        raise SettingsError(f"metrics.silhouette_band={settings.silhouette_band} must be at least 1 pixel")

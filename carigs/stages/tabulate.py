@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from carigs.errors import SettingsError
 from carigs.files import writing
 from carigs.settings import Tabulate
 from evaluation.tables.rows import read_rows
@@ -14,11 +13,6 @@ from evaluation.tables.typeset import document, to_latex, to_markdown
 
 def tabulate(settings: Tabulate, *, rows: list[Path], table: Path, markdown: Path, latex: Path) -> None:
     """Write `table` (tidy csv: everything), and the readable summaries `markdown` and `latex`."""
-    if settings.resamples < 1 or not 0 < settings.confidence < 1:
-        raise SettingsError(
-            f"tabulate.resamples={settings.resamples} must be positive, "
-            f"tabulate.confidence={settings.confidence} must lie between 0 and 1"
-        )
     summaries = summarise((row for file in rows for row in read_rows(file)), settings)
     readable = document(summaries, settings)
     write_csv(table, summaries)

@@ -131,5 +131,5 @@ def test_outlines_are_blended_as_the_caricature_covers_their_pixels(scale, shear
 
 def test_an_unknown_map_is_refused():
     vertices, faces = sheet()
-    with pytest.raises(SettingsError, match="affine or perspective"):
+    with pytest.raises(SettingsError, match="perspective or affine"):
         warped(picture(FRONTAL), vertices, vertices, faces, FRONTAL, warp="projective")

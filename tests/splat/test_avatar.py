@@ -223,9 +223,9 @@ def test_levels_beyond_the_path_and_unknown_timesteps_are_refused(trained, tmp_p
     ],
 )
 def test_impossible_settings_are_refused_before_any_work(tmp_path, changes, says):
-    settings = Train(**{"gtstar_probability": 0.0, **changes})
     nothing = tmp_path / "nothing"
     with pytest.raises(SettingsError, match=says):
+        settings = Train(**{"gtstar_probability": 0.0, **changes})
         train(settings, capture=nothing, path=nothing, targets=None, avatar=nothing, ply=nothing, log=nothing)
 
 
