@@ -42,24 +42,22 @@ __all__ = [
 class Study(Section, key="study"):
     """A set of subjects, variants and levels that makes one table."""
 
-    name: str = option("toy", "Folder of the results below `results/`: letters, digits and `._-`.")
-    subjects: tuple[str, ...] = option(("toy",), "Files of `conf/subject`.")
-    variants: tuple[str, ...] = option(
-        ("alternating", "surfhead", "surfhead_lit", "gtstar_only", "no_mask"), "Files of `conf/variant`."
-    )
-    levels: tuple[float, ...] = option(
-        (0.0, 0.1, 0.15, 0.2, 0.25),
-        "Levels to render; 0 and gamma are added, levels above gamma left out.",
-        ge=0,
-        le=100,
-    )
+    name: str = "toy"
+    """Folder of the results below `results/`: letters, digits and `._-`."""
+    subjects: tuple[str, ...] = ("toy",)
+    """Files of `conf/subject`."""
+    variants: tuple[str, ...] = ("alternating", "surfhead", "surfhead_lit", "gtstar_only", "no_mask")
+    """Files of `conf/variant`."""
+    levels: tuple[float, ...] = option((0.0, 0.1, 0.15, 0.2, 0.25), ge=0, le=100)
+    """Levels to render; 0 and gamma are added, levels above gamma left out."""
 
 
 @dataclass
 class Config(Section, key=""):
     """All settings: gamma, the study, and one section per stage."""
 
-    gamma: float = option(DEFAULT_GAMMA, "gamma_f, the level that is trained for.", ge=1e-4, le=100)
+    gamma: float = option(DEFAULT_GAMMA, ge=1e-4, le=100)
+    """gamma_f, the level that is trained for."""
     study: Study = field(default_factory=Study)
     capture: Capture = field(default_factory=Capture)
     exaggerate: Exaggerate = field(default_factory=Exaggerate)

@@ -1,4 +1,7 @@
-"""Fields of the settings with default, meaning, unit and allowed values, and the check of values against them."""
+"""Fields of the settings with default, unit and allowed values, and the check of values against them.
+
+The meaning of a field is the docstring below it.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +15,8 @@ from carigs.errors import SettingsError
 
 @dataclass(frozen=True)
 class Option:
-    """What a field of the settings means and allows."""
+    """What a field of the settings allows."""
 
-    meaning: str
-    """One or more sentences."""
     unit: str = ""
     """Empty for numbers without a unit."""
     ge: float | None = None
@@ -34,7 +35,11 @@ class Option:
     """Another field of the section, and its value that makes this field necessary."""
 
     def allowed(self) -> str:
-        """The allowed values in words, empty if only the type restricts them."""
+        """The allowed values in words.
+
+        Returns:
+            For example `be at least 1`; empty if only the type restricts the values.
+        """
         if self.choices:
             return ", ".join(self.choices[:-1]) + f" or {self.choices[-1]}"
         low, high = _first(self.ge, self.gt), _first(self.le, self.lt)
@@ -46,7 +51,14 @@ class Option:
         return f"{text} and not be {self.excluded:g}" if self.excluded is not None else text
 
     def problem(self, value: Any) -> str:
-        """What is wrong with one value, empty if nothing is."""
+        """Check one value.
+
+        Args:
+            value: The value, or an element of a sequence or mapping.
+
+        Returns:
+            What is wrong with it; empty if nothing is.
+        """
         if self.choices:
             return "" if value in self.choices else f"is unknown; choose {self.allowed()}"
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -63,22 +75,20 @@ class Option:
         return "" if inside else f"must {self.allowed()}"
 
 
-def option(default: Any, meaning: str, unit: str = "", **allowed: Any) -> Any:
+def option(default: Any, **allowed: Any) -> Any:
     """A field of a section.
 
     Args:
         default: The default.
-        meaning: One or more sentences.
-        unit: Of a number or of each number.
-        **allowed: Bounds, choices and conditions, as in `Option`.
+        **allowed: Unit, bounds, choices and conditions, as in `Option`.
 
     Returns:
         The dataclass field.
 
     Example:
-        >>> iterations: int = option(1500, "Optimisation steps.", ge=1)
+        >>> iterations: int = option(1500, ge=1)
     """
-    metadata = {"option": Option(meaning, unit, **allowed)}
+    metadata = {"option": Option(**allowed)}
     if isinstance(default, dict):
         return field(default_factory=default.copy, metadata=metadata)
     return field(default=default, metadata=metadata)
@@ -100,6 +110,18 @@ class Section:
             if isinstance(value := getattr(self, f.name), list):  # OmegaConf has lists only
                 setattr(self, f.name, tuple(value))
         check_section(type(self), self)
+
+
+def option_of(f: Field) -> Option:
+    """What a field allows.
+
+    Args:
+        f: Field of a section.
+
+    Returns:
+        Its option; without restrictions for a plain default.
+    """
+    return f.metadata.get("option", Option())
 
 
 def subsection(f: Field) -> type[Section] | None:
@@ -146,7 +168,7 @@ def check_section(section: type[Section], values: Any) -> None:
         if below := subsection(f):
             check_section(below, value)
             continue
-        allowed: Option = f.metadata["option"]
+        allowed = option_of(f)
         if allowed.required_when and not value:
             other, needed = allowed.required_when
             if getattr(values, other) == needed:

@@ -8,14 +8,18 @@ After a change of a field run
 
 from __future__ import annotations
 
+import ast
+import inspect
 import json
+import textwrap
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import fields
+from itertools import pairwise
 from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from carigs.settings import STAGES, Config, Study
-from carigs.settings.option import Option, Section, default_of, subsection
+from carigs.settings.option import Option, Section, default_of, option_of, subsection
 
 _HEADER = """# Configuration
 
@@ -59,10 +63,27 @@ def json_schema() -> str:
     return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
 
 
+def meanings(section: type[Section]) -> dict[str, str]:
+    """The docstrings of the fields of a section.
+
+    Args:
+        section: Class of the section.
+
+    Returns:
+        Text by name of the field.
+    """
+    body = ast.parse(textwrap.dedent(inspect.getsource(section))).body[0].body
+    return {
+        statement.target.id: " ".join(below.value.value.split())
+        for statement, below in pairwise(body)
+        if isinstance(statement, ast.AnnAssign) and isinstance(below, ast.Expr)
+    }
+
+
 def _section(section: type[Section], title: str) -> Iterator[str]:
     """A heading and the table of a section, then those of its subsections."""
-    hints = get_type_hints(section)
-    yield f"## {title}\n\n{(section.__doc__ or '').strip()}\n"
+    hints, texts = get_type_hints(section), meanings(section)
+    yield f"## {title}\n\n{section.__doc__}\n"
     yield "| key | type | default | allowed | unit | meaning |"
     yield "|---|---|---|---|---|---|"
     below = []
@@ -70,10 +91,10 @@ def _section(section: type[Section], title: str) -> Iterator[str]:
         if nested := subsection(f):
             below += [nested] * (section is not Config)
             continue
-        meta: Option = f.metadata["option"]
+        meta = option_of(f)
         allowed = meta.allowed().removeprefix("lie in ").removeprefix("be ")
         cells = (f"`{section.key}.{f.name}`".replace("`.", "`"), _type_name(hints[f.name]), _shown(default_of(f)))
-        cells += (allowed, meta.unit, meta.meaning)
+        cells += (allowed, meta.unit, texts[f.name])
         yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
     yield ""
     for nested in below:
@@ -98,20 +119,17 @@ def _shown(value: Any) -> str:
 
 def _object(section: type[Section]) -> dict[str, Any]:
     """The schema of a section."""
-    hints, properties = get_type_hints(section), {}
+    hints, texts, properties = get_type_hints(section), meanings(section), {}
     for f in fields(section):
-        nested = subsection(f)
-        properties[f.name] = (
-            _object(nested) if nested else _property(hints[f.name], f.metadata["option"], default_of(f))
-        )
-    described = {"description": section.__doc__.strip()} if section.__doc__ and is_dataclass(section) else {}
-    return {"type": "object", **described, "properties": properties, "additionalProperties": False}
-
-
-def _property(hint: Any, meta: Option, default: Any) -> dict[str, Any]:
-    """The schema of a field."""
-    description = f"{meta.meaning} Unit: {meta.unit}." if meta.unit else meta.meaning
-    return {"description": description, "default": default, **_schema_type(hint, meta)}
+        if nested := subsection(f):
+            properties[f.name] = _object(nested)
+            continue
+        meta, text = option_of(f), texts[f.name]
+        text = f"{text} Unit: {meta.unit}." if meta.unit else text
+        allowed = _schema_type(hints[f.name], meta)
+        properties[f.name] = {"description": text, "default": default_of(f), **allowed}
+    described = {"type": "object", "description": section.__doc__}
+    return {**described, "properties": properties, "additionalProperties": False}
 
 
 def _schema_type(hint: Any, meta: Option) -> dict[str, Any]:

@@ -15,7 +15,7 @@ WORKFLOW_ONLY = ("settings", "watch", "watch_targets", "code")
 """Inputs and parameters of the rule that are not keywords of the stage."""
 
 
-class Log:
+class _Log:
     """Stream to the log file and, if there is one, to the terminal; the log keeps the last state of a progress bar."""
 
     def __init__(self, file: TextIO, terminal: TextIO | None):
@@ -23,7 +23,14 @@ class Log:
         self.encoding = "utf-8"
 
     def write(self, text: str) -> int:
-        """Write text to the terminal at once, and complete lines to the log, without escape sequences."""
+        """Write text to the terminal at once, and complete lines to the log, without escape sequences.
+
+        Args:
+            text: What a stage prints.
+
+        Returns:
+            Number of characters, as for every text stream.
+        """
         if self.terminal:
             self.terminal.write(text)
         *lines, self.line = (self.line + text).split("\n")
@@ -39,22 +46,26 @@ class Log:
             self.terminal.flush()
 
     def isatty(self) -> bool:
-        """Whether there is a terminal, for progress bars."""
+        """Whether there is a terminal, for progress bars.
+
+        Returns:
+            True if the terminal shows what is written.
+        """
         return self.terminal is not None
 
 
-def paths(files: object) -> Path | list[Path]:
+def _paths(files: object) -> Path | list[Path]:
     """Snakemake's file names as paths: one, or a list, which is empty for an unused input."""
     return Path(files) if isinstance(files, str) else [Path(file) for file in files]
 
 
-def run(job) -> None:
+def _run(job) -> None:
     """Call the stage of a Snakemake job; errors of the input are one line, on the terminal and in the log."""
     rule, terminal = job.rule, sys.stderr
-    files = {name: paths(files) or None for name, files in {**job.input, **job.output}.items()}
+    files = {name: _paths(files) or None for name, files in {**job.input, **job.output}.items()}
     keywords = {**files, **job.params}
     with open(job.log[0], "w", buffering=1, encoding="utf-8") as file:
-        log = Log(file, terminal if terminal.isatty() else None)
+        log = _Log(file, terminal if terminal.isatty() else None)
         try:
             with redirect_stdout(log), redirect_stderr(log):
                 stage = getattr(import_module(f"carigs.stages.{rule}"), rule)
@@ -70,4 +81,4 @@ def run(job) -> None:
             sys.exit(1)
 
 
-run(snakemake)
+_run(snakemake)
