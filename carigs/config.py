@@ -60,8 +60,7 @@ def compose(*overrides: str) -> DictConfig:
     Raises:
         SettingsError: For unknown keys and choices, wrong types and values out of range, in one line.
     """
-    folders = _conf_folders()
-    search = [f"hydra.searchpath=['{folder.as_uri()}']" for folder in folders[1:]]
+    search = [f"hydra.searchpath=['file://{folder.as_posix()}']" for folder in _conf_folders()[1:]]
     try:
         with initialize_config_dir(str(CONF), version_base="1.3"):
             config = hydra_compose("config", [*search, *overrides])

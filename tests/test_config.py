@@ -330,13 +330,14 @@ def test_a_section_checks_itself(make, named):
 
 
 def test_subjects_of_ones_own_are_found_in_the_current_directory(tmp_path, monkeypatch):
-    (tmp_path / "conf/subject").mkdir(parents=True)
-    (tmp_path / "conf/subject/anna.yaml").write_text("# @package _global_\ncapture: {toy: {seed: 7}}\n")
-    monkeypatch.chdir(tmp_path)
+    subjects = tmp_path / "my heads" / "conf/subject"
+    subjects.mkdir(parents=True)
+    (subjects / "anna.yaml").write_text("# @package _global_\ncapture: {toy: {seed: 7}}\n")
+    monkeypatch.chdir(tmp_path / "my heads")
     compose.cache_clear()
     assert {"anna", "toy"} <= {*known("subject")}
     assert compose("subject=anna", "study.subjects=[anna]").capture.toy.seed == 7
-    (tmp_path / "conf/subject/toy.yaml").write_text("# @package _global_\ncapture: {toy: {seed: 8}}\n")
+    (subjects / "toy.yaml").write_text("# @package _global_\ncapture: {toy: {seed: 8}}\n")
     compose.cache_clear()
     with pytest.raises(SettingsError, match=r"subject.toy\.yaml: subject=toy comes with carigs"):
         compose()
