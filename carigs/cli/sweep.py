@@ -32,17 +32,18 @@ def sweep_points(overrides: Sequence[str]) -> list[list[str]]:
     Raises:
         SettingsError: For an override that Hydra cannot parse.
     """
+    return [list(point) for point in product(*map(_values, overrides))]
+
+
+def _values(text: str) -> list[str]:
+    """The overrides with one value each of an override that may have several."""
     try:
-        parsed = OverridesParser.create().parse_overrides(list(overrides))
+        override = OverridesParser.create().parse_override(text)
     except HydraException as error:
-        raise SettingsError(" ".join(str(error).split())) from error
-    values = [
-        [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
-        if override.is_sweep_override()
-        else [override.input_line]
-        for override in parsed
-    ]
-    return [list(point) for point in product(*values)]
+        raise SettingsError(f"{text}: {str(error).splitlines()[0]}") from error
+    if not override.is_sweep_override():
+        return [text]
+    return [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
 
 
 @one_line_errors

@@ -68,7 +68,7 @@ def commands(monkeypatch):
 
     def fake(command):
         seen.append(command)
-        return SimpleNamespace(returncode=int("gamma=0.2" in " ".join(command)))
+        return SimpleNamespace(returncode=int("hydra=gamma=0.2 " in command))
 
     monkeypatch.setattr(run.subprocess, "run", fake)
     return seen
