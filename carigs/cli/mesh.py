@@ -195,9 +195,8 @@ def main(arguments: list[str]) -> int:
     parser.add_argument(
         "--gamma", type=float, default=DEFAULT_GAMMA, help="level; 0 is the mesh itself (default %(default)s)"
     )
-    parser.add_argument(
-        "--region", type=_region_level, action="append", default=[], metavar="NAME=LEVEL", help="level of a region"
-    )
+    region = {"type": _region_level, "action": "append", "default": [], "metavar": "NAME=LEVEL"}
+    parser.add_argument("--region", dest="region_levels", help="level of a region", **region)
     parser.add_argument(
         "--regions", type=Path, metavar="FILE", help="names of regions: FLAME_masks.pkl, a head model, .npz or .json"
     )
@@ -210,16 +209,7 @@ def main(arguments: list[str]) -> int:
         parser.error(f"--levels {parsed.levels}: expected 1 or more")
     if not np.isfinite(parsed.gamma):
         parser.error(f"--gamma {parsed.gamma}: expected a number")
-    exaggerate(
-        Task(
-            mesh=parsed.mesh,
-            gamma=parsed.gamma,
-            region_levels=dict(parsed.region),
-            regions=parsed.regions,
-            levels=parsed.levels,
-            preset=parsed.preset,
-            output=parsed.output,
-            preview=parsed.preview or parsed.output.with_suffix(".png"),
-        )
-    )
+    parsed.region_levels = dict(parsed.region_levels)
+    parsed.preview = parsed.preview or parsed.output.with_suffix(".png")
+    exaggerate(Task(**vars(parsed)))
     return 0
