@@ -6,6 +6,7 @@ The meaning of a field is the docstring below it.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import Any, ClassVar
@@ -42,7 +43,7 @@ class Option:
         """
         if self.choices:
             return ", ".join(self.choices[:-1]) + f" or {self.choices[-1]}"
-        low, high = _first(self.ge, self.gt), _first(self.le, self.lt)
+        low, high = (b if a is None else a for a, b in ((self.ge, self.gt), (self.le, self.lt)))
         text = ""
         if low is not None and high is not None:
             text = f"lie in {'[' if self.ge is not None else '('}{low:g}, {high:g}{']' if self.le is not None else ')'}"
@@ -65,14 +66,9 @@ class Option:
             return ""
         if not math.isfinite(value):
             return "must be a finite number"
-        inside = (
-            (self.ge is None or value >= self.ge)
-            and (self.gt is None or value > self.gt)
-            and (self.le is None or value <= self.le)
-            and (self.lt is None or value < self.lt)
-            and value != self.excluded
-        )
-        return "" if inside else f"must {self.allowed()}"
+        bounds = ((operator.ge, self.ge), (operator.gt, self.gt), (operator.le, self.le), (operator.lt, self.lt))
+        inside = all(bound is None or compare(value, bound) for compare, bound in bounds)
+        return "" if inside and value != self.excluded else f"must {self.allowed()}"
 
 
 def option(default: Any, **allowed: Any) -> Any:
@@ -199,7 +195,3 @@ def default_of(f: Field) -> Any:
         The value, fresh where it is mutable.
     """
     return f.default if f.default is not MISSING else f.default_factory()
-
-
-def _first(*values: float | None) -> float | None:
-    return next((value for value in values if value is not None), None)

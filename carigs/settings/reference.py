@@ -92,7 +92,8 @@ def _section(section: type[Section], title: str) -> Iterator[str]:
             below += [nested] * (section is not Config)
             continue
         meta = option_of(f)
-        allowed = meta.allowed().removeprefix("lie in ").removeprefix("be ")
+        needed = f"needed for {'='.join(meta.required_when)}" if meta.required_when else ""
+        allowed = needed or meta.allowed().removeprefix("lie in ").removeprefix("be ")
         cells = (f"`{section.key}.{f.name}`".replace("`.", "`"), _type_name(hints[f.name]), _shown(default_of(f)))
         cells += (allowed, meta.unit, texts[f.name])
         yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
