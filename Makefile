@@ -29,8 +29,9 @@ test: .venv/installed
 	ruff check .
 	ruff format --check .
 	snakefmt --check Snakefile workflow
+	lint-imports
 	snakemake --lint
-	pytest -m "not weights and not gpu"
+	pytest -m "not weights and not gpu" --numprocesses $(CORES) --dist loadfile --cov --cov-report term
 
 bench: .venv/installed
 	snakemake --cores 1 -- benchmark

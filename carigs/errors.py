@@ -1,4 +1,4 @@
-"""The errors a user can meet: each says what is wrong, in which file and field, and what to do."""
+"""Errors that a user can cause. Every message says what is wrong, where, and what to do about it."""
 
 from __future__ import annotations
 
@@ -6,13 +6,20 @@ from pathlib import Path
 
 
 class CarigsError(Exception):
-    """Base of every error that is the input's or the settings' fault; printed as one line."""
+    """Base class of the errors caused by inputs or settings; printed as one line without a traceback."""
 
 
 class InputError(CarigsError):
-    """A file that cannot be used: missing, broken, of another shape, or with values that make no sense."""
+    """A file that cannot be used: missing, broken, of another shape, or with invalid values."""
 
     def __init__(self, problem: str, *, file: str | Path, field: str | None = None) -> None:
+        """Compose the message `file: field: problem`.
+
+        Args:
+            problem: What is wrong.
+            file: The file or folder.
+            field: Array, key or position in the file.
+        """
         self.problem, self.file, self.field = problem, str(file), field
         where = f"{self.file}: {field}" if field else self.file
         super().__init__(f"{where}: {problem}")
@@ -23,8 +30,8 @@ class SettingsError(CarigsError):
 
 
 class MeshError(CarigsError):
-    """A mesh that no solver can use; names the vertex or face."""
+    """A mesh that no solver can use; the message names the vertex or face."""
 
 
 class WeightsMissing(CarigsError):
-    """Network weights that are not on this machine: which file, where it was looked for, where to get it."""
+    """Network weights that are not installed; the message names the file, where it was expected and its source."""

@@ -1,4 +1,4 @@
-"""Analytic surfaces, a bumpy ball and two plain settings, for the tests of meshes and of their exaggeration."""
+"""Analytic surfaces, a bumpy sphere, and two simple settings, for the tests of meshes and of their exaggeration."""
 
 from __future__ import annotations
 

@@ -1,20 +1,91 @@
-"""What checks array shapes while the tests run; other hints are left alone, so that tests may pass stand-ins."""
+"""Array shapes in signatures are checked while the tests run: an import hook that decorates the functions of carigs.
+
+jaxtyping's own hook decorates every function of a module, which Numba then cannot compile. This one leaves functions
+alone that Numba compiles, so that modules with kernels have the signatures of their other functions checked, too.
+"""
 
 from __future__ import annotations
 
+import ast
+import sys
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from typing import Any, get_type_hints
 
 from beartype import beartype
-from jaxtyping import AbstractArray
+from jaxtyping import AbstractArray, jaxtyped
+
+KEEP_PYTHON = {
+    "cache", "cached_property", "classmethod", "contextmanager", "dataclass", "functools.cache", "property",
+    "staticmethod", "torch.no_grad",
+}  # fmt: skip
+"""Decorators after which a function is still Python's; functions with any other may be Numba's."""
+CHECK = "__import__('typecheck').check"
 
 
 def typecheck(function):
-    """The function with the shapes of its array arguments and of its result checked by beartype."""
+    """The function with the shapes of its array arguments and of its result checked by beartype.
+
+    Other hints are left alone, so that tests may pass stand-ins.
+    """
     if isinstance(function, type):
         return function
     hints = {**function.__annotations__, **_resolved(function)}
     function.__annotations__ = {name: hint if _is_array(hint) else Any for name, hint in hints.items()}
     return beartype(function)
+
+
+check = jaxtyped(typechecker=typecheck)
+
+
+def install(*packages: str) -> None:
+    """Check the functions of all modules of these packages that are imported from now on."""
+    sys.meta_path.insert(0, _Finder(packages))
+
+
+class _Finder(MetaPathFinder):
+    def __init__(self, packages: tuple[str, ...]) -> None:
+        self.packages = packages
+
+    def find_spec(self, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
+        if name.partition(".")[0] not in self.packages:
+            return None
+        spec = PathFinder.find_spec(name, path, target)
+        if spec is not None and isinstance(spec.loader, SourceFileLoader):
+            spec.loader = _Loader(spec.loader.name, spec.loader.path)
+        return spec
+
+
+class _Loader(SourceFileLoader):
+    def get_code(self, name: str) -> Any:
+        """Compile the decorated source; nothing is cached beside the bytecode of the source as it is."""
+        path = self.get_filename(name)
+        tree = ast.parse(self.get_data(path), path)
+        compiled = _names_given_to_calls(tree)
+        for function in _functions(tree):
+            if function.name not in compiled and {ast.unparse(d) for d in function.decorator_list} <= KEEP_PYTHON:
+                function.decorator_list.append(_decorator(function))
+        for node in tree.body:
+            if isinstance(node, ast.ClassDef):  # of dataclasses, the fields are checked
+                node.decorator_list.insert(0, _decorator(node))
+        return compile(ast.fix_missing_locations(tree), path, "exec", dont_inherit=True)
+
+
+def _decorator(node: ast.stmt) -> ast.expr:
+    return ast.copy_location(ast.parse(CHECK, mode="eval").body, node)
+
+
+def _functions(tree: ast.Module) -> list[ast.FunctionDef]:
+    """Functions of a module and methods of its classes."""
+    bodies = [tree.body, *(node.body for node in tree.body if isinstance(node, ast.ClassDef))]
+    return [node for body in bodies for node in body if isinstance(node, ast.FunctionDef)]
+
+
+def _names_given_to_calls(tree: ast.Module) -> set[str]:
+    """Names that are arguments of calls in the module's body, as in `kernel(function)`: Numba may compile them."""
+    statements = [node for node in tree.body if not isinstance(node, ast.FunctionDef | ast.ClassDef)]
+    calls = [node for statement in statements for node in ast.walk(statement) if isinstance(node, ast.Call)]
+    return {node.id for call in calls for a in call.args for node in ast.walk(a) if isinstance(node, ast.Name)}
 
 
 def _resolved(function) -> dict[str, Any]:

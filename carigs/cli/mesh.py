@@ -22,7 +22,7 @@ from carigs.config import compose, known
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration.exaggerator import Exaggerator
 from carigs.head.flame_pickle import read_pickle
-from carigs.mesh.regions import named, vertex_field
+from carigs.mesh.regions import find_region, vertex_field
 from carigs.mesh.repair import CleanMesh, clean_mesh
 from carigs.settings import DEFAULT_GAMMA, Exaggerate
 from evaluation.figures.clay import clay_sheet
@@ -142,12 +142,12 @@ def exaggerate(task: Task) -> None:
         region_levels = {name: fraction * level for name, level in task.region_levels.items()}
         name = ", ".join(f"{level:.3g}" for level in (fraction * task.gamma, *region_levels.values()))
         if task.gamma == 0:
-            local = (exaggerator.local(region).solve(level) for region, level in region_levels.items())
+            local = (exaggerator.local_edit(region).solve(level) for region, level in region_levels.items())
             displacement = sum(local, 0 * clean.vertices)
         else:
             displacement = exaggerator.solve(fraction * task.gamma, region_levels)
         result = mesh.copy()
-        result.vertices = np.asarray(mesh.vertices) + clean.to_given(displacement)
+        result.vertices = np.asarray(mesh.vertices) + clean.to_input(displacement)
         shown_level = fraction * task.gamma if task.gamma else next(iter(region_levels.values()), 0.0)
         file = task.output if task.levels == 1 else task.output.with_stem(f"{task.output.stem}_{shown_level:.3g}")
         result.export(file)
@@ -159,9 +159,9 @@ def exaggerate(task: Task) -> None:
 
 def _region_field(clean: CleanMesh, file: Path, name: str) -> Float[np.ndarray, " v"]:
     """The region as a scalar on the repaired mesh."""
-    region = named(read_regions(file), name)
+    region = find_region(read_regions(file), name)
     try:
-        return clean.from_given(vertex_field(region, len(clean.of_given)))
+        return clean.from_input(vertex_field(region, len(clean.vertex_map)))
     except SettingsError as error:
         raise InputError(str(error), file=file, field=name) from error
 

@@ -1,187 +1,74 @@
-"""Curvature-weighted exaggeration: Lap S_gamma = div(|K|^gamma grad S), factorised once for all levels."""
+"""Exaggeration of a mesh at any level: exact solves, paths over the level, regions with levels of their own."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
-from scipy.sparse import csc_array
+from jaxtyping import Float
 
-from carigs.errors import MeshError, SettingsError
-from carigs.exaggeration.choices import check_choices
-from carigs.exaggeration.gamma_path import GammaPath, RegionPaths
-from carigs.exaggeration.gap_stiffness import gap_stiffness
+from carigs.errors import SettingsError
+from carigs.exaggeration.gamma_path import GammaPath, RegionPaths, barycentric_weights, lagrange_weights, lobatto_levels
 from carigs.exaggeration.local_edit import LocalEdit
-from carigs.exaggeration.rigid_components import RigidComponent, find_rigid_components, follow
-from carigs.exaggeration.solved_path import Solvable, solved_path
-from carigs.exaggeration.whole import Whole
-from carigs.mesh import triangle_mesh as mesh
-from carigs.mesh.ambient_occlusion import cached_occlusion, smoothstep
-from carigs.mesh.cotan_laplacian import CotanLaplacian, mixed_voronoi_areas
-from carigs.mesh.curvature import log_magnitude, smooth_curvature
+from carigs.exaggeration.weighted_poisson import WeightedPoisson
 from carigs.mesh.linear_solver import COLUMNS
-from carigs.mesh.pinned_solver import PinnedSystem
-from carigs.mesh.regions import Regions
-from carigs.settings import Exaggerate
+from carigs.mesh.regions import partition_of_unity
+from carigs.mesh.triangle_mesh import diagonal
 
-CAVITY = (0.45, 0.75)
-"""Hidden share of the hemisphere over which the limiter sets in."""
+MAX_NODES = 12
+"""Largest number of nodes that is tried for a path."""
+
+LevelWeights = Callable[[float], Float[np.ndarray, " f"]]
+Response = Callable[[Float[np.ndarray, " f"]], Float[np.ndarray, "v 3"]]
 
 
-class Exaggerator:
-    """Solves S_gamma of one mesh at any level: `solve(0.25)`, `path(0.25)`, `path(0.25, region="nose")`.
+class Exaggerator(WeightedPoisson):
+    """Solves for the caricature S_gamma of one mesh at any level gamma; see `WeightedPoisson` for the equation.
 
-    The equation is solved in displacement form: with S_gamma = S + u it reads A u = -W_(w-1) S up to the common sign of
-    W, so that level 0 (w = 1) gives u = 0 exactly.  A is the cotan stiffness W; the `robust` preset adds the stiffness
-    of cavities and of narrow gaps.  Its null space, a constant per component, is fixed by keeping each component's
-    area-weighted centroid (paper, equations 2 and 3; the least squares has zero residual).
+    Example:
+        >>> exaggerator = Exaggerator(vertices, faces, regions={"nose": nose_vertices})
+        >>> caricature = vertices + exaggerator.solve(0.25)
+        >>> path = exaggerator.path(0.25)                       # all levels up to 0.25 without further solves
+        >>> nose_path = exaggerator.path(0.4, region="nose")    # the nose alone
     """
 
-    def __init__(
-        self,
-        vertices: Float[np.ndarray, "v 3"],
-        faces: Int[np.ndarray, "f 3"],
-        settings: Exaggerate | None = None,
-        *,
-        regions: Mapping[str, np.ndarray] | None = None,
-        mean: Float[np.ndarray, "v 3"] | None = None,
-    ) -> None:
-        """Assemble and factorise.
-
-        Vertices are in any unit.  `regions` gives names to lists of vertices, masks or painted scalars, as
-        `Regions.field` takes them.  `mean` is the face that the curvature is compared with when
-        `settings.curvature_source` is `ratio`: other vertices of the same faces.  Raises `MeshError`, `SettingsError`
-        for what cannot be used.
-        """
-        self.settings = settings or Exaggerate()
-        check_choices(self.settings)
-        mesh.check_mesh(np.asarray(vertices), np.asarray(faces))
-        self.vertices, self.faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
-        self.component = mesh.components(self.faces, len(self.vertices))
-        self.areas = mixed_voronoi_areas(self.vertices, self.faces)
-        self.face_areas = mesh.face_areas(self.vertices, self.faces)
-        self._corners = np.ascontiguousarray(self.faces.T)
-        self.size = mesh.size(self.vertices, self.faces)
-        self.cotans = CotanLaplacian(self.vertices, self.faces)
-        component_areas = np.bincount(self.component, self.areas)
-        self.main = int(component_areas.argmax())
-        every = np.ones(len(self.vertices), bool)
-        self.solved = self.component == self.main if self.settings.rigid_components else every
-        """Vertices that the equation moves; the others follow, and their curvature does not set the scale."""
-        shares = np.where(self.solved[self.faces].all(axis=1), self.face_areas, 0.0)
-        self._face_shares = shares / shares.sum()
-        self.report: dict[str, Any] = {"components": len(component_areas)}
-        boundary = mesh.boundary_vertices(self.faces, len(self.vertices))
-        if (boundary | ~self.solved).all():
-            raise MeshError("every vertex lies on the boundary: the curvature is defined nowhere")
-        self.report["boundary_vertices"] = int(boundary.sum())
-        stiffness = self.cotans.stiffness()
-        self.regions = Regions(regions or {}, self.areas, stiffness, self.size)
-        hidden = self._hidden()
-        self.curvature = smooth_curvature(
-            self.vertices,
-            self.faces,
-            boundary,
-            self.areas,
-            stiffness,
-            (self.settings.curvature_smoothing * self.size) ** 2,
-        )
-        self.log_curvature = self._limited(self._logarithm(boundary, mean), hidden)
-        """Of what is raised to the power gamma."""
-        self.face_stiffness = 1 + self.settings.cavity_stiffness * self.face_mean(hidden)
-        self.system = self._system(stiffness)
-        """A, whose equation is solved: all vertices, not yet pinned."""
-
-        self._pinned = PinnedSystem(self.system, self.component, self.solved, self.areas)
-        self._divergence = self.cotans.divergence(self.vertices)
-        self._edits: dict[str, LocalEdit] = {}
-
-    def _hidden(self) -> Float[np.ndarray, " v"]:
-        """1 in cavities, 0 where the surface is seen, smooth between."""
-        if not self.settings.limit_cavities:
-            return np.zeros(len(self.vertices))
-        if mesh.signed_volume(self.vertices, self.faces[self.solved[self.faces].all(axis=1)]) < 0:
-            raise MeshError("the faces are turned inwards, so that all looks hidden: reverse their corners")
-        return smoothstep(cached_occlusion(self.vertices, self.faces, self.solved), *CAVITY)
-
-    def _logarithm(self, boundary: np.ndarray, mean: np.ndarray | None) -> Float[np.ndarray, " v"]:
-        """Ln |K|_eps, in units of K_ref or relative to the mean face's."""
-        floor, solved = self.settings.curvature_floor, self.solved
-        logarithm, reference = log_magnitude(self.curvature, self.areas, solved, floor)
-        self.report["curvature_reference"] = float(np.exp(reference))
-        if self.settings.curvature_source == "ratio":
-            if mean is None or np.shape(mean) != self.vertices.shape:
-                raise SettingsError("exaggerate.curvature_source=ratio needs a mean face of the same vertices")
-            mean = np.asarray(mean, np.float64)
-            mesh.check_mesh(mean, self.faces)
-            areas, time = (
-                mixed_voronoi_areas(mean, self.faces),
-                (self.settings.curvature_smoothing * mesh.size(mean, self.faces)) ** 2,
-            )
-            curvature = smooth_curvature(
-                mean, self.faces, boundary, areas, CotanLaplacian(mean, self.faces).stiffness(), time
-            )
-            usual, usual_reference = log_magnitude(curvature, areas, solved, floor)
-            return (logarithm - reference) - (usual - usual_reference)
-        return logarithm - reference if self.settings.relative_curvature else logarithm
-
-    def _limited(self, logarithm: np.ndarray, hidden: np.ndarray) -> Float[np.ndarray, " v"]:
-        """Nothing in a cavity grows."""
-        limited = (1 - hidden) * logarithm + hidden * np.minimum(logarithm, 0)
-        changed, solved = self.solved & (limited < logarithm - 1e-9), self.solved
-        self.report["limited_vertices"] = int(changed.sum())
-        self.report["limited_area"] = float(self.areas[changed].sum() / self.areas[solved].sum())
-        self.report["log_curvature"] = [float(limited[solved].min()), float(limited[solved].max())]
-        return limited
-
-    def _system(self, stiffness: csc_array) -> csc_array:
-        if (self.face_stiffness != 1).any():
-            stiffness = self.cotans.stiffness(self.face_stiffness)
-        if self.settings.gap_stiffness > 0:
-            skin = self.faces[self.solved[self.faces].all(axis=1)]
-            stiffness = (stiffness + self.settings.gap_stiffness * gap_stiffness(self.vertices, skin)).tocsc()
-        return stiffness
-
-    def weights(self, level: float, pace: np.ndarray | float = 1.0) -> Float[np.ndarray, " f"]:
-        """W = |K|^(level pace) per face, the mean over its corners; `pace` may differ from vertex to vertex."""
-        weights = self.face_mean(np.exp(level * pace * self.log_curvature))
-        return weights / (self._face_shares @ weights) if self.settings.normalize_weights else weights
-
-    def face_mean(self, values: Float[np.ndarray, " v"]) -> Float[np.ndarray, " f"]:
-        """The mean over each face's corners."""
-        a, b, c = self._corners
-        return (values[a] + values[b] + values[c]) / 3
-
-    def response(self, strain: Float[np.ndarray, " f"], x: np.ndarray | None = None) -> Float[np.ndarray, "v 3"]:
-        """A^-1 W_strain x, without followers: what weights of 1 + strain add to x (default: the mesh itself).
-
-        Linear in the strain and in `x` (v, 3), which may be an offset of the mesh such as a blendshape.
-        """
-        return self._pinned.solve(self.divergence(strain) if x is None else self.cotans.weighted_divergence(x, strain))
-
-    def divergence(self, strain: Float[np.ndarray, " f"]) -> Float[np.ndarray, "v 3"]:
-        """W_strain S of the mesh's own vertices."""
-        return (self._divergence @ strain).reshape(-1, 3)
-
     def solve(self, level: float, levels: Mapping[str, float] | None = None) -> Float[np.ndarray, "v 3"]:
-        """The displacement S_level - S, exactly zero at level 0; regions may have `levels` of their own."""
-        return self.whole(level, levels).solve(level)
+        """Solve for the displacement S_gamma - S of one level (paper, equations 1 to 3).
+
+        Args:
+            level: Exaggeration gamma.
+            levels: Levels of regions by name, where they differ from `level`.
+
+        Returns:
+            Displacement in the unit of the mesh; exactly 0 at level 0.
+
+        Raises:
+            SettingsError: If a region is unknown, or `levels` are given at level 0.
+        """
+        return self._solve(level, self.level_rates(level, levels))
 
     def solve_many(self, levels: Sequence[float]) -> Float[np.ndarray, "k v 3"]:
-        """`solve` at each of the levels: the factors are shared, a level costs three back-substitutions."""
-        solved = np.zeros((len(levels), *self.vertices.shape))
-        for start in range(0, len(levels), COLUMNS):  # so many, that the factors are used for full blocks of columns
+        """Solve for several levels; each costs three back-substitutions.
+
+        Args:
+            levels: Exaggerations gamma.
+
+        Returns:
+            Displacement at each level, as `solve`.
+        """
+        displacements = np.zeros((len(levels), *self.vertices.shape))
+        for start in range(0, len(levels), COLUMNS):  # fills the blocks of columns that the solver works on
             group = levels[start : start + COLUMNS]
-            strains = np.stack([self.weights(level) - 1 for level in group], axis=1)
-            right = (self._divergence @ strains).reshape(len(self.vertices), -1)
-            together = self._pinned.solve(right).reshape(-1, 3, len(group))
+            delta_weights = np.stack([self.weights(level) - 1 for level in group], axis=1)
+            right = (self._divergence @ delta_weights).reshape(len(self.vertices), -1)
+            solutions = self._solver.solve(right).reshape(-1, 3, len(group))
             for k, level in enumerate(group):
                 if level != 0:
-                    solved[start + k] = self.with_followers(together[..., k])
-        return solved
+                    displacements[start + k] = self.move_rigid_components(solutions[..., k])
+        return displacements
 
     def path(
         self,
@@ -190,22 +77,62 @@ class Exaggerator:
         region: str | np.ndarray | Sequence[int] | None = None,
         levels: Mapping[str, float] | None = None,
     ) -> GammaPath:
-        """S_gamma for all levels from 0 to gamma_f, solved exactly at as many nodes as `settings.path_error` needs.
+        """Solve at the nodes of a path: S_gamma at all levels from 0 to gamma_f by interpolation.
 
-        With `region` (as `Regions.field` takes it) that region alone is exaggerated and the rest is held.  With
-        `levels` the head is exaggerated and the named regions have levels of their own where the rest has gamma_f, in
-        the same proportion along the path.
+        Args:
+            gamma_f: Level at the end of the path; may be negative.
+            region: If given, this region alone is exaggerated and the rest is held (`LocalEdit`): a name or anything
+                that `Regions.field` takes.
+            levels: Levels that the named regions have at the end of the path; along the path they stay in proportion.
+
+        Returns:
+            The path, with as many nodes as `settings.path_error` requires or `settings.path_nodes` sets.
+
+        Raises:
+            SettingsError: If gamma_f is 0 or not finite, or a region is unknown.
         """
         if region is not None:
-            return self.local(region).path(gamma_f)
-        return solved_path(self.whole(gamma_f, levels), gamma_f, self)
+            edit = self.local_edit(region)
+            return self._interpolated_path(gamma_f, edit.weights, edit.response, edit.solve)
+        rates = self.level_rates(gamma_f, levels)
+        return self._interpolated_path(
+            gamma_f, lambda level: self.weights(level, rates), self.response, lambda level: self._solve(level, rates)
+        )
 
-    def whole(self, gamma_f: float, levels: Mapping[str, float] | None = None) -> Solvable:
-        """The whole head on its way to gamma_f, its regions to `levels` of their own."""
-        return Whole(self, gamma_f, levels)
+    def level_rates(self, gamma_f: float, levels: Mapping[str, float] | None) -> Float[np.ndarray, " v"] | float:
+        """Factor on the level at each vertex, for regions with levels of their own.
 
-    def local(self, region: str | np.ndarray | Sequence[int]) -> LocalEdit:
-        """The exaggeration of one region while the rest is held; of a name it is factorised once."""
+        Args:
+            gamma_f: Level of the rest of the head.
+            levels: Levels of regions by name; overlapping regions share.
+
+        Returns:
+            Level of the vertex divided by gamma_f; 1 without regions.
+
+        Raises:
+            SettingsError: If a region is unknown, a level is not finite, or gamma_f is 0 although there are regions.
+        """
+        if not levels:
+            return 1.0
+        if not np.isfinite(list(levels.values())).all():
+            raise SettingsError(f"levels of regions must be numbers, found {dict(levels)}")
+        if gamma_f == 0:
+            raise SettingsError("levels of regions on a head at level 0: use `region_paths`, which hold the rest")
+        shares = partition_of_unity(np.stack([self.regions.field(name) for name in levels]))
+        return 1 + (np.array(list(levels.values())) / gamma_f - 1) @ shares
+
+    def local_edit(self, region: str | np.ndarray | Sequence[int]) -> LocalEdit:
+        """Prepare the exaggeration of one region while the rest is held.
+
+        Args:
+            region: A name (then the factorisation is kept), or anything that `Regions.field` takes.
+
+        Returns:
+            The factorised edit.
+
+        Raises:
+            SettingsError: If the region is unknown or not valid.
+        """
         if not isinstance(region, str):
             return LocalEdit(self, region)
         if region not in self._edits:
@@ -213,27 +140,67 @@ class Exaggerator:
         return self._edits[region]
 
     def region_paths(self, gamma_f: float, names: Sequence[str] | None = None) -> RegionPaths:
-        """Independent sliders: a path for each of the named regions (default: all), which add up without a solve.
+        """Solve the paths of independent region sliders.
 
-        The equation's right-hand side is a sum over the faces, so disjoint regions do not know of each other.
+        The right-hand side of the equation is a sum over the faces, so the displacements of disjoint regions add up.
+
+        Args:
+            gamma_f: Level at the end of each path.
+            names: Names of regions; None for all.
+
+        Returns:
+            A path for each region.
+
+        Raises:
+            SettingsError: If a region is unknown.
         """
         return RegionPaths({name: self.path(gamma_f, region=name) for name in names or self.regions.named})
 
     @cached_property
-    def followers(self) -> list[RigidComponent]:
-        """The small components, in groups; none where the equation moves all."""
-        if not self.settings.rigid_components:
-            return []
-        return find_rigid_components(self.vertices, self.faces, self.component, self.main)
+    def _edits(self) -> dict[str, LocalEdit]:
+        """Factorised edits of named regions."""
+        return {}
 
-    def with_followers(
-        self, displacement: Float[np.ndarray, "v 3"], followers: Sequence[RigidComponent] | None = None
-    ) -> Float[np.ndarray, "v 3"]:
-        """The displacement of the solved vertices, and of the small components by similarities of those around.
+    def _solve(self, level: float, rates: Float[np.ndarray, " v"] | float) -> Float[np.ndarray, "v 3"]:
+        """Displacement at a level, with the factors of `level_rates`."""
+        if level == 0:
+            return np.zeros_like(self.vertices)
+        return self.move_rigid_components(self.response(self.weights(level, rates) - 1))
 
-        `followers` are those that follow (default: all); the others stay.
+    def _interpolated_path(
+        self, gamma_f: float, weights: LevelWeights, response: Response, solve: Callable[[float], np.ndarray]
+    ) -> GammaPath:
+        """Solve at the Chebyshev-Lobatto levels from 0 to gamma_f.
+
+        The interpolation error of the path is the response to the interpolation error of the weights. So the number of
+        nodes is increased, before anything is solved, until that is below `path_error`. The weights |K|^gamma are
+        entire functions of gamma, hence the error falls faster than geometrically.
         """
-        followers = self.followers if followers is None else followers
-        if followers:
-            displacement, self.report["follower_scales"] = follow(self.vertices, displacement, followers)
-        return displacement
+        if not (gamma_f != 0 and np.isfinite(gamma_f)):
+            raise SettingsError(f"gamma={gamma_f:g}: a path needs a level other than 0")
+        count, error = self.settings.path_nodes, None
+        if count == 0:
+            extent = diagonal(self.vertices)
+            for count in range(2, MAX_NODES + 1):
+                error = self._interpolation_error(lobatto_levels(count, gamma_f), weights, response) / extent
+                if error <= self.settings.path_error:
+                    break
+        levels = lobatto_levels(count, gamma_f)
+        displacements = np.stack([solve(float(level)) for level in levels]).astype(np.float32)
+        report = {
+            "source": "poisson",
+            "settings": json.loads(json.dumps(asdict(self.settings))),
+            **self.report,
+            "nodes": count,
+            "path_error": error,
+            "largest_displacement": float(np.abs(displacements[-1]).max()),
+        }
+        return GammaPath(levels, displacements, self.faces, self.vertices, report)
+
+    def _interpolation_error(self, levels: Float[np.ndarray, "k"], weights: LevelWeights, response: Response) -> float:
+        """Largest displacement between interpolation and solution, midway between the two nodes where it is worst."""
+        node_weights, nodes = np.stack([weights(level) for level in levels]), barycentric_weights(levels)
+        midpoints = (levels[1:] + levels[:-1]) / 2
+        errors = [np.array(lagrange_weights(nodes, level)) @ node_weights - weights(level) for level in midpoints]
+        worst = max(errors, key=lambda error: self.face_areas @ error**2)
+        return float(np.linalg.norm(response(worst), axis=1).max())

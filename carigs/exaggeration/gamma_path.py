@@ -1,43 +1,120 @@
-"""The family S_gamma as a few exactly solved nodes and a polynomial between them."""
+"""The family S_gamma as a few nodes, exactly solved levels, and a polynomial through them."""
 
 from __future__ import annotations
 
 import json
 import warnings
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from carigs.errors import InputError, SettingsError
-from carigs.exaggeration.caricature import Caricature
-from carigs.exaggeration.lobatto_interpolation import barycentric, lagrange_weights
-from carigs.files import writing
+from carigs.files import checked_array, load_npz, writing
 
-ARRAYS = ("levels", "displacements", "faces", "neutral")
+
+def lobatto_levels(count: int, gamma_f: float) -> Float[np.ndarray, "k"]:
+    """Chebyshev-Lobatto nodes between 0 and gamma_f: gamma_f (1 - cos(pi k / (count - 1))) / 2.
+
+    Args:
+        count: Number of nodes, at least 2.
+        gamma_f: The last node.
+
+    Returns:
+        The nodes, the first of which is 0.
+    """
+    return gamma_f * (1 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2
+
+
+def barycentric_weights(nodes: Float[np.ndarray, "k"]) -> list[tuple[float, float]]:
+    """Barycentric weights of polynomial interpolation: 1 / prod_k (x_j - x_k) (Berrut and Trefethen 2004, eq. 3.2).
+
+    Args:
+        nodes: Distinct nodes x.
+
+    Returns:
+        Pairs of node and weight.
+    """
+    differences = nodes[:, None] - nodes[None, :]
+    np.fill_diagonal(differences, 1.0)
+    return list(zip(nodes.tolist(), (1.0 / differences.prod(axis=1)).tolist(), strict=True))
+
+
+def lagrange_weights(nodes: list[tuple[float, float]], level: float) -> list[float]:
+    """Lagrange weights of the nodes at a level, by the barycentric formula (Berrut and Trefethen 2004, eq. 4.2).
+
+    Args:
+        nodes: Pairs of node and weight from `barycentric_weights`.
+        level: Where to interpolate.
+
+    Returns:
+        Weight of each node; they sum to 1.
+    """
+    # There are only a few numbers, for which plain Python is faster than NumPy.
+    level = float(level)
+    for node, _ in nodes:
+        if node == level:
+            return [float(other == level) for other, _ in nodes]
+    terms = [weight / (level - node) for node, weight in nodes]
+    total = sum(terms)
+    return [term / total for term in terms]
+
+
+@dataclass(frozen=True)
+class Caricature:
+    """Change of a head at one level: of its neutral, and of its blendshapes and pose correctives."""
+
+    displacement: Float[np.ndarray, "v 3"]
+    """Displacement of the neutral, in metres."""
+    columns: Int[np.ndarray, " b"] | None = None
+    """Indices of the blendshapes that change: expressions are counted first, then pose correctives. None: no change."""
+    changes: Float[np.ndarray, "b v 3"] | None = None
+    """Change of each of these blendshapes, in metres per unit of its coefficient."""
+
+    def blendshape_change(self, coefficients: Float[np.ndarray, " c"], first: int = 0) -> Float[np.ndarray, "v 3"]:
+        """Change of the sum of blendshapes.
+
+        Args:
+            coefficients: Coefficients of consecutive blendshapes.
+            first: Index of the first of them, in the count of `columns`.
+
+        Returns:
+            Offset to add to the sum of the natural blendshapes, in metres.
+        """
+        if self.columns is None:
+            return np.zeros_like(self.displacement)
+        column = self.columns - first
+        selected = np.flatnonzero((column >= 0) & (column < len(coefficients)))
+        selected = selected[coefficients[column[selected]] != 0]
+        return np.tensordot(coefficients[column[selected]], self.changes[selected], axes=1)
 
 
 @dataclass(frozen=True)
 class GammaPath:
-    """Displacements of the neutral head at a few levels, in metres; exact at those, interpolated between."""
+    """Displacements of the neutral head at a few levels, in metres: exact there, interpolated in between.
+
+    Two nodes give the paper's linear blend (equation 7):
+
+        S_blend(gamma) = (1 - alpha) S_0 + alpha S_gamma_f,    alpha = gamma / gamma_f.
+
+    More nodes give the polynomial S_gamma = sum_i l_i(gamma) S_gamma_i with the Lagrange weights l_i.
+    """
 
     levels: Float[np.ndarray, "k"]
-    """From 0 to gamma_f, which may be below 0."""
+    """The nodes, from 0 to gamma_f, which may be negative."""
     displacements: Float32[np.ndarray, "k v 3"]
     faces: Int[np.ndarray, "f 3"]
     neutral: Float[np.ndarray, "v 3"]
     report: dict[str, Any] = field(default_factory=dict)
-    """How the nodes were made: JSON-able."""
+    """How the nodes were made, as JSON types."""
     columns: Int[np.ndarray, " b"] | None = None
-    """Codes whose motions change, as in `Caricature`; None: no motion does."""
+    """Indices of the blendshapes that change, as in `Caricature`; None: no change."""
     changes: Float32[np.ndarray, "n b v 3"] | None = None
-    """What the levels above 0 add to the motions of those."""
+    """Change of these blendshapes at the nodes other than 0, in metres per unit of the coefficient."""
 
     @property
     def gamma_f(self) -> float:
@@ -45,42 +122,67 @@ class GammaPath:
         return float(self.levels[-1])
 
     def weights(self, level: float) -> Float[np.ndarray, "k"]:
-        """Lagrange weights of the nodes at a level, by the barycentric formula (Berrut and Trefethen 2004, eq. 4.2)."""
-        return np.array(lagrange_weights(self._barycentric, level))
+        """Lagrange weights of the nodes at a level.
 
-    @cached_property
-    def _barycentric(self) -> list[tuple[float, float]]:
-        return barycentric(self.levels)
+        Args:
+            level: Exaggeration gamma.
 
-    @cached_property
-    def _moved(self) -> Float32[np.ndarray, "j w"]:
-        """The nodes but level 0, where nothing moves, in one block."""
-        return np.ascontiguousarray(self.displacements[1:].reshape(len(self.levels) - 1, -1))
+        Returns:
+            Weight of each node.
+        """
+        return np.array(lagrange_weights(self._nodes, level))
 
     def displacement(self, level: float) -> Float32[np.ndarray, "v 3"]:
-        """The offset from the neutral at a level; exactly zero at level 0.  Warns outside [0, gamma_f]."""
-        if not self._span[0] <= level <= self._span[1]:
-            # The level is left out of the text: Python shows a text once, and a film has many levels.
+        """Displacement of the neutral at a level; with two nodes the linear blend (paper, equation 7).
+
+        Args:
+            level: Exaggeration gamma; a warning is issued outside [0, gamma_f].
+
+        Returns:
+            Displacement in metres; exactly 0 at level 0.
+        """
+        if not self._range[0] <= level <= self._range[1]:
+            # The text does not name the level: Python shows a text once, and a film has many levels.
             warnings.warn(f"levels outside [0, {self.gamma_f:g}] are extrapolated", stacklevel=2)
-        shares = np.array(lagrange_weights(self._barycentric, level)[1:], np.float32)
-        # NumPy hands a product with a single row to BLAS in the shape that it is slowest in.
-        moved = shares[0] * self._moved[0] if len(shares) == 1 else shares @ self._moved
+        weights = np.array(lagrange_weights(self._nodes, level)[1:], np.float32)
+        # NumPy hands a product with a single row to BLAS in its slowest shape.
+        moved = weights[0] * self._flat[0] if len(weights) == 1 else weights @ self._flat
         return moved.reshape(-1, 3)
 
-    @cached_property
-    def _span(self) -> tuple[float, float]:
-        return min(0.0, self.gamma_f), max(0.0, self.gamma_f)
-
     def at(self, level: float) -> Caricature:
-        """What a level adds to the head and its motions; exactly nothing at level 0.  Warns as `displacement`."""
+        """Change of the head and of its blendshapes at a level.
+
+        Args:
+            level: Exaggeration gamma; a warning is issued outside [0, gamma_f].
+
+        Returns:
+            The change; exactly 0 at level 0.
+        """
         if self.changes is None:
             return Caricature(self.displacement(level))
         changes = self.weights(level)[1:].astype(np.float32) @ self.changes.reshape(len(self.changes), -1)
         return Caricature(self.displacement(level), self.columns, changes.reshape(self.changes.shape[1:]))
 
+    @cached_property
+    def _nodes(self) -> list[tuple[float, float]]:
+        return barycentric_weights(self.levels)
+
+    @cached_property
+    def _range(self) -> tuple[float, float]:
+        return min(0.0, self.gamma_f), max(0.0, self.gamma_f)
+
+    @cached_property
+    def _flat(self) -> Float32[np.ndarray, "j w"]:
+        """The nodes other than level 0, where nothing moves, one per row."""
+        return np.ascontiguousarray(self.displacements[1:].reshape(len(self.levels) - 1, -1))
+
     def save(self, file: str | Path) -> None:
-        """Write an .npz that `load` reads."""
-        motions = {} if self.changes is None else {"columns": self.columns, "changes": self.changes}
+        """Write the path as .npz.
+
+        Args:
+            file: File to create or replace.
+        """
+        changes = {} if self.changes is None else {"columns": self.columns, "changes": self.changes}
         with writing(file) as part:
             np.savez(
                 part,
@@ -89,43 +191,46 @@ class GammaPath:
                 faces=self.faces,
                 neutral=self.neutral,
                 report=json.dumps(self.report),
-                **motions,
+                **changes,
             )
 
     @classmethod
     def load(cls, file: str | Path) -> GammaPath:
-        """Raises `InputError` naming file and field for a missing or broken path."""
-        arrays = _read(file)
-        levels, displacements, faces, neutral = (
-            arrays[name] for name in ("levels", "displacements", "faces", "neutral")
-        )
+        """Read and check a path that `save` wrote.
 
-        def refuse(bad: bool, field: str, problem: str) -> None:
-            if bad:
+        Args:
+            file: The .npz file.
+
+        Returns:
+            The path.
+
+        Raises:
+            InputError: If the file is missing or broken, or an array is missing or not valid; names the array.
+        """
+        arrays = load_npz(file, "path", ("report",))
+
+        def refuse(is_bad: bool, field: str, problem: str) -> None:
+            if is_bad:
                 raise InputError(problem, file=file, field=field)
 
-        refuse(neutral.ndim != 2 or neutral.shape[1] != 3, "neutral", f"shape {neutral.shape}, expected (v, 3)")
-        refuse(faces.ndim != 2 or faces.shape[1] != 3, "faces", f"shape {faces.shape}, expected (f, 3)")
-        refuse(levels.ndim != 1 or len(levels) < 2, "levels", f"shape {levels.shape}, expected two or more levels")
-        expected = (len(levels), *neutral.shape)
-        refuse(displacements.shape != expected, "displacements", f"shape {displacements.shape}, expected {expected}")
-        for name in ("levels", "displacements", "neutral"):
-            array = arrays[name]
-            refuse(array.dtype.kind != "f", name, f"holds {array.dtype}, expected floating-point numbers")
-            refuse(not np.isfinite(array).all(), name, "holds values that are not finite")
-        refuse(faces.dtype.kind not in "iu", "faces", f"holds {faces.dtype}, expected vertex numbers")
+        def take(name: str, *shape: int | None, kinds: str = "f") -> np.ndarray:
+            array = checked_array(arrays, name, shape, file=file)
+            expected = "floating-point numbers" if kinds == "f" else "integers"
+            refuse(array.dtype.kind not in kinds, name, f"holds {array.dtype}, expected {expected}")
+            return array
+
+        neutral, faces, levels = take("neutral", None, 3), take("faces", None, 3, kinds="iu"), take("levels", None)
+        refuse(len(levels) < 2, "levels", f"shape {levels.shape}, expected two or more levels")
+        displacements = take("displacements", len(levels), *neutral.shape)
         outside = faces.size > 0 and (faces.min() < 0 or faces.max() >= len(neutral))
         refuse(outside, "faces", f"vertex numbers must lie in 0..{len(neutral) - 1}")
-        one_way = (np.diff(levels) > 0).all() or (np.diff(levels) < 0).all()
-        refuse(levels[0] != 0 or not one_way, "levels", "expected ascending (or descending) levels from 0")
+        is_monotonic = (np.diff(levels) > 0).all() or (np.diff(levels) < 0).all()
+        refuse(levels[0] != 0 or not is_monotonic, "levels", "expected ascending (or descending) levels from 0")
         refuse(bool(displacements[0].any()), "displacements", "level 0 must not move anything")
-        columns, changes = arrays.get("columns"), arrays.get("changes")
-        if changes is not None:
-            expected = (len(levels) - 1, *np.shape(columns), *neutral.shape)
-            refuse(changes.shape != expected, "changes", f"shape {changes.shape}, expected {expected}")
-            refuse(columns is None or columns.dtype.kind not in "iu", "columns", "expected the numbers of the codes")
-            refuse(changes.dtype.kind != "f", "changes", f"holds {changes.dtype}, expected floating-point numbers")
-            refuse(not np.isfinite(changes).all(), "changes", "holds values that are not finite")
+        columns = changes = None
+        if "changes" in arrays:
+            columns = take("columns", None, kinds="iu")
+            changes = take("changes", len(levels) - 1, len(columns), *neutral.shape)
         try:
             report = json.loads(str(arrays["report"]))
         except ValueError as error:
@@ -134,41 +239,47 @@ class GammaPath:
         return cls(*nodes, faces, neutral.astype(np.float64), report, columns, changes)
 
 
-def _read(file: str | Path) -> dict[str, np.ndarray]:
-    try:
-        with Path(file).open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-    except FileNotFoundError as error:
-        raise InputError("no such path", file=file) from error
-    except (OSError, ValueError, EOFError, TypeError, BadZipFile, zlib.error) as error:
-        raise InputError(f"not a readable .npz ({error})", file=file) from error
-    for name in (*ARRAYS, "report"):
-        if name not in arrays:
-            raise InputError("this array is missing", file=file, field=name)
-    return arrays
-
-
 def straight_path(
     neutral: Float[np.ndarray, "v 3"],
     faces: Int[np.ndarray, "f 3"],
     displacement: Float[np.ndarray, "v 3"],
     gamma_f: float,
 ) -> GammaPath:
-    """The straight path to a given caricature (an artist's sculpt), which stands for level gamma_f."""
+    """Make the linear path to a given caricature, such as an artist's sculpture.
+
+    Args:
+        neutral: Positions of the neutral head, in metres.
+        faces: Vertex indices of the triangles.
+        displacement: Displacement of the caricature, in metres.
+        gamma_f: Level that the caricature stands for.
+
+    Returns:
+        The path, with two nodes.
+    """
     nodes = np.stack([np.zeros_like(displacement), displacement]).astype(np.float32)
     return GammaPath(np.array([0.0, gamma_f]), nodes, faces, neutral, {"source": "file"})
 
 
 @dataclass(frozen=True)
 class RegionPaths:
-    """A path for each region of a head, all held by the rest: sliders that know nothing of each other and add up."""
+    """A path for each region of a head with the rest held: independent sliders whose displacements add up."""
 
     paths: Mapping[str, GammaPath]
 
     def displacement(self, levels: Mapping[str, float]) -> Float32[np.ndarray, "v 3"]:
-        """The offset from the neutral with regions at their levels; raises `SettingsError` for unknown names."""
+        """Displacement of the neutral with regions at their levels.
+
+        Args:
+            levels: Level of each region by name; the others stay.
+
+        Returns:
+            Displacement in metres.
+
+        Raises:
+            SettingsError: If there is no path for a name.
+        """
         for name in levels:
             if name not in self.paths:
                 raise SettingsError(f"no slider {name}; known: {', '.join(sorted(self.paths))}")
-        still = np.zeros_like(next(iter(self.paths.values())).displacements[0])
-        return sum((self.paths[name].displacement(level) for name, level in levels.items()), start=still)
+        zero = np.zeros_like(next(iter(self.paths.values())).displacements[0])
+        return sum((self.paths[name].displacement(level) for name, level in levels.items()), start=zero)

@@ -1,4 +1,4 @@
-"""The air between surfaces that face each other: it keeps lips, lids and nostril walls from growing into each other."""
+"""Elastic stiffness of narrow gaps: keeps lips, lids and nostril walls from growing into each other."""
 
 from __future__ import annotations
 
@@ -9,38 +9,50 @@ from scipy.sparse import coo_array, csc_array
 from carigs.mesh.ray_caster import RayCaster
 from carigs.mesh.triangle_mesh import barycenters, face_areas, face_normals, size
 
-REACH = 0.02
-"""Widest gap, in head sizes."""
-NARROW = 0.0005
-"""The same for the gap below which stiffness no longer grows."""
-OFFSET = 1e-6
-"""Of the head's size: rays start this far off the surface."""
+MAX_GAP = 0.02
+"""Widest gap that has a stiffness, in head sizes."""
+MIN_GAP = 0.0005
+"""Gap below which the stiffness no longer grows, in head sizes."""
+RAY_OFFSET = 1e-6
+"""Distance of the rays' origins from the surface, in head sizes."""
 
 
 def gap_stiffness(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> csc_array:
-    """G, positive semi-definite: x^T G x measures how much x stretches and squeezes the air, as cotans do for the skin.
+    """Stiffness matrix G of elastic columns between surfaces that face each other across a narrow gap.
 
-    From the middle of every face a ray along the normal finds the face across the gap, at a distance t.  Air there is
-    an elastic column: a relative displacement u - u' strains it by |u - u'| / t, and x^T G x is the integral of that
-    strain's square over the surface, faded out where t comes near to REACH.  Constants cost nothing, and like the
-    cotans' energy this one has no unit, so that one number relates both (`Exaggerate.air`).
+    A ray from the barycenter of every face along its normal finds the face across the gap, at a distance t. The column
+    between them is strained by |u - u'| / t under displacements u and u' of its ends, and x^T G x is the integral of
+    the squared strain over the surface:
+
+        x^T G x = sum over faces of a_f |u - u'|^2 (1 / (t^2 + t_min^2) - 1 / (t_max^2 + t_min^2)),
+
+    with t_min = `MIN_GAP` and t_max = `MAX_GAP`. Constants have no energy. Like the Dirichlet energy, this one does not
+    depend on the unit of the mesh, so one number relates the two (setting `exaggerate.gap_stiffness`).
+
+    Args:
+        vertices: Positions, in any unit.
+        faces: Vertex indices of the triangles, counterclockwise seen from outside.
+
+    Returns:
+        Symmetric positive semi-definite matrix (v, v).
     """
     vertices = vertices - vertices[0]
-    middles, extent = barycenters(vertices, faces), size(vertices, faces)
+    centers, extent = barycenters(vertices, faces), size(vertices, faces)
     normals = face_normals(vertices, faces)
-    across, gap, barycentric = RayCaster(vertices, faces).first(middles / extent + OFFSET * normals, normals, REACH)
-    gap = gap + OFFSET
-    # Seen from its inside, a face is no opposite: there the surface already cuts itself.
-    own = np.flatnonzero((across >= 0) & (gap < REACH))
-    own = own[(normals[own] * normals[across[own]]).sum(axis=1) < 0]
-    across, gap, barycentric = across[own], gap[own], barycentric[own]
-    softness = (np.array([gap, np.full_like(gap, REACH)]) * extent) ** 2 + (NARROW * extent) ** 2
-    columns = face_areas(vertices, faces)[own] * (1 / softness[0] - 1 / softness[1])
+    origins = centers / extent + RAY_OFFSET * normals
+    opposite, gap, barycentric = RayCaster(vertices, faces).first_hit(origins, normals, MAX_GAP)
+    gap = gap + RAY_OFFSET
+    # A face that is hit from its inside does not bound a gap: the surface already intersects itself there.
+    face = np.flatnonzero((opposite >= 0) & (gap < MAX_GAP))
+    face = face[(normals[face] * normals[opposite[face]]).sum(axis=1) < 0]
+    opposite, gap, barycentric = opposite[face], gap[face], barycentric[face]
+    softness = (np.array([gap, np.full_like(gap, MAX_GAP)]) * extent) ** 2 + (MIN_GAP * extent) ** 2
+    columns = face_areas(vertices, faces)[face] * (1 / softness[0] - 1 / softness[1])
 
-    n = len(own)
-    corners = np.concatenate([faces[own], faces[across]], axis=1)
-    shares = np.concatenate([np.full((n, 3), 1 / 3), -barycentric], axis=1)
+    n = len(face)
+    corners = np.concatenate([faces[face], faces[opposite]], axis=1)
+    coefficients = np.concatenate([np.full((n, 3), 1 / 3), -barycentric], axis=1)
     difference = coo_array(
-        (shares.ravel(), (np.repeat(np.arange(n), 6), corners.ravel())), shape=(n, len(vertices))
+        (coefficients.ravel(), (np.repeat(np.arange(n), 6), corners.ravel())), shape=(n, len(vertices))
     ).tocsr()
     return (difference.T @ difference.multiply(columns[:, None])).tocsc()

@@ -1,90 +1,117 @@
-"""A caricature of one region: the rest of the head stays where it is.
-
-The level fades from the region's to 0 over a smooth ramp, so that no flux is left over at the border, and what is
-beyond is held.  Three ways to hold it (`Exaggerate.local`):
-
-- `soft`: a screen that grows as the region fades: (A + s M) u = W_(w-1) x.  As cheap as the head, smooth at the border.
-- `exact`: nothing beyond the ramp moves by a single bit (an eyeball only where the region holds its socket), and the
-  border is still smooth: the least squares of the paper's equation 4, with the held vertices eliminated, which is a
-  bi-Laplacian.
-- `literal`: equation 4 as it stands: no ramp, and weights that do not end at the border, where they leave ripples.
-"""
+"""Exaggeration of one region while the rest of the head is held."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 from scipy.sparse import diags_array
 
 from carigs.errors import SettingsError
-from carigs.exaggeration.gamma_path import GammaPath
-from carigs.exaggeration.solved_path import solved_path
+from carigs.exaggeration.weighted_poisson import WeightedPoisson
 from carigs.mesh.linear_solver import CholeskySolver
 
-if TYPE_CHECKING:
-    from carigs.exaggeration.exaggerator import Exaggerator
-
-SCREEN = (10.0, 0.02)
-"""Of a vertex that is held: stiffness, and the length over which it is felt in head sizes."""
-BEYOND = 0.05
-"""Head sizes beyond the ramp over which the soft mode fades to nothing: eight times the screen's decay."""
+SCREEN_STIFFNESS = 10.0
+"""Stiffness that holds a vertex outside the region, in the mode `soft`."""
+SCREEN_LENGTH = 0.02
+"""Length over which a held vertex is felt, in head sizes, in the mode `soft`."""
+SOFT_MARGIN = 0.05
+"""Distance beyond the ramp over which the mode `soft` fades to nothing, in head sizes: eight times its decay."""
 
 
 class LocalEdit:
-    """One region of a head, factorised once for all levels."""
+    """The exaggeration of one region, factorised once for all levels.
 
-    def __init__(self, solver: Exaggerator, region: str | np.ndarray | Sequence[int]) -> None:
-        """`region` as in `Regions.field`.  Raises `SettingsError` for one that leaves nothing to hold it."""
-        self._solver, self._mode = solver, solver.settings.region_constraint
-        self.field = solver.regions.field(region, ramp=self._mode != "literal")
+    The level falls from the region's to 0 over a smooth ramp, so that no flux is left at the border. The setting
+    `region_constraint` selects how the vertices beyond the ramp are held:
+
+    - `soft`: screened Poisson equation (H + s A) u = W_(w - 1) x with the system matrix H, the vertex areas A, and a
+      stiffness s that grows as the region fades. As cheap as the whole head, and smooth at the border.
+    - `exact`: the vertices beyond the ramp do not move at all: constrained least squares with the held vertices
+      eliminated, a bi-Laplacian equation. Small components move only if the region holds what surrounds them.
+    - `literal`: the same without the ramp, as in the paper: the weights do not end at the border.
+
+    Both are the paper's equation 4,
+
+        min |L x~ - b|_A^2    subject to    B x~ = x*,    L = A^-1 W,
+
+    where B selects the held vertices and x* are their positions in S.
+    """
+
+    def __init__(self, equation: WeightedPoisson, region: str | np.ndarray | Sequence[int]) -> None:
+        """Factorise.
+
+        Args:
+            equation: The equation of the whole head.
+            region: A name, vertex indices, a mask or a painted scalar, as `Regions.field` takes it.
+
+        Raises:
+            SettingsError: If the region is not valid, or leaves no vertex of a component to hold it.
+        """
+        self._equation, self._mode = equation, equation.settings.region_constraint
+        self.field = equation.regions.field(region, ramp=self._mode != "literal")
         """1 in the region, 0 where nothing is exaggerated."""
-        reach = BEYOND if self._mode == "soft" else 0.0
-        moving = (self.field > 0) | (solver.regions.distance(self.field > 0) < reach)
-        self._moving = np.flatnonzero(moving & solver.solved)
-        _check_held(solver, self.field, self._moving)
-        # An eyeball would follow the edge of the ramp in its socket, however little that moves.
-        most = [group for group in solver.followers if self.field[group.around].mean() >= 0.5]
-        self._followers = solver.followers if self._mode == "soft" else most
-        rows = solver.system[:, self._moving]
+        margin = SOFT_MARGIN if self._mode == "soft" else 0.0
+        is_free = (self.field > 0) | (equation.regions.distance(self.field > 0) < margin)
+        self._free = np.flatnonzero(is_free & equation.solved_vertices)
+        self._check_held()
+        self._rigid_components = equation.rigid_components
+        if self._mode != "soft":  # an eyeball would follow the edge of the ramp in its socket, however little it moves
+            self._rigid_components = [c for c in self._rigid_components if self.field[c.surrounding].mean() >= 0.5]
+        columns = equation.system[:, self._free]
         if self._mode == "soft":
-            stiffness, length = SCREEN
-            held = stiffness * (1 - self.field) * solver.areas / (length * solver.size) ** 2
-            self._factors = CholeskySolver((rows.tocsr()[self._moving] + diags_array(held[self._moving])).tocsc())
+            screen = SCREEN_STIFFNESS * (1 - self.field) * equation.areas / (SCREEN_LENGTH * equation.size) ** 2
+            self._factors = CholeskySolver((columns.tocsr()[self._free] + diags_array(screen[self._free])).tocsc())
         else:
-            self._least_squares = (rows.T @ diags_array(1 / solver.areas)).tocsr()
-            self._factors = CholeskySolver((self._least_squares @ rows).tocsc())
+            self._least_squares = (columns.T @ diags_array(1 / equation.areas)).tocsr()
+            self._factors = CholeskySolver((self._least_squares @ columns).tocsc())
 
     def weights(self, level: float) -> Float[np.ndarray, " f"]:
-        """W per face: |K|^level in the region, 1 beyond the ramp (in `literal` mode |K|^level everywhere)."""
-        if self._mode == "literal":
-            return self._solver.weights(level)
-        return self._solver.face_mean(np.exp(level * self.field * self._solver.log_curvature))
+        """Weights of the faces: |K|^gamma in the region, 1 beyond the ramp.
 
-    def response(self, strain: Float[np.ndarray, " f"]) -> Float[np.ndarray, "v 3"]:
-        """The displacement that weights of 1 + strain cause; linear in the strain."""
-        divergence = self._solver.divergence(strain)
-        right = divergence[self._moving] if self._mode == "soft" else self._least_squares @ divergence
-        displacement = np.zeros_like(self._solver.vertices)
-        displacement[self._moving] = self._factors.solve(right)
+        Args:
+            level: Exaggeration gamma of the region.
+
+        Returns:
+            Weight of each face; in the mode `literal` |K|^gamma everywhere.
+        """
+        if self._mode == "literal":
+            return self._equation.weights(level)
+        return self._equation.face_mean(np.exp(level * self.field * self._equation.log_curvature))
+
+    def response(self, delta_weights: Float[np.ndarray, " f"]) -> Float[np.ndarray, "v 3"]:
+        """Solve the constrained equation for a change of the weights; linear in it.
+
+        Args:
+            delta_weights: w - 1 of each face.
+
+        Returns:
+            Displacement of the solved vertices, in the unit of the mesh.
+        """
+        divergence = self._equation.weighted_divergence(delta_weights)
+        right = divergence[self._free] if self._mode == "soft" else self._least_squares @ divergence
+        displacement = np.zeros_like(self._equation.vertices)
+        displacement[self._free] = self._factors.solve(right)
         return displacement
 
     def solve(self, level: float) -> Float[np.ndarray, "v 3"]:
-        """The displacement at a level, exactly zero at level 0."""
+        """Solve for the displacement at a level of the region.
+
+        Args:
+            level: Exaggeration gamma of the region.
+
+        Returns:
+            Displacement of all vertices, in the unit of the mesh; exactly 0 at level 0.
+        """
         if level == 0:
-            return np.zeros_like(self._solver.vertices)
-        return self._solver.with_followers(self.response(self.weights(level) - 1), self._followers)
+            return np.zeros_like(self._equation.vertices)
+        return self._equation.move_rigid_components(self.response(self.weights(level) - 1), self._rigid_components)
 
-    def path(self, gamma_f: float) -> GammaPath:
-        """The region at all levels from 0 to gamma_f."""
-        return solved_path(self, gamma_f, self._solver)
-
-
-def _check_held(solver: Exaggerator, field: Float[np.ndarray, " v"], moving: np.ndarray) -> None:
-    if not len(moving):
-        raise SettingsError("a region holds no vertex that the equation moves: small components follow the others")
-    held = solver.solved & (field < 1)
-    if np.setdiff1d(solver.component[moving], solver.component[held]).size:
-        raise SettingsError("a region covers a whole component: nothing is left to hold it; solve without a region")
+    def _check_held(self) -> None:
+        """Raise `SettingsError` if nothing moves, or a component is not held anywhere."""
+        if not len(self._free):
+            raise SettingsError("a region holds no vertex that the equation moves: small components follow the others")
+        held, labels = self._equation.solved_vertices & (self.field < 1), self._equation.component_labels
+        if np.setdiff1d(labels[self._free], labels[held]).size:
+            raise SettingsError("a region covers a whole component: nothing is left to hold it; solve without a region")

@@ -1,7 +1,8 @@
-"""Small components (eyeballs, teeth) that follow the surface around them by a similarity instead of bursting."""
+"""Small components (eyeballs, teeth) that move by a similarity transform of the surface around them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import igl
@@ -9,16 +10,35 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
-TOUCH = 0.1
-"""What is nearer to a group's surface than this, in its radii, touches it."""
-LEAST = 12
-"""So many vertices at least are followed: the nearest."""
+CONTACT_DISTANCE = 0.1
+"""Distance up to which surfaces touch, in radii of the small component."""
+MIN_SURROUNDING = 12
+"""Smallest number of surrounding vertices; if fewer touch, the nearest ones are taken."""
 
 
-def similarity(
+class RigidComponent(NamedTuple):
+    """Small components that move together, and the vertices that determine how."""
+
+    vertices: Int[np.ndarray, " i"]
+    """Indices of their vertices."""
+    surrounding: Int[np.ndarray, " a"]
+    """Indices of the vertices of the main component around them."""
+
+
+def umeyama(
     source: Float[np.ndarray, "n 3"], target: Float[np.ndarray, "n 3"]
 ) -> tuple[float, Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
-    """Scale, rotation and translation of the least-squares map source -> target (Umeyama 1991)."""
+    """Least-squares similarity transform between two point sets (Umeyama 1991).
+
+    Minimises the sum of |scale * rotation @ source + translation - target|^2.
+
+    Args:
+        source: Points, in any unit.
+        target: Corresponding points, in the same unit.
+
+    Returns:
+        Scale, rotation and translation.
+    """
     mean_source, mean_target = source.mean(axis=0), target.mean(axis=0)
     covariance = (target - mean_target).T @ (source - mean_source)
     u, s, vt = np.linalg.svd(covariance)
@@ -28,62 +48,83 @@ def similarity(
     return scale, rotation, mean_target - scale * rotation @ mean_source
 
 
-class RigidComponent(NamedTuple):
-    """Small components that move as one, and what they follow."""
-
-    inside: Int[np.ndarray, " i"]
-    """Their vertices."""
-    around: Int[np.ndarray, " a"]
-    """The vertices of the main component around them."""
-
-
 def find_rigid_components(
-    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], component: Int[np.ndarray, " v"], main: int
+    vertices: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+    component_labels: Int[np.ndarray, " v"],
+    main: int,
 ) -> list[RigidComponent]:
-    """All components but `main`; those whose bounding spheres overlap (iris and sclera of one eye) are one group.
+    """Group the components other than the main one, and find the vertices around each group.
 
-    A group follows the skin that touches it: an eyeball its lids and socket, so that it stays between them.
+    Components with overlapping bounding spheres, such as iris and sclera of one eye, form one group. It follows the
+    skin that touches it: an eyeball follows its lids and socket and so stays between them.
+
+    Args:
+        vertices: Positions, in any unit.
+        faces: Vertex indices of the triangles.
+        component_labels: Label of the component of each vertex.
+        main: Label of the main component.
+
+    Returns:
+        The groups.
     """
-    on_main, found = np.flatnonzero(component == main), []
-    for group in _groups(vertices, component, main):
-        inside = np.isin(component, group)
-        centre = vertices[inside].mean(axis=0)
-        radius = np.linalg.norm(vertices[inside] - centre, axis=1).max()
-        near = on_main[np.linalg.norm(vertices[on_main] - centre, axis=1) < (1 + TOUCH) * radius]
-        around = near
+    main_vertices, rigid_components = np.flatnonzero(component_labels == main), []
+    for group in _overlapping_components(vertices, component_labels, main):
+        inside = np.isin(component_labels, group)
+        centre, radius = _bounding_sphere(vertices[inside])
+        near = main_vertices[np.linalg.norm(vertices[main_vertices] - centre, axis=1) < (1 + CONTACT_DISTANCE) * radius]
         if len(near):
             surface = faces[inside[faces].all(axis=1)]
             squared = igl.point_mesh_squared_distance(vertices[near] - centre, vertices - centre, surface)[0]
-            around = near[squared < (TOUCH * radius) ** 2]
-        if len(around) < LEAST:
-            around = on_main[cKDTree(vertices[on_main]).query(centre, k=min(LEAST, len(on_main)))[1]]
-        found.append(RigidComponent(np.flatnonzero(inside), around))
-    return found
+            near = near[squared < (CONTACT_DISTANCE * radius) ** 2]
+        if len(near) < MIN_SURROUNDING:
+            count = min(MIN_SURROUNDING, len(main_vertices))
+            near = main_vertices[cKDTree(vertices[main_vertices]).query(centre, k=count)[1]]
+        rigid_components.append(RigidComponent(np.flatnonzero(inside), near))
+    return rigid_components
 
 
-def follow(
-    vertices: Float[np.ndarray, "v 3"], displacement: Float[np.ndarray, "v 3"], followers: list[RigidComponent]
+def move_rigid_components(
+    vertices: Float[np.ndarray, "v 3"],
+    displacement: Float[np.ndarray, "v 3"],
+    rigid_components: Sequence[RigidComponent],
 ) -> tuple[Float[np.ndarray, "v 3"], list[float]]:
-    """Move each follower by the similarity of what is around it; returns all displacements and the scale of each."""
+    """Move each rigid component by the similarity transform of the vertices around it.
+
+    Args:
+        vertices: Positions, in any unit.
+        displacement: Displacement of the main component, in the same unit.
+        rigid_components: Components to move.
+
+    Returns:
+        Displacement of all vertices, and the scale of each component.
+    """
     moved, scales, vertices = displacement.copy(), [], vertices - vertices[0]
-    for inside, around in followers:
-        if displacement[around].any():
-            scale, rotation, shift = similarity(vertices[around], vertices[around] + displacement[around])
-            moved[inside] = scale * vertices[inside] @ rotation.T + shift - vertices[inside]
+    for members, surrounding in rigid_components:
+        if displacement[surrounding].any():
+            scale, rotation, translation = umeyama(
+                vertices[surrounding], vertices[surrounding] + displacement[surrounding]
+            )
+            moved[members] = scale * vertices[members] @ rotation.T + translation - vertices[members]
             scales.append(scale)
-        else:  # bit for bit
-            moved[inside] = 0.0
+        else:  # exactly, not up to rounding
+            moved[members] = 0.0
             scales.append(1.0)
     return moved, scales
 
 
-def _groups(vertices: np.ndarray, component: np.ndarray, main: int) -> list[list[int]]:
-    labels = [c for c in np.unique(component) if c != main]
-    spheres = []
-    for c in labels:
-        points = vertices[component == c]
-        centre = points.mean(axis=0)
-        spheres.append((centre, np.linalg.norm(points - centre, axis=1).max()))
+def _bounding_sphere(points: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, "3"], float]:
+    """Mean of the points, and the largest distance from it."""
+    centre = points.mean(axis=0)
+    return centre, np.linalg.norm(points - centre, axis=1).max()
+
+
+def _overlapping_components(
+    vertices: Float[np.ndarray, "v 3"], component_labels: Int[np.ndarray, " v"], main: int
+) -> list[list[int]]:
+    """Groups of small components: two belong together if the larger sphere holds the centre of the other one."""
+    labels = [c for c in np.unique(component_labels) if c != main]
+    spheres = [_bounding_sphere(vertices[component_labels == c]) for c in labels]
     groups: list[list[int]] = []
     for k, (centre, radius) in enumerate(spheres):
         touching = [

@@ -1,16 +1,15 @@
-"""The head model: FLAME-format files, tracked parameters, posing.
+"""Head models: FLAME-format files, tracked parameters, posing, and the caricature of a subject.
 
 - `HeadModel`: the arrays of a model file; `HeadModel.load` reads .npz and FLAME's .pkl
-- `HeadParameters`: one tracked frame; reads and writes the GaussianAvatars npz layout
-- `exaggerator`, `caricature`: the solver and the path S_gamma of a subject
-- `neutral`, `pose`: vertices without and with expression, joints and translation
-- `motions`: the directions that a performance moves in
-- `carigs.head.teeth`: the teeth that FLAME gets, on the natural head and on its caricatures
+- `HeadParameters`: one tracked frame; reads and writes the npz layout of GaussianAvatars
+- `neutral`, `pose`: vertices without and with expression, joint rotations and translation
+- `subject_exaggerator`, `subject_gamma_path`: the solver and the path S_gamma of a subject
+- `carigs.head.teeth`: the teeth that are added to FLAME, on the natural head and on its caricatures
 """
 
-from carigs.head.caricature import caricature, exaggerator
 from carigs.head.model import HeadModel
 from carigs.head.parameters import HeadParameters
-from carigs.head.posing import motions, neutral, pose
+from carigs.head.posing import neutral, pose
+from carigs.head.subject_caricature import subject_exaggerator, subject_gamma_path
 
-__all__ = ["HeadModel", "HeadParameters", "caricature", "exaggerator", "motions", "neutral", "pose"]
+__all__ = ["HeadModel", "HeadParameters", "neutral", "pose", "subject_exaggerator", "subject_gamma_path"]

@@ -1,4 +1,4 @@
-"""FLAME's own .pkl files, read without chumpy and without running code from the pickle."""
+"""Reader of FLAME's .pkl files, without chumpy and without running code from the pickle."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _ALLOWED_MODULES = ("numpy", "scipy.sparse", "_codecs", "collections")
 
 
 class _ChumpyArray:
-    """Stands in for chumpy's `Ch`: keeps its state, of which `x` is the array."""
+    """Replacement of chumpy's class `Ch`: keeps its state, whose entry `x` is the array."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         self.x = args[0] if args else None
@@ -38,9 +38,16 @@ class _Unpickler(pickle.Unpickler):
 
 
 def read_pickle(file: Path) -> dict[str, Any]:
-    """The arrays of a FLAME pickle by FLAME's names, with `mask_<region>` from `FLAME_masks.pkl` beside it.
+    """Read a FLAME pickle, and the regions in `FLAME_masks.pkl` beside it.
 
-    Raises `InputError` if either file is no such pickle.
+    Args:
+        file: The .pkl file.
+
+    Returns:
+        The arrays by FLAME's names; regions are vertex indices under `mask_<region>`.
+
+    Raises:
+        InputError: If either file is not such a pickle.
     """
     arrays = _load(file)
     masks = file.with_name("FLAME_masks.pkl")

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from carigs.errors import InputError
+from carigs.files import checked_array, load_npz
 from carigs.head.flame_pickle import read_pickle
+from carigs.head.teeth import FLAME_COUNTS, LOWER_LIP, UPPER_LIP, is_upper_tooth, teeth_faces, teeth_vertices
 
 N_SHAPE = 300  # FLAME's convention: columns 0..299 of `shapedirs` are identity, the rest expression
 N_JOINTS = 5  # root, neck, jaw, left eye, right eye
@@ -18,44 +21,83 @@ N_JOINTS = 5  # root, neck, jaw, left eye, right eye
 
 @dataclass(frozen=True)
 class HeadModel:
-    """Template, blendshapes and skinning of a head, float32 as stored; lengths in metres."""
+    """Template, blendshapes and skinning of a head (Li et al. 2017, FLAME), float32 as stored; lengths in metres."""
 
     v_template: Float[np.ndarray, "v 3"]
     faces: Int[np.ndarray, "f 3"]
     shapedirs: Float[np.ndarray, "v 3 b"]
-    """Identity directions in columns 0..299, expression directions after them."""
+    """Identity blendshapes in columns 0..299, expression blendshapes after them."""
     posedirs: Float[np.ndarray, "v 3 36"]
     """Pose correctives for the 4 x 9 entries of R_neck - I, R_jaw - I, R_left_eye - I, R_right_eye - I, row-major."""
     joint_regressor: Float[np.ndarray, "5 v"]
     weights: Float[np.ndarray, "v 5"]
+    """Skinning weights."""
     parents: Int[np.ndarray, "5"]
     """Parent joint of each joint; -1 for the root."""
     regions: Mapping[str, Int[np.ndarray, "_"]] = field(default_factory=dict)
-    """Vertex ids by FLAME_masks' region names."""
+    """Vertex indices by FLAME_masks' region names."""
     expression_names: tuple[str, ...] = ()
     landmarks68: Int[np.ndarray, "68"] | None = None
-    """Vertex ids of the 68 iBUG landmarks, where the file brings them."""
+    """Vertex indices of the 68 iBUG landmarks, if the file has them."""
 
     @classmethod
     def load(cls, file: str | Path) -> HeadModel:
-        """Read a model from .npz or FLAME's .pkl (regions from `FLAME_masks.pkl` beside it); FLAME gets teeth.
+        """Read a model; FLAME gets teeth.
 
-        Raises `InputError` for a missing or unreadable file, a missing array, or an array of another shape.
+        Args:
+            file: An .npz, or FLAME's .pkl with its regions in `FLAME_masks.pkl` beside it.
+
+        Returns:
+            The model.
+
+        Raises:
+            InputError: If the file is missing or cannot be read, or an array is missing or not valid.
         """
         file = Path(file)
         if not file.is_file():
             raise InputError("no such head model", file=file)
-        from carigs.head.teeth import with_teeth  # which needs this module
+        arrays = read_pickle(file) if file.suffix == ".pkl" else load_npz(file, "head model")
+        return _checked_model(arrays, file).with_teeth()
 
-        arrays = read_pickle(file) if file.suffix == ".pkl" else _read_npz(file)
-        return with_teeth(_checked(arrays, file))
+    def with_teeth(self) -> HeadModel:
+        """Add teeth to FLAME, behind its vertices and faces.
+
+        They move with the neck and the jaw joint, and their identity blendshapes are those of the lips in front of
+        them.
+
+        Returns:
+            The model with teeth; the same model if it is not FLAME without teeth.
+        """
+        if (len(self.v_template), len(self.faces)) != FLAME_COUNTS:
+            return self
+        v, upper = FLAME_COUNTS[0], is_upper_tooth()
+        weights = np.zeros((len(upper), N_JOINTS), np.float32)
+        weights[np.arange(len(upper)), np.where(upper, 1, 2)] = 1  # neck, jaw
+        identity = (self.shapedirs[list(UPPER_LIP), :, :N_SHAPE] + self.shapedirs[list(LOWER_LIP), :, :N_SHAPE]) / 2
+        shapedirs = np.zeros((len(upper), *self.shapedirs.shape[1:]), np.float32)
+        shapedirs[:, :, :N_SHAPE] = np.tile(identity, (len(upper) // len(identity), 1, 1))
+        ids = v + np.arange(len(upper))
+        return replace(
+            self,
+            v_template=np.concatenate([self.v_template, teeth_vertices(self.v_template).astype(np.float32)]),
+            faces=np.concatenate([self.faces, v + teeth_faces().astype(self.faces.dtype)]),
+            shapedirs=np.concatenate([self.shapedirs, shapedirs]),
+            posedirs=np.concatenate([self.posedirs, np.zeros((len(upper), 3, 36), np.float32)]),
+            joint_regressor=np.pad(self.joint_regressor, ((0, 0), (0, len(upper)))),
+            weights=np.concatenate([self.weights, weights]),
+            regions={**self.regions, "teeth": ids, "teeth_upper": ids[upper], "teeth_lower": ids[~upper]},
+        )
 
     def save(self, file: str | Path) -> None:
-        """Write the .npz form."""
+        """Write the .npz form.
+
+        Args:
+            file: File to create or replace.
+        """
         extra = {} if self.landmarks68 is None else {"landmarks68": self.landmarks68}
         if self.expression_names:
             extra["expression_names"] = np.array(self.expression_names)
-        np.savez_compressed(  # most of the 400 directions are zero
+        np.savez_compressed(  # most of the 400 blendshapes are zero
             file,
             v_template=self.v_template,
             f=self.faces.astype(np.uint32),
@@ -69,43 +111,39 @@ class HeadModel:
         )
 
     def vertex_region(self, *names: str) -> Bool[np.ndarray, "v"]:
-        """Whether each vertex lies in one of the named regions; names that the model lacks hold nothing."""
+        """Vertices of regions.
+
+        Args:
+            *names: Names of regions; those that the model lacks are empty.
+
+        Returns:
+            Whether each vertex lies in one of the regions.
+        """
         inside = np.zeros(len(self.v_template), bool)
         for name in names:
             inside[self.regions.get(name, [])] = True
         return inside
 
     def face_region(self, *names: str) -> Bool[np.ndarray, "f"]:
-        """Whether all three corners of each face lie in one of the named regions."""
+        """Faces of regions.
+
+        Args:
+            *names: Names of regions; those that the model lacks are empty.
+
+        Returns:
+            Whether all three corners of each face lie in one and the same of the regions.
+        """
         inside = np.zeros(len(self.faces), bool)
         for name in names:
             inside |= self.vertex_region(name)[self.faces].all(axis=1)
         return inside
 
 
-def _read_npz(file: Path) -> dict[str, np.ndarray]:
-    try:
-        with np.load(file, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
-    except (OSError, ValueError, EOFError, KeyError) as error:
-        raise InputError(f"not a readable .npz head model ({error})", file=file) from error
+def _checked_model(arrays: Mapping[str, Any], file: Path) -> HeadModel:
+    dense = {name: value.toarray() if hasattr(value, "toarray") else value for name, value in arrays.items()}
 
-
-def _checked(arrays: Mapping[str, object], file: Path) -> HeadModel:
     def take(name: str, shape: tuple[int | None, ...], dtype: type) -> np.ndarray:
-        if name not in arrays:
-            raise InputError("this array is missing from the head model", file=file, field=name)
-        value = arrays[name]
-        array = np.asarray(value.toarray() if hasattr(value, "toarray") else value).astype(dtype)
-        if len(array.shape) != len(shape) or any(
-            want not in (None, have) for want, have in zip(shape, array.shape, strict=True)
-        ):
-            wanted = " x ".join("*" if n is None else str(n) for n in shape)
-            raise InputError(f"shape {array.shape}, expected {wanted}", file=file, field=name)
-        if array.dtype.kind == "f" and not np.isfinite(array).all():
-            index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-            raise InputError(f"not a finite number at {index}", file=file, field=name)
-        return array
+        return checked_array(dense, name, shape, dtype, file=file)
 
     v_template = take("v_template", (None, 3), np.float32)
     v = len(v_template)

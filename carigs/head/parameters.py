@@ -9,13 +9,14 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.errors import InputError
+from carigs.files import checked_array, reading_arrays
 from carigs.head.model import N_SHAPE, HeadModel
-from carigs.head.teeth import ADDED, FLAME, WITH_TEETH
+from carigs.head.teeth import FLAME_COUNTS, FLAME_WITH_TEETH_COUNTS, TEETH_COUNTS
 
 
 @dataclass(frozen=True)
 class HeadParameters:
-    """Pose and shape codes; rotations are axis-angle vectors in radians, lengths metres."""
+    """FLAME parameters of one frame; rotations are axis-angle vectors in radians, lengths in metres."""
 
     translation: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
     rotation: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
@@ -25,50 +26,45 @@ class HeadParameters:
     eyes: Float[np.ndarray, "6"] = field(default_factory=lambda: np.zeros(6))
     """Left eye, then right eye."""
     shape: Float[np.ndarray, "300"] = field(default_factory=lambda: np.zeros(N_SHAPE))
+    """Coefficients of the identity blendshapes."""
     expression: Float[np.ndarray, "100"] = field(default_factory=lambda: np.zeros(100))
+    """Coefficients of the expression blendshapes."""
     static_offset: Float[np.ndarray, "v 3"] | None = None
     """Added to the shaped template."""
 
     @classmethod
     def load(cls, file: str | Path, model: HeadModel) -> HeadParameters:
-        """Read one frame's npz and check it against the model.
+        """Read one frame and check it against the model.
 
-        Raises `InputError` for a missing or unreadable file, a missing key, another shape, or a value that
-        is not finite.  A static offset without FLAME's teeth leaves them where they are.
+        Args:
+            file: The .npz file. A static offset without FLAME's teeth does not move them.
+            model: The head model.
+
+        Returns:
+            The parameters; missing trailing coefficients are 0.
+
+        Raises:
+            InputError: If the file is missing or cannot be read, or an array is missing, of another shape, or not
+                finite.
         """
         file = Path(file)
-        try:
-            with np.load(file, allow_pickle=False) as archive:
-                arrays = {name: archive[name].astype(np.float64) for name in archive.files}
-        except FileNotFoundError as error:
-            raise InputError("no such head parameter file", file=file) from error
-        except (OSError, ValueError, EOFError) as error:
-            raise InputError(f"not a readable .npz ({error})", file=file) from error
+        with reading_arrays(file, "head parameter file"), np.load(file, allow_pickle=False) as archive:
+            arrays = {name: archive[name].astype(np.float64) for name in archive.files}
 
         def take(key: str, size: int, *, at_most: bool = False) -> np.ndarray:
-            if key not in arrays:
-                raise InputError("this parameter is missing", file=file, field=key)
-            value = arrays[key].reshape(-1)
+            value = checked_array(arrays, key, file=file).reshape(-1)
             if value.size != size and not (at_most and 0 < value.size < size):
                 raise InputError(f"{value.size} values, expected {size}", file=file, field=key)
-            if not np.isfinite(value).all():
-                raise InputError(
-                    f"value {int(np.flatnonzero(~np.isfinite(value))[0])} is not finite", file=file, field=key
-                )
             return np.pad(value, (0, size - value.size))
 
-        offset = None
+        offset, v = None, len(model.v_template)
         if "static_offset" in arrays:
-            offset = arrays["static_offset"]
-            v = len(model.v_template)
-            if v == WITH_TEETH[0] and offset.shape[-2:] == (FLAME[0], 3):
-                offset = np.concatenate([offset.reshape(-1, 3), np.zeros((ADDED[0], 3))])
+            offset = checked_array(arrays, "static_offset", file=file)
+            if v == FLAME_WITH_TEETH_COUNTS[0] and offset.shape[-2:] == (FLAME_COUNTS[0], 3):
+                offset = np.concatenate([offset.reshape(-1, 3), np.zeros((TEETH_COUNTS[0], 3))])
             if offset.shape[-2:] != (v, 3) or offset.size != v * 3:
                 raise InputError(f"shape {offset.shape}, the model has {v} vertices", file=file, field="static_offset")
             offset = offset.reshape(v, 3)
-            if not np.isfinite(offset).all():
-                vertex = int(np.flatnonzero(~np.isfinite(offset).all(axis=1))[0])
-                raise InputError(f"vertex {vertex} is not finite", file=file, field="static_offset")
         return cls(
             translation=take("translation", 3),
             rotation=take("rotation", 3),
@@ -81,7 +77,12 @@ class HeadParameters:
         )
 
     def save(self, file: str | Path, model: HeadModel) -> None:
-        """Write the npz layout that `load` and the field's tools read."""
+        """Write the npz layout that `load` and the tools of GaussianAvatars read.
+
+        Args:
+            file: File to create or replace.
+            model: The head model, for the shape of a missing static offset.
+        """
         offset = np.zeros(model.v_template.shape) if self.static_offset is None else self.static_offset
         np.savez(
             file,

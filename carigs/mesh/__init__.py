@@ -2,9 +2,17 @@
 
 - `clean_mesh`: repair an input mesh and map results back to it
 - `check_mesh`: raise a typed error for a mesh that cannot be used
+- `CotanLaplacian`: the discrete Laplace-Beltrami operator
+- `vertex_normals`, `smoothstep`: used by several rooms
+- `carigs.mesh.curvature`: Gaussian curvature
+- `carigs.mesh.linear_solver`: factorised systems, and the Poisson equation
+- `carigs.mesh.regions`: named parts of a surface as smooth fields
 """
 
-from carigs.mesh.repair import CleanMesh, MeshReport, clean_mesh
-from carigs.mesh.triangle_mesh import check_mesh
+from carigs.mesh.cotan_laplacian import CotanLaplacian
+from carigs.mesh.repair import CleanMesh, clean_mesh
+from carigs.mesh.smoothstep import smoothstep
+from carigs.mesh.triangle_mesh import vertex_normals
+from carigs.mesh.validation import check_mesh
 
-__all__ = ["CleanMesh", "MeshReport", "check_mesh", "clean_mesh"]
+__all__ = ["CleanMesh", "CotanLaplacian", "check_mesh", "clean_mesh", "smoothstep", "vertex_normals"]

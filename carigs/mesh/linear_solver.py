@@ -1,25 +1,27 @@
-"""Symmetric positive definite systems: factorised once for many right-hand sides, or iterated for one.
+"""Solvers of symmetric positive definite systems: sparse factorisation, conjugate gradients, the Poisson equation.
 
-The factors are cholespy's Cholesky where that is installed (the extra `fast`), else SciPy's LU.
+Factorisation uses cholespy's Cholesky solver if it is installed (the extra `fast`), otherwise SciPy's SuperLU.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import SuperLU, splu
 from threadpoolctl import ThreadpoolController
 
 COLUMNS = 16
-"""SuperLU solves for so many right-hand sides at once."""
+"""Number of right-hand sides that SuperLU solves at once."""
 _BLAS = ThreadpoolController().select(user_api="blas")
-"""Held to one thread meanwhile: on the small products of a solve, threads wait longer than they work."""
+"""Limited to one thread during a solve: its matrix products are too small for several."""
 
 MINIMUM_DEGREE = 30_000
-"""Rows up to which unknowns are eliminated in the order of the symmetric minimum degree: its factors of heads hold 28
-to 42 % less than those of COLAMD, SuperLU's own.  At 80 000 both cost the same, and at 320 000 SciPy's search for that
-order takes minutes."""
+"""Number of rows up to which SuperLU orders by minimum degree on A^T + A.
+
+For heads this leaves 28 to 42 % fewer entries in the factors than COLAMD, SuperLU's default. At 80 000 rows both cost
+the same, and at 320 000 the ordering takes minutes.
+"""
 SYMMETRIC = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
 
 try:
@@ -29,25 +31,96 @@ except ImportError:  # the extra `fast`
 
 
 class CholeskySolver:
-    """The factors of a matrix (n, n); `solve` may be called as often as one likes."""
+    """A factorised symmetric positive definite matrix."""
 
     def __init__(self, matrix: csc_array) -> None:
+        """Factorise.
+
+        Args:
+            matrix: Symmetric positive definite matrix (n, n).
+        """
         if CholeskySolverD is None:
             self._lu = splu(matrix.tocsc(), **(SYMMETRIC if matrix.shape[0] <= MINIMUM_DEGREE else {}))
         else:
-            self._cholesky = CholeskySolverD(matrix.shape[0], *_coordinates(matrix), MatrixType.COO)
+            entries = matrix.tocoo()
+            rows, columns = entries.row.astype(np.int32), entries.col.astype(np.int32)
+            self._cholesky = CholeskySolverD(
+                matrix.shape[0], rows, columns, entries.data.astype(np.float64), MatrixType.COO
+            )
 
     def solve(self, right: Float[np.ndarray, "n c"]) -> Float[np.ndarray, "n c"]:
-        """The solutions for all columns of `right`."""
+        """Solve for all columns of a right-hand side.
+
+        Args:
+            right: Right-hand sides.
+
+        Returns:
+            Solutions, column by column.
+        """
         if CholeskySolverD is None:
             return solve_in_blocks(self._lu, right)
-        solved = np.zeros(right.shape)
-        self._cholesky.solve(np.ascontiguousarray(right), solved)
-        return solved
+        solution = np.zeros(right.shape)
+        self._cholesky.solve(np.ascontiguousarray(right), solution)
+        return solution
+
+
+class PoissonSolver:
+    """A factorised Poisson equation W u = b whose null space, one constant per component, is fixed by the centroids.
+
+    W is positive semi-definite, such as the cotan stiffness. One vertex of each component is pinned, which makes the
+    rest positive definite; each solution is then shifted so that the area-weighted mean of every component is 0.
+
+    This also solves the unconstrained least squares min |L u - b'|_A^2 with L = A^-1 W and b' = A^-1 b (paper,
+    equation 3): its residual is zero.
+    """
+
+    def __init__(
+        self,
+        matrix: csc_array,
+        components: Int[np.ndarray, " v"],
+        solved: Bool[np.ndarray, " v"],
+        areas: Float[np.ndarray, " v"],
+    ) -> None:
+        """Factorise.
+
+        Args:
+            matrix: The matrix W (v, v).
+            components: Label of the component of each vertex.
+            solved: Vertices to solve for: whole components. The solution is 0 at the others.
+            areas: Weights of the vertices in the means.
+        """
+        pinned = np.unique(components, return_index=True)[1]
+        self._free = np.setdiff1d(np.flatnonzero(solved), pinned)
+        self._factors = CholeskySolver(matrix[self._free][:, self._free].tocsc())
+        members = [np.flatnonzero(components == c) for c in np.unique(components[solved])]
+        self._mean_weights = [(ids, areas[ids] / areas[ids].sum()) for ids in members]
+
+    def solve(self, right: Float[np.ndarray, "v c"]) -> Float[np.ndarray, "v c"]:
+        """Solve for all columns of a right-hand side.
+
+        Args:
+            right: Right-hand sides, each of sum 0 on every component.
+
+        Returns:
+            Solutions, column by column.
+        """
+        solution = np.zeros_like(right)
+        solution[self._free] = self._factors.solve(right[self._free])
+        for ids, mean_weights in self._mean_weights:
+            solution[ids] -= mean_weights @ solution[ids]
+        return solution
 
 
 def solve_in_blocks(lu: SuperLU, right: Float[np.ndarray, "n c"]) -> Float[np.ndarray, "n c"]:
-    """The solutions for all columns of `right`, by SuperLU's factors."""
+    """Solve with SuperLU's factors, `COLUMNS` right-hand sides at a time.
+
+    Args:
+        lu: Factors of a matrix (n, n).
+        right: Right-hand sides.
+
+    Returns:
+        Solutions, column by column.
+    """
     with _BLAS.limit(limits=1):
         return np.concatenate([lu.solve(right[:, c : c + COLUMNS]) for c in range(0, right.shape[1], COLUMNS)], axis=1)
 
@@ -55,17 +128,26 @@ def solve_in_blocks(lu: SuperLU, right: Float[np.ndarray, "n c"]) -> Float[np.nd
 def conjugate_gradients(
     matrix: csc_array, right: Float[np.ndarray, " n"], start: Float[np.ndarray, " n"], most: int = 1000
 ) -> Float[np.ndarray, " n"] | None:
-    """The solution to about eleven digits, preconditioned by the diagonal; None if it takes more than `most` steps.
+    """Conjugate gradients, preconditioned by the diagonal (Saad 2003, algorithm 9.1).
 
-    SciPy's takes its sums from BLAS, whose digits depend on the number of threads, and which crawls on busy cores.
+    SciPy's implementation takes its sums from BLAS, whose digits depend on the number of threads.
+
+    Args:
+        matrix: Symmetric positive definite matrix (n, n).
+        right: Right-hand side.
+        start: Initial guess.
+        most: Maximum number of iterations.
+
+    Returns:
+        The solution to about eleven digits, or None if the iterations do not suffice.
     """
     inverse, x = 1 / matrix.diagonal(), start.copy()
     residual = right - matrix @ x
     direction = scaled = inverse * residual
     energy = (residual * scaled).sum()
-    enough = 1e-23 * (right * inverse * right).sum()
+    tolerance = 1e-23 * (right * inverse * right).sum()
     for _ in range(most):
-        if energy <= enough:
+        if energy <= tolerance:
             return x
         image = matrix @ direction
         step = energy / (direction * image).sum()
@@ -75,8 +157,3 @@ def conjugate_gradients(
         previous, energy = energy, (residual * scaled).sum()
         direction = scaled + energy / previous * direction
     return None
-
-
-def _coordinates(matrix: csc_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    entries = matrix.tocoo()
-    return entries.row.astype(np.int32), entries.col.astype(np.int32), entries.data.astype(np.float64)

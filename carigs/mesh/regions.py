@@ -1,4 +1,4 @@
-"""Parts of a surface that have a level of their own: masks, vertex lists and painted scalars as numbers."""
+"""Regions of a surface: vertex lists, masks and painted scalars as smooth fields on the vertices."""
 
 from __future__ import annotations
 
@@ -10,55 +10,82 @@ from jaxtyping import Bool, Float
 from scipy.sparse import csc_array, diags_array
 
 from carigs.errors import SettingsError
-from carigs.mesh.ambient_occlusion import smoothstep
 from carigs.mesh.linear_solver import CholeskySolver
+from carigs.mesh.smoothstep import smoothstep
 
 RAMP = 0.04
-"""Width of the border over which a region's level fades out, in head sizes."""
-
-
-SHORT = 3
-"""Distances are measured by heat that spreads over this part of the ramp."""
+"""Width of the border over which a region's field falls from 1 to 0, in head sizes."""
+DIFFUSION_LENGTH = RAMP / 3
+"""sqrt(t) of the heat step that distances are computed from, in head sizes."""
 
 
 class Regions:
-    """The parts of one surface by name, and how far every vertex is from a part."""
+    """Named regions of one surface as smooth fields, and distances along the surface."""
 
     def __init__(
         self, named: Mapping[str, np.ndarray], areas: Float[np.ndarray, " v"], stiffness: csc_array, size: float
     ) -> None:
-        """`areas` and `stiffness` are the surface's own; `size` is the head's."""
+        """Keep the regions of a surface.
+
+        Args:
+            named: Regions by name, each in one of the forms that `vertex_field` takes.
+            areas: Mixed Voronoi areas of the surface.
+            stiffness: Cotan stiffness of the surface (v, v).
+            size: Size of the head, in the unit of the vertices.
+        """
         self.named, self._areas, self._stiffness, self._size = dict(named), areas, stiffness, size
 
     def field(self, region: str | np.ndarray | Sequence[int], ramp: bool = True) -> Float[np.ndarray, " v"]:
-        """A region as a smooth number in [0, 1] per vertex: 1 inside, fading out over a border around it.
+        """Smooth field of a region: 1 inside, falling to 0 over a border of width `RAMP` around it.
 
-        `region` is a name, a list of vertices, a mask (v,) of booleans, or a painted scalar (v,) in [0, 1], which stays
-        as it was painted.
+        Args:
+            region: A name, vertex indices, a boolean mask (v,), or a painted scalar (v,) in [0, 1]; the latter is
+                returned as it is.
+            ramp: Whether to add the border.
+
+        Returns:
+            Values in [0, 1].
+
+        Raises:
+            SettingsError: If the region is unknown or not valid.
         """
-        values = vertex_field(named(self.named, region) if isinstance(region, str) else region, len(self._areas))
-        painted = ((values > 0) & (values < 1)).any()
-        return values if painted or not ramp else 1 - smoothstep(self.distance(values > 0), 0, RAMP)
+        values = vertex_field(find_region(self.named, region) if isinstance(region, str) else region, len(self._areas))
+        is_painted = ((values > 0) & (values < 1)).any()
+        return values if is_painted or not ramp else 1 - smoothstep(self.distance(values > 0), 0, RAMP)
 
     def distance(self, inside: Bool[np.ndarray, " v"]) -> Float[np.ndarray, " v"]:
-        """About the distance along the surface from the vertices `inside`, in head sizes, smooth (Varadhan's formula).
+        """Approximate geodesic distance from a set of vertices, smooth.
 
-        One implicit step of time t spreads heat as exp(-d / sqrt(t)) / 2 beyond a straight border.
+        One implicit heat step of time t spreads heat as h = exp(-d / sqrt(t)) / 2 beyond a straight border, hence
+        d = -sqrt(t) ln(2 h) (Varadhan 1967; Crane et al. 2013).
+
+        Args:
+            inside: The vertices with distance 0.
+
+        Returns:
+            Distances in head sizes.
         """
-        heat = self._spread.solve((self._areas * inside)[:, None])[:, 0]
-        return np.where(inside, 0.0, np.maximum(0.0, -RAMP / SHORT * np.log(np.maximum(2 * heat, 1e-300))))
+        heat = self._heat_step.solve((self._areas * inside)[:, None])[:, 0]
+        return np.where(inside, 0.0, np.maximum(0.0, -DIFFUSION_LENGTH * np.log(np.maximum(2 * heat, 1e-300))))
 
     @cached_property
-    def _spread(self) -> CholeskySolver:
-        time = (RAMP / SHORT * self._size) ** 2
+    def _heat_step(self) -> CholeskySolver:
+        time = (DIFFUSION_LENGTH * self._size) ** 2
         return CholeskySolver((diags_array(self._areas) + time * self._stiffness).tocsc())
 
 
 def vertex_field(region: np.ndarray | Sequence[int], v: int) -> Float[np.ndarray, " v"]:
-    """A region as a number in [0, 1] for each of `v` vertices.
+    """Convert a region to a value in [0, 1] at each vertex.
 
-    Raises `SettingsError` unless it is a mask of `v` booleans, `v` floating-point numbers in [0, 1], or a list of
-    vertices; and for one that holds none.
+    Args:
+        region: Vertex indices, a boolean mask (v,), or floating-point numbers (v,) in [0, 1].
+        v: Number of vertices.
+
+    Returns:
+        1 inside and 0 outside, or the given numbers.
+
+    Raises:
+        SettingsError: If the region has another form, or holds no vertex.
     """
     region = np.asarray(region)
     if region.size == 0:
@@ -78,10 +105,18 @@ def vertex_field(region: np.ndarray | Sequence[int], v: int) -> Float[np.ndarray
     return field
 
 
-def named(regions: Mapping[str, np.ndarray], name: str) -> np.ndarray:
-    """The region of a name; `ears` stands for left_ear and right_ear together.
+def find_region(regions: Mapping[str, np.ndarray], name: str) -> np.ndarray:
+    """Look up a region; a plural such as `ears` stands for the union of `left_ear` and `right_ear`.
 
-    Raises `SettingsError` that says which there are and where they come from.
+    Args:
+        regions: Regions by name.
+        name: Name of a region, or plural of a pair.
+
+    Returns:
+        The region, in the form in which it is stored.
+
+    Raises:
+        SettingsError: If the name is unknown; the message lists the known names.
     """
     left, right = (f"{side}_{name.removesuffix('s')}" for side in ("left", "right"))
     if name not in regions and name.endswith("s") and left in regions and right in regions:
@@ -94,5 +129,12 @@ def named(regions: Mapping[str, np.ndarray], name: str) -> np.ndarray:
 
 
 def partition_of_unity(fields: Float[np.ndarray, "r v"]) -> Float[np.ndarray, "r v"]:
-    """The fields, scaled down where they overlap to more than 1."""
+    """Scale overlapping fields so that they sum to at most 1 at every vertex.
+
+    Args:
+        fields: One field per region, in [0, 1].
+
+    Returns:
+        The fields, divided by their sum where it exceeds 1.
+    """
     return fields / np.maximum(fields.sum(axis=0), 1.0)

@@ -1,6 +1,7 @@
-"""The door for meshes from anywhere: what can be mended is, what cannot be has a name, and results find their way back.
+"""Repair input meshes and map results back to the vertices of the input.
 
-Seams are welded at the boundary only: two closed surfaces that touch stay two.  Edges of no length are collapsed.
+Seams are welded along the boundary only, so two closed surfaces that touch stay separate. Edges of length zero are
+collapsed.
 """
 
 from __future__ import annotations
@@ -15,148 +16,166 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from carigs.errors import MeshError
-from carigs.mesh.triangle_mesh import (
-    NO_AREA,
-    boundary_vertices,
-    check_corners,
-    check_edges,
-    components,
-    diagonal,
-    face_areas,
-    signed_volume,
-)
+from carigs.mesh.triangle_mesh import boundary_vertices, components, diagonal, face_areas, signed_volume
+from carigs.mesh.validation import MIN_AREA, check_corners, check_edges
 
-OUTWARDS = 1e-3
-"""In (area)^1.5: components that enclose less are sheets, which have no inside."""
+MIN_ENCLOSED_VOLUME = 1e-3
+"""In units of area^1.5: a component that encloses less is a sheet, which has no outside."""
 
 
 @dataclass(frozen=True)
 class MeshReport:
-    """What was found and mended."""
+    """Counts of what an input mesh contained and of what was repaired."""
 
     vertices: int
     faces: int
     unused_vertices: int
-    """Belong to no face: they do not move."""
+    """Vertices of no face; they are not moved."""
     welded_vertices: int
-    """Lie on another one's place, as along a texture's seam, and move with it."""
+    """Vertices merged with another one at the same position, as along a texture seam; they move with it."""
     repeated_corners: int
-    """Faces with the same vertex twice, left out, as are the next two."""
+    """Faces removed because a vertex occurs twice in them."""
     without_area: int
+    """Faces removed because they have no area."""
     duplicate_faces: int
+    """Faces removed because another one has the same corners."""
     turned_faces: int
-    """Had their corners in the other order than their neighbours, or faced inwards."""
+    """Faces reversed because they disagreed with their neighbours or faced inwards."""
     components: int
     boundary_loops: int
 
     def __str__(self) -> str:
-        found = asdict(self)
-        mended = {name: n for name, n in found.items() if n and name not in ("vertices", "faces")}
-        details = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in mended.items())
+        counts = {name: n for name, n in asdict(self).items() if n and name not in ("vertices", "faces")}
+        details = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in counts.items())
         return f"{self.vertices} vertices, {self.faces} faces: {details}"
 
 
 @dataclass(frozen=True)
 class CleanMesh:
-    """A mesh that `check_mesh` accepts, and where its vertices come from."""
+    """A mesh that `check_mesh` accepts, with the map from the vertices of the input."""
 
     vertices: Float[np.ndarray, "v 3"]
     faces: Int[np.ndarray, "f 3"]
-    of_given: Int[np.ndarray, "g"]
-    """The vertex here of every vertex given; -1 where that was not used."""
+    vertex_map: Int[np.ndarray, "g"]
+    """Index in `vertices` of each vertex of the input; -1 for vertices that no face uses."""
     report: MeshReport
 
-    def to_given(self, displacement: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "g 3"]:
-        """Displacements of the vertices as they were given; unused ones stay."""
-        return np.where(self.of_given[:, None] >= 0, displacement[self.of_given], 0.0)
+    def to_input(self, displacement: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "g 3"]:
+        """Map displacements to the vertices of the input.
 
-    def from_given(self, values: Float[np.ndarray, " g"]) -> Float[np.ndarray, " v"]:
-        """Numbers per vertex as given, such as a painted region; the largest of those that became one vertex."""
-        used = self.of_given >= 0
-        here = np.full(len(self.vertices), -np.inf)
-        np.maximum.at(here, self.of_given[used], values[used])
-        return here
+        Args:
+            displacement: Displacement of each vertex of this mesh.
+
+        Returns:
+            Displacement of each vertex of the input, in the same unit; 0 for unused vertices.
+        """
+        return np.where(self.vertex_map[:, None] >= 0, displacement[self.vertex_map], 0.0)
+
+    def from_input(self, values: Float[np.ndarray, " g"]) -> Float[np.ndarray, " v"]:
+        """Map values, such as a painted region, from the vertices of the input.
+
+        Args:
+            values: A value at each vertex of the input.
+
+        Returns:
+            A value at each vertex of this mesh: the largest one of the vertices that were welded.
+        """
+        used = self.vertex_map >= 0
+        mapped = np.full(len(self.vertices), -np.inf)
+        np.maximum.at(mapped, self.vertex_map[used], values[used])
+        return mapped
 
 
 def clean_mesh(vertices: np.ndarray, faces: np.ndarray, weld: float = 1e-7) -> CleanMesh:
-    """Weld, drop and turn until the mesh is one that can be solved on.
+    """Weld seams, remove unusable vertices and faces, and orient the faces consistently.
 
-    `weld` is the largest distance of vertices that are one, in bounding box diagonals of the used vertices.  Raises
-    `MeshError` with the numbers of the mesh as given: for wrong shapes, corners that are no vertices or not finite, no
-    face that is left, and edges of three or more faces.
+    Args:
+        vertices: Positions (g, 3), in any unit.
+        faces: Vertex indices (f, 3).
+        weld: Largest distance of vertices that are welded, in bounding box diagonals of the used vertices.
+
+    Returns:
+        The repaired mesh.
+
+    Raises:
+        MeshError: If the shapes are wrong, a corner is no vertex or not finite, no face with an area is left, or an
+            edge belongs to three or more faces. The message uses the indices of the input.
+
+    Example:
+        >>> clean = clean_mesh(mesh.vertices, mesh.faces)
+        >>> displacement = Exaggerator(clean.vertices, clean.faces).solve(0.25)
+        >>> caricature = mesh.vertices + clean.to_input(displacement)
     """
     vertices, faces = np.asarray(vertices), np.asarray(faces)
     check_corners(vertices, faces)
-    given, faces_given = np.asarray(vertices, np.float64), faces.astype(np.int64)
-    proper = faces_given[(np.roll(faces_given, 1, axis=1) != faces_given).all(axis=1)]
-    faces = _single(proper)  # or the boundary would not be seen where a face beside it lies twice
-    extent = diagonal(given[np.unique(faces)]) if len(faces) else 0.0
-    first = _welded(given, faces, weld * extent)
-    welded = first[faces]
-    whole = (np.roll(welded, 1, axis=1) != welded).all(axis=1)
-    with_area = whole & (face_areas(given, welded) > NO_AREA * extent**2)
-    kept = welded[with_area]
-    if len(kept) == 0:
-        raise MeshError(f"none of the {len(faces_given)} faces has an area")
-    single = _single(kept)
-    duplicates, kept = len(proper) - len(faces) + len(kept) - len(single), single
+    positions, input_faces = np.asarray(vertices, np.float64), faces.astype(np.int64)
+    proper = input_faces[(np.roll(input_faces, 1, axis=1) != input_faces).all(axis=1)]
+    faces = _unique_faces(proper)  # a duplicate face would hide the boundary beside it
+    extent = diagonal(positions[np.unique(faces)]) if len(faces) else 0.0
+    representative = _weld(positions, faces, weld * extent)
+    welded = representative[faces]
+    is_proper = (np.roll(welded, 1, axis=1) != welded).all(axis=1)
+    has_area = is_proper & (face_areas(positions, welded) > MIN_AREA * extent**2)
+    if not has_area.any():
+        raise MeshError(f"none of the {len(input_faces)} faces has an area")
+    kept = _unique_faces(welded[has_area])
     check_edges(kept)
-    used, corner = np.unique(kept, return_inverse=True)
-    clean, corner = given[used], corner.reshape(-1, 3)
-    turned, count = _turn(clean, corner)
-    place = np.full(len(given), -1)
-    place[used] = np.arange(len(used))
-    of_given = place[first]
+    used, corners = np.unique(kept, return_inverse=True)
+    clean_vertices, corners = positions[used], corners.reshape(-1, 3)
+    oriented, num_turned = _orient(clean_vertices, corners)
+    new_index = np.full(len(positions), -1)
+    new_index[used] = np.arange(len(used))
+    vertex_map = new_index[representative]
     report = MeshReport(
-        vertices=len(given),
-        faces=len(faces_given),
-        unused_vertices=int((of_given < 0).sum()),
-        welded_vertices=int((first != np.arange(len(given))).sum()),
-        repeated_corners=len(faces_given) - len(proper) + int((~whole).sum()),
-        without_area=int((whole & ~with_area).sum()),
-        duplicate_faces=duplicates,
-        turned_faces=count,
-        components=int(components(turned, len(clean)).max()) + 1,
-        boundary_loops=len(igl.boundary_loop_all(turned)),
+        vertices=len(positions),
+        faces=len(input_faces),
+        unused_vertices=int((vertex_map < 0).sum()),
+        welded_vertices=int((representative != np.arange(len(positions))).sum()),
+        repeated_corners=len(input_faces) - len(proper) + int((~is_proper).sum()),
+        without_area=int((is_proper & ~has_area).sum()),
+        duplicate_faces=len(proper) - len(faces) + int(has_area.sum()) - len(kept),
+        turned_faces=num_turned,
+        components=int(components(oriented, len(clean_vertices)).max()) + 1,
+        boundary_loops=len(igl.boundary_loop_all(oriented)),
     )
-    return CleanMesh(clean, turned, of_given, report)
+    return CleanMesh(clean_vertices, oriented, vertex_map, report)
 
 
-def _single(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "g 3"]:
-    """The first of the faces that have the same corners."""
-    # As numbers they are compared several times faster than as rows.
+def _unique_faces(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "g 3"]:
+    """Remove faces that have the same corners as an earlier one."""
+    # Corners are encoded as integers, which are compared several times faster than rows.
     (a, b, c), n = np.sort(faces, axis=1).T, int(faces.max(initial=0)) + 1
     pair = np.unique(a * n + b, return_inverse=True)[1]
     return faces[np.sort(np.unique(pair * n + c, return_index=True)[1])]
 
 
-def _welded(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], reach: float) -> Int[np.ndarray, "v"]:
-    """For every vertex the first of those that are one with it."""
-    first = np.arange(len(vertices))
-    boundary = np.flatnonzero(boundary_vertices(faces, len(vertices))) if len(faces) else first[:0]
+def _weld(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], reach: float) -> Int[np.ndarray, "v"]:
+    """Index of the first of the vertices that each vertex is welded with."""
+    identity = np.arange(len(vertices))
+    boundary = np.flatnonzero(boundary_vertices(faces, len(vertices))) if len(faces) else identity[:0]
     seams = boundary[cKDTree(vertices[boundary]).query_pairs(reach, output_type="ndarray")] if len(boundary) else []
-    # The slivers beside such an edge have no area: left out, they would leave a crack.
+    # The slivers beside a short edge have no area; removing them without collapsing the edge would leave a crack.
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     short = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1) <= reach
     pairs = np.concatenate([np.reshape(seams, (-1, 2)), edges[short]]).astype(np.int64)
     if len(pairs) == 0:
-        return first
+        return identity
     graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(vertices),) * 2)
     group = connected_components(graph, directed=False)[1]
     return np.unique(group, return_index=True)[1][group]
 
 
-def _turn(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> tuple[Int[np.ndarray, "f 3"], int]:
-    """Neighbours in the same order; components that enclose something outwards, sheets as most of them was."""
-    agreeing, patch = igl.bfs_orient(faces)
-    agreeing = agreeing.astype(np.int64)  # from C's long long, which NumPy tells apart
+def _orient(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> tuple[Int[np.ndarray, "f 3"], int]:
+    """Orient neighbours alike, closed components outwards, and sheets as most of their area was; count the changes."""
+    oriented, patch = igl.bfs_orient(faces)
+    oriented = oriented.astype(np.int64)  # igl returns C's long long, a distinct NumPy type
     areas = face_areas(vertices, faces)
-    same = agreeing[:, 0] == faces[:, 0]  # a face is turned by reversing its row
+    unchanged = oriented[:, 0] == faces[:, 0]  # a face is reversed by reversing its row
     for p in range(int(patch.max()) + 1):
-        inside = np.flatnonzero(patch == p)
-        volume, area = signed_volume(vertices, agreeing[inside]), areas[inside].sum()
-        enclosing = abs(volume) > OUTWARDS * area**1.5
-        most = areas[inside][same[inside]].sum() >= area / 2
-        if (volume < 0) if enclosing else not most:
-            agreeing[inside] = agreeing[inside][:, ::-1]
-    return agreeing, int((agreeing[:, 0] != faces[:, 0]).sum())
+        members = np.flatnonzero(patch == p)
+        volume, area = signed_volume(vertices, oriented[members]), areas[members].sum()
+        is_closed = abs(volume) > MIN_ENCLOSED_VOLUME * area**1.5
+        mostly_unchanged = areas[members][unchanged[members]].sum() >= area / 2
+        if (volume < 0) if is_closed else not mostly_unchanged:
+            oriented[members] = oriented[members][:, ::-1]
+    return oriented, int((oriented[:, 0] != faces[:, 0]).sum())

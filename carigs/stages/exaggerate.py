@@ -10,8 +10,8 @@ import trimesh
 from carigs.capture import Capture
 from carigs.errors import InputError
 from carigs.exaggeration import straight_path
-from carigs.head import caricature, neutral
-from carigs.head.teeth import add_teeth, skin
+from carigs.head import neutral, subject_gamma_path
+from carigs.head.teeth import add_teeth, skin_counts
 from carigs.settings import Exaggerate
 
 
@@ -22,10 +22,10 @@ def exaggerate(settings: Exaggerate, *, capture: Path, path: Path) -> None:
     parameters = [subject.parameters(timestep) for timestep in timesteps]
     vertices, faces = neutral(subject.model, parameters[0]), subject.model.faces
     if settings.source == "poisson":
-        solved = caricature(subject.model, vertices, settings, parameters)
+        solved = subject_gamma_path(subject.model, vertices, settings, parameters)
     else:
         file = Path(settings.file.replace("{gamma}", f"{settings.gamma:g}"))
-        v, f = skin(len(vertices), len(faces))
+        v, f = skin_counts(len(vertices), len(faces))
         given = read_displacement(file, vertices, v)
         whole = len(given) == len(vertices)
         solved = straight_path(vertices[: len(given)], faces if whole else faces[:f], given, settings.gamma)

@@ -13,7 +13,7 @@ from carigs.capture.images import read_rgb
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration import GammaPath
 from carigs.files import writing_folder
-from carigs.head import exaggerator
+from carigs.head import subject_exaggerator
 from carigs.head.teeth import without_teeth
 from carigs.settings import Exaggerate, Figures
 from evaluation.figures.blend_error import blend_errors, plot_blend_errors, write_blend_errors
@@ -94,7 +94,7 @@ def _blend_error(folder: Path, path: GammaPath, subject: Capture, samples: int) 
         (folder / "blend_error.txt").write_text("The caricature comes from a file: there is no exact path.\n")
         return
     settings = Exaggerate(**path.report.get("settings", {}))
-    head = exaggerator(subject.model, path.neutral, settings)
+    head = subject_exaggerator(subject.model, path.neutral, settings)
 
     def exact(level: float) -> np.ndarray:
         # Along the path, regions keep their proportion to the rest.

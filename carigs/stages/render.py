@@ -40,7 +40,7 @@ def render(
     subject, gamma_path, person = Capture.load(capture), GammaPath.load(path), load_avatar(avatar)
     if not 0 <= level <= gamma_path.gamma_f:
         raise SettingsError(f"level {level:g} lies outside the path's [0, {gamma_path.gamma_f:g}]")
-    person.performance.path = gamma_path
+    person.sequence.path = gamma_path
     views, cameras = _views(settings, subject, level)
     entries = []
     with writing_folder(frames) as part:

@@ -43,14 +43,14 @@ def train(
     from carigs.splat.training.trainer import COLUMNS, train_surfels
 
     subject, gamma_path = Capture.load(capture), GammaPath.load(path)
-    performance = head_sequence(subject, gamma_path)
+    sequence = head_sequence(subject, gamma_path)
     sets = [read_targets(index, subject) for index in targets or ()]
     if sets and settings.relight_surfels:
-        performance.shading = load_shading(sets[-1].folder / "shading.npz")  # one light for all levels
+        sequence.shading = load_shading(sets[-1].folder / "shading.npz")  # one light for all levels
     supervision = Supervision(subject, sets if settings.gtstar_probability > 0 else (), settings.mask_flags)
     checkpoint = avatar.with_suffix(".checkpoint")
-    surfels, rows = train_surfels(settings, performance, supervision, checkpoint)
-    trained = Avatar(surfels, performance, settings.rig, settings.rotate_harmonics, subject.background)
+    surfels, rows = train_surfels(settings, sequence, supervision, checkpoint)
+    trained = Avatar(surfels, sequence, settings.rig, settings.rotate_harmonics, subject.background)
     with writing(log) as part, part.open("w", newline="") as stream:
         writer = csv.writer(stream)
         writer.writerow(COLUMNS)

@@ -25,7 +25,7 @@ from carigs.settings import Train
 from carigs.simd.threads import use_threads
 from carigs.splat.avatar import Avatar
 from carigs.splat.rig.head_sequence import HeadSequence, head_sequence
-from carigs.splat.training.checkpoint import State
+from carigs.splat.training.checkpoint import TrainingState
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
 from evaluation.metrics.image_quality import psnr
@@ -58,7 +58,7 @@ class Watch:
         self.rows: list[Look] = []
         self.seconds, self.started = 0.0, time.perf_counter()
 
-    def __call__(self, state: State) -> None:
+    def __call__(self, state: TrainingState) -> None:
         """Count the time of the step; compare if this is the moment."""
         self.seconds += time.perf_counter() - self.started
         if state.iteration in self.moments:

@@ -26,10 +26,10 @@ from carigs.head import pose
 from carigs.splat.colour.appearance import seen_colour
 from carigs.splat.rasterizer.rasterize import OUTPUTS, WorldSurfels, rasterize
 from carigs.splat.rig.rig import face_motion
-from carigs.splat.rig.skinning import skin
+from carigs.splat.rig.skinning import jacobian_blend_skinning
 from carigs.splat.surfels.initialization import place
 from carigs.splat.surfels.surfels import Surfels, flat_discs
-from carigs.splat.training.photometric_loss import photometric
+from carigs.splat.training.photometric_loss import photometric_loss
 from evaluation.benchmarks.chart import plot
 from evaluation.benchmarks.clocks import (
     KERNELS,
@@ -115,7 +115,7 @@ def kernel_rows(
 def torch_photometric(
     image: Float[Tensor, "3 h w"], target: Float[Tensor, "3 h w"], share: float = 0.2
 ) -> Float[Tensor, ""]:
-    """`photometric` in torch, the fastest way we know: a separable filter on a stack of all channels and moments."""
+    """`photometric_loss` in torch, the fastest we know: a separable filter on a stack of all channels and moments."""
     offsets = torch.arange(-5, 6)
     taps = torch.exp(-(offsets**2) / (2 * 1.5**2))
     taps = (taps / taps.sum()).expand(15, 1, 1, 11)
@@ -142,7 +142,7 @@ def loss_rows(width: int, height: int, repeats: int) -> Iterator[Measurement]:
         in_memory = target.permute(1, 2, 0).contiguous()
         works = {
             # As the trainer has them: the image's planes from the rasteriser, the target from a file.
-            "fused": lambda y=in_memory: torch.autograd.grad(photometric(image.permute(1, 2, 0), y), image),
+            "fused": lambda y=in_memory: torch.autograd.grad(photometric_loss(image.permute(1, 2, 0), y), image),
             "torch": lambda y=target: torch.autograd.grad(torch_photometric(image, y), image),
         }
         with threads(2):
@@ -171,10 +171,10 @@ def skinning_rows(subdivisions: int, repeats: int) -> Iterator[Measurement]:
 
     def measured(surfels: Surfels) -> dict[str, float]:
         leaves = [value for name, value in surfels.attributes() if name not in ("colour", "harmonics")]
-        direction = skin(surfels, rig, motion, eye=eye).direction.detach().requires_grad_(True)
+        direction = jacobian_blend_skinning(surfels, rig, motion, eye=eye).direction.detach().requires_grad_(True)
         painted = surfels.colour, surfels.harmonics, direction
         return clocked(
-            "skinning", lambda: skin(surfels, rig, motion, eye=np.array([0.0, 0.0, 1.0])), *leaves
+            "skinning", lambda: jacobian_blend_skinning(surfels, rig, motion, eye=np.array([0.0, 0.0, 1.0])), *leaves
         ) | clocked("colours", lambda: (seen_colour(*painted, shade, surfels.binding),), *painted)
 
     works = {"lanes": surfels, "loops": Surfels(**doubles, binding=surfels.binding)}

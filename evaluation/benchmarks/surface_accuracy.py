@@ -12,12 +12,12 @@ from jaxtyping import Float, Int
 from omegaconf import OmegaConf
 
 from carigs.config import compose
-from carigs.exaggeration import Exaggerator, GammaPath, with_blendshapes
+from carigs.exaggeration import Exaggerator, GammaPath, transfer_blendshapes
 from carigs.exaggeration.blend_bound import blend_bounds
-from carigs.exaggeration.blendshape_transfer import SHARES
+from carigs.exaggeration.blendshape_transfer import TRANSFER_FACTORS
 from carigs.head import HeadModel, HeadParameters, neutral
 from carigs.mesh.cotan_laplacian import CotanLaplacian, mixed_voronoi_areas
-from carigs.mesh.curvature import angle_defects, heat_smoothed
+from carigs.mesh.curvature import angle_defects, diffuse_heat
 from carigs.mesh.triangle_mesh import boundary_vertices, diagonal, size
 from carigs.settings import Exaggerate
 from evaluation.benchmarks.measurements import Measurement, seconds
@@ -103,7 +103,7 @@ def _estimates(
     stiffness = CotanLaplacian(vertices, faces).stiffness()
     estimates = {"angle defect, mixed Voronoi": defects / areas, "angle defect, barycentric": defects / thirds}
     for share in (0.005, 0.02):
-        smooth = heat_smoothed(defects / areas, areas, stiffness, (share * size(vertices, faces)) ** 2)
+        smooth = diffuse_heat(defects / areas, areas, stiffness, (share * size(vertices, faces)) ** 2)
         estimates[f"the first, heat {100 * share:g} %"] = smooth
     _, _, highest, lowest, *_ = igl.principal_curvature(vertices, faces)
     return {**estimates, "quadric fit (libigl)": highest * lowest}
@@ -146,7 +146,7 @@ def random_person(model: HeadModel, seed: int) -> Float[np.ndarray, "v 3"]:
 
 
 def lid_rows(
-    model: HeadModel, people: int, presets: Sequence[str] = PRESETS, transports: Sequence[str] = tuple(SHARES)
+    model: HeadModel, people: int, presets: Sequence[str] = PRESETS, transports: Sequence[str] = tuple(TRANSFER_FACTORS)
 ) -> Iterator[Measurement]:
     """How far lids close under a full blink at GAMMA, for random people; the reference is the natural closure.
 
@@ -168,8 +168,8 @@ def lid_rows(
             path = solver.path(GAMMA)
             for transport in transports:
                 solver.settings = replace(solver.settings, blendshape_transfer=transport)
-                caricature = with_blendshapes(path, solver, blinks, np.arange(2)).at(GAMMA)
+                caricature = transfer_blendshapes(path, solver, blinks, np.arange(2)).at(GAMMA)
                 moved = head + caricature.displacement
-                closed = 1 - gap(moved + blinks.sum(axis=0) + caricature.change(np.ones(2))) / gap(moved)
+                closed = 1 - gap(moved + blinks.sum(axis=0) + caricature.blendshape_change(np.ones(2))) / gap(moved)
                 case = f"person {seed}, {name}"
                 yield Measurement(case, f"lids closed by a blink, {transport}", "gap", closed, natural)

@@ -61,7 +61,7 @@ def size_rows(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"])
 
 def order_rows(case: str, solver: Exaggerator, repeats: int = 5) -> Iterator[Measurement]:
     """The symmetric minimum degree on a head's own system, air included; the references are COLAMD's."""
-    inside = np.flatnonzero(solver.solved)[1:]
+    inside = np.flatnonzero(solver.solved_vertices)[1:]
     matrix = solver.system[inside][:, inside].tocsc()
     entries = [float(splu(matrix, **order).nnz) for order in (SYMMETRIC, {})]
     times = [

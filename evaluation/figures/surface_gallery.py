@@ -1,4 +1,4 @@
-"""Every preset on every mesh, and lids under every transport, in clay: the pictures of docs/surface.md.
+"""Every preset on every mesh, and lids under every transport, in clay: the pictures of docs/exaggeration.md.
 
 python -m evaluation.figures.surface_gallery docs/images head.obj ... --head-model ict_model.npz
 """
@@ -12,8 +12,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from carigs.exaggeration import Exaggerator, with_blendshapes
-from carigs.exaggeration.blendshape_transfer import SHARES
+from carigs.exaggeration import Exaggerator, transfer_blendshapes
+from carigs.exaggeration.blendshape_transfer import TRANSFER_FACTORS
 from carigs.head import HeadModel, HeadParameters, neutral
 from carigs.mesh.triangle_mesh import size
 from evaluation.benchmarks.surface import Mesh, read_heads
@@ -45,11 +45,11 @@ def lids(file: Path, model: HeadModel) -> None:
     solver = Exaggerator(head, model.faces, preset("robust"))
     path = solver.path(GAMMA)
     shown = {"natural, eyes closed": head + blinks.sum(axis=0)}
-    for transport in SHARES:
+    for transport in TRANSFER_FACTORS:
         solver.settings = replace(solver.settings, blendshape_transfer=transport)
-        caricature = with_blendshapes(path, solver, blinks, np.arange(2)).at(GAMMA)
+        caricature = transfer_blendshapes(path, solver, blinks, np.arange(2)).at(GAMMA)
         moved = head + caricature.displacement
-        shown[f"{GAMMA:g}, {transport}"] = moved + blinks.sum(axis=0) + caricature.change(np.ones(2))
+        shown[f"{GAMMA:g}, {transport}"] = moved + blinks.sum(axis=0) + caricature.blendshape_change(np.ones(2))
     faces = model.faces[model.vertex_region("eye_region", "left_eyeball", "right_eyeball")[model.faces].all(axis=1)]
     used, corners = np.unique(faces, return_inverse=True)
     clay_sheet(file, {name: vertices[used] for name, vertices in shown.items()}, corners.reshape(-1, 3))

@@ -51,7 +51,7 @@ def shape_checks(case: str, solver: Exaggerator) -> Iterator[Check]:
     yield Check(case, "level 0: largest displacement", float(np.abs(solver.solve(0.0)).max()), 0.0)
     turned = (face_normals(vertices, faces) * face_normals(moved, faces)).sum(axis=1) <= 0
     yield Check(case, "faces turned by 90 degrees or more", float(turned.sum()), 0.0)
-    skin = faces[solver.solved[faces].all(axis=1)]
+    skin = faces[solver.solved_faces]
     newly = cut_faces(moved, skin) - cut_faces(vertices, skin)
     yield Check(case, "faces that newly cut another, share", len(newly) / len(skin), 1e-3)
     for k, (before, after) in enumerate(zip(depths(vertices, solver), depths(moved, solver), strict=True), start=1):
@@ -74,11 +74,11 @@ def cut_faces(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"])
 def depths(vertices: Float[np.ndarray, "v 3"], solver: Exaggerator) -> list[float]:
     """How deep the skin reaches into each small component, in its radii."""
     found = []
-    for c in np.setdiff1d(solver.component, [solver.main]):
-        inside = solver.component == c
+    for c in np.setdiff1d(solver.component_labels, [solver.main_component]):
+        inside = solver.component_labels == c
         centre = vertices[inside].mean(axis=0)
         radius = np.linalg.norm(vertices[inside] - centre, axis=1).max()
-        skin = vertices[solver.solved & (np.linalg.norm(vertices - centre, axis=1) < 1.3 * radius)]
+        skin = vertices[solver.solved_vertices & (np.linalg.norm(vertices - centre, axis=1) < 1.3 * radius)]
         ball = np.asarray(solver.faces[inside[solver.faces].all(axis=1)])
         found.append(float(-igl.signed_distance(skin, vertices, ball)[0].min() / radius))
     return found
@@ -118,7 +118,7 @@ def region_checks(
     edges, _, sides = igl.edge_topology(vertices, np.asarray(faces, np.int64))
     sides = sides.astype(np.int64)  # from C's long long, which NumPy tells apart
     for mode, outside in (("soft", 1e-3), ("exact", 0.0)):
-        edit = Exaggerator(vertices, faces, Exaggerate(region_constraint=mode)).local(region)
+        edit = Exaggerator(vertices, faces, Exaggerate(region_constraint=mode)).local_edit(region)
         displacement = edit.solve(GAMMA)
         beyond = np.linalg.norm(displacement, axis=1)[edit.field == 0].max() / diagonal(vertices)
         yield Check(f"{case}, {mode}", "moved beyond the ramp, diagonals", float(beyond), outside)

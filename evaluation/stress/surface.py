@@ -69,7 +69,7 @@ def outcomes(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) 
         broken = case.damage(vertices.copy(), faces.copy())
         try:
             clean = clean_mesh(*broken)
-            moved = clean.to_given(Exaggerator(clean.vertices, clean.faces, SETTINGS).solve(GAMMA))
+            moved = clean.to_input(Exaggerator(clean.vertices, clean.faces, SETTINGS).solve(GAMMA))
         except CarigsError as error:
             yield Outcome(case.name, type(error).__name__, None, case.tolerance, str(error))
             continue

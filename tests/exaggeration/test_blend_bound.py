@@ -1,11 +1,9 @@
-"""The linear blend's error and its bounds, by theorem."""
-
-import os
-from pathlib import Path
+"""Error of the linear blend and its upper bounds, against theorems."""
 
 import numpy as np
 import pytest
 import trimesh
+from shared_data import DATA, needs_data
 from surfaces import PLAIN, RAW, bumpy, cap, sphere, torus
 
 from carigs.exaggeration import Exaggerator
@@ -14,13 +12,12 @@ from carigs.mesh.cotan_laplacian import CotanLaplacian, mixed_voronoi_areas
 from carigs.mesh.triangle_mesh import diagonal
 from carigs.settings import Exaggerate
 
-DATA = Path(os.environ.get("CARIGS_DATA", Path(__file__).parents[2] / "../shared/data"))
 LEVELS = np.linspace(0, 0.25, 6)
 
 
-def constant(vertices: np.ndarray, faces: np.ndarray, connected: int = 1) -> float:
+def constant(vertices: np.ndarray, faces: np.ndarray, num_components: int = 1) -> float:
     return poincare_constant(
-        CotanLaplacian(vertices, faces).stiffness(), mixed_voronoi_areas(vertices, faces), connected
+        CotanLaplacian(vertices, faces).stiffness(), mixed_voronoi_areas(vertices, faces), num_components
     )
 
 
@@ -31,7 +28,7 @@ def test_poincare_constant_of_a_sphere(radius):
 
 
 def test_poincare_constant_of_a_rectangle_and_of_two():
-    """A flat 2 x 1 rectangle with free boundary has lambda_1 = (pi / 2)^2; of two parts the larger one decides."""
+    """A flat 2 x 1 rectangle with free boundary has lambda_1 = (pi / 2)^2; of two components the larger one counts."""
     x, y = (a.ravel() for a in np.meshgrid(np.linspace(0, 2, 41), np.linspace(0, 1, 21)))
     i, j = (a.ravel() for a in np.meshgrid(np.arange(40), np.arange(20)))
     corner = i + 41 * j
@@ -39,11 +36,11 @@ def test_poincare_constant_of_a_rectangle_and_of_two():
     vertices = np.stack([x, y, 0 * x], axis=1)
     assert constant(vertices, faces) == pytest.approx(2 / np.pi, rel=1e-3)
     both = np.vstack([vertices, 0.5 * vertices + 9]), np.vstack([faces, faces + len(vertices)])
-    assert constant(*both, connected=2) == pytest.approx(2 / np.pi, rel=1e-3)
+    assert constant(*both, num_components=2) == pytest.approx(2 / np.pi, rel=1e-3)
 
 
 def check_order(bounds: list[BlendBound]) -> None:
-    """Error <= sharp bound <= uniform bound <= the paper's, all zero at both ends and none between."""
+    """Error <= weighted bound <= uniform bound <= the paper's bound; all are 0 at both ends and none in between."""
     for b in (bounds[0], bounds[-1]):
         np.testing.assert_allclose([b.energy, b.distance, b.distance_bound, b.distance_paper], 0, atol=1e-7)
     for b in bounds[1:-1]:
@@ -52,19 +49,19 @@ def check_order(bounds: list[BlendBound]) -> None:
         assert b.distance_bound <= b.distance_uniform <= b.distance_paper
 
 
-@pytest.mark.parametrize("chosen", [PLAIN, RAW])
+@pytest.mark.parametrize("options", [PLAIN, RAW])
 @pytest.mark.parametrize("mesh", [bumpy(2), torus(), cap(3)])
-def test_the_error_lies_below_every_bound(chosen, mesh):
-    check_order(blend_bounds(Exaggerator(*mesh, chosen), 0.25, LEVELS))
+def test_the_error_lies_below_every_bound(options, mesh):
+    check_order(blend_bounds(Exaggerator(*mesh, options), 0.25, LEVELS))
 
 
-def test_components_and_followers_keep_the_bound():
+def test_the_bound_holds_with_rigid_components_and_several_solved_ones():
     vertices, faces = bumpy(2)
     second, more = sphere(1, 0.2)
     both = np.vstack([vertices, second]), np.vstack([faces, more + len(vertices)])
-    for followers in (True, False):
-        chosen = Exaggerate(limit_cavities=False, rigid_components=followers)
-        check_order(blend_bounds(Exaggerator(*both, chosen), 0.25, LEVELS))
+    for rigid in (True, False):
+        options = Exaggerate(limit_cavities=False, rigid_components=rigid)
+        check_order(blend_bounds(Exaggerator(*both, options), 0.25, LEVELS))
 
 
 def test_distances_scale_with_the_mesh_and_strains_do_not():
@@ -75,9 +72,9 @@ def test_distances_scale_with_the_mesh_and_strains_do_not():
         assert getattr(many, name) == pytest.approx(1000 * getattr(one, name))
 
 
-@pytest.mark.skipif(not DATA.is_dir(), reason="the shared meshes are not here; set CARIGS_DATA")
+@needs_data
 def test_on_a_real_head_the_sharp_bound_is_tight():
-    """Within a third of the truth in energy, where the paper's form is off by orders of magnitude."""
+    """The energy bound is within a third of the error; the paper's form exceeds it by orders of magnitude."""
     mesh = trimesh.load(DATA / "meshes/makehuman_head_eyes_female.obj", process=False, maintain_order=True)
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     bounds = blend_bounds(Exaggerator(vertices, faces), 0.25, LEVELS)

@@ -1,4 +1,4 @@
-"""Paths: exact at the nodes, polynomial between, and files that are checked when they are read."""
+"""Paths: exact at the nodes, polynomial in between; files are checked when they are read."""
 
 import json
 from dataclasses import replace
@@ -39,11 +39,11 @@ def test_levels_outside_warn():
 @pytest.mark.parametrize("gamma", [0.25, -0.2])
 @pytest.mark.parametrize("requested", [1e-2, 1e-3, 1e-5])
 def test_the_path_has_as_many_nodes_as_the_requested_error_needs(gamma, requested):
-    """Between the nodes it is that close to exact solves, with one node less it is not."""
+    """Between the nodes the error is as small as requested; with one node less it is not."""
     vertices, faces = bumpy(2)
 
-    def error(**chosen):
-        solver = Exaggerator(vertices, faces, replace(PLAIN, **chosen))
+    def error(**options):
+        solver = Exaggerator(vertices, faces, replace(PLAIN, **options))
         path, levels = solver.path(gamma), np.linspace(0, gamma, 23)
         distance = [np.linalg.norm(path.displacement(g) - solver.solve(g), axis=1).max() for g in levels]
         return len(path.levels), max(distance) / diagonal(vertices)
@@ -54,7 +54,7 @@ def test_the_path_has_as_many_nodes_as_the_requested_error_needs(gamma, requeste
         assert error(path_nodes=count - 1)[1] > 0.9 * requested
 
 
-def test_a_path_towards_less_character_is_exact_at_its_end(tmp_path):
+def test_a_path_to_a_negative_level_is_exact_at_its_end(tmp_path):
     solver = Exaggerator(*bumpy(2), PLAIN)
     solver.path(-0.15).save(tmp_path / "path.npz")
     path = GammaPath.load(tmp_path / "path.npz")

@@ -11,14 +11,14 @@ from scipy.spatial.transform import Rotation
 
 from carigs.errors import InputError
 from carigs.exaggeration import Caricature
-from carigs.head import HeadModel, HeadParameters, motions, neutral, pose
-from carigs.head.posing import rotation_matrix
+from carigs.head import HeadModel, HeadParameters, neutral, pose
+from carigs.head.posing import active_blendshapes, rotation_matrix
 
 vector = st.tuples(*[st.floats(-3, 3)] * 3).map(np.array)
 
 
 def random_model(seed: int = 0, v: int = 30) -> HeadModel:
-    """A small model with every array filled; vertices 0, 6, 12... hang on one joint each."""
+    """A small model with every array filled; vertices 0, 6, 12... have the weight of one joint each."""
     random = np.random.default_rng(seed)
     weights = random.dirichlet(np.ones(5), v)
     weights[::6] = np.eye(5)[np.arange(len(weights[::6])) % 5]
@@ -64,7 +64,7 @@ def test_head_rotation_is_rigid_about_the_root_joint():
     np.testing.assert_allclose(after, (before - root) @ rotation.T + root + parameters.translation, atol=1e-6)
 
 
-def test_jaw_moves_only_what_hangs_on_it():
+def test_the_jaw_moves_only_the_vertices_with_its_weight():
     model = random_model()
     model = HeadModel(**{**vars(model), "posedirs": np.zeros_like(model.posedirs)})
     open_mouth = HeadParameters(jaw=np.array([0.3, 0, 0]))
@@ -80,8 +80,8 @@ def test_displacement_is_a_change_of_the_neutral():
     np.testing.assert_allclose(pose(model, parameters, Caricature(offset)), pose(model, as_static), atol=1e-12)
 
 
-def test_changed_motions_are_those_of_a_changed_model():
-    """Expressions and pose correctives with something added pose as a model that has it in its directions."""
+def test_changed_blendshapes_are_those_of_a_changed_model():
+    """Changes of expressions and pose correctives pose as a model with these changes in its blendshapes."""
     model, parameters = random_model(), random_parameters(5)
     changes = 0.1 * np.random.default_rng(6).normal(size=(5, 30, 3)).astype(np.float32)
     columns = np.array([0, 7, 99, 100, 135])  # three expressions, the first and the last corrective
@@ -93,16 +93,18 @@ def test_changed_motions_are_those_of_a_changed_model():
     np.testing.assert_allclose(pose(model, parameters, caricature), pose(changed, parameters), atol=1e-6)
 
 
-def test_motions_are_the_directions_in_use():
+def test_active_blendshapes_are_those_with_a_coefficient():
     model = random_model()
-    model.shapedirs[:, :, 305] = 0  # a code without a direction
+    model.shapedirs[:, :, 305] = 0  # a blendshape without effect
     first, second = np.zeros(100), np.zeros(100)
     first[[3, 5]], second[7] = 1.0, -0.5
-    directions, columns = motions(model, [HeadParameters(expression=first), HeadParameters(expression=second)])
+    blendshapes, columns = active_blendshapes(
+        model, [HeadParameters(expression=first), HeadParameters(expression=second)]
+    )
     np.testing.assert_array_equal(columns, [3, 7])
-    np.testing.assert_array_equal(directions, model.shapedirs[:, :, [303, 307]].transpose(2, 0, 1))
-    _, columns = motions(model, [HeadParameters(jaw=np.array([0.2, 0, 0]))])
-    np.testing.assert_array_equal(columns, 100 + 9 + np.array([4, 5, 7, 8]))  # what turns about x
+    np.testing.assert_array_equal(blendshapes, model.shapedirs[:, :, [303, 307]].transpose(2, 0, 1))
+    _, columns = active_blendshapes(model, [HeadParameters(jaw=np.array([0.2, 0, 0]))])
+    np.testing.assert_array_equal(columns, 100 + 9 + np.array([4, 5, 7, 8]))  # the entries of a rotation about x
 
 
 def test_model_round_trip(tmp_path):
@@ -173,11 +175,11 @@ def test_broken_models_are_named(tmp_path, key, value, says):
 @pytest.mark.parametrize(
     ("key", "value", "says"),
     [
-        ("jaw_pose", None, "jaw_pose: this parameter is missing"),
+        ("jaw_pose", None, "jaw_pose: this array is missing"),
         ("expr", np.zeros((1, 101)), "expr: 101 values, expected 100"),
-        ("rotation", np.array([[0, np.inf, 0]]), "rotation: value 1 is not finite"),
+        ("rotation", np.array([[0, np.inf, 0]]), r"rotation: not a finite number at \(0, 1\)"),
         ("static_offset", np.zeros((1, 29, 3)), "static_offset: shape"),
-        ("static_offset", np.full((1, 30, 3), np.nan), "static_offset: vertex 0 is not finite"),
+        ("static_offset", np.full((1, 30, 3), np.nan), r"static_offset: not a finite number at \(0, 0, 0\)"),
     ],
 )
 def test_broken_parameters_are_named(tmp_path, key, value, says):

@@ -1,4 +1,4 @@
-"""FLAME's teeth: their mesh, what they hang on, and how they fit lips that were exaggerated."""
+"""FLAME's teeth: their mesh, their skinning, and their fit behind exaggerated lips."""
 
 from dataclasses import replace
 
@@ -12,16 +12,15 @@ from carigs.capture.dataset import Frame
 from carigs.exaggeration import Exaggerator, GammaPath, straight_path
 from carigs.head import HeadModel, HeadParameters, neutral, pose
 from carigs.head.teeth import (
-    FLAME,
+    FLAME_COUNTS,
+    FLAME_WITH_TEETH_COUNTS,
     LOWER_LIP,
     ROWS,
     UPPER_LIP,
-    WITH_TEETH,
     add_teeth,
-    skin,
-    teeth,
+    skin_counts,
     teeth_faces,
-    with_teeth,
+    teeth_vertices,
     without_teeth,
 )
 from carigs.mesh.triangle_mesh import components
@@ -37,7 +36,7 @@ def head(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     small, small_faces = _ball(0, 0)
     vertices = np.concatenate([tube, 0.02 * ball + [0, 0, 0.05], 0.01 * small + [0.05, 0, 0.05]])
     faces = np.concatenate([tube_faces, ball_faces + len(tube), small_faces + len(tube) + len(ball)])
-    assert (len(vertices), len(faces)) == FLAME
+    assert (len(vertices), len(faces)) == FLAME_COUNTS
     return vertices * (1 + 0.05 * np.sin(40 * vertices[:, :1]) + 1e-4 * random.normal(size=vertices.shape)), faces
 
 
@@ -73,15 +72,15 @@ def with_lips(vertices: np.ndarray) -> np.ndarray:
 
 def flame(vertices: np.ndarray, faces: np.ndarray) -> HeadModel:
     random = np.random.default_rng(1)
-    shapedirs = np.zeros((FLAME[0], 3, 400), np.float32)
-    shapedirs[:, :, [0, 1, 300]] = 0.002 * random.normal(size=(FLAME[0], 3, 3))
+    shapedirs = np.zeros((FLAME_COUNTS[0], 3, 400), np.float32)
+    shapedirs[:, :, [0, 1, 300]] = 0.002 * random.normal(size=(FLAME_COUNTS[0], 3, 3))
     return HeadModel(
         v_template=vertices.astype(np.float32),
         faces=faces.astype(np.int32),
         shapedirs=shapedirs,
-        posedirs=(1e-3 * random.normal(size=(FLAME[0], 3, 36))).astype(np.float32),
-        joint_regressor=np.full((5, FLAME[0]), 1 / FLAME[0], np.float32),
-        weights=random.dirichlet(np.ones(5), FLAME[0]).astype(np.float32),
+        posedirs=(1e-3 * random.normal(size=(FLAME_COUNTS[0], 3, 36))).astype(np.float32),
+        joint_regressor=np.full((5, FLAME_COUNTS[0]), 1 / FLAME_COUNTS[0], np.float32),
+        weights=random.dirichlet(np.ones(5), FLAME_COUNTS[0]).astype(np.float32),
         parents=np.array([-1, 0, 1, 1, 1]),
     )
 
@@ -91,7 +90,7 @@ LIPS = with_lips(VERTICES)
 
 
 def row(name: str, lips: np.ndarray, natural: np.ndarray | None = None) -> np.ndarray:
-    return teeth(lips, natural)[15 * ROWS.index(name) :][:15]
+    return teeth_vertices(lips, natural)[15 * ROWS.index(name) :][:15]
 
 
 def test_the_strips_are_two_surfaces_with_one_outside_each():
@@ -103,7 +102,7 @@ def test_the_strips_are_two_surfaces_with_one_outside_each():
     _, count = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
     assert (count == 1).sum() == 2 * (2 * 14 + 2 * 3)  # each jaw: its roots in front and behind, and its two ends
     np.testing.assert_array_equal(faces[133], [101, 116, 115])
-    a, b, c = teeth(LIPS)[faces.T]
+    a, b, c = teeth_vertices(LIPS)[faces.T]
     normals = np.cross(b - a, c - a)
     strips = {name: slice(28 * i, 28 * i + 28) for i, name in enumerate(("front", "back", "bottom"))}
     for first, edge_side in ((0, -1), (84, 1)):
@@ -126,26 +125,32 @@ def test_teeth_stand_behind_the_lips_in_proportion():
 def test_teeth_scale_and_move_with_the_head(scale, shift):
     moved = scale * LIPS + np.array(shift)
     for natural in (None, LIPS):
-        np.testing.assert_allclose(teeth(moved, natural), scale * teeth(LIPS) + np.array(shift), atol=1e-12)
+        np.testing.assert_allclose(
+            teeth_vertices(moved, natural), scale * teeth_vertices(LIPS) + np.array(shift), atol=1e-12
+        )
 
 
 def test_swollen_lips_move_teeth_and_do_not_lengthen_them():
     swollen = LIPS.copy()
     swollen[list(UPPER_LIP)] += [0, 0.004, 0.003]
     swollen[list(LOWER_LIP)] += [0, -0.004, 0.003]
-    np.testing.assert_allclose(teeth(swollen, LIPS), teeth(LIPS) + np.array([0, 0, 0.003]), atol=1e-12)
-    assert np.ptp(teeth(swollen)[:, 1]) > 1.5 * np.ptp(teeth(LIPS)[:, 1])  # what they would be without the natural ones
+    np.testing.assert_allclose(
+        teeth_vertices(swollen, LIPS), teeth_vertices(LIPS) + np.array([0, 0, 0.003]), atol=1e-12
+    )
+    assert np.ptp(teeth_vertices(swollen)[:, 1]) > 1.5 * np.ptp(
+        teeth_vertices(LIPS)[:, 1]
+    )  # without the natural proportions
 
 
-def test_teeth_hang_on_skull_and_jaw_and_know_no_expression():
-    model = with_teeth(flame(LIPS, FACES))
-    assert (len(model.v_template), len(model.faces)) == WITH_TEETH
-    assert with_teeth(model) is model
+def test_teeth_move_with_skull_and_jaw_and_not_with_expressions():
+    model = flame(LIPS, FACES).with_teeth()
+    assert (len(model.v_template), len(model.faces)) == FLAME_WITH_TEETH_COUNTS
+    assert model.with_teeth() is model
     upper, lower = model.regions["teeth_upper"], model.regions["teeth_lower"]
     np.testing.assert_array_equal(np.sort([*upper, *lower]), model.regions["teeth"])
     still = pose(model, HeadParameters())
     smiling = pose(model, HeadParameters(expression=np.eye(100)[0]))
-    np.testing.assert_allclose(smiling[FLAME[0] :], still[FLAME[0] :], atol=1e-9)
+    np.testing.assert_allclose(smiling[FLAME_COUNTS[0] :], still[FLAME_COUNTS[0] :], atol=1e-9)
     assert np.abs(smiling - still).max() > 1e-3
     opened = pose(model, HeadParameters(jaw=np.array([0.3, 0, 0])))
     np.testing.assert_allclose(opened[upper], still[upper], atol=1e-9)
@@ -155,45 +160,45 @@ def test_teeth_hang_on_skull_and_jaw_and_know_no_expression():
 
 
 def test_identity_moves_teeth_as_it_moves_the_lips():
-    model = with_teeth(flame(LIPS, FACES))
+    model = flame(LIPS, FACES).with_teeth()
     person = HeadParameters(shape=np.eye(300)[0])
     lips = (model.shapedirs[list(UPPER_LIP), :, 0] + model.shapedirs[list(LOWER_LIP), :, 0]) / 2
-    moved = (neutral(model, person) - neutral(model, HeadParameters()))[FLAME[0] :]
+    moved = (neutral(model, person) - neutral(model, HeadParameters()))[FLAME_COUNTS[0] :]
     np.testing.assert_allclose(moved.reshape(8, 15, 3), np.broadcast_to(lips, (8, 15, 3)), atol=1e-6)
 
 
-def test_files_gain_teeth_and_offsets_their_rows(tmp_path):
+def test_loading_adds_teeth_to_models_and_offsets(tmp_path):
     bare = flame(LIPS, FACES)
     bare.save(tmp_path / "flame.npz")
     model = HeadModel.load(tmp_path / "flame.npz")
-    assert len(model.v_template) == WITH_TEETH[0]
-    HeadParameters(static_offset=np.full((FLAME[0], 3), 0.01)).save(tmp_path / "00000.npz", bare)
+    assert len(model.v_template) == FLAME_WITH_TEETH_COUNTS[0]
+    HeadParameters(static_offset=np.full((FLAME_COUNTS[0], 3), 0.01)).save(tmp_path / "00000.npz", bare)
     offset = HeadParameters.load(tmp_path / "00000.npz", model).static_offset
-    assert offset[: FLAME[0]] == pytest.approx(0.01)
-    assert not offset[FLAME[0] :].any()
+    assert offset[: FLAME_COUNTS[0]] == pytest.approx(0.01)
+    assert not offset[FLAME_COUNTS[0] :].any()
 
 
 def test_a_path_gets_teeth_at_its_nodes_and_loses_them():
-    model = with_teeth(flame(LIPS, FACES))
+    model = flame(LIPS, FACES).with_teeth()
     whole = model.v_template.astype(np.float64)
     displacement = 0.1 * LIPS + 0.002 * np.random.default_rng(2).normal(size=LIPS.shape)
     bare = replace(
         straight_path(LIPS, FACES, displacement, 0.25),
-        columns=np.array([0]), changes=np.ones((1, 1, FLAME[0], 3), np.float32),
+        columns=np.array([0]), changes=np.ones((1, 1, FLAME_COUNTS[0], 3), np.float32),
     )  # fmt: skip
     path = add_teeth(bare, whole, model.faces)
-    built = teeth(LIPS) + path.displacement(0.25)[FLAME[0] :]
-    np.testing.assert_allclose(built, teeth(LIPS + displacement, LIPS), atol=1e-7)
+    built = teeth_vertices(LIPS) + path.displacement(0.25)[FLAME_COUNTS[0] :]
+    np.testing.assert_allclose(built, teeth_vertices(LIPS + displacement, LIPS), atol=1e-7)
     assert not path.at(0.0).displacement.any()
-    assert not path.at(0.25).change(np.ones(1))[FLAME[0] :].any()
+    assert not path.at(0.25).blendshape_change(np.ones(1))[FLAME_COUNTS[0] :].any()
     again = without_teeth(path)
     np.testing.assert_array_equal(again.displacements, bare.displacements)
     np.testing.assert_array_equal(again.changes, bare.changes)
     np.testing.assert_array_equal(again.faces, bare.faces)
 
 
-def test_the_stage_leaves_teeth_out_of_the_equation(tmp_path):
-    """The skin moves as if there were no teeth; a sculpt without teeth gets them."""
+def test_the_stage_excludes_teeth_from_the_equation(tmp_path):
+    """The skin moves as without teeth; teeth are added to a sculpture without them."""
     flame(VERTICES, FACES).save(tmp_path / "flame.npz")
     model = HeadModel.load(tmp_path / "flame.npz")
     HeadParameters(expression=np.eye(100)[0]).save(tmp_path / "00000.npz", model)
@@ -204,12 +209,12 @@ def test_the_stage_leaves_teeth_out_of_the_equation(tmp_path):
     settings = Exaggerate(limit_cavities=False)
     exaggerate(settings, **files)
     path, vertices = GammaPath.load(tmp_path / "path.npz"), model.v_template.astype(np.float64)
-    assert skin(len(path.neutral), len(path.faces)) == FLAME
-    alone = Exaggerator(vertices[: FLAME[0]], FACES, settings).solve(0.25)
-    np.testing.assert_allclose(path.displacement(0.25)[: FLAME[0]], alone, atol=1e-6)
-    assert path.at(0.25).change(np.eye(100)[0]).any()
+    assert skin_counts(len(path.neutral), len(path.faces)) == FLAME_COUNTS
+    alone = Exaggerator(vertices[: FLAME_COUNTS[0]], FACES, settings).solve(0.25)
+    np.testing.assert_allclose(path.displacement(0.25)[: FLAME_COUNTS[0]], alone, atol=1e-6)
+    assert path.at(0.25).blendshape_change(np.eye(100)[0]).any()
 
-    np.savez(tmp_path / "sculpt.npz", delta=np.full((FLAME[0], 3), 0.01))
+    np.savez(tmp_path / "sculpt.npz", delta=np.full((FLAME_COUNTS[0], 3), 0.01))
     exaggerate(Exaggerate(source="file", file=str(tmp_path / "sculpt.npz")), **files)
     path = GammaPath.load(tmp_path / "path.npz")
     np.testing.assert_allclose(path.displacement(0.25), 0.01, atol=1e-6)

@@ -1,4 +1,4 @@
-"""Meshes come clean through the door, and what is solved on them comes back to the vertices as they were given."""
+"""Repair of input meshes, and the map of results back to the vertices of the input."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def unseamed(vertices, faces, cut):
 
 
 def damaged(random):
-    """The same surface as somebody may have saved it."""
+    """The same surface with a seam, reversed and duplicate faces, unused vertices, and another numbering."""
     vertices, faces = unseamed(VERTICES, FACES, VERTICES[FACES].mean(axis=1) @ random.normal(size=3) > 0)
     faces = np.roll(faces, random.integers(3), axis=1)
     turned = random.random(len(faces)) < 1 / 7
@@ -54,13 +54,13 @@ def solved(vertices, faces):
 
 @settings(max_examples=15)
 @given(seeds)
-def test_damage_that_can_be_mended_does_not_change_the_result(seed):
+def test_repaired_damage_does_not_change_the_result(seed):
     vertices, faces, original = damaged(np.random.default_rng(seed))
     clean = clean_mesh(vertices, faces)
     check_mesh(clean.vertices, clean.faces)
     assert clean.vertices.shape == VERTICES.shape
     assert clean.faces.shape == FACES.shape
-    moved = clean.to_given(solved(clean.vertices, clean.faces))
+    moved = clean.to_input(solved(clean.vertices, clean.faces))
     used = np.zeros(len(vertices), bool)
     used[faces] = True
     expected = solved(VERTICES, FACES)
@@ -72,7 +72,7 @@ def test_damage_that_can_be_mended_does_not_change_the_result(seed):
 
 @settings(max_examples=15)
 @given(seeds)
-def test_the_report_counts_what_was_done(seed):
+def test_the_report_counts_the_repairs(seed):
     random = np.random.default_rng(seed)
     vertices, faces, _ = damaged(random)
     report = clean_mesh(vertices, faces).report
@@ -86,12 +86,12 @@ def test_the_report_counts_what_was_done(seed):
     assert str(report.vertices) in str(report) and "turned faces" in str(report)
 
 
-def test_a_sound_mesh_stays_as_it_is():
+def test_a_valid_mesh_does_not_change():
     clean = clean_mesh(VERTICES, FACES)
     np.testing.assert_array_equal(clean.vertices, VERTICES)
     np.testing.assert_array_equal(clean.faces, FACES)
-    np.testing.assert_array_equal(clean.of_given, np.arange(len(VERTICES)))
-    np.testing.assert_array_equal(clean.to_given(VERTICES), VERTICES)
+    np.testing.assert_array_equal(clean.vertex_map, np.arange(len(VERTICES)))
+    np.testing.assert_array_equal(clean.to_input(VERTICES), VERTICES)
 
 
 def test_closed_surfaces_face_outwards_and_those_that_touch_stay_apart():
@@ -105,7 +105,7 @@ def test_closed_surfaces_face_outwards_and_those_that_touch_stay_apart():
         assert signed_volume(clean.vertices, part) == pytest.approx(1.0)
 
 
-def test_a_sheet_faces_where_most_of_it_did():
+def test_a_sheet_is_oriented_as_most_of_its_area_was():
     x, y = np.meshgrid(np.arange(6.0), np.arange(6.0))
     vertices = np.stack([x.ravel(), y.ravel(), np.zeros(36)], axis=1)
     corner = np.arange(36).reshape(6, 6)
@@ -148,6 +148,6 @@ FIN = np.concatenate([VERTICES, [[0, 0, 3.0]]]), np.concatenate([FACES, [[FACES[
         (*FIN, f"edge {min(FACES[40, :2])}-{max(FACES[40, :2])} belongs to 3 faces"),
     ],
 )
-def test_what_cannot_be_mended_is_named(vertices, faces, words):
+def test_meshes_that_cannot_be_repaired_are_named(vertices, faces, words):
     with pytest.raises(MeshError, match=words):
         clean_mesh(vertices, faces)

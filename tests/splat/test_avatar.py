@@ -89,7 +89,7 @@ def test_an_ellipsoid_becomes_the_disc_of_its_larger_axes(tmp_path, thin):
     np.testing.assert_allclose(local_covariance(back), full @ full.transpose(0, 2, 1), atol=1e-6)
 
 
-def test_a_ply_that_is_none_is_named(tmp_path):
+def test_a_broken_ply_is_refused(tmp_path):
     (tmp_path / "a.ply").write_text("ply\nformat ascii 1.0\n")
     with pytest.raises(InputError, match=r"a\.ply: not a readable"):
         read_ply(tmp_path / "a.ply")
@@ -126,8 +126,8 @@ def test_training_leaves_its_outputs_and_nothing_else(trained):
         np.testing.assert_array_equal(value, to_arrays(avatar.surfels)[name])
 
 
-def test_the_file_alone_renders_what_was_trained(trained):
-    """Posed by the avatar's own head, at level 0, the test frames come out as they were taken."""
+def test_a_loaded_avatar_renders_the_test_frames(trained):
+    """At level 0 the avatar reproduces the test frames."""
     capture = Capture.load(trained / "capture.json")
     avatar = load_avatar(trained / "avatar.npz")
     for frame in capture.split("test"):
@@ -137,16 +137,16 @@ def test_the_file_alone_renders_what_was_trained(trained):
 
 
 def test_changed_expressions_are_kept_and_used(trained, tmp_path):
-    """What a path changes of the expressions comes back from the file, and moves the mesh at levels above 0 alone."""
+    """Changes of the expressions by the path are restored from the file and act at levels above 0 only."""
     avatar, jaw = load_avatar(trained / "avatar.npz"), np.array([0])
-    performance, v = avatar.performance, len(avatar.performance.head.v_template)
-    natural = [performance.posed(2, level) for level in (0.0, 0.25)]
+    sequence, v = avatar.sequence, len(avatar.sequence.head.v_template)
+    natural = [sequence.posed(2, level) for level in (0.0, 0.25)]
     lifted = np.tile(np.float32([0, 0.01, 0]), (1, 1, v, 1))
-    performance.path = replace(performance.path, columns=jaw, changes=lifted)
+    sequence.path = replace(sequence.path, columns=jaw, changes=lifted)
     save_avatar(tmp_path / "avatar.npz", avatar)
-    again = load_avatar(tmp_path / "avatar.npz").performance
+    again = load_avatar(tmp_path / "avatar.npz").sequence
     np.testing.assert_array_equal(again.posed(2, 0.0), natural[0])
-    moved = performance.parameters[2].expression[0] * np.array([0, 0.01, 0])
+    moved = sequence.parameters[2].expression[0] * np.array([0, 0.01, 0])
     assert moved.any()
     shift = again.posed(2, 0.25) - natural[1]  # joints move along: no rotation in it
     np.testing.assert_allclose(shift, np.broadcast_to(moved, shift.shape), atol=1e-6)
@@ -172,15 +172,15 @@ def test_colours_follow_the_light_and_the_file_keeps_it(trained, tmp_path):
     light = np.zeros((len(directions) + 1, 3))
     light[directions[:, 0].argmax()] = 1
     light[-1] = 0.01
-    kept = np.zeros(len(avatar.performance.head.faces), bool)
+    kept = np.zeros(len(avatar.sequence.head.faces), bool)
     kept[::2] = True
-    avatar.performance.shading = Shading(directions, light, 1.0, 2.0, kept)
-    shade = avatar.performance.shade(0, 0.25)
+    avatar.sequence.shading = Shading(directions, light, 1.0, 2.0, kept)
+    shade = avatar.sequence.shade(0, 0.25)
     assert (shade[kept] == 1).all()
     assert 0.72 < shade.min() < 0.95 and 1.05 < shade.max() < 1.38  # 2 to the power 1 / 2.2 is 1.37
     save_avatar(tmp_path / "lit.npz", avatar)
     again = load_avatar(tmp_path / "lit.npz")
-    np.testing.assert_array_equal(again.performance.shade(0, 0.25), shade)
+    np.testing.assert_array_equal(again.sequence.shade(0, 0.25), shade)
     camera = Capture.load(trained / "capture.json").cameras[1]
     np.testing.assert_array_equal(again.render(0, 0.25, camera), avatar.render(0, 0.25, camera))
     assert np.abs(again.render(0, 0.25, camera) - plain_image).max() > 0.01
@@ -229,7 +229,7 @@ def test_impossible_settings_are_refused_before_any_work(tmp_path, changes, says
         train(settings, capture=nothing, path=nothing, targets=None, avatar=nothing, ply=nothing, log=nothing)
 
 
-def test_a_file_that_is_no_avatar_is_named(trained, tmp_path):
+def test_broken_avatars_are_refused(trained, tmp_path):
     with pytest.raises(InputError, match="no such avatar"):
         load_avatar(tmp_path / "none.npz")
     with pytest.raises(InputError, match=r"path\.npz: format: not a carigs-avatar"):

@@ -35,7 +35,7 @@ EDITS = {
         {"settings": 2, **ALTERNATING},
     ),
     "targets, which the baseline does not use": (
-        append("conf/exaggerate/robust.yaml", "# @package _global_\ngtstar: {hair_dilation: 4}"),
+        append("conf/study/toy.yaml", "gtstar: {hair_dilation: 4}"),
         {"settings": 2, "gtstar": 2, **ALTERNATING},
     ),
     "targets of one variant": (

@@ -1,102 +1,54 @@
-"""The motion of every triangle, one row of numbers each, and how the kernels read it."""
+"""Motion of every triangle from the canonical to a posed mesh, stored as one record of 32 numbers per triangle."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float32, Float64
+from torch import Tensor
 
-from carigs.simd import matrix3
-from carigs.simd.vectors import scalar_or_simd
-from carigs.splat.rig.jacobian_blend import blended_motion, shares_of
+STRETCH, CENTRE, ROTATION, RELATIVE_ROTATION, RECORD_SIZE = 0, 6, 9, 18, 32
+"""First columns of the fields of a record (6, 3, 9 and 9 numbers), and the size with padding.
 
-if TYPE_CHECKING:
-    from torch import Tensor
-
-# Columns of a face's row in `FaceMotion`; kernels read it as two halves of 16.
-STRETCH, CENTRE, ROTATION, TURN, MOTION_ROW = 0, 6, 9, 18, 32
+Vector kernels read a record as two halves of 16 numbers.
+"""
+SYMMETRIC = (0, 1, 2, 1, 3, 4, 2, 4, 5)
+"""Row-major 3x3 matrix from the numbers xx, xy, xz, yy, yz, zz of a symmetric matrix."""
 
 
 class FaceMotion(NamedTuple):
-    """Motion of every triangle from the canonical to a posed mesh: J = U P, and the neighbours' U relative to it."""
+    """Jacobian J = U P of every triangle in its polar decomposition, and the rotations of the neighbours relative to U.
 
-    rows: Float32[np.ndarray, "f 32"] | Float32[Tensor, "f 32"]
-    """All of a triangle in one row, for the kernels: `stretch`, `centre`, `rotation`, `turn`, spare numbers.
-
-    A tensor where the mesh is being fine-tuned (`mesh_gradient.tuned_motion`).
+    Attributes:
+        records: One record per triangle: stretch, centre, rotation, relative rotation, padding. A tensor where
+            gradients with respect to the mesh are needed (`mesh_gradient.differentiable_face_motion`).
     """
+
+    records: Float32[np.ndarray, "f 32"] | Float32[Tensor, "f 32"]
 
     @property
     def stretch(self) -> Float32[np.ndarray, "f 6"]:
-        """P, symmetric: xx, xy, xz, yy, yz, zz."""
-        return self.rows[:, STRETCH:CENTRE]
+        """Stretch P, symmetric: xx, xy, xz, yy, yz, zz."""
+        return self.records[:, STRETCH:CENTRE]
 
     @property
     def centre(self) -> Float32[np.ndarray, "f 3"]:
-        """T: mean of the posed corners in metres."""
-        return self.rows[:, CENTRE:ROTATION]
+        """Translation T: mean of the posed corners in metres."""
+        return self.records[:, CENTRE:ROTATION]
 
     @property
     def rotation(self) -> Float32[np.ndarray, "f 3 3"]:
-        """U."""
-        return self.rows[:, ROTATION:TURN].reshape(-1, 3, 3)
+        """Rotation U."""
+        return self.records[:, ROTATION:RELATIVE_ROTATION].reshape(-1, 3, 3)
 
     @property
-    def turn(self) -> Float32[np.ndarray, "f 3 3"]:
+    def relative_rotation(self) -> Float32[np.ndarray, "f 3 3"]:
         """Rotation vectors log(U^T U_neighbour) in radians, one row per neighbour."""
-        return self.rows[:, TURN : TURN + 9].reshape(-1, 3, 3)
+        return self.records[:, RELATIVE_ROTATION : RELATIVE_ROTATION + 9].reshape(-1, 3, 3)
 
-
-@scalar_or_simd
-def read_face(f, neighbours, rows):
-    """Stretches of the face and its neighbours, the neighbours' turns, rotation and centre of the face."""
-    i, j, k = neighbours[f, 0], neighbours[f, 1], neighbours[f, 2]
-    return (
-        read6(rows, f), read6(rows, i), read6(rows, j), read6(rows, k), read9(rows, f, TURN),
-        read9(rows, f, ROTATION), (rows[f, CENTRE], rows[f, CENTRE + 1], rows[f, CENTRE + 2]),
-    )  # fmt: skip
-
-
-@scalar_or_simd
-def read_blend(i, blend, binding, neighbours, rows, blended):
-    """The faces around surfel i, the centre of its own, and how it blends their motions.
-
-    Returns stretches and turns as `jacobian_blend` takes them, the centre, sigmoids of the weights and their inverse
-    sum, the weights, and of the blend: rotation vector, stretch, terms of the exponential, rotation.
-    """
-    own, one, two, three, turn, u, t = read_face(binding[i], neighbours, rows)
-    shares, g = (1.0, 0.0, 0.0, 0.0), 1.0
-    if blended:
-        shares, g = shares_of(read4(blend, i))
-    v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])
-    w, p = blended_motion(v, own, one, two, three, turn)
-    terms = matrix3.exponential_terms(w)
-    q = matrix3.turned(u, w, terms[0], terms[1])
-    return (own, one, two, three, turn), t, shares, g, v, w, p, terms, q
-
-
-@scalar_or_simd
-def read3(rows, i):
-    """The first numbers of a row."""
-    return rows[i, 0], rows[i, 1], rows[i, 2]
-
-
-@scalar_or_simd
-def read4(rows, i):
-    """The first numbers of a row."""
-    return rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3]
-
-
-@scalar_or_simd
-def read6(rows, f):
-    """The stretch of a face."""
-    r = rows[f, STRETCH : STRETCH + 6]
-    return r[0], r[1], r[2], r[3], r[4], r[5]
-
-
-@scalar_or_simd
-def read9(rows, f, at):
-    """Nine numbers of a row, from `at` on."""
-    r = rows[f, at : at + 9]
-    return r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]
+    @property
+    def jacobian(self) -> Float64[np.ndarray, "f 3 3"]:
+        """Jacobian J = U P, posed from canonical."""
+        stretch = self.stretch.astype(np.float64)[:, SYMMETRIC].reshape(-1, 3, 3)
+        return self.rotation.astype(np.float64) @ stretch

@@ -1,68 +1,94 @@
-"""The subject in motion: posed meshes at any timestep and level, and what they do to the triangles."""
+"""A head over time and its caricature: posed meshes at any timestep and level, and the motion of their triangles."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Float32
 
 from carigs.capture import Capture
 from carigs.errors import InputError
+from carigs.exaggeration import GammaPath
 from carigs.head import HeadModel, HeadParameters, neutral, pose
 from carigs.head.model import N_SHAPE
 from carigs.light.fitting import Shading, Transfer
-from carigs.splat.rig.rig import FaceMotion, Rig, build_rig, face_motion
-
-if TYPE_CHECKING:
-    from carigs.exaggeration import GammaPath
+from carigs.splat.rig.face_motion import FaceMotion
+from carigs.splat.rig.rig import Rig, build_rig, face_motion
 
 
 @dataclass
 class HeadSequence:
-    """A person's head, what it does over time, and its caricature; motions are remembered up to a budget."""
+    """A subject's head, its parameters over time, and its caricature; motions are cached up to a budget of memory.
+
+    Attributes:
+        head: Head model with identity and static offset baked into the template, which is the canonical mesh.
+        parameters: Head parameters of every timestep, without shape and static offset.
+        path: Caricatures of the head at every level.
+        megabytes: Budget of the cached motions.
+        shading: How colours follow the light on the posed surface; they do not change if None.
+        rig: Rig of the canonical mesh.
+    """
 
     head: HeadModel
-    """With identity and static offset baked into the template: the canonical mesh."""
     parameters: dict[int, HeadParameters]
-    """Of every timestep, without shape and static offset."""
     path: GammaPath
     megabytes: int = 512
     shading: Shading | None = None
-    """How colours follow the light on the posed surface; they stay as they are if None."""
     rig: Rig = field(init=False)
 
     def __post_init__(self) -> None:
         self.rig = build_rig(self.head.v_template, self.head.faces)
         self._motions: OrderedDict[tuple[int, float], FaceMotion] = OrderedDict()
-        self._bytes = 0
         self._shades: dict[tuple[int, float], Float32[np.ndarray, "f 3"]] = {}
         self._tracked = dict(self.parameters)
 
-    def move(self, timestep: int, parameters: HeadParameters) -> None:
-        """Give a timestep other parameters; what was remembered of it is forgotten."""
+    def set_parameters(self, timestep: int, parameters: HeadParameters) -> None:
+        """Replace the parameters of a timestep and drop its cached motions.
+
+        Args:
+            timestep: Timestep of the capture.
+            parameters: New head parameters, without shape and static offset.
+        """
         self.parameters[timestep] = parameters
         for key in [key for key in self._motions if key[0] == timestep]:
-            self._bytes -= sum(array.nbytes for array in self._motions.pop(key))
+            del self._motions[key]
 
     def posed(self, timestep: int, level: float) -> Float[np.ndarray, "v 3"]:
-        """World vertices in metres."""
-        return pose(self.head, self.parameters[timestep], self.path.at(level) if level else None)
+        """Posed mesh of a timestep.
+
+        Args:
+            timestep: Timestep of the capture.
+            level: Exaggeration, 0 for the natural head.
+
+        Returns:
+            World vertices in metres.
+        """
+        return self._pose(self.parameters[timestep], level)
+
+    def _pose(self, parameters: HeadParameters, level: float) -> Float[np.ndarray, "v 3"]:
+        return pose(self.head, parameters, self.path.at(level) if level else None)
 
     def shade(self, timestep: int, level: float) -> Float32[np.ndarray, "f 3"] | None:
-        """Factor on every triangle's colours for its shading on the posed surface, against the canonical one.
+        """Factor on the colours of every triangle: shading of the posed surface relative to the canonical one.
 
-        On the surface as it was tracked: light changes little where `move` moves the head by a millimetre.
+        Computed on the surface as it was tracked at first: `set_parameters` moves the head by millimetres, which has
+        little effect on the shading.
+
+        Args:
+            timestep: Timestep of the capture.
+            level: Exaggeration, 0 for the natural head.
+
+        Returns:
+            Factors on sRGB values, or None if colours do not follow the light.
         """
         if self.shading is None:
             return None
         key = (timestep, float(level))
         if key not in self._shades:
-            posed = pose(self.head, self._tracked[timestep], self.path.at(level) if level else None)
-            after = self.shading.transfer(posed, self.rig.faces)
+            after = self.shading.transfer(self._pose(self._tracked[timestep], level), self.rig.faces)
             self._shades[key] = self.shading.of_faces(self._canonical_transfer, after, self.rig.faces)
         return self._shades[key]
 
@@ -71,31 +97,46 @@ class HeadSequence:
         return self.shading.transfer(self.rig.vertices, self.rig.faces)
 
     def motion(self, timestep: int, level: float) -> FaceMotion:
-        """Motion of every triangle from the canonical mesh."""
+        """Motion of every triangle from the canonical to the posed mesh.
+
+        Args:
+            timestep: Timestep of the capture.
+            level: Exaggeration, 0 for the natural head.
+
+        Returns:
+            The motion, from the cache if it is there.
+        """
         key = (timestep, float(level))
-        if key in self._motions:
-            self._motions.move_to_end(key)
-            return self._motions[key]
-        motion = face_motion(self.rig, self.posed(timestep, level))
-        self._motions[key] = motion
-        self._bytes += sum(array.nbytes for array in motion)
-        while self._bytes > self.megabytes * 2**20 and len(self._motions) > 1:
-            self._bytes -= sum(array.nbytes for array in self._motions.popitem(last=False)[1])
-        return motion
+        if key not in self._motions:
+            motion = self._motions[key] = face_motion(self.rig, self.posed(timestep, level))
+            while len(self._motions) > max(self.megabytes * 2**20 // max(motion.records.nbytes, 1), 1):
+                self._motions.popitem(last=False)
+        self._motions.move_to_end(key)
+        return self._motions[key]
 
 
 def head_sequence(capture: Capture, path: GammaPath) -> HeadSequence:
-    """The captured person.
+    """Head sequence of a capture.
 
-    Raises `InputError` if identity or static offset change between timesteps (the canonical mesh would not be one
-    mesh), or if the path belongs to another mesh.
+    Args:
+        capture: Captured subject.
+        path: Caricatures of the subject's neutral head.
+
+    Returns:
+        The sequence over all timesteps of the capture.
+
+    Raises:
+        InputError: If identity or static offset differ between timesteps (there would be no single canonical mesh), or
+            if the path has other faces than the head model.
     """
     model = capture.model
     timesteps = sorted({frame.timestep for frame in capture.frames})
     parameters = {t: capture.parameters(t) for t in timesteps}
     canonical = neutral(model, parameters[timesteps[0]])
     if not np.array_equal(path.faces, model.faces):
-        raise InputError("its faces are not the head model's: made for another subject?", file=capture.head_model)
+        raise InputError(
+            "its faces are not the head model's: was it made for another subject?", file=capture.head_model
+        )
     files = {frame.timestep: frame.parameters for frame in capture.frames}
     offset = parameters[timesteps[0]].static_offset
     for t in timesteps[1:]:
@@ -109,5 +150,5 @@ def head_sequence(capture: Capture, path: GammaPath) -> HeadSequence:
     shapedirs = model.shapedirs.copy()
     shapedirs[:, :, :N_SHAPE] = 0
     head = replace(model, v_template=canonical.astype(np.float32), shapedirs=shapedirs)
-    bare = {t: replace(p, shape=np.zeros(N_SHAPE), static_offset=None) for t, p in parameters.items()}
-    return HeadSequence(head, bare, path)
+    parameters = {t: replace(p, shape=np.zeros(N_SHAPE), static_offset=None) for t, p in parameters.items()}
+    return HeadSequence(head, parameters, path)

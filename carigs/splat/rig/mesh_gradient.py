@@ -1,7 +1,7 @@
-"""Gradients with respect to the posed mesh, for those who fine-tune the head: surfels -> motion rows -> vertices.
+"""Gradients with respect to the posed mesh, for tracking refinement: surfels -> records of the motion -> vertices.
 
-Only then are they computed.  One surfel, one triangle at a time, sums in float64 and in a fixed order: the result does
-not depend on the number of threads.
+Computed only if the mesh is refined. One surfel and one triangle at a time; sums are in float64 and in a fixed order,
+so the result does not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -10,94 +10,84 @@ import math
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from carigs.simd import matrix3
 from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.vector_math import exp
 from carigs.simd.vectors import scalar_or_simd
-from carigs.splat.rig.face_motion import (
-    CENTRE,
-    ROTATION,
-    STRETCH,
-    TURN,
-    FaceMotion,
-    read3,
-    read4,
-    read9,
-    read_blend,
-)
-from carigs.splat.rig.jacobian_blend import (
-    direction_gradient,
-    disc_axes,
-    pulled_back,
-    stretch_gradient,
-    torque_of,
-    turn_gradient,
-    view_direction,
-)
-from carigs.splat.rig.rig import Rig, polar_motion, rows_of
+from carigs.splat.rig import jacobian_blend as jbs
+from carigs.splat.rig import jacobian_blend_backward as backward
+from carigs.splat.rig.face_motion import CENTRE, RELATIVE_ROTATION, ROTATION, STRETCH, FaceMotion
+from carigs.splat.rig.rig import Rig, motion_records, polar_decomposition
+from carigs.splat.rig.skinning_arguments import read3, read4, read9, read_blend
 
 
 def differentiable_face_motion(rig: Rig, posed: Float[torch.Tensor, "v 3"]) -> FaceMotion:
-    """`rig.face_motion` with rows that are differentiable with respect to the float64 vertices.
+    """Motion of every triangle as `rig.face_motion`, differentiable with respect to the posed vertices.
 
-    Triangles without area, which follow their neighbours, pass the gradient of their centre alone.
+    Degenerate triangles, which move with their neighbours, pass on the gradient of their centre only.
+
+    Args:
+        rig: Canonical mesh.
+        posed: Posed vertices in metres, float64.
+
+    Returns:
+        The motion; its records are a float32 tensor.
+
+    Raises:
+        MeshError: If a vertex is not finite.
     """
-    return FaceMotion(_Motion.apply(posed, rig))
+    return FaceMotion(_FaceMotion.apply(posed, rig))
 
 
-class _Motion(torch.autograd.Function):
+class _FaceMotion(torch.autograd.Function):
     @staticmethod
     def forward(ctx, posed, rig):
         vertices = np.ascontiguousarray(posed.detach().numpy())
-        centre, rotation, stretch, sound = polar_motion(rig, vertices)
-        ctx.kept = rig, vertices, rotation, stretch, sound
-        return torch.from_numpy(rows_of(rig, centre, rotation, stretch, np.float32))
+        centre, rotation, stretch, valid = polar_decomposition(rig, vertices)
+        ctx.inputs = rig, vertices, rotation, stretch, valid
+        return torch.from_numpy(motion_records(rig, centre, rotation, stretch, np.float32))
 
     @staticmethod
     @torch.autograd.function.once_differentiable
-    def backward(ctx, g_rows):
-        rig, *kept = ctx.kept
-        gradient = vertices_gradient(g_rows.double().contiguous().numpy(), rig, *kept)
+    def backward(ctx, g_records):
+        gradient = vertices_gradient(g_records.double().contiguous().numpy(), *ctx.inputs)
         return torch.from_numpy(gradient), None
 
 
 @scalar_or_simd
-def _of_one(
-    i, position, quaternion, log_scale, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
-    centre, g_centre, g_u, g_v, g_direction, weights, parts,
-):  # fmt: skip
-    """What surfel i adds to its face's columns (`weights` times the stretch and turns), in their order."""
-    _faces, _t, _shares, _g, v, w, p, (a, b, c), q = read_blend(i, blend, binding, neighbours, rows, blended)
-    first, second, unit, length = disc_axes(read4(quaternion, i))
-    gx, gu, gv = read3(g_centre, i), read3(g_u, i), read3(g_v, i)
-    twist, view, gd = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    if len(g_direction) > 0:
-        gd = read3(g_direction, i)
-        view, near, d = view_direction(q, read3(centre, i), eye, turning)
-        more, twist = direction_gradient(q, view, near, d, gd, turning)
-        gx = (gx[0] + more[0], gx[1] + more[1], gx[2] + more[2])
-    still = True
+def _surfel_gradient(i, inputs, centre, upstream, weights, parts):
+    """Write what surfel i adds to its triangle's record; the stretch and the rotations still lack its blend weights."""
+    gx, gu, gv = read3(upstream.centre, i), read3(upstream.tangent_u, i), read3(upstream.tangent_v, i)
+    gd = (0.0, 0.0, 0.0)
+    if len(upstream.direction) > 0:
+        gd = read3(upstream.direction, i)
+    unchanged = True
     for k in range(3):
-        still &= g_centre[i, k] == 0 and gu[k] == 0 and gv[k] == 0 and gd[k] == 0
-    if still:
+        unchanged &= gx[k] == 0 and gu[k] == 0 and gv[k] == 0 and gd[k] == 0
+    if unchanged:
         return
-    _dx, _dq, _ds, h, y = pulled_back(
-        q, p, read9(frame_rows, binding[i], 0), first, second, unit, length, exp(log_scale[i, 0]),
-        exp(log_scale[i, 1]), gx, gu, gv, read3(position, i),
+    _faces, _t, frame, _sigmoids, _inverse_sum, blend = read_blend(i, inputs)
+    v, w, p, (a, b, _c), q = blend
+    torque, view = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    if len(upstream.direction) > 0:
+        gx, torque, view = backward.view_direction_gradient(
+            q, read3(centre, i), inputs.eye, inputs.rotate_directions, gd, gx
+        )
+    _dx, _dq, _ds, h, y = backward.skin_surfel_gradient(
+        blend, frame, read3(inputs.position, i), jbs.disc_axes(read4(inputs.quaternion, i)),
+        (exp(inputs.log_scale[i, 0]), exp(inputs.log_scale[i, 1])), (gx, gu, gv),
     )  # fmt: skip
-    torque = torque_of(p, h, y)
-    dw = turn_gradient(w, b, c, (torque[0] + twist[0], torque[1] + twist[1], torque[2] + twist[2]))
-    dp = stretch_gradient(h, y)
-    # Of the matrix Q = U exp(w), by its use: Q P y for three y, and Q^T n.
+    dw, dp = backward.motion_gradient(blend, h, y, torque)
+    # Gradient with respect to the matrix Q = U exp(w), by its uses: Q P y for three vectors y, and Q^T n.
     e = matrix3.turned(matrix3.IDENTITY, w, a, b)
     x0, x1, x2 = (
         matrix3.apply_symmetric(p, y[0]), matrix3.apply_symmetric(p, y[1]), matrix3.apply_symmetric(p, y[2]),
     )  # fmt: skip
     g0, g1, g2 = matrix3.apply(q, h[0]), matrix3.apply(q, h[1]), matrix3.apply(q, h[2])
     for r in range(3):
-        n = view[r] if turning else 0.0
+        n = view[r] if inputs.rotate_directions else 0.0
         dq = (
             g0[r] * x0[0] + g1[r] * x1[0] + g2[r] * x2[0] + n * gd[0],
             g0[r] * x0[1] + g1[r] * x1[1] + g2[r] * x2[1] + n * gd[1],
@@ -109,37 +99,39 @@ def _of_one(
     for k in range(6):
         parts[i, STRETCH + k] = dp[k]
     for k in range(3):
-        parts[i, CENTRE + k], parts[i, TURN + k] = gx[k], dw[k]
+        parts[i, CENTRE + k], parts[i, RELATIVE_ROTATION + k] = gx[k], dw[k]
     for k in range(4):
         weights[i, k] = v[k]
 
 
 @kernel
-def rows_gradient(
-    position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
-    centre, g_centre, g_u, g_v, g_opacity, g_direction,
-):  # fmt: skip
-    """Of the motion rows, from the gradients of what `skinning.skin_each` wrote."""
-    n = len(binding)
-    weights, parts = np.zeros((n, 4)), np.zeros((n, TURN + 3))
-    parallel_for(
-        _of_one, n,
-        (position, quaternion, log_scale, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
-         centre, g_centre, g_u, g_v, g_direction, weights, parts),
-    )  # fmt: skip
-    total = np.zeros(rows.shape)
+def record_gradients(inputs, centre, upstream):
+    """Gradient with respect to the records of the motion.
+
+    Args:
+        inputs: `SkinningInputs`.
+        centre: World centres that skinning wrote.
+        upstream: `SkinnedArrays` of gradients with respect to what skinning wrote.
+
+    Returns:
+        Array (f, 32) float64.
+    """
+    n = len(inputs.binding)
+    weights, parts = np.zeros((n, 4)), np.zeros((n, RELATIVE_ROTATION + 3))
+    parallel_for(_surfel_gradient, n, (inputs, centre, upstream, weights, parts))
+    total = np.zeros(inputs.records.shape)
     for i in range(n):
-        f = binding[i]
+        f = inputs.binding[i]
         for k in range(6):
             total[f, STRETCH + k] += weights[i, 0] * parts[i, STRETCH + k]
-        for k in range(CENTRE, TURN):
+        for k in range(CENTRE, RELATIVE_ROTATION):
             total[f, k] += parts[i, k]
         for s in range(3):
-            other, share = neighbours[f, s], weights[i, 1 + s]
+            other, weight = inputs.neighbours[f, s], weights[i, 1 + s]
             for k in range(6):
-                total[other, STRETCH + k] += share * parts[i, STRETCH + k]
+                total[other, STRETCH + k] += weight * parts[i, STRETCH + k]
             for k in range(3):
-                total[f, TURN + 3 * s + k] += share * parts[i, TURN + k]
+                total[f, RELATIVE_ROTATION + 3 * s + k] += weight * parts[i, RELATIVE_ROTATION + k]
     return total
 
 
@@ -153,10 +145,7 @@ def _logarithm_gradient(rho, g):
         # (1 + cos)/sin = cot(angle / 2), which does not lose its digits near pi.
         c = 1 / square - 1 / (2 * angle * math.tan(0.5 * angle))
     once = matrix3.cross(rho, g)
-    twice = matrix3.cross(rho, once)
-    return (
-        g[0] + 0.5 * once[0] + c * twice[0], g[1] + 0.5 * once[1] + c * twice[1], g[2] + 0.5 * once[2] + c * twice[2],
-    )  # fmt: skip
+    return jbs.add(jbs.add(g, jbs.scaled(0.5, once)), jbs.scaled(c, matrix3.cross(rho, once)))
 
 
 @scalar_or_simd
@@ -173,8 +162,7 @@ def _jacobian_gradient(u, p, torque, g):
     """
     gp = (g[0], 0.5 * g[1], 0.5 * g[2], 0.5 * g[1], g[3], 0.5 * g[4], 0.5 * g[2], 0.5 * g[4], g[5])
     pg = _axial(matrix3.product(p, gp))
-    alpha = matrix3.apply_transposed(u, torque)
-    alpha = (alpha[0] + pg[0], alpha[1] + pg[1], alpha[2] + pg[2])
+    alpha = jbs.add(matrix3.apply_transposed(u, torque), pg)
     trace = p[0] + p[4] + p[8]
     system = (trace - p[0], -p[1], -p[2], -p[3], trace - p[4], -p[5], -p[6], -p[7], trace - p[8])
     inverse = matrix3.cofactor(system)  # symmetric; over the determinant
@@ -193,26 +181,25 @@ def _edge_gradients(a, b, m):
     g = (m[2], m[5], m[8])
     along, root = 0.5 * matrix3.dot(n, g), 1 / math.sqrt(length)
     g = (root * (g[0] - along * n[0]), root * (g[1] - along * n[1]), root * (g[2] - along * n[2]))
-    ga, gb = matrix3.cross(b, g), matrix3.cross(g, a)
-    return (m[0] + ga[0], m[3] + ga[1], m[6] + ga[2]), (m[1] + gb[0], m[4] + gb[1], m[7] + gb[2])
+    return jbs.add((m[0], m[3], m[6]), matrix3.cross(b, g)), jbs.add((m[1], m[4], m[7]), matrix3.cross(g, a))
 
 
 @scalar_or_simd
-def _face_corners(f, g_rows, torque, faces, canonical_edges, posed, rotation, stretch, sound, corners):
+def _corner_gradient(f, g_records, torque, faces, inverse_edges, posed, rotation, stretch, valid, corners):
     for corner in range(3):
         for k in range(3):
-            corners[f, corner, k] = g_rows[f, CENTRE + k] / 3
-    if not sound[f]:
+            corners[f, corner, k] = g_records[f, CENTRE + k] / 3
+    if not valid[f]:
         return
-    u, p = matrix3.load(rotation, f), matrix3.load(stretch, f)
-    g = (g_rows[f, 0], g_rows[f, 1], g_rows[f, 2], g_rows[f, 3], g_rows[f, 4], g_rows[f, 5])
-    to_jacobian = _jacobian_gradient(u, p, read3(torque, f), g)
-    to_edges = matrix3.product(to_jacobian, matrix3.transpose(matrix3.load(canonical_edges, f)))
-    i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-    origin, a, b = read3(posed, i), read3(posed, j), read3(posed, k)
-    a = (a[0] - origin[0], a[1] - origin[1], a[2] - origin[2])
-    b = (b[0] - origin[0], b[1] - origin[1], b[2] - origin[2])
-    ga, gb = _edge_gradients(a, b, to_edges)
+    g = (
+        g_records[f, STRETCH], g_records[f, STRETCH + 1], g_records[f, STRETCH + 2],
+        g_records[f, STRETCH + 3], g_records[f, STRETCH + 4], g_records[f, STRETCH + 5],
+    )  # fmt: skip
+    to_jacobian = _jacobian_gradient(matrix3.load(rotation, f), matrix3.load(stretch, f), read3(torque, f), g)
+    to_edges = matrix3.product(to_jacobian, matrix3.transpose(matrix3.load(inverse_edges, f)))
+    i, j, k = read3(faces, f)
+    minus_origin = jbs.scaled(-1.0, read3(posed, i))
+    ga, gb = _edge_gradients(jbs.add(read3(posed, j), minus_origin), jbs.add(read3(posed, k), minus_origin), to_edges)
     for c in range(3):
         corners[f, 0, c] -= ga[c] + gb[c]
         corners[f, 1, c] += ga[c]
@@ -220,32 +207,32 @@ def _face_corners(f, g_rows, torque, faces, canonical_edges, posed, rotation, st
 
 
 @kernel
-def _corner_gradients(g_rows, torque, faces, canonical_edges, posed, rotation, stretch, sound):
+def _corner_gradients(g_records, torque, faces, inverse_edges, posed, rotation, stretch, valid):
     corners = np.zeros((len(faces), 3, 3))
     parallel_for(
-        _face_corners, len(faces),
-        (g_rows, torque, faces, canonical_edges, posed, rotation, stretch, sound, corners),
+        _corner_gradient, len(faces),
+        (g_records, torque, faces, inverse_edges, posed, rotation, stretch, valid, corners),
     )  # fmt: skip
     return corners
 
 
 @kernel
-def _torques(g_rows, neighbours, rotation):
-    """Gradient of every face's rotation vector, dU = [w] U: from U itself, and from the turns between neighbours."""
+def _torques(g_records, neighbours, rotation):
+    """Gradient with respect to each triangle's w in dU = [w] U: through U and through the relative rotations."""
     torque = np.zeros((len(neighbours), 3))
     for f in range(len(neighbours)):
         u = matrix3.load(rotation, f)
-        own = _axial(matrix3.product(read9(g_rows, f, ROTATION), matrix3.transpose(u)))
+        own = _axial(matrix3.product(read9(g_records, f, ROTATION), matrix3.transpose(u)))
         for k in range(3):
             torque[f, k] += own[k]
         for s in range(3):
             other = neighbours[f, s]
             if other == f:
                 continue
-            at = TURN + 3 * s
-            turn = matrix3.product(matrix3.transpose(u), matrix3.load(rotation, other))
-            g = (g_rows[f, at], g_rows[f, at + 1], g_rows[f, at + 2])
-            pull = matrix3.apply(u, _logarithm_gradient(matrix3.rotation_vector(turn), g))
+            column = RELATIVE_ROTATION + 3 * s
+            relative = matrix3.rotation_vector(matrix3.product(matrix3.transpose(u), matrix3.load(rotation, other)))
+            g = (g_records[f, column], g_records[f, column + 1], g_records[f, column + 2])
+            pull = matrix3.apply(u, _logarithm_gradient(relative, g))
             for k in range(3):
                 torque[other, k] += pull[k]
                 torque[f, k] -= pull[k]
@@ -253,16 +240,28 @@ def _torques(g_rows, neighbours, rotation):
 
 
 def vertices_gradient(
-    g_rows: Float[np.ndarray, "f 32"],
+    g_records: Float[np.ndarray, "f 32"],
     rig: Rig,
     posed: Float[np.ndarray, "v 3"],
     rotation: Float[np.ndarray, "f 3 3"],
     stretch: Float[np.ndarray, "f 3 3"],
-    sound: np.ndarray,
+    valid: Bool[np.ndarray, "f"],
 ) -> Float[np.ndarray, "v 3"]:
-    """Of the posed vertices, from that of the rows that they make."""
-    torque = _torques(g_rows, rig.neighbours, rotation)
-    corners = _corner_gradients(g_rows, torque, rig.faces, rig.canonical_edges, posed, rotation, stretch, sound)
+    """Gradient with respect to the posed vertices from that with respect to the records of the motion.
+
+    Args:
+        g_records: Gradient with respect to the records.
+        rig: Canonical mesh.
+        posed: Posed vertices in metres.
+        rotation: U of every triangle, from `rig.polar_decomposition`.
+        stretch: P of every triangle.
+        valid: Whether a triangle has a motion of its own.
+
+    Returns:
+        Gradient with respect to `posed`.
+    """
+    torque = _torques(g_records, rig.neighbours, rotation)
+    corners = _corner_gradients(g_records, torque, rig.faces, rig.inverse_edges, posed, rotation, stretch, valid)
     gradient = np.zeros(posed.shape)
     np.add.at(gradient, rig.faces.reshape(-1), corners.reshape(-1, 3))
     return gradient

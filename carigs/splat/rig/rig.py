@@ -1,8 +1,8 @@
-"""What moves the surfels: triangle-local frames on the canonical mesh, and each triangle's motion to a posed mesh.
+"""The rig: canonical frames of the triangles, and the motion of each triangle to a posed mesh.
 
-Frames as SurFhead (Lee et al. 2025): third axis = normal, scale = (base + height) / 2.  Motions are deformation
-gradients with the normal direction scaled by the square root of the area ratio (Sumner and Popović 2004), split into
-rotation and stretch by the polar decomposition.  No torch here: gradients of the mesh are in `mesh_gradient`.
+Frames as SurFhead (Lee et al. 2025): the third axis is the normal, the scale (base + height) / 2. The motion of a
+triangle is its deformation gradient with the normal direction scaled by the square root of the area ratio (Sumner and
+Popovic 2004), split into rotation and stretch by the polar decomposition. Gradients are in `mesh_gradient`.
 """
 
 from __future__ import annotations
@@ -17,45 +17,61 @@ from carigs.errors import MeshError
 from carigs.simd import matrix3
 from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.vectors import scalar_or_simd
-from carigs.splat.rig.face_motion import CENTRE, MOTION_ROW, ROTATION, STRETCH, TURN, FaceMotion
+from carigs.splat.rig.face_motion import CENTRE, RECORD_SIZE, RELATIVE_ROTATION, ROTATION, STRETCH, FaceMotion
+from carigs.splat.rig.jacobian_blend import add, scaled
+from carigs.splat.rig.skinning_arguments import read3
 
+FRAME_SIZE = 16
+"""Numbers of a frame's record: nine, and padding."""
 DEGENERATE = 1e-6
-"""Twice the area over the longest edge squared below which a triangle has no usable frame."""
+"""A triangle is degenerate if twice its area is at most this fraction of its longest edge squared."""
 
 
 @dataclass(frozen=True)
 class Rig:
-    """The canonical mesh and what is fixed once it is known."""
+    """The canonical mesh and everything that depends on it alone.
+
+    Attributes:
+        vertices: Positions in metres: the subject without expression and pose.
+        faces: Vertex indices of the triangles.
+        neighbours: Index of the triangle across each edge (01, 12, 20); the own index where there is none.
+        scale: k_c = (base + height) / 2 in metres: the unit of triangle-local lengths.
+        frame_records: `frame` row by row, then padding: what a kernel reads at once.
+        inverse_edges: E^-1 with E = [v1 - v0, v2 - v0, normal sqrt(2 area)]; zeros for a degenerate triangle.
+    """
 
     vertices: Float64[np.ndarray, "v 3"]
-    """Metres; the subject without expression and pose."""
     faces: Int32[np.ndarray, "f 3"]
     neighbours: Int32[np.ndarray, "f 3"]
-    """The face across each edge (01, 12, 20); the own face where there is none."""
     scale: Float64[np.ndarray, "f"]
-    """k_c = (base + height) / 2 in metres: the unit of triangle-local lengths."""
-    frame_rows: Float32[np.ndarray, "f 16"]
-    """`frame` row by row, then spare numbers: what a kernel reads at once."""
-    canonical_edges: Float64[np.ndarray, "f 3 3"]
-    """E^-1 with E = [v1 - v0, v2 - v0, normal sqrt(2 area)]; zeros for a degenerate triangle."""
+    frame_records: Float32[np.ndarray, "f 16"]
+    inverse_edges: Float64[np.ndarray, "f 3 3"]
 
     @property
     def frame(self) -> Float32[np.ndarray, "f 3 3"]:
         """k_c R_c with R_c = [edge, towards the third corner, normal]: canonical from triangle-local."""
-        return self.frame_rows[:, :9].reshape(-1, 3, 3)
+        return self.frame_records[:, :9].reshape(-1, 3, 3)
 
 
 def build_rig(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Rig:
-    """Frames of the canonical mesh; degenerate triangles get some frame and move with their neighbours.
+    """Build the rig of a canonical mesh.
 
-    Raises `MeshError` for a vertex that is not finite.
+    Args:
+        vertices: Canonical positions in metres.
+        faces: Vertex indices of the triangles.
+
+    Returns:
+        The rig. Degenerate triangles have the identity as frame, and move with their neighbours.
+
+    Raises:
+        MeshError: If a vertex is not finite.
     """
     vertices = _finite(vertices)
     faces = np.ascontiguousarray(faces, np.int32)
-    scale, frame, inverse = _frames(vertices, faces)
-    rows = np.zeros((len(faces), 16), np.float32)
-    rows[:, :9] = (scale[:, None, None] * frame).reshape(-1, 9)
-    return Rig(vertices, faces, edge_neighbours(faces), scale, rows, inverse)
+    scale, frame, inverse_edges = _frames(vertices, faces)
+    records = np.zeros((len(faces), FRAME_SIZE), np.float32)
+    records[:, :9] = (scale[:, None, None] * frame).reshape(-1, 9)
+    return Rig(vertices, faces, edge_neighbours(faces), scale, records, inverse_edges)
 
 
 def _finite(vertices: Float[np.ndarray, "v 3"]) -> Float64[np.ndarray, "v 3"]:
@@ -66,7 +82,15 @@ def _finite(vertices: Float[np.ndarray, "v 3"]) -> Float64[np.ndarray, "v 3"]:
 
 
 def edge_neighbours(faces: Int[np.ndarray, "f 3"]) -> Int32[np.ndarray, "f 3"]:
-    """The face across each of the edges (01, 12, 20); the own face at a boundary or where more than two faces meet."""
+    """Find the triangle across each edge.
+
+    Args:
+        faces: Vertex indices of the triangles.
+
+    Returns:
+        Index of the triangle across the edges 01, 12 and 20; the own index at a boundary, and where more than two
+        triangles meet.
+    """
     n = len(faces)
     edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2).astype(np.int64), axis=1)
     key = edges[:, 0] * (int(faces.max(initial=0)) + 1) + edges[:, 1]
@@ -79,83 +103,111 @@ def edge_neighbours(faces: Int[np.ndarray, "f 3"]) -> Int32[np.ndarray, "f 3"]:
 
 
 def face_motion(rig: Rig, posed: Float[np.ndarray, "v 3"]) -> FaceMotion:
-    """Each triangle's Jacobian J = E(posed) E(canonical)^-1 and its polar parts.
+    """Motion of every triangle: Jacobian J = E(posed) E(canonical)^-1 in its polar decomposition.
 
-    Triangles without area in either mesh take the mean rotation and stretch of their sound neighbours, ring by ring,
-    and the identity if there are none: everything stays finite.  Raises `MeshError` for a vertex that is not.
+    E = [v1 - v0, v2 - v0, normal sqrt(2 area)] (Sumner and Popovic 2004). Triangles that are degenerate in either mesh
+    take the mean rotation and stretch of their valid neighbours, ring by ring, and the identity if there are none:
+    everything stays finite.
+
+    Args:
+        rig: Canonical mesh.
+        posed: Posed vertices in metres.
+
+    Returns:
+        The motion of every triangle.
+
+    Raises:
+        MeshError: If a vertex is not finite.
     """
-    centre, rotation, stretch, _ = polar_motion(rig, posed)
-    return FaceMotion(rows_of(rig, centre, rotation, stretch))
+    centre, rotation, stretch, _ = polar_decomposition(rig, posed)
+    return FaceMotion(motion_records(rig, centre, rotation, stretch))
 
 
-def polar_motion(
+def polar_decomposition(
     rig: Rig, posed: Float[np.ndarray, "v 3"]
 ) -> tuple[
     Float64[np.ndarray, "f 3"], Float64[np.ndarray, "f 3 3"], Float64[np.ndarray, "f 3 3"], Bool[np.ndarray, "f"]
 ]:
-    """T, U, P of every triangle, and whether they are its own; raises `MeshError` for a vertex that is not finite."""
-    centre, rotation, stretch, sound = _motion(_finite(posed), rig.faces, rig.canonical_edges)
-    if not sound.all():
-        _follow_neighbours(rotation, stretch, sound, rig.neighbours)
-    return centre, rotation, stretch, sound
+    """Centre, rotation and stretch of every triangle, see `face_motion`.
+
+    Args:
+        rig: Canonical mesh.
+        posed: Posed vertices in metres.
+
+    Returns:
+        Centre T (metres), rotation U, symmetric stretch P with J = U P, and whether these are the triangle's own: false
+        where it is degenerate and follows its neighbours.
+
+    Raises:
+        MeshError: If a vertex is not finite.
+    """
+    centre, rotation, stretch, valid = _polar_decompositions(_finite(posed), rig.faces, rig.inverse_edges)
+    if not valid.all():
+        _follow_neighbours(rotation, stretch, valid, rig.neighbours)
+    return centre, rotation, stretch, valid
 
 
-def rows_of(
+def motion_records(
     rig: Rig,
     centre: Float64[np.ndarray, "f 3"],
     rotation: Float64[np.ndarray, "f 3 3"],
     stretch: Float64[np.ndarray, "f 3 3"],
     dtype: type = np.float32,
 ) -> Float[np.ndarray, "f 32"]:
-    """What `polar_motion` found as rows of a `FaceMotion`."""
-    rows = np.zeros((len(rig.faces), MOTION_ROW), dtype)
-    rows[:, STRETCH:CENTRE] = stretch[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
-    rows[:, CENTRE:ROTATION] = centre
-    rows[:, ROTATION:TURN] = rotation.reshape(-1, 9)
-    rows[:, TURN : TURN + 9] = _turns(rotation, rig.neighbours).reshape(-1, 9)
-    return rows
+    """Arrange the results of `polar_decomposition` as the records of a `FaceMotion`.
 
+    Args:
+        rig: Canonical mesh.
+        centre: Centre of every posed triangle in metres.
+        rotation: Rotation U of every triangle.
+        stretch: Stretch P of every triangle.
+        dtype: Type of the records.
 
-def jacobians(motion: FaceMotion) -> Float64[np.ndarray, "f 3 3"]:
-    """J = U P of every face."""
-    stretch = motion.stretch.astype(np.float64)[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3)
-    return motion.rotation.astype(np.float64) @ stretch
+    Returns:
+        One record per triangle.
+    """
+    records = np.zeros((len(rig.faces), RECORD_SIZE), dtype)
+    records[:, STRETCH:CENTRE] = stretch[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+    records[:, CENTRE:ROTATION] = centre
+    records[:, ROTATION:RELATIVE_ROTATION] = rotation.reshape(-1, 9)
+    records[:, RELATIVE_ROTATION : RELATIVE_ROTATION + 9] = _relative_rotations(rotation, rig.neighbours).reshape(-1, 9)
+    return records
 
 
 def _follow_neighbours(
     rotation: Float64[np.ndarray, "f 3 3"],
     stretch: Float64[np.ndarray, "f 3 3"],
-    sound: Bool[np.ndarray, "f"],
+    valid: Bool[np.ndarray, "f"],
     neighbours: Int32[np.ndarray, "f 3"],
 ) -> None:
-    sound = sound.copy()
+    """Give triangles that are not valid the mean motion of valid neighbours, in place, ring by ring."""
+    valid = valid.copy()
     while True:
-        lost = np.flatnonzero(~sound)
-        known = sound[neighbours[lost]]
-        lost, known = lost[known.any(axis=1)], known[known.any(axis=1)]
-        if len(lost) == 0:
+        missing = np.flatnonzero(~valid)
+        known = valid[neighbours[missing]]
+        missing, known = missing[known.any(axis=1)], known[known.any(axis=1)]
+        if len(missing) == 0:
             return  # the rest keeps the identity
         weight = (known / known.sum(axis=1, keepdims=True))[:, :, None, None]
-        left, _, right = np.linalg.svd((weight * rotation[neighbours[lost]]).sum(axis=1))
+        left, _, right = np.linalg.svd((weight * rotation[neighbours[missing]]).sum(axis=1))
         left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
-        rotation[lost] = left @ right
-        stretch[lost] = (weight * stretch[neighbours[lost]]).sum(axis=1)
-        sound[lost] = True
+        rotation[missing] = left @ right
+        stretch[missing] = (weight * stretch[neighbours[missing]]).sum(axis=1)
+        valid[missing] = True
 
 
 @scalar_or_simd
 def _edges(vertices, faces, f):
-    """E of a face, and whether it has an area."""
-    i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-    ax, ay, az = vertices[j, 0] - vertices[i, 0], vertices[j, 1] - vertices[i, 1], vertices[j, 2] - vertices[i, 2]
-    bx, by, bz = vertices[k, 0] - vertices[i, 0], vertices[k, 1] - vertices[i, 1], vertices[k, 2] - vertices[i, 2]
-    cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    area = math.sqrt(cx * cx + cy * cy + cz * cz)
-    third = (bx - ax) ** 2 + (by - ay) ** 2 + (bz - az) ** 2
-    longest = max(ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz, third)
-    sound = area > DEGENERATE * longest
-    g = 1.0 / math.sqrt(area) if sound else 0.0
-    return (ax, bx, cx * g, ay, by, cy * g, az, bz, cz * g), sound
+    """E of a triangle, and whether it is not degenerate."""
+    i, j, k = read3(faces, f)
+    minus_origin = scaled(-1.0, read3(vertices, i))
+    a, b = add(read3(vertices, j), minus_origin), add(read3(vertices, k), minus_origin)
+    c, third = matrix3.cross(a, b), add(b, scaled(-1.0, a))
+    area = math.sqrt(matrix3.dot(c, c))
+    longest = max(matrix3.dot(a, a), matrix3.dot(b, b), matrix3.dot(third, third))
+    valid = area > DEGENERATE * longest
+    n = scaled(1.0 / math.sqrt(area) if valid else 0.0, c)
+    return (a[0], b[0], n[0], a[1], b[1], n[1], a[2], b[2], n[2]), valid
 
 
 @kernel
@@ -163,9 +215,9 @@ def _frames(vertices, faces):
     n = len(faces)
     scale, frame, inverse = np.zeros(n), np.zeros((n, 3, 3)), np.zeros((n, 3, 3))
     for f in range(n):
-        e, sound = _edges(vertices, faces, f)
+        e, valid = _edges(vertices, faces, f)
         base = math.sqrt(e[0] ** 2 + e[3] ** 2 + e[6] ** 2)
-        if not sound:
+        if not valid:
             matrix3.store(frame, f, matrix3.IDENTITY)
             scale[f] = base / 2
             continue
@@ -183,15 +235,15 @@ def _frames(vertices, faces):
 
 
 @scalar_or_simd
-def _face_motion(f, posed, faces, canonical_edges, centre, rotation, stretch, sound):
+def _polar_decomposition(f, posed, faces, inverse_edges, centre, rotation, stretch, valid):
     for c in range(3):
         centre[f, c] = (posed[faces[f, 0], c] + posed[faces[f, 1], c] + posed[faces[f, 2], c]) / 3
-    e, posed_sound = _edges(posed, faces, f)
-    inverse = matrix3.load(canonical_edges, f)
+    e, posed_valid = _edges(posed, faces, f)
+    inverse = matrix3.load(inverse_edges, f)
     # det E = (2 area)^1.5 > 0 in both meshes: a triangle in space has no mirror image, so U is a proper rotation.
-    sound[f] = posed_sound and (inverse[0] != 0.0 or inverse[1] != 0.0 or inverse[2] != 0.0)
+    valid[f] = posed_valid and (inverse[0] != 0.0 or inverse[1] != 0.0 or inverse[2] != 0.0)
     u = p = matrix3.IDENTITY
-    if sound[f]:
+    if valid[f]:
         jacobian = matrix3.product(e, inverse)
         u = matrix3.polar_rotation(jacobian)
         p = matrix3.product(matrix3.transpose(u), jacobian)
@@ -201,28 +253,27 @@ def _face_motion(f, posed, faces, canonical_edges, centre, rotation, stretch, so
 
 
 @kernel
-def _motion(posed, faces, canonical_edges):
+def _polar_decompositions(posed, faces, inverse_edges):
     n = len(faces)
-    centre = np.empty((n, 3))
-    rotation, stretch = np.empty((n, 3, 3)), np.empty((n, 3, 3))
-    sound = np.empty(n, np.bool_)
-    parallel_for(_face_motion, n, (posed, faces, canonical_edges, centre, rotation, stretch, sound))
-    return centre, rotation, stretch, sound
+    centre, rotation, stretch = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3, 3))
+    valid = np.empty(n, np.bool_)
+    parallel_for(_polar_decomposition, n, (posed, faces, inverse_edges, centre, rotation, stretch, valid))
+    return centre, rotation, stretch, valid
 
 
 @scalar_or_simd
-def _face_turns(f, rotation, neighbours, turn):
+def _relative_rotation(f, rotation, neighbours, vectors):
     own = matrix3.transpose(matrix3.load(rotation, f))
     for s in range(3):
         g, vector = neighbours[f, s], (0.0, 0.0, 0.0)
         if g != f:
             vector = matrix3.rotation_vector(matrix3.product(own, matrix3.load(rotation, g)))
         for c in range(3):
-            turn[f, s, c] = vector[c]
+            vectors[f, s, c] = vector[c]
 
 
 @kernel
-def _turns(rotation, neighbours):
-    turn = np.empty((len(rotation), 3, 3))
-    parallel_for(_face_turns, len(rotation), (rotation, neighbours, turn))
-    return turn
+def _relative_rotations(rotation, neighbours):
+    vectors = np.empty((len(rotation), 3, 3))
+    parallel_for(_relative_rotation, len(rotation), (rotation, neighbours, vectors))
+    return vectors

@@ -1,13 +1,9 @@
-"""Local -> world: surfels carried by their triangles through Jacobian blend skinning, with exact gradients.
+"""Jacobian blend skinning (paper equation 6): surfels from triangle-local to world coordinates, with exact gradients.
 
-World centre  J_b (k_c R_c mu) + T,  tangents  J_b k_c R_c r S,  where  J_b = U exp(sum v_i log(U^T U_i)) sum v_i P_i
-blends the motions of the own face and its three neighbours.  SurFhead blends absolute rotation vectors, which wraps
-where the head turns by pi; relative to the own face it does not.
-
-The formulas are in `jacobian_blend`; here are the loops for one surfel after the other, which is how the tests check
-them in float64, and in `skinning_simd` those for sixteen.  What no pixel depends on has no gradient, whatever its
-numbers are (0 * NaN).  In plain torch this would cost more than the rasteriser, and its exp would round differently
-with the number of threads.
+The formulas are in `jacobian_blend`. This module holds the PyTorch function and the loops over single surfels, which
+serve float64 (tests) and fewer than sixteen surfels; `skinning_simd` holds the loops over sixteen surfels at a time.
+A surfel whose upstream gradients are all zero gets zero gradients, also where its attributes are not finite. In plain
+PyTorch this would take longer than the rasteriser, and its exponential rounds differently with the number of threads.
 """
 
 from __future__ import annotations
@@ -21,160 +17,189 @@ from jaxtyping import Float
 from torch import Tensor
 
 from carigs.simd.vector_math import exp
-from carigs.simd.vectors import WIDTH
+from carigs.simd.vectors import WIDTH, scalar_or_simd
+from carigs.splat.rig import jacobian_blend as jbs
+from carigs.splat.rig import jacobian_blend_backward as backward
 from carigs.splat.rig import skinning_simd
-from carigs.splat.rig.face_motion import FaceMotion, read3, read4, read9, read_blend
-from carigs.splat.rig.jacobian_blend import (
-    blend_gradient,
-    carried,
-    direction_gradient,
-    disc_axes,
-    pulled_back,
-    sigmoid,
-    stretch_gradient,
-    torque_of,
-    turn_gradient,
-    view_direction,
-)
-from carigs.splat.rig.mesh_gradient import rows_gradient
+from carigs.splat.rig.face_motion import FaceMotion
+from carigs.splat.rig.mesh_gradient import record_gradients
 from carigs.splat.rig.rig import Rig
+from carigs.splat.rig.skinning_arguments import (
+    AttributeGradients,
+    SkinnedArrays,
+    SkinningInputs,
+    read3,
+    read4,
+    read_blend,
+)
 from carigs.splat.surfels.surfels import Surfels
 
 
-class Skinned(NamedTuple):
-    """Surfels in the world, differentiable."""
+class SkinnedSurfels(NamedTuple):
+    """Surfels in world coordinates, differentiable.
+
+    Attributes:
+        centre: World position in metres.
+        tangent_u: First axis of the disc in world coordinates; its length is the standard deviation in metres.
+        tangent_v: Second axis.
+        opacity: In [0, 1].
+        direction: Unit vector from the camera to the centre; None without a camera.
+    """
 
     centre: Float[Tensor, "n 3"]
     tangent_u: Float[Tensor, "n 3"]
-    """World vectors as long as the standard deviations (metres)."""
     tangent_v: Float[Tensor, "n 3"]
     opacity: Float[Tensor, "n"]
     direction: Float[Tensor, "n 3"] | None
-    """Unit vector from the eye to the centre; only where an eye is given."""
 
 
-def skin(
+def jacobian_blend_skinning(
     surfels: Surfels,
     rig: Rig,
     motion: FaceMotion,
     *,
     blend: bool = True,
     eye: Float[np.ndarray, "3"] | None = None,
-    turning: bool = True,
-) -> Skinned:
-    """Carry the surfels to the posed mesh; without `blend` by their own face's Jacobian alone.
+    rotate_directions: bool = True,
+) -> SkinnedSurfels:
+    """Carry the surfels to the posed mesh by Jacobian blend skinning.
 
-    With an `eye` (world point in metres) also say whence each is seen: with `turning` in the axes of the canonical
-    head, which the blended rotation turns, else in the world's.  Differentiable with respect to the surfels, and to
-    the motion where its rows are a tensor.
+    Paper equation 6, with the polar decomposition J_i = U_i P_i of every triangle and weights v_i that sum to one:
+
+        Sigma^(1/2) = J_b r s,    mu' = J_b mu + T,    J_b = exp(sum_i v_i log(U_i)) sum_i v_i P_i
+
+    with two differences: the rotations are blended relative to that of the own triangle, U exp(sum_i v_i log(U^T U_i)),
+    which does not jump where the head turns by pi; and mu, r, s are given in the canonical frame k_c R_c of the
+    triangle, so that k_c R_c stands between J_b and each of them.
+
+    Differentiable with respect to the surfels, and with respect to the motion if its records are a tensor.
+
+    Args:
+        surfels: Surfels in the frames of the triangles.
+        rig: Canonical mesh.
+        motion: Motion of the triangles to the posed mesh.
+        blend: Whether neighbours are blended; if not, the own triangle's Jacobian acts alone.
+        eye: Centre of the camera in world coordinates (metres); view directions are computed only if it is given.
+        rotate_directions: Whether view directions are given in the axes of the canonical head, so that view-dependent
+            colour turns with the head; if not, in world axes.
+
+    Returns:
+        The surfels in world coordinates.
     """
-    rows = motion.rows if isinstance(motion.rows, Tensor) else torch.from_numpy(motion.rows)
+    records = motion.records if isinstance(motion.records, Tensor) else torch.from_numpy(motion.records)
     leaves = (surfels.position, surfels.rotation, surfels.log_scale, surfels.opacity, surfels.blend)
-    place = None if eye is None else tuple(float(c) for c in eye)
-    mesh = (surfels.binding, rig.frame_rows, rig.neighbours)
-    return Skinned(*_Skin.apply(*leaves, rows, mesh, blend, place, turning))
+    point = None if eye is None else tuple(float(c) for c in eye)
+    mesh = (surfels.binding, rig.frame_records, rig.neighbours)
+    return SkinnedSurfels(*_Skinning.apply(*leaves, records, mesh, blend, point, rotate_directions))
 
 
-class _Skin(torch.autograd.Function):
+class _Skinning(torch.autograd.Function):
     @staticmethod
-    def forward(ctx, position, rotation, log_scale, opacity, blend, rows, mesh, blended, eye, turning):
+    def forward(ctx, position, rotation, log_scale, opacity, blend, records, mesh, blended, eye, rotate):
         leaves = [t.detach().contiguous().numpy() for t in (position, rotation, log_scale, opacity, blend)]
         n, dtype = len(position), leaves[0].dtype
-        out = [np.empty(shape, dtype) for shape in ((n, 3), (n, 3), (n, 3), n, (n if eye else 0, 3))]
+        skinned = SkinnedArrays(
+            *(np.empty(shape, dtype) for shape in ((n, 3), (n, 3), (n, 3), n, (n if eye else 0, 3)))
+        )
         ctx.vectors = dtype == np.float32 and n >= WIDTH
-        ctx.kept = [*leaves, *mesh, rows.detach().numpy(), blended, eye or (0.0, 0.0, 0.0), turning, out[0]]
-        ctx.seen = eye is not None
+        ctx.inputs = SkinningInputs(*leaves, *mesh, records.detach().numpy(), blended, eye or (0.0, 0.0, 0.0), rotate)
+        ctx.centre, ctx.has_eye = skinned.centre, eye is not None
         if ctx.vectors:
-            skinning_simd.skin(n, *_flat(ctx.kept), *_flat(out[1:]))
+            skinning_simd.skin(n, _flat(ctx.inputs), _flat(skinned))
         else:
-            skin_each(*ctx.kept, *out[1:])
+            skin_scalar(ctx.inputs, skinned)
         ctx.set_materialize_grads(True)
-        tensors = [torch.from_numpy(array) for array in out]
-        return *tensors[:4], tensors[4] if ctx.seen else None
+        tensors = [torch.from_numpy(array) for array in skinned]
+        return *tensors[:4], tensors[4] if ctx.has_eye else None
 
     @staticmethod
     @torch.autograd.function.once_differentiable
-    def backward(ctx, *given):
-        given = [g.contiguous().numpy() for g in given[:4]] + [
-            given[4].contiguous().numpy() if ctx.seen else np.empty((0, 3), given[0].numpy().dtype)
-        ]
-        n = len(given[0])
+    def backward(ctx, *upstream):
+        arrays = [g.contiguous().numpy() for g in upstream[: 4 + ctx.has_eye]]
+        upstream = SkinnedArrays(*arrays, *(() if ctx.has_eye else (np.empty((0, 3), arrays[0].dtype),)))
+        n = len(upstream.centre)
         shapes = ((n, 3), (n, 4), (n, 2), (n,), (n, 4))
-        gradients = [np.empty(shape, given[0].dtype) for shape in shapes]
+        gradients = AttributeGradients(*(np.empty(shape, upstream.centre.dtype) for shape in shapes))
         if ctx.vectors:
-            skinning_simd.skin_backward(n, *_flat(ctx.kept), *_flat(given), *_flat(gradients))
+            centre = ctx.centre.reshape(-1)
+            skinning_simd.skin_backward(n, _flat(ctx.inputs), centre, _flat(upstream), _flat(gradients))
         else:
-            skin_each_backward(*ctx.kept, *given, *gradients)
-        d_rows = None
+            skin_scalar_backward(ctx.inputs, ctx.centre, upstream, gradients)
+        d_records = None
         if ctx.needs_input_grad[5]:
-            d_rows = torch.from_numpy(rows_gradient(*ctx.kept, *given).astype(ctx.kept[8].dtype))
-        return *(torch.from_numpy(g) for g in gradients), d_rows, None, None, None, None
+            d_records = record_gradients(ctx.inputs, ctx.centre, upstream).astype(ctx.inputs.records.dtype)
+            d_records = torch.from_numpy(d_records)
+        return *(torch.from_numpy(g) for g in gradients), d_records, None, None, None, None
 
 
-def _flat(values):
-    return [v.reshape(-1) if isinstance(v, np.ndarray) else v for v in values]
+def _flat(group):
+    return type(group)(*(v.reshape(-1) if isinstance(v, np.ndarray) else v for v in group))
 
 
 @numba.njit(cache=True, error_model="numpy")
-def skin_each(
-    position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
-    centre, tangent_u, tangent_v, opacity, direction,
-):  # fmt: skip
-    """The world's surfels from the triangles', one by one."""
-    for i in range(len(binding)):
-        _faces, t, _shares, _g, _v, _w, p, _terms, q = read_blend(i, blend, binding, neighbours, rows, blended)
-        first, second, _unit, _length = disc_axes(read4(quaternion, i))
-        x, tu, tv = carried(
-            q, p, read9(frame_rows, binding[i], 0), read3(position, i), first, second, exp(log_scale[i, 0]),
-            exp(log_scale[i, 1]),
-        )  # fmt: skip
+def skin_scalar(inputs, skinned):
+    """Skin the surfels one by one.
+
+    Args:
+        inputs: `SkinningInputs`.
+        skinned: `SkinnedArrays` to write; directions only if there is room for them.
+    """
+    for i in range(len(inputs.binding)):
+        _faces, t, frame, _sigmoids, _inverse_sum, blend = read_blend(i, inputs)
+        axes = jbs.disc_axes(read4(inputs.quaternion, i))
+        scale = (exp(inputs.log_scale[i, 0]), exp(inputs.log_scale[i, 1]))
+        x, u, v = jbs.skin_surfel(blend, frame, t, read3(inputs.position, i), axes, scale)
         for c in range(3):
-            centre[i, c], tangent_u[i, c], tangent_v[i, c] = x[c] + t[c], tu[c], tv[c]
-        opacity[i] = sigmoid(logit[i])
-        if len(direction) > 0:
-            _n, _g, d = view_direction(q, read3(centre, i), eye, turning)
-            direction[i, 0], direction[i, 1], direction[i, 2] = d
+            skinned.centre[i, c], skinned.tangent_u[i, c], skinned.tangent_v[i, c] = x[c], u[c], v[c]
+        skinned.opacity[i] = jbs.sigmoid(inputs.logit[i])
+        if len(skinned.direction) > 0:
+            _n, _g, d = jbs.view_direction(blend[4], read3(skinned.centre, i), inputs.eye, inputs.rotate_directions)
+            skinned.direction[i, 0], skinned.direction[i, 1], skinned.direction[i, 2] = d
+
+
+@scalar_or_simd
+def _has_gradient(i, upstream):
+    moved = upstream.opacity[i] != 0
+    for c in range(3):
+        moved |= upstream.centre[i, c] != 0 or upstream.tangent_u[i, c] != 0 or upstream.tangent_v[i, c] != 0
+        moved |= len(upstream.direction) > 0 and upstream.direction[i, c] != 0
+    return moved
 
 
 @numba.njit(cache=True, error_model="numpy")
-def skin_each_backward(
-    position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended, eye, turning,
-    centre, g_centre, g_u, g_v, g_opacity, g_direction,
-    d_position, d_quaternion, d_log_scale, d_logit, d_blend,
-):  # fmt: skip
-    """From the gradients of what `skin_each` wrote to those of what it read."""
-    seen = len(g_direction) > 0
-    for i in range(len(binding)):
-        moved = g_opacity[i] != 0
-        for n in range(3):
-            moved |= g_centre[i, n] != 0 or g_u[i, n] != 0 or g_v[i, n] != 0
-            moved |= seen and g_direction[i, n] != 0
-        if not moved:
-            d_position[i], d_quaternion[i], d_log_scale[i], d_logit[i], d_blend[i] = 0.0, 0.0, 0.0, 0.0, 0.0
+def skin_scalar_backward(inputs, centre, upstream, gradients):
+    """Backward pass of `skin_scalar`.
+
+    Args:
+        inputs: `SkinningInputs`.
+        centre: World centres that `skin_scalar` wrote.
+        upstream: `SkinnedArrays` of gradients with respect to what `skin_scalar` wrote.
+        gradients: `AttributeGradients` to write.
+    """
+    for i in range(len(inputs.binding)):
+        if not _has_gradient(i, upstream):
+            gradients.position[i], gradients.quaternion[i], gradients.log_scale[i] = 0.0, 0.0, 0.0
+            gradients.logit[i], gradients.blend[i] = 0.0, 0.0
             continue
-        faces, _t, shares, g, _v, w, p, (_a, b, c), q = read_blend(i, blend, binding, neighbours, rows, blended)
-        first, second, unit, length = disc_axes(read4(quaternion, i))
-        gx, torque = read3(g_centre, i), (0.0, 0.0, 0.0)
-        if seen:
-            n_, near, d = view_direction(q, read3(centre, i), eye, turning)
-            more, torque = direction_gradient(q, n_, near, d, read3(g_direction, i), turning)
-            gx = (gx[0] + more[0], gx[1] + more[1], gx[2] + more[2])
-        dx, dq, ds, h, y = pulled_back(
-            q, p, read9(frame_rows, binding[i], 0), first, second, unit, length, exp(log_scale[i, 0]),
-            exp(log_scale[i, 1]), gx, read3(g_u, i), read3(g_v, i), read3(position, i),
+        faces, _t, frame, sigmoids, inverse_sum, blend = read_blend(i, inputs)
+        gx, torque = read3(upstream.centre, i), (0.0, 0.0, 0.0)
+        if len(upstream.direction) > 0:
+            gx, torque, _n = backward.view_direction_gradient(
+                blend[4], read3(centre, i), inputs.eye, inputs.rotate_directions, read3(upstream.direction, i), gx
+            )
+        dx, dq, ds, h, y = backward.skin_surfel_gradient(
+            blend, frame, read3(inputs.position, i), jbs.disc_axes(read4(inputs.quaternion, i)),
+            (exp(inputs.log_scale[i, 0]), exp(inputs.log_scale[i, 1])),
+            (gx, read3(upstream.tangent_u, i), read3(upstream.tangent_v, i)),
         )  # fmt: skip
-        opacity = sigmoid(logit[i])
-        d_logit[i] = g_opacity[i] * opacity * (1 - opacity)
-        d_log_scale[i, 0], d_log_scale[i, 1] = ds
-        for n in range(3):
-            d_position[i, n] = dx[n]
-        for n in range(4):
-            d_quaternion[i, n], d_blend[i, n] = dq[n], 0.0
-        if blended:
-            # The tangents' axes before their scales: those are in h already.
-            own_torque = torque_of(p, h, y)
-            torque = (torque[0] + own_torque[0], torque[1] + own_torque[1], torque[2] + own_torque[2])
-            dturn, dp = turn_gradient(w, b, c, torque), stretch_gradient(h, y)
-            db = blend_gradient(shares, g, dturn, dp, *faces)
-            for n in range(4):
-                d_blend[i, n] = db[n]
+        opacity = jbs.sigmoid(inputs.logit[i])
+        gradients.logit[i] = upstream.opacity[i] * opacity * (1 - opacity)
+        gradients.log_scale[i, 0], gradients.log_scale[i, 1] = ds
+        gradients.position[i, 0], gradients.position[i, 1], gradients.position[i, 2] = dx
+        for c in range(4):
+            gradients.quaternion[i, c], gradients.blend[i, c] = dq[c], 0.0
+        if inputs.blended:
+            d_w, d_p = backward.motion_gradient(blend, h, y, torque)
+            db = backward.blend_gradient(sigmoids, inverse_sum, d_w, d_p, faces)
+            for c in range(4):
+                gradients.blend[i, c] = db[c]

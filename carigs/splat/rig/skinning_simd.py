@@ -1,56 +1,45 @@
-"""The loops of `skinning` for float32, sixteen surfels at a time; the last sixteen overlap the ones before."""
+"""Loops of `skinning` for float32, sixteen surfels at a time; the last group of sixteen overlaps the one before."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from carigs.simd import matrix3
 from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.memory import align_stack, gather_rows, load, load2, load3, load4, store, store2, store3, store4
 from carigs.simd.vector_math import absolute, exp, select
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
-from carigs.splat.rig.face_motion import MOTION_ROW
-from carigs.splat.rig.jacobian_blend import (
-    blend_gradient,
-    blended_motion,
-    carried,
-    direction_gradient,
-    disc_axes,
-    pulled_back,
-    shares_of,
-    sigmoid,
-    stretch_gradient,
-    torque_of,
-    turn_gradient,
-    view_direction,
-)
+from carigs.splat.rig import jacobian_blend as jbs
+from carigs.splat.rig import jacobian_blend_backward as backward
+from carigs.splat.rig.face_motion import RECORD_SIZE
 
 PART = 1024  # surfels of one task
 
 
 @simd_inline
-def _faces(i, binding, frame_rows, neighbours, rows, around):
-    """The same as `_face` for the faces of sixteen surfels, and their canonical frames."""
+def _gather_blend(i, inputs, around):
+    """As `skinning_arguments.read_blend`, for sixteen surfels; `around` is room for the neighbours' indices."""
     for r in range(WIDTH):
         for side in range(3):
-            around[side * WIDTH + r] = neighbours[3 * binding[i + r] + side]
-    first = gather_rows(rows, binding, i, MOTION_ROW, 0)
-    last = gather_rows(rows, binding, i, MOTION_ROW, WIDTH)
-    frame = gather_rows(frame_rows, binding, i, WIDTH, 0)
-    one = gather_rows(rows, around, 0, MOTION_ROW, 0)
-    two = gather_rows(rows, around, WIDTH, MOTION_ROW, 0)
-    three = gather_rows(rows, around, 2 * WIDTH, MOTION_ROW, 0)
-    # Slices of tuples must be written in numbers: the columns STRETCH, CENTRE, ROTATION and TURN.
-    rotation = first[9:16] + last[0:2]
-    return first[0:6], one[0:6], two[0:6], three[0:6], last[2:11], rotation, first[6:9], frame[0:9]
+            around[side * WIDTH + r] = inputs.neighbours[3 * inputs.binding[i + r] + side]
+    first = gather_rows(inputs.records, inputs.binding, i, RECORD_SIZE, 0)
+    last = gather_rows(inputs.records, inputs.binding, i, RECORD_SIZE, WIDTH)
+    frame = gather_rows(inputs.frames, inputs.binding, i, WIDTH, 0)
+    one = gather_rows(inputs.records, around, 0, RECORD_SIZE, 0)
+    two = gather_rows(inputs.records, around, WIDTH, RECORD_SIZE, 0)
+    three = gather_rows(inputs.records, around, 2 * WIDTH, RECORD_SIZE, 0)
+    # Numba takes slices of tuples as numbers only: the columns STRETCH, CENTRE, ROTATION and RELATIVE_ROTATION.
+    faces = (first[0:6], one[0:6], two[0:6], three[0:6], last[2:11])
+    sigmoids, inverse_sum = _weights(i, inputs)
+    blend = jbs.blend_motion(sigmoids, inverse_sum, faces, first[9:16] + last[0:2])
+    return faces, first[6:9], frame[0:9], sigmoids, inverse_sum, blend
 
 
 @simd_inline
-def _weights_of(blend, i, blended):
-    if blended:
-        return shares_of(load4(blend, 4 * i))
-    one, none = broadcast(np.float32(1)), broadcast(np.float32(0))
-    return (one, none, none, none), one
+def _weights(i, inputs):
+    if inputs.blended:
+        return jbs.blend_weights(load4(inputs.blend, 4 * i))
+    one, zero = broadcast(np.float32(1)), broadcast(np.float32(0))
+    return (one, zero, zero, zero), one
 
 
 @simd_inline
@@ -59,118 +48,99 @@ def _size(v):
 
 
 @simd_inline
-def _unless4(condition, v):
-    none = broadcast(np.float32(0))
+def _zero_where(condition, v):
+    """Four vectors, with zeros where the condition holds."""
+    zero = broadcast(np.float32(0))
     return (
-        select(condition, none, v[0]), select(condition, none, v[1]),
-        select(condition, none, v[2]), select(condition, none, v[3]),
+        select(condition, zero, v[0]), select(condition, zero, v[1]),
+        select(condition, zero, v[2]), select(condition, zero, v[3]),
     )  # fmt: skip
 
 
 @simd_inline
-def _forward_sixteen(
-    i, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
-    eye, turning, centre, tangent_u, tangent_v, opacity, direction, around,
-):  # fmt: skip
+def _forward_sixteen(i, inputs, skinned, around):
     align_stack()
-    own, one, two, three, turn, u, t, k = _faces(i, binding, frame_rows, neighbours, rows, around)
-    shares, g = _weights_of(blend, i, blended)
-    v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])
-    w, p = blended_motion(v, own, one, two, three, turn)
-    a, b, _c = matrix3.exponential_terms(w)
-    q = matrix3.turned(u, w, a, b)
-    first, second, _unit, _length = disc_axes(load4(quaternion, 4 * i))
-    scale = load2(log_scale, 2 * i)
-    x, tu, tv = carried(q, p, k, load3(position, 3 * i), first, second, exp(scale[0]), exp(scale[1]))
-    x = (x[0] + t[0], x[1] + t[1], x[2] + t[2])
-    store3(centre, 3 * i, x)
-    store3(tangent_u, 3 * i, tu)
-    store3(tangent_v, 3 * i, tv)
-    store(opacity, i, sigmoid(load(logit, i)))
-    if len(direction) > 0:
-        _n, _g, d = view_direction(q, x, eye, turning)
-        store3(direction, 3 * i, d)
+    _faces, t, frame, _sigmoids, _inverse_sum, blend = _gather_blend(i, inputs, around)
+    axes, scale = jbs.disc_axes(load4(inputs.quaternion, 4 * i)), load2(inputs.log_scale, 2 * i)
+    scale = (exp(scale[0]), exp(scale[1]))
+    x, u, v = jbs.skin_surfel(blend, frame, t, load3(inputs.position, 3 * i), axes, scale)
+    store3(skinned.centre, 3 * i, x)
+    store3(skinned.tangent_u, 3 * i, u)
+    store3(skinned.tangent_v, 3 * i, v)
+    store(skinned.opacity, i, jbs.sigmoid(load(inputs.logit, i)))
+    if len(skinned.direction) > 0:
+        _n, _g, d = jbs.view_direction(blend[4], x, inputs.eye, inputs.rotate_directions)
+        store3(skinned.direction, 3 * i, d)
 
 
 @simd_inline
-def _backward_sixteen(
-    i, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
-    eye, turning, centre, g_centre, g_u, g_v, g_opacity, g_direction,
-    d_position, d_quaternion, d_log_scale, d_logit, d_blend, around,
-):  # fmt: skip
+def _backward_sixteen(i, inputs, centre, upstream, gradients, around):
     align_stack()
-    up_x, up_u, up_v = load3(g_centre, 3 * i), load3(g_u, 3 * i), load3(g_v, 3 * i)
-    none = broadcast(np.float32(0))
-    seen, up_d = len(g_direction) > 0, (none, none, none)
-    if seen:
-        up_d = load3(g_direction, 3 * i)
-    change = _size(up_x) + _size(up_u) + _size(up_v) + _size(up_d) + absolute(load(g_opacity, i))
-    still = change <= none
-    own, one, two, three, turn, u, _t, k = _faces(i, binding, frame_rows, neighbours, rows, around)
-    shares, g = _weights_of(blend, i, blended)
-    v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])
-    w, p = blended_motion(v, own, one, two, three, turn)
-    a, b, c = matrix3.exponential_terms(w)
-    q = matrix3.turned(u, w, a, b)
-    first, second, unit, length = disc_axes(load4(quaternion, 4 * i))
-    scale = load2(log_scale, 2 * i)
-    torque = (none, none, none)
-    if seen:
-        n, near, d = view_direction(q, load3(centre, 3 * i), eye, turning)
-        more, torque = direction_gradient(q, n, near, d, up_d, turning)
-        up_x = (up_x[0] + more[0], up_x[1] + more[1], up_x[2] + more[2])
-    dx, dq, ds, h, y = pulled_back(
-        q, p, k, first, second, unit, length, exp(scale[0]), exp(scale[1]), up_x, up_u, up_v, load3(position, 3 * i)
+    up_x, up_u, up_v = load3(upstream.centre, 3 * i), load3(upstream.tangent_u, 3 * i), load3(upstream.tangent_v, 3 * i)
+    up_opacity, zero = load(upstream.opacity, i), broadcast(np.float32(0))
+    has_eye, up_d, torque = len(upstream.direction) > 0, (zero, zero, zero), (zero, zero, zero)
+    if has_eye:
+        up_d = load3(upstream.direction, 3 * i)
+    unchanged = _size(up_x) + _size(up_u) + _size(up_v) + _size(up_d) + absolute(up_opacity) <= zero
+    faces, _t, frame, sigmoids, inverse_sum, blend = _gather_blend(i, inputs, around)
+    axes, scale = jbs.disc_axes(load4(inputs.quaternion, 4 * i)), load2(inputs.log_scale, 2 * i)
+    scale = (exp(scale[0]), exp(scale[1]))
+    if has_eye:
+        x = load3(centre, 3 * i)
+        up_x, torque, _n = backward.view_direction_gradient(
+            blend[4], x, inputs.eye, inputs.rotate_directions, up_d, up_x
+        )
+    dx, dq, ds, h, y = backward.skin_surfel_gradient(
+        blend, frame, load3(inputs.position, 3 * i), axes, scale, (up_x, up_u, up_v)
     )
-    store3(d_position, 3 * i, (select(still, none, dx[0]), select(still, none, dx[1]), select(still, none, dx[2])))
-    store4(d_quaternion, 4 * i, _unless4(still, dq))
-    store2(d_log_scale, 2 * i, (select(still, none, ds[0]), select(still, none, ds[1])))
-    opacity = sigmoid(load(logit, i))
-    store(d_logit, i, select(still, none, load(g_opacity, i) * opacity * (1 - opacity)))
-    db = (none, none, none, none)
-    if blended:
-        own_torque = torque_of(p, h, y)
-        torque = (torque[0] + own_torque[0], torque[1] + own_torque[1], torque[2] + own_torque[2])
-        dturn, dp = turn_gradient(w, b, c, torque), stretch_gradient(h, y)
-        db = blend_gradient(shares, g, dturn, dp, own, one, two, three, turn)
-    store4(d_blend, 4 * i, _unless4(still, db))
+    dx = _zero_where(unchanged, (dx[0], dx[1], dx[2], zero))
+    store3(gradients.position, 3 * i, dx[0:3])
+    store4(gradients.quaternion, 4 * i, _zero_where(unchanged, dq))
+    store2(gradients.log_scale, 2 * i, (select(unchanged, zero, ds[0]), select(unchanged, zero, ds[1])))
+    opacity = jbs.sigmoid(load(inputs.logit, i))
+    store(gradients.logit, i, select(unchanged, zero, up_opacity * opacity * (1 - opacity)))
+    db = (zero, zero, zero, zero)
+    if inputs.blended:
+        d_w, d_p = backward.motion_gradient(blend, h, y, torque)
+        db = backward.blend_gradient(sigmoids, inverse_sum, d_w, d_p, faces)
+    store4(gradients.blend, 4 * i, _zero_where(unchanged, db))
 
 
 @simd_inline_alloc
-def _forward_part(
-    part, count, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
-    eye, turning, centre, tangent_u, tangent_v, opacity, direction,
-):  # fmt: skip
+def _forward_part(part, count, inputs, skinned):
     around = np.empty(3 * WIDTH, np.int32)
     for start in range(part * PART, min((part + 1) * PART, count), WIDTH):
-        _forward_sixteen(
-            min(start, count - WIDTH), position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours,
-            rows, blended, eye, turning, centre, tangent_u, tangent_v, opacity, direction, around,
-        )  # fmt: skip
+        _forward_sixteen(min(start, count - WIDTH), inputs, skinned, around)
 
 
 @simd_inline_alloc
-def _backward_part(
-    part, count, position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours, rows, blended,
-    eye, turning, centre, g_centre, g_u, g_v, g_opacity, g_direction,
-    d_position, d_quaternion, d_log_scale, d_logit, d_blend,
-):  # fmt: skip
+def _backward_part(part, count, inputs, centre, upstream, gradients):
     around = np.empty(3 * WIDTH, np.int32)
     for start in range(part * PART, min((part + 1) * PART, count), WIDTH):
-        _backward_sixteen(
-            min(start, count - WIDTH), position, quaternion, log_scale, logit, blend, binding, frame_rows, neighbours,
-            rows, blended, eye, turning, centre, g_centre, g_u, g_v, g_opacity, g_direction,
-            d_position, d_quaternion, d_log_scale, d_logit, d_blend, around,
-        )  # fmt: skip
+        _backward_sixteen(min(start, count - WIDTH), inputs, centre, upstream, gradients, around)
 
 
 @kernel
-def skin(count, *arguments):
-    """As `skinning.skin_each`, on flat arrays of `count` surfels."""
-    parallel_for(_forward_part, (count + PART - 1) // PART, (count, *arguments))
+def skin(count, inputs, skinned):
+    """Skin surfels as `skinning.skin_scalar`, on flat arrays.
+
+    Args:
+        count: Number of surfels, at least sixteen.
+        inputs: `SkinningInputs` of flat float32 arrays.
+        skinned: `SkinnedArrays` of flat arrays to write.
+    """
+    parallel_for(_forward_part, (count + PART - 1) // PART, (count, inputs, skinned))
 
 
 @kernel
-def skin_backward(count, *arguments):
-    """As `skinning.skin_each_backward`, on flat arrays of `count` surfels."""
-    parallel_for(_backward_part, (count + PART - 1) // PART, (count, *arguments))
+def skin_backward(count, inputs, centre, upstream, gradients):
+    """Backward pass of `skin`, as `skinning.skin_scalar_backward`.
+
+    Args:
+        count: Number of surfels, at least sixteen.
+        inputs: `SkinningInputs` of flat float32 arrays.
+        centre: World centres that `skin` wrote, flat.
+        upstream: `SkinnedArrays` of gradients, flat.
+        gradients: `AttributeGradients` of flat arrays to write.
+    """
+    parallel_for(_backward_part, (count + PART - 1) // PART, (count, inputs, centre, upstream, gradients))

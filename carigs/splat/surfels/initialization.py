@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 from carigs.raster import rasterize_mesh
 from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence
-from carigs.splat.rig.rig import Rig, jacobians
+from carigs.splat.rig.rig import Rig
 from carigs.splat.surfels.surfels import Surfels, flat_discs
 from carigs.splat.training.supervision import Example, Supervision
 
@@ -27,7 +27,7 @@ def initial_surfels(
     targets_only = settings.gtstar_probability >= 1
     count = len(supervision.targets if targets_only else supervision.frames)
     chosen = np.unique(np.linspace(0, count - 1, settings.initial_colour_frames).astype(int))
-    views = [supervision.first_view(targets_only, int(i)) for i in chosen]
+    views = [supervision.weighted_example(targets_only, int(i)) for i in chosen]
     rgb = observed_colours(binding, position, performance, views)
     return flat_discs(binding, position, scale, settings.initial_opacity, rgb, settings.sh_degree)
 
@@ -90,7 +90,7 @@ def observed_colours(
     for example, trust in views:
         camera = example.camera
         motion = performance.motion(example.timestep, example.level)
-        centre = motion.centre[binding] + np.einsum("nij,nj->ni", jacobians(motion)[binding], canonical)
+        centre = motion.centre[binding] + np.einsum("nij,nj->ni", motion.jacobian[binding], canonical)
         pixel, depth = camera.project(centre)
         surface = rasterize_mesh(performance.posed(example.timestep, example.level), rig.faces, camera).depth
         inside = (depth > 0) & (pixel >= 0).all(axis=1) & (pixel < [camera.width, camera.height]).all(axis=1)

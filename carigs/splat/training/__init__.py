@@ -1,1 +1,10 @@
-"""Losses, supervision, optimisation, density control and checkpoints."""
+"""Training: losses, supervision, optimisation, density control and checkpoints.
+
+- `trainer`: `train_surfels`, the training loop; `learning_rates`
+- `schedule`: `draw_schedule`, the random alternation of real frames and GT* targets
+- `supervision`: `Supervision`, the training examples and their masks; `image_cache`: images decoded ahead
+- `photometric_loss`: L1 and SSIM; `ssim`: its kernel; `regularizers`: threshold losses, normal consistency
+- `adam`: `Adam` with freezing of rows; `density`: cloning, splitting and pruning
+- `tracking_refinement`: `TrackingRefinement`, head parameters that are optimised with the surfels
+- `checkpoint`: `TrainingState` on disk; `progress`: progress on stderr
+"""

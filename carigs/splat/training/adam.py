@@ -1,79 +1,113 @@
-"""Adam (Kingma and Ba 2015) on the surfels' attributes, which can leave rows out.
+"""Adam (Kingma and Ba 2015) that can leave rows out.
 
-A surfel that is frozen in a step keeps its values *and* its moments: zero gradients alone would let momentum move it.
-One kernel for all rows rounds the same with any number of threads, which torch's own does not promise.
+A surfel that is frozen in a step keeps its values and its moments: with zero gradients alone, momentum would move it.
+One kernel over rows gives the same bytes with any number of threads, which PyTorch's Adam does not promise.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from typing import Protocol
 
 import numpy as np
-from jaxtyping import Bool, Float32
+from jaxtyping import Bool, Float32, Int
+from torch import Tensor
 
 from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.vectors import scalar_or_simd
-from carigs.splat.surfels.surfels import Surfels
 
 BETA_1, BETA_2, EPSILON = 0.9, 0.999, 1e-15
 PART = 1024  # rows of one task
 
 
+class Parameters(Protocol):
+    """Rows with named float32 attributes, such as `Surfels`."""
+
+    def __len__(self) -> int: ...
+
+    def attributes(self) -> Iterable[tuple[str, Tensor]]:
+        """Name and tensor of every attribute.
+
+        Returns:
+            Pairs; the first axis of each tensor are the rows.
+        """
+
+
 class Adam:
-    """Moments of every attribute, in the order of the surfels."""
+    """Optimiser state: the first and second moments of every attribute, in the order of the rows.
 
-    def __init__(self, surfels: Surfels) -> None:
+    Args:
+        parameters: What is optimised.
+    """
+
+    def __init__(self, parameters: Parameters) -> None:
         self.steps = 0
-        self.first = {name: np.zeros(value.shape, np.float32) for name, value in surfels.attributes()}
-        self.second = {name: np.zeros(value.shape, np.float32) for name, value in surfels.attributes()}
+        self.first = {name: np.zeros(value.shape, np.float32) for name, value in parameters.attributes()}
+        self.second = {name: np.zeros_like(value) for name, value in self.first.items()}
 
-    def step(self, surfels: Surfels, rates: Mapping[str, float], frozen: Bool[np.ndarray, "n"] | None = None) -> None:
-        """Move every attribute down its `.grad` at its rate; rows in `frozen` are not touched at all."""
+    def step(
+        self, parameters: Parameters, rates: Mapping[str, float], frozen: Bool[np.ndarray, "n"] | None = None
+    ) -> None:
+        """Update every attribute by its `.grad`; frozen rows keep their values and moments (freezing).
+
+        With gradient g: m = b1 m + (1 - b1) g, v = b2 v + (1 - b2) g^2, and the update -rate m' / (sqrt(v') + eps) with
+        m' = m / (1 - b1^t), v' = v / (1 - b2^t).
+
+        Args:
+            parameters: What is optimised, changed in place.
+            rates: Learning rate of every attribute.
+            frozen: Rows that are not touched; none if None.
+        """
         self.steps += 1
-        keep = np.zeros(len(surfels), np.bool_) if frozen is None else frozen
-        for name, value in surfels.attributes():
+        n = len(parameters)
+        frozen = np.zeros(n, np.bool_) if frozen is None else frozen
+        for name, value in parameters.attributes():
             if value.grad is None or value.numel() == 0:
                 continue
             step_size = rates[name] / (1 - BETA_1**self.steps)
             correction = 1 / math.sqrt(1 - BETA_2**self.steps)
-            rows = (len(surfels), -1)
-            _update(
-                value.detach().numpy().reshape(rows),
-                value.grad.numpy().reshape(rows),
-                self.first[name].reshape(rows),
-                self.second[name].reshape(rows),
-                keep,
-                np.float32(step_size),
-                np.float32(correction),
-            )
+            arrays = (value.detach().numpy(), value.grad.numpy(), self.first[name], self.second[name])
+            _update(*(a.reshape(n, -1) for a in arrays), frozen, np.float32(step_size), np.float32(correction))
 
-    def take(self, kept: np.ndarray, fresh: Bool[np.ndarray, "m"]) -> None:
-        """Follow a change of the surfels: row i comes from row `kept[i]`, with zero moments where `fresh[i]`."""
+    def reorder(self, source: Int[np.ndarray, "m"], is_new: Bool[np.ndarray, "m"]) -> None:
+        """Follow a change of the rows.
+
+        Args:
+            source: Index of the old row that each row comes from.
+            is_new: Rows whose moments start from zero.
+        """
         for moments in (self.first, self.second):
             for name, value in moments.items():
-                moments[name] = value[kept]
-                moments[name][fresh] = 0
+                moments[name] = value[source]
+                moments[name][is_new] = 0
 
+    def as_arrays(self) -> dict[str, Float32[np.ndarray, "n *_"]]:
+        """The moments, for a checkpoint.
 
-def as_arrays(adam: Adam) -> dict[str, Float32[np.ndarray, "n *_"]]:
-    """The moments by name."""
-    return {f"first_{k}": v for k, v in adam.first.items()} | {f"second_{k}": v for k, v in adam.second.items()}
+        Returns:
+            Arrays by name.
+        """
+        return {f"first_{k}": v for k, v in self.first.items()} | {f"second_{k}": v for k, v in self.second.items()}
 
+    def restore(self, steps: int, arrays: Mapping[str, np.ndarray]) -> None:
+        """Set the state.
 
-def restore(adam: Adam, steps: int, arrays: Mapping[str, np.ndarray]) -> None:
-    """Set the state to what `as_arrays` gave."""
-    adam.steps = steps
-    for name in adam.first:
-        adam.first[name], adam.second[name] = arrays[f"first_{name}"].copy(), arrays[f"second_{name}"].copy()
+        Args:
+            steps: Number of steps done.
+            arrays: Result of `as_arrays`.
+        """
+        self.steps = steps
+        for name in self.first:
+            self.first[name], self.second[name] = arrays[f"first_{name}"].copy(), arrays[f"second_{name}"].copy()
 
 
 @scalar_or_simd
-def _update_part(part, value, gradient, first, second, keep, step_size, correction):
+def _update_part(part, value, gradient, first, second, frozen, step_size, correction):
     b1, b2, eps = np.float32(BETA_1), np.float32(BETA_2), np.float32(EPSILON)
-    c1, c2 = np.float32(1 - BETA_1), np.float32(1 - BETA_2)  # rounded once: 1 - float32(0.999) is off by 5e-5
+    c1, c2 = np.float32(1 - BETA_1), np.float32(1 - BETA_2)  # rounded once: 1 - float32(0.999) has an error of 5e-5
     for i in range(part * PART, min((part + 1) * PART, len(value))):
-        if keep[i]:
+        if frozen[i]:
             continue
         for c in range(value.shape[1]):
             g = gradient[i, c]

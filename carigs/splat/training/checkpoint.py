@@ -1,4 +1,4 @@
-"""A run's state on disk, so that a killed run goes on where it was, to the same bytes."""
+"""State of a training run on disk: a run that was killed continues from it, to the same bytes."""
 
 from __future__ import annotations
 
@@ -14,42 +14,57 @@ from carigs.files import writing
 from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.surfels import ATTRIBUTES, Surfels, from_arrays, to_arrays
-from carigs.splat.training.adam import Adam, as_arrays, restore
+from carigs.splat.training.adam import Adam
 from carigs.splat.training.density import GradientStatistics
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.tracking_refinement import TrackingRefinement
 
 
 @dataclass
-class State:
-    """Everything that the next step depends on, and the log so far."""
+class TrainingState:
+    """Everything that the next step depends on, and the log.
+
+    Attributes:
+        iteration: Number of steps done.
+        surfels: The surfels.
+        adam: Their optimiser.
+        statistics: Gradients since the last density control.
+        log: Rows of the log.
+        losses: Losses since the last row.
+        seconds: Training time, earlier runs included.
+        refinement: Refinement of the tracked head parameters, if enabled.
+    """
 
     iteration: int
-    """Steps done."""
     surfels: Surfels
     adam: Adam
     statistics: GradientStatistics
-    rows: list[tuple] = field(default_factory=list)
-    """Of the log."""
+    log: list[tuple] = field(default_factory=list)
     losses: list[float] = field(default_factory=list)
-    """Since the last row."""
     seconds: float = 0.0
-    """Spent in earlier sittings."""
-    tuning: TrackingRefinement | None = None
-    """Of the tracked head, where that is fine-tuned."""
+    refinement: TrackingRefinement | None = None
 
 
-def fingerprint(settings: Train, performance: HeadSequence, supervision: Supervision) -> str:
-    """Digest of the inputs: a checkpoint of other settings, meshes or images is not gone on with."""
+def run_digest(settings: Train, sequence: HeadSequence, supervision: Supervision) -> str:
+    """Digest of the inputs of a run; a checkpoint of other settings, meshes or images is ignored.
+
+    Args:
+        settings: Settings of the stage.
+        sequence: The subject.
+        supervision: Training frames and targets.
+
+    Returns:
+        SHA-256 in hexadecimal digits.
+    """
     digest = hashlib.sha256()
-    # How fast, how often saved: no part of the result.
-    shown = {k: v for k, v in asdict(settings).items() if k not in ("threads", "checkpoint_seconds")}
-    digest.update(json.dumps(shown, sort_keys=True).encode())
-    digest.update(performance.rig.vertices.tobytes() + performance.rig.faces.tobytes())
-    for array in (performance.path.displacements, performance.path.columns, performance.path.changes):
+    # The number of threads and the interval of checkpoints do not change the result.
+    relevant = {k: v for k, v in asdict(settings).items() if k not in ("threads", "checkpoint_seconds")}
+    digest.update(json.dumps(relevant, sort_keys=True).encode())
+    digest.update(sequence.rig.vertices.tobytes() + sequence.rig.faces.tobytes())
+    for array in (sequence.path.displacements, sequence.path.columns, sequence.path.changes):
         digest.update(b"" if array is None else array.tobytes())
-    if performance.shading is not None:
-        digest.update(b"".join(np.asarray(value).tobytes() for value in asdict(performance.shading).values()))
+    if sequence.shading is not None:
+        digest.update(b"".join(np.asarray(value).tobytes() for value in asdict(sequence.shading).values()))
     digest.update(json.dumps([(target.level, target.weight) for target in supervision.targets]).encode())
     for file in supervision.files():
         status = file.stat()
@@ -57,44 +72,55 @@ def fingerprint(settings: Train, performance: HeadSequence, supervision: Supervi
     return digest.hexdigest()
 
 
-def save_state(file: Path, state: State, key: str) -> None:
-    """Write the state under a temporary name, then rename it."""
+def save_checkpoint(file: Path, state: TrainingState, digest: str) -> None:
+    """Write the state under a temporary name, then rename it.
+
+    Args:
+        file: File to write (.npz).
+        state: State of the run.
+        digest: Result of `run_digest`.
+    """
     with writing(file) as part, part.open("wb") as stream:
         np.savez(
             stream,
-            key=key,
+            key=digest,
             iteration=state.iteration,
             steps=state.adam.steps,
             seconds=state.seconds,
-            rows=json.dumps(state.rows),
+            rows=json.dumps(state.log),
             losses=np.array(state.losses),
             total=state.statistics.total,
             views=state.statistics.views,
             **to_arrays(state.surfels),
-            **as_arrays(state.adam),
-            **(state.tuning.as_arrays() if state.tuning else {}),
+            **state.adam.as_arrays(),
+            **(state.refinement.as_arrays() if state.refinement else {}),
         )
 
 
-def load_state(file: Path, key: str, tuning: TrackingRefinement | None = None) -> State | None:
-    """The state saved by a run with the same inputs; None if there is none that can be gone on with.
+def load_checkpoint(file: Path, digest: str, refinement: TrackingRefinement | None = None) -> TrainingState | None:
+    """Read the state of a run with the same inputs.
 
-    `tuning` is set to where it was.
+    Args:
+        file: File that `save_checkpoint` wrote.
+        digest: Result of `run_digest`.
+        refinement: Refinement of the tracking, set to its saved state.
+
+    Returns:
+        The state; None if there is no file, if it is broken, or if it is of a run with other inputs.
     """
     try:
         with np.load(file) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-        if str(arrays["key"]) != key:
+            arrays = dict(archive)
+        if str(arrays["key"]) != digest:
             return None
         surfels = from_arrays(**{name: arrays[name] for name in (*ATTRIBUTES, "binding")})
-        adam = Adam(surfels)
-        restore(adam, int(arrays["steps"]), arrays)
-        statistics = GradientStatistics(len(surfels))
+        adam, statistics = Adam(surfels), GradientStatistics(len(surfels))
+        adam.restore(int(arrays["steps"]), arrays)
         statistics.total, statistics.views = arrays["total"], arrays["views"]
-        rows = [tuple(row) for row in json.loads(str(arrays["rows"]))]
+        log = [tuple(row) for row in json.loads(str(arrays["rows"]))]
         losses, seconds = arrays["losses"].tolist(), float(arrays["seconds"])
-        if tuning is not None:
-            tuning.restore(arrays)
-        return State(int(arrays["iteration"]), surfels, adam, statistics, rows, losses, seconds, tuning)
+        if refinement is not None:
+            refinement.restore(arrays)
+        return TrainingState(int(arrays["iteration"]), surfels, adam, statistics, log, losses, seconds, refinement)
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None

@@ -1,10 +1,14 @@
-"""Density control: surfels are cloned, split and pruned, and children inherit their parent's triangle.
+"""Density control: surfels are cloned, split and pruned; children inherit their parent's triangle.
 
-The strategy of 3D Gaussian splatting (Kerbl et al. 2023) with GaussianAvatars' binding inheritance.  Differences, on
-purpose: the children of a split are scattered in the *local* units that positions have; where a face would lose all its
-surfels, its most opaque one stays; within the budget new surfels go to the largest gradients first, and those that add
-least to the images make room.  Gradients are those of real frames alone (of GT* frames where no others are used):
-frozen surfels are not starved, and pixels that the warp stretched not refined.
+The strategy of 3D Gaussian splatting (Kerbl et al. 2023) with the binding inheritance of GaussianAvatars (Qian et al.
+2024), with these differences:
+
+- Children of a split are scattered in the local units that positions have.
+- Where a triangle would lose all its surfels, the most opaque one is kept.
+- New surfels go to the largest gradients first until the budget is used up; then the surfels that contribute least to
+  the images are removed to make room.
+- Only gradients of real frames count (those of GT* frames if there are no others): surfels that are frozen in GT* steps
+  are not neglected, and pixels that the warp stretched are not refined.
 """
 
 from __future__ import annotations
@@ -22,27 +26,41 @@ from carigs.splat.surfels.surfels import Surfels, from_arrays, to_arrays
 from carigs.splat.training.adam import Adam
 
 SPLIT_CHILDREN, SPLIT_SHRINK = 2, 1.6
+"""Children of a split, and the factor by which they are smaller (Kerbl et al. 2023)."""
 
 
 class GradientStatistics:
-    """Running mean of each surfel's screen-space positional gradient over the views that saw it."""
+    """Mean screen-space positional gradient of every surfel over the views that saw it.
+
+    Args:
+        n: Number of surfels.
+    """
 
     def __init__(self, n: int) -> None:
         self.total, self.views = np.zeros(n), np.zeros(n)
 
     def add(self, screen: Screen, camera: Camera) -> None:
-        """Count one view: pixel gradients in units of half the image (NDC), as the published thresholds."""
+        """Add the gradients of one view, in units of half the image (NDC) as the published thresholds.
+
+        Args:
+            screen: Screen-space gradients (1/pixel) and visibility of the surfels.
+            camera: The view.
+        """
         half = np.array([camera.width / 2, camera.height / 2])
         visible = screen.visible.numpy()
         self.total += np.where(visible, np.linalg.norm(screen.gradient.numpy() * half, axis=1), 0)
         self.views += visible
 
     def mean(self) -> Float[np.ndarray, "n"]:
-        """Mean gradient in NDC units; 0 where never seen."""
+        """Mean over the views.
+
+        Returns:
+            Gradients in NDC units; 0 for surfels that no view saw.
+        """
         return self.total / np.maximum(self.views, 1)
 
 
-def refine(
+def densify_and_prune(
     surfels: Surfels,
     adam: Adam,
     gradient: Float[np.ndarray, "n"],
@@ -52,59 +70,85 @@ def refine(
     rng: np.random.Generator,
     importance: Callable[[], Float[np.ndarray, "n"]] | None = None,
 ) -> Surfels:
-    """Prune transparent surfels, clone small and split large ones of large gradients.
+    """Prune transparent surfels; clone small and split large surfels of large gradients.
 
-    `extent` is the scene's size in metres.  `adam` follows: survivors keep their moments, new ones start from zero.
-    Where the budget does not suffice, the least important surfels make room; `importance` is not called elsewhere.
+    Args:
+        surfels: Surfels before.
+        adam: Their optimiser; reordered in place, new surfels start with zero moments.
+        gradient: Mean screen-space gradients in NDC units.
+        rig: Canonical mesh.
+        extent: Size of the scene in metres, see `scene_extent`.
+        settings: Thresholds and budget.
+        rng: Places the children of splits.
+        importance: Computes the contribution of every surfel to the images; called only if the budget is too small for
+            all new surfels, to find those that make room.
+
+    Returns:
+        Surfels after, sorted by triangle.
     """
     arrays = to_arrays(surfels)
     n = len(surfels)
-    leaving = 1 / (1 + np.exp(-arrays["opacity"])) < settings.prune_opacity
-    leaving = ~keep_one_per_face(arrays["binding"], leaving, arrays["opacity"])
-    wanted = np.flatnonzero((gradient >= settings.gradient_threshold) & ~leaving)
-    short = n - leaving.sum() + len(wanted) - settings.max_surfels
-    if short > 0 and importance is not None and settings.replace_fraction > 0:
-        value = np.where(leaving, -np.inf, importance())
-        value[wanted] = np.inf
-        count = leaving.sum() + min(short, int(settings.replace_fraction * n))
-        leaving[np.argsort(value, kind="stable")[:count]] = True
-        leaving[wanted] = False
-        leaving = ~keep_one_per_face(arrays["binding"], leaving, arrays["opacity"])
-    room = max(settings.max_surfels - int(n - leaving.sum()), 0)
-    wanted = np.sort(wanted[np.argsort(-gradient[wanted], kind="stable")[:room]])
+    pruned = 1 / (1 + np.exp(-arrays["opacity"])) < settings.prune_opacity
+    pruned = ~keep_one_per_face(arrays["binding"], pruned, arrays["opacity"])
+    parents = np.flatnonzero((gradient >= settings.gradient_threshold) & ~pruned)
+    excess = n - pruned.sum() + len(parents) - settings.max_surfels
+    if excess > 0 and importance is not None and settings.replace_fraction > 0:
+        value = np.where(pruned, -np.inf, importance())
+        value[parents] = np.inf
+        count = pruned.sum() + min(excess, int(settings.replace_fraction * n))
+        pruned[np.argsort(value, kind="stable")[:count]] = True
+        pruned[parents] = False
+        pruned = ~keep_one_per_face(arrays["binding"], pruned, arrays["opacity"])
+    room = max(settings.max_surfels - int(n - pruned.sum()), 0)
+    parents = np.sort(parents[np.argsort(-gradient[parents], kind="stable")[:room]])
     size = np.exp(arrays["log_scale"]).max(axis=1) * rig.scale[arrays["binding"]]
-    large = size[wanted] > settings.split_scale * extent
-    cloned, split = wanted[~large], np.repeat(wanted[large], SPLIT_CHILDREN)
+    large = size[parents] > settings.split_scale * extent
+    cloned, split = parents[~large], np.repeat(parents[large], SPLIT_CHILDREN)
     source = np.concatenate([np.arange(n), cloned, split])
     arrays = {name: value[source] for name, value in arrays.items()}
     children = np.arange(n + len(cloned), len(source))
     noise = np.exp(arrays["log_scale"][children]) * rng.standard_normal((len(children), 2))
     arrays["position"][children] += np.einsum("nij,nj->ni", _disc_axes(arrays["rotation"][children]), noise)
     arrays["log_scale"][children] -= np.float32(np.log(SPLIT_SHRINK))
-    leaving[wanted[large]] = True  # their children take their place
-    kept = np.flatnonzero(np.append(~leaving, np.ones(len(source) - n, bool)))
+    pruned[parents[large]] = True  # their children take their place
+    kept = np.flatnonzero(np.append(~pruned, np.ones(len(source) - n, bool)))
     kept = kept[np.argsort(arrays["binding"][kept], kind="stable")]
-    adam.take(source[kept], kept >= n)
-    binding = arrays.pop("binding")
-    return from_arrays(binding[kept], **{name: value[kept] for name, value in arrays.items()})
+    adam.reorder(source[kept], kept >= n)
+    return from_arrays(**{name: value[kept] for name, value in arrays.items()})
 
 
 def keep_one_per_face(
-    binding: Int[np.ndarray, "n"], doomed: Bool[np.ndarray, "n"], opacity: Float[np.ndarray, "n"]
+    binding: Int[np.ndarray, "n"], pruned: Bool[np.ndarray, "n"], opacity: Float[np.ndarray, "n"]
 ) -> Bool[np.ndarray, "n"]:
-    """Which surfels stay: the others, and the most opaque (the last of equals) of every face that would lose all."""
-    keep = ~doomed
+    """Find the surfels to keep so that no triangle loses all its surfels.
+
+    Args:
+        binding: Index of each surfel's triangle.
+        pruned: Surfels that would be removed.
+        opacity: Opacities or their logits.
+
+    Returns:
+        The surfels that are not pruned, and the most opaque one (the last of equals) of every triangle that would lose
+        all.
+    """
+    keep = ~pruned
     order = np.lexsort((opacity, binding))
     last = np.append(binding[order][1:] != binding[order][:-1], True)
-    best = order[last]
-    served = np.zeros(int(binding.max(initial=-1)) + 1, bool)
-    served[binding[keep]] = True
-    keep[best[~served[binding[best]]]] = True
+    most_opaque = order[last]
+    has_surfel = np.zeros(int(binding.max(initial=-1)) + 1, bool)
+    has_surfel[binding[keep]] = True
+    keep[most_opaque[~has_surfel[binding[most_opaque]]]] = True
     return keep
 
 
 def reset_opacity(surfels: Surfels, adam: Adam, highest: float = 0.01) -> None:
-    """Cap opacities, so that only what the images need grows opaque again."""
+    """Cap the opacities (Kerbl et al. 2023): only surfels that the images need become opaque again.
+
+    Args:
+        surfels: Surfels, changed in place.
+        adam: Their optimiser; the moments of the opacities are set to zero.
+        highest: Largest opacity afterwards.
+    """
     logit = np.float32(np.log(highest / (1 - highest)))
     values = surfels.opacity.detach().numpy()
     np.minimum(values, logit, out=values)
@@ -113,7 +157,14 @@ def reset_opacity(surfels: Surfels, adam: Adam, highest: float = 0.01) -> None:
 
 
 def scene_extent(cameras: dict[int, Camera]) -> float:
-    """1.1 x the largest distance of a camera from the mean camera centre, in metres (NeRF++)."""
+    """Size of a scene: 1.1 times the largest distance of a camera from the mean camera centre (NeRF++).
+
+    Args:
+        cameras: Cameras by index.
+
+    Returns:
+        Extent in metres.
+    """
     centres = np.array([camera.centre for camera in cameras.values()])
     return float(1.1 * np.linalg.norm(centres - centres.mean(axis=0), axis=1).max())
 

@@ -1,4 +1,4 @@
-"""Decoded images within a budget of memory; a thread of its own decodes ahead."""
+"""Cache of decoded images within a budget of memory; a separate thread decodes images ahead of their use."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ Pixels = UInt[ndarray, "h w *c"]
 
 
 class ImageCache:
-    """The images that were used last, as bytes: at most `megabytes` of them, and at least one."""
+    """Least-recently-used cache of images.
+
+    Args:
+        megabytes: Budget of memory; at least one image is kept.
+    """
 
     def __init__(self, megabytes: float) -> None:
         self.limit = int(megabytes * 2**20)
@@ -22,14 +26,27 @@ class ImageCache:
         self._sizes: dict[Path, int] = {}
         self._decoder = ThreadPoolExecutor(1)
 
-    def ask(self, file: Path, read: Callable[[Path], Pixels]) -> None:
-        """Begin to decode a file that will be wanted, unless it is here."""
+    def prefetch(self, file: Path, read: Callable[[Path], Pixels]) -> None:
+        """Begin to decode a file, unless it is in the cache.
+
+        Args:
+            file: Image file.
+            read: Decodes a file.
+        """
         if file not in self._images:
             self._images[file] = self._decoder.submit(read, file)
 
     def get(self, file: Path, read: Callable[[Path], Pixels]) -> Pixels:
-        """The image of a file; raises what `read` raised."""
-        self.ask(file, read)
+        """Get the image of a file, from the cache if possible.
+
+        Args:
+            file: Image file.
+            read: Decodes a file; its exceptions are raised here, also those of a prefetch.
+
+        Returns:
+            The pixels.
+        """
+        self.prefetch(file, read)
         self._images.move_to_end(file)
         pixels = self._images[file].result()
         self._sizes[file] = pixels.nbytes

@@ -1,4 +1,4 @@
-"""What supervises each step: a real frame on the natural mesh, or a GT* target on the mesh of its level."""
+"""Training examples: real frames on the natural mesh, and GT* targets on the caricature mesh of their level."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int, UInt8
+from jaxtyping import Bool, Float, Float32, UInt8
 
 from carigs.capture import Camera, Capture
 from carigs.capture.images import read_bits, read_rgb8
@@ -20,50 +20,48 @@ from carigs.splat.training.image_cache import ImageCache
 
 
 class Example(NamedTuple):
-    """One supervised view."""
+    """One supervised view.
+
+    Attributes:
+        timestep: Timestep of the capture.
+        camera: The view.
+        level: Exaggeration of the mesh that is rendered: 0 for a real frame.
+        image: RGB that the rendered image is compared with.
+        valid: Pixels that supervise; all if None.
+        frozen: Triangles whose surfels are frozen in this step; none if None.
+        weight: Factor on the loss.
+    """
 
     timestep: int
     camera: Camera
     level: float
-    """Level of the mesh that is rendered."""
     image: Float32[np.ndarray, "h w 3"]
     valid: Bool[np.ndarray, "h w"] | None
-    """Pixels that may supervise; all of them if None."""
     frozen: Bool[np.ndarray, "f"] | None = None
-    """Faces whose surfels rest in this step; none if None."""
     weight: float = 1.0
-    """Of the loss."""
-
-
-class Schedule(NamedTuple):
-    """Which example each step takes: fixed before the first step, so that a resumed run sees the same."""
-
-    caricature: Bool[np.ndarray, "n"]
-    index: Int[np.ndarray, "n"]
-    """Into the training frames, or into the targets of all levels."""
-
-
-def draw_schedule(iterations: int, frames: int, targets: int, gtstar_probability: float, seed: int) -> Schedule:
-    """A Bernoulli draw per step; within each kind every example once in random order, then all over again."""
-    rng = np.random.default_rng([seed, 0])
-    caricature = rng.random(iterations) < gtstar_probability
-    index = np.zeros(iterations, np.int64)
-    for kind, count in ((False, frames), (True, targets)):
-        steps = np.flatnonzero(caricature == kind)
-        if len(steps):
-            epochs = -(-len(steps) // count)
-            index[steps] = np.concatenate([rng.permutation(count) for _ in range(epochs)])[: len(steps)]
-    return Schedule(caricature, index)
 
 
 @dataclass
 class Supervision:
-    """The examples of a run: training frames, and the targets of each level."""
+    """The training examples of a run: real frames, and the GT* targets of every level.
+
+    Masking: masked pixels of GT* targets do not supervise. Freezing: triangles that are masked in all targets of a
+    level (hair, eyelids) are marked in `Example.frozen`; in GT* steps the trainer passes the surfels on them to
+    `Adam.step` as frozen, which leaves their values and moments unchanged.
+
+    Attributes:
+        capture: The captured subject.
+        sets: GT* targets, one set per level.
+        mask_flags: Names of the mask flags for which pixels are left out and triangles frozen.
+        megabytes: Memory for decoded images.
+
+    Raises:
+        InputError: If the capture has no training frames.
+    """
 
     capture: Capture
     sets: Sequence[TargetSet] = ()
     mask_flags: tuple[str, ...] = DEFAULT_MASK_FLAGS
-    """Names of the reasons for which pixels are left out and triangles rest."""
     megabytes: int = 2048
 
     def __post_init__(self) -> None:
@@ -72,22 +70,33 @@ class Supervision:
         self._images = ImageCache(self.megabytes)
         if not self.frames:
             raise InputError("no training frames", file=self.capture.root, field="train")
-        self.targets = tuple(target for level in self.sets for target in level.targets)
-        self._frozen: dict[float, Bool[np.ndarray, "f"]] = {}
-        for level in self.sets:
-            frozen = (level.of_faces & self._excluded) > 0
-            if frozen.any():
-                self._frozen[level.level] = frozen
+        self.targets = tuple(target for target_set in self.sets for target in target_set.targets)
+        frozen = {target_set.level: (target_set.of_faces & self._excluded) > 0 for target_set in self.sets}
+        self._frozen = {level: faces for level, faces in frozen.items() if faces.any()}
 
     def files(self) -> list[Path]:
-        """Every image and mask that may be read."""
-        root = self.capture.root
-        files = [root / f.image for f in self.frames]
+        """List the files that a run may read.
+
+        Returns:
+            Every image and mask.
+        """
+        files = [self.capture.root / frame.image for frame in self.frames]
         return files + [file for target in self.targets for file in (target.image, target.reasons)]
 
-    def example(self, caricature: bool, index: int) -> Example:
-        """Training frame or target number `index`."""
-        if not caricature:
+    def example(self, gtstar: bool, index: int) -> Example:
+        """Read a training example.
+
+        Args:
+            gtstar: Whether to take a GT* target, not a real frame.
+            index: Index of the frame or target.
+
+        Returns:
+            The example.
+
+        Raises:
+            InputError: If an image is missing or of another size than its camera.
+        """
+        if not gtstar:
             frame = self.frames[index]
             camera = self.capture.cameras[frame.camera]
             image = self._images.get(self.capture.root / frame.image, _read_planes)
@@ -101,20 +110,33 @@ class Supervision:
             frame.timestep, camera, level, _as_float(image, camera, file), valid, self._frozen.get(level), weight
         )
 
-    def decode_ahead(self, caricature: bool, index: int) -> None:
-        """Say which example will be wanted soon."""
-        if not caricature:
-            self._images.ask(self.capture.root / self.frames[index].image, _read_planes)
+    def prefetch(self, gtstar: bool, index: int) -> None:
+        """Begin to decode the images of an example in the background.
+
+        Args:
+            gtstar: As in `example`.
+            index: As in `example`.
+        """
+        if not gtstar:
+            self._images.prefetch(self.capture.root / self.frames[index].image, _read_planes)
             return
         target = self.targets[index]
-        self._images.ask(target.image, _read_planes)
+        self._images.prefetch(target.image, _read_planes)
         if self.mask_flags:
-            self._images.ask(target.reasons, read_bits)
+            self._images.prefetch(target.reasons, read_bits)
 
-    def first_view(self, caricature: bool, index: int) -> tuple[Example, Float[np.ndarray, "h w"]]:
-        """An example, and how far each of its pixels may be taken for the person's: the matte, or the mask's."""
-        example = self.example(caricature, index)
-        frame = self.targets[index].frame if caricature else self.frames[index]
+    def weighted_example(self, gtstar: bool, index: int) -> tuple[Example, Float[np.ndarray, "h w"]]:
+        """Read a training example and how much of each pixel belongs to the subject.
+
+        Args:
+            gtstar: As in `example`.
+            index: As in `example`.
+
+        Returns:
+            The example, and its matte; 0 at pixels that do not supervise.
+        """
+        example = self.example(gtstar, index)
+        frame = self.targets[index].frame if gtstar else self.frames[index]
         matte = self.capture.mask(frame)
         return example, matte if example.valid is None else matte * example.valid
 
@@ -127,5 +149,5 @@ def _as_float(pixels: UInt8[np.ndarray, "h w 3"], camera: Camera, file: object) 
 
 
 def _read_planes(file: Path) -> UInt8[np.ndarray, "h w 3"]:
-    """As planes in memory, which is how the loss takes them."""
+    """Read an image with its channels as planes in memory, as the loss needs them."""
     return np.ascontiguousarray(read_rgb8(file).transpose(2, 0, 1)).transpose(1, 2, 0)

@@ -1,4 +1,4 @@
-"""The training loop: real frames and GT* targets in turn, one view per step."""
+"""The training loop: real frames and GT* targets in random alternation, one view per step."""
 
 from __future__ import annotations
 
@@ -18,43 +18,60 @@ from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.initialization import initial_surfels
 from carigs.splat.surfels.surfels import Surfels
 from carigs.splat.training.adam import Adam
-from carigs.splat.training.checkpoint import State, fingerprint, load_state, save_state
-from carigs.splat.training.density import GradientStatistics, refine, reset_opacity, scene_extent
-from carigs.splat.training.photometric_loss import photometric
+from carigs.splat.training.checkpoint import TrainingState, load_checkpoint, run_digest, save_checkpoint
+from carigs.splat.training.density import GradientStatistics, densify_and_prune, reset_opacity, scene_extent
+from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.progress import progress
-from carigs.splat.training.regularizers import normal_mismatch, pull_to_triangles
-from carigs.splat.training.supervision import Example, Supervision, draw_schedule
+from carigs.splat.training.regularizers import add_threshold_loss, normal_consistency_loss
+from carigs.splat.training.schedule import draw_schedule
+from carigs.splat.training.supervision import Example, Supervision
 from carigs.splat.training.tracking_refinement import TrackingRefinement
 
-AHEAD = 4
-"""Steps whose images are decoded while others are computed."""
+PREFETCHED = 4
+"""Steps whose images are decoded ahead."""
 COLUMNS = ("iteration", "seconds", "caricature", "loss", "psnr", "surfels")
-"""Of the log: the mean loss since the row before, and the PSNR (dB, valid pixels) of the row's own step."""
+"""Columns of the log: the mean loss since the row before, and the PSNR (dB, valid pixels) of the row's own step."""
 
 
 def train_surfels(
     settings: Train,
-    performance: HeadSequence,
+    sequence: HeadSequence,
     supervision: Supervision,
     checkpoint: Path,
-    watch: Callable[[State], None] | None = None,
+    on_step: Callable[[TrainingState], None] | None = None,
 ) -> tuple[Surfels, list[tuple]]:
-    """Train from the first surfels, or go on from `checkpoint` if that is of the same run; also returns the log's rows.
+    """Train the surfels of a subject.
 
-    `watch` is shown the state after every step.  With `refine_tracking.enabled` the parameters of `performance` move.
-    Steps, density control and their random draws depend on the settings and the iteration alone, so an interrupted run
-    ends in the same bytes as one in a single sitting.
+    Every step renders one view and compares it with a real frame on the natural mesh, or with a GT* target on the
+    caricature mesh of its level: the random alternation of `draw_schedule`. The loss of a step is
+
+        w ((1 - lambda) L1 + lambda (1 - SSIM) + a distortion + b (normal consistency)) + threshold losses
+
+    with the weight w of the target (1 for real frames), see `photometric_loss`, `normal_consistency_loss` and
+    `add_threshold_loss`. Surfels on masked triangles are frozen in GT* steps (freezing: see `Supervision` and
+    `Adam.step`). Steps, density control and their random draws depend on the settings and the iteration only: a run
+    that was interrupted ends in the same bytes as one that was not.
+
+    Args:
+        settings: Settings of the stage.
+        sequence: The subject; its parameters change if `settings.refine_tracking` is enabled.
+        supervision: Training frames and targets.
+        checkpoint: File of the state; the run continues from it if it is of the same inputs.
+        on_step: Called with the state after every step.
+
+    Returns:
+        The trained surfels, and the rows of the log (`COLUMNS`).
     """
-    hair = performance.head.face_region(*settings.hair_regions)
-    key = fingerprint(settings, performance, supervision)
-    tuning = None
+    hair = sequence.head.face_region(*settings.hair_regions)
+    digest = run_digest(settings, sequence, supervision)
+    refinement = None
     if settings.refine_tracking.enabled and settings.gtstar_probability < 1:
-        tuning = TrackingRefinement(performance, sorted({frame.timestep for frame in supervision.frames}))
-    state = load_state(checkpoint, key, tuning) if checkpoint.is_file() else None
+        refinement = TrackingRefinement(sequence, sorted({frame.timestep for frame in supervision.frames}))
+    state = load_checkpoint(checkpoint, digest, refinement)
     if state is None:
-        surfels = initial_surfels(settings, supervision, performance, hair)
-        state = State(0, surfels, Adam(surfels), GradientStatistics(len(surfels)), tuning=tuning)
-    run = _Run(settings, performance, supervision, hair, state)
+        surfels = initial_surfels(settings, supervision, sequence, hair)
+        state = TrainingState(0, surfels, Adam(surfels), GradientStatistics(len(surfels)), refinement=refinement)
+    run = _Run(settings, sequence, supervision, hair, state)
     started = saved = time.perf_counter()
     earlier = state.seconds
     with progress("train", settings.iterations, state.iteration) as report:
@@ -63,136 +80,117 @@ def train_surfels(
             now = time.perf_counter()
             state.seconds = earlier + now - started
             report(state.iteration, loss=loss, surfels=len(state.surfels))
-            if watch is not None:
-                watch(state)
+            if on_step is not None:
+                on_step(state)
             if now - saved > settings.checkpoint_seconds and state.iteration < settings.iterations:
-                save_state(checkpoint, state, key)
+                save_checkpoint(checkpoint, state, digest)
                 saved = time.perf_counter()
-    return state.surfels, state.rows
+    return state.surfels, state.log
 
 
 class _Run:
-    """One step after the other on a `State`."""
+    """The steps of a run, on a `TrainingState`."""
 
-    def __init__(self, settings, performance, supervision, hair, state: State) -> None:
-        self.settings, self.performance, self.supervision, self.state = settings, performance, supervision, state
-        rig = performance.rig
-        # Hair stands off its triangles by construction.
-        reach = np.where(hair, settings.hair_length / np.maximum(rig.scale, 1e-9), 0)
-        self.face_limit = settings.position_limit + reach
+    def __init__(self, settings: Train, sequence: HeadSequence, supervision: Supervision, hair, state) -> None:
+        self.settings, self.sequence, self.supervision, self.state = settings, sequence, supervision, state
+        rig = sequence.rig
+        # Surfels of hair start away from their triangles.
+        hair_limit = np.where(hair, settings.hair_length / np.maximum(rig.scale, 1e-9), 0)
+        self.position_limit = settings.position_limit + hair_limit
         self.extent = scene_extent(supervision.capture.cameras)
-        share = settings.gtstar_probability if supervision.targets else 0.0
-        self.schedule = draw_schedule(
-            settings.iterations, len(supervision.frames), len(supervision.targets), share, settings.seed
-        )
-        self.only_targets = bool(self.schedule.caricature.all())
+        probability = settings.gtstar_probability if supervision.targets else 0.0
+        frames, targets = supervision.frames, supervision.targets
+        self.schedule = draw_schedule(settings.iterations, len(frames), len(targets), probability, settings.seed)
+        self.only_targets = bool(self.schedule.gtstar.all())
 
     def step(self) -> float:
-        """Render, compare, move; returns the loss."""
+        """Render, compare, update; returns the loss."""
         state, settings = self.state, self.settings
         i = state.iteration
-        caricature = bool(self.schedule.caricature[i])
-        example = self.supervision.example(caricature, int(self.schedule.index[i]))
-        for k in range(i + 1, min(i + 1 + AHEAD, settings.iterations)):
-            self.supervision.decode_ahead(bool(self.schedule.caricature[k]), int(self.schedule.index[k]))
+        gtstar = bool(self.schedule.gtstar[i])
+        example = self.supervision.example(gtstar, int(self.schedule.index[i]))
+        for k in range(i + 1, min(i + 1 + PREFETCHED, settings.iterations)):
+            self.supervision.prefetch(bool(self.schedule.gtstar[k]), int(self.schedule.index[k]))
         for _, value in state.surfels.attributes():
             value.grad = None
-        drawing, loss = self._compare(example, i)
+        rendered, loss = self._loss(example, i)
         loss.backward()
-        value = float(loss.detach()) + self._pull(drawing)
+        screen = rendered.rendering.screen
+        value = float(loss.detach()) + add_threshold_loss(
+            state.surfels, screen.visible.numpy(), self.position_limit[state.surfels.binding],
+            settings.position_weight, settings.scale_limit, settings.scale_weight,
+        )  # fmt: skip
         frozen = None if example.frozen is None else example.frozen[state.surfels.binding]
-        if settings.density.every and (not caricature or self.only_targets):
-            state.statistics.add(drawing.rendering.screen, example.camera)
+        if settings.density.every and (not gtstar or self.only_targets):
+            state.statistics.add(screen, example.camera)
         state.adam.step(state.surfels, learning_rates(settings, i), frozen)
-        if state.tuning is not None and not caricature:
-            state.tuning.step(example.timestep, settings.refine_tracking)
+        if state.refinement is not None and not gtstar:
+            state.refinement.step(example.timestep, settings.refine_tracking)
         self._control_density(i + 1)
         state.iteration = i + 1
-        self._record(value, drawing, example, caricature)
+        self._log(value, rendered, example, gtstar)
         return value
 
-    def _compare(self, example: Example, i: int) -> tuple[RenderedFrame, Float[Tensor, ""]]:
+    def _loss(self, example: Example, i: int) -> tuple[RenderedFrame, Float[Tensor, ""]]:
         settings = self.settings
-        late = i >= settings.regularize_from
-        distortion, normals = late and settings.distortion_weight > 0, late and settings.normal_weight > 0
-        outputs = ("distortion",) * distortion + ("alpha", "depth", "normal") * normals
-        if self.state.tuning is not None and example.level == 0:
-            motion = self.state.tuning.motion(example.timestep)
+        regularized = i >= settings.regularize_from
+        distortion, normals = regularized and settings.distortion_weight > 0, regularized and settings.normal_weight > 0
+        if self.state.refinement is not None and example.level == 0:
+            motion = self.state.refinement.motion(example.timestep)
         else:
-            motion = self.performance.motion(example.timestep, example.level)
-        drawing = render(
-            self.state.surfels,
-            self.performance.rig,
-            motion,
-            example.camera,
-            kind=settings.rig,
-            rotate_harmonics=settings.rotate_harmonics,
-            background=self.supervision.capture.background,
-            shade=self.performance.shade(example.timestep, example.level),
-            outputs=outputs,
-            backend=settings.backend,
-        )
+            motion = self.sequence.motion(example.timestep, example.level)
+        rendered = render(
+            self.state.surfels, self.sequence.rig, motion, example.camera, skinning=settings.rig,
+            rotate_harmonics=settings.rotate_harmonics, background=self.supervision.capture.background,
+            shade=self.sequence.shade(example.timestep, example.level), backend=settings.backend,
+            outputs=("distortion",) * distortion + ("alpha", "depth", "normal") * normals,
+        )  # fmt: skip
         valid = None if example.valid is None else torch.from_numpy(example.valid)
-        loss = photometric(drawing.image, torch.from_numpy(example.image), settings.ssim_weight, valid)
-        rendering = drawing.rendering
+        loss = photometric_loss(rendered.image, torch.from_numpy(example.image), settings.ssim_weight, valid)
+        rendering = rendered.rendering
         if distortion:
             loss = loss + settings.distortion_weight * rendering.distortion.mean()
         if normals:
-            mismatch = normal_mismatch(rendering.normal, rendering.depth, rendering.alpha, example.camera)
-            loss = loss + settings.normal_weight * mismatch
-        return drawing, example.weight * loss
-
-    def _pull(self, drawing: RenderedFrame) -> float:
-        settings, surfels = self.settings, self.state.surfels
-        return pull_to_triangles(
-            surfels,
-            drawing.rendering.screen.visible.numpy(),
-            self.face_limit[surfels.binding],
-            settings.position_weight,
-            settings.scale_limit,
-            settings.scale_weight,
-        )
-
-    def _importance(self, chosen: Sequence[tuple[Frame, float]]) -> Float[np.ndarray, "n"]:
-        """What the surfels add to views of frames, each at its level."""
-        settings, surfels, total = self.settings, self.state.surfels, np.zeros(len(self.state.surfels))
-        for frame, level in chosen:
-            camera = self.supervision.capture.cameras[frame.camera]
-            motion = self.performance.motion(frame.timestep, level)
-            total += contribution(
-                surfels, self.performance.rig, motion, camera, kind=settings.rig, backend=settings.backend
-            )
-        return total
+            consistency = normal_consistency_loss(rendering.normal, rendering.depth, rendering.alpha, example.camera)
+            loss = loss + settings.normal_weight * consistency
+        return rendered, example.weight * loss
 
     def _control_density(self, done: int) -> None:
         state, density = self.state, self.settings.density
         if density.every and density.start <= done < density.stop and done % density.every == 0:
             rng = np.random.default_rng([self.settings.seed, 2, done])
-            gradient = state.statistics.mean()
             views = [(frame, 0.0) for frame in self.supervision.frames]
             if self.only_targets:
                 views = [(target.frame, target.level) for target in self.supervision.targets]
-            chosen = [
-                views[i] for i in rng.choice(len(views), min(density.importance_views, len(views)), replace=False)
-            ]
-            state.surfels = refine(
-                state.surfels, state.adam, gradient, self.performance.rig, self.extent, density, rng,
-                lambda: self._importance(chosen),
+            views = [views[i] for i in rng.choice(len(views), min(density.importance_views, len(views)), replace=False)]
+            state.surfels = densify_and_prune(
+                state.surfels, state.adam, state.statistics.mean(), self.sequence.rig, self.extent, density, rng,
+                lambda: self._importance(views),
             )  # fmt: skip
             state.statistics = GradientStatistics(len(state.surfels))
         if density.reset_every and done % density.reset_every == 0 and done < density.stop:
             reset_opacity(state.surfels, state.adam)
 
-    def _record(self, loss: float, drawing: RenderedFrame, example: Example, caricature: bool) -> None:
+    def _importance(self, views: Sequence[tuple[Frame, float]]) -> Float[np.ndarray, "n"]:
+        """Contribution of every surfel to some frames, each at its level."""
+        settings, surfels, total = self.settings, self.state.surfels, np.zeros(len(self.state.surfels))
+        for frame, level in views:
+            camera, motion = self.supervision.capture.cameras[frame.camera], self.sequence.motion(frame.timestep, level)
+            total += contribution(
+                surfels, self.sequence.rig, motion, camera, skinning=settings.rig, backend=settings.backend
+            )
+        return total
+
+    def _log(self, loss: float, rendered: RenderedFrame, example: Example, gtstar: bool) -> None:
         state = self.state
         state.losses.append(loss)
         if state.iteration % self.settings.log_every and state.iteration < self.settings.iterations:
             return
-        error = (drawing.image.detach().numpy().clip(0, 1) - example.image) ** 2
+        error = (rendered.image.detach().numpy().clip(0, 1) - example.image) ** 2
         mean = float((error if example.valid is None else error[example.valid]).mean(dtype=np.float64))
         psnr = -10 * np.log10(max(mean, 1e-12))
-        row = (state.iteration, round(state.seconds, 2), int(caricature), float(np.mean(state.losses)), float(psnr))
-        state.rows.append((*row, len(state.surfels)))
+        row = (state.iteration, round(state.seconds, 2), int(gtstar), float(np.mean(state.losses)), float(psnr))
+        state.log.append((*row, len(state.surfels)))
         state.losses.clear()
 
 
@@ -205,7 +203,7 @@ def learning_rates(settings: Train, iteration: int) -> dict[str, float]:
         iteration: Index from 0.
 
     Returns:
-        The rate of Adam by the name of the attribute.
+        Learning rate by the name of the attribute.
     """
     progress = iteration / max(settings.iterations - 1, 1)
     decay = settings.final_lr_factor**progress

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from carigs.capture.images import read_rgb
-from carigs.splat.training.photometric_loss import photometric
+from carigs.splat.training.photometric_loss import photometric_loss
 from evaluation.benchmarks.pairs import contributing_pairs
 from evaluation.benchmarks.scenes import ellipsoid, portrait
 from evaluation.benchmarks.splat import QUICK, benchmark, torch_photometric
@@ -61,7 +61,7 @@ def test_the_ellipsoid_covers_half_of_the_image_whatever_the_size():
 
 def test_what_the_loss_is_compared_with_is_the_same_loss():
     image, target = torch.rand((2, 3, 40, 30), generator=torch.Generator().manual_seed(0))
-    fused = photometric(image.permute(1, 2, 0), target.permute(1, 2, 0))
+    fused = photometric_loss(image.permute(1, 2, 0), target.permute(1, 2, 0))
     assert torch_photometric(image, target).item() == pytest.approx(fused.item(), rel=1e-5)
 
 

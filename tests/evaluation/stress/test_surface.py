@@ -53,7 +53,7 @@ def test_faults_may_come_together(names):
     for name in names:
         vertices, faces = MENDED[name](vertices, faces)
     clean = clean_mesh(vertices, faces)
-    moved = clean.to_given(Exaggerator(clean.vertices, clean.faces, SETTINGS).solve(0.25))
+    moved = clean.to_input(Exaggerator(clean.vertices, clean.faces, SETTINGS).solve(0.25))
     used = np.intersect1d(faces, np.arange(len(VERTICES)))
     np.testing.assert_allclose(moved[used], EXPECTED[used], atol=1e-9)
 
@@ -72,7 +72,7 @@ def test_anything_is_mended_or_named(vertices, faces):
         return
     check_mesh(clean.vertices, clean.faces)
     try:
-        moved = clean.to_given(Exaggerator(clean.vertices, clean.faces, SETTINGS).solve(0.25))
+        moved = clean.to_input(Exaggerator(clean.vertices, clean.faces, SETTINGS).solve(0.25))
     except MeshError:
         return
     assert np.isfinite(moved).all()

@@ -22,7 +22,7 @@ from carigs.splat.rasterizer.culling import NEAR
 from carigs.splat.rasterizer.rasterize import OUTPUTS, WorldSurfels, rasterize
 from carigs.splat.render import render
 from carigs.splat.rig.rig import build_rig, face_motion
-from carigs.splat.rig.skinning import skin
+from carigs.splat.rig.skinning import jacobian_blend_skinning
 from carigs.splat.surfels.surfels import flat_discs
 
 # Neither rotation nor offset: a surfel's depth is its z, to the last digit.
@@ -374,7 +374,7 @@ def skinned(surfels, rig, motion, blend=True):
     """World surfels, and the gradients of a linear functional of them by attribute."""
     for _, value in surfels.attributes():
         value.grad = None
-    world = skin(surfels, rig, motion, blend=blend)[:4]
+    world = jacobian_blend_skinning(surfels, rig, motion, blend=blend)[:4]
     loss(world).backward()
     gradients = {name: value.grad for name, value in surfels.attributes() if value.grad is not None}
     return [value.detach() for value in world], gradients
@@ -387,7 +387,7 @@ def test_damaged_meshes_in_any_unit_carry_surfels_to_finite_places(canonical, po
     faces[odd, 2] = faces[odd, 1]  # a corner twice in one face
     rig = build_rig(damaged(canonical, random, faces) * unit, faces)
     motion = face_motion(rig, damaged(posed, random, faces) * other)
-    assert all(np.isfinite(a).all() for a in (rig.scale, rig.frame, rig.canonical_edges, motion.rows))
+    assert all(np.isfinite(a).all() for a in (rig.scale, rig.frame, rig.inverse_edges, motion.records))
     turned = np.einsum("fji,fjk->fik", motion.rotation, motion.rotation)
     np.testing.assert_allclose(turned, np.broadcast_to(np.eye(3), turned.shape), atol=1e-5)
     assert np.linalg.det(motion.rotation).min() > 0.99
@@ -404,9 +404,9 @@ def test_a_rigid_motion_of_a_damaged_mesh_moves_surfels_rigidly(kinds, unit, see
     turn, offset = Rotation.random(random_state=seed).as_matrix(), random.normal(size=3) * unit
     vertices = damaged(kinds, random) * unit
     rig = build_rig(vertices, FACES)
-    sound = rig.canonical_edges.any(axis=(1, 2))
+    sound = rig.inverse_edges.any(axis=(1, 2))
     # A turn of rounded corners is rounded: coarse beside the height of a sliver.
-    height = 1 / np.abs(rig.canonical_edges[sound]).max()
+    height = 1 / np.abs(rig.inverse_edges[sound]).max()
     tolerance = 1e-5 + 1e-15 * (np.abs(vertices).max() + np.abs(offset).max()) / height
     surfels = some_surfels(40, seed)
     rest, _ = skinned(surfels, rig, face_motion(rig, vertices))
@@ -474,7 +474,11 @@ def test_blend_weights_far_apart_are_zero_and_one(n):
     rig, surfels, own = build_rig(VERTICES, FACES), some_surfels(n), some_surfels(n)
     surfels.blend.data[:] = torch.tensor([1e4, -1e4, -1e4, -1e4])
     motion = face_motion(rig, damaged(["sliver", "flipped"], np.random.default_rng(0)))
-    for a, b in zip(skin(surfels, rig, motion)[:3], skin(own, rig, motion, blend=False)[:3], strict=True):
+    for a, b in zip(
+        jacobian_blend_skinning(surfels, rig, motion)[:3],
+        jacobian_blend_skinning(own, rig, motion, blend=False)[:3],
+        strict=True,
+    ):
         torch.testing.assert_close(a, b, rtol=1e-5, atol=1e-6)
 
 

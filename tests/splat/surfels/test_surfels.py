@@ -12,8 +12,8 @@ from carigs.settings import Train
 from carigs.splat.colour.appearance import seen_colour
 from carigs.splat.colour.spherical_harmonics import SH_BASE, coefficients
 from carigs.splat.rig.face_motion import FaceMotion
-from carigs.splat.rig.rig import build_rig, face_motion, jacobians
-from carigs.splat.rig.skinning import skin
+from carigs.splat.rig.rig import build_rig, face_motion
+from carigs.splat.rig.skinning import jacobian_blend_skinning
 from carigs.splat.surfels.initialization import place
 from carigs.splat.surfels.surfels import ATTRIBUTES, Surfels, flat_discs, to_arrays
 
@@ -49,8 +49,8 @@ def test_affine_motion_is_carried_exactly_with_any_blend_weights(ball):
     rig = build_rig(vertices, faces)
     surfels = random_surfels(300, len(faces))
     similarity = 1.3 * Rotation.from_rotvec([0.5, -2.5, 0.4]).as_matrix()
-    rest = skin(surfels, rig, face_motion(rig, vertices))
-    moved = skin(surfels, rig, face_motion(rig, vertices @ similarity.T + [0.1, 0.2, 0.3]))
+    rest = jacobian_blend_skinning(surfels, rig, face_motion(rig, vertices))
+    moved = jacobian_blend_skinning(surfels, rig, face_motion(rig, vertices @ similarity.T + [0.1, 0.2, 0.3]))
     expected = rest.centre.detach().numpy() @ similarity.T + [0.1, 0.2, 0.3]
     np.testing.assert_allclose(moved.centre.detach().numpy(), expected, atol=2e-6)
     for name in ("tangent_u", "tangent_v"):
@@ -62,7 +62,7 @@ def test_at_rest_a_surfel_lies_where_its_triangle_puts_it(ball):
     vertices, faces = ball
     rig = build_rig(vertices, faces)
     surfels = flat_discs(np.array([7]), np.array([[0.2, -0.1, 0.5]]), np.array([0.4]), 0.8, np.array([[0.1, 0.5, 0.9]]))
-    world = skin(surfels, rig, face_motion(rig, vertices))
+    world = jacobian_blend_skinning(surfels, rig, face_motion(rig, vertices))
     corners = vertices[faces[7]]
     edge = corners[1] - corners[0]
     normal = np.cross(edge, corners[2] - corners[0])
@@ -83,9 +83,9 @@ def test_without_blending_only_the_own_jacobian_acts(ball):
     rig = build_rig(vertices, faces)
     motion = face_motion(rig, bent(vertices))
     surfels = random_surfels(200, len(faces))
-    world = skin(surfels, rig, motion, blend=False)
+    world = jacobian_blend_skinning(surfels, rig, motion, blend=False)
     local = np.einsum("nij,nj->ni", rig.frame[surfels.binding], surfels.position.detach().numpy())
-    expected = motion.centre[surfels.binding] + np.einsum("nij,nj->ni", jacobians(motion)[surfels.binding], local)
+    expected = motion.centre[surfels.binding] + np.einsum("nij,nj->ni", motion.jacobian[surfels.binding], local)
     np.testing.assert_allclose(world.centre.detach().numpy(), expected, atol=2e-6)
 
 
@@ -96,7 +96,7 @@ def test_blending_follows_the_formula(ball):
     motion = face_motion(rig, bent(vertices))
     surfels = random_surfels(100, len(faces))
     eye = np.array([0.1, -0.2, 1.0])
-    world = skin(surfels, rig, motion, eye=eye)
+    world = jacobian_blend_skinning(surfels, rig, motion, eye=eye)
     weight = 1 / (1 + np.exp(-surfels.blend.detach().numpy().astype(float)))
     weight /= weight.sum(axis=1, keepdims=True)
     around = np.concatenate([surfels.binding[:, None], rig.neighbours[surfels.binding]], axis=1)
@@ -116,12 +116,12 @@ def test_blending_follows_the_formula(ball):
 
 
 @pytest.mark.parametrize("blend", [True, False])
-@pytest.mark.parametrize("turning", [True, False])
-def test_gradients_are_those_of_finite_differences(ball, blend, turning):
+@pytest.mark.parametrize("rotate", [True, False])
+def test_gradients_are_those_of_finite_differences(ball, blend, rotate):
     """Of the surfels, and of the triangles' motion, each number of which may change by itself."""
     vertices, faces = ball
     rig = build_rig(vertices, faces)
-    rows = torch.from_numpy(face_motion(rig, bent(vertices)).rows).double().requires_grad_(True)
+    rows = torch.from_numpy(face_motion(rig, bent(vertices)).records).double().requires_grad_(True)
     surfels = random_surfels(5, len(faces))
     names = [name for name in ATTRIBUTES if name not in ("colour", "harmonics")]
     leaves = [getattr(surfels, name).detach().double().requires_grad_(True) for name in names]
@@ -130,7 +130,9 @@ def test_gradients_are_those_of_finite_differences(ball, blend, turning):
     def outputs(some, *values):
         doubled = replace(surfels, **dict(zip(names, values, strict=True)))
         motion = FaceMotion(rows.detach().index_put((torch.from_numpy(used),), some))
-        return skin(doubled, rig, motion, blend=blend, eye=np.array([0.1, -0.2, 1.0]), turning=turning)
+        return jacobian_blend_skinning(
+            doubled, rig, motion, blend=blend, eye=np.array([0.1, -0.2, 1.0]), rotate_directions=rotate
+        )
 
     some = rows.detach()[used].requires_grad_(True)
     assert torch.autograd.gradcheck(outputs, [some, *leaves], eps=1e-6, atol=1e-8, rtol=1e-5)
@@ -149,7 +151,7 @@ def test_sixteen_at_a_time_is_the_same_as_one_by_one(ball, blend):
     )
     results = []
     for some in (surfels, doubled):
-        world = skin(some, rig, motion, blend=blend, eye=np.array([0.1, -0.2, 1.0]))
+        world = jacobian_blend_skinning(some, rig, motion, blend=blend, eye=np.array([0.1, -0.2, 1.0]))
         generator = torch.Generator().manual_seed(1)
         upstream = [torch.randn(t.shape, generator=generator).to(t.dtype) for t in world]
         torch.autograd.backward(world, upstream)
@@ -171,7 +173,7 @@ def test_gradients_do_not_depend_on_the_number_of_threads(ball):
     for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
         numba.set_num_threads(threads)
         surfels = random_surfels(1001, len(faces))
-        world = skin(surfels, rig, motion)
+        world = jacobian_blend_skinning(surfels, rig, motion)
         torch.autograd.backward(world[:4], [torch.ones_like(t) for t in world[:4]])
         seen.append(
             b"".join(v.grad.numpy().tobytes() for v in (v for _, v in surfels.attributes()) if v.grad is not None)
@@ -203,8 +205,8 @@ def test_directions_are_the_same_when_head_and_eye_turn_together(ball):
     vertices, faces = ball
     rig, surfels, eye = build_rig(vertices, faces), random_surfels(50, len(faces)), np.array([0.0, 0.3, 0.4])
     turn = Rotation.from_rotvec([0.3, 1.2, -0.5]).as_matrix()
-    still = skin(surfels, rig, face_motion(rig, bent(vertices)), eye=eye)
-    turned = skin(surfels, rig, face_motion(rig, bent(vertices) @ turn.T), eye=turn @ eye)
+    still = jacobian_blend_skinning(surfels, rig, face_motion(rig, bent(vertices)), eye=eye)
+    turned = jacobian_blend_skinning(surfels, rig, face_motion(rig, bent(vertices) @ turn.T), eye=turn @ eye)
     torch.testing.assert_close(turned.direction, still.direction, rtol=0, atol=5e-6)
 
 

@@ -1,4 +1,4 @@
-"""Density control: who is cloned, split, pruned, and who inherits what."""
+"""Density control: which surfels are cloned, split and pruned, and what their children inherit."""
 
 from types import SimpleNamespace
 
@@ -12,7 +12,13 @@ from carigs.settings import Density
 from carigs.splat.rig.rig import build_rig
 from carigs.splat.surfels.surfels import flat_discs, from_arrays, to_arrays
 from carigs.splat.training.adam import Adam
-from carigs.splat.training.density import GradientStatistics, keep_one_per_face, refine, reset_opacity, scene_extent
+from carigs.splat.training.density import (
+    GradientStatistics,
+    densify_and_prune,
+    keep_one_per_face,
+    reset_opacity,
+    scene_extent,
+)
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +28,7 @@ def rig():
 
 
 def scene(rig, seed=0):
-    """One surfel per face, and an optimiser whose moments tell the surfels apart."""
+    """One surfel per face, and an optimiser whose moments identify the surfels."""
     n = len(rig.faces)
     rng = np.random.default_rng(seed)
     surfels = flat_discs(np.arange(n), 0.1 * rng.normal(size=(n, 3)), np.full(n, 0.4), 0.8, rng.random((n, 3)))
@@ -35,10 +41,10 @@ def scene(rig, seed=0):
 
 def run(surfels, adam, gradient, rig, extent=1.0, **settings):
     """Refine with the default threshold on the gradient."""
-    return refine(surfels, adam, gradient, rig, extent, Density(**settings), np.random.default_rng(0))
+    return densify_and_prune(surfels, adam, gradient, rig, extent, Density(**settings), np.random.default_rng(0))
 
 
-def test_nothing_happens_where_gradients_are_small_and_surfels_opaque(rig):
+def test_opaque_surfels_with_small_gradients_do_not_change(rig):
     surfels, adam = scene(rig)
     before = to_arrays(surfels)
     after = to_arrays(run(surfels, adam, np.full(len(surfels), 1e-9), rig))
@@ -68,7 +74,7 @@ def test_a_large_surfel_is_split_around_its_place_in_local_units(rig):
     gradient[7] = 1.0
     offsets = []
     for seed in range(200):
-        children = refine(
+        children = densify_and_prune(
             surfels, Adam(surfels), gradient, rig, 1e-3, Density(), np.random.default_rng(seed)
         )  # the extent is tiny, so every surfel is large
         of_face = np.flatnonzero(children.binding == 7)
@@ -82,7 +88,7 @@ def test_a_large_surfel_is_split_around_its_place_in_local_units(rig):
     assert np.abs(offsets[:, 2]).max() < 1e-6
 
 
-def test_transparent_surfels_go_unless_they_are_their_faces_last(rig):
+def test_transparent_surfels_are_pruned_unless_they_are_the_last_of_their_face(rig):
     surfels, _ = scene(rig)
     arrays = to_arrays(surfels)
     arrays = {name: np.concatenate([value, value[:10]]) for name, value in arrays.items()}  # faces 0..9 have two
@@ -101,13 +107,13 @@ def test_one_per_face_holds_for_any_prune_set():
     rng = np.random.default_rng(4)
     for _ in range(20):
         binding, opacity = rng.integers(0, 12, 60), rng.normal(size=60)
-        doomed = rng.random(60) < 0.9
-        keep = keep_one_per_face(binding, doomed, opacity)
+        pruned = rng.random(60) < 0.9
+        keep = keep_one_per_face(binding, pruned, opacity)
         assert set(binding[keep]) == set(binding)
-        assert keep[~doomed].all()
-        saved = np.flatnonzero(keep & doomed)
+        assert keep[~pruned].all()
+        saved = np.flatnonzero(keep & pruned)
         assert len(set(binding[saved])) == len(saved)
-        assert not set(binding[saved]) & set(binding[~doomed])
+        assert not set(binding[saved]) & set(binding[~pruned])
 
 
 def test_the_budget_goes_to_the_largest_gradients(rig):
@@ -119,14 +125,14 @@ def test_the_budget_goes_to_the_largest_gradients(rig):
     np.testing.assert_array_equal(np.flatnonzero(counts == 2), len(surfels) - 3 + np.arange(3))
 
 
-def test_within_the_budget_the_least_important_make_room(rig):
+def test_at_the_budget_the_least_important_surfels_are_replaced(rig):
     surfels, _ = scene(rig)
     n = len(surfels)
     doubled = from_arrays(**{name: np.concatenate([value, value]) for name, value in to_arrays(surfels).items()})
     gradient, importance = np.zeros(2 * n), 1 + np.random.default_rng(3).random(2 * n)
     gradient[[2 * 3, 2 * 8]] = 1.0  # surfels are sorted by face
-    importance[[2 * 3, 2 * 5, 2 * 7 + 1]] = 0, 0.1, 0.2  # the first does not count: it is wanted
-    after = refine(
+    importance[[2 * 3, 2 * 5, 2 * 7 + 1]] = 0, 0.1, 0.2  # the first does not count: it is cloned
+    after = densify_and_prune(
         doubled, Adam(doubled), gradient, rig, 1.0, Density(max_surfels=2 * n), np.random.default_rng(0),
         lambda: importance,
     )  # fmt: skip
@@ -135,24 +141,24 @@ def test_within_the_budget_the_least_important_make_room(rig):
     np.testing.assert_array_equal(np.bincount(after.binding), expected)
 
 
-def test_an_unimportant_surfel_stays_if_it_is_its_faces_last(rig):
+def test_an_unimportant_surfel_is_kept_if_it_is_the_last_of_its_face(rig):
     surfels, adam = scene(rig)
     gradient = np.zeros(len(surfels))
     gradient[3] = 1.0
-    after = refine(
+    after = densify_and_prune(
         surfels, adam, gradient, rig, 1.0, Density(max_surfels=len(surfels)), np.random.default_rng(0),
         lambda: np.zeros(len(surfels)),
     )  # fmt: skip
     np.testing.assert_array_equal(after.binding, np.arange(len(surfels)))
 
 
-def test_importance_is_not_asked_for_where_the_budget_suffices(rig):
+def test_importance_is_not_computed_if_the_budget_suffices(rig):
     def importance():
-        raise AssertionError("asked for")
+        raise AssertionError("called")
 
     surfels, adam = scene(rig)
     gradient = np.ones(len(surfels))
-    refine(surfels, adam, gradient, rig, 1.0, Density(), np.random.default_rng(0), importance)
+    densify_and_prune(surfels, adam, gradient, rig, 1.0, Density(), np.random.default_rng(0), importance)
 
 
 def test_surfels_stay_sorted_by_face_and_moments_follow_them(rig):

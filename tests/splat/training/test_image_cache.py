@@ -1,4 +1,4 @@
-"""Images come from memory while they fit, and errors where they are wanted."""
+"""The image cache: eviction, prefetching, and errors of the reader."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ class Reader:
         return MEGABYTE + np.uint8(len(file.name))
 
 
-def test_what_fits_is_read_once_and_what_was_used_last_stays():
+def test_images_are_read_once_and_the_least_recently_used_is_dropped():
     cache, read = ImageCache(3.5), Reader()
     for name in ("a", "bb", "ccc", "a", "dddd", "a", "ccc", "bb"):  # dddd drives out bb
         assert cache.get(Path(name), read)[0, 0] == len(name)
@@ -36,20 +36,20 @@ def test_an_image_larger_than_the_budget_is_kept_until_the_next():
     assert read.files == ["a", "bb", "a"]
 
 
-def test_what_was_asked_for_is_not_read_again():
+def test_prefetched_images_are_not_read_again():
     cache, read = ImageCache(2.5), Reader()
     for name in ("a", "bb", "a"):
-        cache.ask(Path(name), read)
+        cache.prefetch(Path(name), read)
     assert cache.get(Path("bb"), read)[0, 0] == 2
     cache.get(Path("a"), read)
     assert read.files == ["a", "bb"]
 
 
-def test_errors_are_raised_where_the_image_is_wanted():
+def test_errors_of_a_prefetch_are_raised_by_get():
     def read(file):
         raise InputError("not an image", file=file)
 
     cache = ImageCache(1)
-    cache.ask(Path("a"), read)
+    cache.prefetch(Path("a"), read)
     with pytest.raises(InputError, match="not an image"):
         cache.get(Path("a"), read)

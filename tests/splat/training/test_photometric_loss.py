@@ -1,4 +1,4 @@
-"""The fused photometric loss against a plain float64 torch form."""
+"""The photometric loss against a direct form in float64 PyTorch."""
 
 import numba
 import pytest
@@ -6,7 +6,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from carigs.splat.training.photometric_loss import photometric
+from carigs.splat.training.photometric_loss import photometric_loss
 
 
 def plain_ssim(x: torch.Tensor, y: torch.Tensor) -> torch.Tensor:
@@ -44,7 +44,7 @@ def pair(seed: int, height: int, width: int) -> tuple[torch.Tensor, torch.Tensor
 def test_value_and_gradient_agree_with_float64(seed, height, width, weight):
     x, y = pair(seed, height, width)
     single, double = x.clone().requires_grad_(), x.double().requires_grad_()
-    fused, expected = photometric(single, y, weight), plain(double, y.double(), weight)
+    fused, expected = photometric_loss(single, y, weight), plain(double, y.double(), weight)
     assert fused.item() == pytest.approx(expected.item(), abs=2e-6)
     fused.backward()
     expected.backward()
@@ -56,7 +56,7 @@ def test_masked_pixels_get_no_gradient_and_the_others_that_of_a_pasted_target():
     x, y = pair(3, 50, 40)
     valid = torch.rand(50, 40, generator=torch.Generator().manual_seed(4)) > 0.4
     single, double = x.clone().requires_grad_(), x.double().requires_grad_()
-    fused, expected = photometric(single, y, 0.2, valid), plain(double, y.double(), 0.2, valid)
+    fused, expected = photometric_loss(single, y, 0.2, valid), plain(double, y.double(), 0.2, valid)
     assert fused.item() == pytest.approx(expected.item(), abs=1e-6)
     fused.backward()
     expected.backward()
@@ -66,14 +66,14 @@ def test_masked_pixels_get_no_gradient_and_the_others_that_of_a_pasted_target():
 
 def test_equal_images_have_no_loss():
     x, _ = pair(5, 33, 20)
-    assert photometric(x, x).item() == pytest.approx(0, abs=1e-6)
+    assert photometric_loss(x, x).item() == pytest.approx(0, abs=1e-6)
 
 
 def test_upstream_scales_the_gradient():
     x, y = pair(6, 20, 20)
     one, three = x.clone().requires_grad_(), x.clone().requires_grad_()
-    photometric(one, y).backward()
-    (3 * photometric(three, y)).backward()
+    photometric_loss(one, y).backward()
+    (3 * photometric_loss(three, y)).backward()
     torch.testing.assert_close(three.grad, 3 * one.grad)
 
 
@@ -84,7 +84,7 @@ def test_same_bytes_at_any_number_of_threads():
         for threads in (1, numba.config.NUMBA_NUM_THREADS):
             numba.set_num_threads(threads)
             image = x.clone().requires_grad_()
-            loss = photometric(image, y)
+            loss = photometric_loss(image, y)
             loss.backward()
             results.append((loss.item(), image.grad.numpy().tobytes()))
     finally:

@@ -1,4 +1,4 @@
-"""The tracked head learns with the surfels: its pose in torch, its gradient, where it goes."""
+"""Refinement of the tracked head: its pose in PyTorch, the gradient, and what training makes of it."""
 
 from dataclasses import replace
 
@@ -15,10 +15,10 @@ from carigs.settings import Density, RefineTracking, Train
 from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.surfels.surfels import to_arrays
 from carigs.splat.training.supervision import Supervision
-from carigs.splat.training.tracking_refinement import Codes, PosableHead, TrackingRefinement
+from carigs.splat.training.tracking_refinement import DifferentiableHead, RefinedParameters, TrackingRefinement
 from carigs.splat.training.trainer import train_surfels
 
-TUNED = Train(
+SETTINGS = Train(
     iterations=40, gtstar_probability=0.0, hair_layers=0, density=Density(every=0),
     refine_tracking=RefineTracking(enabled=True, translation_lr=2e-4, rotation_lr=2e-3),
 )  # fmt: skip
@@ -32,7 +32,7 @@ def capture(tmp_path_factory):
 
 
 @pytest.fixture
-def performance(capture):
+def sequence(capture):
     rest = neutral(capture.model, capture.parameters(0))
     return head_sequence(capture, straight_path(rest, capture.model.faces, rest * [0.3, 0, 0], 0.25))
 
@@ -59,51 +59,51 @@ def full_model(model):
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_the_pose_in_torch_is_the_pose(capture, seed):
+def test_the_differentiable_head_poses_as_the_head_model(capture, seed):
     model, parameters = full_model(capture.model), random_parameters(seed)
-    head = PosableHead(model)
+    head = DifferentiableHead(model)
     np.testing.assert_array_equal(head.used, [0, 3, 7])
-    posed = head.pose(Codes(parameters, head.used)).detach().numpy()
-    np.testing.assert_allclose(posed, pose(model, parameters), atol=1e-6)  # codes are float32
+    posed = head.pose(RefinedParameters(parameters, head.used)).detach().numpy()
+    np.testing.assert_allclose(posed, pose(model, parameters), atol=1e-6)  # refined parameters are float32
 
 
-def test_the_gradient_of_the_codes_is_that_of_finite_differences_also_at_rest(capture):
-    head = PosableHead(full_model(capture.model))
+def test_gradients_of_the_parameters_agree_with_finite_differences(capture):
+    head = DifferentiableHead(full_model(capture.model))
     upstream = torch.from_numpy(np.random.default_rng(3).normal(size=capture.model.v_template.shape))
     for parameters in (HeadParameters(), random_parameters(4)):
-        codes = Codes(parameters, head.used)
-        leaves = {name: row.detach().double().requires_grad_(True) for name, row in codes.attributes()}
+        refined = RefinedParameters(parameters, head.used)
+        leaves = {name: row.detach().double().requires_grad_(True) for name, row in refined.attributes()}
 
         def value(*rows, names=tuple(leaves)):
-            moved = Codes(HeadParameters(), head.used)
+            moved = RefinedParameters(HeadParameters(), head.used)
             for name, row in zip(names, rows, strict=True):
-                setattr(moved, name, row)
+                moved.rows[name] = row
             return (head.pose(moved) * upstream).sum()
 
         assert torch.autograd.gradcheck(value, tuple(leaves.values()), eps=1e-6, atol=1e-7)
 
 
-def test_timesteps_that_were_tracked_apart_come_together(capture, performance, tmp_path):
-    """What all have in common, the surfels can take over: only where they differ is there a right answer."""
-    true = {t: performance.posed(t, 0.0) for t in performance.parameters}
+def test_errors_of_the_tracking_that_differ_between_timesteps_shrink(capture, sequence, tmp_path):
+    """An error that all timesteps share can be absorbed by the surfels; only differences are observable."""
+    true = {t: sequence.posed(t, 0.0) for t in sequence.parameters}
     first, *others = sorted({frame.timestep for frame in capture.split("train")})
     wrong = np.array([0.004, -0.003, 0.0])
     for t in others:
-        before = performance.parameters[t]
-        performance.move(t, replace(before, translation=before.translation + wrong))
-    train_surfels(replace(TUNED, iterations=150), performance, Supervision(capture), tmp_path / "c")
-    error = {t: (performance.posed(t, 0.0) - true[t]).mean(axis=0) for t in (first, *others)}
+        before = sequence.parameters[t]
+        sequence.set_parameters(t, replace(before, translation=before.translation + wrong))
+    train_surfels(replace(SETTINGS, iterations=150), sequence, Supervision(capture), tmp_path / "c")
+    error = {t: (sequence.posed(t, 0.0) - true[t]).mean(axis=0) for t in (first, *others)}
     apart = [np.linalg.norm(error[t] - error[first]) for t in others]
     assert max(apart) < 0.5 * np.linalg.norm(wrong)
 
 
-def test_a_run_that_was_interrupted_ends_where_one_in_a_single_sitting_does(capture, performance, tmp_path):
-    def run(checkpoint, watch=None):
-        own = replace(performance, parameters=dict(performance.parameters))
-        settings = replace(TUNED, checkpoint_seconds=0.0)
-        surfels, _ = train_surfels(settings, own, Supervision(capture), checkpoint, watch)
-        codes = [getattr(own.parameters[t], name) for t in own.parameters for name in ("translation", "jaw")]
-        return b"".join(value.tobytes() for value in (*to_arrays(surfels).values(), *codes))
+def test_an_interrupted_run_ends_in_the_same_bytes(capture, sequence, tmp_path):
+    def run(checkpoint, on_step=None):
+        own = replace(sequence, parameters=dict(sequence.parameters))
+        settings = replace(SETTINGS, checkpoint_seconds=0.0)
+        surfels, _ = train_surfels(settings, own, Supervision(capture), checkpoint, on_step)
+        refined = [getattr(own.parameters[t], name) for t in own.parameters for name in ("translation", "jaw")]
+        return b"".join(value.tobytes() for value in (*to_arrays(surfels).values(), *refined))
 
     class Killed(Exception):
         pass
@@ -118,8 +118,8 @@ def test_a_run_that_was_interrupted_ends_where_one_in_a_single_sitting_does(capt
     assert run(tmp_path / "parts") == whole
 
 
-def test_timesteps_that_are_not_trained_on_stay(capture, performance):
+def test_timesteps_without_training_frames_are_not_refined(capture, sequence):
     trained = sorted({frame.timestep for frame in capture.split("train")})
-    tuning = TrackingRefinement(performance, trained)
-    assert sorted(tuning.codes) == trained
-    assert set(performance.parameters) - set(trained)
+    refinement = TrackingRefinement(sequence, trained)
+    assert sorted(refinement.parameters) == trained
+    assert set(sequence.parameters) - set(trained)

@@ -1,4 +1,4 @@
-"""Training on the miniature subject: schedules, updates, freezing, resuming, repeatability."""
+"""Training on the miniature subject: schedule, Adam, freezing, resuming, reproducibility."""
 
 import json
 from dataclasses import replace
@@ -9,7 +9,7 @@ import pytest
 import torch
 from miniature import write_ball
 
-from carigs.capture import Camera, read_dataset
+from carigs.capture import read_dataset
 from carigs.capture.images import write_bits, write_png
 from carigs.capture.target_index import read_targets
 from carigs.errors import InputError
@@ -18,11 +18,10 @@ from carigs.gtstar import MaskFlag
 from carigs.head import neutral
 from carigs.settings import DEFAULT_MASK_FLAGS, Density, Train
 from carigs.splat.rig.head_sequence import head_sequence
-from carigs.splat.surfels.surfels import flat_discs, to_arrays
+from carigs.splat.surfels.surfels import to_arrays
 from carigs.splat.training import trainer
 from carigs.splat.training.adam import Adam
-from carigs.splat.training.regularizers import normal_mismatch, pull_to_triangles
-from carigs.splat.training.supervision import Supervision, draw_schedule
+from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import learning_rates, train_surfels
 
 LEVELS = (0.1, 0.25)
@@ -72,21 +71,21 @@ def supervise(subject, *levels, mask_flags=DEFAULT_MASK_FLAGS):
 
 
 def run(subject, checkpoint, at=(0.25,), **changes):
-    settings, performance = replace(SETTINGS, **changes), subject[1]
+    settings, sequence = replace(SETTINGS, **changes), subject[1]
     supervision = supervise(subject, *at, mask_flags=settings.mask_flags)
-    return train_surfels(settings, performance, supervision, checkpoint)
+    return train_surfels(settings, sequence, supervision, checkpoint)
 
 
 def as_bytes(surfels):
     return b"".join(value.tobytes() for value in to_arrays(surfels).values())
 
 
-def figures(rows):
-    """The log without the clock."""
+def without_clock(rows):
+    """The log without its column of seconds."""
     return [(row[0], *row[2:]) for row in rows]
 
 
-def test_training_brings_the_images_closer(subject, tmp_path, capsys):
+def test_training_reduces_the_loss(subject, tmp_path, capsys):
     _, rows = run(subject, tmp_path / "c", gtstar_probability=0.0, iterations=60)
     psnr = [row[4] for row in rows]
     assert psnr[-1] > psnr[0] + 2
@@ -101,32 +100,32 @@ def test_equal_settings_give_equal_bytes_at_any_number_of_threads(subject, tmp_p
         torch.set_num_threads(threads)
         results.append(run(subject, tmp_path / "c", sh_degree=1))
     assert as_bytes(results[0][0]) == as_bytes(results[1][0])
-    assert figures(results[0][1]) == figures(results[1][1])
+    assert without_clock(results[0][1]) == without_clock(results[1][1])
 
 
-def test_a_killed_run_goes_on_to_the_same_bytes(subject, tmp_path, monkeypatch):
+def test_a_killed_run_resumes_to_the_same_bytes(subject, tmp_path, monkeypatch):
     surfels, rows = run(subject, tmp_path / "none")
     assert len({row[5] for row in rows}) > 1  # density control was at work
     steps = 0
-    photometric = trainer.photometric
+    photometric_loss = trainer.photometric_loss
 
     def killed(*arguments):
         nonlocal steps
         steps += 1
         if steps == 18:
             raise KeyboardInterrupt
-        return photometric(*arguments)
+        return photometric_loss(*arguments)
 
-    monkeypatch.setattr(trainer, "photometric", killed)
+    monkeypatch.setattr(trainer, "photometric_loss", killed)
     with pytest.raises(KeyboardInterrupt):
         run(subject, tmp_path / "state", checkpoint_seconds=0.0)
     resumed, resumed_rows = run(subject, tmp_path / "state")
     assert steps < 18 + 15  # it did not start again
     assert as_bytes(resumed) == as_bytes(surfels)
-    assert figures(resumed_rows) == figures(rows)
+    assert without_clock(resumed_rows) == without_clock(rows)
 
 
-def test_a_checkpoint_of_another_run_is_not_gone_on_with(subject, tmp_path, monkeypatch):
+def test_a_checkpoint_of_another_run_is_ignored(subject, tmp_path, monkeypatch):
     surfels, _ = run(subject, tmp_path / "none", iterations=8)
     monkeypatch.setattr(trainer, "progress", _killing_after(5))
     with pytest.raises(KeyboardInterrupt):
@@ -153,7 +152,7 @@ def _killing_after(steps):
 
 
 def test_frozen_surfels_do_not_change_at_all_in_caricature_steps(subject, tmp_path):
-    """Neither values nor moments, although momentum of the real steps before would carry them on."""
+    """Neither values nor moments change, although the momentum of earlier real steps would move them."""
     capture = subject[0]
     seen = {"frozen": 0, "free": 0}
     step = Adam.step
@@ -195,7 +194,7 @@ def test_targets_are_rendered_on_the_caricature_and_frames_on_the_natural_mesh(s
     np.testing.assert_array_equal(supervision.example(False, 2).image, capture.image(capture.split("train")[2]))
 
 
-def test_every_level_has_its_own_targets_masks_and_resting_faces(subject, tmp_path):
+def test_every_level_has_its_own_targets_masks_and_frozen_faces(subject, tmp_path):
     capture, _, indices = subject
     content = json.loads(indices[0.1].read_text())
     content["folder"] = str(indices[0.1].parent / content["folder"])
@@ -216,24 +215,24 @@ def test_every_level_has_its_own_targets_masks_and_resting_faces(subject, tmp_pa
     assert (supervision.example(True, count + 1).frozen == capture.model.face_region("scalp")).all()
 
 
-def test_each_step_is_drawn_at_the_level_of_its_target(subject, tmp_path, monkeypatch):
+def test_each_step_renders_the_level_of_its_target(subject, tmp_path, monkeypatch):
     """All levels come equally often; real frames stay at level 0."""
-    capture, performance, _ = subject
-    drawn = []
-    motion = performance.motion
-    monkeypatch.setattr(performance, "motion", lambda timestep, level: drawn.append(level) or motion(timestep, level))
+    capture, sequence, _ = subject
+    levels = []
+    motion = sequence.motion
+    monkeypatch.setattr(sequence, "motion", lambda timestep, level: levels.append(level) or motion(timestep, level))
     targets = 2 * len(capture.split("train"))
     run(
         subject, tmp_path / "c", at=(0.1, 0.25), iterations=2 * targets, gtstar_probability=1.0,
         density=Density(every=0), initial_colour_frames=1,
     )  # fmt: skip
-    drawn = drawn[1:]  # the first colours
-    assert {level: drawn.count(level) for level in (0.1, 0.25)} == {0.1: targets, 0.25: targets}
+    levels = levels[1:]  # the first colours
+    assert {level: levels.count(level) for level in (0.1, 0.25)} == {0.1: targets, 0.25: targets}
 
 
-def test_the_weight_of_a_target_is_that_of_its_loss(subject, tmp_path):
-    """A run whose targets weigh nothing is a run whose targets do not move anything."""
-    capture, performance, indices = subject
+def test_the_weight_of_a_target_scales_its_loss(subject, tmp_path):
+    """Targets of weight zero do not change anything."""
+    capture, sequence, indices = subject
     given = read_targets(indices[0.25], capture)
     settings = replace(
         SETTINGS, gtstar_probability=1.0, position_weight=0.0, scale_weight=0.0, density=Density(every=0)
@@ -242,7 +241,7 @@ def test_the_weight_of_a_target_is_that_of_its_loss(subject, tmp_path):
     def trained(weight, iterations):
         targets = replace(given, targets=tuple(target._replace(weight=weight) for target in given.targets))
         shorter, supervision = replace(settings, iterations=iterations), Supervision(capture, [targets])
-        return as_bytes(train_surfels(shorter, performance, supervision, tmp_path / "c")[0])
+        return as_bytes(train_surfels(shorter, sequence, supervision, tmp_path / "c")[0])
 
     assert trained(0.0, 1) == trained(0.0, 4)
     assert trained(1.0, 1) != trained(1.0, 4)
@@ -267,69 +266,7 @@ def test_an_index_that_is_broken_or_of_another_capture_is_named(subject, tmp_pat
         read_targets(tmp_path / "targets.json", subject[0])
 
 
-def test_each_example_comes_once_per_epoch():
-    schedule = draw_schedule(700, frames=30, targets=20, gtstar_probability=0.3, seed=5)
-    assert schedule.caricature.mean() == pytest.approx(0.3, abs=0.06)
-    for kind, count in ((False, 30), (True, 20)):
-        index = schedule.index[schedule.caricature == kind]
-        for start in range(0, len(index) - count + 1, count):
-            np.testing.assert_array_equal(np.sort(index[start : start + count]), np.arange(count))
-    assert not draw_schedule(50, 30, 0, 0.0, 5).caricature.any()
-    assert draw_schedule(50, 30, 20, 1.0, 5).caricature.all()
-
-
-def test_adam_is_adam():
-    rng = np.random.default_rng(0)
-    surfels = flat_discs(np.arange(40), rng.normal(size=(40, 3)), np.ones(40), 0.5, rng.random((40, 3)))
-    leaves = {name: value.detach().clone().requires_grad_(True) for name, value in surfels.attributes()}
-    rates = {name: 0.01 * (i + 1) for i, name in enumerate(leaves)}
-    theirs = torch.optim.Adam([{"params": [leaf], "lr": rates[name]} for name, leaf in leaves.items()], eps=1e-15)
-    ours = Adam(surfels)
-    for _ in range(12):
-        for name, value in surfels.attributes():
-            value.grad = torch.from_numpy(rng.normal(size=tuple(value.shape)).astype(np.float32))
-            leaves[name].grad = value.grad.clone()
-        ours.step(surfels, rates)
-        theirs.step()
-    for name, value in surfels.attributes():
-        np.testing.assert_allclose(value.detach(), leaves[name].detach(), rtol=1e-5, atol=1e-6)
-
-
-def test_pull_is_the_thresholds_gradient():
-    rng = np.random.default_rng(1)
-    n = 50
-    surfels = flat_discs(np.arange(n), rng.normal(size=(n, 3)), 0.3 + 0.6 * rng.random(n), 0.5, rng.random((n, 3)))
-    surfels.log_scale.data += 0.3 * torch.randn(n, 2, generator=torch.Generator().manual_seed(0))
-    seen, limit = rng.random(n) < 0.7, 0.5 + rng.random(n)
-    position = surfels.position.detach().double().requires_grad_(True)
-    log_scale = surfels.log_scale.detach().double().requires_grad_(True)
-    far = 0.01 * (position.norm(dim=1) - torch.from_numpy(limit)).relu()[seen].mean()
-    wide = 2.0 * (log_scale.exp() - 0.6).relu().norm(dim=1)[seen].mean()
-    (far + wide).backward()
-    surfels.position.grad, surfels.log_scale.grad = torch.ones(n, 3), torch.ones(n, 2)
-    value = pull_to_triangles(surfels, seen, limit, 0.01, 0.6, 2.0)
-    assert value == pytest.approx((far + wide).item(), rel=1e-6)
-    np.testing.assert_allclose(surfels.position.grad - 1, position.grad, atol=1e-6)
-    np.testing.assert_allclose(surfels.log_scale.grad - 1, log_scale.grad.nan_to_num(), atol=1e-6)
-
-
-def test_a_plane_agrees_with_its_own_normal_and_not_with_another():
-    camera = Camera(np.eye(4), 60.0, 50.0, 15.0, 12.0, 32, 24)
-    n = np.array([0.3, -0.2, -1.0])
-    n /= np.linalg.norm(n)
-    x = (np.arange(32) + 0.5 - 15) / 60
-    y = (np.arange(24) + 0.5 - 12) / 50
-    rays = np.stack([*np.meshgrid(x, y), np.ones((24, 32))], axis=2)
-    depth = torch.from_numpy(n @ [0, 0, 2.0] / (rays @ n))
-    half = torch.full((24, 32), 0.5, dtype=torch.float64)
-    normal = torch.from_numpy(np.broadcast_to(0.5 * n, (24, 32, 3)).copy())
-    assert normal_mismatch(normal, half * depth, half, camera).item() == pytest.approx(0, abs=1e-6)
-    tilted = torch.from_numpy(np.broadcast_to([0.0, 0, -0.5], (24, 32, 3)).copy())
-    expected = 0.5 * (1 + n[2])
-    assert normal_mismatch(tilted, half * depth, half, camera).item() == pytest.approx(expected, abs=1e-6)
-
-
-def test_rates_fall_from_the_first_value_to_the_share_left():
+def test_learning_rates_decay_to_the_final_factor():
     settings = Train(iterations=100)
     first, last = learning_rates(settings, 0), learning_rates(settings, 99)
     assert first["position"] == settings.position_lr

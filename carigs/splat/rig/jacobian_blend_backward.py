@@ -1,0 +1,154 @@
+"""Backward passes of the formulas in `jacobian_blend`, with the same names of arguments."""
+
+from __future__ import annotations
+
+from carigs.simd import matrix3
+from carigs.simd.vectors import scalar_or_simd
+from carigs.splat.rig.jacobian_blend import add, scaled, view_direction
+
+
+@scalar_or_simd
+def skin_surfel_gradient(blend, frame, position, axes, scale, gradients):
+    """Backward pass of `skin_surfel`, for the surfel's own attributes.
+
+    Args:
+        blend: As in `skin_surfel`.
+        frame: As in `skin_surfel`.
+        position: As in `skin_surfel`.
+        axes: As in `skin_surfel`.
+        scale: As in `skin_surfel`.
+        gradients: Gradients with respect to the centre and the two tangents.
+
+    Returns:
+        Gradients with respect to position, quaternion and logarithmic scales; and, for `motion_gradient`, the gradients
+        h with respect to the three vectors P_b y, and the three vectors y = K mu, K r (the factors S are in h).
+    """
+    _v, _w, p, _terms, q = blend
+    first, second, unit, inverse_length = axes
+    hx, hu, hv = (
+        matrix3.apply_transposed(q, gradients[0]),
+        matrix3.apply_transposed(q, scaled(scale[0], gradients[1])),
+        matrix3.apply_transposed(q, scaled(scale[1], gradients[2])),
+    )
+    d_position = matrix3.apply_transposed(frame, matrix3.apply_symmetric(p, hx))
+    du = matrix3.apply_transposed(frame, matrix3.apply_symmetric(p, hu))
+    dv = matrix3.apply_transposed(frame, matrix3.apply_symmetric(p, hv))
+    d_scale = (matrix3.dot(first, du), matrix3.dot(second, dv))
+    y = matrix3.apply(frame, position), matrix3.apply(frame, first), matrix3.apply(frame, second)
+    return d_position, _quaternion_gradient(unit, inverse_length, du, dv), d_scale, (hx, hu, hv), y
+
+
+@scalar_or_simd
+def _quaternion_gradient(unit, inverse_length, du, dv):
+    qw, qx, qy, qz = unit
+    dw = 2 * (qz * du[1] - qy * du[2] - qz * dv[0] + qx * dv[2])
+    dx = 2 * (qy * du[1] + qz * du[2] + qy * dv[0] - 2 * qx * dv[1] + qw * dv[2])
+    dy = 2 * (-2 * qy * du[0] + qx * du[1] - qw * du[2] + qx * dv[0] + qz * dv[2])
+    dz = 2 * (-2 * qz * du[0] + qw * du[1] + qx * du[2] - qw * dv[0] - 2 * qz * dv[1] + qy * dv[2])
+    along = dw * qw + dx * qx + dy * qy + dz * qz
+    return (
+        inverse_length * (dw - along * qw), inverse_length * (dx - along * qx),
+        inverse_length * (dy - along * qy), inverse_length * (dz - along * qz),
+    )  # fmt: skip
+
+
+@scalar_or_simd
+def view_direction_gradient(rotation, centre, eye, rotate, g_direction, g_centre):
+    """Backward pass of `view_direction`: d(Q^T n) = Q^T n x dw for Q exp(dw).
+
+    Args:
+        rotation: As in `view_direction`.
+        centre: As in `view_direction`.
+        eye: As in `view_direction`.
+        rotate: As in `view_direction`.
+        g_direction: Gradient with respect to the direction.
+        g_centre: Gradient with respect to the centre by other ways.
+
+    Returns:
+        The whole gradient with respect to the centre, the gradient with respect to dw, and the unit vector n.
+    """
+    n, g, d = view_direction(rotation, centre, eye, rotate)
+    up = g_direction
+    torque = scaled(0.0, g_direction)
+    if rotate:
+        up, torque = matrix3.apply(rotation, g_direction), matrix3.cross(g_direction, d)
+    along = matrix3.dot(n, up)
+    through = (g * (up[0] - along * n[0]), g * (up[1] - along * n[1]), g * (up[2] - along * n[2]))
+    return add(g_centre, through), torque, n
+
+
+@scalar_or_simd
+def motion_gradient(blend, h, y, torque):
+    """Backward pass to the blended motion.
+
+    With Q exp(dw), d(Q P y) = Q (dw x P y); from dw to w by the transpose of the right Jacobian of SO(3),
+    I + b [w] + c [w]^2 (Sola et al. 2018, equation 143).
+
+    Args:
+        blend: Result of `blend_motion`.
+        h: Gradients with respect to the three vectors P_b y, from `skin_surfel_gradient`.
+        y: The three vectors.
+        torque: Gradient with respect to dw by other ways (`view_direction_gradient`).
+
+    Returns:
+        Gradients with respect to the rotation vector w and to the six numbers of P_b.
+    """
+    _v, w, p, (_a, b, c), _q = blend
+    first = matrix3.cross(matrix3.apply_symmetric(p, y[0]), h[0])
+    second = matrix3.cross(matrix3.apply_symmetric(p, y[1]), h[1])
+    third = matrix3.cross(matrix3.apply_symmetric(p, y[2]), h[2])
+    torque = add(torque, add(add(first, second), third))
+    once = matrix3.cross(w, torque)
+    twice = matrix3.cross(w, once)
+    d_w = (
+        torque[0] + b * once[0] + c * twice[0],
+        torque[1] + b * once[1] + c * twice[1],
+        torque[2] + b * once[2] + c * twice[2],
+    )
+    return d_w, _stretch_gradient(h, y)
+
+
+@scalar_or_simd
+def _stretch_gradient(h, y):
+    (hx, hu, hv), (x, u, v) = h, y
+    return (
+        hx[0] * x[0] + hu[0] * u[0] + hv[0] * v[0],
+        hx[0] * x[1] + hx[1] * x[0] + hu[0] * u[1] + hu[1] * u[0] + hv[0] * v[1] + hv[1] * v[0],
+        hx[0] * x[2] + hx[2] * x[0] + hu[0] * u[2] + hu[2] * u[0] + hv[0] * v[2] + hv[2] * v[0],
+        hx[1] * x[1] + hu[1] * u[1] + hv[1] * v[1],
+        hx[1] * x[2] + hx[2] * x[1] + hu[1] * u[2] + hu[2] * u[1] + hv[1] * v[2] + hv[2] * v[1],
+        hx[2] * x[2] + hu[2] * u[2] + hv[2] * v[2],
+    )
+
+
+@scalar_or_simd
+def _dot6(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
+
+
+@scalar_or_simd
+def blend_gradient(sigmoids, inverse_sum, d_w, d_p, faces):
+    """Backward pass of `blend_weights` and the sums of equation 6.
+
+    Args:
+        sigmoids: Sigmoids of the four blend logits.
+        inverse_sum: One over their sum.
+        d_w: Gradient with respect to the blended rotation vector.
+        d_p: Gradient with respect to the blended stretch.
+        faces: Stretches and relative rotation vectors, see `jacobian_blend`.
+
+    Returns:
+        Gradients with respect to the four logits.
+    """
+    own, one, two, three, turn = faces
+    d0 = _dot6(d_p, own)
+    d1 = _dot6(d_p, one) + matrix3.dot(d_w, turn[0:3])
+    d2 = _dot6(d_p, two) + matrix3.dot(d_w, turn[3:6])
+    d3 = _dot6(d_p, three) + matrix3.dot(d_w, turn[6:9])
+    w0, w1, w2, w3 = sigmoids
+    g = inverse_sum
+    mean = g * (w0 * d0 + w1 * d1 + w2 * d2 + w3 * d3)
+    return (
+        g * w0 * (1 - w0) * (d0 - mean), g * w1 * (1 - w1) * (d1 - mean),
+        g * w2 * (1 - w2) * (d2 - mean), g * w3 * (1 - w3) * (d3 - mean),
+    )  # fmt: skip

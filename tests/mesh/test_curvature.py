@@ -1,0 +1,49 @@
+"""Curvature estimates against closed forms."""
+
+import numpy as np
+import pytest
+from surfaces import cap, sphere, torus
+
+from carigs.mesh.cotan_laplacian import CotanLaplacian, mixed_voronoi_areas
+from carigs.mesh.curvature import angle_defects, diffuse_heat, extrapolate
+from carigs.mesh.triangle_mesh import boundary_vertices
+
+
+@pytest.mark.parametrize(("mesh", "euler"), [(sphere(2), 2), (cap(3), 1), (torus(), 0)])
+def test_gauss_bonnet(mesh, euler):
+    vertices, faces = mesh
+    defects = angle_defects(vertices, faces, boundary_vertices(faces, len(vertices)))
+    assert defects.sum() == pytest.approx(2 * np.pi * euler, abs=1e-10)
+
+
+@pytest.mark.parametrize("radius", [0.1, 3.0])
+def test_curvature_of_a_sphere_converges_at_second_order(radius):
+    errors = []
+    for subdivisions in (2, 3, 4):
+        vertices, faces = sphere(subdivisions, radius)
+        curvature = angle_defects(vertices, faces, np.zeros(len(vertices), bool)) / mixed_voronoi_areas(vertices, faces)
+        errors.append(np.abs(curvature * radius**2 - 1).max())
+    orders = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert errors[-1] < 2e-3
+    assert (orders > 1.8).all()
+
+
+def test_heat_keeps_the_integral_and_smooths():
+    vertices, faces = torus()
+    areas, stiffness = mixed_voronoi_areas(vertices, faces), CotanLaplacian(vertices, faces).stiffness()
+    noise = np.random.default_rng(1).normal(size=len(vertices))
+    smooth = diffuse_heat(noise, areas, stiffness, 0.01)
+    assert areas @ smooth == pytest.approx(areas @ noise, rel=1e-9)
+    assert smooth @ stiffness @ smooth < 0.1 * (noise @ stiffness @ noise)
+    assert smooth @ (areas * smooth) < noise @ (areas * noise)
+
+
+def test_extrapolation_fills_rings_from_inside_and_keeps_the_rest():
+    vertices, faces = cap(3)
+    unknown = boundary_vertices(faces, len(vertices))
+    values = np.where(unknown, np.nan, 7.0)
+    np.testing.assert_array_equal(extrapolate(values, faces, unknown), 7.0)
+    values = np.where(unknown, np.nan, vertices[:, 2])
+    filled = extrapolate(values, faces, unknown)
+    np.testing.assert_array_equal(filled[~unknown], vertices[~unknown, 2])
+    assert np.abs(filled - vertices[:, 2])[unknown].max() < 0.2
