@@ -1,6 +1,7 @@
-"""From captures to caricature avatars, and the table and figures that measure them.
+"""The workflow of a study: from captures to caricature avatars, their table and figures.
 
-snakemake --cores 2 reproduce table                                                   the toy study
+carigs run study=ict train.iterations=2000 --cores 2                                  in any folder
+snakemake --cores 2 reproduce table                                                   the toy study, in the repository
 snakemake --cores 2 --config hydra="study=ict train.iterations=2000" reproduce table  Hydra overrides, split on blanks
 """
 

@@ -1,6 +1,8 @@
-"""`python -m carigs`."""
+"""`python -m carigs` is the command `carigs`."""
 
-from carigs.cli.run import main
+import sys
+
+from carigs.cli.main import main
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,13 +1,15 @@
-"""The settings of a study: composed by Hydra from `conf/`, frozen as YAML for each stage, loaded as dataclasses."""
+"""The settings of a study: composed by Hydra from `conf/`, frozen as YAML for each stage, loaded as dataclasses.
+
+Hydra finds groups in the project's `conf/` and in a folder `conf/` of the current directory, for subjects, variants and
+studies of your own.
+"""
 
 from __future__ import annotations
 
 import re
 import shlex
-from dataclasses import field, fields, is_dataclass, make_dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 from hydra import compose as hydra_compose
 from hydra import initialize_config_dir
@@ -18,21 +20,26 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from carigs.errors import InputError, SettingsError
-from carigs.settings import STAGES, Density, RefineTracking, Study, Toy, check
+from carigs.settings import STAGES, Config, combine_mask_flags
+from carigs.settings.option import Section, check_section, walk
 
-CONF = Path(__file__).parents[1] / "conf"
-OF_A_VARIANT = ("gtstar", "train")
+
+def project_root() -> Path:
+    """The folder with `Snakefile`, `conf`, `workflow` and `profiles`.
+
+    Returns:
+        `carigs/_project` of an installed package, else the root of the repository.
+    """
+    package = Path(__file__).parent
+    shipped = package / "_project"
+    return shipped if shipped.is_dir() else package.parent
+
+
+CONF = project_root() / "conf"
+GROUPS = ("study", "subject", "variant", "exaggerate")
+"""Configuration groups: folders of `conf/`, one file per choice."""
+VARIANT_SECTIONS = ("gtstar", "train")
 """Sections that a variant may change."""
-
-Config = make_dataclass(
-    "Config",
-    [
-        ("gamma", float, 0.25),
-        ("study", Study, field(default_factory=Study)),
-        *((name, schema, field(default_factory=schema)) for name, schema in STAGES.items()),
-    ],
-)
-"""The whole tree: gamma_f, the study, and one section per stage."""
 
 _schema = OmegaConf.structured(Config)
 # The names of regions come with the head model: here alone keys may be added.
@@ -42,22 +49,42 @@ ConfigStore.instance().store("schema", _schema)
 
 @cache
 def compose(*overrides: str) -> DictConfig:
-    """The composed settings; of two overrides of one key the later wins.
+    """Compose and check the settings.
 
-    Raises `SettingsError`, in one line that names the key and the known ones, for typos, wrong types, unknown choices.
+    Args:
+        *overrides: Hydra overrides; of two for one key the later wins.
+
+    Returns:
+        All settings, interpolations resolved and `mask_flags` combined.
+
+    Raises:
+        SettingsError: For unknown keys and choices, wrong types and values out of range, in one line.
     """
+    search = [f"hydra.searchpath=['file://{folder.as_posix()}']" for folder in _conf_folders()[1:]]
     try:
         with initialize_config_dir(str(CONF), version_base="1.3"):
-            config = hydra_compose("config", list(overrides))
+            config = hydra_compose("config", [*search, *overrides])
             OmegaConf.resolve(config)
     except (HydraException, OmegaConfBaseException, YAMLError) as error:
         raise SettingsError(_one_line(error)) from error
-    _check(config)
+    check_section(Config, config)
+    _check_names(config)
+    combine_mask_flags(config.train)
     return config
 
 
 def split_overrides(text: str) -> tuple[str, ...]:
-    """The overrides in one line: split on blanks, quoted as in a shell."""
+    """Split a line of overrides on blanks, with the quotes of a shell.
+
+    Args:
+        text: The value of Snakemake's `--config hydra=`.
+
+    Returns:
+        The overrides.
+
+    Raises:
+        SettingsError: For an open quote.
+    """
     try:
         return tuple(shlex.split(text))
     except ValueError as error:
@@ -65,7 +92,17 @@ def split_overrides(text: str) -> tuple[str, ...]:
 
 
 def compose_study(*overrides: str) -> DictConfig:
-    """`compose` for what a user asks for: subjects and variants come from the study, so they cannot be overrides."""
+    """Compose what a user asks for; subjects and variants come from the study, so they cannot be overrides.
+
+    Args:
+        *overrides: Hydra overrides.
+
+    Returns:
+        As `compose`.
+
+    Raises:
+        SettingsError: As `compose`, and for overrides of `subject` and `variant`, added and removed keys.
+    """
     for override in overrides:
         key, _, value = override.partition("=")
         if key in ("subject", "variant"):
@@ -76,59 +113,129 @@ def compose_study(*overrides: str) -> DictConfig:
 
 
 def compose_variant(variant: str, *overrides: str) -> DictConfig:
-    """`compose` at a variant; raises `SettingsError` where it changes what all variants share."""
+    """Compose the settings of one variant.
+
+    Args:
+        variant: Name of the variant.
+        *overrides: Hydra overrides.
+
+    Returns:
+        As `compose`.
+
+    Raises:
+        SettingsError: As `compose`, and where the variant changes a section that all variants share.
+    """
     config, shared = compose(*overrides, f"variant={variant}"), compose(*overrides)
-    for stage in STAGES.keys() - OF_A_VARIANT:
+    for stage in STAGES.keys() - VARIANT_SECTIONS:
         for key in config[stage]:
             if config[stage][key] != shared[stage][key]:
-                allowed = " and ".join(OF_A_VARIANT)
+                allowed = " and ".join(VARIANT_SECTIONS)
                 raise SettingsError(f"variant/{variant}.yaml: {stage}.{key} is shared; a variant has its own {allowed}")
     return config
 
 
 def rendered_levels(config: DictConfig) -> list[str]:
-    """The levels that a model trained for gamma is rendered at: 0, gamma, and the study's in between, as in paths."""
+    """The levels at which an avatar is rendered: 0, gamma, and the study's levels between them.
+
+    Args:
+        config: Composed settings.
+
+    Returns:
+        Levels in ascending order, formatted as in paths.
+    """
     inside = {level for level in config.study.levels if level < config.gamma}
     return list(dict.fromkeys(f"{level:g}" for level in sorted({0.0, *inside, config.gamma})))
 
 
 def target_levels(train: DictConfig, gamma: float) -> list[str]:
-    """The levels whose GT* frames training reads, as in paths: `train.num_gtstar_levels` of them, evenly up to gamma.
+    """The levels whose GT* frames training reads: `train.num_gtstar_levels` of them, evenly spaced up to gamma.
 
-    Gamma alone where only the light that was fitted for them is wanted; none for the baseline.
+    Args:
+        train: Composed section `train`.
+        gamma: The level that is trained for.
+
+    Returns:
+        Levels formatted as in paths. Without GT* supervision gamma alone, if the fitted light is used, or none.
     """
     if train.gtstar_probability == 0:
-        return [f"{gamma:g}"] if train.follow_light else []
+        return [f"{gamma:g}"] if train.relight_surfels else []
     return [f"{gamma * k / train.num_gtstar_levels:g}" for k in range(1, train.num_gtstar_levels + 1)]
 
 
 def target_maker(variant: str, *overrides: str) -> str:
-    """The first variant with the settings of `gtstar` that `variant` has: targets are made once, in its name."""
-    wanted = compose(*overrides, f"variant={variant}").gtstar
+    """The first variant with the same settings of `gtstar`: GT* frames are made once, in its name.
+
+    Args:
+        variant: Name of the variant that needs GT* frames.
+        *overrides: Hydra overrides.
+
+    Returns:
+        Name of the variant in whose folder they are.
+    """
+    needed = compose(*overrides, f"variant={variant}").gtstar
     names = ("alternating", *known("variant"))
-    return next(name for name in names if compose(*overrides, f"variant={name}").gtstar == wanted)
+    return next(name for name in names if compose(*overrides, f"variant={name}").gtstar == needed)
 
 
 def settings_text(stage: str, *overrides: str) -> str:
-    """The YAML that a stage is given: its own section, everything resolved."""
+    """The YAML text of one section.
+
+    Args:
+        stage: Name of the section.
+        *overrides: Hydra overrides.
+
+    Returns:
+        The section with everything resolved.
+    """
     return OmegaConf.to_yaml(compose(*overrides)[stage])
 
 
-def load_settings(stage: str, file: str | Path) -> Any:
-    """The frozen section of a stage as its dataclass."""
+def load_settings(stage: str, file: str | Path) -> Section:
+    """Load the frozen section of a stage.
+
+    Args:
+        stage: Name of the section.
+        file: YAML as written by `settings_text`.
+
+    Returns:
+        The section's dataclass.
+
+    Raises:
+        InputError: For a broken file, unknown keys, wrong types and values out of range.
+    """
     try:
-        return _tuples(OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(STAGES[stage]), OmegaConf.load(file))))
-    except (OmegaConfBaseException, YAMLError) as error:
+        return OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(STAGES[stage]), OmegaConf.load(file)))
+    except (OmegaConfBaseException, YAMLError, SettingsError) as error:
         raise InputError(_one_line(error), file=file) from error
 
 
 def known(group: str) -> list[str]:
-    """The choices of a configuration group; names with an underscore are parts that the others share."""
-    return sorted(path.stem for path in (CONF / group).glob("[!_]*.yaml"))
+    """The choices of a configuration group.
+
+    Args:
+        group: A folder of `conf/`.
+
+    Returns:
+        Names of its files, without those that start with an underscore: parts that others share.
+    """
+    return sorted({file.stem for folder in _conf_folders() for file in (folder / group).glob("[!_]*.yaml")})
 
 
-def _check(config: DictConfig) -> None:
-    """What types cannot say."""
+def _conf_folders() -> list[Path]:
+    """The project's `conf` and, if there is another one, that of the current directory; names must not collide."""
+    own = Path.cwd() / "conf"
+    if not own.is_dir() or own.samefile(CONF):
+        return [CONF]
+    for group in GROUPS:
+        for file in (own / group).glob("*.yaml"):
+            shipped = CONF / group / file.name
+            if shipped.is_file() and shipped.read_bytes() != file.read_bytes():
+                raise SettingsError(f"{file}: {group}={file.stem} comes with carigs; choose another name")
+    return [CONF, own]
+
+
+def _check_names(config: DictConfig) -> None:
+    """Check the names of a study, which depend on the files of `conf/`."""
     study = config.study
     if not re.fullmatch(r"[\w.-]+", study.name):
         raise SettingsError(f"study.name={study.name}: letters, digits and ._- only, it becomes a folder")
@@ -139,19 +246,10 @@ def _check(config: DictConfig) -> None:
         for name in names:
             if name not in known(group):
                 raise SettingsError(f"study.{group}s: {name} is unknown; known: {', '.join(known(group))}")
-    for stage in STAGES:
-        check(stage, config[stage])
-    if not 1e-4 <= config.gamma <= 100:
-        raise SettingsError(f"gamma={config.gamma:g} is outside [0.0001, 100]")
-    for level in study.levels:
-        if not 0 <= level <= 100:
-            raise SettingsError(f"study.levels: {level:g} is outside [0, 100]")
-    if not 1 <= config.train.num_gtstar_levels <= 64:
-        raise SettingsError(f"train.num_gtstar_levels={config.train.num_gtstar_levels} is outside [1, 64]")
 
 
 def _one_line(error: Exception) -> str:
-    """Hydra's and OmegaConf's reports take several lines and leave out what would have been right."""
+    """Shorten the reports of Hydra and OmegaConf to one line, and add the known keys or choices."""
     if isinstance(error, MissingConfigException):
         group, _, name = str(error.missing_cfg_file).rpartition("/")
         return f"{group}={name} is unknown; known: {', '.join(known(group))}"
@@ -159,19 +257,9 @@ def _one_line(error: Exception) -> str:
     detail = r"^\s*(full_key|object_type|reference_type)[:=]\s*(.*)$"
     details = dict(re.findall(detail, text, re.MULTILINE))
     problem = " ".join(re.sub(rf"{detail}|^See https.*$", "", text, flags=re.MULTILINE).split())
-    schemas = {schema.__name__: schema for schema in (Config, Study, Toy, Density, RefineTracking, *STAGES.values())}
+    schemas = {"Config": Config, **{schema.__name__: schema for _, schema, _ in walk(Config)}}
     if "Key '" in problem and (schema := schemas.get(details.get("object_type", ""))):
-        problem += f"; known: {', '.join(f.name for f in fields(schema))}"
+        problem += f"; known: {', '.join(schema.__dataclass_fields__)}"
+    problem = problem.replace("add --multirun to your command line", "use `carigs sweep`")
     where = details.get("full_key") or getattr(error, "override", None)
     return f"{where}: {problem}" if where else problem
-
-
-def _tuples(settings: Any) -> Any:
-    """OmegaConf hands sequences out as lists; the dataclasses promise tuples."""
-    for f in fields(settings):
-        value = getattr(settings, f.name)
-        if isinstance(value, list):
-            setattr(settings, f.name, tuple(value))
-        elif is_dataclass(value):
-            _tuples(value)
-    return settings

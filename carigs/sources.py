@@ -30,7 +30,7 @@ def sources(module: str) -> list[Path]:
     waiting = [module]
     while waiting:
         name = waiting.pop()
-        file = None if name in WITHOUT_EFFECT else _file(name)
+        file = None if name.startswith(WITHOUT_EFFECT) else _file(name)
         if file and file not in found:
             found |= {file, *(data for data in file.parent.glob(f"{file.stem}.*") if data.suffix in (".toml", ".json"))}
             waiting += _imported(file)

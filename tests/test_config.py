@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
-from dataclasses import fields
+from dataclasses import Field, fields
 from itertools import product
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from omegaconf import OmegaConf
 from carigs import config
 from carigs.config import (
     CONF,
+    GROUPS,
     compose,
     compose_study,
     compose_variant,
@@ -27,9 +29,14 @@ from carigs.config import (
 )
 from carigs.errors import InputError, SettingsError
 from carigs.gtstar import MaskFlag
-from carigs.settings import DEFAULT_MASK_FLAGS, STAGES
+from carigs.settings import DEFAULT_MASK_FLAGS, MASK_FLAGS, STAGES, Config, Train, reference
+from carigs.settings.option import option_of, walk
+from evaluation.metrics.embeddings import WEIGHTS
+from evaluation.metrics.preprocessing import CROPS
 
-RULES = CONF.parent / "workflow/rules"
+ROOT = Path(__file__).parents[1]
+RULES = ROOT / "workflow/rules"
+OPTIONS = {key: f for key, _, f in walk(Config)}
 
 
 def load(stage: str, *overrides: str, folder: Path):
@@ -53,7 +60,7 @@ def test_a_study_is_named_like_its_file(name):
     assert compose_study(f"study={name}").study.name == name
 
 
-@pytest.mark.parametrize(("stage", "preset"), [("exaggerate", "exaggerate=robust"), ("gtstar", "mask=default")])
+@pytest.mark.parametrize(("stage", "preset"), [("exaggerate", "exaggerate=robust"), ("gtstar", "variant=no_mask")])
 def test_default_presets_are_the_defaults(stage, preset, tmp_path):
     settings = load(stage, preset, folder=tmp_path)
     assert settings == STAGES[stage]()
@@ -74,6 +81,27 @@ def test_presets_of_the_paper_are_literal(tmp_path):
     assert len(compose("study=paper").study.subjects) == 10
 
 
+def paper_table() -> dict[str, object]:
+    """Key and value of each row of the table in docs/paper.md."""
+    text = (ROOT / "docs/paper.md").read_text().partition("## The preset `study=paper`, key by key")[2]
+    rows = re.findall(r"^\| `([\w.]+)` \| `(.+?)` \| .+ \|$", text, re.MULTILINE)
+    assert len(rows) == text.count("\n| `") and len(rows) == len(dict(rows))
+    return {key: yaml.safe_load(value) for key, value in rows}
+
+
+def test_the_papers_study_is_the_table_of_its_document():
+    composed, table = compose("study=paper"), paper_table()
+    assert {key: OmegaConf.select(composed, key, throw_on_missing=True) for key in table} == table
+    assert set(table) <= {*OPTIONS}
+
+
+def test_the_table_of_the_paper_has_every_key_that_its_study_changes():
+    default, paper = compose(), compose("study=paper")
+    changed = {key for key in OPTIONS if OmegaConf.select(default, key) != OmegaConf.select(paper, key)}
+    data = {key for key in changed if key.startswith(("study.", "capture."))}
+    assert changed - data <= {*paper_table()}
+
+
 def test_regions_are_the_head_models_names_and_numbers(tmp_path):
     settings = load("exaggerate", "exaggerate.regions={nose:0.4,ears:0}", folder=tmp_path)
     assert settings.regions == {"nose": 0.4, "ears": 0.0}
@@ -87,11 +115,11 @@ def test_variants_differ_in_supervision_masks_levels_and_light_only():
     ours, reasons = trained["alternating"], {reason.name.lower() for reason in MaskFlag}
     assert [trained[name].gtstar_probability for name in ("surfhead", "gtstar_only", "no_mask")] == [0.0, 1.0, 0.35]
     assert list(trained["no_mask"].mask_flags) == []
-    assert [name for name, t in trained.items() if not t.follow_light] == ["surfhead"]
+    assert [name for name, t in trained.items() if not t.relight_surfels] == ["surfhead"]
     assert {*ours.mask_flags} == {*DEFAULT_MASK_FLAGS}
     for t in trained.values():
         assert {*t.mask_flags} <= reasons
-        for name in ("gtstar_probability", "mask_flags", "follow_light", "num_gtstar_levels"):
+        for name in ("gtstar_probability", "mask_flags", "relight_surfels", "num_gtstar_levels"):
             setattr(t, name, getattr(ours, name))
         assert t == ours
 
@@ -105,6 +133,42 @@ def test_the_study_of_masks_turns_every_default_reason_off_and_every_other_one_o
     assert {reason for reasons in changed if len(reasons) == 1 for reason in reasons} == {
         reason.name.lower() for reason in MaskFlag
     }
+
+
+@pytest.mark.parametrize(
+    ("variant", "changes"),
+    [
+        *((f"no_{flag}_mask", {flag}) for flag in ("grazing", "hair", "mouth", "newly_visible", "occluded")),
+        *((f"no_{flag}_mask", {flag}) for flag in ("outside_image", "outside_mesh")),
+        *((f"{flag}_mask", {flag}) for flag in ("stretched", "lids", "brows", "ears", "eyeballs")),
+        ("no_visibility_mask", {"newly_visible", "occluded", "grazing"}),
+        ("no_mask", set(DEFAULT_MASK_FLAGS)),
+        ("alternating", set()),
+    ],
+)
+def test_variants_add_and_remove_mask_flags(variant, changes):
+    """Removed flags leave the others in their order; added ones come last."""
+    expected = [flag for flag in DEFAULT_MASK_FLAGS if flag not in changes]
+    expected += [flag for flag in MASK_FLAGS if flag in changes and flag not in DEFAULT_MASK_FLAGS]
+    assert compose(f"variant={variant}").train.mask_flags == expected
+
+
+def test_flags_of_a_variant_are_changes_of_the_studys_list():
+    train = compose("train.mask_flags=[hair,lids]", "variant=no_hair_mask").train
+    assert (train.mask_flags, train.add_mask_flags, train.remove_mask_flags) == (["lids"], [], [])
+    assert Train(add_mask_flags=("ears",), remove_mask_flags=("hair",)).mask_flags == (
+        *(flag for flag in DEFAULT_MASK_FLAGS if flag != "hair"),
+        "ears",
+    )
+
+
+def test_mask_flags_of_the_settings_are_those_of_the_method():
+    assert {*MASK_FLAGS} == {flag.name.lower() for flag in MaskFlag}
+
+
+def test_choices_of_the_metrics_are_those_of_the_evaluation():
+    choices = {name: option_of(OPTIONS[f"metrics.{name}"]).choices for name in ("embeddings", "crop")}
+    assert choices == {"embeddings": tuple(WEIGHTS), "crop": CROPS}
 
 
 def test_targets_are_made_once_for_all_variants_with_the_same_settings():
@@ -124,10 +188,10 @@ def test_a_variant_has_targets_and_training_of_its_own_alone(name):
 def test_what_a_variant_changes_in_vain_is_named(tmp_path, monkeypatch):
     conf = tmp_path / "conf"
     shutil.copytree(CONF, conf)
-    (conf / "variant/sharp.yaml").write_text("# @package _global_\nrender: {orbit: 3}\n")
+    (conf / "variant/sharp.yaml").write_text("# @package _global_\nrender: {orbit_frames: 3}\n")
     monkeypatch.setattr(config, "CONF", conf)
     compose.cache_clear()
-    with pytest.raises(SettingsError, match=r"variant/sharp\.yaml: render\.orbit is shared; .*gtstar and train"):
+    with pytest.raises(SettingsError, match=r"variant/sharp\.yaml: render\.orbit_frames is shared; .*gtstar and train"):
         compose_variant("sharp")
     compose.cache_clear()
 
@@ -139,7 +203,7 @@ def test_what_a_variant_changes_in_vain_is_named(tmp_path, monkeypatch):
         (("train.num_gtstar_levels=4",), 0.25, ["0.0625", "0.125", "0.1875", "0.25"]),
         (("train.num_gtstar_levels=3",), 0.1, ["0.0333333", "0.0666667", "0.1"]),
         (("train.num_gtstar_levels=4", "train.gtstar_probability=0"), 0.25, ["0.25"]),
-        (("train.gtstar_probability=0", "train.follow_light=false"), 0.25, []),
+        (("train.gtstar_probability=0", "train.relight_surfels=false"), 0.25, []),
     ],
 )
 def test_targets_are_made_at_the_levels_trained_on(overrides, gamma, expected):
@@ -181,7 +245,7 @@ def test_data_folder_comes_from_the_environment(monkeypatch):
     ("override", "named"),
     [
         ("study=tyo", ("study=tyo", "paper, toy")),
-        ("mask=thick", ("mask=thick", "default, none")),
+        ("exaggerate=thick", ("exaggerate=thick", "paper, relative_to_mean")),
         ("study.subjects=[nobody]", ("study.subjects", "nobody", "toy")),
         ("study.variants=[surfhaed]", ("study.variants", "surfhaed", "surfhead")),
         ("study.variants=[]", ("study.variants",)),
@@ -222,12 +286,71 @@ def test_a_mistake_is_told_in_one_line_that_names_the_key(override, named):
         assert word in message
 
 
+def wrong_values(f: Field) -> list[str]:
+    """Values that the field must refuse, as overrides."""
+    allowed = option_of(f)
+    values = ["nan"] * ("float" in f.type)
+    values += [str(bound - 1) for bound in (allowed.ge,) if bound is not None]
+    values += [str(bound + 1) for bound in (allowed.le,) if bound is not None]
+    values += [str(bound) for bound in (allowed.gt, allowed.lt, allowed.excluded) if bound is not None]
+    values += ["unheard_of"] * bool(allowed.choices)
+    wrap = "[{}]" if f.type.startswith("tuple") else "{{nose:{}}}" if f.type.startswith("dict") else "{}"
+    return [wrap.format(value) for value in values]
+
+
+@pytest.mark.parametrize("key", OPTIONS)
+def test_every_range_is_checked(key):
+    for value in wrong_values(OPTIONS[key]):
+        with pytest.raises(SettingsError, match=rf"^{re.escape(key)}[=.\[].*(must|unknown)"):
+            compose(f"{key}={value}")
+
+
+def test_numbers_that_may_take_any_value_are_few():
+    """All numbers have a bound."""
+    free = [
+        key
+        for key, f in OPTIONS.items()
+        if any(number in f.type for number in ("int", "float"))
+        if option_of(f).ge is None and option_of(f).gt is None
+    ]
+    assert free == []
+
+
+@pytest.mark.parametrize(
+    ("make", "named"),
+    [
+        (lambda: STAGES["capture"](source="folder", folder="here"), "capture.head_model must be set"),
+        (lambda: STAGES["train"](density=None, ssim_weight=float("nan")), "train.ssim_weight=nan must be"),
+        (lambda: STAGES["gtstar"](max_stretch=float("inf")), "gtstar.max_stretch=inf must be a finite number"),
+    ],
+)
+def test_a_section_checks_itself(make, named):
+    with pytest.raises(SettingsError, match=named):
+        make()
+
+
+def test_subjects_of_ones_own_are_found_in_the_current_directory(tmp_path, monkeypatch):
+    subjects = tmp_path / "my heads" / "conf/subject"
+    subjects.mkdir(parents=True)
+    (subjects / "anna.yaml").write_text("# @package _global_\ncapture: {toy: {seed: 7}}\n")
+    monkeypatch.chdir(tmp_path / "my heads")
+    compose.cache_clear()
+    assert {"anna", "toy"} <= {*known("subject")}
+    assert compose("subject=anna", "study.subjects=[anna]").capture.toy.seed == 7
+    (subjects / "toy.yaml").write_text("# @package _global_\ncapture: {toy: {seed: 8}}\n")
+    compose.cache_clear()
+    with pytest.raises(SettingsError, match=r"subject.toy\.yaml: subject=toy comes with carigs"):
+        compose()
+    compose.cache_clear()
+
+
 @pytest.mark.parametrize(
     ("text", "named"),
     [
         ("iterations: 3\n  seed: [", ("train.yaml",)),
         ("iteration: 3\n", ("train.yaml", "iteration", "iterations")),
         ("iterations: many\n", ("train.yaml", "iterations", "many")),
+        ("iterations: 0\n", ("train.yaml", "iterations=0")),
     ],
 )
 def test_a_broken_settings_file_is_named(text, named, tmp_path):
@@ -237,6 +360,27 @@ def test_a_broken_settings_file_is_named(text, named, tmp_path):
     assert "\n" not in str(raised.value)
     for word in named:
         assert word in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("option", "file"), [("markdown", "configuration.md"), ("json_schema", "configuration.schema.json")]
+)
+def test_the_reference_is_current(option, file):
+    """Else: carigs settings --reference > docs/configuration.md, and --schema > docs/configuration.schema.json."""
+    assert (ROOT / "docs" / file).read_text("utf-8") == getattr(reference, option)()
+
+
+def test_every_setting_has_a_meaning():
+    for _, section, f in walk(Config):
+        assert reference.meanings(section)[f.name].endswith((".", ")."))
+
+
+def test_the_schema_knows_every_key_of_a_composed_study():
+    def keys(schema: dict, at: str = "") -> set[str]:
+        below = schema.get("properties", {})
+        return {key for name, part in below.items() for key in keys(part, f"{at}.{name}")} or {at.removeprefix(".")}
+
+    assert keys(json.loads(reference.json_schema())) == {*OPTIONS}
 
 
 def settings_paths() -> dict[str, tuple[str, ...]]:
@@ -264,6 +408,6 @@ def test_a_section_changes_only_with_what_its_path_names(stage):
 
 def test_every_key_of_conf_is_in_the_schema():
     """Hydra checks a group's file only when it is chosen."""
-    for group in ("study", "subject", "variant", "mask", "exaggerate"):
+    for group in GROUPS:
         for name in known(group):
             assert yaml.safe_load((CONF / group / f"{name}.yaml").read_text()) is None or compose(f"{group}={name}")

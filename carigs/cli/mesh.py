@@ -1,39 +1,72 @@
-"""Exaggerate a mesh: python -m carigs.cli.mesh head.obj --gamma 0.25 -o caricature.ply.
+"""`carigs mesh`: exaggerate a mesh file.
 
-The mesh is checked first and what was mended is told; the result has the vertices of the file, in their order.  Units
-do not matter; for the preview +y is up and the face looks along +z.
-
-Regions have levels of their own: --regions FLAME_masks.pkl --region nose=0.4 --region ears=0.  With --gamma 0 the
-regions alone are exaggerated and the rest is held.  A negative level takes character away.
+The mesh is repaired first and the repairs are printed. The result has the vertices of the file, in their order. Units
+do not matter. In the preview +y is up and the face looks along +z.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import sys
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import trimesh
 from jaxtyping import Float
 
+from carigs.cli.command import one_line_errors
 from carigs.config import compose, known
-from carigs.errors import CarigsError, InputError, SettingsError
+from carigs.errors import InputError, SettingsError
 from carigs.exaggeration.exaggerator import Exaggerator
 from carigs.head.flame_pickle import read_pickle
 from carigs.mesh.regions import find_region, vertex_field
 from carigs.mesh.repair import CleanMesh, clean_mesh
-from carigs.settings import Exaggerate
+from carigs.settings import DEFAULT_GAMMA, Exaggerate
 from evaluation.figures.clay import clay_sheet
 
 FORMATS = (".obj", ".ply", ".off", ".stl", ".glb")
+EXAMPLES = """examples:
+  carigs mesh head.obj -o caricature.ply
+  carigs mesh head.obj --gamma 0.3 --levels 6 -o steps.obj        six files, from 0.05 to 0.3
+  carigs mesh head.obj --regions FLAME_masks.pkl --region nose=0.4 --region ears=0 -o nose.ply
+  carigs mesh head.obj --gamma 0 --regions masks.json --region nose=0.4 -o nose.ply
+
+With --gamma 0 only the regions are exaggerated and the rest is held. A negative level reduces what is characteristic.
+"""
+
+
+@dataclass(frozen=True)
+class Task:
+    """What to make of a mesh."""
+
+    mesh: Path
+    gamma: float
+    region_levels: Mapping[str, float]
+    """Levels of single regions."""
+    regions: Path | None
+    """File with the vertices of the regions."""
+    levels: int
+    """Number of files, at equal steps up to gamma."""
+    preset: str
+    output: Path
+    preview: Path
 
 
 def read_mesh(file: Path) -> trimesh.Trimesh:
-    """The triangles of a file, vertices in its order; several objects become one."""
+    """Read the triangles of a mesh file; several objects become one.
+
+    Args:
+        file: A file in one of `FORMATS`.
+
+    Returns:
+        The mesh, its vertices in the file's order.
+
+    Raises:
+        InputError: For a missing, unknown or broken file, or one without triangles.
+    """
     if file.suffix.lower() not in FORMATS:
         raise InputError(f"unknown kind of mesh; known: {' '.join(FORMATS)}", file=file)
     if not file.is_file():
@@ -48,7 +81,17 @@ def read_mesh(file: Path) -> trimesh.Trimesh:
 
 
 def read_regions(file: Path) -> dict[str, np.ndarray]:
-    """Vertex lists, masks or painted scalars by name: from .json, .npz, FLAME_masks.pkl, or a head model's file."""
+    """Read the regions of a mesh.
+
+    Args:
+        file: `.json`, `.npz`, `FLAME_masks.pkl`, or a head model's file.
+
+    Returns:
+        By name a list of vertices, a mask or a scalar per vertex.
+
+    Raises:
+        InputError: For a missing or broken file.
+    """
     if not file.is_file():
         raise InputError("no such file", file=file)
     try:
@@ -65,56 +108,57 @@ def read_regions(file: Path) -> dict[str, np.ndarray]:
         raise InputError(f"not a file of regions: .json, .npz or FLAME_masks.pkl ({error})", file=file) from error
 
 
-def exaggerate(
-    file: Path,
-    gamma: float,
-    regions: Mapping[str, float],
-    names: Path | None,
-    levels: int,
-    preset: str,
-    output: Path,
-    picture: Path,
-) -> None:
-    """Read, check, solve, write `output` (with several levels one file for each) and the picture."""
+def exaggerate(task: Task) -> None:
+    """Repair and solve a mesh; write the caricature (with several levels one file each) and a preview.
+
+    Args:
+        task: Input, levels and output.
+
+    Raises:
+        InputError: For unusable files and folders.
+        SettingsError: For regions without a file that names them.
+    """
     started = time.perf_counter()
 
-    def say(text: str) -> None:
+    def report(text: str) -> None:
         print(f"{time.perf_counter() - started:6.2f} s  {text}", flush=True)
 
-    if output.suffix.lower() not in FORMATS:
-        raise InputError(f"unknown kind of mesh; known: {' '.join(FORMATS)}", file=output)
-    for written in (output, picture):
-        if not written.parent.is_dir():
-            raise InputError("no such folder", file=written.parent)
-    if regions and names is None:
-        raise SettingsError(f"--region {next(iter(regions))}: give the names of regions with --regions FILE")
-    mesh = read_mesh(file)
+    if task.output.suffix.lower() not in FORMATS:
+        raise InputError(f"unknown kind of mesh; known: {' '.join(FORMATS)}", file=task.output)
+    for file in (task.output, task.preview):
+        if not file.parent.is_dir():
+            raise InputError("no such folder", file=file.parent)
+    if task.region_levels and task.regions is None:
+        raise SettingsError(f"--region {next(iter(task.region_levels))}: give the names of regions with --regions FILE")
+    mesh = read_mesh(task.mesh)
     clean = clean_mesh(mesh.vertices, mesh.faces)
-    say(str(clean.report))
-    settings = Exaggerate(**compose(f"exaggerate={preset}").exaggerate)
-    fields = {name: _field(clean, names, name) for name in regions}
+    report(str(clean.report))
+    settings = Exaggerate(**compose(f"exaggerate={task.preset}").exaggerate)
+    fields = {name: _region_field(clean, task.regions, name) for name in task.region_levels}
     exaggerator = Exaggerator(clean.vertices, clean.faces, settings, regions=fields)
-    say("factorised")
-    shown = {"level 0": clean.vertices}
-    for share in (1 + np.arange(levels)) / levels:
-        own = {name: share * level for name, level in regions.items()}
-        name = ", ".join(f"{level:.3g}" for level in (share * gamma, *own.values()))
-        if gamma == 0:
-            displacement = sum((exaggerator.local_edit(n).solve(level) for n, level in own.items()), 0 * clean.vertices)
+    report("factorised")
+    previewed = {"level 0": clean.vertices}
+    for fraction in (1 + np.arange(task.levels)) / task.levels:
+        region_levels = {name: fraction * level for name, level in task.region_levels.items()}
+        name = ", ".join(f"{level:.3g}" for level in (fraction * task.gamma, *region_levels.values()))
+        if task.gamma == 0:
+            local = (exaggerator.local_edit(region).solve(level) for region, level in region_levels.items())
+            displacement = sum(local, 0 * clean.vertices)
         else:
-            displacement = exaggerator.solve(share * gamma, own)
+            displacement = exaggerator.solve(fraction * task.gamma, region_levels)
         result = mesh.copy()
         result.vertices = np.asarray(mesh.vertices) + clean.to_input(displacement)
-        target = output if levels == 1 else output.with_stem(f"{output.stem}_{_step(share, gamma, own)}")
-        result.export(target)
-        shown[f"level {name}"] = clean.vertices + displacement
-        say(f"{target}: moved by up to {np.linalg.norm(displacement, axis=1).max():.4g}")
-    clay_sheet(picture, shown, clean.faces)
-    say(str(picture))
+        shown_level = fraction * task.gamma if task.gamma else next(iter(region_levels.values()), 0.0)
+        file = task.output if task.levels == 1 else task.output.with_stem(f"{task.output.stem}_{shown_level:.3g}")
+        result.export(file)
+        previewed[f"level {name}"] = clean.vertices + displacement
+        report(f"{file}: moved by up to {np.linalg.norm(displacement, axis=1).max():.4g}")
+    clay_sheet(task.preview, previewed, clean.faces)
+    report(str(task.preview))
 
 
-def _field(clean: CleanMesh, file: Path, name: str) -> Float[np.ndarray, " v"]:
-    """The region on the mesh as it was cleaned."""
+def _region_field(clean: CleanMesh, file: Path, name: str) -> Float[np.ndarray, " v"]:
+    """The region as a scalar on the repaired mesh."""
     region = find_region(read_regions(file), name)
     try:
         return clean.from_input(vertex_field(region, len(clean.vertex_map)))
@@ -122,12 +166,8 @@ def _field(clean: CleanMesh, file: Path, name: str) -> Float[np.ndarray, " v"]:
         raise InputError(str(error), file=file, field=name) from error
 
 
-def _step(share: float, gamma: float, own: Mapping[str, float]) -> str:
-    """What tells the files of several levels apart."""
-    return f"{share * gamma if gamma else next(iter(own.values()), 0.0):.3g}"
-
-
-def _region(text: str) -> tuple[str, float]:
+def _region_level(text: str) -> tuple[str, float]:
+    """Parse NAME=LEVEL."""
     name, _, level = text.partition("=")
     try:
         value = float(level)
@@ -138,16 +178,25 @@ def _region(text: str) -> tuple[str, float]:
     return name, value
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Exit code 1 and one line for what is wrong with the input."""
+@one_line_errors
+def main(arguments: list[str]) -> int:
+    """Run the subcommand.
+
+    Args:
+        arguments: Its command line.
+
+    Returns:
+        Exit code.
+    """
     parser = argparse.ArgumentParser(
-        "python -m carigs.cli.mesh", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        "carigs mesh", description=__doc__, epilog=EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("mesh", type=Path, help=f"the neutral head: {' '.join(FORMATS)}")
-    parser.add_argument("--gamma", type=float, default=0.25, help="level; 0 is the mesh itself (default %(default)s)")
     parser.add_argument(
-        "--region", type=_region, action="append", default=[], metavar="NAME=LEVEL", help="a region's own level"
+        "--gamma", type=float, default=DEFAULT_GAMMA, help="level; 0 is the mesh itself (default %(default)s)"
     )
+    region = {"type": _region_level, "action": "append", "default": [], "metavar": "NAME=LEVEL"}
+    parser.add_argument("--region", dest="region_levels", help="level of a region", **region)
     parser.add_argument(
         "--regions", type=Path, metavar="FILE", help="names of regions: FLAME_masks.pkl, a head model, .npz or .json"
     )
@@ -155,28 +204,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--preset", choices=known("exaggerate"), default="robust", help="(default %(default)s)")
     parser.add_argument("-o", "--output", type=Path, required=True, help="mesh to write")
     parser.add_argument("--preview", type=Path, help="PNG to write (default: beside the output)")
-    given = parser.parse_args(arguments)
-    if given.levels < 1:
-        parser.error(f"--levels {given.levels}: expected 1 or more")
-    if not np.isfinite(given.gamma):
-        parser.error(f"--gamma {given.gamma}: expected a number")
-    picture = given.preview or given.output.with_suffix(".png")
-    try:
-        exaggerate(
-            given.mesh,
-            given.gamma,
-            dict(given.region),
-            given.regions,
-            given.levels,
-            given.preset,
-            given.output,
-            picture,
-        )
-    except CarigsError as error:
-        print(f"carigs: {error}", file=sys.stderr)
-        return 1
+    parsed = parser.parse_args(arguments)
+    if parsed.levels < 1:
+        parser.error(f"--levels {parsed.levels}: expected 1 or more")
+    if not np.isfinite(parsed.gamma):
+        parser.error(f"--gamma {parsed.gamma}: expected a number")
+    parsed.region_levels = dict(parsed.region_levels)
+    parsed.preview = parsed.preview or parsed.output.with_suffix(".png")
+    exaggerate(Task(**vars(parsed)))
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,38 +1,115 @@
-"""Runs and sweeps: `python -m carigs -m gamma=0.1,0.15,0.2,0.25` has Snakemake make one point after the other.
-
-Arguments are Hydra's.  Snakemake's own come from its profiles, e.g. the environment variable SNAKEMAKE_PROFILE.
-"""
+"""`carigs run`: have Snakemake make a study in the current directory."""
 
 from __future__ import annotations
 
+import argparse
 import shlex
 import subprocess
 import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
 
-import hydra
-from hydra.core.hydra_config import HydraConfig
-from omegaconf import DictConfig
+from carigs.cli.command import one_line_errors
+from carigs.config import compose_study, project_root
 
-from carigs.config import CONF
-
-
-def main() -> None:
-    """Run Snakemake at every point; a point that fails does not keep the others from running."""
-    failed: list[str] = []
-
-    @hydra.main(config_path=str(CONF), config_name="config", version_base="1.3")
-    def point(_: DictConfig) -> None:
-        overrides = shlex.join(HydraConfig.get().overrides.task)
-        # Snakemake takes quotes off the ends of a value; a blank there keeps ours.
-        targets = ("--config", f"hydra={overrides} ", "--", "reproduce", "table")
-        command = [sys.executable, "-m", "snakemake", "--cores", "all", *targets]
-        if subprocess.run(command, cwd=CONF.parent).returncode:
-            failed.append(" ".join(HydraConfig.get().overrides.task) or "the default point")
-
-    point()
-    if failed:
-        sys.exit(f"carigs: failed: {'; '.join(failed)}")
+OVERRIDES_HELP = "Hydra overrides KEY=VALUE; docs/configuration.md lists the keys"
+EXAMPLES = """examples:
+  carigs run                                            the toy study, on all cores
+  carigs run study=ict train.iterations=2000 --cores 4
+  carigs run study=mine --dry-run                       what would be made; conf/study/mine.yaml is your own file
+  carigs run -- --keep-going                            options of Snakemake after --
+"""
 
 
-if __name__ == "__main__":
-    main()
+@dataclass(frozen=True)
+class SnakemakeOptions:
+    """Options of Snakemake that `carigs run` and `carigs sweep` pass on."""
+
+    cores: str
+    dry_run: bool
+    profile: str
+    targets: Sequence[str]
+    others: Sequence[str]
+    """Arguments as they are."""
+
+
+def run_parser(command: str, description: str, epilog: str) -> argparse.ArgumentParser:
+    """The options that `run` and `sweep` share.
+
+    Args:
+        command: Name of the subcommand.
+        description: What it does.
+        epilog: Examples.
+
+    Returns:
+        The parser; use it with `parse_run`.
+    """
+    parser = argparse.ArgumentParser(
+        f"carigs {command}",
+        usage=f"carigs {command} [KEY=VALUE ...] [--cores N] [--dry-run] [--profile FOLDER] [--target T] [-- ...]",
+        description=description,
+        epilog=epilog,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help=OVERRIDES_HELP)
+    parser.add_argument("-c", "--cores", default="all", metavar="N", help="CPU cores (default: all)")
+    parser.add_argument("-n", "--dry-run", action="store_true", help="print what would be made, make nothing")
+    profile = str(project_root() / "profiles/default")
+    parser.add_argument("--profile", default=profile, metavar="FOLDER", help="workflow profile of Snakemake")
+    parser.add_argument(
+        "--target", action="append", metavar="T", help="rule or file to make (default: reproduce and table)"
+    )
+    return parser
+
+
+def parse_run(parser: argparse.ArgumentParser, arguments: list[str]) -> tuple[list[str], SnakemakeOptions]:
+    """Parse a command line of `run` or `sweep`.
+
+    Args:
+        parser: As made by `run_parser`.
+        arguments: The command line; Snakemake's own options follow `--`.
+
+    Returns:
+        The overrides, and the options.
+    """
+    end = arguments.index("--") if "--" in arguments else len(arguments)
+    parsed = parser.parse_intermixed_args(arguments[:end])
+    targets = parsed.target or ["reproduce", "table"]
+    others = arguments[end + 1 :]
+    return parsed.overrides, SnakemakeOptions(parsed.cores, parsed.dry_run, parsed.profile, targets, others)
+
+
+def make_study(overrides: Sequence[str], options: SnakemakeOptions) -> bool:
+    """Run Snakemake on the composed study; results are written to `results/` in the current directory.
+
+    Args:
+        overrides: Hydra overrides.
+        options: Options of Snakemake.
+
+    Returns:
+        Whether Snakemake succeeded.
+
+    Raises:
+        SettingsError: For wrong overrides, before Snakemake starts.
+    """
+    compose_study(*overrides)
+    command = [sys.executable, "-m", "snakemake", "--snakefile", str(project_root() / "Snakefile")]
+    command += ["--workflow-profile", options.profile, "--cores", options.cores]
+    command += ["--dry-run"] * options.dry_run + [*options.others]
+    # Snakemake removes quotes at the ends of a value; the blank keeps ours.
+    command += ["--config", f"hydra={shlex.join(overrides)} ", "--", *options.targets]
+    return subprocess.run(command).returncode == 0
+
+
+@one_line_errors
+def main(arguments: list[str]) -> int:
+    """Run the subcommand.
+
+    Args:
+        arguments: Its command line.
+
+    Returns:
+        Exit code.
+    """
+    parser = run_parser("run", "Make the avatars, the table and the figures of a study in ./results.", EXAMPLES)
+    return 0 if make_study(*parse_run(parser, arguments)) else 1

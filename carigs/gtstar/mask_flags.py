@@ -91,7 +91,7 @@ def hair_in_frame(
 def frame_mask_flags(natural: Visibility, hair: Hair, model: HeadModel, settings: Gtstar) -> UInt16[np.ndarray, "h w"]:
     """What a target must not fetch from the frame: hair with a band around it, and what is seen between the lips."""
     reasons = np.zeros(natural.face.shape, np.uint16)
-    bits.add(reasons, hair.where.grown(settings.hair_band).words, MaskFlag.HAIR.value)
+    bits.add(reasons, hair.where.grown(settings.hair_dilation).words, MaskFlag.HAIR.value)
     _add_between_lips(reasons, natural, model)
     return reasons
 
@@ -107,16 +107,16 @@ def add_target_mask_flags(
 ) -> None:
     """Add, in place, what the caricature's own outline says.
 
-    Off its mesh, by `background_ring` pixels, is background where the frame shows background, and also where it shows
+    Off its mesh, by `background_margin` pixels, is background where the frame shows background, and also where it shows
     skin: that has moved away.  Only hair, and whatever else sticks out of the mesh, may be anywhere within its own
     length of where it is or of the scalp.
     """
     on_mesh, scalp = caricature.on_mesh, _scalp(caricature, of_faces)
-    unknown = bits.above(foreground, 0).grown(settings.background_ring) - on_mesh
+    unknown = bits.above(foreground, 0).grown(settings.background_margin) - on_mesh
     if unknown:
-        unknown &= (hair.where | scalp).grown(hair.length + settings.hair_band)
-    outside = (unknown | on_mesh.grown(settings.background_ring)) - on_mesh
-    bits.add(reasons, (scalp.grown(settings.hair_band) & on_mesh).words, MaskFlag.HAIR.value)
+        unknown &= (hair.where | scalp).grown(hair.length + settings.hair_dilation)
+    outside = (unknown | on_mesh.grown(settings.background_margin)) - on_mesh
+    bits.add(reasons, (scalp.grown(settings.hair_dilation) & on_mesh).words, MaskFlag.HAIR.value)
     bits.add(reasons, outside.words, MaskFlag.OUTSIDE_MESH.value)
     _add_between_lips(reasons, caricature, model)
 

@@ -19,7 +19,7 @@ from carigs.gtstar.registration import RegistrationError, registration_errors
 from carigs.gtstar.target import Target, make_target
 from carigs.head import pose
 from carigs.light.fitting import Observation, Shading, fit_light, observe, relight
-from carigs.settings import Gtstar, check
+from carigs.settings import Gtstar
 
 KEPT = MaskFlag.HAIR | MaskFlag.EYEBALLS | MaskFlag.MOUTH
 """Triangles whose colours are no matter of their own normals: strands, gloss, teeth."""
@@ -104,9 +104,8 @@ def input_files(settings: Gtstar, capture: Capture) -> list[Path]:
 
 
 def check_settings(settings: Gtstar) -> None:
-    """Raise `SettingsError` for a value without meaning, before any work."""
-    check("gtstar", settings)
-    if settings.provider == "precomputed" and not (settings.folder and Path(settings.folder).is_dir()):
+    """Raise `SettingsError` for a folder that does not exist."""
+    if settings.provider == "precomputed" and not Path(settings.folder).is_dir():
         raise SettingsError(f"gtstar.folder={settings.folder}: gtstar.provider=precomputed needs a folder of images")
 
 

@@ -50,7 +50,7 @@ def warp_frame(
         caricature.back, settings.grazing_cosine,
         settings.max_stretch * (caricature.camera.fx / natural.camera.fx) ** 2,
     )  # fmt: skip
-    if not settings.footprint:
+    if not settings.antialias:
         samples[:] = 1
     before, after = (seen.coverage(settings.supersampling) for seen in (natural, caricature))
     return Warp(

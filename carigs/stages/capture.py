@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from carigs.capture import read_dataset
-from carigs.errors import SettingsError
 from carigs.files import writing_folder
 from carigs.settings import Capture
 
@@ -17,12 +16,7 @@ def capture(settings: Capture, *, index: Path, dataset: Path) -> None:
             from carigs.toy import write_capture
 
             write_capture(part, settings.toy)
-        elif settings.source == "folder":
-            for name in ("folder", "head_model"):
-                if not getattr(settings, name):
-                    raise SettingsError(f"capture.{name} must be set when capture.source is folder")
-            read_dataset(Path(settings.folder), Path(settings.head_model), background=settings.background).save(index)
         else:
-            raise SettingsError(f"capture.source={settings.source} is unknown; choose toy or folder")
+            read_dataset(Path(settings.folder), Path(settings.head_model), background=settings.background).save(index)
     if settings.source == "toy":
         read_dataset(dataset, dataset / "head_model.npz", background=settings.background).save(index)

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 
 from carigs.capture import Capture
-from carigs.errors import InputError, SettingsError
+from carigs.errors import InputError
 from carigs.exaggeration import straight_path
 from carigs.head import neutral, subject_gamma_path
 from carigs.head.teeth import add_teeth, skin_counts
@@ -23,16 +23,12 @@ def exaggerate(settings: Exaggerate, *, capture: Path, path: Path) -> None:
     vertices, faces = neutral(subject.model, parameters[0]), subject.model.faces
     if settings.source == "poisson":
         solved = subject_gamma_path(subject.model, vertices, settings, parameters)
-    elif settings.source == "file":
-        if not settings.file:
-            raise SettingsError("exaggerate.file must be set when exaggerate.source is file")
+    else:
         file = Path(settings.file.replace("{gamma}", f"{settings.gamma:g}"))
         v, f = skin_counts(len(vertices), len(faces))
         given = read_displacement(file, vertices, v)
         whole = len(given) == len(vertices)
         solved = straight_path(vertices[: len(given)], faces if whole else faces[:f], given, settings.gamma)
-    else:
-        raise SettingsError(f"exaggerate.source={settings.source} is unknown; choose poisson or file")
     add_teeth(solved, vertices, faces).save(path)
 
 

@@ -56,13 +56,9 @@ def figures(
         folder: Folder to write.
 
     Raises:
-        SettingsError: A setting is out of range, or names no test frame.
+        SettingsError: The settings name no test frame.
         InputError: An input is malformed or lacks the frame of the strips.
     """
-    if settings.samples < 3 or settings.height < 1:
-        raise SettingsError(
-            f"figures.samples={settings.samples} must be at least 3, figures.height={settings.height} at least 1"
-        )
     subject, gamma_path = Capture.load(capture), GammaPath.load(path)
     frame = _strip_frame(settings, subject)
     known = {level: read_truths(file) for level, file in zip(truth_levels, truths, strict=True)}
@@ -76,9 +72,9 @@ def figures(
     with writing_folder(folder) as part:
         for variant, images in strips.items():
             file = part / f"gamma_strip_{variant}.png"
-            gamma_strip(file, variant, shown, images, true_images, height=settings.height)
-        ablation(part / "ablation.png", strips, shown, true_images, height=settings.height)
-        _blend_error(part, without_teeth(gamma_path), subject, settings.samples)
+            gamma_strip(file, variant, shown, images, true_images, height=settings.image_height)
+        ablation(part / "ablation.png", strips, shown, true_images, height=settings.image_height)
+        _blend_error(part, without_teeth(gamma_path), subject, settings.blend_error_samples)
         if any(level > 0 and truth.images for level, truth in known.items()):
             records = list(misregistrations(subject, gamma_path, known, Gtstar(**gtstar), mask_flags))
             write_csv(part / "misregistration.csv", records, Misregistration)

@@ -6,12 +6,10 @@ from pathlib import Path
 
 from carigs.capture import Capture
 from carigs.capture.frame_index import read_rendered, read_truths
-from carigs.errors import SettingsError
 from carigs.exaggeration import GammaPath
 from carigs.settings import Metrics
 from evaluation.metrics.against_truth import truth_records
-from evaluation.metrics.embeddings import WEIGHTS, embedding_records
-from evaluation.metrics.preprocessing import CROPS
+from evaluation.metrics.embeddings import embedding_records
 from evaluation.tables.metric_records import StudyPoint, write_metrics
 
 
@@ -47,11 +45,9 @@ def metrics(
         records: CSV file to write; a metric that cannot be computed has an empty value and a reason.
 
     Raises:
-        SettingsError: A setting is out of range.
         InputError: An input is malformed.
         WeightsMissing: Network weights are missing and `settings.strict` is set.
     """
-    check_settings(settings)
     point = StudyPoint(study, subject, variant, gamma, level)
     person, rendered, truths = Capture.load(capture), read_rendered(index, frames), read_truths(truth)
     caricature = GammaPath.load(path).at(level)
@@ -60,21 +56,3 @@ def metrics(
         *embedding_records(point, rendered, person, settings),
     ]
     write_metrics(records, measured)
-
-
-def check_settings(settings: Metrics) -> None:
-    """Check the ranges of settings.
-
-    Args:
-        settings: Settings of the stage.
-
-    Raises:
-        SettingsError: A setting is out of range.
-    """
-    for name in settings.embeddings:
-        if name not in WEIGHTS:
-            raise SettingsError(f"metrics.embeddings: {name} is unknown; choose from {', '.join(WEIGHTS)}")
-    if settings.crop not in CROPS:
-        raise SettingsError(f"metrics.crop={settings.crop} is unknown; choose {' or '.join(CROPS)}")
-    if settings.silhouette_band < 1:
-        raise SettingsError(f"metrics.silhouette_band={settings.silhouette_band} must be at least 1 pixel")

@@ -58,9 +58,9 @@ def _views(settings: Render, subject: Capture, level: float) -> tuple[list[View]
     splits = ("test", "val") if level == 0 else ("test",)
     views = [View(s, frame.timestep, frame.camera, frame.sequence) for s in splits for frame in subject.split(s)]
     cameras = {(split, c): camera for split in splits for c, camera in subject.cameras.items()}
-    if settings.orbit:
+    if settings.orbit_frames:
         frame = _orbit_frame(settings, subject)
-        for i, camera in enumerate(orbit_cameras(subject, settings.orbit, settings.orbit_degrees)):
+        for i, camera in enumerate(orbit_cameras(subject, settings.orbit_frames, settings.orbit_degrees)):
             views.append(View("orbit", frame.timestep, i, frame.sequence))
             cameras["orbit", i] = camera
     return views, cameras

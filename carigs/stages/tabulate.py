@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from carigs.errors import SettingsError
 from carigs.files import writing
 from carigs.settings import Tabulate
 from evaluation.tables.summary import read_metrics, summarise
@@ -22,14 +21,8 @@ def tabulate(settings: Tabulate, *, records: list[Path], table: Path, markdown: 
         latex: LaTeX file to write: the same tables.
 
     Raises:
-        SettingsError: A setting is out of range.
         InputError: A file of records is malformed.
     """
-    if settings.resamples < 1 or not 0 < settings.confidence < 1:
-        raise SettingsError(
-            f"tabulate.resamples={settings.resamples} must be positive, "
-            f"tabulate.confidence={settings.confidence} must lie between 0 and 1"
-        )
     summaries = summarise(read_metrics(records), settings)
     document = comparison_tables(summaries, settings)
     with writing(table) as part:

@@ -28,7 +28,8 @@ def train(
     `targets` are the indices of GT* frames, one per level; None may do where `gtstar_probability` is 0 and no light is
     followed.  The run's state is kept beside `avatar` (suffix `.checkpoint`) until it is done.
     """
-    check_settings(settings, targets)
+    if settings.gtstar_probability > 0 and not targets:
+        raise SettingsError(f"train.gtstar_probability={settings.gtstar_probability} needs targets, and there are none")
     # torch before numba's threads start: both then share one pool.
     from carigs.simd.threads import use_threads
 
@@ -44,7 +45,7 @@ def train(
     subject, gamma_path = Capture.load(capture), GammaPath.load(path)
     sequence = head_sequence(subject, gamma_path)
     sets = [read_targets(index, subject) for index in targets or ()]
-    if sets and settings.follow_light:
+    if sets and settings.relight_surfels:
         sequence.shading = load_shading(sets[-1].folder / "shading.npz")  # one light for all levels
     supervision = Supervision(subject, sets if settings.gtstar_probability > 0 else (), settings.mask_flags)
     checkpoint = avatar.with_suffix(".checkpoint")
@@ -57,32 +58,3 @@ def train(
     write_ply(ply, surfels)
     save_avatar(avatar, trained)
     checkpoint.unlink(missing_ok=True)
-
-
-def check_settings(settings: Train, targets: Sequence[Path] | None) -> None:
-    """Raise `SettingsError` for a value out of range, before any work."""
-    for name, low, high in (
-        ("gtstar_probability", 0, 1), ("iterations", 1, 10**9), ("threads", 1, 10**4), ("sh_degree", 0, 3),
-        ("surfels_per_face", 1, 1000), ("hair_layers", 0, 1000), ("ssim_weight", 0, 1), ("log_every", 1, 10**9),
-        ("initial_opacity", 1e-6, 1 - 1e-6), ("initial_scale", 1e-6, 1e6), ("colour_frames", 1, 10**6),
-    ):  # fmt: skip
-        if not low <= getattr(settings, name) <= high:
-            raise SettingsError(f"train.{name}={getattr(settings, name)} must lie in [{low}, {high}]")
-    for name, low, high in (
-        ("max_surfels", 1, 10**9),
-        ("replace_fraction", 0, 1),
-        ("importance_views", 1, 10**6),
-        ("prune_opacity", 0, 1),
-    ):
-        value = getattr(settings.density, name)
-        if not low <= value <= high:
-            raise SettingsError(f"train.density.{name}={value} must lie in [{low}, {high}]")
-    for name in ("translation_lr", "rotation_lr", "expression_lr"):
-        if not 0 <= getattr(settings.refine_tracking, name) < 1:
-            raise SettingsError(
-                f"train.refine_tracking.{name}={getattr(settings.refine_tracking, name)} must lie in [0, 1)"
-            )
-    if settings.rig not in ("jbs", "jacobian"):
-        raise SettingsError(f"train.rig={settings.rig} is unknown; choose jbs or jacobian")
-    if settings.gtstar_probability > 0 and not targets:
-        raise SettingsError(f"train.gtstar_probability={settings.gtstar_probability} needs targets, and there are none")

@@ -14,15 +14,12 @@ from rich.progress import track
 
 from carigs.capture.camera import OPENCV_FROM_OPENGL, Camera
 from carigs.capture.images import write_png
-from carigs.errors import SettingsError
 from carigs.files import writing
 from carigs.head import HeadParameters
 from carigs.settings import Toy
 from carigs.toy.look.renderer import render_subject
 from carigs.toy.scene import TEST_SEQUENCE, Timestep, frontal_camera, studio_cameras, timesteps
 from carigs.toy.subject import make_subject
-
-_MINIMUM = dict(width=16, height=16, cameras=1, steps_per_sequence=1, supersampling=1, texture=128, strands=1)
 
 
 def write_capture(folder: Path, settings: Toy) -> None:
@@ -33,13 +30,7 @@ def write_capture(folder: Path, settings: Toy) -> None:
     Args:
         folder: Where the capture is written; created if it does not exist.
         settings: The subject, the size of the images, the number of cameras and timesteps.
-
-    Raises:
-        SettingsError: A setting is too small.
     """
-    for name, minimum in _MINIMUM.items():
-        if getattr(settings, name) < minimum:
-            raise SettingsError(f"capture.toy.{name}={getattr(settings, name)} must be at least {minimum}")
     folder = Path(folder)
     for name in ("images", "fg_masks", "flame_param"):
         (folder / name).mkdir(parents=True, exist_ok=True)

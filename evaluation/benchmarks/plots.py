@@ -17,7 +17,7 @@ COLOURS = {"plain loops": "0.6", "carigs": "tab:blue"}
 SCALING = re.compile(
     r"(?P<surfels>\d+) surfels, (?P<height>\d+)x(?P<width>\d+), (?P<threads>\d) threads?; forward and backward"
 )
-WARP = re.compile(r"(?P<warp>affine|perspective), (?P<samples>\d)x\d, footprint (?P<footprint>on|off)")
+WARP = re.compile(r"(?P<warp>affine|perspective), (?P<samples>\d)x\d, antialias (?P<antialias>on|off)")
 
 Curves = dict[str, list[tuple[float, float]]]
 """Points of each curve, by label."""
@@ -98,7 +98,7 @@ def plot_target(file: Path, measurements: Sequence[Measurement]) -> None:
                     value["visibility, warp and masks"], value["99th percentile of the error"],
                     "os^"[int(option["samples"]).bit_length() - 1],
                     color="tab:blue" if option["warp"] == "perspective" else "0.6",
-                    fillstyle="full" if option["footprint"] == "on" else "none", label=case,
+                    fillstyle="full" if option["antialias"] == "on" else "none", label=case,
                 )  # fmt: skip
         axes.set(
             xscale="log",

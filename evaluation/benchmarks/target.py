@@ -40,7 +40,7 @@ REPEATS = 9
 ERROR_THRESHOLD = 0.15
 """Mean absolute difference of the channels above which a pixel counts as wrong."""
 OPTIONS = tuple(product(("affine", "perspective"), (1, 2, 4), (True, False)))
-"""Values of `gtstar.warp`, `gtstar.supersampling` and `gtstar.footprint`."""
+"""Values of `gtstar.warp`, `gtstar.supersampling` and `gtstar.antialias`."""
 
 
 def measure_warp(subject: Capture, path: GammaPath, repeats: int = REPEATS) -> Iterator[Measurement]:
@@ -52,7 +52,7 @@ def measure_warp(subject: Capture, path: GammaPath, repeats: int = REPEATS) -> I
         repeats: Number of timed calls.
 
     Yields:
-        Records; the reference is the paper's warp: affine, one sample, no footprint.
+        Records; the reference is the paper's warp: affine, one sample, no antialiasing.
     """
     model, exaggerated = subject.model, path.at(path.gamma_f)
     face_flags = face_mask_flags(model, Gtstar())
@@ -70,8 +70,8 @@ def measure_warp(subject: Capture, path: GammaPath, repeats: int = REPEATS) -> I
     yield Measurement(scene, "visibility at one end", "ms", cpu_ms(lambda: visible(natural, model.faces, large)))
     references: dict[str, float] = {}
     for option in sorted(OPTIONS, key=lambda option: option != ("affine", 1, False)):
-        warp, samples, footprint = option
-        settings = Gtstar(warp=warp, supersampling=samples, footprint=footprint)
+        warp, samples, antialias = option
+        settings = Gtstar(warp=warp, supersampling=samples, antialias=antialias)
 
         def make_one(settings: Gtstar = settings) -> object:
             return make_target(*pictures, natural, deformed, large, model, face_flags, settings)
@@ -91,7 +91,7 @@ def measure_warp(subject: Capture, path: GammaPath, repeats: int = REPEATS) -> I
         values["share of the mesh's pixels that is left out", "1"] = float(np.concatenate(masked).mean())
         share = f"share of the head's errors above {ERROR_THRESHOLD} that is left out"
         values[share, "1"] = float(np.concatenate(wrong_masked).mean())
-        case = f"{warp}, {samples}x{samples}, footprint {'on' if footprint else 'off'}"
+        case = f"{warp}, {samples}x{samples}, antialias {'on' if antialias else 'off'}"
         for (quantity, unit), value in values.items():
             yield Measurement(case, quantity, unit, value, references.setdefault(quantity, value))
 

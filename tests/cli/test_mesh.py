@@ -1,4 +1,4 @@
-"""`python -m carigs.cli.mesh`: a mesh in, caricatures out."""
+"""`carigs mesh`: a mesh in, caricatures out."""
 
 import json
 

@@ -108,7 +108,7 @@ def test_what_comes_from_beyond_the_border_is_found():
 def test_background_is_where_nothing_is_and_where_skin_has_moved_away():
     """The shrunken ball leaves skin behind: background from the ring around the caricature on."""
     camera = ball_cameras()[1]
-    target = made(ball(), 0.8 * ball(), BALD, camera, background_ring=1)
+    target = made(ball(), 0.8 * ball(), BALD, camera, background_margin=1)
     on_mesh = target.caricature.face >= 0
     outside = (target.reasons & MaskFlag.OUTSIDE_MESH.value) > 0
     np.testing.assert_array_equal(outside, ~on_mesh & dilated(on_mesh))

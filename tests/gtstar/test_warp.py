@@ -83,7 +83,7 @@ def test_a_shrinking_triangle_takes_the_mean_of_its_footprint():
     image[:, ::2] = 1
     error = {}
     for footprint in (True, False):
-        warp, _, target = warped(image, vertices, vertices / 3, faces, FRONTAL, footprint=footprint)
+        warp, _, target = warped(image, vertices, vertices / 3, faces, FRONTAL, antialias=footprint)
         inner = (target.face >= 0) & ((warp.reasons & 2) == 0)
         error[footprint] = float(np.abs(warp.colour[inner] - 0.5).mean())
     assert error[True] < 0.5 * error[False]
@@ -131,5 +131,5 @@ def test_outlines_are_blended_as_the_caricature_covers_their_pixels(scale, shear
 
 def test_an_unknown_map_is_refused():
     vertices, faces = sheet()
-    with pytest.raises(SettingsError, match="affine or perspective"):
+    with pytest.raises(SettingsError, match="perspective or affine"):
         warped(picture(FRONTAL), vertices, vertices, faces, FRONTAL, warp="projective")

@@ -188,7 +188,7 @@ def test_colours_follow_the_light_and_the_file_keeps_it(trained, tmp_path):
 
 def test_render_writes_every_protocol_and_its_index(trained, tmp_path):
     inputs = dict(avatar=trained / "avatar.npz", capture=trained / "capture.json", path=trained / "path.npz")
-    render(Render(orbit=3), **inputs, level=0.0, frames=tmp_path / "frames", index=tmp_path / "frames.json")
+    render(Render(orbit_frames=3), **inputs, level=0.0, frames=tmp_path / "frames", index=tmp_path / "frames.json")
     entries = json.loads((tmp_path / "frames.json").read_text())
     assert [e["protocol"] for e in entries] == ["test"] * 3 + ["val"] * 3 + ["orbit"] * 3
     assert [e["order"] for e in entries] == list(range(9))
@@ -197,7 +197,7 @@ def test_render_writes_every_protocol_and_its_index(trained, tmp_path):
     }  # fmt: skip
     for entry in entries:
         assert read_rgb(tmp_path / "frames" / entry["file"]).shape == (SIZE[1], SIZE[0], 3)
-    render(Render(orbit=0), **inputs, level=0.1, frames=tmp_path / "frames", index=tmp_path / "frames.json")
+    render(Render(orbit_frames=0), **inputs, level=0.1, frames=tmp_path / "frames", index=tmp_path / "frames.json")
     entries = json.loads((tmp_path / "frames.json").read_text())
     assert [e["protocol"] for e in entries] == ["test"] * 3
     assert not (tmp_path / "frames/orbit").exists()
@@ -223,9 +223,9 @@ def test_levels_beyond_the_path_and_unknown_timesteps_are_refused(trained, tmp_p
     ],
 )
 def test_impossible_settings_are_refused_before_any_work(tmp_path, changes, says):
-    settings = Train(**{"gtstar_probability": 0.0, **changes})
     nothing = tmp_path / "nothing"
     with pytest.raises(SettingsError, match=says):
+        settings = Train(**{"gtstar_probability": 0.0, **changes})
         train(settings, capture=nothing, path=nothing, targets=None, avatar=nothing, ply=nothing, log=nothing)
 
 

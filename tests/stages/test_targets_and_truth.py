@@ -183,8 +183,8 @@ def test_a_killed_run_goes_on_to_the_same_bytes_on_any_number_of_threads(folder,
 
 def test_what_was_made_of_other_settings_or_frames_is_not_gone_on_with(folder, killed, damaged, tmp_path, capsys):
     shutil.copytree(killed, tmp_path / "again")
-    make_targets(folder, tmp_path / "again", hair_band=1)
-    make_targets(folder, tmp_path / "whole", hair_band=1)
+    make_targets(folder, tmp_path / "again", hair_dilation=1)
+    make_targets(folder, tmp_path / "whole", hair_dilation=1)
     assert contents(tmp_path / "again") == contents(tmp_path / "whole")
     shutil.copytree(killed, tmp_path / "other")
     make_targets(damaged, tmp_path / "other")  # equal files, in another place
@@ -260,7 +260,7 @@ def test_edited_frames_come_from_a_folder(folder, tmp_path):
     reasons = read_bits(tmp_path / "targets" / index["targets"][0]["reasons"])
     target = read_rgb(tmp_path / "targets" / index["targets"][0]["image"])
     assert np.isin(np.rint(255 * target), (102, 255)).all() or (reasons > 0).any()
-    with pytest.raises(SettingsError, match="needs a folder"):
+    with pytest.raises(SettingsError, match=r"gtstar\.folder must be set"):
         make_targets(folder, tmp_path, provider="precomputed")
 
 
@@ -316,7 +316,7 @@ def test_a_given_truth_is_checked_and_copied(folder, tmp_path):
 
 @pytest.mark.parametrize(
     ("stage", "settings"),
-    [(capture, CaptureSettings(source="tape")), (exaggerate, Exaggerate(source="magic"))],
+    [(capture, lambda: CaptureSettings(source="tape")), (exaggerate, lambda: Exaggerate(source="magic"))],
 )
 def test_unknown_sources_are_refused(folder, tmp_path, stage, settings):
     outputs = {
@@ -324,5 +324,5 @@ def test_unknown_sources_are_refused(folder, tmp_path, stage, settings):
         exaggerate: {"capture": folder / "capture.json", "path": tmp_path / "p.npz"},
     }[stage]
     with pytest.raises(SettingsError, match="is unknown; choose"):
-        stage(settings, **outputs)
+        stage(settings(), **outputs)
     assert not any(tmp_path.iterdir())

@@ -17,7 +17,9 @@ from carigs.settings import Toy
 from carigs.toy import load_subject, render_subject, write_capture
 from carigs.toy.scene import frontal_camera, studio_cameras, timesteps
 
-SETTINGS = Toy(width=40, height=52, cameras=3, steps_per_sequence=1, supersampling=1, texture=128, strands=200)
+SETTINGS = Toy(
+    width=40, height=52, cameras=3, steps_per_sequence=1, supersampling=1, texture_size=128, hair_strands=200
+)
 SEQUENCES = {f"EMO-{i}" for i in range(1, 5)} | {f"EXP-{i}" for i in range(1, 7)}
 
 

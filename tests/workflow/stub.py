@@ -11,8 +11,8 @@ OUTPUTS = ("index", "path", "avatar", "ply", "log", "records", "table", "markdow
 
 def stub(settings, **keywords):
     print(f"settings: {settings}")
-    if getattr(settings, "source", None) == "broken":
-        raise SettingsError("capture.source=broken is unknown")
+    if getattr(settings, "folder", None) == "broken":
+        raise SettingsError("capture.folder=broken is no dataset")
     for name, value in keywords.items():
         print(f"{name}: {value!r}")
         if not isinstance(value, Path) or value.exists():

@@ -34,8 +34,8 @@ EDITS = {
         append("conf/variant/alternating.yaml", "train: {iterations: 7}"),
         {"settings": 2, **ALTERNATING},
     ),
-    "mask, which the baseline does not use": (
-        append("conf/mask/default.yaml", "gtstar: {hair_band: 4}"),
+    "targets, which the baseline does not use": (
+        append("conf/study/toy.yaml", "gtstar: {hair_dilation: 4}"),
         {"settings": 2, "gtstar": 2, **ALTERNATING},
     ),
     "targets of one variant": (
@@ -43,7 +43,7 @@ EDITS = {
         {"settings": 2, "gtstar": 2, **ALTERNATING},
     ),
     "levels of one variant": (
-        append("conf/variant/alternating.yaml", "train: {levels: 2}"),
+        append("conf/variant/alternating.yaml", "train: {num_gtstar_levels: 2}"),
         {"settings": 2, "gtstar": 2, **ALTERNATING},
     ),
     "one subject": (

@@ -12,8 +12,8 @@ MINIATURE = " ".join(
     (
         "study.name=mini study.variants=[alternating,surfhead] study.levels=[0,0.25]",
         "capture.toy.width=64 capture.toy.height=84 capture.toy.cameras=3 capture.toy.steps_per_sequence=1",
-        "capture.toy.supersampling=1 capture.toy.texture=128 capture.toy.strands=300",
-        "train.iterations=12 render.orbit=2 tabulate.resamples=50 figures.samples=3",
+        "capture.toy.supersampling=1 capture.toy.texture_size=128 capture.toy.hair_strands=300",
+        "train.iterations=12 render.orbit_frames=2 tabulate.resamples=50 figures.blend_error_samples=3",
     )
 )
 pytestmark = pytest.mark.slow
@@ -59,19 +59,12 @@ def test_the_same_settings_give_the_same_bytes_at_any_number_of_threads(project,
             assert (results / file).read_bytes() == (first / file).read_bytes(), f"{file} differs"
 
 
-@pytest.mark.parametrize(
-    ("overrides", "named"),
-    [
-        ("capture.source=sculpture", ("capture.source=sculpture", "toy", "folder")),
-        ("capture.source=folder", ("capture.folder",)),
-        ("capture.source=folder capture.folder=nowhere capture.head_model=model.npz", ("nowhere",)),
-    ],
-)
-def test_bad_input_ends_in_one_line_before_work_starts(project, overrides, named):
+def test_bad_input_ends_in_one_line_before_work_starts(project):
     target = "results/bad/toy/capture.json"
-    done = project.snakemake("--cores", "1", target, hydra=f"study.name=bad {overrides}")
+    hydra = "study.name=bad capture.source=folder capture.folder=nowhere capture.head_model=model.npz"
+    done = project.snakemake("--cores", "1", target, hydra=hydra)
     assert done.returncode == 1
     assert "Traceback" not in done.stdout + done.stderr
     (line,) = {line for line in (done.stdout + done.stderr).splitlines() if line.startswith("carigs: ")}
-    for word in (target, *named):
+    for word in (target, "nowhere"):
         assert word in line

@@ -1,4 +1,7 @@
-"""From a capture to an avatar.  `watch`, `watch_targets` are the folders behind an index: jobs wait for them and re-run with them."""
+"""From a capture to an avatar.
+
+`watch` and `watch_targets` are the folders whose files an index lists: inputs, so that a change in them causes a re-run.
+"""
 
 
 rule capture:
@@ -49,7 +52,7 @@ rule gtstar:
         index="results/{study}/{subject}/gamma={gamma}/targets/{variant}/level={level}/targets.json",
     log:
         "results/{study}/log/gtstar/{subject},gamma={gamma},{variant},level={level}.log",
-    priority: 1  # takes all cores: behind a training it would wait, and half of them with it
+    priority: 1  # uses several threads, so it should not wait for a free core behind trainings
     conda:
         "../../environment.yml"
     threads: lambda wildcards: section("gtstar", wildcards, "subject").threads

@@ -1,4 +1,4 @@
-"""What the parts cost beside what they are compared with.  Each has all cores: nothing beside it disturbs the clocks."""
+"""Benchmarks of the parts. Each takes all cores, so that no other job disturbs the timing."""
 
 from os import environ
 from pathlib import Path
@@ -30,7 +30,7 @@ rule benchmark_quality:
         "results/benchmark/log/quality_{study}_{subject}.log",
     conda:
         "../../environment.yml"
-    threads: 64  # all there are: Snakemake lowers it to --cores
+    threads: 64  # Snakemake lowers it to --cores
     resources:
         mem_mb=4000,
     params:
@@ -48,7 +48,7 @@ rule benchmark_splat:
         "results/benchmark/log/splat.log",
     conda:
         "../../environment.yml"
-    threads: 64  # all there are: Snakemake lowers it to --cores
+    threads: 64  # Snakemake lowers it to --cores
     resources:
         mem_mb=4000,
     params:
@@ -59,7 +59,7 @@ rule benchmark_splat:
 
 rule benchmark_surface:
     input:
-        # Spheres and a torus alone where the folder with real heads is not known.
+        # Only spheres and a torus where CARIGS_DATA does not name the folder with real heads.
         meshes=heads,
         model=[f"{environ['CARIGS_DATA']}/ict_model.npz"] if heads else [],
     output:
@@ -69,7 +69,7 @@ rule benchmark_surface:
         "results/benchmark/log/surface.log",
     conda:
         "../../environment.yml"
-    threads: 64  # all there are: Snakemake lowers it to --cores
+    threads: 64  # Snakemake lowers it to --cores
     resources:
         mem_mb=4000,
     params:
@@ -87,7 +87,7 @@ rule benchmark_target:
         "results/benchmark/log/target.log",
     conda:
         "../../environment.yml"
-    threads: 64  # all there are: Snakemake lowers it to --cores
+    threads: 64  # Snakemake lowers it to --cores
     resources:
         mem_mb=4000,
     params:

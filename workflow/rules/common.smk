@@ -1,7 +1,8 @@
-"""The composed study, its points, and how settings and code reach the rules.
+"""The composed study, and functions that give rules their settings and inputs.
 
-Hydra owns values, Snakemake owns files and order.  Every wildcard is a Hydra override (`subject=`, `variant=`, `gamma=`),
-so a path names a configuration.  `.snakemake/` belongs to the results: without it an edited key looks up to date.
+Hydra composes values; Snakemake plans files and their order. Every wildcard is a Hydra override (`subject=`, `variant=`,
+`gamma=`), so a path names a configuration. Keep `.snakemake/` beside the results: it records the settings they were made
+with, and without it an edited key does not cause a re-run.
 """
 
 from itertools import product
@@ -23,27 +24,27 @@ from carigs.settings import STAGES
 from carigs.sources import fingerprint
 
 
-def readable(function):
-    """What is the user's fault is told in one line."""
+def one_line_errors(function):
+    """Report errors of the settings in one line, as Snakemake's `WorkflowError`."""
 
-    def inner(*arguments):
+    def wrapped(*arguments):
         try:
             return function(*arguments)
         except CarigsError as error:
             raise WorkflowError(str(error)) from None
 
-    return inner
+    return wrapped
 
 
-@readable
+@one_line_errors
 def section(stage, wildcards, *names):
-    """The settings of a stage at the point that these wildcards name."""
+    """The composed settings of a stage; `names` are the wildcards that become overrides."""
     return compose(*overrides, *(f"{name}={wildcards[name]}" for name in names))[stage]
 
 
-@readable
-def frozen(wildcards):
-    """The text of a settings file; the file's name is the list of overrides that it may depend on."""
+@one_line_errors
+def settings_file_text(wildcards):
+    """The text of a settings file; the wildcard `point` is the list of overrides that it depends on."""
     if wildcards.study != points["study"]:
         raise WorkflowError(
             f"results/{wildcards.study}: the study is {points['study']}; choose by --config hydra=study={wildcards.study}"
@@ -52,59 +53,62 @@ def frozen(wildcards):
     return settings_text(wildcards.stage, *overrides, *point)
 
 
-@readable
+@one_line_errors
 def levels(wildcards):
-    """The levels rendered for the gamma of a path."""
+    """The levels at which avatars trained for the gamma of a path are rendered."""
     return rendered_levels(compose(*overrides, f"gamma={wildcards.gamma}"))
 
 
 def level(wildcards):
-    """The level of a path as a number."""
+    """The level in a path as a number."""
     if float(wildcards.level) > float(wildcards.gamma):
         raise WorkflowError(f"level={wildcards.level} is outside [0, {wildcards.gamma}], the range trained for")
     return float(wildcards.level)
 
 
-def each(*patterns):
-    """These files for every point of the study that shares the wildcards of a path."""
+def all_points(*patterns):
+    """The files of every subject, variant and level of the study, but for the wildcards that the output fixes."""
     return lambda wildcards: collect(
         list(patterns), **{**points, **dict(wildcards.items()), "level": levels(wildcards)}
     )
 
 
-def shown(wildcards):
-    """The variant and level of each rendering of a subject, in the order of `each`."""
+def rendered_points(wildcards):
+    """Variant and level of each rendering of a subject, in the order of `all_points`."""
     return list(product(points["variant"], levels(wildcards)))
 
 
 def targets(pattern):
-    """This file for each level whose targets a variant is trained on; `{maker}` is the variant in whose name they are
-    made, for all that have the same settings of `gtstar`."""
+    """The file of each level whose GT* frames a variant is trained on.
 
-    @readable
-    def inner(wildcards):
+    Variants with the same section `gtstar` share GT* frames; `{maker}` in the pattern is the variant that they are stored
+    under.
+    """
+
+    @one_line_errors
+    def target_files(wildcards):
         maker = target_maker(wildcards.variant, *overrides, f"subject={wildcards.subject}")
-        trained = target_levels(section("train", wildcards, "subject", "variant"), float(wildcards.gamma))
-        return collect(pattern, **{**dict(wildcards.items()), "maker": maker, "level": trained})
+        trained_levels = target_levels(section("train", wildcards, "subject", "variant"), float(wildcards.gamma))
+        return collect(pattern, **{**dict(wildcards.items()), "maker": maker, "level": trained_levels})
 
-    return inner
+    return target_files
 
 
 if unknown := sorted(set(config) - {"hydra"}):
     raise WorkflowError(f"--config {unknown[0]}= is unknown; overrides go into hydra='study=ict gamma=0.2'")
 
-overrides = readable(split_overrides)(str(config.get("hydra") or ""))
-chosen = readable(compose_study)(*overrides)
+overrides = one_line_errors(split_overrides)(str(config.get("hydra") or ""))
+composed = one_line_errors(compose_study)(*overrides)
 points = dict(
-    study=chosen.study.name,
-    subject=list(chosen.study.subjects),
-    variant=list(chosen.study.variants),
-    gamma=f"{chosen.gamma:g}",
-    level=rendered_levels(chosen),
+    study=composed.study.name,
+    subject=list(composed.study.subjects),
+    variant=list(composed.study.variants),
+    gamma=f"{composed.gamma:g}",
+    level=rendered_levels(composed),
 )
 for subject, variant in product(points["subject"], points["variant"]):
-    # Now, because Snakemake forgives an input function that fails where the output exists.
-    readable(compose_variant)(variant, *overrides, f"subject={subject}")
+    # Checked here, because Snakemake ignores errors of input functions where the output exists.
+    one_line_errors(compose_variant)(variant, *overrides, f"subject={subject}")
 
 
 wildcard_constraints:
@@ -112,6 +116,6 @@ wildcard_constraints:
     stage="|".join(STAGES),
     subject=r"[\w-]+",
     variant=r"(?!truth/)[\w-]+",
-    # There is one way to write a number: 0.25, never 0.250.
+    # Numbers have one form: 0.25, not 0.250.
     gamma=r"(0|[1-9]\d*)(\.\d*[1-9])?",
     level=r"(0|[1-9]\d*)(\.\d*[1-9])?",

@@ -1,4 +1,4 @@
-"""How good the avatars are: true images, metrics, table and figures."""
+"""Evaluation: true caricatures, metrics, table and figures."""
 
 from omegaconf import OmegaConf
 
@@ -59,7 +59,7 @@ rule metrics:
 rule tabulate:
     input:
         settings="results/{study}/settings/tabulate/all.yaml",
-        records=each("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/metrics.csv"),
+        records=all_points("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/metrics.csv"),
     output:
         table=report(
             "results/{study}/table/gamma={gamma}.csv",
@@ -89,9 +89,9 @@ rule figures:
         settings="results/{study}/settings/figures/subject={subject}.yaml",
         capture="results/{study}/{subject}/capture.json",
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
-        indices=each("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json"),
-        truths=each("results/{study}/{subject}/gamma={gamma}/truth/level={level}/truth.json"),
-        watch=each(
+        indices=all_points("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json"),
+        truths=all_points("results/{study}/{subject}/gamma={gamma}/truth/level={level}/truth.json"),
+        watch=all_points(
             "results/{study}/{subject}/dataset",
             "results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames",
             "results/{study}/{subject}/gamma={gamma}/truth/level={level}/frames",
@@ -113,8 +113,8 @@ rule figures:
         code=fingerprint("carigs.stages.figures"),
         gtstar=lambda wildcards: OmegaConf.to_container(section("gtstar", wildcards, "subject")),
         mask_flags=lambda wildcards: list(section("train", wildcards, "subject").mask_flags),
-        variants=lambda wildcards: [variant for variant, _ in shown(wildcards)],
-        levels=lambda wildcards: [float(level) for _, level in shown(wildcards)],
+        variants=lambda wildcards: [variant for variant, _ in rendered_points(wildcards)],
+        levels=lambda wildcards: [float(level) for _, level in rendered_points(wildcards)],
         truth_levels=lambda wildcards: [float(level) for level in levels(wildcards)],
     script:
         "../scripts/stage.py"

@@ -1,4 +1,4 @@
-"""What a job may read is frozen before it starts: one section of the settings, at one point."""
+"""Settings files: the section of the settings that a job reads, written before it starts."""
 
 
 localrules:
@@ -13,6 +13,6 @@ rule settings:
     conda:
         "../../environment.yml"
     params:
-        text=frozen,
+        text=settings_file_text,
     shell:
         "printf %s {params.text:q} > {output:q} 2> {log:q}"

@@ -1,4 +1,4 @@
-"""Broken input, and what real heads must keep.  A case that does not hold fails the rule."""
+"""Stress tests: broken input, and invariants on real heads. A case that fails fails the rule."""
 
 
 localrules:
@@ -13,7 +13,7 @@ rule stress:
 
 rule stress_surface:
     input:
-        # A bumpy ball where the folder with real heads is not known.
+        # A bumpy sphere where CARIGS_DATA does not name the folder with real heads.
         mesh=[head for head in heads if head.endswith("ict_head_id0_5042.obj")],
     output:
         rows="results/stress/surface.csv",

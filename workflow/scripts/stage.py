@@ -1,4 +1,4 @@
-"""Run the stage named like the rule: its files and parameters are the keywords, what it says goes to the log."""
+"""Run the stage named like the rule: inputs, outputs and parameters are its keywords, its messages go to the log."""
 
 import re
 import sys
@@ -11,19 +11,26 @@ from typing import TextIO
 from carigs.config import load_settings
 from carigs.errors import CarigsError
 
-FOR_THE_WORKFLOW = ("settings", "watch", "watch_targets", "code")
-"""Inputs and parameters that decide when a stage runs and are none of its keywords."""
+WORKFLOW_ONLY = ("settings", "watch", "watch_targets", "code")
+"""Inputs and parameters of the rule that are not keywords of the stage."""
 
 
-class Log:
-    """Text for the log file and, if somebody is watching, the terminal; progress bars leave only their last state."""
+class _Log:
+    """Stream to the log file and, if there is one, to the terminal; the log keeps the last state of a progress bar."""
 
     def __init__(self, file: TextIO, terminal: TextIO | None):
         self.file, self.terminal, self.line = file, terminal, ""
         self.encoding = "utf-8"
 
     def write(self, text: str) -> int:
-        """Show all of it, log each line as it looks when it is complete."""
+        """Write text to the terminal at once, and complete lines to the log, without escape sequences.
+
+        Args:
+            text: What a stage prints.
+
+        Returns:
+            Number of characters, as for every text stream.
+        """
         if self.terminal:
             self.terminal.write(text)
         *lines, self.line = (self.line + text).split("\n")
@@ -33,33 +40,37 @@ class Log:
         return len(text)
 
     def flush(self) -> None:
-        """Flush both."""
+        """Flush the file and the terminal."""
         self.file.flush()
         if self.terminal:
             self.terminal.flush()
 
     def isatty(self) -> bool:
-        """Whether progress bars make sense."""
+        """Whether there is a terminal, for progress bars.
+
+        Returns:
+            True if the terminal shows what is written.
+        """
         return self.terminal is not None
 
 
-def paths(files: object) -> Path | list[Path]:
-    """Snakemake's file names as paths: one, or a list; an input that a job has no use for is an empty list."""
+def _paths(files: object) -> Path | list[Path]:
+    """Snakemake's file names as paths: one, or a list, which is empty for an unused input."""
     return Path(files) if isinstance(files, str) else [Path(file) for file in files]
 
 
-def run(job) -> None:
-    """Call the stage of a Snakemake job; what is the user's fault ends in one line, on the terminal and in the log."""
+def _run(job) -> None:
+    """Call the stage of a Snakemake job; errors of the input are one line, on the terminal and in the log."""
     rule, terminal = job.rule, sys.stderr
-    files = {name: paths(files) or None for name, files in {**job.input, **job.output}.items()}
+    files = {name: _paths(files) or None for name, files in {**job.input, **job.output}.items()}
     keywords = {**files, **job.params}
     with open(job.log[0], "w", buffering=1, encoding="utf-8") as file:
-        log = Log(file, terminal if terminal.isatty() else None)
+        log = _Log(file, terminal if terminal.isatty() else None)
         try:
             with redirect_stdout(log), redirect_stderr(log):
                 stage = getattr(import_module(f"carigs.stages.{rule}"), rule)
                 settings = load_settings(rule, keywords["settings"])
-                stage(settings, **{name: value for name, value in keywords.items() if name not in FOR_THE_WORKFLOW})
+                stage(settings, **{name: value for name, value in keywords.items() if name not in WORKFLOW_ONLY})
         except CarigsError as error:
             for place in (file, terminal):
                 print(f"carigs: {job.output[0]}: {error}", file=place)
@@ -70,4 +81,4 @@ def run(job) -> None:
             sys.exit(1)
 
 
-run(snakemake)
+_run(snakemake)

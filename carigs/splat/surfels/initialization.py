@@ -21,7 +21,7 @@ def initial_surfels(
 ) -> Surfels:
     """Initialize surfels on every face and above hair faces.
 
-    Colours are means over `settings.colour_frames` training images: GT* targets if they alone supervise the run
+    Colours are means over `settings.initial_colour_frames` training images: GT* targets if they alone supervise the run
     (`gtstar_probability` 1), otherwise captured frames.
 
     Args:
@@ -36,7 +36,7 @@ def initial_surfels(
     binding, position, scale = place(settings, performance.rig, hair)
     targets_only = settings.gtstar_probability >= 1
     count = len(supervision.targets if targets_only else supervision.frames)
-    indices = np.unique(np.linspace(0, count - 1, settings.colour_frames).astype(int))
+    indices = np.unique(np.linspace(0, count - 1, settings.initial_colour_frames).astype(int))
     views = [supervision.weighted_example(targets_only, int(i)) for i in indices]
     rgb = observed_colours(binding, position, performance, views)
     return flat_discs(binding, position, scale, settings.initial_opacity, rgb, settings.sh_degree)

@@ -119,7 +119,7 @@ def study(tmp_path_factory):
 
 def test_a_given_caricature_gets_its_strips_and_says_why_there_is_no_blend_error(study):
     folder, keywords = study
-    figures(Figures(height=96), **keywords, path=folder / "given.npz", folder=folder / "given")
+    figures(Figures(image_height=96), **keywords, path=folder / "given.npz", folder=folder / "given")
     names = {file.name for file in (folder / "given").iterdir()}
     assert names == {
         "gamma_strip_alternating.png",
@@ -138,7 +138,7 @@ def test_a_given_caricature_gets_its_strips_and_says_why_there_is_no_blend_error
 def test_figures_are_the_same_bytes_again(study):
     folder, keywords = study
     for name in ("a", "b"):
-        figures(Figures(height=96), **keywords, path=folder / "given.npz", folder=folder / name)
+        figures(Figures(image_height=96), **keywords, path=folder / "given.npz", folder=folder / name)
     for file in (folder / "a").iterdir():
         assert file.read_bytes() == (folder / "b" / file.name).read_bytes()
 
@@ -146,13 +146,14 @@ def test_figures_are_the_same_bytes_again(study):
 def test_a_solved_path_gets_its_blend_error_unless_solving_again_gives_another(study):
     folder, keywords = study
     solved = GammaPath.load(folder / "path.npz")
+    few = Figures(image_height=96, blend_error_samples=5)
     told = {**solved.report, "settings": {"limit_cavities": False}}
     GammaPath(solved.levels, solved.displacements, solved.faces, solved.neutral, told).save(folder / "told.npz")
-    figures(Figures(height=96, samples=5), **keywords, path=folder / "told.npz", folder=folder / "told")
+    figures(few, **keywords, path=folder / "told.npz", folder=folder / "told")
     assert {"blend_error.png", "blend_error.csv"} < {file.name for file in (folder / "told").iterdir()}
     wrong = {**solved.report, "settings": {"limit_cavities": False, "curvature_floor": 3.0}}
     GammaPath(solved.levels, solved.displacements, solved.faces, solved.neutral, wrong).save(folder / "wrong.npz")
-    figures(Figures(height=96, samples=5), **keywords, path=folder / "wrong.npz", folder=folder / "wrong")
+    figures(few, **keywords, path=folder / "wrong.npz", folder=folder / "wrong")
     assert "Solving again gives another" in (folder / "wrong/blend_error.txt").read_text()
 
 

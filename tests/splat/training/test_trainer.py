@@ -224,7 +224,7 @@ def test_each_step_renders_the_level_of_its_target(subject, tmp_path, monkeypatc
     targets = 2 * len(capture.split("train"))
     run(
         subject, tmp_path / "c", at=(0.1, 0.25), iterations=2 * targets, gtstar_probability=1.0,
-        density=Density(every=0), colour_frames=1,
+        density=Density(every=0), initial_colour_frames=1,
     )  # fmt: skip
     levels = levels[1:]  # the first colours
     assert {level: levels.count(level) for level in (0.1, 0.25)} == {0.1: targets, 0.25: targets}

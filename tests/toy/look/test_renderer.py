@@ -19,7 +19,7 @@ from carigs.toy.look.hair_rendering import ribbon_faces, strand_ribbons
 from carigs.toy.look.lighting import StudioLight
 from carigs.toy.scene import frontal_camera, studio_cameras
 
-SETTINGS = Toy(width=96, height=128, cameras=3, supersampling=2, texture=200, strands=800)
+SETTINGS = Toy(width=96, height=128, cameras=3, supersampling=2, texture_size=200, hair_strands=800)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,56 @@
+"""The command `carigs`: finds the subcommand and hands it its arguments.
+
+A subcommand is a module of this package with `main(arguments) -> exit code`: 0, 1 for an error, 2 for a wrong command
+line. It is imported when it is called, so that `carigs --help` starts at once.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from importlib.metadata import version
+
+COMMANDS = {
+    "run": "make a study: avatars, table and figures",
+    "sweep": "make a study at several values of its settings",
+    "mesh": "exaggerate a mesh",
+    "settings": "show the settings of a study, or the reference of all settings",
+}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run a subcommand.
+
+    Args:
+        arguments: The command line without the program's name; `sys.argv` if None.
+
+    Returns:
+        Exit code.
+    """
+    arguments = sys.argv[1:] if arguments is None else arguments
+    command = arguments[0] if arguments else ""
+    if command in COMMANDS:
+        return import_module(f"carigs.cli.{command}").main(arguments[1:])
+    if command == "--version":
+        print(f"carigs {version('carigs')}")
+    elif command in ("-h", "--help"):
+        print(_help())
+    else:
+        print(_help(), file=sys.stderr)
+        print(f"carigs: unknown command {command}" if command else "carigs: no command", file=sys.stderr)
+        return 2
+    return 0
+
+
+def _help() -> str:
+    commands = "\n".join(f"  {name:10}{summary}" for name, summary in COMMANDS.items())
+    return f"""usage: carigs COMMAND ...
+
+Caricature avatars from multi-view captures.
+
+commands:
+{commands}
+
+carigs COMMAND --help describes a command; carigs --version prints the version.
+
+example: carigs run study=toy --cores 2"""

@@ -1,0 +1,50 @@
+"""`carigs settings`: print composed settings, or the reference of all settings."""
+
+from __future__ import annotations
+
+import argparse
+
+from omegaconf import OmegaConf
+
+from carigs.cli.command import one_line_errors
+from carigs.cli.run import OVERRIDES_HELP
+from carigs.config import compose_study
+from carigs.settings import STAGES, reference
+
+EXAMPLES = """examples:
+  carigs settings study=paper                      the settings of a study
+  carigs settings gamma=0.2 --section train        one section
+  carigs settings --reference                      every key with default, range, unit and meaning
+"""
+
+
+@one_line_errors
+def main(arguments: list[str]) -> int:
+    """Run the subcommand.
+
+    Args:
+        arguments: Its command line.
+
+    Returns:
+        Exit code.
+    """
+    parser = argparse.ArgumentParser(
+        "carigs settings",
+        usage="carigs settings [KEY=VALUE ...] [--section NAME] | --reference | --schema",
+        description="Print the composed settings of a study as YAML, or the reference of all settings.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help=OVERRIDES_HELP)
+    parser.add_argument("--section", choices=("study", *STAGES), help="print this section alone")
+    parser.add_argument("--reference", action="store_true", help="print the reference: docs/configuration.md")
+    parser.add_argument("--schema", action="store_true", help="print the JSON schema: docs/configuration.schema.json")
+    parsed = parser.parse_intermixed_args(arguments)
+    if parsed.reference:
+        print(reference.markdown(), end="")
+    elif parsed.schema:
+        print(reference.json_schema(), end="")
+    else:
+        settings = compose_study(*parsed.overrides)
+        print(OmegaConf.to_yaml(settings[parsed.section] if parsed.section else settings), end="")
+    return 0

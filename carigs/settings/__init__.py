@@ -1,0 +1,89 @@
+"""The settings of a study: one dataclass per section, the only schema of the YAML in `conf/`.
+
+Defaults, units, meanings and allowed values stand in the fields; docs/configuration.md is generated from them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from carigs.settings.capture import Capture, Toy, Truth
+from carigs.settings.exaggerate import DEFAULT_GAMMA, Exaggerate
+from carigs.settings.gtstar import Gtstar
+from carigs.settings.option import Section, check_section, option
+from carigs.settings.results import Figures, Metrics, Render, Tabulate
+from carigs.settings.train import DEFAULT_MASK_FLAGS, MASK_FLAGS, Density, RefineTracking, Train, combine_mask_flags
+
+__all__ = [
+    "DEFAULT_MASK_FLAGS",
+    "MASK_FLAGS",
+    "STAGES",
+    "Capture",
+    "Config",
+    "Density",
+    "Exaggerate",
+    "Figures",
+    "Gtstar",
+    "Metrics",
+    "RefineTracking",
+    "Render",
+    "Study",
+    "Tabulate",
+    "Toy",
+    "Train",
+    "Truth",
+    "check",
+    "combine_mask_flags",
+]
+
+
+@dataclass
+class Study(Section, key="study"):
+    """A set of subjects, variants and levels that makes one table."""
+
+    name: str = "toy"
+    """Folder of the results below `results/`: letters, digits and `._-`."""
+    subjects: tuple[str, ...] = ("toy",)
+    """Files of `conf/subject`."""
+    variants: tuple[str, ...] = ("alternating", "surfhead", "surfhead_lit", "gtstar_only", "no_mask")
+    """Files of `conf/variant`."""
+    levels: tuple[float, ...] = option((0.0, 0.1, 0.15, 0.2, 0.25), ge=0, le=100)
+    """Levels to render; 0 and gamma are added, levels above gamma left out."""
+
+
+@dataclass
+class Config(Section, key=""):
+    """All settings: gamma, the study, and one section per stage."""
+
+    gamma: float = option(DEFAULT_GAMMA, ge=1e-4, le=100)
+    """gamma_f, the level that is trained for."""
+    study: Study = field(default_factory=Study)
+    capture: Capture = field(default_factory=Capture)
+    exaggerate: Exaggerate = field(default_factory=Exaggerate)
+    gtstar: Gtstar = field(default_factory=Gtstar)
+    train: Train = field(default_factory=Train)
+    render: Render = field(default_factory=Render)
+    truth: Truth = field(default_factory=Truth)
+    metrics: Metrics = field(default_factory=Metrics)
+    tabulate: Tabulate = field(default_factory=Tabulate)
+    figures: Figures = field(default_factory=Figures)
+
+
+STAGES: dict[str, type[Section]] = {
+    f.name: f.default_factory for f in fields(Config) if f.name not in ("gamma", "study")
+}
+"""The section of each stage of the workflow."""
+
+
+def check(stage: str, settings: Any) -> None:
+    """Check the values of a stage's section; sections check themselves when they are made, so this is for OmegaConf.
+
+    Args:
+        stage: Name of the section.
+        settings: The section, as its dataclass or as OmegaConf's mapping.
+
+    Raises:
+        SettingsError: One line that names the first wrong key, its value and what is allowed.
+    """
+    check_section(STAGES[stage], settings)

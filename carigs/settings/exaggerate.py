@@ -1,0 +1,56 @@
+"""Settings of the exaggeration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from carigs.settings.option import Section, option
+
+DEFAULT_GAMMA = 0.25
+"""gamma_f of the paper."""
+
+
+@dataclass
+class Exaggerate(Section, key="exaggerate"):
+    """The caricature surface: the curvature-weighted Poisson equation, or a mesh from a file."""
+
+    source: str = option("poisson", choices=("poisson", "file"))
+    """`poisson` solves the equation; with `file` a deformed mesh of the same topology becomes level gamma_f of a
+    straight path."""
+    file: str | None = option(None, required_when=("source", "file"))
+    """The deformed mesh, or an .npz with its displacement `delta` (V, 3); `{gamma}` in the name is replaced by the
+    level that it stands for."""
+    gamma: float = option(DEFAULT_GAMMA, ge=-100, le=100)
+    """gamma_f, the level that is trained for."""
+    curvature_floor: float = option(0.3, unit="K_ref", gt=0)
+    """eps in |K|_eps = sqrt(K^2 + eps^2)."""
+    relative_curvature: bool = True
+    """Divide |K| by K_ref, so that the result does not depend on the unit of the mesh."""
+    curvature_smoothing: float = option(0.005, unit="bounding-box diagonals", ge=0)
+    """Length over which curvature is smoothed by a heat step (0: not smoothed)."""
+    curvature_source: str = option("subject", choices=("subject", "ratio", "template"))
+    """The face that the curvature is taken from. `subject`: the subject's. `ratio`: the subject's relative to the head
+    model's mean face, so that only individual features grow. `template`: the mean face's, which gives all subjects
+    the same displacement (the paper)."""
+    limit_cavities: bool = True
+    """Reduce weights by ambient occlusion, so that nostrils, ear canals and mouth do not grow through the skin."""
+    cavity_stiffness: float = option(4.0, ge=0)
+    """Additional stiffness of occluded triangles relative to open skin (0: none), against folding."""
+    gap_stiffness: float = option(20.0, ge=0)
+    """Stiffness across narrow gaps relative to the skin's (0: none), so that lips and lids do not intersect."""
+    normalize_weights: bool = True
+    """Divide the weights by their area mean, which keeps the overall size."""
+    rigid_components: bool = True
+    """Small components (eyeballs) follow their surroundings by a similarity."""
+    blendshape_transfer: str = option("mixed", choices=("offset", "linear", "mixed"))
+    """Blendshapes of the caricature. `offset`: unchanged. `linear`: exaggerated like the head. `mixed`: half of both,
+    so that lids close. Always `offset` for a caricature from a file."""
+    path_error: float = option(1e-4, unit="bounding-box diagonals", gt=0)
+    """Largest interpolation error of the path between its nodes; determines their number."""
+    path_nodes: int = option(0, ge=0, excluded=1)
+    """Levels at which the path is solved (0: as many as `path_error` needs); 2 is the paper's linear blend."""
+    region_constraint: str = option("soft", choices=("soft", "exact", "literal"))
+    """How the rest of the head is held when one region is exaggerated. `soft`: screened, with a smooth level. `exact`:
+    fixed, with a smooth level. `literal`: fixed, with a level that jumps (equation 4)."""
+    regions: dict[str, float] = option({}, ge=-100, le=100)
+    """Levels of single regions of the head model instead of gamma, for example `{nose: 0.4, ears: 0}`."""

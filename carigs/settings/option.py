@@ -1,0 +1,197 @@
+"""Fields of the settings with default, unit and allowed values, and the check of values against them.
+
+The meaning of a field is the docstring below it.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Iterator, Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields
+from typing import Any, ClassVar
+
+from carigs.errors import SettingsError
+
+
+@dataclass(frozen=True)
+class Option:
+    """What a field of the settings allows."""
+
+    unit: str = ""
+    """Empty for numbers without a unit."""
+    ge: float | None = None
+    """Smallest allowed value; of each element where the field is a sequence."""
+    gt: float | None = None
+    """Values must be larger than this."""
+    le: float | None = None
+    """Largest allowed value."""
+    lt: float | None = None
+    """Values must be smaller than this."""
+    excluded: float | None = None
+    """A value inside the range that is not allowed."""
+    choices: tuple[str, ...] = ()
+    """Allowed words; of each element where the field is a sequence."""
+    required_when: tuple[str, str] | None = None
+    """Another field of the section, and its value that makes this field necessary."""
+
+    def allowed(self) -> str:
+        """The allowed values in words.
+
+        Returns:
+            For example `be at least 1`; empty if only the type restricts the values.
+        """
+        if self.choices:
+            return ", ".join(self.choices[:-1]) + f" or {self.choices[-1]}"
+        low, high = (b if a is None else a for a, b in ((self.ge, self.gt), (self.le, self.lt)))
+        text = ""
+        if low is not None and high is not None:
+            text = f"lie in {'[' if self.ge is not None else '('}{low:g}, {high:g}{']' if self.le is not None else ')'}"
+        elif low is not None:
+            text = f"be {'at least' if self.ge is not None else 'above'} {low:g}"
+        return f"{text} and not be {self.excluded:g}" if self.excluded is not None else text
+
+    def problem(self, value: Any) -> str:
+        """Check one value.
+
+        Args:
+            value: The value, or an element of a sequence or mapping.
+
+        Returns:
+            What is wrong with it; empty if nothing is.
+        """
+        if self.choices:
+            return "" if value in self.choices else f"is unknown; choose {self.allowed()}"
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return ""
+        if not math.isfinite(value):
+            return "must be a finite number"
+        bounds = ((operator.ge, self.ge), (operator.gt, self.gt), (operator.le, self.le), (operator.lt, self.lt))
+        inside = all(bound is None or compare(value, bound) for compare, bound in bounds)
+        return "" if inside and value != self.excluded else f"must {self.allowed()}"
+
+
+def option(default: Any, **allowed: Any) -> Any:
+    """A field of a section.
+
+    Args:
+        default: The default.
+        **allowed: Unit, bounds, choices and conditions, as in `Option`.
+
+    Returns:
+        The dataclass field.
+
+    Example:
+        >>> iterations: int = option(1500, ge=1)
+    """
+    metadata = {"option": Option(**allowed)}
+    if isinstance(default, dict):
+        return field(default_factory=default.copy, metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+class Section:
+    """Base of the dataclasses of settings: their values are checked when they are made.
+
+    Subclasses state the `key` of their section, as in `class Toy(Section, key="capture.toy")`.
+    """
+
+    key: ClassVar[str]
+
+    def __init_subclass__(cls, key: str) -> None:
+        cls.key = key
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            if isinstance(value := getattr(self, f.name), list):  # OmegaConf has lists only
+                setattr(self, f.name, tuple(value))
+        check_section(type(self), self)
+
+
+def option_of(f: Field) -> Option:
+    """What a field allows.
+
+    Args:
+        f: Field of a section.
+
+    Returns:
+        Its option; without restrictions for a plain default.
+    """
+    return f.metadata.get("option", Option())
+
+
+def subsection(f: Field) -> type[Section] | None:
+    """The class of a field that is a section itself, else None.
+
+    Args:
+        f: Field of a section.
+
+    Returns:
+        The dataclass, or None.
+    """
+    made_by = f.default_factory
+    return made_by if isinstance(made_by, type) and issubclass(made_by, Section) else None
+
+
+def walk(section: type[Section]) -> Iterator[tuple[str, type[Section], Field]]:
+    """The fields of a section and of its subsections.
+
+    Args:
+        section: Class of the section.
+
+    Yields:
+        Dotted key, class that the field belongs to, and the field.
+    """
+    for f in fields(section):
+        if below := subsection(f):
+            yield from walk(below)
+        else:
+            yield f"{section.key}.{f.name}".lstrip("."), section, f
+
+
+def check_section(section: type[Section], values: Any) -> None:
+    """Check every value of a section and of its subsections.
+
+    Args:
+        section: Class of the section.
+        values: An instance of it, or the OmegaConf section with the same keys.
+
+    Raises:
+        SettingsError: One line that names the first wrong key, its value and what is allowed.
+    """
+    for f in fields(section):
+        value, key = getattr(values, f.name), f"{section.key}.{f.name}".lstrip(".")
+        if below := subsection(f):
+            check_section(below, value)
+            continue
+        allowed = option_of(f)
+        if allowed.required_when and not value:
+            other, needed = allowed.required_when
+            if getattr(values, other) == needed:
+                raise SettingsError(f"{key} must be set when {section.key}.{other} is {needed}")
+        for place, element in _elements(value):
+            if problem := allowed.problem(element):
+                shown = f"{element:g}" if isinstance(element, float) else element
+                raise SettingsError(f"{key}{place}={shown} {problem}")
+
+
+def _elements(value: Any) -> Iterator[tuple[str, Any]]:
+    """The value itself, or the elements of a sequence or mapping, each with its place in the key."""
+    if isinstance(value, Mapping):
+        yield from ((f".{name}", element) for name, element in value.items())
+    elif isinstance(value, str) or not hasattr(value, "__iter__"):
+        yield "", value
+    else:
+        yield from ((f"[{i}]", element) for i, element in enumerate(value))
+
+
+def default_of(f: Field) -> Any:
+    """The default of a field.
+
+    Args:
+        f: Field of a section.
+
+    Returns:
+        The value, fresh where it is mutable.
+    """
+    return f.default if f.default is not MISSING else f.default_factory()

@@ -1,0 +1,151 @@
+"""The reference of the settings: docs/configuration.md and docs/configuration.schema.json, made from the dataclasses.
+
+After a change of a field run
+
+    carigs settings --reference > docs/configuration.md
+    carigs settings --schema > docs/configuration.schema.json
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import json
+import textwrap
+from collections.abc import Iterator
+from dataclasses import fields
+from itertools import pairwise
+from types import UnionType
+from typing import Any, get_args, get_origin, get_type_hints
+
+from carigs.settings import STAGES, Config, Study
+from carigs.settings.option import Option, Section, default_of, option_of, subsection
+
+_HEADER = """# Configuration
+
+All settings with defaults, units, allowed values and meanings. This file is generated from the dataclasses in
+`carigs/settings` (`carigs settings --reference`), and so is the JSON schema `configuration.schema.json`.
+
+A study is composed by [Hydra](https://hydra.cc): the defaults below, changed by the files of `conf/` that a study, its
+subjects and its variants name, changed by the command line:
+
+```
+carigs run study=ict train.iterations=2000 train.density.every=0
+carigs settings study=ict                                          # what it comes to
+```
+
+Files of your own go into `conf/study`, `conf/subject` and `conf/variant` of the current directory. Lists replace the
+default as a whole, except `train.mask_flags`, which variants change by `train.add_mask_flags` and
+`train.remove_mask_flags`. Every value is checked before any work starts.
+"""
+_TYPES = {bool: "boolean", int: "integer", float: "number", str: "string"}
+
+
+def markdown() -> str:
+    """The reference as Markdown.
+
+    Returns:
+        Text of docs/configuration.md.
+    """
+    parts = [_HEADER, *_section(Config, "General")]
+    for section in (Study, *STAGES.values()):
+        parts += _section(section, f"`{section.key}`")
+    return "\n".join(parts)
+
+
+def json_schema() -> str:
+    """The JSON schema (draft 2020-12) of the composed settings.
+
+    Returns:
+        Text of docs/configuration.schema.json.
+    """
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "carigs", **_object(Config)}
+    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
+
+
+def meanings(section: type[Section]) -> dict[str, str]:
+    """The docstrings of the fields of a section.
+
+    Args:
+        section: Class of the section.
+
+    Returns:
+        Text by name of the field.
+    """
+    body = ast.parse(textwrap.dedent(inspect.getsource(section))).body[0].body
+    return {
+        statement.target.id: " ".join(below.value.value.split())
+        for statement, below in pairwise(body)
+        if isinstance(statement, ast.AnnAssign) and isinstance(below, ast.Expr)
+    }
+
+
+def _section(section: type[Section], title: str) -> Iterator[str]:
+    """A heading and the table of a section, then those of its subsections."""
+    hints, texts = get_type_hints(section), meanings(section)
+    yield f"## {title}\n\n{section.__doc__}\n"
+    yield "| key | type | default | allowed | unit | meaning |"
+    yield "|---|---|---|---|---|---|"
+    below = []
+    for f in fields(section):
+        if nested := subsection(f):
+            below += [nested] * (section is not Config)
+            continue
+        meta = option_of(f)
+        needed = f"needed for {'='.join(meta.required_when)}" if meta.required_when else ""
+        allowed = needed or meta.allowed().removeprefix("lie in ").removeprefix("be ")
+        cells = (f"`{section.key}.{f.name}`".replace("`.", "`"), _type_name(hints[f.name]), _shown(default_of(f)))
+        cells += (allowed, meta.unit, texts[f.name])
+        yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+    yield ""
+    for nested in below:
+        yield from _section(nested, f"`{nested.key}`")
+
+
+def _type_name(hint: Any) -> str:
+    """A type in the words of YAML."""
+    if isinstance(hint, UnionType):
+        return " or ".join("null" if part is type(None) else _type_name(part) for part in get_args(hint))
+    if get_origin(hint) is tuple:
+        return f"list of {_type_name(get_args(hint)[0])}s"
+    if get_origin(hint) is dict:
+        return f"map to {_type_name(get_args(hint)[1])}s"
+    return _TYPES[hint]
+
+
+def _shown(value: Any) -> str:
+    """A default as in YAML."""
+    return f"`{json.dumps(value, ensure_ascii=False)}`"
+
+
+def _object(section: type[Section]) -> dict[str, Any]:
+    """The schema of a section."""
+    hints, texts, properties = get_type_hints(section), meanings(section), {}
+    for f in fields(section):
+        if nested := subsection(f):
+            properties[f.name] = _object(nested)
+            continue
+        meta, text = option_of(f), texts[f.name]
+        text = f"{text} Unit: {meta.unit}." if meta.unit else text
+        allowed = _schema_type(hints[f.name], meta)
+        properties[f.name] = {"description": text, "default": default_of(f), **allowed}
+    described = {"type": "object", "description": section.__doc__}
+    return {**described, "properties": properties, "additionalProperties": False}
+
+
+def _schema_type(hint: Any, meta: Option) -> dict[str, Any]:
+    """Type and allowed values; those of the elements for lists and maps."""
+    if isinstance(hint, UnionType):
+        inner = _schema_type(next(part for part in get_args(hint) if part is not type(None)), meta)
+        return {**inner, "type": [inner["type"], "null"]}
+    if get_origin(hint) is tuple:
+        return {"type": "array", "items": _schema_type(get_args(hint)[0], meta)}
+    if get_origin(hint) is dict:
+        return {"type": "object", "additionalProperties": _schema_type(get_args(hint)[1], meta)}
+    bounds = {"minimum": meta.ge, "exclusiveMinimum": meta.gt, "maximum": meta.le, "exclusiveMaximum": meta.lt}
+    schema: dict[str, Any] = {"type": _TYPES[hint]} | {name: b for name, b in bounds.items() if b is not None}
+    if meta.choices:
+        schema["enum"] = list(meta.choices)
+    if meta.excluded is not None:
+        schema["not"] = {"const": meta.excluded}
+    return schema

@@ -1,0 +1,77 @@
+"""Settings of rendering and evaluation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from carigs.settings.option import Section, option
+
+
+@dataclass
+class Render(Section, key="render"):
+    """Images of the trained avatar."""
+
+    threads: int = option(1, ge=1)
+    """Threads of the rasterizer; the result does not depend on it."""
+    orbit_frames: int = option(24, ge=0)
+    """Frames of the novel camera orbit (0: no orbit)."""
+    orbit_timestep: int | None = option(None, ge=0)
+    """Timestep shown on the orbit (null: the first test timestep)."""
+    orbit_degrees: float = option(60.0, unit="degrees", gt=0, le=360)
+    """Range of azimuth of the orbit."""
+    backend: str = option("cpu", choices=("cpu", "cuda"))
+    """Rasterizer: `cpu`, or `cuda` through gsplat."""
+
+
+@dataclass
+class Metrics(Section, key="metrics"):
+    """Image and embedding metrics."""
+
+    strict: bool = False
+    """Missing network weights are an error instead of an empty value with its reason."""
+    weights: str | None = None
+    """Folder with network weights (null: the caches of the hub alone, which are always searched)."""
+    download: bool = False
+    """Allow the libraries to download weights."""
+    embeddings: tuple[str, ...] = option(("clip", "dino"), choices=("clip", "dino"))
+    """Networks to evaluate."""
+    crop: str = option("pad_square", choices=("center", "pad_square"))
+    """Square input of the networks. `center`: central crop (the paper). `pad_square`: the whole image, padded."""
+    source_prompt: str = "A realistic neutral head with natural lighting."
+    """Text of the unedited image (CLIP-D)."""
+    edit_prompt: str = (
+        "A photorealistic caricature of a head with a highly exaggerated nose and large ears, under natural lighting."
+    )
+    """Text of the caricature (CLIP-I, CLIP-D)."""
+    silhouette_band: int = option(2, unit="pixels", ge=1)
+    """Half width of the silhouette region."""
+
+
+@dataclass
+class Tabulate(Section, key="tabulate"):
+    """The comparison table."""
+
+    reference: str = "alternating"
+    """Variant that the others are compared with, frame by frame."""
+    digits: int = option(2, ge=0, le=15)
+    """Decimals of values in dB; scores between -1 and 1 have two more."""
+    resamples: int = option(2000, ge=1)
+    """Bootstrap resamples for each interval."""
+    confidence: float = option(0.95, gt=0, lt=1)
+    """Confidence level of the intervals."""
+    seed: int = option(0, ge=0)
+    """Seed of the bootstrap."""
+
+
+@dataclass
+class Figures(Section, key="figures"):
+    """The figures of the paper."""
+
+    camera: int | None = option(None, ge=0)
+    """Camera shown in the strips (null: the validation camera)."""
+    timestep: int | None = option(None, ge=0)
+    """Test timestep shown in the strips (null: the first)."""
+    image_height: int = option(360, unit="pixels", ge=1)
+    """Height of each image."""
+    blend_error_samples: int = option(26, ge=3)
+    """Levels at which the blend error is evaluated."""

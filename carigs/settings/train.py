@@ -1,0 +1,152 @@
+"""Settings of the training."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from carigs.settings.option import Section, option
+
+DEFAULT_MASK_FLAGS = ("newly_visible", "occluded", "grazing", "outside_image", "outside_mesh", "hair", "mouth")
+MASK_FLAGS = (*DEFAULT_MASK_FLAGS, "stretched", "lids", "brows", "ears", "eyeballs")
+"""All flags of `carigs.gtstar.mask_flags.MaskFlag`."""
+
+
+@dataclass
+class Density(Section, key="train.density"):
+    """Density control with binding inheritance (the strategy of GaussianAvatars)."""
+
+    start: int = option(300, ge=0)
+    """First step that may clone, split and prune."""
+    stop: int = option(1500, ge=0)
+    """First step without density control."""
+    every: int = option(200, ge=0)
+    """Steps between two refinements (0: no density control)."""
+    gradient_threshold: float = option(0.0002, unit="NDC", ge=0)
+    """Mean screen-space positional gradient above which a surfel is cloned or split."""
+    split_scale: float = option(0.01, unit="scene extents", ge=0)
+    """World scale above which a surfel is split instead of cloned."""
+    prune_opacity: float = option(0.005, ge=0, le=1)
+    """Opacity below which a surfel is removed."""
+    max_surfels: int = option(60000, ge=1)
+    """Budget of surfels."""
+    replace_fraction: float = option(0.2, ge=0, le=1)
+    """Fraction of the least important surfels that one refinement may replace once the budget is spent."""
+    importance_views: int = option(8, ge=1)
+    """Training frames over which importance is measured."""
+    reset_every: int = option(0, ge=0)
+    """Steps between two opacity resets (0: none, which suits short trainings)."""
+
+
+@dataclass
+class RefineTracking(Section, key="train.refine_tracking"):
+    """Refinement of the tracked head parameters on the real training frames by Adam."""
+
+    enabled: bool = False
+    """Optimise pose and expression of the training frames along with the surfels."""
+    translation_lr: float = option(2e-5, unit="metres", ge=0, lt=1)
+    """Learning rate of the translation."""
+    rotation_lr: float = option(2e-4, unit="radians", ge=0, lt=1)
+    """Learning rate of head, neck, jaw and eye rotations."""
+    expression_lr: float = option(1e-3, ge=0, lt=1)
+    """Learning rate of the expression coefficients."""
+
+
+@dataclass
+class Train(Section, key="train"):
+    """Optimisation of the surfels."""
+
+    iterations: int = option(1500, ge=1)
+    """Optimisation steps, one image each."""
+    seed: int = option(0, ge=0)
+    """Seed of the order of images and of density control."""
+    threads: int = option(1, ge=1)
+    """Threads of the rasterizer; the result does not depend on it."""
+    gtstar_probability: float = option(0.5, ge=0, le=1)
+    """Probability that a step is supervised by a GT* frame: 0 uses real frames only, 1 GT* frames only."""
+    num_gtstar_levels: int = option(1, ge=1, le=64)
+    """Number of levels with GT* frames, evenly spaced up to gamma (1: gamma alone)."""
+    mask_flags: tuple[str, ...] = option(DEFAULT_MASK_FLAGS, choices=MASK_FLAGS)
+    """Flags whose pixels of GT* frames are left out of the loss. Surfels on triangles that always carry one of them are
+    frozen in GT* steps."""
+    add_mask_flags: tuple[str, ...] = option((), choices=MASK_FLAGS)
+    """Flags to add to `mask_flags`; empty afterwards."""
+    remove_mask_flags: tuple[str, ...] = option((), choices=MASK_FLAGS)
+    """Flags to remove from `mask_flags`; empty afterwards."""
+    relight_surfels: bool = True
+    """Colours follow the light that was fitted for the GT* frames, if any (`gtstar.relight`)."""
+    rig: str = option("jbs", choices=("jbs", "jacobian"))
+    """`jbs`: Jacobian blend skinning. `jacobian`: the Jacobian of the own triangle alone."""
+    sh_degree: int = option(0, ge=0, le=3)
+    """Degree of the spherical harmonics of view-dependent colour."""
+    rotate_harmonics: bool = True
+    """Spherical harmonics rotate with the head instead of staying in world axes."""
+    surfels_per_face: int = option(1, ge=1)
+    """Initial surfels on each triangle."""
+    initial_scale: float = option(0.5, unit="triangle units", gt=0)
+    """Initial standard deviation of the discs, divided by the square root of `surfels_per_face`."""
+    initial_opacity: float = option(0.3, gt=0, lt=1)
+    """Initial opacity."""
+    initial_colour_frames: int = option(32, ge=1)
+    """Training frames from which the initial colours are sampled."""
+    hair_regions: tuple[str, ...] = ("scalp",)
+    """Regions of the head model with hair: `gtstar.hair_regions`, unless set here."""
+    hair_layers: int = option(6, ge=0)
+    """Additional surfels on each hair triangle, spread along its normal."""
+    hair_length: float = option(0.012, unit="metres", ge=0, le=1)
+    """Height above the scalp over which they are spread."""
+    ssim_weight: float = option(0.2, ge=0, le=1)
+    """Weight w of the loss (1 - w) L1 + w (1 - SSIM)."""
+    position_lr: float = option(0.03, unit="triangle units", ge=0)
+    """Initial learning rate of positions."""
+    scale_lr: float = option(0.017, ge=0)
+    """Initial learning rate of log scales."""
+    rotation_lr: float = option(0.03, ge=0)
+    """Initial learning rate of quaternions."""
+    opacity_lr: float = option(0.05, ge=0)
+    """Initial learning rate of opacity logits."""
+    colour_lr: float = option(0.01, ge=0)
+    """Initial learning rate of colour coefficients of degree 0."""
+    blend_lr: float = option(0.001, ge=0)
+    """Initial learning rate of the skinning weights of `jbs`."""
+    final_lr_factor: float = option(0.1, gt=0, le=1)
+    """Ratio of last to first learning rate; in between they fall log-linearly."""
+    position_final_lr_factor: float = option(0.01, gt=0, le=1)
+    """The same for positions."""
+    position_limit: float = option(1.0, unit="triangle units", ge=0)
+    """Distance from the triangle up to which a position is not penalised."""
+    position_weight: float = option(0.01, ge=0)
+    """Weight of the position regularizer."""
+    scale_limit: float = option(0.6, unit="triangle units", ge=0)
+    """Scale up to which a surfel is not penalised."""
+    scale_weight: float = option(1.0, ge=0)
+    """Weight of the scale regularizer."""
+    distortion_weight: float = option(0.0, ge=0)
+    """Weight of the depth distortion regularizer of 2DGS."""
+    normal_weight: float = option(0.0, ge=0)
+    """Weight of the normal consistency regularizer of 2DGS."""
+    regularize_from: int = option(500, ge=0)
+    """First step with the distortion and normal regularizers."""
+    density: Density = field(default_factory=Density)
+    refine_tracking: RefineTracking = field(default_factory=RefineTracking)
+    checkpoint_seconds: float = option(60.0, unit="seconds", ge=0)
+    """Time between two checkpoints."""
+    log_every: int = option(20, ge=1)
+    """Steps between two rows of the log."""
+    backend: str = option("cpu", choices=("cpu", "cuda"))
+    """Rasterizer: `cpu`, or `cuda` through gsplat."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        combine_mask_flags(self)
+
+
+def combine_mask_flags(train: Any) -> None:
+    """Apply `add_mask_flags` and `remove_mask_flags` to `mask_flags`, in place, and empty them.
+
+    Args:
+        train: A `Train`, or the composed section.
+    """
+    kept = [flag for flag in train.mask_flags if flag not in train.remove_mask_flags]
+    train.mask_flags = (*kept, *(flag for flag in train.add_mask_flags if flag not in kept))
+    train.add_mask_flags = train.remove_mask_flags = ()

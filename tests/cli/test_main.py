@@ -1,0 +1,116 @@
+"""The command `carigs` and its subcommands."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import pytest
+import yaml
+
+from carigs.cli import run, settings, sweep
+from carigs.cli.main import COMMANDS, main
+
+
+def test_help_lists_every_command_and_each_has_an_example(capsys):
+    assert main(["--help"]) == 0
+    overview = capsys.readouterr().out
+    for command in COMMANDS:
+        assert f"  {command} " in overview
+        with pytest.raises(SystemExit) as ended:
+            main([command, "--help"])
+        assert ended.value.code == 0
+        assert f"  carigs {command} " in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("arguments", [[], ["walk"]])
+def test_a_wrong_command_is_a_usage_error(arguments, capsys):
+    assert main(arguments) == 2
+    assert "usage: carigs" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["--help", "mesh --help"])
+def test_the_start_imports_neither_torch_nor_snakemake(command):
+    code = (
+        "import sys\n"
+        "from carigs.cli.main import main\n"
+        "try:\n"
+        "    main(sys.argv[1:])\n"
+        "except SystemExit:\n"
+        "    pass\n"
+        "assert not {'torch', 'snakemake'} & set(sys.modules)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code, *command.split()], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("overrides", "points"),
+    [
+        (["gamma=0.1,0.2", "study=ict"], [["gamma=0.1", "study=ict"], ["gamma=0.2", "study=ict"]]),
+        (
+            ["gamma=0.1,0.2", "train.seed=range(2)"],
+            [[f"gamma={gamma}", f"train.seed={seed}"] for gamma in (0.1, 0.2) for seed in (0, 1)],
+        ),
+        (["study.variants=[surfhead,no_mask]"], [["study.variants=[surfhead,no_mask]"]]),
+        ([], [[]]),
+    ],
+)
+def test_a_sweep_has_every_combination(overrides, points):
+    assert sweep.sweep_points(overrides) == points
+
+
+@pytest.fixture
+def commands(monkeypatch):
+    """The commands that would have been run; those with gamma=0.2 fail."""
+    seen: list[list[str]] = []
+
+    def fake(command):
+        seen.append(command)
+        return SimpleNamespace(returncode=int("hydra=gamma=0.2 " in command))
+
+    monkeypatch.setattr(run.subprocess, "run", fake)
+    return seen
+
+
+def test_options_reach_snakemake_and_its_failure_the_exit_code(commands):
+    assert run.main(["study=ict", "-n", "gamma=0.1", "--cores", "3", "--target", "table", "--", "--keep-going"]) == 0
+    (command,) = commands
+    assert command[command.index("--cores") + 1] == "3"
+    assert command[-4:] == ["--config", "hydra=study=ict gamma=0.1 ", "--", "table"]
+    assert {"--dry-run", "--keep-going"} <= {*command}
+    assert run.main(["gamma=0.2"]) == 1
+
+
+def test_a_combination_that_fails_does_not_stop_the_others(commands, capsys):
+    assert sweep.main(["gamma=0.1,0.2,0.25"]) == 1
+    assert len(commands) == 3
+    assert capsys.readouterr().err == "carigs: failed: gamma=0.2\n"
+
+
+@pytest.mark.parametrize(
+    ("command", "arguments", "named"),
+    [
+        (run, ["train.iterations=0"], "train.iterations=0 must be at least 1"),
+        (run, ["gamma=0.1,0.2"], "carigs sweep"),
+        (sweep, ["gamma=0.1,nan"], "gamma=nan"),
+        (sweep, ["gamma=["], "gamma=["),
+        (settings, ["study=tyo"], "study=tyo"),
+    ],
+)
+def test_mistakes_are_one_line_before_work_starts(command, arguments, named, commands, capsys):
+    assert command.main(arguments) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("carigs: ") and error.count("\n") == 1 and named in error
+    assert commands == []
+
+
+def test_settings_are_shown_as_a_whole_or_by_section(capsys):
+    assert settings.main(["gamma=0.2"]) == 0
+    shown = yaml.safe_load(capsys.readouterr().out)
+    assert (shown["gamma"], shown["exaggerate"]["gamma"]) == (0.2, 0.2)
+    assert settings.main(["--section", "train", "variant=surfhead"]) == 1
+    assert "study.variants" in capsys.readouterr().err
+    assert settings.main(["--section", "train", "train.seed=4"]) == 0
+    assert yaml.safe_load(capsys.readouterr().out)["seed"] == 4
