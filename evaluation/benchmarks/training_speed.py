@@ -28,7 +28,7 @@ from carigs.splat.rig.rig import face_motion
 from carigs.splat.rig.skinning import jacobian_blend_skinning
 from carigs.splat.surfels.initialization import place
 from carigs.splat.surfels.surfels import Surfels, flat_discs
-from carigs.splat.training.checkpoint import State
+from carigs.splat.training.checkpoint import TrainingState
 from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
@@ -70,11 +70,11 @@ class StepTimer:
         self.count, self.started = 1, wall_seconds()
         self.times: dict[int, list[float]] = {1: [], 2: []}
 
-    def __call__(self, state: State) -> None:
+    def __call__(self, state: TrainingState) -> None:
         """Take the time of a step; change the number of threads after `BLOCK` steps.
 
         Args:
-            state: State of the training after the step.
+            state: TrainingState of the training after the step.
         """
         self.times[self.count].append(wall_seconds() - self.started)
         if state.iteration % BLOCK == 0:
