@@ -48,7 +48,7 @@ def test_more_nodes_are_nearer_and_bounds_lie_above_the_truth():
 
 
 def test_every_way_of_solving_gives_the_same_answer():
-    cotans = surface_solvers.EdgeCotans(*MESH)
+    cotans = surface_solvers.CotanLaplacian(*MESH)
     matrix = cotans.stiffness()[1:][:, 1:].tocsc()
     right = np.random.default_rng(0).normal(size=(matrix.shape[0], 5))
     ways = surface_solvers._ways(matrix, surface_solvers.mixed_voronoi_areas(*MESH))
