@@ -35,19 +35,17 @@ T0, T1, T2, T3, T4, T5 = (_taps / _taps.sum()).astype(np.float32)[: RADIUS + 1] 
 
 
 @simd_inline
-def _filtered(v):
-    """Weighted sum of eleven numbers; the taps are symmetric."""
-    a, b, c, d, e, f, g, h, i, j, k = v
-    return T0 * (a + k) + T1 * (b + j) + T2 * (c + i) + T3 * (d + h) + T4 * (e + g) + T5 * f
+def _filtered(v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10):
+    return T0 * (v0 + v10) + T1 * (v1 + v9) + T2 * (v2 + v8) + T3 * (v3 + v7) + T4 * (v4 + v6) + T5 * v5
 
 
 @simd_inline
 def _across(row, at):
     """Filter sixteen elements along a row."""
-    return _filtered((
+    return _filtered(
         load(row, at - 5), load(row, at - 4), load(row, at - 3), load(row, at - 2), load(row, at - 1), load(row, at),
         load(row, at + 1), load(row, at + 2), load(row, at + 3), load(row, at + 4), load(row, at + 5),
-    ))  # fmt: skip
+    )  # fmt: skip
 
 
 @simd_inline
@@ -73,18 +71,19 @@ def _moments_across(x, y, at):
 @simd_inline
 def _down(ring, plane, first, stride, at):
     """Filter a block of rows down the columns; `first` is the topmost row that the filter of the first row needs."""
-    v = _seven_rows(ring, plane, first, stride, at) + _seven_rows(ring, plane, first + 7, stride, at)
-    return _filtered(v[0:11]), _filtered(v[1:12]), _filtered(v[2:13]), _filtered(v[3:14])
-
-
-@simd_inline
-def _seven_rows(ring, plane, row, stride, at):
+    v0, v1 = _ring_row(ring, plane, first, stride, at), _ring_row(ring, plane, first + 1, stride, at)
+    v2, v3 = _ring_row(ring, plane, first + 2, stride, at), _ring_row(ring, plane, first + 3, stride, at)
+    v4, v5 = _ring_row(ring, plane, first + 4, stride, at), _ring_row(ring, plane, first + 5, stride, at)
+    v6, v7 = _ring_row(ring, plane, first + 6, stride, at), _ring_row(ring, plane, first + 7, stride, at)
+    v8, v9 = _ring_row(ring, plane, first + 8, stride, at), _ring_row(ring, plane, first + 9, stride, at)
+    v10, v11 = _ring_row(ring, plane, first + 10, stride, at), _ring_row(ring, plane, first + 11, stride, at)
+    v12, v13 = _ring_row(ring, plane, first + 12, stride, at), _ring_row(ring, plane, first + 13, stride, at)
     return (
-        _ring_row(ring, plane, row, stride, at), _ring_row(ring, plane, row + 1, stride, at),
-        _ring_row(ring, plane, row + 2, stride, at), _ring_row(ring, plane, row + 3, stride, at),
-        _ring_row(ring, plane, row + 4, stride, at), _ring_row(ring, plane, row + 5, stride, at),
-        _ring_row(ring, plane, row + 6, stride, at),
-    )  # fmt: skip
+        _filtered(v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10),
+        _filtered(v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11),
+        _filtered(v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12),
+        _filtered(v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13),
+    )
 
 
 @simd_inline
@@ -112,10 +111,13 @@ def _similarity(m, n, squares, product):
 @simd_inline
 def _map_row(maps, r, stride, at, height, inside, m, n, squares, product):
     """Store the derivatives, 0 outside the image; returns S."""
+    if r < 0 or r >= height:
+        store(maps, _offset(0, r, stride) + at, broadcast(ZERO))
+        store(maps, _offset(1, r, stride) + at, broadcast(ZERO))
+        store(maps, _offset(2, r, stride) + at, broadcast(ZERO))
+        return broadcast(ZERO)
     zero = broadcast(ZERO)
-    s = by_m = by_square = by_product = zero
-    if 0 <= r < height:
-        s, by_m, by_square, by_product = _similarity(m, n, squares, product)
+    s, by_m, by_square, by_product = _similarity(m, n, squares, product)
     store(maps, _offset(0, r, stride) + at, select(inside, by_m, zero))
     store(maps, _offset(1, r, stride) + at, select(inside, by_square, zero))
     store(maps, _offset(2, r, stride) + at, select(inside, by_product, zero))
@@ -293,7 +295,6 @@ def l1_ssim_loss(
     Returns:
         Value, and gradient with respect to x: 0 where `valid` is false.
     """
-    difference, similarity, gradient = _l1_and_ssim(
-        x, y, valid, np.float32((1 - ssim_weight) / x.size), np.float32(ssim_weight / x.size)
-    )
+    weights = np.float32((1 - ssim_weight) / x.size), np.float32(ssim_weight / x.size)
+    difference, similarity, gradient = _l1_and_ssim(x, y, valid, *weights)
     return (1 - ssim_weight) * difference / x.size + ssim_weight * (1 - similarity / x.size), gradient
