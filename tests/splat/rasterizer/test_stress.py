@@ -1,6 +1,6 @@
-"""Properties of the rasterizer and the rig that hold for extreme and degenerate inputs.
+"""Extreme and degenerate input to the rasteriser and the rig: what must hold for any of it.
 
-Examples are lists of kinds of degenerate surfels, so that a failure shrinks to the kinds that cause it.
+Examples are lists of kinds of trouble, so that a failure shrinks to the kinds that cause it.
 """
 
 from dataclasses import replace
@@ -25,12 +25,12 @@ from carigs.splat.rig.rig import build_rig, face_motion
 from carigs.splat.rig.skinning import jacobian_blend_skinning
 from carigs.splat.surfels.surfels import flat_discs
 
-# Identity pose: a surfel's depth is exactly its z.
+# Neither rotation nor offset: a surfel's depth is its z, to the last digit.
 CAMERA = Camera(np.eye(4), fx=60, fy=58, cx=16.3, cy=13.8, width=33, height=27)
 FIELDS = ("centre", "tangent_u", "tangent_v", "opacity", "colour")
 seeds = st.integers(0, 2**32 - 1)
 
-# Scenes. Each kind of surfel is a modification of a regular one.
+# Scenes.  Each kind of surfel is a change of a regular one.
 
 
 def regular(random):
@@ -50,7 +50,7 @@ def resize(surfel, u, v):
 
 
 def move(surfel, z):
-    """Move to another depth and scale, so that the image stays the same (in front of the camera)."""
+    """To another depth where it looks the same (behind the camera: would look)."""
     factor = abs(z) / surfel["centre"][2]
     resize(surfel, factor, factor)
     surfel["centre"] = np.append(surfel["centre"][:2] * factor, z)
@@ -66,14 +66,14 @@ def needle(surfel, random):
 
 
 def huge(surfel, random):
-    """Up to 1000 m and nearly parallel to the image; never opaque (see the test of nearly opaque layers)."""
+    """Up to 1000 m and nearly parallel to the image; never opaque, for what is behind see the test of closed layers."""
     resize(surfel, *10 ** random.uniform(1, 4, 2))
     surfel["tangent_u"][2], surfel["tangent_v"][2] = random.normal(0, 0.2, 2)
     surfel["opacity"] = random.uniform(0.02, 0.3)
 
 
 def crossing(surfel, random):
-    """Reaches behind the camera, or covers much of the image."""
+    """Reaches behind the camera, or covers much."""
     resize(surfel, *10 ** random.uniform(0, 4, 2))
 
 
@@ -123,7 +123,7 @@ def at_equal_depth(surfel, random):
 THICK = (
     tiny, huge, crossing, close, at_near_plane, at_camera, behind, far, without_area, special_opacity, at_equal_depth,
 )  # fmt: skip
-# Their image may be thinner than the resolution of a float32 pixel position.
+# Their image may be thinner than float32's last digit of a pixel's position.
 THIN = (needle, edge_on)
 KINDS = {change.__name__: change for change in THICK + THIN}
 thick_kinds = st.lists(st.sampled_from([change.__name__ for change in THICK]), min_size=8, max_size=20)
@@ -155,8 +155,8 @@ def loss(images):
     return sum((image * torch.randn(image.shape, generator=generator)).sum() for image in images)
 
 
-def rendered(arrays, camera=CAMERA, clear=None, backend="cpu"):
-    """Images, zero where `clear` is false, and the gradients of their loss."""
+def measured(arrays, camera=CAMERA, clear=None, backend="cpu"):
+    """Images, blind where `clear` is false, and the gradients of their loss."""
     tensors = leaves(arrays)
     clear = torch.ones(camera.height, camera.width) if clear is None else clear
     rendering = rasterize(WorldSurfels(*tensors), camera, backend=backend)
@@ -165,25 +165,22 @@ def rendered(arrays, camera=CAMERA, clear=None, backend="cpu"):
     return [image.detach() for image in images], [t.grad for t in tensors]
 
 
-def expected_of(arrays, clear=None, shift=(0.0, 0.0)):
-    """The same from the reference, and `clear`: pixels where no quantity is within float32 rounding of a threshold."""
+def defined(arrays, clear=None, shift=(0.0, 0.0)):
+    """The same by definition, and `clear`: where no decision is so close that float32 may decide otherwise."""
     tensors = leaves(arrays, torch.float64)
     rendering = reference_render(tensors, replace(CAMERA, cx=CAMERA.cx + shift[0], cy=CAMERA.cy + shift[1]))
     clear = rendering["margin"] > 1e-4 if clear is None else clear
     images = [masked(rendering[name], clear) for name in OUTPUTS]
-    total = loss(images)
-    if total.requires_grad:  # some surfel is visible
-        total.backward()
-    gradients = [torch.zeros_like(t) if t.grad is None else t.grad for t in tensors]
-    return [image.detach() for image in images], gradients, clear
+    loss(images).backward()
+    return [image.detach() for image in images], [t.grad for t in tensors], clear
 
 
 def blur(arrays, images, gradients, clear):
-    """Change of images and gradients if pixel positions were wrong in the last digit of float32."""
+    """By how much both would change if pixel positions were wrong in float32's last digit."""
     digit = float(np.spacing(np.float32(CAMERA.width)))
     total = [0.0] * (len(images) + len(gradients))
     for shift in ((digit, 0.0), (0.0, digit)):
-        moved = expected_of(arrays, clear, shift)
+        moved = defined(arrays, clear, shift)
         total = [
             t + (a - b).abs() for t, a, b in zip(total, moved[0] + moved[1], images + gradients, strict=True)
         ]  # fmt: skip
@@ -194,16 +191,16 @@ def rows(gradient):
     return gradient.reshape(len(gradient), -1).norm(dim=1)
 
 
-def images_agree(actual, expected, slack):
+def images_agree(found, expected, slack):
     return all(
         ((f - e).abs() <= 1e-5 * e.abs().max().clamp_min(1) + s).all()
-        for f, e, s in zip(actual, expected, slack, strict=True)
+        for f, e, s in zip(found, expected, slack, strict=True)
     )
 
 
-def gradients_agree(actual, expected, slack):
-    """Each tensor to 1e-4, and each surfel, so that one with huge gradients does not hide the others."""
-    for f, e, s in zip(actual, expected, slack, strict=True):
+def gradients_agree(found, expected, slack):
+    """Each tensor to 1e-4; and each surfel, so that one with huge gradients does not hide the others."""
+    for f, e, s in zip(found, expected, slack, strict=True):
         error, own = rows(f - e), rows(e)
         typical = own[own > 0].median() if own.any() else 0.0
         if error.norm() > 1e-4 * own.norm() + s.norm() or (error > 1e-3 * own.clamp_min(typical) + rows(s)).any():
@@ -212,33 +209,33 @@ def gradients_agree(actual, expected, slack):
 
 
 @given(any_kinds, seeds)
-def test_extreme_scenes_agree_with_the_reference(kinds, seed):
-    """To 1e-4; for images that are too thin for float32 pixel positions, to the effect of their last digit."""
+def test_extreme_scenes_are_drawn_and_differentiated_as_defined(kinds, seed):
+    """To 1e-4; where a surfel's image is too thin for float32 pixel positions, to what their last digit does to it."""
     arrays = scene(kinds, seed)
-    *expected, clear = expected_of(arrays)
-    actual = rendered(arrays, clear=clear)
-    assert all(value.isfinite().all() for value in actual[0] + actual[1])
+    *expected, clear = defined(arrays)
+    found = measured(arrays, clear=clear)
+    assert all(value.isfinite().all() for value in found[0] + found[1])
     slack = [[torch.zeros_like(value) for value in values] for values in expected]
-    if not (images_agree(actual[0], expected[0], slack[0]) and gradients_agree(actual[1], expected[1], slack[1])):
+    if not (images_agree(found[0], expected[0], slack[0]) and gradients_agree(found[1], expected[1], slack[1])):
         slack = blur(arrays, *expected, clear)
-    assert images_agree(actual[0], expected[0], slack[0])
-    assert gradients_agree(actual[1], expected[1], slack[1])
+    assert images_agree(found[0], expected[0], slack[0])
+    assert gradients_agree(found[1], expected[1], slack[1])
 
 
 @pytest.mark.xfail(
     strict=True,
     reason="the backward's S = Q - sum w q cancels: behind layers with transmittance T the relative error is ~1e-7 / T",
 )
-def test_gradients_behind_nearly_opaque_layers_are_exact():
+def test_gradients_behind_nearly_closed_layers_are_exact():
     """Two discs cover the image and leave 2e-4 of the light to ten regular ones."""
     arrays = scene(["regular"] * 12, 0)
     arrays[0][:2] = [[0, 0, 0.5], [0, 0, 0.6]]
     arrays[1][:2], arrays[2][:2] = [1e3, 0, 0], [0, 1e3, 0]
     arrays[3][:2] = 0.985
-    *expected, clear = expected_of(arrays)
+    *expected, clear = defined(arrays)
     assert clear.all()
-    actual = rendered(arrays)
-    errors = [((f - e).norm() / e.norm()).item() for f, e in zip(actual[1], expected[1], strict=True)]
+    found = measured(arrays)
+    errors = [((f - e).norm() / e.norm()).item() for f, e in zip(found[1], expected[1], strict=True)]
     assert max(errors) < 1e-4, errors
 
 
@@ -246,20 +243,20 @@ def same_bytes(first, second):
     return all(a.numpy().tobytes() == b.numpy().tobytes() for a, b in zip(first, second, strict=True))
 
 
-# Fifteen surfels are projected by the scalar kernel, sixteen by the vector kernel: results differ in the last digits.
+# Fifteen surfels are projected one by one, sixteen as vectors: not by the same instructions.
 @given(
     st.lists(st.sampled_from([*KINDS, "regular"]), min_size=1, max_size=40).filter(lambda kinds: len(kinds) != WIDTH),
     seeds,
     st.sampled_from(range(5)),
     st.sampled_from([np.nan, np.inf, -np.inf]),
 )
-def test_a_surfel_that_is_not_finite_has_no_effect(kinds, seed, field, value):
+def test_a_surfel_that_is_not_finite_is_as_if_it_were_not_there(kinds, seed, field, value):
     arrays, random = scene(kinds, seed), np.random.default_rng(seed)
     bad = random.integers(len(kinds))
     arrays[field].reshape(len(kinds), -1)[bad, random.integers(arrays[field][0].size)] = value
     others = np.arange(len(kinds)) != bad
-    images, gradients = rendered(arrays)
-    images_without, gradients_without = rendered([array[others] for array in arrays])
+    images, gradients = measured(arrays)
+    images_without, gradients_without = measured([array[others] for array in arrays])
     assert all(image.isfinite().all() for image in images)
     assert same_bytes(images, images_without)
     assert same_bytes([g[others] for g in gradients], gradients_without)
@@ -275,40 +272,40 @@ def test_extreme_scenes_are_the_same_bytes_at_any_number_of_threads(kinds, seed)
     try:
         for threads in (1, 2):
             numba.set_num_threads(threads)
-            results.append(rendered(arrays, camera))
+            results.append(measured(arrays, camera))
     finally:
         numba.set_num_threads(before)
     assert same_bytes(results[0][0] + results[0][1], results[1][0] + results[1][1])
 
 
-def assert_as_scalar(arrays, camera):
-    """Vector kernels against scalar ones, where both have the same sets of surfels (else alpha jumps by 1/255)."""
-    alpha = [rendered(arrays, camera, backend=backend)[0][1] for backend in ("cpu", "scalar")]
+def assert_as_plain(arrays, camera):
+    """Vector code against plain loops, where both found the same sets of surfels (else alpha jumps by 1/255)."""
+    alpha = [measured(arrays, camera, backend=backend)[0][1] for backend in ("cpu", "scalar")]
     same = (alpha[0] - alpha[1]).abs() < 1e-5
     assert same.float().mean() > 0.98
-    actual, expected = (rendered(arrays, camera, same, backend) for backend in ("cpu", "scalar"))
-    for a, b in zip(actual[0] + actual[1], expected[0] + expected[1], strict=True):
+    found, expected = (measured(arrays, camera, same, backend) for backend in ("cpu", "scalar"))
+    for a, b in zip(found[0] + found[1], expected[0] + expected[1], strict=True):
         assert a.shape == b.shape
         assert (a - b).norm() <= 1e-4 * b.norm()
 
 
 @pytest.mark.parametrize("count", range(41))
-def test_any_number_of_surfels_agrees_with_the_scalar_backend(count):
-    """Vectors of sixteen that overlap at the end; the scalar projection below sixteen."""
-    assert_as_scalar(scene(["regular"] * count, count), CAMERA)
+def test_any_number_of_surfels_is_drawn_as_by_plain_loops(count):
+    """Vectors of sixteen that overlap at the end, and one by one below sixteen."""
+    assert_as_plain(scene(["regular"] * count, count), CAMERA)
 
 
 @given(st.integers(1, 70), st.integers(1, 45), thick_kinds, seeds)
-def test_images_of_any_size_agree_with_the_scalar_backend(width, height, kinds, seed):
+def test_images_of_any_size_are_those_of_plain_loops(width, height, kinds, seed):
     camera = replace(CAMERA, width=width, height=height, cx=0.49 * width, cy=0.52 * height)
-    assert_as_scalar(scene(kinds, seed), camera)
+    assert_as_plain(scene(kinds, seed), camera)
 
 
 @given(st.integers(1, 70), st.integers(1, 45), thick_kinds, seeds)
 def test_a_smaller_image_is_the_corner_of_a_larger_one(width, height, kinds, seed):
     arrays = scene(kinds, seed)
-    large = rendered(arrays, replace(CAMERA, width=75, height=50))[0]
-    small = rendered(arrays, replace(CAMERA, width=width, height=height))[0]
+    large = measured(arrays, replace(CAMERA, width=75, height=50))[0]
+    small = measured(arrays, replace(CAMERA, width=width, height=height))[0]
     large = [image[:height, :width] for image in large]
     same = (large[1] - small[1]).abs() < 1e-4
     assert same.float().mean() > 0.98
