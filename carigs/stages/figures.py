@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from carigs.capture import Capture
-from carigs.capture.frame_index import Truths, read_rendered, read_truths
+from carigs.capture.frame_index import GroundTruth, read_frame_index, read_ground_truth
 from carigs.capture.images import read_rgb
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration import GammaPath
@@ -46,7 +46,7 @@ def figures(
     frame = _shown_frame(settings, subject)
     true_images = dict.fromkeys(sorted(set(levels)))
     for level, file in zip(truth_levels, truths, strict=True):
-        image = read_truths(file).images.get(frame)
+        image = read_ground_truth(file).images.get(frame)
         true_images[level] = None if image is None else read_rgb(image)
     shown = sorted(true_images)
     truth_row = [true_images[level] for level in shown]
@@ -60,7 +60,7 @@ def figures(
             gamma_strip(file, variant, shown, images, truth_row, height=settings.height)
         ablation(part / "ablation.png", rows, shown, truth_row, height=settings.height)
         _blend_error(part, without_teeth(GammaPath.load(path)), subject, settings.samples)
-        known = {level: read_truths(file) for level, file in zip(truth_levels, truths, strict=True)}
+        known = {level: read_ground_truth(file) for level, file in zip(truth_levels, truths, strict=True)}
         _misregistration(part, subject, GammaPath.load(path), known)
 
 
@@ -78,13 +78,13 @@ def _shown_frame(settings: Figures, subject: Capture) -> tuple[int, int]:
 
 
 def _rendered(index: Path, frame: tuple[int, int]) -> np.ndarray:
-    for rendered in read_rendered(index):
+    for rendered in read_frame_index(index):
         if rendered.protocol == "test" and (rendered.timestep, rendered.camera) == frame:
             return read_rgb(rendered.file)
     raise InputError(f"no test frame of timestep {frame[0]}, camera {frame[1]}", file=index)
 
 
-def _misregistration(folder: Path, subject: Capture, path: GammaPath, truths: dict[float, Truths]) -> None:
+def _misregistration(folder: Path, subject: Capture, path: GammaPath, truths: dict[float, GroundTruth]) -> None:
     if not any(level > 0 and known.images for level, known in truths.items()):
         (folder / "misregistration.txt").write_text("No true caricature is known.\n")
         return

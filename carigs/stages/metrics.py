@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from carigs.capture import Capture
-from carigs.capture.frame_index import read_rendered, read_truths
+from carigs.capture.frame_index import read_frame_index, read_ground_truth
 from carigs.errors import SettingsError
 from carigs.exaggeration import GammaPath
 from carigs.settings import Metrics
@@ -33,7 +33,7 @@ def metrics(
     """Write `rows`: one line per frame, region and metric; null, with the reason, what cannot be measured."""
     check_settings(settings)
     scene = Scene(study, subject, variant, gamma, level)
-    person, rendered, truths = Capture.load(capture), read_rendered(index, frames), read_truths(truth)
+    person, rendered, truths = Capture.load(capture), read_frame_index(index, frames), read_ground_truth(truth)
     caricature = GammaPath.load(path).at(level)
     measured = [
         *compare(scene, rendered, truths, person, caricature, band=settings.silhouette_band),

@@ -1,4 +1,4 @@
-"""Stage `train`: optimise the surfels on real frames and GT* targets in turn."""
+"""Stage `train`: optimize the surfels on real frames and GT* targets, alternating at random."""
 
 from __future__ import annotations
 
@@ -23,29 +23,36 @@ def train(
     ply: Path,
     log: Path,
 ) -> None:
-    """Write the trained avatar, its .ply (SurFhead's layout) and the log.
+    """Train an avatar; an interrupted run is resumed from a checkpoint next to the avatar (suffix `.checkpoint`).
 
-    `targets` are the indices of GT* frames, one per level; None may do where `gtstar_probability` is 0 and no light is
-    followed.  The run's state is kept beside `avatar` (suffix `.checkpoint`) until it is done.
+    Args:
+        settings: Settings of the stage.
+        capture: Input: the index of the capture.
+        path: Input: the exaggeration path.
+        targets: Input: the indexes of GT* frames, one per level. May be None if `gtstar_probability` is 0 and colours
+            do not follow the light.
+        avatar: Output: the trained avatar.
+        ply: Output: its surfels in SurFhead's layout.
+        log: Output: the training log (CSV).
     """
     check_settings(settings, targets)
     # torch before numba's threads start: both then share one pool.
     from carigs.simd.threads import use_threads
 
     use_threads(settings.threads)
-    from carigs.capture.target_index import read_targets
-    from carigs.light.fitting import load_shading
+    from carigs.capture.target_index import SHADING, read_targets
+    from carigs.light.shading import load_shading
     from carigs.splat.avatar import Avatar, save_avatar
     from carigs.splat.rig.head_sequence import head_sequence
     from carigs.splat.surfels.ply import write_ply
     from carigs.splat.training.supervision import Supervision
     from carigs.splat.training.trainer import COLUMNS, train_surfels
 
-    subject, gamma_path = Capture.load(capture), GammaPath.load(path)
-    performance = head_sequence(subject, gamma_path)
+    subject = Capture.load(capture)
+    performance = head_sequence(subject, GammaPath.load(path))
     sets = [read_targets(index, subject) for index in targets or ()]
     if sets and settings.follow_light:
-        performance.shading = load_shading(sets[-1].folder / "shading.npz")  # one light for all levels
+        performance.shading = load_shading(sets[-1].folder / SHADING)  # one light for all levels
     supervision = Supervision(subject, sets if settings.gtstar_probability > 0 else (), settings.mask_flags)
     checkpoint = avatar.with_suffix(".checkpoint")
     surfels, rows = train_surfels(settings, performance, supervision, checkpoint)
@@ -60,7 +67,15 @@ def train(
 
 
 def check_settings(settings: Train, targets: Sequence[Path] | None) -> None:
-    """Raise `SettingsError` for a value out of range, before any work."""
+    """Check the settings of the stage before any work.
+
+    Args:
+        settings: Settings of the stage.
+        targets: The indexes of GT* frames.
+
+    Raises:
+        SettingsError: For a value out of range.
+    """
     for name, low, high in (
         ("gtstar_probability", 0, 1), ("iterations", 1, 10**9), ("threads", 1, 10**4), ("sh_degree", 0, 3),
         ("surfels_per_face", 1, 1000), ("hair_layers", 0, 1000), ("ssim_weight", 0, 1), ("log_every", 1, 10**9),

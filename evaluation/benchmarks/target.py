@@ -24,10 +24,10 @@ from carigs.capture import Camera, Capture
 from carigs.exaggeration import GammaPath
 from carigs.files import writing
 from carigs.gtstar import face_mask_flags, flags_from_names, make_target
-from carigs.gtstar.provider import fitted_shading
+from carigs.gtstar.capture_shading import fit_capture_shading
 from carigs.head import pose
-from carigs.light.fitting import relight
-from carigs.raster import visible
+from carigs.light import relight
+from carigs.raster import compute_visibility
 from carigs.settings import DEFAULT_MASK_FLAGS, Exaggerate, Gtstar, Toy
 from carigs.settings import Capture as CaptureSettings
 from carigs.stages.capture import capture
@@ -76,19 +76,23 @@ def measure(subject: Capture, path: GammaPath) -> Iterator[Measurement]:
     large = _large(camera)
     pictures = cv2.resize(image, SIZE), cv2.resize(matte, SIZE)
     scene = f"{len(model.faces)} triangles, {SIZE[1]}x{SIZE[0]}"
-    yield Measurement(scene, "visibility at one end", "ms", cpu_ms(lambda: visible(natural, model.faces, large)))
+    yield Measurement(
+        scene, "visibility at one end", "ms", cpu_ms(lambda: compute_visibility(natural, model.faces, large))
+    )
     plain: dict[str, float] = {}
     for option in sorted(OPTIONS, key=lambda option: option != ("affine", 1, False)):
         settings = Gtstar(warp=option[0], supersampling=option[1], footprint=option[2])
 
         def one(settings: Gtstar = settings) -> object:
-            return make_target(*pictures, natural, caricature, large, model, of_faces, settings)
+            ends = [compute_visibility(vertices, model.faces, large) for vertices in (natural, caricature)]
+            return make_target(*pictures, *ends, model, of_faces, settings)
 
         numbers = {("visibility, warp and masks", "ms"): cpu_ms(one)}
         errors, left_out, wrong = [], [], []
-        for *inputs, view, truth, true_matte in scenes:
-            target = make_target(*inputs, view, model, of_faces, settings)
-            on_mesh, out = target.caricature.face >= 0, (target.reasons & excluded) > 0
+        for *inputs, before, after, view, truth, true_matte in scenes:
+            ends = [compute_visibility(vertices, model.faces, view) for vertices in (before, after)]
+            target = make_target(*inputs, *ends, model, of_faces, settings)
+            on_mesh, out = target.caricature.face >= 0, (target.mask_flags & excluded) > 0
             error = np.abs(target.colour - truth).mean(axis=2)
             errors.append(error[on_mesh & ~out])
             left_out.append(out[on_mesh])
@@ -109,7 +113,7 @@ def relighting(subject: Capture, path: GammaPath) -> Iterator[Measurement]:
     of_faces, excluded = face_mask_flags(model, settings), np.uint16(flags_from_names(DEFAULT_MASK_FLAGS).value)
     regions = {name: surface_regions(model, model.v_template).faces[name] for name in ("skin", "face")}
     person, frames = load_subject(subject.root), subject.split("test")[::2]
-    shading = fitted_shading(settings, subject, of_faces)
+    shading = fit_capture_shading(settings, subject, of_faces)
     for level in (path.gamma_f, 2 * path.gamma_f):
         exaggerated = path.at(level)
         squares: dict[tuple[str, str], list[np.ndarray]] = {}
@@ -117,12 +121,13 @@ def relighting(subject: Capture, path: GammaPath) -> Iterator[Measurement]:
             parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
             ends = pose(model, parameters), pose(model, parameters, exaggerated)
             pictures = subject.image(frame), subject.mask(frame)
-            target = make_target(*pictures, *ends, camera, model, of_faces, settings, subject.background)
+            seen = [compute_visibility(vertices, model.faces, camera) for vertices in ends]
+            target = make_target(*pictures, *seen, model, of_faces, settings, subject.background)
             truth, _ = render_subject(person, parameters, camera, exaggerated)
-            factor = shading.factor(*(shading.transfer(vertices, model.faces) for vertices in ends))
+            factor = shading.vertex_factors(*(shading.transfer(vertices, model.faces) for vertices in ends))
             lit = relight(target.colour, target.caricature, factor, shading.kept)
             face = target.caricature.face
-            trusted = (face >= 0) & ((target.reasons & excluded) == 0)
+            trusted = (face >= 0) & ((target.mask_flags & excluded) == 0)
             for region, inside in regions.items():
                 where = trusted & inside[face]
                 for light, image in (("the frame's light", target.colour), ("new light", lit)):

@@ -10,12 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from carigs.capture import Capture
-from carigs.capture.frame_index import Truths
+from carigs.capture.frame_index import GroundTruth
 from carigs.capture.images import read_grey, read_rgb
 from carigs.exaggeration import GammaPath
 from carigs.files import writing
 from carigs.gtstar import face_mask_flags, flags_from_names, make_target
 from carigs.head import neutral, pose
+from carigs.raster import compute_visibility
 from carigs.settings import DEFAULT_MASK_FLAGS, Gtstar
 from evaluation.metrics.regions import image_regions, surface_regions
 
@@ -38,7 +39,7 @@ class Misregistration(NamedTuple):
 
 
 def misregistrations(
-    subject: Capture, path: GammaPath, truths: Mapping[float, Truths], cameras: int = 3
+    subject: Capture, path: GammaPath, truths: Mapping[float, GroundTruth], cameras: int = 3
 ) -> Iterable[Misregistration]:
     """Rows of every level that has a truth, over its first `cameras` views: plain warps, in the old light."""
     model, settings, excluded = subject.model, Gtstar(), np.uint16(flags_from_names(DEFAULT_MASK_FLAGS).value)
@@ -50,16 +51,15 @@ def misregistrations(
         for frame in (f for f in frames if f.camera in chosen):
             parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
             caricature = pose(model, parameters, path.at(level))
-            target = make_target(
-                subject.image(frame), subject.mask(frame), pose(model, parameters), caricature, camera, model,
-                of_faces, settings, subject.background,
-            )  # fmt: skip
+            ends = [compute_visibility(v, model.faces, camera) for v in (pose(model, parameters), caricature)]
+            pictures = subject.image(frame), subject.mask(frame)
+            target = make_target(*pictures, *ends, model, of_faces, settings, subject.background)
             key = (frame.timestep, frame.camera)
             error = np.abs(target.colour - read_rgb(known.images[key])).mean(axis=2)
             surface = surface_regions(model, neutral(model, parameters))
             foreground = read_grey(known.masks[key]) > 0.5
             regions = image_regions(surface, caricature, target.caricature.fragments, camera, foreground, band=2)
-            out = (target.reasons & excluded) > 0
+            out = (target.mask_flags & excluded) > 0
             for region in pooled:
                 if region in regions:
                     pooled[region].append(np.stack([error[regions[region]], out[regions[region]]]))

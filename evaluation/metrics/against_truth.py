@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from rich.progress import track
 
 from carigs.capture import Capture
-from carigs.capture.frame_index import Rendered, Truths
+from carigs.capture.frame_index import GroundTruth, RenderedImage
 from carigs.capture.images import read_grey, read_rgb
 from carigs.errors import InputError
 from carigs.exaggeration import Caricature
@@ -23,8 +23,8 @@ PROTOCOLS = ("test", "val")
 
 def compare(
     scene: Scene,
-    rendered: list[Rendered],
-    truths: Truths,
+    rendered: list[RenderedImage],
+    truths: GroundTruth,
     subject: Capture,
     caricature: Caricature,
     *,

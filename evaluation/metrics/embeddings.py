@@ -13,7 +13,7 @@ from jaxtyping import Float
 from rich.progress import track
 
 from carigs.capture import Capture
-from carigs.capture.frame_index import Rendered
+from carigs.capture.frame_index import RenderedImage
 from carigs.capture.images import read_rgb
 from carigs.errors import InputError, WeightsMissing
 from carigs.settings import Metrics
@@ -58,7 +58,7 @@ class Embedder:
         return np.stack([self.done[file] for file in files])
 
 
-def embedding_rows(scene: Scene, rendered: list[Rendered], subject: Capture, settings: Metrics) -> Iterator[Row]:
+def embedding_rows(scene: Scene, rendered: list[RenderedImage], subject: Capture, settings: Metrics) -> Iterator[Row]:
     """Rows of the networks in `settings.embeddings`.
 
     What cannot be measured gives one null row per metric; missing weights raise `WeightsMissing` with
@@ -129,7 +129,7 @@ def _dino(file: Path, files: dict[str, list[Path]], originals: list[Path], subje
     return {"dino_vitb8_cls": dino.paired_cosine(embed(files["test"]), embed(originals))}
 
 
-def _originals(test: list[Rendered], subject: Capture) -> list[Path]:
+def _originals(test: list[RenderedImage], subject: Capture) -> list[Path]:
     """The capture's own image of each test frame."""
     images = {(frame.timestep, frame.camera): subject.root / frame.image for frame in subject.frames}
     for frame in test:

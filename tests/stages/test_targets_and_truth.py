@@ -97,8 +97,8 @@ def test_targets_exist_for_training_frames_alone(folder, tmp_path):
     assert [(e["timestep"], e["camera"]) for e in index["targets"]] == [
         (f.timestep, f.camera) for f in subject.split("train")
     ]
-    of_faces = np.load(tmp_path / "targets/faces.npy")
-    np.testing.assert_array_equal(of_faces == MaskFlag.HAIR.value, subject.model.face_region("scalp"))
+    face_flags = np.load(tmp_path / "targets/faces.npy")
+    np.testing.assert_array_equal(face_flags == MaskFlag.HAIR.value, subject.model.face_region("scalp"))
     for entry in index["targets"]:
         target = read_rgb(tmp_path / "targets" / entry["image"])
         reasons = read_bits(tmp_path / "targets" / entry["reasons"])
@@ -133,7 +133,7 @@ def test_frames_that_cannot_be_used_are_left_out_and_counted(damaged, tmp_path, 
         index["left_out"], ("not a readable image", "its camera has 40 x 48", "no such"), strict=True
     ):
         assert word in entry["why"]
-    assert "3 of 6 frames are left out" in capsys.readouterr().out
+    assert "3 of 6 frames are skipped" in capsys.readouterr().out
     assert len(index["targets"]) == 3
 
 
@@ -142,14 +142,15 @@ import os, signal, sys
 from pathlib import Path
 from carigs.capture.images import write_png
 from carigs.settings import Gtstar
+from carigs.gtstar import target_set
 from carigs.stages import gtstar as stage
-whole = stage._write
-def write(folder, provided):
+write_all = target_set._write
+def write(folder, results):
     if len(list(folder.glob("*_reasons.png"))) < 2:
-        return whole(folder, provided)
-    (folder / f"{provided[0].frame.name}.png").write_bytes(b"half of an ima")
+        return write_all(folder, results)
+    (folder / f"{results[0].frame.name}.png").write_bytes(b"half of an ima")
     os.kill(os.getpid(), signal.SIGKILL)
-stage._write = write
+target_set._write = write
 subject, out = map(Path, sys.argv[1:])
 files = {"capture": subject / "capture.json", "path": subject / "path.npz"}
 stage.gtstar(Gtstar(threads=1), **files, level=0.25, targets=out / "targets", index=out / "targets.json")
@@ -173,7 +174,7 @@ def contents(out: Path) -> dict[str, bytes]:
 def test_a_killed_run_goes_on_to_the_same_bytes_on_any_number_of_threads(folder, killed, tmp_path, capsys):
     shutil.copytree(killed, tmp_path / "again")
     make_targets(folder, tmp_path / "again", threads=2)
-    assert "2 of 6 frames were whole" in capsys.readouterr().out
+    assert "2 of 6 frames were made by an earlier run" in capsys.readouterr().out
     make_targets(folder, tmp_path / "whole", threads=1)
     make_targets(folder, tmp_path / "wide", threads=3)
     whole = contents(tmp_path / "whole")
@@ -188,7 +189,7 @@ def test_what_was_made_of_other_settings_or_frames_is_not_gone_on_with(folder, k
     assert contents(tmp_path / "again") == contents(tmp_path / "whole")
     shutil.copytree(killed, tmp_path / "other")
     make_targets(damaged, tmp_path / "other")  # equal files, in another place
-    assert "were whole" not in capsys.readouterr().out
+    assert "earlier run" not in capsys.readouterr().out
 
 
 def test_a_failed_run_keeps_what_was_there(folder, tmp_path):
@@ -215,13 +216,13 @@ def test_the_index_says_what_a_shifted_frame_counts_for(folder, tmp_path, capsys
     def found(views, vertices, faces):
         return {frame: RegistrationError(off[frame.name], 0.0) for frame in views if frame.name in off}
 
-    monkeypatch.setattr("carigs.gtstar.provider.misfits", found)
+    monkeypatch.setattr("carigs.gtstar.provider.registration_errors", found)
     index = make_targets(folder, tmp_path)
     weights = {(entry["timestep"], entry["camera"]): entry["weight"] for entry in index["targets"]}
     assert weights == {(0, 0): 1, (0, 2): 0.7, (1, 2): 1, (2, 0): 1, (2, 2): 1}
     assert [entry["pixels_off"] for entry in index["left_out"]] == [1.6]
     said = capsys.readouterr().out
-    assert "frame 00000_02 is 0.8 pixels off" in said and "frame 00001_00 is left out" in said
+    assert "frame 00000_02 is 0.8 pixels off" in said and "frame 00001_00 is skipped" in said
 
 
 @pytest.mark.parametrize("centre", [(0.0, 0.0, 0.0), (0.0, 0.05, 1.0)])

@@ -14,7 +14,8 @@ from carigs.capture import Capture
 from carigs.errors import InputError
 from carigs.head import HeadModel, HeadParameters, neutral, pose
 from carigs.head.model import N_SHAPE
-from carigs.light.fitting import Shading, Transfer
+from carigs.light.shading import Shading
+from carigs.light.transfer import Transfer
 from carigs.splat.rig.rig import FaceMotion, Rig, build_rig, face_motion
 
 if TYPE_CHECKING:
@@ -63,7 +64,7 @@ class HeadSequence:
         if key not in self._shades:
             posed = pose(self.head, self._tracked[timestep], self.path.at(level) if level else None)
             after = self.shading.transfer(posed, self.rig.faces)
-            self._shades[key] = self.shading.of_faces(self._canonical_transfer, after, self.rig.faces)
+            self._shades[key] = self.shading.face_factors(self._canonical_transfer, after, self.rig.faces)
         return self._shades[key]
 
     @cached_property

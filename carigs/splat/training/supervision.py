@@ -75,7 +75,7 @@ class Supervision:
         self.targets = tuple(target for level in self.sets for target in level.targets)
         self._frozen: dict[float, Bool[np.ndarray, "f"]] = {}
         for level in self.sets:
-            frozen = (level.of_faces & self._excluded) > 0
+            frozen = (level.face_flags & self._excluded) > 0
             if frozen.any():
                 self._frozen[level.level] = frozen
 
@@ -83,7 +83,7 @@ class Supervision:
         """Every image and mask that may be read."""
         root = self.capture.root
         files = [root / f.image for f in self.frames]
-        return files + [file for target in self.targets for file in (target.image, target.reasons)]
+        return files + [file for target in self.targets for file in (target.image, target.mask_flags)]
 
     def example(self, caricature: bool, index: int) -> Example:
         """Training frame or target number `index`."""
@@ -109,7 +109,7 @@ class Supervision:
         target = self.targets[index]
         self._images.ask(target.image, _read_planes)
         if self.mask_flags:
-            self._images.ask(target.reasons, read_bits)
+            self._images.ask(target.mask_flags, read_bits)
 
     def first_view(self, caricature: bool, index: int) -> tuple[Example, Float[np.ndarray, "h w"]]:
         """An example, and how far each of its pixels may be taken for the person's: the matte, or the mask's."""
