@@ -11,7 +11,8 @@ from carigs.capture import Capture
 from carigs.gtstar.frame_views import TimestepViews, load_views
 from carigs.gtstar.mask_flags import MaskFlag
 from carigs.head import pose
-from carigs.light import Observation, Shading, fit_light, observe_skin
+from carigs.light.fitting import Observation, fit_light, observe_skin
+from carigs.light.shading import Shading
 from carigs.settings import Gtstar
 
 KEPT = MaskFlag.HAIR | MaskFlag.EYEBALLS | MaskFlag.MOUTH

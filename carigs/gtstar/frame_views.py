@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Float32
 
-from carigs.capture import Capture, Frame
+from carigs.capture import Camera, Capture, Frame
 from carigs.capture.images import read_grey, read_rgb
 from carigs.errors import InputError
 from carigs.raster import Visibility, compute_visibility
@@ -51,19 +51,21 @@ def load_views(
     """
     views, problems = {}, {}
     for frame in frames:
-        camera = capture.cameras[frame.camera]
-        image_file, matte_file = _image_files(settings, capture, frame)
+        camera, (image, matte) = capture.cameras[frame.camera], _image_files(settings, capture, frame)
         try:
-            image, matte = read_rgb(image_file), read_grey(matte_file)
-            for pixels, file in ((image, image_file), (matte, matte_file)):
-                if pixels.shape[:2] != (camera.height, camera.width):
-                    size = f"{pixels.shape[1]} x {pixels.shape[0]} pixels"
-                    raise InputError(f"{size}, its camera has {camera.width} x {camera.height}", file=file)
+            images = _checked(read_rgb(image), image, camera), _checked(read_grey(matte), matte, camera)
         except InputError as error:
             problems[frame] = str(error)
         else:
-            views[frame] = FrameView(image, matte, compute_visibility(vertices, capture.model.faces, camera))
+            views[frame] = FrameView(*images, compute_visibility(vertices, capture.model.faces, camera))
     return TimestepViews(vertices, views, problems)
+
+
+def _checked(image: np.ndarray, file: Path, camera: Camera) -> np.ndarray:
+    if image.shape[:2] != (camera.height, camera.width):
+        size = f"{image.shape[1]} x {image.shape[0]} pixels"
+        raise InputError(f"{size}, its camera has {camera.width} x {camera.height}", file=file)
+    return image
 
 
 def input_files(settings: Gtstar, capture: Capture) -> list[Path]:

@@ -20,8 +20,8 @@ from jaxtyping import Float32, UInt16
 
 from carigs.errors import SettingsError
 from carigs.head import HeadModel
-from carigs.raster import BitMask, Visibility
-from carigs.raster.bit_masks import greater, or_into_image, pixels_of_faces
+from carigs.raster import Visibility
+from carigs.raster.bit_masks import BitMask, greater, or_into_image, pixels_of_faces
 from carigs.settings import Gtstar
 
 INNER_LIPS = slice(60, 68)

@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from carigs.mesh.triangle_mesh import vertex_normals
-from carigs.raster import Visibility, sample_colours, visible_vertices
+from carigs.raster import Visibility
+from carigs.raster.vertex_colours import sample_colours, visible_vertices
 
 MIN_VERTICES = 100
 """Least number of vertices shared with other cameras for an error to be measured."""

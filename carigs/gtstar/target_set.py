@@ -24,7 +24,7 @@ from carigs.gtstar.capture_shading import fit_capture_shading
 from carigs.gtstar.frame_views import TimestepViews, input_files
 from carigs.gtstar.mask_flags import MaskFlag, face_mask_flags
 from carigs.gtstar.provider import TargetResult, provide_targets
-from carigs.light import load_shading, save_shading
+from carigs.light.shading import load_shading, save_shading
 from carigs.settings import Gtstar
 from carigs.sources import fingerprint
 

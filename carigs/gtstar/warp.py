@@ -69,20 +69,6 @@ def warp_frame(
     )  # fmt: skip
 
 
-def source_pixels(natural: Visibility, caricature: Visibility, kind: str) -> Float32[np.ndarray, "h w 2"]:
-    """Where in the frame each pixel of the target comes from.
-
-    Args:
-        natural: What the frame's camera sees of the tracked mesh.
-        caricature: What the target's camera sees of the caricature.
-        kind: `affine` or `perspective`.
-
-    Returns:
-        Image positions (x, y), pixel centres at +0.5; nan off the mesh.
-    """
-    return warp_kernels.source_pixels(caricature.face, source_maps(natural, caricature, kind))
-
-
 def source_maps(natural: Visibility, caricature: Visibility, kind: str) -> Float64[np.ndarray, "f 3 3"]:
     """Map of every triangle from target pixels to frame pixels.
 

@@ -133,26 +133,6 @@ def _sample_footprint(image, inverse_depth, outline, first, shares, planes, maps
 
 
 @_kernel
-def source_pixels(face_image, maps):
-    """Source of every target pixel in the frame.
-
-    Args:
-        face_image: Face per target pixel (h, w), -1 where there is none.
-        maps: Map of each face from target pixels to frame pixels (f, 3, 3).
-
-    Returns:
-        Image positions (h, w, 2), nan off the mesh.
-    """
-    height, width = face_image.shape
-    source = np.full((height, width, 2), np.nan, np.float32)
-    for y in range(height):
-        for x in range(width):
-            if face_image[y, x] >= 0:
-                source[y, x, 0], source[y, x, 1], _ = _apply_map(maps, face_image[y, x], x + 0.5, y + 0.5)
-    return source
-
-
-@_kernel
 def _warp_smooth_pixels(
     colour, mask_flags, rest, face_image, outline, maps, face_flags, samples, smooth, planes, image, frame_flags,
     tolerance, background,

@@ -1,24 +1,12 @@
 """Light: diffuse transfer with shadows, light fitted to frames, and shading that follows the surface.
 
-- `light_transfer`: how much light from each direction reaches each vertex
-- `observe_skin`, `fit_light`: the light of a capture from the colours of skin
+- `transfer.light_transfer`: how much light from each direction reaches each vertex
+- `fitting.observe_skin`, `fit_light`: the light of a capture from the colours of skin
 - `Shading`, `relight`: factors on colours from the irradiance of one surface to that of another
 """
 
-from carigs.light.fitting import Observation, fit_light, observe_skin
-from carigs.light.shading import Shading, irradiance_ratio, load_shading, relight, save_shading
-from carigs.light.transfer import Transfer, fibonacci_sphere, light_transfer
+from carigs.light.fitting import Observation, fit_light
+from carigs.light.shading import Shading, irradiance_ratio, relight
+from carigs.light.transfer import fibonacci_sphere, light_transfer
 
-__all__ = [
-    "Observation",
-    "Shading",
-    "Transfer",
-    "fibonacci_sphere",
-    "fit_light",
-    "irradiance_ratio",
-    "light_transfer",
-    "load_shading",
-    "observe_skin",
-    "relight",
-    "save_shading",
-]
+__all__ = ["Observation", "Shading", "fibonacci_sphere", "fit_light", "irradiance_ratio", "light_transfer", "relight"]

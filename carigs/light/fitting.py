@@ -19,7 +19,8 @@ from threadpoolctl import threadpool_limits
 from carigs.capture.images import to_linear
 from carigs.light.transfer import Transfer, fibonacci_sphere, light_transfer
 from carigs.mesh.triangle_mesh import vertex_normals
-from carigs.raster import Visibility, sample_colours, visible_vertices
+from carigs.raster import Visibility
+from carigs.raster.vertex_colours import sample_colours, visible_vertices
 
 CANDIDATES = 256  # directions of the coarse fit
 BRIGHTEST = 64  # directions of the final fit

@@ -189,23 +189,3 @@ def covered_share(words, first, shares, y, x):
     """
     number = _number(words, first, y, x)
     return shares[number] if number >= 0 else np.float32(1.0)
-
-
-@kernel
-def unpack(words, first, shares, height):
-    """Share of every pixel that the mesh covers.
-
-    Args:
-        words: Words (j, w) of the mask of partly covered pixels.
-        first: Number of the first pixel of each word (j, w).
-        shares: Covered shares of those pixels.
-        height: Rows of the image.
-
-    Returns:
-        Shares (h, w).
-    """
-    result = np.empty((height, words.shape[1]), np.float32)
-    for y in range(height):
-        for x in range(words.shape[1]):
-            result[y, x] = covered_share(words, first, shares, y, x)
-    return result

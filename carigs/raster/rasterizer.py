@@ -10,8 +10,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int, Int32, UInt64
 
 from carigs.raster import coverage as coverage_kernels
-from carigs.raster import scan_conversion
+from carigs.raster import projection
 from carigs.raster.bit_masks import BitMask, greater
+from carigs.raster.scan_conversion import nearest_faces
 
 if TYPE_CHECKING:
     from carigs.capture.camera import Camera
@@ -41,17 +42,6 @@ class Coverage(NamedTuple):
     share: Float32[np.ndarray, "n"]
     """Covered share of each of those pixels."""
 
-    def to_array(self, height: int) -> Float32[np.ndarray, "h w"]:
-        """Unpack the coverage.
-
-        Args:
-            height: Rows of the image.
-
-        Returns:
-            Covered share of every pixel.
-        """
-        return coverage_kernels.unpack(*self, height)
-
 
 @dataclass(frozen=True)
 class Visibility:
@@ -80,7 +70,7 @@ class Visibility:
     @property
     def fragments(self) -> Fragments:
         """Barycentric coordinates and depth at every pixel."""
-        weights, depth = scan_conversion.barycentrics(
+        weights, depth = projection.barycentrics(
             self.camera_points, self.faces, self.depth_planes, self.face, *self.camera.intrinsics
         )
         return Fragments(self.face, weights, depth)
@@ -123,11 +113,11 @@ def compute_visibility(
     """
     faces, intrinsics = np.ascontiguousarray(faces, np.int32), camera.intrinsics
     rotation, translation = np.ascontiguousarray(camera.camera_from_world[:3, :3]), camera.camera_from_world[:3, 3]
-    points, pixels = scan_conversion.project_points(
+    points, pixels = projection.project_points(
         np.ascontiguousarray(vertices, np.float64), rotation, translation.copy(), *intrinsics
     )
-    planes, back = scan_conversion.inverse_depth_planes(points, faces, *intrinsics)
-    face, inverse_depth = scan_conversion.nearest_faces(
+    planes, back = projection.inverse_depth_planes(points, faces, *intrinsics)
+    face, inverse_depth = nearest_faces(
         points, pixels, faces, planes, back, cull_back, NEAR, *intrinsics, camera.height, camera.width
     )
     return Visibility(face, inverse_depth, back, planes, points, pixels, faces, camera)

@@ -5,7 +5,8 @@ import pytest
 from miniature import ball_cameras, ball_model
 
 from carigs.gtstar.registration import registration_errors
-from carigs.raster import Visibility, compute_visibility, sample_colours
+from carigs.raster import Visibility, compute_visibility
+from carigs.raster.vertex_colours import sample_colours
 
 
 def painted(visibility: Visibility, vertices: np.ndarray) -> np.ndarray:
