@@ -4,6 +4,7 @@ import json
 import shutil
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from carigs.capture import Capture, look_at
 from carigs.capture.images import read_bits, read_rgb, write_png
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration import GammaPath
-from carigs.gtstar import MaskFlag
+from carigs.gtstar import MaskFlag, capture_shading, frame_views, provider
 from carigs.gtstar.provider import frame_weight
 from carigs.gtstar.registration import RegistrationError
 from carigs.head import neutral
@@ -112,6 +113,30 @@ def test_the_light_is_written_for_training_only_if_surfels_follow_it(folder, tmp
     for relight in ("none", "targets", "targets_and_surfels"):
         make_targets(folder, tmp_path / relight, relight=relight)
         assert (tmp_path / relight / "targets/shading.npz").is_file() == (relight == "targets_and_surfels")
+
+
+def test_each_frame_is_decoded_and_rasterized_once(folder, tmp_path, monkeypatch):
+    """Once at either end of the warp, although the light is fitted to the same frames; the cache changes nothing."""
+    calls = Counter()
+
+    def count(module, name):
+        original = getattr(module, name)
+
+        def counted(*arguments):
+            calls[module, name] += 1
+            return original(*arguments)
+
+        monkeypatch.setattr(module, name, counted)
+
+    for name in ("read_rgb", "read_grey", "compute_visibility"):
+        count(frame_views, name)
+    count(provider, "compute_visibility")
+    make_targets(folder, tmp_path / "cached", threads=1)
+    assert list(calls.values()) == [6, 6, 6, 6]
+    monkeypatch.setattr(capture_shading, "CACHE_BYTES", 0)
+    make_targets(folder, tmp_path / "loaded", threads=1)
+    assert calls[frame_views, "read_rgb"] == 3 * 6
+    assert contents(tmp_path / "cached") == contents(tmp_path / "loaded")
 
 
 @pytest.fixture
