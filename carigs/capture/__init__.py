@@ -1,9 +1,8 @@
-"""Captures: cameras, datasets on disk, the synthetic subject.
+"""Captures: cameras, images, datasets on disk, and the indexes of rendered frames and of GT* frames.
 
 - `Camera`, `look_at`: pinhole cameras
-- `Capture`, `Frame`: the checked index of a subject's images, masks, cameras and head parameters
-- `read_dataset`: a folder in the GaussianAvatars layout -> `Capture`
-- `carigs.capture.toy`: the procedural person
+- `Capture`, `Frame`: index of a subject's images, masks, cameras and head parameters
+- `read_dataset`: read and check a dataset in the layout of GaussianAvatars
 """
 
 from carigs.capture.camera import OPENCV_FROM_OPENGL, Camera, look_at

@@ -1,13 +1,11 @@
-"""The index of a capture: which frames there are, seen by which cameras, posed by which head parameters."""
+"""The index of a capture (capture.json): frames, cameras and head parameters."""
 
 from __future__ import annotations
 
-import json
 import os
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float32
@@ -15,7 +13,7 @@ from jaxtyping import Float32
 from carigs.capture.camera import Camera
 from carigs.capture.images import read_grey, read_rgb
 from carigs.errors import InputError
-from carigs.files import writing
+from carigs.files import read_json, write_json
 from carigs.head import HeadModel, HeadParameters
 
 FORMAT = "carigs-capture-1"
@@ -24,26 +22,26 @@ SPLITS = ("train", "val", "test")
 
 @dataclass(frozen=True)
 class Frame:
-    """One image of one camera at one timestep; files are relative to the capture's root."""
+    """One image of one camera at one timestep. File names are relative to the capture's root."""
 
     timestep: int
     camera: int
     sequence: str
     split: str
-    """`train`, `val` (novel view of the training timesteps) or `test` (held-out sequence)."""
+    """`train`, `val` (held-out view of the training timesteps) or `test` (held-out sequence)."""
     image: str
     mask: str
     parameters: str
 
     @property
     def name(self) -> str:
-        """`{timestep:05d}_{camera:02d}`, the stem of everything made from this frame."""
+        """`{timestep:05d}_{camera:02d}`, the stem of the names of all files derived from this frame."""
         return f"{self.timestep:05d}_{self.camera:02d}"
 
 
 @dataclass(frozen=True)
 class Capture:
-    """A subject's checked capture; images are read when asked for."""
+    """A capture of a subject. Images and parameters are read on demand."""
 
     root: Path
     head_model: Path
@@ -53,7 +51,14 @@ class Capture:
     """Grey value the images were composited on."""
 
     def split(self, name: str) -> tuple[Frame, ...]:
-        """Frames of `train`, `val` or `test`, by timestep, then camera."""
+        """Frames of a split.
+
+        Args:
+            name: `train`, `val` or `test`.
+
+        Returns:
+            Frames sorted by timestep, then camera.
+        """
         return tuple(frame for frame in self.frames if frame.split == name)
 
     @cached_property
@@ -66,27 +71,54 @@ class Capture:
         return {frame.timestep: frame.parameters for frame in self.frames}
 
     def parameters(self, timestep: int) -> HeadParameters:
-        """Tracked head parameters of a timestep."""
+        """Tracked head parameters of a timestep.
+
+        Args:
+            timestep: Timestep of a frame of the capture.
+
+        Returns:
+            The parameters, checked against the head model.
+        """
         return HeadParameters.load(self.root / self._parameter_files[timestep], self.model)
 
     def image(self, frame: Frame) -> Float32[np.ndarray, "h w 3"]:
-        """The frame's colours."""
+        """Read the image of a frame.
+
+        Args:
+            frame: A frame of the capture.
+
+        Returns:
+            sRGB colours in [0, 1].
+        """
         return read_rgb(self.root / frame.image)
 
     def mask(self, frame: Frame) -> Float32[np.ndarray, "h w"]:
-        """The frame's foreground matte."""
+        """Read the foreground matte of a frame.
+
+        Args:
+            frame: A frame of the capture.
+
+        Returns:
+            Opacity of the foreground in [0, 1].
+        """
         return read_grey(self.root / frame.mask)
 
     @property
     def validation_camera(self) -> int:
-        """The novel view; the most frontal camera where the capture holds none out."""
+        """The camera of the `val` split; the most frontal camera if that split is empty."""
         held_out = self.split("val")
         if held_out:
             return held_out[0].camera
         return max(self.cameras, key=lambda c: self.cameras[c].centre[2] / np.linalg.norm(self.cameras[c].centre))
 
     def save(self, file: Path) -> None:
-        """Write the index; a root or model inside the index's folder is stored relative to it, so that it can move."""
+        """Write the index.
+
+        A root or head model inside the folder of the index is stored as a relative path, so that the folder can move.
+
+        Args:
+            file: Path of capture.json.
+        """
         content = {
             "format": FORMAT,
             "root": _relative(self.root, file.parent),
@@ -98,12 +130,21 @@ class Capture:
             },
             "frames": [asdict(frame) for frame in self.frames],
         }
-        with writing(file) as part:
-            part.write_text(json.dumps(content, indent=1))
+        write_json(file, content)
 
     @classmethod
     def load(cls, file: Path) -> Capture:
-        """Read an index; raises `InputError` if it is missing, broken, or of another format."""
+        """Read an index.
+
+        Args:
+            file: Path of capture.json.
+
+        Returns:
+            The capture.
+
+        Raises:
+            InputError: If the index is missing, broken, or of another format.
+        """
         content = read_json(file)
         if not isinstance(content, dict) or content.get("format") != FORMAT:
             raise InputError(f"not a {FORMAT} index", file=file, field="format")
@@ -120,20 +161,6 @@ class Capture:
             )
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"broken index ({error!r})", file=file) from error
-
-
-def read_json(file: Path) -> Any:
-    """Parse a JSON file; raises `InputError` with line and column if it cannot be."""
-    try:
-        return json.loads(Path(file).read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise InputError("no such file", file=file) from error
-    except json.JSONDecodeError as error:
-        raise InputError(
-            f"broken JSON: {error.msg}", file=file, field=f"line {error.lineno} column {error.colno}"
-        ) from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot be read ({error})", file=file) from error
 
 
 def _relative(path: Path, folder: Path) -> str:

@@ -1,82 +1,129 @@
-"""Which images there are: the index of rendered frames and the index of true images."""
+"""Indexes of images: the rendered frames of an avatar (frames.json) and the ground truth of a level (truth.json)."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from carigs.capture.dataset import read_json
 from carigs.errors import InputError
+from carigs.files import json_field, read_json, write_json
 
 
 @dataclass(frozen=True)
-class Rendered:
+class RenderedImage:
     """One rendered frame."""
 
     protocol: str
-    """`test` (held-out sequence), `val` (novel view) or `orbit` (novel camera trajectory)."""
+    """`test` (held-out sequence), `val` (held-out view) or `orbit` (novel camera trajectory)."""
     timestep: int
     camera: int
-    """Of the capture; on the orbit its frame number."""
+    """Camera of the capture; for the orbit, the number of the frame."""
     order: int
     """Position among the rendered frames."""
     file: Path
 
 
 @dataclass(frozen=True)
-class Truths:
-    """True images of one level by (timestep, camera), or the reason why there are none."""
+class GroundTruth:
+    """Ground-truth images of one level by (timestep, camera), or the reason why there are none."""
 
     reason: str | None
     images: dict[tuple[int, int], Path]
     masks: dict[tuple[int, int], Path]
 
 
-def read_rendered(index: Path, folder: Path | None = None) -> list[Rendered]:
-    """Frames of `frames.json`, by protocol and order; raises `InputError` for a broken entry or a missing image.
+def read_frame_index(index: Path, folder: Path | None = None) -> list[RenderedImage]:
+    """Read frames.json.
 
-    Images are looked for in `folder`, else in `frames/` next to the index, else next to it.
+    Args:
+        index: The index.
+        folder: Folder of the images; if None, `frames/` next to the index, else the folder of the index.
+
+    Returns:
+        The frames, sorted by protocol and order.
+
+    Raises:
+        InputError: If an entry is broken or an image is missing.
     """
-    entries = read_json(index)
-    if not isinstance(entries, list):
-        raise InputError("expected a list of frames", file=index)
     frames = []
-    for i, entry in enumerate(entries):
-        name = _take(entry, "file", str, index, f"[{i}]")
-        file = folder / name if folder is not None else _beside(index, name)
-        if not file.is_file():
-            raise InputError(f"no such image: {file}", file=index, field=f"[{i}].file")
-        numbers = {key: _take(entry, key, int, index, f"[{i}]") for key in ("timestep", "camera", "order")}
-        frames.append(Rendered(protocol=_take(entry, "protocol", str, index, f"[{i}]"), file=file, **numbers))
+    for i, entry in enumerate(read_json(index, list)):
+        where = f"[{i}]"
+        name = json_field(entry, "file", str, file=index, where=where)
+        file = _existing(folder / name if folder is not None else _next_to(index, name), index, f"{where}.file")
+        numbers = {key: json_field(entry, key, int, file=index, where=where) for key in ("timestep", "camera", "order")}
+        protocol = json_field(entry, "protocol", str, file=index, where=where)
+        frames.append(RenderedImage(protocol=protocol, file=file, **numbers))
     return sorted(frames, key=lambda frame: (frame.protocol, frame.order))
 
 
-def read_truths(index: Path) -> Truths:
-    """The true images of `truth.json` (beside it, or in `frames/` next to it).
+def write_frame_index(index: Path, entries: Iterable[dict[str, Any]]) -> None:
+    """Write frames.json.
 
-    Raises `InputError` for a broken entry or a missing image.
+    Args:
+        index: The index.
+        entries: The fields protocol, timestep, camera, sequence and file of each frame, in rendering order. The field
+            order is added.
     """
-    content = read_json(index)
-    if not isinstance(content, dict) or not isinstance(content.get("frames"), list):
-        raise InputError("expected an object with a list of frames", file=index, field="frames")
-    images, masks = {}, {}
-    for i, entry in enumerate(content["frames"]):
-        key = tuple(_take(entry, name, int, index, f"frames[{i}]") for name in ("timestep", "camera"))
+    write_json(index, [{**entry, "order": i} for i, entry in enumerate(entries)])
+
+
+def read_ground_truth(index: Path) -> GroundTruth:
+    """Read truth.json.
+
+    Args:
+        index: The index. Images lie in `frames/` next to it, else in its folder.
+
+    Returns:
+        Images and masks by (timestep, camera).
+
+    Raises:
+        InputError: If an entry is broken or an image is missing.
+    """
+    content, images, masks = read_json(index), {}, {}
+    for i, entry in enumerate(json_field(content, "frames", list, file=index)):
+        where = f"frames[{i}]"
+        key = tuple(json_field(entry, name, int, file=index, where=where) for name in ("timestep", "camera"))
         for name, files in (("image", images), ("mask", masks)):
-            files[key] = _beside(index, _take(entry, name, str, index, f"frames[{i}]"))
-            if not files[key].is_file():
-                raise InputError(f"no such image: {files[key]}", file=index, field=f"frames[{i}].{name}")
-    return Truths(reason=content.get("reason"), images=images, masks=masks)
+            file = _next_to(index, json_field(entry, name, str, file=index, where=where))
+            files[key] = _existing(file, index, f"{where}.{name}")
+    return GroundTruth(reason=content.get("reason"), images=images, masks=masks)
 
 
-def _beside(index: Path, name: str) -> Path:
-    """`name` in the folder `frames` next to the index, or right next to it."""
+def write_ground_truth(index: Path, level: float, names: Iterable[tuple[int, int]], reason: str | None = None) -> None:
+    """Write truth.json.
+
+    Args:
+        index: The index.
+        level: Exaggeration level.
+        names: Timestep and camera of each image; the files are named by `ground_truth_files`.
+        reason: Why there are no images, if there are none.
+    """
+    frames = [{"timestep": t, "camera": c, **ground_truth_files(t, c)} for t, c in names]
+    write_json(index, {"level": level, "reason": reason, "frames": frames})
+
+
+def ground_truth_files(timestep: int, camera: int) -> dict[str, str]:
+    """File names of a ground-truth image and its mask.
+
+    Args:
+        timestep: Timestep of the frame.
+        camera: Camera of the frame.
+
+    Returns:
+        Names by the keys `image` and `mask`.
+    """
+    stem = f"{timestep:05d}_{camera:02d}"
+    return {"image": f"{stem}.png", "mask": f"{stem}_mask.png"}
+
+
+def _next_to(index: Path, name: str) -> Path:
     file = index.parent / "frames" / name
     return file if file.is_file() else index.parent / name
 
 
-def _take(entry: object, key: str, kind: type, file: Path, field: str):
-    value = entry.get(key) if isinstance(entry, dict) else None
-    if not isinstance(value, kind) or isinstance(value, bool):
-        raise InputError(f"expected {'a whole number' if kind is int else 'a text'}", file=file, field=f"{field}.{key}")
-    return value
+def _existing(file: Path, index: Path, field: str) -> Path:
+    if not file.is_file():
+        raise InputError(f"no such image: {file}", file=index, field=field)
+    return file

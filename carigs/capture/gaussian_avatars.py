@@ -8,18 +8,26 @@ from typing import Any
 import numpy as np
 
 from carigs.capture.camera import OPENCV_FROM_OPENGL, Camera
-from carigs.capture.dataset import SPLITS, Capture, Frame, read_json
+from carigs.capture.dataset import SPLITS, Capture, Frame
 from carigs.capture.images import png_size
 from carigs.errors import InputError
+from carigs.files import json_field, read_json
 from carigs.head import HeadModel, HeadParameters
-
-REQUIRED = ("timestep_index", "camera_index", "transform_matrix", "file_path", "fg_mask_path", "flame_param_path")
 
 
 def read_dataset(folder: Path, head_model: Path, *, background: float = 1.0) -> Capture:
-    """Index a dataset and check all of it before any work starts: files, image sizes, cameras, head parameters.
+    """Index a dataset and check all of it: files, image sizes, cameras and head parameters.
 
-    `val` may be empty; `train` and `test` may not.  Raises `InputError` naming file and field.
+    Args:
+        folder: The dataset. The splits `train` and `test` must have frames, `val` may be empty or missing.
+        head_model: File of the head model.
+        background: Grey value that the images were composited on.
+
+    Returns:
+        The capture, with frames sorted by timestep, then camera.
+
+    Raises:
+        InputError: If anything is missing or inconsistent; names file and field.
     """
     folder = Path(folder)
     if not folder.is_dir():
@@ -31,78 +39,59 @@ def read_dataset(folder: Path, head_model: Path, *, background: float = 1.0) -> 
         file = folder / f"transforms_{split}.json"
         if split == "val" and not file.exists():
             continue
-        content = read_json(file)
-        entries = content.get("frames") if isinstance(content, dict) else None
-        if not isinstance(entries, list):
-            raise InputError("expected an object with a list of frames", file=file, field="frames")
+        content = read_json(file, dict)
+        entries = json_field(content, "frames", list, file=file)
         if not entries and split != "val":
             raise InputError(f"the {split} split is empty", file=file, field="frames")
         for i, entry in enumerate(entries):
-            frame, camera = _frame(entry, content, split, file, f"frames[{i}]")
-            known = cameras.setdefault(frame.camera, camera)
-            if not _same(known, camera):
-                raise InputError(
-                    f"camera {frame.camera} differs from its earlier frames",
-                    file=file,
-                    field=f"frames[{i}].transform_matrix",
-                )
+            where = f"frames[{i}]"
+            if not isinstance(entry, dict):
+                raise InputError("expected an object", file=file, field=where)
+            frame, camera = _read_frame(entry, content, split, file, where)
+            if not _same(cameras.setdefault(frame.camera, camera), camera):
+                problem = f"camera {frame.camera} differs from its earlier frames"
+                raise InputError(problem, file=file, field=f"{where}.transform_matrix")
             frames.append(frame)
     _check_files(folder, frames, cameras, model)
     frames.sort(key=lambda frame: (frame.timestep, frame.camera))
-    return Capture(
-        root=folder,
-        head_model=Path(head_model),
-        frames=tuple(frames),
-        cameras=dict(sorted(cameras.items())),
-        background=background,
-    )
+    return Capture(folder, Path(head_model), tuple(frames), dict(sorted(cameras.items())), background)
 
 
-def _frame(entry: Any, shared: dict[str, Any], split: str, file: Path, where: str) -> tuple[Frame, Camera]:
-    """One entry; intrinsics fall back to the copies at the top level of the file."""
-    if not isinstance(entry, dict):
-        raise InputError("expected an object", file=file, field=where)
-    for key in REQUIRED:
-        if key not in entry:
-            raise InputError("this key is missing", file=file, field=f"{where}.{key}")
+def _read_frame(
+    entry: dict[str, Any], defaults: dict[str, Any], split: str, file: Path, where: str
+) -> tuple[Frame, Camera]:
+    """One entry; keys that it lacks fall back to the top level of the file."""
+    values = {**defaults, **entry}
 
-    def number(key: str) -> float:
-        value = entry.get(key, shared.get(key))
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-            raise InputError(f"expected a number, found {value!r}", file=file, field=f"{where}.{key}")
-        return float(value)
+    def number(key: str, default: float | None = None) -> float:
+        return float(json_field({key: default, **values}, key, float, file=file, where=where))
 
+    def field(key: str, kind: type) -> Any:
+        return json_field(entry, key, kind, file=file, where=where)
+
+    timestep, index = (int(field(key, float)) for key in ("timestep_index", "camera_index"))
+    image, mask, parameters = (field(key, str) for key in ("file_path", "fg_mask_path", "flame_param_path"))
     width, height, fx = int(number("w")), int(number("h")), number("fl_x")
     if width <= 0 or height <= 0 or fx <= 0:
         raise InputError("width, height and focal length must be positive", file=file, field=f"{where}.w, h, fl_x")
+    # The principal point defaults to the centre. (VHAP flips cy since November 2024, which does not matter there.)
+    fy, cx, cy = number("fl_y", fx), number("cx", width / 2), number("cy", height / 2)
+    camera = Camera(_read_pose(entry, file, where), fx, fy, cx, cy, width, height)
+    sequence = str(entry.get("sequence") or _sequence_of(image))
+    return Frame(timestep, index, sequence, split, image, mask, parameters), camera
+
+
+def _read_pose(entry: dict[str, Any], file: Path, where: str) -> np.ndarray:
+    """camera_from_world in OpenCV axes."""
+    rows = json_field(entry, "transform_matrix", list, file=file, where=where)
     try:
-        world_from_opengl = np.array(entry["transform_matrix"], np.float64)
+        world_from_opengl = np.array(rows, np.float64)
     except (TypeError, ValueError) as error:
         raise InputError("expected 4 x 4 numbers", file=file, field=f"{where}.transform_matrix") from error
     rotation = world_from_opengl[:3, :3] if world_from_opengl.shape == (4, 4) else np.zeros((3, 3))
     if not np.isfinite(world_from_opengl).all() or np.abs(rotation.T @ rotation - np.eye(3)).max() > 1e-3:
         raise InputError("expected a 4 x 4 rigid transform", file=file, field=f"{where}.transform_matrix")
-    camera_from_world = OPENCV_FROM_OPENGL @ np.linalg.inv(world_from_opengl)
-    camera = Camera(
-        camera_from_world=camera_from_world,
-        fx=fx,
-        fy=number("fl_y") if "fl_y" in entry or "fl_y" in shared else fx,
-        # A centred principal point where none is given.  (VHAP flips cy since November 2024; centred ones do not care.)
-        cx=number("cx") if "cx" in entry or "cx" in shared else width / 2,
-        cy=number("cy") if "cy" in entry or "cy" in shared else height / 2,
-        width=width,
-        height=height,
-    )
-    frame = Frame(
-        timestep=int(number("timestep_index")),
-        camera=int(number("camera_index")),
-        sequence=str(entry.get("sequence") or _sequence_of(str(entry["file_path"]))),
-        split=split,
-        image=str(entry["file_path"]),
-        mask=str(entry["fg_mask_path"]),
-        parameters=str(entry["flame_param_path"]),
-    )
-    return frame, camera
+    return OPENCV_FROM_OPENGL @ np.linalg.inv(world_from_opengl)
 
 
 def _sequence_of(file_path: str) -> str:
@@ -114,7 +103,7 @@ def _sequence_of(file_path: str) -> str:
 
 def _same(a: Camera, b: Camera) -> bool:
     return bool(np.allclose(a.camera_from_world, b.camera_from_world, atol=1e-6)) and (
-        (a.fx, a.fy, a.cx, a.cy, a.width, a.height) == (b.fx, b.fy, b.cx, b.cy, b.width, b.height)
+        (*a.intrinsics, a.width, a.height) == (*b.intrinsics, b.width, b.height)
     )
 
 
@@ -127,16 +116,12 @@ def _check_files(folder: Path, frames: list[Frame], cameras: dict[int, Camera], 
         seen.add((frame.timestep, frame.camera))
         camera = cameras[frame.camera]
         for name in (frame.image, frame.mask):
-            size = png_size(folder / name)
-            if size != (camera.width, camera.height):
-                raise InputError(
-                    f"{size[0]} x {size[1]} pixels, its camera has {camera.width} x {camera.height}", file=folder / name
-                )
+            width, height = png_size(folder / name)
+            if (width, height) != (camera.width, camera.height):
+                problem = f"{width} x {height} pixels, its camera has {camera.width} x {camera.height}"
+                raise InputError(problem, file=folder / name)
         if parameter_files.setdefault(frame.timestep, frame.parameters) != frame.parameters:
-            raise InputError(
-                f"timestep {frame.timestep} has two parameter files",
-                file=folder / frame.parameters,
-                field="flame_param_path",
-            )
+            problem = f"timestep {frame.timestep} has two parameter files"
+            raise InputError(problem, file=folder / frame.parameters, field="flame_param_path")
     for name in parameter_files.values():
         HeadParameters.load(folder / name, model)

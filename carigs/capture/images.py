@@ -1,4 +1,4 @@
-"""PNG images in and out: float32 RGB in [0, 1] in memory, uint8 on disk."""
+"""PNG images (float32 in [0, 1] in memory, uint8 on disk), bit fields per pixel, and the sRGB transfer function."""
 
 from __future__ import annotations
 
@@ -12,33 +12,85 @@ from carigs.errors import InputError
 
 
 def to_linear(colours: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """Linear light of sRGB values in [0, 1]."""
+    """Convert sRGB values to linear light (IEC 61966-2-1).
+
+    Args:
+        colours: sRGB values in [0, 1].
+
+    Returns:
+        Linear values in [0, 1].
+    """
     return np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
 
 
 def to_srgb(light: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
-    """SRGB values of linear light in [0, 1]: the inverse of `to_linear`."""
+    """Convert linear light to sRGB values, the inverse of `to_linear`.
+
+    Args:
+        light: Linear values in [0, 1].
+
+    Returns:
+        sRGB values in [0, 1].
+    """
     return np.where(light <= 0.0031308, light * 12.92, 1.055 * np.maximum(light, 0.0031308) ** (1 / 2.4) - 0.055)
 
 
 def read_rgb8(file: Path) -> UInt8[np.ndarray, "h w 3"]:
-    """Raises `InputError` if the file is missing or no image."""
+    """Read a colour image.
+
+    Args:
+        file: Image file.
+
+    Returns:
+        RGB values from 0 to 255.
+
+    Raises:
+        InputError: If the file is missing or not an image.
+    """
     pixels = _read(file, cv2.IMREAD_COLOR)
     return np.ascontiguousarray(pixels[:, :, ::-1])
 
 
 def read_rgb(file: Path) -> Float32[np.ndarray, "h w 3"]:
-    """Colours in [0, 1] as stored (sRGB); raises `InputError` as `read_rgb8`."""
+    """Read a colour image.
+
+    Args:
+        file: Image file.
+
+    Returns:
+        sRGB values in [0, 1].
+
+    Raises:
+        InputError: If the file is missing or not an image.
+    """
     return read_rgb8(file).astype(np.float32) / 255
 
 
 def read_grey(file: Path) -> Float32[np.ndarray, "h w"]:
-    """A matte or mask in [0, 1]; raises `InputError` as `read_rgb8`."""
+    """Read a grey image, for example a matte or mask.
+
+    Args:
+        file: Image file.
+
+    Returns:
+        Values in [0, 1].
+
+    Raises:
+        InputError: If the file is missing or not an image.
+    """
     return _read(file, cv2.IMREAD_GRAYSCALE).astype(np.float32) / 255
 
 
 def write_png(file: Path, image: Float[np.ndarray, "h w *c"]) -> None:
-    """Write RGB (h, w, 3) or grey (h, w) values in [0, 1], rounded to the nearest of 256 levels."""
+    """Write an 8-bit image; values are clipped to [0, 1] and rounded to the nearest of 256 levels.
+
+    Args:
+        file: PNG file.
+        image: RGB (h, w, 3) or grey (h, w) values in [0, 1].
+
+    Raises:
+        InputError: If the file cannot be written.
+    """
     levels = np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
     if levels.ndim == 3:
         levels = np.ascontiguousarray(levels[:, :, ::-1])
@@ -47,7 +99,17 @@ def write_png(file: Path, image: Float[np.ndarray, "h w *c"]) -> None:
 
 
 def read_bits(file: Path) -> UInt16[np.ndarray, "h w"]:
-    """A bit field per pixel, as stored; raises `InputError` as `read_rgb8`, and if it is no 16-bit grey image."""
+    """Read a 16-bit grey image that stores a bit field per pixel.
+
+    Args:
+        file: Image file.
+
+    Returns:
+        The bit fields.
+
+    Raises:
+        InputError: If the file is missing or not a 16-bit grey image.
+    """
     pixels = _read(file, cv2.IMREAD_UNCHANGED)
     if pixels.dtype != np.uint16 or pixels.ndim != 2:
         raise InputError(f"{pixels.dtype} {pixels.shape}, expected a 16-bit grey image", file=file)
@@ -55,13 +117,31 @@ def read_bits(file: Path) -> UInt16[np.ndarray, "h w"]:
 
 
 def write_bits(file: Path, pixels: UInt16[np.ndarray, "h w"]) -> None:
-    """Write a bit field per pixel as a 16-bit grey image."""
+    """Write a bit field per pixel as a 16-bit grey image.
+
+    Args:
+        file: PNG file.
+        pixels: The bit fields.
+
+    Raises:
+        InputError: If the file cannot be written.
+    """
     if not cv2.imwrite(str(file), pixels):
         raise InputError("cannot be written", file=file)
 
 
 def png_size(file: Path) -> tuple[int, int]:
-    """Width and height from the PNG header alone; raises `InputError` if missing, not a PNG, or cut short."""
+    """Size of an image from the header of its PNG file.
+
+    Args:
+        file: PNG file.
+
+    Returns:
+        Width and height.
+
+    Raises:
+        InputError: If the file is missing, not a PNG, or truncated.
+    """
     try:
         with file.open("rb") as stream:
             header = stream.read(24)

@@ -1,76 +1,103 @@
-"""The targets of one level as training reads them: the index that stage `gtstar` writes beside their folder."""
+"""The index of the GT* frames of one level (targets.json) and the folder that it names."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from os.path import relpath
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import UInt16
 
-from carigs.capture import Capture, Frame
-from carigs.capture.dataset import read_json
+from carigs.capture.dataset import Capture, Frame
 from carigs.errors import InputError
+from carigs.files import json_field, read_json, reading_arrays, write_json
+
+FACE_FLAGS = "faces.npy"
+SHADING = "shading.npz"
 
 
-class Target(NamedTuple):
+class TargetFrame(NamedTuple):
     """A GT* frame on disk."""
 
     frame: Frame
-    """That it was made of."""
+    """The training frame that it was made from."""
     level: float
     image: Path
-    reasons: Path
+    mask_flags: Path
+    """Image of the bits of `MaskFlag`."""
     weight: float
-    """Of its loss: below 1 where the frame is off its mesh."""
+    """Weight of its loss, below 1 for frames with a registration error."""
 
 
 @dataclass(frozen=True)
 class TargetSet:
-    """The GT* frames of one level, and what holds for triangles in all of them."""
+    """The GT* frames of one level."""
 
     level: float
     folder: Path
-    targets: tuple[Target, ...]
-    of_faces: UInt16[np.ndarray, "f"]
-    """Reasons of every triangle."""
+    targets: tuple[TargetFrame, ...]
+    face_flags: UInt16[np.ndarray, "f"]
+    """Bits of `MaskFlag` that hold for a triangle in every frame."""
 
 
-def read_targets(index: Path, subject: Capture) -> TargetSet:
-    """Raises `InputError` for an index that is broken or of another capture; images are read when they are needed."""
+def read_targets(index: Path, capture: Capture) -> TargetSet:
+    """Read targets.json and the flags of the triangles; images are not read.
+
+    Args:
+        index: The index.
+        capture: The capture that the targets were made from.
+
+    Returns:
+        The targets in the order of the index.
+
+    Raises:
+        InputError: If the index is broken or belongs to another capture.
+    """
     content = read_json(index)
-
-    def refuse(bad: bool, field: str, problem: str) -> None:
-        if bad:
-            raise InputError(problem, file=index, field=field)
-
-    refuse(not isinstance(content, dict), "", "expected an object")
-    for field, kinds in (("level", (int, float)), ("folder", str), ("targets", list)):
-        refuse(not isinstance(content.get(field), kinds), field, "missing, or of another type")
-    level, folder = float(content["level"]), index.parent / content["folder"]
-    refuse(not content["targets"], "targets", "holds none")
-    frames = {(frame.timestep, frame.camera): frame for frame in subject.split("train")}
+    level = float(json_field(content, "level", float, file=index))
+    folder = index.parent / json_field(content, "folder", str, file=index)
+    entries = json_field(content, "targets", list, file=index)
+    if not entries:
+        raise InputError("holds none", file=index, field="targets")
+    frames = {(frame.timestep, frame.camera): frame for frame in capture.split("train")}
     targets = []
-    for i, entry in enumerate(content["targets"]):
-        for key, kinds in (("timestep", int), ("camera", int), ("image", str), ("reasons", str)):
-            known = isinstance(entry, dict) and isinstance(entry.get(key), kinds)
-            refuse(not known, f"targets[{i}].{key}", "missing, or of another type")
-        frame, weight = frames.get((entry["timestep"], entry["camera"])), entry.get("weight", 1.0)
-        refuse(frame is None, f"targets[{i}]", "the capture has no such training frame")
-        number = isinstance(weight, (int, float)) and 0 <= weight <= 1
-        refuse(not number, f"targets[{i}].weight", f"{weight} is no number in [0, 1]")
-        targets.append(Target(frame, level, folder / entry["image"], folder / entry["reasons"], float(weight)))
-    return TargetSet(level, folder, tuple(targets), _of_faces(folder / "faces.npy", len(subject.model.faces)))
+    for i, entry in enumerate(entries):
+        where = f"targets[{i}]"
+        timestep, camera, image, mask_flags = (
+            json_field(entry, key, kind, file=index, where=where)
+            for key, kind in (("timestep", int), ("camera", int), ("image", str), ("reasons", str))
+        )
+        weight = json_field({"weight": 1.0, **entry}, "weight", float, file=index, where=where)
+        if (timestep, camera) not in frames:
+            raise InputError("the capture has no such training frame", file=index, field=where)
+        if not 0 <= weight <= 1:
+            raise InputError(f"{weight} is not in [0, 1]", file=index, field=f"{where}.weight")
+        frame = frames[timestep, camera]
+        targets.append(TargetFrame(frame, level, folder / image, folder / mask_flags, float(weight)))
+    return TargetSet(level, folder, tuple(targets), _read_face_flags(folder / FACE_FLAGS, len(capture.model.faces)))
 
 
-def _of_faces(file: Path, count: int) -> UInt16[np.ndarray, "f"]:
-    try:
-        reasons = np.load(file)
-    except FileNotFoundError as error:
-        raise InputError("no such file", file=file) from error
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"not a readable .npy ({error})", file=file) from error
-    if reasons.shape != (count,) or reasons.dtype != np.uint16:
-        raise InputError(f"{reasons.dtype} {reasons.shape}, expected 16 bits for each of {count} faces", file=file)
-    return reasons
+def write_targets(
+    index: Path, level: float, folder: Path, targets: list[dict[str, Any]], skipped: list[dict[str, Any]]
+) -> None:
+    """Write targets.json.
+
+    Args:
+        index: The index.
+        level: Exaggeration level.
+        folder: Folder of the images.
+        targets: Per GT* frame its timestep, camera, image, mask image (`reasons`), weight and statistics.
+        skipped: Per frame without a target its timestep, camera and the reason (`why`).
+    """
+    content = {"level": level, "folder": relpath(folder, index.parent), "targets": targets, "left_out": skipped}
+    write_json(index, content)
+
+
+def _read_face_flags(file: Path, count: int) -> UInt16[np.ndarray, "f"]:
+    with reading_arrays(file):
+        flags = np.load(file, allow_pickle=False)
+    if flags.shape != (count,) or flags.dtype != np.uint16:
+        raise InputError(f"{flags.dtype} {flags.shape}, expected 16 bits for each of {count} faces", file=file)
+    return flags

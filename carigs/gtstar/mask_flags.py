@@ -1,4 +1,12 @@
-"""Why a pixel of a target cannot be trusted: a bit field, and what the head model and the frame say of it."""
+"""The validity mask of a target: a bit field per pixel that says why the pixel cannot be trusted.
+
+The masks of the paper, and where they are computed:
+
+- visibility mask (newly visible triangles, appendix): `triangle_maps.flag_triangles`
+- occlusion mask (section 3.2): `warp_kernels.warp`
+- hair boundary mask (section 3.2): `find_hair`, `frame_mask_flags`, `add_target_mask_flags`
+- eyelids and ears (appendix): `face_mask_flags`
+"""
 
 from __future__ import annotations
 
@@ -13,30 +21,30 @@ from jaxtyping import Float32, UInt16
 from carigs.errors import SettingsError
 from carigs.head import HeadModel
 from carigs.raster import Visibility
-from carigs.raster import bit_masks as bits
-from carigs.raster.bit_masks import Bits
+from carigs.raster.bit_masks import BitMask, greater, or_into_image, pixels_of_faces
 from carigs.settings import Gtstar
 
 INNER_LIPS = slice(60, 68)
+"""Landmarks of the inner lips in the 68-point scheme of iBUG."""
 
 
 class MaskFlag(IntFlag):
-    """One bit each, so that reasons can overlap; stored as 16-bit grey values."""
+    """Why a pixel of a target cannot be trusted. Flags can be combined; they are stored as 16-bit grey values."""
 
     NEWLY_VISIBLE = 1
-    """Turned away from the camera in the frame, and no longer in the caricature."""
+    """The triangle turns its back to the camera in the frame and its front in the caricature, or conversely."""
     OCCLUDED = 2
-    """Hidden by something nearer in the frame."""
+    """A nearer surface hides the point in the frame."""
     GRAZING = 4
-    """Seen too obliquely in the frame, and clearly less so in the caricature."""
+    """Seen too obliquely in the frame, and clearly less obliquely in the caricature."""
     STRETCHED = 8
-    """Covers far more pixels in the caricature than in the frame."""
+    """The triangle covers far more pixels in the caricature than in the frame."""
     OUTSIDE_IMAGE = 16
-    """Comes from beyond the frame's border."""
+    """The point lies outside the frame."""
     OUTSIDE_MESH = 32
     """Off the caricature's mesh and not known to be background."""
     HAIR = 64
-    """Hair on the scalp's triangles, or in the band around hair that sticks out of the mesh."""
+    """Hair: triangles of the scalp, and a band around hair that sticks out of the mesh."""
     MOUTH = 128
     """Between the lips: teeth do not follow the mesh."""
     LIDS = 256
@@ -46,20 +54,41 @@ class MaskFlag(IntFlag):
 
 
 def flags_from_names(names: Iterable[str]) -> MaskFlag:
-    """The bits of reasons by their names in lower case; raises `SettingsError` for an unknown one."""
-    bits = MaskFlag(0)
+    """Combine flags by name.
+
+    Args:
+        names: Names of `MaskFlag` in lower case.
+
+    Returns:
+        The combined flags.
+
+    Raises:
+        SettingsError: For an unknown name.
+    """
+    flags = MaskFlag(0)
     for name in names:
         if name.upper() not in MaskFlag.__members__:
-            known = ", ".join(reason.name.lower() for reason in MaskFlag)
-            raise SettingsError(f"{name} is no reason to leave out pixels; known: {known}")
-        bits |= MaskFlag[name.upper()]
-    return bits
+            known = ", ".join(flag.name.lower() for flag in MaskFlag)
+            raise SettingsError(f"{name} is not a mask flag; known: {known}")
+        flags |= MaskFlag[name.upper()]
+    return flags
 
 
 def face_mask_flags(model: HeadModel, settings: Gtstar) -> UInt16[np.ndarray, "f"]:
-    """What the head model alone says of each triangle, in every frame: from here come pixels and frozen surfels."""
-    found = np.zeros(len(model.faces), np.uint16)
-    for reason, regions in (
+    """Flags that hold for a triangle in every frame, from the regions of the head model.
+
+    They mask pixels and also freeze the surfels of these triangles while targets supervise. Among them are the mask of
+    the eyelids and the mask of the ears of the paper's appendix, and the scalp for the hair mask.
+
+    Args:
+        model: The head model.
+        settings: Names of the regions for each flag.
+
+    Returns:
+        Bits of `MaskFlag`.
+    """
+    flags = np.zeros(len(model.faces), np.uint16)
+    for flag, regions in (
         (MaskFlag.HAIR, settings.hair_regions),
         (MaskFlag.MOUTH, settings.mouth_regions),
         (MaskFlag.LIDS, settings.lid_regions),
@@ -67,76 +96,102 @@ def face_mask_flags(model: HeadModel, settings: Gtstar) -> UInt16[np.ndarray, "f
         (MaskFlag.EARS, settings.ear_regions),
         (MaskFlag.EYEBALLS, settings.eyeball_regions),
     ):
-        found[model.face_region(*regions)] |= reason.value
-    return found
+        flags[model.face_region(*regions)] |= flag.value
+    return flags
 
 
 class Hair(NamedTuple):
-    """Hair as a frame shows it."""
+    """Hair in a frame."""
 
-    where: Bits
-    """The scalp's triangles, and what of the matte sticks out of the mesh by more than the outline's own blur."""
+    mask: BitMask
+    """The scalp's triangles, and foreground that sticks out of the mesh by more than the blur of its outline."""
     length: int
-    """Pixels by which it sticks out at most."""
+    """Largest distance in pixels by which it sticks out."""
 
 
-def hair_in_frame(
-    natural: Visibility, foreground: Float32[np.ndarray, "h w"], of_faces: UInt16[np.ndarray, "f"]
-) -> Hair:
-    """Find the hair of a frame from its mesh and its matte."""
-    stray = bits.above(foreground, 0.5) - natural.on_mesh.grown(1)
-    return Hair(_scalp(natural, of_faces) | stray, natural.on_mesh.reach(stray))
+def find_hair(natural: Visibility, foreground: Float32[np.ndarray, "h w"], face_flags: UInt16[np.ndarray, "f"]) -> Hair:
+    """Find the hair of a frame: the scalp, and the hair boundary, which is foreground off the mesh.
+
+    Args:
+        natural: What the camera sees of the tracked mesh.
+        foreground: Matte of the frame.
+        face_flags: Flags of the triangles (`face_mask_flags`).
+
+    Returns:
+        Mask and length of the hair.
+    """
+    stray = greater(foreground, 0.5) - natural.on_mesh.dilated(1)
+    return Hair(_scalp(natural, face_flags) | stray, natural.on_mesh.covering_radius(stray))
 
 
 def frame_mask_flags(natural: Visibility, hair: Hair, model: HeadModel, settings: Gtstar) -> UInt16[np.ndarray, "h w"]:
-    """What a target must not fetch from the frame: hair with a band around it, and what is seen between the lips."""
-    reasons = np.zeros(natural.face.shape, np.uint16)
-    bits.add(reasons, hair.where.grown(settings.hair_dilation).words, MaskFlag.HAIR.value)
-    _add_between_lips(reasons, natural, model)
-    return reasons
+    """Flags of the pixels of a frame that a target must not sample: the hair boundary mask, and the open mouth.
+
+    Args:
+        natural: What the camera sees of the tracked mesh.
+        hair: Hair of the frame.
+        model: The head model.
+        settings: Width of the band around hair.
+
+    Returns:
+        Bits of `MaskFlag`.
+    """
+    flags = np.zeros(natural.face.shape, np.uint16)
+    or_into_image(flags, hair.mask.dilated(settings.hair_dilation).words, MaskFlag.HAIR.value)
+    _flag_mouth(flags, natural, model)
+    return flags
 
 
 def add_target_mask_flags(
-    reasons: UInt16[np.ndarray, "h w"],
+    flags: UInt16[np.ndarray, "h w"],
     caricature: Visibility,
     hair: Hair,
     foreground: Float32[np.ndarray, "h w"],
-    of_faces: UInt16[np.ndarray, "f"],
+    face_flags: UInt16[np.ndarray, "f"],
     model: HeadModel,
     settings: Gtstar,
 ) -> None:
-    """Add, in place, what the caricature's own outline says.
+    """Add the flags that depend on the caricature's outline: hair, outside of the mesh, and the open mouth.
 
-    Off its mesh, by `background_margin` pixels, is background where the frame shows background, and also where it shows
-    skin: that has moved away.  Only hair, and whatever else sticks out of the mesh, may be anywhere within its own
-    length of where it is or of the scalp.
+    A pixel off the caricature's mesh is background if the frame shows background there, and also if it shows skin,
+    because the skin has moved away. It is unknown in a ring around the mesh, and where hair may be: within the length
+    of the hair around the scalp and around the hair in the frame.
+
+    Args:
+        flags: Flags of the target's pixels, changed in place.
+        caricature: What the camera sees of the caricature.
+        hair: Hair of the frame.
+        foreground: Matte of the frame.
+        face_flags: Flags of the triangles (`face_mask_flags`).
+        model: The head model.
+        settings: Widths of the ring and of the band around hair.
     """
-    on_mesh, scalp = caricature.on_mesh, _scalp(caricature, of_faces)
-    unknown = bits.above(foreground, 0).grown(settings.background_margin) - on_mesh
+    on_mesh, scalp = caricature.on_mesh, _scalp(caricature, face_flags)
+    unknown = greater(foreground, 0).dilated(settings.background_margin) - on_mesh
     if unknown:
-        unknown &= (hair.where | scalp).grown(hair.length + settings.hair_dilation)
-    outside = (unknown | on_mesh.grown(settings.background_margin)) - on_mesh
-    bits.add(reasons, (scalp.grown(settings.hair_dilation) & on_mesh).words, MaskFlag.HAIR.value)
-    bits.add(reasons, outside.words, MaskFlag.OUTSIDE_MESH.value)
-    _add_between_lips(reasons, caricature, model)
+        unknown &= (hair.mask | scalp).dilated(hair.length + settings.hair_dilation)
+    outside = (unknown | on_mesh.dilated(settings.background_margin)) - on_mesh
+    or_into_image(flags, (scalp.dilated(settings.hair_dilation) & on_mesh).words, MaskFlag.HAIR.value)
+    or_into_image(flags, outside.words, MaskFlag.OUTSIDE_MESH.value)
+    _flag_mouth(flags, caricature, model)
 
 
-def _scalp(seen: Visibility, of_faces: UInt16[np.ndarray, "f"]) -> Bits:
-    return bits.chosen(seen.face, (of_faces & np.uint16(MaskFlag.HAIR.value)) > 0)
+def _scalp(visibility: Visibility, face_flags: UInt16[np.ndarray, "f"]) -> BitMask:
+    return pixels_of_faces(visibility.face, (face_flags & np.uint16(MaskFlag.HAIR.value)) > 0)
 
 
-def _add_between_lips(reasons: UInt16[np.ndarray, "h w"], seen: Visibility, model: HeadModel) -> None:
-    """Mark the pixels within the outline of the inner lips (iBUG landmarks 60..67) where there is mesh."""
+def _flag_mouth(flags: UInt16[np.ndarray, "h w"], visibility: Visibility, model: HeadModel) -> None:
+    """Flag the pixels of the mesh within the outline of the inner lips."""
     if model.landmarks68 is None:
         return
     lips = model.landmarks68[INNER_LIPS]
-    if not (seen.points[lips, 2] > 0).all():
+    if not (visibility.camera_points[lips, 2] > 0).all():
         return
-    outline = np.rint(seen.pixel[lips] - 0.5).astype(np.int32)
-    low = np.clip(outline.min(axis=0), 0, reasons.shape[::-1])
-    high = np.clip(outline.max(axis=0) + 1, low, reasons.shape[::-1])
+    outline = np.rint(visibility.pixels[lips] - 0.5).astype(np.int32)
+    low = np.clip(outline.min(axis=0), 0, flags.shape[::-1])
+    high = np.clip(outline.max(axis=0) + 1, low, flags.shape[::-1])
     box = slice(low[1], high[1]), slice(low[0], high[0])
-    inside = np.zeros(reasons[box].shape, np.uint8)
+    inside = np.zeros(flags[box].shape, np.uint8)
     if inside.size:
         cv2.fillPoly(inside, [outline - low], 1)
-        reasons[box] |= np.uint16(MaskFlag.MOUTH.value) * (inside.view(bool) & (seen.face[box] >= 0))
+        flags[box] |= np.uint16(MaskFlag.MOUTH.value) * (inside.view(bool) & (visibility.face[box] >= 0))

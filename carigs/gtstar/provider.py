@@ -1,173 +1,126 @@
-"""Where targets come from: the local warp, the frames as they are, or a folder of somebody's own edited frames."""
+"""Targets of one timestep: frames warped to the caricature, frames as they are, or a folder of edited frames."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float32, UInt16
+from jaxtyping import UInt16
 
 from carigs.capture import Capture, Frame
-from carigs.capture.images import read_grey, read_rgb
-from carigs.errors import InputError, SettingsError
+from carigs.errors import SettingsError
 from carigs.exaggeration import Caricature
-from carigs.gtstar.mask_flags import MaskFlag
+from carigs.gtstar.frame_views import TimestepViews, load_views
 from carigs.gtstar.registration import RegistrationError, registration_errors
 from carigs.gtstar.target import Target, make_target
 from carigs.head import pose
-from carigs.light.fitting import Observation, Shading, fit_light, observe, relight
+from carigs.light import Shading, relight
+from carigs.raster import compute_visibility
 from carigs.settings import Gtstar
 
-KEPT = MaskFlag.HAIR | MaskFlag.EYEBALLS | MaskFlag.MOUTH
-"""Triangles whose colours are no matter of their own normals: strands, gloss, teeth."""
-FITTED_TIMESTEPS = 9
 
-
-class Provided(NamedTuple):
+class TargetResult(NamedTuple):
     """A frame and its target, or why there is none."""
 
     frame: Frame
-    target: Target | None
-    misfit: RegistrationError | None
-    """How far the frame is off its mesh, where that can be told."""
+    target: Target | None = None
+    registration_error: RegistrationError | None = None
+    """None if it cannot be measured."""
     weight: float = 1.0
-    """What the frame counts for: less where it is off its mesh."""
-    left_out: str = ""
+    """Weight of the frame's loss."""
+    skip_reason: str = ""
 
 
-def provide(
+def provide_targets(
     settings: Gtstar,
     capture: Capture,
-    of_faces: UInt16[np.ndarray, "f"],
+    face_flags: UInt16[np.ndarray, "f"],
     exaggerated: Caricature,
     shading: Shading | None,
     frames: list[Frame],
-) -> list[Provided]:
-    """The targets of the frames of one timestep, in order, on the mesh that `exaggerated` makes of it.
+    views: TimestepViews | None = None,
+) -> list[TargetResult]:
+    """Make the targets of the frames of one timestep.
 
-    With `lat` the frame is warped.  `identity` and `precomputed` take the frame, or a file of its name, for a picture
-    of the caricature itself; it goes through the same checks.  A frame that cannot be used is left out, with the
-    reason.
+    The provider `lat` (local affine transformations, section 3.2 of the paper) warps each frame from the tracked mesh
+    to the caricature; `gtstar.warp` selects the affine map of equation 5 or the perspective one. `identity` and
+    `precomputed` take the frame, or an edited image of the same name, as a picture of the caricature itself, and apply
+    the same checks and masks.
+
+    Args:
+        settings: Settings of the stage.
+        capture: The capture.
+        face_flags: Flags of the triangles (`face_mask_flags`).
+        exaggerated: The caricature of the head.
+        shading: Light for relighting; None keeps the colours of the frame.
+        frames: Frames of one timestep.
+        views: Their images and the visibility of the tracked mesh, if they have been loaded.
+
+    Returns:
+        One result per frame, in order. Frames that cannot be used are skipped with a reason.
     """
-    parameters, faces = capture.parameters(frames[0].timestep), capture.model.faces
-    caricature = pose(capture.model, parameters, exaggerated)
-    natural = pose(capture.model, parameters) if settings.provider == "lat" else caricature
-    factor = None
+    model, parameters = capture.model, capture.parameters(frames[0].timestep)
+    warped = settings.provider == "lat"
+    caricature_vertices = pose(model, parameters, exaggerated)
+    if views is None:
+        natural_vertices = pose(model, parameters) if warped else caricature_vertices
+        views = load_views(settings, capture, frames, natural_vertices)
+    factors = None
     if shading is not None:
-        factor = shading.factor(*(shading.transfer(vertices, faces) for vertices in (natural, caricature)))
-    pictures, faults = _pictures(settings, capture, frames)
-    views = {frame: (image, capture.cameras[frame.camera]) for frame, (image, _) in pictures.items()}
-    off = registration_errors(views, natural, faces)
-    provided = []
-    for frame in frames:
-        misfit = off.get(frame)
-        if frame not in pictures:
-            provided.append(Provided(frame, None, None, left_out=faults[frame]))
-            continue
-        if misfit is not None and misfit.pixels > settings.registration_error_limit:
-            why = f"its colours are {misfit.pixels:.1f} pixels off those of the other cameras"
-            provided.append(Provided(frame, None, misfit, left_out=why))
-            continue
-        image, matte = pictures[frame]
-        target = make_target(
-            image, matte, natural, caricature, capture.cameras[frame.camera], capture.model, of_faces, settings,
-            capture.background,
-        )  # fmt: skip
-        if not target.facing:
-            why = "the camera sees no front of the mesh: behind it or inside"
-            provided.append(Provided(frame, None, misfit, left_out=why))
-            continue
-        if factor is not None:
-            target = replace(target, colour=relight(target.colour, target.caricature, factor, shading.kept))
-        provided.append(Provided(frame, target, misfit, frame_weight(misfit, settings)))
-    return provided
+        ends = views.vertices, caricature_vertices
+        factors = shading.vertex_factors(*(shading.transfer(vertices, model.faces) for vertices in ends))
+    errors = registration_errors(
+        {frame: (view.image, view.natural) for frame, view in views.views.items()}, views.vertices, model.faces
+    )
+
+    def provide(frame: Frame) -> TargetResult:
+        error = errors.get(frame)
+        if frame in views.problems:
+            return TargetResult(frame, skip_reason=views.problems[frame])
+        if error is not None and error.pixels > settings.registration_error_limit:
+            reason = f"its colours are {error.pixels:.1f} pixels off those of the other cameras"
+            return TargetResult(frame, None, error, skip_reason=reason)
+        image, foreground, natural = views.views[frame]
+        caricature = compute_visibility(caricature_vertices, model.faces, natural.camera) if warped else natural
+        target = make_target(image, foreground, natural, caricature, model, face_flags, settings, capture.background)
+        if not target.front_visible:
+            reason = "the camera sees no front of the mesh: behind it or inside"
+            return TargetResult(frame, None, error, skip_reason=reason)
+        if factors is not None:
+            target = replace(target, colour=relight(target.colour, caricature, factors, shading.kept))
+        return TargetResult(frame, target, error, frame_weight(error, settings))
+
+    return [provide(frame) for frame in frames]
 
 
-def frame_weight(misfit: RegistrationError | None, settings: Gtstar) -> float:
-    """1 up to `registration_error_tolerance` pixels, then falling to 0 at `registration_error_limit`; 1 if unknown."""
-    if misfit is None or misfit.pixels <= settings.registration_error_tolerance:
+def frame_weight(error: RegistrationError | None, settings: Gtstar) -> float:
+    """Weight of a frame's loss by its registration error.
+
+    Args:
+        error: The error; None if it cannot be measured.
+        settings: Settings of the stage.
+
+    Returns:
+        1 up to `registration_error_tolerance` pixels, then linearly down to 0 at `registration_error_limit`; 1 for an
+        unknown error.
+    """
+    if error is None or error.pixels <= settings.registration_error_tolerance:
         return 1.0
-    return (settings.registration_error_limit - misfit.pixels) / (
+    return (settings.registration_error_limit - error.pixels) / (
         settings.registration_error_limit - settings.registration_error_tolerance
     )
 
 
-def input_files(settings: Gtstar, capture: Capture) -> list[Path]:
-    """Every file that the targets depend on, beside the index of the capture and the path."""
-    files = [capture.head_model]
-    for frame in capture.split("train"):
-        files += [capture.root / frame.parameters, *_files(settings, capture, frame)]
-    return list(dict.fromkeys(files))
-
-
 def check_settings(settings: Gtstar) -> None:
-    """Raise `SettingsError` for a folder that does not exist."""
-    if settings.provider == "precomputed" and not Path(settings.folder).is_dir():
-        raise SettingsError(f"gtstar.folder={settings.folder}: gtstar.provider=precomputed needs a folder of images")
+    """Check the settings of the stage before any work.
 
+    Args:
+        settings: Settings of the stage.
 
-def fitted_shading(
-    settings: Gtstar, capture: Capture, of_faces: UInt16[np.ndarray, "f"], run: Callable = map
-) -> Shading | None:
-    """The light of a capture, from the plain skin of some of its training timesteps; None where nothing is relit.
-
-    `run` is `map`, or that of an executor.
+    Raises:
+        SettingsError: For `precomputed` without its folder.
     """
-    if settings.provider != "lat" or settings.relight == "none":
-        return None
-    model = capture.model
-    skin = np.ones(len(model.v_template), bool)
-    skin[model.faces[of_faces > 0]] = False
-    frames = capture.split("train")
-    timesteps = sorted({frame.timestep for frame in frames})
-    chosen = {timesteps[i] for i in np.linspace(0, len(timesteps) - 1, FITTED_TIMESTEPS).astype(int)}
-
-    def observed(timestep: int) -> Observation:
-        vertices = pose(model, capture.parameters(timestep))
-        pictures, _ = _pictures(settings, capture, [frame for frame in frames if frame.timestep == timestep])
-        views = [(image, capture.cameras[frame.camera]) for frame, (image, _) in pictures.items()]
-        return observe(views, vertices, model.faces, skin)
-
-    observations = list(run(observed, sorted(chosen)))
-    kept = (of_faces & np.uint16(KEPT.value)) > 0
-    directions, light = fit_light(observations, model.faces, run)
-    return Shading(directions, light, settings.relight_strength, settings.relight_limit, kept)
-
-
-def _pictures(
-    settings: Gtstar, capture: Capture, frames: list[Frame]
-) -> tuple[dict[Frame, tuple[np.ndarray, np.ndarray]], dict[Frame, str]]:
-    """Image and matte of each frame, or what is wrong with them."""
-    pictures, faults = {}, {}
-    for frame in frames:
-        try:
-            pictures[frame] = _picture(settings, capture, frame)
-        except InputError as error:
-            faults[frame] = str(error)
-    return pictures, faults
-
-
-def _picture(
-    settings: Gtstar, capture: Capture, frame: Frame
-) -> tuple[Float32[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"]]:
-    """Image and matte of a frame, or of its edited copy; raises `InputError` for one that cannot be used."""
-    image, matte = _files(settings, capture, frame)
-    camera = capture.cameras[frame.camera]
-    pictures = read_rgb(image), read_grey(matte)
-    for pixels, file in zip(pictures, (image, matte), strict=True):
-        if pixels.shape[:2] != (camera.height, camera.width):
-            size = f"{pixels.shape[1]} x {pixels.shape[0]} pixels"
-            raise InputError(f"{size}, its camera has {camera.width} x {camera.height}", file=file)
-    return pictures
-
-
-def _files(settings: Gtstar, capture: Capture, frame: Frame) -> tuple[Path, Path]:
-    image, matte = capture.root / frame.image, capture.root / frame.mask
-    if settings.provider == "precomputed":
-        image = Path(settings.folder) / f"{frame.name}.png"
-        edited_matte = image.with_name(f"{frame.name}_mask.png")
-        matte = edited_matte if edited_matte.is_file() else matte
-    return image, matte
+    if settings.provider == "precomputed" and not (settings.folder and Path(settings.folder).is_dir()):
+        raise SettingsError(f"gtstar.folder={settings.folder}: gtstar.provider=precomputed needs a folder of images")

@@ -1,60 +1,66 @@
-"""GT* of one frame by the local warp: visibility at both ends, colours, reasons."""
+"""The GT* target of one frame: warped colours and mask flags."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Float32, UInt16
+from jaxtyping import Float32, UInt16
 
-from carigs.capture import Camera
-from carigs.gtstar.mask_flags import add_target_mask_flags, frame_mask_flags, hair_in_frame
+from carigs.gtstar.mask_flags import add_target_mask_flags, find_hair, frame_mask_flags
 from carigs.gtstar.warp import warp_frame
 from carigs.head import HeadModel
-from carigs.raster import Visibility, visible
+from carigs.raster import Visibility
 from carigs.settings import Gtstar
 
 
 @dataclass(frozen=True)
 class Target:
-    """A GT* image, and what speaks against its pixels."""
+    """A GT* image with its validity mask."""
 
     colour: Float32[np.ndarray, "h w 3"]
-    reasons: UInt16[np.ndarray, "h w"]
-    """Bits of `Reason`; 0 where nothing does."""
+    mask_flags: UInt16[np.ndarray, "h w"]
+    """Bits of `MaskFlag`; 0 where nothing speaks against the pixel."""
     caricature: Visibility
     """What the camera sees of the caricature."""
-    facing: bool
-    """Whether the camera sees the front of any triangle, at both ends."""
+    front_visible: bool
+    """Whether the camera sees mostly front faces, both of the natural mesh and of the caricature."""
 
 
 def make_target(
     image: Float32[np.ndarray, "h w 3"],
     foreground: Float32[np.ndarray, "h w"],
-    natural_vertices: Float[np.ndarray, "v 3"],
-    caricature_vertices: Float[np.ndarray, "v 3"],
-    camera: Camera,
+    natural: Visibility,
+    caricature: Visibility,
     model: HeadModel,
-    of_faces: UInt16[np.ndarray, "f"],
+    face_flags: UInt16[np.ndarray, "f"],
     settings: Gtstar,
     background: float = 1.0,
 ) -> Target:
-    """Warp a frame and its matte to the caricature.
+    """Warp a frame to its caricature, and flag the pixels that cannot be trusted.
 
-    Vertices are world points in metres; `of_faces` is what `face_reasons` says of the model's triangles.
+    Args:
+        image: sRGB colours of the frame.
+        foreground: Matte of the frame.
+        natural: What the camera sees of the tracked mesh.
+        caricature: What the camera sees of the caricature.
+        model: The head model.
+        face_flags: Flags of the triangles (`face_mask_flags`).
+        settings: Settings of the stage.
+        background: Grey value that the image was composited on.
+
+    Returns:
+        Colours and mask flags.
     """
-    natural = visible(natural_vertices, model.faces, camera)
-    hair = hair_in_frame(natural, foreground, of_faces)
-    of_frame = frame_mask_flags(natural, hair, model, settings)
-    caricature = visible(caricature_vertices, model.faces, camera)
-    colour, reasons = warp_frame(image, natural, caricature, of_faces, of_frame, settings, background)
-    add_target_mask_flags(reasons, caricature, hair, foreground, of_faces, model, settings)
-    facing = all(_sees_front(seen) for seen in (natural, caricature))
-    return Target(colour, reasons, caricature, facing)
+    hair = find_hair(natural, foreground, face_flags)
+    frame_flags = frame_mask_flags(natural, hair, model, settings)
+    colour, flags = warp_frame(image, natural, caricature, face_flags, frame_flags, settings, background)
+    add_target_mask_flags(flags, caricature, hair, foreground, face_flags, model, settings)
+    return Target(colour, flags, caricature, all(_sees_front(seen) for seen in (natural, caricature)))
 
 
-def _sees_front(seen: Visibility) -> bool:
-    """Whether most of the mesh that is seen turns its front: from inside a head it does not."""
-    faces = seen.face[::4, ::4]
+def _sees_front(visibility: Visibility) -> bool:
+    """Whether most of the visible mesh shows its front; a camera inside the head sees back faces."""
+    faces = visibility.face[::4, ::4]
     faces = faces[faces >= 0]
-    return len(faces) > 0 and float(seen.back[faces].mean()) < 0.5
+    return len(faces) > 0 and float(visibility.back_facing[faces].mean()) < 0.5

@@ -1,26 +1,39 @@
-"""The kernels of a warp's triangles (Numba): their maps from caricature to frame, and what speaks against them."""
+"""Numba kernels: per triangle, the map from caricature pixels to frame pixels, and its mask flags."""
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
-kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
+from carigs.simd.kernels import kernel
 
-NEWLY_VISIBLE, GRAZING, STRETCHED = 1, 4, 8  # as in `Reason`
-MOST_SAMPLES = 4  # per axis of a footprint
-CLEARLY = 1.25  # times the cosine: what was seen as obliquely, to this factor, lost nothing on its way
+NEWLY_VISIBLE, GRAZING, STRETCHED = 1, 4, 8
+"""Bits of `MaskFlag`; kernels cannot use the enumeration."""
+MAX_FOOTPRINT_SAMPLES = 4
+"""Per axis."""
+GRAZING_GAIN = 1.25
+"""A triangle is grazing only if its cosine grows by more than this factor; otherwise the warp loses no detail."""
 
 
 @kernel
-def perspective_maps(source, target, faces, source_lens, target_lens):
-    """Per face the homography of target pixels to frame pixels that keeps the 3D point (f, 3, 3).
+def perspective_maps(source, target, faces, source_intrinsics, target_intrinsics):
+    """Per triangle, the homography from caricature pixels to frame pixels that preserves the 3D point.
 
-    With corners in camera axes as columns of S and T, a ray d meets the face at z d = T w, so S w = z S T^-1 d.  Rows
-    of T^-1 are cross products of its columns, up to the determinant, which drops out.
+    Let the columns of T and S be the corners of the triangle in camera axes, in the caricature and in the frame. A ray
+    d meets the caricature's triangle at z d = T w with barycentric weights w, and the same point lies at S w = z S T^-1
+    d in the frame. The rows of T^-1 are cross products of the columns of T over its determinant.
+
+    Args:
+        source: Vertices of the tracked mesh (v, 3) in camera axes.
+        target: Vertices of the caricature (v, 3) in camera axes.
+        faces: Vertex indices (f, 3).
+        source_intrinsics: fx, fy, cx, cy of the frame.
+        target_intrinsics: fx, fy, cx, cy of the target.
+
+    Returns:
+        Homographies (f, 3, 3) of homogeneous pixel coordinates.
     """
-    sfx, sfy, scx, scy = source_lens
-    tfx, tfy, tcx, tcy = target_lens
+    sfx, sfy, scx, scy = source_intrinsics
+    tfx, tfy, tcx, tcy = target_intrinsics
     per_tfx, per_tfy = 1.0 / tfx, 1.0 / tfy
     maps, inverse, point = np.empty((faces.shape[0], 3, 3)), np.empty((3, 3)), np.empty(3)
     for f in range(faces.shape[0]):
@@ -50,16 +63,25 @@ def perspective_maps(source, target, faces, source_lens, target_lens):
 
 @kernel
 def affine_maps(source, target, faces):
-    """Per face the affine map of target pixels to frame pixels that takes corners to corners (paper, equation 5)."""
+    """Per triangle, the affine map from caricature pixels to frame pixels: local affine transformation, inverse warp.
+
+    Equation 5 of the paper: with the projections x_i of a triangle's corners in the frame and y_i in the caricature,
+    Phi(x) = A x + b is the unique affine map with Phi(x_i) = y_i. The warp needs its inverse, which is the affine map
+    that takes y_i to x_i and is computed here directly. It is undefined for triangles of zero area.
+
+    Args:
+        source: Image positions of the tracked mesh's vertices (v, 2), the x_i.
+        target: Image positions of the caricature's vertices (v, 2), the y_i.
+        faces: Vertex indices (f, 3).
+
+    Returns:
+        Maps (f, 3, 3) of homogeneous pixel coordinates; the last row is (0, 0, 1).
+    """
     maps = np.zeros((faces.shape[0], 3, 3))
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
-        ux, uy, vx, vy = (
-            target[b, 0] - target[a, 0],
-            target[b, 1] - target[a, 1],
-            target[c, 0] - target[a, 0],
-            target[c, 1] - target[a, 1],
-        )
+        ux, uy = target[b, 0] - target[a, 0], target[b, 1] - target[a, 1]
+        vx, vy = target[c, 0] - target[a, 0], target[c, 1] - target[a, 1]
         area = ux * vy - uy * vx
         for k in range(2):
             p, q = source[b, k] - source[a, k], source[c, k] - source[a, k]
@@ -71,7 +93,7 @@ def affine_maps(source, target, faces):
 
 @kernel
 def _cosine(points, a, b, c):
-    """Between the normal of a triangle in camera axes and the view; nan without an area."""
+    """Absolute cosine between the normal of a triangle and the view; nan for a triangle of zero area."""
     x, y, z = points[a, 0], points[a, 1], points[a, 2]
     ux, uy, uz = points[b, 0] - x, points[b, 1] - y, points[b, 2] - z
     vx, vy, vz = points[c, 0] - x, points[c, 1] - y, points[c, 2] - z
@@ -81,28 +103,43 @@ def _cosine(points, a, b, c):
 
 @kernel
 def flag_triangles(
-    of_faces, source, target, source_pixel, target_pixel, faces, source_back, target_back, grazing, stretch
+    face_flags, source, target, source_pixel, target_pixel, faces, source_back, target_back, grazing, stretch
 ):
-    """Add to each face's reasons what this view makes of it; also the samples per axis that its footprint takes.
+    """Mask flags of every triangle in one view: the visibility mask (newly visible triangles), grazing and stretched.
 
-    `grazing` is the least cosine between the view and the normal in the frame, where the target does not see the face
-    just as obliquely; `stretch` is the largest ratio of areas.
+    The visibility mask of the paper's appendix marks triangles that are visible in the caricature and turn away from
+    the camera in the frame. Points hidden by other triangles are flagged per pixel (`warp_kernels.warp`).
+
+    Args:
+        face_flags: Flags that hold in every frame (f,).
+        source: Vertices of the tracked mesh (v, 3) in camera axes.
+        target: Vertices of the caricature (v, 3) in camera axes.
+        source_pixel: Image positions of the tracked mesh's vertices (v, 2).
+        target_pixel: Image positions of the caricature's vertices (v, 2).
+        faces: Vertex indices (f, 3).
+        source_back: Whether each face shows its back in the frame (f,).
+        target_back: Whether each face shows its back in the caricature (f,).
+        grazing: Least cosine between normal and view in the frame, unless the target view is about as oblique.
+        stretch: Largest ratio of a triangle's area in the target to its area in the frame.
+
+    Returns:
+        Flags (f,), and samples per axis that a target pixel's footprint in the frame needs (f,).
     """
-    reasons, samples = of_faces.copy(), np.ones(faces.shape[0], np.uint8)
+    flags, samples = face_flags.copy(), np.ones(faces.shape[0], np.uint8)
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         if source_back[f] != target_back[f]:
-            reasons[f] |= np.uint16(NEWLY_VISIBLE)
+            flags[f] |= np.uint16(NEWLY_VISIBLE)
         cosine = _cosine(source, a, b, c)
-        if cosine < grazing and CLEARLY * cosine < _cosine(target, a, b, c):
-            reasons[f] |= np.uint16(GRAZING)
+        if cosine < grazing and GRAZING_GAIN * cosine < _cosine(target, a, b, c):
+            flags[f] |= np.uint16(GRAZING)
         px, py = source_pixel[b, 0] - source_pixel[a, 0], source_pixel[b, 1] - source_pixel[a, 1]
         qx, qy = source_pixel[c, 0] - source_pixel[a, 0], source_pixel[c, 1] - source_pixel[a, 1]
         sx, sy = target_pixel[b, 0] - target_pixel[a, 0], target_pixel[b, 1] - target_pixel[a, 1]
         tx, ty = target_pixel[c, 0] - target_pixel[a, 0], target_pixel[c, 1] - target_pixel[a, 1]
         before, after = abs(px * qy - py * qx), abs(sx * ty - sy * tx)
         if after > stretch * before:
-            reasons[f] |= np.uint16(STRETCHED)
+            flags[f] |= np.uint16(STRETCHED)
         if after > 0.0:
             # The Jacobian's largest singular value from its Frobenius norm and determinant.
             xx, xy = (px * ty - qx * sy) / after, (qx * sx - px * tx) / after
@@ -110,5 +147,5 @@ def flag_triangles(
             norm = xx * xx + xy * xy + yx * yx + yy * yy
             ratio = before / after
             largest = np.sqrt(0.5 * (norm + np.sqrt(max(norm * norm - 4.0 * ratio * ratio, 0.0))))
-            samples[f] = np.uint8(min(max(np.rint(largest), 1.0), float(MOST_SAMPLES)))
-    return reasons, samples
+            samples[f] = np.uint8(min(max(np.rint(largest), 1.0), float(MAX_FOOTPRINT_SAMPLES)))
+    return flags, samples

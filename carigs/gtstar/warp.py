@@ -1,4 +1,4 @@
-"""The local warp: every pixel of the caricature fetches its colour from the real frame."""
+"""The warp of a frame to the caricature: an inverse warp with one map per triangle and bilinear interpolation."""
 
 from __future__ import annotations
 
@@ -7,74 +7,87 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float32, Float64, UInt16
 
-from carigs.capture import Camera
 from carigs.errors import SettingsError
-from carigs.gtstar import triangle_maps as maps
-from carigs.gtstar import warp_kernels as trace
+from carigs.gtstar import triangle_maps, warp_kernels
 from carigs.raster import Visibility
 from carigs.settings import Gtstar
 
 
 class Warp(NamedTuple):
-    """A frame warped onto the caricature, and what speaks against its pixels."""
+    """A frame warped to the caricature."""
 
     colour: Float32[np.ndarray, "h w 3"]
-    """Warped colours on the caricature mesh where the frame shows that point, background elsewhere."""
-    reasons: UInt16[np.ndarray, "h w"]
-    """Bits of `Reason`; 0 off the mesh, of which the warp knows nothing."""
+    """Warped colours where the caricature's mesh is visible and the frame shows that point, background elsewhere."""
+    mask_flags: UInt16[np.ndarray, "h w"]
+    """Bits of `MaskFlag`; 0 off the mesh."""
 
 
 def warp_frame(
     image: Float32[np.ndarray, "h w 3"],
     natural: Visibility,
     caricature: Visibility,
-    of_faces: UInt16[np.ndarray, "f"],
-    of_frame: UInt16[np.ndarray, "h w"],
+    face_flags: UInt16[np.ndarray, "f"],
+    frame_flags: UInt16[np.ndarray, "h w"],
     settings: Gtstar,
     background: float = 1.0,
 ) -> Warp:
-    """Warp a frame by the maps between the two projected meshes.
+    """Warp a frame to the caricature by local affine (paper, equation 5) or perspective transformations.
 
-    `natural` is what the frame's camera sees of the tracked mesh, `caricature` of the exaggerated one (possibly at
-    another resolution).  `affine` is the paper's equation 5: exact where a triangle is small against its distance;
-    `perspective` keeps the 3D point.  Pixels of the frame that show another surface, or none, are not sampled: the
-    others share their weight.  `of_faces` and `of_frame` are reasons that each triangle and each pixel of the frame
-    bring along.
+    Every target pixel on the caricature's mesh is mapped to the frame by the map of its triangle (bilinear inverse
+    warp). `affine` maps are exact for triangles that are small against their distance, `perspective` maps preserve the
+    3D point. Frame pixels that show another surface, or none, get no weight in the interpolation.
 
-    A frame's pixel on the outline, of which the mesh covers the share a, shows c = a s + (1 - a) b: surface s before
-    background b.  The target gets its own share of s, so that outlines are neither blended twice nor not at all.
+    A frame pixel on the outline of which the mesh covers the share a shows c = a s + (1 - a) b, with the surface s
+    in front of the background b. The samples are freed of b, and the target is composited with its own share.
+
+    Args:
+        image: sRGB colours of the frame.
+        natural: What the frame's camera sees of the tracked mesh.
+        caricature: What the target's camera sees of the caricature, possibly at another resolution.
+        face_flags: Flags of every triangle.
+        frame_flags: Flags of every pixel of the frame; a target pixel inherits those of the pixel it comes from.
+        settings: Settings of the stage.
+        background: Grey value that the image was composited on.
+
+    Returns:
+        Colours and mask flags.
     """
-    source = source_maps(natural, caricature, settings.warp)
-    reasons, samples = maps.flag_triangles(
-        of_faces, natural.points, caricature.points, natural.pixel, caricature.pixel, natural.faces, natural.back,
-        caricature.back, settings.grazing_cosine,
+    maps = source_maps(natural, caricature, settings.warp)
+    flags, samples = triangle_maps.flag_triangles(
+        face_flags, natural.camera_points, caricature.camera_points, natural.pixels, caricature.pixels, natural.faces,
+        natural.back_facing, caricature.back_facing, settings.grazing_cosine,
         settings.max_stretch * (caricature.camera.fx / natural.camera.fx) ** 2,
     )  # fmt: skip
     if not settings.antialias:
         samples[:] = 1
     before, after = (seen.coverage(settings.supersampling) for seen in (natural, caricature))
     return Warp(
-        *trace.warp(
-            caricature.face, after, source, reasons, samples, natural.nearness, before, natural.slope,
-            np.ascontiguousarray(image), of_frame, settings.depth_tolerance, background,
+        *warp_kernels.warp(
+            caricature.face, after, maps, flags, samples, natural.inverse_depth, before, natural.depth_planes,
+            np.ascontiguousarray(image), frame_flags, settings.depth_tolerance, background,
         )
     )  # fmt: skip
 
 
-def source_pixels(natural: Visibility, caricature: Visibility, kind: str) -> Float32[np.ndarray, "h w 2"]:
-    """Where in the frame each mesh pixel comes from (x, y; pixel centres at +0.5); nan off the mesh."""
-    return trace.source_pixels(caricature.face, source_maps(natural, caricature, kind))
-
-
 def source_maps(natural: Visibility, caricature: Visibility, kind: str) -> Float64[np.ndarray, "f 3 3"]:
-    """Per face the map of homogeneous caricature pixels to those of the frame; `kind`: `affine` or `perspective`."""
+    """Map of every triangle from target pixels to frame pixels.
+
+    Args:
+        natural: What the frame's camera sees of the tracked mesh.
+        caricature: What the target's camera sees of the caricature.
+        kind: `affine` (paper, equation 5) or `perspective`.
+
+    Returns:
+        Maps of homogeneous pixel coordinates.
+
+    Raises:
+        SettingsError: For an unknown kind.
+    """
     if kind == "affine":
-        return maps.affine_maps(natural.pixel, caricature.pixel, natural.faces)
+        return triangle_maps.affine_maps(natural.pixels, caricature.pixels, natural.faces)
     if kind == "perspective":
-        lenses = [_lens(seen.camera) for seen in (natural, caricature)]
-        return maps.perspective_maps(natural.points, caricature.points, natural.faces, *lenses)
+        intrinsics = natural.camera.intrinsics, caricature.camera.intrinsics
+        return triangle_maps.perspective_maps(
+            natural.camera_points, caricature.camera_points, natural.faces, *intrinsics
+        )
     raise SettingsError(f"gtstar.warp={kind} is unknown; choose affine or perspective")
-
-
-def _lens(camera: Camera) -> tuple[float, float, float, float]:
-    return float(camera.fx), float(camera.fy), float(camera.cx), float(camera.cy)

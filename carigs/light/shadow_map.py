@@ -1,23 +1,32 @@
-"""The kernels of light (Numba): which vertices a direction's light reaches, by a shadow map; new light on pixels."""
+"""Numba kernels of light: shadow maps of distant light, and factors on the irradiance of pixels."""
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
-kernel = numba.njit(cache=True, error_model="numpy", nogil=True)
+from carigs.simd.kernels import kernel
 
 
 @kernel
-def light_up(found, points, faces, lifted, cosine, side, tolerance):
-    """Write the cosine times the share of the four shadow-map pixels around each vertex that do not hide it.
+def shadowed_cosine(result, points, faces, lifted, cosine, side, tolerance):
+    """Write the cosine of each vertex times its visibility from the light.
 
-    `points` and `lifted` (what is looked up) are x and y in pixels of the map, in [0, side], and the distance behind a
-    plane before the lamp, in metres; what is more than `tolerance` behind the map is in shadow.
+    Visibility is filtered over the four nearest shadow-map pixels with bilinear weights (percentage-closer filtering,
+    Reeves et al. 1987).
+
+    Args:
+        result: Output (v,).
+        points: Vertices (v, 3) in the axes of the map: x and y in map pixels in [0, side], and the distance in metres
+            from a plane in front of the light.
+        faces: Vertex indices (f, 3).
+        lifted: The points (v, 3) that are looked up, slightly off the surface, in the same axes.
+        cosine: Cosine between normal and light (v,).
+        side: Width and height of the map in pixels.
+        tolerance: Points that lie more than this behind the map, in metres, are in shadow.
     """
-    nearest = _nearest(points, faces, side)
+    nearest = _shadow_map(points, faces, side)
     for i in range(points.shape[0]):
-        found[i] = 0.0
+        result[i] = 0.0
         if cosine[i] <= 0.0:
             continue
         x, y = min(max(lifted[i, 0] - 0.5, 0.0), side - 1.001), min(max(lifted[i, 1] - 0.5, 0.0), side - 1.001)
@@ -27,19 +36,19 @@ def light_up(found, points, faces, lifted, cosine, side, tolerance):
             for k in range(2):
                 if lifted[i, 2] - tolerance < nearest[y0 + j, x0 + k]:
                     lit += (x - x0 if k else 1.0 - x + x0) * (y - y0 if j else 1.0 - y + y0)
-        found[i] = cosine[i] * lit
+        result[i] = cosine[i] * lit
 
 
 @kernel
-def _nearest(points, faces, side):
-    """The shadow map: the least third coordinate at each pixel centre over the triangles."""
+def _shadow_map(points, faces, side):
+    """Least third coordinate over the triangles at each pixel centre."""
     nearest, half = np.full((side, side), np.inf, np.float32), np.float32(0.5)
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
         ax, ay, az = points[i, 0], points[i, 1], points[i, 2]
         ux, uy, vx, vy = points[j, 0] - ax, points[j, 1] - ay, points[k, 0] - ax, points[k, 1] - ay
         area = ux * vy - uy * vx
-        if area < 0.0:  # heads are open at the neck: the inside hides as well
+        if area < 0.0:  # heads are open at the neck: back faces cast shadows, too
             ux, uy, vx, vy, j, k, area = vx, vy, ux, uy, k, j, -area
         if area == 0.0:
             continue
@@ -56,8 +65,8 @@ def _nearest(points, faces, side):
 
 
 @kernel
-def _lit(colour, factor):
-    """An sRGB value under `factor` times the light, at most 1 (curves: `carigs.capture.images`)."""
+def _multiply_srgb(colour, factor):
+    """Multiply an sRGB value in linear light, clipped to 1; the curves are those of `carigs.capture.images`."""
     if colour <= np.float32(0.04045):
         light = colour / np.float32(12.92)
     else:
@@ -69,20 +78,30 @@ def _lit(colour, factor):
 
 
 @kernel
-def relit(colour, face_image, barycentric, faces, of_vertices, except_faces):
-    """Colours (h, w, 3) times the factors (v, 3) of the corners of each pixel's face, in linear light."""
+def multiply_irradiance(colour, face_image, barycentric, faces, factors, kept):
+    """Multiply colours in linear light by factors that are interpolated over triangles.
+
+    Args:
+        colour: sRGB image (h, w, 3).
+        face_image: Face per pixel (h, w), -1 where there is none.
+        barycentric: Weights of the face's corners (h, w, 3).
+        faces: Vertex indices (f, 3).
+        factors: Factor of each vertex and channel (v, 3).
+        kept: Faces whose pixels do not change (f,).
+
+    Returns:
+        sRGB image (h, w, 3).
+    """
     height, width = face_image.shape
     lit = colour.copy()
     for y in range(height):
         for x in range(width):
             f = face_image[y, x]
-            if f < 0 or except_faces[f]:
+            if f < 0 or kept[f]:
                 continue
             u, v, w = barycentric[y, x, 0], barycentric[y, x, 1], barycentric[y, x, 2]
             for k in range(3):
-                factor = (
-                    u * of_vertices[faces[f, 0], k] + v * of_vertices[faces[f, 1], k] + w * of_vertices[faces[f, 2], k]
-                )
+                factor = u * factors[faces[f, 0], k] + v * factors[faces[f, 1], k] + w * factors[faces[f, 2], k]
                 if factor != 1.0:
-                    lit[y, x, k] = _lit(colour[y, x, k], factor)
+                    lit[y, x, k] = _multiply_srgb(colour[y, x, k], factor)
     return lit

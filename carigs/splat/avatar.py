@@ -16,7 +16,7 @@ from carigs.exaggeration import GammaPath
 from carigs.files import writing
 from carigs.head import HeadModel, HeadParameters
 from carigs.head.model import N_SHAPE
-from carigs.light.fitting import Shading
+from carigs.light.shading import Shading
 from carigs.splat.render import SKINNINGS, render
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.surfels import ATTRIBUTES, Surfels, from_arrays, to_arrays

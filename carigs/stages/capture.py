@@ -1,4 +1,4 @@
-"""Stage `capture`: index and check a dataset; the toy is synthesised first."""
+"""Stage `capture`: check and index a dataset; the toy is rendered first."""
 
 from __future__ import annotations
 
@@ -10,7 +10,16 @@ from carigs.settings import Capture
 
 
 def capture(settings: Capture, *, index: Path, dataset: Path) -> None:
-    """Write `index` (capture.json); `dataset` is the folder that the toy is written to, empty for other sources."""
+    """Check a dataset and write its index.
+
+    Args:
+        settings: Settings of the stage.
+        index: Output: the index (capture.json).
+        dataset: Output: folder of the toy, empty for other sources.
+
+    Raises:
+        SettingsError: For an unknown source, or a folder without a path.
+    """
     with writing_folder(dataset) as part:
         if settings.source == "toy":
             from carigs.toy import write_capture

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from carigs.capture import Capture
-from carigs.capture.frame_index import read_rendered, read_truths
+from carigs.capture.frame_index import read_frame_index, read_ground_truth
 from carigs.capture.images import read_rgb
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration import GammaPath
@@ -61,7 +61,7 @@ def figures(
     """
     subject, gamma_path = Capture.load(capture), GammaPath.load(path)
     frame = _strip_frame(settings, subject)
-    known = {level: read_truths(file) for level, file in zip(truth_levels, truths, strict=True)}
+    known = {level: read_ground_truth(file) for level, file in zip(truth_levels, truths, strict=True)}
     files = {level: known[level].images.get(frame) if level in known else None for level in {*levels, *known}}
     shown = sorted(files)
     true_images = [None if files[level] is None else read_rgb(files[level]) for level in shown]
@@ -97,7 +97,7 @@ def _strip_frame(settings: Figures, subject: Capture) -> tuple[int, int]:
 
 
 def _rendered(index: Path, frame: tuple[int, int]) -> np.ndarray:
-    for rendered in read_rendered(index):
+    for rendered in read_frame_index(index):
         if rendered.protocol == "test" and (rendered.timestep, rendered.camera) == frame:
             return read_rgb(rendered.file)
     raise InputError(f"no test frame of timestep {frame[0]}, camera {frame[1]}", file=index)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from carigs.capture import Capture
-from carigs.capture.frame_index import read_rendered, read_truths
+from carigs.capture.frame_index import read_frame_index, read_ground_truth
 from carigs.exaggeration import GammaPath
 from carigs.settings import Metrics
 from evaluation.metrics.against_truth import truth_records
@@ -49,7 +49,7 @@ def metrics(
         WeightsMissing: Network weights are missing and `settings.strict` is set.
     """
     point = StudyPoint(study, subject, variant, gamma, level)
-    person, rendered, truths = Capture.load(capture), read_rendered(index, frames), read_truths(truth)
+    person, rendered, truths = Capture.load(capture), read_frame_index(index, frames), read_ground_truth(truth)
     caricature = GammaPath.load(path).at(level)
     measured = [
         *truth_records(point, rendered, truths, person, caricature, band=settings.silhouette_band),

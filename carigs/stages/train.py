@@ -1,4 +1,4 @@
-"""Stage `train`: optimise the surfels on real frames and GT* targets in turn."""
+"""Stage `train`: optimize the surfels on real frames and GT* targets, alternating at random."""
 
 from __future__ import annotations
 
@@ -23,10 +23,17 @@ def train(
     ply: Path,
     log: Path,
 ) -> None:
-    """Write the trained avatar, its .ply (SurFhead's layout) and the log.
+    """Train an avatar; an interrupted run is resumed from a checkpoint next to the avatar (suffix `.checkpoint`).
 
-    `targets` are the indices of GT* frames, one per level; None may do where `gtstar_probability` is 0 and no light is
-    followed.  The run's state is kept beside `avatar` (suffix `.checkpoint`) until it is done.
+    Args:
+        settings: Settings of the stage.
+        capture: Input: the index of the capture.
+        path: Input: the exaggeration path.
+        targets: Input: the indexes of GT* frames, one per level. May be None if `gtstar_probability` is 0 and colours
+            do not follow the light.
+        avatar: Output: the trained avatar.
+        ply: Output: its surfels in SurFhead's layout.
+        log: Output: the training log (CSV).
     """
     if settings.gtstar_probability > 0 and not targets:
         raise SettingsError(f"train.gtstar_probability={settings.gtstar_probability} needs targets, and there are none")
@@ -34,8 +41,8 @@ def train(
     from carigs.simd.threads import use_threads
 
     use_threads(settings.threads)
-    from carigs.capture.target_index import read_targets
-    from carigs.light.fitting import load_shading
+    from carigs.capture.target_index import SHADING, read_targets
+    from carigs.light.shading import load_shading
     from carigs.splat.avatar import Avatar, save_avatar
     from carigs.splat.rig.head_sequence import head_sequence
     from carigs.splat.surfels.ply import write_ply
@@ -46,7 +53,7 @@ def train(
     sequence = head_sequence(subject, gamma_path)
     sets = [read_targets(index, subject) for index in targets or ()]
     if sets and settings.relight_surfels:
-        sequence.shading = load_shading(sets[-1].folder / "shading.npz")  # one light for all levels
+        sequence.shading = load_shading(sets[-1].folder / SHADING)  # one light for all levels
     supervision = Supervision(subject, sets if settings.gtstar_probability > 0 else (), settings.mask_flags)
     checkpoint = avatar.with_suffix(".checkpoint")
     surfels, rows = train_surfels(settings, sequence, supervision, checkpoint)

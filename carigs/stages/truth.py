@@ -1,91 +1,88 @@
-"""Stage `truth`: what the test frames would look like if the person were their caricature.  Never shown to training."""
+"""Stage `truth`: ground-truth images of the test frames at one level; used for evaluation only."""
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 
 from rich.progress import track
 
 from carigs.capture import Capture
-from carigs.capture.dataset import read_json
+from carigs.capture.frame_index import ground_truth_files, write_ground_truth
 from carigs.capture.images import png_size, write_png
 from carigs.errors import InputError
 from carigs.exaggeration import Caricature, GammaPath
-from carigs.files import writing, writing_folder
+from carigs.files import json_field, read_json, writing_folder
 from carigs.settings import Truth
+
+Keys = list[tuple[int, int]]
+"""Timestep and camera of each image."""
 
 
 def truth(settings: Truth, *, capture: Path, path: Path, level: float, frames: Path, index: Path) -> None:
-    """Write the true images of this level into `frames`, and their list into `index`, or the reason why there are none.
+    """Write the ground-truth images of a level, or the reason why there are none.
 
-    Level 0 is the capture itself (test and validation frames); other levels are rendered for the toy, or come from
-    `settings.folder`, or are unknown, as for every real person.
+    Level 0 is the capture itself (test and val frames). Other levels are rendered for the toy, read from
+    `settings.folder`, or unknown, as for every real person.
+
+    Args:
+        settings: Settings of the stage.
+        capture: Input: the index of the capture.
+        path: Input: the exaggeration path.
+        level: Exaggeration level.
+        frames: Output: folder of images and masks.
+        index: Output: timestep, camera and files of each image, or the reason.
     """
-    subject = Capture.load(capture)
-    reason = None
+    subject, reason = Capture.load(capture), None
     with writing_folder(frames) as part:
         if level == 0:
-            entries = _captured(subject, part)
+            keys = _copy_captured(subject, part)
         elif (subject.root / "subject.npz").is_file():
-            entries = _rendered(subject, GammaPath.load(path).at(level), part)
+            keys = _render_toy(subject, GammaPath.load(path).at(level), part)
         elif settings.folder and (folder := Path(settings.folder.replace("{level}", f"{level:g}"))).is_dir():
-            entries = _given(subject, folder, part)
+            keys = _copy_supplied(subject, folder, part)
         else:
-            entries, reason = [], f"no true caricature of this subject at level {level:g}"
-    with writing(index) as part_index:
-        part_index.write_text(json.dumps({"level": level, "reason": reason, "frames": entries}, indent=1))
+            keys, reason = [], f"no true caricature of this subject at level {level:g}"
+    write_ground_truth(index, level, keys, reason)
 
 
-def _entry(timestep: int, camera: int) -> dict[str, object]:
-    name = f"{timestep:05d}_{camera:02d}"
-    return {"timestep": timestep, "camera": camera, "image": f"{name}.png", "mask": f"{name}_mask.png"}
+def _copy_captured(subject: Capture, folder: Path) -> Keys:
+    frames = (*subject.split("test"), *subject.split("val"))
+    for frame in frames:
+        files = ground_truth_files(frame.timestep, frame.camera)
+        shutil.copyfile(subject.root / frame.image, folder / files["image"])
+        shutil.copyfile(subject.root / frame.mask, folder / files["mask"])
+    return [(frame.timestep, frame.camera) for frame in frames]
 
 
-def _captured(subject: Capture, folder: Path) -> list[dict[str, object]]:
-    entries = []
-    for frame in (*subject.split("test"), *subject.split("val")):
-        entries.append(_entry(frame.timestep, frame.camera))
-        shutil.copyfile(subject.root / frame.image, folder / f"{frame.name}.png")
-        shutil.copyfile(subject.root / frame.mask, folder / f"{frame.name}_mask.png")
-    return entries
-
-
-def _rendered(subject: Capture, caricature: Caricature, folder: Path) -> list[dict[str, object]]:
+def _render_toy(subject: Capture, caricature: Caricature, folder: Path) -> Keys:
     from carigs.toy import load_subject, render_subject
 
-    person = load_subject(subject.root)
-    entries = []
-    for frame in track(subject.split("test"), description="truth", disable=len(subject.split("test")) < 10):
-        colour, alpha = render_subject(
-            person, subject.parameters(frame.timestep), subject.cameras[frame.camera], caricature
+    toy, frames = load_subject(subject.root), subject.split("test")
+    for frame in track(frames, description="truth", disable=len(frames) < 10):
+        camera, files = subject.cameras[frame.camera], ground_truth_files(frame.timestep, frame.camera)
+        colour, alpha = render_subject(toy, subject.parameters(frame.timestep), camera, caricature)
+        write_png(folder / files["image"], colour)
+        write_png(folder / files["mask"], alpha)
+    return [(frame.timestep, frame.camera) for frame in frames]
+
+
+def _copy_supplied(subject: Capture, source: Path, folder: Path) -> Keys:
+    """Copy images from a folder with an index in the format of GaussianAvatars."""
+    index, keys = source / "frames.json", []
+    for i, entry in enumerate(read_json(index, list)):
+        where = f"[{i}]"
+        timestep, number = (
+            json_field(entry, key, int, file=index, where=where) for key in ("timestep_index", "camera_index")
         )
-        entries.append(_entry(frame.timestep, frame.camera))
-        write_png(folder / f"{frame.name}.png", colour)
-        write_png(folder / f"{frame.name}_mask.png", alpha)
-    return entries
-
-
-def _given(subject: Capture, source: Path, folder: Path) -> list[dict[str, object]]:
-    listing = source / "frames.json"
-    given = read_json(listing)
-    if not isinstance(given, list):
-        raise InputError("expected a list of frames", file=listing)
-    entries = []
-    for i, item in enumerate(given):
-        for key in ("timestep_index", "camera_index", "file_path", "fg_mask_path"):
-            if not isinstance(item, dict) or key not in item:
-                raise InputError("this key is missing", file=listing, field=f"[{i}].{key}")
-        camera = subject.cameras.get(item["camera_index"])
+        camera = subject.cameras.get(number)
         if camera is None:
-            raise InputError(
-                f"the capture has no camera {item['camera_index']}", file=listing, field=f"[{i}].camera_index"
-            )
-        entry = _entry(item["timestep_index"], item["camera_index"])
-        for key, name in (("file_path", "image"), ("fg_mask_path", "mask")):
-            if png_size(source / item[key]) != (camera.width, camera.height):
-                raise InputError(f"its camera has {camera.width} x {camera.height} pixels", file=source / item[key])
-            shutil.copyfile(source / item[key], folder / str(entry[name]))
-        entries.append(entry)
-    return entries
+            raise InputError(f"the capture has no camera {number}", file=index, field=f"{where}.camera_index")
+        names = ground_truth_files(timestep, number)
+        for key, name in (("file_path", names["image"]), ("fg_mask_path", names["mask"])):
+            file = source / json_field(entry, key, str, file=index, where=where)
+            if png_size(file) != (camera.width, camera.height):
+                raise InputError(f"its camera has {camera.width} x {camera.height} pixels", file=file)
+            shutil.copyfile(file, folder / name)
+        keys.append((timestep, number))
+    return keys

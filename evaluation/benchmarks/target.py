@@ -20,11 +20,11 @@ import numpy as np
 from carigs.capture import Camera, Capture, Frame, read_dataset
 from carigs.exaggeration import Caricature, GammaPath
 from carigs.gtstar import face_mask_flags, flags_from_names, make_target
-from carigs.gtstar.provider import fitted_shading
+from carigs.gtstar.capture_shading import fit_capture_shading
 from carigs.head import neutral, pose, subject_gamma_path
 from carigs.head.teeth import add_teeth
-from carigs.light.fitting import relight
-from carigs.raster import visible
+from carigs.light import relight
+from carigs.raster import compute_visibility
 from carigs.settings import DEFAULT_MASK_FLAGS, Exaggerate, Gtstar, Toy
 from carigs.toy import load_subject, render_subject, write_capture
 from evaluation.benchmarks.measurement import Measurement
@@ -67,20 +67,24 @@ def measure_warp(subject: Capture, path: GammaPath, repeats: int = REPEATS) -> I
         return 1000 * median_time(work, repeats, cpu_seconds)
 
     scene = f"{len(model.faces)} triangles, {SIZE[1]}x{SIZE[0]}"
-    yield Measurement(scene, "visibility at one end", "ms", cpu_ms(lambda: visible(natural, model.faces, large)))
+    yield Measurement(
+        scene, "visibility at one end", "ms", cpu_ms(lambda: compute_visibility(natural, model.faces, large))
+    )
     references: dict[str, float] = {}
     for option in sorted(OPTIONS, key=lambda option: option != ("affine", 1, False)):
         warp, samples, antialias = option
         settings = Gtstar(warp=warp, supersampling=samples, antialias=antialias)
 
         def make_one(settings: Gtstar = settings) -> object:
-            return make_target(*pictures, natural, deformed, large, model, face_flags, settings)
+            ends = [compute_visibility(vertices, model.faces, large) for vertices in (natural, deformed)]
+            return make_target(*pictures, *ends, model, face_flags, settings)
 
         values = {("visibility, warp and masks", "ms"): cpu_ms(make_one)}
         errors, masked, wrong_masked = [], [], []
-        for *inputs, view, truth, true_matte in scenes:
-            target = make_target(*inputs, view, model, face_flags, settings)
-            on_mesh, excludes = target.caricature.face >= 0, (target.reasons & excluded) > 0
+        for *frame, before, after, view, truth, true_matte in scenes:
+            ends = [compute_visibility(vertices, model.faces, view) for vertices in (before, after)]
+            target = make_target(*frame, *ends, model, face_flags, settings)
+            on_mesh, excludes = target.caricature.face >= 0, (target.mask_flags & excluded) > 0
             error = np.abs(target.colour - truth).mean(axis=2)
             errors.append(error[on_mesh & ~excludes])
             masked.append(excludes[on_mesh])
@@ -109,16 +113,17 @@ def measure_relighting(subject: Capture, path: GammaPath) -> Iterator[Measuremen
     model, settings = subject.model, Gtstar()
     face_flags, excluded = face_mask_flags(model, settings), np.uint16(flags_from_names(DEFAULT_MASK_FLAGS).value)
     regions = {name: surface_regions(model, model.v_template).faces[name] for name in ("skin", "face")}
-    shading = fitted_shading(settings, subject, face_flags)
+    shading = fit_capture_shading(settings, subject, face_flags)
     for level in (path.gamma_f, 2 * path.gamma_f):
         squares: dict[tuple[str, str], list[np.ndarray]] = {}
-        for *inputs, camera, truth, _ in _scenes(subject, subject.split("test")[::2], path.at(level)):
-            target = make_target(*inputs, camera, model, face_flags, settings, subject.background)
-            meshes = inputs[2:]
-            factor = shading.factor(*(shading.transfer(vertices, model.faces) for vertices in meshes))
+        for *frame, before, after, camera, truth, _ in _scenes(subject, subject.split("test")[::2], path.at(level)):
+            meshes = before, after
+            ends = [compute_visibility(vertices, model.faces, camera) for vertices in meshes]
+            target = make_target(*frame, *ends, model, face_flags, settings, subject.background)
+            factor = shading.vertex_factors(*(shading.transfer(vertices, model.faces) for vertices in meshes))
             relit = relight(target.colour, target.caricature, factor, shading.kept)
             face = target.caricature.face
-            trusted = (face >= 0) & ((target.reasons & excluded) == 0)
+            trusted = (face >= 0) & ((target.mask_flags & excluded) == 0)
             for region, inside in regions.items():
                 where = trusted & inside[face]
                 for light, image in (("the frame's light", target.colour), ("new light", relit)):

@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from carigs.capture import Capture
-from carigs.capture.frame_index import Truths
 from carigs.capture.images import read_grey, read_rgb
 from carigs.exaggeration import GammaPath
 from carigs.gtstar import face_mask_flags, flags_from_names, make_target
 from carigs.head import neutral, pose
+from carigs.raster import compute_visibility
 from carigs.settings import Gtstar
 from evaluation.figures.png_figure import png_figure
 from evaluation.metrics.regions import image_regions, surface_regions
@@ -39,7 +39,7 @@ class Misregistration(NamedTuple):
 def misregistrations(
     subject: Capture,
     path: GammaPath,
-    truths: Mapping[float, Truths],
+    truths: Mapping[float, GroundTruth],
     settings: Gtstar,
     mask_flags: Sequence[str],
     cameras: int = 3,
@@ -66,16 +66,16 @@ def misregistrations(
         for frame in (f for f in frames if f.camera in shown_cameras):
             parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
             caricature = pose(model, parameters, path.at(level))
-            target = make_target(
-                subject.image(frame), subject.mask(frame), pose(model, parameters), caricature, camera, model,
-                face_flags, settings, subject.background,
-            )  # fmt: skip
+            meshes = pose(model, parameters), caricature
+            ends = [compute_visibility(vertices, model.faces, camera) for vertices in meshes]
+            images = subject.image(frame), subject.mask(frame)
+            target = make_target(*images, *ends, model, face_flags, settings, subject.background)
             key = (frame.timestep, frame.camera)
             error = np.abs(target.colour - read_rgb(truth.images[key])).mean(axis=2)
             surface = surface_regions(model, neutral(model, parameters))
             foreground = read_grey(truth.masks[key]) > 0.5
             regions = image_regions(surface, caricature, target.caricature.fragments, camera, foreground, band=2)
-            masked = (target.reasons & excluded) > 0
+            masked = (target.mask_flags & excluded) > 0
             for region in pooled:
                 if region in regions:
                     pooled[region].append(np.stack([error[regions[region]], masked[regions[region]]]))

@@ -9,7 +9,6 @@ from itertools import product
 from rich.progress import track
 
 from carigs.capture import Capture
-from carigs.capture.frame_index import Rendered, Truths
 from carigs.capture.images import read_grey, read_rgb
 from carigs.errors import InputError
 from carigs.exaggeration import Caricature

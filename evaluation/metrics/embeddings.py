@@ -13,7 +13,6 @@ from jaxtyping import Float
 from rich.progress import track
 
 from carigs.capture import Capture
-from carigs.capture.frame_index import Rendered
 from carigs.capture.images import read_rgb
 from carigs.errors import InputError, WeightsMissing
 from carigs.settings import Metrics

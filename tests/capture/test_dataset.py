@@ -1,4 +1,4 @@
-"""Datasets on disk: what is read is what was written, and every broken input is named."""
+"""Datasets on disk: round trips, and one-line errors for every broken input."""
 
 import json
 import shutil
@@ -74,7 +74,7 @@ def edit(folder: Path, split: str, change) -> None:
 BREAKAGES = {
     "missing folder": (shutil.rmtree, "ball: no such dataset folder"),
     "broken json": (lambda d: (d / "transforms_train.json").write_text('{"frames": [}'), "column 13: broken JSON"),
-    "no frames key": (lambda d: (d / "transforms_train.json").write_text("{}"), "train.json: frames: expected"),
+    "no frames key": (lambda d: (d / "transforms_train.json").write_text("{}"), "train.json: frames: this key is"),
     "empty test split": (lambda d: edit(d, "test", lambda c: c.update(frames=[])), "frames: the test split is empty"),
     "missing image": (lambda d: (d / "images/00001_00.png").unlink(), "00001_00.png: no such image"),
     "missing mask": (lambda d: (d / "fg_masks/00001_00.png").unlink(), "00001_00.png: no such image"),

@@ -1,4 +1,4 @@
-"""The reasons against a target's pixels, and that frozen triangles agree with them."""
+"""Mask flags of a target's pixels, and their agreement with the flags of triangles."""
 
 from dataclasses import replace
 
@@ -9,18 +9,19 @@ from miniature import FRONTAL, ball_cameras, ball_model, picture, sheet
 from carigs.errors import SettingsError
 from carigs.gtstar import MaskFlag, Target, face_mask_flags, flags_from_names, make_target
 from carigs.head import HeadModel
-from carigs.raster import visible
+from carigs.raster import compute_visibility
 from carigs.settings import DEFAULT_MASK_FLAGS, Gtstar
 
 BALD = replace(ball_model(), regions={})
 
 
 def made(natural, caricature, model: HeadModel, camera, foreground=None, image=None, **changes) -> Target:
+    ends = [compute_visibility(vertices, model.faces, camera) for vertices in (natural, caricature)]
     if foreground is None:
-        foreground = (visible(natural, model.faces, camera).face >= 0).astype(np.float32)
-    chosen = Gtstar(**{"supersampling": 1, **changes})
+        foreground = (ends[0].face >= 0).astype(np.float32)
+    settings = Gtstar(**{"supersampling": 1, **changes})
     image = picture(camera) if image is None else image
-    return make_target(image, foreground, natural, caricature, camera, model, face_mask_flags(model, chosen), chosen)
+    return make_target(image, foreground, *ends, model, face_mask_flags(model, settings), settings)
 
 
 def mesh_model(vertices: np.ndarray, faces: np.ndarray) -> HeadModel:
@@ -43,8 +44,8 @@ def test_level_zero_is_the_frame_and_is_valid_inside_the_mesh(supersampling):
     on_mesh = target.caricature.face >= 0
     np.testing.assert_allclose(target.colour[on_mesh], image[on_mesh], atol=1e-6)
     np.testing.assert_array_equal(target.colour[~on_mesh], 1.0)
-    assert not target.reasons[on_mesh].any()
-    assert not (target.reasons[~dilated(~on_mesh)] & flags_from_names(DEFAULT_MASK_FLAGS).value).any()
+    assert not target.mask_flags[on_mesh].any()
+    assert not (target.mask_flags[~dilated(~on_mesh)] & flags_from_names(DEFAULT_MASK_FLAGS).value).any()
 
 
 def test_newly_visible_skin_is_found():
@@ -55,10 +56,10 @@ def test_newly_visible_skin_is_found():
     moved = np.vstack([vertices, flap + np.array([5.0, 0, 0.1])])
     model = mesh_model(both, np.vstack([faces, flap_faces + len(vertices)]))
     target = made(both, moved, model, FRONTAL, np.ones((48, 64), np.float32))
-    natural = visible(both, model.faces, FRONTAL)
+    natural = compute_visibility(both, model.faces, FRONTAL)
     hidden = (natural.face >= len(faces)) & (target.caricature.face >= 0)
     assert hidden.sum() > 80
-    np.testing.assert_array_equal((target.reasons & MaskFlag.OCCLUDED.value) > 0, hidden)
+    np.testing.assert_array_equal((target.mask_flags & MaskFlag.OCCLUDED.value) > 0, hidden)
 
 
 def test_what_turns_towards_the_camera_is_newly_visible():
@@ -67,7 +68,7 @@ def test_what_turns_towards_the_camera_is_newly_visible():
     target = made(vertices * [-1, 1, 1], vertices, model, FRONTAL)
     on_mesh = target.caricature.face >= 0
     assert on_mesh.any()
-    assert ((target.reasons[on_mesh] & MaskFlag.NEWLY_VISIBLE.value) > 0).all()
+    assert ((target.mask_flags[on_mesh] & MaskFlag.NEWLY_VISIBLE.value) > 0).all()
 
 
 def test_grazing_and_stretched_triangles_are_found():
@@ -75,10 +76,10 @@ def test_grazing_and_stretched_triangles_are_found():
     model = mesh_model(vertices, faces)
     turn = np.radians(87)
     oblique = vertices @ np.array([[np.cos(turn), 0, np.sin(turn)], [0, 1, 0], [0, 0, 1.0]]) * [1, 1, -1]
-    for natural, reason in ((oblique, MaskFlag.GRAZING | MaskFlag.STRETCHED), (vertices / 3, MaskFlag.STRETCHED)):
+    for natural, expected in ((oblique, MaskFlag.GRAZING | MaskFlag.STRETCHED), (vertices / 3, MaskFlag.STRETCHED)):
         target = made(natural, vertices, model, FRONTAL)
-        found = np.bitwise_or.reduce(target.reasons[target.caricature.face >= 0]) & (4 | 8)
-        assert found == reason.value
+        flags = np.bitwise_or.reduce(target.mask_flags[target.caricature.face >= 0]) & (4 | 8)
+        assert flags == expected.value
 
 
 @pytest.mark.parametrize(("degrees", "grazes"), [(88.2, False), (87.7, False), (85.0, True), (60.0, True)])
@@ -92,16 +93,16 @@ def test_what_is_seen_as_obliquely_in_the_caricature_does_not_graze(degrees, gra
         return vertices @ np.array([[cosine, 0, -sine], [0, 1, 0], [0, 0, 1.0]])
 
     target = made(turned(88.0), turned(degrees), model, FRONTAL)
-    found = target.reasons[target.caricature.face >= 0] & MaskFlag.GRAZING.value
-    assert len(found) > 0
-    assert (found > 0).all() == grazes and (found > 0).any() == grazes
+    flags = target.mask_flags[target.caricature.face >= 0] & MaskFlag.GRAZING.value
+    assert len(flags) > 0
+    assert (flags > 0).all() == grazes and (flags > 0).any() == grazes
 
 
 def test_what_comes_from_beyond_the_border_is_found():
     vertices, faces = sheet(3)
     model = mesh_model(vertices, faces)
     target = made(vertices + np.array([0.3, 0, 0]), vertices, model, FRONTAL)
-    _, x = np.nonzero((target.reasons & MaskFlag.OUTSIDE_IMAGE.value) > 0)
+    _, x = np.nonzero((target.mask_flags & MaskFlag.OUTSIDE_IMAGE.value) > 0)
     assert set(x) == set(range(34, 52))  # 30 pixels to the right of them the image ends
 
 
@@ -110,21 +111,21 @@ def test_background_is_where_nothing_is_and_where_skin_has_moved_away():
     camera = ball_cameras()[1]
     target = made(ball(), 0.8 * ball(), BALD, camera, background_margin=1)
     on_mesh = target.caricature.face >= 0
-    outside = (target.reasons & MaskFlag.OUTSIDE_MESH.value) > 0
+    outside = (target.mask_flags & MaskFlag.OUTSIDE_MESH.value) > 0
     np.testing.assert_array_equal(outside, ~on_mesh & dilated(on_mesh))
-    assert target.reasons[0, 0] == 0
+    assert target.mask_flags[0, 0] == 0
 
 
 def test_hair_may_be_anywhere_within_its_length():
     """A tuft stands off the ball: no background near it or the scalp, and none where it stood but plain background."""
     model, camera = ball_model(), ball_cameras()[1]
-    foreground = (visible(ball(), model.faces, camera).face >= 0).astype(np.float32)
+    foreground = (compute_visibility(ball(), model.faces, camera).face >= 0).astype(np.float32)
     row, column = np.argwhere(foreground > 0)[0]
     assert row > 6, "room for the tuft above the ball"
     tuft = np.zeros_like(foreground, bool)
     tuft[row - 6 : row, column - 1 : column + 2] = True
     outside = {
-        hairy: (made(ball(), 0.8 * ball(), model, camera, matte).reasons & MaskFlag.OUTSIDE_MESH.value) > 0
+        hairy: (made(ball(), 0.8 * ball(), model, camera, matte).mask_flags & MaskFlag.OUTSIDE_MESH.value) > 0
         for hairy, matte in ((True, np.maximum(foreground, tuft)), (False, foreground))
     }
     assert outside[True][tuft].all()
@@ -141,17 +142,17 @@ def dilated(mask: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("supersampling", [1, 2])
-def test_a_pixel_on_a_triangle_has_all_its_triangle_s_reasons(supersampling):
-    """Hence what freezes a triangle's surfels also leaves out every pixel that shows it."""
+def test_a_pixel_has_all_flags_of_its_triangle(supersampling):
+    """Hence a flag that freezes the surfels of a triangle also masks every pixel that shows it."""
     model, camera = ball_model(), ball_cameras()[2]
     target = made(ball(), ball() * [1.2, 1, 1], model, camera, supersampling=supersampling)
-    of_faces = face_mask_flags(model, Gtstar())
-    assert (of_faces == MaskFlag.HAIR.value).sum() > 20
+    face_flags = face_mask_flags(model, Gtstar())
+    assert (face_flags == MaskFlag.HAIR.value).sum() > 20
     on_mesh = target.caricature.face >= 0
-    expected = of_faces[target.caricature.face[on_mesh]]
-    np.testing.assert_array_equal(target.reasons[on_mesh] & expected, expected)
+    expected = face_flags[target.caricature.face[on_mesh]]
+    np.testing.assert_array_equal(target.mask_flags[on_mesh] & expected, expected)
 
 
-def test_an_unknown_reason_is_named():
-    with pytest.raises(SettingsError, match=r"freckles is no reason .* occluded"):
+def test_an_unknown_flag_is_named():
+    with pytest.raises(SettingsError, match=r"freckles is not a mask flag.* occluded"):
         flags_from_names(["hair", "freckles"])

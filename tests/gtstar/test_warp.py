@@ -4,23 +4,31 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from miniature import FRONTAL, picture, sheet
+from miniature import FRONTAL, coverage_image, picture, sheet
 
 from carigs.capture import Camera, look_at
 from carigs.errors import SettingsError
 from carigs.gtstar import warp_frame
-from carigs.gtstar.warp import source_pixels
-from carigs.raster import visible
+from carigs.gtstar.warp import source_maps
+from carigs.raster import Visibility, compute_visibility
 from carigs.settings import Gtstar
 
 
+def source_pixels(natural: Visibility, caricature: Visibility, kind: str) -> np.ndarray:
+    """Where in the frame each target pixel on the mesh comes from (n, 2)."""
+    y, x = np.nonzero(caricature.face >= 0)
+    maps = source_maps(natural, caricature, kind)[caricature.face[y, x]]
+    source = np.einsum("nij,nj->ni", maps, np.column_stack([x + 0.5, y + 0.5, np.ones(len(x))]))
+    return source[:, :2] / source[:, 2:]
+
+
 def warped(image, natural, caricature, faces, camera, **changes):
-    """The warp, and what is seen at both ends."""
-    chosen = Gtstar(**{"supersampling": 1, **changes})
-    ends = [visible(vertices, faces, camera) for vertices in (natural, caricature)]
-    of_faces = np.zeros(len(faces), np.uint16)
-    of_frame = np.zeros((camera.height, camera.width), np.uint16)
-    return warp_frame(image, *ends, of_faces, of_frame, chosen), *ends
+    """The warp, and the visibility of both meshes."""
+    gtstar = Gtstar(**{"supersampling": 1, **changes})
+    ends = [compute_visibility(vertices, faces, camera) for vertices in (natural, caricature)]
+    face_flags = np.zeros(len(faces), np.uint16)
+    frame_flags = np.zeros((camera.height, camera.width), np.uint16)
+    return warp_frame(image, *ends, face_flags, frame_flags, gtstar), *ends
 
 
 @pytest.mark.parametrize("kind", ["affine", "perspective"])
@@ -37,8 +45,8 @@ def test_an_affine_motion_in_the_image_plane_is_undone_exactly(kind, sx, sy, she
     world = np.column_stack([(x + 0.5 - 32) / 100, -(y + 0.5 - 24) / 100])  # depth is 1 m
     source = (world - shift) @ np.linalg.inv(linear).T
     expected = np.column_stack([source[:, 0] * 100 + 32, -source[:, 1] * 100 + 24])
-    np.testing.assert_allclose(source_pixels(natural, caricature, kind)[on_mesh], expected, atol=1e-5)
-    inside = (np.abs(expected - [32, 24]) < [30, 22]).all(axis=1) & (warp.reasons[on_mesh] == 0)
+    np.testing.assert_allclose(source_pixels(natural, caricature, kind), expected, atol=1e-5)
+    inside = (np.abs(expected - [32, 24]) < [30, 22]).all(axis=1) & (warp.mask_flags[on_mesh] == 0)
     # Within a pixel of the sheet's edge the neighbours off the sheet give their weight to the others.
     inside &= (np.abs(expected - [32, 24]) < [19, 14]).all(axis=1)
     colour = np.column_stack([expected / 100, 0.3 + expected @ [0.002, -0.003]])
@@ -63,13 +71,13 @@ def test_a_point_of_the_surface_is_found_where_it_is_in_the_frame(surface):
     camera = Camera(look_at(np.array([0.1, 0.1, 0.8]), np.zeros(3)), 380, 380, 64, 48, 128, 96)
     errors = {}
     for kind in ("perspective", "affine"):
-        ends = [visible(vertices, faces, camera) for vertices in (natural, caricature)]
+        ends = [compute_visibility(vertices, faces, camera) for vertices in (natural, caricature)]
         fragments = ends[1].fragments
         on_mesh = fragments.face >= 0
         weights, corners = fragments.barycentric[on_mesh], faces[fragments.face[on_mesh]]
         points = np.einsum("pk,pkc->pc", weights, natural[corners])
         expected, _ = camera.project(points)
-        errors[kind] = float(np.abs(source_pixels(*ends, kind)[on_mesh] - expected).max())
+        errors[kind] = float(np.abs(source_pixels(*ends, kind) - expected).max())
     assert on_mesh.sum() > 2000
     assert errors["perspective"] < 1e-3
     assert errors["affine"] < 0.1
@@ -83,8 +91,8 @@ def test_a_shrinking_triangle_takes_the_mean_of_its_footprint():
     image[:, ::2] = 1
     error = {}
     for footprint in (True, False):
-        warp, _, target = warped(image, vertices, vertices / 3, faces, FRONTAL, antialias=footprint)
-        inner = (target.face >= 0) & ((warp.reasons & 2) == 0)
+        warp, _, target = warped(image, vertices, vertices / 3, faces, FRONTAL, footprint=footprint)
+        inner = (target.face >= 0) & ((warp.mask_flags & 2) == 0)
         error[footprint] = float(np.abs(warp.colour[inner] - 0.5).mean())
     assert error[True] < 0.5 * error[False]
 
@@ -96,10 +104,10 @@ def test_colours_are_never_fetched_from_the_background_or_across_an_edge():
     both = np.vstack([vertices, flap + np.array([0.0123, 0.0057, 0.1])])
     moved = np.vstack([vertices * 1.1, flap + np.array([-0.0311, 0.0213, 0.1])])
     all_faces = np.vstack([faces, flap_faces + len(vertices)])
-    seen = visible(both, all_faces, FRONTAL)
+    seen = compute_visibility(both, all_faces, FRONTAL)
     image = np.where((seen.face >= len(faces))[..., None], 1.0, np.where((seen.face >= 0)[..., None], 0.0, [1, 0, 0]))
     warp, _, target = warped(image.astype(np.float32), both, moved, all_faces, FRONTAL)
-    trusted = (target.face >= 0) & (warp.reasons == 0)
+    trusted = (target.face >= 0) & (warp.mask_flags == 0)
     assert trusted.sum() > 500
     np.testing.assert_allclose(warp.colour[trusted].max(axis=1), warp.colour[trusted].min(axis=1), atol=1e-6)
     on_flap = target.face[trusted] >= len(faces)
@@ -115,16 +123,16 @@ def test_outlines_are_blended_as_the_caricature_covers_their_pixels(scale, shear
     moved = vertices.copy()
     moved[:, :2] = vertices[:, :2] @ linear.T + shift
     vertices[:, :2] += 0.0037
-    ends = [visible(v, faces, FRONTAL) for v in (vertices, moved)]
+    ends = [compute_visibility(v, faces, FRONTAL) for v in (vertices, moved)]
     colour = np.array([0.2, 0.9, 0.5])
 
     def blended(seen):
-        share = np.where(seen.face >= 0, seen.coverage(4).image(48), 0)[..., None]
+        share = np.where(seen.face >= 0, coverage_image(seen, 4), 0)[..., None]
         return (share * colour + (1 - share) * background).astype(np.float32)
 
-    of_faces, of_frame = np.zeros(len(faces), np.uint16), np.zeros((48, 64), np.uint16)
-    warp = warp_frame(blended(ends[0]), *ends, of_faces, of_frame, Gtstar(supersampling=4), background)
-    trusted = warp.reasons == 0
+    face_flags, frame_flags = np.zeros(len(faces), np.uint16), np.zeros((48, 64), np.uint16)
+    warp = warp_frame(blended(ends[0]), *ends, face_flags, frame_flags, Gtstar(supersampling=4), background)
+    trusted = warp.mask_flags == 0
     assert trusted.sum() > 2500
     np.testing.assert_allclose(warp.colour[trusted], blended(ends[1])[trusted], atol=2e-6)
 

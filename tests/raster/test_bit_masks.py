@@ -1,4 +1,4 @@
-"""Masks as bits against the same on arrays of booleans."""
+"""Bit masks against the same operations on boolean arrays."""
 
 import cv2
 import numpy as np
@@ -6,59 +6,59 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from carigs.raster import bit_masks as bits
+from carigs.raster.bit_masks import BitMask, greater, pixels_of_faces
 
 SHAPES = st.tuples(st.integers(1, 150), st.integers(1, 40))
 
 
-def some(shape, seed: int, share: float = 0.02) -> np.ndarray:
+def random_mask(shape, seed: int, share: float = 0.02) -> np.ndarray:
     return np.random.default_rng(seed).random(shape) < share
 
 
-def as_bits(mask: np.ndarray) -> bits.Bits:
-    return bits.above(mask.astype(np.uint8), 0)
+def as_bits(mask: np.ndarray) -> BitMask:
+    return greater(mask.astype(np.uint8), 0)
 
 
 @given(SHAPES, st.integers(0, 2**31))
-def test_operators_are_those_of_booleans(shape, seed):
-    one, other = some(shape, seed, 0.5), some(shape, seed + 1, 0.5)
-    for found, expected in (
+def test_operators_match_boolean_arrays(shape, seed):
+    one, other = random_mask(shape, seed, 0.5), random_mask(shape, seed + 1, 0.5)
+    for result, expected in (
         (as_bits(one) & as_bits(other), one & other),
         (as_bits(one) | as_bits(other), one | other),
         (as_bits(one) - as_bits(other), one & ~other),
         (~as_bits(one), ~one),
     ):
-        np.testing.assert_array_equal(found.image(), expected)
-        assert bool(found) == expected.any()
+        np.testing.assert_array_equal(result.to_array(), expected)
+        assert bool(result) == expected.any()
 
 
 @given(SHAPES, st.integers(0, 2**31), st.integers(0, 90))
-def test_grown_as_opencv_dilates_and_nothing_beyond_the_border(shape, seed, radius):
-    mask = some(shape, seed)
+def test_dilation_matches_opencv_and_stays_inside_the_image(shape, seed, radius):
+    mask = random_mask(shape, seed)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
-    grown = as_bits(mask).grown(radius)
-    np.testing.assert_array_equal(grown.image(), cv2.dilate(mask.view(np.uint8), disc) > 0)
-    assert not grown - as_bits(np.ones(shape, bool))
+    dilated = as_bits(mask).dilated(radius)
+    np.testing.assert_array_equal(dilated.to_array(), cv2.dilate(mask.view(np.uint8), disc) > 0)
+    assert not dilated - as_bits(np.ones(shape, bool))
 
 
 @given(SHAPES, st.integers(0, 2**31))
-def test_reach_is_the_largest_distance(shape, seed):
-    """Of the others' pixels to the nearest one: to two pixels and 4 %."""
-    mask, other = some(shape, seed, 0.01), some(shape, seed + 1)
-    reach = as_bits(mask).reach(as_bits(other))
+def test_covering_radius_is_the_largest_distance(shape, seed):
+    """Of the other mask's pixels to the nearest pixel: to two pixels and 4 %."""
+    mask, other = random_mask(shape, seed, 0.01), random_mask(shape, seed + 1)
+    radius = as_bits(mask).covering_radius(as_bits(other))
     if not other[~mask].any():
-        assert reach == 0
+        assert radius == 0
     elif not mask.any():
-        assert reach >= max(shape)
+        assert radius >= max(shape)
     else:
-        gaps = np.argwhere(other)[:, None] - np.argwhere(mask)[None]
-        distance = np.sqrt((gaps**2).sum(axis=2)).min(axis=1).max()
-        assert reach == pytest.approx(distance, abs=2.0, rel=0.04)
+        offsets = np.argwhere(other)[:, None] - np.argwhere(mask)[None]
+        distance = np.sqrt((offsets**2).sum(axis=2)).min(axis=1).max()
+        assert radius == pytest.approx(distance, abs=2.0, rel=0.04)
 
 
 @given(SHAPES, st.integers(0, 2**31))
-def test_pixels_are_chosen_by_their_faces(shape, seed):
+def test_pixels_are_selected_by_their_faces(shape, seed):
     random = np.random.default_rng(seed)
     faces, face_image = random.random(5) < 0.5, random.integers(-1, 5, shape).astype(np.int32)
     expected = (face_image >= 0) & faces[face_image]
-    np.testing.assert_array_equal(bits.chosen(face_image, faces).image(), expected)
+    np.testing.assert_array_equal(pixels_of_faces(face_image, faces).to_array(), expected)

@@ -13,15 +13,16 @@ from scipy.spatial.transform import Rotation
 
 from carigs.capture import Capture, look_at, read_dataset
 from carigs.capture.images import read_rgb
+from carigs.capture.orbit import nearest_point_to_axes, orbit_cameras
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.head import neutral
-from carigs.light.fitting import Shading, fibonacci_sphere
+from carigs.light import Shading, fibonacci_sphere
 from carigs.settings import Render, Train
 from carigs.splat.avatar import load_avatar, save_avatar
 from carigs.splat.surfels.ply import OURS_FROM_GAUSSIAN_AVATARS, read_ply, write_ply
 from carigs.splat.surfels.surfels import flat_discs, to_arrays
-from carigs.stages.render import nearest_point, orbit_cameras, render
+from carigs.stages.render import render
 from carigs.stages.train import train
 
 
@@ -266,10 +267,10 @@ def test_the_nearest_point_is_where_the_axes_meet():
 
     target = np.array([0.1, -0.2, 0.3])
     capture_camera = orbit_like(target)
-    np.testing.assert_allclose(nearest_point(capture_camera), target, atol=1e-9)
+    np.testing.assert_allclose(nearest_point_to_axes(capture_camera), target, atol=1e-9)
     parallel = [replace(capture_camera[0]), replace(capture_camera[0])]
     ahead = parallel[0].centre + parallel[0].camera_from_world[2, :3]
-    np.testing.assert_allclose(nearest_point(parallel), ahead)
+    np.testing.assert_allclose(nearest_point_to_axes(parallel), ahead)
 
 
 def orbit_like(target):

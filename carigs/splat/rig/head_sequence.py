@@ -14,7 +14,8 @@ from carigs.errors import InputError
 from carigs.exaggeration import GammaPath
 from carigs.head import HeadModel, HeadParameters, neutral, pose
 from carigs.head.model import N_SHAPE
-from carigs.light.fitting import Shading, Transfer
+from carigs.light.shading import Shading
+from carigs.light.transfer import Transfer
 from carigs.splat.rig.face_motion import FaceMotion
 from carigs.splat.rig.rig import Rig, build_rig, face_motion
 
@@ -89,7 +90,7 @@ class HeadSequence:
         key = (timestep, float(level))
         if key not in self._shades:
             after = self.shading.transfer(self._pose(self._tracked[timestep], level), self.rig.faces)
-            self._shades[key] = self.shading.of_faces(self._canonical_transfer, after, self.rig.faces)
+            self._shades[key] = self.shading.face_factors(self._canonical_transfer, after, self.rig.faces)
         return self._shades[key]
 
     @cached_property

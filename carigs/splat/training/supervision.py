@@ -71,7 +71,7 @@ class Supervision:
         if not self.frames:
             raise InputError("no training frames", file=self.capture.root, field="train")
         self.targets = tuple(target for target_set in self.sets for target in target_set.targets)
-        frozen = {target_set.level: (target_set.of_faces & self._excluded) > 0 for target_set in self.sets}
+        frozen = {target_set.level: (target_set.face_flags & self._excluded) > 0 for target_set in self.sets}
         self._frozen = {level: faces for level, faces in frozen.items() if faces.any()}
 
     def files(self) -> list[Path]:
@@ -81,7 +81,7 @@ class Supervision:
             Every image and mask.
         """
         files = [self.capture.root / frame.image for frame in self.frames]
-        return files + [file for target in self.targets for file in (target.image, target.reasons)]
+        return files + [file for target in self.targets for file in (target.image, target.mask_flags)]
 
     def example(self, gtstar: bool, index: int) -> Example:
         """Read a training example.
@@ -123,7 +123,7 @@ class Supervision:
         target = self.targets[index]
         self._images.prefetch(target.image, _read_planes)
         if self.mask_flags:
-            self._images.prefetch(target.reasons, read_bits)
+            self._images.prefetch(target.mask_flags, read_bits)
 
     def weighted_example(self, gtstar: bool, index: int) -> tuple[Example, Float[np.ndarray, "h w"]]:
         """Read a training example and how much of each pixel belongs to the subject.

@@ -8,7 +8,7 @@ import pytest
 from miniature import write_ball
 
 from carigs.capture import Capture, read_dataset
-from carigs.capture.frame_index import read_truths
+from carigs.capture.frame_index import read_ground_truth
 from carigs.capture.images import read_rgb, write_png
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration import Exaggerator, GammaPath, straight_path
@@ -161,7 +161,7 @@ def test_misregistration_follows_the_settings_of_the_study(study):
     """Pixels are marked by the flags of the settings, on the truth that the frames themselves are at level 0."""
     folder, keywords = study
     subject, path = Capture.load(keywords["capture"]), GammaPath.load(folder / "given.npz")
-    truths = {0.25: read_truths(keywords["truths"][0])}  # natural frames, hence wrong at 0.25
+    truths = {0.25: read_ground_truth(keywords["truths"][0])}  # natural frames, hence wrong at 0.25
     marked = {}
     for flags in (DEFAULT_MASK_FLAGS, ("stretched",)):
         records = list(misregistrations(subject, path, truths, Gtstar(max_stretch=1.0), flags))

@@ -202,7 +202,7 @@ def test_every_level_has_its_own_targets_masks_and_frozen_faces(subject, tmp_pat
         entry["weight"] = 0.5
     (tmp_path / "light.json").write_text(json.dumps(content))
     sets = [read_targets(tmp_path / "light.json", capture), read_targets(indices[0.25], capture)]
-    sets[0] = replace(sets[0], of_faces=np.zeros_like(sets[0].of_faces))
+    sets[0] = replace(sets[0], face_flags=np.zeros_like(sets[0].face_flags))
     supervision = Supervision(capture, sets)
     count = len(capture.split("train"))
     assert len(supervision.targets) == 2 * count

@@ -6,10 +6,11 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from miniature import coverage_image
 from scipy.spatial import Delaunay
 
 from carigs.capture import Camera, look_at
-from carigs.raster import rasterize_mesh, visible
+from carigs.raster import compute_visibility, rasterize_mesh
 
 FRONTAL = Camera(look_at(np.array([0.0, 0.0, 2.0]), np.zeros(3)), fx=80, fy=80, cx=24, cy=20, width=48, height=40)
 
@@ -87,19 +88,19 @@ def test_a_triangulation_covers_every_pixel_exactly_once(seed, half_pixels):
     pixels = np.unique(np.vstack([corners, inner]), axis=0)
     faces = Delaunay(pixels).simplices.astype(np.int32)
     vertices = np.column_stack([pixels * 2 / 80, np.zeros(len(pixels))])  # 80 px at 2 m
-    alone = sum((visible(vertices, face[None], FRONTAL).face >= 0).astype(int) for face in faces)
+    alone = sum((compute_visibility(vertices, face[None], FRONTAL).face >= 0).astype(int) for face in faces)
     assert alone.sum() == 24 * 24
     assert alone.max() == 1
-    np.testing.assert_array_equal(visible(vertices, faces, FRONTAL).face >= 0, alone > 0)
+    np.testing.assert_array_equal(compute_visibility(vertices, faces, FRONTAL).face >= 0, alone > 0)
 
 
 def test_depth_order_and_culling():
     triangle = np.array([[-1, -1, 0], [1, -1, 0], [0, 1, 0.0]])
     vertices = np.vstack([triangle, triangle + np.array([0, 0, 0.5])])
     faces = np.array([[0, 1, 2], [3, 5, 4]])  # the nearer one shows its back
-    both = visible(vertices, faces, FRONTAL)
+    both = compute_visibility(vertices, faces, FRONTAL)
     assert set(np.unique(both.face)) == {-1, 1}
-    assert both.back.tolist() == [False, True]
+    assert both.back_facing.tolist() == [False, True]
     culled = rasterize_mesh(vertices, faces, FRONTAL, cull_back=True)
     assert set(np.unique(culled.face)) == {-1, 0}
     np.testing.assert_allclose(culled.depth[culled.face == 0], 2.0, rtol=1e-6)
@@ -125,7 +126,7 @@ def test_faces_without_area_or_with_a_corner_that_is_not_finite_are_not_seen(cor
 
 def test_nothing_is_seen_behind_the_camera():
     vertices, faces = bumpy_sphere(1)
-    assert (visible(vertices + np.array([0, 0, 4.0]), faces, FRONTAL).face == -1).all()
+    assert (compute_visibility(vertices + np.array([0, 0, 4.0]), faces, FRONTAL).face == -1).all()
 
 
 @settings(max_examples=30)
@@ -136,26 +137,26 @@ def test_coverage_is_the_share_of_samples_on_the_mesh(seed, n):
     random = np.random.default_rng(seed)
     faces = faces[random.random(len(faces)) < 0.9]
     camera = Camera(look_at(random.uniform([-0.3, -0.3, 0.9], [0.3, 0.3, 1.5]), np.zeros(3)), 60, 60, 24, 20, 48, 40)
-    seen = visible(vertices, faces, camera)
-    fine = visible(vertices, faces, camera.scaled(n)).face >= 0
+    seen = compute_visibility(vertices, faces, camera)
+    fine = compute_visibility(vertices, faces, camera.scaled(n)).face >= 0
     share = fine.reshape(40, n, 48, n).mean(axis=(1, 3))
     off = np.pad(seen.face < 0, 1, mode="edge")
     beside_off = np.any([off[j : j + 40, i : i + 48] for j in range(3) for i in range(3)], axis=0)
     outline = (seen.face >= 0) & beside_off
     assert outline.sum() > 50
     expected = np.where(outline, np.maximum(share, 1 / n**2), 1)
-    np.testing.assert_allclose(seen.coverage(n).image(40), expected, atol=1e-6)
+    np.testing.assert_allclose(coverage_image(seen, n), expected, atol=1e-6)
 
 
 def test_coverage_of_a_half_plane_is_the_area_on_its_side():
     """A slanted edge through the image: to what n x n samples can tell of an area."""
     vertices = np.array([[-9, -3.33, 0], [9, 3.34, 0], [-9, 9, 0.0]])
-    seen = visible(vertices, np.array([[0, 1, 2]]), FRONTAL)
+    seen = compute_visibility(vertices, np.array([[0, 1, 2]]), FRONTAL)
     x, y = np.meshgrid((np.arange(48 * 64) + 0.5) / 64, (np.arange(40 * 64) + 0.5) / 64)
     points = np.stack([(x - 24) / 40, -(y - 20) / 40], axis=-1)  # at 2 m
     a, b = vertices[0, :2], vertices[1, :2]
     above = (b[0] - a[0]) * (points[..., 1] - a[1]) - (b[1] - a[1]) * (points[..., 0] - a[0]) > 0
     area = above.reshape(40, 64, 48, 64).mean(axis=(1, 3))
     on_mesh = seen.face >= 0
-    assert (seen.coverage(8).image(40)[on_mesh] < 1).sum() > 20
-    np.testing.assert_allclose(seen.coverage(8).image(40)[on_mesh], area[on_mesh], atol=1 / 8)
+    assert (coverage_image(seen, 8)[on_mesh] < 1).sum() > 20
+    np.testing.assert_allclose(coverage_image(seen, 8)[on_mesh], area[on_mesh], atol=1 / 8)

@@ -1,0 +1,140 @@
+"""The targets of all training frames on disk, made timestep by timestep; an interrupted run can be resumed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import asdict
+from itertools import groupby
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from rich.progress import Progress
+
+from carigs.capture import Capture, Frame
+from carigs.capture.images import write_bits, write_png
+from carigs.capture.target_index import FACE_FLAGS, SHADING
+from carigs.exaggeration import Caricature
+from carigs.files import read_json, write_json, writing
+from carigs.gtstar.capture_shading import fit_capture_shading
+from carigs.gtstar.frame_views import TimestepViews, input_files
+from carigs.gtstar.mask_flags import MaskFlag, face_mask_flags
+from carigs.gtstar.provider import TargetResult, provide_targets
+from carigs.light.shading import load_shading, save_shading
+from carigs.settings import Gtstar
+from carigs.sources import fingerprint
+
+
+class TargetEntries(NamedTuple):
+    """Entries of the index of a target set (`carigs.capture.target_index`)."""
+
+    targets: list[dict[str, Any]]
+    skipped: list[dict[str, Any]]
+
+
+def make_target_set(
+    settings: Gtstar, capture: Capture, exaggerated: Caricature, folder: Path, records: Path
+) -> TargetEntries:
+    """Make the targets of all training frames of a level.
+
+    Args:
+        settings: Settings of the stage.
+        capture: The capture.
+        exaggerated: The caricature of the level.
+        folder: Receives colours and mask flags of every frame, the flags of the triangles, and the light for training.
+        records: Folder for what is complete; timesteps that an earlier run has recorded there are not made again.
+
+    Returns:
+        Index entries of the targets and of the skipped frames, in the order of the frames.
+    """
+    face_flags, frames = face_mask_flags(capture.model, settings), capture.split("train")
+    np.save(folder / FACE_FLAGS, face_flags)
+    cache: dict[int, TimestepViews] = {}
+
+    def make_timestep(group: list[Frame]) -> tuple[list[list], bool]:
+        """Entries of a timestep, and whether an earlier run made it."""
+        timestep = group[0].timestep
+        record = records / f"{timestep:05d}.json"
+        if record.is_file():
+            return read_json(record), True
+        views = cache.pop(timestep, None)
+        entries = _write(folder, provide_targets(settings, capture, face_flags, exaggerated, shading, group, views))
+        write_json(record, entries)
+        return entries, False
+
+    entries, resumed = TargetEntries([], []), 0
+    groups = [list(group) for _, group in groupby(frames, key=lambda frame: frame.timestep)]
+    with _thread_pool(settings.threads) as pool, Progress(disable=len(frames) < 100) as progress:
+        shading = load_shading(records / SHADING)
+        if shading is None:
+            shading = fit_capture_shading(settings, capture, face_flags, pool.map, cache)
+            if shading is not None:
+                with writing(records / SHADING) as part:
+                    save_shading(part, shading)
+        if settings.relight == "targets_and_surfels" and shading is not None:
+            save_shading(folder / SHADING, shading)
+        bar = progress.add_task("GT*", total=len(frames))
+        for group, ((targets, skipped), earlier) in zip(groups, pool.map(make_timestep, groups), strict=True):
+            entries.targets.extend(targets)
+            entries.skipped.extend(skipped)
+            resumed += len(group) * earlier
+            progress.advance(bar, len(group))
+    if resumed:
+        print(f"GT*: {resumed} of {len(frames)} frames were made by an earlier run")
+    return entries
+
+
+def resume_key(settings: Gtstar, capture: Capture, exaggerated: Caricature, index: Path) -> str:
+    """Digest of everything that a target set depends on: code, settings, capture, caricature and input files.
+
+    Args:
+        settings: Settings of the stage.
+        capture: The capture.
+        exaggerated: The caricature of the level.
+        index: The index of the capture.
+
+    Returns:
+        Hexadecimal digest.
+    """
+    digest = hashlib.sha256(fingerprint("carigs.gtstar.target_set").encode())
+    digest.update(json.dumps({k: v for k, v in asdict(settings).items() if k != "threads"}).encode())
+    digest.update(hashlib.sha256(index.read_bytes()).digest())
+    for array in vars(exaggerated).values():
+        digest.update(b"none" if array is None else np.ascontiguousarray(array).tobytes())
+    for file in input_files(settings, capture):
+        status = file.stat() if file.is_file() else None
+        size, modified = (status.st_size, status.st_mtime_ns) if status else (-1, -1)
+        digest.update(f"{file} {size} {modified}".encode())
+    return digest.hexdigest()
+
+
+@contextmanager
+def _thread_pool(count: int) -> Iterator[ThreadPoolExecutor]:
+    """A pool that starts no further work after a failure."""
+    pool = ThreadPoolExecutor(count)
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _write(folder: Path, results: list[TargetResult]) -> TargetEntries:
+    """Write the images of one timestep."""
+    entries = TargetEntries([], [])
+    for result in results:
+        name, error = result.frame.name, result.registration_error
+        pixels = None if error is None else round(error.pixels, 3)
+        entry = {"timestep": result.frame.timestep, "camera": result.frame.camera, "pixels_off": pixels}
+        if result.target is None:
+            entries.skipped.append({**entry, "why": result.skip_reason})
+            continue
+        files, flags = {"image": f"{name}.png", "reasons": f"{name}_reasons.png"}, result.target.mask_flags
+        write_png(folder / files["image"], result.target.colour)
+        write_bits(folder / files["reasons"], flags)
+        shares = {flag.name.lower(): round(float(np.mean((flags & flag.value) > 0)), 6) for flag in MaskFlag}
+        entries.targets.append({**entry, "weight": round(result.weight, 4), **files, "shares": shares})
+    return entries

@@ -1,0 +1,69 @@
+"""Diffuse light transfer: how much light from each direction reaches each vertex of a surface, with shadows."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, Float32, Int
+
+from carigs.light.shadow_map import shadowed_cosine
+from carigs.mesh.triangle_mesh import vertex_normals
+
+SHADOW_MAP_SIDE = 160  # pixels
+SHADOW_BIAS = 0.0015  # metres that points are lifted off the surface before the shadow map is looked up
+SHADOW_TOLERANCE = 0.003  # metres
+
+Transfer = Float32[np.ndarray, "v k"]
+
+
+def light_transfer(
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], directions: Float[np.ndarray, "d 3"]
+) -> Transfer:
+    """Cosine-weighted visibility of distant light at every vertex, by one shadow map per direction (Williams 1978).
+
+    Irradiance is transfer @ light, with the light of each direction as rows of `light`. The last column stands for
+    light that the head itself reflects: it is the share of the cosines that the head hides.
+
+    Args:
+        vertices: World points in metres.
+        faces: Vertex indices of the triangles.
+        directions: Unit vectors towards the light in world axes.
+
+    Returns:
+        Transfer (v, d + 1), scaled so that unit light from everywhere amounts to 1 on an unoccluded surface.
+    """
+    normals = vertex_normals(vertices, faces)
+    middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+    radius = 1.02 * float(np.linalg.norm(vertices - middle, axis=1).max())
+    cosines = np.maximum(directions @ normals.T, 0).astype(np.float32)
+    transfer = np.zeros((len(directions) + 1, len(vertices)), np.float32)
+    points = np.concatenate([vertices - middle, vertices - middle + SHADOW_BIAS * normals]).astype(np.float32)
+    scale = 0.5 * SHADOW_MAP_SIDE / radius
+    centre = np.float32([0.5 * SHADOW_MAP_SIDE, 0.5 * SHADOW_MAP_SIDE, 0])
+    for d, direction in enumerate(directions):
+        map_from_world = _map_from_world(direction) * np.array([[scale], [scale], [1]])
+        surface, lifted = np.split(points @ map_from_world.T.astype(np.float32) + centre, 2)
+        shadowed_cosine(transfer[d], surface, faces, lifted, cosines[d], SHADOW_MAP_SIDE, SHADOW_TOLERANCE)
+    transfer[-1] = 1 - transfer[:-1].sum(axis=0) / np.maximum(cosines.sum(axis=0), 1e-9)
+    transfer[:-1] *= 4 / len(directions)
+    return transfer.T
+
+
+def _map_from_world(direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """Rotation to the axes of a direction's shadow map: the third axis points away from the light."""
+    across = np.cross(direction, np.eye(3)[np.abs(direction).argmin()])
+    across /= np.linalg.norm(across)
+    return np.stack([np.cross(direction, across), across, -direction])
+
+
+def fibonacci_sphere(n: int) -> Float[np.ndarray, "n 3"]:
+    """Evenly spread directions: the Fibonacci lattice (Gonzalez 2010).
+
+    Args:
+        n: Number of directions.
+
+    Returns:
+        Unit vectors.
+    """
+    z = 1 - (2 * np.arange(n) + 1) / n
+    angle, radius = np.pi * (3 - np.sqrt(5)) * np.arange(n), np.sqrt(1 - z * z)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)

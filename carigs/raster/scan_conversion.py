@@ -1,0 +1,231 @@
+"""Numba kernels of the rasterizer: scan conversion of triangles with a depth buffer.
+
+The pixels of a row that lie inside a triangle form a span between the two edges that the row crosses. An edge includes
+its upper end and excludes its lower one; a span includes a pixel centre on its left edge and excludes one on its right
+edge; and the crossing of a row with an edge is computed from the edge's upper end in both adjacent faces. Hence pixels
+centres on shared edges and corners belong to exactly one face (top-left rule).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from carigs.raster.span import WIDTH, draw
+from carigs.simd.kernels import kernel
+
+TILE = 8  # pixels
+FRONT, LAST = 1 << 31, (1 << 31) - 1
+"""Rank of a face among faces of equal depth: front faces come first, then lower indices."""
+CLOSER = 1.0001
+"""Factor on an inverse depth that exceeds its rounding error."""
+SLACK = 1e-6
+"""Pixels; exceeds the rounding error of the ends of a span."""
+
+
+@kernel
+def _sorted_corners(ax, ay, bx, by, cx, cy):
+    """Corners sorted from top to bottom, then from left to right."""
+    if by < ay or (by == ay and bx < ax):
+        ax, ay, bx, by = bx, by, ax, ay
+    if cy < by or (cy == by and cx < bx):
+        bx, by, cx, cy = cx, cy, bx, by
+        if by < ay or (by == ay and bx < ax):
+            ax, ay, bx, by = bx, by, ax, ay
+    return ax, ay, bx, by, cx, cy
+
+
+@kernel
+def _row_range(top, bottom, height):
+    """First row whose centre lies between two heights, and one past the last such row."""
+    return int(max(np.ceil(top - 0.5), 0.0)), int(min(np.ceil(bottom - 0.5), float(height)))
+
+
+@kernel
+def _edge_slopes(tx, ty, mx, my, bx, by):
+    """Columns per row along the long, upper and lower edge, and whether the middle corner is on the right."""
+    right = (mx - tx) * (by - ty) > (bx - tx) * (my - ty)
+    return (bx - tx) / (by - ty), (mx - tx) / (my - ty), (bx - mx) / (by - my), right
+
+
+@kernel
+def _column_range(tx, ty, mx, my, long, upper, lower, right, y, width):
+    """First column of row y whose centre lies in the triangle, and one past the last such column."""
+    py = y + 0.5
+    start = tx + (py - ty) * long
+    stop = tx + (py - ty) * upper if py < my else mx + (py - my) * lower
+    if not right:
+        start, stop = stop, start
+    return int(max(np.ceil(start - 0.5), 0.0)), int(min(np.ceil(stop - 0.5), float(width)))
+
+
+@kernel
+def _fill(ax, ay, bx, by, cx, cy, sx, sy, s, rank, keys, height, width):
+    """Draw a triangle of inverse depth sx x + sy y + s into the depth buffer."""
+    if not np.isfinite(ax + ay + bx + by + cx + cy):
+        return
+    tx, ty, mx, my, bx, by = _sorted_corners(ax, ay, bx, by, cx, cy)
+    first, last = _row_range(ty, by, height)
+    long, upper, lower, right = _edge_slopes(tx, ty, mx, my, bx, by)
+    for y in range(first, last):
+        x0, x1 = _column_range(tx, ty, mx, my, long, upper, lower, right, y, width)
+        near = sx * (x0 + 0.5) + (sy * (y + 0.5) + s)
+        place = y * (width + WIDTH) + x0
+        while x0 < x1:
+            draw(keys, place, x1 - x0, near, sx, rank)
+            x0, place, near = x0 + WIDTH, place + WIDTH, near + WIDTH * sx
+
+
+@kernel
+def _cut(points, i, j, near, fx, fy, cx, cy):
+    """Image position where an edge meets the near plane; symmetric in i and j."""
+    if j < i:
+        i, j = j, i
+    t = (near - points[i, 2]) / (points[j, 2] - points[i, 2])
+    x = points[i, 0] + t * (points[j, 0] - points[i, 0])
+    y = points[i, 1] + t * (points[j, 1] - points[i, 1])
+    return fx * x / near + cx, fy * y / near + cy
+
+
+@kernel
+def _fill_clipped(points, pixels, corners, near, fx, fy, cx, cy, sx, sy, s, rank, keys, height, width):
+    """Clip a triangle at the near plane, and draw the one or two triangles that remain."""
+    x, y = np.empty(4), np.empty(4)
+    n = 0
+    for k in range(3):
+        i, j = corners[k], corners[(k + 1) % 3]
+        if points[i, 2] > near:
+            x[n], y[n] = pixels[i, 0], pixels[i, 1]
+            n += 1
+        if (points[i, 2] > near) != (points[j, 2] > near):
+            x[n], y[n] = _cut(points, i, j, near, fx, fy, cx, cy)
+            n += 1
+    for k in range(2, n):
+        _fill(x[0], y[0], x[k - 1], y[k - 1], x[k], y[k], sx, sy, s, rank, keys, height, width)
+
+
+@kernel
+def bounding_box(pixels, i, j, k):
+    """Bounding box of a face in the image.
+
+    Args:
+        pixels: Image positions (v, 2) of the vertices.
+        i: First corner.
+        j: Second corner.
+        k: Third corner.
+
+    Returns:
+        Least and largest x, least and largest y.
+    """
+    ax, bx, cx = pixels[i, 0], pixels[j, 0], pixels[k, 0]
+    ay, by, cy = pixels[i, 1], pixels[j, 1], pixels[k, 1]
+    return min(ax, bx, cx), max(ax, bx, cx), min(ay, by, cy), max(ay, by, cy)
+
+
+@kernel
+def _tile_range(x0, x1, y0, y1, height, width):
+    """First and last column, first and last row of the tiles that a bounding box touches."""
+    left, right = int(max(x0, 0.0)) // TILE, int(min(x1, width - 1.0)) // TILE
+    return left, right, int(max(y0, 0.0)) // TILE, int(min(y1, height - 1.0)) // TILE
+
+
+@kernel
+def _minimum_into(lowest, keys):
+    for x in range(len(lowest)):
+        lowest[x] = min(lowest[x], keys[x])
+
+
+@kernel
+def _farthest_keys(keys, height, width):
+    """Lowest key, hence the farthest surface, of every tile of pixels."""
+    lowest = np.empty(((height + TILE - 1) // TILE, (width + TILE - 1) // TILE), np.int64)
+    column_keys = np.empty(width, np.int64)
+    for row in range(lowest.shape[0]):
+        column_keys[:] = np.int64(1) << 62
+        for y in range(row * TILE, min(row * TILE + TILE, height)):
+            _minimum_into(column_keys, keys[y * (width + WIDTH) : y * (width + WIDTH) + width])
+        for column in range(lowest.shape[1]):
+            low = column_keys[column * TILE]
+            for x in range(column * TILE + 1, min(column * TILE + TILE, width)):
+                low = min(low, column_keys[x])
+            lowest[row, column] = low
+    return lowest
+
+
+@kernel
+def _hidden(pixels, i, j, k, depth, lowest, height, width):
+    """Whether nearer surfaces cover all tiles that a face may touch."""
+    left, right, top, bottom = _tile_range(*bounding_box(pixels, i, j, k), height, width)
+    key = np.int64(np.float32(CLOSER / depth).view(np.int32)) << 32
+    for row in range(top, bottom + 1):
+        for column in range(left, right + 1):
+            if lowest[row, column] < key:
+                return False
+    return True
+
+
+@kernel
+def _draw_side(keys, lowest, side, points, pixels, faces, planes, back, near, fx, fy, cx, cy, height, width):
+    """Draw the faces that show their front (side 0), or those that show their back (side 1) and are not hidden."""
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        sx, sy, s = planes[f, 0], planes[f, 1], planes[f, 2]
+        za, zb, zc = points[i, 2], points[j, 2], points[k, 2]
+        if back[f] != (side == 1) or not max(za, zb, zc) > near or not np.isfinite(sx + sy + s):
+            continue
+        rank = LAST - f + (0 if side else FRONT)
+        depth = min(za, zb, zc)
+        if depth > near:
+            x0, x1, y0, y1 = bounding_box(pixels, i, j, k)
+            if np.ceil(x0 - 0.5 - SLACK) >= np.ceil(x1 - 0.5 + SLACK) or np.ceil(y0 - 0.5) >= np.ceil(y1 - 0.5):
+                continue  # covers no pixel centre
+        if not depth > near:
+            _fill_clipped(
+                points, pixels, faces[f], near, fx, fy, cx, cy, sx, sy, s, rank, keys, height, width
+            )  # fmt: skip
+        elif side == 0 or not _hidden(pixels, i, j, k, depth, lowest, height, width):
+            _fill(
+                pixels[i, 0], pixels[i, 1], pixels[j, 0], pixels[j, 1], pixels[k, 0], pixels[k, 1],
+                sx, sy, s, rank, keys, height, width,
+            )  # fmt: skip
+
+
+@kernel
+def _decode(keys, height, width):
+    face_image, inverse_depth = np.empty((height, width), np.int32), np.empty((height, width), np.float32)
+    for y in range(height):
+        for x in range(width):
+            key = keys[y * (width + WIDTH) + x]
+            face_image[y, x] = np.int32(LAST - (key & LAST) if key > 0 else -1)
+            inverse_depth[y, x] = np.int32(key >> 32).view(np.float32)
+    return face_image, inverse_depth
+
+
+@kernel
+def nearest_faces(points, pixels, faces, planes, back, cull_back, near, fx, fy, cx, cy, height, width):
+    """Nearest face and its inverse depth at every pixel centre; among equals, front faces and lower indices win.
+
+    Args:
+        points: Vertices (v, 3) in camera axes, in metres.
+        pixels: Their image positions (v, 2).
+        faces: Vertex indices (f, 3).
+        planes: Inverse depth planes (f, 3).
+        back: Whether each face shows its back (f,).
+        cull_back: Leave out faces that show their back.
+        near: Depth of the near plane in metres.
+        fx: Focal length along x, in pixels.
+        fy: Focal length along y, in pixels.
+        cx: Principal point, x.
+        cy: Principal point, y.
+        height: Rows of the image.
+        width: Columns of the image.
+
+    Returns:
+        Face indices (h, w), -1 where there is none, and inverse depths (h, w) in 1/metres, 0 where there is no face.
+    """
+    keys = np.zeros(height * (width + WIDTH), np.int64)
+    lowest = np.zeros((0, 0), np.int64)
+    _draw_side(keys, lowest, 0, points, pixels, faces, planes, back, near, fx, fy, cx, cy, height, width)
+    if not cull_back:
+        lowest = _farthest_keys(keys, height, width)
+        _draw_side(keys, lowest, 1, points, pixels, faces, planes, back, near, fx, fy, cx, cy, height, width)
+    return _decode(keys, height, width)
