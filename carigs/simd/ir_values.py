@@ -1,7 +1,7 @@
 """LLVM values with Python's operators, for intrinsics that compute on vectors of any width and element type.
 
-Vectors of the two types of `carigs.simd.vectors` can be used anywhere in a kernel. Where one place needs others (integers,
-gathers), an intrinsic is simpler: its code generator calls `operands` and writes a formula.
+Vectors of the two types of `carigs.simd.vectors` can be used anywhere in a kernel. Where one place needs others
+(integers, gathers), an intrinsic is simpler: its code generator calls `operands` and writes a formula.
 """
 
 from __future__ import annotations
