@@ -5,7 +5,7 @@ from __future__ import annotations
 from numba import types
 from numba.extending import intrinsic
 
-from carigs.simd.ir_values import operands
+from carigs.simd.ir_values import generate
 
 
 @intrinsic
@@ -26,9 +26,7 @@ def copy_sample(typingctx, image, start, stride, fx, fy, result, place):
         None; `result` is changed.
     """
 
-    def codegen(*call):
-        image, start, stride, fx, fy, result, place = operands(*call, contract=True)
-
+    def build(image, start, stride, fx, fy, result, place):
         def interpolate(a, b, t):
             return a + t * (b - a)
 
@@ -38,7 +36,6 @@ def copy_sample(typingctx, image, start, stride, fx, fy, result, place):
         sample = interpolate(row(start), row(start + stride), fy)
         for k in range(3):
             result.store(place + k, sample[k])
-        return call[0].get_dummy_value()
 
     kinds = (types.intp, types.intp, types.float32, types.float32, result, types.intp)
-    return types.void(image, *kinds), codegen
+    return types.void(image, *kinds), generate(build, contract=True)

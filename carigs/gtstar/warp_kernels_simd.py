@@ -8,7 +8,7 @@ from __future__ import annotations
 from numba import types
 from numba.extending import intrinsic
 
-from carigs.simd.ir_values import DOUBLE, FLOAT, INT, LONG, operands
+from carigs.simd.ir_values import DOUBLE, FLOAT, INT, LONG, generate
 
 WIDTH = 8
 OFF, BEYOND, CLOSER_LOOK, SMOOTH = 0, 1, 2, 3
@@ -50,16 +50,13 @@ def locate(
         None; `fx`, `fy`, `corner`, `pixel` and `state` are changed.
     """
 
-    def codegen(context, builder, signature, values):
-        faces, place, count, x, y, maps, slope, near, height, width, tolerance, *results, at = operands(
-            context, builder, signature, values, contract=True
-        )
-        fx, fy, corner, pixel, state = results
+    def build(faces, place, count, x, y, maps, slope, near, height, width, tolerance, *results_at):
+        fx, fy, corner, pixel, state, at = results_at
         count, columns = count.to(INT), width.to(INT)
         face = faces.load_masked(place, count.constants(range(WIDTH)) < count, -1)
         on_mesh = face >= 0
         state.store(at, face.constants([OFF] * WIDTH))
-        with builder.if_then(on_mesh.any()):
+        with x.builder.if_then(on_mesh.any()):
             px, face_index = x + x.constants(i + 0.5 for i in range(WIDTH)), face.to(LONG)
 
             def affine(functions, stride, k, px, py):
@@ -89,8 +86,25 @@ def locate(
             corner.store(at, first)
             right, below = (source.where(inside, 0.0).to(INT) for source in (sx, sy))
             pixel.store(at, below * columns + right)
-        return context.get_dummy_value()
 
     number, size = types.float64, types.intp
-    frame = (maps, slope, near, size, size, number)
-    return types.void(faces, size, size, number, number, *frame, fx, fy, corner, pixel, state, size), codegen
+    kinds = (
+        faces,
+        size,
+        size,
+        number,
+        number,
+        maps,
+        slope,
+        near,
+        size,
+        size,
+        number,
+        fx,
+        fy,
+        corner,
+        pixel,
+        state,
+        size,
+    )
+    return types.void(*kinds), generate(build, contract=True)

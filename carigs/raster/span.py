@@ -9,7 +9,7 @@ from __future__ import annotations
 from numba import types
 from numba.extending import intrinsic
 
-from carigs.simd.ir_values import FLOAT, INT, LONG, operands
+from carigs.simd.ir_values import FLOAT, INT, LONG, generate
 
 WIDTH = 8
 """Pixels that `draw` touches from `start` on: rows need as many spare keys at their end."""
@@ -32,13 +32,11 @@ def draw(typingctx, keys, start, count, first, slope, rank):
         None; `keys` is changed.
     """
 
-    def codegen(*call):
-        keys, start, count, first, slope, rank = operands(*call)
+    def build(keys, start, count, first, slope, rank):
         depth = slope * slope.constants(range(WIDTH)) + first
         key = (depth.to(FLOAT).bits(INT).to(LONG) << 32) | rank
         old = keys.load(start, WIDTH)
         visible = (count.constants(range(WIDTH)) < count) & (key > old)
         keys.store(start, key.where(visible, old))
-        return call[0].get_dummy_value()
 
-    return types.void(keys, types.intp, types.int64, types.float64, types.float64, types.int64), codegen
+    return types.void(keys, types.intp, types.int64, types.float64, types.float64, types.int64), generate(build)

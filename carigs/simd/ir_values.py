@@ -1,12 +1,12 @@
-"""LLVM values with Python's operators, for intrinsics that compute on vectors of any width and element type.
+"""LLVM values with Python's operators: the language in which this project's intrinsics are written.
 
-Vectors of the two types of `carigs.simd.vectors` can be used anywhere in a kernel. Where one place needs others
-(integers, gathers), an intrinsic is simpler: its code generator calls `operands` and writes a formula.
+`generate` turns a function of such values into the code generator that `numba.extending.intrinsic` expects.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partialmethod
 
 from llvmlite import ir
 from numba import types
@@ -16,33 +16,28 @@ FLOAT, DOUBLE, INT, LONG = ir.FloatType(), ir.DoubleType(), ir.IntType(32), ir.I
 
 
 class Value:
-    """A number or a vector. Operators take vectors of one type, and numbers beside vectors.
+    """A number or a vector of numbers.
 
-    Comparisons are ordered (false with NaN) or signed, and give masks; products and sums of floats may be fused if
-    `contract` is set, differences and quotients never are.
+    Operators take vectors of one type, and numbers beside vectors. Comparisons are ordered (false with NaN) or signed,
+    and give masks.
     """
 
     def __init__(self, builder: ir.IRBuilder, llvm: ir.Value, contract: bool = False) -> None:
-        self.builder, self.llvm, self.flags = builder, llvm, ("contract",) if contract else ()
+        """`contract`: products and sums of floats may be fused; differences and quotients never are."""
+        self.builder, self.llvm, self.contract = builder, llvm, contract
         self.width = llvm.type.count if isinstance(llvm.type, ir.VectorType) else 0
         self.element = llvm.type.element if self.width else llvm.type
-        self.is_float = isinstance(self.element, (ir.FloatType, ir.DoubleType))
 
-    def _new(self, llvm: ir.Value) -> Value:
-        return Value(self.builder, llvm, bool(self.flags))
-
-    def broadcast(self, width: int) -> Value:
-        """The number in all elements of a vector.
+    def new(self, llvm: ir.Value) -> Value:
+        """Another value of the same code.
 
         Args:
-            width: Number of elements.
+            llvm: LLVM's value.
 
         Returns:
-            The vector.
+            The value with operators.
         """
-        one = self.builder.insert_element(_undefined(self.element, width), self.llvm, ir.Constant(INT, 0))
-        zeros = ir.Constant(ir.VectorType(INT, width), [0] * width)
-        return self._new(self.builder.shuffle_vector(one, one, zeros))
+        return Value(self.builder, llvm, self.contract)
 
     def constants(self, numbers: Iterable[float]) -> Value:
         """A constant vector of this value's element type.
@@ -53,79 +48,32 @@ class Value:
         Returns:
             The vector.
         """
-        return self._new(vector_constant(self.element, numbers))
+        return self.new(constant(numbers, self.element))
 
-    def _pair(self, other: Value | float) -> tuple[Value, Value]:
-        """Both operands as LLVM values of one type."""
-        if not isinstance(other, Value):
-            number = [other] * self.width if self.width else other
-            return self, self._new(ir.Constant(self.llvm.type, number))
-        if self.width == other.width:
-            return self, other
-        return (self, other.broadcast(self.width)) if self.width else (self.broadcast(other.width), other)
-
-    def _binary(self, other: Value | float, float_name: str, int_name: str, flags: tuple[str, ...] = ()) -> Value:
-        a, b = self._pair(other)
-        if self.is_float:
-            return self._new(getattr(self.builder, float_name)(a.llvm, b.llvm, flags=flags))
-        return self._new(getattr(self.builder, int_name)(a.llvm, b.llvm))
-
-    def _compare(self, other: Value | float, sign: str) -> Value:
-        a, b = self._pair(other)
-        compare = self.builder.fcmp_ordered if self.is_float else self.builder.icmp_signed
-        return self._new(compare(sign, a.llvm, b.llvm))
-
-    def __add__(self, other):
-        return self._binary(other, "fadd", "add", self.flags)
-
-    def __mul__(self, other):
-        return self._binary(other, "fmul", "mul", self.flags)
-
-    def __sub__(self, other):
-        return self._binary(other, "fsub", "sub")
-
-    def __truediv__(self, other):
-        return self._binary(other, "fdiv", "sdiv")
-
-    def __rtruediv__(self, other):
-        return self._pair(other)[1] / self
-
-    def __and__(self, other):
-        return self._binary(other, "", "and_")
-
-    def __or__(self, other):
-        return self._binary(other, "", "or_")
-
-    def __lshift__(self, other):
-        return self._binary(other, "", "shl")
-
-    def __lt__(self, other):
-        return self._compare(other, "<")
-
-    def __le__(self, other):
-        return self._compare(other, "<=")
-
-    def __gt__(self, other):
-        return self._compare(other, ">")
-
-    def __ge__(self, other):
-        return self._compare(other, ">=")
-
-    def __abs__(self):
-        return self.call("fabs")
-
-    def call(self, name: str) -> Value:
-        """LLVM's function of one floating-point value.
+    def shuffle(self, other: Value, index: Iterable[int]) -> Value:
+        """Choose elements of two vectors.
 
         Args:
-            name: Its name without `llvm.` and without the type, such as `fabs`.
+            other: The second vector.
+            index: Numbers of the elements of this vector followed by those of the other one.
 
         Returns:
-            A value of the same type.
+            A vector with as many elements as `index`.
         """
-        return self._new(
-            call_llvm(self.builder, f"llvm.{name}.{_type_name(self.llvm.type)}", self.llvm.type, self.llvm)
-        )
+        return self.new(self.builder.shuffle_vector(self.llvm, other.llvm, constant(index, INT)))
+
+    def broadcast(self, width: int) -> Value:
+        """The number in all elements of a vector.
+
+        Args:
+            width: Number of elements.
+
+        Returns:
+            The vector.
+        """
+        undefined = ir.Constant(ir.VectorType(self.element, width), ir.Undefined)
+        one = self.new(self.builder.insert_element(undefined, self.llvm, INT(0)))
+        return one.shuffle(one, [0] * width)
 
     def where(self, mask: Value, other: Value | float) -> Value:
         """This value where the mask is set, and another elsewhere.
@@ -138,7 +86,7 @@ class Value:
             The mixture.
         """
         a, b = self._pair(other)
-        return self._new(self.builder.select(mask.llvm, a.llvm, b.llvm))
+        return self.new(self.builder.select(mask.llvm, a.llvm, b.llvm))
 
     def to(self, element: ir.Type) -> Value:
         """Convert to another element type; floats to integers towards zero, integers with their sign.
@@ -149,13 +97,13 @@ class Value:
         Returns:
             The converted value.
         """
-        to_float = isinstance(element, (ir.FloatType, ir.DoubleType))
-        if self.is_float != to_float:
-            name = "sitofp" if to_float else "fptosi"
-        else:
-            wider = _bits(element) > _bits(self.element)
-            name = ("fpext" if wider else "fptrunc") if to_float else ("sext" if wider else "trunc")
-        return self._new(getattr(self.builder, name)(self.llvm, self._of(element)))
+        widens = _bits(element) > _bits(self.element)
+        names = {
+            (False, False): "sext" if widens else "trunc", (False, True): "sitofp",
+            (True, False): "fptosi", (True, True): "fpext" if widens else "fptrunc",
+        }  # fmt: skip
+        convert = getattr(self.builder, names[_is_float(self.element), _is_float(element)])
+        return self.new(convert(self.llvm, self._vector_of(element)))
 
     def bits(self, element: ir.Type) -> Value:
         """The same bits as another type of the same size.
@@ -166,7 +114,7 @@ class Value:
         Returns:
             The reinterpreted value.
         """
-        return self._new(self.builder.bitcast(self.llvm, self._of(element)))
+        return self.new(self.builder.bitcast(self.llvm, self._vector_of(element)))
 
     def any(self) -> ir.Value:
         """Whether a mask is set anywhere.
@@ -175,48 +123,112 @@ class Value:
             LLVM's truth value, as for `builder.if_then`.
         """
         whole = ir.IntType(self.width)
-        return self.builder.icmp_unsigned("!=", self.builder.bitcast(self.llvm, whole), ir.Constant(whole, 0))
+        return self.builder.icmp_unsigned("!=", self.builder.bitcast(self.llvm, whole), whole(0))
+
+    def call(self, name: str, *first: ir.Value, result: ir.Type | None = None, fastmath: Iterable[str] = ()) -> Value:
+        """Call one of LLVM's intrinsic functions with this value as its last argument.
+
+        Args:
+            name: Its name without `llvm.` and without the type, such as `fabs`.
+            *first: Arguments before.
+            result: Type of the result; that of this value if absent.
+            fastmath: Flags of the call.
+
+        Returns:
+            The result.
+        """
+        kind = self.llvm.type
+        name = f"llvm.{name}.{_type_name(kind)}"
+        return self.new(_call(self.builder, name, result or kind, *first, self.llvm, fastmath=fastmath))
 
     def __getitem__(self, k: int) -> Value:
-        return self._new(self.builder.extract_element(self.llvm, ir.Constant(INT, k)))
+        return self.new(self.builder.extract_element(self.llvm, INT(k)))
 
-    def _of(self, element: ir.Type) -> ir.Type:
+    def __rtruediv__(self, other: float) -> Value:
+        return self._pair(other)[1] / self
+
+    def _pair(self, other: Value | float) -> tuple[Value, Value]:
+        """Both operands with the same type."""
+        if not isinstance(other, Value):
+            return self, self.new(ir.Constant(self.llvm.type, [other] * self.width if self.width else other))
+        if self.width == other.width:
+            return self, other
+        return (self, other.broadcast(self.width)) if self.width else (self.broadcast(other.width), other)
+
+    def _binary(self, other: Value | float, name: str, fused: bool = False) -> Value:
+        a, b = self._pair(other)
+        if not _is_float(self.element):
+            return self.new(getattr(self.builder, name)(a.llvm, b.llvm))
+        flags = ("contract",) if self.contract and fused else ()
+        return self.new(getattr(self.builder, f"f{name}")(a.llvm, b.llvm, flags=flags))
+
+    def _compare(self, other: Value | float, sign: str) -> Value:
+        a, b = self._pair(other)
+        compare = self.builder.fcmp_ordered if _is_float(self.element) else self.builder.icmp_signed
+        return self.new(compare(sign, a.llvm, b.llvm))
+
+    def _vector_of(self, element: ir.Type) -> ir.Type:
         return ir.VectorType(element, self.width) if self.width else element
+
+    __add__ = partialmethod(_binary, name="add", fused=True)
+    __mul__ = partialmethod(_binary, name="mul", fused=True)
+    __sub__ = partialmethod(_binary, name="sub")
+    __truediv__ = partialmethod(_binary, name="div")
+    __and__ = partialmethod(_binary, name="and_")
+    __or__ = partialmethod(_binary, name="or_")
+    __lshift__ = partialmethod(_binary, name="shl")
+    __rshift__ = partialmethod(_binary, name="lshr")
+    __lt__ = partialmethod(_compare, sign="<")
+    __le__ = partialmethod(_compare, sign="<=")
+    __gt__ = partialmethod(_compare, sign=">")
+    __ge__ = partialmethod(_compare, sign=">=")
+    __abs__ = partialmethod(call, "fabs")
 
 
 class Array:
-    """The data of a contiguous array, indexed flat and unchecked."""
+    """The data of a contiguous array, indexed flat and unchecked. Vectors are aligned as single elements are."""
 
     def __init__(self, builder: ir.IRBuilder, data: ir.Value, element: ir.Type, contract: bool = False) -> None:
         self.builder, self.data, self.element, self.contract = builder, data, element, contract
 
-    def _address(self, index: Value, kind: ir.Type) -> ir.Value:
-        return self.builder.bitcast(self.builder.gep(self.data, [index.llvm]), kind.as_pointer())
-
-    def _new(self, llvm: ir.Value) -> Value:
-        return Value(self.builder, llvm, self.contract)
-
-    def load(self, index: Value, width: int) -> Value:
-        """Consecutive elements.
+    def address(self, index: Value | int, kind: ir.Type | None = None) -> ir.Value:
+        """Pointer to an element.
 
         Args:
-            index: Index of the first.
-            width: Number of elements.
+            index: Its index.
+            kind: Type that the pointer points to; the array's element type if absent.
 
         Returns:
-            The vector.
+            LLVM's pointer.
         """
-        address = self._address(index, ir.VectorType(self.element, width))
-        return self._new(self.builder.load(address, align=_bits(self.element) // 8))
+        pointer = self.builder.gep(self.data, [index.llvm])
+        return pointer if kind is None else self.builder.bitcast(pointer, kind.as_pointer())
 
-    def store(self, index: Value, value: Value) -> None:
-        """Write a number or consecutive elements.
+    def load(self, index: Value, width: int = 0, element: ir.Type | None = None) -> Value:
+        """One element, or consecutive ones.
 
         Args:
             index: Index of the first.
-            value: Number or vector of the array's type.
+            width: Number of elements; 0 for a number instead of a vector.
+            element: Element type of the result, of the same size as the array's.
+
+        Returns:
+            The value.
         """
-        self.builder.store(value.llvm, self._address(index, value.llvm.type), align=_bits(self.element) // 8)
+        element = element or self.element
+        if not width:
+            return self._new(self.builder.load(self.address(index)))
+        address = self.address(index, ir.VectorType(element, width))
+        return self._new(self.builder.load(address, align=_bits(element) // 8))
+
+    def store(self, index: Value, value: Value) -> None:
+        """Write one element, or consecutive ones.
+
+        Args:
+            index: Index of the first.
+            value: Number or vector, of elements of the same size as the array's.
+        """
+        self.builder.store(value.llvm, self.address(index, value.llvm.type), align=_bits(value.element) // 8)
 
     def load_masked(self, index: Value, mask: Value, other: float) -> Value:
         """Consecutive elements where the mask is set; memory elsewhere is not read.
@@ -229,10 +241,9 @@ class Array:
         Returns:
             The vector.
         """
-        vector = ir.VectorType(self.element, mask.width)
-        name = f"llvm.masked.load.{_type_name(vector)}.p0"
-        align, others = ir.Constant(INT, _bits(self.element) // 8), vector_constant(self.element, [other] * mask.width)
-        return self._new(call_llvm(self.builder, name, vector, self._address(index, vector), align, mask.llvm, others))
+        vector, others = ir.VectorType(self.element, mask.width), constant([other] * mask.width, self.element)
+        arguments = self.address(index, vector), INT(_bits(self.element) // 8), mask.llvm, others
+        return self._new(_call(self.builder, f"llvm.masked.load.{_type_name(vector)}.p0", vector, *arguments))
 
     def gather(self, index: Value, mask: Value) -> Value:
         """Elements at any indices where the mask is set, 0 elsewhere.
@@ -244,44 +255,66 @@ class Array:
         Returns:
             The vector.
         """
-        size = _bits(self.element) // 8
+        width, size = index.width, _bits(self.element) // 8
         start = self._new(self.builder.ptrtoint(self.data, LONG))
-        addresses = self.builder.inttoptr((start + index * size).llvm, ir.VectorType(self.data.type, index.width))
-        vector = ir.VectorType(self.element, index.width)
-        name = f"llvm.masked.gather.{_type_name(vector)}.v{index.width}p0"
-        zeros = vector_constant(self.element, [0.0] * index.width)
-        return self._new(call_llvm(self.builder, name, vector, addresses, ir.Constant(INT, 4), mask.llvm, zeros))
+        addresses = self.builder.inttoptr((start + index * size).llvm, ir.VectorType(self.data.type, width))
+        vector, zeros = ir.VectorType(self.element, width), constant([0.0] * width, self.element)
+        name = f"llvm.masked.gather.{_type_name(vector)}.v{width}p0"
+        return self._new(_call(self.builder, name, vector, addresses, INT(4), mask.llvm, zeros))
+
+    def prefetch(self, index: Value, write: int) -> None:
+        """Load the cache line of an element into all caches.
+
+        Args:
+            index: Index of the element.
+            write: 1 if it will be written, else 0.
+        """
+        address = self.address(index, ir.IntType(8))
+        hints = [INT(hint) for hint in (write, 3, 1)]  # locality 3: all caches; 1: data
+        _call(self.builder, "llvm.prefetch.p0", ir.VoidType(), address, *hints)
+
+    def _new(self, llvm: ir.Value) -> Value:
+        return Value(self.builder, llvm, self.contract)
 
 
-def operands(context, builder, signature, values, *, contract: bool = False) -> list[Value | Array]:
-    """The arguments of an intrinsic.
+def generate(build: Callable, *, contract: bool = False) -> Callable:
+    """The code generator of an intrinsic.
 
     Args:
-        context: First argument of a code generator of `numba.extending.intrinsic`.
-        builder: Its second.
-        signature: Its third.
-        values: Its fourth.
+        build: Function of the intrinsic's arguments: arrays as `Array`, tuples as lists of `Value`, others as `Value`.
+            It returns a `Value`, a list of them for a tuple, or None.
         contract: Whether products and sums may be fused.
 
     Returns:
-        Arrays as `Array`, numbers as `Value`.
+        The second result of a function decorated with `numba.extending.intrinsic`.
     """
-    result = []
-    for kind, value in zip(signature.args, values, strict=True):
-        if isinstance(kind, types.Array):
-            data = context.make_array(kind)(context, builder, value=value).data
-            result.append(Array(builder, data, context.get_data_type(kind.dtype), contract))
-        else:
-            result.append(Value(builder, value, contract))
-    return result
+
+    def codegen(context, builder, signature, values):
+        arguments = []
+        for kind, value in zip(signature.args, values, strict=True):
+            if isinstance(kind, types.Array):
+                data = context.make_array(kind)(context, builder, value=value).data
+                arguments.append(Array(builder, data, context.get_data_type(kind.dtype), contract))
+            elif isinstance(kind, types.BaseTuple):
+                arguments.append([Value(builder, v, contract) for v in cgutils.unpack_tuple(builder, value)])
+            else:
+                arguments.append(Value(builder, value, contract))
+        result = build(*arguments)
+        if result is None:
+            return context.get_dummy_value()
+        if isinstance(result, list):
+            return context.make_tuple(builder, signature.return_type, [value.llvm for value in result])
+        return result.llvm
+
+    return codegen
 
 
-def vector_constant(element: ir.Type, numbers: Iterable[float]) -> ir.Constant:
+def constant(numbers: Iterable[float], element: ir.Type = FLOAT) -> ir.Constant:
     """A constant vector.
 
     Args:
-        element: Type of its elements.
         numbers: The elements.
+        element: Their type.
 
     Returns:
         LLVM's constant.
@@ -290,34 +323,21 @@ def vector_constant(element: ir.Type, numbers: Iterable[float]) -> ir.Constant:
     return ir.Constant(ir.VectorType(element, len(numbers)), numbers)
 
 
-def call_llvm(builder: ir.IRBuilder, name: str, result: ir.Type, *arguments: ir.Value, fastmath=()) -> ir.Value:
-    """Call one of LLVM's intrinsic functions.
-
-    Args:
-        builder: Where the code goes.
-        name: Full name, such as `llvm.sqrt.v16f32`.
-        result: Type of the result.
-        *arguments: LLVM values.
-        fastmath: Flags of the call.
-
-    Returns:
-        The result.
-    """
+def _call(builder: ir.IRBuilder, name: str, result: ir.Type, *arguments: ir.Value, fastmath: Iterable[str] = ()):
     kind = ir.FunctionType(result, [argument.type for argument in arguments])
-    function = cgutils.get_or_insert_function(builder.module, kind, name)
-    return builder.call(function, arguments, fastmath=fastmath)
+    return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), arguments, fastmath=fastmath)
 
 
-def _undefined(element: ir.Type, width: int) -> ir.Constant:
-    return ir.Constant(ir.VectorType(element, width), ir.Undefined)
+def _is_float(element: ir.Type) -> bool:
+    return not isinstance(element, ir.IntType)
 
 
 def _bits(element: ir.Type) -> int:
-    return {FLOAT: 32, DOUBLE: 64}.get(element) or element.width
+    return {FLOAT: 32, DOUBLE: 64}[element] if _is_float(element) else element.width
 
 
 def _type_name(kind: ir.Type) -> str:
-    """LLVM's name of a type in the names of intrinsic functions: f64, v8f64, v8i32."""
+    """A type in the names of LLVM's functions: v16f32, v8i32, f64."""
     if isinstance(kind, ir.VectorType):
         return f"v{kind.count}{_type_name(kind.element)}"
-    return f"{'i' if isinstance(kind, ir.IntType) else 'f'}{_bits(kind)}"
+    return f"{'f' if _is_float(kind) else 'i'}{_bits(kind)}"
