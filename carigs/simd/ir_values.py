@@ -201,10 +201,21 @@ class Array:
         Returns:
             LLVM's pointer.
         """
-        pointer = self.builder.gep(self.data, [index.llvm])
+        pointer = self.builder.gep(self.data, [LONG(index) if isinstance(index, int) else index.llvm])
         return pointer if kind is None else self.builder.bitcast(pointer, kind.as_pointer())
 
-    def load(self, index: Value, width: int = 0, element: ir.Type | None = None) -> Value:
+    def offset(self, index: Value) -> Array:
+        """The array from an element on.
+
+        Args:
+            index: Index of the element.
+
+        Returns:
+            An array with the same memory.
+        """
+        return Array(self.builder, self.address(index), self.element, self.contract)
+
+    def load(self, index: Value | int, width: int = 0, element: ir.Type | None = None) -> Value:
         """One element, or consecutive ones.
 
         Args:
@@ -221,7 +232,7 @@ class Array:
         address = self.address(index, ir.VectorType(element, width))
         return self._new(self.builder.load(address, align=_bits(element) // 8))
 
-    def store(self, index: Value, value: Value) -> None:
+    def store(self, index: Value | int, value: Value) -> None:
         """Write one element, or consecutive ones.
 
         Args:

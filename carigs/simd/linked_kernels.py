@@ -55,7 +55,17 @@ _BYTES, _INTP = ir.IntType(8).as_pointer(), ir.IntType(64)
 
 @intrinsic
 def parallel_for(typingctx, work, count, arguments):
-    """As `carigs.simd.kernels.parallel_for`."""
+    """Call `work(i, *arguments)` for all i in range(count): see `carigs.simd.kernels.parallel_for`.
+
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+        work: Function compiled with the options `INLINE` or `INLINE_ALLOC`.
+        count: Number of calls.
+        arguments: Further arguments of `work`, the same for all calls.
+
+    Returns:
+        None.
+    """
     work_signature = work.get_call_type(typingctx, (types.intp, *arguments), {})
 
     def codegen(context, builder, signature, values):

@@ -19,7 +19,17 @@ from carigs.simd.memory import (
     store,
     store_scalar,
 )
-from carigs.simd.vector_math import absolute, columns, exp2, maximum, minimum, reduce_add, rows, select, total
+from carigs.simd.vector_math import (
+    absolute,
+    block_columns,
+    block_rows,
+    exp2,
+    maximum,
+    minimum,
+    reduce_add,
+    select,
+    total,
+)
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
 from carigs.splat.rasterizer.binning import TILE
 from carigs.splat.rasterizer.forward import END, HALF_LOG2E, LOG_THRESHOLD, ONE, TWO, ZERO
@@ -169,11 +179,11 @@ def _work(geometry: bool):
                 gx = gy = gz = gxx = gxy = gyx = gyy = gzx = gzy = none
                 mx = my = g_alpha = g_red = g_green = g_blue = g_depth = g_nx = g_ny = g_nz = none
                 for y in range(y0, y1, 4):
-                    dy = rows() + (offset_y + np.float32(y - y0))
+                    dy = block_rows() + (offset_y + np.float32(y - y0))
                     low_y = dy + ey
                     u1_dy, u0_dy, plane, low = u1 * dy, u0 * dy, det + b3 * dy, low_y * low_y
                     for x in range(x0, x1, 4):
-                        dx = columns() + (offset_x + np.float32(x - x0))
+                        dx = block_columns() + (offset_x + np.float32(x - x0))
                         iz = ONE / (plane + a3 * dx)
                         s, u = (v1 * dx - u1_dy) * iz, (u0_dy - v0 * dx) * iz
                         low_x = dx + ex

@@ -27,7 +27,7 @@ from carigs.simd.memory import (
     store_block,
     store_scalar,
 )
-from carigs.simd.vector_math import absolute, columns, exp2, largest, maximum, minimum, rows, select
+from carigs.simd.vector_math import absolute, block_columns, block_rows, exp2, largest, maximum, minimum, select
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
 from carigs.splat.rasterizer import culling as limits
 from carigs.splat.rasterizer.binning import TILE
@@ -59,8 +59,8 @@ def open_pixels(state, columns_left, rows_left):
     """T = 1 in the image, 0 outside and in the overhang."""
     for y in range(0, TILE, 4):
         for x in range(0, STRIDE, 4):
-            inside_x = columns() < np.float32(min(columns_left, TILE) - x)
-            inside_y = rows() < np.float32(rows_left - y)
+            inside_x = block_columns() < np.float32(min(columns_left, TILE) - x)
+            inside_y = block_rows() < np.float32(rows_left - y)
             store(state, y * STRIDE + 4 * x, select(inside_x & inside_y, broadcast(ONE), broadcast(ZERO)))
 
 
@@ -178,11 +178,11 @@ def _work(geometry: bool):
                 depth, nx = broadcast(load_scalar(record, r + 15)), broadcast(load_scalar(record, r + 16))
                 ny, nz = broadcast(load_scalar(record, r + 17)), broadcast(load_scalar(record, r + 18))
                 for y in range(y0, y1, 4):
-                    dy = rows() + (offset_y + np.float32(y - y0))
+                    dy = block_rows() + (offset_y + np.float32(y - y0))
                     # What is constant along the row of blocks.
                     u1_dy, u0_dy, plane, low = u1 * dy, u0 * dy, det + b3 * dy, (dy + ey) * (dy + ey)
                     for x in range(x0, x1, 4):
-                        dx = columns() + (offset_x + np.float32(x - x0))
+                        dx = block_columns() + (offset_x + np.float32(x - x0))
                         iz = ONE / (plane + a3 * dx)
                         s, u = (v1 * dx - u1_dy) * iz, (u0_dy - v0 * dx) * iz
                         g = minimum(s * s + u * u, ((dx + ex) * (dx + ex) + low) * TWO)

@@ -71,8 +71,8 @@ def read_blend(i, blend, binding, neighbours, rows, blended):
         shares, g = shares_of(read4(blend, i))
     v = (g * shares[0], g * shares[1], g * shares[2], g * shares[3])
     w, p = blended_motion(v, own, one, two, three, turn)
-    terms = matrix3.exponential_terms(w)
-    q = matrix3.turned(u, w, terms[0], terms[1])
+    terms = matrix3.rodrigues_coefficients(w)
+    q = matrix3.product_exp(u, w, terms[0], terms[1])
     return (own, one, two, three, turn), t, shares, g, v, w, p, terms, q
 
 

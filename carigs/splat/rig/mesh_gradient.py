@@ -91,7 +91,7 @@ def _of_one(
     dw = turn_gradient(w, b, c, (torque[0] + twist[0], torque[1] + twist[1], torque[2] + twist[2]))
     dp = stretch_gradient(h, y)
     # Of the matrix Q = U exp(w), by its use: Q P y for three y, and Q^T n.
-    e = matrix3.turned(matrix3.IDENTITY, w, a, b)
+    e = matrix3.product_exp(matrix3.IDENTITY, w, a, b)
     x0, x1, x2 = (
         matrix3.apply_symmetric(p, y[0]), matrix3.apply_symmetric(p, y[1]), matrix3.apply_symmetric(p, y[2]),
     )  # fmt: skip
