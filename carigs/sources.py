@@ -1,4 +1,4 @@
-"""What a module is made of: the files of ours whose change can change what it does."""
+"""Fingerprints of modules: digests of all source files of this project that a module depends on."""
 
 from __future__ import annotations
 
@@ -10,52 +10,73 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("carigs", "evaluation")
 WITHOUT_EFFECT = ("carigs.settings", "carigs.errors")
-"""Settings reach a stage as text, and their values are compared there; the words of an error change no result."""
+"""Modules that fingerprints ignore: settings reach a stage as text, which is compared; errors change no result."""
 
 
 def fingerprint(module: str) -> str:
-    """A digest of the module and of all that it imports of ours, by whatever detour; comments do not count."""
-    return sha256("\n".join(map(_meaning, sources(module))).encode()).hexdigest()[:16]
+    """Digest of a module and of all modules of this project that it imports, directly or indirectly.
+
+    Comments and layout do not count; docstrings do.
+
+    Args:
+        module: Name of the module, such as `carigs.stages.train`.
+
+    Returns:
+        Sixteen hexadecimal digits.
+
+    Raises:
+        ModuleNotFoundError: The project has no such module.
+    """
+    return sha256("\n".join(map(_content, sources(module))).encode()).hexdigest()[:16]
 
 
 def sources(module: str) -> list[Path]:
-    """The files of the module and of what it imports of ours, imports inside functions included.
+    """Files of a module and of all modules of this project that it imports, inside functions too.
 
-    Data beside a module under its name (`weights.toml` of `weights.py`) belongs to it.  A package's `__init__` counts
-    only where something is imported from the package itself.
+    Data beside a module under its name (`weights.toml` of `weights.py`) belongs to it. A package's `__init__` counts
+    only if something is imported from the package itself.
+
+    Args:
+        module: Name of the module.
+
+    Returns:
+        Sorted paths.
+
+    Raises:
+        ModuleNotFoundError: The project has no such module.
     """
     if _file(module) is None:
-        raise ModuleNotFoundError(f"no module of ours: {module}")
-    found: set[Path] = set()
-    waiting = [module]
-    while waiting:
-        name = waiting.pop()
+        raise ModuleNotFoundError(f"carigs and evaluation have no module {module}")
+    files: set[Path] = set()
+    pending = [module]
+    while pending:
+        name = pending.pop()
         file = None if name.startswith(WITHOUT_EFFECT) else _file(name)
-        if file and file not in found:
-            found |= {file, *(data for data in file.parent.glob(f"{file.stem}.*") if data.suffix in (".toml", ".json"))}
-            waiting += _imported(file)
-    return sorted(found)
+        if file and file not in files:
+            files |= {file, *(data for data in file.parent.glob(f"{file.stem}.*") if data.suffix in (".toml", ".json"))}
+            pending += _imports(file)
+    return sorted(files)
 
 
 def _file(module: str) -> Path | None:
-    """The file of a module of ours; None for others' modules and for names that are no modules."""
+    """The file of a module of `PACKAGES`; None for other modules and for names that are not modules."""
     path = ROOT.joinpath(*module.split("."))
     files = (path / "__init__.py", path.with_name(f"{path.name}.py"))
     return next((file for file in files if module.split(".")[0] in PACKAGES and file.is_file()), None)
 
 
 @cache
-def _meaning(file: Path) -> str:
+def _content(file: Path) -> str:
     text = file.read_text("utf-8")
     return ast.dump(ast.parse(text)) if file.suffix == ".py" else text
 
 
 @cache
-def _imported(file: Path) -> tuple[str, ...]:
+def _imports(file: Path) -> tuple[str, ...]:
     names: list[str] = []
     for node in ast.walk(ast.parse(file.read_bytes())):
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):  # relative imports are not used here
+        elif isinstance(node, ast.ImportFrom):  # relative imports are not used
             names += [node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)]
     return tuple(names)

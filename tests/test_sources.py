@@ -1,4 +1,4 @@
-"""What a stage is made of, and when its fingerprint changes."""
+"""The sources of a stage, and when its fingerprint changes."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def package(tmp_path, monkeypatch):
 def test_the_fingerprint_changes_with_what_the_module_does(package, file, text, changes):
     before = fingerprint("carigs.one")
     (package / file).write_text(text)
-    for cached in (module._meaning, module._imported):
+    for cached in (module._content, module._imports):
         cached.cache_clear()
     assert (fingerprint("carigs.one") != before) == changes
 

@@ -1,48 +1,42 @@
-"""Eight pixels of a triangle's row at once, as one Numba value: LLVM does not find this in a loop of so few rounds.
+"""Eight pixels of a triangle's row at once: LLVM makes no vector code of a loop with so few rounds.
 
-A pixel's `key` orders what may be seen there: the inverse depth as the bits of a float (which sort as the floats do
-where those are positive), then a rank that decides between equals.  0 is nothing.
+A pixel's key orders the faces that may be visible there: the inverse depth as the bits of a positive float, which sort
+as the floats do, then a rank that decides between equal depths. Key 0 is an empty pixel.
 """
 
 from __future__ import annotations
 
-from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from carigs.simd.ir_values import FLOAT, INT, LONG, generate
+
 WIDTH = 8
 """Pixels that `draw` touches from `start` on: rows need as many spare keys at their end."""
-_DOUBLE, _SINGLE, _SHORT, _LONG = ir.DoubleType(), ir.FloatType(), ir.IntType(32), ir.IntType(64)
-
-
-def _vector(kind: ir.Type) -> ir.Type:
-    return ir.VectorType(kind, WIDTH)
-
-
-def _all(builder, number):
-    """`number` in all elements."""
-    one = builder.insert_element(ir.Constant(_vector(number.type), ir.Undefined), number, ir.Constant(_SHORT, 0))
-    return builder.shuffle_vector(one, one, ir.Constant(_vector(_SHORT), [0] * WIDTH))
 
 
 @intrinsic
 def draw(typingctx, keys, start, count, first, slope, rank):
-    """Raise keys[start + i] for i < `count` to inverse depth first + i slope and `rank`, where they are lower."""
+    """Raise keys[start + i], i < min(count, 8), to inverse depth first + i slope and `rank` where they are lower.
 
-    def codegen(context, builder, signature, values):
-        array, start, count, first, slope, rank = values
-        data = context.make_array(signature.args[0])(context, builder, value=array).data
-        place = builder.bitcast(builder.gep(data, [start]), _vector(_LONG).as_pointer())
-        steps = ir.Constant(_vector(_DOUBLE), [float(i) for i in range(WIDTH)])
-        near = builder.fadd(builder.fmul(_all(builder, slope), steps), _all(builder, first))
-        bits = builder.bitcast(builder.fptrunc(near, _vector(_SINGLE)), _vector(_SHORT))
-        bits = builder.shl(builder.sext(bits, _vector(_LONG)), ir.Constant(_vector(_LONG), [32] * WIDTH))
-        key = builder.or_(bits, _all(builder, rank))
-        number = ir.Constant(_vector(_LONG), list(range(WIDTH)))
-        inside = builder.icmp_signed("<", number, _all(builder, count))
-        old = builder.load(place, align=8)
-        higher = builder.and_(inside, builder.icmp_signed(">", key, old))
-        builder.store(builder.select(higher, key, old), place, align=8)
-        return context.get_dummy_value()
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+        keys: int64 keys of all pixels, flat.
+        start: Index of the first pixel's key.
+        count: Number of pixels left in the row.
+        first: Inverse depth at the first pixel, in 1/metres.
+        slope: Its change per pixel.
+        rank: Lower 32 bits of the keys: of faces with equal depth, the one with the highest is visible.
 
-    return types.void(keys, types.intp, types.int64, types.float64, types.float64, types.int64), codegen
+    Returns:
+        None; `keys` is changed.
+    """
+
+    def build(keys, start, count, first, slope, rank):
+        depth = slope * slope.constants(range(WIDTH)) + first
+        key = (depth.to(FLOAT).bits(INT).to(LONG) << 32) | rank
+        old = keys.load(start, WIDTH)
+        visible = (count.constants(range(WIDTH)) < count) & (key > old)
+        keys.store(start, key.where(visible, old))
+
+    return types.void(keys, types.intp, types.int64, types.float64, types.float64, types.int64), generate(build)

@@ -1,1 +1,1 @@
-"""Vectors as Numba values, the compilation of kernels and their cache, threads, and 3x3 matrices."""
+"""Vector types for Numba kernels, compilation and cache of kernels, threads, and 3x3 matrices."""

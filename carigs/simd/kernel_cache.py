@@ -1,7 +1,7 @@
-"""Where Numba keeps compiled kernels: a folder per state of all kernels' sources.
+"""The folder in which Numba keeps compiled kernels: one for each state of the sources of all kernels.
 
-Numba looks only at the file that a kernel is written in: after an edit of a formula that it calls from another module
-(or a `git pull` of one) it would go on with the old machine code.
+Numba checks only the file that a kernel is written in. After an edit of a function that the kernel calls from another
+module (or a `git pull`), it would load the old machine code.
 """
 
 from __future__ import annotations
@@ -18,20 +18,27 @@ from pathlib import Path
 from filelock import FileLock
 
 PACKAGE = Path(__file__).parents[1]
-MARKS = (b"numba", b"carigs.simd.kernels", b"carigs.simd")
-"""What the sources of kernels contain."""
+KERNEL_MARKS = (b"numba", b"carigs.simd")
+"""Texts that the source of every kernel contains at least one of."""
 KEEP = 7 * 24 * 3600.0
-"""Seconds since its last change for which the folder of other sources stays: a run with those may still go on."""
+"""Seconds after which the folder of other sources is removed; runs of those sources may still be active before."""
 
 
 def use_kernel_cache() -> Path:
-    """Point Numba to the folder of the present sources and remove old ones; NUMBA_CACHE_DIR, if set, has its way."""
+    """Point Numba to the folder of the present sources, and remove old folders.
+
+    The environment variable NUMBA_CACHE_DIR, if set, is used instead. The digest is one of bytes, unlike that of
+    `carigs.sources.fingerprint`, because this function runs at every start and parsing takes longer.
+
+    Returns:
+        The folder, which need not exist yet.
+    """
     if "NUMBA_CACHE_DIR" in os.environ:
         return Path(os.environ["NUMBA_CACHE_DIR"])
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(os.environ.get("CARIGS_PLAIN_NUMBA", "").encode())
     for file in sorted(PACKAGE.rglob("*.py")):
         source = file.read_bytes()
-        if any(mark in source for mark in MARKS):
+        if any(mark in source for mark in KERNEL_MARKS):
             digest.update(file.relative_to(PACKAGE).as_posix().encode() + b"\0" + source + b"\0")
     writable = os.access(PACKAGE, os.W_OK)
     base = (PACKAGE if writable else Path.home() / ".cache" / "carigs") / "__pycache__"
@@ -48,9 +55,15 @@ def use_kernel_cache() -> Path:
 
 @contextmanager
 def kernel_lock(name: str) -> Iterator[None]:
-    """Only one process at a time is within, of those that share the folder; ended processes, however, hold nothing.
+    """Lock between processes that share the cache folder; released when its holder exits, however it exits.
 
-    Without effect where files cannot be written or locked: kernels are then compiled by each process.
+    It has no effect where files cannot be written or locked. Each process then compiles its own kernels.
+
+    Args:
+        name: Name of the lock.
+
+    Yields:
+        None, while the lock is held.
     """
     import numba
 
@@ -58,16 +71,16 @@ def kernel_lock(name: str) -> Iterator[None]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock = FileLock(folder / f"{name}.lock").acquire()
-    except (OSError, NotImplementedError):  # of a folder that is read-only, or on a file system without locks
+    except (OSError, NotImplementedError):  # the folder is read-only, or its file system has no locks
         lock = nullcontext()
     with lock:
         yield
 
 
 def announce_compilation() -> None:
-    """One line on stderr if the engine's kernels are not in the cache: the first step will seem to hang."""
+    """Print one line to stderr if the rasteriser's kernels are not cached: the first step will seem to hang."""
     import numba
 
     folder = Path(numba.config.CACHE_DIR)
     if not any(folder.rglob("forward_simd.*.nbi")):
-        print(f"carigs: compiling kernels for this processor into {folder}: once, 15 to 60 seconds", file=sys.stderr)
+        print(f"carigs: compiling kernels into {folder} (once, 15 to 60 seconds)", file=sys.stderr)

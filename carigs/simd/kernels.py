@@ -1,147 +1,132 @@
-"""How kernels are compiled: once, with all that they call; and how their work is spread over threads.
+"""Compilation of Numba kernels, and parallel loops inside them.
 
-Numba optimises every function by itself, makes machine code of it, and does so again inside each of its callers; a
-`prange` goes through this three more times, and infers the types of its body twice.  Here pieces of kernels are only
-linked, and `parallel_for` calls the function of a task from one loop in the kernel's own module.
+A kernel is a function that Python calls, decorated with `kernel`. Functions that only kernels call are decorated with
+`numba.njit(**INLINE)`, or one of the decorators of `carigs.simd.vectors`.
+
+This module needs Numba's public interface only and works with every supported version. For the versions in
+`LINKED_NUMBA`, `carigs.simd.linked_kernels` replaces `INLINE`, `INLINE_ALLOC` and `parallel_for` by versions that
+compile about twice as fast. The environment variable CARIGS_PLAIN_NUMBA=1 keeps the public interface for those, too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
 from functools import partial
 
-from llvmlite import ir
-from numba import njit, types
-from numba.core import cgutils
-from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
+import numba
+from numba import njit, prange, types
 from numba.core.compiler_lock import global_compiler_lock
-from numba.core.typed_passes import _reload_parfors
-from numba.extending import intrinsic
+from numba.extending import overload
 
 from carigs.simd.kernel_cache import kernel_lock
 
+__all__ = ["INLINE", "INLINE_ALLOC", "LINKED_NUMBA", "kernel", "parallel_for"]
+
+LINKED_NUMBA = ((0, 63), (0, 64), (0, 65), (0, 66), (0, 67), (0, 68))
+"""Minor versions of Numba that `carigs.simd.linked_kernels` was tested with. It depends on Numba's private classes."""
+
+INLINE = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "forceinline": True}
+"""Options of `numba.njit` for functions that only kernels call. Always inlined: calls would make forward compositing a
+sixth slower and projection a third."""
+INLINE_ALLOC = INLINE
+"""The same for functions that allocate arrays; not for inner loops, where counting references is slow."""
+
 
 def kernel(function: Callable | None = None, /, **options: object) -> Callable:
-    """A function that Python calls, kept in the cache; processes that need it at the same time wait for the first."""
+    """Compile a function that Python calls, and keep its machine code in Numba's cache on disk.
+
+    Processes that need the same kernel at the same time wait for the first one to compile it.
+
+    Args:
+        function: Function to compile. If absent, a decorator is returned.
+        **options: Further options of `numba.njit`.
+
+    Returns:
+        The compiled function, which releases the interpreter's lock while it runs.
+    """
     if function is None:
         return partial(kernel, **options)
     dispatcher = njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)(function)
-    compiled = dispatcher.compile
+    compile_here = dispatcher.compile
 
-    def compiled_once(signature: object) -> object:
-        # Numba takes this one, too; in the same order everywhere, so that no two threads wait for each other.
+    def compile_once(signature: object) -> object:
+        # Numba's lock first, as everywhere, so that no two threads wait for each other.
         with global_compiler_lock, kernel_lock(f"{function.__module__}.{function.__qualname__}"):
-            return compiled(signature)
+            return compile_here(signature)
 
-    dispatcher.compile = compiled_once
+    dispatcher.compile = compile_once
     return dispatcher
 
 
-class _Pieces(JITCodeLibrary):
-    """Code that becomes machine code only as a part of what it is linked into."""
+def parallel_for(work: Callable, count: int, arguments: tuple) -> None:
+    """Call `work(i, *arguments)` for all i in range(count), spread over Numba's threads.
 
-    def finalize(self) -> None:
-        self._raise_if_finalized()
-        for library in dict.fromkeys(self._linking_libraries):
-            self._reload_init.update(library._reload_init)
-            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
-        self._optimize_final_module()
-        self._finalized = True
+    Kernels only can call it.
 
+    Args:
+        work: Function compiled with the options `INLINE` or `INLINE_ALLOC`. It returns nothing: results are written to
+            arrays among its arguments.
+        count: Number of calls.
+        arguments: Further arguments of `work`, the same for all calls.
 
-class _PieceCompiler(Compiler):
-    def __init__(self, typingctx, targetctx, library, args, return_type, flags, locals):
-        library = library or _Pieces(targetctx.codegen(), "pieces")
-        super().__init__(typingctx, targetctx, library, args, return_type, flags, locals)
-        self.state.targetctx.get_executable = lambda library, fndesc, env: _uncallable()
+    Raises:
+        Exception: An error of one of the calls, after all calls have ended.
 
-
-def _uncallable() -> object:
-    """Numba wants a built-in function of its own that Python could call; this one always raises."""
-    return [].pop
-
-
-INLINE = {
-    "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "forceinline": True,
-    "pipeline_class": _PieceCompiler, "_nrt": False,
-}  # fmt: skip
-"""Options of functions that only kernels call.  None stays a function of its own (forward compositing is a sixth
-faster, projection a third), and none counts who refers to an array, which LLVM does not always see to be idle: they can
-make none."""
-INLINE_ALLOC = {**INLINE, "_nrt": True}
-"""Of those among them that make arrays: best not in inner loops."""
-_BYTES, _INTP = ir.IntType(8).as_pointer(), ir.IntType(64)
-
-
-@intrinsic
-def parallel_for(typingctx, work, count, arguments):
-    """work(i, *arguments) for all i in range(count), on Numba's threads; arrays are the way to hand results back.
-
-    An error of one of them is raised when all have ended.
+    Example:
+        >>> @njit(**INLINE)
+        ... def double(i, values):
+        ...     values[i] *= 2
+        >>> @kernel
+        ... def double_all(values):
+        ...     parallel_for(double, len(values), (values,))
     """
-    task = work.get_call_type(typingctx, (types.intp, *arguments), {})
-
-    def codegen(context, builder, signature, values):
-        result = work.dispatcher.get_compile_result(task)
-        context.active_code_library.add_linking_library(result.library)
-        context.active_code_library._reload_init.add(_reload_parfors)
-        _reload_parfors()
-        given = _folded(context, builder, cgutils.unpack_tuple(builder, values[2]), tuple(arguments), task.args[1:])
-        none = cgutils.get_null_value(cgutils.voidptr_t)
-        shared = cgutils.pack_struct(builder, [ir.Constant(ir.IntType(32), 0), none, *given])
-        place = cgutils.alloca_once_value(builder, shared)
-        loop = _loop(context, builder.module, result.fndesc, task, shared.type)
-        _parallel_for(builder, loop, values[1], place)
-        code, raised = (builder.load(cgutils.gep_inbounds(builder, place, 0, k)) for k in (0, 1))
-        conv = context.call_conv
-        raised = builder.bitcast(raised, conv._get_excinfo_argument(builder.function).type.pointee)
-        status = conv._get_return_status(builder, code, raised)
-        with cgutils.if_unlikely(builder, status.is_error):
-            conv.return_status_propagate(builder, status)
-        return context.get_dummy_value()
-
-    return types.void(work, types.intp, arguments), codegen
+    raise NotImplementedError("only compiled kernels can call parallel_for")
 
 
-def _folded(context, builder, values, kinds, wanted):
-    """The values as a function takes them; the last of those may be its `*arguments`."""
-    if wanted and isinstance(wanted[-1], (types.StarArgTuple, types.StarArgUniTuple)):
-        *wanted, rest = wanted
-        n = len(wanted)
-        rest = [context.make_tuple(builder, rest, _folded(context, builder, values[n:], kinds[n:], tuple(rest)))]
-        return _folded(context, builder, values[:n], kinds[:n], wanted) + rest
-    return [context.cast(builder, *parallel_for) for parallel_for in zip(values, kinds, wanted, strict=True)]
+# Inlined, so that no reference to the Python object `work` remains in the kernel: Numba would not cache it.
+@overload(parallel_for, jit_options={"parallel": True, "nogil": True, "error_model": "numpy", "forceinline": True})
+def _overload_parallel_for(work, count, arguments):
+    # prange takes tuples, but no tuples in tuples: it gets all numbers and arrays in one.
+    leaves = _leaves("arguments", arguments)
+    numbered = iter(range(len(leaves)))
+    nested = [_nested(element, numbered) for element in arguments]
+    names = {"__name__": __name__, "work": work.dispatcher}
+    flatten = njit(eval(f"lambda arguments: ({', '.join(leaves)},)", names))
+    run = njit(eval(f"lambda i, flat: work({', '.join(['i', *nested])})", names))
+
+    @njit(error_model="numpy")
+    def number_if_failed(i, flat):
+        try:
+            run(i, flat)
+        except Exception:
+            return i + 1
+        return 0
+
+    def loop(work, count, arguments):
+        flat = flatten(arguments)
+        failed = 0
+        for i in prange(count):
+            failed = max(failed, number_if_failed(i, flat))
+        if failed:  # prange drops errors: raise this one again
+            run(failed - 1, flat)
+
+    return loop
 
 
-def _loop(context, module, work, task, shared):
-    """What Numba's threads call: steps a range of tasks."""
-    kind = ir.FunctionType(ir.VoidType(), [_BYTES.as_pointer(), _INTP.as_pointer(), _INTP.as_pointer(), _BYTES])
-    function = ir.Function(module, kind, module.get_unique_name("parallel_for"))
-    function.linkage = "internal"
-    first, counts, _, data = function.args
-    builder = ir.IRBuilder(function.append_basic_block())
-    place = builder.bitcast(data, shared.as_pointer())
-    given = [builder.load(cgutils.gep_inbounds(builder, place, 0, k)) for k in range(2, len(shared.elements))]
-    start = builder.ptrtoint(builder.load(first), _INTP)
-    with cgutils.for_range(builder, builder.load(counts), intp=_INTP) as tasks:
-        number = builder.add(start, tasks.index)
-        builder.assume(builder.icmp_signed(">=", number, _INTP(0)))  # negative indices count from the end
-        status, _ = context.call_internal_no_propagate(builder, work, task, [number, *given])
-        with cgutils.if_unlikely(builder, status.is_error):
-            builder.store(status.code, cgutils.gep_inbounds(builder, place, 0, 0))
-            raised = builder.bitcast(status.excinfoptr, _BYTES)
-            builder.store(raised, cgutils.gep_inbounds(builder, place, 0, 1))
-    builder.ret_void()
-    return function
+def _leaves(name: str, kind: types.Type) -> list[str]:
+    """Expressions of all elements of a nested tuple that are no tuples themselves."""
+    if not isinstance(kind, types.BaseTuple):
+        return [name]
+    return [leaf for k, element in enumerate(kind) for leaf in _leaves(f"{name}[{k}]", element)]
 
 
-def _parallel_for(builder, loop, count, place):
-    """Numba's thread pool: one array of bytes that begins at address 0 counts the tasks."""
-    call = ir.FunctionType(ir.VoidType(), [_BYTES] * 5 + [_INTP] * 3)
-    pool = cgutils.get_or_insert_function(builder.module, call, "numba_parallel_for")
-    asked = cgutils.get_or_insert_function(builder.module, ir.FunctionType(_INTP, []), "get_num_threads")
-    first = cgutils.alloca_once_value(builder, cgutils.get_null_value(_BYTES))
-    size, step = cgutils.alloca_once_value(builder, count), cgutils.alloca_once_value(builder, _INTP(1))
-    pointers = [builder.bitcast(pointer, _BYTES) for pointer in (loop, first, size, step, place)]
-    builder.call(pool, [*pointers, _INTP(0), _INTP(1), builder.call(asked, [])])
+def _nested(kind: types.Type, numbered: Iterator[int]) -> str:
+    """Expression of a nested tuple of the next elements of `flat`."""
+    if not isinstance(kind, types.BaseTuple):
+        return f"flat[{next(numbered)}]"
+    return f"({''.join(f'{_nested(element, numbered)}, ' for element in kind)})"
+
+
+if numba.version_info.short in LINKED_NUMBA and not os.environ.get("CARIGS_PLAIN_NUMBA"):
+    from carigs.simd.linked_kernels import INLINE, INLINE_ALLOC, parallel_for

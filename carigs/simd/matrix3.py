@@ -1,6 +1,6 @@
-"""3x3 matrices inside Numba kernels: tuples of nine numbers, row by row (small arrays would live on the heap).
+"""3x3 matrices inside Numba kernels: tuples of nine numbers, row by row. Small arrays would be allocated on the heap.
 
-The numbers are scalars or, where nothing branches on them, vectors of `simd`: one surfel per lane.
+The numbers are scalars or, in functions without branches, vectors of `carigs.simd.vectors` with one matrix per lane.
 """
 
 from __future__ import annotations
@@ -14,27 +14,55 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 @scalar_or_simd
 def load(array, i):
-    """Matrix `array[i]`."""
+    """Matrix `array[i]`.
+
+    Args:
+        array: Matrices (n, 3, 3).
+        i: Index.
+
+    Returns:
+        Nine numbers, row by row.
+    """
     return (array[i, 0, 0], array[i, 0, 1], array[i, 0, 2], array[i, 1, 0], array[i, 1, 1],
             array[i, 1, 2], array[i, 2, 0], array[i, 2, 1], array[i, 2, 2])  # fmt: skip
 
 
 @scalar_or_simd
 def store(array, i, m):
-    """Set `array[i]`."""
+    """Set `array[i]`.
+
+    Args:
+        array: Matrices (n, 3, 3).
+        i: Index.
+        m: Nine numbers, row by row.
+    """
     for k in range(9):
         array[i, k // 3, k % 3] = m[k]
 
 
 @scalar_or_simd
 def transpose(m):
-    """M^T."""
+    """Transpose M^T.
+
+    Args:
+        m: Nine numbers, row by row.
+
+    Returns:
+        Nine numbers, row by row.
+    """
     return (m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8])
 
 
 @scalar_or_simd
 def cofactor(m):
-    """The matrix of cofactors; M^-T = cofactor / det."""
+    """Matrix of cofactors: M^-T = cofactor / det.
+
+    Args:
+        m: Nine numbers, row by row.
+
+    Returns:
+        Nine numbers, row by row.
+    """
     a, b, c, d, e, f, g, h, i = m
     return (e * i - f * h, f * g - d * i, d * h - e * g,
             c * h - b * i, a * i - c * g, b * g - a * h,
@@ -43,7 +71,15 @@ def cofactor(m):
 
 @scalar_or_simd
 def product(m, n):
-    """M N."""
+    """Matrix product M N.
+
+    Args:
+        m: Nine numbers, row by row.
+        n: Nine numbers, row by row.
+
+    Returns:
+        Nine numbers, row by row.
+    """
     a, b, c, d, e, f, g, h, i = m
     j, k, p, q, r, s, t, u, v = n
     return (a * j + b * q + c * t, a * k + b * r + c * u, a * p + b * s + c * v,
@@ -53,7 +89,14 @@ def product(m, n):
 
 @scalar_or_simd
 def polar_rotation(u):
-    """U of J = U P (det J > 0) by Newton's iteration, scaled by Frobenius norms (Higham 1986)."""
+    """Rotation U of the polar decomposition J = U P, by Newton's iteration scaled by Frobenius norms (Higham 1986).
+
+    Args:
+        u: J, with det J > 0: nine numbers, row by row. Scalars only.
+
+    Returns:
+        Nine numbers, row by row.
+    """
     for _ in range(30):
         c = cofactor(u)
         det = u[0] * c[0] + u[1] * c[1] + u[2] * c[2]
@@ -77,7 +120,14 @@ def polar_rotation(u):
 
 @scalar_or_simd
 def rotation_vector(r):
-    """Log of a rotation (radians) through its quaternion, so that angles near pi are as good as small ones."""
+    """Logarithm of a rotation, through its quaternion: angles near pi are as accurate as small ones.
+
+    Args:
+        r: Rotation: nine numbers, row by row. Scalars only.
+
+    Returns:
+        Rotation vector (3) in radians.
+    """
     # Four times the squares of w, x, y, z: the largest divides.
     ww, xx = 1 + r[0] + r[4] + r[8], 1 + r[0] - r[4] - r[8]
     yy, zz = 1 - r[0] + r[4] - r[8], 1 - r[0] - r[4] + r[8]
@@ -98,7 +148,15 @@ def rotation_vector(r):
 
 @scalar_or_simd
 def apply(m, x):
-    """M x."""
+    """Product M x.
+
+    Args:
+        m: Nine numbers, row by row.
+        x: Three numbers.
+
+    Returns:
+        Three numbers.
+    """
     return (
         m[0] * x[0] + m[1] * x[1] + m[2] * x[2],
         m[3] * x[0] + m[4] * x[1] + m[5] * x[2],
@@ -108,7 +166,15 @@ def apply(m, x):
 
 @scalar_or_simd
 def apply_transposed(m, x):
-    """M^T x."""
+    """Product M^T x.
+
+    Args:
+        m: Nine numbers, row by row.
+        x: Three numbers.
+
+    Returns:
+        Three numbers.
+    """
     return (
         m[0] * x[0] + m[3] * x[1] + m[6] * x[2],
         m[1] * x[0] + m[4] * x[1] + m[7] * x[2],
@@ -118,7 +184,15 @@ def apply_transposed(m, x):
 
 @scalar_or_simd
 def apply_symmetric(p, x):
-    """P x of a symmetric matrix stored as xx, xy, xz, yy, yz, zz."""
+    """Product P x of a symmetric matrix.
+
+    Args:
+        p: Six numbers: xx, xy, xz, yy, yz, zz.
+        x: Three numbers.
+
+    Returns:
+        Three numbers.
+    """
     return (
         p[0] * x[0] + p[1] * x[1] + p[2] * x[2],
         p[1] * x[0] + p[3] * x[1] + p[4] * x[2],
@@ -128,13 +202,29 @@ def apply_symmetric(p, x):
 
 @scalar_or_simd
 def cross(a, b):
-    """Cross product."""
+    """Cross product.
+
+    Args:
+        a: Three numbers.
+        b: Three numbers.
+
+    Returns:
+        Three numbers.
+    """
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 @scalar_or_simd
 def dot(a, b):
-    """Scalar product."""
+    """Scalar product.
+
+    Args:
+        a: Three numbers.
+        b: Three numbers.
+
+    Returns:
+        A number.
+    """
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
@@ -152,15 +242,32 @@ def _series(q, coefficients):
 
 
 @scalar_or_simd
-def exponential_terms(w):
-    """sin(t)/t, (1 - cos t)/t^2, (t - sin t)/t^3 of the rotation vector's length t <= pi."""
+def rodrigues_coefficients(w):
+    """Coefficients of Rodrigues' formula and of its derivative.
+
+    Args:
+        w: Rotation vector (3) in radians, of length t <= pi.
+
+    Returns:
+        sin(t)/t, (1 - cos t)/t^2, (t - sin t)/t^3.
+    """
     q = dot(w, w)
     return _series(q, _A), _series(q, _B), _series(q, _C)
 
 
 @scalar_or_simd
-def turned(u, w, a, b):
-    """U exp(w) by Rodrigues' formula; a, b are the first two of `exponential_terms(w)`."""
+def product_exp(u, w, a, b):
+    """Product U exp(w), by Rodrigues' formula.
+
+    Args:
+        u: Nine numbers, row by row.
+        w: Rotation vector (3) in radians.
+        a: First of `rodrigues_coefficients(w)`.
+        b: Second of them.
+
+    Returns:
+        Nine numbers, row by row.
+    """
     x, y, z = w
     e = (1 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y,
          b * x * y + a * z, 1 - b * (x * x + z * z), b * y * z - a * x,

@@ -1,6 +1,6 @@
-"""Between memory and the vectors of `simd`: rows, blocks, fields of records, transposes, prefetching, a counter.
+"""Loads and stores of the vectors of `carigs.simd.vectors`: rows, blocks, fields of records, transposes; prefetching.
 
-All functions take flat arrays and check nothing: an array that is stored to needs as many spare elements at its end as
+All functions take flat arrays and check nothing. An array that is stored to needs as many spare elements at its end as
 the last store may overhang.
 """
 
@@ -11,40 +11,27 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from carigs.simd.vectors import FLOAT, INT, WIDTH, call, lanes, shuffle
-
-_VECTOR, _QUAD = lanes.llvm, ir.VectorType(FLOAT, 4)
-
-
-def _address(context, builder, signature, values):
-    data = context.make_array(signature.args[0])(context, builder, value=values[0]).data
-    return builder.gep(data, [values[1]])
-
-
-def _load(builder, address, kind=_VECTOR):
-    return builder.load(builder.bitcast(address, kind.as_pointer()), align=4)
-
-
-def _store(builder, value, address):
-    builder.store(value, builder.bitcast(address, value.type.as_pointer()), align=4)
-
-
-def _offset(builder, address, elements):
-    """`address` of 4-byte elements, further on."""
-    return builder.gep(address, [ir.Constant(ir.IntType(64), elements)])
+from carigs.simd.ir_values import FLOAT, LONG, generate
+from carigs.simd.vectors import WIDTH, lanes
 
 
 @intrinsic
 def align_stack(typingctx):
-    """Aligns the calling kernel's stack to 64 bytes, which LLVM then does, and only then.
+    """Align the stack of the calling kernel to 64 bytes.
 
-    Otherwise vectors that do not fit into registers lie across two cache lines in three processes out of four.
+    Otherwise, vectors that do not fit into registers lie across two cache lines in three processes out of four.
+
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+
+    Returns:
+        None.
     """
 
     def codegen(context, builder, signature, values):
-        slot = cgutils.alloca_once(builder, _VECTOR)
+        slot = cgutils.alloca_once(builder, ir.VectorType(FLOAT, WIDTH))
         slot.align = 64
-        # No instruction at all, but LLVM does not know.
+        # An empty instruction that LLVM must assume to use the slot.
         builder.asm(ir.FunctionType(ir.VoidType(), [slot.type]), "", "r", [slot], side_effect=True)
         return context.get_dummy_value()
 
@@ -53,23 +40,33 @@ def align_stack(typingctx):
 
 @intrinsic
 def load(typingctx, array, index):
-    """Sixteen consecutive elements."""
+    """Sixteen consecutive elements.
 
-    def codegen(context, builder, signature, values):
-        return _load(builder, _address(context, builder, signature, values))
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+        array: Flat array of four-byte elements.
+        index: Index of the first element.
 
-    return lanes(array, types.intp), codegen
+    Returns:
+        Lanes of the same bits.
+    """
+    return lanes(array, types.intp), generate(lambda array, index: array.load(index, WIDTH, FLOAT))
 
 
 @intrinsic
 def store(typingctx, array, index, value):
-    """To sixteen consecutive elements (of any type of four bytes)."""
+    """Write sixteen consecutive elements.
 
-    def codegen(context, builder, signature, values):
-        _store(builder, values[2], _address(context, builder, signature, values))
-        return context.get_dummy_value()
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+        array: Flat array of four-byte elements.
+        index: Index of the first element.
+        value: Lanes, whose bits are stored.
 
-    return types.void(array, types.intp, lanes), codegen
+    Returns:
+        None; `array` is changed.
+    """
+    return types.void(array, types.intp, lanes), generate(lambda array, index, value: array.store(index, value))
 
 
 # Between four rows of four (memory) and lanes (columns first): its own inverse.
@@ -78,56 +75,74 @@ _TRANSPOSE = [4 * (i % 4) + i // 4 for i in range(WIDTH)]
 
 @intrinsic
 def load_block(typingctx, array, index, stride):
-    """A block of 4 x 4 pixels from four rows of an image."""
+    """A block of 4 x 4 pixels of an image.
 
-    def codegen(context, builder, signature, values):
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+        array: Flat array of four-byte elements.
+        index: Index of its upper left pixel.
+        stride: Length of a row of the image.
+
+    Returns:
+        Lanes, columns first.
+    """
+
+    def build(array, index, stride):
         quads = []
         for _ in range(4):
-            quads.append(_load(builder, _address(context, builder, signature, values), _QUAD))
-            values = (values[0], builder.add(values[1], values[2]), values[2])
-        top, bottom = (shuffle(builder, quads[i], quads[i + 1], range(8)) for i in (0, 2))
-        both = shuffle(builder, top, bottom, range(WIDTH))
-        return shuffle(builder, both, both, _TRANSPOSE)
+            quads.append(array.load(index, 4, FLOAT))
+            index = index + stride
+        top, bottom = (quads[i].shuffle(quads[i + 1], range(8)) for i in (0, 2))
+        block = top.shuffle(bottom, range(WIDTH))
+        return block.shuffle(block, _TRANSPOSE)
 
-    return lanes(array, types.intp, types.intp), codegen
+    return lanes(array, types.intp, types.intp), generate(build)
 
 
 @intrinsic
 def store_block(typingctx, array, index, stride, value):
-    """A block of 4 x 4 pixels to four rows of an image."""
+    """Write a block of 4 x 4 pixels of an image.
 
-    def codegen(context, builder, signature, values):
-        array, index, stride, value = values
-        by_rows = shuffle(builder, value, value, _TRANSPOSE)
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+        array: Flat array of four-byte elements.
+        index: Index of its upper left pixel.
+        stride: Length of a row of the image.
+        value: Lanes, columns first.
+
+    Returns:
+        None; `array` is changed.
+    """
+
+    def build(array, index, stride, value):
+        by_rows = value.shuffle(value, _TRANSPOSE)
         for row in range(4):
-            quad = shuffle(builder, by_rows, by_rows, range(4 * row, 4 * row + 4))
-            _store(builder, quad, _address(context, builder, signature, (array, index)))
-            index = builder.add(index, stride)
-        return context.get_dummy_value()
+            array.store(index, by_rows.shuffle(by_rows, range(4 * row, 4 * row + 4)))
+            index = index + stride
 
-    return types.void(array, types.intp, types.intp, lanes), codegen
+    return types.void(array, types.intp, types.intp, lanes), generate(build)
 
 
 def _load_fields(count):
-    """Sixteen records of `count` floats, one after the other, as lanes of each field."""
+    """Sixteen consecutive records of `count` floats, as lanes of each field."""
 
     @intrinsic
     def function(typingctx, array, index):
-        def codegen(context, builder, signature, values):
-            start = _address(context, builder, signature, values)
-            memory = [_load(builder, _offset(builder, start, WIDTH * j)) for j in range(count)]
+        def build(array, index):
+            start = array.offset(index)
+            memory = [start.load(WIDTH * j, WIDTH, FLOAT) for j in range(count)]
             fields = []
             for k in range(count):
                 at = [count * i + k for i in range(WIDTH)]  # where lane i lies in memory
                 field = memory[0]
                 for j in range(1, count):
                     own = [a - WIDTH * (j - 1) if a < WIDTH else 0 for a in at] if j == 1 else range(WIDTH)
-                    index = [WIDTH + a % WIDTH if a // WIDTH == j else o for a, o in zip(at, own, strict=True)]
-                    field = shuffle(builder, field, memory[j], index)
+                    order = [WIDTH + a % WIDTH if a // WIDTH == j else o for a, o in zip(at, own, strict=True)]
+                    field = field.shuffle(memory[j], order)
                 fields.append(field)
-            return context.make_tuple(builder, signature.return_type, fields)
+            return fields
 
-        return types.UniTuple(lanes, count)(array, types.intp), codegen
+        return types.UniTuple(lanes, count)(array, types.intp), generate(build)
 
     return function
 
@@ -136,24 +151,22 @@ load2, load3, load4, load9 = _load_fields(2), _load_fields(3), _load_fields(4), 
 
 
 def _store_fields(count):
-    """Lanes of each field to sixteen records of `count` elements, one after the other."""
+    """Lanes of each field to sixteen consecutive records of `count` elements."""
 
     @intrinsic
     def function(typingctx, array, index, fields):
-        def codegen(context, builder, signature, values):
-            start = _address(context, builder, signature, values)
-            fields = cgutils.unpack_tuple(builder, values[2], count)
+        def build(array, index, fields):
+            start = array.offset(index)
             for j in range(count):
                 at = [divmod(WIDTH * j + e, count) for e in range(WIDTH)]  # record and field of each element
                 value = fields[0]
                 for k in range(1, count):
                     own = [record for record, _ in at] if k == 1 else range(WIDTH)
-                    index = [WIDTH + record if field == k else o for (record, field), o in zip(at, own, strict=True)]
-                    value = shuffle(builder, value, fields[k], index)
-                _store(builder, value, _offset(builder, start, WIDTH * j))
-            return context.get_dummy_value()
+                    order = [WIDTH + record if field == k else o for (record, field), o in zip(at, own, strict=True)]
+                    value = value.shuffle(fields[k], order)
+                start.store(WIDTH * j, value)
 
-        return types.void(array, types.intp, types.UniTuple(lanes, count)), codegen
+        return types.void(array, types.intp, types.UniTuple(lanes, count)), generate(build)
 
     return function
 
@@ -161,7 +174,7 @@ def _store_fields(count):
 store2, store3, store4, store9 = _store_fields(2), _store_fields(3), _store_fields(4), _store_fields(9)
 
 
-def _transposed(builder, rows):
+def _transposed(rows):
     """Sixteen vectors with rows and columns exchanged: four rounds of 2 x 2 blocks."""
     rows = list(rows)
     for half in (8, 4, 2, 1):
@@ -170,7 +183,7 @@ def _transposed(builder, rows):
         for i in range(WIDTH):
             if not i & half:
                 a, b = rows[i], rows[i | half]
-                rows[i], rows[i | half] = shuffle(builder, a, b, low), shuffle(builder, a, b, high)
+                rows[i], rows[i | half] = a.shuffle(b, low), a.shuffle(b, high)
     return rows
 
 
@@ -179,96 +192,131 @@ _SIXTEEN = types.UniTuple(lanes, WIDTH)
 
 @intrinsic
 def load_rows(typingctx, array, index, stride):
-    """Sixteen floats from each of sixteen rows `stride` apart, as lanes of each column."""
+    """Sixteen elements from each of sixteen rows, transposed.
 
-    def codegen(context, builder, signature, values):
-        array, index, stride = values
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+        array: Flat array of four-byte elements.
+        index: Index of the first element of the first row.
+        stride: Distance between rows.
+
+    Returns:
+        A tuple of lanes: one for each column, one lane for each row.
+    """
+
+    def build(array, index, stride):
         rows = []
         for _ in range(WIDTH):
-            rows.append(_load(builder, _address(context, builder, signature, (array, index))))
-            index = builder.add(index, stride)
-        return context.make_tuple(builder, signature.return_type, _transposed(builder, rows))
+            rows.append(array.load(index, WIDTH, FLOAT))
+            index = index + stride
+        return _transposed(rows)
 
-    return _SIXTEEN(array, types.intp, types.intp), codegen
+    return _SIXTEEN(array, types.intp, types.intp), generate(build)
 
 
 @intrinsic
-def gather_rows(typingctx, array, chosen, index, stride, column):
-    """Sixteen floats from `column` on of the rows `chosen[index]`, `chosen[index + 1]`, .., as lanes of each column."""
+def gather_rows(typingctx, array, row_indices, index, stride, column):
+    """Sixteen elements from each of sixteen rows anywhere, transposed.
 
-    def codegen(context, builder, signature, values):
-        array, chosen, index, stride, column = values
-        numbers = context.make_array(signature.args[1])(context, builder, value=chosen).data
-        rows = []
-        for r in range(WIDTH):
-            row = builder.load(builder.gep(numbers, [builder.add(index, ir.Constant(index.type, r))]))
-            at = builder.add(builder.mul(builder.sext(row, stride.type), stride), column)
-            rows.append(_load(builder, _address(context, builder, signature, (array, at))))
-        return context.make_tuple(builder, signature.return_type, _transposed(builder, rows))
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+        array: Flat array of four-byte elements.
+        row_indices: Integer array of numbers of rows.
+        index: Index of the first of sixteen elements of `row_indices` to use.
+        stride: Distance between rows.
+        column: First of the sixteen columns.
 
-    return _SIXTEEN(array, chosen, types.intp, types.intp, types.intp), codegen
+    Returns:
+        A tuple of lanes: one for each column, one lane for each row.
+    """
+
+    def build(array, row_indices, index, stride, column):
+        starts = (row_indices.load(index + r).to(LONG) * stride + column for r in range(WIDTH))
+        return _transposed([array.load(start, WIDTH, FLOAT) for start in starts])
+
+    return _SIXTEEN(array, row_indices, types.intp, types.intp, types.intp), generate(build)
 
 
 @intrinsic
 def store_rows(typingctx, array, index, stride, columns):
-    """The inverse of `load_rows`."""
+    """Write sixteen elements to each of sixteen rows: the inverse of `load_rows`.
 
-    def codegen(context, builder, signature, values):
-        array, index, stride, columns = values
-        for row in _transposed(builder, cgutils.unpack_tuple(builder, columns, WIDTH)):
-            _store(builder, row, _address(context, builder, signature, (array, index)))
-            index = builder.add(index, stride)
-        return context.get_dummy_value()
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+        array: Flat array of four-byte elements.
+        index: Index of the first element of the first row.
+        stride: Distance between rows.
+        columns: Tuple of lanes: one for each column, one lane for each row.
 
-    return types.void(array, types.intp, types.intp, _SIXTEEN), codegen
+    Returns:
+        None; `array` is changed.
+    """
+
+    def build(array, index, stride, columns):
+        for row in _transposed(columns):
+            array.store(index, row)
+            index = index + stride
+
+    return types.void(array, types.intp, types.intp, _SIXTEEN), generate(build)
 
 
 @intrinsic
 def load_scalar(typingctx, array, index):
-    """array[index] of a flat array without Python's treatment of negative indices."""
+    """array[index], without wrapping of negative indices.
 
-    def codegen(context, builder, signature, values):
-        return builder.load(_address(context, builder, signature, values))
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+        array: Flat array.
+        index: Index of the element.
 
-    return array.dtype(array, types.intp), codegen
+    Returns:
+        The element.
+    """
+    return array.dtype(array, types.intp), generate(lambda array, index: array.load(index))
 
 
 @intrinsic
 def store_scalar(typingctx, array, index, value):
-    """array[index] = value, likewise."""
+    """array[index] = value, without wrapping of negative indices.
 
-    def codegen(context, builder, signature, values):
-        builder.store(values[2], _address(context, builder, signature, values))
-        return context.get_dummy_value()
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+        array: Flat array.
+        index: Index of the element.
+        value: Number, converted to the type of the array.
 
-    return types.void(array, types.intp, array.dtype), codegen
+    Returns:
+        None; `array` is changed.
+    """
+    return types.void(array, types.intp, array.dtype), generate(lambda array, index, value: array.store(index, value))
 
 
 def _prefetch(write):
     @intrinsic
     def function(typingctx, array, index):
-        def codegen(context, builder, signature, values):
-            byte = ir.IntType(8).as_pointer()
-            address = builder.bitcast(_address(context, builder, signature, values), byte)
-            hints = [ir.Constant(INT, hint) for hint in (write, 3, 1)]  # locality 3: all caches; 1: data
-            call(builder, "llvm.prefetch.p0", ir.VoidType(), address, *hints)
-            return context.get_dummy_value()
-
-        return types.void(array, types.intp), codegen
+        return types.void(array, types.intp), generate(lambda array, index: array.prefetch(index, write))
 
     return function
 
 
 prefetch, prefetch_to_write = _prefetch(0), _prefetch(1)
+"""Bring the cache line of array[index] into the caches, to read or to write it soon."""
 
 
 @intrinsic
 def atomic_add(typingctx, counter, index):
-    """counter[index], which is increased by one for the next to ask: atomic."""
+    """Increase counter[index] by one, atomically.
 
-    def codegen(context, builder, signature, values):
-        address = _address(context, builder, signature, values)
-        one = ir.Constant(ir.IntType(64), 1)
-        return builder.atomic_rmw("add", address, one, "monotonic")
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+        counter: Flat int64 array.
+        index: Index of the element.
 
-    return types.int64(counter, types.intp), codegen
+    Returns:
+        The value before.
+    """
+
+    def build(counter, index):
+        return index.new(counter.builder.atomic_rmw("add", counter.address(index), LONG(1), "monotonic"))
+
+    return types.int64(counter, types.intp), generate(build)

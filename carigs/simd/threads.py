@@ -1,4 +1,4 @@
-"""How many threads torch and Numba use: one shared OpenMP pool, which exists only if torch is imported first."""
+"""The number of threads of torch and Numba. They share one OpenMP pool, if torch is imported first."""
 
 from __future__ import annotations
 
@@ -11,8 +11,12 @@ numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
 
 
 def use_threads(count: int) -> None:
-    """Set both to `count` (at most what Numba was started with)."""
+    """Set the number of threads of torch and Numba.
+
+    Args:
+        count: Number of threads; Numba uses at most as many as it was started with.
+    """
     announce_compilation()
-    # Numba first: when it starts its threads it sets OpenMP's number to all of them, for torch too.
+    # Numba first: when it starts its threads, it sets OpenMP's number to all of them, for torch too.
     numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
     torch.set_num_threads(count)

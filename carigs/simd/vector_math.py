@@ -1,4 +1,4 @@
-"""Functions of the vectors of `simd`.
+"""Functions of the vectors of `carigs.simd.vectors`.
 
 `sqrt`, `exp`, `log2`, `floor`, `absolute`, `minimum`, `maximum` and `select` take vectors and scalars alike: a formula
 written with them once serves plain loops in float64 and vector loops.
@@ -9,103 +9,139 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic, overload
 
+from carigs.simd.ir_values import DOUBLE, FLOAT, INT, LONG, constant, generate
 from carigs.simd.kernels import INLINE
 from carigs.simd.vectors import (
     FLAGS,
-    FLOAT,
-    INT,
     MASKS,
     WIDE,
     WIDTH,
-    binary,
-    broadcast,
-    broadcast_wide,
-    call,
-    constant,
+    arithmetic,
+    binary_intrinsic,
+    broadcast_function,
     lanes,
-    one_argument,
-    shuffle,
+    overload_binary,
+    overload_unary,
     simd_inline,
-    two_arguments,
-    unary,
+    unary_intrinsic,
     wide,
 )
 
 
-def _llvm(function):
-    """LLVM's `function` of one vector, for both kinds."""
-    return {
-        v: unary(v, v, lambda builder, a, n=f"llvm.{function}.{suffix}": call(builder, n, a.type, a))
-        for v, suffix in ((lanes, "v16f32"), (wide, "v8f64"))
-    }
+def _llvm(name):
+    """LLVM's function of one vector, for both types."""
+    return {v: unary_intrinsic(v, v, lambda a: a.call(name)) for v in MASKS}
 
 
 def sqrt(x):
-    """Square root."""
+    """Square root.
+
+    Args:
+        x: Scalar or vector.
+
+    Returns:
+        The same type as `x`.
+    """
     return math.sqrt(x)
 
 
 def absolute(x):
-    """|x|."""
+    """Absolute value.
+
+    Args:
+        x: Scalar or vector.
+
+    Returns:
+        The same type as `x`.
+    """
     return abs(x)
 
 
 def floor(x):
-    """The largest whole number that is not above x, as a float."""
+    """The largest integer that is not above x, as a float.
+
+    Args:
+        x: Scalar or vector.
+
+    Returns:
+        The same type as `x`.
+    """
     return math.floor(x)
 
 
-one_argument(sqrt, _llvm("sqrt"), lambda a: math.sqrt(a))
-one_argument(absolute, _llvm("fabs"), lambda a: abs(a))
-one_argument(floor, _llvm("floor"), lambda a: np.floor(a))
+overload_unary(sqrt, _llvm("sqrt"), lambda a: math.sqrt(a))
+overload_unary(absolute, _llvm("fabs"), lambda a: abs(a))
+overload_unary(floor, _llvm("floor"), lambda a: np.floor(a))
 
 
 def minimum(a, b):
-    """A if a < b, else b: also where one is NaN."""
+    """A if a < b, else b: also where one is NaN.
+
+    Args:
+        a: Scalar or vector.
+        b: Scalar or vector.
+
+    Returns:
+        A vector if one of the arguments is one.
+    """
     return a if a < b else b
 
 
 def maximum(a, b):
-    """A if a > b, else b: also where one is NaN."""
+    """A if a > b, else b: also where one is NaN.
+
+    Args:
+        a: Scalar or vector.
+        b: Scalar or vector.
+
+    Returns:
+        A vector if one of the arguments is one.
+    """
     return a if a > b else b
 
 
-def _choice(sign):
-    # Compare and select rather than LLVM's min and max: which operand a NaN yields is then settled.
-    return lambda builder, a, b: builder.select(builder.fcmp_ordered(sign, a, b), a, b)
-
-
-two_arguments((minimum,), {v: binary(v, v, _choice("<")) for v in (lanes, wide)}, lambda a, b: a if a < b else b)
-two_arguments((maximum,), {v: binary(v, v, _choice(">")) for v in (lanes, wide)}, lambda a, b: a if a > b else b)
+# Compare and select rather than LLVM's min and max, for which the result with NaN is not fixed.
+for _function, _build, _scalars in (
+    (minimum, lambda a, b: a.where(a < b, b), lambda a, b: a if a < b else b),
+    (maximum, lambda a, b: a.where(a > b, b), lambda a, b: a if a > b else b),
+):
+    overload_binary((_function,), {v: binary_intrinsic(v, v, _build) for v in MASKS}, _scalars)
 
 
 def select(condition, a, b):
-    """A where the condition holds, else b."""
+    """A where the condition holds, else b.
+
+    Args:
+        condition: Mask, or truth value.
+        a: Scalar or vector.
+        b: Scalar or vector.
+
+    Returns:
+        A vector if `condition` is a mask.
+    """
     return a if condition else b
 
 
-def _selection(vector):
+def _select_intrinsic(vector):
     @intrinsic
     def function(typingctx, condition, a, b):
-        result = vector(MASKS[vector], vector, vector)
-        return result, lambda context, builder, signature, values: builder.select(*values)
+        return vector(MASKS[vector], vector, vector), generate(lambda condition, a, b: a.where(condition, b))
 
     return function
 
 
-_SELECT = {MASKS[v]: (v, _selection(v)) for v in (lanes, wide)}
+_SELECT = {MASKS[v]: (v, _select_intrinsic(v)) for v in MASKS}
 
 
 @overload(select, jit_options=INLINE)
-def _choose_select(condition, a, b):
+def _overload_select(condition, a, b):
     if condition not in _SELECT:
         return lambda condition, a, b: a if condition else b
     vector, function = _SELECT[condition]
-    spread, kind = (broadcast, np.float32) if vector == lanes else (broadcast_wide, np.float64)
+    spread, kind = broadcast_function(vector)
     if a == vector and b == vector:
         return lambda condition, a, b: function(condition, a, b)
     if a == vector:
@@ -116,59 +152,83 @@ def _choose_select(condition, a, b):
 
 
 @intrinsic
-def columns(typingctx):
-    """0 0 0 0 1 1 1 1 2 ..: a lane's column in a block of 4 x 4 pixels."""
-    return lanes(), lambda context, builder, signature, values: constant(i // 4 for i in range(WIDTH))
+def block_columns(typingctx):
+    """Column of each lane in a block of 4 x 4 pixels: 0 0 0 0 1 1 1 1 2 ...
+
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+
+    Returns:
+        Lanes.
+    """
+    return lanes(), lambda *call: constant(i // 4 for i in range(WIDTH))
 
 
 @intrinsic
-def rows(typingctx):
-    """0 1 2 3 0 1 2 ..: a lane's row in a block of 4 x 4 pixels."""
-    return lanes(), lambda context, builder, signature, values: constant(i % 4 for i in range(WIDTH))
+def block_rows(typingctx):
+    """Row of each lane in a block of 4 x 4 pixels: 0 1 2 3 0 1 2 ...
+
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+
+    Returns:
+        Lanes.
+    """
+    return lanes(), lambda *call: constant(i % 4 for i in range(WIDTH))
 
 
 @intrinsic
 def halves(typingctx, a):
-    """Lanes as two wide vectors, the first eight and the last."""
+    """Lanes as two wide vectors.
 
-    def codegen(context, builder, signature, values):
-        parts = [shuffle(builder, values[0], values[0], range(at, at + WIDE)) for at in (0, WIDE)]
-        return context.make_tuple(builder, signature.return_type, [builder.fpext(p, wide.llvm) for p in parts])
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+        a: Lanes.
 
-    return types.UniTuple(wide, 2)(lanes), codegen
+    Returns:
+        The first eight and the last eight, in double precision.
+    """
+
+    def build(a):
+        return [part.to(DOUBLE) for part in [a.shuffle(a, range(at, at + WIDE)) for at in (0, WIDE)]]
+
+    return types.UniTuple(wide, 2)(lanes), generate(build)
 
 
 @intrinsic
 def joined(typingctx, a, b):
-    """Two wide vectors as lanes, rounded."""
+    """Two wide vectors as lanes, the inverse of `halves`.
 
-    def codegen(context, builder, signature, values):
-        a, b = (builder.fptrunc(value, ir.VectorType(FLOAT, WIDE)) for value in values)
-        return shuffle(builder, a, b, range(WIDTH))
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+        a: The first eight elements.
+        b: The last eight.
 
-    return lanes(wide, wide), codegen
+    Returns:
+        Lanes, rounded to single precision.
+    """
+    return lanes(wide, wide), generate(lambda a, b: a.to(FLOAT).shuffle(b.to(FLOAT), range(WIDTH)))
 
 
 @intrinsic
 def whole_bits(typingctx, a):
-    """Whole-numbered lanes as 32-bit integers, kept as the floats of the same bits: to be stored in integer arrays."""
+    """Convert to 32-bit integers, kept as the floats of the same bits: for `store` to integer arrays.
 
-    def codegen(context, builder, signature, values):
-        return builder.bitcast(builder.fptosi(values[0], ir.VectorType(INT, WIDTH)), lanes.llvm)
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+        a: Lanes with integer values.
 
-    return lanes(lanes), codegen
+    Returns:
+        Lanes, without meaning as floats.
+    """
+    return lanes(lanes), generate(lambda a: a.to(INT).bits(FLOAT))
 
 
 @intrinsic
-def _times_power(typingctx, a, whole):
-    """A * 2^whole for whole-numbered lanes, by adding to the exponent's bits."""
-
-    def codegen(context, builder, signature, values):
-        ints = ir.VectorType(INT, WIDTH)
-        shift = builder.shl(builder.fptosi(values[1], ints), constant([23] * WIDTH, INT))
-        return builder.bitcast(builder.add(builder.bitcast(values[0], ints), shift), lanes.llvm)
-
-    return lanes(lanes, lanes), codegen
+def _times_power(typingctx, a, exponent):
+    """A * 2^exponent for lanes with integer exponents, by adding to the bits of a's exponent."""
+    build = generate(lambda a, exponent: (a.bits(INT) + (exponent.to(INT) << 23)).bits(FLOAT))
+    return lanes(lanes, lanes), build
 
 
 # Minimax in relative error on [0, 1].
@@ -179,7 +239,14 @@ _C0, _C1, _C2, _C3, _C4, _C5 = (
 
 @simd_inline
 def exp2(x):
-    """2^x for lanes within (-126, 128): relative error 1.6e-7."""
+    """2^x, relative error 1.6e-7.
+
+    Args:
+        x: Lanes within (-126, 128).
+
+    Returns:
+        Lanes.
+    """
     whole = _floor(x)
     f = x - whole
     return _times_power(((((f * _C5 + _C4) * f + _C3) * f + _C2) * f + _C1) * f + _C0, whole)
@@ -195,29 +262,30 @@ def _exp(x):
 
 
 def exp(x):
-    """e^x; lanes between e^-87 and e^88."""
+    """e^x; of lanes between e^-87 and e^88.
+
+    Args:
+        x: Scalar or lanes.
+
+    Returns:
+        The same type as `x`.
+    """
     return math.exp(x)
 
 
-one_argument(exp, {lanes: _exp}, lambda a: math.exp(a))
+overload_unary(exp, {lanes: _exp}, lambda a: math.exp(a))
 
 
 @intrinsic
 def _split(typingctx, a):
     """Mantissa in [1, 2) and exponent of positive wide vectors."""
 
-    def codegen(context, builder, signature, values):
-        longs = ir.VectorType(ir.IntType(64), WIDE)
-        digits, bias, shift, one = (
-            constant([number] * WIDE, longs.element) for number in ((1 << 52) - 1, 1023, 52, 1023 << 52)
-        )
-        bits = builder.bitcast(values[0], longs)
-        mantissa = builder.or_(builder.and_(bits, digits), one)
-        power = builder.sub(builder.lshr(bits, shift), bias)
-        parts = [builder.bitcast(mantissa, wide.llvm), builder.sitofp(power, wide.llvm)]
-        return context.make_tuple(builder, signature.return_type, parts)
+    def build(a):
+        bits = a.bits(LONG)
+        mantissa = (bits & ((1 << 52) - 1)) | (1023 << 52)
+        return [mantissa.bits(DOUBLE), ((bits >> 52) - 1023).to(DOUBLE)]
 
-    return types.UniTuple(wide, 2)(wide), codegen
+    return types.UniTuple(wide, 2)(wide), generate(build)
 
 
 @simd_inline
@@ -233,41 +301,68 @@ def _log2(x):
 
 
 def log2(x):
-    """Logarithm to base 2 of positive numbers; wide vectors to 1e-15."""
+    """Logarithm to base 2; of wide vectors with an error of 1e-15.
+
+    Args:
+        x: Positive scalar or wide vector.
+
+    Returns:
+        The same type as `x`.
+    """
     return math.log2(x)
 
 
-one_argument(log2, {wide: _log2}, lambda a: math.log2(a))
+overload_unary(log2, {wide: _log2}, lambda a: math.log2(a))
 
-
-def _reduction(name, start):
-    def build(builder, a):
-        values = (a,) if start is None else (ir.Constant(FLOAT, start), a)
-        # Without reassoc, sums are a chain of scalar additions.
-        return call(builder, name, FLOAT, *values, fastmath=(*FLAGS, "nnan" if start is None else "reassoc"))
-
-    return unary(lanes, types.float32, build)
-
-
-total = _reduction("llvm.vector.reduce.fadd.v16f32", -0.0)
-largest = _reduction("llvm.vector.reduce.fmax.v16f32", None)
+# Without reassoc, sums are a chain of scalar additions.
+total = unary_intrinsic(
+    lanes,
+    types.float32,
+    lambda a: a.call("vector.reduce.fadd", FLOAT(-0.0), result=FLOAT, fastmath=(*FLAGS, "reassoc")),
+)
+"""Sum of the sixteen lanes."""
+largest = unary_intrinsic(
+    lanes, types.float32, lambda a: a.call("vector.reduce.fmax", result=FLOAT, fastmath=(*FLAGS, "nnan"))
+)
+"""Largest of the sixteen lanes."""
 
 
 @intrinsic
 def reduce_add(typingctx, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p):  # noqa: E741
-    """The sixteen values' sums over their lanes, as lanes: a tree of shuffles and additions shared by all."""
+    """Sums of sixteen vectors over their lanes: a tree of shuffles and additions shared by all.
 
-    def codegen(context, builder, signature, values):
-        values, half = list(values), WIDTH // 2
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+        a: Lanes; so are the others.
+        b: Second vector.
+        c: Third vector.
+        d: Fourth vector.
+        e: Fifth vector.
+        f: Sixth vector.
+        g: Seventh vector.
+        h: Eighth vector.
+        i: Ninth vector.
+        j: Tenth vector.
+        k: Eleventh vector.
+        l: Twelfth vector.
+        m: Thirteenth vector.
+        n: Fourteenth vector.
+        o: Fifteenth vector.
+        p: Sixteenth vector.
+
+    Returns:
+        Lanes: the sum of `a`, the sum of `b`, and so on.
+    """
+
+    def build(*values):
+        half, add = WIDTH // 2, arithmetic("fadd")
         while half:
             # Values hold groups of 2 half partial sums; two values merge into one with groups half as long.
             low = [i for i in range(2 * WIDTH) if not i & half]
             high = [i + half for i in low]
-            values = [
-                builder.fadd(shuffle(builder, x, y, low), shuffle(builder, x, y, high), flags=FLAGS)
-                for x, y in zip(values[::2], values[1::2], strict=True)
-            ]
+            pairs = zip(values[::2], values[1::2], strict=True)
+            values = [add(x.shuffle(y, low), x.shuffle(y, high)) for x, y in pairs]
             half //= 2
         return values[0]
 
-    return lanes(*[lanes] * WIDTH), codegen
+    return lanes(*[lanes] * WIDTH), generate(build)

@@ -50,6 +50,23 @@ def test_every_task_runs_once(threads, count):
         numba.set_num_threads(before)
 
 
+@njit(**INLINE)
+def add_products(i, seen, pairs, scale):
+    (first, second), (third,) = pairs
+    seen[i] += scale * (first[i] * second + third)
+
+
+@kernel
+def add_all_products(seen, pairs, scale):
+    parallel_for(add_products, len(seen), (seen, pairs, scale))
+
+
+def test_arguments_may_be_tuples_of_tuples():
+    seen, first = np.zeros(5), np.arange(5.0)
+    add_all_products(seen, ((first, 2.0), (3,)), 10.0)
+    np.testing.assert_array_equal(seen, 10 * (2 * first + 3))
+
+
 def test_an_error_of_a_task_is_raised():
     with pytest.raises(ValueError, match="negative"):
         note_all(np.zeros(100), -1.0)

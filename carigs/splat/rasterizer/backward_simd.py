@@ -11,7 +11,17 @@ from jaxtyping import Float32
 
 from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.memory import align_stack, atomic_add, load, load_scalar, prefetch_to_write, store, store_scalar
-from carigs.simd.vector_math import absolute, columns, exp2, maximum, minimum, reduce_add, rows, select, total
+from carigs.simd.vector_math import (
+    absolute,
+    block_columns,
+    block_rows,
+    exp2,
+    maximum,
+    minimum,
+    reduce_add,
+    select,
+    total,
+)
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
 from carigs.splat.rasterizer import tile_buffer
 from carigs.splat.rasterizer.binning import TILE_SIZE, TileLists
@@ -101,7 +111,7 @@ def _tile_worker(geometry: bool):
                 gx = gy = gz = gxx = gxy = gyx = gyy = gzx = gzy = zero
                 mx = my = g_alpha = g_red = g_green = g_blue = g_depth = g_nx = g_ny = g_nz = zero
                 for y in range(y0, y1, 4):
-                    dy = rows() + (offset_y + np.float32(y - y0))
+                    dy = block_rows() + (offset_y + np.float32(y - y0))
                     low_y = dy + surfel.lowpass_y
                     u1_dy, u0_dy, zz_row, low = (
                         surfel.u1 * dy,
@@ -110,7 +120,7 @@ def _tile_worker(geometry: bool):
                         low_y * low_y,
                     )
                     for x in range(x0, x1, 4):
-                        dx = columns() + (offset_x + np.float32(x - x0))
+                        dx = block_columns() + (offset_x + np.float32(x - x0))
                         iz = ONE / (zz_row + surfel.a3 * dx)
                         s, t = (surfel.v1 * dx - u1_dy) * iz, (u0_dy - surfel.v0 * dx) * iz
                         low_x = dx + surfel.lowpass_x

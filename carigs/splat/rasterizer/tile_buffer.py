@@ -23,7 +23,7 @@ from carigs.simd.memory import (
     store_block,
     store_scalar,
 )
-from carigs.simd.vector_math import absolute, columns, largest, maximum, rows, select
+from carigs.simd.vector_math import absolute, block_columns, block_rows, largest, maximum, select
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline
 from carigs.splat.rasterizer.binning import TILE_SIZE
 from carigs.splat.rasterizer.culling import ALPHA_THRESHOLD, TRANSMITTANCE_THRESHOLD
@@ -51,8 +51,8 @@ def open_pixels(state, columns_left, rows_left):
     """
     for y in range(0, TILE_SIZE, 4):
         for x in range(0, STRIDE, 4):
-            inside_x = columns() < np.float32(min(columns_left, TILE_SIZE) - x)
-            inside_y = rows() < np.float32(rows_left - y)
+            inside_x = block_columns() < np.float32(min(columns_left, TILE_SIZE) - x)
+            inside_y = block_rows() < np.float32(rows_left - y)
             store(state, y * STRIDE + 4 * x, select(inside_x & inside_y, broadcast(ONE), broadcast(ZERO)))
 
 

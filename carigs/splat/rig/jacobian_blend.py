@@ -105,7 +105,7 @@ def blend_motion(sigmoids, inverse_sum, faces, rotation):
 
     Returns:
         The weights v, the rotation vector w = sum v_i log(U^T U_i) in radians, P_b = sum v_i P_i, the terms of exp(w)
-        (`matrix3.exponential_terms`), and Q = U exp(w).
+        (`matrix3.rodrigues_coefficients`), and Q = U exp(w).
     """
     own, one, two, three, turn = faces
     v = (inverse_sum * sigmoids[0], inverse_sum * sigmoids[1], inverse_sum * sigmoids[2], inverse_sum * sigmoids[3])
@@ -122,8 +122,8 @@ def blend_motion(sigmoids, inverse_sum, faces, rotation):
         v[0] * own[4] + v[1] * one[4] + v[2] * two[4] + v[3] * three[4],
         v[0] * own[5] + v[1] * one[5] + v[2] * two[5] + v[3] * three[5],
     )
-    terms = matrix3.exponential_terms(w)
-    return v, w, p, terms, matrix3.turned(rotation, w, terms[0], terms[1])
+    terms = matrix3.rodrigues_coefficients(w)
+    return v, w, p, terms, matrix3.product_exp(rotation, w, terms[0], terms[1])
 
 
 @scalar_or_simd

@@ -81,7 +81,7 @@ def _surfel_gradient(i, inputs, centre, upstream, weights, parts):
     )  # fmt: skip
     dw, dp = backward.motion_gradient(blend, h, y, torque)
     # Gradient with respect to the matrix Q = U exp(w), by its uses: Q P y for three vectors y, and Q^T n.
-    e = matrix3.turned(matrix3.IDENTITY, w, a, b)
+    e = matrix3.product_exp(matrix3.IDENTITY, w, a, b)
     x0, x1, x2 = (
         matrix3.apply_symmetric(p, y[0]), matrix3.apply_symmetric(p, y[1]), matrix3.apply_symmetric(p, y[2]),
     )  # fmt: skip

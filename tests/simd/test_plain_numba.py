@@ -1,0 +1,50 @@
+"""Kernels compiled through Numba's public interface alone: the same results."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+from simd import small_scene
+
+from carigs.simd import kernels
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_private_classes_are_used_for_known_versions_only():
+    plain = os.environ.get("CARIGS_PLAIN_NUMBA") or numba.version_info.short not in kernels.LINKED_NUMBA
+    assert ("pipeline_class" in kernels.INLINE) == (not plain)
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    """Results of `small_scene` of a process that compiles all kernels plainly, then of one that loads them."""
+    folder = tmp_path_factory.mktemp("plain")
+    environment = {**os.environ, "CARIGS_PLAIN_NUMBA": "1", "NUMBA_CACHE_DIR": str(folder), "PYTHONPATH": str(ROOT)}
+    for run in ("compiled", "cached"):
+        command = [sys.executable, small_scene.__file__, str(folder / f"{run}.npz")]
+        subprocess.run(command, env=environment, check=True, timeout=600)
+    return np.load(folder / "compiled.npz"), np.load(folder / "cached.npz")
+
+
+@pytest.mark.slow
+def test_plain_kernels_give_the_same_results(plain):
+    results, _ = plain
+    assert not results["linked"]
+    for name, expected in {**small_scene.rendered(), **small_scene.seen_triangles()}.items():
+        assert np.isfinite(results[name]).all(), name
+        error = np.linalg.norm(results[name] - expected) / np.linalg.norm(expected)
+        assert error < 1e-6, (name, error)
+    assert results["finite_at_limits"].all()
+
+
+@pytest.mark.slow
+def test_plain_kernels_from_the_cache_give_the_same_bytes(plain):
+    compiled, cached = plain
+    for name in compiled.files:
+        if name != "registers":  # those of kernels from the cache are not known
+            np.testing.assert_array_equal(cached[name], compiled[name], err_msg=name)
