@@ -34,6 +34,10 @@ def train(
         avatar: Output: the trained avatar.
         ply: Output: its surfels in SurFhead's layout.
         log: Output: the training log (CSV).
+
+    Raises:
+        SettingsError: GT* frames are to supervise, and there are none.
+        InputError: An input is malformed.
     """
     if settings.gtstar_probability > 0 and not targets:
         raise SettingsError(f"train.gtstar_probability={settings.gtstar_probability} needs targets, and there are none")

@@ -9,7 +9,7 @@ Subpackages: `shape` (template mesh, in millimetres), `rig` (blendshapes, joints
 (texture, hair, teeth, light, renderer). `head_model`, `Subject` and everything in the world are in metres.
 """
 
-from carigs.toy.look.renderer import render_subject
+from carigs.toy.renderer import render_subject
 from carigs.toy.rig.head_model import head_model
 from carigs.toy.subject import Subject, load_subject, make_subject
 from carigs.toy.writer import write_capture

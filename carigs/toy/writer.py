@@ -17,7 +17,7 @@ from carigs.capture.images import write_png
 from carigs.files import writing
 from carigs.head import HeadParameters
 from carigs.settings import Toy
-from carigs.toy.look.renderer import render_subject
+from carigs.toy.renderer import render_subject
 from carigs.toy.scene import TEST_SEQUENCE, Timestep, frontal_camera, studio_cameras, timesteps
 from carigs.toy.subject import make_subject
 

@@ -26,9 +26,9 @@ from carigs.splat.render import render
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.rig import face_motion
 from carigs.splat.rig.skinning import jacobian_blend_skinning
-from carigs.splat.surfels.initialization import place
 from carigs.splat.surfels.surfels import Surfels, flat_discs
 from carigs.splat.training.checkpoint import TrainingState
+from carigs.splat.training.initialization import place
 from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels

@@ -13,14 +13,14 @@ import trimesh
 from numba.core.registry import CPUDispatcher
 
 from carigs.capture import Camera
-from carigs.raster import visible
+from carigs.raster import compute_visibility
 from carigs.simd import kernels
 from carigs.splat.rasterizer.rasterize import OUTPUTS
 from carigs.splat.render import render
 from carigs.splat.rig.rig import build_rig, face_motion
-from carigs.splat.rig.skinning import skin
+from carigs.splat.rig.skinning import jacobian_blend_skinning
 from carigs.splat.surfels.surfels import flat_discs
-from carigs.splat.training.photometric_loss import photometric
+from carigs.splat.training.photometric_loss import photometric_loss
 
 CAMERA = Camera(np.eye(4), fx=90, fy=90, cx=35.2, cy=24.9, width=70, height=50)
 
@@ -56,7 +56,7 @@ def rendered():
     drawing = render(surfels, rig, motion, CAMERA, outputs=OUTPUTS)
     target = torch.full_like(drawing.image, 0.4)
     geometry = [getattr(drawing.rendering, name) for name in ("depth", "normal", "distortion")]
-    loss = photometric(drawing.image, target) + sum(plane.mean() for plane in geometry)
+    loss = photometric_loss(drawing.image, target) + sum(plane.mean() for plane in geometry)
     loss.backward()
     images = {name: getattr(drawing.rendering, name).detach() for name in OUTPUTS}
     gradients = {f"gradient of {name}": value.grad for name, value in surfels.attributes()}
@@ -78,7 +78,7 @@ def skinned_at_the_limits():
     surfels.blend.data[4] = torch.tensor([1e4, -1e4, 0, 0])
     surfels.rotation.data[5:7] = torch.tensor([[0.0], [1e-20]])
     surfels.log_scale.data[7:9] = torch.tensor([[-80.0], [80.0]])
-    world = skin(surfels, rig, motion)[:4]
+    world = jacobian_blend_skinning(surfels, rig, motion)[:4]
     sum(value.sum() for value in world).backward()
     gradients = [value.grad for _, value in surfels.attributes() if value.grad is not None]
     return [value.detach().numpy() for value in (*world, *gradients)]
@@ -96,7 +96,7 @@ def registers():
 def seen_triangles():
     """Face numbers and depths of the ball in `CAMERA`'s image."""
     mesh = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
-    fragments = visible(np.add(mesh.vertices, [0.01, 0.0, 0.4]), np.asarray(mesh.faces), CAMERA).fragments
+    fragments = compute_visibility(np.add(mesh.vertices, [0.01, 0.0, 0.4]), np.asarray(mesh.faces), CAMERA).fragments
     return {"face": fragments.face, "triangle depth": np.where(fragments.face >= 0, fragments.depth, 0.0)}
 
 

@@ -15,11 +15,11 @@ from carigs.capture import Frame
 from carigs.settings import Train
 from carigs.splat.render import RenderedFrame, contribution, render
 from carigs.splat.rig.head_sequence import HeadSequence
-from carigs.splat.surfels.initialization import initial_surfels
 from carigs.splat.surfels.surfels import Surfels
 from carigs.splat.training.adam import Adam
 from carigs.splat.training.checkpoint import TrainingState, load_checkpoint, run_digest, save_checkpoint
 from carigs.splat.training.density import GradientStatistics, densify_and_prune, reset_opacity, scene_extent
+from carigs.splat.training.initialization import initial_surfels
 from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.progress import progress
 from carigs.splat.training.regularizers import add_threshold_loss, normal_consistency_loss

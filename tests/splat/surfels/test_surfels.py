@@ -14,8 +14,8 @@ from carigs.splat.colour.spherical_harmonics import SH_BASE, num_coefficients
 from carigs.splat.rig.face_motion import FaceMotion
 from carigs.splat.rig.rig import build_rig, face_motion
 from carigs.splat.rig.skinning import jacobian_blend_skinning
-from carigs.splat.surfels.initialization import place
 from carigs.splat.surfels.surfels import ATTRIBUTES, Surfels, flat_discs, to_arrays
+from carigs.splat.training.initialization import place
 
 
 @pytest.fixture(scope="module")

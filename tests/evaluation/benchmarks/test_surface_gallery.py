@@ -10,7 +10,7 @@ import trimesh
 from carigs.capture.images import read_rgb
 from carigs.errors import InputError
 from carigs.toy import head_model
-from evaluation.figures import surface_gallery
+from evaluation.benchmarks import surface_gallery
 
 
 def test_every_mesh_gets_a_sheet_of_the_presets(tmp_path, monkeypatch):

@@ -1,7 +1,7 @@
 """Renderings of the exaggeration's presets and of blendshape transfer: the pictures of docs/exaggeration.md.
 
 Example:
-    python -m evaluation.figures.surface_gallery docs/images head.obj ... --head-model ict_model.npz
+    python -m evaluation.benchmarks.surface_gallery docs/images head.obj ... --head-model ict_model.npz
 """
 
 from __future__ import annotations
