@@ -156,3 +156,16 @@ def test_a_pixel_has_all_flags_of_its_triangle(supersampling):
 def test_an_unknown_flag_is_named():
     with pytest.raises(SettingsError, match=r"freckles is not a mask flag.* occluded"):
         flags_from_names(["hair", "freckles"])
+
+
+def test_lids_and_ears_are_flagged_by_region():
+    """A triangle has the flag of a region if all its corners lie in it, and no other flag."""
+    model = ball_model()
+    left, right = (np.flatnonzero(sign * model.v_template[:, 0] > 0.05) for sign in (-1, 1))
+    model = replace(model, regions={"left_eyelid": left, "right_ear": right})
+    flags = face_mask_flags(model, Gtstar())
+    for region, flag in ((left, MaskFlag.LIDS), (right, MaskFlag.EARS)):
+        expected = np.isin(model.faces, region).all(axis=1)
+        assert 0 < expected.sum() < len(expected)
+        np.testing.assert_array_equal((flags & flag.value) > 0, expected)
+    assert not (flags & ~np.uint16(MaskFlag.LIDS | MaskFlag.EARS)).any()

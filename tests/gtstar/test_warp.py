@@ -91,7 +91,7 @@ def test_a_shrinking_triangle_takes_the_mean_of_its_footprint():
     image[:, ::2] = 1
     error = {}
     for footprint in (True, False):
-        warp, _, target = warped(image, vertices, vertices / 3, faces, FRONTAL, footprint=footprint)
+        warp, _, target = warped(image, vertices, vertices / 3, faces, FRONTAL, antialias=footprint)
         inner = (target.face >= 0) & ((warp.mask_flags & 2) == 0)
         error[footprint] = float(np.abs(warp.colour[inner] - 0.5).mean())
     assert error[True] < 0.5 * error[False]

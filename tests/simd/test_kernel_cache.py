@@ -31,7 +31,10 @@ def test_editing_a_formula_changes_the_folder_and_editing_anything_else_does_not
     shutil.copytree(Path(carigs.__file__).parent, tmp_path / "carigs", ignore=shutil.ignore_patterns("__pycache__"))
     before = folder_of(tmp_path)
     assert before.is_relative_to(tmp_path)
-    settings, formula = tmp_path / "carigs" / "settings.py", tmp_path / "carigs" / "splat" / "rig" / "jacobian_blend.py"
+    settings, formula = (
+        tmp_path / "carigs" / "settings" / "option.py",
+        tmp_path / "carigs" / "splat" / "rig" / "jacobian_blend.py",
+    )
     settings.write_text(settings.read_text() + "\n# edited\n")
     assert folder_of(tmp_path) == before
     formula.write_text(formula.read_text() + "\n# edited\n")

@@ -288,7 +288,7 @@ def test_edited_frames_come_from_a_folder(folder, tmp_path):
     trusted = np.rint(255 * target[mask_flags == 0])
     assert np.isin(trusted, (102, 255)).all()
     assert (trusted == 102).sum() > 200
-    with pytest.raises(SettingsError, match="needs a folder"):
+    with pytest.raises(SettingsError, match=r"gtstar\.folder must be set"):
         make_targets(folder, tmp_path, provider="precomputed")
 
 

@@ -10,7 +10,7 @@ STUDY = " ".join(
     (
         "study.name=floor study.variants=[alternating,surfhead] study.levels=[0,0.25]",
         "capture.toy.width=104 capture.toy.height=136 capture.toy.cameras=5 capture.toy.steps_per_sequence=1",
-        "capture.toy.supersampling=2 capture.toy.texture=384 capture.toy.strands=2500",
+        "capture.toy.supersampling=2 capture.toy.texture_size=384 capture.toy.hair_strands=2500",
         "train.iterations=600 render.orbit_frames=0 tabulate.resamples=100",
     )
 )

@@ -9,7 +9,7 @@ from carigs.capture.images import read_rgb
 from carigs.settings import Toy
 from evaluation.benchmarks.target import OPTIONS, benchmark
 
-TINY = Toy(width=48, height=64, cameras=2, steps_per_sequence=1, supersampling=1, texture=128, strands=50)
+TINY = Toy(width=48, height=64, cameras=2, steps_per_sequence=1, supersampling=1, texture_size=128, hair_strands=50)
 
 
 @pytest.mark.slow

@@ -50,7 +50,7 @@ def test_consistency_follows_the_order_of_the_frames():
     np.testing.assert_allclose(clip.clip_c(frames), np.cos(np.radians([10, 20])))
 
 
-def test_dino_similaritys_pair():
+def test_dino_similarity_compares_frame_by_frame():
     frames = unit(4, 8)
     np.testing.assert_allclose(dino_similarity(frames, frames), 1)
     np.testing.assert_allclose(dino_similarity(frames, -frames), -1)
