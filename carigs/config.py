@@ -6,6 +6,7 @@ studies of your own.
 
 from __future__ import annotations
 
+import fnmatch
 import re
 import shlex
 from functools import cache
@@ -68,6 +69,7 @@ def compose(*overrides: str) -> DictConfig:
     except (HydraException, OmegaConfBaseException, YAMLError) as error:
         raise SettingsError(_one_line(error)) from error
     check_section(Config, config)
+    config.study.variants = _expand_patterns(config.study.variants)
     _check_names(config)
     combine_mask_flags(config.train)
     return config
@@ -232,6 +234,12 @@ def _conf_folders() -> list[Path]:
             if shipped.is_file() and shipped.read_bytes() != file.read_bytes():
                 raise SettingsError(f"{file}: {group}={file.stem} comes with carigs; choose another name")
     return [CONF, own]
+
+
+def _expand_patterns(variants: list[str]) -> list[str]:
+    """Replace patterns such as `*_mask` by the variants that match and are not listed themselves."""
+    rest = [name for name in known("variant") if name not in variants]
+    return [name for v in variants for name in (fnmatch.filter(rest, v) if "*" in v else [v]) or [v]]
 
 
 def _check_names(config: DictConfig) -> None:

@@ -11,7 +11,6 @@ The masks of the paper, and where they are computed:
 from __future__ import annotations
 
 from collections.abc import Iterable
-from enum import IntFlag
 from typing import NamedTuple
 
 import cv2
@@ -22,35 +21,10 @@ from carigs.errors import SettingsError
 from carigs.head import HeadModel
 from carigs.raster import Visibility
 from carigs.raster.bit_masks import BitMask, greater, or_into_image, pixels_of_faces
-from carigs.settings import Gtstar
+from carigs.settings import Gtstar, MaskFlag
 
 INNER_LIPS = slice(60, 68)
 """Landmarks of the inner lips in the 68-point scheme of iBUG."""
-
-
-class MaskFlag(IntFlag):
-    """Why a pixel of a target cannot be trusted. Flags can be combined; they are stored as 16-bit grey values."""
-
-    NEWLY_VISIBLE = 1
-    """The triangle turns its back to the camera in the frame and its front in the caricature, or conversely."""
-    OCCLUDED = 2
-    """A nearer surface hides the point in the frame."""
-    GRAZING = 4
-    """Seen too obliquely in the frame, and clearly less obliquely in the caricature."""
-    STRETCHED = 8
-    """The triangle covers far more pixels in the caricature than in the frame."""
-    OUTSIDE_IMAGE = 16
-    """The point lies outside the frame."""
-    OUTSIDE_MESH = 32
-    """Off the caricature's mesh and not known to be background."""
-    HAIR = 64
-    """Hair: triangles of the scalp, and a band around hair that sticks out of the mesh."""
-    MOUTH = 128
-    """Between the lips: teeth do not follow the mesh."""
-    LIDS = 256
-    BROWS = 512
-    EARS = 1024
-    EYEBALLS = 2048
 
 
 def flags_from_names(names: Iterable[str]) -> MaskFlag:

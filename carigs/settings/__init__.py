@@ -11,9 +11,10 @@ from typing import Any
 from carigs.settings.capture import Capture, Toy, Truth
 from carigs.settings.exaggerate import DEFAULT_GAMMA, Exaggerate
 from carigs.settings.gtstar import Gtstar
+from carigs.settings.mask_flags import DEFAULT_MASK_FLAGS, MASK_FLAGS, MaskFlag
 from carigs.settings.option import Section, check_section, option
 from carigs.settings.results import Figures, Metrics, Render, Tabulate
-from carigs.settings.train import DEFAULT_MASK_FLAGS, MASK_FLAGS, Density, RefineTracking, Train, combine_mask_flags
+from carigs.settings.train import Density, RefineTracking, Train, combine_mask_flags
 
 __all__ = [
     "DEFAULT_MASK_FLAGS",
@@ -25,6 +26,7 @@ __all__ = [
     "Exaggerate",
     "Figures",
     "Gtstar",
+    "MaskFlag",
     "Metrics",
     "RefineTracking",
     "Render",
@@ -47,7 +49,7 @@ class Study(Section, key="study"):
     subjects: tuple[str, ...] = ("toy",)
     """Files of `conf/subject`."""
     variants: tuple[str, ...] = ("alternating", "surfhead", "surfhead_lit", "gtstar_only", "no_mask")
-    """Files of `conf/variant`."""
+    """Files of `conf/variant`; a pattern such as `*_mask` stands for all others that match."""
     levels: tuple[float, ...] = option((0.0, 0.1, 0.15, 0.2, 0.25), ge=0, le=100)
     """Levels to render; 0 and gamma are added, levels above gamma left out."""
 

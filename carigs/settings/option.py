@@ -32,6 +32,8 @@ class Option:
     """A value inside the range that is not allowed."""
     choices: tuple[str, ...] = ()
     """Allowed words; of each element where the field is a sequence."""
+    choices_name: str = ""
+    """What the choices are, for the reference; they are listed there if this is empty."""
     required_when: tuple[str, str] | None = None
     """Another field of the section, and its value that makes this field necessary."""
 

@@ -93,7 +93,7 @@ def _section(section: type[Section], title: str) -> Iterator[str]:
             continue
         meta = option_of(f)
         needed = f"needed for {'='.join(meta.required_when)}" if meta.required_when else ""
-        allowed = needed or meta.allowed().removeprefix("lie in ").removeprefix("be ")
+        allowed = needed or meta.choices_name or meta.allowed().removeprefix("lie in ").removeprefix("be ")
         cells = (f"`{section.key}.{f.name}`".replace("`.", "`"), _type_name(hints[f.name]), _shown(default_of(f)))
         cells += (allowed, meta.unit, texts[f.name])
         yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
@@ -144,7 +144,7 @@ def _schema_type(hint: Any, meta: Option) -> dict[str, Any]:
         return {"type": "object", "additionalProperties": _schema_type(get_args(hint)[1], meta)}
     bounds = {"minimum": meta.ge, "exclusiveMinimum": meta.gt, "maximum": meta.le, "exclusiveMaximum": meta.lt}
     schema: dict[str, Any] = {"type": _TYPES[hint]} | {name: b for name, b in bounds.items() if b is not None}
-    if meta.choices:
+    if meta.choices and not meta.choices_name:
         schema["enum"] = list(meta.choices)
     if meta.excluded is not None:
         schema["not"] = {"const": meta.excluded}

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from carigs.settings.mask_flags import DEFAULT_MASK_FLAGS, MASK_FLAGS
 from carigs.settings.option import Section, option
 
-DEFAULT_MASK_FLAGS = ("newly_visible", "occluded", "grazing", "outside_image", "outside_mesh", "hair", "mouth")
-MASK_FLAGS = (*DEFAULT_MASK_FLAGS, "stretched", "lids", "brows", "ears", "eyeballs")
-"""All flags of `carigs.gtstar.mask_flags.MaskFlag`."""
+_FLAGS = "names of `carigs.settings.MaskFlag`"
 
 
 @dataclass
@@ -66,12 +65,12 @@ class Train(Section, key="train"):
     """Probability that a step is supervised by a GT* frame: 0 uses real frames only, 1 GT* frames only."""
     num_gtstar_levels: int = option(1, ge=1, le=64)
     """Number of levels with GT* frames, evenly spaced up to gamma (1: gamma alone)."""
-    mask_flags: tuple[str, ...] = option(DEFAULT_MASK_FLAGS, choices=MASK_FLAGS)
+    mask_flags: tuple[str, ...] = option(DEFAULT_MASK_FLAGS, choices=MASK_FLAGS, choices_name=_FLAGS)
     """Flags whose pixels of GT* frames are left out of the loss. Surfels on triangles that always carry one of them are
     frozen in GT* steps."""
-    add_mask_flags: tuple[str, ...] = option((), choices=MASK_FLAGS)
+    add_mask_flags: tuple[str, ...] = option((), choices=MASK_FLAGS, choices_name=_FLAGS)
     """Flags to add to `mask_flags`; empty afterwards."""
-    remove_mask_flags: tuple[str, ...] = option((), choices=MASK_FLAGS)
+    remove_mask_flags: tuple[str, ...] = option((), choices=MASK_FLAGS, choices_name=_FLAGS)
     """Flags to remove from `mask_flags`; empty afterwards."""
     relight_surfels: bool = True
     """Colours follow the light that was fitted for the GT* frames, if any (`gtstar.relight`)."""

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carigs.capture import Capture
+from carigs.capture.frame_index import GroundTruth
 from carigs.capture.images import read_grey, read_rgb
 from carigs.exaggeration import GammaPath
 from carigs.gtstar import face_mask_flags, flags_from_names, make_target

@@ -9,21 +9,27 @@ from itertools import product
 from rich.progress import track
 
 from carigs.capture import Capture
+from carigs.capture.frame_index import GroundTruth, RenderedImage
 from carigs.capture.images import read_grey, read_rgb
 from carigs.errors import InputError
 from carigs.exaggeration import Caricature
 from carigs.head import neutral, pose
 from carigs.raster import rasterize_mesh
-from evaluation.metrics.image_quality import psnr, region_mean, ssim_map
+from evaluation.metrics.image_quality import IMAGE_METRICS
 from evaluation.metrics.regions import image_regions, surface_regions
 from evaluation.tables.metric_records import REGIONS, MetricRecord, StudyPoint, metric_record
 
-METRICS = ("psnr", "ssim")
 PROTOCOLS = ("test", "val")
 
 
 def truth_records(
-    point: StudyPoint, rendered: list[Rendered], truths: Truths, subject: Capture, caricature: Caricature, *, band: int
+    point: StudyPoint,
+    rendered: list[RenderedImage],
+    truths: GroundTruth,
+    subject: Capture,
+    caricature: Caricature,
+    *,
+    band: int,
 ) -> Iterator[MetricRecord]:
     """Compare every `test` and `val` frame with its true image.
 
@@ -43,7 +49,7 @@ def truth_records(
     """
     rendered = [frame for frame in rendered if frame.protocol in PROTOCOLS]
     if truths.reason is not None:
-        for protocol, region, metric in product(sorted({frame.protocol for frame in rendered}), REGIONS, METRICS):
+        for protocol, region, metric in product(sorted({frame.protocol for frame in rendered}), REGIONS, IMAGE_METRICS):
             yield metric_record(point, protocol, (None, None), region, metric, None, truths.reason)
         return
     surface = None
@@ -51,7 +57,7 @@ def truth_records(
         record = partial(metric_record, point, frame.protocol, (frame.camera, frame.timestep))
         key = (frame.timestep, frame.camera)
         if key not in truths.images:
-            for metric in METRICS:
+            for metric in IMAGE_METRICS:
                 yield record("full", metric, None, "no true image of this frame")
             continue
         image, truth = read_rgb(frame.file), read_rgb(truths.images[key])
@@ -67,14 +73,12 @@ def truth_records(
         vertices = pose(subject.model, parameters, caricature)
         fragments = rasterize_mesh(vertices, subject.model.faces, camera)
         regions = image_regions(surface, vertices, fragments, camera, foreground, band=band)
-        similarity = ssim_map(image, truth)
+        maps = {name: metric.pixel_map(image, truth) for name, metric in IMAGE_METRICS.items()}
         for region in REGIONS:
-            inside, values, reason = regions.get(region), (None, None), ""
+            inside, reason = regions.get(region), ""
             if inside is None:
                 reason = surface.missing[region]
             elif not inside.any():
                 reason = "no pixel of this region in view"
-            else:
-                values = psnr(image, truth, inside), region_mean(similarity, inside)
-            for metric, value in zip(METRICS, values, strict=True):
-                yield record(region, metric, value, reason)
+            for name, metric in IMAGE_METRICS.items():
+                yield record(region, name, None if reason else metric.summarise(maps[name][inside]), reason)

@@ -13,6 +13,7 @@ from jaxtyping import Float
 from rich.progress import track
 
 from carigs.capture import Capture
+from carigs.capture.frame_index import RenderedImage
 from carigs.capture.images import read_rgb
 from carigs.errors import InputError, WeightsMissing
 from carigs.settings import Metrics
@@ -65,7 +66,7 @@ class Embedder:
 
 
 def embedding_records(
-    point: StudyPoint, rendered: list[Rendered], subject: Capture, settings: Metrics
+    point: StudyPoint, rendered: list[RenderedImage], subject: Capture, settings: Metrics
 ) -> Iterator[MetricRecord]:
     """Compute the metrics of the networks in `settings.embeddings`.
 
@@ -73,7 +74,7 @@ def embedding_records(
 
     Args:
         point: Avatar and level.
-        rendered: Rendered frames.
+        rendered: RenderedImage frames.
         subject: The capture, with the original frames.
         settings: Settings of the stage `metrics`.
 
@@ -129,7 +130,7 @@ def clip_scores(
     Args:
         embed: Embedder with the CLIP network.
         texts: Embeddings of the source and the edit prompt.
-        test: Rendered test frames.
+        test: RenderedImage test frames.
         originals: Original frames of the capture, one for each of `test`.
         orbit: Frames of the novel trajectory, in its order.
 
@@ -148,7 +149,7 @@ def clip_scores(
     return scores
 
 
-def _originals(test: list[Rendered], subject: Capture) -> list[Path]:
+def _originals(test: list[RenderedImage], subject: Capture) -> list[Path]:
     """The capture's own image of each test frame."""
     images = {(frame.timestep, frame.camera): subject.root / frame.image for frame in subject.frames}
     for frame in test:

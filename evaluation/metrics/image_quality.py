@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Float, Float64
 from scipy.ndimage import correlate1d
@@ -25,12 +28,35 @@ def psnr(
     Returns:
         PSNR in dB. Infinite if both images agree exactly, nan if the region is empty.
     """
-    error = (np.asarray(image, np.float64) - truth) ** 2
-    if region is not None:
-        error = error[region]
-    if error.size == 0:
+    error = squared_error(image, truth)
+    return psnr_of_errors(error if region is None else error[region])
+
+
+def squared_error(image: Float[np.ndarray, "h w 3"], truth: Float[np.ndarray, "h w 3"]) -> Float64[np.ndarray, "h w 3"]:
+    """Squared difference of two images.
+
+    Args:
+        image: Image.
+        truth: True image.
+
+    Returns:
+        The square for each pixel and channel.
+    """
+    return (np.asarray(image, np.float64) - truth) ** 2
+
+
+def psnr_of_errors(errors: Float64[np.ndarray, "..."]) -> float:
+    """PSNR from squared errors: -10 log10(mean).
+
+    Args:
+        errors: Squared errors of values in [0, 1].
+
+    Returns:
+        PSNR in dB. Infinite if all errors are 0, nan if there are none.
+    """
+    if errors.size == 0:
         return float("nan")
-    mean = float(error.mean())
+    mean = float(errors.mean())
     return float("inf") if mean == 0 else -10 * float(np.log10(mean))
 
 
@@ -70,6 +96,19 @@ def region_mean(values: Float[np.ndarray, "h w"], region: Bool[np.ndarray, "h w"
     """
     inside = values if region is None else values[region]
     return float(inside.mean()) if inside.size else float("nan")
+
+
+class ImageMetric(NamedTuple):
+    """How an image is compared with the truth, region by region."""
+
+    pixel_map: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    """From an image and the truth (h, w, 3) to values of each pixel, (h, w) or (h, w, 3)."""
+    summarise: Callable[[np.ndarray], float]
+    """From the values of a region's pixels to the metric of the region."""
+
+
+IMAGE_METRICS = {"psnr": ImageMetric(squared_error, psnr_of_errors), "ssim": ImageMetric(ssim_map, region_mean)}
+"""Every metric against the truth, by its name in the records. `evaluation.tables.typeset.COLUMNS` shows them."""
 
 
 def _blur(image: Float64[np.ndarray, "h w 3"]) -> Float64[np.ndarray, "h w 3"]:

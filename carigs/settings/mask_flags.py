@@ -1,0 +1,40 @@
+"""The mask flags of GT* frames: why a pixel cannot be trusted. `carigs.gtstar.mask_flags` computes them."""
+
+from __future__ import annotations
+
+from enum import IntFlag
+
+
+class MaskFlag(IntFlag):
+    """Why a pixel of a target cannot be trusted. Flags can be combined; they are stored as 16-bit grey values."""
+
+    NEWLY_VISIBLE = 1
+    """The triangle turns its back to the camera in the frame and its front in the caricature, or conversely."""
+    OCCLUDED = 2
+    """A nearer surface hides the point in the frame."""
+    GRAZING = 4
+    """Seen too obliquely in the frame, and clearly less obliquely in the caricature."""
+    STRETCHED = 8
+    """The triangle covers far more pixels in the caricature than in the frame."""
+    OUTSIDE_IMAGE = 16
+    """The point lies outside the frame."""
+    OUTSIDE_MESH = 32
+    """Off the caricature's mesh and not known to be background."""
+    HAIR = 64
+    """Hair: triangles of the scalp, and a band around hair that sticks out of the mesh."""
+    MOUTH = 128
+    """Between the lips: teeth do not follow the mesh."""
+    LIDS = 256
+    """Triangles of `gtstar.lid_regions`."""
+    BROWS = 512
+    """Triangles of `gtstar.brow_regions`."""
+    EARS = 1024
+    """Triangles of `gtstar.ear_regions`."""
+    EYEBALLS = 2048
+    """Triangles of `gtstar.eyeball_regions`."""
+
+
+MASK_FLAGS = tuple(flag.name.lower() for flag in MaskFlag)
+"""Names of all flags, as in `train.mask_flags`."""
+DEFAULT_MASK_FLAGS = ("newly_visible", "occluded", "grazing", "outside_image", "outside_mesh", "hair", "mouth")
+"""Flags that exclude pixels unless a variant changes them."""
