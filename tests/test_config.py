@@ -117,11 +117,19 @@ def test_variants_differ_in_supervision_masks_levels_and_light_only():
     assert list(trained["no_mask"].mask_flags) == []
     assert [name for name, t in trained.items() if not t.relight_surfels] == ["surfhead"]
     assert {*ours.mask_flags} == {*DEFAULT_MASK_FLAGS}
-    for t in trained.values():
+    in_studies = {name for study in known("study") for name in compose(f"study={study}").study.variants}
+    for t in (trained[name] for name in in_studies):
         assert {*t.mask_flags} <= reasons
         for name in ("gtstar_probability", "mask_flags", "relight_surfels", "num_gtstar_levels"):
             setattr(t, name, getattr(ours, name))
         assert t == ours
+
+
+@pytest.mark.parametrize("name", known("variant"))
+def test_every_variant_can_be_composed(name):
+    """And changes something of `gtstar` or `train`, unless it is the method itself."""
+    config, ours = compose_variant(name), compose()
+    assert name == "alternating" or (config.gtstar, config.train) != (ours.gtstar, ours.train)
 
 
 def test_the_study_of_masks_turns_every_default_reason_off_and_every_other_one_on_in_turn():
