@@ -39,6 +39,12 @@ RULES = ROOT / "workflow/rules"
 OPTIONS = {key: f for key, _, f in walk(Config)}
 
 
+@pytest.fixture(autouse=True)
+def data_folder(monkeypatch):
+    """The subject `ict_s1` lies in the folder CARIGS_DATA; nothing is read from it here."""
+    monkeypatch.setenv("CARIGS_DATA", "/data")
+
+
 def load(stage: str, *overrides: str, folder: Path):
     file = folder / f"{stage}.yaml"
     file.write_text(settings_text(stage, *overrides))

@@ -220,7 +220,7 @@ def composite_backward(
     lists: TileLists,
     compositing: Compositing,
     image: Float32[np.ndarray, "planes h w"],
-    upstream: Float32[np.ndarray, "planes h w"],
+    upstream: Float32[np.ndarray, "upstream_planes h w"],
     geometry: bool,
     workers: int,
 ) -> Float32[np.ndarray, "pairs 20"]:
