@@ -8,6 +8,9 @@ import hypothesis
 import typecheck
 
 os.environ.setdefault("MPLBACKEND", "Agg")
+# Several test processes share the cores: threads that wait for work must not spin.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+os.environ.setdefault("GOMP_SPINCOUNT", "0")
 hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
 hypothesis.settings.load_profile("repeatable")
 

@@ -408,6 +408,7 @@ def test_every_stage_has_its_settings():
     assert set(settings_paths()) == set(STAGES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stage", STAGES)
 def test_a_section_changes_only_with_what_its_path_names(stage):
     """Else two jobs would share a settings file that says something else to each."""
@@ -420,6 +421,7 @@ def test_a_section_changes_only_with_what_its_path_names(stage):
     assert all(len(different) == 1 for different in texts.values())
 
 
+@pytest.mark.slow
 def test_every_key_of_conf_is_in_the_schema():
     """Hydra checks a group's file only when it is chosen."""
     for group in GROUPS:

@@ -101,6 +101,7 @@ def start(folder, seconds):
     )
 
 
+@pytest.mark.slow
 def test_of_two_processes_one_compiles(tmp_path):
     both = [start(tmp_path, 2) for _ in range(2)]
     outputs = [process.communicate(timeout=100)[0].split() for process in both]

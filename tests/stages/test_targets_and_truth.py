@@ -109,6 +109,7 @@ def test_targets_exist_for_training_frames_alone(folder, tmp_path):
             assert entry["shares"][flag.name.lower()] == pytest.approx(share, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_light_is_written_for_training_only_if_surfels_follow_it(folder, tmp_path):
     for relight in ("none", "targets", "targets_and_surfels"):
         make_targets(folder, tmp_path / relight, relight=relight)
@@ -196,6 +197,7 @@ def contents(out: Path) -> dict[str, bytes]:
     return {file.relative_to(out).as_posix(): file.read_bytes() for file in out.rglob("*") if file.is_file()}
 
 
+@pytest.mark.slow
 def test_a_killed_run_is_resumed_to_the_same_bytes_on_any_number_of_threads(folder, killed, tmp_path, capsys):
     shutil.copytree(killed, tmp_path / "again")
     make_targets(folder, tmp_path / "again", threads=2)
@@ -207,6 +209,7 @@ def test_a_killed_run_is_resumed_to_the_same_bytes_on_any_number_of_threads(fold
     assert contents(tmp_path / "again") == contents(tmp_path / "wide") == whole
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_with_other_settings_or_frames_is_not_resumed(folder, killed, damaged, tmp_path, capsys):
     shutil.copytree(killed, tmp_path / "again")
     make_targets(folder, tmp_path / "again", hair_dilation=1)

@@ -15,6 +15,7 @@ from project import Project
 TARGETS = ("reproduce", "table")
 
 
+@pytest.mark.slow
 def test_a_bare_checkout_can_be_planned(stubbed):
     """One settings file per stage and point, one training per variant, one rendering per variant and level."""
     subjects, variants, levels = 2, 2, 2
@@ -32,6 +33,7 @@ def test_a_bare_checkout_can_be_planned(stubbed):
     }
 
 
+@pytest.mark.slow
 def test_the_baseline_needs_no_targets(stubbed):
     assert "gtstar" not in stubbed.planned(hydra="study.variants=[surfhead]")
 
@@ -91,6 +93,7 @@ def test_a_mistake_in_a_file_ends_the_dry_run_though_every_result_is_there(finis
     assert any(all(word in text for word in named) for text in (done.stdout + done.stderr).splitlines())
 
 
+@pytest.mark.slow
 def test_what_is_the_inputs_fault_is_told_in_one_line_and_in_the_log(stubbed):
     target = "results/broken/toy/capture.json"
     done = stubbed.snakemake("--cores", "1", target, hydra="study.name=broken capture.folder=broken")
@@ -101,6 +104,7 @@ def test_what_is_the_inputs_fault_is_told_in_one_line_and_in_the_log(stubbed):
     assert (stubbed.root / "results/broken/log/capture/toy.log").read_text().splitlines()[-1] == line
 
 
+@pytest.mark.slow
 def test_a_stage_gets_its_settings_files_and_wildcards(made):
     log = (made.root / "results/toy/log/metrics/twin,gamma=0.25,surfhead,level=0.25.log").read_text()
     point = "results/toy/twin/gamma=0.25"
@@ -118,6 +122,7 @@ def test_a_stage_gets_its_settings_files_and_wildcards(made):
     assert "targets: None" in (made.root / "results/toy/log/train/twin,gamma=0.25,surfhead.log").read_text()
 
 
+@pytest.mark.slow
 def test_figures_know_which_image_is_which(made):
     log = (made.root / "results/toy/log/figures/twin,gamma=0.25.log").read_text()
     indices = re.findall(r"/(\w+)/level=([\d.]+)/frames.json", log)

@@ -77,6 +77,7 @@ OVERRIDES = {
 }
 
 
+@pytest.mark.slow
 def test_finished_study_is_up_to_date(made):
     assert made.planned(*TARGETS) == {}
 
