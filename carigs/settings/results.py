@@ -19,8 +19,8 @@ class Render(Section, key="render"):
     """Timestep shown on the orbit (null: the first test timestep)."""
     orbit_degrees: float = option(60.0, unit="degrees", gt=0, le=360)
     """Range of azimuth of the orbit."""
-    backend: str = option("cpu", choices=("cpu", "cuda"))
-    """Rasterizer: `cpu`, or `cuda` through gsplat."""
+    backend: str = option("cpu", choices=("cpu", "scalar", "cuda"))
+    """Rasterizer: `cpu`, `scalar` (plain loops, the reference), or `cuda` (gsplat)."""
 
 
 @dataclass

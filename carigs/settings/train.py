@@ -132,8 +132,8 @@ class Train(Section, key="train"):
     """Time between two checkpoints."""
     log_every: int = option(20, ge=1)
     """Steps between two rows of the log."""
-    backend: str = option("cpu", choices=("cpu", "cuda"))
-    """Rasterizer: `cpu`, or `cuda` through gsplat."""
+    backend: str = option("cpu", choices=("cpu", "scalar", "cuda"))
+    """Rasterizer: `cpu`, `scalar` (plain loops, the reference), or `cuda` (gsplat)."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -90,8 +90,8 @@ def _overload_parallel_for(work, count, arguments):
     # prange takes tuples, but no tuples in tuples: it gets all numbers and arrays in one.
     leaves = _leaves("arguments", arguments)
     numbered = iter(range(len(leaves)))
-    nested = [_nested(element, numbered) for element in arguments]
     names = {"__name__": __name__, "work": work.dispatcher}
+    nested = [_nested(element, numbered, names) for element in arguments]
     flatten = njit(eval(f"lambda arguments: ({', '.join(leaves)},)", names))
     run = njit(eval(f"lambda i, flat: work({', '.join(['i', *nested])})", names))
 
@@ -121,11 +121,15 @@ def _leaves(name: str, kind: types.Type) -> list[str]:
     return [leaf for k, element in enumerate(kind) for leaf in _leaves(f"{name}[{k}]", element)]
 
 
-def _nested(kind: types.Type, numbered: Iterator[int]) -> str:
-    """Expression of a nested tuple of the next elements of `flat`."""
+def _nested(kind: types.Type, numbered: Iterator[int], names: dict[str, object]) -> str:
+    """Expression of a nested tuple of the next elements of `flat`; classes of named tuples are added to `names`."""
     if not isinstance(kind, types.BaseTuple):
         return f"flat[{next(numbered)}]"
-    return f"({''.join(f'{_nested(element, numbered)}, ' for element in kind)})"
+    elements = "".join(f"{_nested(element, numbered, names)}, " for element in kind)
+    if not isinstance(kind, types.BaseNamedTuple):
+        return f"({elements})"
+    names[kind.instance_class.__name__] = kind.instance_class
+    return f"{kind.instance_class.__name__}({elements})"
 
 
 if numba.version_info.short in LINKED_NUMBA and not os.environ.get("CARIGS_PLAIN_NUMBA"):

@@ -4,9 +4,14 @@ The tests of this folder start it with Numba set up otherwise: for other process
 """
 
 import gc
+import os
 import re
+import subprocess
 import sys
+from hashlib import sha256
+from pathlib import Path
 
+import numba
 import numpy as np
 import torch
 import trimesh
@@ -105,6 +110,25 @@ def main(file):
     finite = np.array([np.isfinite(value).all() for value in limits])
     linked = "pipeline_class" in kernels.INLINE
     np.savez(file, registers=sorted(registers()), finite_at_limits=finite, linked=linked, **results)
+
+
+def compiled_and_cached(name, **setting):
+    """Results of a process that compiled all kernels with these environment variables, and of one that loads them.
+
+    Kernels and results are kept beside the others of the same sources: only the second process runs every time.
+    """
+    version = sha256(Path(__file__).read_bytes()).hexdigest()[:8]
+    folder = Path(numba.config.CACHE_DIR) / f"{name}-{version}"
+    setting |= {"NUMBA_CACHE_DIR": str(folder), "PYTHONPATH": str(Path(__file__).parents[2])}
+
+    def run(file):
+        subprocess.run([sys.executable, __file__, str(file)], env={**os.environ, **setting}, check=True, timeout=600)
+        return file
+
+    folder.mkdir(parents=True, exist_ok=True)
+    if not (folder / "compiled.npz").is_file():
+        run(folder / "part.npz").replace(folder / "compiled.npz")
+    return np.load(folder / "compiled.npz"), np.load(run(folder / f"cached-{os.getpid()}.npz"))
 
 
 if __name__ == "__main__":

@@ -1,16 +1,9 @@
 """The kernels compiled for processors with narrower vectors: the same results."""
 
-import os
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from llvmlite import binding
 from simd import small_scene
-
-ROOT = Path(__file__).parents[2]
 
 
 def _runs_here(processor):
@@ -18,28 +11,13 @@ def _runs_here(processor):
     return features.get("sse2", False) and (processor != "haswell" or (features.get("avx2") and features.get("fma")))
 
 
-@pytest.fixture(scope="module")
-def folders(tmp_path_factory):
-    """Folders with the results of `small_scene`, of processes that compile all kernels and of others that load them."""
-    folders = {name: tmp_path_factory.mktemp(name) for name in ("haswell", "x86-64") if _runs_here(name)}
-    for run in ("compiled", "cached"):
-        running = [_start(name, folder, folder / f"{run}.npz") for name, folder in folders.items()]
-        assert [process.wait(timeout=600) for process in running] == [0] * len(running)
-    return folders
-
-
-def _start(processor, cache, file):
-    setting = {"NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": "", "NUMBA_CACHE_DIR": str(cache)}
-    environment = {**os.environ, **setting, "PYTHONPATH": str(ROOT)}
-    return subprocess.Popen([sys.executable, small_scene.__file__, str(file)], env=environment)
-
-
 @pytest.fixture(scope="module", params=["haswell", "x86-64"])
-def other(request, folders):
-    if request.param not in folders:
-        pytest.skip(f"this machine cannot run code for {request.param}")
-    folder = folders[request.param]
-    return request.param, np.load(folder / "compiled.npz"), np.load(folder / "cached.npz")
+def other(request):
+    processor = request.param
+    if not _runs_here(processor):
+        pytest.skip(f"this machine cannot run code for {processor}")
+    setting = {"NUMBA_CPU_NAME": processor, "NUMBA_CPU_FEATURES": ""}
+    return processor, *small_scene.compiled_and_cached(processor, **setting)
 
 
 @pytest.mark.slow

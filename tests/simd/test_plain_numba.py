@@ -1,9 +1,6 @@
 """Kernels compiled through Numba's public interface alone: the same results."""
 
 import os
-import subprocess
-import sys
-from pathlib import Path
 
 import numba
 import numpy as np
@@ -12,8 +9,6 @@ from simd import small_scene
 
 from carigs.simd import kernels
 
-ROOT = Path(__file__).parents[2]
-
 
 def test_private_classes_are_used_for_known_versions_only():
     plain = os.environ.get("CARIGS_PLAIN_NUMBA") or numba.version_info.short not in kernels.LINKED_NUMBA
@@ -21,14 +16,8 @@ def test_private_classes_are_used_for_known_versions_only():
 
 
 @pytest.fixture(scope="module")
-def plain(tmp_path_factory):
-    """Results of `small_scene` of a process that compiles all kernels plainly, then of one that loads them."""
-    folder = tmp_path_factory.mktemp("plain")
-    environment = {**os.environ, "CARIGS_PLAIN_NUMBA": "1", "NUMBA_CACHE_DIR": str(folder), "PYTHONPATH": str(ROOT)}
-    for run in ("compiled", "cached"):
-        command = [sys.executable, small_scene.__file__, str(folder / f"{run}.npz")]
-        subprocess.run(command, env=environment, check=True, timeout=600)
-    return np.load(folder / "compiled.npz"), np.load(folder / "cached.npz")
+def plain():
+    return small_scene.compiled_and_cached("plain", CARIGS_PLAIN_NUMBA="1")
 
 
 @pytest.mark.slow
