@@ -60,8 +60,9 @@ class _Loader(SourceFileLoader):
     def get_code(self, name: str) -> Any:
         """Compile the decorated source; nothing is cached beside the bytecode of the source as it is."""
         path = self.get_filename(name)
-        tree = ast.parse(self.get_data(path), path)
-        compiled = _names_given_to_calls(tree)
+        source = self.get_data(path)
+        tree = ast.parse(source, path)
+        compiled = _names_given_to_calls(tree) if b"numba" in source or b"carigs.simd" in source else set()
         for function in _functions(tree):
             if function.name not in compiled and {ast.unparse(d) for d in function.decorator_list} <= KEEP_PYTHON:
                 function.decorator_list.append(_decorator(function))

@@ -32,7 +32,7 @@ class LocalEdit:
       eliminated, a bi-Laplacian equation. Small components move only if the region holds what surrounds them.
     - `literal`: the same without the ramp, as in the paper: the weights do not end at the border.
 
-    Both are the paper's equation 4,
+    `exact` and `literal` solve the paper's equation 4,
 
         min |L x~ - b|_A^2    subject to    B x~ = x*,    L = A^-1 W,
 

@@ -108,7 +108,8 @@ def flag_triangles(
     """Mask flags of every triangle in one view: the visibility mask (newly visible triangles), grazing and stretched.
 
     The visibility mask of the paper's appendix marks triangles that are visible in the caricature and turn away from
-    the camera in the frame. Points hidden by other triangles are flagged per pixel (`warp_kernels.warp`).
+    the camera in the frame; here also the converse, since the frame then shows the inside of the mesh. Points that
+    other triangles hide are flagged per pixel (`warp_kernels.warp`).
 
     Args:
         face_flags: Flags that hold in every frame (f,).

@@ -50,7 +50,8 @@ class Exaggerate(Section, key="exaggerate"):
     path_nodes: int = option(0, ge=0, excluded=1)
     """Levels at which the path is solved (0: as many as `path_error` needs); 2 is the paper's linear blend."""
     region_constraint: str = option("soft", choices=("soft", "exact", "literal"))
-    """How the rest of the head is held when one region is exaggerated. `soft`: screened, with a smooth level. `exact`:
-    fixed, with a smooth level. `literal`: fixed, with a level that jumps (equation 4)."""
+    """How the rest is held in an edit of one region alone (`carigs mesh --gamma 0 --region`, `LocalEdit`; for `regions`
+    the whole head is solved at once). `soft`: screened, with a smooth level. `exact`: fixed, with a smooth level.
+    `literal`: fixed, and the weights do not fade (equation 4)."""
     regions: dict[str, float] = option({}, ge=-100, le=100)
     """Levels of single regions of the head model instead of gamma, for example `{nose: 0.4, ears: 0}`."""

@@ -62,7 +62,7 @@ def blend_errors(path: GammaPath, exact: Callable[[float], Float[np.ndarray, "v 
 def plot_blend_errors(file: Path, errors: Sequence[BlendError]) -> None:
     """Draw the curves on a linear axis, as the paper, and on a logarithmic one.
 
-    The shape of the paper's bound (equation 8), gamma (gamma_f - gamma), is scaled to the blend's largest error.
+    The shape of the paper's bound (equation 9), gamma (gamma_f - gamma), is scaled to the blend's largest error.
 
     Args:
         file: PNG file to write.

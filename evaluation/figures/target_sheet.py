@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Float32, UInt16
+from matplotlib.colors import hsv_to_rgb
 
 from carigs.gtstar import MaskFlag
 from evaluation.figures.sheet import write_sheet
@@ -27,6 +28,8 @@ COLOURS = {
     MaskFlag.EARS: (0.20, 0.65, 0.30),
     MaskFlag.EYEBALLS: (0.00, 0.90, 0.95),
 }
+# Flags without a colour above get one from their bit: hues a golden ratio apart.
+COLOURS |= {f: hsv_to_rgb((0.618 * f.bit_length() % 1, 0.6, 0.8)) for f in MaskFlag if f not in COLOURS}
 
 
 class TargetRow(NamedTuple):
@@ -35,7 +38,7 @@ class TargetRow(NamedTuple):
     name: str
     frame: Float32[np.ndarray, "h w 3"]
     target: Float32[np.ndarray, "h w 3"]
-    reasons: UInt16[np.ndarray, "h w"]
+    mask_flags: UInt16[np.ndarray, "h w"]
     truth: Float32[np.ndarray, "h w 3"] | None
 
 
@@ -49,10 +52,10 @@ def target_sheet(file: Path, rows: Sequence[TargetRow], excluded: MaskFlag, *, h
         height: Height of each image in pixels.
     """
     images = [
-        [row.frame, row.target, flag_overlay(row.target, row.reasons, excluded), row.truth,
+        [row.frame, row.target, flag_overlay(row.target, row.mask_flags, excluded), row.truth,
          error_map(row.target, row.truth)] for row in rows
     ]  # fmt: skip
-    legend = {reason.name.lower().replace("_", " "): colour for reason, colour in COLOURS.items()}
+    legend = {flag.name.lower().replace("_", " "): colour for flag, colour in COLOURS.items()}
     write_sheet(
         file, images, rows=[row.name for row in rows], columns=["frame", "target", "reasons", "truth", "error"],
         title=f"Targets (error: black 0 to yellow {ERROR_SCALE:g})", height=height, legend=legend,
@@ -60,23 +63,23 @@ def target_sheet(file: Path, rows: Sequence[TargetRow], excluded: MaskFlag, *, h
 
 
 def flag_overlay(
-    target: Float32[np.ndarray, "h w 3"], reasons: UInt16[np.ndarray, "h w"], excluded: MaskFlag
+    target: Float32[np.ndarray, "h w 3"], mask_flags: UInt16[np.ndarray, "h w"], excluded: MaskFlag
 ) -> Float[np.ndarray, "h w 3"]:
     """Blend a target with the mean colour of each pixel's flags: solid where one excludes it, otherwise tinted.
 
     Args:
         target: Target image.
-        reasons: Mask flags of the pixels.
+        mask_flags: Mask flags of the pixels.
         excluded: Flags whose pixels the training leaves out.
 
     Returns:
         The image.
     """
-    total, count = np.zeros(target.shape), np.zeros((*reasons.shape, 1))
-    masked = (reasons & np.uint16(excluded.value)) > 0
-    for reason, colour in COLOURS.items():
-        holds = (reasons & np.uint16(reason.value)) > 0
-        if reason not in excluded:
+    total, count = np.zeros(target.shape), np.zeros((*mask_flags.shape, 1))
+    masked = (mask_flags & np.uint16(excluded.value)) > 0
+    for flag, colour in COLOURS.items():
+        holds = (mask_flags & np.uint16(flag.value)) > 0
+        if flag not in excluded:
             holds &= ~masked
         total[holds] += colour
         count[holds] += 1

@@ -74,7 +74,7 @@ def embedding_records(
 
     Args:
         point: Avatar and level.
-        rendered: RenderedImage frames.
+        rendered: Rendered frames.
         subject: The capture, with the original frames.
         settings: Settings of the stage `metrics`.
 
@@ -130,7 +130,7 @@ def clip_scores(
     Args:
         embed: Embedder with the CLIP network.
         texts: Embeddings of the source and the edit prompt.
-        test: RenderedImage test frames.
+        test: Rendered test frames.
         originals: Original frames of the capture, one for each of `test`.
         orbit: Frames of the novel trajectory, in its order.
 

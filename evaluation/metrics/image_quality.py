@@ -84,11 +84,11 @@ def ssim_map(image: Float[np.ndarray, "h w 3"], truth: Float[np.ndarray, "h w 3"
     return (luminance * structure).mean(axis=2)
 
 
-def region_mean(values: Float[np.ndarray, "h w"], region: Bool[np.ndarray, "h w"] | None = None) -> float:
+def region_mean(values: Float[np.ndarray, "..."], region: Bool[np.ndarray, "h w"] | None = None) -> float:
     """Mean over a region.
 
     Args:
-        values: One value per pixel, as of `ssim_map`.
+        values: One value per pixel: an image (h, w) as of `ssim_map`, or the pixels of a region (n,).
         region: Pixels to average; all by default.
 
     Returns:

@@ -169,3 +169,37 @@ def test_lids_and_ears_are_flagged_by_region():
         assert 0 < expected.sum() < len(expected)
         np.testing.assert_array_equal((flags & flag.value) > 0, expected)
     assert not (flags & ~np.uint16(MaskFlag.LIDS | MaskFlag.EARS)).any()
+
+
+def test_hair_is_flagged_with_a_band_around_it():
+    """At level 0: the scalp, a tuft that sticks out of the mesh, and a band around both."""
+    model, camera = ball_model(), ball_cameras()[1]
+    visibility = compute_visibility(ball(), model.faces, camera)
+    foreground = (visibility.face >= 0).astype(np.float32)
+    row, column = np.argwhere(foreground > 0)[0]
+    foreground[row - 6 : row, column - 1 : column + 2] = 1
+    scalp = (visibility.face >= 0) & model.face_region("scalp")[visibility.face]
+    tuft = np.zeros_like(scalp)
+    tuft[row - 6 : row - 1, column - 1 : column + 2] = True
+    for width in (0, 1, 3):
+        target = made(ball(), ball(), model, camera, foreground, hair_dilation=width)
+        hair = (target.mask_flags & MaskFlag.HAIR.value) > 0
+        expected = scalp | tuft
+        for _ in range(width):
+            expected = dilated(expected)
+        on_mesh = visibility.face >= 0
+        assert hair[on_mesh & expected].all()
+        assert hair[on_mesh].sum() < on_mesh.sum() / 2
+        if width:
+            assert (hair & on_mesh & ~scalp).any()
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_triangle_that_turns_over_is_newly_visible_either_way(sign):
+    vertices, faces = sheet(3)
+    model, turned = mesh_model(vertices, faces), vertices * [-1, 1, 1]
+    natural, caricature = (vertices, turned)[::sign]
+    target = made(natural, caricature, model, FRONTAL)
+    on_mesh = target.caricature.face >= 0
+    assert on_mesh.any()
+    assert ((target.mask_flags[on_mesh] & MaskFlag.NEWLY_VISIBLE.value) > 0).all()

@@ -5,7 +5,7 @@ import pytest
 from surfaces import cap, sphere, torus
 
 from carigs.mesh.cotan_laplacian import CotanLaplacian, mixed_voronoi_areas
-from carigs.mesh.curvature import angle_defects, diffuse_heat, extrapolate
+from carigs.mesh.curvature import angle_defects, diffuse_heat, extrapolate, log_stabilized_curvature
 from carigs.mesh.triangle_mesh import boundary_vertices
 
 
@@ -47,3 +47,14 @@ def test_extrapolation_fills_rings_from_inside_and_keeps_the_rest():
     filled = extrapolate(values, faces, unknown)
     np.testing.assert_array_equal(filled[~unknown], vertices[~unknown, 2])
     assert np.abs(filled - vertices[:, 2])[unknown].max() < 0.2
+
+
+def test_stabilised_curvature_is_the_root_of_the_squares():
+    """|K|_eps = sqrt(K^2 + eps^2): eps where K is 0, sqrt(2) eps where |K| is eps; the unit only adds a constant."""
+    curvature, areas, counted = np.array([0.0, 3.0, -3.0, 3.0]), np.ones(4), np.array([False, True, True, True])
+    logarithm, reference = log_stabilized_curvature(curvature, areas, counted, 1.0)
+    assert reference == pytest.approx(np.log(3))
+    np.testing.assert_allclose(np.exp(logarithm), 3 * np.array([1, np.sqrt(2), np.sqrt(2), np.sqrt(2)]))
+    np.testing.assert_allclose(
+        log_stabilized_curvature(100 * curvature, areas, counted, 1.0)[0], logarithm + np.log(100), rtol=1e-12
+    )

@@ -17,6 +17,7 @@ from carigs.exaggeration import straight_path
 from carigs.head import neutral
 from carigs.settings import Metrics
 from carigs.stages.metrics import metrics
+from evaluation.metrics.image_quality import IMAGE_METRICS
 from evaluation.tables.metric_records import REGIONS
 from evaluation.tables.summary import read_metrics
 
@@ -85,7 +86,7 @@ def test_a_uniform_error_has_the_same_psnr_in_every_region(scene):
 def test_every_frame_has_a_row_for_every_region_and_metric(scene):
     rows = measured(scene, embeddings=())
     keys = [(r.protocol, r.camera, r.timestep, r.region, r.metric) for r in rows]
-    assert len(keys) == len(set(keys)) == 4 * len(REGIONS) * 2
+    assert len(keys) == len(set(keys)) == 4 * len(REGIONS) * len(IMAGE_METRICS)
     for row in rows:
         assert pd.isna(row.value) == bool(row.reason)
     reasons = {row.region: row.reason for row in rows if pd.isna(row.value)}
@@ -122,9 +123,9 @@ def test_regions_are_those_of_the_caricature_not_of_the_natural_head(scene):
 
 def test_without_a_truth_every_metric_is_null_with_its_reason(scene):
     edit(scene["truth"], lambda content: content.update(reason="no true caricature here", frames=[]))
-    rows = [row for row in measured(scene) if row.metric in ("psnr", "ssim")]
+    rows = [row for row in measured(scene) if row.metric in IMAGE_METRICS]
     assert {(row.region, row.metric) for row in rows if row.protocol == "test"} == {
-        (region, metric) for region in REGIONS for metric in ("psnr", "ssim")
+        (region, metric) for region in REGIONS for metric in IMAGE_METRICS
     }
     assert {(pd.isna(row.value), row.reason) for row in rows} == {(True, "no true caricature here")}
 

@@ -11,6 +11,7 @@ from carigs.settings import Tabulate
 from carigs.stages.tabulate import tabulate
 from evaluation.tables.metric_records import MetricRecord, StudyPoint, metric_record, write_metrics
 from evaluation.tables.summary import read_metrics, summarise
+from evaluation.tables.typeset import COLUMNS
 
 SETTINGS = Tabulate(resamples=200)
 
@@ -91,13 +92,13 @@ def test_the_readable_tables_are_well_formed_and_tell_the_reason(tmp_path):
     tabulate(SETTINGS, records=[tmp_path / "rows.csv"], **paths(tmp_path))
     markdown, latex = ((tmp_path / f"out.{end}").read_text() for end in ("md", "tex"))
     widths = [line.count("|") for line in markdown.splitlines() if line.startswith("|")]
-    assert set(widths) == {9, 4, 3}  # variant + 7 metrics; region + 2 variants; region + 1 difference
+    assert set(widths) == {len(COLUMNS) + 2, 4, 3}  # variant and metrics; region + 2 variants; region + 1 difference
     assert "no weights | in a_folder" in markdown and r"no weights | in a\_folder" in latex
     assert "+1.50 [+1.50, +1.50]" in markdown and "+1.50 [+1.50, +1.50]" in latex
     assert latex.count(r"\begin{tabular}") == latex.count(r"\end{tabular}") == 4
     for line in latex.splitlines():
         if line.endswith(r" \\"):
-            assert line.count(" & ") in (7, 2, 1)
+            assert line.count(" & ") in (len(COLUMNS), 2, 1)
 
 
 def test_the_csv_holds_every_summary(tmp_path):
