@@ -9,8 +9,7 @@ Programs, each with a CSV file and a plot (`make bench` runs all):
 
 Shared parts:
 
-- `measurement`: the records and their CSV file
-- `timing`, `kernel_timing`: times of functions and of the rasterizer's kernels
+- `timing`, `kernel_timing`: records, times of functions and of the rasterizer's kernels
 - `synthetic_scenes`, `surfel_pixel_pairs`: what is rendered, and the number of contributing surfel-pixel pairs
 - `plots`: the plots
 """

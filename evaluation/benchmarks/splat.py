@@ -20,11 +20,11 @@ import torch
 from carigs.capture import Camera
 from carigs.splat.rasterizer.rasterize import OUTPUTS, WorldSurfels, rasterize
 from evaluation.benchmarks.kernel_timing import KERNELS, kernel_times, num_threads
-from evaluation.benchmarks.measurement import Measurement
 from evaluation.benchmarks.plots import plot_splat
 from evaluation.benchmarks.surfel_pixel_pairs import contributing_pairs
 from evaluation.benchmarks.synthetic_scenes import ellipsoid, portrait, scene_name
 from evaluation.benchmarks.timing import (
+    Measurement,
     compare_times,
     cpu_seconds,
     elapsed,

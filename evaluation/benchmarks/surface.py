@@ -20,7 +20,6 @@ from carigs.head import HeadModel
 from carigs.mesh import clean_mesh
 from carigs.mesh.ambient_occlusion import ambient_occlusion
 from carigs.settings import Exaggerate
-from evaluation.benchmarks.measurement import Measurement
 from evaluation.benchmarks.plots import plot_surface
 from evaluation.benchmarks.surface_accuracy import (
     GAMMA,
@@ -33,7 +32,7 @@ from evaluation.benchmarks.surface_accuracy import (
     preset,
 )
 from evaluation.benchmarks.surface_solvers import measure_fill_in, measure_solvers
-from evaluation.benchmarks.timing import median_time
+from evaluation.benchmarks.timing import Measurement, median_time
 from evaluation.command_line import csv_parser, run
 from evaluation.tables.csv_files import stream_csv
 

@@ -20,8 +20,7 @@ from carigs.mesh.cotan_laplacian import CotanLaplacian, mixed_voronoi_areas
 from carigs.mesh.curvature import angle_defects, diffuse_heat
 from carigs.mesh.triangle_mesh import boundary_vertices, diagonal, size
 from carigs.settings import Exaggerate
-from evaluation.benchmarks.measurement import Measurement
-from evaluation.benchmarks.timing import median_time
+from evaluation.benchmarks.timing import Measurement, median_time
 
 GAMMA = 0.25
 RADIUS = 3.0

@@ -21,8 +21,7 @@ from carigs.mesh.linear_solver import (
     conjugate_gradients,
     solve_in_blocks,
 )
-from evaluation.benchmarks.measurement import Measurement
-from evaluation.benchmarks.timing import elapsed, median_time
+from evaluation.benchmarks.timing import Measurement, elapsed, median_time
 
 Solve = Callable[[np.ndarray], np.ndarray]
 LEVELS = np.linspace(0.25 / 32, 0.25, 32)

@@ -27,9 +27,8 @@ from carigs.light import relight
 from carigs.raster import compute_visibility
 from carigs.settings import DEFAULT_MASK_FLAGS, Exaggerate, Gtstar, Toy
 from carigs.toy import load_subject, render_subject, write_capture
-from evaluation.benchmarks.measurement import Measurement
 from evaluation.benchmarks.plots import plot_target
-from evaluation.benchmarks.timing import cpu_seconds, median_time
+from evaluation.benchmarks.timing import Measurement, cpu_seconds, median_time
 from evaluation.command_line import csv_parser, run
 from evaluation.metrics.regions import surface_regions
 from evaluation.tables.csv_files import stream_csv

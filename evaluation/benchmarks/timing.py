@@ -1,4 +1,4 @@
-"""Timing of functions: medians of repeated calls, in turns with the functions that they are compared with."""
+"""Timing of functions, in turns with the functions that they are compared with, and the record of a measurement."""
 
 from __future__ import annotations
 
@@ -9,10 +9,22 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from statistics import median
+from typing import NamedTuple
 
 # With one thread the calling thread does all the work: its CPU time excludes other work on the machine.
 cpu_seconds = time.thread_time
 wall_seconds = time.perf_counter
+
+
+class Measurement(NamedTuple):
+    """One measured number of a benchmark."""
+
+    case: str
+    quantity: str
+    unit: str
+    value: float
+    reference: float | None = None
+    """Number that `value` is compared with, from the same run; None if there is none."""
 
 
 def elapsed(work: Callable[[], object], clock: Callable[[], float]) -> float:

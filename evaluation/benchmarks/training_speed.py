@@ -33,10 +33,16 @@ from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
 from evaluation.benchmarks.kernel_timing import num_threads
-from evaluation.benchmarks.measurement import Measurement
 from evaluation.benchmarks.surfel_pixel_pairs import contributing_pairs
 from evaluation.benchmarks.synthetic_scenes import capture_images, ellipsoid, moving_head, portrait, scene_name
-from evaluation.benchmarks.timing import compare_times, cpu_seconds, elapsed, median_times_in_turns, wall_seconds
+from evaluation.benchmarks.timing import (
+    Measurement,
+    compare_times,
+    cpu_seconds,
+    elapsed,
+    median_times_in_turns,
+    wall_seconds,
+)
 
 BLOCK = 5
 """Number of consecutive steps with the same number of threads."""

@@ -10,7 +10,6 @@ from carigs.errors import InputError
 from carigs.exaggeration import Exaggerator
 from carigs.settings import Exaggerate
 from evaluation.benchmarks import surface_solvers
-from evaluation.benchmarks.measurement import Measurement
 from evaluation.benchmarks.plots import plot_surface
 from evaluation.benchmarks.surface import measure_set_up, read_heads
 from evaluation.benchmarks.surface_accuracy import (
@@ -19,6 +18,7 @@ from evaluation.benchmarks.surface_accuracy import (
     measure_paths,
     measure_sphere_law,
 )
+from evaluation.benchmarks.timing import Measurement
 from evaluation.tables.csv_files import stream_csv
 
 TORUS = trimesh.creation.torus(1.0, 0.4, major_sections=24, minor_sections=12)
