@@ -31,7 +31,7 @@ test: .venv/installed
 	snakefmt --check Snakefile workflow
 	lint-imports
 	snakemake --lint
-	pytest -m "not weights and not gpu" --numprocesses $(CORES) --dist loadfile --cov --cov-report term
+	pytest -m "not weights and not gpu" --numprocesses $(CORES) --dist loadfile --no-loadscope-reorder --cov --cov-report term
 
 bench: .venv/installed
 	snakemake --cores 1 -- benchmark
