@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import shlex
+import re
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -96,8 +96,9 @@ def make_study(overrides: Sequence[str], options: SnakemakeOptions) -> bool:
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(project_root() / "Snakefile")]
     command += ["--workflow-profile", options.profile, "--cores", options.cores]
     command += ["--dry-run"] * options.dry_run + [*options.others]
-    # Snakemake removes quotes at the ends of a value; the blank keeps ours.
-    command += ["--config", f"hydra={shlex.join(overrides)} ", "--", *options.targets]
+    # Backslashes, because Snakemake removes quotes at the ends of a value; the blank keeps a last one.
+    line = " ".join(re.sub(r"([\s'\"\\])", r"\\\1", override) for override in overrides)
+    command += ["--config", f"hydra={line} ", "--", *options.targets]
     return subprocess.run(command).returncode == 0
 
 
