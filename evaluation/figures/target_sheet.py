@@ -57,7 +57,7 @@ def target_sheet(file: Path, rows: Sequence[TargetRow], excluded: MaskFlag, *, h
     ]  # fmt: skip
     legend = {flag.name.lower().replace("_", " "): colour for flag, colour in COLOURS.items()}
     write_sheet(
-        file, images, rows=[row.name for row in rows], columns=["frame", "target", "reasons", "truth", "error"],
+        file, images, rows=[row.name for row in rows], columns=["frame", "target", "mask flags", "truth", "error"],
         title=f"Targets (error: black 0 to yellow {ERROR_SCALE:g})", height=height, legend=legend,
     )  # fmt: skip
 
