@@ -32,8 +32,8 @@ class Gtstar(Section, key="gtstar"):
     depth_tolerance: float = option(0.003, unit="metres", ge=0, le=1)
     """Largest depth difference between a surface point and the pixel it is sampled from."""
     grazing_cosine: float = option(0.1, ge=0, le=1)
-    """Smallest cosine between view and normal in the frame; below it a pixel is `grazing`, unless the caricature is
-    seen equally obliquely."""
+    """A triangle is `grazing` if the cosine between view and normal is below this in the frame and more than 1.25 times
+    as large in the caricature."""
     max_stretch: float = option(6.0, ge=1)
     """Ratio of a triangle's projected areas, caricature to frame, above which it is `stretched`."""
     relight: str = option("targets_and_surfels", choices=("targets_and_surfels", "targets", "none"))
