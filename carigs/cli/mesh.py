@@ -17,7 +17,6 @@ import numpy as np
 import trimesh
 from jaxtyping import Float
 
-from carigs.cli.command import one_line_errors
 from carigs.config import compose, known
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration.exaggerator import Exaggerator
@@ -178,7 +177,6 @@ def _region_level(text: str) -> tuple[str, float]:
     return name, value
 
 
-@one_line_errors
 def main(arguments: list[str]) -> int:
     """Run the subcommand.
 

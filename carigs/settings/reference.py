@@ -82,7 +82,7 @@ def meanings(section: type[Section]) -> dict[str, str]:
 
 def _section(section: type[Section], title: str) -> Iterator[str]:
     """A heading and the table of a section, then those of its subsections."""
-    hints, texts = get_type_hints(section), meanings(section)
+    texts, properties = meanings(section), _object(section)["properties"]
     yield f"## {title}\n\n{section.__doc__}\n"
     yield "| key | type | default | allowed | unit | meaning |"
     yield "|---|---|---|---|---|---|"
@@ -94,28 +94,25 @@ def _section(section: type[Section], title: str) -> Iterator[str]:
         meta = option_of(f)
         needed = f"needed for {'='.join(meta.required_when)}" if meta.required_when else ""
         allowed = needed or meta.choices_name or meta.allowed().removeprefix("lie in ").removeprefix("be ")
-        cells = (f"`{section.key}.{f.name}`".replace("`.", "`"), _type_name(hints[f.name]), _shown(default_of(f)))
-        cells += (allowed, meta.unit, texts[f.name])
+        key, default = f"{section.key}.{f.name}".lstrip("."), json.dumps(default_of(f), ensure_ascii=False)
+        cells = (f"`{key}`", _type_name(properties[f.name]), f"`{default}`", allowed, meta.unit, texts[f.name])
         yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
     yield ""
     for nested in below:
         yield from _section(nested, f"`{nested.key}`")
 
 
-def _type_name(hint: Any) -> str:
-    """A type in the words of YAML."""
-    if isinstance(hint, UnionType):
-        return " or ".join("null" if part is type(None) else _type_name(part) for part in get_args(hint))
-    if get_origin(hint) is tuple:
-        return f"list of {_type_name(get_args(hint)[0])}s"
-    if get_origin(hint) is dict:
-        return f"map to {_type_name(get_args(hint)[1])}s"
-    return _TYPES[hint]
-
-
-def _shown(value: Any) -> str:
-    """A default as in YAML."""
-    return f"`{json.dumps(value, ensure_ascii=False)}`"
+def _type_name(schema: dict[str, Any]) -> str:
+    """The type of a value in words."""
+    match schema["type"]:
+        case "array":
+            return f"list of {schema['items']['type']}s"
+        case "object":
+            return f"map to {schema['additionalProperties']['type']}s"
+        case [kind, null]:
+            return f"{kind} or {null}"
+        case kind:
+            return kind
 
 
 def _object(section: type[Section]) -> dict[str, Any]:

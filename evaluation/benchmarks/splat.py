@@ -30,10 +30,10 @@ from evaluation.benchmarks.timing import (
     elapsed,
     median_times_in_turns,
     run_in_fresh_process,
+    write_measurements,
 )
 from evaluation.benchmarks.training_speed import measure_loss, measure_skinning, measure_training
 from evaluation.command_line import csv_parser, run
-from evaluation.tables.csv_files import stream_csv
 
 COLOURS = ("colour", "alpha")
 """Outputs that a training without geometric regularizers asks for."""
@@ -205,13 +205,7 @@ def benchmark(file: Path, sizes: Sizes) -> None:
         file: CSV file to write; the plot goes beside it.
         sizes: Sizes of the scenes.
     """
-
-    def printed() -> Iterator[Measurement]:
-        for m in measurements(sizes):
-            print(f"{m.case}: {m.quantity} {m.value:.4g} {m.unit}", flush=True)
-            yield m
-
-    plot_splat(file.with_suffix(".png"), stream_csv(file, printed(), Measurement), KERNELS)
+    plot_splat(file.with_suffix(".png"), write_measurements(file, measurements(sizes)), KERNELS)
 
 
 def main() -> None:

@@ -7,7 +7,9 @@ Example:
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from argparse import ArgumentParser, Namespace
+from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -32,9 +34,8 @@ from evaluation.benchmarks.surface_accuracy import (
     preset,
 )
 from evaluation.benchmarks.surface_solvers import measure_fill_in, measure_solvers
-from evaluation.benchmarks.timing import Measurement, median_time
+from evaluation.benchmarks.timing import Measurement, median_time, write_measurements
 from evaluation.command_line import csv_parser, run
-from evaluation.tables.csv_files import stream_csv
 
 FLAME_SIZE = 5023
 PEOPLE = 20
@@ -54,10 +55,7 @@ def measure_set_up(case: str, mesh: Mesh, settings: Exaggerate, repeats: int = 5
     Yields:
         Records; the reference of a level is the sum of all steps.
     """
-
-    def cpu(work: Callable[[], object]) -> float:
-        return median_time(work, repeats, time.process_time)
-
+    cpu = partial(median_time, repeats=repeats, clock=time.process_time)
     repair = cpu(lambda: clean_mesh(*mesh))
     setup = cpu(lambda: Exaggerator(*mesh, settings))
     solver = Exaggerator(*mesh, settings)
@@ -107,16 +105,6 @@ def measurements(heads: Mapping[str, Mesh], typical: str, model: HeadModel | Non
         yield from measure_lid_closure(model, PEOPLE)
 
 
-def _with_progress(records: Iterable[Measurement]) -> Iterator[Measurement]:
-    """Pass the records on, and print a line for each new case."""
-    start, case = time.perf_counter(), None
-    for record in records:
-        if record.case != case:
-            case = record.case
-            print(f"{time.perf_counter() - start:6.1f} s  {case}", flush=True)
-        yield record
-
-
 def benchmark(file: Path, heads: Mapping[str, Mesh], model: HeadModel | None) -> None:
     """Measure, and write the records and their plot.
 
@@ -128,18 +116,30 @@ def benchmark(file: Path, heads: Mapping[str, Mesh], model: HeadModel | None) ->
     torus = trimesh.creation.torus(1.0, 0.4, major_sections=100, minor_sections=50)
     meshes = dict(heads) or {"torus": (np.asarray(torus.vertices), np.asarray(torus.faces))}
     typical = min(meshes, key=lambda name: abs(len(meshes[name][0]) - FLAME_SIZE))
-    records = stream_csv(file, _with_progress(measurements(meshes, typical, model)), Measurement)
+    records = write_measurements(file, measurements(meshes, typical, model))
     plot_surface(file.with_suffix(".png"), records, typical, PRESETS)
 
 
 def main() -> None:
     """Run the benchmark from the command line; all heads are read before work starts."""
-    parser = csv_parser(__doc__)
+    arguments, heads, model = parse_heads(csv_parser(__doc__))
+    benchmark(arguments.rows, heads, model)
+
+
+def parse_heads(parser: ArgumentParser) -> tuple[Namespace, dict[str, Mesh], HeadModel | None]:
+    """Parse a command line that names heads and a head model, and read them.
+
+    Args:
+        parser: Parser of the other arguments.
+
+    Returns:
+        The arguments, the heads by name, and the head model if there is one.
+    """
     parser.add_argument("meshes", type=Path, nargs="*", help="heads")
-    parser.add_argument("--head-model", type=Path, help="for the closure of lids: a model with landmarks and eyeBlink")
+    parser.add_argument("--head-model", type=Path, help="for random people: a model with landmarks and eyeBlink")
     arguments = parser.parse_args()
     model = HeadModel.load(arguments.head_model) if arguments.head_model else None
-    benchmark(arguments.rows, read_heads(arguments.meshes), model)
+    return arguments, read_heads(arguments.meshes), model
 
 
 def read_heads(files: list[Path]) -> dict[str, Mesh]:

@@ -7,9 +7,12 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
 from statistics import median
 from typing import NamedTuple
+
+from evaluation.tables.csv_files import stream_csv
 
 # With one thread the calling thread does all the work: its CPU time excludes other work on the machine.
 cpu_seconds = time.thread_time
@@ -25,6 +28,25 @@ class Measurement(NamedTuple):
     value: float
     reference: float | None = None
     """Number that `value` is compared with, from the same run; None if there is none."""
+
+
+def write_measurements(file: Path, measurements: Iterable[Measurement]) -> list[Measurement]:
+    """Write measurements to a CSV file as they are taken, and print each.
+
+    Args:
+        file: CSV file to write.
+        measurements: Records.
+
+    Returns:
+        The records.
+    """
+
+    def printed() -> Iterator[Measurement]:
+        for m in measurements:
+            print(f"{m.case}: {m.quantity} {m.value:.4g} {m.unit}", flush=True)
+            yield m
+
+    return stream_csv(file, printed(), Measurement)
 
 
 def elapsed(work: Callable[[], object], clock: Callable[[], float]) -> float:

@@ -186,9 +186,8 @@ def measure_skinning(subdivisions: int, repeats: int) -> Iterator[Measurement]:
         leaves = [value for name, value in surfels.attributes() if name not in ("colour", "harmonics")]
         direction = jacobian_blend_skinning(surfels, rig, motion, eye=eye).direction.detach().requires_grad_(True)
         painted = surfels.colour, surfels.harmonics, direction
-        return timed(
-            "skinning", lambda: jacobian_blend_skinning(surfels, rig, motion, eye=np.array([0.0, 0.0, 1.0])), *leaves
-        ) | timed("colours", lambda: (seen_colour(*painted, shade, surfels.binding),), *painted)
+        skinning = timed("skinning", lambda: jacobian_blend_skinning(surfels, rig, motion, eye=eye), *leaves)
+        return skinning | timed("colours", lambda: (seen_colour(*painted, shade, surfels.binding),), *painted)
 
     works = {"simd": surfels, "scalar": Surfels(**doubles, binding=surfels.binding)}
     with num_threads(1):
@@ -238,19 +237,16 @@ def _steps(settings: Train, sequence: HeadSequence, supervision: Supervision, tu
 def _measure_rendering(
     surfels: Surfels, sequence: HeadSequence, supervision: Supervision, turns: int
 ) -> Iterator[Measurement]:
-    """Measure rendering alone, of the poses in turn, and the number of contributing pairs."""
-    avatar = Avatar(surfels, sequence)
-    camera = supervision.capture.cameras[1]
-    poses = itertools.cycle(sequence.parameters)
-    times: dict[tuple[int, str], list[float]] = {key: [] for key in itertools.product((1, 2), ("cpu", "scalar"))}
-    for _ in range(turns):
-        for (count, backend), measured in times.items():
-            with num_threads(count):
-                measured += [
-                    elapsed(lambda b=backend: avatar.render(next(poses), 0.0, camera, backend=b), wall_seconds)
-                    for _ in range(BLOCK)
-                ]
-    rates = {key: 1 / median(measured[BLOCK:]) for key, measured in times.items()}
+    """Measure rendering alone, of all poses in turn, and the number of contributing pairs."""
+    avatar, camera, poses = Avatar(surfels, sequence), supervision.capture.cameras[1], sequence.parameters
+
+    def render_all(count: int, backend: str) -> dict[str, float]:
+        with num_threads(count):
+            frames = [elapsed(lambda t=t: avatar.render(t, 0.0, camera, backend=backend), wall_seconds) for t in poses]
+        return {"frame": median(frames)}
+
+    works = {key: partial(render_all, *key) for key in itertools.product((1, 2), ("cpu", "scalar"))}
+    rates = {key: 1 / times["frame"] for key, times in median_times_in_turns(works, turns).items()}
     for count in (1, 2):
         case = scene_name(len(surfels), camera, count, "SH 3")
         yield Measurement(case, "rendering", "1/s", rates[count, "cpu"], rates[count, "scalar"])

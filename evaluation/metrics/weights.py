@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import tomllib
-import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,9 +24,9 @@ class Weights:
     """Entry of the registry; see `weights.toml` for the fields."""
 
     name: str
-    files: tuple[str, ...]
+    files: Sequence[str]
     hub: str
-    hub_files: tuple[str, ...]
+    hub_files: Sequence[str]
     source: str
     licence: str
     sha256: dict[str, str]
@@ -41,8 +41,7 @@ def registered(name: str) -> Weights:
     Returns:
         The entry.
     """
-    entry = tomllib.loads(REGISTRY.read_text(encoding="utf-8"))[name]
-    return Weights(name, tuple(entry.pop("files")), hub_files=tuple(entry.pop("hub_files")), **entry)
+    return Weights(name, **tomllib.loads(REGISTRY.read_text(encoding="utf-8"))[name])
 
 
 def find_weights(weights: Weights, folder: str | Path | None, *, download: bool = False) -> Path:
@@ -96,9 +95,10 @@ def read_state(file: Path) -> dict[str, torch.Tensor]:
         from safetensors.torch import load_file
 
         return load_file(file)
-    if not _is_torchscript(file):
+    try:
         return torch.load(file, map_location="cpu", weights_only=True)
-    state = torch.jit.load(file, map_location="cpu").state_dict()
+    except RuntimeError:  # a TorchScript archive
+        state = torch.jit.load(file, map_location="cpu").state_dict()
     return {name: value for name, value in state.items() if name not in _NO_PARAMETERS}
 
 
@@ -122,14 +122,6 @@ def load_state(network: torch.nn.Module, file: Path, name: str) -> torch.nn.Modu
         problem = " ".join(str(error).split())[:120]
         raise InputError(f"these weights are not {name} ({problem})", file=file) from error
     return network.eval()
-
-
-def _is_torchscript(file: Path) -> bool:
-    """Whether this is a zip file with `constants.pkl`, which torch.load refuses with weights_only."""
-    if not zipfile.is_zipfile(file):
-        return False
-    with zipfile.ZipFile(file) as archive:
-        return any(name.endswith("/constants.pkl") for name in archive.namelist())
 
 
 def _verify(file: Path, weights: Weights) -> None:
