@@ -22,19 +22,10 @@ from carigs.head import HeadModel
 from carigs.mesh import clean_mesh
 from carigs.mesh.ambient_occlusion import ambient_occlusion
 from carigs.settings import Exaggerate
+from evaluation.benchmarks import surface_accuracy as accuracy
 from evaluation.benchmarks.plots import plot_surface
-from evaluation.benchmarks.surface_accuracy import (
-    GAMMA,
-    PRESETS,
-    measure_blend_bounds,
-    measure_curvature,
-    measure_lid_closure,
-    measure_paths,
-    measure_sphere_law,
-    preset,
-)
 from evaluation.benchmarks.surface_solvers import measure_fill_in, measure_solvers
-from evaluation.benchmarks.timing import Measurement, median_time, write_measurements
+from evaluation.benchmarks.timing import Measurement, elapsed, median_time, write_measurements
 from evaluation.command_line import csv_parser, run
 
 FLAME_SIZE = 5023
@@ -59,7 +50,7 @@ def measure_set_up(case: str, mesh: Mesh, settings: Exaggerate, repeats: int = 5
     repair = cpu(lambda: clean_mesh(*mesh))
     setup = cpu(lambda: Exaggerator(*mesh, settings))
     solver = Exaggerator(*mesh, settings)
-    level = cpu(lambda: solver.solve(GAMMA))
+    level = cpu(lambda: solver.solve(accuracy.GAMMA))
     yield Measurement(case, "CPU: check and mend", "s", repair)
     yield Measurement(case, "CPU: set-up without occlusion", "s", setup)
     yield Measurement(case, "CPU: one exact level", "s", level, repair + setup + level)
@@ -75,12 +66,12 @@ def measure_head(case: str, mesh: Mesh) -> Iterator[Measurement]:
     Yields:
         Records.
     """
-    occlusion = median_time(lambda: ambient_occlusion(*mesh), 1, time.process_time, warm_up=False)
+    occlusion = elapsed(lambda: ambient_occlusion(*mesh), time.process_time)
     yield Measurement(case, "CPU: ambient occlusion", "s", occlusion)
     yield from measure_set_up(case, mesh, Exaggerate(limit_cavities=False))
-    solver = Exaggerator(*mesh, preset("robust"))
+    solver = Exaggerator(*mesh, accuracy.preset("robust"))
     yield from measure_fill_in(case, solver)
-    yield from measure_paths(case, solver)
+    yield from accuracy.measure_paths(case, solver)
 
 
 def measurements(heads: Mapping[str, Mesh], typical: str, model: HeadModel | None) -> Iterator[Measurement]:
@@ -94,15 +85,16 @@ def measurements(heads: Mapping[str, Mesh], typical: str, model: HeadModel | Non
     Yields:
         Records.
     """
-    yield from measure_sphere_law(range(2, 7))
-    yield from measure_curvature(range(2, 6))
+    yield from accuracy.measure_sphere_law(range(2, 7))
+    yield from accuracy.measure_curvature(range(2, 6))
     for name, mesh in heads.items():
         yield from measure_head(name, mesh)
-    for name in PRESETS:
-        yield from measure_blend_bounds(f"{typical}, {name}", Exaggerator(*heads[typical], preset(name)))
+    for name in accuracy.PRESETS:
+        solver = Exaggerator(*heads[typical], accuracy.preset(name))
+        yield from accuracy.measure_blend_bounds(f"{typical}, {name}", solver)
     yield from measure_solvers(*heads[typical])
     if model is not None:
-        yield from measure_lid_closure(model, PEOPLE)
+        yield from accuracy.measure_lid_closure(model, PEOPLE)
 
 
 def benchmark(file: Path, heads: Mapping[str, Mesh], model: HeadModel | None) -> None:
@@ -117,7 +109,7 @@ def benchmark(file: Path, heads: Mapping[str, Mesh], model: HeadModel | None) ->
     meshes = dict(heads) or {"torus": (np.asarray(torus.vertices), np.asarray(torus.faces))}
     typical = min(meshes, key=lambda name: abs(len(meshes[name][0]) - FLAME_SIZE))
     records = write_measurements(file, measurements(meshes, typical, model))
-    plot_surface(file.with_suffix(".png"), records, typical, PRESETS)
+    plot_surface(file.with_suffix(".png"), records, typical, accuracy.PRESETS)
 
 
 def main() -> None:

@@ -78,16 +78,15 @@ def measure_warp(subject: Capture, path: GammaPath, repeats: int = REPEATS) -> I
         error, on_mesh, left_out, head = map(np.stack, zip(*pixels, strict=True))
         trusted, wrong = error[on_mesh & ~left_out], (on_mesh | head) & (error > ERROR_THRESHOLD)
         values = {
+            "visibility, warp and masks": 1e3 * seconds,
             "mean absolute error": trusted.mean(),
             "99th percentile of the error": np.quantile(trusted, 0.99),
             "share of the mesh's pixels that is left out": left_out[on_mesh].mean(),
             f"share of the head's errors above {ERROR_THRESHOLD} that is left out": left_out[wrong].mean(),
         }
         case = f"{warp}, {samples}x{samples}, antialias {'on' if antialias else 'off'}"
-        first = references.setdefault("time", 1e3 * seconds)
-        yield Measurement(case, "visibility, warp and masks", "ms", 1e3 * seconds, first)
-        for quantity, value in values.items():
-            yield Measurement(case, quantity, "1", float(value), references.setdefault(quantity, float(value)))
+        for unit, (quantity, value) in zip(("ms", "1", "1", "1", "1"), values.items(), strict=True):
+            yield Measurement(case, quantity, unit, float(value), references.setdefault(quantity, float(value)))
 
 
 def measure_relighting(subject: Capture, path: GammaPath) -> Iterator[Measurement]:

@@ -64,22 +64,18 @@ def elapsed(work: Callable[[], object], clock: Callable[[], float]) -> float:
     return clock() - start
 
 
-def median_time(
-    work: Callable[[], object], repeats: int = 5, clock: Callable[[], float] = wall_seconds, warm_up: bool = True
-) -> float:
-    """Median time of repeated calls.
+def median_time(work: Callable[[], object], repeats: int = 5, clock: Callable[[], float] = wall_seconds) -> float:
+    """Median time of repeated calls, after a first one to warm up.
 
     Args:
         work: Function to call.
         repeats: Number of timed calls.
         clock: Function that returns seconds.
-        warm_up: Whether to call it once before.
 
     Returns:
         Seconds.
     """
-    if warm_up:
-        work()
+    work()
     return median(elapsed(work, clock) for _ in range(repeats))
 
 

@@ -32,17 +32,11 @@ from carigs.splat.training.initialization import place
 from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
+from evaluation.benchmarks import timing
 from evaluation.benchmarks.kernel_timing import num_threads
 from evaluation.benchmarks.surfel_pixel_pairs import contributing_pairs
 from evaluation.benchmarks.synthetic_scenes import capture_images, ellipsoid, moving_head, portrait, scene_name
-from evaluation.benchmarks.timing import (
-    Measurement,
-    compare_times,
-    cpu_seconds,
-    elapsed,
-    median_times_in_turns,
-    wall_seconds,
-)
+from evaluation.benchmarks.timing import Measurement
 
 BLOCK = 5
 """Number of consecutive steps with the same number of threads."""
@@ -73,7 +67,7 @@ class StepTimer:
     """
 
     def __init__(self) -> None:
-        self.count, self.started = 1, wall_seconds()
+        self.count, self.started = 1, timing.wall_seconds()
         self.times: dict[int, list[float]] = {1: [], 2: []}
 
     def __call__(self, state: TrainingState) -> None:
@@ -82,11 +76,11 @@ class StepTimer:
         Args:
             state: TrainingState of the training after the step.
         """
-        self.times[self.count].append(wall_seconds() - self.started)
+        self.times[self.count].append(timing.wall_seconds() - self.started)
         if state.iteration % BLOCK == 0:
             self.count = 3 - self.count
             use_threads(self.count)
-        self.started = wall_seconds()
+        self.started = timing.wall_seconds()
 
     def seconds(self, count: int) -> float:
         """Median time of a step, without the first turn.
@@ -151,7 +145,7 @@ def measure_loss(width: int, height: int, repeats: int) -> Iterator[Measurement]
             "torch": lambda y=target: torch.autograd.grad(torch_photometric(image, y), image),
         }
         with num_threads(2):
-            times = compare_times(works, repeats)
+            times = timing.compare_times(works, repeats)
         case = f"{height}x{width}, 2 threads, images differ {name}"
         yield Measurement(case, "L1 + SSIM", "ms", 1e3 * times["fused"], 1e3 * times["torch"])
         yield Measurement(case, "torch / fused L1 + SSIM", "1", times["torch"] / times["fused"])
@@ -176,11 +170,11 @@ def measure_skinning(subdivisions: int, repeats: int) -> Iterator[Measurement]:
     shade, eye = np.ones((len(rig.faces), 3), np.float32), np.array([0.0, 0.0, 1.0])
 
     def timed(name: str, function: Callable[..., object], *leaves: Tensor) -> dict[str, float]:
-        start = cpu_seconds()
+        start = timing.cpu_seconds()
         outputs = function()
-        middle = cpu_seconds()
+        middle = timing.cpu_seconds()
         torch.autograd.grad(outputs, leaves, [torch.ones_like(output) for output in outputs])
-        return {f"{name} forward": middle - start, f"{name} backward": cpu_seconds() - middle}
+        return {f"{name} forward": middle - start, f"{name} backward": timing.cpu_seconds() - middle}
 
     def measured(surfels: Surfels) -> dict[str, float]:
         leaves = [value for name, value in surfels.attributes() if name not in ("colour", "harmonics")]
@@ -191,7 +185,7 @@ def measure_skinning(subdivisions: int, repeats: int) -> Iterator[Measurement]:
 
     works = {"simd": surfels, "scalar": Surfels(**doubles, binding=surfels.binding)}
     with num_threads(1):
-        times = median_times_in_turns({name: partial(measured, s) for name, s in works.items()}, repeats)
+        times = timing.median_times_in_turns({name: partial(measured, s) for name, s in works.items()}, repeats)
     for name, value in times["simd"].items():
         case = f"{len(surfels)} surfels, 1 thread, SH 3"
         yield Measurement(case, name, "ms", 1e3 * value, 1e3 * times["scalar"][name])
@@ -240,13 +234,13 @@ def _measure_rendering(
     """Measure rendering alone, of all poses in turn, and the number of contributing pairs."""
     avatar, camera, poses = Avatar(surfels, sequence), supervision.capture.cameras[1], sequence.parameters
 
-    def render_all(count: int, backend: str) -> dict[str, float]:
+    def render_all(count: int, backend: str) -> None:
         with num_threads(count):
-            frames = [elapsed(lambda t=t: avatar.render(t, 0.0, camera, backend=backend), wall_seconds) for t in poses]
-        return {"frame": median(frames)}
+            for t in poses:
+                avatar.render(t, 0.0, camera, backend=backend)
 
     works = {key: partial(render_all, *key) for key in itertools.product((1, 2), ("cpu", "scalar"))}
-    rates = {key: 1 / times["frame"] for key, times in median_times_in_turns(works, turns).items()}
+    rates = {key: len(poses) / seconds for key, seconds in timing.compare_times(works, turns).items()}
     for count in (1, 2):
         case = scene_name(len(surfels), camera, count, "SH 3")
         yield Measurement(case, "rendering", "1/s", rates[count, "cpu"], rates[count, "scalar"])

@@ -30,9 +30,6 @@ METRICS = {
 }
 """Protocol and metric names of each network."""
 
-Scores = dict[str, Float[np.ndarray, "_"]]
-"""Values of each metric, by frame."""
-
 
 @dataclass
 class Embedder:
@@ -124,7 +121,7 @@ def clip_scores(
     test: Sequence[Path],
     originals: Sequence[Path],
     orbit: Sequence[Path],
-) -> Scores:
+) -> dict[str, Float[np.ndarray, "_"]]:
     """CLIP-I (both readings) and CLIP-D of the test frames, and CLIP-C of the orbit.
 
     Args:

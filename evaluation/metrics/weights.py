@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import tomllib
+import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -95,10 +96,9 @@ def read_state(file: Path) -> dict[str, torch.Tensor]:
         from safetensors.torch import load_file
 
         return load_file(file)
-    try:
+    if not _is_torchscript(file):
         return torch.load(file, map_location="cpu", weights_only=True)
-    except RuntimeError:  # a TorchScript archive
-        state = torch.jit.load(file, map_location="cpu").state_dict()
+    state = torch.jit.load(file, map_location="cpu").state_dict()
     return {name: value for name, value in state.items() if name not in _NO_PARAMETERS}
 
 
@@ -122,6 +122,14 @@ def load_state(network: torch.nn.Module, file: Path, name: str) -> torch.nn.Modu
         problem = " ".join(str(error).split())[:120]
         raise InputError(f"these weights are not {name} ({problem})", file=file) from error
     return network.eval()
+
+
+def _is_torchscript(file: Path) -> bool:
+    """Whether this is a zip file with `constants.pkl`, which torch.load refuses with weights_only."""
+    if not zipfile.is_zipfile(file):
+        return False
+    with zipfile.ZipFile(file) as archive:
+        return any(name.endswith("/constants.pkl") for name in archive.namelist())
 
 
 def _verify(file: Path, weights: Weights) -> None:

@@ -145,9 +145,8 @@ def _with_coordinate(value: float) -> Callable[[np.ndarray, np.ndarray], Damaged
 
 def _fin(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Damaged:
     """Add a third face to an edge."""
-    return np.concatenate([vertices, vertices[:1] + diagonal(vertices)]), np.concatenate(
-        [faces, [[*faces[40, :2], len(vertices)]]]
-    )
+    fin = [*faces[40, :2], len(vertices)]
+    return np.concatenate([vertices, vertices[:1] + diagonal(vertices)]), np.concatenate([faces, [fin]])
 
 
 CASES = (

@@ -80,7 +80,7 @@ def summarise(records: pd.DataFrame, settings: Tabulate) -> pd.DataFrame:
         (*key, *means.get(key, (np.nan, np.nan, np.nan, 0)), *reasons.get(key, (0, "")))
         for key in means.keys() | reasons.keys()
     ]
-    order = dict(zip(REGIONS, range(len(REGIONS)), strict=True))
+    order = {region: i for i, region in enumerate(REGIONS)}
     return pd.DataFrame(lines, columns=SUMMARY).sort_values(
         SUMMARY[:8], key=lambda column: column.map(order) if column.name == "region" else column
     )
