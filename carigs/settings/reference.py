@@ -18,7 +18,7 @@ from itertools import pairwise
 from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
-from carigs.settings import STAGES, Config, Study
+from carigs.settings import Config
 from carigs.settings.option import Option, Section, default_of, option_of, subsection
 
 _HEADER = """# Configuration
@@ -47,10 +47,7 @@ def markdown() -> str:
     Returns:
         Text of docs/configuration.md.
     """
-    parts = [_HEADER, *_section(Config, "General")]
-    for section in (Study, *STAGES.values()):
-        parts += _section(section, f"`{section.key}`")
-    return "\n".join(parts)
+    return "\n".join([_HEADER, *_section(Config, "General")])
 
 
 def json_schema() -> str:
@@ -89,7 +86,7 @@ def _section(section: type[Section], title: str) -> Iterator[str]:
     below = []
     for f in fields(section):
         if nested := subsection(f):
-            below += [nested] * (section is not Config)
+            below.append(nested)
             continue
         meta = option_of(f)
         needed = f"needed for {'='.join(meta.required_when)}" if meta.required_when else ""
@@ -104,15 +101,11 @@ def _section(section: type[Section], title: str) -> Iterator[str]:
 
 def _type_name(schema: dict[str, Any]) -> str:
     """The type of a value in words."""
-    match schema["type"]:
-        case "array":
-            return f"list of {schema['items']['type']}s"
-        case "object":
-            return f"map to {schema['additionalProperties']['type']}s"
-        case [kind, null]:
-            return f"{kind} or {null}"
-        case kind:
-            return kind
+    if "items" in schema:
+        return f"list of {schema['items']['type']}s"
+    if "additionalProperties" in schema:
+        return f"map to {schema['additionalProperties']['type']}s"
+    return " or ".join(schema["type"]) if isinstance(schema["type"], list) else schema["type"]
 
 
 def _object(section: type[Section]) -> dict[str, Any]:

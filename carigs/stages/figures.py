@@ -114,9 +114,8 @@ def _blend_error(folder: Path, path: GammaPath, subject: Capture, samples: int) 
     # Paths are stored in float32. After a larger difference, the error would describe another path.
     difference = np.abs(exact(path.gamma_f) - path.displacement(path.gamma_f)).max()
     if difference > 1e-4 * np.linalg.norm(np.ptp(path.neutral, axis=0)):
-        (folder / "blend_error.txt").write_text(
-            f"Solving again gives another caricature, {1e3 * difference:.2g} mm away: the path was made otherwise.\n"
-        )
+        text = f"Solving again gives another caricature, {1e3 * difference:.2g} mm away: the path was made otherwise."
+        (folder / "blend_error.txt").write_text(f"{text}\n")
         return
     errors = blend_errors(path, exact, samples)
     write_csv(folder / "blend_error.csv", errors, BlendError)

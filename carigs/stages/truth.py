@@ -73,9 +73,8 @@ def _copy_supplied(subject: Capture, source: Path, folder: Path) -> Keys:
     index = source / "frames.json"
     for i, entry in enumerate(read_json(index, list)):
         where = f"[{i}]"
-        timestep, number = (
-            json_field(entry, key, int, file=index, where=where) for key in ("timestep_index", "camera_index")
-        )
+        timestep = json_field(entry, "timestep_index", int, file=index, where=where)
+        number = json_field(entry, "camera_index", int, file=index, where=where)
         camera = subject.cameras.get(number)
         if camera is None:
             raise InputError(f"the capture has no camera {number}", file=index, field=f"{where}.camera_index")

@@ -93,11 +93,8 @@ def plot_target(file: Path, measurements: Sequence[Measurement]) -> None:
                     color="tab:blue" if option["warp"] == "perspective" else "0.6",
                     fillstyle="full" if option["antialias"] == "on" else "none", label=case,
                 )  # fmt: skip
-        axes.set(
-            xscale="log",
-            xlabel="CPU ms per frame of 802x550, one thread",
-            ylabel="99th percentile of |target - truth|, trusted pixels",
-        )
+        axes.set(xscale="log", xlabel="CPU ms per frame of 802x550, one thread")
+        axes.set_ylabel("99th percentile of |target - truth|, trusted pixels")
         axes.grid(alpha=0.3, which="both")
         axes.legend(fontsize=7)
 
@@ -123,9 +120,8 @@ def plot_quality(file: Path, evaluations: pd.DataFrame) -> None:
 def _draw_scaling(axes: Any, x: str, scaling: pd.DataFrame) -> None:
     for threads, style in ((1, "o-"), (2, "s--")):
         shown = scaling[scaling["threads"] == threads].set_index(x)[list(COLOURS)]
-        shown.add_suffix(f", {threads} thread{'s' * (threads > 1)}").plot(
-            ax=axes, style=style, color=list(COLOURS.values()), loglog=True, ylabel="wall ms"
-        )
+        shown = shown.add_suffix(f", {threads} thread{'s' * (threads > 1)}")
+        shown.plot(ax=axes, style=style, color=list(COLOURS.values()), loglog=True, ylabel="wall ms")
     axes.grid(alpha=0.3, which="both")
     axes.legend(fontsize=8)
 

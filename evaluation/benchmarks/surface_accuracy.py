@@ -112,8 +112,8 @@ def _estimates(
     stiffness = CotanLaplacian(vertices, faces).stiffness()
     estimates = {"angle defect, mixed Voronoi": defects / areas, "angle defect, barycentric": defects / thirds}
     for share in (0.005, 0.02):
-        smooth = diffuse_heat(defects / areas, areas, stiffness, (share * size(vertices, faces)) ** 2)
-        estimates[f"the first, heat {100 * share:g} %"] = smooth
+        time = (share * size(vertices, faces)) ** 2
+        estimates[f"the first, heat {100 * share:g} %"] = diffuse_heat(defects / areas, areas, stiffness, time)
     _, _, highest, lowest, *_ = igl.principal_curvature(vertices, faces)
     return {**estimates, "quadric fit (libigl)": highest * lowest}
 

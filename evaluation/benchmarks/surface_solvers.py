@@ -85,10 +85,8 @@ def _solvers(matrix: csc_array, mass: np.ndarray) -> Mapping[str, Callable[[], S
         return lambda right: linear_solver.solve_in_blocks(factors, right)
 
     def iterate() -> Solve:
-        start = np.zeros(matrix.shape[0])
-        return lambda right: np.stack(
-            [linear_solver.conjugate_gradients(matrix, c, start, 10**5) for c in right.T], axis=1
-        )
+        solve = partial(linear_solver.conjugate_gradients, matrix, start=np.zeros(matrix.shape[0]), most=10**5)
+        return lambda right: np.stack([solve(column) for column in right.T], axis=1)
 
     def least_squares() -> Solve:
         # Equation 3 of the paper literally, with L = A^-1 W: the normal equations are those of a bi-Laplacian.

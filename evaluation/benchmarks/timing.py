@@ -75,8 +75,7 @@ def median_time(work: Callable[[], object], repeats: int = 5, clock: Callable[[]
     Returns:
         Seconds.
     """
-    work()
-    return median(elapsed(work, clock) for _ in range(repeats))
+    return compare_times({"": work}, repeats, clock)[""]
 
 
 def median_times_in_turns(

@@ -151,7 +151,6 @@ def _originals(test: list[RenderedImage], subject: Capture) -> list[Path]:
     images = {(frame.timestep, frame.camera): subject.root / frame.image for frame in subject.frames}
     for frame in test:
         if (frame.timestep, frame.camera) not in images:
-            raise InputError(
-                f"the capture has no frame of timestep {frame.timestep}, camera {frame.camera}", file=frame.file
-            )
+            missing = f"timestep {frame.timestep}, camera {frame.camera}"
+            raise InputError(f"the capture has no frame of {missing}", file=frame.file)
     return [images[frame.timestep, frame.camera] for frame in test]

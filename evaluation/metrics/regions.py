@@ -90,10 +90,8 @@ def surface_regions(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Surf
     if "hair" in missing:
         missing["skin"] = missing["hair"]
     else:
-        others = model.face_region("left_eyeball", "right_eyeball", "boundary") | faces["hair"]
-        for region in ("mouth", "brow"):
-            others |= faces.get(region, False)
-        faces["skin"] = ~others
+        others = model.face_region("left_eyeball", "right_eyeball", "boundary") | faces.get("mouth", False)
+        faces["skin"] = ~(others | faces["hair"] | faces.get("brow", False))
     unknown = [region for region in ("hair", "mouth") if region in missing]
     if unknown:
         missing["head_hm"] = "; ".join(missing[region] for region in unknown)

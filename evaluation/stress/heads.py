@@ -230,9 +230,7 @@ def main() -> bool:
     parser.add_argument("--people", type=int, default=PEOPLE, help="number of random people (default %(default)s)")
     arguments, heads, model = parse_heads(parser)
     results = stream_csv(arguments.rows, checks(heads, model, arguments.people), Check, digits=3)
-    worst: dict[str, Check] = {}
-    for result in results:
-        worst[result.what] = max(worst.get(result.what, result), result, key=lambda c: c.value)
+    worst = {result.what: result for result in sorted(results, key=lambda c: c.value)}
     for what, result in worst.items():
         print(f"{what}: at most {result.value:.3g} ({result.case}), bar {result.bar:g}")
     failed = [result for result in results if not result.holds]

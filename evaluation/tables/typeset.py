@@ -37,13 +37,13 @@ class Document:
     explanation: str
     tables: list[tuple[str, list[list[str]]]] = field(default_factory=list)
     """Title and cells of each table; the first line is the header, the first cell of each line its name."""
-    reasons: list[str] = field(default_factory=list)
-    """Reasons for missing values: notes (a), (b), ..."""
+    reasons: dict[str, int] = field(default_factory=dict)
+    """Reasons for missing values, numbered: notes (a), (b), ..."""
 
     @property
     def notes(self) -> list[str]:
         """Reasons with their letters."""
-        return [f"({_letter(i)}) {reason}" for i, reason in enumerate(self.reasons)]
+        return [f"({_letter(i)}) {reason}" for reason, i in self.reasons.items()]
 
 
 def comparison_tables(summaries: pd.DataFrame, settings: Tabulate) -> Document:
@@ -142,14 +142,12 @@ def to_latex(document: Document) -> str:
     return "\n".join(parts)
 
 
-def _text(cell: Any, reasons: list[str], digits: int) -> str:
-    """Text of a cell; a new reason for a missing value is appended to the reasons."""
+def _text(cell: Any, reasons: dict[str, int], digits: int) -> str:
+    """Text of a cell; a new reason for a missing value is added to the reasons."""
     if cell is None:
         return NO_VALUE
     if pd.isna(cell.mean):
-        if cell.reason not in reasons:
-            reasons.append(cell.reason)
-        return f"{NO_VALUE} ({_letter(reasons.index(cell.reason))})"
+        return f"{NO_VALUE} ({_letter(reasons.setdefault(cell.reason, len(reasons)))})"
     pattern = f"{{:{'+' if cell.minus else ''}.{digits if cell.metric == 'psnr' else digits + 2}f}}"
     ends = "" if pd.isna(cell.low) else f" [{pattern}, {pattern}]".format(cell.low, cell.high)
     return pattern.format(cell.mean) + ends
