@@ -33,7 +33,7 @@ from evaluation.benchmarks.plots import plot_target
 from evaluation.benchmarks.timing import Measurement, cpu_seconds, median_time, write_measurements
 from evaluation.command_line import csv_parser, run
 from evaluation.figures.misregistration import ERROR_THRESHOLD
-from evaluation.metrics.image_quality import psnr_of_errors
+from evaluation.metrics.image_quality import psnr_of_errors, squared_error
 from evaluation.metrics.regions import surface_regions
 
 SIZE = (550, 802)
@@ -113,7 +113,7 @@ def measure_relighting(subject: Capture, path: GammaPath) -> Iterator[Measuremen
             trusted = (face >= 0) & ((target.mask_flags & excluded) == 0)
             for region, inside in regions.items():
                 for light, image in zip(LIGHTS, (target.colour, relit), strict=True):
-                    squares[region, light].append((image - truth)[trusted & inside[face]] ** 2)
+                    squares[region, light].append(squared_error(image, truth)[trusted & inside[face]])
         values = {key: psnr_of_errors(np.concatenate(parts)) for key, parts in squares.items()}
         for (region, light), value in values.items():
             case, reference = f"level {level:g}, {light}", values[region, LIGHTS[0]]
