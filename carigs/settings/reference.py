@@ -19,7 +19,7 @@ from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from carigs.settings import Config
-from carigs.settings.option import Option, Section, default_of, option_of, subsection
+from carigs.settings.option import Option, Section, option_of, subsection
 
 _HEADER = """# Configuration
 
@@ -91,8 +91,9 @@ def _section(section: type[Section], title: str) -> Iterator[str]:
         meta = option_of(f)
         needed = f"needed for {'='.join(meta.required_when)}" if meta.required_when else ""
         allowed = needed or meta.choices_name or meta.allowed().removeprefix("lie in ").removeprefix("be ")
-        key, default = f"{section.key}.{f.name}".lstrip("."), json.dumps(default_of(f), ensure_ascii=False)
-        cells = (f"`{key}`", _type_name(properties[f.name]), f"`{default}`", allowed, meta.unit, texts[f.name])
+        key, schema = f"{section.key}.{f.name}".lstrip("."), properties[f.name]
+        default = json.dumps(schema["default"], ensure_ascii=False)
+        cells = (f"`{key}`", _type_name(schema), f"`{default}`", allowed, meta.unit, texts[f.name])
         yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
     yield ""
     for nested in below:
@@ -110,7 +111,7 @@ def _type_name(schema: dict[str, Any]) -> str:
 
 def _object(section: type[Section]) -> dict[str, Any]:
     """The schema of a section."""
-    hints, texts, properties = get_type_hints(section), meanings(section), {}
+    hints, texts, defaults, properties = get_type_hints(section), meanings(section), section(), {}
     for f in fields(section):
         if nested := subsection(f):
             properties[f.name] = _object(nested)
@@ -118,7 +119,7 @@ def _object(section: type[Section]) -> dict[str, Any]:
         meta, text = option_of(f), texts[f.name]
         text = f"{text} Unit: {meta.unit}." if meta.unit else text
         allowed = _schema_type(hints[f.name], meta)
-        properties[f.name] = {"description": text, "default": default_of(f), **allowed}
+        properties[f.name] = {"description": text, "default": getattr(defaults, f.name), **allowed}
     described = {"type": "object", "description": section.__doc__}
     return {**described, "properties": properties, "additionalProperties": False}
 
