@@ -90,7 +90,9 @@ def split_overrides(text: str) -> tuple[str, ...]:
     try:
         return tuple(shlex.split(text))
     except ValueError as error:
-        raise SettingsError(f"{text}: {error}; a blank after the last quote keeps Snakemake from taking it") from error
+        reason = "Snakemake removes a quote at the end of the value; type a blank after it"
+        example = "\"hydra=metrics.edit_prompt='A nose' \""
+        raise SettingsError(f"hydra={text}: {error}. {reason}, as in --config {example}") from error
 
 
 def compose_study(*overrides: str) -> DictConfig:

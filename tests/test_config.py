@@ -24,6 +24,7 @@ from carigs.config import (
     load_settings,
     rendered_levels,
     settings_text,
+    split_overrides,
     target_levels,
     target_maker,
 )
@@ -299,6 +300,12 @@ def test_a_mistake_is_told_in_one_line_that_names_the_key(override, named):
     assert "\n" not in message
     for word in named:
         assert word in message
+
+
+def test_overrides_are_split_like_words_of_a_shell_and_a_lost_quote_is_explained():
+    assert split_overrides("study=ict metrics.edit_prompt='A nose' ") == ("study=ict", "metrics.edit_prompt=A nose")
+    with pytest.raises(SettingsError, match=r"^hydra=metrics\.edit_prompt='A nose: .*type a blank after it"):
+        split_overrides("metrics.edit_prompt='A nose")
 
 
 def wrong_values(f: Field) -> list[str]:

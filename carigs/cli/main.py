@@ -10,6 +10,8 @@ import sys
 from importlib import import_module
 from importlib.metadata import version
 
+from carigs.errors import CarigsError
+
 COMMANDS = {
     "run": "make a study: avatars, table and figures",
     "sweep": "make a study at several values of its settings",
@@ -19,7 +21,7 @@ COMMANDS = {
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a subcommand.
+    """Run a subcommand; an error of the input or the settings is one line on stderr.
 
     Args:
         arguments: The command line without the program's name; `sys.argv` if None.
@@ -30,7 +32,11 @@ def main(arguments: list[str] | None = None) -> int:
     arguments = sys.argv[1:] if arguments is None else arguments
     command = arguments[0] if arguments else ""
     if command in COMMANDS:
-        return import_module(f"carigs.cli.{command}").main(arguments[1:])
+        try:
+            return import_module(f"carigs.cli.{command}").main(arguments[1:])
+        except CarigsError as error:
+            print(f"carigs: {error}", file=sys.stderr)
+            return 1
     if command == "--version":
         print(f"carigs {version('carigs')}")
     elif command in ("-h", "--help"):

@@ -9,15 +9,12 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import trimesh
 from jaxtyping import Float
 
-from carigs.cli.command import one_line_errors
 from carigs.config import compose, known
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration.exaggerator import Exaggerator
@@ -36,23 +33,6 @@ EXAMPLES = """examples:
 
 With --gamma 0 only the regions are exaggerated and the rest is held. A negative level reduces what is characteristic.
 """
-
-
-@dataclass(frozen=True)
-class Task:
-    """What to make of a mesh."""
-
-    mesh: Path
-    gamma: float
-    region_levels: Mapping[str, float]
-    """Levels of single regions."""
-    regions: Path | None
-    """File with the vertices of the regions."""
-    levels: int
-    """Number of files, at equal steps up to gamma."""
-    preset: str
-    output: Path
-    preview: Path
 
 
 def read_mesh(file: Path) -> trimesh.Trimesh:
@@ -108,11 +88,11 @@ def read_regions(file: Path) -> dict[str, np.ndarray]:
         raise InputError(f"not a file of regions: .json, .npz or FLAME_masks.pkl ({error})", file=file) from error
 
 
-def exaggerate(task: Task) -> None:
+def exaggerate(task: argparse.Namespace) -> None:
     """Repair and solve a mesh; write the caricature (with several levels one file each) and a preview.
 
     Args:
-        task: Input, levels and output.
+        task: The command line, with a level for each name in `region_levels`.
 
     Raises:
         InputError: For unusable files and folders.
@@ -178,7 +158,6 @@ def _region_level(text: str) -> tuple[str, float]:
     return name, value
 
 
-@one_line_errors
 def main(arguments: list[str]) -> int:
     """Run the subcommand.
 
@@ -204,12 +183,12 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--preset", choices=known("exaggerate"), default="robust", help="(default %(default)s)")
     parser.add_argument("-o", "--output", type=Path, required=True, help="mesh to write")
     parser.add_argument("--preview", type=Path, help="PNG to write (default: beside the output)")
-    parsed = parser.parse_args(arguments)
-    if parsed.levels < 1:
-        parser.error(f"--levels {parsed.levels}: expected 1 or more")
-    if not np.isfinite(parsed.gamma):
-        parser.error(f"--gamma {parsed.gamma}: expected a number")
-    parsed.region_levels = dict(parsed.region_levels)
-    parsed.preview = parsed.preview or parsed.output.with_suffix(".png")
-    exaggerate(Task(**vars(parsed)))
+    task = parser.parse_args(arguments)
+    if task.levels < 1:
+        parser.error(f"--levels {task.levels}: expected 1 or more")
+    if not np.isfinite(task.gamma):
+        parser.error(f"--gamma {task.gamma}: expected a number")
+    task.region_levels = dict(task.region_levels)
+    task.preview = task.preview or task.output.with_suffix(".png")
+    exaggerate(task)
     return 0

@@ -7,9 +7,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-from carigs.cli.command import one_line_errors
 from carigs.config import compose_study, project_root
 
 OVERRIDES_HELP = "Hydra overrides KEY=VALUE; docs/configuration.md lists the keys"
@@ -19,18 +17,6 @@ EXAMPLES = """examples:
   carigs run study=mine --dry-run                       what would be made; conf/study/mine.yaml is your own file
   carigs run -- --keep-going                            options of Snakemake after --
 """
-
-
-@dataclass(frozen=True)
-class SnakemakeOptions:
-    """Options of Snakemake that `carigs run` and `carigs sweep` pass on."""
-
-    cores: str
-    dry_run: bool
-    profile: str
-    targets: Sequence[str]
-    others: Sequence[str]
-    """Arguments as they are."""
 
 
 def run_parser(command: str, description: str, epilog: str) -> argparse.ArgumentParser:
@@ -56,13 +42,11 @@ def run_parser(command: str, description: str, epilog: str) -> argparse.Argument
     parser.add_argument("-n", "--dry-run", action="store_true", help="print what would be made, make nothing")
     profile = str(project_root() / "profiles/default")
     parser.add_argument("--profile", default=profile, metavar="FOLDER", help="workflow profile of Snakemake")
-    parser.add_argument(
-        "--target", action="append", metavar="T", help="rule or file to make (default: reproduce and table)"
-    )
+    parser.add_argument("--target", action="append", metavar="T", help="rule or file (default: reproduce and table)")
     return parser
 
 
-def parse_run(parser: argparse.ArgumentParser, arguments: list[str]) -> tuple[list[str], SnakemakeOptions]:
+def parse_run(parser: argparse.ArgumentParser, arguments: list[str]) -> argparse.Namespace:
     """Parse a command line of `run` or `sweep`.
 
     Args:
@@ -70,21 +54,20 @@ def parse_run(parser: argparse.ArgumentParser, arguments: list[str]) -> tuple[li
         arguments: The command line; Snakemake's own options follow `--`.
 
     Returns:
-        The overrides, and the options.
+        The overrides and options; `snakemake` holds the arguments after `--`.
     """
     end = arguments.index("--") if "--" in arguments else len(arguments)
-    parsed = parser.parse_intermixed_args(arguments[:end])
-    targets = parsed.target or ["reproduce", "table"]
-    others = arguments[end + 1 :]
-    return parsed.overrides, SnakemakeOptions(parsed.cores, parsed.dry_run, parsed.profile, targets, others)
+    options = parser.parse_intermixed_args(arguments[:end])
+    options.snakemake = arguments[end + 1 :]
+    return options
 
 
-def make_study(overrides: Sequence[str], options: SnakemakeOptions) -> bool:
+def make_study(overrides: Sequence[str], options: argparse.Namespace) -> bool:
     """Run Snakemake on the composed study; results are written to `results/` in the current directory.
 
     Args:
         overrides: Hydra overrides.
-        options: Options of Snakemake.
+        options: As returned by `parse_run`.
 
     Returns:
         Whether Snakemake succeeded.
@@ -95,14 +78,13 @@ def make_study(overrides: Sequence[str], options: SnakemakeOptions) -> bool:
     compose_study(*overrides)
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(project_root() / "Snakefile")]
     command += ["--workflow-profile", options.profile, "--cores", options.cores]
-    command += ["--dry-run"] * options.dry_run + [*options.others]
+    command += ["--dry-run"] * options.dry_run + options.snakemake
     # Backslashes, because Snakemake removes quotes at the ends of a value; the blank keeps a last one.
     line = " ".join(re.sub(r"([\s'\"\\])", r"\\\1", override) for override in overrides)
-    command += ["--config", f"hydra={line} ", "--", *options.targets]
+    command += ["--config", f"hydra={line} ", "--", *(options.target or ("reproduce", "table"))]
     return subprocess.run(command).returncode == 0
 
 
-@one_line_errors
 def main(arguments: list[str]) -> int:
     """Run the subcommand.
 
@@ -113,4 +95,5 @@ def main(arguments: list[str]) -> int:
         Exit code.
     """
     parser = run_parser("run", "Make the avatars, the table and the figures of a study in ./results.", EXAMPLES)
-    return 0 if make_study(*parse_run(parser, arguments)) else 1
+    options = parse_run(parser, arguments)
+    return 0 if make_study(options.overrides, options) else 1

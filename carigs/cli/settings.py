@@ -6,19 +6,18 @@ import argparse
 
 from omegaconf import OmegaConf
 
-from carigs.cli.command import one_line_errors
 from carigs.cli.run import OVERRIDES_HELP
-from carigs.config import compose_study
+from carigs.config import compose_study, compose_variant
 from carigs.settings import STAGES, reference
 
 EXAMPLES = """examples:
   carigs settings study=paper                      the settings of a study
   carigs settings gamma=0.2 --section train        one section
+  carigs settings study=ict --variant surfhead     with what a variant changes
   carigs settings --reference                      every key with default, range, unit and meaning
 """
 
 
-@one_line_errors
 def main(arguments: list[str]) -> int:
     """Run the subcommand.
 
@@ -30,12 +29,13 @@ def main(arguments: list[str]) -> int:
     """
     parser = argparse.ArgumentParser(
         "carigs settings",
-        usage="carigs settings [KEY=VALUE ...] [--section NAME] | --reference | --schema",
+        usage="carigs settings [KEY=VALUE ...] [--variant NAME] [--section NAME] | --reference | --schema",
         description="Print the composed settings of a study as YAML, or the reference of all settings.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help=OVERRIDES_HELP)
+    parser.add_argument("--variant", metavar="NAME", help="as this variant has them")
     parser.add_argument("--section", choices=("study", *STAGES), help="print this section alone")
     parser.add_argument("--reference", action="store_true", help="print the reference: docs/configuration.md")
     parser.add_argument("--schema", action="store_true", help="print the JSON schema: docs/configuration.schema.json")
@@ -46,5 +46,7 @@ def main(arguments: list[str]) -> int:
         print(reference.json_schema(), end="")
     else:
         settings = compose_study(*parsed.overrides)
+        if parsed.variant:
+            settings = compose_variant(parsed.variant, *parsed.overrides)
         print(OmegaConf.to_yaml(settings[parsed.section] if parsed.section else settings), end="")
     return 0

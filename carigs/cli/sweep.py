@@ -9,7 +9,6 @@ from itertools import product
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
 
-from carigs.cli.command import one_line_errors
 from carigs.cli.run import make_study, parse_run, run_parser
 from carigs.config import compose_study
 from carigs.errors import SettingsError
@@ -46,7 +45,6 @@ def _values(text: str) -> list[str]:
     return [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
 
 
-@one_line_errors
 def main(arguments: list[str]) -> int:
     """Run the subcommand; a combination that fails does not stop the others.
 
@@ -57,8 +55,8 @@ def main(arguments: list[str]) -> int:
         Exit code: 1 if a combination failed.
     """
     parser = run_parser("sweep", "Make a study at every combination of comma-separated values, in turn.", EXAMPLES)
-    overrides, options = parse_run(parser, arguments)
-    points = sweep_points(overrides)
+    options = parse_run(parser, arguments)
+    points = sweep_points(options.overrides)
     for point in points:
         compose_study(*point)
     failed = [" ".join(point) for point in points if not make_study(point, options)]

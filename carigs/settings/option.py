@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Iterator, Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields
 from typing import Any, ClassVar
 
 from carigs.errors import SettingsError
@@ -185,15 +185,3 @@ def _elements(value: Any) -> Iterator[tuple[str, Any]]:
         yield "", value
     else:
         yield from ((f"[{i}]", element) for i, element in enumerate(value))
-
-
-def default_of(f: Field) -> Any:
-    """The default of a field.
-
-    Args:
-        f: Field of a section.
-
-    Returns:
-        The value, fresh where it is mutable.
-    """
-    return f.default if f.default is not MISSING else f.default_factory()

@@ -18,8 +18,8 @@ from itertools import pairwise
 from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
-from carigs.settings import STAGES, Config, Study
-from carigs.settings.option import Option, Section, default_of, option_of, subsection
+from carigs.settings import Config
+from carigs.settings.option import Option, Section, option_of, subsection
 
 _HEADER = """# Configuration
 
@@ -47,10 +47,7 @@ def markdown() -> str:
     Returns:
         Text of docs/configuration.md.
     """
-    parts = [_HEADER, *_section(Config, "General")]
-    for section in (Study, *STAGES.values()):
-        parts += _section(section, f"`{section.key}`")
-    return "\n".join(parts)
+    return "\n".join([_HEADER, *_section(Config, "General")])
 
 
 def json_schema() -> str:
@@ -82,45 +79,39 @@ def meanings(section: type[Section]) -> dict[str, str]:
 
 def _section(section: type[Section], title: str) -> Iterator[str]:
     """A heading and the table of a section, then those of its subsections."""
-    hints, texts = get_type_hints(section), meanings(section)
+    texts, properties = meanings(section), _object(section)["properties"]
     yield f"## {title}\n\n{section.__doc__}\n"
     yield "| key | type | default | allowed | unit | meaning |"
     yield "|---|---|---|---|---|---|"
     below = []
     for f in fields(section):
         if nested := subsection(f):
-            below += [nested] * (section is not Config)
+            below.append(nested)
             continue
         meta = option_of(f)
         needed = f"needed for {'='.join(meta.required_when)}" if meta.required_when else ""
         allowed = needed or meta.choices_name or meta.allowed().removeprefix("lie in ").removeprefix("be ")
-        cells = (f"`{section.key}.{f.name}`".replace("`.", "`"), _type_name(hints[f.name]), _shown(default_of(f)))
-        cells += (allowed, meta.unit, texts[f.name])
+        key, schema = f"{section.key}.{f.name}".lstrip("."), properties[f.name]
+        default = json.dumps(schema["default"], ensure_ascii=False)
+        cells = (f"`{key}`", _type_name(schema), f"`{default}`", allowed, meta.unit, texts[f.name])
         yield "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
     yield ""
     for nested in below:
         yield from _section(nested, f"`{nested.key}`")
 
 
-def _type_name(hint: Any) -> str:
-    """A type in the words of YAML."""
-    if isinstance(hint, UnionType):
-        return " or ".join("null" if part is type(None) else _type_name(part) for part in get_args(hint))
-    if get_origin(hint) is tuple:
-        return f"list of {_type_name(get_args(hint)[0])}s"
-    if get_origin(hint) is dict:
-        return f"map to {_type_name(get_args(hint)[1])}s"
-    return _TYPES[hint]
-
-
-def _shown(value: Any) -> str:
-    """A default as in YAML."""
-    return f"`{json.dumps(value, ensure_ascii=False)}`"
+def _type_name(schema: dict[str, Any]) -> str:
+    """The type of a value in words."""
+    if "items" in schema:
+        return f"list of {schema['items']['type']}s"
+    if "additionalProperties" in schema:
+        return f"map to {schema['additionalProperties']['type']}s"
+    return " or ".join(schema["type"]) if isinstance(schema["type"], list) else schema["type"]
 
 
 def _object(section: type[Section]) -> dict[str, Any]:
     """The schema of a section."""
-    hints, texts, properties = get_type_hints(section), meanings(section), {}
+    hints, texts, defaults, properties = get_type_hints(section), meanings(section), section(), {}
     for f in fields(section):
         if nested := subsection(f):
             properties[f.name] = _object(nested)
@@ -128,7 +119,7 @@ def _object(section: type[Section]) -> dict[str, Any]:
         meta, text = option_of(f), texts[f.name]
         text = f"{text} Unit: {meta.unit}." if meta.unit else text
         allowed = _schema_type(hints[f.name], meta)
-        properties[f.name] = {"description": text, "default": default_of(f), **allowed}
+        properties[f.name] = {"description": text, "default": getattr(defaults, f.name), **allowed}
     described = {"type": "object", "description": section.__doc__}
     return {**described, "properties": properties, "additionalProperties": False}
 

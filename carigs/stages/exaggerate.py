@@ -63,8 +63,7 @@ def read_displacement(file: Path, neutral_vertices: np.ndarray, skin_vertices: i
     else:
         try:
             mesh = trimesh.load(file, process=False, maintain_order=True, force="mesh")
-            displacement = np.asarray(mesh.vertices, np.float64)
-            displacement = displacement - neutral_vertices[: len(displacement)]
+            displacement = np.asarray(mesh.vertices, np.float64) - neutral_vertices[: len(mesh.vertices)]
         except Exception as error:  # trimesh's readers raise errors of any type
             raise InputError(f"not a caricature of {len(neutral_vertices)} vertices ({error})", file=file) from error
     if displacement.shape not in (neutral_vertices.shape, (skin_vertices, 3)):

@@ -62,13 +62,12 @@ def figures(
     subject, gamma_path = Capture.load(capture), GammaPath.load(path)
     frame = _strip_frame(settings, subject)
     known = {level: read_ground_truth(file) for level, file in zip(truth_levels, truths, strict=True)}
-    files = {level: known[level].images.get(frame) if level in known else None for level in {*levels, *known}}
-    shown = sorted(files)
-    true_images = [None if files[level] is None else read_rgb(files[level]) for level in shown]
-    renders = {variant: dict.fromkeys(shown) for variant in variants}
-    for index, variant, level in zip(indices, variants, levels, strict=True):
-        renders[variant][level] = _rendered(index, frame)
-    strips = {variant: list(images.values()) for variant, images in renders.items()}
+    shown = sorted({*levels, *known})
+    files = [known[level].images.get(frame) if level in known else None for level in shown]
+    true_images = [file and read_rgb(file) for file in files]
+    points = zip(variants, levels, indices, strict=True)
+    renders = {(variant, level): _rendered(index, frame) for variant, level, index in points}
+    strips = {variant: [renders.get((variant, level)) for level in shown] for variant in variants}
     with writing_folder(folder) as part:
         for variant, images in strips.items():
             file = part / f"gamma_strip_{variant}.png"
@@ -86,14 +85,11 @@ def figures(
 def _strip_frame(settings: Figures, subject: Capture) -> tuple[int, int]:
     """Timestep and camera of the frame in the strips."""
     camera = subject.validation_camera if settings.camera is None else settings.camera
-    frames = [(frame.timestep, frame.camera) for frame in subject.split("test") if frame.camera == camera]
-    if settings.timestep is not None:
-        frames = [frame for frame in frames if frame[0] == settings.timestep]
-    if not frames:
-        raise SettingsError(
-            f"figures.camera={settings.camera}, figures.timestep={settings.timestep}: there is no such test frame"
-        )
-    return frames[0]
+    for frame in subject.split("test"):
+        if frame.camera == camera and settings.timestep in (None, frame.timestep):
+            return frame.timestep, frame.camera
+    where = f"figures.camera={settings.camera}, figures.timestep={settings.timestep}"
+    raise SettingsError(f"{where}: there is no such test frame")
 
 
 def _rendered(index: Path, frame: tuple[int, int]) -> np.ndarray:
@@ -118,9 +114,8 @@ def _blend_error(folder: Path, path: GammaPath, subject: Capture, samples: int) 
     # Paths are stored in float32. After a larger difference, the error would describe another path.
     difference = np.abs(exact(path.gamma_f) - path.displacement(path.gamma_f)).max()
     if difference > 1e-4 * np.linalg.norm(np.ptp(path.neutral, axis=0)):
-        (folder / "blend_error.txt").write_text(
-            f"Solving again gives another caricature, {1e3 * difference:.2g} mm away: the path was made otherwise.\n"
-        )
+        text = f"Solving again gives another caricature, {1e3 * difference:.2g} mm away: the path was made otherwise."
+        (folder / "blend_error.txt").write_text(f"{text}\n")
         return
     errors = blend_errors(path, exact, samples)
     write_csv(folder / "blend_error.csv", errors, BlendError)

@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 from carigs.capture import Capture
-from carigs.capture.images import read_bits, read_rgb
 from carigs.capture.target_index import write_targets
 from carigs.errors import InputError
-from carigs.exaggeration import Caricature, GammaPath
+from carigs.exaggeration import GammaPath
 from carigs.files import resuming_folder
-from carigs.gtstar import flags_from_names
 from carigs.gtstar.provider import check_settings
 from carigs.gtstar.target_set import TargetEntries, make_target_set, resume_key
-from carigs.settings import DEFAULT_MASK_FLAGS, Gtstar
-from evaluation.figures.target_sheet import TargetRow, target_sheet
-
-SHEET_ROWS = 5
-"""Frames on the contact sheet."""
+from carigs.settings import Gtstar
+from evaluation.figures.target_sheet import target_sheet
 
 
 def gtstar(settings: Gtstar, *, capture: Path, path: Path, level: float, targets: Path, index: Path) -> None:
@@ -44,7 +36,7 @@ def gtstar(settings: Gtstar, *, capture: Path, path: Path, level: float, targets
         _report(entries, len(subject.split("train")))
         if not entries.targets:
             raise InputError(f"no frame can be used; the first: {entries.skipped[0]['why']}", file=capture)
-        _write_contact_sheet(folder, subject, entries.targets, exaggerated)
+        target_sheet(folder / "inspection.png", subject, entries.targets, exaggerated)
         write_targets(index, level, targets, *entries)
 
 
@@ -60,28 +52,3 @@ def _report(entries: TargetEntries, count: int) -> None:
         print(f"GT*: frame {Path(entry['image']).stem} is {error}: its weight is {entry['weight']:.2f}")
     if reduced:
         print(f"GT*: {len(reduced)} of {count} frames have a reduced weight")
-
-
-def _write_contact_sheet(
-    folder: Path, subject: Capture, entries: list[dict[str, Any]], exaggerated: Caricature
-) -> None:
-    """Show some of the written targets; for the toy, next to renderings of its true caricature."""
-    frames = subject.split("train")
-    selected = {frames[i].name: frames[i] for i in np.linspace(0, len(frames) - 1, SHEET_ROWS).astype(int)}
-    toy = None
-    if (subject.root / "subject.npz").is_file():
-        from carigs.toy import load_subject, render_subject
-
-        toy = load_subject(subject.root)
-    rows = []
-    for entry in entries:
-        frame, truth = selected.get(Path(entry["image"]).stem), None
-        if frame is None:
-            continue
-        if toy is not None:
-            parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
-            truth, _ = render_subject(toy, parameters, camera, exaggerated)
-        target, mask_flags = read_rgb(folder / entry["image"]), read_bits(folder / entry["reasons"])
-        rows.append(TargetRow(frame.name, subject.image(frame), target, mask_flags, truth))
-    if rows:
-        target_sheet(folder / "inspection.png", rows, flags_from_names(DEFAULT_MASK_FLAGS))

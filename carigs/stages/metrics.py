@@ -51,8 +51,5 @@ def metrics(
     point = StudyPoint(study, subject, variant, gamma, level)
     person, rendered, truths = Capture.load(capture), read_frame_index(index, frames), read_ground_truth(truth)
     caricature = GammaPath.load(path).at(level)
-    measured = [
-        *truth_records(point, rendered, truths, person, caricature, band=settings.silhouette_band),
-        *embedding_records(point, rendered, person, settings),
-    ]
-    write_metrics(records, measured)
+    measured = list(truth_records(point, rendered, truths, person, caricature, band=settings.silhouette_band))
+    write_metrics(records, [*measured, *embedding_records(point, rendered, person, settings)])

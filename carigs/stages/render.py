@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -54,11 +55,10 @@ def render(
     if not 0 <= level <= gamma_path.gamma_f:
         raise SettingsError(f"level {level:g} lies outside the path's [0, {gamma_path.gamma_f:g}]")
     person.sequence.path = gamma_path
-    views, cameras = _views(settings, subject, level)
-    entries = []
+    views, entries = list(_views(settings, subject, level)), []
     with writing_folder(frames) as part:
-        for view in track(views, description=f"render level {level:g}", disable=len(views) < 10):
-            image = person.render(view.timestep, level, cameras[view.protocol, view.camera], backend=settings.backend)
+        for view, camera in track(views, description=f"render level {level:g}", disable=len(views) < 10):
+            image = person.render(view.timestep, level, camera, backend=settings.backend)
             file = f"{view.protocol}/{view.timestep:05d}_{view.camera:02d}.png"
             (part / file).parent.mkdir(exist_ok=True)
             write_png(part / file, image)
@@ -66,23 +66,19 @@ def render(
     write_frame_index(index, entries)
 
 
-def _views(settings: Render, subject: Capture, level: float) -> tuple[list[View], dict[tuple[str, int], Camera]]:
-    """Views of all protocols, and their cameras by protocol and number."""
-    splits = ("test", "val") if level == 0 else ("test",)
-    views = [View(s, frame.timestep, frame.camera, frame.sequence) for s in splits for frame in subject.split(s)]
-    cameras = {(split, c): camera for split in splits for c, camera in subject.cameras.items()}
+def _views(settings: Render, subject: Capture, level: float) -> Iterator[tuple[View, Camera]]:
+    """Views of all protocols with their cameras."""
+    for split in ("test", "val") if level == 0 else ("test",):
+        for frame in subject.split(split):
+            yield View(split, frame.timestep, frame.camera, frame.sequence), subject.cameras[frame.camera]
     if settings.orbit_frames:
         frame = _orbit_frame(settings, subject)
         for i, camera in enumerate(orbit_cameras(subject, settings.orbit_frames, settings.orbit_degrees)):
-            views.append(View("orbit", frame.timestep, i, frame.sequence))
-            cameras["orbit", i] = camera
-    return views, cameras
+            yield View("orbit", frame.timestep, i, frame.sequence), camera
 
 
 def _orbit_frame(settings: Render, subject: Capture) -> Frame:
-    if settings.orbit_timestep is None:
-        return (*subject.split("test"), *subject.frames)[0]
-    for frame in subject.frames:
-        if frame.timestep == settings.orbit_timestep:
+    for frame in (*subject.split("test"), *subject.frames):
+        if settings.orbit_timestep in (None, frame.timestep):
             return frame
     raise SettingsError(f"render.orbit_timestep={settings.orbit_timestep} is not a timestep of the capture")

@@ -63,9 +63,7 @@ def train(
     surfels, rows = train_surfels(settings, sequence, supervision, checkpoint)
     trained = Avatar(surfels, sequence, settings.rig, settings.rotate_harmonics, subject.background)
     with writing(log) as part, part.open("w", newline="") as stream:
-        writer = csv.writer(stream)
-        writer.writerow(COLUMNS)
-        writer.writerows(rows)
+        csv.writer(stream).writerows([COLUMNS, *rows])
     write_ply(ply, surfels)
     save_avatar(avatar, trained)
     checkpoint.unlink(missing_ok=True)

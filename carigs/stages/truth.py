@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 from rich.progress import track
@@ -15,8 +16,8 @@ from carigs.exaggeration import Caricature, GammaPath
 from carigs.files import json_field, read_json, writing_folder
 from carigs.settings import Truth
 
-Keys = list[tuple[int, int]]
-"""Timestep and camera of each image."""
+Keys = Iterator[tuple[int, int]]
+"""Timestep and camera of each image, once it is written."""
 
 
 def truth(settings: Truth, *, capture: Path, path: Path, level: float, frames: Path, index: Path) -> None:
@@ -42,17 +43,17 @@ def truth(settings: Truth, *, capture: Path, path: Path, level: float, frames: P
         elif settings.folder and (folder := Path(settings.folder.replace("{level}", f"{level:g}"))).is_dir():
             keys = _copy_supplied(subject, folder, part)
         else:
-            keys, reason = [], f"no true caricature of this subject at level {level:g}"
-    write_ground_truth(index, level, keys, reason)
+            keys, reason = iter(()), f"no true caricature of this subject at level {level:g}"
+        written = list(keys)
+    write_ground_truth(index, level, written, reason)
 
 
 def _copy_captured(subject: Capture, folder: Path) -> Keys:
-    frames = (*subject.split("test"), *subject.split("val"))
-    for frame in frames:
+    for frame in (*subject.split("test"), *subject.split("val")):
         files = ground_truth_files(frame.timestep, frame.camera)
         shutil.copyfile(subject.root / frame.image, folder / files["image"])
         shutil.copyfile(subject.root / frame.mask, folder / files["mask"])
-    return [(frame.timestep, frame.camera) for frame in frames]
+        yield frame.timestep, frame.camera
 
 
 def _render_toy(subject: Capture, caricature: Caricature, folder: Path) -> Keys:
@@ -64,17 +65,16 @@ def _render_toy(subject: Capture, caricature: Caricature, folder: Path) -> Keys:
         colour, alpha = render_subject(toy, subject.parameters(frame.timestep), camera, caricature)
         write_png(folder / files["image"], colour)
         write_png(folder / files["mask"], alpha)
-    return [(frame.timestep, frame.camera) for frame in frames]
+        yield frame.timestep, frame.camera
 
 
 def _copy_supplied(subject: Capture, source: Path, folder: Path) -> Keys:
     """Copy images from a folder with an index in the format of GaussianAvatars."""
-    index, keys = source / "frames.json", []
+    index = source / "frames.json"
     for i, entry in enumerate(read_json(index, list)):
         where = f"[{i}]"
-        timestep, number = (
-            json_field(entry, key, int, file=index, where=where) for key in ("timestep_index", "camera_index")
-        )
+        timestep = json_field(entry, "timestep_index", int, file=index, where=where)
+        number = json_field(entry, "camera_index", int, file=index, where=where)
         camera = subject.cameras.get(number)
         if camera is None:
             raise InputError(f"the capture has no camera {number}", file=index, field=f"{where}.camera_index")
@@ -84,5 +84,4 @@ def _copy_supplied(subject: Capture, source: Path, folder: Path) -> Keys:
             if png_size(file) != (camera.width, camera.height):
                 raise InputError(f"its camera has {camera.width} x {camera.height} pixels", file=file)
             shutil.copyfile(file, folder / name)
-        keys.append((timestep, number))
-    return keys
+        yield timestep, number

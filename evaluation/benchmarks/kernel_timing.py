@@ -8,7 +8,6 @@ from unittest.mock import patch
 
 # Before numba starts its threads: see `carigs.simd.threads`.
 import torch  # isort: skip
-import numba
 
 from carigs.simd.threads import use_threads
 from carigs.splat.rasterizer import binning
@@ -56,10 +55,9 @@ def num_threads(count: int) -> Iterator[None]:
     Yields:
         Nothing.
     """
-    before = numba.get_num_threads(), torch.get_num_threads()
+    before = torch.get_num_threads()
     use_threads(count)
     try:
         yield
     finally:
-        numba.set_num_threads(before[0])
-        torch.set_num_threads(before[1])
+        use_threads(before)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,13 +14,8 @@ from evaluation.benchmarks.timing import Measurement
 from evaluation.figures.png_figure import png_figure
 
 COLOURS = {"plain loops": "0.6", "carigs": "tab:blue"}
-SCALING = re.compile(
-    r"(?P<surfels>\d+) surfels, (?P<height>\d+)x(?P<width>\d+), (?P<threads>\d) threads?; forward and backward"
-)
+SCALING = r"(?P<surfels>\d+) surfels, (?P<height>\d+)x(?P<width>\d+), (?P<threads>\d) threads?"
 WARP = re.compile(r"(?P<warp>affine|perspective), (?P<samples>\d)x\d, antialias (?P<antialias>on|off)")
-
-Curves = dict[str, list[tuple[float, float]]]
-"""Points of each curve, by label."""
 
 
 def plot_splat(file: Path, measurements: Sequence[Measurement], kernels: Sequence[str]) -> None:
@@ -31,20 +26,22 @@ def plot_splat(file: Path, measurements: Sequence[Measurement], kernels: Sequenc
         measurements: Records of `evaluation.benchmarks.splat`.
         kernels: Names of the kernels.
     """
-    matches = [(SCALING.fullmatch(f"{m.case}; {m.quantity}"), m) for m in measurements]
-    scaling = pd.DataFrame(
-        [{**{k: int(v) for k, v in match.groupdict().items()}, "carigs": m.value, "plain loops": m.reference}
-         for match, m in matches if match]
-    )  # fmt: skip
+    table = pd.DataFrame(measurements).rename(columns={"value": "carigs", "reference": "plain loops"})
+    scaling = table[table["quantity"] == "forward and backward"]
+    scaling = scaling.join(scaling["case"].str.extract(SCALING).astype(int))
     scaling["pixels"] = scaling["width"] * scaling["height"]
     with png_figure(file, (11.0, 7.6)) as figure:
         top, bottom = figure.subplots(2, 2)
         for axes, scene in zip(top, ("normal", "dense"), strict=True):
-            shown = [m for m in measurements if m.quantity in kernels and m.case.endswith(f", {scene}")]
-            _draw_kernels(axes, shown)
+            shown = table[table["quantity"].isin(kernels) & table["case"].str.endswith(f", {scene}")]
+            bars = shown.set_index(shown["quantity"].str.replace(" ", "\n"))[list(COLOURS)]
+            bars.plot.bar(ax=axes, color=COLOURS, rot=0, width=0.8, xlabel="", ylabel="CPU ms, 1 thread")
+            for container in axes.containers:
+                axes.bar_label(container, fmt="%.3g", fontsize=8)
+            axes.set_title(shown["case"].iloc[0], fontsize=10)
         for axes, x, fixed in zip(bottom, ("surfels", "pixels"), ("pixels", "surfels"), strict=True):
             # The scenes that differ in nothing but x.
-            common = Counter(scaling[fixed]).most_common(1)[0][0]
+            common = scaling[fixed].mode()[0]
             _draw_scaling(axes, x, scaling[scaling[fixed] == common].sort_values(x))
             axes.set_title(f"{common:,} {fixed}: rendering and gradient", fontsize=10)
 
@@ -60,22 +57,19 @@ def plot_surface(file: Path, measurements: Sequence[Measurement], typical: str, 
     """
     with png_figure(file, (15.0, 8.6), dpi=100) as figure:
         (solvers, paths, curvature), (*bounds, lids) = figure.subplots(2, 3)
-        curves = _curves(measurements, r"(?P<x>\d+) vertices, (.*); 32 levels")
-        _draw_curves(solvers, curves, "vertices", "CPU s", "factorise and solve 32 levels")
-        curves = _curves(measurements, r"(.*); largest error of a path of (?P<x>\d+) nodes")
-        _draw_curves(paths, curves, "nodes of the path", "largest error (diagonals)", "paths against exact solves")
+        shown = r"(?P<x>\d+) vertices, (.*); 32 levels"
+        _draw_curves(solvers, measurements, shown, "vertices", "CPU s", "factorise and solve 32 levels")
+        shown, label = r"(.*); largest error of a path of (?P<x>\d+) nodes", "largest error (diagonals)"
+        _draw_curves(paths, measurements, shown, "nodes of the path", label, "paths against exact solves")
         paths.set_xscale("linear")
         # The torus with an even grid is left out: every estimator is accurate there.
-        curves = _curves(measurements, r"((?!torus, ).*), (?P<x>\d+) vertices; error of K: (.*)")
-        _draw_curves(curvature, curves, "vertices", "relative rms error", "Gaussian curvature")
+        shown = r"((?!torus, ).*), (?P<x>\d+) vertices; error of K: (.*)"
+        _draw_curves(curvature, measurements, shown, "vertices", "relative rms error", "Gaussian curvature")
         curvature.set_ylim(top=30)  # room for the legend
         for axes, preset in zip(bounds, presets, strict=True):
-            name = re.escape(f"{typical}, {preset}; ")
-            curves = _curves(
-                measurements, rf"{name}(rms error of the blend|bound of that error, .*) at level (?P<x>[\d.]+)"
-            )
-            title = f"rms error of the linear blend, {preset}"
-            _draw_curves(axes, curves, r"caricature level $\gamma$", "diagonals", title)
+            name, title = re.escape(f"{typical}, {preset}; "), f"rms error of the linear blend, {preset}"
+            shown = rf"{name}(rms error of the blend|bound of that error, .*) at level (?P<x>[\d.]+)"
+            _draw_curves(axes, measurements, shown, r"caricature level $\gamma$", "diagonals", title)
             axes.set_xscale("linear")
         _draw_lids(lids, [m for m in measurements if m.quantity.startswith("lids closed")])
 
@@ -87,24 +81,20 @@ def plot_target(file: Path, measurements: Sequence[Measurement]) -> None:
         file: PNG file to write.
         measurements: Records of `evaluation.benchmarks.target`.
     """
-    values: dict[str, dict[str, float]] = defaultdict(dict)
-    for m in measurements:
-        values[m.case][m.quantity] = m.value
+    table = pd.DataFrame(measurements)
+    values = table.pivot(index="case", columns="quantity", values="value")
     with png_figure(file, (7.0, 4.2)) as figure:
         axes = figure.subplots()
-        for case, value in values.items():
+        for case in table["case"].unique():
             if option := WARP.fullmatch(case):
                 axes.plot(
-                    value["visibility, warp and masks"], value["99th percentile of the error"],
+                    *values.loc[case, ["visibility, warp and masks", "99th percentile of the error"]],
                     "os^"[int(option["samples"]).bit_length() - 1],
                     color="tab:blue" if option["warp"] == "perspective" else "0.6",
                     fillstyle="full" if option["antialias"] == "on" else "none", label=case,
                 )  # fmt: skip
-        axes.set(
-            xscale="log",
-            xlabel="CPU ms per frame of 802x550, one thread",
-            ylabel="99th percentile of |target - truth|, trusted pixels",
-        )
+        axes.set(xscale="log", xlabel="CPU ms per frame of 802x550, one thread")
+        axes.set_ylabel("99th percentile of |target - truth|, trusted pixels")
         axes.grid(alpha=0.3, which="both")
         axes.legend(fontsize=7)
 
@@ -127,37 +117,25 @@ def plot_quality(file: Path, evaluations: pd.DataFrame) -> None:
         axes.legend(fontsize=8, frameon=False)
 
 
-def _draw_kernels(axes: Any, measurements: Sequence[Measurement]) -> None:
-    times = {"plain loops": [m.reference for m in measurements], "carigs": [m.value for m in measurements]}
-    table = pd.DataFrame(times, index=[m.quantity.replace(" ", "\n") for m in measurements])
-    table.plot.bar(ax=axes, color=COLOURS, rot=0, width=0.8, ylabel="CPU ms, 1 thread")
-    for bars in axes.containers:
-        axes.bar_label(bars, fmt="%.3g", fontsize=8)
-    axes.set_title(measurements[0].case, fontsize=10)
-
-
 def _draw_scaling(axes: Any, x: str, scaling: pd.DataFrame) -> None:
     for threads, style in ((1, "o-"), (2, "s--")):
         shown = scaling[scaling["threads"] == threads].set_index(x)[list(COLOURS)]
-        shown.add_suffix(f", {threads} thread{'s' * (threads > 1)}").plot(
-            ax=axes, style=style, color=list(COLOURS.values()), loglog=True, ylabel="wall ms"
-        )
+        shown = shown.add_suffix(f", {threads} thread{'s' * (threads > 1)}")
+        shown.plot(ax=axes, style=style, color=list(COLOURS.values()), loglog=True, ylabel="wall ms")
     axes.grid(alpha=0.3, which="both")
     axes.legend(fontsize=8)
 
 
-def _curves(measurements: Sequence[Measurement], pattern: str) -> Curves:
-    """Curves of the records whose "case; quantity" matches: group x is the abscissa, the others make the label."""
-    curves: Curves = defaultdict(list)
+def _draw_curves(
+    axes: Any, measurements: Sequence[Measurement], pattern: str, xlabel: str, ylabel: str, title: str
+) -> None:
+    """Draw the records whose "case; quantity" matches: group x is the abscissa, the others make the label."""
+    curves: dict[str, list[tuple[float, float]]] = defaultdict(list)
     for m in measurements:
         if match := re.fullmatch(pattern, f"{m.case}; {m.quantity}"):
             x = match.re.groupindex["x"]
             label = ": ".join(text for number, text in enumerate(match.groups(), start=1) if number != x)
             curves[label].append((float(match["x"]), m.value))
-    return curves
-
-
-def _draw_curves(axes: Any, curves: Curves, xlabel: str, ylabel: str, title: str) -> None:
     for name, points in curves.items():
         axes.plot(*zip(*sorted(points), strict=True), "o-", markersize=3, label=name)
     axes.set(xscale="log", yscale="log", xlabel=xlabel, ylabel=ylabel)
@@ -169,13 +147,13 @@ def _draw_curves(axes: Any, curves: Curves, xlabel: str, ylabel: str, title: str
 
 def _draw_lids(axes: Any, measurements: Sequence[Measurement]) -> None:
     """One dot for each person: closure relative to the natural one."""
-    closures: dict[tuple[str, str], list[float]] = defaultdict(list)
+    closures: dict[str, list[float]] = defaultdict(list)
     for m in measurements:
-        closures[m.case.split(", ")[1], m.quantity.split(", ")[1]].append(m.value / m.reference)
-    for place, kind in enumerate(sorted(closures, reverse=True)):
-        axes.plot([place] * len(closures[kind]), closures[kind], "o", alpha=0.4, color="tab:blue")
+        closures["\n".join(name.split(", ")[1] for name in (m.case, m.quantity))].append(m.value / m.reference)
+    for kind in sorted(closures, reverse=True):
+        axes.plot([kind] * len(closures[kind]), closures[kind], "o", alpha=0.4, color="tab:blue")
     axes.axhspan(0.85, 1.15, color="tab:green", alpha=0.15)
     axes.axhline(1, color="k", linewidth=0.6)
-    axes.set_xticks(range(len(closures)), ["\n".join(kind) for kind in sorted(closures, reverse=True)], fontsize=8)
+    axes.tick_params(axis="x", labelsize=8)
     axes.set_title("lids under a full blink: closure / natural closure", fontsize=10)
     axes.grid(alpha=0.3, axis="y")

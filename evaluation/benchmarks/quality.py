@@ -75,9 +75,9 @@ class QualityMonitor:
         """
         self.seconds += wall_seconds() - self.started
         if state.iteration in self.steps:
-            steps, budget = self.settings.iterations, self.settings.density.max_surfels
-            psnr = self.psnr(Avatar(state.surfels, self.sequence, background=self.capture.background))
-            evaluation = Evaluation(budget, steps, state.iteration, self.seconds, len(state.surfels), psnr)
+            quality = self.psnr(Avatar(state.surfels, self.sequence, background=self.capture.background))
+            run = self.settings.density.max_surfels, self.settings.iterations, state.iteration
+            evaluation = Evaluation(*run, self.seconds, len(state.surfels), quality)
             self.evaluations.append(evaluation)
             print(*(f"{name} {value:.6g}" for name, value in evaluation._asdict().items()), flush=True)
         self.started = wall_seconds()
@@ -94,8 +94,7 @@ class QualityMonitor:
         values = []
         for frame in self.frames:
             image = avatar.render(frame.timestep, 0.0, self.capture.cameras[frame.camera])
-            image = np.rint(np.clip(image, 0, 1) * 255) / 255
-            values.append(psnr(image, self.capture.image(frame)))
+            values.append(psnr(np.rint(np.clip(image, 0, 1) * 255) / 255, self.capture.image(frame)))
         return float(np.mean(values))
 
 

@@ -19,21 +19,14 @@ import torch
 
 from carigs.capture import Camera
 from carigs.splat.rasterizer.rasterize import OUTPUTS, WorldSurfels, rasterize
+from evaluation.benchmarks import timing
 from evaluation.benchmarks.kernel_timing import KERNELS, kernel_times, num_threads
 from evaluation.benchmarks.plots import plot_splat
 from evaluation.benchmarks.surfel_pixel_pairs import contributing_pairs
 from evaluation.benchmarks.synthetic_scenes import ellipsoid, portrait, scene_name
-from evaluation.benchmarks.timing import (
-    Measurement,
-    compare_times,
-    cpu_seconds,
-    elapsed,
-    median_times_in_turns,
-    run_in_fresh_process,
-)
+from evaluation.benchmarks.timing import Measurement
 from evaluation.benchmarks.training_speed import measure_loss, measure_skinning, measure_training
 from evaluation.command_line import csv_parser, run
-from evaluation.tables.csv_files import stream_csv
 
 COLOURS = ("colour", "alpha")
 """Outputs that a training without geometric regularizers asks for."""
@@ -105,11 +98,12 @@ def measure_kernels(
 
     def measured(backend: str) -> dict[str, float]:
         with kernel_times(backend) as times:
-            call = elapsed(lambda: work(backend), cpu_seconds)
+            call = timing.elapsed(lambda: work(backend), timing.cpu_seconds)
         return {**times, "all kernels": sum(times.values()), "with torch around them": call}
 
+    works = {backend: partial(measured, backend) for backend in ("cpu", "scalar")}
     with num_threads(1):
-        times = median_times_in_turns({backend: partial(measured, backend) for backend in ("cpu", "scalar")}, repeats)
+        times = timing.median_times_in_turns(works, repeats)
     fast, slow = times["cpu"], times["scalar"]
     case = scene_name(len(surfels.centre), camera, 1, name)
     for kernel in (*KERNELS, "all kernels", "with torch around them"):
@@ -138,7 +132,7 @@ def measure_scaling(sizes: Sizes) -> Iterator[Measurement]:
         for number in (1, 2):
             with num_threads(number):
                 works = {backend: partial(work, backend) for backend in ("cpu", "scalar")}
-                times = compare_times(works, max(sizes.repeats // 3, 1))
+                times = timing.compare_times(works, max(sizes.repeats // 3, 1))
             case = scene_name(count, camera, number)
             yield Measurement(case, "forward and backward", "ms", 1e3 * times["cpu"], 1e3 * times["scalar"])
 
@@ -168,12 +162,12 @@ def measure_start(processes: int, cold: bool) -> Iterator[Measurement]:
     Yields:
         Records.
     """
-    runs = [run_in_fresh_process(START) for _ in range(processes)]
+    runs = [timing.run_in_fresh_process(START) for _ in range(processes)]
     for name in runs[0]:
         yield Measurement("start, kernels cached", name, "s", median(run[name] for run in runs))
     if cold:
         with TemporaryDirectory() as cache:
-            times = run_in_fresh_process(START, NUMBA_CACHE_DIR=cache)
+            times = timing.run_in_fresh_process(START, NUMBA_CACHE_DIR=cache)
         for name, value in times.items():
             yield Measurement("start, nothing cached", name, "s", value)
 
@@ -205,13 +199,7 @@ def benchmark(file: Path, sizes: Sizes) -> None:
         file: CSV file to write; the plot goes beside it.
         sizes: Sizes of the scenes.
     """
-
-    def printed() -> Iterator[Measurement]:
-        for m in measurements(sizes):
-            print(f"{m.case}: {m.quantity} {m.value:.4g} {m.unit}", flush=True)
-            yield m
-
-    plot_splat(file.with_suffix(".png"), stream_csv(file, printed(), Measurement), KERNELS)
+    plot_splat(file.with_suffix(".png"), timing.write_measurements(file, measurements(sizes)), KERNELS)
 
 
 def main() -> None:

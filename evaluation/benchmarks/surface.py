@@ -7,7 +7,9 @@ Example:
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from argparse import ArgumentParser, Namespace
+from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,21 +22,11 @@ from carigs.head import HeadModel
 from carigs.mesh import clean_mesh
 from carigs.mesh.ambient_occlusion import ambient_occlusion
 from carigs.settings import Exaggerate
+from evaluation.benchmarks import surface_accuracy as accuracy
 from evaluation.benchmarks.plots import plot_surface
-from evaluation.benchmarks.surface_accuracy import (
-    GAMMA,
-    PRESETS,
-    measure_blend_bounds,
-    measure_curvature,
-    measure_lid_closure,
-    measure_paths,
-    measure_sphere_law,
-    preset,
-)
 from evaluation.benchmarks.surface_solvers import measure_fill_in, measure_solvers
-from evaluation.benchmarks.timing import Measurement, median_time
+from evaluation.benchmarks.timing import Measurement, elapsed, median_time, write_measurements
 from evaluation.command_line import csv_parser, run
-from evaluation.tables.csv_files import stream_csv
 
 FLAME_SIZE = 5023
 PEOPLE = 20
@@ -54,14 +46,11 @@ def measure_set_up(case: str, mesh: Mesh, settings: Exaggerate, repeats: int = 5
     Yields:
         Records; the reference of a level is the sum of all steps.
     """
-
-    def cpu(work: Callable[[], object]) -> float:
-        return median_time(work, repeats, time.process_time)
-
+    cpu = partial(median_time, repeats=repeats, clock=time.process_time)
     repair = cpu(lambda: clean_mesh(*mesh))
     setup = cpu(lambda: Exaggerator(*mesh, settings))
     solver = Exaggerator(*mesh, settings)
-    level = cpu(lambda: solver.solve(GAMMA))
+    level = cpu(lambda: solver.solve(accuracy.GAMMA))
     yield Measurement(case, "CPU: check and mend", "s", repair)
     yield Measurement(case, "CPU: set-up without occlusion", "s", setup)
     yield Measurement(case, "CPU: one exact level", "s", level, repair + setup + level)
@@ -77,12 +66,12 @@ def measure_head(case: str, mesh: Mesh) -> Iterator[Measurement]:
     Yields:
         Records.
     """
-    occlusion = median_time(lambda: ambient_occlusion(*mesh), 1, time.process_time, warm_up=False)
+    occlusion = elapsed(lambda: ambient_occlusion(*mesh), time.process_time)
     yield Measurement(case, "CPU: ambient occlusion", "s", occlusion)
     yield from measure_set_up(case, mesh, Exaggerate(limit_cavities=False))
-    solver = Exaggerator(*mesh, preset("robust"))
+    solver = Exaggerator(*mesh, accuracy.preset("robust"))
     yield from measure_fill_in(case, solver)
-    yield from measure_paths(case, solver)
+    yield from accuracy.measure_paths(case, solver)
 
 
 def measurements(heads: Mapping[str, Mesh], typical: str, model: HeadModel | None) -> Iterator[Measurement]:
@@ -96,25 +85,16 @@ def measurements(heads: Mapping[str, Mesh], typical: str, model: HeadModel | Non
     Yields:
         Records.
     """
-    yield from measure_sphere_law(range(2, 7))
-    yield from measure_curvature(range(2, 6))
+    yield from accuracy.measure_sphere_law(range(2, 7))
+    yield from accuracy.measure_curvature(range(2, 6))
     for name, mesh in heads.items():
         yield from measure_head(name, mesh)
-    for name in PRESETS:
-        yield from measure_blend_bounds(f"{typical}, {name}", Exaggerator(*heads[typical], preset(name)))
+    for name in accuracy.PRESETS:
+        solver = Exaggerator(*heads[typical], accuracy.preset(name))
+        yield from accuracy.measure_blend_bounds(f"{typical}, {name}", solver)
     yield from measure_solvers(*heads[typical])
     if model is not None:
-        yield from measure_lid_closure(model, PEOPLE)
-
-
-def _with_progress(records: Iterable[Measurement]) -> Iterator[Measurement]:
-    """Pass the records on, and print a line for each new case."""
-    start, case = time.perf_counter(), None
-    for record in records:
-        if record.case != case:
-            case = record.case
-            print(f"{time.perf_counter() - start:6.1f} s  {case}", flush=True)
-        yield record
+        yield from accuracy.measure_lid_closure(model, PEOPLE)
 
 
 def benchmark(file: Path, heads: Mapping[str, Mesh], model: HeadModel | None) -> None:
@@ -128,18 +108,30 @@ def benchmark(file: Path, heads: Mapping[str, Mesh], model: HeadModel | None) ->
     torus = trimesh.creation.torus(1.0, 0.4, major_sections=100, minor_sections=50)
     meshes = dict(heads) or {"torus": (np.asarray(torus.vertices), np.asarray(torus.faces))}
     typical = min(meshes, key=lambda name: abs(len(meshes[name][0]) - FLAME_SIZE))
-    records = stream_csv(file, _with_progress(measurements(meshes, typical, model)), Measurement)
-    plot_surface(file.with_suffix(".png"), records, typical, PRESETS)
+    records = write_measurements(file, measurements(meshes, typical, model))
+    plot_surface(file.with_suffix(".png"), records, typical, accuracy.PRESETS)
 
 
 def main() -> None:
     """Run the benchmark from the command line; all heads are read before work starts."""
-    parser = csv_parser(__doc__)
+    arguments, heads, model = parse_heads(csv_parser(__doc__))
+    benchmark(arguments.rows, heads, model)
+
+
+def parse_heads(parser: ArgumentParser) -> tuple[Namespace, dict[str, Mesh], HeadModel | None]:
+    """Parse a command line that names heads and a head model, and read them.
+
+    Args:
+        parser: Parser of the other arguments.
+
+    Returns:
+        The arguments, the heads by name, and the head model if there is one.
+    """
     parser.add_argument("meshes", type=Path, nargs="*", help="heads")
-    parser.add_argument("--head-model", type=Path, help="for the closure of lids: a model with landmarks and eyeBlink")
+    parser.add_argument("--head-model", type=Path, help="for random people: a model with landmarks and eyeBlink")
     arguments = parser.parse_args()
     model = HeadModel.load(arguments.head_model) if arguments.head_model else None
-    benchmark(arguments.rows, read_heads(arguments.meshes), model)
+    return arguments, read_heads(arguments.meshes), model
 
 
 def read_heads(files: list[Path]) -> dict[str, Mesh]:

@@ -91,26 +91,17 @@ def _surfaces(n: int) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
     points = np.asarray(ball.vertices) * axes
     # K = 1 / (a b c sum (x/a^2)^2)^2
     ellipsoid = 1 / (axes.prod() ** 2 * ((points / axes**2) ** 2).sum(axis=1) ** 2)
+    surfaces = {"ellipsoid": (points, np.asarray(ball.faces), ellipsoid)}
     around, across = 16 * 2 ** (n - 1), 8 * 2 ** (n - 1)
     ring = trimesh.creation.torus(1.0, 0.4, major_sections=around, minor_sections=across)
-    faces, angles = np.asarray(ring.faces), _torus_angles(np.asarray(ring.vertices))
+    x, y, z = np.asarray(ring.vertices).T
+    angles = np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y) - 1.0)], axis=1)
     noise = np.random.default_rng(0).uniform(-0.2, 0.2, angles.shape) * 2 * np.pi / np.array([around, across])
-    tori = {"torus": angles, "torus shaken by 20 % of an edge": angles + noise}
-    return {
-        "ellipsoid": (points, np.asarray(ball.faces), ellipsoid),
-        **{name: (_torus(a), faces, np.cos(a[:, 1]) / (0.4 * (1 + 0.4 * np.cos(a[:, 1])))) for name, a in tori.items()},
-    }
-
-
-def _torus_angles(points: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v 2"]:
-    x, y, z = points.T
-    return np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y) - 1.0)], axis=1)
-
-
-def _torus(angles: Float[np.ndarray, "v 2"]) -> Float[np.ndarray, "v 3"]:
-    u, v = angles.T
-    reach = 1 + 0.4 * np.cos(v)
-    return np.stack([reach * np.cos(u), reach * np.sin(u), 0.4 * np.sin(v)], axis=1)
+    for name, (u, v) in {"torus": angles.T, "torus shaken by 20 % of an edge": (angles + noise).T}.items():
+        reach = 1 + 0.4 * np.cos(v)
+        points = np.stack([reach * np.cos(u), reach * np.sin(u), 0.4 * np.sin(v)], axis=1)
+        surfaces[name] = points, np.asarray(ring.faces), np.cos(v) / (0.4 * reach)
+    return surfaces
 
 
 def _estimates(
@@ -121,8 +112,8 @@ def _estimates(
     stiffness = CotanLaplacian(vertices, faces).stiffness()
     estimates = {"angle defect, mixed Voronoi": defects / areas, "angle defect, barycentric": defects / thirds}
     for share in (0.005, 0.02):
-        smooth = diffuse_heat(defects / areas, areas, stiffness, (share * size(vertices, faces)) ** 2)
-        estimates[f"the first, heat {100 * share:g} %"] = smooth
+        time = (share * size(vertices, faces)) ** 2
+        estimates[f"the first, heat {100 * share:g} %"] = diffuse_heat(defects / areas, areas, stiffness, time)
     _, _, highest, lowest, *_ = igl.principal_curvature(vertices, faces)
     return {**estimates, "quadric fit (libigl)": highest * lowest}
 
@@ -261,13 +252,10 @@ def measure_lid_closure(
     def gap(vertices: np.ndarray) -> float:
         return float((vertices[upper] - vertices[lower])[:, 1].mean())
 
-    settings = {name: preset(name) for name in presets}
     for seed in range(1, people + 1):
         head = random_person(model, seed)
         natural = 1 - gap(head + blink) / gap(head)
         for name in presets:
-            for transfer, opened, closed in blink_by_transfer(head, model, settings[name], transfers):
-                closure = 1 - gap(closed) / gap(opened)
-                yield Measurement(
-                    f"person {seed}, {name}", f"lids closed by a blink, {transfer}", "gap", closure, natural
-                )
+            for transfer, opened, closed in blink_by_transfer(head, model, preset(name), transfers):
+                case, closure = f"person {seed}, {name}", 1 - gap(closed) / gap(opened)
+                yield Measurement(case, f"lids closed by a blink, {transfer}", "gap", closure, natural)

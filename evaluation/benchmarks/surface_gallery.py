@@ -14,7 +14,7 @@ import cv2
 from carigs.exaggeration import Exaggerator
 from carigs.head import HeadModel
 from carigs.mesh.triangle_mesh import size
-from evaluation.benchmarks.surface import Mesh, read_heads
+from evaluation.benchmarks.surface import Mesh, parse_heads
 from evaluation.benchmarks.surface_accuracy import GAMMA, PRESETS, blink_by_transfer, full_blink, preset, random_person
 from evaluation.command_line import run
 from evaluation.figures.clay import clay_sheet
@@ -69,11 +69,7 @@ def main() -> None:
     """Write `surface_{mesh}.png` for each mesh, and `surface_lids.png`."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, help="folder to write to")
-    parser.add_argument("meshes", type=Path, nargs="*", help="heads")
-    parser.add_argument("--head-model", type=Path, help="for the lids: a model with landmarks and eyeBlink")
-    arguments = parser.parse_args()
-    heads = read_heads(arguments.meshes)
-    model = HeadModel.load(arguments.head_model) if arguments.head_model else None
+    arguments, heads, model = parse_heads(parser)
     for name, mesh in heads.items():
         draw_presets(arguments.folder / f"surface_{name}.png", mesh)
     if model is not None:

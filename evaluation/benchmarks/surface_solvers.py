@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 
 import igl
 import numpy as np
@@ -12,15 +13,8 @@ from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import splu
 
 from carigs.exaggeration import Exaggerator
+from carigs.mesh import linear_solver
 from carigs.mesh.cotan_laplacian import CotanLaplacian, mixed_voronoi_areas
-from carigs.mesh.linear_solver import (
-    COLUMNS,
-    SYMMETRIC,
-    CholeskySolver,
-    CholeskySolverD,
-    conjugate_gradients,
-    solve_in_blocks,
-)
 from evaluation.benchmarks.timing import Measurement, elapsed, median_time
 
 Solve = Callable[[np.ndarray], np.ndarray]
@@ -59,9 +53,8 @@ def measure_solvers(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "
             first = first or times
             if times["one level"] > MAX_FIRST_LEVEL:
                 too_slow.add(name)
-        vertices, faces = (
-            array.astype(kind) for array, kind in zip(igl.upsample(vertices, faces), (float, np.int64), strict=True)
-        )
+        vertices, faces = igl.upsample(vertices, faces)
+        faces = faces.astype(np.int64)  # libigl returns C's long long, another type to NumPy
 
 
 def measure_fill_in(case: str, solver: Exaggerator, repeats: int = 5) -> Iterator[Measurement]:
@@ -77,10 +70,9 @@ def measure_fill_in(case: str, solver: Exaggerator, repeats: int = 5) -> Iterato
     """
     inside = np.flatnonzero(solver.solved_vertices)[1:]
     matrix = solver.system[inside][:, inside].tocsc()
-    entries = [float(splu(matrix, **order).nnz) for order in (SYMMETRIC, {})]
-    times = [
-        median_time(lambda order=order: splu(matrix, **order), repeats, time.process_time) for order in (SYMMETRIC, {})
-    ]
+    orders = (linear_solver.SYMMETRIC, {})
+    entries = [float(splu(matrix, **order).nnz) for order in orders]
+    times = [median_time(partial(splu, matrix, **order), repeats, time.process_time) for order in orders]
     yield Measurement(case, "entries of LU's factors, symmetric minimum degree", "1", *entries)
     yield Measurement(case, "CPU: LU, symmetric minimum degree", "s", *times)
 
@@ -90,11 +82,11 @@ def _solvers(matrix: csc_array, mass: np.ndarray) -> Mapping[str, Callable[[], S
 
     def lu(system: csc_array, **options: object) -> Solve:
         factors = splu(system, **options)
-        return lambda right: solve_in_blocks(factors, right)
+        return lambda right: linear_solver.solve_in_blocks(factors, right)
 
     def iterate() -> Solve:
-        start = np.zeros(matrix.shape[0])
-        return lambda right: np.stack([conjugate_gradients(matrix, c, start, 10**5) for c in right.T], axis=1)
+        solve = partial(linear_solver.conjugate_gradients, matrix, start=np.zeros(matrix.shape[0]), most=10**5)
+        return lambda right: np.stack([solve(column) for column in right.T], axis=1)
 
     def least_squares() -> Solve:
         # Equation 3 of the paper literally, with L = A^-1 W: the normal equations are those of a bi-Laplacian.
@@ -102,12 +94,12 @@ def _solvers(matrix: csc_array, mass: np.ndarray) -> Mapping[str, Callable[[], S
         solve = lu((matrix @ inverse @ matrix).tocsc())
         return lambda right: solve(matrix @ (inverse @ right))
 
-    ours = "LU in the order that suits the size" if CholeskySolverD is None else "Cholesky (cholespy)"
+    ours = "LU in the order that suits the size" if linear_solver.CholeskySolverD is None else "Cholesky (cholespy)"
     return {
-        ours: lambda: CholeskySolver(matrix).solve,
-        f"LU (COLAMD), {COLUMNS} columns at once": lambda: lu(matrix),
+        ours: lambda: linear_solver.CholeskySolver(matrix).solve,
+        f"LU (COLAMD), {linear_solver.COLUMNS} columns at once": lambda: lu(matrix),
         "LU (COLAMD), all columns at once": lambda: splu(matrix).solve,
-        "LU (MMD, symmetric)": lambda: lu(matrix, **SYMMETRIC),
+        "LU (MMD, symmetric)": lambda: lu(matrix, **linear_solver.SYMMETRIC),
         "normal equations of the least squares": least_squares,
         "conjugate gradients": iterate,
     }

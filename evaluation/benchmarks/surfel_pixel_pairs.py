@@ -7,7 +7,6 @@ An independent count: it shares no formula with the kernels. Each pixel's ray is
 from __future__ import annotations
 
 import numpy as np
-import torch
 from jaxtyping import Float, Int
 
 from carigs.capture import Camera
@@ -27,9 +26,8 @@ def contributing_pairs(surfels: WorldSurfels, camera: Camera) -> int:
     Returns:
         Number of pairs.
     """
-    centre, u, v, opacity = (
-        _as_double(tensor) for tensor in (surfels.centre, surfels.tangent_u, surfels.tangent_v, surfels.opacity)
-    )
+    tensors = surfels.centre, surfels.tangent_u, surfels.tangent_v, surfels.opacity
+    centre, u, v, opacity = (tensor.detach().double().numpy() for tensor in tensors)
     rotation = camera.camera_from_world[:3, :3]
     in_camera = np.stack([u @ rotation.T, v @ rotation.T, camera.to_camera(centre)], axis=2)
     intrinsics = np.array([[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]])
@@ -48,10 +46,6 @@ def contributing_pairs(surfels: WorldSurfels, camera: Camera) -> int:
         before[touched] = np.where(goes_on, after, 0.0)[touched]
         pairs += np.count_nonzero(touched & goes_on)
     return pairs
-
-
-def _as_double(tensor: torch.Tensor) -> Float[np.ndarray, "n *c"]:
-    return tensor.detach().numpy().astype(np.float64)
 
 
 def _middle(pixel_from_disc: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 2"]:

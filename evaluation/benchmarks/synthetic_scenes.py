@@ -60,7 +60,9 @@ def ellipsoid(count: int, *, spread: float = 1.0, seed: int = 0) -> WorldSurfels
     point = point[random.random(len(point)) < stretch * AXES.min()][:count]
     normal = _unit(_unit(point / AXES) + random.normal(0, 0.15, (count, 3)))
     u = _unit(np.cross(normal, random.normal(size=(count, 3))))
-    sigma = spread * SPACINGS * np.sqrt(_area() / count) * random.uniform(0.6, 1.4, (count, 2))
+    a, b, c = AXES**1.6075
+    area = float(4 * np.pi * ((a * b + a * c + b * c) / 3) ** (1 / 1.6075))  # to 1 % (Knud Thomsen's formula)
+    sigma = spread * SPACINGS * np.sqrt(area / count) * random.uniform(0.6, 1.4, (count, 2))
     tangents = sigma[:, :1] * u, sigma[:, 1:] * np.cross(normal, u)
     arrays = (AXES * point, *tangents, random.uniform(0.1, 0.99, count), random.random((count, 3)))
     return WorldSurfels(*(torch.from_numpy(array.astype(np.float32)).requires_grad_(True) for array in arrays))
@@ -68,12 +70,6 @@ def ellipsoid(count: int, *, spread: float = 1.0, seed: int = 0) -> WorldSurfels
 
 def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-
-
-def _area() -> float:
-    """Area of the ellipsoid, to 1 % (Knud Thomsen's formula)."""
-    a, b, c = AXES**1.6075
-    return float(4 * np.pi * ((a * b + a * c + b * c) / 3) ** (1 / 1.6075))
 
 
 def scene_name(surfels: int, camera: Camera, threads: int, *more: str) -> str:
@@ -120,9 +116,8 @@ def moving_head(subdivisions: int, timesteps: int = 4) -> HeadSequence:
         t: HeadParameters(rotation=np.array([0, 0.1 * t, 0]), expression=0.3 * t * np.eye(100)[0])
         for t in range(timesteps)
     }
-    return HeadSequence(
-        model, parameters, straight_path(vertices.astype(np.float64), model.faces, 0.2 * vertices, 0.25)
-    )
+    path = straight_path(vertices.astype(np.float64), model.faces, 0.2 * vertices, 0.25)
+    return HeadSequence(model, parameters, path)
 
 
 def capture_images(sequence: HeadSequence, folder: Path, width: int, height: int) -> Supervision:

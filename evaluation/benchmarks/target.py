@@ -10,8 +10,10 @@ Example:
 from __future__ import annotations
 
 import tempfile
+from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from itertools import product
+from functools import partial
+from itertools import chain, product
 from pathlib import Path
 
 import cv2
@@ -19,7 +21,7 @@ import numpy as np
 
 from carigs.capture import Camera, Capture, Frame, read_dataset
 from carigs.exaggeration import Caricature, GammaPath
-from carigs.gtstar import face_mask_flags, flags_from_names, make_target
+from carigs.gtstar import Target, face_mask_flags, flags_from_names, make_target
 from carigs.gtstar.capture_shading import fit_capture_shading
 from carigs.head import neutral, pose, subject_gamma_path
 from carigs.head.teeth import add_teeth
@@ -28,16 +30,16 @@ from carigs.raster import compute_visibility
 from carigs.settings import DEFAULT_MASK_FLAGS, Exaggerate, Gtstar, Toy
 from carigs.toy import load_subject, render_subject, write_capture
 from evaluation.benchmarks.plots import plot_target
-from evaluation.benchmarks.timing import Measurement, cpu_seconds, median_time
+from evaluation.benchmarks.timing import Measurement, cpu_seconds, median_time, write_measurements
 from evaluation.command_line import csv_parser, run
+from evaluation.figures.misregistration import ERROR_THRESHOLD
+from evaluation.metrics.image_quality import psnr_of_errors, squared_error
 from evaluation.metrics.regions import surface_regions
-from evaluation.tables.csv_files import stream_csv
 
 SIZE = (550, 802)
 FRAMES = 6
 REPEATS = 9
-ERROR_THRESHOLD = 0.15
-"""Mean absolute difference of the channels above which a pixel counts as wrong."""
+LIGHTS = ("the frame's light", "new light")
 OPTIONS = tuple(product(("affine", "perspective"), (1, 2, 4), (True, False)))
 """Values of `gtstar.warp`, `gtstar.supersampling` and `gtstar.antialias`."""
 
@@ -58,45 +60,33 @@ def measure_warp(subject: Capture, path: GammaPath, repeats: int = REPEATS) -> I
     excluded = np.uint16(flags_from_names(DEFAULT_MASK_FLAGS).value)
     frames = subject.split("test")[:: max(1, len(subject.split("test")) // FRAMES)][:FRAMES]
     scenes = _scenes(subject, frames, exaggerated)
-    image, matte, natural, deformed, camera, *_ = scenes[0]
-    large = _enlarged(camera)
-    pictures = cv2.resize(image, SIZE), cv2.resize(matte, SIZE)
-
-    def cpu_ms(work) -> float:
-        return 1000 * median_time(work, repeats, cpu_seconds)
-
+    image, matte, *meshes, camera, _, _ = scenes[0]
+    large = (cv2.resize(image, SIZE), cv2.resize(matte, SIZE), *meshes, _enlarged(camera))
     scene = f"{len(model.faces)} triangles, {SIZE[1]}x{SIZE[0]}"
-    yield Measurement(
-        scene, "visibility at one end", "ms", cpu_ms(lambda: compute_visibility(natural, model.faces, large))
-    )
+    seconds = median_time(lambda: compute_visibility(meshes[0], model.faces, large[-1]), repeats, cpu_seconds)
+    yield Measurement(scene, "visibility at one end", "ms", 1e3 * seconds)
     references: dict[str, float] = {}
     for option in sorted(OPTIONS, key=lambda option: option != ("affine", 1, False)):
         warp, samples, antialias = option
         settings = Gtstar(warp=warp, supersampling=samples, antialias=antialias)
-
-        def make_one(settings: Gtstar = settings) -> object:
-            ends = [compute_visibility(vertices, model.faces, large) for vertices in (natural, deformed)]
-            return make_target(*pictures, *ends, model, face_flags, settings)
-
-        values = {("visibility, warp and masks", "ms"): cpu_ms(make_one)}
-        errors, masked, wrong_masked = [], [], []
-        for *frame, before, after, view, truth, true_matte in scenes:
-            ends = [compute_visibility(vertices, model.faces, view) for vertices in (before, after)]
-            target = make_target(*frame, *ends, model, face_flags, settings)
-            on_mesh, excludes = target.caricature.face >= 0, (target.mask_flags & excluded) > 0
+        make_one = partial(_target, subject, face_flags, settings)
+        seconds, pixels = median_time(lambda make=make_one: make(*large), repeats, cpu_seconds), []
+        for *scene, truth, true_matte in scenes:
+            target = make_one(*scene)
             error = np.abs(target.colour - truth).mean(axis=2)
-            errors.append(error[on_mesh & ~excludes])
-            masked.append(excludes[on_mesh])
-            wrong_masked.append(excludes[(on_mesh | (true_matte > 0)) & (error > ERROR_THRESHOLD)])
-        pooled = np.concatenate(errors)
-        values["mean absolute error", "1"] = float(pooled.mean())
-        values["99th percentile of the error", "1"] = float(np.quantile(pooled, 0.99))
-        values["share of the mesh's pixels that is left out", "1"] = float(np.concatenate(masked).mean())
-        share = f"share of the head's errors above {ERROR_THRESHOLD} that is left out"
-        values[share, "1"] = float(np.concatenate(wrong_masked).mean())
+            pixels.append((error, target.caricature.face >= 0, (target.mask_flags & excluded) > 0, true_matte > 0))
+        error, on_mesh, left_out, head = map(np.stack, zip(*pixels, strict=True))
+        trusted, wrong = error[on_mesh & ~left_out], (on_mesh | head) & (error > ERROR_THRESHOLD)
+        values = {
+            "visibility, warp and masks": 1e3 * seconds,
+            "mean absolute error": trusted.mean(),
+            "99th percentile of the error": np.quantile(trusted, 0.99),
+            "share of the mesh's pixels that is left out": left_out[on_mesh].mean(),
+            f"share of the head's errors above {ERROR_THRESHOLD} that is left out": left_out[wrong].mean(),
+        }
         case = f"{warp}, {samples}x{samples}, antialias {'on' if antialias else 'off'}"
-        for (quantity, unit), value in values.items():
-            yield Measurement(case, quantity, unit, value, references.setdefault(quantity, value))
+        for unit, (quantity, value) in zip(("ms", "1", "1", "1", "1"), values.items(), strict=True):
+            yield Measurement(case, quantity, unit, float(value), references.setdefault(quantity, float(value)))
 
 
 def measure_relighting(subject: Capture, path: GammaPath) -> Iterator[Measurement]:
@@ -114,25 +104,20 @@ def measure_relighting(subject: Capture, path: GammaPath) -> Iterator[Measuremen
     regions = {name: surface_regions(model, model.v_template).faces[name] for name in ("skin", "face")}
     shading = fit_capture_shading(settings, subject, face_flags)
     for level in (path.gamma_f, 2 * path.gamma_f):
-        squares: dict[tuple[str, str], list[np.ndarray]] = {}
-        for *frame, before, after, camera, truth, _ in _scenes(subject, subject.split("test")[::2], path.at(level)):
-            meshes = before, after
-            ends = [compute_visibility(vertices, model.faces, camera) for vertices in meshes]
-            target = make_target(*frame, *ends, model, face_flags, settings, subject.background)
-            factor = shading.vertex_factors(*(shading.transfer(vertices, model.faces) for vertices in meshes))
+        squares: dict[tuple[str, str], list[np.ndarray]] = defaultdict(list)
+        for *scene, truth, _ in _scenes(subject, subject.split("test")[::2], path.at(level)):
+            target = _target(subject, face_flags, settings, *scene)
+            factor = shading.vertex_factors(*(shading.transfer(vertices, model.faces) for vertices in scene[2:4]))
             relit = relight(target.colour, target.caricature, factor, shading.kept)
             face = target.caricature.face
             trusted = (face >= 0) & ((target.mask_flags & excluded) == 0)
             for region, inside in regions.items():
-                where = trusted & inside[face]
-                for light, image in (("the frame's light", target.colour), ("new light", relit)):
-                    squares.setdefault((region, light), []).append(((image - truth)[where] ** 2).ravel())
-        for region in regions:
-            reference = None
-            for light in ("the frame's light", "new light"):
-                value = float(-10 * np.log10(np.concatenate(squares[region, light]).mean()))
-                reference = value if reference is None else reference
-                yield Measurement(f"level {level:g}, {light}", f"PSNR of trusted {region}", "dB", value, reference)
+                for light, image in zip(LIGHTS, (target.colour, relit), strict=True):
+                    squares[region, light].append(squared_error(image, truth)[trusted & inside[face]])
+        values = {key: psnr_of_errors(np.concatenate(parts)) for key, parts in squares.items()}
+        for (region, light), value in values.items():
+            case, reference = f"level {level:g}, {light}", values[region, LIGHTS[0]]
+            yield Measurement(case, f"PSNR of trusted {region}", "dB", value, reference)
 
 
 def benchmark(file: Path, folder: Path | None = None, toy: Toy | None = None, repeats: int = REPEATS) -> None:
@@ -150,9 +135,8 @@ def benchmark(file: Path, folder: Path | None = None, toy: Toy | None = None, re
             folder = Path(temporary)
             _write_subject(folder, toy or Toy(steps_per_sequence=1))
         subject, path = Capture.load(folder / "capture.json"), GammaPath.load(folder / "path.npz")
-        measurements = [*measure_warp(subject, path, repeats), *measure_relighting(subject, path)]
-    stream_csv(file, measurements, Measurement)
-    plot_target(file.with_suffix(".png"), measurements)
+        measurements = chain(measure_warp(subject, path, repeats), measure_relighting(subject, path))
+        plot_target(file.with_suffix(".png"), write_measurements(file, measurements))
 
 
 def _scenes(subject: Capture, frames: Sequence[Frame], exaggerated: Caricature) -> list[tuple]:
@@ -164,6 +148,15 @@ def _scenes(subject: Capture, frames: Sequence[Frame], exaggerated: Caricature) 
         truth = render_subject(person, parameters, camera, exaggerated)
         scenes.append((subject.image(frame), subject.mask(frame), *meshes, camera, *truth))
     return scenes
+
+
+def _target(
+    subject: Capture, face_flags: np.ndarray, settings: Gtstar, image: np.ndarray, matte: np.ndarray,
+    natural: np.ndarray, deformed: np.ndarray, camera: Camera,
+) -> Target:  # fmt: skip
+    """Warp a frame from the natural mesh to that of the caricature."""
+    ends = [compute_visibility(vertices, subject.model.faces, camera) for vertices in (natural, deformed)]
+    return make_target(image, matte, *ends, subject.model, face_flags, settings, subject.background)
 
 
 def _write_subject(folder: Path, toy: Toy) -> None:

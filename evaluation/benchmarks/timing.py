@@ -7,9 +7,12 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
 from statistics import median
 from typing import NamedTuple
+
+from evaluation.tables.csv_files import stream_csv
 
 # With one thread the calling thread does all the work: its CPU time excludes other work on the machine.
 cpu_seconds = time.thread_time
@@ -27,6 +30,25 @@ class Measurement(NamedTuple):
     """Number that `value` is compared with, from the same run; None if there is none."""
 
 
+def write_measurements(file: Path, measurements: Iterable[Measurement]) -> list[Measurement]:
+    """Write measurements to a CSV file as they are taken, and print each.
+
+    Args:
+        file: CSV file to write.
+        measurements: Records.
+
+    Returns:
+        The records.
+    """
+
+    def printed() -> Iterator[Measurement]:
+        for m in measurements:
+            print(f"{m.case}: {m.quantity} {m.value:.4g} {m.unit}", flush=True)
+            yield m
+
+    return stream_csv(file, printed(), Measurement)
+
+
 def elapsed(work: Callable[[], object], clock: Callable[[], float]) -> float:
     """Time one call.
 
@@ -42,23 +64,18 @@ def elapsed(work: Callable[[], object], clock: Callable[[], float]) -> float:
     return clock() - start
 
 
-def median_time(
-    work: Callable[[], object], repeats: int = 5, clock: Callable[[], float] = wall_seconds, warm_up: bool = True
-) -> float:
-    """Median time of repeated calls.
+def median_time(work: Callable[[], object], repeats: int = 5, clock: Callable[[], float] = wall_seconds) -> float:
+    """Median time of repeated calls, after a first one to warm up.
 
     Args:
         work: Function to call.
         repeats: Number of timed calls.
         clock: Function that returns seconds.
-        warm_up: Whether to call it once before.
 
     Returns:
         Seconds.
     """
-    if warm_up:
-        work()
-    return median(elapsed(work, clock) for _ in range(repeats))
+    return compare_times({"": work}, repeats, clock)[""]
 
 
 def median_times_in_turns(

@@ -32,17 +32,11 @@ from carigs.splat.training.initialization import place
 from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
+from evaluation.benchmarks import timing
 from evaluation.benchmarks.kernel_timing import num_threads
 from evaluation.benchmarks.surfel_pixel_pairs import contributing_pairs
 from evaluation.benchmarks.synthetic_scenes import capture_images, ellipsoid, moving_head, portrait, scene_name
-from evaluation.benchmarks.timing import (
-    Measurement,
-    compare_times,
-    cpu_seconds,
-    elapsed,
-    median_times_in_turns,
-    wall_seconds,
-)
+from evaluation.benchmarks.timing import Measurement
 
 BLOCK = 5
 """Number of consecutive steps with the same number of threads."""
@@ -73,7 +67,7 @@ class StepTimer:
     """
 
     def __init__(self) -> None:
-        self.count, self.started = 1, wall_seconds()
+        self.count, self.started = 1, timing.wall_seconds()
         self.times: dict[int, list[float]] = {1: [], 2: []}
 
     def __call__(self, state: TrainingState) -> None:
@@ -82,11 +76,11 @@ class StepTimer:
         Args:
             state: TrainingState of the training after the step.
         """
-        self.times[self.count].append(wall_seconds() - self.started)
+        self.times[self.count].append(timing.wall_seconds() - self.started)
         if state.iteration % BLOCK == 0:
             self.count = 3 - self.count
             use_threads(self.count)
-        self.started = wall_seconds()
+        self.started = timing.wall_seconds()
 
     def seconds(self, count: int) -> float:
         """Median time of a step, without the first turn.
@@ -151,7 +145,7 @@ def measure_loss(width: int, height: int, repeats: int) -> Iterator[Measurement]
             "torch": lambda y=target: torch.autograd.grad(torch_photometric(image, y), image),
         }
         with num_threads(2):
-            times = compare_times(works, repeats)
+            times = timing.compare_times(works, repeats)
         case = f"{height}x{width}, 2 threads, images differ {name}"
         yield Measurement(case, "L1 + SSIM", "ms", 1e3 * times["fused"], 1e3 * times["torch"])
         yield Measurement(case, "torch / fused L1 + SSIM", "1", times["torch"] / times["fused"])
@@ -176,23 +170,22 @@ def measure_skinning(subdivisions: int, repeats: int) -> Iterator[Measurement]:
     shade, eye = np.ones((len(rig.faces), 3), np.float32), np.array([0.0, 0.0, 1.0])
 
     def timed(name: str, function: Callable[..., object], *leaves: Tensor) -> dict[str, float]:
-        start = cpu_seconds()
+        start = timing.cpu_seconds()
         outputs = function()
-        middle = cpu_seconds()
+        middle = timing.cpu_seconds()
         torch.autograd.grad(outputs, leaves, [torch.ones_like(output) for output in outputs])
-        return {f"{name} forward": middle - start, f"{name} backward": cpu_seconds() - middle}
+        return {f"{name} forward": middle - start, f"{name} backward": timing.cpu_seconds() - middle}
 
     def measured(surfels: Surfels) -> dict[str, float]:
         leaves = [value for name, value in surfels.attributes() if name not in ("colour", "harmonics")]
         direction = jacobian_blend_skinning(surfels, rig, motion, eye=eye).direction.detach().requires_grad_(True)
         painted = surfels.colour, surfels.harmonics, direction
-        return timed(
-            "skinning", lambda: jacobian_blend_skinning(surfels, rig, motion, eye=np.array([0.0, 0.0, 1.0])), *leaves
-        ) | timed("colours", lambda: (seen_colour(*painted, shade, surfels.binding),), *painted)
+        skinning = timed("skinning", lambda: jacobian_blend_skinning(surfels, rig, motion, eye=eye), *leaves)
+        return skinning | timed("colours", lambda: (seen_colour(*painted, shade, surfels.binding),), *painted)
 
     works = {"simd": surfels, "scalar": Surfels(**doubles, binding=surfels.binding)}
     with num_threads(1):
-        times = median_times_in_turns({name: partial(measured, s) for name, s in works.items()}, repeats)
+        times = timing.median_times_in_turns({name: partial(measured, s) for name, s in works.items()}, repeats)
     for name, value in times["simd"].items():
         case = f"{len(surfels)} surfels, 1 thread, SH 3"
         yield Measurement(case, name, "ms", 1e3 * value, 1e3 * times["scalar"][name])
@@ -238,19 +231,16 @@ def _steps(settings: Train, sequence: HeadSequence, supervision: Supervision, tu
 def _measure_rendering(
     surfels: Surfels, sequence: HeadSequence, supervision: Supervision, turns: int
 ) -> Iterator[Measurement]:
-    """Measure rendering alone, of the poses in turn, and the number of contributing pairs."""
-    avatar = Avatar(surfels, sequence)
-    camera = supervision.capture.cameras[1]
-    poses = itertools.cycle(sequence.parameters)
-    times: dict[tuple[int, str], list[float]] = {key: [] for key in itertools.product((1, 2), ("cpu", "scalar"))}
-    for _ in range(turns):
-        for (count, backend), measured in times.items():
-            with num_threads(count):
-                measured += [
-                    elapsed(lambda b=backend: avatar.render(next(poses), 0.0, camera, backend=b), wall_seconds)
-                    for _ in range(BLOCK)
-                ]
-    rates = {key: 1 / median(measured[BLOCK:]) for key, measured in times.items()}
+    """Measure rendering alone, of all poses in turn, and the number of contributing pairs."""
+    avatar, camera, poses = Avatar(surfels, sequence), supervision.capture.cameras[1], sequence.parameters
+
+    def render_all(count: int, backend: str) -> None:
+        with num_threads(count):
+            for t in poses:
+                avatar.render(t, 0.0, camera, backend=backend)
+
+    works = {key: partial(render_all, *key) for key in itertools.product((1, 2), ("cpu", "scalar"))}
+    rates = {key: len(poses) / seconds for key, seconds in timing.compare_times(works, turns).items()}
     for count in (1, 2):
         case = scene_name(len(surfels), camera, count, "SH 3")
         yield Measurement(case, "rendering", "1/s", rates[count, "cpu"], rates[count, "scalar"])

@@ -66,9 +66,8 @@ def misregistrations(
         pooled: dict[str, list[np.ndarray]] = {region: [] for region in REGIONS}
         for frame in (f for f in frames if f.camera in shown_cameras):
             parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
-            caricature = pose(model, parameters, path.at(level))
-            meshes = pose(model, parameters), caricature
-            ends = [compute_visibility(vertices, model.faces, camera) for vertices in meshes]
+            natural, caricature = pose(model, parameters), pose(model, parameters, path.at(level))
+            ends = [compute_visibility(vertices, model.faces, camera) for vertices in (natural, caricature)]
             images = subject.image(frame), subject.mask(frame)
             target = make_target(*images, *ends, model, face_flags, settings, subject.background)
             key = (frame.timestep, frame.camera)
@@ -77,9 +76,8 @@ def misregistrations(
             foreground = read_grey(truth.masks[key]) > 0.5
             regions = image_regions(surface, caricature, target.caricature.fragments, camera, foreground, band=2)
             masked = (target.mask_flags & excluded) > 0
-            for region in pooled:
-                if region in regions:
-                    pooled[region].append(np.stack([error[regions[region]], masked[regions[region]]]))
+            for region in regions.keys() & pooled.keys():
+                pooled[region].append(np.stack([error[regions[region]], masked[regions[region]]]))
         for region, parts in pooled.items():
             if parts and (pixels := np.concatenate(parts, axis=1)).size:
                 wrong = pixels[0] > ERROR_THRESHOLD

@@ -37,9 +37,8 @@ def gamma_strip(
         labels += ["truth", "error"]
         images += [truths, [error_map(*pair) for pair in zip(renders, truths, strict=True)]]
         footnote = f"error: mean absolute difference of the channels, black 0 to yellow {ERROR_SCALE:g} or more"
-    write_sheet(
-        file, images, rows=labels, columns=_level_labels(levels), title=variant, height=height, footnote=footnote
-    )
+    columns = _level_labels(levels)
+    write_sheet(file, images, rows=labels, columns=columns, title=variant, height=height, footnote=footnote)
 
 
 def ablation(

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float32, UInt16
 from matplotlib.colors import hsv_to_rgb
 
-from carigs.gtstar import MaskFlag
+from carigs.capture import Capture
+from carigs.capture.images import read_bits, read_rgb
+from carigs.exaggeration import Caricature
+from carigs.gtstar import MaskFlag, flags_from_names
+from carigs.settings import DEFAULT_MASK_FLAGS
 from evaluation.figures.sheet import write_sheet
 from evaluation.figures.strips import ERROR_SCALE, error_map
 
+ROWS, HEIGHT = 5, 300
+"""Number of frames on the sheet, and the height of each image in pixels."""
 COLOURS = {
     MaskFlag.NEWLY_VISIBLE: (0.90, 0.10, 0.10),
     MaskFlag.OCCLUDED: (1.00, 0.50, 0.05),
@@ -32,34 +38,40 @@ COLOURS = {
 COLOURS |= {f: hsv_to_rgb((0.618 * f.bit_length() % 1, 0.6, 0.8)) for f in MaskFlag if f not in COLOURS}
 
 
-class TargetRow(NamedTuple):
-    """One row of the sheet: a frame and its target."""
+def target_sheet(file: Path, subject: Capture, targets: Sequence[dict[str, Any]], exaggerated: Caricature) -> None:
+    """Draw some of the targets in the folder of the sheet; for the toy, beside renderings of its true caricature.
 
-    name: str
-    frame: Float32[np.ndarray, "h w 3"]
-    target: Float32[np.ndarray, "h w 3"]
-    mask_flags: UInt16[np.ndarray, "h w"]
-    truth: Float32[np.ndarray, "h w 3"] | None
-
-
-def target_sheet(file: Path, rows: Sequence[TargetRow], excluded: MaskFlag, *, height: int = 300) -> None:
-    """Draw the sheet; pixels of `excluded` flags are solid, those of other flags tinted.
+    Pixels of the default flags are solid, those of other flags tinted.
 
     Args:
         file: PNG file to write.
-        rows: Frames with their targets.
-        excluded: Flags whose pixels the training leaves out.
-        height: Height of each image in pixels.
+        subject: The capture.
+        targets: Entries of the index of the targets; nothing is drawn if none of the selected frames is among them.
+        exaggerated: The caricature of the head.
     """
-    images = [
-        [row.frame, row.target, flag_overlay(row.target, row.mask_flags, excluded), row.truth,
-         error_map(row.target, row.truth)] for row in rows
-    ]  # fmt: skip
+    frames, entries = subject.split("train"), {Path(entry["image"]).stem: entry for entry in targets}
+    selected = [frames[i] for i in dict.fromkeys(np.linspace(0, len(frames) - 1, ROWS).astype(int))]
+    shown = [frame for frame in selected if frame.name in entries]
+    if is_toy := (subject.root / "subject.npz").is_file():
+        from carigs.toy import load_subject, render_subject
+
+        toy = load_subject(subject.root)
+    excluded, images = flags_from_names(DEFAULT_MASK_FLAGS), []
+    for frame in shown:
+        entry, truth = entries[frame.name], None
+        target, mask_flags = read_rgb(file.parent / entry["image"]), read_bits(file.parent / entry["reasons"])
+        if is_toy:
+            parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
+            truth, _ = render_subject(toy, parameters, camera, exaggerated)
+        overlay = flag_overlay(target, mask_flags, excluded)
+        images.append([subject.image(frame), target, overlay, truth, error_map(target, truth)])
     legend = {flag.name.lower().replace("_", " "): colour for flag, colour in COLOURS.items()}
-    write_sheet(
-        file, images, rows=[row.name for row in rows], columns=["frame", "target", "mask flags", "truth", "error"],
-        title=f"Targets (error: black 0 to yellow {ERROR_SCALE:g})", height=height, legend=legend,
-    )  # fmt: skip
+    if shown:
+        write_sheet(
+            file, images, rows=[frame.name for frame in shown], height=HEIGHT, legend=legend,
+            columns=["frame", "target", "mask flags", "truth", "error"],
+            title=f"Targets (error: black 0 to yellow {ERROR_SCALE:g})",
+        )  # fmt: skip
 
 
 def flag_overlay(

@@ -19,8 +19,6 @@ from evaluation.metrics.image_quality import IMAGE_METRICS
 from evaluation.metrics.regions import image_regions, surface_regions
 from evaluation.tables.metric_records import REGIONS, MetricRecord, StudyPoint, metric_record
 
-PROTOCOLS = ("test", "val")
-
 
 def truth_records(
     point: StudyPoint,
@@ -47,7 +45,7 @@ def truth_records(
     Raises:
         InputError: An image has another size than its camera.
     """
-    rendered = [frame for frame in rendered if frame.protocol in PROTOCOLS]
+    rendered = [frame for frame in rendered if frame.protocol in ("test", "val")]
     if truths.reason is not None:
         for protocol, region, metric in product(sorted({frame.protocol for frame in rendered}), REGIONS, IMAGE_METRICS):
             yield metric_record(point, protocol, (None, None), region, metric, None, truths.reason)

@@ -30,9 +30,6 @@ METRICS = {
 }
 """Protocol and metric names of each network."""
 
-Scores = dict[str, Float[np.ndarray, "_"]]
-"""Values of each metric, by frame."""
-
 
 @dataclass
 class Embedder:
@@ -124,7 +121,7 @@ def clip_scores(
     test: Sequence[Path],
     originals: Sequence[Path],
     orbit: Sequence[Path],
-) -> Scores:
+) -> dict[str, Float[np.ndarray, "_"]]:
     """CLIP-I (both readings) and CLIP-D of the test frames, and CLIP-C of the orbit.
 
     Args:
@@ -154,7 +151,6 @@ def _originals(test: list[RenderedImage], subject: Capture) -> list[Path]:
     images = {(frame.timestep, frame.camera): subject.root / frame.image for frame in subject.frames}
     for frame in test:
         if (frame.timestep, frame.camera) not in images:
-            raise InputError(
-                f"the capture has no frame of timestep {frame.timestep}, camera {frame.camera}", file=frame.file
-            )
+            missing = f"timestep {frame.timestep}, camera {frame.camera}"
+            raise InputError(f"the capture has no frame of {missing}", file=frame.file)
     return [images[frame.timestep, frame.camera] for frame in test]

@@ -22,9 +22,9 @@ corners do. Pixels off the mesh are assigned by the foreground matte of the true
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import cv2
+import igl
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -32,7 +32,9 @@ from carigs.capture import Camera
 from carigs.head import HeadModel
 from carigs.raster import Fragments
 
-BROW_LINES = (range(17, 22), range(22, 27))
+BROWS = range(17, 27)
+BROW_LINES = [(i, i + 1) for i in (0, 1, 2, 3, 5, 6, 7, 8)]
+"""Segments of both brows, as places in `BROWS`."""
 EYE_CORNERS = (36, 45)
 OUTER_LIPS = range(48, 60)
 MOUTH_CORNERS = (48, 54)
@@ -88,14 +90,12 @@ def surface_regions(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Surf
     if "hair" in missing:
         missing["skin"] = missing["hair"]
     else:
-        others = model.face_region("left_eyeball", "right_eyeball", "boundary") | faces["hair"]
-        for region in ("mouth", "brow"):
-            others |= faces.get(region, False)
-        faces["skin"] = ~others
+        others = model.face_region("left_eyeball", "right_eyeball", "boundary") | faces.get("mouth", False)
+        faces["skin"] = ~(others | faces["hair"] | faces.get("brow", False))
     unknown = [region for region in ("hair", "mouth") if region in missing]
     if unknown:
         missing["head_hm"] = "; ".join(missing[region] for region in unknown)
-    lips = () if model.landmarks68 is None else tuple(int(model.landmarks68[i]) for i in OUTER_LIPS)
+    lips = () if model.landmarks68 is None else tuple(model.landmarks68[OUTER_LIPS].tolist())
     return SurfaceRegions(faces=faces, missing=missing, neck=model.vertex_region("neck"), outer_lips=lips)
 
 
@@ -128,14 +128,11 @@ def image_regions(
     if "hair" in on_mesh:
         # Within 1 px of the mesh, foreground is the blur of the outline, unless the mesh is scalp there.
         off_mesh = foreground & ~mesh & (~_dilate(mesh, 1) | _dilate(on_mesh["hair"], 2))
-        hair = on_mesh["hair"] | (off_mesh & _above_neck(surface, vertices, camera))
-        regions["hair"] = hair
-        regions["silhouette"] &= ~_dilate(hair, band)
+        regions["hair"] = on_mesh["hair"] | (off_mesh & _above_neck(surface, vertices, camera))
+        regions["silhouette"] &= ~_dilate(regions["hair"], band)
     if "mouth" in on_mesh:
         regions["mouth"] = on_mesh["mouth"] | _between_lips(surface, vertices, fragments, camera)
-    for region in ("face", "eyes", "brow", "neck_ear"):
-        if region in on_mesh:
-            regions[region] = on_mesh[region]
+    regions |= {region: on_mesh[region] for region in ("face", "eyes", "brow", "neck_ear") if region in on_mesh}
     if "skin" in on_mesh:
         regions["skin"] = on_mesh["skin"] & ~regions.get("mouth", np.zeros_like(mesh))
     if "head_hm" not in surface.missing:
@@ -158,13 +155,9 @@ def _lids(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.ndarra
 def _brow_band(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.ndarray, "f"]:
     corners = neutral[model.landmarks68[list(EYE_CORNERS)]]
     width = 0.1 * float(np.linalg.norm(corners[1] - corners[0]))
-    distance = np.full(len(neutral), np.inf)
-    for line in BROW_LINES:
-        points = neutral[model.landmarks68[list(line)]]
-        for start, end in pairwise(points):
-            along = np.clip((neutral - start) @ (end - start) / max(float((end - start) @ (end - start)), 1e-12), 0, 1)
-            distance = np.minimum(distance, np.linalg.norm(neutral - start - along[:, None] * (end - start), axis=1))
-    near = (distance < width) & ~model.vertex_region("left_eyeball", "right_eyeball")
+    points = np.asarray(neutral[model.landmarks68[BROWS]], np.float64)
+    squared = igl.point_mesh_squared_distance(np.asarray(neutral, np.float64), points, np.array(BROW_LINES))[0]
+    near = (squared < width**2) & ~model.vertex_region("left_eyeball", "right_eyeball")
     return near[model.faces].all(axis=1)
 
 
@@ -181,12 +174,9 @@ def _between_lips(
     surface: SurfaceRegions, vertices: np.ndarray, fragments: Fragments, camera: Camera
 ) -> Bool[np.ndarray, "h w"]:
     """Pixels inside the outer line of the lips that nothing well in front of the lips hides."""
-    inside = np.zeros(fragments.face.shape, np.uint8)
-    if not surface.outer_lips:
-        return inside > 0
-    lips = vertices[list(surface.outer_lips)]
+    inside, lips = np.zeros(fragments.face.shape, np.uint8), vertices[list(surface.outer_lips)]
     pixel, depth = camera.project(lips)
-    if not (depth > 0).all():
+    if not surface.outer_lips or not (depth > 0).all():
         return inside > 0
     cv2.fillPoly(inside, [np.rint(pixel - 0.5).astype(np.int32)], 1)
     left, right = (lips[corner - OUTER_LIPS[0]] for corner in MOUTH_CORNERS)

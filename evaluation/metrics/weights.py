@@ -6,6 +6,7 @@ import hashlib
 import os
 import tomllib
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,9 +25,9 @@ class Weights:
     """Entry of the registry; see `weights.toml` for the fields."""
 
     name: str
-    files: tuple[str, ...]
+    files: Sequence[str]
     hub: str
-    hub_files: tuple[str, ...]
+    hub_files: Sequence[str]
     source: str
     licence: str
     sha256: dict[str, str]
@@ -41,8 +42,7 @@ def registered(name: str) -> Weights:
     Returns:
         The entry.
     """
-    entry = tomllib.loads(REGISTRY.read_text(encoding="utf-8"))[name]
-    return Weights(name, tuple(entry.pop("files")), hub_files=tuple(entry.pop("hub_files")), **entry)
+    return Weights(name, **tomllib.loads(REGISTRY.read_text(encoding="utf-8"))[name])
 
 
 def find_weights(weights: Weights, folder: str | Path | None, *, download: bool = False) -> Path:

@@ -7,7 +7,6 @@ Example:
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import NamedTuple
 
 import igl
@@ -20,7 +19,7 @@ from carigs.exaggeration import Exaggerator
 from carigs.head import HeadModel
 from carigs.mesh.triangle_mesh import diagonal, face_normals
 from carigs.settings import Exaggerate
-from evaluation.benchmarks.surface import read_heads
+from evaluation.benchmarks.surface import parse_heads
 from evaluation.benchmarks.surface_accuracy import GAMMA, measure_lid_closure, path_error, random_person
 from evaluation.command_line import csv_parser, run
 from evaluation.tables.csv_files import stream_csv
@@ -228,16 +227,10 @@ def main() -> bool:
         Whether one fails.
     """
     parser = csv_parser(__doc__)
-    parser.add_argument("meshes", type=Path, nargs="*", help="heads")
-    parser.add_argument("--head-model", type=Path, help="for random people: a model with landmarks and eyeBlink")
     parser.add_argument("--people", type=int, default=PEOPLE, help="number of random people (default %(default)s)")
-    arguments = parser.parse_args()
-    model = HeadModel.load(arguments.head_model) if arguments.head_model else None
-    heads = read_heads(arguments.meshes)
+    arguments, heads, model = parse_heads(parser)
     results = stream_csv(arguments.rows, checks(heads, model, arguments.people), Check, digits=3)
-    worst: dict[str, Check] = {}
-    for result in results:
-        worst[result.what] = max(worst.get(result.what, result), result, key=lambda c: c.value)
+    worst = {result.what: result for result in sorted(results, key=lambda c: c.value)}
     for what, result in worst.items():
         print(f"{what}: at most {result.value:.3g} ({result.case}), bar {result.bar:g}")
     failed = [result for result in results if not result.holds]

@@ -31,14 +31,12 @@ NEAR = 2e-3
 SETTINGS = Exaggerate(limit_cavities=False)
 SEED = 7
 
-Damaged = tuple[np.ndarray, np.ndarray]
-
 
 class Case(NamedTuple):
     """A way of breaking a mesh."""
 
     name: str
-    damage: Callable[[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]], Damaged]
+    damage: Callable[[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]], Mesh]
     """Returns the broken mesh, which begins with the vertices of the sound one."""
     tolerance: float | None
     """Largest distance from the caricature of the sound mesh in diagonals; None if only an error is right."""
@@ -92,7 +90,7 @@ def outcomes(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) 
 
 def split_edges(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], share: float, count: int = 30
-) -> Damaged:
+) -> Mesh:
     """Insert a vertex on each of some edges, which splits both faces of the edge.
 
     Args:
@@ -124,13 +122,13 @@ def split_edges(
     return np.array(vertices), np.array(faces)
 
 
-def _seam(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Damaged:
+def _seam(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Mesh:
     """Give half of the faces vertices of their own, as along a texture seam."""
     half = vertices[faces].mean(axis=1)[:, 0] > np.median(vertices[:, 0])
     return np.concatenate([vertices, vertices]), np.where(half[:, None], faces + len(vertices), faces)
 
 
-def _touching_ball(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Damaged:
+def _touching_ball(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Mesh:
     """Add a ball that touches the surface in one vertex: same position, another index."""
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.05 * diagonal(vertices))
     tip = vertices[:, 1].argmax()
@@ -138,16 +136,15 @@ def _touching_ball(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f
     return np.concatenate([vertices, moved]), np.concatenate([faces, np.asarray(ball.faces) + len(vertices)])
 
 
-def _with_coordinate(value: float) -> Callable[[np.ndarray, np.ndarray], Damaged]:
+def _with_coordinate(value: float) -> Callable[[np.ndarray, np.ndarray], Mesh]:
     """Set a coordinate of vertex 9, which faces use."""
     return lambda v, f: (np.concatenate([v[:9], [[v[9, 0], value, v[9, 2]]], v[10:]]), f)
 
 
-def _fin(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Damaged:
+def _fin(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Mesh:
     """Add a third face to an edge."""
-    return np.concatenate([vertices, vertices[:1] + diagonal(vertices)]), np.concatenate(
-        [faces, [[*faces[40, :2], len(vertices)]]]
-    )
+    fin = [*faces[40, :2], len(vertices)]
+    return np.concatenate([vertices, vertices[:1] + diagonal(vertices)]), np.concatenate([faces, [fin]])
 
 
 CASES = (
@@ -180,11 +177,10 @@ def sound_mesh() -> Mesh:
         The mesh.
     """
     ball = trimesh.creation.icosphere(subdivisions=4)
-    vertices, faces = np.asarray(ball.vertices), np.asarray(ball.faces)
-    faces = faces[vertices[faces].mean(axis=1)[:, 1] > -0.7]
-    used, corner = np.unique(faces, return_inverse=True)
-    vertices = vertices[used]
-    return vertices * (1 + 0.1 * np.sin(5 * vertices[:, :1]) * np.cos(4 * vertices[:, 1:2])), corner.reshape(-1, 3)
+    ball.update_faces(ball.triangles_center[:, 1] > -0.7)
+    ball.remove_unreferenced_vertices()
+    v = np.asarray(ball.vertices)
+    return v * (1 + 0.1 * np.sin(5 * v[:, :1]) * np.cos(4 * v[:, 1:2])), np.asarray(ball.faces)
 
 
 def main() -> bool:

@@ -26,8 +26,7 @@ def write_csv(file: Path, records: Iterable[Record], record_type: type[Record], 
         digits: Significant digits of floats.
     """
     with writing(file) as part:
-        for _ in _written(part, records, record_type, digits):
-            pass
+        list(_written(part, records, record_type, digits))
 
 
 def stream_csv(file: Path, records: Iterable[Record], record_type: type[Record], *, digits: int = 6) -> list[Record]:

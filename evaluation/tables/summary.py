@@ -60,9 +60,8 @@ def summarise(records: pd.DataFrame, settings: Tabulate) -> pd.DataFrame:
     measured = records.dropna(subset="value").fillna({"timestep": -1, "camera": -1})
     for record in measured[measured.duplicated(CONDITION + FRAME)].itertuples():
         frame = f"subject {record.subject}, timestep {record.timestep:g}, camera {record.camera:g}"
-        raise CarigsError(
-            f"{record.variant}, level {record.level:g}: {record.metric} of {record.region} is given twice for {frame}"
-        )
+        what = f"{record.variant}, level {record.level:g}: {record.metric} of {record.region}"
+        raise CarigsError(f"{what} is given twice for {frame}")
     frames = measured.pivot(index=[*CONDITION[:-1], *FRAME], columns="variant", values="value")
     means: dict[tuple, tuple] = {}
     for shared, group in frames.groupby(CONDITION[:-1]):
@@ -76,11 +75,9 @@ def summarise(records: pd.DataFrame, settings: Tabulate) -> pd.DataFrame:
                     means[(*shared, *names)] = (*_mean(values, settings), len(values))
     unmeasured = records[records["value"].isna()].groupby(CONDITION)["reason"]
     reasons = {(*condition, ""): (len(group), "; ".join(sorted(set(group)))) for condition, group in unmeasured}
-    lines = [
-        (*key, *means.get(key, (np.nan, np.nan, np.nan, 0)), *reasons.get(key, (0, "")))
-        for key in means.keys() | reasons.keys()
-    ]
-    order = dict(zip(REGIONS, range(len(REGIONS)), strict=True))
+    keys = means.keys() | reasons.keys()
+    lines = [(*key, *means.get(key, (np.nan, np.nan, np.nan, 0)), *reasons.get(key, (0, ""))) for key in keys]
+    order = {region: i for i, region in enumerate(REGIONS)}
     return pd.DataFrame(lines, columns=SUMMARY).sort_values(
         SUMMARY[:8], key=lambda column: column.map(order) if column.name == "region" else column
     )

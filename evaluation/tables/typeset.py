@@ -22,6 +22,11 @@ COLUMNS = {
     "SSIM": ("test", "ssim"),
 }
 """Protocol and metric of each column of table 1."""
+LATEX = str.maketrans(
+    {character: f"\\{character}" for character in "_%&#${}"}
+    | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", NO_VALUE: "---"}
+)
+"""What LaTeX needs in place of a character."""
 NOVEL_VIEW = {"PSNR": ("val", "psnr"), "SSIM": ("val", "ssim")}
 
 
@@ -32,13 +37,13 @@ class Document:
     explanation: str
     tables: list[tuple[str, list[list[str]]]] = field(default_factory=list)
     """Title and cells of each table; the first line is the header, the first cell of each line its name."""
-    reasons: list[str] = field(default_factory=list)
-    """Reasons for missing values: notes (a), (b), ..."""
+    reasons: dict[str, int] = field(default_factory=dict)
+    """Reasons for missing values, numbered: notes (a), (b), ..."""
 
     @property
     def notes(self) -> list[str]:
         """Reasons with their letters."""
-        return [f"({_letter(i)}) {reason}" for i, reason in enumerate(self.reasons)]
+        return [f"({_letter(i)}) {reason}" for reason, i in self.reasons.items()]
 
 
 def comparison_tables(summaries: pd.DataFrame, settings: Tabulate) -> Document:
@@ -74,14 +79,11 @@ def comparison_tables(summaries: pd.DataFrame, settings: Tabulate) -> Document:
     for (study, gamma), here in summaries.groupby(["study", "gamma"]):
         title = f"{study}, trained for gamma {gamma:g}"
         for level, means in here[here["minus"] == ""].groupby("level"):
-            at_level, variants, whole = (
-                f"{title}, level {level:g}",
-                sorted(set(means["variant"])),
-                means["region"] == "full",
-            )
-            add(at_level, variants, COLUMNS, means[whole], "variant", "protocol", "metric")
+            at_level, variants = f"{title}, level {level:g}", sorted(set(means["variant"]))
+            whole = means[means["region"] == "full"]
+            add(at_level, variants, COLUMNS, whole, "variant", "protocol", "metric")
             if (means["protocol"] == "val").any():
-                add(f"{at_level}, novel view", variants, NOVEL_VIEW, means[whole], "variant", "protocol", "metric")
+                add(f"{at_level}, novel view", variants, NOVEL_VIEW, whole, "variant", "protocol", "metric")
         psnr = here[(here["metric"] == "psnr") & (here["protocol"] == "test")]
         level = psnr["level"][psnr["mean"].notna()].max()
         if pd.isna(level):
@@ -123,31 +125,29 @@ def to_latex(document: Document) -> str:
     Returns:
         The text.
     """
-    parts = [f"{_escape(document.explanation)}\n"]
+    parts = [f"{document.explanation}\n".translate(LATEX)]
     for title, cells in document.tables:
-        header, *body = [" & ".join(_escape(cell) for cell in line) + r" \\" for line in cells]
+        header, *body = [" & ".join(cell.translate(LATEX) for cell in line) + r" \\" for line in cells]
         lines = [
             r"\begin{table}",
             r"\centering\small",
-            rf"\caption{{{_escape(title)}}}",
+            rf"\caption{{{title.translate(LATEX)}}}",
             rf"\begin{{tabular}}{{l{'c' * (len(cells[0]) - 1)}}}",
             *(r"\toprule", header, r"\midrule", *body, r"\bottomrule"),
             r"\end{tabular}",
             r"\end{table}",
         ]
         parts.append("\n".join(lines) + "\n")
-    parts += [f"{_escape(note)}\n" for note in document.notes]
+    parts += [f"{note}\n".translate(LATEX) for note in document.notes]
     return "\n".join(parts)
 
 
-def _text(cell: Any, reasons: list[str], digits: int) -> str:
-    """Text of a cell; a new reason for a missing value is appended to the reasons."""
+def _text(cell: Any, reasons: dict[str, int], digits: int) -> str:
+    """Text of a cell; a new reason for a missing value is added to the reasons."""
     if cell is None:
         return NO_VALUE
     if pd.isna(cell.mean):
-        if cell.reason not in reasons:
-            reasons.append(cell.reason)
-        return f"{NO_VALUE} ({_letter(reasons.index(cell.reason))})"
+        return f"{NO_VALUE} ({_letter(reasons.setdefault(cell.reason, len(reasons)))})"
     pattern = f"{{:{'+' if cell.minus else ''}.{digits if cell.metric == 'psnr' else digits + 2}f}}"
     ends = "" if pd.isna(cell.low) else f" [{pattern}, {pattern}]".format(cell.low, cell.high)
     return pattern.format(cell.mean) + ends
@@ -155,16 +155,3 @@ def _text(cell: Any, reasons: list[str], digits: int) -> str:
 
 def _letter(i: int) -> str:
     return "abcdefghijklmnopqrstuvwxyz"[i % 26] * (1 + i // 26)
-
-
-_LATEX = {
-    **{character: f"\\{character}" for character in "_%&#${}"},
-    "\\": r"\textbackslash{}",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    NO_VALUE: "---",
-}
-
-
-def _escape(text: str) -> str:
-    return "".join(_LATEX.get(character, character) for character in text)

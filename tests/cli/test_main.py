@@ -92,15 +92,15 @@ def test_a_combination_that_fails_does_not_stop_the_others(commands, capsys):
 @pytest.mark.parametrize(
     ("command", "arguments", "named"),
     [
-        (run, ["train.iterations=0"], "train.iterations=0 must be at least 1"),
-        (run, ["gamma=0.1,0.2"], "carigs sweep"),
-        (sweep, ["gamma=0.1,nan"], "gamma=nan"),
-        (sweep, ["gamma=["], "gamma=["),
-        (settings, ["study=tyo"], "study=tyo"),
+        ("run", ["train.iterations=0"], "train.iterations=0 must be at least 1"),
+        ("run", ["gamma=0.1,0.2"], "carigs sweep"),
+        ("sweep", ["gamma=0.1,nan"], "gamma=nan"),
+        ("sweep", ["gamma=["], "gamma=["),
+        ("settings", ["study=tyo"], "study=tyo"),
     ],
 )
 def test_mistakes_are_one_line_before_work_starts(command, arguments, named, commands, capsys):
-    assert command.main(arguments) == 1
+    assert main([command, *arguments]) == 1
     error = capsys.readouterr().err
     assert error.startswith("carigs: ") and error.count("\n") == 1 and named in error
     assert commands == []
@@ -110,7 +110,15 @@ def test_settings_are_shown_as_a_whole_or_by_section(capsys):
     assert settings.main(["gamma=0.2"]) == 0
     shown = yaml.safe_load(capsys.readouterr().out)
     assert (shown["gamma"], shown["exaggerate"]["gamma"]) == (0.2, 0.2)
-    assert settings.main(["--section", "train", "variant=surfhead"]) == 1
+    assert main(["settings", "--section", "train", "variant=surfhead"]) == 1
     assert "study.variants" in capsys.readouterr().err
     assert settings.main(["--section", "train", "train.seed=4"]) == 0
     assert yaml.safe_load(capsys.readouterr().out)["seed"] == 4
+
+
+def test_settings_are_shown_as_a_variant_has_them(capsys):
+    assert settings.main(["--variant", "surfhead", "--section", "train", "train.seed=4"]) == 0
+    shown = yaml.safe_load(capsys.readouterr().out)
+    assert (shown["gtstar_probability"], shown["seed"]) == (0.0, 4)
+    assert main(["settings", "--variant", "surfhaed"]) == 1
+    assert "variant=surfhaed is unknown; known: " in capsys.readouterr().err

@@ -7,9 +7,13 @@ import pytest
 import trimesh
 
 from carigs.capture.images import read_rgb
-from carigs.cli.mesh import main
+from carigs.cli.main import main as carigs
 
 SIDE = 360
+
+
+def main(arguments):
+    return carigs(["mesh", *arguments])
 
 
 @pytest.fixture
