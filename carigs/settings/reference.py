@@ -19,6 +19,7 @@ from types import UnionType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from carigs.settings import Config
+from carigs.settings.mask_flags import DEFAULT_MASK_FLAGS, MaskFlag
 from carigs.settings.option import Option, Section, option_of, subsection
 
 _HEADER = """# Configuration
@@ -47,7 +48,7 @@ def markdown() -> str:
     Returns:
         Text of docs/configuration.md.
     """
-    return "\n".join([_HEADER, *_section(Config, "General")])
+    return "\n".join([_HEADER, *_section(Config, "General"), *_mask_flags()])
 
 
 def json_schema() -> str:
@@ -60,21 +61,22 @@ def json_schema() -> str:
     return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
 
 
-def meanings(section: type[Section]) -> dict[str, str]:
-    """The docstrings of the fields of a section.
+def meanings(section: type) -> dict[str, str]:
+    """The docstrings of the fields of a class.
 
     Args:
-        section: Class of the section.
+        section: Class of a section, or an enumeration.
 
     Returns:
         Text by name of the field.
     """
     body = ast.parse(textwrap.dedent(inspect.getsource(section))).body[0].body
-    return {
-        statement.target.id: " ".join(below.value.value.split())
+    named = [
+        (statement.target if isinstance(statement, ast.AnnAssign) else statement.targets[0], below)
         for statement, below in pairwise(body)
-        if isinstance(statement, ast.AnnAssign) and isinstance(below, ast.Expr)
-    }
+        if isinstance(statement, ast.AnnAssign | ast.Assign) and isinstance(below, ast.Expr)
+    ]
+    return {target.id: " ".join(below.value.value.split()) for target, below in named}
 
 
 def _section(section: type[Section], title: str) -> Iterator[str]:
@@ -98,6 +100,16 @@ def _section(section: type[Section], title: str) -> Iterator[str]:
     yield ""
     for nested in below:
         yield from _section(nested, f"`{nested.key}`")
+
+
+def _mask_flags() -> Iterator[str]:
+    """The table of the mask flags."""
+    yield "## Mask flags\n\nNames for `train.mask_flags`: why a pixel of a GT* frame cannot be trusted.\n"
+    yield "| flag | in the default | meaning |"
+    yield "|---|---|---|"
+    for name, text in meanings(MaskFlag).items():
+        yield f"| `{name.lower()}` | {'yes' if name.lower() in DEFAULT_MASK_FLAGS else 'no'} | {text} |"
+    yield ""
 
 
 def _type_name(schema: dict[str, Any]) -> str:
