@@ -1,7 +1,8 @@
-"""The folder in which Numba keeps compiled kernels: one for each state of the sources of all kernels.
+"""The folder in which Numba keeps compiled kernels: one for each version of Numba and state of the kernels' sources.
 
 Numba checks only the file that a kernel is written in. After an edit of a function that the kernel calls from another
-module (or a `git pull`), it would load the old machine code.
+module (or a `git pull`), it would load the old machine code. Kernels of another version of Numba it replaces without
+notice: two environments with the same sources would compile each other's away.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from importlib.metadata import version
 from pathlib import Path
 
 from filelock import FileLock
@@ -25,7 +27,7 @@ KEEP = 7 * 24 * 3600.0
 
 
 def use_kernel_cache() -> Path:
-    """Point Numba to the folder of the present sources, and remove old folders.
+    """Point Numba to the folder of its version and the present sources, and remove old folders.
 
     The environment variable NUMBA_CACHE_DIR, if set, is used instead. The digest is one of bytes, unlike that of
     `carigs.sources.fingerprint`, because this function runs at every start and parsing takes longer.
@@ -35,7 +37,7 @@ def use_kernel_cache() -> Path:
     """
     if "NUMBA_CACHE_DIR" in os.environ:
         return Path(os.environ["NUMBA_CACHE_DIR"])
-    digest = hashlib.sha256(os.environ.get("CARIGS_PLAIN_NUMBA", "").encode())
+    digest = hashlib.sha256(f"{version('numba')} {os.environ.get('CARIGS_PLAIN_NUMBA', '')}".encode())
     for file in sorted(PACKAGE.rglob("*.py")):
         source = file.read_bytes()
         if any(mark in source for mark in KERNEL_MARKS):

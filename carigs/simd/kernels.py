@@ -31,6 +31,8 @@ INLINE = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper"
 sixth slower and projection a third."""
 INLINE_ALLOC = INLINE
 """The same for functions that allocate arrays; not for inner loops, where counting references is slow."""
+STARTS_THREADS = numba.version_info.short >= (0, 63)
+"""Whether Numba starts its threads for a kernel from the cache, too. Without threads, `parallel_for` crashes."""
 
 
 def kernel(function: Callable | None = None, /, **options: object) -> Callable:
@@ -53,6 +55,8 @@ def kernel(function: Callable | None = None, /, **options: object) -> Callable:
     def compile_once(signature: object) -> object:
         # Numba's lock first, as everywhere, so that no two threads wait for each other.
         with global_compiler_lock, kernel_lock(f"{function.__module__}.{function.__qualname__}"):
+            if not STARTS_THREADS:
+                numba.get_num_threads()  # starts them
             return compile_here(signature)
 
     dispatcher.compile = compile_once

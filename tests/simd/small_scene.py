@@ -19,7 +19,6 @@ from numba.core.registry import CPUDispatcher
 
 from carigs.capture import Camera
 from carigs.raster import compute_visibility
-from carigs.simd import kernels
 from carigs.splat.rasterizer.rasterize import OUTPUTS
 from carigs.splat.render import render
 from carigs.splat.rig.rig import build_rig, face_motion
@@ -108,7 +107,7 @@ def seen_triangles():
 def main(file):
     results, limits = {**rendered(), **seen_triangles()}, skinned_at_the_limits()
     finite = np.array([np.isfinite(value).all() for value in limits])
-    linked = "pipeline_class" in kernels.INLINE
+    linked = "carigs.simd.linked_kernels" in sys.modules
     np.savez(file, registers=sorted(registers()), finite_at_limits=finite, linked=linked, **results)
 
 

@@ -1,4 +1,4 @@
-"""Compiled kernels belong to the sources they were compiled from."""
+"""Compiled kernels belong to the sources they were compiled from, and to the version of Numba."""
 
 import os
 import shutil
@@ -39,6 +39,13 @@ def test_editing_a_formula_changes_the_folder_and_editing_anything_else_does_not
     assert folder_of(tmp_path) == before
     formula.write_text(formula.read_text() + "\n# edited\n")
     assert folder_of(tmp_path) != before
+
+
+def test_each_version_of_numba_has_its_own_folder(tmp_path):
+    root, other = Path(carigs.__file__).parents[1], tmp_path / "numba-99.0.dist-info"
+    other.mkdir()
+    (other / "METADATA").write_text("Metadata-Version: 2.1\nName: numba\nVersion: 99.0\n")
+    assert folder_of(root, PYTHONPATH=os.pathsep.join([str(tmp_path), str(root)])) != folder_of(root)
 
 
 def test_the_user_may_choose_the_folder(tmp_path):

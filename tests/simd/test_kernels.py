@@ -73,6 +73,36 @@ def test_an_error_of_a_task_is_raised():
     note_all(np.zeros(100), 1.0)
 
 
+CACHED = """
+import numpy as np
+from numba import njit
+from carigs.simd.kernels import INLINE, kernel, parallel_for
+
+@njit(**INLINE)
+def note(i, seen):
+    seen[i] = i
+
+@kernel
+def note_all(seen):
+    parallel_for(note, len(seen), (seen,))
+
+seen = np.zeros(4)
+note_all(seen)
+print(seen.sum(), sum(note_all.stats.cache_hits.values()))
+"""
+
+
+def test_a_kernel_from_the_cache_starts_the_threads(tmp_path):
+    """Numba does so itself since 0.63 only: before, the second process crashed."""
+    (tmp_path / "kernel_of_note.py").write_text(CACHED)
+    path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", ""), os.getcwd()])
+    setting = {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": path}
+    for cache_hits in ("0", "1"):
+        command = [sys.executable, "-c", "import kernel_of_note"]
+        done = subprocess.run(command, env={**os.environ, **setting}, capture_output=True, text=True, timeout=100)
+        assert (done.returncode, done.stdout.split()) == (0, ["6.0", cache_hits]), done.stderr
+
+
 MODULE = """
 import os, sys, time
 from numba.extending import intrinsic

@@ -1,6 +1,9 @@
 """Kernels compiled through Numba's public interface alone: the same results."""
 
 import os
+import subprocess
+import sys
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -13,6 +16,17 @@ from carigs.simd import kernels
 def test_private_classes_are_used_for_known_versions_only():
     plain = os.environ.get("CARIGS_PLAIN_NUMBA") or numba.version_info.short not in kernels.LINKED_NUMBA
     assert ("pipeline_class" in kernels.INLINE) == (not plain)
+
+
+@pytest.mark.slow
+def test_tests_of_kernels_pass_with_plain_numba():
+    """Vectors, tasks on all threads, and errors of tasks, which no kernel of the small scene raises."""
+    folder = Path(__file__).parent
+    root, cache = folder.parents[1], Path(numba.config.CACHE_DIR) / "plain-tests"
+    setting = {"CARIGS_PLAIN_NUMBA": "1", "NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(root)}
+    command = [sys.executable, "-m", "pytest", "-m", "not slow", "-p", "no:cacheprovider", "--no-cov", str(folder)]
+    done = subprocess.run(command, env={**os.environ, **setting}, cwd=root, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stdout
 
 
 @pytest.fixture(scope="module")

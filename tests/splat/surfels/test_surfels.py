@@ -195,7 +195,7 @@ def test_harmonics_are_orthonormal():
         one[:, k, 0] = 1
         grey = torch.full((len(direction), 3), 8.0, dtype=torch.float64)  # nothing is below 0
         colour = seen_colour(grey, one, torch.from_numpy(direction), None, np.zeros(len(direction), np.int32))
-        values[:, k] = colour[:, 0] - 0.5 - 8.0 * SH_BASE
+        values[:, k] = colour[:, 0].numpy() - 0.5 - 8.0 * SH_BASE
     gram = np.einsum("n,ni,nj->ij", np.repeat(weight, 16) * 2 * np.pi / 16, values, values)
     np.testing.assert_allclose(gram, np.eye(num_coefficients(3)), atol=1e-12)
 
