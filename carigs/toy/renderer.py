@@ -11,8 +11,9 @@ from carigs.capture.camera import Camera
 from carigs.capture.images import to_linear
 from carigs.exaggeration import Caricature
 from carigs.head import HeadParameters, pose
+from carigs.mesh import vertex_normals
 from carigs.raster import rasterize_mesh
-from carigs.toy.look.ambient_visibility import distant_camera, vertex_normals
+from carigs.toy.look.ambient_visibility import distant_camera
 from carigs.toy.look.hair import triangle_frames
 from carigs.toy.look.hair_rendering import ribbon_faces, strand_ribbons
 from carigs.toy.look.lighting import StudioLight
