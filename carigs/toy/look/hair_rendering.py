@@ -21,9 +21,8 @@ def ribbon_faces(strands: int, knots: int, first: int) -> Int32[np.ndarray, "f 3
         Vertex indices.
     """
     row = first + 2 * (np.arange(strands)[:, None] * knots + np.arange(knots - 1)).reshape(-1)
-    return np.concatenate(
-        [np.stack([row, row + 1, row + 2], axis=1), np.stack([row + 1, row + 3, row + 2], axis=1)]
-    ).astype(np.int32)
+    offsets = np.array([[0, 1, 2], [1, 3, 2]], np.int32)
+    return (row[:, None] + offsets[:, None]).reshape(-1, 3).astype(np.int32)
 
 
 def strand_ribbons(

@@ -63,8 +63,8 @@ def _interpolated(values, corner, weight, k):
 
 @kernel
 def _interpolated3(values, corner, weight):
-    a, b, c = values[corner[0]], values[corner[1]], values[corner[2]]
-    return dot(weight, (a[0], b[0], c[0])), dot(weight, (a[1], b[1], c[1])), dot(weight, (a[2], b[2], c[2]))
+    x, y = _interpolated(values, corner, weight, 0), _interpolated(values, corner, weight, 1)
+    return x, y, _interpolated(values, corner, weight, 2)
 
 
 @kernel
@@ -72,10 +72,7 @@ def _texel_triangle(first, n, weight):
     """The three texels around a point of a face of resolution `n`, and their weights (see `atlas`)."""
     i, j = min(int(weight[0] * n), n - 1), min(int(weight[1] * n), n - 1)
     while i + j > n - 1:
-        if i > j:
-            i -= 1
-        else:
-            j -= 1
+        i, j = (i - 1, j) if i > j else (i, j - 1)
     fi, fj = weight[0] * n - i, weight[1] * n - j
     row = first + i * (n + 1) - i * (i - 1) // 2
     below = row + n + 1 - i
@@ -116,53 +113,49 @@ def shade(
     Returns:
         Colours as sRGB values (h, w, 3) and coverage (h, w), float32.
     """
-    height, width = face_image.shape[0] // samples, face_image.shape[1] // samples
-    colour, alpha = np.zeros((height, width, 3)), np.zeros((height, width))
+    height, width, count = face_image.shape[0] // samples, face_image.shape[1] // samples, samples * samples
+    colour, alpha = np.full((height, width, 3), float(count)), np.zeros((height, width))  # a white background
     n_vertices = len(normals)
-    key, axis = light[0], light[6]
+    key, axis = (light[0, 0], light[0, 1], light[0, 2]), (light[6, 0], light[6, 1], light[6, 2])
     wrap = (0.34, 0.20, 0.15)  # wrap lighting stands for subsurface scattering, which is strongest in red
     value = np.empty(3)
-    for y, x in np.ndindex(face_image.shape):
-        pixel, f = colour[y // samples, x // samples], face_image[y, x]
-        if f < 0:
-            pixel += 1.0
-            continue
-        alpha[y // samples, x // samples] += 1.0
-        corner, weight = (faces[f, 0], faces[f, 1], faces[f, 2]), weight_image[y, x]
-        if f >= n_textured:
-            corner = (corner[0] - n_vertices, corner[1] - n_vertices, corner[2] - n_vertices)
-            value[0], value[1], value[2] = _interpolated3(vertex_colours, corner, weight)
-        else:
-            texel, share = _texel_triangle(first[f], resolution[f], weight)
-            gloss = _interpolated(texels, texel, share, 3) / 255.0
-            n, point = _unit(_interpolated3(normals, corner, weight)), _interpolated3(positions, corner, weight)
-            view = _unit((eye[0] - point[0], eye[1] - point[1], eye[2] - point[2]))
-            toward, facing = dot(n, key), max(dot(n, view), 0.0)
-            visible = _interpolated(ambient, corner, weight, 3)
-            lit = 0.0
-            if toward > -0.35:
-                above = (point[0] + 0.0015 * n[0], point[1] + 0.0015 * n[1], point[2] + 0.0015 * n[2])
-                lit = _shadow_factor(shadow, shadow_from_world, above)
-            half = (key[0] + view[0], key[1] + view[1], key[2] + view[2])
-            specular = max(dot(n, half) / np.sqrt(dot(half, half)), 0.0)
-            if gloss > 0.22:  # the wet surface of the eye
-                shine = 9.0 * gloss * specular**420.0 * (lit > 0.3) + 0.03 * visible
+    for y in range(height * samples):
+        for x in range(width * samples):
+            f = face_image[y, x]
+            if f < 0:
+                continue
+            alpha[y // samples, x // samples] += 1.0
+            corner = (faces[f, 0], faces[f, 1], faces[f, 2])
+            weight = (weight_image[y, x, 0], weight_image[y, x, 1], weight_image[y, x, 2])
+            if f >= n_textured:
+                corner = (corner[0] - n_vertices, corner[1] - n_vertices, corner[2] - n_vertices)
+                value[0], value[1], value[2] = _interpolated3(vertex_colours, corner, weight)
             else:
-                reflected = 2.4 * specular**20 * lit * np.sqrt(max(toward, 0.0))
-                shine = gloss * (reflected + (0.25 + 2.2 * (1.0 - facing) ** 4) * visible * 0.5)
-            front = dot(axis, n) ** 2 - 1.0 / 3.0
+                t, share = _texel_triangle(first[f], resolution[f], weight)
+                gloss = _interpolated(texels, t, share, 3) / 255.0
+                n, point = _unit(_interpolated3(normals, corner, weight)), _interpolated3(positions, corner, weight)
+                view = _unit((eye[0] - point[0], eye[1] - point[1], eye[2] - point[2]))
+                toward, facing = dot(n, key), max(dot(n, view), 0.0)
+                visible = _interpolated(ambient, corner, weight, 3)
+                above = (point[0] + 0.0015 * n[0], point[1] + 0.0015 * n[1], point[2] + 0.0015 * n[2])
+                lit = _shadow_factor(shadow, shadow_from_world, above) if toward > -0.35 else 0.0
+                half = (key[0] + view[0], key[1] + view[1], key[2] + view[2])
+                specular = max(dot(n, half) / np.sqrt(dot(half, half)), 0.0)
+                if gloss > 0.22:  # the wet surface of the eye
+                    shine = 9.0 * gloss * specular**420.0 * (lit > 0.3) + 0.03 * visible
+                else:
+                    reflected = 2.4 * specular**20 * lit * np.sqrt(max(toward, 0.0))
+                    shine = gloss * (reflected + (0.25 + 2.2 * (1.0 - facing) ** 4) * visible * 0.5)
+                front = dot(axis, n) ** 2 - 1.0 / 3.0
+                for k in range(3):
+                    albedo = dot(share, (linear[texels[t[0], k]], linear[texels[t[1], k]], linear[texels[t[2], k]]))
+                    diffuse = max((toward + wrap[k]) / (1.0 + wrap[k]), 0.0)
+                    soft = lit if k > 0 else lit + 0.12 * lit * (1.0 - lit)
+                    irradiance = light[2, k] + light[3, k] * n[0] + light[4, k] * n[1] + light[5, k] * n[2]
+                    irradiance += light[7, k] * front
+                    irradiance *= _interpolated(ambient, corner, weight, k)
+                    irradiance += light[1, k] * diffuse * soft * (0.35 + 0.65 * visible)
+                    value[k] = irradiance * albedo + shine * light[1, k]
             for k in range(3):
-                albedo = dot(
-                    share, (linear[texels[texel[0], k]], linear[texels[texel[1], k]], linear[texels[texel[2], k]])
-                )
-                diffuse = max((toward + wrap[k]) / (1.0 + wrap[k]), 0.0)
-                soft = lit if k > 0 else lit + 0.12 * lit * (1.0 - lit)
-                irradiance = light[2, k] + light[3, k] * n[0] + light[4, k] * n[1] + light[5, k] * n[2]
-                irradiance += light[7, k] * front
-                irradiance *= _interpolated(ambient, corner, weight, k)
-                irradiance += light[1, k] * diffuse * soft * (0.35 + 0.65 * visible)
-                value[k] = irradiance * albedo + shine * light[1, k]
-        for k in range(3):
-            pixel[k] += stored[int(min(max(value[k], 0.0), 1.0) * 4096.0)]
-    count = samples * samples
+                colour[y // samples, x // samples, k] += stored[int(min(max(value[k], 0.0), 1.0) * 4096.0)] - 1.0
     return (colour / count).astype(np.float32), (alpha / count).astype(np.float32)

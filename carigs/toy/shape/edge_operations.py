@@ -151,7 +151,6 @@ def split_long_edges(mesh, n_vertices, n_faces):
             points[m] = 0.5 * (points[a] + points[b])
             size[m] = 0.5 * (size[a] + size[b])
             border[m] = border[a] & border[b] if count == 1 else 0
-            degree[m] = 0
             for side in range(count):
                 g, third = sides[side]
                 faces[n_faces] = np.where(faces[g] == a, m, faces[g])
@@ -214,12 +213,11 @@ def collapse_short_edges(mesh, n_faces):
                 for v in _corners(mesh, g):
                     neighbours += mark[v] != edge
                     mark[v] = edge
+            mark[a] = mark[b] = -edge
             common = 0
             valid = neighbours + degree[b] < 14
             for g in ring[b, : degree[b]]:
                 for v in _corners(mesh, g):
-                    if v == a or v == b:
-                        continue
                     if mark[v] == edge:
                         common += 1
                         mark[v] = -edge
@@ -261,10 +259,8 @@ def flip_edges(mesh, n_faces):
             count, sides = _edge_faces(mesh, a, b)
             if count != 2:
                 continue
-            if sides[1][0] == f:
-                sides = (sides[1], sides[0])
             # f runs from a to b with third corner c0, the other face from b to a with third corner c1.
-            (f0, c0), (f1, c1) = sides
+            (f0, c0), (f1, c1) = sides if sides[0][0] == f else (sides[1], sides[0])
             if (border[c0] & border[c1]) != 0 or max(degree[c0], degree[c1]) >= MAX_DEGREE - 1:
                 continue
             growth = 0  # of the sum of squares

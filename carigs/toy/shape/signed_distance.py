@@ -80,12 +80,11 @@ def _close_lips(x, y, z):
     front = smoothstep((z - 40.0) / 25.0)
     t = y - lip_line(x)
     inner = _SPREAD_GAP * wide * front
-    shift = inner * (1.0 - _LIP_GAP / _SPREAD_GAP)
     a = abs(t)
     if a < inner:
         a *= _LIP_GAP / _SPREAD_GAP
     else:
-        a -= shift * (1.0 - smoothstep((a - inner) / 26.0))
+        a -= inner * (1.0 - _LIP_GAP / _SPREAD_GAP) * (1.0 - smoothstep((a - inner) / 26.0))
     return lip_line(x) + (a if t > 0.0 else -a)
 
 

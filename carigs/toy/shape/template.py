@@ -52,8 +52,7 @@ def build_template() -> Template:
     left = (border & 1) == 0  # the others lie on the midline
     vertices[~left, 0] = 0.0
     close_lips(vertices)
-    mirrored = np.arange(len(vertices))
-    mirrored[left] = len(vertices) + np.arange(np.count_nonzero(left))
+    mirrored = np.where(left, len(vertices) - 1 + np.cumsum(left), np.arange(len(vertices)))
     head = np.concatenate([vertices, vertices[left] * _MIRROR])
     ball, ball_faces = _eyeball()
     ball += EYE_CENTRE
