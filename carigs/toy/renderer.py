@@ -11,8 +11,9 @@ from carigs.capture.camera import Camera
 from carigs.capture.images import to_linear
 from carigs.exaggeration import Caricature
 from carigs.head import HeadParameters, pose
+from carigs.mesh import vertex_normals
 from carigs.raster import rasterize_mesh
-from carigs.toy.look.ambient_visibility import distant_camera, vertex_normals
+from carigs.toy.look.ambient_visibility import distant_camera
 from carigs.toy.look.hair import triangle_frames
 from carigs.toy.look.hair_rendering import ribbon_faces, strand_ribbons
 from carigs.toy.look.lighting import StudioLight
@@ -50,9 +51,8 @@ def render_subject(
         caricature = Caricature(np.zeros(subject.model.v_template.shape))
     head, teeth = _pose(subject, parameters, caricature)
     head_faces, strands = subject.model.faces, subject.strands
-    first_hair = len(head) + len(teeth)
-    teeth_faces = subject.teeth_faces + np.int32(len(head))
-    faces = np.concatenate([head_faces, teeth_faces, ribbon_faces(*strands.local.shape[:2], first_hair)])
+    hair_faces = ribbon_faces(*strands.local.shape[:2], len(head) + len(teeth))
+    faces = np.concatenate([head_faces, subject.teeth_faces + np.int32(len(head)), hair_faces])
     roots = np.einsum("si,sij->sj", strands.barycentric, head[head_faces[strands.face]])
     axes = triangle_frames(head, head_faces)[strands.face]
     hair = (strands, to_linear(strands.colour), roots, axes, METRES_PER_MILLIMETRE)
@@ -75,9 +75,7 @@ def render_subject(
     )  # fmt: skip
 
 
-def _pose(
-    subject: Subject, parameters: HeadParameters, caricature: Caricature
-) -> tuple[Float[np.ndarray, "v 3"], Float[np.ndarray, "t 3"]]:
+def _pose(subject: Subject, parameters: HeadParameters, caricature: Caricature) -> tuple[np.ndarray, np.ndarray]:
     """World positions of head and teeth, in metres."""
     displacement = teeth_displacement(subject.model, subject.teeth, parameters, caricature.displacement)
     n = len(displacement)

@@ -63,13 +63,13 @@ def studio_cameras(settings: Toy) -> tuple[Camera, ...]:
     azimuths = np.radians(np.linspace(-_AZIMUTH, _AZIMUTH, count) if count > 1 else [0.0])
     # The frontal camera is nearly level, the others alternate between below and above.
     elevations = np.radians(np.where(np.abs(azimuths) < 1e-6, 2.0, 4.0 + 12.0 * np.sin(2.4 * np.arange(count) + 0.7)))
-    focal = 0.5 * settings.height / _HALF_HEIGHT * _DISTANCE
+    width, height = settings.width, settings.height
+    focal = 0.5 * height / _HALF_HEIGHT * _DISTANCE
     cameras = []
     for azimuth, elevation in zip(azimuths, elevations, strict=True):
         toward = np.array([np.cos(elevation) * np.sin(azimuth), np.sin(elevation), np.cos(elevation) * np.cos(azimuth)])
-        camera_from_world = look_at(_MIDDLE + _DISTANCE * toward, _MIDDLE)
-        width, height = settings.width, settings.height
-        cameras.append(Camera(camera_from_world, focal, focal, width / 2, height / 2, width, height))
+        pose = look_at(_MIDDLE + _DISTANCE * toward, _MIDDLE)
+        cameras.append(Camera(pose, focal, focal, width / 2, height / 2, width, height))
     return tuple(cameras)
 
 

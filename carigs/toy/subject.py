@@ -27,6 +27,7 @@ from carigs.toy.shape.template import Template, build_template
 
 _CHUNK = 1 << 15  # texels
 _KEYS = {"ambient_visibility": "exposure"}  # keys in the file that differ from the field's name
+_GROUPS = {"atlas": Atlas, "strands": Strands}  # fields whose arrays have a key each
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class Subject:
         arrays: dict[str, np.ndarray] = {}
         for name in (field.name for field in fields(self) if field.name != "model"):
             value = getattr(self, name)
-            if isinstance(value, Atlas | Strands):
+            if name in _GROUPS:
                 arrays |= {f"{name}.{part}": array for part, array in value._asdict().items()}
             else:
                 arrays[_KEYS.get(name, name)] = np.asarray(value)
@@ -113,12 +114,9 @@ def load_subject(folder: Path) -> Subject:
     model = HeadModel.load(Path(folder) / "head_model.npz")
     try:
         with np.load(file, allow_pickle=False) as arrays:
-            values = {
-                field.name: arrays[_KEYS.get(field.name, field.name)]
-                for field in fields(Subject)
-                if field.name not in ("model", "atlas", "strands")
-            }
-            for name, kind in (("atlas", Atlas), ("strands", Strands)):
+            single = [field.name for field in fields(Subject) if field.name not in ("model", *_GROUPS)]
+            values = {name: arrays[_KEYS.get(name, name)] for name in single}
+            for name, kind in _GROUPS.items():
                 values[name] = kind(*(arrays[f"{name}.{part}"] for part in kind._fields))
         return Subject(model=model, **values | {name: int(values[name]) for name in ("supersampling", "upper_teeth")})
     except FileNotFoundError as error:
@@ -155,9 +153,8 @@ def _texture(template: Template, attributes: Attributes, budget: int) -> Atlas:
         part, owners = points[start : start + _CHUNK], owner[start : start + _CHUNK]
         values = np.empty((len(part), 4), np.float32)
         values[owners == 0] = skin_texture(part[owners == 0], attributes)
-        for eye, sign in ((1, 1.0), (2, -1.0)):
-            local = part[owners == eye] - (EYE_CENTRE * [sign, 1, 1]).astype(np.float32)
-            values[owners == eye] = eyeball_texture(local, attributes)
+        for eye, centre in ((1, EYE_CENTRE), (2, EYE_CENTRE * [-1, 1, 1])):
+            values[owners == eye] = eyeball_texture(part[owners == eye] - centre.astype(np.float32), attributes)
         texels[start : start + _CHUNK] = np.rint(values * 255)
 
     with ThreadPoolExecutor(2) as pool:

@@ -88,15 +88,13 @@ def _write_splits(folder: Path, timeline: tuple[Timestep, ...], cameras: tuple[C
     splits: dict[str, list[tuple[int, int]]] = {"train": [], "val": [], "test": []}
     for t, step in enumerate(timeline):
         for c in range(len(cameras)):
-            held_out = c == front and len(cameras) > 1
-            split = "test" if step.sequence == TEST_SEQUENCE else ("val" if held_out else "train")
+            held_out = "val" if c == front and len(cameras) > 1 else "train"
+            split = "test" if step.sequence == TEST_SEQUENCE else held_out
             splits[split].append((t, c))
+    shared = ("cx", "cy", "fl_x", "fl_y", "h", "w", "camera_angle_x", "camera_angle_y")
     for split, views in splits.items():
         frames = [_frame_entry(t, c, timeline[t], cameras[c]) for t, c in views]
-        content: dict[str, object] = {}
-        if frames:
-            shared = ("cx", "cy", "fl_x", "fl_y", "h", "w", "camera_angle_x", "camera_angle_y")
-            content |= {key: frames[-1][key] for key in shared}
+        content: dict[str, object] = {key: frames[-1][key] for key in shared if frames}
         content["timestep_indices"] = sorted({t for t, _ in views})
         content["camera_indices"] = sorted({c for _, c in views})
         content["frames"] = frames

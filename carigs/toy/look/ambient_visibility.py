@@ -6,6 +6,8 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from carigs.capture.camera import Camera, look_at
+from carigs.light import fibonacci_sphere
+from carigs.mesh import vertex_normals
 from carigs.raster import rasterize_mesh
 
 _DIRECTIONS, _SIDE, _TOLERANCE = 72, 160, 0.0025  # directions, pixels, metres
@@ -24,11 +26,8 @@ def ambient_visibility(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray
     normals = vertex_normals(vertices, faces)
     middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
     radius = 1.02 * np.linalg.norm(vertices - middle, axis=1).max()
-    k = np.arange(_DIRECTIONS)  # Fibonacci lattice on the sphere, with its axis along y
-    height, turn = 1 - (2 * k + 1) / _DIRECTIONS, k * np.pi * (3 - np.sqrt(5))
-    ring = np.sqrt(1 - height**2)
     visible, total = np.full(len(vertices), 1e-9), np.full(len(vertices), 1e-9)
-    for direction in np.stack([ring * np.cos(turn), height, ring * np.sin(turn)], axis=1):
+    for direction in fibonacci_sphere(_DIRECTIONS)[:, [0, 2, 1]]:  # with its axis along y
         camera = distant_camera(middle, radius, direction, _SIDE)
         depth_map = rasterize_mesh(vertices, faces, camera).depth
         pixel, depth = camera.project(vertices + 0.001 * normals)
@@ -56,22 +55,3 @@ def distant_camera(
     distance = 14.0 * radius
     focal = 0.5 * side / radius * distance * 0.997
     return Camera(look_at(middle + distance * direction, middle), focal, focal, side / 2, side / 2, side, side)
-
-
-def vertex_normals(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float[np.ndarray, "v 3"]:
-    """Area-weighted unit normals of the vertices.
-
-    `carigs.mesh.triangle_mesh.vertex_normals` sums in another order, which would change the last bits of the images.
-
-    Args:
-        vertices: Positions, in any unit.
-        faces: Vertex indices of the triangles.
-
-    Returns:
-        Unit normals.
-    """
-    a, b, c = vertices[faces.T]
-    face_normals = np.cross(b - a, c - a)
-    sums = [np.bincount(faces.T.ravel(), np.tile(component, 3), len(vertices)) for component in face_normals.T]
-    normals = np.stack(sums, axis=1)
-    return normals / (np.linalg.norm(normals, axis=1, keepdims=True) + 1e-30)

@@ -17,6 +17,7 @@ from carigs.toy.shape.signed_distance import smoothstep, solids_distance
 from carigs.toy.shape.template import Template
 
 _KNOTS = 8  # points of a strand
+_ALONG = np.linspace(0, 1, _KNOTS)  # position of the knots on it
 
 
 class Strands(NamedTuple):
@@ -94,8 +95,7 @@ def _sample_roots(template: Template, density: np.ndarray, count: int, rng: np.r
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
     mass = np.cumsum(area * density[template.faces].max(axis=1))
     # Stratified in the order of the faces, for even coverage.
-    face = np.searchsorted(mass, (np.arange(count) + rng.random(count)) / count * mass[-1])
-    face = np.minimum(face, len(mass) - 1)
+    face = np.searchsorted(mass[:-1], (np.arange(count) + rng.random(count)) / count * mass[-1])
     u, v = rng.random(count), rng.random(count)
     over = u + v > 1
     u, v = np.where(over, 1 - u, u), np.where(over, 1 - v, v)
@@ -178,7 +178,7 @@ def _scalp(template: Template, attributes: Attributes, rng: np.random.Generator,
         rise = np.clip((layer - height) / (length + 1e-9) * 3.0, -0.7, 0.8)[:, None]
         direction = _unit(0.45 * direction + 0.55 * _unit(combed + rise * normal))
     depth = np.clip(layer / 9.0, 0, 1)[:, None]
-    shade = (0.42 + 0.3 * depth) + (0.58 - 0.3 * depth) * np.linspace(0, 1, _KNOTS) ** 0.7
+    shade = (0.42 + 0.3 * depth) + (0.58 - 0.3 * depth) * _ALONG**0.7
     tone = (1 + 0.16 * rng.standard_normal(n) + 0.5 * clump[:, 0]).clip(0.55, 1.7)[:, None]
     colour = np.clip(np.asarray(attributes.hair) * tone * [1.03, 1.0, 0.96], 0, 1)
     return _bind(template, roots, points, rng.uniform(0.6, 0.95, n), colour, shade)
@@ -200,8 +200,8 @@ def _brows(template: Template, attributes: Attributes, rng: np.random.Generator)
     along += 0.18 * rng.standard_normal(along.shape)
     along = _tangential(along, normal)
     length = rng.uniform(4.0, 7.0, n) * (1 - 0.35 * t)
-    s = np.linspace(0, 1, _KNOTS)[None, :, None]
     bend = along + displacement_field(root, side * 0.4, -0.5, 0)
+    s = _ALONG[:, None]
     points = root[:, None] + length[:, None, None] * (
         s * along[:, None] + 0.35 * s**2 * (bend - along)[:, None] + (0.28 * s - 0.12 * s**2) * normal[:, None]
     )
@@ -212,14 +212,12 @@ def _brows(template: Template, attributes: Attributes, rng: np.random.Generator)
 def _lashes(template: Template, attributes: Attributes, rng: np.random.Generator) -> Strands:
     """Lashes: their roots lie on the faces of the lid margins, close to the margin curves."""
     x, y, z = template.vertices.T
-    lower, upper = lid_margins(x)
-    ax = np.abs(x)
+    ax, margins = np.abs(x), lid_margins(x)
     near = template.on_head & (z > 72) & (ax > 20) & (ax < 45.5) & (np.hypot(ax - 31.8, z - 69) < 17)
-    near &= (np.abs(y - upper) < 2.0) | (np.abs(y - lower) < 2.0)
+    near &= np.any([np.abs(y - margin) < 2.0 for margin in margins], axis=0)
     roots = _sample_roots(template, near.astype(float), 2200, rng)
     x, y, z = roots.point.T
-    lower, upper = lid_margins(x)
-    ax = np.abs(x)
+    ax, (lower, upper) = np.abs(x), lid_margins(x)
     is_upper = y > 0.5 * (lower + upper)
     distance = np.where(is_upper, np.abs(y - upper - 0.2), np.abs(y - lower + 0.2))
     in_front = z > 69 + np.sqrt(np.maximum(13.6**2 - (ax - 31.8) ** 2 - (y - 28) ** 2, 0))
@@ -229,6 +227,6 @@ def _lashes(template: Template, attributes: Attributes, rng: np.random.Generator
     out = _unit(out + 0.10 * rng.standard_normal(out.shape))
     curl = np.stack([0 * ax, np.where(is_upper, 0.85, -0.25), 0 * ax], axis=1)
     length = np.where(is_upper, rng.uniform(3.0, 4.6, len(ax)), rng.uniform(1.4, 2.2, len(ax)))
-    s = np.linspace(0, 1, _KNOTS)[None, :, None]
+    s = _ALONG[:, None]
     points = roots.point[:, None] + length[:, None, None] * (s * out[:, None] + s**2 * curl[:, None])
     return _bind(template, roots, points, 0.22, np.asarray(attributes.hair) * 0.25 + 0.01, 1.0)

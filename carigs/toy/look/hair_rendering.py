@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from jaxtyping import Float, Float32, Int32
 
@@ -22,9 +21,8 @@ def ribbon_faces(strands: int, knots: int, first: int) -> Int32[np.ndarray, "f 3
         Vertex indices.
     """
     row = first + 2 * (np.arange(strands)[:, None] * knots + np.arange(knots - 1)).reshape(-1)
-    return np.concatenate(
-        [np.stack([row, row + 1, row + 2], axis=1), np.stack([row + 1, row + 3, row + 2], axis=1)]
-    ).astype(np.int32)
+    offsets = np.array([[0, 1, 2], [1, 3, 2]], np.int32)
+    return (row[:, None] + offsets[:, None]).reshape(-1, 3).astype(np.int32)
 
 
 def strand_ribbons(
@@ -50,51 +48,25 @@ def strand_ribbons(
     Returns:
         Positions in metres and linear colours of the vertices.
     """
-    toward = np.maximum(0.35 + 0.65 * (np.ascontiguousarray(axes[:, 2]) @ light.key_direction), 0.0)
-    return _strand_ribbons(
-        strands.local, strands.width, strands.shade, colour, roots, axes, unit, eye, light.key_direction, KEY_COLOUR,
-        toward, light.ambient(np.ascontiguousarray(axes[:, 2])),
-    )  # fmt: skip
-
-
-@numba.njit(cache=True, error_model="numpy", nogil=True)
-def _strand_ribbons(local, width, shade, colour, roots, axes, unit, eye, key, key_colour, toward, ambient):
-    n, knots = local.shape[:2]
-    positions, colours = np.empty((2 * n * knots, 3)), np.empty((2 * n * knots, 3), np.float32)
-    point = np.empty((knots, 3))
-    tangent = np.empty(3)
-    view = np.empty(3)
-    for s in range(n):
-        for k in range(knots):
-            for c in range(3):
-                point[k, c] = roots[s, c] + unit * (
-                    local[s, k, 0] * axes[s, 0, c] + local[s, k, 1] * axes[s, 1, c] + local[s, k, 2] * axes[s, 2, c]
-                )
-        for k in range(knots):
-            before, after = max(k - 1, 0), min(k + 1, knots - 1)
-            for c in range(3):
-                tangent[c] = point[after, c] - point[before, c]
-                view[c] = eye[c] - point[k, c]
-            tangent /= np.sqrt((tangent * tangent).sum()) + 1e-20
-            view /= np.sqrt((view * view).sum())
-            # The ribbon extends across the tangent and the viewing direction.
-            bx = tangent[1] * view[2] - tangent[2] * view[1]
-            by = tangent[2] * view[0] - tangent[0] * view[2]
-            bz = tangent[0] * view[1] - tangent[1] * view[0]
-            t = k / (knots - 1)
-            half = 0.5 * unit * width[s] * (1.0 - 0.8 * t * t) / (np.sqrt(bx * bx + by * by + bz * bz) + 1e-9)
-            row = 2 * (s * knots + k)
-            for c in range(3):
-                side = half * (bx if c == 0 else (by if c == 1 else bz))
-                positions[row, c] = point[k, c] - side
-                positions[row + 1, c] = point[k, c] + side
-            along = (tangent * key).sum()
-            across = np.sqrt(max(1.0 - along * along, 0.0))
-            seen = (tangent * view).sum()
-            shine = max(across * np.sqrt(max(1.0 - seen * seen, 0.0)) - along * seen, 0.0)
-            for c in range(3):
-                value = colour[s, c] * (ambient[s, c] + 0.9 * key_colour[c] * across * toward[s])
-                value += toward[s] * key_colour[c] * (0.045 * shine**60.0 + 0.22 * colour[s, c] * shine**14.0)
-                colours[row, c] = shade[s, k] * value
-                colours[row + 1, c] = shade[s, k] * value
-    return positions, colours
+    # Arrays are (3, k, s): inner loops run over the strands.
+    local, normals = np.ascontiguousarray(strands.local.T), np.ascontiguousarray(axes[:, 2])
+    colour, ambient = colour.T[:, None].astype(float), light.ambient(normals).T[:, None]
+    key, key_colour = light.key_direction[:, None, None], KEY_COLOUR[:, None, None]
+    points = roots.T[:, None] + unit * sum(local[i] * axes[:, i].T[:, None] for i in range(3))
+    ends = np.pad(points, ((0, 0), (1, 1), (0, 0)), "edge")
+    tangent, view = ends[:, 2:] - ends[:, :-2], eye[:, None, None] - points
+    tangent /= np.linalg.norm(tangent, axis=0) + 1e-20
+    view /= np.linalg.norm(view, axis=0)
+    side = tangent[[1, 2, 0]] * view[[2, 0, 1]] - tangent[[2, 0, 1]] * view[[1, 2, 0]]  # their cross product
+    t = np.arange(len(local[0]))[:, None] / (len(local[0]) - 1)
+    half = 0.5 * unit * strands.width.astype(float) * (1.0 - 0.8 * t * t)
+    side *= half / (np.linalg.norm(side, axis=0) + 1e-9)
+    along, seen = (tangent * key).sum(axis=0), (tangent * view).sum(axis=0)
+    across = np.sqrt(np.maximum(1.0 - along * along, 0.0))
+    shine = np.maximum(across * np.sqrt(np.maximum(1.0 - seen * seen, 0.0)) - along * seen, 0.0)
+    toward = np.maximum(0.35 + 0.65 * (normals @ light.key_direction), 0.0)
+    value = colour * (ambient + 0.9 * key_colour * across * toward)
+    value += toward * key_colour * (0.045 * shine**60 + 0.22 * colour * shine**14)
+    ribbons = np.stack([(points - side).T, (points + side).T], axis=2)
+    colours = (strands.shade.T * value).astype(np.float32).T
+    return ribbons.reshape(-1, 3), np.repeat(colours.reshape(-1, 3), 2, axis=0)

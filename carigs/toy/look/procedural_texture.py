@@ -19,9 +19,7 @@ class _Layers:
     """Texture values (red, green, blue, gloss) that layers are added to."""
 
     def __init__(self, n: int, colour: Colour, gloss: float) -> None:
-        self.values = np.empty((n, 4), np.float32)
-        self.values[:, :3] = colour
-        self.values[:, 3] = gloss
+        self.values = np.tile(np.float32([*colour, gloss]), (n, 1))
 
     def tint(self, weight: np.ndarray, colour: Colour) -> None:
         """Multiply by a colour where the weight is 1."""

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from jaxtyping import Float32
 
 from carigs.capture.images import to_linear, to_srgb
+from carigs.simd.kernels import kernel
+from carigs.simd.matrix3 import dot
 
 LINEAR_FROM_SRGB = to_linear(np.arange(256) / 255).astype(np.float32)
 """Linear value of each 8-bit sRGB level."""
@@ -26,13 +27,12 @@ def ambient_by_channel(visibility: Float32[np.ndarray, "v"]) -> Float32[np.ndarr
     return np.stack([visibility**power for power in (0.80, 1.05, 1.15, 1.0)], axis=1).astype(np.float32)
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
-def _shadow_factor(shadow, pixel_from_world, x, y, z):
+@kernel
+def _shadow_factor(shadow, pixel_from_world, point):
     """Share of the key light that reaches a point: percentage-closer filtering of a shadow map with a tent filter."""
     p = pixel_from_world
-    depth = p[2, 0] * x + p[2, 1] * y + p[2, 2] * z + p[2, 3]
-    u = (p[0, 0] * x + p[0, 1] * y + p[0, 2] * z + p[0, 3]) / depth - 0.5
-    v = (p[1, 0] * x + p[1, 1] * y + p[1, 2] * z + p[1, 3]) / depth - 0.5
+    depth = dot(p[2], point) + p[2, 3]
+    u, v = (dot(p[0], point) + p[0, 3]) / depth - 0.5, (dot(p[1], point) + p[1, 3]) / depth - 0.5
     i, j = int(np.floor(u)), int(np.floor(v))
     if i < 1 or j < 1 or i + 2 >= shadow.shape[1] or j + 2 >= shadow.shape[0]:
         return 1.0
@@ -50,40 +50,29 @@ def _shadow_factor(shadow, pixel_from_world, x, y, z):
     return total / weights
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@numba.njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _unit(a):
-    scale = 1.0 / np.sqrt(_dot(a, a) + 1e-20)
+    scale = 1.0 / np.sqrt(dot(a, a) + 1e-20)
     return a[0] * scale, a[1] * scale, a[2] * scale
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _interpolated(values, corner, weight, k):
-    return weight[0] * values[corner[0], k] + weight[1] * values[corner[1], k] + weight[2] * values[corner[2], k]
+    return dot(weight, (values[corner[0], k], values[corner[1], k], values[corner[2], k]))
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _interpolated3(values, corner, weight):
-    return (
-        _interpolated(values, corner, weight, 0),
-        _interpolated(values, corner, weight, 1),
-        _interpolated(values, corner, weight, 2),
-    )
+    x, y = _interpolated(values, corner, weight, 0), _interpolated(values, corner, weight, 1)
+    return x, y, _interpolated(values, corner, weight, 2)
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def _texel_triangle(first, n, weight):
     """The three texels around a point of a face of resolution `n`, and their weights (see `atlas`)."""
     i, j = min(int(weight[0] * n), n - 1), min(int(weight[1] * n), n - 1)
     while i + j > n - 1:
-        if i > j:
-            i -= 1
-        else:
-            j -= 1
+        i, j = (i - 1, j) if i > j else (i, j - 1)
     fi, fj = weight[0] * n - i, weight[1] * n - j
     row = first + i * (n + 1) - i * (i - 1) // 2
     below = row + n + 1 - i
@@ -92,7 +81,7 @@ def _texel_triangle(first, n, weight):
     return (row + j, below + j, row + j + 1), (1.0 - fi - fj, fi, fj)
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def shade(
     face_image, weight_image, faces, n_textured, positions, normals, ambient, first, resolution, texels, vertex_colours,
     eye, light, shadow, shadow_from_world, samples, linear, stored,
@@ -124,70 +113,49 @@ def shade(
     Returns:
         Colours as sRGB values (h, w, 3) and coverage (h, w), float32.
     """
-    height, width = face_image.shape[0] // samples, face_image.shape[1] // samples
-    colour = np.empty((height, width, 3), np.float32)
-    alpha = np.empty((height, width), np.float32)
+    height, width, count = face_image.shape[0] // samples, face_image.shape[1] // samples, samples * samples
+    colour, alpha = np.full((height, width, 3), float(count)), np.zeros((height, width))  # a white background
     n_vertices = len(normals)
-    key = (light[0, 0], light[0, 1], light[0, 2])
-    axis = (light[6, 0], light[6, 1], light[6, 2])
+    key, axis = (light[0, 0], light[0, 1], light[0, 2]), (light[6, 0], light[6, 1], light[6, 2])
     wrap = (0.34, 0.20, 0.15)  # wrap lighting stands for subsurface scattering, which is strongest in red
     value = np.empty(3)
-    total = np.empty(3)
-    for py in range(height):
-        for px in range(width):
-            total[:] = 0.0
-            covered = 0
-            for s in range(samples * samples):
-                sy, sx = py * samples + s // samples, px * samples + s % samples
-                f = face_image[sy, sx]
-                if f < 0:
-                    continue
-                covered += 1
-                corner = (faces[f, 0], faces[f, 1], faces[f, 2])
-                weight = (weight_image[sy, sx, 0], weight_image[sy, sx, 1], weight_image[sy, sx, 2])
-                if f >= n_textured:
-                    corner = (corner[0] - n_vertices, corner[1] - n_vertices, corner[2] - n_vertices)
-                    value[0], value[1], value[2] = _interpolated3(vertex_colours, corner, weight)
+    for y in range(height * samples):
+        for x in range(width * samples):
+            f = face_image[y, x]
+            if f < 0:
+                continue
+            alpha[y // samples, x // samples] += 1.0
+            corner = (faces[f, 0], faces[f, 1], faces[f, 2])
+            weight = (weight_image[y, x, 0], weight_image[y, x, 1], weight_image[y, x, 2])
+            if f >= n_textured:
+                corner = (corner[0] - n_vertices, corner[1] - n_vertices, corner[2] - n_vertices)
+                value[0], value[1], value[2] = _interpolated3(vertex_colours, corner, weight)
+            else:
+                t, share = _texel_triangle(first[f], resolution[f], weight)
+                gloss = _interpolated(texels, t, share, 3) / 255.0
+                n, point = _unit(_interpolated3(normals, corner, weight)), _interpolated3(positions, corner, weight)
+                view = _unit((eye[0] - point[0], eye[1] - point[1], eye[2] - point[2]))
+                toward, facing = dot(n, key), max(dot(n, view), 0.0)
+                visible = _interpolated(ambient, corner, weight, 3)
+                above = (point[0] + 0.0015 * n[0], point[1] + 0.0015 * n[1], point[2] + 0.0015 * n[2])
+                lit = _shadow_factor(shadow, shadow_from_world, above) if toward > -0.35 else 0.0
+                half = (key[0] + view[0], key[1] + view[1], key[2] + view[2])
+                specular = max(dot(n, half) / np.sqrt(dot(half, half)), 0.0)
+                if gloss > 0.22:  # the wet surface of the eye
+                    shine = 9.0 * gloss * specular**420.0 * (lit > 0.3) + 0.03 * visible
                 else:
-                    t, w = _texel_triangle(first[f], resolution[f], weight)
-                    gloss = (w[0] * texels[t[0], 3] + w[1] * texels[t[1], 3] + w[2] * texels[t[2], 3]) / 255.0
-                    n = _unit(_interpolated3(normals, corner, weight))
-                    x, y, z = _interpolated3(positions, corner, weight)
-                    view = _unit((eye[0] - x, eye[1] - y, eye[2] - z))
-                    toward = _dot(n, key)
-                    facing = max(_dot(n, view), 0.0)
-                    visible = _interpolated(ambient, corner, weight, 3)
-                    lit = 0.0
-                    if toward > -0.35:
-                        x, y, z = x + 0.0015 * n[0], y + 0.0015 * n[1], z + 0.0015 * n[2]
-                        lit = _shadow_factor(shadow, shadow_from_world, x, y, z)
-                    half = (key[0] + view[0], key[1] + view[1], key[2] + view[2])
-                    specular = max(_dot(n, half) / np.sqrt(_dot(half, half)), 0.0)
-                    rim = (1.0 - facing) * (1.0 - facing)
-                    rim *= rim
-                    if gloss > 0.22:  # the wet surface of the eye
-                        shine = 9.0 * gloss * specular**420.0 * (lit > 0.3) + 0.03 * visible
-                    else:
-                        specular = specular**4
-                        specular *= specular**4  # its 20th power
-                        reflected = 2.4 * specular * lit * np.sqrt(max(toward, 0.0))
-                        shine = gloss * (reflected + (0.25 + 2.2 * rim) * visible * 0.5)
-                    front = _dot(axis, n)
-                    front = front * front - 1.0 / 3.0
-                    for k in range(3):
-                        albedo = w[0] * linear[texels[t[0], k]] + w[1] * linear[texels[t[1], k]]
-                        albedo += w[2] * linear[texels[t[2], k]]
-                        diffuse = max((toward + wrap[k]) / (1.0 + wrap[k]), 0.0)
-                        soft = lit if k > 0 else lit + 0.12 * lit * (1.0 - lit)
-                        irradiance = light[2, k] + light[3, k] * n[0] + light[4, k] * n[1] + light[5, k] * n[2]
-                        irradiance += light[7, k] * front
-                        irradiance *= _interpolated(ambient, corner, weight, k)
-                        irradiance += light[1, k] * diffuse * soft * (0.35 + 0.65 * visible)
-                        value[k] = irradiance * albedo + shine * light[1, k]
+                    reflected = 2.4 * specular**20 * lit * np.sqrt(max(toward, 0.0))
+                    shine = gloss * (reflected + (0.25 + 2.2 * (1.0 - facing) ** 4) * visible * 0.5)
+                front = dot(axis, n) ** 2 - 1.0 / 3.0
                 for k in range(3):
-                    total[k] += stored[int(min(max(value[k], 0.0), 1.0) * 4096.0)]
-            count = samples * samples
-            alpha[py, px] = covered / count
+                    albedo = dot(share, (linear[texels[t[0], k]], linear[texels[t[1], k]], linear[texels[t[2], k]]))
+                    diffuse = max((toward + wrap[k]) / (1.0 + wrap[k]), 0.0)
+                    soft = lit if k > 0 else lit + 0.12 * lit * (1.0 - lit)
+                    irradiance = light[2, k] + light[3, k] * n[0] + light[4, k] * n[1] + light[5, k] * n[2]
+                    irradiance += light[7, k] * front
+                    irradiance *= _interpolated(ambient, corner, weight, k)
+                    irradiance += light[1, k] * diffuse * soft * (0.35 + 0.65 * visible)
+                    value[k] = irradiance * albedo + shine * light[1, k]
             for k in range(3):
-                colour[py, px, k] = (total[k] + (count - covered)) / count
-    return colour, alpha
+                colour[y // samples, x // samples, k] += stored[int(min(max(value[k], 0.0), 1.0) * 4096.0)] - 1.0
+    return (colour / count).astype(np.float32), (alpha / count).astype(np.float32)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -45,9 +44,7 @@ def attach_teeth(model: HeadModel, teeth: Float[np.ndarray, "t 3"], upper: int) 
         The head model with the teeth.
     """
     n = len(teeth)
-    weights = np.zeros((n, 5), np.float32)
-    weights[:upper, 1] = 1.0
-    weights[upper:, 2] = 1.0
+    weights = np.eye(5, dtype=np.float32)[np.where(np.arange(n) < upper, 1, 2)]
     directions = np.zeros((n, 3, model.shapedirs.shape[2]), np.float32)
     for name in expressions.JAW_NAMES:
         column = N_SHAPE + expressions.NAMES.index(name)
@@ -106,7 +103,7 @@ def _arch(gum: float, edge: float, front: float, half: float) -> tuple[np.ndarra
     """Vertices, faces and colours of one jaw: heights of gum and biting edge, foremost z, half width (millimetres)."""
     edges = np.concatenate([[0], np.cumsum(_WIDTHS)])
     across = np.concatenate([-edges[::-1], edges[1:]]) / edges[-1]
-    u = np.concatenate([a + (b - a) * np.linspace(0, 1, _COLUMNS) for a, b in itertools.pairwise(across)])
+    u = (across[:-1, None] + np.diff(across)[:, None] * np.linspace(0, 1, _COLUMNS)).reshape(-1)
     s = np.tile(np.linspace(-1, 1, _COLUMNS), len(across) - 1)  # across one tooth
     v = np.linspace(0, 1, _ROWS)[:, None]  # gum to edge
     theta = u * 1.35

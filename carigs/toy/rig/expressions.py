@@ -53,14 +53,9 @@ def expression_basis(points: Float[np.ndarray, "n 3"], on_head: Float[np.ndarray
     Returns:
         Displacements in millimetres at full activation, in the order of `NAMES`.
     """
-    left = 0.5 + 0.5 * smooth_sign(points, 6.0)
-    columns = []
-    for name in NAMES:
-        base, _, side = name.rpartition("_")
-        if base in _ONE_SIDED:
-            columns.append(_displacement(base, points) * (left if side == "left" else 1 - left)[:, None])
-        else:
-            columns.append(_displacement(name, points))
+    left = 0.5 + 0.5 * smooth_sign(points, 6.0)[:, None]
+    columns = [_displacement(name, points) * side for name in _ONE_SIDED for side in (left, 1 - left)]
+    columns += [_displacement(name, points) for name in NAMES[len(columns) :]]
     return np.stack(columns, axis=-1) * on_head[:, None, None]
 
 

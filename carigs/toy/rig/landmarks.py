@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Int
 from scipy.spatial import cKDTree
 
 from carigs.toy.rig.regions import lip_borders
@@ -47,9 +47,7 @@ def landmarks68(template: Template) -> Int[np.ndarray, "68"]:
     return ids
 
 
-def _nearest(
-    template: Template, candidates: Bool[np.ndarray, "v"], points: Float[np.ndarray, "n 3"]
-) -> Int[np.ndarray, "n"]:
+def _nearest(template: Template, candidates: np.ndarray, points: np.ndarray) -> np.ndarray:
     ids = np.flatnonzero(candidates)
     return ids[cKDTree(template.vertices[ids]).query(points)[1]]
 

@@ -96,9 +96,8 @@ def vertex_regions(template: Template) -> dict[str, Int[np.ndarray, "_"]]:
     socket = anatomy.eye_distance(p) < anatomy.SOCKET_RADIUS + 0.5
     cavity = on_head & (anatomy.mouth_cavity(p) < 1.2) & (z < 97)
     scalp = on_head & ~ear & (height_above_hairline(p) > 0)
-    low = y + 0.35 * np.minimum(z, 60.0)
     boundary = on_head & (y < NECK_CUT + 16.0)
-    neck = on_head & ~scalp & ~ear & (low < -66) & ~boundary
+    neck = on_head & ~scalp & ~ear & (y + 0.35 * np.minimum(z, 60.0) < -66) & ~boundary
     face = on_head & ~scalp & ~ear & ~neck & ~boundary & (z > 0)
     eye = on_head & (np.hypot((ax - anatomy.EYE_X) / 24, (y - anatomy.EYE_Y - 1) / 17) < 1) & (z > anatomy.EYE_Z - 20)
     lower, upper = anatomy.lid_margins(ax)

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
+
+from carigs.simd.kernels import kernel
+from carigs.simd.matrix3 import cross, dot
 
 MAX_DEGREE = 40  # faces around a vertex
 
@@ -63,65 +65,61 @@ def editable_mesh(vertices: np.ndarray, faces: np.ndarray, border: np.ndarray, s
     )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel
+def _difference(points, a, b):
+    return points[a, 0] - points[b, 0], points[a, 1] - points[b, 1], points[a, 2] - points[b, 2]
+
+
+@kernel
 def _distance(points, a, b):
-    return np.sqrt(
-        (points[a, 0] - points[b, 0]) ** 2 + (points[a, 1] - points[b, 1]) ** 2 + (points[a, 2] - points[b, 2]) ** 2
-    )
+    d = _difference(points, a, b)
+    return np.sqrt(dot(d, d))
 
 
-@numba.njit(cache=True)
+@kernel
 def _corners(mesh, f):
     return mesh.faces[f, 0], mesh.faces[f, 1], mesh.faces[f, 2]
 
 
-@numba.njit(cache=True)
+@kernel
 def _edge_faces(mesh, a, b):
-    """Number of faces at edge (a, b), and (face, third corner) of the first two."""
-    count, first, second = 0, (-1, -1), (-1, -1)
-    for i in range(mesh.degree[a]):
-        f = mesh.ring[a, i]
-        p, q, r = _corners(mesh, f)
-        if p == b or q == b or r == b:
-            if count == 0:
-                first = (f, p + q + r - a - b)
-            else:
-                second = (f, p + q + r - a - b)
+    """Number of faces at edge (a, b), and (face, third corner) of the first two; twice the same on a border."""
+    count, sides = 0, ((-1, -1), (-1, -1))
+    for f in mesh.ring[a, : mesh.degree[a]]:
+        corners = _corners(mesh, f)
+        if b in corners:
+            side = (f, sum(corners) - a - b)
+            sides = (side, side) if count == 0 else (sides[0], side)
             count += 1
-    return count, (first, second)
+    return count, sides
 
 
-@numba.njit(cache=True)
+@kernel
 def _unlink(mesh, v, f):
-    for i in range(mesh.degree[v]):
-        if mesh.ring[v, i] == f:
-            mesh.degree[v] -= 1
-            mesh.ring[v, i] = mesh.ring[v, mesh.degree[v]]
-            return
+    ring = mesh.ring[v, : mesh.degree[v]]
+    ring[np.argmax(ring == f)] = ring[-1]
+    mesh.degree[v] -= 1
 
 
-@numba.njit(cache=True)
+@kernel
 def _link(mesh, v, f):
     mesh.ring[v, mesh.degree[v]] = f
     mesh.degree[v] += 1
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel
 def _normal(points, a, b, c):
     """Normal of a triangle, not normalised: twice its area long."""
-    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-    vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
-    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    return cross(_difference(points, b, a), _difference(points, c, a))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel
 def _aligned(n, m, min_cosine):
-    dot = n[0] * m[0] + n[1] * m[1] + n[2] * m[2]
-    norm = np.sqrt((n[0] ** 2 + n[1] ** 2 + n[2] ** 2) * (m[0] ** 2 + m[1] ** 2 + m[2] ** 2))
-    return dot > min_cosine * norm and norm > 0.0
+    norm = np.sqrt(dot(n, n) * dot(m, m))
+    return dot(n, m) > min_cosine * norm and norm > 0.0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel
 def split_long_edges(mesh, n_vertices, n_faces):
     """Split every edge longer than 4/3 of its target length at its midpoint.
 
@@ -146,38 +144,33 @@ def split_long_edges(mesh, n_vertices, n_faces):
                 continue
             if n_vertices >= len(points) or n_faces + 2 >= len(faces):
                 return n_vertices, n_faces
-            if max(degree[sides[0][1]], degree[sides[count - 1][1]]) >= MAX_DEGREE - 1:
+            if max(degree[sides[0][1]], degree[sides[1][1]]) >= MAX_DEGREE - 1:
                 continue
             m = n_vertices
             n_vertices += 1
             points[m] = 0.5 * (points[a] + points[b])
             size[m] = 0.5 * (size[a] + size[b])
             border[m] = border[a] & border[b] if count == 1 else 0
-            degree[m] = 0
             for side in range(count):
                 g, third = sides[side]
-                new = n_faces
-                n_faces += 1
-                for q in range(3):
-                    v = faces[g, q]
-                    faces[new, q] = m if v == a else v
-                    faces[g, q] = m if v == b else v
+                faces[n_faces] = np.where(faces[g] == a, m, faces[g])
+                faces[g] = np.where(faces[g] == b, m, faces[g])
                 _unlink(mesh, b, g)
-                _link(mesh, b, new)
                 _link(mesh, m, g)
-                _link(mesh, m, new)
-                _link(mesh, third, new)
+                for v in (b, m, third):
+                    _link(mesh, v, n_faces)
+                n_faces += 1
     return n_vertices, n_faces
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel
 def _can_move(mesh, v, other, target):
     """Whether the faces of `v` without `other` keep their orientation and stay small when `v` moves to `target`."""
     points = mesh.points
     old = points[v].copy()
-    for i in range(mesh.degree[v]):
-        p, q, r = _corners(mesh, mesh.ring[v, i])
-        if p == other or q == other or r == other:
+    for f in mesh.ring[v, : mesh.degree[v]]:
+        p, q, r = _corners(mesh, f)
+        if other in (p, q, r):
             continue
         before = _normal(points, p, q, r)
         points[v] = target
@@ -189,7 +182,7 @@ def _can_move(mesh, v, other, target):
     return True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel
 def collapse_short_edges(mesh, n_faces):
     """Collapse every edge shorter than 4/5 of its target length, where the mesh stays a manifold.
 
@@ -198,7 +191,7 @@ def collapse_short_edges(mesh, n_faces):
         n_faces: Number of faces, deleted ones included.
     """
     points, border, size, faces, ring, degree = mesh
-    mark = np.full(len(points), -1)  # the last edge for which a vertex was a neighbour of `a`
+    mark = np.zeros(len(points), np.int64)  # the last edge for which a vertex was a neighbour of `a`; < 0: of `b`, too
     for f in range(n_faces):
         for c in range(3):
             if faces[f, 0] < 0:
@@ -208,35 +201,30 @@ def collapse_short_edges(mesh, n_faces):
                 continue
             count, sides = _edge_faces(mesh, a, b)
             # b is merged into a, which must lie on every border that b lies on.
-            if (border[a] & border[b]) != border[b]:
+            if border[b] & ~border[a]:
                 a, b = b, a
-                if (border[a] & border[b]) != border[b]:
-                    continue
-            if count == 2 and border[b] != 0:
+            if border[b] & ~border[a] or (count == 2 and border[b]):
                 continue
             # Link condition: the common neighbours are the opposite corners of the edge and no others.
-            edge = 3 * f + c
+            edge = 3 * f + c + 1
             mark[a] = mark[b] = edge
             neighbours = 0
-            for i in range(degree[a]):
-                for v in _corners(mesh, ring[a, i]):
+            for g in ring[a, : degree[a]]:
+                for v in _corners(mesh, g):
                     neighbours += mark[v] != edge
                     mark[v] = edge
+            mark[a] = mark[b] = -edge
             common = 0
-            valid = degree[a] + degree[b] - 2 * count < MAX_DEGREE - 2 and neighbours + degree[b] < 14
-            for i in range(degree[b]):
-                for v in _corners(mesh, ring[b, i]):
-                    if v == a or v == b:
-                        continue
+            valid = neighbours + degree[b] < 14
+            for g in ring[b, : degree[b]]:
+                for v in _corners(mesh, g):
                     if mark[v] == edge:
-                        common += 1  # counted in two faces of b, in one at a border
-                    elif border[v] & border[a]:
+                        common += 1
+                        mark[v] = -edge
+                    elif mark[v] != -edge and border[v] & border[a]:
                         # A new inner edge between two border vertices, unless it runs along the border.
                         valid = valid and _edge_faces(mesh, b, v)[0] == 1 and count == 1
-            expected = 0
-            for side in range(count):
-                expected += _edge_faces(mesh, b, sides[side][1])[0]
-            if not valid or common != expected:
+            if not valid or common != count:
                 continue
             target = points[a] + (0.5 if border[a] == border[b] else 0.0) * (points[b] - points[a])
             if not (_can_move(mesh, a, b, target) and _can_move(mesh, b, a, target)):
@@ -244,21 +232,17 @@ def collapse_short_edges(mesh, n_faces):
             points[a] = target
             size[a] = 0.5 * (size[a] + size[b])
             for side in range(count):
-                g, third = sides[side]
-                _unlink(mesh, a, g)
-                _unlink(mesh, b, g)
-                _unlink(mesh, third, g)
+                g = sides[side][0]
+                for v in _corners(mesh, g):
+                    _unlink(mesh, v, g)
                 faces[g] = -1
-            for i in range(degree[b]):
-                g = ring[b, i]
-                for q in range(3):
-                    if faces[g, q] == b:
-                        faces[g, q] = a
+            for g in ring[b, : degree[b]]:
+                faces[g] = np.where(faces[g] == b, a, faces[g])
                 _link(mesh, a, g)
             degree[b] = 0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel
 def flip_edges(mesh, n_faces):
     """Flip every edge whose flip brings vertex degrees closer to six (three on a border) and keeps the shape.
 
@@ -275,26 +259,21 @@ def flip_edges(mesh, n_faces):
             count, sides = _edge_faces(mesh, a, b)
             if count != 2:
                 continue
-            if sides[1][0] == f:
-                sides = (sides[1], sides[0])
             # f runs from a to b with third corner c0, the other face from b to a with third corner c1.
-            (f0, c0), (f1, c1) = sides
+            (f0, c0), (f1, c1) = sides if sides[0][0] == f else (sides[1], sides[0])
             if (border[c0] & border[c1]) != 0 or max(degree[c0], degree[c1]) >= MAX_DEGREE - 1:
                 continue
-            before = 0
-            after = 0
+            growth = 0  # of the sum of squares
             for v, change in ((a, -1), (b, -1), (c0, 1), (c1, 1)):
                 excess = degree[v] - (6 if border[v] == 0 else 3)
-                before += excess * excess
-                after += (excess + change) * (excess + change)
-            if after >= before or _edge_faces(mesh, c0, c1)[0]:
+                growth += (excess + change) ** 2 - excess**2
+            if growth >= 0 or _edge_faces(mesh, c0, c1)[0]:
                 continue
             m, k = _normal(points, a, b, c0), _normal(points, b, a, c1)
             p, q = _normal(points, a, c1, c0), _normal(points, b, c0, c1)
             if not (_aligned(m, p, 0.8) and _aligned(m, q, 0.8) and _aligned(k, p, 0.8) and _aligned(k, q, 0.8)):
                 continue
-            faces[f0, 0], faces[f0, 1], faces[f0, 2] = a, c1, c0
-            faces[f1, 0], faces[f1, 1], faces[f1, 2] = b, c0, c1
+            faces[f0], faces[f1] = (a, c1, c0), (b, c0, c1)
             _unlink(mesh, b, f0)
             _unlink(mesh, a, f1)
             _link(mesh, c1, f0)
@@ -302,7 +281,7 @@ def flip_edges(mesh, n_faces):
             break
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel
 def relax_vertices(mesh, n_vertices):
     """Move vertices towards the weighted centroid of their faces, within the tangent plane or along their border.
 
@@ -318,23 +297,20 @@ def relax_vertices(mesh, n_vertices):
         if border[v] == 0:
             normal = np.zeros(3)
             total = 0.0
-            for i in range(degree[v]):
-                p, q, r = _corners(mesh, ring[v, i])
+            for f in ring[v, : degree[v]]:
+                p, q, r = _corners(mesh, f)
                 n = _normal(points, p, q, r)
-                area = np.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
-                local = (size[p] + size[q] + size[r]) / 3.0
-                weight = area / (local * local)
+                weight = np.sqrt(dot(n, n)) / ((size[p] + size[q] + size[r]) / 3.0) ** 2
                 total += weight
-                for axis in range(3):
-                    normal[axis] += n[axis]
-                    step[axis] += weight * (points[p, axis] + points[q, axis] + points[r, axis]) / 3.0
+                normal += np.array(n)
+                step += weight * (points[p] + points[q] + points[r]) / 3.0
             normal /= np.sqrt((normal**2).sum()) + 1e-30
             step = step / total - points[v]
             step -= normal * (step * normal).sum()
         else:
             ends = 0
-            for i in range(degree[v]):
-                for w in _corners(mesh, ring[v, i]):
+            for f in ring[v, : degree[v]]:
+                for w in _corners(mesh, f):
                     if w != v and (border[w] & border[v]) != 0 and _edge_faces(mesh, v, w)[0] == 1:
                         step += points[w] - points[v]
                         ends += 1

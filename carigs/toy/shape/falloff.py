@@ -82,10 +82,7 @@ def gaussian_displacement(
 
 
 def rotated(
-    points: Float[np.ndarray, "n 3"],
-    centre: Float[np.ndarray, "3"],
-    axis: int,
-    angle: Float[np.ndarray, "n"] | float,
+    points: Float[np.ndarray, "n 3"], centre: Float[np.ndarray, "3"], axis: int, angle: Float[np.ndarray, "n"] | float
 ) -> Float[np.ndarray, "n 3"]:
     """Rotate points about a coordinate axis through `centre`, each by its own angle.
 

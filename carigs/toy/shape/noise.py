@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from jaxtyping import Float32
 
+from carigs.simd.kernels import kernel
 
-@numba.njit(cache=True, inline="always")
+
+@kernel
 def _hash(x, y, z, seed):
     """32-bit hash of a lattice point."""
     h = (x * 73856093) ^ (y * 19349663) ^ (z * 83492791) ^ (seed * 2654435761)
@@ -19,8 +20,15 @@ def _hash(x, y, z, seed):
     return h ^ (h >> 16)
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
-def _gradient_noise(points, scale, octaves, seed, out):
+@kernel
+def _fade(t):
+    """Quintic step, with a continuous second derivative."""
+    return t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
+
+
+@kernel
+def _gradient_noise(points, scale, octaves, seed):
+    out = np.empty(len(points), np.float32)
     for n in range(len(points)):
         total = 0.0
         amplitude = 1.0
@@ -28,9 +36,7 @@ def _gradient_noise(points, scale, octaves, seed, out):
         for octave in range(octaves):
             ix, iy, iz = int(np.floor(fx)), int(np.floor(fy)), int(np.floor(fz))
             u, v, w = fx - ix, fy - iy, fz - iz
-            su = u * u * u * (u * (u * 6.0 - 15.0) + 10.0)
-            sv = v * v * v * (v * (v * 6.0 - 15.0) + 10.0)
-            sw = w * w * w * (w * (w * 6.0 - 15.0) + 10.0)
+            su, sv, sw = _fade(u), _fade(v), _fade(w)
             value = 0.0
             for c in range(8):
                 cx, cy, cz = c & 1, (c >> 1) & 1, c >> 2
@@ -44,6 +50,7 @@ def _gradient_noise(points, scale, octaves, seed, out):
             amplitude *= 0.5
             fx, fy, fz = fx * 2.0 + 17.3, fy * 2.0 - 9.1, fz * 2.0 + 4.7
         out[n] = 1.6 * total
+    return out
 
 
 def gradient_noise(
@@ -60,12 +67,10 @@ def gradient_noise(
     Returns:
         Values within about [-1, 1].
     """
-    out = np.empty(len(points), np.float32)
-    _gradient_noise(points, np.broadcast_to(np.asarray(scale, np.float32), 3).copy(), octaves, seed, out)
-    return out
+    return _gradient_noise(points, np.full(3, scale, np.float32), octaves, seed)
 
 
-@numba.njit(cache=True, error_model="numpy", nogil=True)
+@kernel
 def spots(points, cell, share, seed):
     """Randomly placed round spots, at most one in each cell of a cubic grid.
 

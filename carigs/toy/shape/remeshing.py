@@ -7,13 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float, Int
 
-from carigs.toy.shape.edge_operations import (
-    collapse_short_edges,
-    editable_mesh,
-    flip_edges,
-    relax_vertices,
-    split_long_edges,
-)
+from carigs.toy.shape import edge_operations as edges
 
 
 def remesh(
@@ -38,19 +32,19 @@ def remesh(
     Returns:
         Positions, faces and border bits of the new mesh.
     """
-    mesh, v, f = editable_mesh(vertices, faces, border, np.zeros(len(vertices))), len(vertices), len(faces)
+    mesh = edges.editable_mesh(vertices, faces, border, target_edge_lengths(vertices))
+    v, f = len(vertices), len(faces)
     for step in range(rounds):
-        mesh.size[:v] = target_edge_lengths(mesh.points[:v])
         for _ in range(8 if step == 0 else 2):
-            collapse_short_edges(mesh, f)
-        v, f = split_long_edges(mesh, v, f)
+            edges.collapse_short_edges(mesh, f)
+        v, f = edges.split_long_edges(mesh, v, f)
         for _ in range(2):
-            flip_edges(mesh, f)
-        used, compact = np.unique(mesh.faces[:f][mesh.faces[:f, 0] >= 0], return_inverse=True)
-        v, f = len(used), len(compact.reshape(-1, 3))
-        mesh = editable_mesh(mesh.points[used], compact.reshape(-1, 3), mesh.border[used], mesh.size[used])
+            edges.flip_edges(mesh, f)
+        used, faces = np.unique(mesh.faces[:f][mesh.faces[:f, 0] >= 0], return_inverse=True)
+        v, f = len(used), len(faces)
+        mesh = edges.editable_mesh(mesh.points[used], faces, mesh.border[used], mesh.size[used])
         for _ in range(2):
-            relax_vertices(mesh, v)
+            edges.relax_vertices(mesh, v)
             project(mesh.points[:v], mesh.border[:v])
             mesh.size[:v] = target_edge_lengths(mesh.points[:v])
     return mesh.points[:v], mesh.faces[:f], mesh.border[:v]

@@ -1,7 +1,6 @@
 """Primitive solids for smooth constructive solid geometry: ellipsoids, round cones and chains of round cones.
 
-Lengths and coordinates are in millimetres. A solid is one row of numbers, which the kernels of
-`carigs.toy.shape.signed_distance` read.
+Lengths and coordinates are in millimetres.
 """
 
 from __future__ import annotations
@@ -9,20 +8,30 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Shaped
 
-# Columns: 0 kind, 1 sign (+1 add, -1 carve), 2 blend width, 3-6 bounding sphere (centre, radius). Then an ellipsoid has
-# 7-9 centre, 10-12 radii, 13-21 axes; a round cone has 7-9 start, 10 start radius, 11-13 end, 14 end radius.
-ELLIPSOID, ROUND_CONE = 0, 1
-ROW = 24
-LINK = 23  # this column is 1 where the next row continues the same solid
-FAR = 1e3
+SOLID = np.dtype([
+    ("is_cone", bool), ("carve", bool),
+    ("continued", bool),  # by the next row, which belongs to the same solid
+    ("blend", float),
+    ("centre", float, 3), ("reach", float),  # bounding sphere
+    ("radii", float, 3), ("axes", float, (3, 3)),  # of an ellipsoid
+    ("start", float, 4), ("end", float, 4),  # of a round cone: spheres (x, y, z, radius)
+])  # fmt: skip
+"""One row of the array that the kernels of `carigs.toy.shape.signed_distance` read."""
 Point = tuple[float, ...]
+
+
+def _solid(**values: object) -> Shaped[np.ndarray, ""]:
+    solid = np.zeros((), SOLID)
+    for name, value in values.items():
+        solid[name] = value
+    return solid
 
 
 def ellipsoid(
     centre: Point, radii: Point, blend: float, *, carve: bool = False, axes: Float[np.ndarray, "3 3"] | None = None
-) -> Float[np.ndarray, "24"]:
+) -> Shaped[np.ndarray, ""]:
     """An ellipsoid.
 
     Args:
@@ -35,24 +44,16 @@ def ellipsoid(
     Returns:
         Its row.
     """
-    row = np.zeros(ROW)
-    row[:3] = ELLIPSOID, -1.0 if carve else 1.0, blend
-    row[3:7] = *centre, max(radii)
-    row[7:10], row[10:13] = centre, radii
-    row[13:22] = (np.eye(3) if axes is None else axes).reshape(-1)
-    return row
+    axes = np.eye(3) if axes is None else axes
+    return _solid(blend=blend, carve=carve, centre=centre, reach=max(radii), radii=radii, axes=axes)
 
 
-def round_cone(
-    start: Point, start_radius: float, end: Point, end_radius: float, blend: float, *, carve: bool = False
-) -> Float[np.ndarray, "24"]:
+def round_cone(start: Point, end: Point, blend: float, *, carve: bool = False) -> Shaped[np.ndarray, ""]:
     """Two spheres and the cone between them.
 
     Args:
-        start: Centre of the first sphere.
-        start_radius: Its radius.
-        end: Centre of the second sphere.
-        end_radius: Its radius.
+        start: The first sphere (x, y, z, radius).
+        end: The second sphere.
         blend: Width over which the solid blends with the solids before it; 0 gives a sharp crease.
         carve: Whether it is subtracted.
 
@@ -60,11 +61,8 @@ def round_cone(
         Its row.
     """
     a, b = np.asarray(start, float), np.asarray(end, float)
-    row = np.zeros(ROW)
-    row[:3] = ROUND_CONE, -1.0 if carve else 1.0, blend
-    row[3:6], row[6] = (a + b) / 2, np.linalg.norm(a - b) / 2 + max(start_radius, end_radius)
-    row[7:10], row[10], row[11:14], row[14] = a, start_radius, b, end_radius
-    return row
+    reach = np.linalg.norm(a[:3] - b[:3]) / 2 + max(a[3], b[3])
+    return _solid(is_cone=True, blend=blend, carve=carve, centre=(a + b)[:3] / 2, reach=reach, start=a, end=b)
 
 
 def chain(points: list[Point], blend: float, *, carve: bool = False, parts: int = 3) -> list[np.ndarray]:
@@ -86,8 +84,8 @@ def chain(points: list[Point], blend: float, *, carve: bool = False, parts: int 
         q + 0.5 * t * ((r - p) + t * ((2 * p - 5 * q + 4 * r - s) + t * (3 * (q - r) + s - p)))
         for p, q, r, s in zip(knots[:-3], knots[1:-2], knots[2:-1], knots[3:], strict=True)
     ]
-    samples = np.concatenate([*curve, knots[-2:-1]])
-    rows = [round_cone(p[:3], p[3], q[:3], q[3], blend, carve=carve) for p, q in itertools.pairwise(samples)]
+    spheres = np.concatenate([*curve, knots[-2:-1]])
+    rows = [round_cone(p, q, blend, carve=carve) for p, q in itertools.pairwise(spheres)]
     for row in rows[:-1]:
-        row[LINK] = 1.0
+        row["continued"] = True
     return rows

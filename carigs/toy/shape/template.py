@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -47,28 +47,23 @@ def build_template() -> Template:
     shape = tuple(int(n) for n in np.ceil((_HIGH - _LOW) / _STEP) + 1)
     vertices, faces = marching_tetrahedra(sample_head_distance(solids, _LOW, _STEP, shape), _LOW, _STEP)
     border = (vertices[:, 0] < 1e-9) + 2 * (vertices[:, 1] < NECK_CUT + 1e-9)
-
-    def project(points: np.ndarray, border: np.ndarray) -> None:
-        project_to_surface(points, border, solids)
-
+    project = partial(project_to_surface, solids)
     vertices, faces, border = remesh(vertices, faces, border, target_edge_lengths, project, rounds=7)
     left = (border & 1) == 0  # the others lie on the midline
     vertices[~left, 0] = 0.0
     close_lips(vertices)
-    mirrored = np.arange(len(vertices))
-    mirrored[left] = len(vertices) + np.arange(np.count_nonzero(left))
+    mirrored = np.where(left, len(vertices) - 1 + np.cumsum(left), np.arange(len(vertices)))
     head = np.concatenate([vertices, vertices[left] * _MIRROR])
     ball, ball_faces = _eyeball()
     ball += EYE_CENTRE
     n, b = len(head), len(ball)
-    ids = np.arange(n + 2 * b)
+    faces = [faces, mirrored[faces][:, ::-1], ball_faces + n, ball_faces[:, ::-1] + n + b]
+    part = np.repeat([0, 1, 2], [n, b, b])
     return Template(
         vertices=np.concatenate([head, ball, ball * _MIRROR]),
-        faces=np.concatenate(
-            [faces, mirrored[faces][:, ::-1], ball_faces + n, ball_faces[:, ::-1] + n + b], dtype=np.int32
-        ),
-        left_eye=(ids >= n) & (ids < n + b),
-        right_eye=ids >= n + b,
+        faces=np.concatenate(faces, dtype=np.int32),
+        left_eye=part == 1,
+        right_eye=part == 2,
     )
 
 
@@ -76,12 +71,9 @@ def _eyeball() -> tuple[Float[np.ndarray, "b 3"], Int[np.ndarray, "g 3"]]:
     """A closed sphere around the origin with its pole at +z, finer in front."""
     polar = np.radians([9.0, 18.0, 28.0, 39.0, 51.0, 65.0, 82.0, 104.0, 133.0])
     around = 16
-    angle = np.arange(around) * 2 * np.pi / around
-    rings = [
-        np.stack([np.sin(p) * np.cos(angle), np.sin(p) * np.sin(angle), np.full(around, np.cos(p))], axis=1)
-        for p in polar
-    ]
-    vertices = EYE_RADIUS * np.concatenate([[[0.0, 0.0, 1.0]], *rings, [[0.0, 0.0, -1.0]]])
+    p, angle = np.repeat(polar, around), np.tile(np.arange(around) * 2 * np.pi / around, len(polar))
+    rings = np.stack([np.sin(p) * np.cos(angle), np.sin(p) * np.sin(angle), np.cos(p)], axis=1)
+    vertices = EYE_RADIUS * np.concatenate([[[0.0, 0.0, 1.0]], rings, [[0.0, 0.0, -1.0]]])
     ring = np.pad(1 + np.arange(len(polar) * around).reshape(-1, around), ((0, 0), (0, 1)), "wrap")
     first, last = np.zeros(around, int), np.full(around, len(vertices) - 1)
     front = np.stack([first, ring[0, :-1], ring[0, 1:]], axis=1)
