@@ -71,9 +71,14 @@ class _SeenColour(torch.autograd.Function):
         return tensors[0], tensors[1], tensors[2] if len(tensors[2]) else None, None, None
 
 
+@numba.njit
+def _number(array, first, k):
+    return array[first + k]
+
+
 def _numbers(count):
     """A function that reads `count` numbers of an array as a tuple."""
-    return tuple_function(lambda *_: [f"a[0][a[1] + {k}]" for k in range(count)])
+    return tuple_function(lambda call, array, first: [call(_number, array, first, k) for k in range(count)])
 
 
 _three = _numbers(3)

@@ -12,8 +12,15 @@ from carigs.splat.rasterizer.forward import ONE, TWO
 from carigs.splat.rasterizer.records import RECORD_COLUMN, RECORD_SIZE, SurfelRecord
 
 PREFETCH_DISTANCE = 8  # pairs by which records are fetched before they are needed
-_broadcast_numbers = tuple_function(
-    lambda *_: [f"broadcast(load(a[0], a[1] + {k}))" for k in RECORD_COLUMN], broadcast=broadcast, load=load_scalar
+
+
+@simd_inline
+def _broadcast_element(array, first, k):
+    return broadcast(load_scalar(array, first + k))
+
+
+_broadcast_elements = tuple_function(
+    lambda call, record, first: [call(_broadcast_element, record, first, k) for k in RECORD_COLUMN]
 )
 
 
@@ -63,7 +70,7 @@ def broadcast_record(record, i):
     Returns:
         `SurfelRecord` of vectors with equal lanes.
     """
-    return SurfelRecord(*_broadcast_numbers(record, i * RECORD_SIZE))
+    return SurfelRecord(*_broadcast_elements(record, i * RECORD_SIZE))
 
 
 @simd_inline
