@@ -179,7 +179,8 @@ def skin_scalar_backward(inputs, centre, upstream, gradients):
         write_row(gradients.position, i, dx)
         write_row(gradients.quaternion, i, dq)
         write_row(gradients.log_scale, i, ds)
-        gradients.blend[i] = 0.0
+        db = (0.0, 0.0, 0.0, 0.0)
         if inputs.blended:
             d_w, d_p = backward.motion_gradient(blend, h, y, torque)
-            write_row(gradients.blend, i, backward.blend_gradient(sigmoids, inverse_sum, d_w, d_p, faces))
+            db = backward.blend_gradient(sigmoids, inverse_sum, d_w, d_p, faces)
+        write_row(gradients.blend, i, db)
