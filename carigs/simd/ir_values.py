@@ -29,13 +29,13 @@ class Value:
         self.element = llvm.type.element if self.width else llvm.type
 
     def new(self, llvm: ir.Value) -> Value:
-        """Another value of the same code.
+        """Give operators to a result of the builder.
 
         Args:
             llvm: LLVM's value.
 
         Returns:
-            The value with operators.
+            The value, with the same builder and the same rule for fused operations as this one.
         """
         return Value(self.builder, llvm, self.contract)
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 
+from carigs.simd.tuples import add, matrix_vector, multiply
 from carigs.simd.vectors import scalar_or_simd
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
@@ -106,9 +107,7 @@ def polar_rotation(u):
             other += c[i] * c[i]
         scale = math.sqrt(math.sqrt(other / own) / det)
         g, h = 0.5 * scale, 0.5 / (scale * det)
-        new = (g * u[0] + h * c[0], g * u[1] + h * c[1], g * u[2] + h * c[2],
-               g * u[3] + h * c[3], g * u[4] + h * c[4], g * u[5] + h * c[5],
-               g * u[6] + h * c[6], g * u[7] + h * c[7], g * u[8] + h * c[8])  # fmt: skip
+        new = add(multiply(g, u), multiply(h, c))
         change = 0.0
         for i in range(9):
             change = max(change, abs(new[i] - u[i]))
@@ -157,11 +156,7 @@ def apply(m, x):
     Returns:
         Three numbers.
     """
-    return (
-        m[0] * x[0] + m[1] * x[1] + m[2] * x[2],
-        m[3] * x[0] + m[4] * x[1] + m[5] * x[2],
-        m[6] * x[0] + m[7] * x[1] + m[8] * x[2],
-    )
+    return matrix_vector(m, x)
 
 
 @scalar_or_simd
@@ -175,11 +170,7 @@ def apply_transposed(m, x):
     Returns:
         Three numbers.
     """
-    return (
-        m[0] * x[0] + m[3] * x[1] + m[6] * x[2],
-        m[1] * x[0] + m[4] * x[1] + m[7] * x[2],
-        m[2] * x[0] + m[5] * x[1] + m[8] * x[2],
-    )
+    return matrix_vector(transpose(m), x)
 
 
 @scalar_or_simd
@@ -193,11 +184,7 @@ def apply_symmetric(p, x):
     Returns:
         Three numbers.
     """
-    return (
-        p[0] * x[0] + p[1] * x[1] + p[2] * x[2],
-        p[1] * x[0] + p[3] * x[1] + p[4] * x[2],
-        p[2] * x[0] + p[4] * x[1] + p[5] * x[2],
-    )
+    return matrix_vector((p[0], p[1], p[2], p[1], p[3], p[4], p[2], p[4], p[5]), x)
 
 
 @scalar_or_simd

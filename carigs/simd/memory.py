@@ -6,13 +6,28 @@ the last store may overhang.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
 from carigs.simd.ir_values import FLOAT, LONG, generate
-from carigs.simd.vectors import WIDTH, lanes
+from carigs.simd.vectors import WIDTH, Vector, lanes
+
+
+def flattened(group: tuple) -> tuple:
+    """The arrays of a named tuple with one dimension, as the functions of this module take them.
+
+    Args:
+        group: Named tuple of arrays and other values.
+
+    Returns:
+        The same named tuple with views of the arrays.
+    """
+    return type(group)(*(value.reshape(-1) if isinstance(value, np.ndarray) else value for value in group))
 
 
 @intrinsic
@@ -61,12 +76,14 @@ def store(typingctx, array, index, value):
         typingctx: Supplied by Numba; callers leave it out.
         array: Flat array of four-byte elements.
         index: Index of the first element.
-        value: Lanes, whose bits are stored.
+        value: Vector, whose bits are stored.
 
     Returns:
         None; `array` is changed.
     """
-    return types.void(array, types.intp, lanes), generate(lambda array, index, value: array.store(index, value))
+    if not isinstance(value, Vector):
+        return None
+    return types.void(array, types.intp, value), generate(lambda array, index, value: array.store(index, value))
 
 
 # Between four rows of four (memory) and lanes (columns first): its own inverse.
@@ -123,57 +140,6 @@ def store_block(typingctx, array, index, stride, value):
     return types.void(array, types.intp, types.intp, lanes), generate(build)
 
 
-def _load_fields(count):
-    """Sixteen consecutive records of `count` floats, as lanes of each field."""
-
-    @intrinsic
-    def function(typingctx, array, index):
-        def build(array, index):
-            start = array.offset(index)
-            memory = [start.load(WIDTH * j, WIDTH, FLOAT) for j in range(count)]
-            fields = []
-            for k in range(count):
-                at = [count * i + k for i in range(WIDTH)]  # where lane i lies in memory
-                field = memory[0]
-                for j in range(1, count):
-                    own = [a - WIDTH * (j - 1) if a < WIDTH else 0 for a in at] if j == 1 else range(WIDTH)
-                    order = [WIDTH + a % WIDTH if a // WIDTH == j else o for a, o in zip(at, own, strict=True)]
-                    field = field.shuffle(memory[j], order)
-                fields.append(field)
-            return fields
-
-        return types.UniTuple(lanes, count)(array, types.intp), generate(build)
-
-    return function
-
-
-load2, load3, load4, load9 = _load_fields(2), _load_fields(3), _load_fields(4), _load_fields(9)
-
-
-def _store_fields(count):
-    """Lanes of each field to sixteen consecutive records of `count` elements."""
-
-    @intrinsic
-    def function(typingctx, array, index, fields):
-        def build(array, index, fields):
-            start = array.offset(index)
-            for j in range(count):
-                at = [divmod(WIDTH * j + e, count) for e in range(WIDTH)]  # record and field of each element
-                value = fields[0]
-                for k in range(1, count):
-                    own = [record for record, _ in at] if k == 1 else range(WIDTH)
-                    order = [WIDTH + record if field == k else o for (record, field), o in zip(at, own, strict=True)]
-                    value = value.shuffle(fields[k], order)
-                start.store(WIDTH * j, value)
-
-        return types.void(array, types.intp, types.UniTuple(lanes, count)), generate(build)
-
-    return function
-
-
-store2, store3, store4, store9 = _store_fields(2), _store_fields(3), _store_fields(4), _store_fields(9)
-
-
 def _transposed(rows):
     """Sixteen vectors with rows and columns exchanged: four rounds of 2 x 2 blocks."""
     rows = list(rows)
@@ -187,31 +153,87 @@ def _transposed(rows):
     return rows
 
 
-_SIXTEEN = types.UniTuple(lanes, WIDTH)
+def _squares(count):
+    """First columns of squares of 16 x 16 elements that cover rows of `count`; the last one overlaps."""
+    return [*range(0, count - WIDTH, WIDTH), count - WIDTH]
 
 
-@intrinsic
-def load_rows(typingctx, array, index, stride):
-    """Sixteen elements from each of sixteen rows, transposed.
+def load_records(count: int) -> Callable:
+    """A function that loads sixteen consecutive records.
 
     Args:
-        typingctx: Supplied by Numba; callers leave it out.
-        array: Flat array of four-byte elements.
-        index: Index of the first element of the first row.
-        stride: Distance between rows.
+        count: Elements per record.
 
     Returns:
-        A tuple of lanes: one for each column, one lane for each row.
+        Function of a flat array of four-byte elements and the index of the first one. It returns a tuple of lanes: one
+        for each field, with one lane for each record.
     """
 
-    def build(array, index, stride):
-        rows = []
-        for _ in range(WIDTH):
-            rows.append(array.load(index, WIDTH, FLOAT))
-            index = index + stride
-        return _transposed(rows)
+    def shuffle(array, index):
+        start = array.offset(index)
+        memory = [start.load(WIDTH * j, WIDTH, FLOAT) for j in range(count)]
+        fields = []
+        for k in range(count):
+            at = [count * i + k for i in range(WIDTH)]  # where lane i lies in memory
+            field = memory[0]
+            for j in range(1, count):
+                own = [a - WIDTH * (j - 1) if a < WIDTH else 0 for a in at] if j == 1 else range(WIDTH)
+                order = [WIDTH + a % WIDTH if a // WIDTH == j else o for a, o in zip(at, own, strict=True)]
+                field = field.shuffle(memory[j], order)
+            fields.append(field)
+        return fields
 
-    return _SIXTEEN(array, types.intp, types.intp), generate(build)
+    def transpose(array, index):
+        start, fields = array.offset(index), [None] * count
+        for k in _squares(count):
+            fields[k : k + WIDTH] = _transposed(start.load(count * r + k, WIDTH, FLOAT) for r in range(WIDTH))
+        return fields
+
+    @intrinsic
+    def function(typingctx, array, index):
+        build = shuffle if count < WIDTH else transpose
+        return types.UniTuple(lanes, count)(array, types.intp), generate(build)
+
+    return function
+
+
+def store_records(count: int) -> Callable:
+    """A function that stores sixteen consecutive records: the inverse of `load_records`.
+
+    Args:
+        count: Elements per record.
+
+    Returns:
+        Function of a flat array of four-byte elements, the index of the first one, and the tuple of vectors.
+    """
+
+    def shuffle(array, index, fields):
+        start = array.offset(index)
+        for j in range(count):
+            at = [divmod(WIDTH * j + e, count) for e in range(WIDTH)]  # record and field of each element
+            value = fields[0]
+            for k in range(1, count):
+                own = [record for record, _ in at] if k == 1 else range(WIDTH)
+                order = [WIDTH + record if field == k else o for (record, field), o in zip(at, own, strict=True)]
+                value = value.shuffle(fields[k], order)
+            start.store(WIDTH * j, value)
+
+    def transpose(array, index, fields):
+        start = array.offset(index)
+        for k in reversed(_squares(count)):
+            for r, row in enumerate(_transposed(fields[k : k + WIDTH])):
+                start.store(count * r + k, row)
+
+    @intrinsic
+    def function(typingctx, array, index, fields):
+        build = shuffle if count < WIDTH else transpose
+        return types.void(array, types.intp, types.UniTuple(fields.dtype, count)), generate(build)
+
+    return function
+
+
+load2, load3, load4 = (load_records(count) for count in (2, 3, 4))
+store2, store3, store4 = (store_records(count) for count in (2, 3, 4))
 
 
 @intrinsic
@@ -234,30 +256,7 @@ def gather_rows(typingctx, array, row_indices, index, stride, column):
         starts = (row_indices.load(index + r).to(LONG) * stride + column for r in range(WIDTH))
         return _transposed([array.load(start, WIDTH, FLOAT) for start in starts])
 
-    return _SIXTEEN(array, row_indices, types.intp, types.intp, types.intp), generate(build)
-
-
-@intrinsic
-def store_rows(typingctx, array, index, stride, columns):
-    """Write sixteen elements to each of sixteen rows: the inverse of `load_rows`.
-
-    Args:
-        typingctx: Supplied by Numba; callers leave it out.
-        array: Flat array of four-byte elements.
-        index: Index of the first element of the first row.
-        stride: Distance between rows.
-        columns: Tuple of lanes: one for each column, one lane for each row.
-
-    Returns:
-        None; `array` is changed.
-    """
-
-    def build(array, index, stride, columns):
-        for row in _transposed(columns):
-            array.store(index, row)
-            index = index + stride
-
-    return types.void(array, types.intp, types.intp, _SIXTEEN), generate(build)
+    return types.UniTuple(lanes, WIDTH)(array, row_indices, types.intp, types.intp, types.intp), generate(build)
 
 
 @intrinsic

@@ -15,13 +15,14 @@ from numba.extending import intrinsic, overload
 from carigs.simd.ir_values import DOUBLE, FLOAT, INT, LONG, constant, generate
 from carigs.simd.kernels import INLINE
 from carigs.simd.vectors import (
+    BROADCAST,
     FLAGS,
     MASKS,
     WIDE,
     WIDTH,
     arithmetic,
     binary_intrinsic,
-    broadcast_function,
+    int_lanes,
     lanes,
     overload_binary,
     overload_unary,
@@ -133,22 +134,15 @@ def _select_intrinsic(vector):
     return function
 
 
-_SELECT = {MASKS[v]: (v, _select_intrinsic(v)) for v in MASKS}
+_SELECT = {MASKS[v]: (BROADCAST[v], _select_intrinsic(v)) for v in MASKS}
 
 
 @overload(select, jit_options=INLINE)
 def _overload_select(condition, a, b):
     if condition not in _SELECT:
         return lambda condition, a, b: a if condition else b
-    vector, function = _SELECT[condition]
-    spread, kind = broadcast_function(vector)
-    if a == vector and b == vector:
-        return lambda condition, a, b: function(condition, a, b)
-    if a == vector:
-        return lambda condition, a, b: function(condition, a, spread(kind(b)))
-    if b == vector:
-        return lambda condition, a, b: function(condition, spread(kind(a)), b)
-    return lambda condition, a, b: function(condition, spread(kind(a)), spread(kind(b)))
+    as_vector, function = _SELECT[condition]
+    return lambda condition, a, b: function(condition, as_vector(a), as_vector(b))
 
 
 @intrinsic
@@ -177,51 +171,14 @@ def block_rows(typingctx):
     return lanes(), lambda *call: constant(i % 4 for i in range(WIDTH))
 
 
-@intrinsic
-def halves(typingctx, a):
-    """Lanes as two wide vectors.
-
-    Args:
-        typingctx: Supplied by Numba; callers leave it out.
-        a: Lanes.
-
-    Returns:
-        The first eight and the last eight, in double precision.
-    """
-
-    def build(a):
-        return [part.to(DOUBLE) for part in [a.shuffle(a, range(at, at + WIDE)) for at in (0, WIDE)]]
-
-    return types.UniTuple(wide, 2)(lanes), generate(build)
-
-
-@intrinsic
-def joined(typingctx, a, b):
-    """Two wide vectors as lanes, the inverse of `halves`.
-
-    Args:
-        typingctx: Supplied by Numba; callers leave it out.
-        a: The first eight elements.
-        b: The last eight.
-
-    Returns:
-        Lanes, rounded to single precision.
-    """
-    return lanes(wide, wide), generate(lambda a, b: a.to(FLOAT).shuffle(b.to(FLOAT), range(WIDTH)))
-
-
-@intrinsic
-def whole_bits(typingctx, a):
-    """Convert to 32-bit integers, kept as the floats of the same bits: for `store` to integer arrays.
-
-    Args:
-        typingctx: Supplied by Numba; callers leave it out.
-        a: Lanes with integer values.
-
-    Returns:
-        Lanes, without meaning as floats.
-    """
-    return lanes(lanes), generate(lambda a: a.to(INT).bits(FLOAT))
+promote_lower, promote_upper = (
+    unary_intrinsic(lanes, wide, lambda a, at=at: a.shuffle(a, range(at, at + WIDE)).to(DOUBLE)) for at in (0, WIDE)
+)
+"""The first eight and the last eight of sixteen lanes, in double precision."""
+demote = binary_intrinsic(wide, lanes, lambda a, b: a.to(FLOAT).shuffle(b.to(FLOAT), range(WIDTH)))
+"""Two wide vectors as sixteen lanes, rounded to single precision: the inverse of the two above."""
+to_int = unary_intrinsic(lanes, int_lanes, lambda a: a.to(INT))
+"""Conversion to 32-bit integers, towards zero; for `store` to integer arrays."""
 
 
 @intrinsic
@@ -247,12 +204,11 @@ def exp2(x):
     Returns:
         Lanes.
     """
-    whole = _floor(x)
+    whole = floor(x)
     f = x - whole
     return _times_power(((((f * _C5 + _C4) * f + _C3) * f + _C2) * f + _C1) * f + _C0, whole)
 
 
-_floor = _llvm("floor")[lanes]
 _LOG2E = np.float32(math.log2(math.e))
 
 
@@ -315,46 +271,31 @@ def log2(x):
 overload_unary(log2, {wide: _log2}, lambda a: math.log2(a))
 
 # Without reassoc, sums are a chain of scalar additions.
-total = unary_intrinsic(
+reduce_add = unary_intrinsic(
     lanes,
     types.float32,
     lambda a: a.call("vector.reduce.fadd", FLOAT(-0.0), result=FLOAT, fastmath=(*FLAGS, "reassoc")),
 )
 """Sum of the sixteen lanes."""
-largest = unary_intrinsic(
+reduce_max = unary_intrinsic(
     lanes, types.float32, lambda a: a.call("vector.reduce.fmax", result=FLOAT, fastmath=(*FLAGS, "nnan"))
 )
 """Largest of the sixteen lanes."""
 
 
 @intrinsic
-def reduce_add(typingctx, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p):  # noqa: E741
+def reduce_add_each(typingctx, vectors):
     """Sums of sixteen vectors over their lanes: a tree of shuffles and additions shared by all.
 
     Args:
         typingctx: Supplied by Numba; callers leave it out.
-        a: Lanes; so are the others.
-        b: Second vector.
-        c: Third vector.
-        d: Fourth vector.
-        e: Fifth vector.
-        f: Sixth vector.
-        g: Seventh vector.
-        h: Eighth vector.
-        i: Ninth vector.
-        j: Tenth vector.
-        k: Eleventh vector.
-        l: Twelfth vector.
-        m: Thirteenth vector.
-        n: Fourteenth vector.
-        o: Fifteenth vector.
-        p: Sixteenth vector.
+        vectors: Tuple of sixteen lanes.
 
     Returns:
-        Lanes: the sum of `a`, the sum of `b`, and so on.
+        Lanes: the sum of the first vector, the sum of the second, and so on.
     """
 
-    def build(*values):
+    def build(values):
         half, add = WIDTH // 2, arithmetic("fadd")
         while half:
             # Values hold groups of 2 half partial sums; two values merge into one with groups half as long.
@@ -365,4 +306,4 @@ def reduce_add(typingctx, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p):  # no
             half //= 2
         return values[0]
 
-    return lanes(*[lanes] * WIDTH), generate(build)
+    return lanes(types.UniTuple(lanes, WIDTH)), generate(build)

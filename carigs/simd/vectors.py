@@ -1,9 +1,10 @@
 """Vectors of floats as Numba values, so that a kernel's arithmetic is vector code by construction.
 
-`lanes` is LLVM's <16 x float>, `wide` its <8 x double>; comparisons give `mask` and `wide_mask`. Values live inside
-compiled functions only. Operators + - * / & and unary -, and comparisons, work between vectors and with scalars on
-either side; comparisons with NaN are false. LLVM splits the vectors on processors with narrower registers. Functions
-are in `carigs.simd.vector_math`, loads and stores in `carigs.simd.memory`.
+`lanes` is LLVM's <16 x float>, `wide` its <8 x double>; comparisons give `mask` and `wide_mask`. `int_lanes` is LLVM's
+<16 x i32>, which kernels only store. Values live inside compiled functions only. Operators + - * / & and unary -, and
+comparisons, work between vectors and with scalars on either side; comparisons with NaN are false. LLVM splits the
+vectors on processors with narrower registers. Functions are in `carigs.simd.vector_math`, loads and stores in
+`carigs.simd.memory`.
 """
 
 from __future__ import annotations
@@ -11,12 +12,11 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Sequence
 
-import numpy as np
 from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic, models, overload, register_model
 
-from carigs.simd.ir_values import DOUBLE, FLOAT, Value, generate
+from carigs.simd.ir_values import DOUBLE, FLOAT, INT, Value, generate
 from carigs.simd.kernels import INLINE, INLINE_ALLOC
 
 WIDTH, WIDE = 16, 8
@@ -44,6 +44,7 @@ class _VectorModel(models.PrimitiveModel):
 
 
 lanes, wide = Vector("lanes", FLOAT, WIDTH), Vector("wide", DOUBLE, WIDE)
+int_lanes = Vector("int_lanes", INT, WIDTH)
 mask, wide_mask = Vector("mask", ir.IntType(1), WIDTH), Vector("wide_mask", ir.IntType(1), WIDE)
 MASKS = {lanes: mask, wide: wide_mask}
 
@@ -95,27 +96,19 @@ def binary_intrinsic(argument: types.Type, result: types.Type, build: Callable[[
 
 def _broadcast(vector: Vector) -> Callable:
     @intrinsic
-    def function(typingctx, number):
+    def function(typingctx, a):
+        if a == vector:
+            return vector(vector), generate(lambda a: a)
         scalar = types.float32 if vector == lanes else types.float64
-        return vector(scalar), generate(lambda number: number.broadcast(vector.width))
+        return vector(scalar), generate(lambda a: a.broadcast(vector.width))
 
     return function
 
 
-broadcast, broadcast_wide = _broadcast(lanes), _broadcast(wide)
-"""A scalar in all elements."""
-
-
-def broadcast_function(vector: Vector) -> tuple[Callable, type]:
-    """How scalars become vectors.
-
-    Args:
-        vector: `lanes` or `wide`.
-
-    Returns:
-        The broadcast to this type, and the type of scalars that it takes.
-    """
-    return (broadcast, np.float32) if vector == lanes else (broadcast_wide, np.float64)
+BROADCAST = {v: _broadcast(v) for v in MASKS}
+"""By type of vector: a scalar in all elements; a vector as it is."""
+broadcast = BROADCAST[lanes]
+"""A scalar in all sixteen lanes."""
 
 
 def overload_binary(functions: Sequence, vectors: dict[Vector, Callable], scalars: Callable | None = None) -> None:
@@ -130,13 +123,9 @@ def overload_binary(functions: Sequence, vectors: dict[Vector, Callable], scalar
 
     def implementation(a, b):
         for vector, of_vectors in vectors.items():
-            spread, kind = broadcast_function(vector)
-            if a == vector and b == vector:
-                return lambda a, b: of_vectors(a, b)
-            if a == vector and isinstance(b, number):
-                return lambda a, b: of_vectors(a, spread(kind(b)))
-            if b == vector and isinstance(a, number):
-                return lambda a, b: of_vectors(spread(kind(a)), b)
+            if vector in (a, b) and all(kind == vector or isinstance(kind, number) for kind in (a, b)):
+                as_vector = BROADCAST[vector]
+                return lambda a, b: of_vectors(as_vector(a), as_vector(b))
         return scalars if isinstance(a, number) and isinstance(b, number) else None
 
     for function in functions:
@@ -154,9 +143,9 @@ def overload_unary(function: Callable, vectors: dict[Vector, Callable], scalars:
 
     @overload(function, jit_options=INLINE)
     def implementation(a):
-        for vector, of_vector in vectors.items():
-            if a == vector:
-                return lambda a: of_vector(a)
+        if a in vectors:
+            of_vector = vectors[a]
+            return lambda a: of_vector(a)
         return scalars if isinstance(a, types.Float) else None
 
 

@@ -6,24 +6,34 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from carigs.simd.kernels import kernel
 from carigs.simd.memory import (
     gather_rows,
     load,
-    load2,
-    load3,
-    load4,
     load_block,
-    load_rows,
+    load_records,
     store,
-    store2,
-    store3,
-    store4,
-    store9,
     store_block,
-    store_rows,
+    store_records,
 )
-from carigs.simd.vector_math import exp, exp2, halves, joined, log2, maximum, minimum, reduce_add, select, whole_bits
-from carigs.simd.vectors import WIDTH, simd_inline
+from carigs.simd.tuples import add, divide, matrix_vector, multiply, outer, read_row, subtract, write_row
+from carigs.simd.vector_loops import parallel_for_vectors
+from carigs.simd.vector_math import (
+    demote,
+    exp,
+    exp2,
+    log2,
+    maximum,
+    minimum,
+    promote_lower,
+    promote_upper,
+    reduce_add,
+    reduce_add_each,
+    reduce_max,
+    select,
+    to_int,
+)
+from carigs.simd.vectors import WIDTH, simd_inline, simd_inline_alloc
 
 sixteen = dict(min_size=WIDTH, max_size=WIDTH)
 
@@ -46,8 +56,8 @@ def test_exponentials_are_right_to_rounding(values):
 
 @numba.njit(error_model="numpy")
 def _logarithm(x, out):
-    a, b = halves(load(x, 0))
-    store(out, 0, joined(log2(a), log2(b)))
+    a = load(x, 0)
+    store(out, 0, demote(log2(promote_lower(a)), log2(promote_upper(a))))
 
 
 @given(st.lists(st.floats(np.float32(1e-30).item(), np.float32(1e30).item(), width=32), **sixteen))
@@ -83,74 +93,49 @@ def _records(count):
     return np.random.default_rng(count).random((WIDTH, count)).astype(np.float32)
 
 
-@simd_inline
-def _tuple2(c):
-    return load(c, 0), load(c, 16)
+COUNTS = (2, 3, 4, 9, 16, 20, 45)
 
 
-@simd_inline
-def _tuple3(c):
-    return (*_tuple2(c), load(c, 32))
+@pytest.mark.parametrize("count", COUNTS)
+def test_fields_of_records_become_vectors(count):
+    read = load_records(count)
 
-
-@simd_inline
-def _tuple4(c):
-    return (*_tuple3(c), load(c, 48))
-
-
-@simd_inline
-def _tuple9(c):
-    return (*_tuple4(c), load(c, 64), load(c, 80), load(c, 96), load(c, 112), load(c, 128))
-
-
-@pytest.mark.parametrize(("count", "read"), [(2, load2), (3, load3), (4, load4), (16, None)])
-def test_fields_of_records_become_vectors(count, read):
     @numba.njit
     def split(records, columns):
         fields = read(records, 0)
         for k in range(count):
             store(columns, k * WIDTH, fields[k])
 
-    @numba.njit
-    def split_rows(records, columns):
-        fields = load_rows(records, 0, WIDTH)
-        for k in range(count):
-            store(columns, k * WIDTH, fields[k])
-
     records, columns = _records(count), np.empty((count, WIDTH), np.float32)
-    (split_rows if read is None else split)(records.reshape(-1), columns.reshape(-1))
+    split(records.reshape(-1), columns.reshape(-1))
     np.testing.assert_array_equal(columns, records.T)
 
 
-@pytest.mark.parametrize(
-    ("count", "write", "fields"),
-    [(2, store2, _tuple2), (3, store3, _tuple3), (4, store4, _tuple4), (9, store9, _tuple9)],
-)
-def test_vectors_become_fields_of_records(count, write, fields):
-    @numba.njit
-    def merge(columns, records):
-        write(records, 0, fields(columns))
+@pytest.mark.parametrize("count", COUNTS)
+def test_vectors_become_fields_of_records(count):
+    read, write = load_records(count), store_records(count)
 
-    records, back = _records(count), np.empty((WIDTH, count), np.float32)
-    merge(np.ascontiguousarray(records.T).reshape(-1), back.reshape(-1))
+    @numba.njit
+    def there_and_back(records, back):
+        write(back, 0, read(records, 0))
+
+    records, back = _records(count), np.zeros((WIDTH, count), np.float32)
+    there_and_back(records.reshape(-1), back.reshape(-1))
     np.testing.assert_array_equal(back, records)
 
 
 @numba.njit
-def _rows_there_and_back(rows, chosen, gathered, stored):
+def _gather(rows, chosen, gathered):
     fields = gather_rows(rows, chosen, 0, 20, 4)
     for k in range(WIDTH):
         store(gathered, k * WIDTH, fields[k])
-    store_rows(stored, 2, 20, fields)
 
 
-def test_rows_are_gathered_and_stored_with_any_stride():
+def test_rows_are_gathered_with_any_stride():
     rows, chosen = _records(40 * 20).reshape(-1, 20)[:40], np.random.default_rng(1).integers(0, 40, WIDTH)
-    gathered, stored = np.empty((WIDTH, WIDTH), np.float32), np.zeros((WIDTH, 20), np.float32)
-    _rows_there_and_back(rows.reshape(-1), chosen.astype(np.int32), gathered.reshape(-1), stored.reshape(-1))
+    gathered = np.empty((WIDTH, WIDTH), np.float32)
+    _gather(rows.reshape(-1), chosen.astype(np.int32), gathered.reshape(-1))
     np.testing.assert_array_equal(gathered.T, rows[chosen, 4:])
-    np.testing.assert_array_equal(stored[:, 2:18], rows[chosen, 4:])
-    assert not stored[:, [0, 1, 18, 19]].any()
 
 
 @numba.njit
@@ -169,17 +154,77 @@ def test_blocks_of_pixels_are_columns_first():
     assert np.count_nonzero(back) == 16
 
 
+_load_rows = load_records(WIDTH)
+
+
 @numba.njit
 def _sums(rows, out, ints):
-    r = load_rows(rows, 0, WIDTH)
-    t = reduce_add(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], r[9], r[10], r[11], r[12], r[13], r[14], r[15])
-    store(out, 0, t)
-    store(ints, 0, whole_bits(t))
+    columns = _load_rows(rows, 0)
+    sums = reduce_add_each(columns)
+    store(out, 0, sums)
+    store(ints, 0, to_int(sums))
+    return reduce_add(columns[3]), reduce_max(columns[3])
 
 
 def test_sums_over_lanes_and_whole_numbers():
     rows = np.random.default_rng(2).integers(-50, 50, (WIDTH, WIDTH)).astype(np.float32)
     out, ints = np.empty(WIDTH, np.float32), np.empty(WIDTH, np.int32)
-    _sums(rows.reshape(-1), out, ints)
+    assert _sums(rows.reshape(-1), out, ints) == (rows[:, 3].sum(), rows[:, 3].max())
     np.testing.assert_array_equal(out, rows.sum(axis=0))
     np.testing.assert_array_equal(ints, rows.sum(axis=0))
+
+
+_read2, _read6 = read_row(2), read_row(6)
+
+
+@numba.njit
+def _on_tuples(rows):
+    a, b, m = _read2(rows, 1), _read2(rows, 2, 3), _read6(rows, 0)
+    write_row(rows, 3, divide(a, b))
+    write_row(rows, 3, a, 4)
+    return add(a, b), subtract(a, 1.0), multiply(2.0, b), outer(a, b), matrix_vector(m, a)
+
+
+def test_functions_on_tuples_are_written_out_for_their_lengths():
+    rows = np.random.default_rng(5).random((4, 6))
+    a, b, m = rows[1, :2].copy(), rows[2, 3:5].copy(), rows[0].reshape(3, 2).copy()
+    untouched = rows[3, 2:4].copy()
+    expected = a + b, a - 1, 2 * b, np.outer(a, b).reshape(-1), m @ a
+    for result, value in zip(_on_tuples(rows), expected, strict=True):
+        np.testing.assert_allclose(result, value, rtol=1e-15)
+    np.testing.assert_array_equal(rows[3], [*(a / b), *untouched, *a])
+
+
+@simd_inline
+def _double(i, values, doubled):
+    store(doubled, i, load(values, i) * 2)
+
+
+@simd_inline_alloc
+def _scratch():
+    return (np.empty(WIDTH, np.float32),)
+
+
+@simd_inline
+def _double_through_memory(i, values, doubled, room):
+    store(room, 0, load(values, i) * 2)
+    store(doubled, i, load(room, 0))
+
+
+@kernel
+def _double_all(values, doubled):
+    parallel_for_vectors(_double, len(values), (values, doubled))
+
+
+@kernel
+def _double_all_through_memory(values, doubled):
+    parallel_for_vectors(_double_through_memory, len(values), (values, doubled), _scratch)
+
+
+@pytest.mark.parametrize("double_all", [_double_all, _double_all_through_memory])
+@pytest.mark.parametrize("count", [WIDTH, WIDTH + 1, 2500])
+def test_loops_over_vectors_reach_every_element_and_no_other(double_all, count):
+    values, doubled = np.arange(count, dtype=np.float32), np.full(count + 1, -1, np.float32)
+    double_all(values, doubled[:-1])
+    np.testing.assert_array_equal(doubled[:-1], 2 * values)
+    assert doubled[-1] == -1

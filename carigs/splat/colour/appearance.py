@@ -16,12 +16,12 @@ import numba
 import numpy as np
 import torch
 from jaxtyping import Float, Float32, Int
-from numba.np.unsafe.ndarray import to_fixed_tuple
 from torch import Tensor
 
+from carigs.simd.tuples import componentwise, matrix_vector, multiply, tuple_function
 from carigs.simd.vectors import WIDTH
 from carigs.splat.colour import appearance_simd
-from carigs.splat.colour.spherical_harmonics import FUNCTIONS, SH_BASE, num_coefficients
+from carigs.splat.colour.spherical_harmonics import BASIS, BASIS_GRADIENT, SH_BASE, num_coefficients
 
 
 def seen_colour(
@@ -71,17 +71,18 @@ class _SeenColour(torch.autograd.Function):
         return tensors[0], tensors[1], tensors[2] if len(tensors[2]) else None, None, None
 
 
+@numba.njit
+def _number(array, first, k):
+    return array[first + k]
+
+
 def _numbers(count):
     """A function that reads `count` numbers of an array as a tuple."""
-
-    @numba.njit
-    def numbers(array, at):
-        return to_fixed_tuple(array[at : at + count], count)
-
-    return numbers
+    return tuple_function(lambda call, array, first: [call(_number, array, first, k) for k in range(count)])
 
 
 _three = _numbers(3)
+_unclamped = componentwise(appearance_simd.unclamped_gradient)
 
 
 @numba.njit
@@ -91,8 +92,8 @@ def _light_factors(f, shade):
 
 def _scalar_kernels(degree):
     """Forward and backward loops for harmonics of degrees 1 to `degree`."""
-    count, numbers = num_coefficients(degree), _numbers(3 * num_coefficients(degree))
-    basis, basis_gradient, basis_times, coefficients_dot = FUNCTIONS[degree]
+    count, coefficients = num_coefficients(degree), _numbers(3 * num_coefficients(degree))
+    basis, basis_gradient = BASIS[degree], BASIS_GRADIENT[degree]
 
     @numba.njit(error_model="numpy")
     def forward(binding, base, harmonics, direction, shade, colour):
@@ -106,26 +107,21 @@ def _scalar_kernels(degree):
                 colour[3 * i + c] = 0.0 if total < 0 else total
 
     @numba.njit(error_model="numpy")
-    def backward(
-        binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction
-    ):  # fmt: skip
+    def backward(binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction):
         for i in range(len(binding)):
             at, factors = 3 * i, _light_factors(binding[i], shade)
-            g = (
-                factors[0] * g_colour[at] if colour[at] > 0 else 0.0,
-                factors[1] * g_colour[at + 1] if colour[at + 1] > 0 else 0.0,
-                factors[2] * g_colour[at + 2] if colour[at + 2] > 0 else 0.0,
-            )  # fmt: skip
-            d_base[at], d_base[at + 1], d_base[at + 2] = SH_BASE * g[0], SH_BASE * g[1], SH_BASE * g[2]
+            g = _unclamped(_three(colour, at), factors, _three(g_colour, at))
+            d_base[at], d_base[at + 1], d_base[at + 2] = multiply(SH_BASE, g)
             if g[0] == 0 and g[1] == 0 and g[2] == 0:
                 d_harmonics[count * at : count * (at + 3)] = 0.0
                 d_direction[at : at + 3] = 0.0
                 continue
             d = _three(direction, at)
-            dh = basis_times(basis(d), g)
-            for k in range(3 * count):
-                d_harmonics[count * at + k] = dh[k]
-            s = basis_gradient(d, coefficients_dot(numbers(harmonics, count * at), g))
+            b = basis(d)
+            for k in range(count):
+                for c in range(3):
+                    d_harmonics[count * at + 3 * k + c] = b[k] * g[c]
+            s = basis_gradient(d, matrix_vector(coefficients(harmonics, count * at), g))
             for c in range(3):
                 d_direction[at + c] = s[c]
 
@@ -142,9 +138,7 @@ def _scalar_forward0(binding, base, harmonics, direction, shade, colour):
 
 
 @numba.njit(error_model="numpy")
-def _scalar_backward0(
-    binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction
-):  # fmt: skip
+def _scalar_backward0(binding, base, harmonics, direction, shade, colour, g_colour, d_base, d_harmonics, d_direction):
     for i in range(len(binding)):
         factors = _light_factors(binding[i], shade)
         for c in range(3):

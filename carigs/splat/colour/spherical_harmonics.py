@@ -1,13 +1,11 @@
-"""Real spherical harmonics of degrees 1 to 3 and the products that their gradients need, for one direction or sixteen.
+"""Real spherical harmonics of degrees 1 to 3 and their gradients, for one direction or sixteen.
 
 Order and signs are those of 3D Gaussian Splatting (Kerbl et al. 2023; Condon-Shortley phase, m = -l .. l), so that its
-files are compatible. Arguments are tuples of scalars or vectors: a unit direction d, the gradient g of a colour,
-coefficients h in the order (function, colour), and one number s per function.
+files are compatible. Arguments are tuples of scalars or vectors: a unit direction d, and one number s per function.
 """
 
 from __future__ import annotations
 
-from carigs.simd import matrix3
 from carigs.simd.vectors import scalar_or_simd
 
 SH_BASE = 0.28209479177387814  # Y_0 = 1 / (2 sqrt(pi))
@@ -82,62 +80,7 @@ def _basis_gradient3(d, s):
     )
 
 
-@scalar_or_simd
-def _times(b, g):
-    return b * g[0], b * g[1], b * g[2]
-
-
-@scalar_or_simd
-def _basis_times1(b, g):
-    return (*_times(b[0], g), *_times(b[1], g), *_times(b[2], g))
-
-
-@scalar_or_simd
-def _basis_times2(b, g):
-    return (
-        *_basis_times1(b, g), *_times(b[3], g), *_times(b[4], g), *_times(b[5], g), *_times(b[6], g), *_times(b[7], g),
-    )  # fmt: skip
-
-
-@scalar_or_simd
-def _basis_times3(b, g):
-    return (
-        *_basis_times2(b, g), *_times(b[8], g), *_times(b[9], g), *_times(b[10], g), *_times(b[11], g),
-        *_times(b[12], g), *_times(b[13], g), *_times(b[14], g),
-    )  # fmt: skip
-
-
-@scalar_or_simd
-def _coefficients_dot1(h, g):
-    return matrix3.dot(h[0:3], g), matrix3.dot(h[3:6], g), matrix3.dot(h[6:9], g)
-
-
-@scalar_or_simd
-def _coefficients_dot2(h, g):
-    return (
-        *_coefficients_dot1(h, g), matrix3.dot(h[9:12], g), matrix3.dot(h[12:15], g), matrix3.dot(h[15:18], g),
-        matrix3.dot(h[18:21], g), matrix3.dot(h[21:24], g),
-    )  # fmt: skip
-
-
-@scalar_or_simd
-def _coefficients_dot3(h, g):
-    return (
-        *_coefficients_dot2(h, g), matrix3.dot(h[24:27], g), matrix3.dot(h[27:30], g), matrix3.dot(h[30:33], g),
-        matrix3.dot(h[33:36], g), matrix3.dot(h[36:39], g), matrix3.dot(h[39:42], g), matrix3.dot(h[42:45], g),
-    )  # fmt: skip
-
-
-FUNCTIONS = (
-    None,
-    (_basis1, _basis_gradient1, _basis_times1, _coefficients_dot1),
-    (_basis2, _basis_gradient2, _basis_times2, _coefficients_dot2),
-    (_basis3, _basis_gradient3, _basis_times3, _coefficients_dot3),
-)
-"""Functions by degree (degree 0 has none), for all k and colours c:
-
-- basis(d): Y_k(d)
-- basis_gradient(d, s): gradient of sum_k s_k Y_k(d) with respect to d
-- basis_times(Y, g): Y_k g_c, the gradient with respect to the coefficients
-- coefficients_dot(h, g): sum_c h_kc g_c, the gradient with respect to the basis functions
-"""
+BASIS = (None, _basis1, _basis2, _basis3)
+"""By degree (degree 0 has none): the basis functions Y_k(d) of degrees 1 and higher, for all k."""
+BASIS_GRADIENT = (None, _basis_gradient1, _basis_gradient2, _basis_gradient3)
+"""By degree: gradient of sum_k s_k Y_k(d) with respect to d."""

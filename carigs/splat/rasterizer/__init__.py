@@ -5,7 +5,8 @@
 - `projection`: surfels to homographies and pixel boxes, and back (formulas and scalar loops)
 - `binning`: depth-sorted lists of surfels per tile
 - `forward`, `backward`: compositing and its gradient in scalar loops, the readable reference
-- `projection_simd`, `forward_simd`, `backward_simd`, `tile_buffer`: the same, sixteen surfels or pixels at a time
+- `projection_simd`, `forward_simd`, `backward_simd`: the same, sixteen surfels or pixels at a time
+- `tile_buffer`, `surfel_blocks`: the pixels of a tile and the surfels that overlap it, for these kernels
 - `records`, `culling`: layout of the kernels' arrays, thresholds
 - `cuda`: the backend on gsplat's kernels
 

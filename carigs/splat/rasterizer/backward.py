@@ -26,6 +26,8 @@ import numba
 import numpy as np
 from jaxtyping import Float32
 
+from carigs.simd import matrix3
+from carigs.simd.tuples import add, multiply, outer, subtract, write_row
 from carigs.simd.vectors import FASTMATH
 from carigs.splat.rasterizer import forward, records
 from carigs.splat.rasterizer.binning import TILE_SIZE, TileLists
@@ -76,10 +78,10 @@ def composite_backward(
     for worker in numba.prange(workers):
         # Per pixel: upstream gradients, T (negative where complete), S, D_i, and the totals A and D.
         v = np.empty((num_planes, TILE_SIZE, TILE_SIZE), np.float32)
-        transmittance = np.empty((TILE_SIZE, TILE_SIZE), np.float32)
-        remainder = np.empty((TILE_SIZE, TILE_SIZE), np.float32)
-        depth_in_front = np.empty((TILE_SIZE, TILE_SIZE), np.float32)
-        a_total, d_total = np.empty((TILE_SIZE, TILE_SIZE), np.float32), np.empty((TILE_SIZE, TILE_SIZE), np.float32)
+        shape = (TILE_SIZE, TILE_SIZE)
+        transmittance, remainder = np.empty(shape, np.float32), np.empty(shape, np.float32)
+        depth_in_front = np.empty(shape, np.float32)
+        a_total, d_total = np.empty(shape, np.float32), np.empty(shape, np.float32)
         for k in range(worker, order.size, workers):
             tile = order[k]
             left, top = (tile % across) * TILE_SIZE, (tile // across) * TILE_SIZE
@@ -106,9 +108,14 @@ def composite_backward(
                 if incomplete_pixels == 0:
                     slots[slot] = ZERO
                     continue
-                surfel = forward.read_record(record, i)
-                gx = gy = gz = gxx = gxy = gyx = gyy = gzx = gzy = ZERO
-                mx = my = g_alpha = g_red = g_green = g_blue = g_depth = g_nx = g_ny = g_nz = ZERO
+                surfel = records.SurfelRecord(*forward.read_record(record, i))
+                colour = (surfel.red, surfel.green, surfel.blue)
+                normal = (surfel.normal_x, surfel.normal_y, surfel.normal_z)
+                # Sums over the pixels: see `records.GradientSlot`.
+                g_alpha = g_depth = ZERO
+                g_lowpass = (ZERO, ZERO)
+                g_z = g_colour = g_normal = (ZERO, ZERO, ZERO)
+                g_moments = (ZERO, ZERO, ZERO, ZERO, ZERO, ZERO)
                 for y in range(max(box[i, 2], top), min(box[i, 3], bottom)):
                     dy = surfel.dy + np.float32(y - box[i, 2])
                     low_y = dy + surfel.lowpass_y
@@ -133,40 +140,20 @@ def composite_backward(
                             incomplete_pixels -= 1
                             continue
                         transmittance[b, a] = after
-                        v_red, v_green, v_blue = (
-                            v[PLANE.red, b, a],
-                            v[PLANE.green, b, a],
-                            v[PLANE.blue, b, a],
-                        )
-                        q = (
-                            v[PLANE.transmittance, b, a]
-                            + v_red * surfel.red
-                            + v_green * surfel.green
-                            + v_blue * surfel.blue
-                        )
-                        g_red += w * v_red
-                        g_green += w * v_green
-                        g_blue += w * v_blue
+                        v_colour = (v[PLANE.red, b, a], v[PLANE.green, b, a], v[PLANE.blue, b, a])
+                        q = v[PLANE.transmittance, b, a] + matrix3.dot(v_colour, colour)
+                        g_colour = add(g_colour, multiply(w, v_colour))
                         if geometry:
                             in_front = ONE - before
                             v_depth, v_distortion = v[PLANE.depth, b, a], v[PLANE.distortion, b, a]
-                            v_nx, v_ny, v_nz = (
-                                v[PLANE.normal_x, b, a],
-                                v[PLANE.normal_y, b, a],
-                                v[PLANE.normal_z, b, a],
-                            )
-                            q += (
-                                v_depth * surfel.depth + v_nx * surfel.normal_x + v_ny * surfel.normal_y
-                                + v_nz * surfel.normal_z
-                            )  # fmt: skip
+                            v_normal = (v[PLANE.normal_x, b, a], v[PLANE.normal_y, b, a], v[PLANE.normal_z, b, a])
+                            q += v_depth * surfel.depth + matrix3.dot(v_normal, normal)
                             q += v_distortion * _distortion_gradient(
                                 surfel.depth, in_front, depth_in_front[b, a], a_total[b, a], d_total[b, a]
                             )
                             depth_in_front[b, a] += w * surfel.depth
                             g_depth += w * (v_depth + TWO * v_distortion * (TWO * in_front + w - a_total[b, a]))
-                            g_nx += w * v_nx
-                            g_ny += w * v_ny
-                            g_nz += w * v_nz
+                            g_normal = add(g_normal, multiply(w, v_normal))
                         behind = remainder[b, a] - w * q
                         remainder[b, a] = behind
                         if uncapped > cap:
@@ -175,24 +162,11 @@ def composite_backward(
                         g_alpha += g
                         if g3 < g2:
                             c = g * iz
-                            zx, zy, zz = -c * s, -c * t, c * g3
-                            gx += zx
-                            gy += zy
-                            gz += zz
-                            gxx += zx * dx
-                            gxy += zx * dy
-                            gyx += zy * dx
-                            gyy += zy * dy
-                            gzx += zz * dx
-                            gzy += zz * dy
+                            z = (-c * s, -c * t, c * g3)
+                            g_z = add(g_z, z)
+                            g_moments = add(g_moments, outer(z, (dx, dy)))
                         else:
-                            mx -= TWO * g * low_x
-                            my -= TWO * g * low_y
-                sums = records.GradientSlot(
-                    gx, gy, gz, gxx, gxy, gyx, gyy, gzx, gzy, mx, my, g_alpha, g_red, g_green, g_blue, g_depth,
-                    g_nx, g_ny, g_nz,
-                )  # fmt: skip
-                for column in range(records.GRADIENT_SIZE - 1):
-                    slots[slot, column] = sums[column]
-                slots[slot, records.GRADIENT_SIZE - 1] = ZERO
+                            g_lowpass = subtract(g_lowpass, multiply(TWO * g, (low_x, low_y)))
+                columns = (*g_z, *g_moments, *g_lowpass, g_alpha, *g_colour, g_depth, *g_normal, ZERO)
+                write_row(slots, slot, columns)
     return slots

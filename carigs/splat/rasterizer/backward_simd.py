@@ -10,34 +10,42 @@ import numpy as np
 from jaxtyping import Float32
 
 from carigs.simd.kernels import kernel, parallel_for
-from carigs.simd.memory import align_stack, atomic_add, load, load_scalar, prefetch_to_write, store, store_scalar
-from carigs.simd.vector_math import (
-    absolute,
-    block_columns,
-    block_rows,
-    exp2,
-    maximum,
-    minimum,
-    reduce_add,
-    select,
-    total,
+from carigs.simd.memory import (
+    align_stack,
+    atomic_add,
+    flattened,
+    load,
+    load_scalar,
+    prefetch_to_write,
+    store,
+    store_scalar,
 )
+from carigs.simd.tuples import add, componentwise, multiply, outer, subtract
+from carigs.simd.vector_math import block_columns, block_rows, reduce_add, reduce_add_each, select
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
-from carigs.splat.rasterizer import tile_buffer
+from carigs.splat.rasterizer import surfel_blocks, tile_buffer
 from carigs.splat.rasterizer.binning import TILE_SIZE, TileLists
-from carigs.splat.rasterizer.forward import HALF_LOG2E, LOG2_ALPHA_THRESHOLD, MIN_TRANSMITTANCE, ONE, TWO, ZERO
+from carigs.splat.rasterizer.forward import HALF_LOG2E, ONE, TWO, ZERO
 from carigs.splat.rasterizer.records import GRADIENT_COLUMN, GRADIENT_SIZE, PLANE, Compositing, ProjectedSurfels
 from carigs.splat.rasterizer.tile_buffer import PLANE_SIZE, STRIDE
 
 # Starts of the planes in the buffer: T, the remainder S_i, upstream gradients of alpha, colour and (with geometry)
 # depth, normal, distortion; then D_i and the totals A and D of the distortion.
 STARTS = tuple(plane * PLANE_SIZE for plane in range(14))
-REMAINDER, ALPHA, RED, GREEN, BLUE, DEPTH, NORMAL_X, NORMAL_Y, NORMAL_Z, DISTORTION = STARTS[1:11]
-DEPTH_IN_FRONT, TOTAL_ALPHA, TOTAL_DEPTH = STARTS[11:]
+REMAINDER, ALPHA = STARTS[1:3]
+COLOUR, DEPTH, NORMAL = STARTS[3:6], STARTS[6], STARTS[7:10]
+DISTORTION, DEPTH_IN_FRONT, TOTAL_ALPHA, TOTAL_DEPTH = STARTS[10:]
+NORMAL_COLUMNS = (GRADIENT_COLUMN.normal_x, GRADIENT_COLUMN.normal_y, GRADIENT_COLUMN.normal_z)
+_load, _select = componentwise(load), componentwise(select)
+_store_scalar, _reduce_add = componentwise(store_scalar), componentwise(reduce_add)
 
 
 def _tile_worker(geometry: bool):
-    """The task of one worker, with or without depth, normal and distortion."""
+    """The function that each thread runs: it differentiates one tile after the other until none is left.
+
+    Args:
+        geometry: Whether there are gradients with respect to depth, normal and distortion besides the colour.
+    """
     size_of_state = (TOTAL_DEPTH if geometry else DEPTH) + PLANE_SIZE  # without geometry DEPTH is scratch space
 
     @simd_inline
@@ -81,83 +89,53 @@ def _tile_worker(geometry: bool):
             k = atomic_add(next_tile, 0)
             if k >= lists.order.size:
                 break
-            tile = np.int64(load_scalar(lists.order, k))
-            left, top = (tile % across) * TILE_SIZE, (tile // across) * TILE_SIZE
-            begin, stop = np.int64(load_scalar(lists.start, tile)), np.int64(load_scalar(lists.start, tile + 1))
+            left, top, begin, stop = surfel_blocks.tile_pairs(lists, k, across)
             if begin == stop:
                 continue
             fill(state, image, upstream, height, width, left, top, compositing.background)
             done = False
             for e in range(begin, stop):
                 slot = np.int64(load_scalar(lists.slot, e)) * GRADIENT_SIZE
-                if done or (
-                    (e - begin) % tile_buffer.CHECK_INTERVAL == tile_buffer.CHECK_INTERVAL - 1
-                    and tile_buffer.all_complete(state)
-                ):
-                    done = True
+                done = done or tile_buffer.is_complete(state, e - begin)
+                if done:
                     store(slots, slot, broadcast(ZERO))
                     store(slots, slot + GRADIENT_SIZE - WIDTH, broadcast(ZERO))
                     continue
-                tile_buffer.prefetch_surfel(record, box, lists.surfel, e, stop)
-                if e + tile_buffer.PREFETCH_DISTANCE < stop:
-                    ahead = np.int64(load_scalar(lists.slot, e + tile_buffer.PREFETCH_DISTANCE)) * GRADIENT_SIZE
+                surfel_blocks.prefetch_surfel(record, box, lists.surfel, e, stop)
+                if e + surfel_blocks.PREFETCH_DISTANCE < stop:
+                    ahead = np.int64(load_scalar(lists.slot, e + surfel_blocks.PREFETCH_DISTANCE)) * GRADIENT_SIZE
                     prefetch_to_write(slots, ahead)
                     prefetch_to_write(slots, ahead + GRADIENT_SIZE - 1)
                 i = np.int64(load_scalar(lists.surfel, e))
-                x0, x1, y0, y1 = tile_buffer.block_range(box, i, left, top)
-                offset_x, offset_y = tile_buffer.block_offset(record, box, i, left + x0, top + y0)
-                surfel = tile_buffer.broadcast_record(record, i)
+                x0, x1, y0, y1 = surfel_blocks.block_range(box, i, left, top)
+                offset_x, offset_y = surfel_blocks.block_offset(record, box, i, left + x0, top + y0)
+                surfel = surfel_blocks.broadcast_record(record, i)
+                # Sums over the pixels: see `records.GradientSlot`.
                 zero = broadcast(ZERO)
-                gx = gy = gz = gxx = gxy = gyx = gyy = gzx = gzy = zero
-                mx = my = g_alpha = g_red = g_green = g_blue = g_depth = g_nx = g_ny = g_nz = zero
+                g_zz = g_alpha = g_depth = zero
+                g_xy = g_zz_moments = g_lowpass = (zero, zero)
+                g_colour = g_normal = (zero, zero, zero)
+                g_xy_moments = (zero, zero, zero, zero)
                 for y in range(y0, y1, 4):
                     dy = block_rows() + (offset_y + np.float32(y - y0))
-                    low_y = dy + surfel.lowpass_y
-                    u1_dy, u0_dy, zz_row, low = (
-                        surfel.u1 * dy,
-                        surfel.u0 * dy,
-                        surfel.det + surfel.b3 * dy,
-                        low_y * low_y,
-                    )
+                    row = surfel_blocks.row_terms(surfel, dy)
                     for x in range(x0, x1, 4):
                         dx = block_columns() + (offset_x + np.float32(x - x0))
-                        iz = ONE / (zz_row + surfel.a3 * dx)
-                        s, t = (surfel.v1 * dx - u1_dy) * iz, (u0_dy - surfel.v0 * dx) * iz
-                        low_x = dx + surfel.lowpass_x
-                        g3, g2 = s * s + t * t, (low_x * low_x + low) * TWO
+                        s, t, iz, g3, g2 = surfel_blocks.squared_distances(surfel, row, dx)
                         intersects = g3 < g2
                         exponent = surfel.log2_opacity - select(intersects, g3, g2) * HALF_LOG2E
-                        valid = exponent >= LOG2_ALPHA_THRESHOLD
-                        uncapped = exp2(maximum(exponent, broadcast(tile_buffer.MIN_EXPONENT)))
-                        cap = broadcast(compositing.alpha_cap)
-                        alpha = minimum(uncapped, cap)
                         at = y * STRIDE + 4 * x
-                        before = load(state, at)
-                        w = before * alpha
-                        after = before - w
-                        continues = valid & (after > MIN_TRANSMITTANCE)
-                        w = select(continues, w, zero)
-                        complete = select(valid, zero - absolute(before), before)
-                        store(state, at, select(continues, after, complete))
-                        v_red, v_green = load(state, at + RED), load(state, at + GREEN)
-                        v_blue = load(state, at + BLUE)
-                        q = load(state, at + ALPHA) + v_red * surfel.red + v_green * surfel.green
-                        q = q + v_blue * surfel.blue
-                        g_red += w * v_red
-                        g_green += w * v_green
-                        g_blue += w * v_blue
+                        before, uncapped, alpha, w, continues = tile_buffer.attenuate(
+                            state, at, exponent, compositing.alpha_cap
+                        )
+                        v = _load(state, add(at, COLOUR))
+                        q = load(state, at + ALPHA) + v[0] * surfel.red + v[1] * surfel.green + v[2] * surfel.blue
+                        g_colour = add(g_colour, multiply(w, v))
                         if geometry:
-                            v_depth = load(state, at + DEPTH)
-                            v_nx, v_ny = (
-                                load(state, at + NORMAL_X),
-                                load(state, at + NORMAL_Y),
-                            )
-                            v_nz = load(state, at + NORMAL_Z)
-                            q = q + v_depth * surfel.depth + v_nx * surfel.normal_x + v_ny * surfel.normal_y
-                            q = q + v_nz * surfel.normal_z
-                            g_nx += w * v_nx
-                            g_ny += w * v_ny
-                            g_nz += w * v_nz
+                            v, v_depth = _load(state, add(at, NORMAL)), load(state, at + DEPTH)
+                            q = q + v_depth * surfel.depth + v[0] * surfel.normal_x + v[1] * surfel.normal_y
+                            q = q + v[2] * surfel.normal_z
+                            g_normal = add(g_normal, multiply(w, v))
                             v_spread = load(state, at + DISTORTION) * TWO
                             front = load(state, at + DEPTH_IN_FRONT)
                             total_alpha = load(state, at + TOTAL_ALPHA)
@@ -169,34 +147,23 @@ def _tile_worker(geometry: bool):
                         behind = load(state, at + REMAINDER) - w * q
                         store(state, at + REMAINDER, behind)
                         g = alpha * (before * q - behind / (ONE - alpha))
-                        g = select(continues & (uncapped <= cap), g, zero)
+                        g = select(continues & (uncapped <= compositing.alpha_cap), g, zero)
                         g_alpha += g
                         c = g * iz
-                        zx, zy = select(intersects, c * s, zero), select(intersects, c * t, zero)
-                        zz = select(intersects, c * g3, zero)
-                        gx -= zx
-                        gy -= zy
-                        gz += zz
-                        gxx -= zx * dx
-                        gxy -= zx * dy
-                        gyx -= zy * dx
-                        gyy -= zy * dy
-                        gzx += zz * dx
-                        gzy += zz * dy
+                        zx, zy, zz = _select(intersects, (c * s, c * t, c * g3), zero)
+                        g_xy = subtract(g_xy, (zx, zy))
+                        g_zz += zz
+                        g_xy_moments = subtract(g_xy_moments, outer((zx, zy), (dx, dy)))
+                        g_zz_moments = add(g_zz_moments, multiply(zz, (dx, dy)))
                         lowpass = select(intersects, zero, g) * TWO
-                        mx -= lowpass * low_x
-                        my -= lowpass * low_y
-                # In the order of the columns of a gradient slot.
-                sums = reduce_add(
-                    gx, gy, gz, gxx, gxy, gyx, gyy, gzx, gzy, mx, my, g_alpha, g_red, g_green, g_blue, g_depth
-                )
+                        offset = (dx + surfel.lowpass_x, dy + surfel.lowpass_y)
+                        g_lowpass = subtract(g_lowpass, multiply(lowpass, offset))
                 # The last four columns first. No store exceeds the slot: its neighbours belong to other workers.
                 store(slots, slot + GRADIENT_SIZE - WIDTH, zero)
-                store(slots, slot, sums)
+                columns = (*g_xy, g_zz, *g_xy_moments, *g_zz_moments, *g_lowpass, g_alpha, *g_colour, g_depth)
+                store(slots, slot, reduce_add_each(columns))
                 if geometry:
-                    store_scalar(slots, slot + GRADIENT_COLUMN.normal_x, total(g_nx))
-                    store_scalar(slots, slot + GRADIENT_COLUMN.normal_y, total(g_ny))
-                    store_scalar(slots, slot + GRADIENT_COLUMN.normal_z, total(g_nz))
+                    _store_scalar(slots, add(slot, NORMAL_COLUMNS), _reduce_add(g_normal))
 
     return differentiate_tiles
 
@@ -243,7 +210,7 @@ def composite_backward(
     slots = np.empty(size + WIDTH, np.float32)
     run = _backward_geometry if geometry else _backward_colour
     run(
-        workers, projected.flattened(), lists, compositing, image.reshape(-1), upstream.reshape(-1), slots,
+        workers, flattened(projected), lists, compositing, image.reshape(-1), upstream.reshape(-1), slots,
         np.zeros(1, np.int64),
     )  # fmt: skip
     return slots[:size].reshape(-1, GRADIENT_SIZE)

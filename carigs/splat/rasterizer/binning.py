@@ -59,40 +59,20 @@ def _prefix_sum(counts):
     return start
 
 
-@scalar_or_simd
-def _count_visible(w, num_tiles, pairs, visible):
-    begin, stop = _part(w, len(visible), num_tiles.size)
-    pair_count, visible_count = 0, 0
-    for i in range(begin, stop):
-        pair_count += num_tiles[i]
-        visible_count += num_tiles[i] > 0
-    pairs[w, 0], visible[w, 0] = pair_count, visible_count
-
-
-@scalar_or_simd
-def _list_visible(w, depth_bits, num_tiles, pairs, visible, first_slot, key, surfel):
-    begin, stop = _part(w, len(visible), num_tiles.size)
-    slot, k = pairs[w, 0], visible[w, 0]
-    for i in range(begin, stop):
+@kernel
+def _visible_surfels(depth_bits, num_tiles):
+    """Sort keys and indices of the visible surfels, and every surfel's first slot."""
+    n = num_tiles.size
+    first_slot, key, surfel = np.empty(n + 1, np.int32), np.empty(n, np.uint32), np.empty(n, np.int32)
+    slot, count = 0, 0
+    for i in range(n):
         first_slot[i] = slot
         slot += num_tiles[i]
         if num_tiles[i] > 0:
-            key[k], surfel[k] = depth_bits[i], i
-            k += 1
-
-
-@kernel
-def _visible_surfels(depth_bits, num_tiles, workers):
-    """Sort keys and indices of the visible surfels, and every surfel's first slot."""
-    n = num_tiles.size
-    first_slot = np.empty(n + 1, np.int32)
-    pairs, visible = np.empty((workers, 1), np.int32), np.empty((workers, 1), np.int32)
-    parallel_for(_count_visible, workers, (num_tiles, pairs, visible))
-    first_slot[n] = _prefix_sum(pairs)[1]
-    count = _prefix_sum(visible)[1]
-    key, surfel = np.empty(count, np.uint32), np.empty(count, np.int32)
-    parallel_for(_list_visible, workers, (depth_bits, num_tiles, pairs, visible, first_slot, key, surfel))
-    return key, surfel, first_slot
+            key[count], surfel[count] = depth_bits[i], i
+            count += 1
+    first_slot[n] = slot
+    return key[:count], surfel[:count], first_slot
 
 
 @scalar_or_simd
@@ -216,7 +196,7 @@ def tile_lists(
     # The bit patterns of positive floats have the order of the floats.
     bits = np.ascontiguousarray(depth, np.float32).view(np.uint32)
     across, down = -(-width // TILE_SIZE), -(-height // TILE_SIZE)
-    key, surfel, first_slot = _visible_surfels(bits, num_tiles, workers)
+    key, surfel, first_slot = _visible_surfels(bits, num_tiles)
     if len(surfel):
         surfel = _sort_by_key(key, surfel, workers)
     pair_surfel, slot, start = _scatter(surfel, box.reshape(-1), first_slot, across, down, workers)

@@ -23,8 +23,8 @@ import math
 import numba
 import numpy as np
 from jaxtyping import Float32
-from numba.np.unsafe.ndarray import to_fixed_tuple
 
+from carigs.simd.tuples import read_row
 from carigs.simd.vectors import FASTMATH
 from carigs.splat.rasterizer import records
 from carigs.splat.rasterizer.binning import TILE_SIZE, TileLists
@@ -37,18 +37,8 @@ HALF_LOG2E = np.float32(0.5 / math.log(2.0))
 ZERO, ONE, TWO = np.float32(0), np.float32(1), np.float32(2)
 
 
-@numba.njit
-def read_record(record, i):
-    """The record of a surfel.
-
-    Args:
-        record: Records (n, 20).
-        i: Surfel.
-
-    Returns:
-        `SurfelRecord` of numbers.
-    """
-    return records.SurfelRecord(*to_fixed_tuple(record[i, : records.RECORD_SIZE - 1], 19))
+read_record = read_row(len(records.RECORD_COLUMN))
+"""The numbers of a `SurfelRecord` (records, surfel)."""
 
 
 @numba.njit
@@ -123,7 +113,7 @@ def composite(
                 if incomplete_pixels == 0:
                     break
                 i = surfel_of[e]
-                surfel = read_record(record, i)
+                surfel = records.SurfelRecord(*read_record(record, i))
                 for y in range(max(box[i, 2], top), min(box[i, 3], bottom)):
                     dy = surfel.dy + np.float32(y - box[i, 2])
                     low_y = dy + surfel.lowpass_y

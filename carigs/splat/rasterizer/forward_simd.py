@@ -11,12 +11,12 @@ import numpy as np
 from jaxtyping import Float32
 
 from carigs.simd.kernels import kernel, parallel_for
-from carigs.simd.memory import align_stack, atomic_add, load, load_scalar, store
-from carigs.simd.vector_math import absolute, block_columns, block_rows, exp2, maximum, minimum, select
-from carigs.simd.vectors import WIDTH, broadcast, simd_inline_alloc
-from carigs.splat.rasterizer import tile_buffer
+from carigs.simd.memory import align_stack, atomic_add, flattened, load, load_scalar, store
+from carigs.simd.vector_math import block_columns, block_rows, minimum
+from carigs.simd.vectors import WIDTH, simd_inline_alloc
+from carigs.splat.rasterizer import surfel_blocks, tile_buffer
 from carigs.splat.rasterizer.binning import TILE_SIZE, TileLists
-from carigs.splat.rasterizer.forward import HALF_LOG2E, LOG2_ALPHA_THRESHOLD, MIN_TRANSMITTANCE, ONE, TWO, ZERO
+from carigs.splat.rasterizer.forward import HALF_LOG2E, ONE, TWO, ZERO
 from carigs.splat.rasterizer.records import NUM_COLOUR_PLANES, NUM_PLANES, PLANE, Compositing, Planes, ProjectedSurfels
 from carigs.splat.rasterizer.tile_buffer import PLANE_SIZE, STRIDE
 
@@ -25,7 +25,11 @@ START = Planes(*(plane * PLANE_SIZE for plane in PLANE))
 
 
 def _tile_worker(geometry: bool):
-    """The task of one worker, with or without depth, normal and distortion."""
+    """The function that each thread runs: it composites one tile after the other until none is left.
+
+    Args:
+        geometry: Whether it computes depth, normal and distortion besides the colour.
+    """
     num_planes = NUM_PLANES if geometry else NUM_COLOUR_PLANES
 
     @simd_inline_alloc
@@ -39,52 +43,26 @@ def _tile_worker(geometry: bool):
             k = atomic_add(next_tile, 0)
             if k >= lists.order.size:
                 break
-            tile = np.int64(load_scalar(lists.order, k))
-            left, top = (tile % across) * TILE_SIZE, (tile // across) * TILE_SIZE
-            begin, stop = np.int64(load_scalar(lists.start, tile)), np.int64(load_scalar(lists.start, tile + 1))
+            left, top, begin, stop = surfel_blocks.tile_pairs(lists, k, across)
             tile_buffer.prefetch_tile_to_write(image, top * width + left, width, height, min(TILE_SIZE, height - top))
             tile_buffer.clear(state, PLANE_SIZE, num_planes * PLANE_SIZE)
             tile_buffer.open_pixels(state, width - left, height - top)
             for e in range(begin, stop):
-                if (
-                    e - begin
-                ) % tile_buffer.CHECK_INTERVAL == tile_buffer.CHECK_INTERVAL - 1 and tile_buffer.all_complete(state):
+                if tile_buffer.is_complete(state, e - begin):
                     break
-                tile_buffer.prefetch_surfel(record, box, lists.surfel, e, stop)
+                surfel_blocks.prefetch_surfel(record, box, lists.surfel, e, stop)
                 i = np.int64(load_scalar(lists.surfel, e))
-                x0, x1, y0, y1 = tile_buffer.block_range(box, i, left, top)
-                offset_x, offset_y = tile_buffer.block_offset(record, box, i, left + x0, top + y0)
-                surfel = tile_buffer.broadcast_record(record, i)
+                x0, x1, y0, y1 = surfel_blocks.block_range(box, i, left, top)
+                offset_x, offset_y = surfel_blocks.block_offset(record, box, i, left + x0, top + y0)
+                surfel = surfel_blocks.broadcast_record(record, i)
                 for y in range(y0, y1, 4):
-                    dy = block_rows() + (offset_y + np.float32(y - y0))
-                    # Terms that are constant along the row of blocks.
-                    low_y = dy + surfel.lowpass_y
-                    u1_dy, u0_dy, zz_row, low = (
-                        surfel.u1 * dy,
-                        surfel.u0 * dy,
-                        surfel.det + surfel.b3 * dy,
-                        low_y * low_y,
-                    )
+                    row = surfel_blocks.row_terms(surfel, block_rows() + (offset_y + np.float32(y - y0)))
                     for x in range(x0, x1, 4):
                         dx = block_columns() + (offset_x + np.float32(x - x0))
-                        iz = ONE / (zz_row + surfel.a3 * dx)
-                        s, t = (surfel.v1 * dx - u1_dy) * iz, (u0_dy - surfel.v0 * dx) * iz
-                        low_x = dx + surfel.lowpass_x
-                        g = minimum(s * s + t * t, (low_x * low_x + low) * TWO)
-                        exponent = surfel.log2_opacity - g * HALF_LOG2E
-                        valid = exponent >= LOG2_ALPHA_THRESHOLD
-                        alpha = minimum(
-                            exp2(maximum(exponent, broadcast(tile_buffer.MIN_EXPONENT))),
-                            broadcast(compositing.alpha_cap),
-                        )
+                        _s, _t, _iz, g3, g2 = surfel_blocks.squared_distances(surfel, row, dx)
+                        exponent = surfel.log2_opacity - minimum(g3, g2) * HALF_LOG2E
                         at = y * STRIDE + 4 * x
-                        before = load(state, at)
-                        w = before * alpha
-                        after = before - w
-                        continues = valid & (after > MIN_TRANSMITTANCE)
-                        w = select(continues, w, broadcast(ZERO))
-                        complete = select(valid, broadcast(ZERO) - absolute(before), before)
-                        store(state, at, select(continues, after, complete))
+                        before, _, _, w, _ = tile_buffer.attenuate(state, at, exponent, compositing.alpha_cap)
                         tile_buffer.add_to_plane(state, at + START.red, w * surfel.red)
                         tile_buffer.add_to_plane(state, at + START.green, w * surfel.green)
                         tile_buffer.add_to_plane(state, at + START.blue, w * surfel.blue)
@@ -140,5 +118,5 @@ def composite(
     num_planes = NUM_PLANES if geometry else NUM_COLOUR_PLANES
     image = np.empty((num_planes, compositing.height, compositing.width), np.float32)
     run = _composite_geometry if geometry else _composite_colour
-    run(workers, projected.flattened(), lists, compositing, image.reshape(-1), np.zeros(1, np.int64))
+    run(workers, flattened(projected), lists, compositing, image.reshape(-1), np.zeros(1, np.int64))
     return image

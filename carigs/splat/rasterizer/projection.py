@@ -31,9 +31,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 from jaxtyping import Float32, Int32
-from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from carigs.simd import matrix3
+from carigs.simd.tuples import add, componentwise, multiply, read_row, subtract, write_row
 from carigs.simd.vector_math import absolute, floor, log2, maximum, minimum, select, sqrt
 from carigs.simd.vectors import scalar_or_simd
 from carigs.splat.rasterizer import records
@@ -44,13 +44,14 @@ BOX_MARGIN = 1e-3
 """Pixels by which boxes are enlarged against rounding."""
 LN2, LOG2_255 = float(np.log(2)), float(np.log2(255))
 TILE_WIDTH = float(TILE_SIZE)
+_doubles, _select = componentwise(np.float64), componentwise(select)
+_read3, _read_slot = read_row(3), read_row(len(records.GRADIENT_COLUMN))
 
 
 @scalar_or_simd
 def _to_camera(camera, centre, tangent_u, tangent_v):
     """Centre and tangents in camera space."""
-    m, offset = matrix3.apply(camera.rotation, centre), camera.translation
-    m = (m[0] + offset[0], m[1] + offset[1], m[2] + offset[2])
+    m = add(matrix3.apply(camera.rotation, centre), camera.translation)
     return m, matrix3.apply(camera.rotation, tangent_u), matrix3.apply(camera.rotation, tangent_v)
 
 
@@ -70,8 +71,7 @@ def _facing_normal(m, u, v):
     n = matrix3.cross(u, v)
     area = sqrt(matrix3.dot(n, n))
     sign = select(matrix3.dot(n, m) > 0.0, -1.0, 1.0)
-    scale = sign / area
-    return (n[0] * scale, n[1] * scale, n[2] * scale), area, sign
+    return multiply(n, sign / area), area, sign
 
 
 @scalar_or_simd
@@ -132,7 +132,7 @@ def surfel_record(centre, tangent_u, tangent_v, opacity, colour_magnitude, camer
     visible = visible & (x1 > x0) & (y1 > y0)
     across = floor((x1 - 1.0) / TILE_WIDTH) - floor(x0 / TILE_WIDTH) + 1.0
     down = floor((y1 - 1.0) / TILE_WIDTH) - floor(y0 / TILE_WIDTH) + 1.0
-    box = (select(visible, x0, 0.0), select(visible, x1, 0.0), select(visible, y0, 0.0), select(visible, y1, 0.0))
+    box = _select(visible, (x0, x1, y0, y1), 0.0)
     record = (
         x0 + 0.5 - pcx, y0 + 0.5 - pcy, u0, u1, v0, v1, u0 * v1 - u1 * v0, v0 * q - v1 * p, u1 * p - u0 * q,
         -lowpass_x, -lowpass_y, log2_opacity, m[2], normal[0], normal[1], normal[2],
@@ -192,8 +192,7 @@ def _disc_gradient(d, d_depth, m, u, v, xh, yh, p, q, fx, fy):
 def _normal_gradient(d_n, n, area, sign, u, v):
     """Chain rule of n = sign (u x v) / |u x v|: c = sign (I - n n^T) d_n / |u x v|; d_u = v x c, d_v = c x u."""
     along = matrix3.dot(n, d_n)
-    scale = sign / area
-    c = ((d_n[0] - along * n[0]) * scale, (d_n[1] - along * n[1]) * scale, (d_n[2] - along * n[2]) * scale)
+    c = multiply(subtract(d_n, multiply(along, n)), sign / area)
     return matrix3.cross(v, c), matrix3.cross(c, u)
 
 
@@ -217,18 +216,12 @@ def surfel_gradients(g, centre, tangent_u, tangent_v, camera):
     d_m, d_u, d_v = _disc_gradient(d, g.depth, m, u, v, xh, yh, p, q, camera.fx, camera.fy)
     n, area, sign = _facing_normal(m, u, v)
     normal_u, normal_v = _normal_gradient((g.normal_x, g.normal_y, g.normal_z), n, area, sign, u, v)
-    rotation = camera.rotation
     return (
-        matrix3.apply_transposed(rotation, d_m),
-        matrix3.apply_transposed(rotation, (d_u[0] + normal_u[0], d_u[1] + normal_u[1], d_u[2] + normal_u[2])),
-        matrix3.apply_transposed(rotation, (d_v[0] + normal_v[0], d_v[1] + normal_v[1], d_v[2] + normal_v[2])),
+        matrix3.apply_transposed(camera.rotation, d_m),
+        matrix3.apply_transposed(camera.rotation, add(d_u, normal_u)),
+        matrix3.apply_transposed(camera.rotation, add(d_v, normal_v)),
         (d[0], d[1]),
     )
-
-
-@numba.njit
-def _row(array, i):
-    return np.float64(array[i, 0]), np.float64(array[i, 1]), np.float64(array[i, 2])
 
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
@@ -256,19 +249,16 @@ def project_surfels(
     rotation, translation, fx, fy, cx, cy, width, height = camera  # `prange` does not accept nested tuples
     for i in numba.prange(count):
         pinhole = records.Pinhole(rotation, translation, fx, fy, cx, cy, width, height)
-        r, g, b = _row(colour, i)
+        rgb = _read3(colour, i)
         corners, number, geometry = surfel_record(
-            _row(centre, i), _row(tangent_u, i), _row(tangent_v, i), np.float64(opacity[i]),
-            absolute(r) + absolute(g) + absolute(b), pinhole,
+            _doubles(_read3(centre, i)), _doubles(_read3(tangent_u, i)), _doubles(_read3(tangent_v, i)),
+            np.float64(opacity[i]), absolute(rgb[0]) + absolute(rgb[1]) + absolute(rgb[2]), pinhole,
         )  # fmt: skip
         if number == 0.0:
             continue
         num_tiles[i] = int(number)
-        for k in range(4):
-            box[i, k] = int(corners[k])
-        line = (*geometry[0:12], r - background, g - background, b - background, *geometry[12:16], 0.0)
-        for k in range(records.RECORD_SIZE):
-            record[i, k] = line[k]
+        write_row(box, i, corners)
+        write_row(record, i, (*geometry[0:12], *subtract(rgb, background), *geometry[12:16], 0.0))
     return records.ProjectedSurfels(record, box, num_tiles)
 
 
@@ -298,23 +288,23 @@ def project_surfels_backward(
     d_centre, d_tangent_u = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
     d_tangent_v, d_colour = np.zeros((count, 3), np.float32), np.zeros((count, 3), np.float32)
     d_opacity, d_projected = np.zeros(count, np.float32), np.zeros((count, 2), np.float32)
-    sums = np.zeros((count, records.GRADIENT_SIZE))
     rotation, translation, fx, fy, cx, cy, width, height = camera
     for i in numba.prange(count):
         start, stop = first_slot[i], first_slot[i + 1]
         if stop == start:
             continue
         pinhole = records.Pinhole(rotation, translation, fx, fy, cx, cy, width, height)
+        sums = (0.0,) * 19
         for slot in range(start, stop):
-            for k in range(records.GRADIENT_SIZE - 1):
-                sums[i, k] += slots[slot, k]
-        g = records.GradientSlot(*to_fixed_tuple(sums[i], 19))
-        d_m, d_u, d_v, d_p = surfel_gradients(g, _row(centre, i), _row(tangent_u, i), _row(tangent_v, i), pinhole)
-        for axis in range(3):
-            d_centre[i, axis] = d_m[axis]
-            d_tangent_u[i, axis] = d_u[axis]
-            d_tangent_v[i, axis] = d_v[axis]
-        d_colour[i, 0], d_colour[i, 1], d_colour[i, 2] = g.red, g.green, g.blue
+            sums = add(sums, _read_slot(slots, slot))
+        g = records.GradientSlot(*sums)
+        d_m, d_u, d_v, d_p = surfel_gradients(
+            g, _doubles(_read3(centre, i)), _doubles(_read3(tangent_u, i)), _doubles(_read3(tangent_v, i)), pinhole
+        )
+        write_row(d_centre, i, d_m)
+        write_row(d_tangent_u, i, d_u)
+        write_row(d_tangent_v, i, d_v)
+        write_row(d_colour, i, (g.red, g.green, g.blue))
         d_opacity[i] = g.log_opacity / opacity[i]
-        d_projected[i, 0], d_projected[i, 1] = d_p
+        write_row(d_projected, i, d_p)
     return records.SurfelGradients(d_centre, d_tangent_u, d_tangent_v, d_opacity, d_colour, d_projected)

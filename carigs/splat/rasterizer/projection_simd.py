@@ -5,93 +5,55 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float32, Int32
 
-from carigs.simd.kernels import kernel, parallel_for
-from carigs.simd.memory import align_stack, load, load3, load_rows, store, store2, store3, store4, store_rows
-from carigs.simd.vector_math import absolute, halves, joined, select, whole_bits
+from carigs.simd.kernels import kernel
+from carigs.simd.memory import (
+    align_stack,
+    flattened,
+    load,
+    load3,
+    load_records,
+    store,
+    store2,
+    store3,
+    store4,
+    store_records,
+)
+from carigs.simd.tuples import componentwise, subtract
+from carigs.simd.vector_loops import parallel_for_vectors
+from carigs.simd.vector_math import absolute, demote, promote_lower, promote_upper, select, to_int
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
 from carigs.splat.rasterizer import records
 from carigs.splat.rasterizer.projection import surfel_gradients, surfel_record
 
-PART_SIZE = 1024  # surfels of one task
-SECOND_VECTOR = records.RECORD_SIZE - WIDTH  # first column of the second vector of a record or a gradient slot
-
-
-# Vectors of sixteen floats as two vectors of eight doubles, and back.
-
-
-@simd_inline
-def _halves3(x):
-    a, b, c = halves(x[0]), halves(x[1]), halves(x[2])
-    return (a[0], b[0], c[0]), (a[1], b[1], c[1])
-
-
-@simd_inline
-def _joined3(a, b):
-    return joined(a[0], b[0]), joined(a[1], b[1]), joined(a[2], b[2])
-
-
-@simd_inline
-def _joined4(a, b):
-    return joined(a[0], b[0]), joined(a[1], b[1]), joined(a[2], b[2]), joined(a[3], b[3])
-
-
-@simd_inline
-def _joined16(a, b):
-    return (
-        *_joined4(a[0:4], b[0:4]),
-        *_joined4(a[4:8], b[4:8]),
-        *_joined4(a[8:12], b[8:12]),
-        *_joined4(a[12:16], b[12:16]),
-    )
-
-
-@simd_inline
-def _halves19(g):
-    a, b, c, d = _halves3(g[0:3]), _halves3(g[3:6]), _halves3(g[6:9]), _halves3(g[9:12])
-    e, f, last = _halves3(g[12:15]), _halves3(g[15:18]), halves(g[18])
-    return (
-        records.GradientSlot(*a[0], *b[0], *c[0], *d[0], *e[0], *f[0], last[0]),
-        records.GradientSlot(*a[1], *b[1], *c[1], *d[1], *e[1], *f[1], last[1]),
-    )
-
-
-@simd_inline
-def _select3(condition, a, b):
-    return select(condition, a[0], b), select(condition, a[1], b), select(condition, a[2], b)
+SECOND_VECTOR = records.RECORD_SIZE - WIDTH  # first column of the second vector of a gradient slot
+_lower, _upper, _demote = componentwise(promote_lower), componentwise(promote_upper), componentwise(demote)
+_select, _to_int = componentwise(select), componentwise(to_int)
+_load_slots, _store_surfel_records = load_records(records.GRADIENT_SIZE), store_records(records.RECORD_SIZE)
 
 
 @simd_inline
 def _project(i, surfels, camera, background, projected):
     """Project surfels i to i + 15."""
     align_stack()
-    m, u = _halves3(load3(surfels.centre, 3 * i)), _halves3(load3(surfels.tangent_u, 3 * i))
-    v, opacity = _halves3(load3(surfels.tangent_v, 3 * i)), halves(load(surfels.opacity, i))
-    rgb = load3(surfels.colour, 3 * i)
-    magnitude = halves(absolute(rgb[0]) + absolute(rgb[1]) + absolute(rgb[2]))
-    box_a, tiles_a, record_a = surfel_record(m[0], u[0], v[0], opacity[0], magnitude[0], camera)
-    box_b, tiles_b, record_b = surfel_record(m[1], u[1], v[1], opacity[1], magnitude[1], camera)
-    box = _joined4(box_a, box_b)
-    box = (whole_bits(box[0]), whole_bits(box[1]), whole_bits(box[2]), whole_bits(box[3]))
-    store4(projected.box, 4 * i, box)
-    store(projected.num_tiles, i, whole_bits(joined(tiles_a, tiles_b)))
-    geometry = _joined16(record_a, record_b)
-    rgb = (rgb[0] - background, rgb[1] - background, rgb[2] - background)
-    record = (*geometry[0:12], *rgb, *geometry[12:16], broadcast(np.float32(0)))
-    # Two overlapping vectors per record.
-    start = records.RECORD_SIZE * i
-    store_rows(projected.record, start + SECOND_VECTOR, records.RECORD_SIZE, record[4:20])
-    store_rows(projected.record, start, records.RECORD_SIZE, record[0:16])
-
-
-@simd_inline
-def _project_part(part, count, surfels, camera, background, projected):
-    for start in range(part * PART_SIZE, min((part + 1) * PART_SIZE, count), WIDTH):
-        _project(min(start, count - WIDTH), surfels, camera, background, projected)
+    m, u = load3(surfels.centre, 3 * i), load3(surfels.tangent_u, 3 * i)
+    v, opacity, rgb = load3(surfels.tangent_v, 3 * i), load(surfels.opacity, i), load3(surfels.colour, 3 * i)
+    magnitude = absolute(rgb[0]) + absolute(rgb[1]) + absolute(rgb[2])
+    box_a, tiles_a, record_a = surfel_record(
+        _lower(m), _lower(u), _lower(v), promote_lower(opacity), promote_lower(magnitude), camera
+    )
+    box_b, tiles_b, record_b = surfel_record(
+        _upper(m), _upper(u), _upper(v), promote_upper(opacity), promote_upper(magnitude), camera
+    )
+    store4(projected.box, 4 * i, _to_int(_demote(box_a, box_b)))
+    store(projected.num_tiles, i, to_int(demote(tiles_a, tiles_b)))
+    geometry = _demote(record_a, record_b)
+    record = (*geometry[0:12], *subtract(rgb, background), *geometry[12:16], broadcast(np.float32(0)))
+    _store_surfel_records(projected.record, records.RECORD_SIZE * i, record)
 
 
 @kernel
 def _project_all(count, *arguments):
-    parallel_for(_project_part, (count + PART_SIZE - 1) // PART_SIZE, (count, *arguments))
+    parallel_for_vectors(_project, count, arguments)
 
 
 def project_surfels(
@@ -111,7 +73,7 @@ def project_surfels(
     projected = records.ProjectedSurfels(
         np.empty((n, records.RECORD_SIZE), np.float32), np.empty((n, 4), np.int32), np.empty(n, np.int32)
     )
-    _project_all(n, surfels.flattened(), camera, np.float32(background), projected.flattened())
+    _project_all(n, flattened(surfels), camera, np.float32(background), flattened(projected))
     return projected
 
 
@@ -128,37 +90,28 @@ def _project_backward(i, slots, first_slot, surfels, camera, gradients, sums, co
             second = second + load(slots, records.GRADIENT_SIZE * slot + SECOND_VECTOR)
         store(sums, records.GRADIENT_SIZE * r, first)
         store(sums, records.GRADIENT_SIZE * r + SECOND_VECTOR, second)
-    first_columns = load_rows(sums, 0, records.GRADIENT_SIZE)
-    last_columns = load_rows(sums, SECOND_VECTOR, records.GRADIENT_SIZE)
-    g = records.GradientSlot(*first_columns, *last_columns[12:15])
+    g = records.GradientSlot(*_load_slots(sums, 0)[0:19])
     visible, zero = load(counts, 0) > 0.0, broadcast(np.float32(0))
-    g_a, g_b = _halves19(g)
-    m, u = _halves3(load3(surfels.centre, 3 * i)), _halves3(load3(surfels.tangent_u, 3 * i))
-    v = _halves3(load3(surfels.tangent_v, 3 * i))
-    centre_a, u_a, v_a, pixel_a = surfel_gradients(g_a, m[0], u[0], v[0], camera)
-    centre_b, u_b, v_b, pixel_b = surfel_gradients(g_b, m[1], u[1], v[1], camera)
-    store3(gradients.centre, 3 * i, _select3(visible, _joined3(centre_a, centre_b), zero))
-    store3(gradients.tangent_u, 3 * i, _select3(visible, _joined3(u_a, u_b), zero))
-    store3(gradients.tangent_v, 3 * i, _select3(visible, _joined3(v_a, v_b), zero))
-    x, y = joined(pixel_a[0], pixel_b[0]), joined(pixel_a[1], pixel_b[1])
-    store2(gradients.projected_centre, 2 * i, (select(visible, x, zero), select(visible, y, zero)))
+    m, u = load3(surfels.centre, 3 * i), load3(surfels.tangent_u, 3 * i)
+    v = load3(surfels.tangent_v, 3 * i)
+    a = surfel_gradients(records.GradientSlot(*_lower(g)), _lower(m), _lower(u), _lower(v), camera)
+    b = surfel_gradients(records.GradientSlot(*_upper(g)), _upper(m), _upper(u), _upper(v), camera)
+    store3(gradients.centre, 3 * i, _select(visible, _demote(a[0], b[0]), zero))
+    store3(gradients.tangent_u, 3 * i, _select(visible, _demote(a[1], b[1]), zero))
+    store3(gradients.tangent_v, 3 * i, _select(visible, _demote(a[2], b[2]), zero))
+    store2(gradients.projected_centre, 2 * i, _select(visible, _demote(a[3], b[3]), zero))
     store3(gradients.colour, 3 * i, (g.red, g.green, g.blue))
-    opacity = g.log_opacity / load(surfels.opacity, i)
-    store(gradients.opacity, i, select(visible, opacity, zero))
+    store(gradients.opacity, i, select(visible, g.log_opacity / load(surfels.opacity, i), zero))
 
 
 @simd_inline_alloc
-def _project_backward_part(part, count, slots, first_slot, surfels, camera, gradients):
-    sums, counts = np.empty(WIDTH * records.GRADIENT_SIZE, np.float32), np.empty(WIDTH, np.float32)
-    for start in range(part * PART_SIZE, min((part + 1) * PART_SIZE, count), WIDTH):
-        _project_backward(
-            min(start, count - WIDTH), slots, first_slot, surfels, camera, gradients, sums, counts
-        )  # fmt: skip
+def _sums_and_counts():
+    return np.empty(WIDTH * records.GRADIENT_SIZE, np.float32), np.empty(WIDTH, np.float32)
 
 
 @kernel
 def _project_backward_all(count, *arguments):
-    parallel_for(_project_backward_part, (count + PART_SIZE - 1) // PART_SIZE, (count, *arguments))
+    parallel_for_vectors(_project_backward, count, arguments, _sums_and_counts)
 
 
 def project_surfels_backward(
@@ -180,6 +133,5 @@ def project_surfels_backward(
     """
     n = len(surfels.opacity)
     gradients = records.SurfelGradients(*(np.empty((n, k) if k else n, np.float32) for k in (3, 3, 3, 0, 3, 2)))
-    flat = records.SurfelGradients(*(array.reshape(-1) for array in gradients))
-    _project_backward_all(n, slots.reshape(-1), first_slot, surfels.flattened(), camera, flat)
+    _project_backward_all(n, slots.reshape(-1), first_slot, flattened(surfels), camera, flattened(gradients))
     return gradients

@@ -75,14 +75,6 @@ class SurfelArrays(NamedTuple):
     opacity: Float32[np.ndarray, "n"]
     colour: Float32[np.ndarray, "n 3"]
 
-    def flattened(self) -> SurfelArrays:
-        """The same arrays with one dimension.
-
-        Returns:
-            Views of the arrays.
-        """
-        return SurfelArrays(*(array.reshape(-1) for array in self))
-
 
 class Pinhole(NamedTuple):
     """A camera as Numba arguments."""
@@ -121,14 +113,6 @@ class ProjectedSurfels(NamedTuple):
     """Pixel box [x0, x1, y0, y1) that contains all alphas of 1/255 or more; zeros for culled surfels."""
     num_tiles: Int32[np.ndarray, "n"]
     """Tiles that the box overlaps; 0 for culled surfels."""
-
-    def flattened(self) -> ProjectedSurfels:
-        """The same arrays with one dimension.
-
-        Returns:
-            Views of the arrays.
-        """
-        return ProjectedSurfels(self.record.reshape(-1), self.box.reshape(-1), self.num_tiles)
 
 
 class Compositing(NamedTuple):

@@ -23,21 +23,27 @@ from carigs.simd.memory import (
     store_block,
     store_scalar,
 )
-from carigs.simd.vector_math import absolute, block_columns, block_rows, largest, maximum, select
+from carigs.simd.vector_math import (
+    absolute,
+    block_columns,
+    block_rows,
+    exp2,
+    maximum,
+    minimum,
+    reduce_max,
+    select,
+)
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline
 from carigs.splat.rasterizer.binning import TILE_SIZE
 from carigs.splat.rasterizer.culling import ALPHA_THRESHOLD, TRANSMITTANCE_THRESHOLD
-from carigs.splat.rasterizer.forward import ONE, ZERO
-from carigs.splat.rasterizer.records import RECORD_COLUMN, RECORD_SIZE, SurfelRecord
+from carigs.splat.rasterizer.forward import LOG2_ALPHA_THRESHOLD, MIN_TRANSMITTANCE, ONE, ZERO
 
 STRIDE = TILE_SIZE + 4
 PLANE_SIZE = TILE_SIZE * STRIDE
-PREFETCH_DISTANCE = 8  # pairs by which records are fetched before they are needed
 CHECK_INTERVAL = 16  # pairs between two tests whether all pixels of the tile are complete
 # Below this transmittance no alpha of 1/255 or more is accepted.
 COMPLETE = np.float32(TRANSMITTANCE_THRESHOLD / (1 - ALPHA_THRESHOLD))
-MIN_EXPONENT = np.float32(-9)
-"""Lower limit of log2(alpha) in the exponential; less than log2(1/255)."""
+MIN_EXPONENT = np.float32(-9)  # lower limit of log2(alpha) in the exponential; less than log2(1/255)
 
 
 @simd_inline
@@ -70,101 +76,48 @@ def clear(state, begin, stop):
 
 
 @simd_inline
-def all_complete(state):
-    """Whether no further surfel can contribute to the tile.
+def is_complete(state, pair):
+    """Whether no further surfel can contribute to the tile; tested before each CHECK_INTERVAL-th pair.
 
     Args:
         state: Buffer.
+        pair: Number of pairs before.
 
     Returns:
-        True if the largest transmittance is at most COMPLETE.
+        True if the largest transmittance was tested and is at most COMPLETE.
     """
+    if pair % CHECK_INTERVAL != CHECK_INTERVAL - 1:
+        return False
     most = load(state, 0)
     for at in range(WIDTH, PLANE_SIZE, WIDTH):
         most = maximum(most, load(state, at))
-    return largest(most) <= COMPLETE
+    return reduce_max(most) <= COMPLETE
 
 
 @simd_inline
-def block_range(box, i, left, top):
-    """Ranges of the blocks of a surfel, relative to the tile.
+def attenuate(state, at, log2_alpha, alpha_cap):
+    """Composite a surfel in one block: pass on the transmittance.
 
     Args:
-        box: Flat pixel boxes.
-        i: Surfel.
-        left: First column of the tile.
-        top: First row of the tile.
+        state: Buffer.
+        at: Position of the block.
+        log2_alpha: log2 of alpha before the cap; NaN where there is none.
+        alpha_cap: Upper limit of alpha.
 
     Returns:
-        x0, x1, y0, y1, half open, in pixels; y0 is a multiple of 4.
+        Vectors of the pixels: transmittance before, alpha before the cap, alpha, weight w (0 where the surfel does not
+        contribute), and the mask of the pixels to which it contributes.
     """
-    x0, x1 = max(load_scalar(box, 4 * i) - left, 0), min(load_scalar(box, 4 * i + 1) - left, TILE_SIZE)
-    y0, y1 = max(load_scalar(box, 4 * i + 2) - top, 0) & ~3, min(load_scalar(box, 4 * i + 3) - top, TILE_SIZE)
-    return x0, x1, y0, y1
-
-
-@simd_inline
-def _broadcast4(record, at):
-    return (
-        broadcast(load_scalar(record, at)), broadcast(load_scalar(record, at + 1)),
-        broadcast(load_scalar(record, at + 2)), broadcast(load_scalar(record, at + 3)),
-    )  # fmt: skip
-
-
-@simd_inline
-def broadcast_record(record, i):
-    """The record of a surfel.
-
-    Args:
-        record: Flat records.
-        i: Surfel.
-
-    Returns:
-        `SurfelRecord` of vectors with equal lanes.
-    """
-    r = i * RECORD_SIZE
-    first, second = _broadcast4(record, r), _broadcast4(record, r + 4)
-    third, fourth, last = _broadcast4(record, r + 8), _broadcast4(record, r + 12), _broadcast4(record, r + 16)
-    return SurfelRecord(*first, *second, *third, *fourth, *last[0:3])
-
-
-@simd_inline
-def block_offset(record, box, i, x, y):
-    """Offset of a block's first pixel centre from the projected centre.
-
-    Args:
-        record: Flat records.
-        box: Flat pixel boxes.
-        i: Surfel.
-        x: Column of the block in the image.
-        y: Row of the block in the image.
-
-    Returns:
-        dx and dy in pixels.
-    """
-    r = i * RECORD_SIZE
-    return (
-        load_scalar(record, r + RECORD_COLUMN.dx) + np.float32(x - load_scalar(box, 4 * i)),
-        load_scalar(record, r + RECORD_COLUMN.dy) + np.float32(y - load_scalar(box, 4 * i + 2)),
-    )
-
-
-@simd_inline
-def prefetch_surfel(record, box, surfel, e, stop):
-    """Prefetch the record and the box of the surfel PREFETCH_DISTANCE pairs ahead.
-
-    Args:
-        record: Flat records.
-        box: Flat pixel boxes.
-        surfel: Surfels of the pairs.
-        e: Current pair.
-        stop: End of the tile's pairs.
-    """
-    if e + PREFETCH_DISTANCE < stop:
-        i = np.int64(load_scalar(surfel, e + PREFETCH_DISTANCE))
-        prefetch(record, i * RECORD_SIZE)
-        prefetch(record, i * RECORD_SIZE + RECORD_SIZE - 1)
-        prefetch(box, i * 4)
+    valid = log2_alpha >= LOG2_ALPHA_THRESHOLD
+    uncapped = exp2(maximum(log2_alpha, broadcast(MIN_EXPONENT)))
+    alpha = minimum(uncapped, broadcast(alpha_cap))
+    before = load(state, at)
+    w = before * alpha
+    after = before - w
+    continues = valid & (after > MIN_TRANSMITTANCE)
+    complete = select(valid, broadcast(ZERO) - absolute(before), before)
+    store(state, at, select(continues, after, complete))
+    return before, uncapped, alpha, select(continues, w, broadcast(ZERO)), continues
 
 
 def _prefetch_rows(hint):

@@ -28,6 +28,7 @@ All arguments are tuples of numbers: scalars, or vectors of `carigs.simd`. The b
 from __future__ import annotations
 
 from carigs.simd import matrix3
+from carigs.simd.tuples import add, componentwise, multiply, subtract
 from carigs.simd.vector_math import absolute, exp, maximum, sqrt
 from carigs.simd.vectors import scalar_or_simd
 
@@ -50,32 +51,7 @@ def sigmoid(x):
     return 1.0 / (1.0 + exp(-x))
 
 
-@scalar_or_simd
-def add(a, b):
-    """Sum of two vectors of three numbers.
-
-    Args:
-        a: Vector.
-        b: Vector.
-
-    Returns:
-        a + b.
-    """
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-@scalar_or_simd
-def scaled(s, x):
-    """Product of a number and a vector of three numbers.
-
-    Args:
-        s: Factor.
-        x: Vector.
-
-    Returns:
-        s x.
-    """
-    return s * x[0], s * x[1], s * x[2]
+_sigmoids, _maximum = componentwise(sigmoid), componentwise(maximum)
 
 
 @scalar_or_simd
@@ -88,9 +64,8 @@ def blend_weights(logits):
     Returns:
         Four sigmoids, and one over their sum, which is never 0.
     """
-    w0, w1 = sigmoid(maximum(MIN_LOGIT, logits[0])), sigmoid(maximum(MIN_LOGIT, logits[1]))
-    w2, w3 = sigmoid(maximum(MIN_LOGIT, logits[2])), sigmoid(maximum(MIN_LOGIT, logits[3]))
-    return (w0, w1, w2, w3), 1.0 / (w0 + w1 + w2 + w3)
+    w = _sigmoids(_maximum(MIN_LOGIT, logits))
+    return w, 1.0 / (w[0] + w[1] + w[2] + w[3])
 
 
 @scalar_or_simd
@@ -108,20 +83,9 @@ def blend_motion(sigmoids, inverse_sum, faces, rotation):
         (`matrix3.rodrigues_coefficients`), and Q = U exp(w).
     """
     own, one, two, three, turn = faces
-    v = (inverse_sum * sigmoids[0], inverse_sum * sigmoids[1], inverse_sum * sigmoids[2], inverse_sum * sigmoids[3])
-    w = (
-        v[1] * turn[0] + v[2] * turn[3] + v[3] * turn[6],
-        v[1] * turn[1] + v[2] * turn[4] + v[3] * turn[7],
-        v[1] * turn[2] + v[2] * turn[5] + v[3] * turn[8],
-    )
-    p = (
-        v[0] * own[0] + v[1] * one[0] + v[2] * two[0] + v[3] * three[0],
-        v[0] * own[1] + v[1] * one[1] + v[2] * two[1] + v[3] * three[1],
-        v[0] * own[2] + v[1] * one[2] + v[2] * two[2] + v[3] * three[2],
-        v[0] * own[3] + v[1] * one[3] + v[2] * two[3] + v[3] * three[3],
-        v[0] * own[4] + v[1] * one[4] + v[2] * two[4] + v[3] * three[4],
-        v[0] * own[5] + v[1] * one[5] + v[2] * two[5] + v[3] * three[5],
-    )
+    v = multiply(inverse_sum, sigmoids)
+    w = matrix3.apply_transposed(turn, v[1:4])
+    p = add(add(add(multiply(v[0], own), multiply(v[1], one)), multiply(v[2], two)), multiply(v[3], three))
     terms = matrix3.rodrigues_coefficients(w)
     return v, w, p, terms, matrix3.product_exp(rotation, w, terms[0], terms[1])
 
@@ -140,9 +104,9 @@ def disc_axes(quaternion):
     # Divided by the largest number first: squares could overflow, or vanish.
     largest = maximum(maximum(absolute(w), absolute(x)), maximum(absolute(y), absolute(z)))
     h = 1.0 / maximum(largest, MIN_LENGTH)
-    w, x, y, z = w * h, x * h, y * h, z * h
+    w, x, y, z = multiply(quaternion, h)
     unit = 1.0 / sqrt(maximum(w * w + x * x + y * y + z * z, 1.0))
-    w, x, y, z, g = w * unit, x * unit, y * unit, z * unit, h * unit
+    w, x, y, z, g = multiply((w, x, y, z, h), unit)
     first = (1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y))
     second = (2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x))
     return first, second, (w, x, y, z), g
@@ -165,8 +129,8 @@ def skin_surfel(blend, frame, centre, position, axes, scale):
     """
     _v, _w, p, _terms, q = blend
     x = matrix3.apply(q, matrix3.apply_symmetric(p, matrix3.apply(frame, position)))
-    u = matrix3.apply(q, matrix3.apply_symmetric(p, matrix3.apply(frame, scaled(scale[0], axes[0]))))
-    v = matrix3.apply(q, matrix3.apply_symmetric(p, matrix3.apply(frame, scaled(scale[1], axes[1]))))
+    u = matrix3.apply(q, matrix3.apply_symmetric(p, matrix3.apply(frame, multiply(scale[0], axes[0]))))
+    v = matrix3.apply(q, matrix3.apply_symmetric(p, matrix3.apply(frame, multiply(scale[1], axes[1]))))
     return add(x, centre), u, v
 
 
@@ -183,9 +147,9 @@ def view_direction(rotation, centre, eye, rotate):
     Returns:
         The unit vector n in world axes, one over the distance, and Q^T n if `rotate`, else n.
     """
-    x, y, z = centre[0] - eye[0], centre[1] - eye[1], centre[2] - eye[2]
-    g = 1.0 / sqrt(maximum(x * x + y * y + z * z, 1e-24))
-    n = (x * g, y * g, z * g)
+    x = subtract(centre, eye)
+    g = 1.0 / sqrt(maximum(matrix3.dot(x, x), 1e-24))
+    n = multiply(x, g)
     if rotate:
         return n, g, matrix3.apply_transposed(rotation, n)
     return n, g, n

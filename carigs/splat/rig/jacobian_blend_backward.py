@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from carigs.simd import matrix3
+from carigs.simd.tuples import add, componentwise, matrix_vector, multiply, subtract
 from carigs.simd.vectors import scalar_or_simd
-from carigs.splat.rig.jacobian_blend import add, scaled, view_direction
+from carigs.splat.rig.jacobian_blend import view_direction
 
 
 @scalar_or_simd
@@ -20,15 +21,17 @@ def skin_surfel_gradient(blend, frame, position, axes, scale, gradients):
         gradients: Gradients with respect to the centre and the two tangents.
 
     Returns:
-        Gradients with respect to position, quaternion and logarithmic scales; and, for `motion_gradient`, the gradients
-        h with respect to the three vectors P_b y, and the three vectors y = K mu, K r (the factors S are in h).
+        Gradients with respect to position, quaternion and logarithmic scales; and two triples of vectors for
+        `motion_gradient`. `skin_surfel` computes Q P_b y for the three vectors y = K mu, K r_1 and K r_2, the last two
+        times a standard deviation. The first triple, h, holds the gradients with respect to P_b y, with these factors;
+        the second one holds y, without them.
     """
     _v, _w, p, _terms, q = blend
     first, second, unit, inverse_length = axes
     hx, hu, hv = (
         matrix3.apply_transposed(q, gradients[0]),
-        matrix3.apply_transposed(q, scaled(scale[0], gradients[1])),
-        matrix3.apply_transposed(q, scaled(scale[1], gradients[2])),
+        matrix3.apply_transposed(q, multiply(scale[0], gradients[1])),
+        matrix3.apply_transposed(q, multiply(scale[1], gradients[2])),
     )
     d_position = matrix3.apply_transposed(frame, matrix3.apply_symmetric(p, hx))
     du = matrix3.apply_transposed(frame, matrix3.apply_symmetric(p, hu))
@@ -46,10 +49,7 @@ def _quaternion_gradient(unit, inverse_length, du, dv):
     dy = 2 * (-2 * qy * du[0] + qx * du[1] - qw * du[2] + qx * dv[0] + qz * dv[2])
     dz = 2 * (-2 * qz * du[0] + qw * du[1] + qx * du[2] - qw * dv[0] - 2 * qz * dv[1] + qy * dv[2])
     along = dw * qw + dx * qx + dy * qy + dz * qz
-    return (
-        inverse_length * (dw - along * qw), inverse_length * (dx - along * qx),
-        inverse_length * (dy - along * qy), inverse_length * (dz - along * qz),
-    )  # fmt: skip
+    return multiply(inverse_length, subtract((dw, dx, dy, dz), multiply(along, unit)))
 
 
 @scalar_or_simd
@@ -69,11 +69,11 @@ def view_direction_gradient(rotation, centre, eye, rotate, g_direction, g_centre
     """
     n, g, d = view_direction(rotation, centre, eye, rotate)
     up = g_direction
-    torque = scaled(0.0, g_direction)
+    torque = multiply(0.0, g_direction)
     if rotate:
         up, torque = matrix3.apply(rotation, g_direction), matrix3.cross(g_direction, d)
     along = matrix3.dot(n, up)
-    through = (g * (up[0] - along * n[0]), g * (up[1] - along * n[1]), g * (up[2] - along * n[2]))
+    through = multiply(g, subtract(up, multiply(along, n)))
     return add(g_centre, through), torque, n
 
 
@@ -86,8 +86,8 @@ def motion_gradient(blend, h, y, torque):
 
     Args:
         blend: Result of `blend_motion`.
-        h: Gradients with respect to the three vectors P_b y, from `skin_surfel_gradient`.
-        y: The three vectors.
+        h: Gradients with respect to the three vectors P_b y: fourth result of `skin_surfel_gradient`.
+        y: The three vectors K mu, K r_1 and K r_2 in the axes of the canonical mesh: its fifth result.
         torque: Gradient with respect to dw by other ways (`view_direction_gradient`).
 
     Returns:
@@ -100,12 +100,7 @@ def motion_gradient(blend, h, y, torque):
     torque = add(torque, add(add(first, second), third))
     once = matrix3.cross(w, torque)
     twice = matrix3.cross(w, once)
-    d_w = (
-        torque[0] + b * once[0] + c * twice[0],
-        torque[1] + b * once[1] + c * twice[1],
-        torque[2] + b * once[2] + c * twice[2],
-    )
-    return d_w, _stretch_gradient(h, y)
+    return add(add(torque, multiply(b, once)), multiply(c, twice)), _stretch_gradient(h, y)
 
 
 @scalar_or_simd
@@ -122,8 +117,11 @@ def _stretch_gradient(h, y):
 
 
 @scalar_or_simd
-def _dot6(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
+def _logit_gradient(w, g, d, mean):
+    return g * w * (1 - w) * (d - mean)
+
+
+_logit_gradients = componentwise(_logit_gradient)
 
 
 @scalar_or_simd
@@ -141,14 +139,9 @@ def blend_gradient(sigmoids, inverse_sum, d_w, d_p, faces):
         Gradients with respect to the four logits.
     """
     own, one, two, three, turn = faces
-    d0 = _dot6(d_p, own)
-    d1 = _dot6(d_p, one) + matrix3.dot(d_w, turn[0:3])
-    d2 = _dot6(d_p, two) + matrix3.dot(d_w, turn[3:6])
-    d3 = _dot6(d_p, three) + matrix3.dot(d_w, turn[6:9])
+    # With respect to each face's weight: through its stretch, and of neighbours through the relative rotation.
+    d0, d1, d2, d3 = matrix_vector((*own, *one, *two, *three), d_p)
+    d1, d2, d3 = add((d1, d2, d3), matrix3.apply(turn, d_w))
     w0, w1, w2, w3 = sigmoids
-    g = inverse_sum
-    mean = g * (w0 * d0 + w1 * d1 + w2 * d2 + w3 * d3)
-    return (
-        g * w0 * (1 - w0) * (d0 - mean), g * w1 * (1 - w1) * (d1 - mean),
-        g * w2 * (1 - w2) * (d2 - mean), g * w3 * (1 - w3) * (d3 - mean),
-    )  # fmt: skip
+    mean = inverse_sum * (w0 * d0 + w1 * d1 + w2 * d2 + w3 * d3)
+    return _logit_gradients(sigmoids, inverse_sum, (d0, d1, d2, d3), mean)

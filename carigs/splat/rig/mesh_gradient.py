@@ -14,13 +14,12 @@ from jaxtyping import Bool, Float
 
 from carigs.simd import matrix3
 from carigs.simd.kernels import kernel, parallel_for
-from carigs.simd.vector_math import exp
+from carigs.simd.tuples import add, divide, multiply, subtract, write_row
 from carigs.simd.vectors import scalar_or_simd
-from carigs.splat.rig import jacobian_blend as jbs
 from carigs.splat.rig import jacobian_blend_backward as backward
 from carigs.splat.rig.face_motion import CENTRE, RELATIVE_ROTATION, ROTATION, STRETCH, FaceMotion
 from carigs.splat.rig.rig import Rig, motion_records, polar_decomposition
-from carigs.splat.rig.skinning_arguments import read3, read4, read9, read_blend
+from carigs.splat.rig.skinning_arguments import has_gradient, read3, read6, read9, read_blend, surfel_gradient
 
 
 def differentiable_face_motion(rig: Rig, posed: Float[torch.Tensor, "v 3"]) -> FaceMotion:
@@ -59,49 +58,25 @@ class _FaceMotion(torch.autograd.Function):
 @scalar_or_simd
 def _surfel_gradient(i, inputs, centre, upstream, weights, parts):
     """Write what surfel i adds to its triangle's record; the stretch and the rotations still lack its blend weights."""
-    gx, gu, gv = read3(upstream.centre, i), read3(upstream.tangent_u, i), read3(upstream.tangent_v, i)
-    gd = (0.0, 0.0, 0.0)
-    if len(upstream.direction) > 0:
-        gd = read3(upstream.direction, i)
-    unchanged = True
-    for k in range(3):
-        unchanged &= gx[k] == 0 and gu[k] == 0 and gv[k] == 0 and gd[k] == 0
-    if unchanged:
+    if not has_gradient(i, upstream):
         return
     _faces, _t, frame, _sigmoids, _inverse_sum, blend = read_blend(i, inputs)
     v, w, p, (a, b, _c), q = blend
-    torque, view = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    if len(upstream.direction) > 0:
-        gx, torque, view = backward.view_direction_gradient(
-            q, read3(centre, i), inputs.eye, inputs.rotate_directions, gd, gx
-        )
-    _dx, _dq, _ds, h, y = backward.skin_surfel_gradient(
-        blend, frame, read3(inputs.position, i), jbs.disc_axes(read4(inputs.quaternion, i)),
-        (exp(inputs.log_scale[i, 0]), exp(inputs.log_scale[i, 1])), (gx, gu, gv),
-    )  # fmt: skip
+    (_dx, _dq, _ds, h, y), (gx, torque, view) = surfel_gradient(i, inputs, centre, upstream, frame, blend)
     dw, dp = backward.motion_gradient(blend, h, y, torque)
     # Gradient with respect to the matrix Q = U exp(w), by its uses: Q P y for three vectors y, and Q^T n.
     e = matrix3.product_exp(matrix3.IDENTITY, w, a, b)
-    x0, x1, x2 = (
-        matrix3.apply_symmetric(p, y[0]), matrix3.apply_symmetric(p, y[1]), matrix3.apply_symmetric(p, y[2]),
-    )  # fmt: skip
+    py = (matrix3.apply_symmetric(p, y[0]), matrix3.apply_symmetric(p, y[1]), matrix3.apply_symmetric(p, y[2]))
     g0, g1, g2 = matrix3.apply(q, h[0]), matrix3.apply(q, h[1]), matrix3.apply(q, h[2])
     for r in range(3):
-        n = view[r] if inputs.rotate_directions else 0.0
-        dq = (
-            g0[r] * x0[0] + g1[r] * x1[0] + g2[r] * x2[0] + n * gd[0],
-            g0[r] * x0[1] + g1[r] * x1[1] + g2[r] * x2[1] + n * gd[1],
-            g0[r] * x0[2] + g1[r] * x1[2] + g2[r] * x2[2] + n * gd[2],
-        )
-        du = matrix3.apply(e, dq)
-        for k in range(3):
-            parts[i, ROTATION + 3 * r + k] = du[k]
-    for k in range(6):
-        parts[i, STRETCH + k] = dp[k]
-    for k in range(3):
-        parts[i, CENTRE + k], parts[i, RELATIVE_ROTATION + k] = gx[k], dw[k]
-    for k in range(4):
-        weights[i, k] = v[k]
+        dq = add(add(multiply(g0[r], py[0]), multiply(g1[r], py[1])), multiply(g2[r], py[2]))
+        if inputs.rotate_directions and len(upstream.direction) > 0:
+            dq = add(dq, multiply(view[r], read3(upstream.direction, i)))
+        write_row(parts, i, matrix3.apply(e, dq), ROTATION + 3 * r)
+    write_row(parts, i, dp, STRETCH)
+    write_row(parts, i, gx, CENTRE)
+    write_row(parts, i, dw, RELATIVE_ROTATION)
+    write_row(weights, i, v)
 
 
 @kernel
@@ -145,7 +120,7 @@ def _logarithm_gradient(rho, g):
         # (1 + cos)/sin = cot(angle / 2), which does not lose its digits near pi.
         c = 1 / square - 1 / (2 * angle * math.tan(0.5 * angle))
     once = matrix3.cross(rho, g)
-    return jbs.add(jbs.add(g, jbs.scaled(0.5, once)), jbs.scaled(c, matrix3.cross(rho, once)))
+    return add(add(g, multiply(0.5, once)), multiply(c, matrix3.cross(rho, once)))
 
 
 @scalar_or_simd
@@ -162,13 +137,12 @@ def _jacobian_gradient(u, p, torque, g):
     """
     gp = (g[0], 0.5 * g[1], 0.5 * g[2], 0.5 * g[1], g[3], 0.5 * g[4], 0.5 * g[2], 0.5 * g[4], g[5])
     pg = _axial(matrix3.product(p, gp))
-    alpha = jbs.add(matrix3.apply_transposed(u, torque), pg)
+    alpha = add(matrix3.apply_transposed(u, torque), pg)
     trace = p[0] + p[4] + p[8]
     system = (trace - p[0], -p[1], -p[2], -p[3], trace - p[4], -p[5], -p[6], -p[7], trace - p[8])
     inverse = matrix3.cofactor(system)  # symmetric; over the determinant
     det = system[0] * inverse[0] + system[1] * inverse[1] + system[2] * inverse[2]
-    x, y, z = matrix3.apply(inverse, alpha)
-    x, y, z = x / det, y / det, z / det
+    x, y, z = divide(matrix3.apply(inverse, alpha), det)
     return matrix3.product(u, (gp[0], gp[1] - z, gp[2] + y, gp[3] + z, gp[4], gp[5] - x, gp[6] - y, gp[7] + x, gp[8]))
 
 
@@ -177,11 +151,11 @@ def _edge_gradients(a, b, m):
     """From the gradient m of E = [a, b, n sqrt(2 area)] to those of its edges a and b."""
     normal = matrix3.cross(a, b)
     length = math.sqrt(matrix3.dot(normal, normal))  # 2 area
-    n = (normal[0] / length, normal[1] / length, normal[2] / length)
+    n = divide(normal, length)
     g = (m[2], m[5], m[8])
     along, root = 0.5 * matrix3.dot(n, g), 1 / math.sqrt(length)
-    g = (root * (g[0] - along * n[0]), root * (g[1] - along * n[1]), root * (g[2] - along * n[2]))
-    return jbs.add((m[0], m[3], m[6]), matrix3.cross(b, g)), jbs.add((m[1], m[4], m[7]), matrix3.cross(g, a))
+    g = multiply(root, subtract(g, multiply(along, n)))
+    return add((m[0], m[3], m[6]), matrix3.cross(b, g)), add((m[1], m[4], m[7]), matrix3.cross(g, a))
 
 
 @scalar_or_simd
@@ -191,15 +165,12 @@ def _corner_gradient(f, g_records, torque, faces, inverse_edges, posed, rotation
             corners[f, corner, k] = g_records[f, CENTRE + k] / 3
     if not valid[f]:
         return
-    g = (
-        g_records[f, STRETCH], g_records[f, STRETCH + 1], g_records[f, STRETCH + 2],
-        g_records[f, STRETCH + 3], g_records[f, STRETCH + 4], g_records[f, STRETCH + 5],
-    )  # fmt: skip
-    to_jacobian = _jacobian_gradient(matrix3.load(rotation, f), matrix3.load(stretch, f), read3(torque, f), g)
+    u, p, g = matrix3.load(rotation, f), matrix3.load(stretch, f), read6(g_records, f, STRETCH)
+    to_jacobian = _jacobian_gradient(u, p, read3(torque, f), g)
     to_edges = matrix3.product(to_jacobian, matrix3.transpose(matrix3.load(inverse_edges, f)))
     i, j, k = read3(faces, f)
-    minus_origin = jbs.scaled(-1.0, read3(posed, i))
-    ga, gb = _edge_gradients(jbs.add(read3(posed, j), minus_origin), jbs.add(read3(posed, k), minus_origin), to_edges)
+    origin = read3(posed, i)
+    ga, gb = _edge_gradients(subtract(read3(posed, j), origin), subtract(read3(posed, k), origin), to_edges)
     for c in range(3):
         corners[f, 0, c] -= ga[c] + gb[c]
         corners[f, 1, c] += ga[c]
@@ -229,9 +200,8 @@ def _torques(g_records, neighbours, rotation):
             other = neighbours[f, s]
             if other == f:
                 continue
-            column = RELATIVE_ROTATION + 3 * s
             relative = matrix3.rotation_vector(matrix3.product(matrix3.transpose(u), matrix3.load(rotation, other)))
-            g = (g_records[f, column], g_records[f, column + 1], g_records[f, column + 2])
+            g = read3(g_records, f, RELATIVE_ROTATION + 3 * s)
             pull = matrix3.apply(u, _logarithm_gradient(relative, g))
             for k in range(3):
                 torque[other, k] += pull[k]

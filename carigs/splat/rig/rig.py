@@ -16,9 +16,9 @@ from jaxtyping import Bool, Float, Float32, Float64, Int, Int32
 from carigs.errors import MeshError
 from carigs.simd import matrix3
 from carigs.simd.kernels import kernel, parallel_for
+from carigs.simd.tuples import add, divide, multiply, subtract, write_row
 from carigs.simd.vectors import scalar_or_simd
 from carigs.splat.rig.face_motion import CENTRE, RECORD_SIZE, RELATIVE_ROTATION, ROTATION, STRETCH, FaceMotion
-from carigs.splat.rig.jacobian_blend import add, scaled
 from carigs.splat.rig.skinning_arguments import read3
 
 FRAME_SIZE = 16
@@ -200,13 +200,13 @@ def _follow_neighbours(
 def _edges(vertices, faces, f):
     """E of a triangle, and whether it is not degenerate."""
     i, j, k = read3(faces, f)
-    minus_origin = scaled(-1.0, read3(vertices, i))
-    a, b = add(read3(vertices, j), minus_origin), add(read3(vertices, k), minus_origin)
-    c, third = matrix3.cross(a, b), add(b, scaled(-1.0, a))
+    origin = read3(vertices, i)
+    a, b = subtract(read3(vertices, j), origin), subtract(read3(vertices, k), origin)
+    c, third = matrix3.cross(a, b), subtract(b, a)
     area = math.sqrt(matrix3.dot(c, c))
     longest = max(matrix3.dot(a, a), matrix3.dot(b, b), matrix3.dot(third, third))
     valid = area > DEGENERATE * longest
-    n = scaled(1.0 / math.sqrt(area) if valid else 0.0, c)
+    n = multiply(1.0 / math.sqrt(area) if valid else 0.0, c)
     return (a[0], b[0], n[0], a[1], b[1], n[1], a[2], b[2], n[2]), valid
 
 
@@ -216,17 +216,16 @@ def _frames(vertices, faces):
     scale, frame, inverse = np.zeros(n), np.zeros((n, 3, 3)), np.zeros((n, 3, 3))
     for f in range(n):
         e, valid = _edges(vertices, faces, f)
-        base = math.sqrt(e[0] ** 2 + e[3] ** 2 + e[6] ** 2)
+        edge, other, normal = e[0::3], e[1::3], e[2::3]
+        base = math.sqrt(matrix3.dot(edge, edge))
         if not valid:
             matrix3.store(frame, f, matrix3.IDENTITY)
             scale[f] = base / 2
             continue
-        length = math.sqrt(e[2] ** 2 + e[5] ** 2 + e[8] ** 2)
-        ex, ey, ez = e[0] / base, e[3] / base, e[6] / base
-        nx, ny, nz = e[2] / length, e[5] / length, e[8] / length
-        ux, uy, uz = ny * ez - nz * ey, nz * ex - nx * ez, nx * ey - ny * ex
-        matrix3.store(frame, f, (ex, ux, nx, ey, uy, ny, ez, uz, nz))
-        scale[f] = (base + ux * e[1] + uy * e[4] + uz * e[7]) / 2
+        x, z = divide(edge, base), divide(normal, math.sqrt(matrix3.dot(normal, normal)))
+        y = matrix3.cross(z, x)
+        matrix3.store(frame, f, matrix3.transpose((*x, *y, *z)))
+        scale[f] = (base + y[0] * other[0] + y[1] * other[1] + y[2] * other[2]) / 2
         c = matrix3.cofactor(e)
         det = e[0] * c[0] + e[1] * c[1] + e[2] * c[2]
         for i in range(9):
@@ -236,8 +235,8 @@ def _frames(vertices, faces):
 
 @scalar_or_simd
 def _polar_decomposition(f, posed, faces, inverse_edges, centre, rotation, stretch, valid):
-    for c in range(3):
-        centre[f, c] = (posed[faces[f, 0], c] + posed[faces[f, 1], c] + posed[faces[f, 2], c]) / 3
+    i, j, k = read3(faces, f)
+    write_row(centre, f, divide(add(add(read3(posed, i), read3(posed, j)), read3(posed, k)), 3))
     e, posed_valid = _edges(posed, faces, f)
     inverse = matrix3.load(inverse_edges, f)
     # det E = (2 area)^1.5 > 0 in both meshes: a triangle in space has no mirror image, so U is a proper rotation.
@@ -268,8 +267,7 @@ def _relative_rotation(f, rotation, neighbours, vectors):
         g, vector = neighbours[f, s], (0.0, 0.0, 0.0)
         if g != f:
             vector = matrix3.rotation_vector(matrix3.product(own, matrix3.load(rotation, g)))
-        for c in range(3):
-            vectors[f, s, c] = vector[c]
+        write_row(vectors[f], s, vector)
 
 
 @kernel

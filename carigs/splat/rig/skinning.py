@@ -16,8 +16,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from carigs.simd.vector_math import exp
-from carigs.simd.vectors import WIDTH, scalar_or_simd
+from carigs.simd.memory import flattened
+from carigs.simd.tuples import write_row
+from carigs.simd.vectors import WIDTH
 from carigs.splat.rig import jacobian_blend as jbs
 from carigs.splat.rig import jacobian_blend_backward as backward
 from carigs.splat.rig import skinning_simd
@@ -28,9 +29,12 @@ from carigs.splat.rig.skinning_arguments import (
     AttributeGradients,
     SkinnedArrays,
     SkinningInputs,
+    has_gradient,
     read3,
     read4,
     read_blend,
+    read_scale,
+    surfel_gradient,
 )
 from carigs.splat.surfels.surfels import Surfels
 
@@ -105,7 +109,7 @@ class _Skinning(torch.autograd.Function):
         ctx.inputs = SkinningInputs(*leaves, *mesh, records.detach().numpy(), blended, eye or (0.0, 0.0, 0.0), rotate)
         ctx.centre, ctx.has_eye = skinned.centre, eye is not None
         if ctx.vectors:
-            skinning_simd.skin(n, _flat(ctx.inputs), _flat(skinned))
+            skinning_simd.skin(n, flattened(ctx.inputs), flattened(skinned))
         else:
             skin_scalar(ctx.inputs, skinned)
         ctx.set_materialize_grads(True)
@@ -122,7 +126,7 @@ class _Skinning(torch.autograd.Function):
         gradients = AttributeGradients(*(np.empty(shape, upstream.centre.dtype) for shape in shapes))
         if ctx.vectors:
             centre = ctx.centre.reshape(-1)
-            skinning_simd.skin_backward(n, _flat(ctx.inputs), centre, _flat(upstream), _flat(gradients))
+            skinning_simd.skin_backward(n, flattened(ctx.inputs), centre, flattened(upstream), flattened(gradients))
         else:
             skin_scalar_backward(ctx.inputs, ctx.centre, upstream, gradients)
         d_records = None
@@ -130,10 +134,6 @@ class _Skinning(torch.autograd.Function):
             d_records = record_gradients(ctx.inputs, ctx.centre, upstream).astype(ctx.inputs.records.dtype)
             d_records = torch.from_numpy(d_records)
         return *(torch.from_numpy(g) for g in gradients), d_records, None, None, None, None
-
-
-def _flat(group):
-    return type(group)(*(v.reshape(-1) if isinstance(v, np.ndarray) else v for v in group))
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -147,23 +147,14 @@ def skin_scalar(inputs, skinned):
     for i in range(len(inputs.binding)):
         _faces, t, frame, _sigmoids, _inverse_sum, blend = read_blend(i, inputs)
         axes = jbs.disc_axes(read4(inputs.quaternion, i))
-        scale = (exp(inputs.log_scale[i, 0]), exp(inputs.log_scale[i, 1]))
-        x, u, v = jbs.skin_surfel(blend, frame, t, read3(inputs.position, i), axes, scale)
-        for c in range(3):
-            skinned.centre[i, c], skinned.tangent_u[i, c], skinned.tangent_v[i, c] = x[c], u[c], v[c]
+        x, u, v = jbs.skin_surfel(blend, frame, t, read3(inputs.position, i), axes, read_scale(i, inputs))
+        write_row(skinned.centre, i, x)
+        write_row(skinned.tangent_u, i, u)
+        write_row(skinned.tangent_v, i, v)
         skinned.opacity[i] = jbs.sigmoid(inputs.logit[i])
         if len(skinned.direction) > 0:
             _n, _g, d = jbs.view_direction(blend[4], read3(skinned.centre, i), inputs.eye, inputs.rotate_directions)
-            skinned.direction[i, 0], skinned.direction[i, 1], skinned.direction[i, 2] = d
-
-
-@scalar_or_simd
-def _has_gradient(i, upstream):
-    moved = upstream.opacity[i] != 0
-    for c in range(3):
-        moved |= upstream.centre[i, c] != 0 or upstream.tangent_u[i, c] != 0 or upstream.tangent_v[i, c] != 0
-        moved |= len(upstream.direction) > 0 and upstream.direction[i, c] != 0
-    return moved
+            write_row(skinned.direction, i, d)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -177,29 +168,19 @@ def skin_scalar_backward(inputs, centre, upstream, gradients):
         gradients: `AttributeGradients` to write.
     """
     for i in range(len(inputs.binding)):
-        if not _has_gradient(i, upstream):
+        if not has_gradient(i, upstream):
             gradients.position[i], gradients.quaternion[i], gradients.log_scale[i] = 0.0, 0.0, 0.0
             gradients.logit[i], gradients.blend[i] = 0.0, 0.0
             continue
         faces, _t, frame, sigmoids, inverse_sum, blend = read_blend(i, inputs)
-        gx, torque = read3(upstream.centre, i), (0.0, 0.0, 0.0)
-        if len(upstream.direction) > 0:
-            gx, torque, _n = backward.view_direction_gradient(
-                blend[4], read3(centre, i), inputs.eye, inputs.rotate_directions, read3(upstream.direction, i), gx
-            )
-        dx, dq, ds, h, y = backward.skin_surfel_gradient(
-            blend, frame, read3(inputs.position, i), jbs.disc_axes(read4(inputs.quaternion, i)),
-            (exp(inputs.log_scale[i, 0]), exp(inputs.log_scale[i, 1])),
-            (gx, read3(upstream.tangent_u, i), read3(upstream.tangent_v, i)),
-        )  # fmt: skip
+        (dx, dq, ds, h, y), (_gx, torque, _n) = surfel_gradient(i, inputs, centre, upstream, frame, blend)
         opacity = jbs.sigmoid(inputs.logit[i])
         gradients.logit[i] = upstream.opacity[i] * opacity * (1 - opacity)
-        gradients.log_scale[i, 0], gradients.log_scale[i, 1] = ds
-        gradients.position[i, 0], gradients.position[i, 1], gradients.position[i, 2] = dx
-        for c in range(4):
-            gradients.quaternion[i, c], gradients.blend[i, c] = dq[c], 0.0
+        write_row(gradients.position, i, dx)
+        write_row(gradients.quaternion, i, dq)
+        write_row(gradients.log_scale, i, ds)
+        db = (0.0, 0.0, 0.0, 0.0)
         if inputs.blended:
             d_w, d_p = backward.motion_gradient(blend, h, y, torque)
             db = backward.blend_gradient(sigmoids, inverse_sum, d_w, d_p, faces)
-            for c in range(4):
-                gradients.blend[i, c] = db[c]
+        write_row(gradients.blend, i, db)

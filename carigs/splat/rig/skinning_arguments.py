@@ -7,9 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int32
 
+from carigs.simd.tuples import read_row
+from carigs.simd.vector_math import exp
 from carigs.simd.vectors import scalar_or_simd
+from carigs.splat.rig import jacobian_blend_backward as backward
 from carigs.splat.rig.face_motion import CENTRE, RELATIVE_ROTATION, ROTATION, STRETCH
-from carigs.splat.rig.jacobian_blend import blend_motion, blend_weights
+from carigs.splat.rig.jacobian_blend import blend_motion, blend_weights, disc_axes
 
 
 class SkinningInputs(NamedTuple):
@@ -64,6 +67,24 @@ class AttributeGradients(NamedTuple):
     blend: Float[np.ndarray, "n 4"]
 
 
+read3, read4, read6, read9 = (read_row(count) for count in (3, 4, 6, 9))
+"""Read 3, 4, 6 or 9 numbers of a row (array, row, first column or nothing)."""
+
+
+@scalar_or_simd
+def read_scale(i, inputs):
+    """Read the standard deviations of surfel i.
+
+    Args:
+        i: Index of the surfel.
+        inputs: `SkinningInputs`.
+
+    Returns:
+        Two numbers, in units of the triangle's scale.
+    """
+    return exp(inputs.log_scale[i, 0]), exp(inputs.log_scale[i, 1])
+
+
 @scalar_or_simd
 def read_blend(i, inputs):
     """Read the triangles around surfel i and blend their motions.
@@ -80,62 +101,58 @@ def read_blend(i, inputs):
     f, records = inputs.binding[i], inputs.records
     j, k, m = read3(inputs.neighbours, f)
     faces = (
-        _read_stretch(records, f), _read_stretch(records, j), _read_stretch(records, k), _read_stretch(records, m),
+        read6(records, f, STRETCH), read6(records, j, STRETCH), read6(records, k, STRETCH), read6(records, m, STRETCH),
         read9(records, f, RELATIVE_ROTATION),
     )  # fmt: skip
     sigmoids, inverse_sum = (1.0, 0.0, 0.0, 0.0), 1.0
     if inputs.blended:
         sigmoids, inverse_sum = blend_weights(read4(inputs.blend, i))
     blend = blend_motion(sigmoids, inverse_sum, faces, read9(records, f, ROTATION))
-    centre = (records[f, CENTRE], records[f, CENTRE + 1], records[f, CENTRE + 2])
-    return faces, centre, read9(inputs.frames, f, 0), sigmoids, inverse_sum, blend
+    return faces, read3(records, f, CENTRE), read9(inputs.frames, f), sigmoids, inverse_sum, blend
 
 
 @scalar_or_simd
-def read3(rows, i):
-    """Read the first three numbers of a row.
+def has_gradient(i, upstream):
+    """Whether any gradient with respect to the skinned surfel i is not zero.
 
     Args:
-        rows: Array (n, 3 or more).
-        i: Index of the row.
+        i: Index of the surfel.
+        upstream: `SkinnedArrays` of gradients.
 
     Returns:
-        A tuple.
+        Truth value.
     """
-    return rows[i, 0], rows[i, 1], rows[i, 2]
+    moved = upstream.opacity[i] != 0
+    for c in range(3):
+        moved |= upstream.centre[i, c] != 0 or upstream.tangent_u[i, c] != 0 or upstream.tangent_v[i, c] != 0
+        moved |= len(upstream.direction) > 0 and upstream.direction[i, c] != 0
+    return moved
 
 
 @scalar_or_simd
-def read4(rows, i):
-    """Read the first four numbers of a row.
+def surfel_gradient(i, inputs, centre, upstream, frame, blend):
+    """Backward pass of skinning for the attributes of surfel i.
 
     Args:
-        rows: Array (n, 4 or more).
-        i: Index of the row.
+        i: Index of the surfel.
+        inputs: `SkinningInputs`.
+        centre: World centres that skinning wrote.
+        upstream: `SkinnedArrays` of gradients with respect to what skinning wrote.
+        frame: Canonical frame of the own triangle, from `read_blend`.
+        blend: Blended motion, from `read_blend`.
 
     Returns:
-        A tuple.
+        Results of `jacobian_blend_backward.skin_surfel_gradient`; and those of `view_direction_gradient`: the whole
+        gradient with respect to the centre, the gradient with respect to dw, and the unit vector from the eye.
     """
-    return rows[i, 0], rows[i, 1], rows[i, 2], rows[i, 3]
-
-
-@scalar_or_simd
-def _read_stretch(records, f):
-    r = records[f, STRETCH : STRETCH + 6]
-    return r[0], r[1], r[2], r[3], r[4], r[5]
-
-
-@scalar_or_simd
-def read9(rows, i, column):
-    """Read nine numbers of a row.
-
-    Args:
-        rows: Array (n, k).
-        i: Index of the row.
-        column: First column.
-
-    Returns:
-        A tuple.
-    """
-    r = rows[i, column : column + 9]
-    return r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8]
+    g_centre, torque, view = read3(upstream.centre, i), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    if len(upstream.direction) > 0:
+        g_centre, torque, view = backward.view_direction_gradient(
+            blend[4], read3(centre, i), inputs.eye, inputs.rotate_directions, read3(upstream.direction, i), g_centre
+        )
+    gradients = (g_centre, read3(upstream.tangent_u, i), read3(upstream.tangent_v, i))
+    axes = disc_axes(read4(inputs.quaternion, i))
+    own = backward.skin_surfel_gradient(
+        blend, frame, read3(inputs.position, i), axes, read_scale(i, inputs), gradients
+    )  # fmt: skip
+    return own, (g_centre, torque, view)

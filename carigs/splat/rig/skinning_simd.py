@@ -1,18 +1,18 @@
-"""Loops of `skinning` for float32, sixteen surfels at a time; the last group of sixteen overlaps the one before."""
+"""Loops of `skinning` for float32, sixteen surfels at a time."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from carigs.simd.kernels import kernel, parallel_for
+from carigs.simd.kernels import kernel
 from carigs.simd.memory import align_stack, gather_rows, load, load2, load3, load4, store, store2, store3, store4
+from carigs.simd.tuples import componentwise
+from carigs.simd.vector_loops import parallel_for_vectors
 from carigs.simd.vector_math import absolute, exp, select
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
 from carigs.splat.rig import jacobian_blend as jbs
 from carigs.splat.rig import jacobian_blend_backward as backward
 from carigs.splat.rig.face_motion import RECORD_SIZE
-
-PART = 1024  # surfels of one task
 
 
 @simd_inline
@@ -47,22 +47,14 @@ def _size(v):
     return absolute(v[0]) + absolute(v[1]) + absolute(v[2])
 
 
-@simd_inline
-def _zero_where(condition, v):
-    """Four vectors, with zeros where the condition holds."""
-    zero = broadcast(np.float32(0))
-    return (
-        select(condition, zero, v[0]), select(condition, zero, v[1]),
-        select(condition, zero, v[2]), select(condition, zero, v[3]),
-    )  # fmt: skip
+_exp, _select = componentwise(exp), componentwise(select)
 
 
 @simd_inline
-def _forward_sixteen(i, inputs, skinned, around):
+def _skin(i, inputs, skinned, around):
     align_stack()
     _faces, t, frame, _sigmoids, _inverse_sum, blend = _gather_blend(i, inputs, around)
-    axes, scale = jbs.disc_axes(load4(inputs.quaternion, 4 * i)), load2(inputs.log_scale, 2 * i)
-    scale = (exp(scale[0]), exp(scale[1]))
+    axes, scale = jbs.disc_axes(load4(inputs.quaternion, 4 * i)), _exp(load2(inputs.log_scale, 2 * i))
     x, u, v = jbs.skin_surfel(blend, frame, t, load3(inputs.position, 3 * i), axes, scale)
     store3(skinned.centre, 3 * i, x)
     store3(skinned.tangent_u, 3 * i, u)
@@ -74,7 +66,7 @@ def _forward_sixteen(i, inputs, skinned, around):
 
 
 @simd_inline
-def _backward_sixteen(i, inputs, centre, upstream, gradients, around):
+def _skin_backward(i, inputs, centre, upstream, gradients, around):
     align_stack()
     up_x, up_u, up_v = load3(upstream.centre, 3 * i), load3(upstream.tangent_u, 3 * i), load3(upstream.tangent_v, 3 * i)
     up_opacity, zero = load(upstream.opacity, i), broadcast(np.float32(0))
@@ -83,8 +75,7 @@ def _backward_sixteen(i, inputs, centre, upstream, gradients, around):
         up_d = load3(upstream.direction, 3 * i)
     unchanged = _size(up_x) + _size(up_u) + _size(up_v) + _size(up_d) + absolute(up_opacity) <= zero
     faces, _t, frame, sigmoids, inverse_sum, blend = _gather_blend(i, inputs, around)
-    axes, scale = jbs.disc_axes(load4(inputs.quaternion, 4 * i)), load2(inputs.log_scale, 2 * i)
-    scale = (exp(scale[0]), exp(scale[1]))
+    axes, scale = jbs.disc_axes(load4(inputs.quaternion, 4 * i)), _exp(load2(inputs.log_scale, 2 * i))
     if has_eye:
         x = load3(centre, 3 * i)
         up_x, torque, _n = backward.view_direction_gradient(
@@ -93,31 +84,21 @@ def _backward_sixteen(i, inputs, centre, upstream, gradients, around):
     dx, dq, ds, h, y = backward.skin_surfel_gradient(
         blend, frame, load3(inputs.position, 3 * i), axes, scale, (up_x, up_u, up_v)
     )
-    dx = _zero_where(unchanged, (dx[0], dx[1], dx[2], zero))
-    store3(gradients.position, 3 * i, dx[0:3])
-    store4(gradients.quaternion, 4 * i, _zero_where(unchanged, dq))
-    store2(gradients.log_scale, 2 * i, (select(unchanged, zero, ds[0]), select(unchanged, zero, ds[1])))
+    store3(gradients.position, 3 * i, _select(unchanged, zero, dx))
+    store4(gradients.quaternion, 4 * i, _select(unchanged, zero, dq))
+    store2(gradients.log_scale, 2 * i, _select(unchanged, zero, ds))
     opacity = jbs.sigmoid(load(inputs.logit, i))
     store(gradients.logit, i, select(unchanged, zero, up_opacity * opacity * (1 - opacity)))
     db = (zero, zero, zero, zero)
     if inputs.blended:
         d_w, d_p = backward.motion_gradient(blend, h, y, torque)
         db = backward.blend_gradient(sigmoids, inverse_sum, d_w, d_p, faces)
-    store4(gradients.blend, 4 * i, _zero_where(unchanged, db))
+    store4(gradients.blend, 4 * i, _select(unchanged, zero, db))
 
 
 @simd_inline_alloc
-def _forward_part(part, count, inputs, skinned):
-    around = np.empty(3 * WIDTH, np.int32)
-    for start in range(part * PART, min((part + 1) * PART, count), WIDTH):
-        _forward_sixteen(min(start, count - WIDTH), inputs, skinned, around)
-
-
-@simd_inline_alloc
-def _backward_part(part, count, inputs, centre, upstream, gradients):
-    around = np.empty(3 * WIDTH, np.int32)
-    for start in range(part * PART, min((part + 1) * PART, count), WIDTH):
-        _backward_sixteen(min(start, count - WIDTH), inputs, centre, upstream, gradients, around)
+def _around():
+    return (np.empty(3 * WIDTH, np.int32),)
 
 
 @kernel
@@ -129,7 +110,7 @@ def skin(count, inputs, skinned):
         inputs: `SkinningInputs` of flat float32 arrays.
         skinned: `SkinnedArrays` of flat arrays to write.
     """
-    parallel_for(_forward_part, (count + PART - 1) // PART, (count, inputs, skinned))
+    parallel_for_vectors(_skin, count, (inputs, skinned), _around)
 
 
 @kernel
@@ -143,4 +124,4 @@ def skin_backward(count, inputs, centre, upstream, gradients):
         upstream: `SkinnedArrays` of gradients, flat.
         gradients: `AttributeGradients` of flat arrays to write.
     """
-    parallel_for(_backward_part, (count + PART - 1) // PART, (count, inputs, centre, upstream, gradients))
+    parallel_for_vectors(_skin_backward, count, (inputs, centre, upstream, gradients), _around)

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from carigs.errors import InputError, SettingsError
 from carigs.files import writing
 from carigs.splat.colour.spherical_harmonics import num_coefficients
-from carigs.splat.surfels.surfels import BLEND_NEIGHBOUR, BLEND_OWN, Surfels, from_arrays, to_arrays
+from carigs.splat.surfels.surfels import Surfels, from_arrays, initial_blend, to_arrays
 
 LAYOUTS = ("surfhead", "gaussian_avatars")
 REST = num_coefficients(3)  # both layouts always store degree 3
@@ -88,8 +88,7 @@ def read_ply(file: Path) -> Surfels:
     if "blend_weight_0" in rows.dtype.names:
         blend = properties(*_numbered("blend_weight", 4))
     else:
-        weight = np.array([BLEND_OWN] + 3 * [BLEND_NEIGHBOUR])
-        blend = np.tile(np.log(weight / (1 - weight)), (len(rows), 1))
+        blend = initial_blend(len(rows))
     return from_arrays(
         properties("binding_0")[:, 0].astype(np.int32),
         position=position,

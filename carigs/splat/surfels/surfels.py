@@ -121,7 +121,6 @@ def flat_discs(
         Surfels, sorted by triangle.
     """
     n = len(binding)
-    blend = np.array([BLEND_OWN] + 3 * [BLEND_NEIGHBOUR])
     return from_arrays(
         np.asarray(binding),
         position=position,
@@ -130,5 +129,18 @@ def flat_discs(
         opacity=np.full(n, np.log(opacity / (1 - opacity))),
         colour=(rgb - 0.5) / SH_BASE,
         harmonics=np.zeros((n, num_coefficients(sh_degree), 3)),
-        blend=np.tile(np.log(blend / (1 - blend)), (n, 1)),
+        blend=initial_blend(n),
     )
+
+
+def initial_blend(n: int) -> Float[np.ndarray, "n 4"]:
+    """Initial logits of the blend weights (SurFhead).
+
+    Args:
+        n: Number of surfels.
+
+    Returns:
+        The same row for every surfel.
+    """
+    weight = np.array([BLEND_OWN] + 3 * [BLEND_NEIGHBOUR])
+    return np.tile(np.log(weight / (1 - weight)), (n, 1))

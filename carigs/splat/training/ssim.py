@@ -20,7 +20,8 @@ from jaxtyping import Bool, Float32
 
 from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.memory import align_stack, load, store
-from carigs.simd.vector_math import absolute, select, total
+from carigs.simd.tuples import add, componentwise, multiply
+from carigs.simd.vector_math import absolute, reduce_add, select
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
 
 RADIUS = 5
@@ -34,18 +35,27 @@ _taps = np.exp(-(np.arange(-RADIUS, RADIUS + 1) ** 2) / (2 * 1.5**2))
 T0, T1, T2, T3, T4, T5 = (_taps / _taps.sum()).astype(np.float32)[: RADIUS + 1]  # the other half mirrors these
 
 
+_load, _store, _select, _sums = (componentwise(function) for function in (load, store, select, reduce_add))
+TAPS = tuple(range(-RADIUS, RADIUS + 1))
+WINDOW = tuple(range(BLOCK + 2 * RADIUS))  # the rows that the filter of a block needs, from the topmost one
+
+
 @simd_inline
-def _filtered(v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10):
-    return T0 * (v0 + v10) + T1 * (v1 + v9) + T2 * (v2 + v8) + T3 * (v3 + v7) + T4 * (v4 + v6) + T5 * v5
+def _filtered(v):
+    return (
+        T0 * (v[0] + v[10])
+        + T1 * (v[1] + v[9])
+        + T2 * (v[2] + v[8])
+        + T3 * (v[3] + v[7])
+        + T4 * (v[4] + v[6])
+        + T5 * v[5]
+    )
 
 
 @simd_inline
 def _across(row, at):
     """Filter sixteen elements along a row."""
-    return _filtered(
-        load(row, at - 5), load(row, at - 4), load(row, at - 3), load(row, at - 2), load(row, at - 1), load(row, at),
-        load(row, at + 1), load(row, at + 2), load(row, at + 3), load(row, at + 4), load(row, at + 5),
-    )  # fmt: skip
+    return _filtered(_load(row, add(at, TAPS)))
 
 
 @simd_inline
@@ -69,59 +79,48 @@ def _moments_across(x, y, at):
 
 
 @simd_inline
+def _offset(plane, row, stride, at):
+    return (plane * RING + (row & (RING - 1))) * stride + at
+
+
+_offsets = componentwise(_offset)
+
+
+@simd_inline
 def _down(ring, plane, first, stride, at):
     """Filter a block of rows down the columns; `first` is the topmost row that the filter of the first row needs."""
-    v0, v1 = _ring_row(ring, plane, first, stride, at), _ring_row(ring, plane, first + 1, stride, at)
-    v2, v3 = _ring_row(ring, plane, first + 2, stride, at), _ring_row(ring, plane, first + 3, stride, at)
-    v4, v5 = _ring_row(ring, plane, first + 4, stride, at), _ring_row(ring, plane, first + 5, stride, at)
-    v6, v7 = _ring_row(ring, plane, first + 6, stride, at), _ring_row(ring, plane, first + 7, stride, at)
-    v8, v9 = _ring_row(ring, plane, first + 8, stride, at), _ring_row(ring, plane, first + 9, stride, at)
-    v10, v11 = _ring_row(ring, plane, first + 10, stride, at), _ring_row(ring, plane, first + 11, stride, at)
-    v12, v13 = _ring_row(ring, plane, first + 12, stride, at), _ring_row(ring, plane, first + 13, stride, at)
-    return (
-        _filtered(v0, v1, v2, v3, v4, v5, v6, v7, v8, v9, v10),
-        _filtered(v1, v2, v3, v4, v5, v6, v7, v8, v9, v10, v11),
-        _filtered(v2, v3, v4, v5, v6, v7, v8, v9, v10, v11, v12),
-        _filtered(v3, v4, v5, v6, v7, v8, v9, v10, v11, v12, v13),
-    )
+    v = _load(ring, _offsets(plane, add(first, WINDOW), stride, at))
+    return _filtered(v[0:11]), _filtered(v[1:12]), _filtered(v[2:13]), _filtered(v[3:14])
 
 
-@simd_inline
-def _offset(plane, row, stride):
-    return (plane * RING + (row & (RING - 1))) * stride
-
-
-@simd_inline
-def _ring_row(ring, plane, row, stride, at):
-    return load(ring, _offset(plane, row, stride) + at)
+_down_planes = componentwise(_down)
 
 
 @simd_inline
 def _similarity(m, n, squares, product):
-    """S and its derivatives with respect to m, G(x^2) and G(xy)."""
+    """S, and its derivatives with respect to m, G(x^2) and G(xy)."""
     mn, mm_nn = m * n, m * m + n * n
     a1, a2 = TWO * mn + C1, TWO * (product - mn) + C2
     b1, b2 = mm_nn + C1, squares - mm_nn + C2
     inverse = ONE / (b1 * b2)
     i1, i2 = b2 * inverse, b1 * inverse
     s = a1 * a2 * inverse
-    return s, TWO * (n * (a2 - a1) * inverse - m * s * (i1 - i2)), broadcast(ZERO) - s * i2, TWO * a1 * inverse
+    return s, (TWO * (n * (a2 - a1) * inverse - m * s * (i1 - i2)), broadcast(ZERO) - s * i2, TWO * a1 * inverse)
 
 
 @simd_inline
 def _map_row(maps, r, stride, at, height, inside, m, n, squares, product):
     """Store the derivatives, 0 outside the image; returns S."""
+    zero, offsets = broadcast(ZERO), _offsets((0, 1, 2), r, stride, at)
     if r < 0 or r >= height:
-        store(maps, _offset(0, r, stride) + at, broadcast(ZERO))
-        store(maps, _offset(1, r, stride) + at, broadcast(ZERO))
-        store(maps, _offset(2, r, stride) + at, broadcast(ZERO))
-        return broadcast(ZERO)
-    zero = broadcast(ZERO)
-    s, by_m, by_square, by_product = _similarity(m, n, squares, product)
-    store(maps, _offset(0, r, stride) + at, select(inside, by_m, zero))
-    store(maps, _offset(1, r, stride) + at, select(inside, by_square, zero))
-    store(maps, _offset(2, r, stride) + at, select(inside, by_product, zero))
+        _store(maps, offsets, zero)
+        return zero
+    s, derivatives = _similarity(m, n, squares, product)
+    _store(maps, offsets, _select(inside, derivatives, zero))
     return select(inside, s, zero)
+
+
+_map_block = componentwise(_map_row)
 
 
 @simd_inline
@@ -139,7 +138,7 @@ def _fill(rows, stride, x, y, valid, c, r, f0, f1, at):
 @simd_inline
 def _equal(x, y, at):
     """Whether sixteen elements are equal; NaN equals nothing."""
-    return total(select(absolute(load(x, at) - load(y, at)) <= ZERO, broadcast(ZERO), broadcast(ONE))) == ZERO
+    return reduce_add(select(absolute(load(x, at) - load(y, at)) <= ZERO, broadcast(ZERO), broadcast(ONE))) == ZERO
 
 
 @simd_inline
@@ -172,37 +171,27 @@ def _columns_with_difference(x, y, valid, c, h0, h1):
 @simd_inline
 def _moment_row(moments, rows, r, stride, mapped):
     for at in range(LEFT, LEFT + mapped, WIDTH):
-        m, n, squares, product = _moments_across(rows, rows[stride:], at)
-        store(moments, _offset(0, r, stride) + at, m)
-        store(moments, _offset(1, r, stride) + at, n)
-        store(moments, _offset(2, r, stride) + at, squares)
-        store(moments, _offset(3, r, stride) + at, product)
+        _store(moments, _offsets((0, 1, 2, 3), r, stride, at), _moments_across(rows, rows[stride:], at))
 
 
 @simd_inline
 def _map_rows(maps, moments, inside, top, stride, mapped, height):
     """Compute the derivative maps of a block of rows; returns the sum of S of each row."""
-    s0 = s1 = s2 = s3 = broadcast(ZERO)
+    zero = broadcast(ZERO)
+    s = (zero, zero, zero, zero)
     for at in range(LEFT, LEFT + mapped, WIDTH):
-        m, n = _down(moments, 0, top - RADIUS, stride, at), _down(moments, 1, top - RADIUS, stride, at)
-        squares, product = _down(moments, 2, top - RADIUS, stride, at), _down(moments, 3, top - RADIUS, stride, at)
-        is_inside = load(inside, at) > ZERO
-        s0 += _map_row(maps, top, stride, at, height, is_inside, m[0], n[0], squares[0], product[0])
-        s1 += _map_row(maps, top + 1, stride, at, height, is_inside, m[1], n[1], squares[1], product[1])
-        s2 += _map_row(maps, top + 2, stride, at, height, is_inside, m[2], n[2], squares[2], product[2])
-        s3 += _map_row(maps, top + 3, stride, at, height, is_inside, m[3], n[3], squares[3], product[3])
-    return total(s0), total(s1), total(s2), total(s3)
+        m, n, squares, product = _down_planes(moments, (0, 1, 2, 3), top - RADIUS, stride, at)
+        rows, is_inside = add(top, (0, 1, 2, 3)), load(inside, at) > ZERO
+        s = add(s, _map_block(maps, rows, stride, at, height, is_inside, m, n, squares, product))
+    return _sums(s)
 
 
 @simd_inline
 def _maps_down(slopes, maps, top, stride, mapped):
     for at in range(LEFT, LEFT + mapped, WIDTH):
         for plane in range(3):
-            r0, r1, r2, r3 = _down(maps, plane, top - RADIUS, stride, at)
-            store(slopes, plane * BLOCK * stride + at, r0)
-            store(slopes, (plane * BLOCK + 1) * stride + at, r1)
-            store(slopes, (plane * BLOCK + 2) * stride + at, r2)
-            store(slopes, (plane * BLOCK + 3) * stride + at, r3)
+            offsets = add(plane * BLOCK * stride + at, multiply(stride, (0, 1, 2, 3)))
+            _store(slopes, offsets, _down(maps, plane, top - RADIUS, stride, at))
 
 
 @simd_inline
@@ -216,7 +205,7 @@ def _gradient_row(result, rows, slopes, j, stride, begin, stop, l1_weight, ssim_
         step = select(a > b, one, select(a < b, ZERO - one, ZERO))
         difference += absolute(a - b)
         store(result, at, counts * (l1_weight * step - ssim_weight * slope))
-    return total(difference)
+    return reduce_add(difference)
 
 
 @simd_inline_alloc
