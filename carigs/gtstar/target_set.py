@@ -132,9 +132,9 @@ def _write(folder: Path, results: list[TargetResult]) -> TargetEntries:
         if result.target is None:
             entries.skipped.append({**entry, "why": result.skip_reason})
             continue
-        files, flags = {"image": f"{name}.png", "reasons": f"{name}_reasons.png"}, result.target.mask_flags
+        files, flags = {"image": f"{name}.png", "mask_flags": f"{name}_mask_flags.png"}, result.target.mask_flags
         write_png(folder / files["image"], result.target.colour)
-        write_bits(folder / files["reasons"], flags)
+        write_bits(folder / files["mask_flags"], flags)
         shares = {flag.name.lower(): round(float(np.mean((flags & flag.value) > 0)), 6) for flag in MaskFlag}
         entries.targets.append({**entry, "weight": round(result.weight, 4), **files, "shares": shares})
     return entries

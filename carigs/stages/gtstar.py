@@ -81,7 +81,7 @@ def _write_contact_sheet(
         if toy is not None:
             parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
             truth, _ = render_subject(toy, parameters, camera, exaggerated)
-        target, mask_flags = read_rgb(folder / entry["image"]), read_bits(folder / entry["reasons"])
+        target, mask_flags = read_rgb(folder / entry["image"]), read_bits(folder / entry["mask_flags"])
         rows.append(TargetRow(frame.name, subject.image(frame), target, mask_flags, truth))
     if rows:
         target_sheet(folder / "inspection.png", rows, flags_from_names(DEFAULT_MASK_FLAGS))
