@@ -60,7 +60,7 @@ def read_targets(index: Path, capture: Capture) -> TargetSet:
     folder = index.parent / json_field(content, "folder", str, file=index)
     entries = json_field(content, "targets", list, file=index)
     if not entries:
-        raise InputError("holds none", file=index, field="targets")
+        raise InputError("no frame has a target; run the stage gtstar again", file=index, field="targets")
     frames = {(frame.timestep, frame.camera): frame for frame in capture.split("train")}
     targets = []
     for i, entry in enumerate(entries):

@@ -30,7 +30,7 @@ from carigs.sources import fingerprint
 
 
 class TargetEntries(NamedTuple):
-    """Entries of the index of a target set (`carigs.capture.target_index`)."""
+    """The two lists of targets.json: what `write_targets` takes."""
 
     targets: list[dict[str, Any]]
     skipped: list[dict[str, Any]]
@@ -49,7 +49,7 @@ def make_target_set(
         records: Folder for what is complete; timesteps that an earlier run has recorded there are not made again.
 
     Returns:
-        Index entries of the targets and of the skipped frames, in the order of the frames.
+        One entry for every training frame, in their order: in the list of targets or in that of skipped frames.
     """
     face_flags, frames = face_mask_flags(capture.model, settings), capture.split("train")
     np.save(folder / FACE_FLAGS, face_flags)

@@ -251,7 +251,7 @@ def test_the_weight_of_a_target_scales_its_loss(subject, tmp_path):
     ("change", "named"),
     [
         ({"level": None}, "level"),
-        ({"targets": []}, "targets: holds none"),
+        ({"targets": []}, "targets: no frame has a target"),
         ({"targets": [{"timestep": 0, "camera": 0, "image": "a.png"}]}, r"targets\[0\].mask_flags"),
         ({"targets": [{"timestep": 9, "camera": 0, "image": "a", "mask_flags": "b"}]}, "no such training frame"),
         ({"targets": [{"timestep": 0, "camera": 0, "image": "a", "mask_flags": "b", "weight": -1}]}, "weight"),
