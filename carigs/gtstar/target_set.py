@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import asdict
 from itertools import groupby
 from pathlib import Path
@@ -68,7 +66,7 @@ def make_target_set(
 
     entries, resumed = TargetEntries([], []), 0
     groups = [list(group) for _, group in groupby(frames, key=lambda frame: frame.timestep)]
-    with _thread_pool(settings.threads) as pool, Progress(disable=len(frames) < 100) as progress:
+    with ThreadPoolExecutor(settings.threads) as pool, Progress(disable=len(frames) < 100) as progress:
         shading = load_shading(records / SHADING)
         if shading is None:
             shading = fit_capture_shading(settings, capture, face_flags, pool.map, cache)
@@ -110,16 +108,6 @@ def resume_key(settings: Gtstar, capture: Capture, exaggerated: Caricature, inde
         size, modified = (status.st_size, status.st_mtime_ns) if status else (-1, -1)
         digest.update(f"{file} {size} {modified}".encode())
     return digest.hexdigest()
-
-
-@contextmanager
-def _thread_pool(count: int) -> Iterator[ThreadPoolExecutor]:
-    """A pool that starts no further work after a failure."""
-    pool = ThreadPoolExecutor(count)
-    try:
-        yield pool
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def _write(folder: Path, results: list[TargetResult]) -> TargetEntries:
