@@ -11,7 +11,7 @@ import trimesh
 from carigs.capture import OPENCV_FROM_OPENGL, Camera, look_at
 from carigs.capture.images import write_png
 from carigs.head import HeadModel, HeadParameters, pose
-from carigs.raster import Visibility, rasterize_mesh
+from carigs.raster import rasterize_mesh
 
 SIZE = (40, 48)  # width, height
 FRONTAL = Camera(look_at(np.array([0.0, 0.0, 1.0]), np.zeros(3)), 100, 100, 32, 24, 64, 48)
@@ -30,15 +30,6 @@ def picture(camera: Camera) -> np.ndarray:
     """An image that bilinear sampling reproduces exactly: colours affine in the pixel position."""
     x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
     return np.stack([x / 100, y / 100, 0.3 + 0.002 * x - 0.003 * y], axis=-1).astype(np.float32)
-
-
-def coverage_image(visibility: Visibility, n: int) -> np.ndarray:
-    """Share of every pixel that the mesh covers, on n x n samples along its outline."""
-    coverage, (height, width) = visibility.coverage(n), visibility.face.shape
-    bits = coverage.partial[..., None] >> np.arange(64, dtype=np.uint64) & np.uint64(1)
-    shares = np.ones(bits.shape, np.float32)
-    shares[bits > 0] = coverage.share
-    return shares.transpose(0, 2, 1).reshape(-1, width)[:height]
 
 
 def ball_model(subdivisions: int = 3) -> HeadModel:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -78,15 +78,8 @@ class Camera:
         Returns:
             The same view at that resolution.
         """
-        return replace(
-            self,
-            fx=self.fx * factor,
-            fy=self.fy * factor,
-            cx=self.cx * factor,
-            cy=self.cy * factor,
-            width=round(self.width * factor),
-            height=round(self.height * factor),
-        )
+        intrinsics = (factor * length for length in self.intrinsics)
+        return Camera(self.camera_from_world, *intrinsics, round(self.width * factor), round(self.height * factor))
 
 
 def look_at(

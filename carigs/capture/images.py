@@ -47,8 +47,7 @@ def read_rgb8(file: Path) -> UInt8[np.ndarray, "h w 3"]:
     Raises:
         InputError: If the file is missing or not an image.
     """
-    pixels = _read(file, cv2.IMREAD_COLOR)
-    return np.ascontiguousarray(pixels[:, :, ::-1])
+    return cv2.cvtColor(_read(file, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
 
 
 def read_rgb(file: Path) -> Float32[np.ndarray, "h w 3"]:

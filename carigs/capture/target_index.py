@@ -60,14 +60,14 @@ def read_targets(index: Path, capture: Capture) -> TargetSet:
     folder = index.parent / json_field(content, "folder", str, file=index)
     entries = json_field(content, "targets", list, file=index)
     if not entries:
-        raise InputError("holds none", file=index, field="targets")
+        raise InputError("no frame has a target; run the stage gtstar again", file=index, field="targets")
     frames = {(frame.timestep, frame.camera): frame for frame in capture.split("train")}
     targets = []
     for i, entry in enumerate(entries):
         where = f"targets[{i}]"
         timestep, camera, image, mask_flags = (
             json_field(entry, key, kind, file=index, where=where)
-            for key, kind in (("timestep", int), ("camera", int), ("image", str), ("reasons", str))
+            for key, kind in (("timestep", int), ("camera", int), ("image", str), ("mask_flags", str))
         )
         weight = json_field({"weight": 1.0, **entry}, "weight", float, file=index, where=where)
         if (timestep, camera) not in frames:
@@ -88,7 +88,7 @@ def write_targets(
         index: The index.
         level: Exaggeration level.
         folder: Folder of the images.
-        targets: Per GT* frame its timestep, camera, image, mask image (`reasons`), weight and statistics.
+        targets: Per GT* frame its timestep, camera, image, mask flags, weight and statistics.
         skipped: Per frame without a target its timestep, camera and the reason (`why`).
     """
     content = {"level": level, "folder": relpath(folder, index.parent), "targets": targets, "left_out": skipped}

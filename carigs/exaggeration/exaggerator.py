@@ -117,7 +117,10 @@ class Exaggerator(WeightedPoisson):
         if not np.isfinite(list(levels.values())).all():
             raise SettingsError(f"levels of regions must be numbers, found {dict(levels)}")
         if gamma_f == 0:
-            raise SettingsError("levels of regions on a head at level 0: use `region_paths`, which hold the rest")
+            raise SettingsError(
+                f"levels of regions ({', '.join(levels)}) need a head at a level other than 0: set another gamma, or "
+                "exaggerate the regions alone (`Exaggerator.region_paths`, or `carigs mesh --gamma 0`)"
+            )
         shares = partition_of_unity(np.stack([self.regions.field(name) for name in levels]))
         return 1 + (np.array(list(levels.values())) / gamma_f - 1) @ shares
 

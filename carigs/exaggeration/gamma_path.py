@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -141,7 +141,7 @@ class GammaPath:
         Returns:
             Displacement in metres; exactly 0 at level 0.
         """
-        if not self._range[0] <= level <= self._range[1]:
+        if not min(0.0, self.gamma_f) <= level <= max(0.0, self.gamma_f):
             # The text does not name the level: Python shows a text once, and a film has many levels.
             warnings.warn(f"levels outside [0, {self.gamma_f:g}] are extrapolated", stacklevel=2)
         weights = np.array(lagrange_weights(self._nodes, level)[1:], np.float32)
@@ -168,10 +168,6 @@ class GammaPath:
         return barycentric_weights(self.levels)
 
     @cached_property
-    def _range(self) -> tuple[float, float]:
-        return min(0.0, self.gamma_f), max(0.0, self.gamma_f)
-
-    @cached_property
     def _flat(self) -> Float32[np.ndarray, "j w"]:
         """The nodes other than level 0, where nothing moves, one per row."""
         return np.ascontiguousarray(self.displacements[1:].reshape(len(self.levels) - 1, -1))
@@ -182,17 +178,9 @@ class GammaPath:
         Args:
             file: File to create or replace.
         """
-        changes = {} if self.changes is None else {"columns": self.columns, "changes": self.changes}
+        arrays = {entry.name: getattr(self, entry.name) for entry in fields(self)} | {"report": json.dumps(self.report)}
         with writing(file) as part:
-            np.savez(
-                part,
-                levels=self.levels,
-                displacements=self.displacements,
-                faces=self.faces,
-                neutral=self.neutral,
-                report=json.dumps(self.report),
-                **changes,
-            )
+            np.savez(part, **{name: array for name, array in arrays.items() if array is not None})
 
     @classmethod
     def load(cls, file: str | Path) -> GammaPath:

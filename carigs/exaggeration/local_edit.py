@@ -11,6 +11,7 @@ from scipy.sparse import diags_array
 from carigs.errors import SettingsError
 from carigs.exaggeration.weighted_poisson import WeightedPoisson
 from carigs.mesh.linear_solver import CholeskySolver
+from carigs.mesh.regions import region_label
 
 SCREEN_STIFFNESS = 10.0
 """Stiffness that holds a vertex outside the region, in the mode `soft`."""
@@ -55,7 +56,7 @@ class LocalEdit:
         margin = SOFT_MARGIN if self._mode == "soft" else 0.0
         is_free = (self.field > 0) | (equation.regions.distance(self.field > 0) < margin)
         self._free = np.flatnonzero(is_free & equation.solved_vertices)
-        self._check_held()
+        self._check_held(region_label(region))
         self._rigid_components = equation.rigid_components
         if self._mode != "soft":  # an eyeball would follow the edge of the ramp in its socket, however little it moves
             self._rigid_components = [c for c in self._rigid_components if self.field[c.surrounding].mean() >= 0.5]
@@ -108,10 +109,10 @@ class LocalEdit:
             return np.zeros_like(self._equation.vertices)
         return self._equation.move_rigid_components(self.response(self.weights(level) - 1), self._rigid_components)
 
-    def _check_held(self) -> None:
+    def _check_held(self, label: str) -> None:
         """Raise `SettingsError` if nothing moves, or a component is not held anywhere."""
         if not len(self._free):
-            raise SettingsError("a region holds no vertex that the equation moves: small components follow the others")
+            raise SettingsError(f"{label} holds only small components, which follow the skin: add vertices of the skin")
         held, labels = self._equation.solved_vertices & (self.field < 1), self._equation.component_labels
         if np.setdiff1d(labels[self._free], labels[held]).size:
-            raise SettingsError("a region covers a whole component: nothing is left to hold it; solve without a region")
+            raise SettingsError(f"{label} covers a whole component: leave out some vertices, or solve without regions")

@@ -8,7 +8,9 @@ from typing import NamedTuple
 import igl
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 CONTACT_DISTANCE = 0.1
 """Distance up to which surfaces touch, in radii of the small component."""
@@ -121,16 +123,11 @@ def _bounding_sphere(points: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray
 
 def _overlapping_components(
     vertices: Float[np.ndarray, "v 3"], component_labels: Int[np.ndarray, " v"], main: int
-) -> list[list[int]]:
-    """Groups of small components: two belong together if the larger sphere holds the centre of the other one."""
-    labels = [c for c in np.unique(component_labels) if c != main]
-    spheres = [_bounding_sphere(vertices[component_labels == c]) for c in labels]
-    groups: list[list[int]] = []
-    for k, (centre, radius) in enumerate(spheres):
-        touching = [
-            group
-            for group in groups
-            if any(np.linalg.norm(centre - spheres[i][0]) < max(radius, spheres[i][1]) for i in group)
-        ]
-        groups = [group for group in groups if group not in touching] + [[k, *(i for group in touching for i in group)]]
-    return [[labels[i] for i in group] for group in groups]
+) -> list[Int[np.ndarray, " _"]]:
+    """Groups of labels of small components: together if the larger sphere holds the centre of the other one."""
+    labels = np.setdiff1d(component_labels, [main])
+    if len(labels) == 0:
+        return []
+    centres, radii = zip(*(_bounding_sphere(vertices[component_labels == c]) for c in labels), strict=True)
+    group = connected_components(cdist(centres, centres) < np.maximum.outer(radii, radii))[1]
+    return [labels[group == g] for g in range(group.max() + 1)]

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import asdict
 from itertools import groupby
 from pathlib import Path
@@ -30,7 +28,7 @@ from carigs.sources import fingerprint
 
 
 class TargetEntries(NamedTuple):
-    """Entries of the index of a target set (`carigs.capture.target_index`)."""
+    """The two lists of targets.json: what `write_targets` takes."""
 
     targets: list[dict[str, Any]]
     skipped: list[dict[str, Any]]
@@ -49,7 +47,7 @@ def make_target_set(
         records: Folder for what is complete; timesteps that an earlier run has recorded there are not made again.
 
     Returns:
-        Index entries of the targets and of the skipped frames, in the order of the frames.
+        One entry for every training frame, in their order: in the list of targets or in that of skipped frames.
     """
     face_flags, frames = face_mask_flags(capture.model, settings), capture.split("train")
     np.save(folder / FACE_FLAGS, face_flags)
@@ -68,7 +66,7 @@ def make_target_set(
 
     entries, resumed = TargetEntries([], []), 0
     groups = [list(group) for _, group in groupby(frames, key=lambda frame: frame.timestep)]
-    with _thread_pool(settings.threads) as pool, Progress(disable=len(frames) < 100) as progress:
+    with ThreadPoolExecutor(settings.threads) as pool, Progress(disable=len(frames) < 100) as progress:
         shading = load_shading(records / SHADING)
         if shading is None:
             shading = fit_capture_shading(settings, capture, face_flags, pool.map, cache)
@@ -112,16 +110,6 @@ def resume_key(settings: Gtstar, capture: Capture, exaggerated: Caricature, inde
     return digest.hexdigest()
 
 
-@contextmanager
-def _thread_pool(count: int) -> Iterator[ThreadPoolExecutor]:
-    """A pool that starts no further work after a failure."""
-    pool = ThreadPoolExecutor(count)
-    try:
-        yield pool
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
 def _write(folder: Path, results: list[TargetResult]) -> TargetEntries:
     """Write the images of one timestep."""
     entries = TargetEntries([], [])
@@ -132,9 +120,9 @@ def _write(folder: Path, results: list[TargetResult]) -> TargetEntries:
         if result.target is None:
             entries.skipped.append({**entry, "why": result.skip_reason})
             continue
-        files, flags = {"image": f"{name}.png", "reasons": f"{name}_reasons.png"}, result.target.mask_flags
+        files, flags = {"image": f"{name}.png", "mask_flags": f"{name}_mask_flags.png"}, result.target.mask_flags
         write_png(folder / files["image"], result.target.colour)
-        write_bits(folder / files["reasons"], flags)
+        write_bits(folder / files["mask_flags"], flags)
         shares = {flag.name.lower(): round(float(np.mean((flags & flag.value) > 0)), 6) for flag in MaskFlag}
         entries.targets.append({**entry, "weight": round(result.weight, 4), **files, "shares": shares})
     return entries

@@ -1,6 +1,7 @@
-"""Source positions in the frame of eight neighbouring pixels of the caricature at once.
+"""Vector code of the warp: sources in the frame of eight pixels of the caricature at once, and bilinear interpolation.
 
-LLVM makes no vector code of a loop over pixels that looks up the map of each pixel's face.
+LLVM makes no vector code of a loop over pixels that looks up the map of each pixel's face, and does not see that the
+three channels of a sample do the same.
 """
 
 from __future__ import annotations
@@ -88,23 +89,38 @@ def locate(
             pixel.store(at, below * columns + right)
 
     number, size = types.float64, types.intp
-    kinds = (
-        faces,
-        size,
-        size,
-        number,
-        number,
-        maps,
-        slope,
-        near,
-        size,
-        size,
-        number,
-        fx,
-        fy,
-        corner,
-        pixel,
-        state,
-        size,
-    )
-    return types.void(*kinds), generate(build, contract=True)
+    numbers = faces, size, size, number, number, maps, slope, near, size, size, number
+    return types.void(*numbers, fx, fy, corner, pixel, state, size), generate(build, contract=True)
+
+
+@intrinsic
+def copy_sample(typingctx, image, start, stride, fx, fy, result, place):
+    """Write the sample at (fx, fy) of a block of 2 x 2 pixels to result[place : place + 3].
+
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+        image: float32 RGB image, flat. A fourth float after each pixel is read and not used.
+        start: Index of the first float of the block's upper left pixel.
+        stride: Length of a row of the image in floats.
+        fx: Horizontal position between the pixels' centres, 0 to 1.
+        fy: Vertical position, 0 to 1.
+        result: float32 RGB image, flat.
+        place: Index of the first float of the pixel to write.
+
+    Returns:
+        None; `result` is changed.
+    """
+
+    def build(image, start, stride, fx, fy, result, place):
+        def interpolate(a, b, t):
+            return a + t * (b - a)
+
+        def row(start):
+            return interpolate(image.load(start, 4), image.load(start + 3, 4), fx)
+
+        sample = interpolate(row(start), row(start + stride), fy)
+        for k in range(3):
+            result.store(place + k, sample[k])
+
+    kinds = (types.intp, types.intp, types.float32, types.float32, result, types.intp)
+    return types.void(image, *kinds), generate(build, contract=True)

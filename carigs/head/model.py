@@ -156,11 +156,8 @@ def _checked_model(arrays: Mapping[str, Any], file: Path) -> HeadModel:
         raise InputError("each joint must come after its parent", file=file, field="kintree_table")
     shapedirs = take("shapedirs", (v, 3, None), np.float32)
     if shapedirs.shape[2] <= N_SHAPE:
-        raise InputError(
-            f"{shapedirs.shape[2]} columns; {N_SHAPE} identity columns and at least one expression are expected",
-            file=file,
-            field="shapedirs",
-        )
+        problem = f"{shapedirs.shape[2]} columns; {N_SHAPE} identity columns and at least one expression are expected"
+        raise InputError(problem, file=file, field="shapedirs")
     regions = {}
     for name in arrays:
         if name.startswith("mask_"):

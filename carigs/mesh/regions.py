@@ -49,7 +49,8 @@ class Regions:
         Raises:
             SettingsError: If the region is unknown or not valid.
         """
-        values = vertex_field(find_region(self.named, region) if isinstance(region, str) else region, len(self._areas))
+        selected = find_region(self.named, region) if isinstance(region, str) else region
+        values = vertex_field(selected, len(self._areas), region_label(region))
         is_painted = ((values > 0) & (values < 1)).any()
         return values if is_painted or not ramp else 1 - smoothstep(self.distance(values > 0), 0, RAMP)
 
@@ -74,12 +75,25 @@ class Regions:
         return CholeskySolver((diags_array(self._areas) + time * self._stiffness).tocsc())
 
 
-def vertex_field(region: np.ndarray | Sequence[int], v: int) -> Float[np.ndarray, " v"]:
+def region_label(region: str | np.ndarray | Sequence[int]) -> str:
+    """How messages call a region.
+
+    Args:
+        region: Its name, or the region itself.
+
+    Returns:
+        "region NAME", or "the region" if it has no name.
+    """
+    return f"region {region}" if isinstance(region, str) else "the region"
+
+
+def vertex_field(region: np.ndarray | Sequence[int], v: int, label: str = "the region") -> Float[np.ndarray, " v"]:
     """Convert a region to a value in [0, 1] at each vertex.
 
     Args:
         region: Vertex indices, a boolean mask (v,), or floating-point numbers (v,) in [0, 1].
         v: Number of vertices.
+        label: How messages call the region.
 
     Returns:
         1 inside and 0 outside, or the given numbers.
@@ -89,7 +103,7 @@ def vertex_field(region: np.ndarray | Sequence[int], v: int) -> Float[np.ndarray
     """
     region = np.asarray(region)
     if region.size == 0:
-        raise SettingsError("a region holds no vertex")
+        raise SettingsError(f"{label} holds no vertex: list vertices, or paint some above 0")
     if region.dtype.kind in "iu" and region.ndim == 1 and region.min() >= 0 and region.max() < v:
         field = np.zeros(v)
         field[region] = 1.0
@@ -97,11 +111,11 @@ def vertex_field(region: np.ndarray | Sequence[int], v: int) -> Float[np.ndarray
         field = region.astype(np.float64)
     else:
         raise SettingsError(
-            f"a region is a list of vertices in 0..{v - 1}, or {v} booleans or numbers in [0, 1]; "
+            f"{label} must be a list of vertices in 0..{v - 1}, or {v} booleans or numbers in [0, 1]; "
             f"found {region.dtype} of shape {region.shape}"
         )
     if not field.any():
-        raise SettingsError("a region holds no vertex")
+        raise SettingsError(f"{label} holds no vertex: list vertices, or paint some above 0")
     return field
 
 

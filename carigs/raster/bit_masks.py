@@ -13,6 +13,7 @@ from jaxtyping import Bool, Int32, Shaped, UInt64
 from numba import types
 from numba.extending import intrinsic
 
+from carigs.simd.ir_values import generate
 from carigs.simd.kernels import kernel
 
 BITS, LOG = 64, 6
@@ -150,8 +151,7 @@ def complement(words, height):
     """
     result = ~words
     if height & 63:
-        for x in range(words.shape[1]):
-            result[-1, x] &= ALL >> np.uint64(BITS - (height & 63))
+        result[-1] &= ALL >> np.uint64(BITS - (height & 63))
     return result
 
 
@@ -238,14 +238,10 @@ def popcount(typingctx, word):
     """Number of bits of a 64-bit word that are set.
 
     Args:
-        typingctx: Numba's typing context.
-        word: Type of the word.
+        typingctx: Supplied by Numba; callers leave it out.
+        word: The word.
 
     Returns:
-        Signature and code generator.
+        The number.
     """
-
-    def codegen(context, builder, signature, values):
-        return builder.ctpop(values[0])
-
-    return types.uint64(types.uint64), codegen
+    return types.uint64(types.uint64), generate(lambda word: word.call("ctpop"))

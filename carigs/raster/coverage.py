@@ -31,15 +31,8 @@ def outline(on_mesh, height):
 
 
 @kernel
-def pixel_numbers(words):
-    """Number the pixels of a mask, word by word.
-
-    Args:
-        words: Words (j, w) of the mask.
-
-    Returns:
-        Number of the first pixel of each word (j, w), and the number of pixels in total.
-    """
+def _pixel_numbers(words):
+    """Number of the first pixel of each word (j, w) of a mask, and the number of its pixels in total."""
     first, total = np.empty(words.shape, np.int32), 0
     for j in range(words.shape[0]):
         for x in range(words.shape[1]):
@@ -88,8 +81,8 @@ def _edge_function(ax, ay, bx, by, sign):
 
 
 @kernel
-def _sample_triangle(pixels, i, j, k, sx, sy, left, right, top, bottom, words, first, samples):
-    """Set the bits of the samples inside a triangle, for the pixels of the mask within its bounding box."""
+def _sample_triangle(pixels, i, j, k, sx, sy, left, right, top, bottom, outline, first, samples):
+    """Set the bits of the samples inside a triangle, for the outline pixels within its bounding box."""
     ax, ay, bx, by, cx, cy = pixels[i, 0], pixels[i, 1], pixels[j, 0], pixels[j, 1], pixels[k, 0], pixels[k, 1]
     area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
     if area == 0.0:
@@ -100,7 +93,7 @@ def _sample_triangle(pixels, i, j, k, sx, sy, left, right, top, bottom, words, f
     wx, wy, w = _edge_function(cx, cy, ax, ay, sign)
     for y in range(top, bottom + 1):
         for x in range(left, right + 1):
-            number = _number(words, first, y, x)
+            number = _number(outline, first, y, x)
             if number < 0:
                 continue
             pu, pv, pw = ux * x + uy * y + u, vx * x + vy * y + v, wx * x + wy * y + w
@@ -112,24 +105,23 @@ def _sample_triangle(pixels, i, j, k, sx, sy, left, right, top, bottom, words, f
 
 
 @kernel
-def covered_samples(points, pixels, faces, words, first, total, n, near, height):
-    """Samples that lie inside any face, for each pixel of a mask.
+def covered_shares(points, pixels, faces, outline, n, near, height):
+    """Share of each pixel that the mesh covers.
 
     Args:
         points: Vertices (v, 3) in camera axes, in metres.
         pixels: Their image positions (v, 2).
         faces: Vertex indices (f, 3).
-        words: Words (j, w) of the mask.
-        first: Number of the first pixel of each word (j, w).
-        total: Number of pixels in the mask.
+        outline: Words (j, w) of the mask of the pixels to sample.
         n: Samples per pixel and axis, at most 8.
         near: Faces that reach nearer than this depth, in metres, are not counted.
         height: Rows of the image.
 
     Returns:
-        One bit per sample (total,), row by row, for each pixel of the mask.
+        Shares (h, w): at least 1 / n^2 in pixels of the mask, 1 in the others.
     """
-    width, merged = words.shape[1], _merge_columns(words)
+    width, merged = outline.shape[1], _merge_columns(outline)
+    first, total = _pixel_numbers(outline)
     samples = np.zeros(total, np.uint64)
     sx, sy = (np.arange(n * n) % n + 0.5) / n, (np.arange(n * n) // n + 0.5) / n
     for f in range(faces.shape[0]):
@@ -140,52 +132,11 @@ def covered_samples(points, pixels, faces, words, first, total, n, near, height)
         left, right = int(min(max(x0, 0.0), width)), int(min(x1, width - 1.0))
         top, bottom = int(min(max(y0, 0.0), height)), int(min(y1, height - 1.0))
         if left <= right and top <= bottom and _touches(merged, left // 8, right // 8, top, bottom):
-            _sample_triangle(pixels, i, j, k, sx, sy, left, right, top, bottom, words, first, samples)
-    return samples
-
-
-@kernel
-def partial_pixels(words, samples, n):
-    """Pixels of a mask with samples off the mesh.
-
-    Args:
-        words: Words (j, w) of the mask.
-        samples: Bits of the covered samples of each of its pixels.
-        n: Samples per pixel and axis.
-
-    Returns:
-        Words of the mask of those pixels, and their covered shares, at least 1 / n^2.
-    """
-    part, shares, number, kept = words.copy(), np.empty(len(samples), np.float32), 0, 0
-    for j in range(words.shape[0]):
-        for x in range(words.shape[1]):
-            left = words[j, x]
-            while left:
-                lowest = left & (~left + ONE)
-                on_mesh = np.int64(popcount(samples[number]))
-                if on_mesh == n * n:
-                    part[j, x] ^= lowest
-                else:
-                    shares[kept] = np.float32(max(on_mesh, 1) / (n * n))
-                    kept += 1
-                left ^= lowest
-                number += 1
-    return part, shares[:kept]
-
-
-@kernel
-def covered_share(words, first, shares, y, x):
-    """Share of a pixel that the mesh covers.
-
-    Args:
-        words: Words (j, w) of the mask of partly covered pixels.
-        first: Number of the first pixel of each word (j, w).
-        shares: Covered shares of those pixels.
-        y: Row of the pixel.
-        x: Column of the pixel.
-
-    Returns:
-        The share, 1 for pixels that are not in the mask.
-    """
-    number = _number(words, first, y, x)
-    return shares[number] if number >= 0 else np.float32(1.0)
+            _sample_triangle(pixels, i, j, k, sx, sy, left, right, top, bottom, outline, first, samples)
+    shares = np.ones((height, width), np.float32)
+    for y in range(height):
+        for x in range(width):
+            number = _number(outline, first, y, x)
+            if number >= 0:
+                shares[y, x] = max(np.int64(popcount(samples[number])), 1) / (n * n)
+    return shares

@@ -7,11 +7,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Float64, Int, Int32, UInt64
+from jaxtyping import Bool, Float, Float32, Float64, Int, Int32
 
-from carigs.raster import coverage as coverage_kernels
 from carigs.raster import projection
 from carigs.raster.bit_masks import BitMask, greater
+from carigs.raster.coverage import covered_shares, outline
 from carigs.raster.scan_conversion import nearest_faces
 
 if TYPE_CHECKING:
@@ -30,17 +30,6 @@ class Fragments(NamedTuple):
     """Perspective-correct weights of the face's corners: weights @ corners is the 3D point."""
     depth: Float32[np.ndarray, "h w"]
     """Depth along the optical axis in metres, inf where there is no face."""
-
-
-class Coverage(NamedTuple):
-    """Share of each pixel that the mesh covers; pixels that are not listed are covered fully."""
-
-    partial: UInt64[np.ndarray, "j w"]
-    """The partly covered pixels, as words of a `BitMask`."""
-    first: Int32[np.ndarray, "j w"]
-    """Index into `share` of the first pixel of each word."""
-    share: Float32[np.ndarray, "n"]
-    """Covered share of each of those pixels."""
 
 
 @dataclass(frozen=True)
@@ -75,23 +64,18 @@ class Visibility:
         )
         return Fragments(self.face, weights, depth)
 
-    def coverage(self, n: int) -> Coverage:
-        """Share of each outline pixel that the mesh covers; outline pixels are on the mesh and have a neighbour off it.
+    def coverage(self, n: int) -> Float32[np.ndarray, "h w"]:
+        """Share of each pixel that the mesh covers, sampled where a pixel on the mesh has a neighbour off it.
 
         Args:
             n: Samples per pixel and axis, 1 to 8; with 1, every pixel is covered fully.
 
         Returns:
-            Shares from 1 / n^2 on. Faces that reach nearer than `NEAR` are not counted.
+            Shares from 1 / n^2 to 1; 1 for all other pixels. Faces that reach nearer than `NEAR` are not counted.
         """
         height, on_mesh = len(self.face), self.on_mesh.words
-        outline = np.zeros_like(on_mesh) if n == 1 else coverage_kernels.outline(on_mesh, height)
-        samples = coverage_kernels.covered_samples(
-            self.camera_points, self.pixels, self.faces, outline, *coverage_kernels.pixel_numbers(outline), n, NEAR,
-            height,
-        )  # fmt: skip
-        partial, share = coverage_kernels.partial_pixels(outline, samples, n)
-        return Coverage(partial, coverage_kernels.pixel_numbers(partial)[0], share)
+        sampled = np.zeros_like(on_mesh) if n == 1 else outline(on_mesh, height)
+        return covered_shares(self.camera_points, self.pixels, self.faces, sampled, n, NEAR, height)
 
 
 def compute_visibility(
@@ -118,7 +102,7 @@ def compute_visibility(
     )
     planes, back = projection.inverse_depth_planes(points, faces, *intrinsics)
     face, inverse_depth = nearest_faces(
-        points, pixels, faces, planes, back, cull_back, NEAR, *intrinsics, camera.height, camera.width
+        points, pixels, faces, planes, back, cull_back, NEAR, intrinsics, camera.height, camera.width
     )
     return Visibility(face, inverse_depth, back, planes, points, pixels, faces, camera)
 

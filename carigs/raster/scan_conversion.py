@@ -23,84 +23,59 @@ SLACK = 1e-6
 
 
 @kernel
-def _sorted_corners(ax, ay, bx, by, cx, cy):
-    """Corners sorted from top to bottom, then from left to right."""
-    if by < ay or (by == ay and bx < ax):
-        ax, ay, bx, by = bx, by, ax, ay
-    if cy < by or (cy == by and cx < bx):
-        bx, by, cx, cy = cx, cy, bx, by
-        if by < ay or (by == ay and bx < ax):
-            ax, ay, bx, by = bx, by, ax, ay
-    return ax, ay, bx, by, cx, cy
+def _pixel_range(start, stop, count):
+    """First of `count` pixels whose centre lies between two positions, and one past the last such pixel."""
+    return int(max(np.ceil(start - 0.5), 0.0)), int(min(np.ceil(stop - 0.5), float(count)))
 
 
 @kernel
-def _row_range(top, bottom, height):
-    """First row whose centre lies between two heights, and one past the last such row."""
-    return int(max(np.ceil(top - 0.5), 0.0)), int(min(np.ceil(bottom - 0.5), float(height)))
-
-
-@kernel
-def _edge_slopes(tx, ty, mx, my, bx, by):
-    """Columns per row along the long, upper and lower edge, and whether the middle corner is on the right."""
-    right = (mx - tx) * (by - ty) > (bx - tx) * (my - ty)
-    return (bx - tx) / (by - ty), (mx - tx) / (my - ty), (bx - mx) / (by - my), right
-
-
-@kernel
-def _column_range(tx, ty, mx, my, long, upper, lower, right, y, width):
-    """First column of row y whose centre lies in the triangle, and one past the last such column."""
-    py = y + 0.5
-    start = tx + (py - ty) * long
-    stop = tx + (py - ty) * upper if py < my else mx + (py - my) * lower
-    if not right:
-        start, stop = stop, start
-    return int(max(np.ceil(start - 0.5), 0.0)), int(min(np.ceil(stop - 0.5), float(width)))
-
-
-@kernel
-def _fill(ax, ay, bx, by, cx, cy, sx, sy, s, rank, keys, height, width):
-    """Draw a triangle of inverse depth sx x + sy y + s into the depth buffer."""
-    if not np.isfinite(ax + ay + bx + by + cx + cy):
+def _fill(pixels, i, j, k, plane, rank, keys, height, width):
+    """Draw a triangle with an inverse depth plane into the depth buffer."""
+    top, middle, bottom = (pixels[i, 1], pixels[i, 0]), (pixels[j, 1], pixels[j, 0]), (pixels[k, 1], pixels[k, 0])
+    if not np.isfinite(top[1] + top[0] + middle[1] + middle[0] + bottom[1] + bottom[0]):
         return
-    tx, ty, mx, my, bx, by = _sorted_corners(ax, ay, bx, by, cx, cy)
-    first, last = _row_range(ty, by, height)
-    long, upper, lower, right = _edge_slopes(tx, ty, mx, my, bx, by)
+    # From top to bottom, then from left to right.
+    if middle < top:
+        top, middle = middle, top
+    if bottom < middle:
+        middle, bottom = bottom, middle
+    if middle < top:
+        top, middle = middle, top
+    (ty, tx), (my, mx), (by, bx) = top, middle, bottom
+    long, upper, lower = (bx - tx) / (by - ty), (mx - tx) / (my - ty), (bx - mx) / (by - my)
+    middle_is_right = (mx - tx) * (by - ty) > (bx - tx) * (my - ty)
+    first, last = _pixel_range(ty, by, height)
     for y in range(first, last):
-        x0, x1 = _column_range(tx, ty, mx, my, long, upper, lower, right, y, width)
-        near = sx * (x0 + 0.5) + (sy * (y + 0.5) + s)
-        place = y * (width + WIDTH) + x0
-        while x0 < x1:
-            draw(keys, place, x1 - x0, near, sx, rank)
-            x0, place, near = x0 + WIDTH, place + WIDTH, near + WIDTH * sx
+        py = y + 0.5
+        start = tx + (py - ty) * long
+        stop = tx + (py - ty) * upper if py < my else mx + (py - my) * lower
+        if not middle_is_right:
+            start, stop = stop, start
+        x0, x1 = _pixel_range(start, stop, width)
+        near = plane[0] * (x0 + 0.5) + (plane[1] * py + plane[2])
+        for x in range(x0, x1, WIDTH):
+            draw(keys, y * (width + WIDTH) + x, x1 - x, near, plane[0], rank)
+            near += WIDTH * plane[0]
 
 
 @kernel
-def _cut(points, i, j, near, fx, fy, cx, cy):
-    """Image position where an edge meets the near plane; symmetric in i and j."""
-    if j < i:
-        i, j = j, i
-    t = (near - points[i, 2]) / (points[j, 2] - points[i, 2])
-    x = points[i, 0] + t * (points[j, 0] - points[i, 0])
-    y = points[i, 1] + t * (points[j, 1] - points[i, 1])
-    return fx * x / near + cx, fy * y / near + cy
-
-
-@kernel
-def _fill_clipped(points, pixels, corners, near, fx, fy, cx, cy, sx, sy, s, rank, keys, height, width):
+def _fill_clipped(points, pixels, corners, near, intrinsics, plane, rank, keys, height, width):
     """Clip a triangle at the near plane, and draw the one or two triangles that remain."""
-    x, y = np.empty(4), np.empty(4)
-    n = 0
+    polygon, n = np.empty((4, 2)), 0
     for k in range(3):
         i, j = corners[k], corners[(k + 1) % 3]
         if points[i, 2] > near:
-            x[n], y[n] = pixels[i, 0], pixels[i, 1]
+            polygon[n] = pixels[i]
             n += 1
         if (points[i, 2] > near) != (points[j, 2] > near):
-            x[n], y[n] = _cut(points, i, j, near, fx, fy, cx, cy)
+            i, j = min(i, j), max(i, j)  # the same position in both adjacent faces
+            t = (near - points[i, 2]) / (points[j, 2] - points[i, 2])
+            for axis in range(2):
+                position = points[i, axis] + t * (points[j, axis] - points[i, axis])
+                polygon[n, axis] = intrinsics[axis] * position / near + intrinsics[axis + 2]
             n += 1
     for k in range(2, n):
-        _fill(x[0], y[0], x[k - 1], y[k - 1], x[k], y[k], sx, sy, s, rank, keys, height, width)
+        _fill(polygon, 0, k - 1, k, plane, rank, keys, height, width)
 
 
 @kernel
@@ -119,13 +94,6 @@ def bounding_box(pixels, i, j, k):
     ax, bx, cx = pixels[i, 0], pixels[j, 0], pixels[k, 0]
     ay, by, cy = pixels[i, 1], pixels[j, 1], pixels[k, 1]
     return min(ax, bx, cx), max(ax, bx, cx), min(ay, by, cy), max(ay, by, cy)
-
-
-@kernel
-def _tile_range(x0, x1, y0, y1, height, width):
-    """First and last column, first and last row of the tiles that a bounding box touches."""
-    left, right = int(max(x0, 0.0)) // TILE, int(min(x1, width - 1.0)) // TILE
-    return left, right, int(max(y0, 0.0)) // TILE, int(min(y1, height - 1.0)) // TILE
 
 
 @kernel
@@ -154,7 +122,9 @@ def _farthest_keys(keys, height, width):
 @kernel
 def _hidden(pixels, i, j, k, depth, lowest, height, width):
     """Whether nearer surfaces cover all tiles that a face may touch."""
-    left, right, top, bottom = _tile_range(*bounding_box(pixels, i, j, k), height, width)
+    x0, x1, y0, y1 = bounding_box(pixels, i, j, k)
+    left, right = int(max(x0, 0.0)) // TILE, int(min(x1, width - 1.0)) // TILE
+    top, bottom = int(max(y0, 0.0)) // TILE, int(min(y1, height - 1.0)) // TILE
     key = np.int64(np.float32(CLOSER / depth).view(np.int32)) << 32
     for row in range(top, bottom + 1):
         for column in range(left, right + 1):
@@ -164,29 +134,24 @@ def _hidden(pixels, i, j, k, depth, lowest, height, width):
 
 
 @kernel
-def _draw_side(keys, lowest, side, points, pixels, faces, planes, back, near, fx, fy, cx, cy, height, width):
+def _draw_side(keys, lowest, side, points, pixels, faces, planes, back, near, intrinsics, height, width):
     """Draw the faces that show their front (side 0), or those that show their back (side 1) and are not hidden."""
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        sx, sy, s = planes[f, 0], planes[f, 1], planes[f, 2]
         za, zb, zc = points[i, 2], points[j, 2], points[k, 2]
-        if back[f] != (side == 1) or not max(za, zb, zc) > near or not np.isfinite(sx + sy + s):
+        plane = planes[f, 0], planes[f, 1], planes[f, 2]
+        if back[f] != (side == 1) or not max(za, zb, zc) > near or not np.isfinite(plane[0] + plane[1] + plane[2]):
             continue
         rank = LAST - f + (0 if side else FRONT)
         depth = min(za, zb, zc)
-        if depth > near:
-            x0, x1, y0, y1 = bounding_box(pixels, i, j, k)
-            if np.ceil(x0 - 0.5 - SLACK) >= np.ceil(x1 - 0.5 + SLACK) or np.ceil(y0 - 0.5) >= np.ceil(y1 - 0.5):
-                continue  # covers no pixel centre
         if not depth > near:
-            _fill_clipped(
-                points, pixels, faces[f], near, fx, fy, cx, cy, sx, sy, s, rank, keys, height, width
-            )  # fmt: skip
-        elif side == 0 or not _hidden(pixels, i, j, k, depth, lowest, height, width):
-            _fill(
-                pixels[i, 0], pixels[i, 1], pixels[j, 0], pixels[j, 1], pixels[k, 0], pixels[k, 1],
-                sx, sy, s, rank, keys, height, width,
-            )  # fmt: skip
+            _fill_clipped(points, pixels, faces[f], near, intrinsics, plane, rank, keys, height, width)
+            continue
+        x0, x1, y0, y1 = bounding_box(pixels, i, j, k)
+        if np.ceil(x0 - 0.5 - SLACK) >= np.ceil(x1 - 0.5 + SLACK) or np.ceil(y0 - 0.5) >= np.ceil(y1 - 0.5):
+            continue  # covers no pixel centre
+        if side == 0 or not _hidden(pixels, i, j, k, depth, lowest, height, width):
+            _fill(pixels, i, j, k, plane, rank, keys, height, width)
 
 
 @kernel
@@ -201,7 +166,7 @@ def _decode(keys, height, width):
 
 
 @kernel
-def nearest_faces(points, pixels, faces, planes, back, cull_back, near, fx, fy, cx, cy, height, width):
+def nearest_faces(points, pixels, faces, planes, back, cull_back, near, intrinsics, height, width):
     """Nearest face and its inverse depth at every pixel centre; among equals, front faces and lower indices win.
 
     Args:
@@ -212,10 +177,7 @@ def nearest_faces(points, pixels, faces, planes, back, cull_back, near, fx, fy, 
         back: Whether each face shows its back (f,).
         cull_back: Leave out faces that show their back.
         near: Depth of the near plane in metres.
-        fx: Focal length along x, in pixels.
-        fy: Focal length along y, in pixels.
-        cx: Principal point, x.
-        cy: Principal point, y.
+        intrinsics: fx, fy, cx, cy in pixels.
         height: Rows of the image.
         width: Columns of the image.
 
@@ -224,8 +186,8 @@ def nearest_faces(points, pixels, faces, planes, back, cull_back, near, fx, fy, 
     """
     keys = np.zeros(height * (width + WIDTH), np.int64)
     lowest = np.zeros((0, 0), np.int64)
-    _draw_side(keys, lowest, 0, points, pixels, faces, planes, back, near, fx, fy, cx, cy, height, width)
+    _draw_side(keys, lowest, 0, points, pixels, faces, planes, back, near, intrinsics, height, width)
     if not cull_back:
         lowest = _farthest_keys(keys, height, width)
-        _draw_side(keys, lowest, 1, points, pixels, faces, planes, back, near, fx, fy, cx, cy, height, width)
+        _draw_side(keys, lowest, 1, points, pixels, faces, planes, back, near, intrinsics, height, width)
     return _decode(keys, height, width)

@@ -59,7 +59,7 @@ def target_sheet(file: Path, subject: Capture, targets: Sequence[dict[str, Any]]
     excluded, images = flags_from_names(DEFAULT_MASK_FLAGS), []
     for frame in shown:
         entry, truth = entries[frame.name], None
-        target, mask_flags = read_rgb(file.parent / entry["image"]), read_bits(file.parent / entry["reasons"])
+        target, mask_flags = read_rgb(file.parent / entry["image"]), read_bits(file.parent / entry["mask_flags"])
         if is_toy:
             parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
             truth, _ = render_subject(toy, parameters, camera, exaggerated)

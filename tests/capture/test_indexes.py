@@ -59,7 +59,7 @@ def test_targets_round_trip(tmp_path):
     folder.mkdir()
     flags = np.arange(len(capture.model.faces)).astype(np.uint16)
     np.save(folder / FACE_FLAGS, flags)
-    entry = {"timestep": frame.timestep, "camera": frame.camera, "image": "a.png", "reasons": "b.png"}
+    entry = {"timestep": frame.timestep, "camera": frame.camera, "image": "a.png", "mask_flags": "b.png"}
     write_targets(tmp_path / "targets.json", 0.25, folder, [{**entry, "weight": 0.5}, entry], [])
     targets = read_targets(tmp_path / "targets.json", capture)
     np.testing.assert_array_equal(targets.face_flags, flags)

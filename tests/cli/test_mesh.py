@@ -113,7 +113,7 @@ def test_a_region_alone_and_a_region_on_an_exaggerated_head(mesh, tmp_path):
         (["--region", "chin=0.4", "--regions", "r.json"], "region chin is unknown; known: nose"),
         (["--region", "nose=0.4", "--regions", "none.npz"], "none.npz: no such file"),
         (["--region", "nose=0.4", "--regions", "bad.npz"], "bad.npz: not a file of regions"),
-        (["--region", "nose=0.4", "--regions", "other.json"], "other.json: nose: a region is a list of vertices"),
+        (["--region", "nose=0.4", "--regions", "other.json"], "other.json: nose: the region must be a list"),
     ],
 )
 def test_what_is_wrong_with_regions_is_said(mesh, tmp_path, capsys, monkeypatch, options, words):

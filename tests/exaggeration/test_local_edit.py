@@ -158,7 +158,7 @@ def test_masks_lists_and_painted_scalars_are_regions():
     "region", [[], [-1], [10**6], [0.5], np.zeros(len(VERTICES), bool), np.full(len(VERTICES), 2.0), [[1, 2]], ["nose"]]
 )
 def test_invalid_regions_are_refused(region):
-    with pytest.raises(SettingsError, match="a region"):
+    with pytest.raises(SettingsError, match="the region"):
         solver().local_edit(region)
 
 
@@ -180,9 +180,11 @@ def test_unknown_names_say_which_are_known_and_where_names_come_from():
 
 def test_a_region_that_leaves_nothing_to_hold_it_is_refused():
     for mode in ("soft", "exact", "literal"):
-        with pytest.raises(SettingsError, match="covers a whole component"):
+        with pytest.raises(SettingsError, match="the region covers a whole component"):
             solver(mode).local_edit(np.ones(len(VERTICES), bool))
-    with pytest.raises(SettingsError, match="use `region_paths`"):
+    with pytest.raises(SettingsError, match="region all covers a whole component"):
+        Exaggerator(VERTICES, FACES, PLAIN, regions={"all": np.ones(len(VERTICES), bool)}).local_edit("all")
+    with pytest.raises(SettingsError, match=r"regions \(top\) need a head at a level other than 0.*region_paths"):
         solver().solve(0.0, {"top": 0.1})
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from miniature import FRONTAL, coverage_image, picture, sheet
+from miniature import FRONTAL, picture, sheet
 
 from carigs.capture import Camera, look_at
 from carigs.errors import SettingsError
@@ -127,7 +127,7 @@ def test_outlines_are_blended_as_the_caricature_covers_their_pixels(scale, shear
     colour = np.array([0.2, 0.9, 0.5])
 
     def blended(seen):
-        share = np.where(seen.face >= 0, coverage_image(seen, 4), 0)[..., None]
+        share = np.where(seen.face >= 0, seen.coverage(4), 0)[..., None]
         return (share * colour + (1 - share) * background).astype(np.float32)
 
     face_flags, frame_flags = np.zeros(len(faces), np.uint16), np.zeros((48, 64), np.uint16)

@@ -6,7 +6,6 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from miniature import coverage_image
 from scipy.spatial import Delaunay
 
 from carigs.capture import Camera, look_at
@@ -145,7 +144,7 @@ def test_coverage_is_the_share_of_samples_on_the_mesh(seed, n):
     outline = (seen.face >= 0) & beside_off
     assert outline.sum() > 50
     expected = np.where(outline, np.maximum(share, 1 / n**2), 1)
-    np.testing.assert_allclose(coverage_image(seen, n), expected, atol=1e-6)
+    np.testing.assert_allclose(seen.coverage(n), expected, atol=1e-6)
 
 
 def test_coverage_of_a_half_plane_is_the_area_on_its_side():
@@ -158,5 +157,5 @@ def test_coverage_of_a_half_plane_is_the_area_on_its_side():
     above = (b[0] - a[0]) * (points[..., 1] - a[1]) - (b[1] - a[1]) * (points[..., 0] - a[0]) > 0
     area = above.reshape(40, 64, 48, 64).mean(axis=(1, 3))
     on_mesh = seen.face >= 0
-    assert (coverage_image(seen, 8)[on_mesh] < 1).sum() > 20
-    np.testing.assert_allclose(coverage_image(seen, 8)[on_mesh], area[on_mesh], atol=1 / 8)
+    assert (seen.coverage(8)[on_mesh] < 1).sum() > 20
+    np.testing.assert_allclose(seen.coverage(8)[on_mesh], area[on_mesh], atol=1 / 8)

@@ -102,7 +102,7 @@ def test_targets_exist_for_training_frames_alone(folder, tmp_path):
     np.testing.assert_array_equal(face_flags == MaskFlag.HAIR.value, subject.model.face_region("scalp"))
     for entry in index["targets"]:
         target = read_rgb(tmp_path / "targets" / entry["image"])
-        mask_flags = read_bits(tmp_path / "targets" / entry["reasons"])
+        mask_flags = read_bits(tmp_path / "targets" / entry["mask_flags"])
         assert target.shape == (*mask_flags.shape, 3) == (48, 40, 3)
         for flag in MaskFlag:
             share = float(((mask_flags & flag.value) > 0).mean())
@@ -172,7 +172,7 @@ from carigs.gtstar import target_set
 from carigs.stages import gtstar as stage
 write_all = target_set._write
 def write(folder, results):
-    if len(list(folder.glob("*_reasons.png"))) < 2:
+    if len(list(folder.glob("*_mask_flags.png"))) < 2:
         return write_all(folder, results)
     (folder / f"{results[0].frame.name}.png").write_bytes(b"half of an ima")
     os.kill(os.getpid(), signal.SIGKILL)
@@ -271,7 +271,7 @@ def test_identity_takes_the_frame_as_the_caricature(folder, tmp_path):
     subject = Capture.load(folder / "capture.json")
     frame = subject.split("train")[0]
     target = read_rgb(tmp_path / "targets" / index["targets"][0]["image"])
-    mask_flags = read_bits(tmp_path / "targets" / index["targets"][0]["reasons"])
+    mask_flags = read_bits(tmp_path / "targets" / index["targets"][0]["mask_flags"])
     sampled = (mask_flags == 0) & (subject.mask(frame) > 0)
     assert sampled.sum() > 200
     np.testing.assert_allclose(target[sampled], subject.image(frame)[sampled], atol=0.5 / 255 + 1e-6)
@@ -286,7 +286,7 @@ def test_edited_frames_come_from_a_folder(folder, tmp_path):
     index = make_targets(folder, tmp_path, provider="precomputed", folder=str(edited))
     assert len(index["targets"]) == len(subject.split("train")) - 1
     assert "no such image" in index["left_out"][0]["why"]
-    mask_flags = read_bits(tmp_path / "targets" / index["targets"][0]["reasons"])
+    mask_flags = read_bits(tmp_path / "targets" / index["targets"][0]["mask_flags"])
     target = read_rgb(tmp_path / "targets" / index["targets"][0]["image"])
     trusted = np.rint(255 * target[mask_flags == 0])
     assert np.isin(trusted, (102, 255)).all()

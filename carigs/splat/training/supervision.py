@@ -101,11 +101,11 @@ class Supervision:
             camera = self.capture.cameras[frame.camera]
             image = self._images.get(self.capture.root / frame.image, _read_planes)
             return Example(frame.timestep, camera, 0.0, _as_float(image, camera, frame.image), None)
-        frame, level, file, reasons, weight = self.targets[index]
+        frame, level, file, flags, weight = self.targets[index]
         camera = self.capture.cameras[frame.camera]
         image, valid = self._images.get(file, _read_planes), None
         if self.mask_flags:
-            valid = (self._images.get(reasons, read_bits) & self._excluded) == 0
+            valid = (self._images.get(flags, read_bits) & self._excluded) == 0
         return Example(
             frame.timestep, camera, level, _as_float(image, camera, file), valid, self._frozen.get(level), weight
         )

@@ -51,11 +51,11 @@ def write_targets(folder, capture, level):
     images.mkdir()
     entries = []
     for frame in capture.split("train"):
-        names = {"image": f"{frame.name}.png", "reasons": f"{frame.name}_reasons.png"}
+        names = {"image": f"{frame.name}.png", "mask_flags": f"{frame.name}_mask_flags.png"}
         write_png(images / names["image"], (1 - level) * capture.image(frame)[:, ::-1])
-        reasons = np.zeros(capture.mask(frame).shape, np.uint16)
-        reasons[:12] = MaskFlag.HAIR.value
-        write_bits(images / names["reasons"], reasons)
+        mask_flags = np.zeros(capture.mask(frame).shape, np.uint16)
+        mask_flags[:12] = MaskFlag.HAIR.value
+        write_bits(images / names["mask_flags"], mask_flags)
         entries.append({"timestep": frame.timestep, "camera": frame.camera, **names})
     np.save(
         images / "faces.npy", np.where(capture.model.face_region("scalp"), MaskFlag.HAIR.value, 0).astype(np.uint16)
@@ -251,10 +251,10 @@ def test_the_weight_of_a_target_scales_its_loss(subject, tmp_path):
     ("change", "named"),
     [
         ({"level": None}, "level"),
-        ({"targets": []}, "targets: holds none"),
-        ({"targets": [{"timestep": 0, "camera": 0, "image": "a.png"}]}, r"targets\[0\].reasons"),
-        ({"targets": [{"timestep": 9, "camera": 0, "image": "a", "reasons": "b"}]}, "no such training frame"),
-        ({"targets": [{"timestep": 0, "camera": 0, "image": "a", "reasons": "b", "weight": -1}]}, "weight"),
+        ({"targets": []}, "targets: no frame has a target"),
+        ({"targets": [{"timestep": 0, "camera": 0, "image": "a.png"}]}, r"targets\[0\].mask_flags"),
+        ({"targets": [{"timestep": 9, "camera": 0, "image": "a", "mask_flags": "b"}]}, "no such training frame"),
+        ({"targets": [{"timestep": 0, "camera": 0, "image": "a", "mask_flags": "b", "weight": -1}]}, "weight"),
         ({"folder": "nowhere"}, "faces.npy: no such file"),
     ],
 )
