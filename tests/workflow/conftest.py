@@ -1,12 +1,14 @@
-"""A copy of the project in which stubs take the place of the stages, so that a whole study is made in seconds."""
+"""A copy of the project with stubs for stages, which makes a study in seconds, and the package as it is installed."""
 
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from project import Project, copy_project
+from project import Installed, Project, copy_packages, copy_project, shared_kernels
+from workflow.own_study import write_own_study
 
 from carigs.settings import STAGES
 
@@ -44,3 +46,20 @@ def finished(made: Project, tmp_path: Path) -> Project:
     """A finished study to edit."""
     shutil.copytree(made.root, tmp_path / "project", symlinks=True)
     return Project(tmp_path / "project")
+
+
+@pytest.fixture(scope="session")
+def packages(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The installed package: the workflow in `carigs/_project`, and nothing else of the repository."""
+    folder = tmp_path_factory.mktemp("packages")
+    copy_packages(folder)
+    with shared_kernels(folder):
+        yield folder
+
+
+@pytest.fixture(scope="module")
+def carigs(packages: Path, tmp_path_factory: pytest.TempPathFactory) -> Installed:
+    """The command of the installed package, in a folder with a study and a subject of the user."""
+    folder = tmp_path_factory.mktemp("work")
+    write_own_study(folder)
+    return Installed(packages, folder)

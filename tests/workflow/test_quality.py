@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 import pytest
-from project import copy_project
+from project import copy_project, shared_kernels
 
 STUDY = " ".join(
     (
@@ -21,7 +21,8 @@ pytestmark = pytest.mark.slow
 def psnr(tmp_path_factory) -> pd.Series:
     """PSNR in dB of the test frames by variant, level and region."""
     project = copy_project(tmp_path_factory.mktemp("floor"))
-    project.make("table", hydra=STUDY)
+    with shared_kernels(project.root):
+        project.make("table", hydra=STUDY)
     table = pd.read_csv(project.root / "results/floor/table/gamma=0.25.csv")
     means = table[(table.metric == "psnr") & (table.protocol == "test") & table["minus"].isna()]
     return means.set_index(["variant", "level", "region"])["mean"]
