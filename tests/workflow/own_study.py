@@ -5,16 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 OWN = {
-    "study/tiny": """# @package _global_
-study: {name: tiny, subjects: [anna], variants: [alternating, surfhead], levels: [0, 0.25]}
-train: {iterations: 12}
+    "study/small": """# @package _global_
+study: {name: small, subjects: [anna], variants: [alternating, surfhead], levels: [0, 0.25]}
+train: {iterations: 600, gtstar_probability: 0.35, density: {stop: 2000}}
 render: {orbit_frames: 2}
-tabulate: {resamples: 50}
 figures: {blend_error_samples: 3}
 """,
     "subject/anna": """# @package _global_
 capture:
-  toy: {seed: 7, width: 64, height: 84, cameras: 3, steps_per_sequence: 1, supersampling: 1, texture_size: 128}
+  toy: {width: 104, height: 136, cameras: 5, steps_per_sequence: 1, texture_size: 384, hair_strands: 2500}
 """,
 }
 """Text of each file of `conf`, by its path without suffix."""

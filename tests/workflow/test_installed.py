@@ -7,18 +7,18 @@ import trimesh
 
 
 def test_own_studies_and_subjects_are_found_and_mistakes_are_one_line(carigs):
-    settings = carigs("settings", "study=tiny")
+    settings = carigs("settings", "study=small")
     assert settings.returncode == 0 and "- anna" in settings.stdout
-    mistake = carigs("run", "study=tyni")
+    mistake = carigs("run", "study=smal")
     assert (mistake.returncode, mistake.stdout) == (1, "")
-    assert mistake.stderr == "carigs: study=tyni is unknown; known: ablation, ict, levels, paper, tiny, toy\n"
+    assert mistake.stderr == "carigs: study=smal is unknown; known: ablation, ict, levels, paper, small, toy\n"
     assert carigs("run", "--coers", "2").returncode == 2
     assert carigs("walk").returncode == 2
 
 
 @pytest.mark.slow
 def test_a_dry_run_makes_nothing(carigs):
-    done = carigs("run", "study=tiny", "capture.toy.hair_strands=300", "-n")
+    done = carigs("run", "study=small", "capture.toy.supersampling=1", "-n")
     assert done.returncode == 0, done.stdout + done.stderr
     assert not (carigs.folder / "results").exists()
 
@@ -26,7 +26,7 @@ def test_a_dry_run_makes_nothing(carigs):
 @pytest.mark.slow
 def test_a_failing_run_is_an_error(carigs):
     capture = "capture.source=folder capture.folder=nowhere capture.head_model=model.npz"
-    assert carigs("run", "study=tiny", "study.name=bad", *capture.split()).returncode == 1
+    assert carigs("run", "study=small", "study.name=bad", *capture.split()).returncode == 1
 
 
 @pytest.mark.slow
