@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 from project import Installed, Project, copy_packages, copy_project, shared_kernels
 from workflow.own_study import write_own_study
 
@@ -35,9 +37,14 @@ def stubbed(tmp_path_factory: pytest.TempPathFactory) -> Project:
 @pytest.fixture(scope="session")
 def made(stubbed: Project, tmp_path_factory: pytest.TempPathFactory) -> Project:
     """The same with its table and figures.  Not to be changed."""
+    base = tmp_path_factory.getbasetemp()
+    first = Project((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "first")
+    with FileLock(f"{first.root}.lock"):  # one process of pytest-xdist makes it for all
+        if not first.root.exists():
+            shutil.copytree(stubbed.root, first.root, symlinks=True)
+            first.make("reproduce", "table")
     project = Project(tmp_path_factory.mktemp("made") / "project")
-    shutil.copytree(stubbed.root, project.root, symlinks=True)
-    project.make("reproduce", "table")
+    shutil.copytree(first.root, project.root, symlinks=True)
     return project
 
 
