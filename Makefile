@@ -30,7 +30,6 @@ test: .venv/installed
 	ruff format --check .
 	snakefmt --check Snakefile workflow
 	lint-imports
-	snakemake --lint
 	pytest -m "not weights and not gpu" --numprocesses $(CORES) --dist loadfile --no-loadscope-reorder --cov --cov-report term
 
 bench: .venv/installed

@@ -19,6 +19,6 @@ typecheck.install("carigs", "evaluation")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with slow tests first: with several processes, none is left with them at the end."""
+    """Files with slow tests first, those of whole studies before others: none of them is left for the end."""
     slow = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: item.path not in slow)
+    items.sort(key=lambda item: (item.path not in slow, "workflow" not in item.path.parts))

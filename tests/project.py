@@ -1,4 +1,4 @@
-"""A copy of the project in a folder of its own, and its command line."""
+"""The project in a folder of its own: a copy of the repository, or the files of the installed package."""
 
 from __future__ import annotations
 
@@ -7,10 +7,17 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+import numba
+from numba.core import caching
+
 ROOT = Path(__file__).parents[1]
+NO_CACHES = shutil.ignore_patterns("__pycache__")
 
 
 @dataclass(frozen=True)
@@ -24,7 +31,7 @@ class Project:
         return subprocess.Popen(
             [sys.executable, "-m", *command],
             cwd=self.root,
-            env={**os.environ, "PYTHONPATH": str(self.root)},
+            env={**os.environ, **environment(self.root)},
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -59,11 +66,63 @@ class Project:
         path.write_text(path.read_text() + add + "\n")
 
 
+@dataclass(frozen=True)
+class Installed:
+    """A working directory, and the command `carigs` of an installed package."""
+
+    packages: Path
+    folder: Path
+
+    def __call__(self, *arguments: str) -> subprocess.CompletedProcess:
+        """Run `carigs` in the folder."""
+        return subprocess.run(
+            [sys.executable, "-m", "carigs", *arguments],
+            cwd=self.folder,
+            env={**os.environ, **environment(self.packages)},
+            capture_output=True,
+            text=True,
+        )
+
+
+def environment(packages: Path) -> dict[str, str]:
+    """Environment variables of processes that import the packages of a folder, and keep their bytecode there."""
+    return {"PYTHONPATH": str(packages), "PYTHONDONTWRITEBYTECODE": ""}
+
+
 def copy_project(folder: Path) -> Project:
     """The project as it is in this checkout."""
-    ignore = shutil.ignore_patterns("*.pyc")  # but with Numba's cache
     for name in ("Snakefile", "environment.yml"):
         shutil.copy2(ROOT / name, folder / name)
     for name in ("workflow", "profiles", "conf", "carigs", "evaluation"):
-        shutil.copytree(ROOT / name, folder / name, ignore=ignore)
+        shutil.copytree(ROOT / name, folder / name, ignore=NO_CACHES)
     return Project(folder)
+
+
+def copy_packages(folder: Path) -> None:
+    """The files of the wheel, as pyproject.toml lists them."""
+    wheel = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]["targets"]["wheel"]
+    moved = {**{name: name for name in wheel["packages"]}, **wheel["force-include"]}
+    for source, target in moved.items():
+        if (ROOT / source).is_dir():
+            shutil.copytree(ROOT / source, folder / target, ignore=NO_CACHES)
+        else:
+            shutil.copy2(ROOT / source, folder / target)
+
+
+@contextmanager
+def shared_kernels(packages: Path) -> Iterator[None]:
+    """Within it, a copy of the packages uses the compiled kernels of this checkout.
+
+    Numba names the folders of kernels after the folders of their sources: the copy would compile every kernel again.
+    """
+    folder_of_kernels, links = caching._CacheLocator.get_suitable_cache_subpath, []
+    for sources in {file.parent for file in (ROOT / "carigs").rglob("*.py")}:
+        kernels = Path(numba.config.CACHE_DIR, folder_of_kernels(sources / "__init__.py"))
+        kernels.mkdir(parents=True, exist_ok=True)
+        links.append(kernels.with_name(folder_of_kernels(packages / sources.relative_to(ROOT) / "__init__.py")))
+        links[-1].symlink_to(kernels.name)
+    try:
+        yield
+    finally:
+        for link in links:
+            link.unlink()

@@ -38,6 +38,8 @@ from evaluation.metrics.preprocessing import CROPS
 ROOT = Path(__file__).parents[1]
 RULES = ROOT / "workflow/rules"
 OPTIONS = {key: f for key, _, f in walk(Config)}
+many_compositions = pytest.mark.no_cover
+"""Hydra takes twice as long while coverage is measured; other tests run the same lines."""
 
 
 @pytest.fixture(autouse=True)
@@ -117,6 +119,7 @@ def test_regions_are_the_head_models_names_and_numbers(tmp_path):
     assert compose().exaggerate.regions == {}
 
 
+@many_compositions
 def test_variants_differ_in_supervision_masks_levels_and_light_only():
     trained = {name: OmegaConf.to_object(compose(f"variant={name}").train) for name in known("variant")}
     ours, reasons = trained["alternating"], {reason.name.lower() for reason in MaskFlag}
@@ -139,6 +142,7 @@ def test_every_variant_can_be_composed(name):
     assert name == "alternating" or (config.gtstar, config.train) != (ours.gtstar, ours.train)
 
 
+@many_compositions
 def test_the_study_of_masks_turns_every_default_reason_off_and_every_other_one_on_in_turn():
     ours = set(DEFAULT_MASK_FLAGS)
     changed = [
@@ -320,6 +324,7 @@ def wrong_values(f: Field) -> list[str]:
     return [wrap.format(value) for value in values]
 
 
+@many_compositions
 @pytest.mark.parametrize("key", OPTIONS)
 def test_every_range_is_checked(key):
     for value in wrong_values(OPTIONS[key]):
@@ -416,6 +421,7 @@ def test_every_stage_has_its_settings():
     assert set(settings_paths()) == set(STAGES)
 
 
+@many_compositions
 @pytest.mark.slow
 @pytest.mark.parametrize("stage", STAGES)
 def test_a_section_changes_only_with_what_its_path_names(stage):
@@ -429,6 +435,7 @@ def test_a_section_changes_only_with_what_its_path_names(stage):
     assert all(len(different) == 1 for different in texts.values())
 
 
+@many_compositions
 @pytest.mark.slow
 def test_every_key_of_conf_is_in_the_schema():
     """Hydra checks a group's file only when it is chosen."""

@@ -161,11 +161,11 @@ def test_a_killed_run_goes_on_where_it_was(stubbed, tmp_path):
 def test_a_sweep_adds_to_what_is_there(finished):
     results = finished.root / "results"
     before = {file: file.stat().st_mtime_ns for file in results.rglob("*") if file.is_file()}
-    done = finished.command("carigs", "sweep", "gamma=0.2,0.25", "study.variants=[surfhead]")
+    done = finished.command("carigs", "sweep", "gamma=0.2,0.25", "study.subjects=[toy]", "study.variants=[surfhead]")
     assert done.returncode == 0, done.stdout + done.stderr
     assert {file.name for file in (results / "toy/table").glob("*.csv")} == {"gamma=0.2.csv", "gamma=0.25.csv"}
     touched = {file for file, time in before.items() if file.stat().st_mtime_ns != time}
-    # At 0.25 one variant is left out: the table and the figures are made again, and nothing else is.
+    # At 0.25 a subject and a variant are left out: table and figures are made again, and nothing else is.
     assert all(re.search("table|tabulate|figures", str(file.relative_to(results))) for file in touched)
     assert not (finished.root / "outputs").exists()
     assert not (finished.root / "multirun").exists()

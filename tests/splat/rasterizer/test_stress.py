@@ -1,6 +1,6 @@
-"""Extreme and degenerate input to the rasteriser and the rig: what must hold for any of it.
+"""The rasterizer and the rig on extreme and degenerate input.
 
-Examples are lists of kinds of trouble, so that a failure shrinks to the kinds that cause it.
+Hypothesis draws lists of kinds of degenerate input, so that a failing example shrinks to the kinds that cause it.
 """
 
 from dataclasses import replace
@@ -25,7 +25,7 @@ from carigs.splat.rig.rig import build_rig, face_motion
 from carigs.splat.rig.skinning import jacobian_blend_skinning
 from carigs.splat.surfels.surfels import flat_discs
 
-# Neither rotation nor offset: a surfel's depth is its z, to the last digit.
+# The camera has neither rotation nor offset, so that the depth of a surfel is exactly its z.
 CAMERA = Camera(np.eye(4), fx=60, fy=58, cx=16.3, cy=13.8, width=33, height=27)
 FIELDS = ("centre", "tangent_u", "tangent_v", "opacity", "colour")
 seeds = st.integers(0, 2**32 - 1)
@@ -50,7 +50,7 @@ def resize(surfel, u, v):
 
 
 def move(surfel, z):
-    """To another depth where it looks the same (behind the camera: would look)."""
+    """Move a surfel to another depth and scale it, so that its image stays the same."""
     factor = abs(z) / surfel["centre"][2]
     resize(surfel, factor, factor)
     surfel["centre"] = np.append(surfel["centre"][:2] * factor, z)
@@ -66,14 +66,14 @@ def needle(surfel, random):
 
 
 def huge(surfel, random):
-    """Up to 1000 m and nearly parallel to the image; never opaque, for what is behind see the test of closed layers."""
+    """Up to 1000 m and nearly parallel to the image; never opaque (see the test of nearly closed layers)."""
     resize(surfel, *10 ** random.uniform(1, 4, 2))
     surfel["tangent_u"][2], surfel["tangent_v"][2] = random.normal(0, 0.2, 2)
     surfel["opacity"] = random.uniform(0.02, 0.3)
 
 
 def crossing(surfel, random):
-    """Reaches behind the camera, or covers much."""
+    """The disc reaches behind the camera, or covers a large part of the image."""
     resize(surfel, *10 ** random.uniform(0, 4, 2))
 
 
@@ -123,7 +123,7 @@ def at_equal_depth(surfel, random):
 THICK = (
     tiny, huge, crossing, close, at_near_plane, at_camera, behind, far, without_area, special_opacity, at_equal_depth,
 )  # fmt: skip
-# Their image may be thinner than float32's last digit of a pixel's position.
+# The images of these may be thinner than the float32 spacing of pixel positions.
 THIN = (needle, edge_on)
 KINDS = {change.__name__: change for change in THICK + THIN}
 thick_kinds = st.lists(st.sampled_from([change.__name__ for change in THICK]), min_size=8, max_size=20)
@@ -156,7 +156,7 @@ def loss(images):
 
 
 def measured(arrays, camera=CAMERA, clear=None, backend="cpu"):
-    """Images, blind where `clear` is false, and the gradients of their loss."""
+    """Images, set to zero where `clear` is false, and the gradients of their loss."""
     tensors = leaves(arrays)
     clear = torch.ones(camera.height, camera.width) if clear is None else clear
     rendering = rasterize(WorldSurfels(*tensors), camera, backend=backend)
@@ -166,7 +166,7 @@ def measured(arrays, camera=CAMERA, clear=None, backend="cpu"):
 
 
 def defined(arrays, clear=None, shift=(0.0, 0.0)):
-    """The same by definition, and `clear`: where no decision is so close that float32 may decide otherwise."""
+    """The same of the reference, and `clear`: the pixels in which no quantity is within 1e-4 of its threshold."""
     tensors = leaves(arrays, torch.float64)
     rendering = reference_render(tensors, replace(CAMERA, cx=CAMERA.cx + shift[0], cy=CAMERA.cy + shift[1]))
     clear = rendering["margin"] > 1e-4 if clear is None else clear
@@ -176,7 +176,7 @@ def defined(arrays, clear=None, shift=(0.0, 0.0)):
 
 
 def blur(arrays, images, gradients, clear):
-    """By how much both would change if pixel positions were wrong in float32's last digit."""
+    """Change of images and gradients when pixel positions move by one float32 spacing."""
     digit = float(np.spacing(np.float32(CAMERA.width)))
     total = [0.0] * (len(images) + len(gradients))
     for shift in ((digit, 0.0), (0.0, digit)):
@@ -199,7 +199,7 @@ def images_agree(found, expected, slack):
 
 
 def gradients_agree(found, expected, slack):
-    """Each tensor to 1e-4; and each surfel, so that one with huge gradients does not hide the others."""
+    """Whether each tensor agrees to 1e-4, and each surfel to 1e-3: one with huge gradients would hide the others."""
     for f, e, s in zip(found, expected, slack, strict=True):
         error, own = rows(f - e), rows(e)
         typical = own[own > 0].median() if own.any() else 0.0
@@ -210,7 +210,7 @@ def gradients_agree(found, expected, slack):
 
 @given(any_kinds, seeds)
 def test_extreme_scenes_are_drawn_and_differentiated_as_defined(kinds, seed):
-    """To 1e-4; where a surfel's image is too thin for float32 pixel positions, to what their last digit does to it."""
+    """To 1e-4, or for images thinner than a float32 spacing of pixel positions to the effect of that spacing."""
     arrays = scene(kinds, seed)
     *expected, clear = defined(arrays)
     found = measured(arrays, clear=clear)
@@ -243,7 +243,7 @@ def same_bytes(first, second):
     return all(a.numpy().tobytes() == b.numpy().tobytes() for a, b in zip(first, second, strict=True))
 
 
-# Fifteen surfels are projected one by one, sixteen as vectors: not by the same instructions.
+# Scalar code projects fewer than 16 surfels, vector code 16 and more: their rounding differs.
 @given(
     st.lists(st.sampled_from([*KINDS, "regular"]), min_size=1, max_size=40).filter(lambda kinds: len(kinds) != WIDTH),
     seeds,
@@ -279,7 +279,7 @@ def test_extreme_scenes_are_the_same_bytes_at_any_number_of_threads(kinds, seed)
 
 
 def assert_as_plain(arrays, camera):
-    """Vector code against plain loops, where both found the same sets of surfels (else alpha jumps by 1/255)."""
+    """Compare vector code with plain loops where both blend the same surfels (else alpha differs by 1/255)."""
     alpha = [measured(arrays, camera, backend=backend)[0][1] for backend in ("cpu", "scalar")]
     same = (alpha[0] - alpha[1]).abs() < 1e-5
     assert same.float().mean() > 0.98
@@ -291,7 +291,7 @@ def assert_as_plain(arrays, camera):
 
 @pytest.mark.parametrize("count", range(41))
 def test_any_number_of_surfels_is_drawn_as_by_plain_loops(count):
-    """Vectors of sixteen that overlap at the end, and one by one below sixteen."""
+    """The kernels take 16 surfels at a time, where the last 16 may overlap the others, and fewer than 16 one by one."""
     assert_as_plain(scene(["regular"] * count, count), CAMERA)
 
 
@@ -320,30 +320,30 @@ VERTICES, FACES = np.asarray(BALL.vertices) * [1.0, 1.3, 0.8], np.asarray(BALL.f
 
 
 def flat(vertices, corners, random):
-    """The third corner on the opposite edge."""
+    """Put the third corner on the opposite edge."""
     vertices[corners[2]] = vertices[corners[:2]].mean(axis=0)
 
 
 def folded(vertices, corners, random):
-    """Two vertices at one place."""
+    """Put two vertices at one place."""
     vertices[corners[2]] = vertices[corners[0]]
 
 
 def sliver(vertices, corners, random):
-    """Height 1e-12 to 0.1 of a length."""
+    """Give the triangle a height of about 1e-13 to 0.01 m."""
     a, b, c = corners
     vertices[c] = vertices[a] + random.random() * (vertices[b] - vertices[a])
     vertices[c] += 10 ** random.uniform(-12, -1) * 0.1 * random.normal(size=3)
 
 
 def short(vertices, corners, random):
-    """Two edges of nearly the same length, one of almost none."""
+    """Shorten one edge by a factor of up to 1e14; the other two then have nearly equal lengths."""
     a, _, c = corners
     vertices[c] = vertices[a] + 10 ** random.uniform(-14, -1) * (vertices[c] - vertices[a])
 
 
 def flipped(vertices, corners, random):
-    """The third corner to the other side of the opposite edge."""
+    """Move the third corner to the other side of the opposite edge."""
     a, b, c = corners
     vertices[c] = vertices[a] + vertices[b] - vertices[c]
 
@@ -399,13 +399,13 @@ def test_damaged_meshes_in_any_unit_carry_surfels_to_finite_places(canonical, po
 
 @given(damage, units, seeds)
 def test_a_rigid_motion_of_a_damaged_mesh_moves_surfels_rigidly(kinds, unit, seed):
-    """Faces without area go with their neighbours."""
+    """Faces without area move like their neighbours."""
     random = np.random.default_rng(seed)
     turn, offset = Rotation.random(random_state=seed).as_matrix(), random.normal(size=3) * unit
     vertices = damaged(kinds, random) * unit
     rig = build_rig(vertices, FACES)
     sound = rig.inverse_edges.any(axis=(1, 2))
-    # A turn of rounded corners is rounded: coarse beside the height of a sliver.
+    # Rotated corners are rounded, and the height of a sliver may be no larger than that.
     height = 1 / np.abs(rig.inverse_edges[sound]).max()
     tolerance = 1e-5 + 1e-15 * (np.abs(vertices).max() + np.abs(offset).max()) / height
     surfels = some_surfels(40, seed)
@@ -419,7 +419,7 @@ def test_a_rigid_motion_of_a_damaged_mesh_moves_surfels_rigidly(kinds, unit, see
 
 @given(damage, damage, st.integers(-20, 20), seeds)
 def test_in_another_unit_everything_is_the_same_to_the_last_digit(canonical, posed, power, seed):
-    """Units of powers of two, which floats change without rounding: no threshold is a length."""
+    """Scaling by a power of two is exact, so results differ only if some threshold is a length."""
     random, unit, seen = np.random.default_rng(seed), 2.0**power, []
     canonical, posed = damaged(canonical, random), damaged(posed, random)
     for scale in (1.0, unit):
@@ -443,7 +443,7 @@ def test_a_vertex_that_is_not_finite_is_an_error_that_names_it(where):
 
 # Attributes.
 
-FEW, MANY = 5, 20  # one by one, and as vectors
+FEW, MANY = 5, 20  # numbers of surfels for scalar and for vector code
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Surfels and their way into the world: skinning, its gradient, colours, the first surfels."""
+"""Surfels: skinning, its gradient, colours, and the initial surfels."""
 
 from dataclasses import replace
 
@@ -90,7 +90,7 @@ def test_without_blending_only_the_own_jacobian_acts(ball):
 
 
 def test_blending_follows_the_formula(ball):
-    """Against scipy's rotation vectors: J_b = U exp(sum v_i log(U^T U_i)) sum v_i P_i."""
+    """Compare with scipy's rotation vectors: J_b = U exp(sum v_i log(U^T U_i)) sum v_i P_i."""
     vertices, faces = ball
     rig = build_rig(vertices, faces)
     motion = face_motion(rig, bent(vertices))
@@ -118,7 +118,7 @@ def test_blending_follows_the_formula(ball):
 @pytest.mark.parametrize("blend", [True, False])
 @pytest.mark.parametrize("rotate", [True, False])
 def test_gradients_are_those_of_finite_differences(ball, blend, rotate):
-    """Of the surfels, and of the triangles' motion, each number of which may change by itself."""
+    """Gradients with respect to the surfels and to each number of the motion of the triangles."""
     vertices, faces = ball
     rig = build_rig(vertices, faces)
     rows = torch.from_numpy(face_motion(rig, bent(vertices)).records).double().requires_grad_(True)
@@ -140,7 +140,7 @@ def test_gradients_are_those_of_finite_differences(ball, blend, rotate):
 
 @pytest.mark.parametrize("blend", [True, False])
 def test_sixteen_at_a_time_is_the_same_as_one_by_one(ball, blend):
-    """Float32 goes through vectors, float64 through scalars: the same formulas, and 1001 is no multiple of sixteen."""
+    """Vector code computes float32, scalar code float64. 1001 is not a multiple of 16."""
     vertices, faces = ball
     rig = build_rig(vertices, faces)
     motion = face_motion(rig, bent(vertices))
@@ -182,7 +182,7 @@ def test_gradients_do_not_depend_on_the_number_of_threads(ball):
 
 
 def test_harmonics_are_orthonormal():
-    """Gauss-Legendre in z, equal steps in azimuth: exact for the products of degree 6."""
+    """Gauss-Legendre nodes in z and equal steps in azimuth integrate the products, of degree 6, exactly."""
     z, weight = np.polynomial.legendre.leggauss(8)
     angle = 2 * np.pi * np.arange(16) / 16
     r = np.sqrt(1 - z * z)[:, None]
@@ -193,7 +193,7 @@ def test_harmonics_are_orthonormal():
     for k in range(num_coefficients(3)):  # each function alone, in red
         one = torch.zeros(len(direction), num_coefficients(3), 3, dtype=torch.float64)
         one[:, k, 0] = 1
-        grey = torch.full((len(direction), 3), 8.0, dtype=torch.float64)  # nothing is below 0
+        grey = torch.full((len(direction), 3), 8.0, dtype=torch.float64)  # no colour is clamped
         colour = seen_colour(grey, one, torch.from_numpy(direction), None, np.zeros(len(direction), np.int32))
         values[:, k] = colour[:, 0].numpy() - 0.5 - 8.0 * SH_BASE
     gram = np.einsum("n,ni,nj->ij", np.repeat(weight, 16) * 2 * np.pi / 16, values, values)
@@ -201,7 +201,7 @@ def test_harmonics_are_orthonormal():
 
 
 def test_directions_are_the_same_when_head_and_eye_turn_together(ball):
-    """So view-dependent colour turns with the head."""
+    """View-dependent colour therefore turns with the head."""
     vertices, faces = ball
     rig, surfels, eye = build_rig(vertices, faces), random_surfels(50, len(faces)), np.array([0.0, 0.3, 0.4])
     turn = Rotation.from_rotvec([0.3, 1.2, -0.5]).as_matrix()
@@ -213,7 +213,7 @@ def test_directions_are_the_same_when_head_and_eye_turn_together(ball):
 @pytest.mark.parametrize("lit", [True, False])
 @pytest.mark.parametrize("degree", [0, 1, 2, 3])
 def test_gradients_of_the_colour_are_those_of_finite_differences_in_vectors_too(degree, lit):
-    """About half of the colours would be below 0."""
+    """About half of the colours are negative before they are clamped to 0."""
     rng = np.random.default_rng(degree)
     sizes = [(37, 3), (37, num_coefficients(degree), 3), (37, 3)][: 3 if degree else 1]
     double = [torch.from_numpy(rng.normal(-0.3, 1.5, size)).requires_grad_(True) for size in sizes]
