@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from carigs.capture import Camera
-from carigs.splat.rasterizer.culling import ALPHA_THRESHOLD, TRANSMITTANCE_THRESHOLD
 from carigs.splat.rasterizer.rasterize import WorldSurfels
+from carigs.splat.rasterizer.records import ALPHA_THRESHOLD, TRANSMITTANCE_THRESHOLD
 
 ALPHA_CAP = 0.99  # the rasterizer's default
 

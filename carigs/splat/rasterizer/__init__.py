@@ -7,7 +7,7 @@
 - `forward`, `backward`: compositing and its gradient in scalar loops, the readable reference
 - `projection_simd`, `forward_simd`, `backward_simd`: the same, sixteen surfels or pixels at a time
 - `tile_buffer`, `surfel_blocks`: the pixels of a tile and the surfels that overlap it, for these kernels
-- `records`, `culling`: layout of the kernels' arrays, thresholds
+- `records`: layout of the kernels' arrays, and the thresholds of culling
 - `cuda`: the backend on gsplat's kernels
 
 Modules are imported directly: a name here would hide the module `rasterize`.

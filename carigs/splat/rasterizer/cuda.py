@@ -17,8 +17,8 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from carigs.errors import SettingsError
-from carigs.splat.rasterizer.culling import ALPHA_THRESHOLD, CAMERA_PLANE_MARGIN, MIN_AREA, NEAR_PLANE
 from carigs.splat.rasterizer.interface import Rendering, Screen, WorldSurfels
+from carigs.splat.rasterizer.records import ALPHA_THRESHOLD, CAMERA_PLANE_MARGIN, MIN_AREA, NEAR_PLANE
 
 if TYPE_CHECKING:
     from carigs.capture.camera import Camera

@@ -28,8 +28,7 @@ from carigs.simd.tuples import read_row
 from carigs.simd.vectors import FASTMATH
 from carigs.splat.rasterizer import records
 from carigs.splat.rasterizer.binning import TILE_SIZE, TileLists
-from carigs.splat.rasterizer.culling import ALPHA_THRESHOLD, TRANSMITTANCE_THRESHOLD
-from carigs.splat.rasterizer.records import PLANE
+from carigs.splat.rasterizer.records import ALPHA_THRESHOLD, PLANE, TRANSMITTANCE_THRESHOLD
 
 LOG2_ALPHA_THRESHOLD = np.float32(math.log2(ALPHA_THRESHOLD))
 MIN_TRANSMITTANCE = np.float32(TRANSMITTANCE_THRESHOLD)

@@ -38,7 +38,7 @@ from carigs.simd.vector_math import absolute, floor, log2, maximum, minimum, sel
 from carigs.simd.vectors import scalar_or_simd
 from carigs.splat.rasterizer import records
 from carigs.splat.rasterizer.binning import TILE_SIZE
-from carigs.splat.rasterizer.culling import ALPHA_THRESHOLD, CAMERA_PLANE_MARGIN, MIN_AREA, NEAR_PLANE
+from carigs.splat.rasterizer.records import ALPHA_THRESHOLD, CAMERA_PLANE_MARGIN, MIN_AREA, NEAR_PLANE
 
 BOX_MARGIN = 1e-3
 """Pixels by which boxes are enlarged against rounding."""

@@ -1,4 +1,6 @@
-"""Layout of the arrays that the rasterizer's kernels exchange (compile-time constants, see `carigs.simd.kernels`).
+"""Layout of the arrays that the rasterizer's kernels exchange, and the thresholds that all backends share.
+
+Both are compile-time constants, see `carigs.simd.kernels`.
 
 Symbols are those of `projection`, where the quantities are computed.
 
@@ -64,6 +66,17 @@ RECORD_SIZE = GRADIENT_SIZE = 20
 Planes = namedtuple("Planes", "transmittance red green blue depth normal_x normal_y normal_z distortion")
 PLANE = Planes(*range(9))
 NUM_PLANES, NUM_COLOUR_PLANES = len(PLANE), PLANE.depth
+
+NEAR_PLANE = 0.01
+"""Metres. Surfels with a centre nearer to the camera are culled (as in gsplat)."""
+ALPHA_THRESHOLD = 1.0 / 255.0
+"""Contributions with a smaller alpha are dropped (as in gsplat)."""
+CAMERA_PLANE_MARGIN = -1e-4
+"""Surfels with r^2 (p^2 + q^2) - 1 above this value are culled: the visible ellipse reaches the camera plane."""
+MIN_AREA = 1e-24
+"""Square metres. Surfels with a smaller |tangent_u x tangent_v| are culled: they have no normal."""
+TRANSMITTANCE_THRESHOLD = 1e-4
+"""A pixel is complete before its transmittance would fall to this value (as in gsplat)."""
 
 
 class SurfelArrays(NamedTuple):

@@ -35,8 +35,8 @@ from carigs.simd.vector_math import (
 )
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline
 from carigs.splat.rasterizer.binning import TILE_SIZE
-from carigs.splat.rasterizer.culling import ALPHA_THRESHOLD, TRANSMITTANCE_THRESHOLD
 from carigs.splat.rasterizer.forward import LOG2_ALPHA_THRESHOLD, MIN_TRANSMITTANCE, ONE, ZERO
+from carigs.splat.rasterizer.records import ALPHA_THRESHOLD, TRANSMITTANCE_THRESHOLD
 
 STRIDE = TILE_SIZE + 4
 PLANE_SIZE = TILE_SIZE * STRIDE

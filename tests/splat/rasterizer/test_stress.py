@@ -18,8 +18,8 @@ from splat.rasterizer.reference import render as reference_render
 from carigs.capture import Camera
 from carigs.errors import CarigsError
 from carigs.simd.vectors import WIDTH
-from carigs.splat.rasterizer.culling import NEAR_PLANE
 from carigs.splat.rasterizer.rasterize import OUTPUTS, WorldSurfels, rasterize
+from carigs.splat.rasterizer.records import NEAR_PLANE
 from carigs.splat.render import render
 from carigs.splat.rig.rig import build_rig, face_motion
 from carigs.splat.rig.skinning import jacobian_blend_skinning
