@@ -79,9 +79,10 @@ def make_study(overrides: Sequence[str], options: argparse.Namespace) -> bool:
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(project_root() / "Snakefile")]
     command += ["--workflow-profile", options.profile, "--cores", options.cores]
     command += ["--dry-run"] * options.dry_run + options.snakemake
-    # Backslashes, because Snakemake removes quotes at the ends of a value; the blank keeps a last one.
-    line = " ".join(re.sub(r"([\s'\"\\])", r"\\\1", override) for override in overrides)
-    command += ["--config", f"hydra={line} ", "--", *(options.target or ("reproduce", "table"))]
+    # Backslashes, because Snakemake removes quotes at the ends of a value; the blanks keep a last one. (A value of
+    # nothing but blanks is an error of Snakemake's parser.)
+    line = "".join(re.sub(r"([\s'\"\\])", r"\\\1", override) + " " for override in overrides)
+    command += ["--config", f"hydra={line}", "--", *(options.target or ("reproduce", "table"))]
     return subprocess.run(command).returncode == 0
 
 

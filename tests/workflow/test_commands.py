@@ -213,3 +213,10 @@ def test_an_override_reaches_snakemake_as_it_was_typed(stubbed, override):
     # The last one is an error of Hydra's grammar, told with its text; the others are planned.
     assert (done.returncode == 0) == ("head's" not in override), done.stdout + done.stderr
     assert "No closing quotation" not in done.stdout + done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("overrides", [[], ["gamma=0.2"], ["gamma=0.2", "train.iterations=7"]])
+def test_a_study_runs_with_any_number_of_overrides(stubbed, overrides):
+    done = stubbed.command("carigs", "run", "--dry-run", *overrides)
+    assert done.returncode == 0, done.stdout + done.stderr
