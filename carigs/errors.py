@@ -8,6 +8,17 @@ from pathlib import Path
 class CarigsError(Exception):
     """Base class of the errors caused by inputs or settings; printed as one line without a traceback."""
 
+    def __init__(self, message: str) -> None:
+        """Keep the message in one line.
+
+        Args:
+            message: The message. It may quote names from a file: characters that are not printable, such as line
+                breaks, become escapes, and the middle of a message of more than 2000 characters is left out.
+        """
+        if len(message) > 2000:
+            message = f"{message[:1000]} ... {message[-1000:]}"
+        super().__init__("".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in message))
+
 
 class InputError(CarigsError):
     """A file that cannot be used: missing, broken, of another shape, or with invalid values."""

@@ -1,0 +1,14 @@
+"""Readers of files from outside: one module per kind of file, each with limits and one type of error.
+
+Nothing else in the project opens such a file. A reader checks what a file claims before anything is allocated, runs no
+code of the file, and raises `InputError` with the file and the field for whatever is wrong.
+
+- `limits`: what is checked before a file is opened, and limits on sizes
+- `npz`: NumPy's .npy and .npz
+- `json_files`: JSON
+- `pickles`: pickled dictionaries of arrays, such as FLAME's
+- `images`: PNG and JPEG
+- `ply`: the vertices of .ply files
+- `meshes`: OBJ, PLY, STL, OFF and GLB
+- `arrays`: the type, shape and range of an array
+"""

@@ -1,0 +1,62 @@
+"""Reader of triangle meshes: OBJ, PLY, STL, OFF and GLB, by trimesh, behind limits and one type of error."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from carigs.errors import InputError
+from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
+from carigs.readers.ply import check_ply_header
+
+if TYPE_CHECKING:
+    import trimesh
+
+FORMATS = (".obj", ".ply", ".stl", ".off", ".glb")
+MAX_FACES = 20_000_000
+MAX_COORDINATE = 1e15
+"""Largest coordinate without its sign: areas and volumes must stay finite in float64, and in float32 after scaling."""
+
+
+def read_mesh(file: str | Path) -> trimesh.Trimesh:
+    """Read a mesh; materials and textures are ignored, and no other file is opened.
+
+    Args:
+        file: A file in one of `FORMATS`.
+
+    Returns:
+        The mesh, its vertices in the file's order.
+
+    Raises:
+        InputError: If the file is missing, of an unknown format, too large or damaged, if it holds no triangles, if a
+            face names a vertex that does not exist, or if a coordinate is not finite.
+    """
+    import trimesh
+
+    file = Path(file)
+    if file.suffix.lower() not in FORMATS:
+        raise InputError(f"unknown kind of mesh; known: {' '.join(FORMATS)}", file=file)
+    content = read_bytes(file, MAX_TEXT_BYTES, "mesh")
+    if file.suffix.lower() == ".ply":
+        check_ply_header(content, file)
+    try:
+        mesh = trimesh.load(
+            io.BytesIO(content), file_type=file.suffix[1:].lower(), process=False, maintain_order=True, force="mesh",
+            skip_materials=True,
+        )  # fmt: skip
+    except Exception as error:  # trimesh's readers raise whatever their format's parser does
+        raise InputError(f"not a readable mesh ({type(error).__name__}: {str(error)[:200]})", file=file) from error
+    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+        raise InputError("holds no triangles", file=file)
+    if len(mesh.faces) > MAX_FACES:
+        raise InputError(f"{len(mesh.faces)} triangles; at most {MAX_FACES} are read", file=file)
+    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise InputError(f"faces must name vertices 0..{len(vertices) - 1}", file=file, field="faces")
+    used = vertices[np.unique(faces)]
+    if not (np.abs(used) < MAX_COORDINATE).all():
+        raise InputError(f"coordinates must be finite and smaller than {MAX_COORDINATE:g}", file=file, field="vertices")
+    return mesh

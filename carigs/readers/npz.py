@@ -1,0 +1,126 @@
+"""Reader of NumPy's .npy and .npz files that trusts no number of the file before it is checked.
+
+`numpy.load` allocates what a header claims, raises about ten types of exceptions for damaged files, and returns the
+first of two members of one name. Here the sizes of all members are checked against limits and against the file before
+anything is allocated, and any damage is one `InputError`.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import zipfile
+import zlib
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from numpy.lib import format as npy_format
+
+from carigs.errors import InputError
+from carigs.readers.limits import MAX_ARRAY_BYTES, read_bytes, regular_file_size
+
+MAX_ARRAYS = 10_000
+KINDS = "biufSU"
+"""Kinds of dtypes that are read: booleans, whole numbers, floating-point numbers and texts."""
+MAX_DIMENSIONS = 8
+_DAMAGE = (OSError, ValueError, EOFError, NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error)
+"""Exceptions of `zipfile`, `zlib` and `numpy.lib.format` for damaged files."""
+
+
+def read_npz(file: str | Path, kind: str = "file", required: Iterable[str] = ()) -> dict[str, np.ndarray]:
+    """Read all arrays of an .npz file.
+
+    Args:
+        file: The .npz file.
+        kind: What the file is, for the message "no such {kind}".
+        required: Names of arrays that must be present.
+
+    Returns:
+        Arrays by name, each of one of `KINDS`.
+
+    Raises:
+        InputError: If the file is missing, is not an .npz file, is damaged, holds Python objects or two arrays of one
+            name, exceeds a limit, or lacks a required array.
+    """
+    regular_file_size(file, kind)
+    try:
+        with zipfile.ZipFile(file) as archive:
+            members = archive.infolist()
+            _check_members(members, file)
+            arrays = {member.filename[:-4]: _read_member(archive, member, file) for member in members}
+    except _DAMAGE as error:
+        raise InputError(f"not a readable .npz ({error})", file=file) from error
+    for name in required:
+        if name not in arrays:
+            raise InputError("this array is missing", file=file, field=name)
+    return arrays
+
+
+def read_npy(file: str | Path, kind: str = "file") -> np.ndarray:
+    """Read an .npy file.
+
+    Args:
+        file: The .npy file.
+        kind: What the file is, for the message "no such {kind}".
+
+    Returns:
+        The array, of one of `KINDS`.
+
+    Raises:
+        InputError: As for `read_npz`.
+    """
+    return _parse(read_bytes(file, MAX_ARRAY_BYTES, kind), file, None)
+
+
+def _check_members(members: list[zipfile.ZipInfo], file: str | Path) -> None:
+    """Refuse what would be slow, large or ambiguous, from the archive's directory alone."""
+    if len(members) > MAX_ARRAYS:
+        raise InputError(f"{len(members)} arrays; at most {MAX_ARRAYS} are read", file=file)
+    total = sum(member.file_size for member in members)
+    if total > MAX_ARRAY_BYTES:
+        raise InputError(f"{total} bytes of arrays; at most {MAX_ARRAY_BYTES} are read", file=file)
+    seen = set()
+    for member in members:
+        if not member.filename.endswith(".npy"):
+            raise InputError("not an array (.npy)", file=file, field=member.filename)
+        if member.filename in seen:
+            raise InputError("two arrays have this name", file=file, field=member.filename[:-4])
+        seen.add(member.filename)
+
+
+def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, file: str | Path) -> np.ndarray:
+    name = member.filename[:-4]
+    try:
+        with archive.open(member) as stream:
+            content = stream.read()  # at most member.file_size bytes; the checksum is compared at the end
+    except _DAMAGE as error:
+        raise InputError(f"damaged ({error})", file=file, field=name) from error
+    return _parse(content, file, name)
+
+
+def _parse(content: bytes, file: str | Path, name: str | None) -> np.ndarray:
+    """The array of an .npy file's bytes."""
+    stream = io.BytesIO(content)
+    try:
+        version = npy_format.read_magic(stream)
+        if version == (1, 0):
+            shape, fortran_order, dtype = npy_format.read_array_header_1_0(stream)
+        elif version == (2, 0):
+            shape, fortran_order, dtype = npy_format.read_array_header_2_0(stream)
+        else:
+            raise InputError(f"version {version[0]}.{version[1]} of .npy is unknown", file=file, field=name)
+    except InputError:
+        raise
+    except Exception as error:  # NumPy evaluates the header as Python: many types
+        raise InputError("the header of this array is damaged", file=file, field=name) from error
+    if dtype.kind not in KINDS or dtype.subdtype is not None:
+        raise InputError(f"holds {dtype}; numbers or texts are expected", file=file, field=name)
+    if len(shape) > MAX_DIMENSIONS or any(isinstance(n, bool) or n < 0 for n in shape):
+        raise InputError(f"impossible shape {shape}", file=file, field=name)
+    expected, found = math.prod(shape) * dtype.itemsize, len(content) - stream.tell()
+    if expected != found or (dtype.itemsize == 0 and math.prod(shape) > MAX_ARRAYS):
+        raise InputError(f"{found} bytes, its header claims {expected}", file=file, field=name)
+    count = math.prod(shape)
+    array = np.frombuffer(content, dtype, count, stream.tell()) if expected else np.zeros(count, dtype)
+    return array.reshape(shape, order="F" if fortran_order else "C").copy()

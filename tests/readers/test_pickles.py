@@ -1,0 +1,162 @@
+"""Pickles: arrays of all generations of writers are read, and no code of the file runs."""
+
+from __future__ import annotations
+
+import copyreg
+import pickle
+import sys
+import types
+
+import numpy as np
+import pytest
+import scipy.sparse
+
+from carigs.errors import InputError
+from carigs.readers.pickles import NAMES, read_pickle
+
+
+@pytest.fixture
+def chumpy(monkeypatch):
+    """A package that pickles like chumpy 0.70: a class of the new kind whose state is its dictionary."""
+    package, module = types.ModuleType("chumpy"), types.ModuleType("chumpy.ch")
+
+    class Ch:
+        def __init__(self, x):
+            self.x = x
+            self._dirty_vars, self._cache = {}, {}
+
+        def __getstate__(self):
+            return {"x": self.x, "_dirty_vars": {}, "_itr": None, "_parents": {}, "_cache": {}}
+
+    Ch.__module__, Ch.__qualname__ = "chumpy.ch", "Ch"
+    module.Ch = package.Ch = Ch
+    monkeypatch.setitem(sys.modules, "chumpy", package)
+    monkeypatch.setitem(sys.modules, "chumpy.ch", module)
+    return Ch
+
+
+@pytest.mark.parametrize("protocol", range(6))
+def test_arrays_of_every_protocol_come_back(protocol, tmp_path):
+    rng = np.random.default_rng(protocol)
+    content = {
+        "float": rng.normal(size=(4, 3)),
+        "fortran": np.asfortranarray(rng.normal(size=(2, 3, 4)).astype(np.float32)),
+        "big endian": np.arange(5, dtype=">i4"),
+        "empty": np.zeros((0, 3)),
+        "objects": np.array([{"ids": np.arange(3)}, None], object),
+        "bool": np.array([True, False]),
+        "list": [1, 2.5, "three", np.arange(2)],
+        "scalar": np.float64(0.5),
+    }
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps(content, protocol))
+    found = read_pickle(tmp_path / "a.pkl")
+    assert list(found) == list(content)
+    for name in ("float", "fortran", "big endian", "empty", "bool"):
+        assert found[name].dtype.newbyteorder("=") == content[name].dtype.newbyteorder("=")
+        np.testing.assert_array_equal(found[name], content[name])
+    np.testing.assert_array_equal(found["objects"][0]["ids"], [0, 1, 2])
+    assert found["objects"][1] is None
+    assert found["list"][:3] == [1, 2.5, "three"]
+    assert found["scalar"] == 0.5
+
+
+@pytest.mark.parametrize("protocol", range(6))
+@pytest.mark.parametrize("kind", ["csc", "csr", "coo"])
+def test_sparse_matrices_come_back(protocol, kind, tmp_path):
+    matrix = scipy.sparse.random(5, 9, 0.3, kind, rng=np.random.default_rng(3))
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps({"J_regressor": matrix}, protocol))
+    np.testing.assert_array_equal(read_pickle(tmp_path / "a.pkl")["J_regressor"].toarray(), matrix.toarray())
+
+
+def test_a_sparse_matrix_with_indices_out_of_range_is_refused(tmp_path):
+    matrix = scipy.sparse.csc_matrix(np.eye(3))
+    matrix.indices[1] = 1_000_000
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps({"J_regressor": matrix}))
+    with pytest.raises(InputError):
+        read_pickle(tmp_path / "a.pkl")
+
+
+@pytest.mark.parametrize("protocol", range(6))
+def test_chumpy_arrays_are_read_without_chumpy(protocol, chumpy, tmp_path):
+    """Chumpy writes an empty object and its state (NEWOBJ or `copy_reg._reconstructor`, then BUILD)."""
+    array = np.random.default_rng(1).normal(size=(3, 2))
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps({"shapedirs": chumpy(array)}, protocol))
+    np.testing.assert_array_equal(read_pickle(tmp_path / "a.pkl")["shapedirs"], array)
+
+
+class _Call:
+    def __init__(self, function, *args):
+        self.call = function, args
+
+    def __reduce__(self):
+        return self.call
+
+
+def _text_global(module: str, name: str, argument: bytes) -> bytes:
+    return f"c{module}\n{name}\n".encode() + argument + b"\x85R."
+
+
+def _stack_global(module: str, name: str) -> bytes:
+    texts = b"".join(b"\x8c" + bytes([len(text)]) + text.encode() for text in (module, name))
+    return b"\x80\x04" + texts + b"\x93\x8c\x04true\x85R."
+
+
+HOSTILE = {
+    "dotted name": _stack_global("numpy.testing._private.utils", "os.system"),
+    "os.system": _text_global("os", "system", b"S'true'\n"),
+    "runstring": _stack_global("numpy.testing", "runstring"),
+    "measure": _stack_global("numpy.testing", "measure"),
+    "numpy.load": _stack_global("numpy", "load"),
+    "numpy.savetxt": _stack_global("numpy", "savetxt"),
+    "numpy.core.multiarray.fromfile": _stack_global("numpy.core.multiarray", "fromfile"),
+    "dotted ndarray": _stack_global("numpy", "ndarray.tofile"),
+    "import": _stack_global("builtins", "__import__"),
+    "eval": _stack_global("builtins", "eval"),
+    "getattr": _text_global("__builtin__", "getattr", b"S'x'\n"),
+    "collections": _stack_global("collections", "abc.sys.modules"),
+    "codecs": _stack_global("_codecs", "lookup"),
+    "scipy": _stack_global("scipy.sparse._base", "np.load"),
+    "chumpy": _stack_global("chumpy.ch", "pickle.loads"),
+    "instance": b"(S'true'\nios\nsystem\n.",
+    "object": b"(cos\nsystem\nS'true'\no.",
+    "extension": b"\x82\x01.",
+    "persistent": b"Psomething\n.",
+    "state of a class": b"\x80\x02cnumpy\ndtype\n}U\x08__init__K\x01sb.",
+    "state of a function": b"\x80\x02c_codecs\nencode\n}U\x0c__defaults__K\x01sb.",
+    "call of a text": b"\x80\x02U\x04true)R.",
+    "list as class": b"\x80\x02])\x81.",
+    "huge bytes": b"\x80\x02c__builtin__\nbytes\n\x8a\x05\x00\x00\x00\x00\x01\x85R.",
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_names_and_operations_that_are_not_in_the_tables_are_refused(name, tmp_path, monkeypatch):
+    ran = []
+    monkeypatch.setattr("os.system", ran.append)
+    (tmp_path / "a.pkl").write_bytes(HOSTILE[name])
+    with pytest.raises(InputError):
+        read_pickle(tmp_path / "a.pkl")
+    assert not ran
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["a.pkl"]
+
+
+def test_reductions_of_python_objects_are_refused(tmp_path):
+    target = tmp_path / "written.txt"
+    for call in (_Call(np.savetxt, str(target), [1.0]), _Call(open, str(target), "w"), _Call(copyreg.pickle, int, int)):
+        (tmp_path / "a.pkl").write_bytes(pickle.dumps({"v": call}))
+        with pytest.raises(InputError):
+            read_pickle(tmp_path / "a.pkl")
+    assert not target.exists()
+
+
+def test_the_table_names_no_function_of_another_module():
+    assert {function.__module__ for function in NAMES.values()} == {"carigs.readers.pickles"}
+    assert not any("." in name for _, name in NAMES)
+
+
+def test_lists_that_contain_each_other_many_times_take_linear_time(tmp_path):
+    value: list = [1.0]
+    for _ in range(14):
+        value = [value] * 100
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps({"v": value}))
+    assert len(read_pickle(tmp_path / "a.pkl")["v"]) == 100
