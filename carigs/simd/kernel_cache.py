@@ -1,14 +1,15 @@
 """The folder in which Numba keeps compiled kernels: one for each version of Numba and state of the kernels' sources.
 
-Numba checks only the file that a kernel is written in. After an edit of a function that the kernel calls from another
-module (or a `git pull`), it would load the old machine code. Kernels of another version of Numba it replaces without
-notice: two environments with the same sources would compile each other's away.
+Numba checks only the file that a kernel is written in. After an edit of a function or constant that the kernel takes
+from another module (or a `git pull`), it would load the old machine code. Kernels of another version of Numba it
+replaces without notice: two environments with the same sources would compile each other's away.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 import sys
 import time
@@ -24,27 +25,26 @@ KERNEL_MARKS = (b"numba", b"carigs.simd")
 """Texts that the source of every kernel contains at least one of."""
 KEEP = 7 * 24 * 3600.0
 """Seconds after which the folder of other sources is removed; runs of those sources may still be active before."""
+_IMPORT = re.compile(
+    rb"^\s*(?:from\s+(carigs[\w.]*)\s+import\s+(\([^)]*\)|[^\n]*)|import\s+(carigs[\w.]*))", re.MULTILINE
+)
 
 
 def use_kernel_cache() -> Path:
     """Point Numba to the folder of its version and the present sources, and remove old folders.
 
-    The environment variable NUMBA_CACHE_DIR, if set, is used instead. The digest is one of bytes, unlike that of
-    `carigs.sources.fingerprint`, because this function runs at every start and parsing takes longer.
+    The folder lies in the one that the environment variable NUMBA_CACHE_DIR names, if it is set, otherwise in the
+    package, or in ~/.cache/carigs if the package cannot be written to.
 
     Returns:
         The folder, which need not exist yet.
     """
     if "NUMBA_CACHE_DIR" in os.environ:
-        return Path(os.environ["NUMBA_CACHE_DIR"])
-    digest = hashlib.sha256(f"{version('numba')} {os.environ.get('CARIGS_PLAIN_NUMBA', '')}".encode())
-    for file in sorted(PACKAGE.rglob("*.py")):
-        source = file.read_bytes()
-        if any(mark in source for mark in KERNEL_MARKS):
-            digest.update(file.relative_to(PACKAGE).as_posix().encode() + b"\0" + source + b"\0")
-    writable = os.access(PACKAGE, os.W_OK)
-    base = (PACKAGE if writable else Path.home() / ".cache" / "carigs") / "__pycache__"
-    folder = base / f"kernels-{digest.hexdigest()[:16]}"
+        base = Path(os.environ["NUMBA_CACHE_DIR"])
+        base = base.parent if base.name.startswith("kernels-") else base  # set by a parent process
+    else:
+        base = (PACKAGE if os.access(PACKAGE, os.W_OK) else Path.home() / ".cache" / "carigs") / "__pycache__"
+    folder = base / f"kernels-{_digest()}"
     for other in base.glob("kernels-*"):
         if other != folder and time.time() - other.stat().st_mtime > KEEP:
             shutil.rmtree(other, ignore_errors=True)
@@ -53,6 +53,36 @@ def use_kernel_cache() -> Path:
     if "numba" in sys.modules:
         sys.modules["numba"].config.CACHE_DIR = str(folder)
     return folder
+
+
+def _digest() -> str:
+    """Digest of the modules that hold kernels and of all modules of this package that they import.
+
+    Bytes are compared, and imports are found by a regular expression, unlike in `carigs.sources.fingerprint`: this
+    function runs at every start, and parsing takes longer.
+    """
+    texts = {file: file.read_bytes() for file in PACKAGE.rglob("*.py")}
+    pending = [file for file, text in texts.items() if any(mark in text for mark in KERNEL_MARKS)]
+    needed: set[Path] = set()
+    while pending:
+        file = pending.pop()
+        if file not in needed:
+            needed.add(file)
+            pending += _imports(texts[file], texts)
+    digest = hashlib.sha256(f"{version('numba')} {os.environ.get('CARIGS_PLAIN_NUMBA', '')}".encode())
+    for file in sorted(needed):
+        digest.update(file.relative_to(PACKAGE).as_posix().encode() + b"\0" + texts[file] + b"\0")
+    return digest.hexdigest()[:16]
+
+
+def _imports(text: bytes, texts: dict[Path, bytes]) -> Iterator[Path]:
+    """Files of the package that a module imports: `from a.b import c` is `a/b/c.py`, `a/b.py` or `a/b/__init__.py`."""
+    for origin, names, module in _IMPORT.findall(text):
+        path = PACKAGE.joinpath(*(origin or module).decode().split(".")[1:])
+        for candidate in (path, *(path / name.decode() for name in re.findall(rb"\w+", names))):
+            for file in (candidate.with_name(f"{candidate.name}.py"), candidate / "__init__.py"):
+                if file in texts:
+                    yield file
 
 
 @contextmanager

@@ -7,9 +7,12 @@ import sys
 from pathlib import Path
 
 import numba
+import pytest
 
 import carigs
+from carigs.simd import kernel_cache
 from carigs.simd.kernel_cache import announce_compilation
+from carigs.sources import sources
 
 
 def folder_of(root: Path, **environment: str) -> Path:
@@ -31,11 +34,11 @@ def test_editing_a_formula_changes_the_folder_and_editing_anything_else_does_not
     shutil.copytree(Path(carigs.__file__).parent, tmp_path / "carigs", ignore=shutil.ignore_patterns("__pycache__"))
     before = folder_of(tmp_path)
     assert before.is_relative_to(tmp_path)
-    settings, formula = (
-        tmp_path / "carigs" / "settings" / "option.py",
+    stage, formula = (
+        tmp_path / "carigs" / "stages" / "truth.py",
         tmp_path / "carigs" / "splat" / "rig" / "jacobian_blend.py",
     )
-    settings.write_text(settings.read_text() + "\n# edited\n")
+    stage.write_text(stage.read_text() + "\n# edited\n")
     assert folder_of(tmp_path) == before
     formula.write_text(formula.read_text() + "\n# edited\n")
     assert folder_of(tmp_path) != before
@@ -48,8 +51,46 @@ def test_each_version_of_numba_has_its_own_folder(tmp_path):
     assert folder_of(root, PYTHONPATH=os.pathsep.join([str(tmp_path), str(root)])) != folder_of(root)
 
 
+@pytest.mark.parametrize("chosen", [False, True])
+def test_editing_any_module_that_a_kernel_module_imports_changes_the_folder(chosen, tmp_path):
+    """Constants of a module without a kernel are compiled into kernels: old machine code would give old results."""
+    shutil.copytree(Path(carigs.__file__).parent, tmp_path / "carigs", ignore=shutil.ignore_patterns("__pycache__"))
+    environment = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")} if chosen else {}
+    folders = [folder_of(tmp_path, **environment)]
+    for name in ("splat/rasterizer/culling.py", "toy/shape/head_solids.py", "toy/look/lighting.py"):
+        with (tmp_path / "carigs" / name).open("a") as stream:
+            stream.write("\nNEAR_PLANE = 1.8\n")
+        folders.append(folder_of(tmp_path, **environment))
+    assert len(set(folders)) == len(folders)
+
+
+def test_the_digest_covers_what_kernel_modules_import():
+    """The imports that the regular expression finds are those of Python's parser."""
+    for module in ("carigs.splat.rasterizer.forward_simd", "carigs.gtstar.warp_kernels", "carigs.toy.look.shading"):
+        file = kernel_cache.PACKAGE.joinpath(*module.split(".")[1:]).with_suffix(".py")
+        found, pending = set(), [file]
+        texts = {path: path.read_bytes() for path in kernel_cache.PACKAGE.rglob("*.py")}
+        while pending:
+            path = pending.pop()
+            if path not in found:
+                found.add(path)
+                pending += kernel_cache._imports(texts[path], texts)
+        ignored = {"settings", "errors.py"}  # `sources` leaves them out
+        expected = {
+            path for path in sources(module) if path.is_relative_to(kernel_cache.PACKAGE) and path.suffix == ".py"
+        }
+        assert expected <= found
+        assert all(
+            path.name == "__init__.py" or path.relative_to(kernel_cache.PACKAGE).parts[0] in ignored
+            for path in found - expected
+        )
+
+
 def test_the_user_may_choose_the_folder(tmp_path):
-    assert folder_of(Path(carigs.__file__).parents[1], NUMBA_CACHE_DIR=str(tmp_path)) == tmp_path
+    root = Path(carigs.__file__).parents[1]
+    folder = folder_of(root, NUMBA_CACHE_DIR=str(tmp_path))
+    assert folder.parent == tmp_path
+    assert folder_of(root, NUMBA_CACHE_DIR=str(folder)) == folder  # a child process inherits the variable
 
 
 def test_one_line_says_that_kernels_will_be_compiled_unless_they_are_there(tmp_path, monkeypatch, capsys):
