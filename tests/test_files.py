@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from carigs.errors import InputError
-from carigs.files import checked_array, json_field, load_npz, read_json, resuming_folder, write_json, writing
+from carigs.files import resuming_folder, write_json, writing
+from carigs.readers.arrays import checked_array
+from carigs.readers.json_files import json_field, read_json
+from carigs.readers.npz import read_npz
 
 
 def test_a_failed_write_leaves_the_earlier_file(tmp_path):
@@ -35,7 +38,7 @@ def test_an_interrupted_folder_is_resumed_with_the_same_key_only(tmp_path):
 def test_arrays_of_an_archive_are_read_and_checked(tmp_path):
     file = tmp_path / "a.npz"
     np.savez(file, points=np.ones((4, 3), np.float32), bad=np.array([0.0, np.nan]))
-    arrays = load_npz(file, required=["points"])
+    arrays = read_npz(file, required=["points"])
     points = checked_array(arrays, "points", (None, 3), np.float64, file=file)
     assert points.shape == (4, 3) and points.dtype == np.float64
     for name, shape, problem in (
@@ -57,13 +60,13 @@ def test_unreadable_archives_are_reported_in_one_line(tmp_path, content, problem
     if content is not None:
         file.write_bytes(content)
     with pytest.raises(InputError, match=rf"a\.npz: {problem}"):
-        load_npz(file, "head")
+        read_npz(file, "head")
 
 
 def test_a_missing_required_array_is_named(tmp_path):
     np.savez(tmp_path / "a.npz", x=np.zeros(1))
     with pytest.raises(InputError, match=r"a\.npz: y: this array is missing"):
-        load_npz(tmp_path / "a.npz", required=["x", "y"])
+        read_npz(tmp_path / "a.npz", required=["x", "y"])
 
 
 @pytest.mark.parametrize(

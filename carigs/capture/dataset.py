@@ -13,8 +13,9 @@ from jaxtyping import Float32
 from carigs.capture.camera import Camera
 from carigs.capture.images import read_grey, read_rgb
 from carigs.errors import InputError
-from carigs.files import read_json, write_json
+from carigs.files import write_json
 from carigs.head import HeadModel, HeadParameters
+from carigs.readers.json_files import read_json
 
 FORMAT = "carigs-capture-1"
 SPLITS = ("train", "val", "test")

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from carigs.errors import InputError
-from carigs.files import json_field, read_json, write_json
+from carigs.files import write_json
+from carigs.readers.json_files import json_field, read_json
 
 
 @dataclass(frozen=True)

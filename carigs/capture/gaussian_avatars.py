@@ -9,10 +9,10 @@ import numpy as np
 
 from carigs.capture.camera import OPENCV_FROM_OPENGL, Camera
 from carigs.capture.dataset import SPLITS, Capture, Frame
-from carigs.capture.images import png_size
 from carigs.errors import InputError
-from carigs.files import json_field, read_json
 from carigs.head import HeadModel, HeadParameters
+from carigs.readers.images import image_size
+from carigs.readers.json_files import json_field, read_json
 
 
 def read_dataset(folder: Path, head_model: Path, *, background: float = 1.0) -> Capture:
@@ -116,7 +116,7 @@ def _check_files(folder: Path, frames: list[Frame], cameras: dict[int, Camera], 
         seen.add((frame.timestep, frame.camera))
         camera = cameras[frame.camera]
         for name in (frame.image, frame.mask):
-            width, height = png_size(folder / name)
+            width, height = image_size(folder / name)
             if (width, height) != (camera.width, camera.height):
                 problem = f"{width} x {height} pixels, its camera has {camera.width} x {camera.height}"
                 raise InputError(problem, file=folder / name)

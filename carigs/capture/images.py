@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Float32, UInt8, UInt16
 
 from carigs.errors import InputError
+from carigs.readers.images import read_pixels
 
 
 def to_linear(colours: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
@@ -47,7 +48,7 @@ def read_rgb8(file: Path) -> UInt8[np.ndarray, "h w 3"]:
     Raises:
         InputError: If the file is missing or not an image.
     """
-    return cv2.cvtColor(_read(file, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+    return cv2.cvtColor(read_pixels(file, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
 
 
 def read_rgb(file: Path) -> Float32[np.ndarray, "h w 3"]:
@@ -77,7 +78,7 @@ def read_grey(file: Path) -> Float32[np.ndarray, "h w"]:
     Raises:
         InputError: If the file is missing or not an image.
     """
-    return _read(file, cv2.IMREAD_GRAYSCALE).astype(np.float32) / 255
+    return read_pixels(file, cv2.IMREAD_GRAYSCALE).astype(np.float32) / 255
 
 
 def write_png(file: Path, image: Float[np.ndarray, "h w *c"]) -> None:
@@ -109,7 +110,7 @@ def read_bits(file: Path) -> UInt16[np.ndarray, "h w"]:
     Raises:
         InputError: If the file is missing or not a 16-bit grey image.
     """
-    pixels = _read(file, cv2.IMREAD_UNCHANGED)
+    pixels = read_pixels(file, cv2.IMREAD_UNCHANGED)
     if pixels.dtype != np.uint16 or pixels.ndim != 2:
         raise InputError(f"{pixels.dtype} {pixels.shape}, expected a 16-bit grey image", file=file)
     return pixels
@@ -127,34 +128,3 @@ def write_bits(file: Path, pixels: UInt16[np.ndarray, "h w"]) -> None:
     """
     if not cv2.imwrite(str(file), pixels):
         raise InputError("cannot be written", file=file)
-
-
-def png_size(file: Path) -> tuple[int, int]:
-    """Size of an image from the header of its PNG file.
-
-    Args:
-        file: PNG file.
-
-    Returns:
-        Width and height.
-
-    Raises:
-        InputError: If the file is missing, not a PNG, or truncated.
-    """
-    try:
-        with file.open("rb") as stream:
-            header = stream.read(24)
-    except FileNotFoundError as error:
-        raise InputError("no such image", file=file) from error
-    if len(header) < 24 or header[:8] != b"\x89PNG\r\n\x1a\n":
-        raise InputError("not a PNG image", file=file)
-    return int.from_bytes(header[16:20], "big"), int.from_bytes(header[20:24], "big")
-
-
-def _read(file: Path, mode: int) -> np.ndarray:
-    if not Path(file).is_file():
-        raise InputError("no such image", file=file)
-    pixels = cv2.imread(str(file), mode)
-    if pixels is None:
-        raise InputError("not a readable image", file=file)
-    return pixels

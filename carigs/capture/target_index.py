@@ -12,7 +12,9 @@ from jaxtyping import UInt16
 
 from carigs.capture.dataset import Capture, Frame
 from carigs.errors import InputError
-from carigs.files import json_field, read_json, reading_arrays, write_json
+from carigs.files import write_json
+from carigs.readers.json_files import json_field, read_json
+from carigs.readers.npz import read_npy
 
 FACE_FLAGS = "faces.npy"
 SHADING = "shading.npz"
@@ -96,8 +98,7 @@ def write_targets(
 
 
 def _read_face_flags(file: Path, count: int) -> UInt16[np.ndarray, "f"]:
-    with reading_arrays(file):
-        flags = np.load(file, allow_pickle=False)
+    flags = read_npy(file)
     if flags.shape != (count,) or flags.dtype != np.uint16:
         raise InputError(f"{flags.dtype} {flags.shape}, expected 16 bits for each of {count} faces", file=file)
     return flags

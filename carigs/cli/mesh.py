@@ -7,24 +7,26 @@ do not matter. In the preview +y is up and the face looks along +z.
 from __future__ import annotations
 
 import argparse
-import json
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-import trimesh
 from jaxtyping import Float
 
 from carigs.config import compose, known
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration.exaggerator import Exaggerator
-from carigs.head.flame_pickle import read_pickle
 from carigs.mesh.regions import find_region, vertex_field
 from carigs.mesh.repair import CleanMesh, clean_mesh
+from carigs.readers.arrays import checked_array
+from carigs.readers.json_files import read_json
+from carigs.readers.meshes import FORMATS, read_mesh
+from carigs.readers.npz import read_npz
+from carigs.readers.pickles import read_pickle
 from carigs.settings import DEFAULT_GAMMA, Exaggerate
 from evaluation.figures.clay import clay_sheet
 
-FORMATS = (".obj", ".ply", ".off", ".stl", ".glb")
 EXAMPLES = """examples:
   carigs mesh head.obj -o caricature.ply
   carigs mesh head.obj --gamma 0.3 --levels 6 -o steps.obj        six files, from 0.05 to 0.3
@@ -33,31 +35,6 @@ EXAMPLES = """examples:
 
 With --gamma 0 only the regions are exaggerated and the rest is held. A negative level reduces what is characteristic.
 """
-
-
-def read_mesh(file: Path) -> trimesh.Trimesh:
-    """Read the triangles of a mesh file; several objects become one.
-
-    Args:
-        file: A file in one of `FORMATS`.
-
-    Returns:
-        The mesh, its vertices in the file's order.
-
-    Raises:
-        InputError: For a missing, unknown or broken file, or one without triangles.
-    """
-    if file.suffix.lower() not in FORMATS:
-        raise InputError(f"unknown kind of mesh; known: {' '.join(FORMATS)}", file=file)
-    if not file.is_file():
-        raise InputError("no such file", file=file)
-    try:
-        mesh = trimesh.load(file, process=False, maintain_order=True, force="mesh")
-    except Exception as error:  # trimesh's readers raise whatever their format's parser does
-        raise InputError(f"not a readable mesh ({error})", file=file) from error
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise InputError("holds no triangles", file=file)
-    return mesh
 
 
 def read_regions(file: Path) -> dict[str, np.ndarray]:
@@ -72,20 +49,12 @@ def read_regions(file: Path) -> dict[str, np.ndarray]:
     Raises:
         InputError: For a missing or broken file.
     """
-    if not file.is_file():
-        raise InputError("no such file", file=file)
-    try:
-        if file.suffix == ".pkl":
-            arrays = read_pickle(file)
-        elif file.suffix == ".npz":
-            with np.load(file, allow_pickle=False) as archive:
-                arrays = {name: archive[name] for name in archive.files}
-        else:
-            arrays = dict(json.loads(file.read_text(encoding="utf-8")))
-        masks = {name.removeprefix("mask_"): array for name, array in arrays.items() if name.startswith("mask_")}
-        return {name: np.asarray(array) for name, array in (masks or arrays).items()}
-    except (OSError, ValueError, TypeError, EOFError) as error:
-        raise InputError(f"not a file of regions: .json, .npz or FLAME_masks.pkl ({error})", file=file) from error
+    read = {".pkl": read_pickle, ".npz": read_npz, ".json": partial(read_json, kind=dict)}.get(file.suffix)
+    if read is None:
+        raise InputError("not a file of regions: .json, .npz or FLAME_masks.pkl", file=file)
+    arrays = read(file)
+    masks = {name.removeprefix("mask_"): array for name, array in arrays.items() if name.startswith("mask_")}
+    return {name: checked_array(masks or arrays, name, file=file) for name in masks or arrays}
 
 
 def exaggerate(task: argparse.Namespace) -> None:

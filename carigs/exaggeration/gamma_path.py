@@ -14,7 +14,10 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from carigs.errors import InputError, SettingsError
-from carigs.files import checked_array, load_npz, writing
+from carigs.files import writing
+from carigs.readers.arrays import checked_array
+from carigs.readers.json_files import parse_json
+from carigs.readers.npz import read_npz
 
 
 def lobatto_levels(count: int, gamma_f: float) -> Float[np.ndarray, "k"]:
@@ -195,7 +198,7 @@ class GammaPath:
         Raises:
             InputError: If the file is missing or broken, or an array is missing or not valid; names the array.
         """
-        arrays = load_npz(file, "path", ("report",))
+        arrays = read_npz(file, "path", ("report",))
 
         def refuse(is_bad: bool, field: str, problem: str) -> None:
             if is_bad:
@@ -219,10 +222,7 @@ class GammaPath:
         if "changes" in arrays:
             columns = take("columns", None, kinds="iu")
             changes = take("changes", len(levels) - 1, len(columns), *neutral.shape)
-        try:
-            report = json.loads(str(arrays["report"]))
-        except ValueError as error:
-            raise InputError(f"is not JSON ({error})", file=file, field="report") from error
+        report = parse_json(str(arrays["report"]), file, "report")
         nodes = levels.astype(np.float64), displacements.astype(np.float32)
         return cls(*nodes, faces, neutral.astype(np.float64), report, columns, changes)
 

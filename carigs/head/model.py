@@ -11,9 +11,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from carigs.errors import InputError
-from carigs.files import checked_array, load_npz
-from carigs.head.flame_pickle import read_pickle
+from carigs.head.flame_pickle import read_flame_pickle
 from carigs.head.teeth import FLAME_COUNTS, LOWER_LIP, UPPER_LIP, is_upper_tooth, teeth_faces, teeth_vertices
+from carigs.readers.arrays import checked_array
+from carigs.readers.npz import read_npz
 
 N_SHAPE = 300  # FLAME's convention: columns 0..299 of `shapedirs` are identity, the rest expression
 N_JOINTS = 5  # root, neck, jaw, left eye, right eye
@@ -54,9 +55,7 @@ class HeadModel:
             InputError: If the file is missing or cannot be read, or an array is missing or not valid.
         """
         file = Path(file)
-        if not file.is_file():
-            raise InputError("no such head model", file=file)
-        arrays = read_pickle(file) if file.suffix == ".pkl" else load_npz(file, "head model")
+        arrays = read_flame_pickle(file) if file.suffix == ".pkl" else read_npz(file, "head model")
         return _checked_model(arrays, file).with_teeth()
 
     def with_teeth(self) -> HeadModel:
@@ -142,14 +141,14 @@ class HeadModel:
 def _checked_model(arrays: Mapping[str, Any], file: Path) -> HeadModel:
     dense = {name: value.toarray() if hasattr(value, "toarray") else value for name, value in arrays.items()}
 
-    def take(name: str, shape: tuple[int | None, ...], dtype: type) -> np.ndarray:
-        return checked_array(dense, name, shape, dtype, file=file)
+    def take(name: str, shape: tuple[int | None, ...], dtype: type, below: int | None = None) -> np.ndarray:
+        return checked_array(dense, name, shape, dtype, below=below, file=file)
 
     v_template = take("v_template", (None, 3), np.float32)
     v = len(v_template)
-    faces = take("f", (None, 3), np.int32)
-    if len(faces) == 0 or faces.min() < 0 or faces.max() >= v:
-        raise InputError(f"face indices must lie in 0..{v - 1}", file=file, field="f")
+    faces = take("f", (None, 3), np.int32, below=v)
+    if len(faces) == 0:
+        raise InputError("holds no faces", file=file, field="f")
     parents = take("kintree_table", (2, N_JOINTS), np.int64)[0].copy()
     parents[0] = -1
     if (parents[1:] < 0).any() or (parents[1:] >= np.arange(1, N_JOINTS)).any():
@@ -161,10 +160,7 @@ def _checked_model(arrays: Mapping[str, Any], file: Path) -> HeadModel:
     regions = {}
     for name in arrays:
         if name.startswith("mask_"):
-            ids = take(name, (None,), np.int64)
-            if len(ids) and (ids.min() < 0 or ids.max() >= v):
-                raise InputError(f"vertex ids must lie in 0..{v - 1}", file=file, field=name)
-            regions[name.removeprefix("mask_")] = ids
+            regions[name.removeprefix("mask_")] = take(name, (None,), np.int64, below=v)
     return HeadModel(
         v_template=v_template,
         faces=faces,
@@ -175,5 +171,5 @@ def _checked_model(arrays: Mapping[str, Any], file: Path) -> HeadModel:
         parents=parents,
         regions=regions,
         expression_names=tuple(str(name) for name in np.asarray(arrays.get("expression_names", ()))),
-        landmarks68=take("landmarks68", (68,), np.int64) if "landmarks68" in arrays else None,
+        landmarks68=take("landmarks68", (68,), np.int64, below=v) if "landmarks68" in arrays else None,
     )

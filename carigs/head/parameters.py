@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.errors import InputError
-from carigs.files import checked_array, reading_arrays
 from carigs.head.model import N_SHAPE, HeadModel
 from carigs.head.teeth import FLAME_COUNTS, FLAME_WITH_TEETH_COUNTS, TEETH_COUNTS
+from carigs.readers.arrays import checked_array
+from carigs.readers.npz import read_npz
 
 
 @dataclass(frozen=True)
@@ -48,18 +49,17 @@ class HeadParameters:
                 finite.
         """
         file = Path(file)
-        with reading_arrays(file, "head parameter file"), np.load(file, allow_pickle=False) as archive:
-            arrays = {name: archive[name].astype(np.float64) for name in archive.files}
+        arrays = read_npz(file, "head parameter file")
 
         def take(key: str, size: int, *, at_most: bool = False) -> np.ndarray:
-            value = checked_array(arrays, key, file=file).reshape(-1)
+            value = checked_array(arrays, key, None, np.float64, file=file).reshape(-1)
             if value.size != size and not (at_most and 0 < value.size < size):
                 raise InputError(f"{value.size} values, expected {size}", file=file, field=key)
             return np.pad(value, (0, size - value.size))
 
         offset, v = None, len(model.v_template)
         if "static_offset" in arrays:
-            offset = checked_array(arrays, "static_offset", file=file)
+            offset = checked_array(arrays, "static_offset", None, np.float64, file=file)
             if v == FLAME_WITH_TEETH_COUNTS[0] and offset.shape[-2:] == (FLAME_COUNTS[0], 3):
                 offset = np.concatenate([offset.reshape(-1, 3), np.zeros((TEETH_COUNTS[0], 3))])
             if offset.shape[-2:] != (v, 3) or offset.size != v * 3:

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int
 
-from carigs.files import load_npz
 from carigs.light.shadow_map import multiply_irradiance
 from carigs.light.transfer import Transfer, light_transfer
 from carigs.raster import Visibility
+from carigs.readers.npz import read_npz
 
 GAMMA = 2.2
 """Approximate exponent of the sRGB curve."""
@@ -142,5 +142,5 @@ def load_shading(file: Path) -> Shading | None:
     """
     if not file.is_file():
         return None
-    fields = load_npz(file, "shading", Shading.__dataclass_fields__)
+    fields = read_npz(file, "shading", Shading.__dataclass_fields__)
     return Shading(**{**fields, "strength": float(fields["strength"]), "limit": float(fields["limit"])})

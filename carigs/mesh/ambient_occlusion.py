@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from carigs.errors import InputError
 from carigs.files import writing
 from carigs.mesh.ray_caster import RayCaster
 from carigs.mesh.triangle_mesh import barycenters, face_areas, neighbour_pairs, size, vertex_normals
+from carigs.readers.npz import read_npy
 
 RAYS = 64
 """Rays from each vertex."""
@@ -84,10 +86,10 @@ def cached_ambient_occlusion(
     folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "carigs" / "occlusion"
     file = folder / f"{digest.hexdigest()[:32]}.npy"
     try:
-        occlusion = np.load(file, allow_pickle=False)
+        occlusion = read_npy(file)
         if occlusion.shape == (len(vertices),) and np.isfinite(occlusion).all():
             return occlusion
-    except (OSError, ValueError, EOFError):
+    except InputError:
         pass
     occlusion = ambient_occlusion(vertices, faces, at=at)
     try:

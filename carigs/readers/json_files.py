@@ -82,14 +82,14 @@ def json_field(entry: Any, key: str, kind: type, *, file: str | Path, where: str
         The value.
 
     Raises:
-        InputError: If the field is missing or of another type.
+        InputError: If the field is missing, of another type, or not a finite number.
     """
     field = f"{where}.{key}" if where else key
     if not isinstance(entry, dict) or key not in entry:
         raise InputError("this key is missing", file=file, field=field)
     value = entry[key]
     kinds = (int, float) if kind is float else kind
-    if not isinstance(value, kinds) or isinstance(value, bool):
+    if not isinstance(value, kinds) or isinstance(value, bool) or (kind is float and not math.isfinite(value)):
         raise InputError(f"expected {_TYPES[kind]}, found {repr(value)[:60]}", file=file, field=field)
     return value
 

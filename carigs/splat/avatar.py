@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from carigs.files import writing
 from carigs.head import HeadModel, HeadParameters
 from carigs.head.model import N_SHAPE
 from carigs.light.shading import Shading
+from carigs.readers.npz import read_npz
 from carigs.splat.render import SKINNINGS, render
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.surfels import ATTRIBUTES, Surfels, from_arrays, to_arrays
@@ -122,17 +122,14 @@ def load_avatar(file: Path) -> Avatar:
     Raises:
         InputError: If the file is missing, broken, or of another format.
     """
+    arrays = read_npz(file, "avatar")
     try:
-        with np.load(file, allow_pickle=False) as archive:
-            arrays = dict(archive)
         if str(arrays.get("format")) != FORMAT:
             raise InputError(f"not a {FORMAT} file", file=file, field="format")
         return _from_arrays(arrays, file)
-    except FileNotFoundError as error:
-        raise InputError("no such avatar", file=file) from error
     except KeyError as error:
         raise InputError("this array is missing", file=file, field=str(error.args[0])) from error
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+    except ValueError as error:
         raise InputError(f"not a readable avatar ({error})", file=file) from error
 
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import trimesh
 
 from carigs.capture import Capture
 from carigs.errors import InputError
 from carigs.exaggeration import straight_path
-from carigs.files import load_npz
 from carigs.head import neutral, subject_gamma_path
 from carigs.head.teeth import add_teeth, skin_counts
+from carigs.readers.arrays import checked_array
+from carigs.readers.meshes import read_mesh
+from carigs.readers.npz import read_npz
 from carigs.settings import Exaggerate
 
 
@@ -56,19 +57,10 @@ def read_displacement(file: Path, neutral_vertices: np.ndarray, skin_vertices: i
     Raises:
         InputError: If the file is missing, cannot be read, or belongs to another mesh.
     """
-    if not file.is_file():
-        raise InputError("no such caricature", file=file)
     if file.suffix == ".npz":
-        displacement = load_npz(file, required=["delta"])["delta"].astype(np.float64)
+        found, field = checked_array(read_npz(file, "caricature"), "delta", None, np.float64, file=file), "delta"
     else:
-        try:
-            mesh = trimesh.load(file, process=False, maintain_order=True, force="mesh")
-            displacement = np.asarray(mesh.vertices, np.float64) - neutral_vertices[: len(mesh.vertices)]
-        except Exception as error:  # trimesh's readers raise errors of any type
-            raise InputError(f"not a caricature of {len(neutral_vertices)} vertices ({error})", file=file) from error
-    if displacement.shape not in (neutral_vertices.shape, (skin_vertices, 3)):
-        raise InputError(f"shape {displacement.shape}, the head has {neutral_vertices.shape}", file=file, field="delta")
-    if not np.isfinite(displacement).all():
-        vertex = int(np.flatnonzero(~np.isfinite(displacement).all(axis=1))[0])
-        raise InputError(f"vertex {vertex} is not finite", file=file, field="delta")
-    return displacement
+        found, field = np.asarray(read_mesh(file).vertices, np.float64), "vertices"
+    if found.shape not in (neutral_vertices.shape, (skin_vertices, 3)):
+        raise InputError(f"shape {found.shape}, the head has {neutral_vertices.shape}", file=file, field=field)
+    return found if field == "delta" else found - neutral_vertices[: len(found)]

@@ -10,10 +10,12 @@ from rich.progress import track
 
 from carigs.capture import Capture
 from carigs.capture.frame_index import ground_truth_files, write_ground_truth
-from carigs.capture.images import png_size, write_png
+from carigs.capture.images import write_png
 from carigs.errors import InputError
 from carigs.exaggeration import Caricature, GammaPath
-from carigs.files import json_field, read_json, writing_folder
+from carigs.files import writing_folder
+from carigs.readers.images import image_size
+from carigs.readers.json_files import json_field, read_json
 from carigs.settings import Truth
 
 Keys = Iterator[tuple[int, int]]
@@ -81,7 +83,7 @@ def _copy_supplied(subject: Capture, source: Path, folder: Path) -> Keys:
         names = ground_truth_files(timestep, number)
         for key, name in (("file_path", names["image"]), ("fg_mask_path", names["mask"])):
             file = source / json_field(entry, key, str, file=index, where=where)
-            if png_size(file) != (camera.width, camera.height):
+            if image_size(file) != (camera.width, camera.height):
                 raise InputError(f"its camera has {camera.width} x {camera.height} pixels", file=file)
             shutil.copyfile(file, folder / name)
         yield timestep, number

@@ -13,6 +13,7 @@ from jaxtyping import Float, Float32, Int
 from carigs.errors import InputError
 from carigs.files import writing
 from carigs.head import HeadModel, HeadParameters, neutral, pose
+from carigs.readers.npz import read_npz
 from carigs.settings import Toy
 from carigs.toy.look.ambient_visibility import ambient_visibility
 from carigs.toy.look.atlas import Atlas, allocate_texels, texel_count, texel_points
@@ -112,16 +113,14 @@ def load_subject(folder: Path) -> Subject:
     """
     file = Path(folder) / "subject.npz"
     model = HeadModel.load(Path(folder) / "head_model.npz")
+    arrays = read_npz(file, "subject; write the toy capture first")
     try:
-        with np.load(file, allow_pickle=False) as arrays:
-            single = [field.name for field in fields(Subject) if field.name not in ("model", *_GROUPS)]
-            values = {name: arrays[_KEYS.get(name, name)] for name in single}
-            for name, kind in _GROUPS.items():
-                values[name] = kind(*(arrays[f"{name}.{part}"] for part in kind._fields))
+        single = [field.name for field in fields(Subject) if field.name not in ("model", *_GROUPS)]
+        values = {name: arrays[_KEYS.get(name, name)] for name in single}
+        for name, kind in _GROUPS.items():
+            values[name] = kind(*(arrays[f"{name}.{part}"] for part in kind._fields))
         return Subject(model=model, **values | {name: int(values[name]) for name in ("supersampling", "upper_teeth")})
-    except FileNotFoundError as error:
-        raise InputError("no such subject; write the toy capture first", file=file) from error
-    except (OSError, KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"not a toy subject ({error})", file=file) from error
 
 

@@ -16,11 +16,11 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
-from carigs.errors import InputError
 from carigs.exaggeration import Exaggerator
 from carigs.head import HeadModel
 from carigs.mesh import clean_mesh
 from carigs.mesh.ambient_occlusion import ambient_occlusion
+from carigs.readers.meshes import read_mesh
 from carigs.settings import Exaggerate
 from evaluation.benchmarks import surface_accuracy as accuracy
 from evaluation.benchmarks.plots import plot_surface
@@ -146,10 +146,7 @@ def read_heads(files: list[Path]) -> dict[str, Mesh]:
     Raises:
         InputError: A file is missing.
     """
-    for file in files:
-        if not file.is_file():
-            raise InputError("no such mesh", file=file)
-    loaded = {file.stem: trimesh.load(file, process=False, maintain_order=True, force="mesh") for file in files}
+    loaded = {file.stem: read_mesh(file) for file in files}
     return {name: (np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces)) for name, mesh in loaded.items()}
 
 

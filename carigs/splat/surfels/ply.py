@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from carigs.errors import InputError, SettingsError
 from carigs.files import writing
+from carigs.readers.ply import read_ply_vertices
 from carigs.splat.colour.spherical_harmonics import num_coefficients
 from carigs.splat.surfels.surfels import Surfels, from_arrays, initial_blend, to_arrays
 
@@ -63,14 +64,7 @@ def read_ply(file: Path) -> Surfels:
     Raises:
         InputError: If the file is missing or broken, or lacks a property.
     """
-    from plyfile import PlyData, PlyParseError
-
-    try:
-        rows = PlyData.read(str(file), mmap=False)["vertex"].data
-    except FileNotFoundError as error:
-        raise InputError("no such file", file=file) from error
-    except (PlyParseError, KeyError, OSError, ValueError) as error:
-        raise InputError(f"not a readable surfel .ply ({error})", file=file) from error
+    rows = read_ply_vertices(file)
 
     def properties(*names: str) -> Float[np.ndarray, "n k"]:
         for name in names:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-import zipfile
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from carigs.errors import InputError
 from carigs.files import writing
+from carigs.readers.npz import read_npz
 from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.surfels import ATTRIBUTES, Surfels, from_arrays, to_arrays
@@ -109,8 +110,7 @@ def load_checkpoint(file: Path, digest: str, refinement: TrackingRefinement | No
         The state; None if there is no file, if it is broken, or if it is of a run with other inputs.
     """
     try:
-        with np.load(file) as archive:
-            arrays = dict(archive)
+        arrays = read_npz(file)
         if str(arrays["key"]) != digest:
             return None
         surfels = from_arrays(**{name: arrays[name] for name in (*ATTRIBUTES, "binding")})
@@ -122,5 +122,5 @@ def load_checkpoint(file: Path, digest: str, refinement: TrackingRefinement | No
         if refinement is not None:
             refinement.restore(arrays)
         return TrainingState(int(arrays["iteration"]), surfels, adam, statistics, log, losses, seconds, refinement)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+    except (InputError, ValueError, KeyError):
         return None
