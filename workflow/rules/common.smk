@@ -20,6 +20,7 @@ from carigs.config import (
     target_maker,
 )
 from carigs.errors import CarigsError
+from carigs.run_process import name_run_process
 from carigs.settings import STAGES
 from carigs.sources import fingerprint
 
@@ -94,6 +95,7 @@ def targets(pattern):
     return target_files
 
 
+name_run_process()
 if unknown := sorted(set(config) - {"hydra"}):
     raise WorkflowError(f"--config {unknown[0]}= is unknown; overrides go into hydra='study=ict gamma=0.2'")
 

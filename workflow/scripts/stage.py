@@ -10,6 +10,7 @@ from typing import TextIO
 
 from carigs.config import load_settings
 from carigs.errors import CarigsError
+from carigs.run_process import end_with_run_process
 
 WORKFLOW_ONLY = ("settings", "watch", "watch_targets", "code")
 """Inputs and parameters of the rule that are not keywords of the stage."""
@@ -61,6 +62,7 @@ def _paths(files: object) -> Path | list[Path]:
 
 def _run(job) -> None:
     """Call the stage of a Snakemake job; errors of the input are one line, on the terminal and in the log."""
+    end_with_run_process()
     rule, terminal = job.rule, sys.stderr
     files = {name: _paths(files) or None for name, files in {**job.input, **job.output}.items()}
     keywords = {**files, **job.params}
