@@ -56,7 +56,8 @@ def read_mesh(file: str | Path) -> trimesh.Trimesh:
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise InputError(f"faces must name vertices 0..{len(vertices) - 1}", file=file, field="faces")
-    used = vertices[np.unique(faces)]
-    if not (np.abs(used) < MAX_COORDINATE).all():
-        raise InputError(f"coordinates must be finite and smaller than {MAX_COORDINATE:g}", file=file, field="vertices")
+    used = np.unique(faces)
+    if (bad := used[~(np.abs(vertices[used]) < MAX_COORDINATE).all(axis=1)]).size:
+        problem = f"is not finite, or a coordinate is {MAX_COORDINATE:g} or more"
+        raise InputError(f"vertex {bad[0]} {problem}", file=file, field="vertices")
     return mesh

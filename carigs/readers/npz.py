@@ -95,7 +95,7 @@ def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, file: str | 
         with archive.open(member) as stream:
             content = stream.read()  # at most member.file_size bytes; the checksum is compared at the end
     except _DAMAGE as error:
-        raise InputError(f"damaged ({error})", file=file, field=name) from error
+        raise InputError(f"not a readable .npz ({error})", file=file, field=name) from error
     return _parse(content, file, name)
 
 

@@ -55,7 +55,7 @@ def check_ply_header(content: bytes, file: str | Path) -> None:
     """
     end = content.find(b"end_header", 0, MAX_HEADER_BYTES)
     if not content.startswith(b"ply") or end < 0:
-        raise InputError("not a .ply file", file=file)
+        raise InputError("not a readable .ply (no header)", file=file)
     lines = content[:end].decode("latin1").split("\n")
     ascii_format = any(line.split()[:2] == ["format", "ascii"] for line in lines)
     body, claimed, count, element = len(content) - end - len("end_header"), 0, 0, "?"

@@ -58,7 +58,7 @@ def test_levels_grow_and_the_picture_has_a_row_for_each(mesh, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("missing.obj", None, "no such file"),
+        ("missing.obj", None, "no such mesh"),
         ("head.txt", "", "unknown kind of mesh"),
         ("points.obj", "v 0 0 0\nv 1 0 0\n", "points.obj"),
         ("broken.ply", "ply\nformat", "broken.ply"),
@@ -112,7 +112,7 @@ def test_a_region_alone_and_a_region_on_an_exaggerated_head(mesh, tmp_path):
         (["--region", "nose=0.4"], "--region nose: give the names of regions with --regions FILE"),
         (["--region", "chin=0.4", "--regions", "r.json"], "region chin is unknown; known: nose"),
         (["--region", "nose=0.4", "--regions", "none.npz"], "none.npz: no such file"),
-        (["--region", "nose=0.4", "--regions", "bad.npz"], "bad.npz: not a file of regions"),
+        (["--region", "nose=0.4", "--regions", "bad.npz"], "bad.npz: not a readable .npz"),
         (["--region", "nose=0.4", "--regions", "other.json"], "other.json: nose: the region must be a list"),
     ],
 )

@@ -160,8 +160,8 @@ def broken(arrays: dict, key: str, value) -> dict:
         ("weights", None, "weights: this array is missing"),
         ("weights", np.zeros((7, 5)), r"weights: shape \(7, 5\), expected 30 x 5"),
         ("v_template", np.full((30, 3), np.nan), r"v_template: not a finite number at \(0, 0\)"),
-        ("f", np.full((4, 3), 30), "f: face indices"),
-        ("mask_nose", np.array([99]), "mask_nose: vertex ids"),
+        ("f", np.full((4, 3), 30), "f: indices must lie in"),
+        ("mask_nose", np.array([99]), "mask_nose: indices must lie in"),
     ],
 )
 def test_broken_models_are_named(tmp_path, key, value, says):

@@ -69,7 +69,7 @@ def test_a_solved_caricature_carries_the_expressions_of_the_capture(folder, tmp_
     ("file", "says"),
     [
         ("none.npz", "none.npz: no such caricature"),
-        ("capture.json", "capture.json: not a caricature"),
+        ("capture.json", "capture.json: unknown kind of mesh"),
         ("short.npz", "delta: shape"),
     ],
 )
