@@ -127,7 +127,7 @@ def test_an_unreadable_file_is_named(path, tmp_path, damage):
     else:
         flipped = data[:middle] + bytes([data[middle] ^ 255]) + data[middle + 1 :]
         bad.write_bytes({"text": b"nothing", "empty": b"", "cut": data[:middle], "flipped": flipped}[damage])
-    with pytest.raises(InputError, match=r"bad\.npz: not a readable"):
+    with pytest.raises(InputError, match=r"bad\.npz: .*not a readable"):
         GammaPath.load(bad)
 
 
