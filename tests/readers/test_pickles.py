@@ -12,7 +12,8 @@ import pytest
 import scipy.sparse
 
 from carigs.errors import InputError
-from carigs.readers.pickles import NAMES, read_pickle
+from carigs.readers.pickled_objects import NAMES
+from carigs.readers.pickles import read_pickle
 
 
 @pytest.fixture
@@ -44,6 +45,7 @@ def test_arrays_of_every_protocol_come_back(protocol, tmp_path):
         "big endian": np.arange(5, dtype=">i4"),
         "empty": np.zeros((0, 3)),
         "objects": np.array([{"ids": np.arange(3)}, None], object),
+        "arrays": np.fromiter([np.arange(2), np.arange(2, 4)], object, 2),
         "bool": np.array([True, False]),
         "list": [1, 2.5, "three", np.arange(2)],
         "scalar": np.float64(0.5),
@@ -56,6 +58,7 @@ def test_arrays_of_every_protocol_come_back(protocol, tmp_path):
         np.testing.assert_array_equal(found[name], content[name])
     np.testing.assert_array_equal(found["objects"][0]["ids"], [0, 1, 2])
     assert found["objects"][1] is None
+    assert found["arrays"].shape == (2,) and found["arrays"][1].tolist() == [2, 3]
     assert found["list"][:3] == [1, 2.5, "three"]
     assert found["scalar"] == 0.5
 
@@ -150,7 +153,7 @@ def test_reductions_of_python_objects_are_refused(tmp_path):
 
 
 def test_the_table_names_no_function_of_another_module():
-    assert {function.__module__ for function in NAMES.values()} == {"carigs.readers.pickles"}
+    assert {function.__module__ for function in NAMES.values()} == {"carigs.readers.pickled_objects"}
     assert not any("." in name for _, name in NAMES)
 
 
