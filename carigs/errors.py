@@ -20,6 +20,10 @@ class CarigsError(Exception):
         super().__init__("".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in message))
 
 
+class CarigsWarning(UserWarning):
+    """Something likely to be wrong, or left out: the work goes on, and the run repeats the line at its end."""
+
+
 class InputError(CarigsError):
     """A file that cannot be used: missing, broken, of another shape, or with invalid values."""
 
