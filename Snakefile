@@ -17,6 +17,11 @@ include: "workflow/rules/stress.smk"
 report: "workflow/report/workflow.rst"
 
 
+onstart:
+    if workflow.local_exec:
+        start_fork_server()
+
+
 localrules:
     reproduce,
     table,

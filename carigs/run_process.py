@@ -19,11 +19,24 @@ RUN_PROCESS = "CARIGS_RUN_PROCESS"
 SECONDS_BETWEEN_CHECKS = 0.5
 
 
-def name_run_process() -> None:
-    """Let the jobs that this process starts belong to it, or to the run that it belongs to itself."""
-    if not _is_alive(os.environ.get(RUN_PROCESS, "")):
-        process = psutil.Process()
+def name_run_process(pid: int | None = None) -> None:
+    """Let jobs belong to a process.
+
+    Args:
+        pid: The process. If None, this process, or the one that it belongs to itself.
+    """
+    if pid is not None or not run_process_is_alive():
+        process = psutil.Process(pid)
         os.environ[RUN_PROCESS] = f"{socket.gethostname()} {process.pid} {process.create_time()}"
+
+
+def run_process_is_alive() -> bool:
+    """Whether the process that this one belongs to is on this host and has not ended.
+
+    Returns:
+        False also if no process is named.
+    """
+    return _is_alive(os.environ.get(RUN_PROCESS, ""))
 
 
 def end_with_run_process() -> None:

@@ -59,12 +59,15 @@ def _copy_captured(subject: Capture, folder: Path) -> Keys:
 
 
 def _render_toy(subject: Capture, caricature: Caricature, folder: Path) -> Keys:
-    from carigs.toy import load_subject, render_subject
+    from carigs.toy import load_subject, pose_subject
 
     toy, frames = load_subject(subject.root), subject.split("test")
+    posed = None
     for frame in track(frames, description="truth", disable=len(frames) < 10):
-        camera, files = subject.cameras[frame.camera], ground_truth_files(frame.timestep, frame.camera)
-        colour, alpha = render_subject(toy, subject.parameters(frame.timestep), camera, caricature)
+        if posed is None or posed[0] != frame.timestep:  # frames are in order of their timestep
+            posed = frame.timestep, pose_subject(toy, subject.parameters(frame.timestep), caricature)
+        colour, alpha = posed[1].render(subject.cameras[frame.camera])
+        files = ground_truth_files(frame.timestep, frame.camera)
         write_png(folder / files["image"], colour)
         write_png(folder / files["mask"], alpha)
         yield frame.timestep, frame.camera

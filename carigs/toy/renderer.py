@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Float32, Int32
 
 from carigs.capture.camera import Camera
 from carigs.capture.images import to_linear
@@ -25,26 +26,65 @@ from carigs.toy.subject import Subject
 _SHADOW_SIDE = 256  # pixels of the shadow map
 
 
-def render_subject(
+@dataclass(frozen=True)
+class PosedSubject:
+    """The subject at one timestep under one light: everything that its images from all cameras share."""
+
+    subject: Subject
+    light: StudioLight
+    head: Float[np.ndarray, "v 3"]
+    """World positions in metres, as those of the teeth."""
+    teeth: Float[np.ndarray, "t 3"]
+    head_normals: Float[np.ndarray, "v 3"]
+    teeth_colours: Float[np.ndarray, "t 3"]
+    hair: tuple[Any, ...]
+    """The first arguments of `strand_ribbons`."""
+    faces: Int32[np.ndarray, "f 3"]
+    """Of head, teeth and hair."""
+    shadow: Float[np.ndarray, "s s"]
+    """Shadow map: depth seen from the key light in metres."""
+    shadow_from_world: Float[np.ndarray, "3 4"]
+
+    def render(self, camera: Camera) -> tuple[Float32[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"]]:
+        """Render the image of a camera.
+
+        Args:
+            camera: The camera; lengths in metres.
+
+        Returns:
+            Colours (sRGB in [0, 1]) over a white background, and coverage in [0, 1].
+        """
+        subject = self.subject
+        ribbons, hair_colours = strand_ribbons(*self.hair, camera.centre, self.light)
+        positions = np.concatenate([self.head, self.teeth, ribbons])
+        fragments = rasterize_mesh(positions, self.faces, camera.scaled(subject.supersampling))
+        return shade(
+            fragments.face, fragments.barycentric, self.faces, len(subject.model.faces), positions, self.head_normals,
+            ambient_by_channel(subject.ambient_visibility), *subject.atlas,
+            np.concatenate([self.teeth_colours.astype(np.float32), hair_colours]), camera.centre,
+            self.light.coefficients, self.shadow, self.shadow_from_world, subject.supersampling,
+            LINEAR_FROM_SRGB, SRGB_FROM_LINEAR,
+        )  # fmt: skip
+
+
+def pose_subject(
     subject: Subject,
     parameters: HeadParameters,
-    camera: Camera,
     caricature: Caricature | None = None,
     *,
     world_from_light: Float[np.ndarray, "3 3"] | None = None,
-) -> tuple[Float32[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"]]:
-    """Render one frame of the subject.
+) -> PosedSubject:
+    """Pose the subject and cast its shadows.
 
     Args:
         subject: The subject.
         parameters: Identity, expression and pose of the head.
-        camera: The camera; lengths in metres.
         caricature: Added to the head as by `carigs.head.pose`. Texture, hair and teeth follow the surface, light and
             shadows are those of the new surface.
         world_from_light: Rotation of the studio's light; None: not rotated.
 
     Returns:
-        Colours (sRGB in [0, 1]) over a white background, and coverage in [0, 1].
+        The posed subject, to be rendered from any number of cameras.
     """
     light = StudioLight() if world_from_light is None else StudioLight(world_from_light)
     if caricature is None:
@@ -56,23 +96,47 @@ def render_subject(
     roots = np.einsum("si,sij->sj", strands.barycentric, head[head_faces[strands.face]])
     axes = triangle_frames(head, head_faces)[strands.face]
     hair = (strands, to_linear(strands.colour), roots, axes, METRES_PER_MILLIMETRE)
-    # Shadow map: a camera at the key light that sees the whole head with its hair.
+    # A camera at the key light that sees the whole head with its hair.
     middle = 0.5 * (head.min(axis=0) + head.max(axis=0))
     radius = np.linalg.norm(head - middle, axis=1).max() + 0.03
     lamp = distant_camera(middle, radius, light.key_direction, _SHADOW_SIDE)
     ribbons, _ = strand_ribbons(*hair, lamp.centre, light)
-    shadow = rasterize_mesh(np.concatenate([head, teeth, ribbons]), faces, lamp).depth
     intrinsics = np.array([[lamp.fx, 0, lamp.cx], [0, lamp.fy, lamp.cy], [0, 0, 1]])
-    ribbons, hair_colours = strand_ribbons(*hair, camera.centre, light)
-    teeth_colours = shade_teeth(subject.teeth_colours, vertex_normals(teeth, subject.teeth_faces), light)
-    positions = np.concatenate([head, teeth, ribbons])
-    fragments = rasterize_mesh(positions, faces, camera.scaled(subject.supersampling))
-    return shade(
-        fragments.face, fragments.barycentric, faces, len(head_faces), positions, vertex_normals(head, head_faces),
-        ambient_by_channel(subject.ambient_visibility), *subject.atlas,
-        np.concatenate([teeth_colours.astype(np.float32), hair_colours]), camera.centre, light.coefficients,
-        shadow, intrinsics @ lamp.camera_from_world[:3], subject.supersampling, LINEAR_FROM_SRGB, SRGB_FROM_LINEAR,
-    )  # fmt: skip
+    return PosedSubject(
+        subject=subject,
+        light=light,
+        head=head,
+        teeth=teeth,
+        head_normals=vertex_normals(head, head_faces),
+        teeth_colours=shade_teeth(subject.teeth_colours, vertex_normals(teeth, subject.teeth_faces), light),
+        hair=hair,
+        faces=faces,
+        shadow=rasterize_mesh(np.concatenate([head, teeth, ribbons]), faces, lamp).depth,
+        shadow_from_world=intrinsics @ lamp.camera_from_world[:3],
+    )
+
+
+def render_subject(
+    subject: Subject,
+    parameters: HeadParameters,
+    camera: Camera,
+    caricature: Caricature | None = None,
+    *,
+    world_from_light: Float[np.ndarray, "3 3"] | None = None,
+) -> tuple[Float32[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"]]:
+    """Render one image of the subject. For several cameras, `pose_subject` saves time.
+
+    Args:
+        subject: The subject.
+        parameters: As of `pose_subject`.
+        camera: The camera; lengths in metres.
+        caricature: As of `pose_subject`.
+        world_from_light: As of `pose_subject`.
+
+    Returns:
+        Colours (sRGB in [0, 1]) over a white background, and coverage in [0, 1].
+    """
+    return pose_subject(subject, parameters, caricature, world_from_light=world_from_light).render(camera)
 
 
 def _pose(subject: Subject, parameters: HeadParameters, caricature: Caricature) -> tuple[np.ndarray, np.ndarray]:

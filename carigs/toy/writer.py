@@ -17,7 +17,7 @@ from carigs.capture.images import write_png
 from carigs.files import writing
 from carigs.head import HeadParameters
 from carigs.settings import Toy
-from carigs.toy.renderer import render_subject
+from carigs.toy.renderer import pose_subject
 from carigs.toy.scene import TEST_SEQUENCE, Timestep, frontal_camera, studio_cameras, timesteps
 from carigs.toy.subject import make_subject
 
@@ -46,13 +46,14 @@ def write_capture(folder: Path, settings: Toy) -> None:
     open_mouth = HeadParameters(shape=subject.shape, jaw=np.array([0.3, 0.0, 0.0]))
     open_mouth.save(folder / "canonical_flame_param.npz", subject.model)
 
-    def render_view(view: tuple[int, int]) -> None:
-        t, c = view
-        colour, alpha = render_subject(subject, parameters[t], cameras[c])
-        write_png(folder / _image_file(t, c), colour)
-        write_png(folder / _mask_file(t, c), alpha)
+    def render_timestep(t: int) -> None:
+        posed = pose_subject(subject, parameters[t])
+        for c, camera in enumerate(cameras):
+            colour, alpha = posed.render(camera)
+            write_png(folder / _image_file(t, c), colour)
+            write_png(folder / _mask_file(t, c), alpha)
 
-    _run_with_progress(render_view, [(t, c) for t in range(len(timeline)) for c in range(len(cameras))])
+    _run_with_progress(render_timestep, len(timeline))
     _write_splits(folder, timeline, cameras)
 
 
@@ -68,13 +69,13 @@ def _parameter_file(t: int) -> str:
     return f"flame_param/{t:05d}.npz"
 
 
-def _run_with_progress(render_view: Callable[[tuple[int, int]], None], views: list[tuple[int, int]]) -> None:
-    render_view(views[0])  # compiles the kernels once, before two threads need them
+def _run_with_progress(render_timestep: Callable[[int], None], count: int) -> None:
+    render_timestep(0)  # compiles the kernels once, before two threads need them
     console = Console(stderr=True)
-    quiet = len(views) < 50 or not sys.stderr.isatty()
+    quiet = count < 5 or not sys.stderr.isatty()
     with ThreadPoolExecutor(2) as pool:
-        done = pool.map(render_view, views[1:])
-        for _ in track(done, "rendering the toy", len(views) - 1, console=console, transient=True, disable=quiet):
+        done = pool.map(render_timestep, range(1, count))
+        for _ in track(done, "rendering the toy", count - 1, console=console, transient=True, disable=quiet):
             pass
 
 

@@ -50,7 +50,7 @@ def truth_records(
         for protocol, region, metric in product(sorted({frame.protocol for frame in rendered}), REGIONS, IMAGE_METRICS):
             yield metric_record(point, protocol, (None, None), region, metric, None, truths.reason)
         return
-    surface = None
+    surface = posed = None
     for frame in track(rendered, description="against the truth", disable=len(rendered) < 10):
         record = partial(metric_record, point, frame.protocol, (frame.camera, frame.timestep))
         key = (frame.timestep, frame.camera)
@@ -65,10 +65,12 @@ def truth_records(
             if array.shape[:2] != (camera.height, camera.width):
                 size = f"{array.shape[1]} x {array.shape[0]} pixels"
                 raise InputError(f"{size}, its camera has {camera.width} x {camera.height}", file=file)
-        parameters = subject.parameters(frame.timestep)
+        if posed is None or posed[0] != frame.timestep:  # frames are in order of their timestep
+            parameters = subject.parameters(frame.timestep)
+            posed = frame.timestep, pose(subject.model, parameters, caricature)
+        vertices = posed[1]
         if surface is None:
             surface = surface_regions(subject.model, neutral(subject.model, parameters))
-        vertices = pose(subject.model, parameters, caricature)
         fragments = rasterize_mesh(vertices, subject.model.faces, camera)
         regions = image_regions(surface, vertices, fragments, camera, foreground, band=band)
         maps = {name: metric.pixel_map(image, truth) for name, metric in IMAGE_METRICS.items()}

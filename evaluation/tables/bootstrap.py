@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -42,11 +43,8 @@ def mean_interval(
     mean = float(sorted_values.mean())
     if len(sorted_values) < 2:
         return Interval(mean, float("nan"), float("nan"))
-    generator = np.random.default_rng(seed)
-    weights = np.ones((resamples, len(sorted_values)))
-    for factor in levels[:, order]:
-        n = int(factor.max()) + 1
-        weights *= generator.multinomial(n, np.full(n, 1 / n), size=resamples)[:, factor]
+    sorted_levels = levels[:, order]
+    weights = _resampled_weights(sorted_levels.tobytes(), sorted_levels.shape, resamples, seed)
     total = weights.sum(axis=1)
     drawn = total > 0  # with missing cells, a resample may be empty
     # Not by BLAS, whose sums may depend on the number of threads.
@@ -54,6 +52,19 @@ def mean_interval(
     tail = 50 * (1 - confidence)
     low, high = np.percentile(means, [tail, 100 - tail])
     return Interval(mean, float(low), float(high))
+
+
+@lru_cache(maxsize=16)  # all metrics and regions of the same frames have the same weights
+def _resampled_weights(
+    levels: bytes, shape: tuple[int, int], resamples: int, seed: int
+) -> Float[np.ndarray, "resamples n"]:
+    """How often each value counts in each resample; `levels` is an integer array (factors, n)."""
+    generator = np.random.default_rng(seed)
+    weights = np.ones((resamples, shape[1]))
+    for factor in np.frombuffer(levels, int).reshape(shape):
+        n = int(factor.max()) + 1
+        weights *= generator.multinomial(n, np.full(n, 1 / n), size=resamples)[:, factor]
+    return weights
 
 
 def _ranks(labels: Sequence[Hashable]) -> list[int]:

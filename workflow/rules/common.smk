@@ -20,6 +20,7 @@ from carigs.config import (
     target_maker,
 )
 from carigs.errors import CarigsError
+from carigs.fork_server import start_fork_server
 from carigs.run_process import name_run_process
 from carigs.settings import STAGES
 from carigs.sources import fingerprint

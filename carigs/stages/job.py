@@ -1,0 +1,89 @@
+"""Run a stage as a job of the workflow: its messages go to a log, errors of the input are one line."""
+
+from __future__ import annotations
+
+import re
+import sys
+import traceback
+from contextlib import redirect_stderr, redirect_stdout
+from importlib import import_module
+from pathlib import Path
+from typing import Any, TextIO
+
+from carigs.config import load_settings
+from carigs.errors import CarigsError
+
+
+class _Log:
+    """Stream to the log file and, if there is one, to the terminal; the log keeps the last state of a progress bar."""
+
+    def __init__(self, file: TextIO, terminal: TextIO | None):
+        self.file, self.terminal, self.line = file, terminal, ""
+        self.encoding = "utf-8"
+
+    def write(self, text: str) -> int:
+        """Write text to the terminal at once, and complete lines to the log, without escape sequences.
+
+        Args:
+            text: What a stage prints.
+
+        Returns:
+            Number of characters, as for every text stream.
+        """
+        if self.terminal:
+            self.terminal.write(text)
+        *lines, self.line = (self.line + text).split("\n")
+        for line in lines:
+            plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", line).rstrip("\r")
+            self.file.write(plain.rpartition("\r")[2] + "\n")
+        return len(text)
+
+    def flush(self) -> None:
+        """Flush the file and the terminal."""
+        self.file.flush()
+        if self.terminal:
+            self.terminal.flush()
+
+    def isatty(self) -> bool:
+        """Whether there is a terminal, for progress bars.
+
+        Returns:
+            True if the terminal shows what is written.
+        """
+        return self.terminal is not None
+
+
+def run_job(
+    stage: str, settings: str, files: dict[str, str | list[str]], params: dict[str, Any], output: str, log: str
+) -> int:
+    """Call a stage; errors of the input are one line, on the terminal and in the log.
+
+    Args:
+        stage: Name of the module in `carigs.stages`, of its function and of its section in the settings.
+        settings: File with the section.
+        files: Inputs and outputs by the stage's keywords: a file, or a list of files, which is empty for an unused
+            input.
+        params: Further keywords.
+        output: The output that an error of the input names.
+        log: File to write.
+
+    Returns:
+        Exit code.
+    """
+    paths = {name: Path(file) if isinstance(file, str) else [*map(Path, file)] or None for name, file in files.items()}
+    terminal = sys.stderr
+    with open(log, "w", buffering=1, encoding="utf-8") as file:
+        stream = _Log(file, terminal if terminal.isatty() else None)
+        try:
+            with redirect_stdout(stream), redirect_stderr(stream):
+                function = getattr(import_module(f"carigs.stages.{stage}"), stage)
+                function(load_settings(stage, settings), **paths, **params)
+        except CarigsError as error:
+            for place in (file, terminal):
+                print(f"carigs: {output}: {error}", file=place)
+            return 1
+        except Exception:
+            for place in (file, terminal):
+                traceback.print_exc(file=place)
+            return 1
+    return 0
