@@ -6,3 +6,7 @@
 - `kernels`, `linked_kernels`, `kernel_cache`: how kernels are compiled, and where they are kept
 - `vector_loops`, `threads`: parallel loops over vectors, number of threads
 """
+
+from carigs.simd.kernel_cache import use_kernel_cache
+
+use_kernel_cache()  # before any module with kernels runs: each of them imports a module of this package

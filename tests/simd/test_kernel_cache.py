@@ -1,6 +1,7 @@
 """Compiled kernels belong to the sources they were compiled from, and to the version of Numba."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -18,7 +19,7 @@ from carigs.sources import sources
 def folder_of(root: Path, **environment: str) -> Path:
     """Where a fresh process that imports the package under `root` keeps its kernels."""
     clean = {name: value for name, value in os.environ.items() if name != "NUMBA_CACHE_DIR"}
-    code = "import carigs, numba; print(numba.config.CACHE_DIR)"
+    code = "import carigs.simd, numba; print(numba.config.CACHE_DIR)"
     done = subprocess.run(
         [sys.executable, "-c", code],
         env={**clean, "PYTHONPATH": str(root), **environment},
@@ -102,3 +103,11 @@ def test_one_line_says_that_kernels_will_be_compiled_unless_they_are_there(tmp_p
     (tmp_path / "splat" / "forward_simd._composite_colour-181.py311.nbi").touch()
     announce_compilation()
     assert capsys.readouterr().err == ""
+
+
+def test_every_module_that_numba_caches_kernels_of_sets_the_folder():
+    """`carigs.simd` sets it when it is imported; a module with kernels that does not import it would use another."""
+    for file in Path(carigs.__file__).parent.rglob("*.py"):
+        text = file.read_text("utf-8")
+        if re.search(r"^\s*@\w*(njit|jit|kernel)\b|cache=True", text, re.MULTILINE):
+            assert "carigs.simd" in text or file.parent.name == "simd", file
