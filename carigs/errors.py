@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from pathlib import Path
 
 
@@ -50,3 +52,64 @@ class MeshError(CarigsError):
 
 class WeightsMissing(CarigsError):
     """Network weights that are not installed; the message names the file, where it was expected and its source."""
+
+
+OUT_OF_MEMORY = ("not enough memory", "can't allocate memory", "out of memory", "can't start new thread")
+"""What libraries write into a `RuntimeError` when the machine has no more memory or threads."""
+
+
+def one_line(error: BaseException) -> str | None:
+    """Describe an error that a user or the machine causes, and no mistake of the program.
+
+    Args:
+        error: Anything raised.
+
+    Returns:
+        One line without a traceback: for `CarigsError`, an interrupt (Ctrl-C), a lack of memory or threads, input that
+        is nested too deeply, and errors of the file system, such as a full disk. None for every other error.
+    """
+    if isinstance(error, CarigsError):
+        return str(error)
+    if isinstance(error, KeyboardInterrupt):
+        return "interrupted"
+    detail = " ".join(str(error).split())[:500]
+    if isinstance(error, MemoryError) or (
+        isinstance(error, RuntimeError) and any(text in detail for text in OUT_OF_MEMORY)
+    ):
+        return f"not enough memory ({detail})" if detail else "not enough memory"
+    if isinstance(error, RecursionError):
+        return f"nested too deeply ({detail})"
+    if isinstance(error, OSError):  # NumPy reports a full disk without a number: "8 requested and 0 written"
+        problem = error.strerror or detail or type(error).__name__
+        return str(CarigsError(f"{error.filename}: {problem}" if error.filename else problem))
+    return None
+
+
+def exit_code(error: BaseException) -> int:
+    """Exit code of a program that ends with an error.
+
+    Args:
+        error: Anything raised.
+
+    Returns:
+        130 for an interrupt, as shells have it, else 1.
+    """
+    return 130 if isinstance(error, KeyboardInterrupt) else 1
+
+
+def report(error: BaseException) -> int:
+    """End a program with an error: print its line on stderr, or raise it if it is a mistake of the program.
+
+    Args:
+        error: Anything raised.
+
+    Returns:
+        The exit code.
+    """
+    line = one_line(error)
+    if line is None:
+        raise error
+    if isinstance(error, BrokenPipeError):  # the flush at the end of Python would fail, too, and be reported
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    print(f"carigs: {line}", file=sys.stderr)
+    return exit_code(error)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
-from carigs.errors import CarigsError
+from carigs.errors import report
 
 
 def csv_parser(description: str) -> argparse.ArgumentParser:
@@ -26,12 +26,12 @@ def csv_parser(description: str) -> argparse.ArgumentParser:
 
 
 def run(main: Callable[[], bool | None]) -> NoReturn:
-    """Run a program and exit: status 1 if it fails, with user errors in one line.
+    """Run a program and exit: status 1 if it fails, with errors that are no mistakes of the program in one line.
 
     Args:
         main: Program; a true result is a failure.
     """
     try:
         sys.exit(int(bool(main())))
-    except CarigsError as error:
-        sys.exit(f"carigs: {error}")
+    except (Exception, KeyboardInterrupt) as error:
+        sys.exit(report(error))

@@ -10,7 +10,7 @@ import sys
 from importlib import import_module
 from importlib.metadata import version
 
-from carigs.errors import CarigsError
+from carigs.errors import report
 
 COMMANDS = {
     "run": "make a study: avatars, table and figures",
@@ -21,7 +21,7 @@ COMMANDS = {
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a subcommand; an error of the input or the settings is one line on stderr.
+    """Run a subcommand; an error that is no mistake of the program is one line on stderr (`carigs.errors.one_line`).
 
     Args:
         arguments: The command line without the program's name; `sys.argv` if None.
@@ -33,10 +33,11 @@ def main(arguments: list[str] | None = None) -> int:
     command = arguments[0] if arguments else ""
     if command in COMMANDS:
         try:
-            return import_module(f"carigs.cli.{command}").main(arguments[1:])
-        except CarigsError as error:
-            print(f"carigs: {error}", file=sys.stderr)
-            return 1
+            status = import_module(f"carigs.cli.{command}").main(arguments[1:])
+            sys.stdout.flush()
+        except (Exception, KeyboardInterrupt) as error:
+            return report(error)
+        return status
     if command == "--version":
         print(f"carigs {version('carigs')}")
     elif command in ("-h", "--help"):

@@ -1,4 +1,4 @@
-"""Run a stage as a job of the workflow: its messages go to a log, errors of the input are one line."""
+"""Run a stage as a job of the workflow: its messages go to a log, errors that a user can cause are one line."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from carigs.config import load_settings
-from carigs.errors import CarigsError
+from carigs.errors import exit_code, one_line
 
 
 class _Log:
@@ -56,7 +56,7 @@ class _Log:
 def run_job(
     stage: str, settings: str, files: dict[str, str | list[str]], params: dict[str, Any], output: str, log: str
 ) -> int:
-    """Call a stage; errors of the input are one line, on the terminal and in the log.
+    """Call a stage; errors that are no mistake of the program are one line, on the terminal and in the log.
 
     Args:
         stage: Name of the module in `carigs.stages`, of its function and of its section in the settings.
@@ -78,12 +78,9 @@ def run_job(
             with redirect_stdout(stream), redirect_stderr(stream):
                 function = getattr(import_module(f"carigs.stages.{stage}"), stage)
                 function(load_settings(stage, settings), **paths, **params)
-        except CarigsError as error:
+        except (Exception, KeyboardInterrupt) as error:
+            line = one_line(error)
             for place in (file, terminal):
-                print(f"carigs: {output}: {error}", file=place)
-            return 1
-        except Exception:
-            for place in (file, terminal):
-                traceback.print_exc(file=place)
-            return 1
+                print(f"carigs: {output}: {line}" if line else traceback.format_exc(), file=place)
+            return exit_code(error)
     return 0
