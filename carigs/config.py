@@ -9,8 +9,10 @@ from __future__ import annotations
 import fnmatch
 import re
 import shlex
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from hydra import compose as hydra_compose
 from hydra import initialize_config_dir
@@ -21,6 +23,7 @@ from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
 from carigs.errors import InputError, SettingsError
+from carigs.readers.yaml_files import check_yaml, read_yaml_text
 from carigs.settings import STAGES, Config, combine_mask_flags
 from carigs.settings.option import Section, check_section, walk
 
@@ -42,6 +45,11 @@ GROUPS = ("study", "subject", "variant", "exaggerate")
 VARIANT_SECTIONS = ("gtstar", "train")
 """Sections that a variant may change."""
 
+MAX_OVERRIDE = 10_000
+"""Longest override in characters."""
+MAX_BRACKETS = 32
+"""Most opening brackets of an override: the time of Hydra's parser grows quickly with their depth."""
+
 _schema = OmegaConf.structured(Config)
 # The names of regions come with the head model: here alone keys may be added.
 OmegaConf.set_struct(_schema.exaggerate.regions, False)
@@ -60,13 +68,17 @@ def compose(*overrides: str) -> DictConfig:
 
     Raises:
         SettingsError: For unknown keys and choices, wrong types and values out of range, in one line.
+        InputError: For a broken file in `conf/`.
     """
     search = [f"hydra.searchpath=['file://{folder.as_posix()}']" for folder in _conf_folders()[1:]]
+    _check_overrides(overrides)
+    for file in (file for folder in _conf_folders() for file in folder.rglob("*.yaml")):
+        check_yaml(file)  # before Hydra opens it
     try:
         with initialize_config_dir(str(CONF), version_base="1.3"):
             config = hydra_compose("config", [*search, *overrides])
             OmegaConf.resolve(config)
-    except (HydraException, OmegaConfBaseException, YAMLError) as error:
+    except (HydraException, OmegaConfBaseException, YAMLError, ValueError, OverflowError, RecursionError) as error:
         raise SettingsError(_one_line(error)) from error
     check_section(Config, config)
     config.study.variants = _expand_patterns(config.study.variants)
@@ -205,12 +217,19 @@ def load_settings(stage: str, file: str | Path) -> Section:
         The section's dataclass.
 
     Raises:
-        InputError: For a broken file, unknown keys, wrong types and values out of range.
+        InputError: For a broken file, missing or unknown keys, wrong types and values out of range.
     """
+    text, schema = read_yaml_text(file), STAGES[stage]
     try:
-        return OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(STAGES[stage]), OmegaConf.load(file)))
-    except (OmegaConfBaseException, YAMLError, SettingsError) as error:
+        found = OmegaConf.create(text)
+        section = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(schema), found))
+    except (OmegaConfBaseException, YAMLError, SettingsError, ValueError, OverflowError) as error:
         raise InputError(_one_line(error), file=file) from error
+    present = set(_keys(OmegaConf.to_container(found)))
+    for key in (key.removeprefix(f"{stage}.") for key, _, _ in walk(schema)):
+        if key not in present:  # else a file that was cut off would mean defaults
+            raise InputError("this key is missing", file=file, field=key)
+    return section
 
 
 def known(group: str) -> list[str]:
@@ -223,6 +242,26 @@ def known(group: str) -> list[str]:
         Names of its files, without those that start with an underscore: parts that others share.
     """
     return sorted({file.stem for folder in _conf_folders() for file in (folder / group).glob("[!_]*.yaml")})
+
+
+def _keys(values: dict[str, Any], at: str = "") -> Iterator[str]:
+    """All dotted keys of nested mappings."""
+    for name, value in values.items():
+        yield f"{at}{name}"
+        if isinstance(value, dict):
+            yield from _keys(value, f"{at}{name}.")
+
+
+def _check_overrides(overrides: tuple[str, ...]) -> None:
+    """Refuse overrides that Hydra's parser cannot take in reasonable time, and those of Hydra itself."""
+    for override in overrides:
+        shown = f"{override[:60]}{'...' * (len(override) > 60)}"
+        if len(override) > MAX_OVERRIDE:
+            raise SettingsError(f"{shown}: {len(override)} characters; at most {MAX_OVERRIDE} are read")
+        if sum(override.count(bracket) for bracket in "([{") > MAX_BRACKETS:
+            raise SettingsError(f"{shown}: more than {MAX_BRACKETS} brackets")
+        if re.match(r"[+~\s]*hydra\b", override):  # such as a search path that imports a package
+            raise SettingsError(f"{shown}: settings of Hydra itself cannot be changed")
 
 
 def _conf_folders() -> list[Path]:

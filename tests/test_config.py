@@ -295,6 +295,15 @@ def test_data_folder_comes_from_the_environment(monkeypatch):
         ("gtstar.warp=cubic", ("gtstar.warp=cubic", "affine")),
         ("gtstar.supersampling=9", ("gtstar.supersampling=9", "[1, 8]")),
         ("gtstar.grazing_cosine=nan", ("gtstar.grazing_cosine=nan",)),
+        ("study.levels=[[0.1]]", ("study.levels[0]", "must be one value")),
+        ("exaggerate.regions={nose:[1]}", ("exaggerate.regions.nose", "must be one value")),
+        ("train.position_lr=1e400", ("train.position_lr=inf", "finite")),
+        (f"train.position_lr={'9' * 400}", ("train.position_lr",)),
+        (f"train.seed={'9' * 400}", ("train.seed=999",)),
+        (f"train.seed={'9' * 5000}", ("4300 digits",)),
+        (f"study.levels={'[' * 3000}", ("study.levels", "brackets")),
+        (f"metrics.edit_prompt={'a' * 20000}", ("metrics.edit_prompt", "20020 characters")),
+        ("hydra.searchpath=[pkg://antigravity]", ("hydra.searchpath", "Hydra itself")),
     ],
 )
 def test_a_mistake_is_told_in_one_line_that_names_the_key(override, named):
@@ -332,13 +341,13 @@ def test_every_range_is_checked(key):
             compose(f"{key}={value}")
 
 
-def test_numbers_that_may_take_any_value_are_few():
-    """All numbers have a bound."""
+def test_every_number_has_a_smallest_and_a_largest_value():
     free = [
         key
         for key, f in OPTIONS.items()
         if any(number in f.type for number in ("int", "float"))
-        if option_of(f).ge is None and option_of(f).gt is None
+        for low, high in [((option_of(f).ge, option_of(f).gt), (option_of(f).le, option_of(f).lt))]
+        if low == (None, None) or high == (None, None)
     ]
     assert free == []
 

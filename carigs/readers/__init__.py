@@ -6,6 +6,7 @@ code of the file, and raises `InputError` with the file and the field for whatev
 - `limits`: what is checked before a file is opened, and limits on sizes
 - `npz`: NumPy's .npy and .npz
 - `json_files`: JSON
+- `yaml_files`: YAML files of settings
 - `pickles`, `pickled_objects`: pickled dictionaries of arrays, such as FLAME's
 - `images`: PNG and JPEG
 - `ply`: the vertices of .ply files

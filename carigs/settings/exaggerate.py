@@ -22,11 +22,11 @@ class Exaggerate(Section, key="exaggerate"):
     level that it stands for."""
     gamma: float = option(DEFAULT_GAMMA, ge=-100, le=100)
     """gamma_f, the level that is trained for."""
-    curvature_floor: float = option(0.3, unit="K_ref", gt=0)
+    curvature_floor: float = option(0.3, unit="K_ref", gt=0, le=1e6)
     """eps in |K|_eps = sqrt(K^2 + eps^2)."""
     relative_curvature: bool = True
     """Divide |K| by K_ref, so that the result does not depend on the unit of the mesh."""
-    curvature_smoothing: float = option(0.005, unit="bounding-box diagonals", ge=0)
+    curvature_smoothing: float = option(0.005, unit="bounding-box diagonals", ge=0, le=1)
     """Length over which curvature is smoothed by a heat step (0: not smoothed)."""
     curvature_source: str = option("subject", choices=("subject", "ratio", "template"))
     """The face that the curvature is taken from. `subject`: the subject's. `ratio`: the subject's relative to the head
@@ -34,9 +34,9 @@ class Exaggerate(Section, key="exaggerate"):
     the same displacement (the paper)."""
     limit_cavities: bool = True
     """Reduce weights by ambient occlusion, so that nostrils, ear canals and mouth do not grow through the skin."""
-    cavity_stiffness: float = option(4.0, ge=0)
+    cavity_stiffness: float = option(4.0, ge=0, le=1e6)
     """Additional stiffness of occluded triangles relative to open skin (0: none), against folding."""
-    gap_stiffness: float = option(20.0, ge=0)
+    gap_stiffness: float = option(20.0, ge=0, le=1e6)
     """Stiffness across narrow gaps relative to the skin's (0: none), so that lips and lids do not intersect."""
     normalize_weights: bool = True
     """Divide the weights by their area mean, which keeps the overall size."""
@@ -45,9 +45,9 @@ class Exaggerate(Section, key="exaggerate"):
     blendshape_transfer: str = option("mixed", choices=("offset", "linear", "mixed"))
     """Blendshapes of the caricature. `offset`: unchanged. `linear`: exaggerated like the head. `mixed`: half of both,
     so that lids close. Always `offset` for a caricature from a file."""
-    path_error: float = option(1e-4, unit="bounding-box diagonals", gt=0)
+    path_error: float = option(1e-4, unit="bounding-box diagonals", gt=0, le=1)
     """Largest interpolation error of the path between its nodes; determines their number."""
-    path_nodes: int = option(0, ge=0, excluded=1)
+    path_nodes: int = option(0, ge=0, le=64, excluded=1)
     """Levels at which the path is solved (0: as many as `path_error` needs); 2 is the paper's linear blend."""
     region_constraint: str = option("soft", choices=("soft", "exact", "literal"))
     """How the rest is held in an edit of one region alone (`carigs mesh --gamma 0 --region`, `LocalEdit`; for `regions`

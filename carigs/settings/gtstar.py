@@ -11,17 +11,17 @@ from carigs.settings.option import Section, option
 class Gtstar(Section, key="gtstar"):
     """GT* frames: every training frame warped to its caricature, and the mask flags of its pixels."""
 
-    threads: int = option(2, ge=1)
+    threads: int = option(2, ge=1, le=1024)
     """Timesteps processed in parallel; the result does not depend on it."""
     provider: str = option("lat", choices=("lat", "identity", "precomputed"))
     """Source of the GT* images. `lat`: frames warped by local affine (or perspective) transforms. `identity`: the
     frames themselves. `precomputed`: edited frames from `folder`."""
     folder: str | None = option(None, required_when=("provider", "precomputed"))
     """Edited frames `{timestep:05d}_{camera:02d}.png` and, if their mattes differ, `..._mask.png`."""
-    registration_error_limit: float = option(1.5, unit="pixels", ge=0)
+    registration_error_limit: float = option(1.5, unit="pixels", ge=0, le=1e9)
     """Frames are refused whose colours are shifted by more than this against those of the other cameras on the same
     mesh."""
-    registration_error_tolerance: float = option(0.5, unit="pixels", ge=0)
+    registration_error_tolerance: float = option(0.5, unit="pixels", ge=0, le=1e9)
     """Shift up to which a frame has full weight; above it falls linearly to 0 at `registration_error_limit`."""
     warp: str = option("perspective", choices=("perspective", "affine"))
     """Map of each triangle. `perspective`: the exact homography. `affine`: the paper's equation 5."""
@@ -34,7 +34,7 @@ class Gtstar(Section, key="gtstar"):
     grazing_cosine: float = option(0.1, ge=0, le=1)
     """A triangle is `grazing` if the cosine between view and normal is below this in the frame and more than 1.25 times
     as large in the caricature."""
-    max_stretch: float = option(6.0, ge=1)
+    max_stretch: float = option(6.0, ge=1, le=1e9)
     """Ratio of a triangle's projected areas, caricature to frame, above which it is `stretched`."""
     relight: str = option("targets_and_surfels", choices=("targets_and_surfels", "targets", "none"))
     """Shading of the caricature. `none`: GT* frames keep the light of the natural surface (the paper). `targets`: GT*
@@ -43,9 +43,9 @@ class Gtstar(Section, key="gtstar"):
     """Exponent of the ratio of new to old irradiance."""
     relight_limit: float = option(2.0, ge=1, le=100)
     """Largest factor on linear colours; the smallest is its inverse."""
-    hair_dilation: int = option(2, unit="pixels", ge=0)
+    hair_dilation: int = option(2, unit="pixels", ge=0, le=1000)
     """Dilation of the hair mask."""
-    background_margin: int = option(1, unit="pixels", ge=0)
+    background_margin: int = option(1, unit="pixels", ge=0, le=1000)
     """Margin around mesh and foreground in which background does not count as known."""
     hair_regions: tuple[str, ...] = ("scalp",)
     """Regions of the head model with hair; names that the model lacks are ignored, here and below."""

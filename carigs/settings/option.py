@@ -5,13 +5,17 @@ The meaning of a field is the docstring below it.
 
 from __future__ import annotations
 
-import math
 import operator
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import Field, dataclass, field, fields
 from typing import Any, ClassVar
 
 from carigs.errors import SettingsError
+
+MAX_COUNT = 1_000_000_000
+"""Largest number of things that are counted one by one."""
+MAX_SEED = 2**32 - 1
 
 
 @dataclass(frozen=True)
@@ -48,10 +52,11 @@ class Option:
         low, high = (b if a is None else a for a, b in ((self.ge, self.gt), (self.le, self.lt)))
         text = ""
         if low is not None and high is not None:
-            text = f"lie in {'[' if self.ge is not None else '('}{low:g}, {high:g}{']' if self.le is not None else ')'}"
+            first, last = "[" if self.ge is not None else "(", "]" if self.le is not None else ")"
+            text = f"lie in {first}{low:.10g}, {high:.10g}{last}"
         elif low is not None:
-            text = f"be {'at least' if self.ge is not None else 'above'} {low:g}"
-        return f"{text} and not be {self.excluded:g}" if self.excluded is not None else text
+            text = f"be {'at least' if self.ge is not None else 'above'} {low:.10g}"
+        return f"{text} and not be {self.excluded:.10g}" if self.excluded is not None else text
 
     def problem(self, value: Any) -> str:
         """Check one value.
@@ -65,8 +70,8 @@ class Option:
         if self.choices:
             return "" if value in self.choices else f"is unknown; choose {self.allowed()}"
         if isinstance(value, bool) or not isinstance(value, int | float):
-            return ""
-        if not math.isfinite(value):
+            return "" if isinstance(value, bool | str | None) else "must be one value"
+        if not abs(value) <= sys.float_info.max:  # also refuses NaN, and whole numbers of hundreds of digits
             return "must be a finite number"
         bounds = ((operator.ge, self.ge), (operator.gt, self.gt), (operator.le, self.le), (operator.lt, self.lt))
         inside = all(bound is None or compare(value, bound) for compare, bound in bounds)
@@ -173,7 +178,7 @@ def check_section(section: type[Section], values: Any) -> None:
                 raise SettingsError(f"{key} must be set when {section.key}.{other} is {needed}")
         for place, element in _elements(value):
             if problem := allowed.problem(element):
-                shown = f"{element:g}" if isinstance(element, float) else element
+                shown = f"{element:g}" if isinstance(element, float) else str(element)[:60]
                 raise SettingsError(f"{key}{place}={shown} {problem}")
 
 

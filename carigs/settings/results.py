@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from carigs.settings.option import Section, option
+from carigs.settings.option import MAX_COUNT, MAX_SEED, Section, option
 
 
 @dataclass
 class Render(Section, key="render"):
     """Images of the trained avatar."""
 
-    threads: int = option(1, ge=1)
+    threads: int = option(1, ge=1, le=1024)
     """Threads of the rasterizer; the result does not depend on it."""
-    orbit_frames: int = option(24, ge=0)
+    orbit_frames: int = option(24, ge=0, le=100_000)
     """Frames of the novel camera orbit (0: no orbit)."""
-    orbit_timestep: int | None = option(None, ge=0)
+    orbit_timestep: int | None = option(None, ge=0, le=MAX_COUNT)
     """Timestep shown on the orbit (null: the first test timestep)."""
     orbit_degrees: float = option(60.0, unit="degrees", gt=0, le=360)
     """Range of azimuth of the orbit."""
@@ -43,7 +43,7 @@ class Metrics(Section, key="metrics"):
         "A photorealistic caricature of a head with a highly exaggerated nose and large ears, under natural lighting."
     )
     """Text of the caricature (CLIP-I, CLIP-D)."""
-    silhouette_band: int = option(2, unit="pixels", ge=1)
+    silhouette_band: int = option(2, unit="pixels", ge=1, le=10_000)
     """Half width of the silhouette region."""
 
 
@@ -55,11 +55,11 @@ class Tabulate(Section, key="tabulate"):
     """Variant that the others are compared with, frame by frame."""
     digits: int = option(2, ge=0, le=15)
     """Decimals of values in dB; scores between -1 and 1 have two more."""
-    resamples: int = option(2000, ge=1)
+    resamples: int = option(2000, ge=1, le=10_000_000)
     """Bootstrap resamples for each interval."""
     confidence: float = option(0.95, gt=0, lt=1)
     """Confidence level of the intervals."""
-    seed: int = option(0, ge=0)
+    seed: int = option(0, ge=0, le=MAX_SEED)
     """Seed of the bootstrap."""
 
 
@@ -67,11 +67,11 @@ class Tabulate(Section, key="tabulate"):
 class Figures(Section, key="figures"):
     """The figures of the paper."""
 
-    camera: int | None = option(None, ge=0)
+    camera: int | None = option(None, ge=0, le=MAX_COUNT)
     """Camera shown in the strips (null: the validation camera)."""
-    timestep: int | None = option(None, ge=0)
+    timestep: int | None = option(None, ge=0, le=MAX_COUNT)
     """Test timestep shown in the strips (null: the first)."""
-    image_height: int = option(360, unit="pixels", ge=1)
+    image_height: int = option(360, unit="pixels", ge=1, le=16_384)
     """Height of each image."""
-    blend_error_samples: int = option(26, ge=3)
+    blend_error_samples: int = option(26, ge=3, le=100_000)
     """Levels at which the blend error is evaluated."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from carigs.settings.mask_flags import DEFAULT_MASK_FLAGS, MASK_FLAGS
-from carigs.settings.option import Section, option
+from carigs.settings.option import MAX_COUNT, MAX_SEED, Section, option
 
 _FLAGS = "names of `carigs.settings.MaskFlag`"
 
@@ -15,25 +15,25 @@ _FLAGS = "names of `carigs.settings.MaskFlag`"
 class Density(Section, key="train.density"):
     """Density control with binding inheritance (the strategy of GaussianAvatars)."""
 
-    start: int = option(300, ge=0)
+    start: int = option(300, ge=0, le=MAX_COUNT)
     """First step that may clone, split and prune."""
-    stop: int = option(1500, ge=0)
+    stop: int = option(1500, ge=0, le=MAX_COUNT)
     """First step without density control."""
-    every: int = option(200, ge=0)
+    every: int = option(200, ge=0, le=MAX_COUNT)
     """Steps between two refinements (0: no density control)."""
-    gradient_threshold: float = option(0.0002, unit="NDC", ge=0)
+    gradient_threshold: float = option(0.0002, unit="NDC", ge=0, le=1e9)
     """Mean screen-space positional gradient above which a surfel is cloned or split."""
-    split_scale: float = option(0.01, unit="scene extents", ge=0)
+    split_scale: float = option(0.01, unit="scene extents", ge=0, le=1e9)
     """World scale above which a surfel is split instead of cloned."""
     prune_opacity: float = option(0.005, ge=0, le=1)
     """Opacity below which a surfel is removed."""
-    max_surfels: int = option(60000, ge=1)
+    max_surfels: int = option(60000, ge=1, le=10_000_000)
     """Budget of surfels."""
     replace_fraction: float = option(0.2, ge=0, le=1)
     """Fraction of the least important surfels that one refinement may replace once the budget is spent."""
-    importance_views: int = option(8, ge=1)
+    importance_views: int = option(8, ge=1, le=MAX_COUNT)
     """Training frames over which importance is measured."""
-    reset_every: int = option(0, ge=0)
+    reset_every: int = option(0, ge=0, le=MAX_COUNT)
     """Steps between two opacity resets (0: none, which suits short trainings)."""
 
 
@@ -55,11 +55,11 @@ class RefineTracking(Section, key="train.refine_tracking"):
 class Train(Section, key="train"):
     """Optimisation of the surfels."""
 
-    iterations: int = option(1500, ge=1)
+    iterations: int = option(1500, ge=1, le=MAX_COUNT)
     """Optimisation steps, one image each."""
-    seed: int = option(0, ge=0)
+    seed: int = option(0, ge=0, le=MAX_SEED)
     """Seed of the order of images and of density control."""
-    threads: int = option(1, ge=1)
+    threads: int = option(1, ge=1, le=1024)
     """Threads of the rasterizer; the result does not depend on it."""
     gtstar_probability: float = option(0.5, ge=0, le=1)
     """Probability that a step is supervised by a GT* frame: 0 uses real frames only, 1 GT* frames only."""
@@ -80,57 +80,57 @@ class Train(Section, key="train"):
     """Degree of the spherical harmonics of view-dependent colour."""
     rotate_harmonics: bool = True
     """Spherical harmonics rotate with the head instead of staying in world axes."""
-    surfels_per_face: int = option(1, ge=1)
+    surfels_per_face: int = option(1, ge=1, le=1000)
     """Initial surfels on each triangle."""
-    initial_scale: float = option(0.5, unit="triangle units", gt=0)
+    initial_scale: float = option(0.5, unit="triangle units", gt=0, le=100)
     """Initial standard deviation of the discs, divided by the square root of `surfels_per_face`."""
     initial_opacity: float = option(0.3, gt=0, lt=1)
     """Initial opacity."""
-    initial_colour_frames: int = option(32, ge=1)
+    initial_colour_frames: int = option(32, ge=1, le=MAX_COUNT)
     """Training frames from which the initial colours are sampled."""
     hair_regions: tuple[str, ...] = ("scalp",)
     """Regions of the head model with hair: `gtstar.hair_regions`, unless set here."""
-    hair_layers: int = option(6, ge=0)
+    hair_layers: int = option(6, ge=0, le=1000)
     """Additional surfels on each hair triangle, spread along its normal."""
     hair_length: float = option(0.012, unit="metres", ge=0, le=1)
     """Height above the scalp over which they are spread."""
     ssim_weight: float = option(0.2, ge=0, le=1)
     """Weight w of the loss (1 - w) L1 + w (1 - SSIM)."""
-    position_lr: float = option(0.03, unit="triangle units", ge=0)
+    position_lr: float = option(0.03, unit="triangle units", ge=0, le=10)
     """Initial learning rate of positions."""
-    scale_lr: float = option(0.017, ge=0)
+    scale_lr: float = option(0.017, ge=0, le=10)
     """Initial learning rate of log scales."""
-    rotation_lr: float = option(0.03, ge=0)
+    rotation_lr: float = option(0.03, ge=0, le=10)
     """Initial learning rate of quaternions."""
-    opacity_lr: float = option(0.05, ge=0)
+    opacity_lr: float = option(0.05, ge=0, le=10)
     """Initial learning rate of opacity logits."""
-    colour_lr: float = option(0.01, ge=0)
+    colour_lr: float = option(0.01, ge=0, le=10)
     """Initial learning rate of colour coefficients of degree 0."""
-    blend_lr: float = option(0.001, ge=0)
+    blend_lr: float = option(0.001, ge=0, le=10)
     """Initial learning rate of the skinning weights of `jbs`."""
     final_lr_factor: float = option(0.1, gt=0, le=1)
     """Ratio of last to first learning rate; in between they fall log-linearly."""
     position_final_lr_factor: float = option(0.01, gt=0, le=1)
     """The same for positions."""
-    position_limit: float = option(1.0, unit="triangle units", ge=0)
+    position_limit: float = option(1.0, unit="triangle units", ge=0, le=1e6)
     """Distance from the triangle up to which a position is not penalised."""
-    position_weight: float = option(0.01, ge=0)
+    position_weight: float = option(0.01, ge=0, le=1e6)
     """Weight of the position regularizer."""
-    scale_limit: float = option(0.6, unit="triangle units", ge=0)
+    scale_limit: float = option(0.6, unit="triangle units", ge=0, le=1e6)
     """Scale up to which a surfel is not penalised."""
-    scale_weight: float = option(1.0, ge=0)
+    scale_weight: float = option(1.0, ge=0, le=1e6)
     """Weight of the scale regularizer."""
-    distortion_weight: float = option(0.0, ge=0)
+    distortion_weight: float = option(0.0, ge=0, le=1e6)
     """Weight of the depth distortion regularizer of 2DGS."""
-    normal_weight: float = option(0.0, ge=0)
+    normal_weight: float = option(0.0, ge=0, le=1e6)
     """Weight of the normal consistency regularizer of 2DGS."""
-    regularize_from: int = option(500, ge=0)
+    regularize_from: int = option(500, ge=0, le=MAX_COUNT)
     """First step with the distortion and normal regularizers."""
     density: Density = field(default_factory=Density)
     refine_tracking: RefineTracking = field(default_factory=RefineTracking)
-    checkpoint_seconds: float = option(60.0, unit="seconds", ge=0)
+    checkpoint_seconds: float = option(60.0, unit="seconds", ge=0, le=1e9)
     """Time between two checkpoints."""
-    log_every: int = option(20, ge=1)
+    log_every: int = option(20, ge=1, le=MAX_COUNT)
     """Steps between two rows of the log."""
     backend: str = option("cpu", choices=("cpu", "scalar", "cuda"))
     """Rasterizer: `cpu`, `scalar` (plain loops, the reference), or `cuda` (gsplat)."""

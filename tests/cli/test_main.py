@@ -92,7 +92,7 @@ def test_a_combination_that_fails_does_not_stop_the_others(commands, capsys):
 @pytest.mark.parametrize(
     ("command", "arguments", "named"),
     [
-        ("run", ["train.iterations=0"], "train.iterations=0 must be at least 1"),
+        ("run", ["train.iterations=0"], "train.iterations=0 must lie in [1, 1000000000]"),
         ("run", ["gamma=0.1,0.2"], "carigs sweep"),
         ("sweep", ["gamma=0.1,nan"], "gamma=nan"),
         ("sweep", ["gamma=["], "gamma=["),
