@@ -105,6 +105,9 @@ def report(error: BaseException) -> int:
 
     Returns:
         The exit code.
+
+    Raises:
+        BaseException: The error itself, if `one_line` has no line for it.
     """
     line = one_line(error)
     if line is None:

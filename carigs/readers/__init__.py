@@ -11,5 +11,6 @@ code of the file, and raises `InputError` with the file and the field for whatev
 - `images`: PNG and JPEG
 - `ply`: the vertices of .ply files
 - `meshes`: OBJ, PLY, STL, OFF and GLB
+- `weights`: network weights in .safetensors and PyTorch's files
 - `arrays`: the type, shape and range of an array
 """

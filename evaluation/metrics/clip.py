@@ -5,7 +5,7 @@ E is the embedding of a rendered frame, O of the same frame of the capture, T of
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +13,13 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.errors import InputError
-from evaluation.metrics.weights import load_state
+from evaluation.metrics.weights import load_state, registered
 
 if TYPE_CHECKING:
     import torch
 
+WEIGHTS = "clip_vit_b32_openai"
+"""Entry of the registry of weights."""
 MODEL = "ViT-B-32-quickgelu"  # OpenAI's weights give wrong features in "ViT-B-32", without any warning
 
 
@@ -97,12 +99,15 @@ def clip_c(images: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n-1"]:
     return (images[:-1] * images[1:]).sum(axis=1)
 
 
-def load_clip(file: Path, config: Mapping[str, Any] | None = None) -> torch.nn.Module:
+def load_clip(
+    file: Path, config: Mapping[str, Any] | None = None, trusted: Collection[str] | None = None
+) -> torch.nn.Module:
     """Load a CLIP network.
 
     Args:
         file: Network weights.
         config: Architecture in open_clip's format; OpenAI's ViT-B/32 by default.
+        trusted: SHA-256 of TorchScript archives that may be loaded; by default that of OpenAI's.
 
     Returns:
         The network, in evaluation mode.
@@ -117,7 +122,9 @@ def load_clip(file: Path, config: Mapping[str, Any] | None = None) -> torch.nn.M
     blocks = [*model.visual.transformer.resblocks, *model.transformer.resblocks]
     if any(type(block.mlp.gelu).__name__ != "QuickGELU" for block in blocks):
         raise InputError("these weights need QuickGELU, the network has another activation", file=file)
-    return load_state(model, file, f"CLIP {MODEL}")
+    if trusted is None:
+        trusted = registered(WEIGHTS).sha256.values()
+    return load_state(model, file, f"CLIP {MODEL}", trusted)
 
 
 def embed_texts(model: torch.nn.Module, prompts: list[str]) -> Float[np.ndarray, "n d"]:

@@ -23,7 +23,7 @@ from evaluation.metrics.weights import find_weights, registered
 from evaluation.tables.metric_records import MetricRecord, StudyPoint, metric_record
 
 BATCH = 8
-WEIGHTS = {"clip": "clip_vit_b32_openai", "dino": "dino_vitb8"}
+WEIGHTS = {"clip": clip.WEIGHTS, "dino": "dino_vitb8"}
 METRICS = {
     "clip": (("test", "clip_i_cos"), ("test", "clip_i_score_w2.5"), ("test", "clip_d"), ("orbit", "clip_c_adjacent")),
     "dino": (("test", "dino_vitb8_cls"),),

@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 import os
 import tomllib
-import zipfile
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from carigs.errors import InputError, WeightsMissing
+from carigs.readers.weights import read_weights
 
 if TYPE_CHECKING:
     import torch
@@ -81,55 +81,28 @@ def find_weights(weights: Weights, folder: str | Path | None, *, download: bool 
     raise WeightsMissing(missing)
 
 
-def read_state(file: Path) -> dict[str, torch.Tensor]:
-    """Read network parameters to the CPU.
-
-    Args:
-        file: A .safetensors file, a torch file, or a TorchScript archive such as OpenAI's.
-
-    Returns:
-        Parameters by name.
-    """
-    import torch
-
-    if file.suffix == ".safetensors":
-        from safetensors.torch import load_file
-
-        return load_file(file)
-    if not _is_torchscript(file):
-        return torch.load(file, map_location="cpu", weights_only=True)
-    state = torch.jit.load(file, map_location="cpu").state_dict()
-    return {name: value for name, value in state.items() if name not in _NO_PARAMETERS}
-
-
-def load_state(network: torch.nn.Module, file: Path, name: str) -> torch.nn.Module:
+def load_state(network: torch.nn.Module, file: Path, name: str, trusted: Collection[str] = ()) -> torch.nn.Module:
     """Load a network's parameters from a file.
 
     Args:
         network: Network to load into.
-        file: File of any format that `read_state` knows.
+        file: File of any format that `read_weights` knows.
         name: Name of the network, for the error message.
+        trusted: SHA-256 of TorchScript archives that may be loaded.
 
     Returns:
         The network, in evaluation mode.
 
     Raises:
-        InputError: The parameters do not fit the network.
+        InputError: The file cannot be read, or the parameters do not fit the network.
     """
+    state = {name: value for name, value in read_weights(file, trusted).items() if name not in _NO_PARAMETERS}
     try:
-        network.load_state_dict(read_state(file))
+        network.load_state_dict(state)
     except RuntimeError as error:
         problem = " ".join(str(error).split())[:120]
         raise InputError(f"these weights are not {name} ({problem})", file=file) from error
     return network.eval()
-
-
-def _is_torchscript(file: Path) -> bool:
-    """Whether this is a zip file with `constants.pkl`, which torch.load refuses with weights_only."""
-    if not zipfile.is_zipfile(file):
-        return False
-    with zipfile.ZipFile(file) as archive:
-        return any(name.endswith("/constants.pkl") for name in archive.namelist())
 
 
 def _verify(file: Path, weights: Weights) -> None:

@@ -189,7 +189,7 @@ def test_with_weights_every_frame_has_its_scores(scene, monkeypatch):
     [
         ({"embeddings": ("vgg",)}, "vgg is unknown"),
         ({"crop": "left"}, "crop=left"),
-        ({"silhouette_band": 0}, "at least 1"),
+        ({"silhouette_band": 0}, "silhouette_band=0 must lie"),
     ],
 )
 def test_settings_without_meaning_are_refused_before_any_work(scene, settings, says):

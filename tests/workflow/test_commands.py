@@ -60,7 +60,7 @@ def test_the_papers_study_can_be_planned_without_its_data(stubbed):
         (("--config", "hydra=study=tyo"), ("study=tyo", "toy")),
         (("--config", "hydra=capture.source=sculpture"), ("capture.source=sculpture", "toy or folder")),
         (("--config", "hydra=capture.source=folder"), ("capture.folder must be set",)),
-        (("--config", "hydra=train.density.max_surfels=0"), ("train.density.max_surfels=0", "at least 1")),
+        (("--config", "hydra=train.density.max_surfels=0"), ("train.density.max_surfels=0", "[1, 10000000]")),
         (("--config", "hydra=train.mask_flags=[freckles]"), ("freckles", "occluded")),
         (("--config", "hdyra=study=toy"), ("hdyra", "hydra")),
         (("--config", "hydra=metrics.edit_prompt='A nose'"), ("metrics.edit_prompt", "quot")),

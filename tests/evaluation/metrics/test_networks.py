@@ -1,5 +1,6 @@
 """The loading and embedding code, on tiny random networks of open_clip's and timm's own classes."""
 
+import hashlib
 from functools import partial
 
 import numpy as np
@@ -68,9 +69,12 @@ def test_loading_gives_the_saved_network_back(tiny_clip, tmp_path, kind):
                 owner = owner.get_submodule(part)
             owner.register_buffer(leaf, value)
         torch.jit.script(carrier).save(file)
+        with pytest.raises(InputError, match="TorchScript"):
+            clip.load_clip(file, TINY_CLIP)
+    trusted = [hashlib.sha256(file.read_bytes()).hexdigest()]
     image = torch.rand(2, 3, 64, 64, generator=torch.Generator().manual_seed(0))
     with torch.inference_mode():
-        assert torch.equal(clip.load_clip(file, TINY_CLIP).encode_image(image), model.encode_image(image))
+        assert torch.equal(clip.load_clip(file, TINY_CLIP, trusted).encode_image(image), model.encode_image(image))
 
 
 def test_another_activation_than_quick_gelu_is_refused(tiny_clip):
