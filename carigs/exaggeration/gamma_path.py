@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Float, Float32, Int, Shaped
 
 from carigs.errors import InputError, SettingsError
 from carigs.files import writing
@@ -199,32 +199,56 @@ class GammaPath:
             InputError: If the file is missing or broken, or an array is missing or not valid; names the array.
         """
         arrays = read_npz(file, "path", ("report",))
+        path = cls.from_arrays(arrays, checked_array(arrays, "faces", (None, 3), file=file), file)
+        return replace(path, report=parse_json(str(arrays["report"]), file, "report"))
+
+    @classmethod
+    def from_arrays(
+        cls, arrays: Mapping[str, np.ndarray], faces: Shaped[np.ndarray, "f 3"], file: str | Path, prefix: str = ""
+    ) -> GammaPath:
+        """Check the arrays of a path.
+
+        Args:
+            arrays: Arrays by the names of the fields.
+            faces: Vertex indices of the triangles.
+            file: Where they come from, for messages.
+            prefix: What precedes the names.
+
+        Returns:
+            The path, without a report.
+
+        Raises:
+            InputError: If an array is missing or not valid; names the array.
+        """
 
         def refuse(is_bad: bool, field: str, problem: str) -> None:
             if is_bad:
-                raise InputError(problem, file=file, field=field)
+                raise InputError(problem, file=file, field=f"{prefix}{field}")
 
-        def take(name: str, *shape: int | None, kinds: str = "f") -> np.ndarray:
-            array = checked_array(arrays, name, shape, file=file)
+        def take(name: str, *shape: int | None, dtype: type | None = None, kinds: str = "f") -> np.ndarray:
+            array = checked_array(arrays, f"{prefix}{name}", shape, file=file)
             expected = "floating-point numbers" if kinds == "f" else "integers"
             refuse(array.dtype.kind not in kinds, name, f"holds {array.dtype}, expected {expected}")
-            return array
+            return array if dtype is None else checked_array(arrays, f"{prefix}{name}", shape, dtype, file=file)
 
-        neutral, faces, levels = take("neutral", None, 3), take("faces", None, 3, kinds="iu"), take("levels", None)
+        neutral, levels = take("neutral", None, 3, dtype=np.float64), take("levels", None, dtype=np.float64)
         refuse(len(levels) < 2, "levels", f"shape {levels.shape}, expected two or more levels")
-        displacements = take("displacements", len(levels), *neutral.shape)
+        displacements = take("displacements", len(levels), *neutral.shape, dtype=np.float32)
+        refuse(faces.dtype.kind not in "iu", "faces", f"holds {faces.dtype}, expected integers")
         outside = faces.size > 0 and (faces.min() < 0 or faces.max() >= len(neutral))
         refuse(outside, "faces", f"vertex numbers must lie in 0..{len(neutral) - 1}")
-        is_monotonic = (np.diff(levels) > 0).all() or (np.diff(levels) < 0).all()
+        steps = np.diff(levels)
+        is_monotonic = (steps > 0).all() or (steps < 0).all()
         refuse(levels[0] != 0 or not is_monotonic, "levels", "expected ascending (or descending) levels from 0")
+        inside = 1e-6 < np.abs(levels[-1]) <= 100 and np.abs(steps).min() > 1e-5 * np.abs(levels[-1])
+        refuse(not inside, "levels", "levels up to 100 are expected, further apart")
         refuse(bool(displacements[0].any()), "displacements", "level 0 must not move anything")
         columns = changes = None
-        if "changes" in arrays:
+        if f"{prefix}changes" in arrays:
             columns = take("columns", None, kinds="iu")
-            changes = take("changes", len(levels) - 1, len(columns), *neutral.shape)
-        report = parse_json(str(arrays["report"]), file, "report")
-        nodes = levels.astype(np.float64), displacements.astype(np.float32)
-        return cls(*nodes, faces, neutral.astype(np.float64), report, columns, changes)
+            refuse(bool((columns.astype(np.float64) < 0).any()), "columns", "indices must not be negative")
+            changes = take("changes", len(levels) - 1, len(columns), *neutral.shape, dtype=np.float32)
+        return cls(levels, displacements, faces, neutral, {}, columns, changes)
 
 
 def straight_path(

@@ -68,7 +68,7 @@ def make_target_set(
     entries, resumed = TargetEntries([], []), 0
     groups = [list(group) for _, group in groupby(frames, key=lambda frame: frame.timestep)]
     with ThreadPoolExecutor(settings.threads) as pool, Progress(disable=len(frames) < 100) as progress:
-        shading = load_shading(records / SHADING)
+        shading = load_shading(records / SHADING, len(capture.model.faces))
         if shading is None:
             shading = fit_capture_shading(settings, capture, face_flags, pool.map, cache)
             if shading is not None:

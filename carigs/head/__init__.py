@@ -4,6 +4,7 @@
 - `HeadParameters`: one tracked frame; reads and writes the npz layout of GaussianAvatars
 - `neutral`, `pose`: vertices without and with expression, joint rotations and translation
 - `subject_exaggerator`, `subject_gamma_path`: the solver and the path S_gamma of a subject
+- `read_subject_path`: the path S_gamma from a file, checked against the head
 - `carigs.head.teeth`: the teeth that are added to FLAME, on the natural head and on its caricatures
 """
 
@@ -11,5 +12,15 @@ from carigs.head.model import HeadModel
 from carigs.head.parameters import HeadParameters
 from carigs.head.posing import neutral, pose
 from carigs.head.subject_caricature import subject_exaggerator, subject_gamma_path
+from carigs.head.subject_path import check_subject_path, read_subject_path
 
-__all__ = ["HeadModel", "HeadParameters", "neutral", "pose", "subject_exaggerator", "subject_gamma_path"]
+__all__ = [
+    "HeadModel",
+    "HeadParameters",
+    "check_subject_path",
+    "neutral",
+    "pose",
+    "read_subject_path",
+    "subject_exaggerator",
+    "subject_gamma_path",
+]

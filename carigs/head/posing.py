@@ -7,9 +7,13 @@ from collections.abc import Iterable
 import numpy as np
 from jaxtyping import Float, Int
 
+from carigs.errors import MeshError
 from carigs.exaggeration.gamma_path import Caricature
 from carigs.head.model import N_JOINTS, N_SHAPE, HeadModel
 from carigs.head.parameters import HeadParameters
+
+LARGEST_COORDINATE = 1e4
+"""Largest coordinate of a head in metres, without its sign; what uses the vertices may overflow beyond."""
 
 
 def neutral(model: HeadModel, parameters: HeadParameters) -> Float[np.ndarray, "v 3"]:
@@ -21,9 +25,25 @@ def neutral(model: HeadModel, parameters: HeadParameters) -> Float[np.ndarray, "
 
     Returns:
         Vertices in the model's rest frame, in metres.
+
+    Raises:
+        MeshError: If a vertex is not finite or farther away than `LARGEST_COORDINATE`.
     """
+    return _in_range(_neutral(model, parameters), "neutral")
+
+
+def _neutral(model: HeadModel, parameters: HeadParameters) -> Float[np.ndarray, "v 3"]:
     vertices = model.v_template + _sum_blendshapes(model.shapedirs[:, :, :N_SHAPE], parameters.shape)
     return vertices if parameters.static_offset is None else vertices + parameters.static_offset
+
+
+def _in_range(vertices: Float[np.ndarray, "v 3"], kind: str) -> Float[np.ndarray, "v 3"]:
+    """Refuse vertices that overflow, from parameters that are finite but far too large."""
+    if not np.abs(vertices).max(initial=0) <= LARGEST_COORDINATE:  # also refuses NaN
+        bad = int(np.argmax(~(np.abs(vertices) <= LARGEST_COORDINATE).all(axis=1)))
+        problem = f"lies at {vertices[bad].tolist()} m; coordinates up to {LARGEST_COORDINATE:g} m are possible"
+        raise MeshError(f"vertex {bad} of the {kind} head {problem}: check its parameters")
+    return vertices
 
 
 def pose(
@@ -41,8 +61,11 @@ def pose(
 
     Returns:
         Vertices in world coordinates, in metres.
+
+    Raises:
+        MeshError: If a vertex is not finite or farther away than `LARGEST_COORDINATE`.
     """
-    shaped = neutral(model, parameters) + _sum_blendshapes(model.shapedirs[:, :, N_SHAPE:], parameters.expression)
+    shaped = _neutral(model, parameters) + _sum_blendshapes(model.shapedirs[:, :, N_SHAPE:], parameters.expression)
     rotations = _rotations(parameters)
     pose_feature = (rotations[1:] - np.eye(3)).reshape(-1)
     corrective = _sum_blendshapes(model.posedirs, pose_feature)
@@ -53,7 +76,7 @@ def pose(
     world_from_rest = _joint_transforms(rotations, joints, model.parents)
     blended = np.tensordot(model.weights.astype(np.float64), world_from_rest, axes=1)  # (v, 4, 4)
     posed = np.einsum("vij,vj->vi", blended[:, :3, :3], shaped + corrective) + blended[:, :3, 3]
-    return posed + parameters.translation
+    return _in_range(posed + parameters.translation, "posed")
 
 
 def active_blendshapes(

@@ -113,6 +113,7 @@ def _fit(
 ) -> Float64[np.ndarray, "k 3"]:
     """Light and albedo in turn."""
     median = np.median(np.concatenate([c[w > 0] for c, w in zip(colours, weights, strict=True)]), axis=0)
+    median = np.where(median > 0, median, 1)  # a channel that is black almost everywhere keeps its unit
     samples = [
         (t.astype(np.float64), c / median, np.minimum(w, 2)[:, None])
         for t, c, w in zip(transfers, colours, weights, strict=True)
@@ -139,6 +140,8 @@ def _fit_channel(
         design = transfer * (albedo[:, None] * np.sqrt(weight))
         matrix += design.T @ design
         right += design.T @ (colour[:, channel] * np.sqrt(weight[:, 0]))
+    if not np.trace(matrix) > 0:  # everything that was observed is in shadow from all directions, or black
+        return np.zeros(size)
     matrix += RIDGE * np.trace(matrix) / size * np.eye(size)
     factor = np.linalg.cholesky(matrix)
     return nnls(factor.T, np.linalg.solve(factor, right))[0]

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int
 
+from carigs.errors import InputError
 from carigs.light.shadow_map import multiply_irradiance
 from carigs.light.transfer import Transfer, light_transfer
 from carigs.raster import Visibility
+from carigs.readers.arrays import checked_array
 from carigs.readers.npz import read_npz
 
 GAMMA = 2.2
@@ -131,16 +134,53 @@ def save_shading(file: Path, shading: Shading) -> None:
     np.savez(file, **asdict(shading))
 
 
-def load_shading(file: Path) -> Shading | None:
+def load_shading(file: Path, num_faces: int) -> Shading | None:
     """Read a shading.
 
     Args:
         file: An .npz file of `save_shading`.
+        num_faces: Number of the head's triangles.
 
     Returns:
         The shading, or None if there is no such file.
+
+    Raises:
+        InputError: If the file is broken, or an array is missing or not valid.
     """
     if not file.is_file():
         return None
-    fields = read_npz(file, "shading", Shading.__dataclass_fields__)
-    return Shading(**{**fields, "strength": float(fields["strength"]), "limit": float(fields["limit"])})
+    return shading_of(read_npz(file, "shading"), num_faces, file)
+
+
+def shading_of(arrays: Mapping[str, np.ndarray], num_faces: int, file: str | Path, prefix: str = "") -> Shading:
+    """Check the arrays of a shading.
+
+    Args:
+        arrays: Arrays by the names of the fields.
+        num_faces: Number of the head's triangles.
+        file: Where they come from, for messages.
+        prefix: What precedes the names.
+
+    Returns:
+        The shading.
+
+    Raises:
+        InputError: If an array is missing or not valid.
+    """
+
+    def take(name: str, shape: tuple[int | None, ...], dtype: type = np.float64) -> np.ndarray:
+        return checked_array(arrays, f"{prefix}{name}", shape, dtype, file=file)
+
+    def refuse(is_bad: bool, name: str, problem: str) -> None:
+        if is_bad:
+            raise InputError(problem, file=file, field=f"{prefix}{name}")
+
+    directions = take("directions", (None, 3))
+    light = take("light", (len(directions) + 1, 3))
+    strength, limit = float(take("strength", ())), float(take("limit", ()))
+    unit = np.abs(np.linalg.norm(directions, axis=1) - 1).max(initial=0) < 1e-6
+    refuse(len(directions) == 0 or not unit, "directions", "expected unit vectors")
+    refuse(bool((light < 0).any() or (light > 1e9).any()), "light", "expected values in [0, 1e9]")
+    refuse(not 0 <= strength <= 1, "strength", f"{strength:g} is not in [0, 1]")
+    refuse(not 1 <= limit <= 100, "limit", f"{limit:g} is not in [1, 100]")
+    return Shading(directions, light, strength, limit, take("kept", (num_faces,), bool))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
+from carigs.errors import MeshError
 from carigs.light.shadow_map import shadowed_cosine
 from carigs.mesh.triangle_mesh import vertex_normals
 
@@ -30,10 +31,15 @@ def light_transfer(
 
     Returns:
         Transfer (v, d + 1), scaled so that unit light from everywhere amounts to 1 on an unoccluded surface.
+
+    Raises:
+        MeshError: If the surface has no extent, or is not finite.
     """
     normals = vertex_normals(vertices, faces)
     middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
     radius = 1.02 * float(np.linalg.norm(vertices - middle, axis=1).max())
+    if not 1e-9 < radius < 1e9:  # the pixels of the shadow map would not be finite, either
+        raise MeshError(f"a surface of {radius:g} m cannot be lit: all vertices lie in one place, or are far apart")
     cosines = np.maximum(directions @ normals.T, 0).astype(np.float32)
     transfer = np.zeros((len(directions) + 1, len(vertices)), np.float32)
     points = np.concatenate([vertices - middle, vertices - middle + SHADOW_BIAS * normals]).astype(np.float32)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,19 +13,23 @@ from carigs.capture import Camera
 from carigs.errors import InputError
 from carigs.exaggeration import GammaPath
 from carigs.files import writing
-from carigs.head import HeadModel, HeadParameters
-from carigs.head.model import N_SHAPE
-from carigs.light.shading import Shading
+from carigs.head import HeadModel, HeadParameters, check_subject_path
+from carigs.head.model import N_JOINTS, N_SHAPE
+from carigs.head.posing import LARGEST_COORDINATE
+from carigs.light.shading import shading_of
+from carigs.readers.arrays import checked_array
 from carigs.readers.npz import read_npz
 from carigs.splat.render import SKINNINGS, render
 from carigs.splat.rig.head_sequence import HeadSequence
-from carigs.splat.surfels.surfels import ATTRIBUTES, Surfels, from_arrays, to_arrays
+from carigs.splat.surfels.surfels import Surfels, checked_surfels, to_arrays
 
 FORMAT = "carigs-avatar-2"
 HEAD = ("posedirs", "joint_regressor", "weights", "parents")
 """Fields of `HeadModel` that the file holds as they are."""
 POSE = ("translation", "rotation", "neck", "jaw", "eyes", "expression")
 """Fields of `HeadParameters` that the file holds for every timestep."""
+MAX_BLENDSHAPES = 2000
+"""Most blendshapes of a head; FLAME has 400."""
 
 
 @dataclass
@@ -120,55 +124,79 @@ def load_avatar(file: Path) -> Avatar:
         The avatar.
 
     Raises:
-        InputError: If the file is missing, broken, or of another format.
+        InputError: If the file is missing, broken, or of another format, or if an array has another shape or type, or
+            holds an index or number that is not possible; names the array.
     """
     arrays = read_npz(file, "avatar")
-    try:
-        if str(arrays.get("format")) != FORMAT:
-            raise InputError(f"not a {FORMAT} file", file=file, field="format")
-        return _from_arrays(arrays, file)
-    except KeyError as error:
-        raise InputError("this array is missing", file=file, field=str(error.args[0])) from error
-    except ValueError as error:
-        raise InputError(f"not a readable avatar ({error})", file=file) from error
+    if str(arrays.get("format")) != FORMAT:
+        raise InputError(f"not a {FORMAT} file", file=file, field="format")
+    head = _head(arrays, file)
+    skinning = str(arrays.get("rig"))
+    if skinning not in SKINNINGS:
+        raise InputError(f"{skinning[:60]} is unknown; known: {', '.join(SKINNINGS)}", file=file, field="rig")
+    surfels = checked_surfels(arrays, len(head.faces), file, "surfel_")
+    path = GammaPath.from_arrays(arrays, head.faces, file, "path_")
+    check_subject_path(path, head, file, "path_")
+    sequence = HeadSequence(head, _parameters(arrays, head.shapedirs.shape[2] - N_SHAPE, file), path)
+    if "shading_light" in arrays:
+        sequence.shading = shading_of(arrays, len(head.faces), file, "shading_")
+    background = float(checked_array(arrays, "background", (), np.float64, file=file))
+    if not 0 <= background <= 1:
+        raise InputError(f"{background:g} is not in [0, 1]", file=file, field="background")
+    rotate_harmonics = bool(checked_array(arrays, "rotate_harmonics", (), bool, file=file))
+    return Avatar(surfels, sequence, skinning, rotate_harmonics, background)
 
 
-def _from_arrays(arrays: dict[str, np.ndarray], file: Path) -> Avatar:
-    vertices, faces = arrays["head_vertices"], arrays["head_faces"]
-    surfels = {name: arrays[f"surfel_{name}"] for name in (*ATTRIBUTES, "binding")}
-    for name, value in surfels.items():
-        if len(value) != len(surfels["binding"]):
-            raise InputError(
-                f"{len(value)} rows, expected {len(surfels['binding'])}", file=file, field=f"surfel_{name}"
-            )
-        if value.dtype.kind == "f" and not np.isfinite(value).all():
-            row = int(np.argwhere(~np.isfinite(value))[0][0])
-            raise InputError(f"row {row} is not finite", file=file, field=f"surfel_{name}")
-    if len(surfels["binding"]) and not 0 <= surfels["binding"].min() <= surfels["binding"].max() < len(faces):
-        raise InputError(f"faces must lie in 0..{len(faces) - 1}", file=file, field="surfel_binding")
-    if str(arrays["rig"]) not in SKINNINGS:
-        raise InputError(f"{arrays['rig']} is unknown; known: {', '.join(SKINNINGS)}", file=file, field="rig")
-    shapedirs = np.zeros((len(vertices), 3, int(arrays["head_blendshapes"])), np.float32)
-    shapedirs[:, :, arrays["head_columns"]] = arrays["head_expressions"]
-    head = HeadModel(
+def _head(arrays: dict[str, np.ndarray], file: Path) -> HeadModel:
+    def take(
+        name: str, shape: tuple[int | None, ...], dtype: type = np.float32, below: int | None = None
+    ) -> np.ndarray:
+        return checked_array(arrays, name, shape, dtype, below=below, file=file)
+
+    def refuse(is_bad: bool, field: str, problem: str) -> None:
+        if is_bad:
+            raise InputError(problem, file=file, field=field)
+
+    vertices = take("head_vertices", (None, 3))
+    v = len(vertices)
+    faces = take("head_faces", (None, 3), np.int32, below=v)
+    refuse(len(faces) == 0, "head_faces", "holds no faces")
+    refuse(float(np.abs(vertices).max()) > LARGEST_COORDINATE, "head_vertices", "a coordinate is too large")
+    blendshapes = int(take("head_blendshapes", (), np.int64))
+    refuse(not N_SHAPE < blendshapes <= MAX_BLENDSHAPES, "head_blendshapes", f"{blendshapes} are impossible")
+    columns = take("head_columns", (None,), np.int64, below=blendshapes)
+    refuse(len(np.unique(columns)) < len(columns), "head_columns", "an index appears twice")
+    shapedirs = np.zeros((v, 3, blendshapes), np.float32)
+    shapedirs[:, :, columns] = take("head_expressions", (v, 3, len(columns)))
+    parents = take("head_parents", (N_JOINTS,), np.int64)
+    ordered = parents[0] == -1 and (0 <= parents[1:]).all() and (parents[1:] < np.arange(1, N_JOINTS)).all()
+    refuse(not ordered, "head_parents", "each joint must come after its parent")
+    names = arrays.get("head_expression_names", np.array([], str))
+    refuse(names.ndim != 1 or names.dtype.kind not in "US", "head_expression_names", "expected a list of texts")
+    return HeadModel(
         v_template=vertices,
         faces=faces,
         shapedirs=shapedirs,
-        **{name: arrays[f"head_{name}"] for name in HEAD},
-        regions={n.removeprefix("region_"): ids for n, ids in arrays.items() if n.startswith("region_")},
-        expression_names=tuple(str(name) for name in arrays["head_expression_names"]),
+        posedirs=take("head_posedirs", (v, 3, 36)),
+        joint_regressor=take("head_joint_regressor", (N_JOINTS, v)),
+        weights=take("head_weights", (v, N_JOINTS)),
+        parents=parents,
+        regions={
+            name.removeprefix("region_"): take(name, (None,), np.int64, below=v)
+            for name in arrays
+            if name.startswith("region_")
+        },
+        expression_names=tuple(str(name) for name in names),
     )
-    parameters = {
-        int(t): HeadParameters(**{name: arrays[f"pose_{name}"][i] for name in POSE})
-        for i, t in enumerate(arrays["timesteps"])
+
+
+def _parameters(arrays: dict[str, np.ndarray], expressions: int, file: Path) -> dict[int, HeadParameters]:
+    timesteps = checked_array(arrays, "timesteps", (None,), np.int64, file=file)
+    if len(timesteps) == 0 or len(np.unique(timesteps)) < len(timesteps) or timesteps.min() < 0:
+        raise InputError("expected one or more different timesteps", file=file, field="timesteps")
+    sizes = dict.fromkeys(POSE, 3) | {"eyes": 6, "expression": expressions}
+    poses = {
+        name: checked_array(arrays, f"pose_{name}", (len(timesteps), size), np.float64, file=file)
+        for name, size in sizes.items()
     }
-    path = GammaPath(
-        levels=arrays["path_levels"], displacements=arrays["path_displacements"], faces=faces,
-        neutral=arrays["path_neutral"], report={}, columns=arrays.get("path_columns"),
-        changes=arrays.get("path_changes"),
-    )  # fmt: skip
-    sequence = HeadSequence(head, parameters, path)
-    if "shading_light" in arrays:
-        sequence.shading = Shading(**{f.name: arrays[f"shading_{f.name}"] for f in fields(Shading)})
-    rotate_harmonics, background = bool(arrays["rotate_harmonics"]), float(arrays["background"])
-    return Avatar(from_arrays(**surfels), sequence, str(arrays["rig"]), rotate_harmonics, background)
+    return {int(t): HeadParameters(**{name: poses[name][i] for name in POSE}) for i, t in enumerate(timesteps)}

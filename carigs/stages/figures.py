@@ -14,7 +14,7 @@ from carigs.capture.images import read_rgb
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration import GammaPath
 from carigs.files import writing_folder
-from carigs.head import subject_exaggerator
+from carigs.head import read_subject_path, subject_exaggerator
 from carigs.head.teeth import without_teeth
 from carigs.settings import Exaggerate, Figures, Gtstar
 from evaluation.figures.blend_error import BlendError, blend_errors, plot_blend_errors
@@ -59,7 +59,8 @@ def figures(
         SettingsError: The settings name no test frame.
         InputError: An input is malformed or lacks the frame of the strips.
     """
-    subject, gamma_path = Capture.load(capture), GammaPath.load(path)
+    subject = Capture.load(capture)
+    gamma_path = read_subject_path(path, subject.model)
     frame = _strip_frame(settings, subject)
     known = {level: read_ground_truth(file) for level, file in zip(truth_levels, truths, strict=True)}
     shown = sorted({*levels, *known})

@@ -7,10 +7,10 @@ from pathlib import Path
 from carigs.capture import Capture
 from carigs.capture.target_index import write_targets
 from carigs.errors import InputError
-from carigs.exaggeration import GammaPath
 from carigs.files import resuming_folder
 from carigs.gtstar.provider import check_settings
 from carigs.gtstar.target_set import TargetEntries, make_target_set, resume_key
+from carigs.head import read_subject_path
 from carigs.settings import Gtstar
 from evaluation.figures.target_sheet import target_sheet
 
@@ -30,7 +30,8 @@ def gtstar(settings: Gtstar, *, capture: Path, path: Path, level: float, targets
         InputError: If no frame can be used.
     """
     check_settings(settings)
-    subject, exaggerated = Capture.load(capture), GammaPath.load(path).at(level)
+    subject = Capture.load(capture)
+    exaggerated = read_subject_path(path, subject.model).at(level)
     with resuming_folder(targets, resume_key(settings, subject, exaggerated, capture)) as (folder, records):
         entries = make_target_set(settings, subject, exaggerated, folder, records)
         _report(entries, len(subject.split("train")))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from carigs.capture import Capture
 from carigs.capture.frame_index import read_frame_index, read_ground_truth
-from carigs.exaggeration import GammaPath
+from carigs.head import read_subject_path
 from carigs.settings import Metrics
 from evaluation.metrics.against_truth import truth_records
 from evaluation.metrics.embeddings import embedding_records
@@ -50,6 +50,6 @@ def metrics(
     """
     point = StudyPoint(study, subject, variant, gamma, level)
     person, rendered, truths = Capture.load(capture), read_frame_index(index, frames), read_ground_truth(truth)
-    caricature = GammaPath.load(path).at(level)
+    caricature = read_subject_path(path, person.model).at(level)
     measured = list(truth_records(point, rendered, truths, person, caricature, band=settings.silhouette_band))
     write_metrics(records, [*measured, *embedding_records(point, rendered, person, settings)])

@@ -13,8 +13,8 @@ from carigs.capture.frame_index import write_frame_index
 from carigs.capture.images import write_png
 from carigs.capture.orbit import orbit_cameras
 from carigs.errors import SettingsError
-from carigs.exaggeration import GammaPath
 from carigs.files import writing_folder
+from carigs.head import read_subject_path
 from carigs.settings import Render
 
 
@@ -51,7 +51,8 @@ def render(
     use_threads(settings.threads)
     from carigs.splat.avatar import load_avatar
 
-    subject, gamma_path, person = Capture.load(capture), GammaPath.load(path), load_avatar(avatar)
+    subject, person = Capture.load(capture), load_avatar(avatar)
+    gamma_path = read_subject_path(path, person.sequence.head)
     if not 0 <= level <= gamma_path.gamma_f:
         raise SettingsError(f"level {level:g} lies outside the path's [0, {gamma_path.gamma_f:g}]")
     person.sequence.path = gamma_path

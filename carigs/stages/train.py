@@ -8,8 +8,8 @@ from pathlib import Path
 
 from carigs.capture import Capture
 from carigs.errors import SettingsError
-from carigs.exaggeration import GammaPath
 from carigs.files import writing
+from carigs.head import read_subject_path
 from carigs.settings import Train
 
 
@@ -53,11 +53,12 @@ def train(
     from carigs.splat.training.supervision import Supervision
     from carigs.splat.training.trainer import COLUMNS, train_surfels
 
-    subject, gamma_path = Capture.load(capture), GammaPath.load(path)
+    subject = Capture.load(capture)
+    gamma_path = read_subject_path(path, subject.model)
     sequence = head_sequence(subject, gamma_path)
     sets = [read_targets(index, subject) for index in targets or ()]
     if sets and settings.relight_surfels:
-        sequence.shading = load_shading(sets[-1].folder / SHADING)  # one light for all levels
+        sequence.shading = load_shading(sets[-1].folder / SHADING, len(subject.model.faces))  # one light for all levels
     supervision = Supervision(subject, sets if settings.gtstar_probability > 0 else (), settings.mask_flags)
     checkpoint = avatar.with_suffix(".checkpoint")
     surfels, rows = train_surfels(settings, sequence, supervision, checkpoint)

@@ -12,8 +12,9 @@ from carigs.capture import Capture
 from carigs.capture.frame_index import ground_truth_files, write_ground_truth
 from carigs.capture.images import write_png
 from carigs.errors import InputError
-from carigs.exaggeration import Caricature, GammaPath
+from carigs.exaggeration import Caricature
 from carigs.files import writing_folder
+from carigs.head import read_subject_path
 from carigs.readers.images import image_size
 from carigs.readers.json_files import json_field, read_json
 from carigs.settings import Truth
@@ -41,7 +42,7 @@ def truth(settings: Truth, *, capture: Path, path: Path, level: float, frames: P
         if level == 0:
             keys = _copy_captured(subject, part)
         elif (subject.root / "subject.npz").is_file():
-            keys = _render_toy(subject, GammaPath.load(path).at(level), part)
+            keys = _render_toy(subject, read_subject_path(path, subject.model).at(level), part)
         elif settings.folder and (folder := Path(settings.folder.replace("{level}", f"{level:g}"))).is_dir():
             keys = _copy_supplied(subject, folder, part)
         else:

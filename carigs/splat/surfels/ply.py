@@ -14,9 +14,11 @@ from jaxtyping import Float
 
 from carigs.errors import InputError, SettingsError
 from carigs.files import writing
+from carigs.readers.arrays import checked_array
+from carigs.readers.meshes import MAX_FACES
 from carigs.readers.ply import read_ply_vertices
 from carigs.splat.colour.spherical_harmonics import num_coefficients
-from carigs.splat.surfels.surfels import Surfels, from_arrays, initial_blend, to_arrays
+from carigs.splat.surfels.surfels import SH_COUNTS, Surfels, checked_surfels, initial_blend, to_arrays
 
 LAYOUTS = ("surfhead", "gaussian_avatars")
 REST = num_coefficients(3)  # both layouts always store degree 3
@@ -50,27 +52,31 @@ def write_ply(file: Path, surfels: Surfels, layout: str = "surfhead") -> None:
         PlyData([PlyElement.describe(rows, "vertex")], byte_order="<", comments=[f"frame={layout}"]).write(str(part))
 
 
-def read_ply(file: Path) -> Surfels:
+def read_ply(file: Path, num_faces: int | None = None) -> Surfels:
     """Read surfels from either layout; the number of scales tells them apart.
 
     An ellipsoid becomes the disc of its two larger axes. Missing blend weights get SurFhead's initial values.
 
     Args:
         file: Path to read.
+        num_faces: Number of the mesh's triangles, if it is known.
 
     Returns:
         Surfels, sorted by triangle. Degrees of the harmonics that are zero everywhere are dropped.
 
     Raises:
-        InputError: If the file is missing or broken, or lacks a property.
+        InputError: If the file is missing or broken, lacks a property, or holds a number that is not finite or a
+            binding that is no triangle.
     """
     rows = read_ply_vertices(file)
+    rows_by_name = {name: rows[name] for name in rows.dtype.names}
 
     def properties(*names: str) -> Float[np.ndarray, "n k"]:
         for name in names:
             if name not in rows.dtype.names:
                 raise InputError("this property is missing", file=file, field=name)
-        return np.stack([rows[name] for name in names], axis=1)
+        columns = [checked_array(rows_by_name, name, (len(rows),), np.float32, file=file) for name in names]
+        return np.stack(columns, axis=1)
 
     position, rotation = properties(*"xyz"), properties(*_numbered("rot", 4))
     if "scale_2" in rows.dtype.names:
@@ -78,21 +84,25 @@ def read_ply(file: Path) -> Surfels:
     else:
         scale = properties(*_numbered("scale", 2))
     n_rest = sum(name.startswith("f_rest_") for name in rows.dtype.names)
+    if n_rest not in (3 * count for count in SH_COUNTS):
+        problem = f"{n_rest} properties; {', '.join(str(3 * count) for count in SH_COUNTS)} are possible"
+        raise InputError(problem, file=file, field="f_rest")
     rest = properties(*_numbered("f_rest", n_rest)).reshape(len(rows), 3, -1) if n_rest else np.zeros((len(rows), 3, 0))
     if "blend_weight_0" in rows.dtype.names:
         blend = properties(*_numbered("blend_weight", 4))
     else:
         blend = initial_blend(len(rows))
-    return from_arrays(
-        properties("binding_0")[:, 0].astype(np.int32),
-        position=position,
-        rotation=rotation,
-        log_scale=scale,
-        opacity=properties("opacity")[:, 0],
-        colour=properties(*_numbered("f_dc", 3)),
-        harmonics=_trimmed(rest.transpose(0, 2, 1)),
-        blend=blend,
-    )
+    arrays = {
+        "binding": properties("binding_0")[:, 0],
+        "position": position,
+        "rotation": rotation,
+        "log_scale": scale,
+        "opacity": properties("opacity")[:, 0],
+        "colour": properties(*_numbered("f_dc", 3)),
+        "harmonics": _trimmed(rest.transpose(0, 2, 1)),
+        "blend": blend,
+    }
+    return checked_surfels(arrays, MAX_FACES if num_faces is None else num_faces, file)
 
 
 def _columns(arrays: dict[str, np.ndarray], layout: str) -> dict[str, np.ndarray]:

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
+from pathlib import Path
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from carigs.errors import InputError
+from carigs.readers.arrays import checked_array
 from carigs.splat.colour.spherical_harmonics import SH_BASE, num_coefficients
 
 BLEND_OWN, BLEND_NEIGHBOUR = 0.9, 0.05
 """Initial blend weights of a surfel's own triangle and of each neighbour, after the sigmoid (SurFhead)."""
+
+SH_COUNTS = tuple(num_coefficients(degree) for degree in range(4))
+"""Coefficients of the spherical harmonics of degree 1 and higher, for each highest degree that is possible."""
 
 
 @dataclass
@@ -84,6 +90,43 @@ def from_arrays(binding: Int[np.ndarray, "n"], **arrays: np.ndarray) -> Surfels:
     leaves = {name: torch.from_numpy(np.ascontiguousarray(arrays[name][order], np.float32)) for name in ATTRIBUTES}
     return Surfels(
         **{n: leaf.requires_grad_(True) for n, leaf in leaves.items()}, binding=binding[order].astype(np.int32)
+    )
+
+
+def checked_surfels(arrays: Mapping[str, np.ndarray], num_faces: int, file: str | Path, prefix: str = "") -> Surfels:
+    """Make surfels from the arrays of a file.
+
+    Args:
+        arrays: One array per attribute and the binding (see `Surfels`), by name.
+        num_faces: Number of the mesh's triangles.
+        file: Where they come from, for messages.
+        prefix: What precedes the names.
+
+    Returns:
+        Surfels with float32 leaf tensors.
+
+    Raises:
+        InputError: If an array is missing, has another shape, or holds a value that is not finite or no triangle.
+    """
+
+    def take(name: str, *shape: int | None, dtype: type = np.float32, below: int | None = None) -> np.ndarray:
+        return checked_array(arrays, f"{prefix}{name}", shape, dtype, below=below, file=file)
+
+    binding = take("binding", None, dtype=np.int64, below=num_faces)
+    n = len(binding)
+    harmonics = take("harmonics", n, None, 3)
+    if harmonics.shape[1] not in SH_COUNTS:
+        problem = f"{harmonics.shape[1]} coefficients; {', '.join(map(str, SH_COUNTS))} are possible"
+        raise InputError(problem, file=file, field=f"{prefix}harmonics")
+    return from_arrays(
+        binding,
+        position=take("position", n, 3),
+        rotation=take("rotation", n, 4),
+        log_scale=take("log_scale", n, 2),
+        opacity=take("opacity", n),
+        colour=take("colour", n, 3),
+        harmonics=harmonics,
+        blend=take("blend", n, 4),
     )
 
 

@@ -96,10 +96,17 @@ class Adam:
         Args:
             steps: Number of steps done.
             arrays: Result of `as_arrays`.
+
+        Raises:
+            ValueError: If an array has another shape or type.
         """
         self.steps = steps
-        for name in self.first:
-            self.first[name], self.second[name] = arrays[f"first_{name}"].copy(), arrays[f"second_{name}"].copy()
+        for moments, prefix in ((self.first, "first"), (self.second, "second")):
+            for name, moment in moments.items():
+                found = arrays[f"{prefix}_{name}"]
+                if found.shape != moment.shape or found.dtype != moment.dtype:
+                    raise ValueError(f"{prefix}_{name}: {found.dtype} {found.shape}")
+                moments[name] = found.copy()
 
 
 @scalar_or_simd

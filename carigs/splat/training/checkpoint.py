@@ -11,10 +11,12 @@ import numpy as np
 
 from carigs.errors import InputError
 from carigs.files import writing
+from carigs.readers.arrays import checked_array
+from carigs.readers.json_files import parse_json
 from carigs.readers.npz import read_npz
 from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence
-from carigs.splat.surfels.surfels import ATTRIBUTES, Surfels, from_arrays, to_arrays
+from carigs.splat.surfels.surfels import Surfels, checked_surfels, to_arrays
 from carigs.splat.training.adam import Adam
 from carigs.splat.training.density import GradientStatistics
 from carigs.splat.training.supervision import Supervision
@@ -98,12 +100,15 @@ def save_checkpoint(file: Path, state: TrainingState, digest: str) -> None:
         )
 
 
-def load_checkpoint(file: Path, digest: str, refinement: TrackingRefinement | None = None) -> TrainingState | None:
+def load_checkpoint(
+    file: Path, digest: str, num_faces: int, refinement: TrackingRefinement | None = None
+) -> TrainingState | None:
     """Read the state of a run with the same inputs.
 
     Args:
         file: File that `save_checkpoint` wrote.
         digest: Result of `run_digest`.
+        num_faces: Number of the head's triangles.
         refinement: Refinement of the tracking, set to its saved state.
 
     Returns:
@@ -113,14 +118,17 @@ def load_checkpoint(file: Path, digest: str, refinement: TrackingRefinement | No
         arrays = read_npz(file)
         if str(arrays["key"]) != digest:
             return None
-        surfels = from_arrays(**{name: arrays[name] for name in (*ATTRIBUTES, "binding")})
+        surfels = checked_surfels(arrays, num_faces, file)
         adam, statistics = Adam(surfels), GradientStatistics(len(surfels))
         adam.restore(int(arrays["steps"]), arrays)
-        statistics.total, statistics.views = arrays["total"], arrays["views"]
-        log = [tuple(row) for row in json.loads(str(arrays["rows"]))]
-        losses, seconds = arrays["losses"].tolist(), float(arrays["seconds"])
+        for name in ("total", "views"):
+            expected = getattr(statistics, name)
+            setattr(statistics, name, checked_array(arrays, name, expected.shape, expected.dtype, file=file))
+        log = [tuple(row) for row in parse_json(str(arrays["rows"]), file, "rows")]
+        losses = checked_array(arrays, "losses", (None,), np.float64, file=file).tolist()
+        seconds = float(arrays["seconds"])
         if refinement is not None:
             refinement.restore(arrays)
         return TrainingState(int(arrays["iteration"]), surfels, adam, statistics, log, losses, seconds, refinement)
-    except (InputError, ValueError, KeyError):
+    except (InputError, ValueError, KeyError, TypeError):
         return None

@@ -105,7 +105,7 @@ class Supervision:
         camera = self.capture.cameras[frame.camera]
         image, valid = self._images.get(file, _read_planes), None
         if self.mask_flags:
-            valid = (self._images.get(flags, read_bits) & self._excluded) == 0
+            valid = (_of_size(self._images.get(flags, read_bits), camera, flags) & self._excluded) == 0
         return Example(
             frame.timestep, camera, level, _as_float(image, camera, file), valid, self._frozen.get(level), weight
         )
@@ -137,15 +137,20 @@ class Supervision:
         """
         example = self.example(gtstar, index)
         frame = self.targets[index].frame if gtstar else self.frames[index]
-        matte = self.capture.mask(frame)
+        matte = _of_size(self.capture.mask(frame), example.camera, frame.mask)
         return example, matte if example.valid is None else matte * example.valid
 
 
 def _as_float(pixels: UInt8[np.ndarray, "h w 3"], camera: Camera, file: object) -> Float32[np.ndarray, "h w 3"]:
+    return np.divide(_of_size(pixels, camera, file), np.float32(255), dtype=np.float32)
+
+
+def _of_size(pixels: np.ndarray, camera: Camera, file: object) -> np.ndarray:
+    """The pixels, if they are as many as the camera's."""
     if pixels.shape[:2] != (camera.height, camera.width):
         size = f"{pixels.shape[1]} x {pixels.shape[0]}"
         raise InputError(f"{size} pixels, its camera has {camera.width} x {camera.height}", file=str(file))
-    return np.divide(pixels, np.float32(255), dtype=np.float32)
+    return pixels
 
 
 def _read_planes(file: Path) -> UInt8[np.ndarray, "h w 3"]:

@@ -67,7 +67,7 @@ def train_surfels(
     refinement = None
     if settings.refine_tracking.enabled and settings.gtstar_probability < 1:
         refinement = TrackingRefinement(sequence, sorted({frame.timestep for frame in supervision.frames}))
-    state = load_checkpoint(checkpoint, digest, refinement)
+    state = load_checkpoint(checkpoint, digest, len(sequence.rig.faces), refinement)
     if state is None:
         surfels = initial_surfels(settings, supervision, sequence, hair)
         state = TrainingState(0, surfels, Adam(surfels), GradientStatistics(len(surfels)), refinement=refinement)
