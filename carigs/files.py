@@ -1,14 +1,27 @@
-"""Atomic writes of files and folders. `carigs.readers` reads files."""
+"""Atomic writes of files and folders. `carigs.readers` reads files.
+
+What is being written has a temporary name with the process that writes it, so that the next writer can tell what a
+process that was killed has left.
+"""
 
 from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
+
+from carigs.processes import ProcessName, is_alive, this_process
+
+DAYS_OF_STATE = 14
+"""How long the state of an interrupted job is kept for the next run."""
+_PARTIAL = re.compile(r"\..+\.(?P<pid>\d+)-(?P<start>\d+)-(?P<host>[^/]*)\.part(\.\w+)?")
 
 
 @contextmanager
@@ -23,7 +36,8 @@ def writing(path: str | Path) -> Iterator[Path]:
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
+    remove_dead_partial(path.parent)
+    temporary = _temporary(path, path.stem, path.suffix)
     try:
         yield temporary
         os.replace(temporary, path)
@@ -42,13 +56,14 @@ def writing_folder(path: str | Path) -> Iterator[Path]:
         Empty temporary folder. It replaces `path` on success and is removed on failure.
     """
     path = Path(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    remove_dead_partial(path.parent)
+    temporary = _temporary(path, path.name)
     shutil.rmtree(temporary, ignore_errors=True)
-    temporary.mkdir(parents=True)
+    temporary.mkdir()
     try:
         yield temporary
-        shutil.rmtree(path, ignore_errors=True)
-        os.replace(temporary, path)
+        _replace_folder(path, temporary)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
@@ -75,9 +90,9 @@ def resuming_folder(path: str | Path, key: str) -> Iterator[tuple[Path, Path]]:
             folder.mkdir(parents=True)
         with writing(key_file) as part:
             part.write_text(key)
+    remove_partial(state)
     yield contents, records
-    shutil.rmtree(path, ignore_errors=True)
-    os.replace(contents, path)
+    _replace_folder(path, contents)
     shutil.rmtree(state, ignore_errors=True)
 
 
@@ -90,3 +105,94 @@ def write_json(file: str | Path, content: Any) -> None:
     """
     with writing(file) as part:
         part.write_text(json.dumps(content, indent=1))
+
+
+def remove_dead_partial(folder: Path) -> None:
+    """Remove what processes of this host that have ended were writing in a folder; not in the folders below it.
+
+    Args:
+        folder: The folder.
+    """
+    host = this_process().host
+    for name in os.listdir(folder):
+        process = partial_writer(name)
+        if process and process.host == host and not is_alive(process):
+            _remove(folder / name)
+
+
+def remove_partial(folder: Path) -> None:
+    """Remove everything that is half-written in a folder and below it, by whichever process.
+
+    Args:
+        folder: A folder that nobody else may write to.
+    """
+    for directory, folders, files in os.walk(folder):
+        for name in filter(partial_writer, [*folders, *files]):
+            _remove(Path(directory, name))
+        folders[:] = [name for name in folders if not partial_writer(name)]
+
+
+def clean_results(folder: Path) -> None:
+    """Remove what processes that have ended left in the results of a study, and states that nobody has taken up.
+
+    Args:
+        folder: Folder of the study; it need not exist.
+    """
+    host, oldest = this_process().host, time.time() - DAYS_OF_STATE * 24 * 3600
+    for directory, folders, files in os.walk(folder):
+        for name in [*folders, *files]:
+            path, process = Path(directory, name), partial_writer(name)
+            if process:
+                dead = process.host == host and not is_alive(process)
+            else:
+                state = (name.startswith(".") and name.endswith(".part")) or name.endswith(".checkpoint")
+                dead = state and _last_change(path) < oldest
+            if dead:
+                _remove(path)
+        folders[:] = [name for name in folders if not name.startswith(".")]
+
+
+def partial_writer(name: str) -> ProcessName | None:
+    """The process that a temporary name stands for.
+
+    Args:
+        name: Name of a file or folder, without its folder.
+
+    Returns:
+        The process; None for other names.
+    """
+    found = _PARTIAL.fullmatch(name)
+    return ProcessName(found["host"], int(found["pid"]), int(found["start"])) if found else None
+
+
+def _temporary(path: Path, stem: str, suffix: str = "") -> Path:
+    host, pid, start = this_process()
+    short = stem if len(stem.encode()) <= 100 else sha256(stem.encode()).hexdigest()[:16]
+    return path.with_name(f".{short}.{pid}-{start}-{host}.part{suffix}")
+
+
+def _replace_folder(path: Path, new: Path) -> None:
+    """Replace a folder by another one; at no time a part of the old one has the name."""
+    old = _temporary(path, f"{path.name}.old")
+    if path.is_dir():
+        os.replace(path, old)
+    os.replace(new, path)
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _last_change(path: Path) -> float:
+    """The newest modification time of a file, or of a folder and its entries."""
+    try:
+        return max(entry.stat().st_mtime for entry in [path, *(path.iterdir() if path.is_dir() else ())])
+    except OSError:  # removed meanwhile
+        return time.time()
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        try:
+            path.unlink(missing_ok=True)
+        except OSError:  # a folder that is read-only: the next write says so
+            pass

@@ -7,15 +7,14 @@ replace the results of a later run when it ends.
 from __future__ import annotations
 
 import os
-import socket
 import sys
 import threading
 import time
 
-import psutil
+from carigs.processes import ProcessName, is_alive, process_name
 
 RUN_PROCESS = "CARIGS_RUN_PROCESS"
-"""Environment variable that names the process: host, process id and time of its start."""
+"""Environment variable that names the process: host, process id and start."""
 SECONDS_BETWEEN_CHECKS = 0.5
 
 
@@ -26,8 +25,7 @@ def name_run_process(pid: int | None = None) -> None:
         pid: The process. If None, this process, or the one that it belongs to itself.
     """
     if pid is not None or not run_process_is_alive():
-        process = psutil.Process(pid)
-        os.environ[RUN_PROCESS] = f"{socket.gethostname()} {process.pid} {process.create_time()}"
+        os.environ[RUN_PROCESS] = " ".join(map(str, process_name(pid or os.getpid())))
 
 
 def run_process_is_alive() -> bool:
@@ -36,7 +34,7 @@ def run_process_is_alive() -> bool:
     Returns:
         False also if no process is named.
     """
-    return _is_alive(os.environ.get(RUN_PROCESS, ""))
+    return _named_process() is not None
 
 
 def end_with_run_process() -> None:
@@ -45,26 +43,22 @@ def end_with_run_process() -> None:
     Nothing happens if no process is named, or if the named process is on another host or has ended already: the job is
     then started by hand, or by a scheduler that watches it.
     """
-    named = os.environ.get(RUN_PROCESS, "")
-    if _is_alive(named):
-        threading.Thread(target=_watch, args=(named,), daemon=True, name="run process").start()
+    if process := _named_process():
+        threading.Thread(target=_watch, args=(process,), daemon=True, name="run process").start()
 
 
-def _is_alive(named: str) -> bool:
-    """Whether a named process is on this host and has not ended. Its time of start tells it from later ones."""
-    host, _, rest = named.partition(" ")
+def _named_process() -> ProcessName | None:
+    """The process that the environment names, if it is on this host and has not ended."""
+    host, _, rest = os.environ.get(RUN_PROCESS, "").partition(" ")
     pid, _, start = rest.partition(" ")
-    if host != socket.gethostname() or not pid.isdigit():
-        return False
-    try:
-        process = psutil.Process(int(pid))
-        return process.create_time() == float(start) and process.status() != psutil.STATUS_ZOMBIE
-    except (psutil.Error, ValueError):
-        return False
+    if not (pid.isdecimal() and start.isdecimal()):
+        return None
+    process = ProcessName(host, int(pid), int(start))
+    return process if is_alive(process) else None
 
 
-def _watch(named: str) -> None:
-    while _is_alive(named):
+def _watch(process: ProcessName) -> None:
+    while is_alive(process):
         time.sleep(SECONDS_BETWEEN_CHECKS)
     print("carigs: the run that this job belongs to has ended; the job ends, too", file=sys.__stderr__, flush=True)
     os._exit(1)  # at once, whatever the other threads do: outputs have their names only when they are complete

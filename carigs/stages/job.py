@@ -12,6 +12,7 @@ from typing import Any, TextIO
 
 from carigs.config import load_settings
 from carigs.errors import exit_code, one_line
+from carigs.job_record import recorded_job
 
 
 class _Log:
@@ -54,7 +55,14 @@ class _Log:
 
 
 def run_job(
-    stage: str, settings: str, files: dict[str, str | list[str]], params: dict[str, Any], output: str, log: str
+    stage: str,
+    settings: str,
+    files: dict[str, str | list[str]],
+    params: dict[str, Any],
+    code: str,
+    inputs: list[str],
+    outputs: list[str],
+    log: str,
 ) -> int:
     """Call a stage; errors that are no mistake of the program are one line, on the terminal and in the log.
 
@@ -64,7 +72,9 @@ def run_job(
         files: Inputs and outputs by the stage's keywords: a file, or a list of files, which is empty for an unused
             input.
         params: Further keywords.
-        output: The output that an error of the input names.
+        code: Fingerprint of the stage's code.
+        inputs: All inputs of the job, for its record.
+        outputs: All outputs of the job. Messages name the first.
         log: File to write.
 
     Returns:
@@ -75,12 +85,13 @@ def run_job(
     with open(log, "w", buffering=1, encoding="utf-8") as file:
         stream = _Log(file, terminal if terminal.isatty() else None)
         try:
-            with redirect_stdout(stream), redirect_stderr(stream):
+            record = recorded_job(Path(log), Path(settings), code, map(Path, inputs), map(Path, outputs))
+            with record, redirect_stdout(stream), redirect_stderr(stream):
                 function = getattr(import_module(f"carigs.stages.{stage}"), stage)
                 function(load_settings(stage, settings), **paths, **params)
         except (Exception, KeyboardInterrupt) as error:
             line = one_line(error)
             for place in (file, terminal):
-                print(f"carigs: {output}: {line}" if line else traceback.format_exc(), file=place)
+                print(f"carigs: {outputs[0]}: {line}" if line else traceback.format_exc(), file=place)
             return exit_code(error)
     return 0

@@ -1,11 +1,12 @@
 """The composed study, and functions that give rules their settings and inputs.
 
 Hydra composes values; Snakemake plans files and their order. Every wildcard is a Hydra override (`subject=`, `variant=`,
-`gamma=`), so a path names a configuration. Keep `.snakemake/` beside the results: it records the settings they were made
-with, and without it an edited key does not cause a re-run.
+`gamma=`), so a path names a configuration. Each job leaves a record of the settings, code and inputs that made its outputs
+(carigs/job_record.py), so that results can be copied without `.snakemake/`.
 """
 
 from itertools import product
+from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
 
@@ -24,6 +25,7 @@ from carigs.fork_server import start_fork_server
 from carigs.run_process import name_run_process
 from carigs.settings import STAGES
 from carigs.sources import fingerprint
+from carigs.study_start import prepare_results
 
 
 def one_line_errors(function):
@@ -112,6 +114,10 @@ points = dict(
 for subject, variant in product(points["subject"], points["variant"]):
     # Checked here, because Snakemake ignores errors of input functions where the output exists.
     one_line_errors(compose_variant)(variant, *overrides, f"subject={subject}")
+
+if workflow.is_main_process:
+    # Made again although nothing but their text says so.
+    workflow.dag_settings.forcerun |= set(one_line_errors(prepare_results)(Path("results", points["study"]), overrides))
 
 
 wildcard_constraints:

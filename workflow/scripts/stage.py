@@ -20,7 +20,9 @@ def _job(job) -> dict:
             if name not in WORKFLOW_ONLY
         },
         params={name: value for name, value in job.params.items() if name not in WORKFLOW_ONLY},
-        output=job.output[0],
+        code=job.params.code,
+        inputs=[*job.input],
+        outputs=[*job.output],
         log=job.log[0],
     )
 

@@ -1,0 +1,182 @@
+"""What made the outputs of a job: settings, code and inputs, in a small JSON file beside its log.
+
+Snakemake decides by modification times, and by notes in `.snakemake/`, which do not come along when results are copied.
+At its start a run therefore sets the modification times of outputs from these records: outputs of the present settings,
+code and inputs get the time when they were made, if a copy has lost it; others get the year 1970, and Snakemake makes
+them again. Contents are not changed, so that this is right for a dry run, too.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from hashlib import file_digest, sha256
+from pathlib import Path
+from typing import Any
+
+from carigs.errors import InputError
+from carigs.files import write_json
+from carigs.job_lock import job_lock
+from carigs.readers.json_files import read_json
+
+STALE = 1_000_000_000
+"""Modification time of outputs that are to be made again, in nanoseconds since 1970. (Snakemake ignores 0.)"""
+_MADE_FROM = ("settings", "code", "inputs")
+_TOLERANCE = 2_000_000_000
+"""Nanoseconds: some file systems store modification times with a step of two seconds."""
+
+
+@contextmanager
+def recorded_job(
+    log: Path, settings: Path, code: str, inputs: Iterable[Path], outputs: Iterable[Path]
+) -> Iterator[None]:
+    """Hold the lock of a job while it runs, and record at its end what made its outputs.
+
+    The record has the name of the log and the suffix `.json`. It lists the outputs alone until the job is complete.
+
+    Args:
+        log: Log file of the job, `results/{study}/log/{stage}/{point}.log`.
+        settings: File with the settings.
+        code: Fingerprint of the code.
+        inputs: Input files and folders. Those that jobs of the study have made are recorded.
+        outputs: Output files and folders.
+
+    Yields:
+        Nothing.
+
+    Raises:
+        CarigsError: Another process runs the same job.
+    """
+    file, outputs = log.with_suffix(".json"), list(outputs)
+    with job_lock(log.with_suffix(".lock")):
+        write_json(file, {"finished": None, "outputs": {str(output): "" for output in outputs}})
+        made = _digests(_read_records(log.parents[1]).values())
+        record = {
+            "settings": {str(settings): content_digest(settings)},
+            "code": code,
+            "inputs": {str(path): made[str(path)] for path in inputs if str(path) in made},
+        }
+        yield
+        digests = {str(output): content_digest(output) for output in outputs}
+        finished = time.time_ns()
+        write_json(file, {"finished": finished, **record, "outputs": digests})
+        _set_time(file, finished)
+
+
+def set_modification_times(
+    folder: Path, settings_text: Callable[[str, str], str | None], code: Callable[[str], str]
+) -> dict[tuple[str, str], int]:
+    """Set the modification times of the outputs of a study from its records.
+
+    Args:
+        folder: The study's folder of logs and records, `results/{study}/log`.
+        settings_text: The present settings for a stage and the name of a settings file without suffix; None if the
+            study cannot have them any more.
+        code: The present fingerprint of a stage.
+
+    Returns:
+        Number of jobs by stage and reason, of those whose outputs are to be made again.
+
+    Raises:
+        InputError: A record is malformed.
+    """
+    records = _read_records(folder)
+    made, stale = _digests(records.values()), Counter()
+    for file, record in records.items():
+        stage = file.parent.name
+        if reason := _difference(record, stage, settings_text, code, made):
+            stale[stage, reason] += any(Path(output).exists() for output in record["outputs"])
+            for output in record["outputs"]:
+                _set_time(Path(output), STALE)
+        else:
+            _restore_times(file, record)
+    return {key: count for key, count in stale.items() if count}
+
+
+def content_digest(path: Path) -> str:
+    """Digest of a file, or of the names and contents of all files below a folder, without hidden ones.
+
+    Args:
+        path: The file or folder.
+
+    Returns:
+        Hexadecimal digits; empty if there is nothing of this name.
+    """
+    if not path.is_dir():
+        if not path.is_file():
+            return ""
+        with path.open("rb") as stream:
+            return file_digest(stream, "sha256").hexdigest()[:32]
+    files = sorted(file for file in path.rglob("*") if file.is_file() and not file.name.startswith("."))
+    lines = (f"{file.relative_to(path).as_posix()} {content_digest(file)}" for file in files)
+    return sha256("\n".join(lines).encode()).hexdigest()[:32]
+
+
+def _read_records(folder: Path) -> dict[Path, dict[str, Any]]:
+    records = {file: read_json(file, dict) for file in sorted(folder.glob("*/*.json"))}
+    for file, record in records.items():
+        if not {"finished", "outputs", *(_MADE_FROM if record.get("finished") else ())} <= record.keys():
+            raise InputError("not the record of a job; delete it, and its outputs", file=file)
+    return records
+
+
+def _digests(records: Iterable[dict[str, Any]]) -> dict[str, str]:
+    """The digests of all outputs that are complete."""
+    return {path: digest for record in records if record["finished"] for path, digest in record["outputs"].items()}
+
+
+def _difference(
+    record: dict[str, Any],
+    stage: str,
+    settings_text: Callable[[str, str], str | None],
+    code: Callable[[str], str],
+    made: dict[str, str],
+) -> str | None:
+    """Why the outputs of a job are to be made again, or None."""
+    if not record["finished"]:
+        return "not finished"
+    for file, digest in record["settings"].items():
+        text = settings_text(stage, Path(file).stem)
+        if text is not None and sha256(text.encode()).hexdigest()[:32] != digest:
+            return "made with other settings"
+    if record["code"] != code(stage):
+        return "made with other code"
+    if any(made.get(path, digest) != digest for path, digest in record["inputs"].items()):
+        return "made from other inputs"
+    return None
+
+
+def _restore_times(file: Path, record: dict[str, Any]) -> None:
+    """Give outputs the time when they were made, if a copy or an earlier run has given them another one."""
+    finished = record["finished"]
+    copied = abs(file.stat().st_mtime_ns - finished) > _TOLERANCE
+    for output, digest in record["outputs"].items():
+        path = Path(output)
+        if path.exists() and (copied or _time(path) == STALE) and content_digest(path) == digest:
+            _set_time(path, finished)
+    if copied:
+        for settings, digest in record["settings"].items():
+            if content_digest(Path(settings)) == digest:
+                _set_time(Path(settings), STALE + 10**9)  # older than all outputs but those that are to be made again
+        _set_time(file, finished)
+
+
+def _stamp(path: Path) -> Path:
+    """What has the modification time of an output: of a folder, a file that Snakemake writes into it."""
+    stamp = path / ".snakemake_timestamp"
+    return stamp if stamp.is_file() else path
+
+
+def _time(path: Path) -> int:
+    return _stamp(path).stat().st_mtime_ns
+
+
+def _set_time(path: Path, nanoseconds: int) -> None:
+    for part in {path, _stamp(path)}:
+        try:
+            os.utime(part, ns=(nanoseconds, nanoseconds))
+        except OSError:  # not there, or not ours: results that cannot be written are not made again either
+            pass
