@@ -90,10 +90,40 @@ def set_modification_times(
         if reason := _difference(record, stage, settings_text, code, made):
             stale[stage, reason] += any(Path(output).exists() for output in record["outputs"])
             for output in record["outputs"]:
-                _set_time(Path(output), STALE)
+                mark_stale(Path(output))
         else:
             _restore_times(file, record)
     return {key: count for key, count in stale.items() if count}
+
+
+def mark_stale(path: Path) -> None:
+    """Let Snakemake make a file or folder again.
+
+    Args:
+        path: The file or folder; nothing happens if it is not there.
+    """
+    _set_time(path, STALE)
+
+
+def mark_current(path: Path) -> None:
+    """Give a settings file a time before all outputs but those that are to be made again.
+
+    Args:
+        path: The file.
+    """
+    _set_time(path, STALE + 10**9)
+
+
+def is_stale(path: Path) -> bool:
+    """Whether a file or folder is marked to be made again.
+
+    Args:
+        path: The file or folder.
+
+    Returns:
+        False also if it is not there.
+    """
+    return path.exists() and _stamp(path).stat().st_mtime_ns == STALE
 
 
 def content_digest(path: Path) -> str:
@@ -155,12 +185,12 @@ def _restore_times(file: Path, record: dict[str, Any]) -> None:
     copied = abs(file.stat().st_mtime_ns - finished) > _TOLERANCE
     for output, digest in record["outputs"].items():
         path = Path(output)
-        if path.exists() and (copied or _time(path) == STALE) and content_digest(path) == digest:
+        if path.exists() and (copied or is_stale(path)) and content_digest(path) == digest:
             _set_time(path, finished)
     if copied:
         for settings, digest in record["settings"].items():
             if content_digest(Path(settings)) == digest:
-                _set_time(Path(settings), STALE + 10**9)  # older than all outputs but those that are to be made again
+                mark_current(Path(settings))
         _set_time(file, finished)
 
 
@@ -168,10 +198,6 @@ def _stamp(path: Path) -> Path:
     """What has the modification time of an output: of a folder, a file that Snakemake writes into it."""
     stamp = path / ".snakemake_timestamp"
     return stamp if stamp.is_file() else path
-
-
-def _time(path: Path) -> int:
-    return _stamp(path).stat().st_mtime_ns
 
 
 def _set_time(path: Path, nanoseconds: int) -> None:

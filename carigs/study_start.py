@@ -10,20 +10,17 @@ from carigs.config import settings_text
 from carigs.errors import SettingsError
 from carigs.files import clean_results
 from carigs.job_lock import remove_free_locks
-from carigs.job_record import set_modification_times
+from carigs.job_record import is_stale, mark_current, mark_stale, set_modification_times
 from carigs.settings import STAGES
 from carigs.sources import fingerprint
 
 
-def prepare_results(folder: Path, overrides: Sequence[str]) -> list[str]:
-    """Remove what killed processes left, and find what was made with other settings or code; say what is made again.
+def prepare_results(folder: Path, overrides: Sequence[str]) -> None:
+    """Remove what killed processes left, and mark what was made with other settings, code or inputs to be made again.
 
     Args:
         folder: Folder of the study, `results/{study}`; it need not exist.
         overrides: Hydra overrides of the run.
-
-    Returns:
-        Settings files with another text than the present settings: to be written again.
 
     Raises:
         InputError: The record of a job is malformed.
@@ -41,9 +38,12 @@ def prepare_results(folder: Path, overrides: Sequence[str]) -> list[str]:
     for (stage, reason), count in set_modification_times(folder / "log", text, lambda stage: code[stage]).items():
         results = "1 result was" if count == 1 else f"{count} results were"
         print(f"carigs: {folder}: {stage}: {results} {reason}; needed again, made again", file=sys.stderr)
-    files = [file for stage in STAGES for file in sorted((folder / "settings" / stage).glob("*.yaml"))]
-    return [str(file) for file in files if text(file.parent.name, file.stem) not in (None, _read(file))]
-
-
-def _read(file: Path) -> str:
-    return file.read_bytes().decode("utf-8", "replace")
+    for stage in STAGES:
+        for file in (folder / "settings" / stage).glob("*.yaml"):
+            present = text(stage, file.stem)
+            if present is None:
+                continue
+            if present != file.read_bytes().decode("utf-8", "replace"):
+                mark_stale(file)
+            elif is_stale(file):
+                mark_current(file)

@@ -22,6 +22,7 @@ from carigs.config import (
 )
 from carigs.errors import CarigsError
 from carigs.fork_server import start_fork_server
+from carigs.job_record import is_stale
 from carigs.run_process import name_run_process
 from carigs.settings import STAGES
 from carigs.sources import fingerprint
@@ -55,6 +56,12 @@ def settings_file_text(wildcards):
         )
     point = [override for override in wildcards.point.split(",") if override != "all"]
     return settings_text(wildcards.stage, *overrides, *point)
+
+
+def settings_trigger(wildcards):
+    """The current folder: newer than a settings file that is to be written again, and without effect on others."""
+    file = Path(f"results/{wildcards.study}/settings/{wildcards.stage}/{wildcards.point}.yaml")
+    return local(".") if is_stale(file) else ancient(local("."))
 
 
 @one_line_errors
@@ -116,8 +123,7 @@ for subject, variant in product(points["subject"], points["variant"]):
     one_line_errors(compose_variant)(variant, *overrides, f"subject={subject}")
 
 if workflow.is_main_process:
-    # Made again although nothing but their text says so.
-    workflow.dag_settings.forcerun |= set(one_line_errors(prepare_results)(Path("results", points["study"]), overrides))
+    one_line_errors(prepare_results)(Path("results", points["study"]), overrides)
 
 
 wildcard_constraints:
