@@ -42,6 +42,16 @@ def project_root() -> Path:
 CONF = project_root() / "conf"
 GROUPS = ("study", "subject", "variant", "exaggerate")
 """Configuration groups: folders of `conf/`, one file per choice."""
+RESERVED = {
+    "study": ("benchmark", "stress", "hydra", "report.html"),
+    "subject": ("settings", "log", "table", "figures"),
+    "variant": ("targets", "truth"),
+}
+"""Names that are taken in `results/`, in the folder of a study and in that of a gamma."""
+MAX_OVERRIDE_BYTES = 30_000
+"""Of all overrides together: Linux allows 131072 bytes for the command of a job, in which they are quoted twice."""
+MAX_NAME_BYTES = 60
+"""Of a study, a subject or a variant: a log file has the names of both in its name, which may have 255 bytes."""
 VARIANT_SECTIONS = ("gtstar", "train")
 """Sections that a variant may change."""
 
@@ -117,8 +127,12 @@ def compose_study(*overrides: str) -> DictConfig:
         As `compose`.
 
     Raises:
-        SettingsError: As `compose`, and for overrides of `subject` and `variant`, added and removed keys.
+        SettingsError: As `compose`, and for overrides of `subject` and `variant`, added and removed keys, and overrides
+            that are too long for the command line of a job.
     """
+    if (length := sum(len(override.encode()) + 1 for override in overrides)) > MAX_OVERRIDE_BYTES:
+        problem = f"the overrides have {length} bytes, more than {MAX_OVERRIDE_BYTES}"
+        raise SettingsError(f"{problem}; write them into a file conf/study/NAME.yaml")
     for override in overrides:
         key, _, value = override.partition("=")
         if key in ("subject", "variant"):
@@ -284,10 +298,9 @@ def _expand_patterns(variants: list[str]) -> list[str]:
 
 
 def _check_names(config: DictConfig) -> None:
-    """Check the names of a study, which depend on the files of `conf/`."""
+    """Check the names of a study, which depend on the files of `conf/`, and become names of folders."""
     study = config.study
-    if not re.fullmatch(r"[\w.-]+", study.name):
-        raise SettingsError(f"study.name={study.name}: letters, digits and ._- only, it becomes a folder")
+    _check_name("study", "study.name", study.name)
     for group in ("subject", "variant"):
         names = study[f"{group}s"]
         if not names or len(set(names)) < len(names):
@@ -295,6 +308,17 @@ def _check_names(config: DictConfig) -> None:
         for name in names:
             if name not in known(group):
                 raise SettingsError(f"study.{group}s: {name} is unknown; known: {', '.join(known(group))}")
+            _check_name(group, f"study.{group}s", name)
+
+
+def _check_name(group: str, key: str, name: str) -> None:
+    marks = "._-" if group == "study" else "_-"
+    if not re.fullmatch(rf"\w[\w{marks}]*", name):
+        raise SettingsError(f"{key}={name}: letters, digits and {marks} only, not {marks.replace('_', '')} first")
+    if len(name.encode()) > MAX_NAME_BYTES:
+        raise SettingsError(f"{key}={name}: longer than {MAX_NAME_BYTES} bytes; it becomes a part of names of files")
+    if name.lower() in RESERVED[group]:
+        raise SettingsError(f"{key}={name}: another folder or file of the results has this name")
 
 
 def _one_line(error: Exception) -> str:

@@ -146,7 +146,8 @@ def content_digest(path: Path) -> str:
 
 
 def _read_records(folder: Path) -> dict[Path, dict[str, Any]]:
-    records = {file: read_json(file, dict) for file in sorted(folder.glob("*/*.json"))}
+    files = (file for file in sorted(folder.glob("*/*.json")) if not file.name.startswith("."))
+    records = {file: read_json(file, dict) for file in files}
     for file, record in records.items():
         if not {"finished", "outputs", *(_MADE_FROM if record.get("finished") else ())} <= record.keys():
             raise InputError("not the record of a job; delete it, and its outputs", file=file)

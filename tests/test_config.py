@@ -272,6 +272,17 @@ def test_data_folder_comes_from_the_environment(monkeypatch):
         ("study.levels=[much]", ("study.levels[0]", "much")),
         ("study.levels=[-0.1]", ("study.levels", "-0.1")),
         ("study.name=a/b", ("study.name", "a/b")),
+        ("study.name=..", ("study.name", "letters")),
+        ("study.name=.", ("study.name", "letters")),
+        ("study.name=.hidden", ("study.name", "letters")),
+        ("study.name=-n", ("study.name", "letters")),
+        ("study.name=''", ("study.name", "letters")),
+        ("study.name=benchmark", ("study.name", "benchmark", "results")),
+        ("study.name=stress", ("study.name", "stress", "results")),
+        ("study.name=hydra", ("study.name", "hydra", "results")),
+        ("study.name=Report.html", ("study.name", "Report.html", "results")),
+        (f"study.name={'n' * 300}", ("study.name", "60")),
+        (f"capture.folder={'f' * 200_000}", ("200016 bytes", "conf/study")),
         ("gamma=0", ("gamma=0",)),
         ("gamma=nan", ("gamma=nan",)),
         ("gamma=lots", ("gamma", "lots")),
@@ -365,6 +376,27 @@ def test_a_section_checks_itself(make, named):
         make()
 
 
+@pytest.mark.parametrize(
+    ("group", "name", "named"),
+    [
+        ("subject", "log", "another folder"),
+        ("subject", "Settings", "another folder"),
+        ("subject", "s" * 61, "60 bytes"),
+        ("subject", "-rf", "letters"),
+        ("subject", "a.b", "letters"),
+        ("variant", "truth", "another folder"),
+        ("variant", "targets", "another folder"),
+    ],
+)
+def test_a_name_that_cannot_be_a_folder_of_the_results_is_refused(group, name, named, tmp_path, monkeypatch):
+    file = tmp_path / f"conf/{group}/{name}.yaml"
+    file.parent.mkdir(parents=True)
+    file.write_text("# @package _global_\n")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SettingsError, match=rf"study\.{group}s={name}: .*{named}"):
+        compose(f"study.{group}s=[{name}]")
+
+
 def test_subjects_of_ones_own_are_found_in_the_current_directory(tmp_path, monkeypatch):
     subjects = tmp_path / "my heads" / "conf/subject"
     subjects.mkdir(parents=True)
@@ -387,6 +419,8 @@ def test_subjects_of_ones_own_are_found_in_the_current_directory(tmp_path, monke
         ("iteration: 3\n", ("train.yaml", "iteration", "iterations")),
         ("iterations: many\n", ("train.yaml", "iterations", "many")),
         ("iterations: 0\n", ("train.yaml", "iterations=0")),
+        ("", ("train.yaml", "is missing")),
+        ("iterations: 3\n", ("train.yaml", "is missing")),
     ],
 )
 def test_a_broken_settings_file_is_named(text, named, tmp_path):

@@ -1,12 +1,15 @@
 """Atomic writes and checked reads."""
 
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
 from carigs.errors import InputError
-from carigs.files import resuming_folder, write_json, writing
+from carigs.files import clean_results, resuming_folder, write_json, writing
 from carigs.readers.arrays import checked_array
 from carigs.readers.json_files import json_field, read_json
 from carigs.readers.npz import read_npz
@@ -33,6 +36,65 @@ def test_an_interrupted_folder_is_resumed_with_the_same_key_only(tmp_path):
     assert interrupted("one") == ["first"]
     assert interrupted("two") == []
     assert not (tmp_path / "out").exists()
+
+
+WRITE = """
+import os, signal, sys
+from pathlib import Path
+from carigs.files import resuming_folder, writing, writing_folder
+folder = Path(sys.argv[1])
+with writing(folder / "a.npz") as part, writing_folder(folder / "images") as images:
+    with resuming_folder(folder / "targets", "key") as (contents, _), writing(contents / "inspection.png") as nested:
+        for file in (part, images / "1.png", contents / "1.png", nested):
+            file.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.fixture
+def killed(tmp_path):
+    """What a killed process leaves: a file, a folder, and a state that holds another one."""
+    subprocess.run([sys.executable, "-c", WRITE, str(tmp_path)])
+    assert len(list(tmp_path.rglob("*.part*"))) == 4
+    return tmp_path
+
+
+def names(folder) -> set[str]:
+    return {file.name for file in folder.rglob("*")}
+
+
+def test_what_a_killed_process_left_is_removed_by_the_next_writer(killed):
+    write_json(killed / "other.json", {})
+    with resuming_folder(killed / "targets", "key") as (contents, _):
+        assert names(contents) == {"1.png"}
+    assert names(killed) == {"other.json", "targets", "1.png"}
+
+
+def test_what_a_killed_process_left_is_removed_at_the_start_of_a_run(killed):
+    state = {".targets.part", "contents", "notes", "key", "1.png"}
+    clean_results(killed)
+    assert state <= names(killed)
+    assert not {name for name in names(killed) - state if "inspection" not in name}
+    for path in [*killed.rglob("*"), *killed.rglob("*/*")]:
+        os.utime(path, (0, 0))
+    clean_results(killed)
+    assert names(killed) == set()
+
+
+def test_what_a_live_process_or_another_host_writes_is_kept(tmp_path):
+    with writing(tmp_path / "a.json") as mine:
+        mine.touch()
+        other = mine.with_name(mine.name.replace(".part", "2.part"))
+        other.touch()
+        clean_results(tmp_path)
+        write_json(tmp_path / "b.json", {})
+        assert names(tmp_path) == {mine.name, other.name, "b.json"}
+
+
+def test_a_long_name_can_be_written(tmp_path):
+    file = tmp_path / f"{'ä' * 120}.json"
+    write_json(file, {})
+    assert names(tmp_path) == {file.name}
 
 
 def test_arrays_of_an_archive_are_read_and_checked(tmp_path):

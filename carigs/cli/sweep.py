@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from itertools import product
+from itertools import islice, product
+from math import prod
 
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.errors import HydraException
@@ -17,6 +18,7 @@ EXAMPLES = """examples:
   carigs sweep gamma=0.1,0.15,0.2,0.25
   carigs sweep gamma=0.1,0.25 train.num_gtstar_levels=1,4 --cores 2       four runs
 """
+MAX_POINTS = 10_000
 
 
 def sweep_points(overrides: Sequence[str]) -> list[list[str]]:
@@ -29,9 +31,12 @@ def sweep_points(overrides: Sequence[str]) -> list[list[str]]:
         Lists of overrides with one value each; the last key changes fastest.
 
     Raises:
-        SettingsError: For an override that Hydra cannot parse.
+        SettingsError: For an override that Hydra cannot parse, and for more than `MAX_POINTS` combinations.
     """
-    return [list(point) for point in product(*map(_values, overrides))]
+    values = [_values(override) for override in overrides]
+    if prod(map(len, values)) > MAX_POINTS:
+        raise SettingsError(f"a sweep has at most {MAX_POINTS} combinations of values")
+    return [list(point) for point in product(*values)]
 
 
 def _values(text: str) -> list[str]:
@@ -42,7 +47,8 @@ def _values(text: str) -> list[str]:
         raise SettingsError(f"{text}: {str(error).splitlines()[0]}") from error
     if not override.is_sweep_override():
         return [text]
-    return [f"{override.get_key_element()}={value}" for value in override.sweep_string_iterator()]
+    values = islice(override.sweep_string_iterator(), MAX_POINTS + 1)
+    return [f"{override.get_key_element()}={value}" for value in values]
 
 
 def main(arguments: list[str]) -> int:

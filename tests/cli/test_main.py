@@ -11,6 +11,7 @@ import yaml
 
 from carigs.cli import run, settings, sweep
 from carigs.cli.main import COMMANDS, main
+from carigs.errors import SettingsError
 
 
 def test_help_lists_every_command_and_each_has_an_example(capsys):
@@ -59,6 +60,14 @@ def test_the_start_imports_neither_torch_nor_snakemake(command):
 )
 def test_a_sweep_has_every_combination(overrides, points):
     assert sweep.sweep_points(overrides) == points
+
+
+@pytest.mark.parametrize(
+    "overrides", [["train.seed=range(1000000000000)"], ["train.seed=range(1000)", "gamma=range(0.1,0.2,0.001)"]]
+)
+def test_a_sweep_without_end_is_refused(overrides):
+    with pytest.raises(SettingsError, match="at most 10000 combinations"):
+        sweep.sweep_points(overrides)
 
 
 @pytest.fixture

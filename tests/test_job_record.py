@@ -1,0 +1,134 @@
+"""Records of jobs and their locks."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from carigs.errors import CarigsError, InputError
+from carigs.job_lock import job_lock, remove_free_locks
+from carigs.job_record import STALE, is_stale, recorded_job, set_modification_times
+from carigs.processes import this_process
+
+
+def job(root: Path, stage: str, inputs: list[str], outputs: list[str], text: str, code: str = "code") -> None:
+    """A job that writes `text` into its outputs."""
+    settings = root / f"settings/{stage}/all.yaml"
+    settings.parent.mkdir(parents=True, exist_ok=True)
+    settings.write_text(text)
+    paths = [[root / name for name in names] for names in (inputs, outputs)]
+    with recorded_job(root / f"log/{stage}/all.log", settings, code, *paths):
+        for output in paths[1]:
+            output.parent.mkdir(parents=True, exist_ok=True)
+            output.write_text(text)
+
+
+@pytest.fixture
+def study(tmp_path):
+    job(tmp_path, "path", [], ["path.npz"], "a")
+    job(tmp_path, "train", ["path.npz"], ["avatar/a.npz", "avatar/log.csv"], "b")
+    return tmp_path
+
+
+def texts(**texts: str) -> Callable:
+    return lambda stage, point: {"path": "a", "train": "b", **texts}[stage]
+
+
+def same_code(stage: str) -> str:
+    return "code"
+
+
+def test_nothing_is_marked_without_a_difference(study):
+    times = {file: file.stat().st_mtime_ns for file in study.rglob("*")}
+    assert set_modification_times(study / "log", texts(), same_code) == {}
+    assert times == {file: file.stat().st_mtime_ns for file in study.rglob("*")}
+
+
+def test_other_settings_or_code_mark_the_outputs_until_they_are_back(study):
+    before = (study / "avatar/a.npz").stat().st_mtime_ns
+    for text, code, reason in ((texts(train="c"), same_code, "settings"), (texts(), lambda stage: stage, "code")):
+        stale = set_modification_times(study / "log", text, code)
+        assert stale["train", f"made with other {reason}"] == 1
+        assert is_stale(study / "avatar/a.npz") and is_stale(study / "avatar/log.csv")
+        assert set_modification_times(study / "log", texts(), same_code) == {}
+        assert 0 <= (study / "avatar/a.npz").stat().st_mtime_ns - before < 1e9
+
+
+def test_an_output_that_was_made_again_marks_what_was_made_from_it(study):
+    job(study, "path", [], ["path.npz"], "a2")
+    assert set_modification_times(study / "log", texts(path="a2"), same_code) == {
+        ("train", "made from other inputs"): 1
+    }
+    job(study, "path", [], ["path.npz"], "a")
+    assert set_modification_times(study / "log", texts(), same_code) == {}
+
+
+def test_a_job_that_fails_or_is_killed_marks_its_outputs(study):
+    with pytest.raises(RuntimeError):
+        with recorded_job(
+            study / "log/train/all.log", study / "settings/train/all.yaml", "code", [], [study / "avatar/a.npz"]
+        ):
+            raise RuntimeError
+    assert set_modification_times(study / "log", texts(), same_code) == {("train", "not finished"): 1}
+    assert is_stale(study / "avatar/a.npz")
+
+
+def test_a_copy_gets_its_times_back_but_not_for_what_was_edited(study):
+    order = [(study / name).stat().st_mtime_ns for name in ("path.npz", "avatar/log.csv")]
+    (study / "avatar/a.npz").write_text("edited")
+    for file in study.rglob("*"):
+        os.utime(file, ns=(10**18, 10**18))
+    assert set_modification_times(study / "log", texts(), same_code) == {}
+    restored = [(study / name).stat().st_mtime_ns for name in ("path.npz", "avatar/log.csv")]
+    assert all(0 <= new - old < 1e9 for new, old in zip(restored, order, strict=True))
+    assert (study / "avatar/a.npz").stat().st_mtime_ns == 10**18
+    assert (study / "settings/train/all.yaml").stat().st_mtime_ns in range(STALE + 1, min(restored))
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"finished": 3, "outputs": {}}'])
+def test_a_damaged_record_is_named(study, text):
+    (study / "log/train/all.json").write_text(text)
+    with pytest.raises(InputError, match=r"all\.json"):
+        set_modification_times(study / "log", texts(), same_code)
+
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from carigs.job_lock import job_lock
+with job_lock(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_a_lock_has_one_holder_who_is_named_and_a_dead_one_is_followed(tmp_path):
+    file = tmp_path / "all.lock"
+    with subprocess.Popen([sys.executable, "-c", HOLD, str(file)], stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout.readline() == "held\n"
+        with pytest.raises(CarigsError, match=f"process {holder.pid} on host {this_process().host}"):
+            with job_lock(file, seconds=0.1):
+                pass
+        remove_free_locks(tmp_path)
+        assert file.exists()
+        holder.send_signal(signal.SIGKILL)
+    assert file.exists()
+    with job_lock(file, seconds=0.1):
+        pass
+    assert not file.exists()
+
+
+def test_locks_of_dead_processes_are_removed(tmp_path):
+    (tmp_path / "stage").mkdir()
+    (tmp_path / "stage/all.lock").touch()
+    remove_free_locks(tmp_path)
+    assert not list(tmp_path.rglob("*.lock"))
+    shutil.rmtree(tmp_path)
+    remove_free_locks(tmp_path)
