@@ -89,13 +89,12 @@ def write_png(file: Path, image: Float[np.ndarray, "h w *c"]) -> None:
         image: RGB (h, w, 3) or grey (h, w) values in [0, 1].
 
     Raises:
-        InputError: If the file cannot be written.
+        OSError: If the file cannot be written.
     """
     levels = np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
     if levels.ndim == 3:
         levels = np.ascontiguousarray(levels[:, :, ::-1])
-    if not cv2.imwrite(str(file), levels):
-        raise InputError("cannot be written", file=file)
+    Path(file).write_bytes(cv2.imencode(".png", levels)[1].tobytes())
 
 
 def read_bits(file: Path) -> UInt16[np.ndarray, "h w"]:
@@ -124,7 +123,6 @@ def write_bits(file: Path, pixels: UInt16[np.ndarray, "h w"]) -> None:
         pixels: The bit fields.
 
     Raises:
-        InputError: If the file cannot be written.
+        OSError: If the file cannot be written.
     """
-    if not cv2.imwrite(str(file), pixels):
-        raise InputError("cannot be written", file=file)
+    Path(file).write_bytes(cv2.imencode(".png", pixels)[1].tobytes())

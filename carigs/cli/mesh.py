@@ -1,13 +1,16 @@
 """`carigs mesh`: exaggerate a mesh file.
 
-The mesh is repaired first and the repairs are printed. The result has the vertices of the file, in their order. Units
-do not matter. In the preview +y is up and the face looks along +z.
+The mesh is repaired first and the repairs are printed. The result has the vertices of the file, in their order. From
+.obj to .obj and from .ply to .ply everything else is kept too: polygons, texture coordinates, references to materials.
+Units do not matter. In the preview +y is up and the face looks along +z.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -17,6 +20,9 @@ from jaxtyping import Float
 from carigs.config import compose, known
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration.exaggerator import Exaggerator
+from carigs.files import writing
+from carigs.mesh.deformation import check_deformation
+from carigs.mesh.mesh_file import moved_mesh_file
 from carigs.mesh.regions import find_region, vertex_field
 from carigs.mesh.repair import CleanMesh, clean_mesh
 from carigs.readers.arrays import checked_array
@@ -34,7 +40,12 @@ EXAMPLES = """examples:
   carigs mesh head.obj --gamma 0 --regions masks.json --region nose=0.4 -o nose.ply
 
 With --gamma 0 only the regions are exaggerated and the rest is held. A negative level reduces what is characteristic.
+Levels beyond about 0.5 fold the surface; a warning says so.
 """
+
+MAX_LEVEL = 100.0
+MAX_LEVELS = 100
+PREVIEW_ROWS = 10
 
 
 def read_regions(file: Path) -> dict[str, np.ndarray]:
@@ -60,25 +71,29 @@ def read_regions(file: Path) -> dict[str, np.ndarray]:
 def exaggerate(task: argparse.Namespace) -> None:
     """Repair and solve a mesh; write the caricature (with several levels one file each) and a preview.
 
+    Nothing is written before all levels are solved and checked.
+
     Args:
         task: The command line, with a level for each name in `region_levels`.
 
     Raises:
         InputError: For unusable files and folders.
-        SettingsError: For regions without a file that names them.
+        MeshError: If the mesh cannot be solved on, or moves absurdly far.
+        SettingsError: For levels out of range, or regions without a file that names them.
     """
     started = time.perf_counter()
 
     def report(text: str) -> None:
         print(f"{time.perf_counter() - started:6.2f} s  {text}", flush=True)
 
-    if task.output.suffix.lower() not in FORMATS:
-        raise InputError(f"unknown kind of mesh; known: {' '.join(FORMATS)}", file=task.output)
-    for file in (task.output, task.preview):
-        if not file.parent.is_dir():
-            raise InputError("no such folder", file=file.parent)
     if task.region_levels and task.regions is None:
         raise SettingsError(f"--region {next(iter(task.region_levels))}: give the names of regions with --regions FILE")
+    for name, level in {"gamma": task.gamma, **task.region_levels}.items():
+        if not abs(level) <= MAX_LEVEL:
+            raise SettingsError(f"{name}={level:g}: levels lie in [-{MAX_LEVEL:g}, {MAX_LEVEL:g}]")
+    fractions = (1 + np.arange(task.levels)) / task.levels
+    outputs = level_files(task.output, fractions * (task.gamma or next(iter(task.region_levels.values()), 0.0)))
+    check_outputs((*outputs, task.preview), [file for file in (task.mesh, task.regions) if file])
     mesh = read_mesh(task.mesh)
     clean = clean_mesh(mesh.vertices, mesh.faces)
     report(str(clean.report))
@@ -86,24 +101,91 @@ def exaggerate(task: argparse.Namespace) -> None:
     fields = {name: _region_field(clean, task.regions, name) for name in task.region_levels}
     exaggerator = Exaggerator(clean.vertices, clean.faces, settings, regions=fields)
     report("factorised")
-    previewed = {"level 0": clean.vertices}
-    for fraction in (1 + np.arange(task.levels)) / task.levels:
+    displacements = {}
+    for fraction in fractions:
         region_levels = {name: fraction * level for name, level in task.region_levels.items()}
-        name = ", ".join(f"{level:.3g}" for level in (fraction * task.gamma, *region_levels.values()))
+        label = "level " + ", ".join(f"{level:.3g}" for level in (fraction * task.gamma, *region_levels.values()))
         if task.gamma == 0:
             local = (exaggerator.local_edit(region).solve(level) for region, level in region_levels.items())
             displacement = sum(local, 0 * clean.vertices)
         else:
             displacement = exaggerator.solve(fraction * task.gamma, region_levels)
-        result = mesh.copy()
-        result.vertices = np.asarray(mesh.vertices) + clean.to_input(displacement)
-        shown_level = fraction * task.gamma if task.gamma else next(iter(region_levels.values()), 0.0)
-        file = task.output if task.levels == 1 else task.output.with_stem(f"{task.output.stem}_{shown_level:.3g}")
-        result.export(file)
-        previewed[f"level {name}"] = clean.vertices + displacement
+        check_deformation(clean.vertices, displacement, clean.faces, label)
+        displacements[fraction] = label, displacement
+    for file, (_, displacement) in zip(outputs, displacements.values(), strict=True):
+        moved = np.asarray(mesh.vertices) + clean.to_input(displacement)
+        content = moved_mesh_file(task.mesh, moved, np.asarray(mesh.faces), file)
+        with _typed_write_errors(file), writing(file) as part:
+            part.write_bytes(content)
         report(f"{file}: moved by up to {np.linalg.norm(displacement, axis=1).max():.4g}")
-    clay_sheet(task.preview, previewed, clean.faces)
+    rows = np.unique(np.linspace(0, task.levels - 1, min(task.levels, PREVIEW_ROWS)).round().astype(int))
+    shown = [displacements[fractions[row]] for row in rows]
+    previewed = {"level 0": clean.vertices} | {label: clean.vertices + moved for label, moved in shown}
+    with _typed_write_errors(task.preview):
+        clay_sheet(task.preview, previewed, clean.faces)
     report(str(task.preview))
+
+
+def level_files(output: Path, levels: np.ndarray) -> list[Path]:
+    """Name a file for each level.
+
+    Args:
+        output: The name for one level; of several, each level is appended to its stem.
+        levels: The levels.
+
+    Returns:
+        A file for each level.
+
+    Raises:
+        SettingsError: If two levels are equal.
+    """
+    if len(levels) == 1:
+        return [output]
+    for digits in range(3, 18):
+        names = [f"{level:.{digits}g}" for level in levels]
+        if len(set(names)) == len(names):
+            return [output.with_stem(f"{output.stem}_{name}") for name in names]
+    raise SettingsError(f"--levels {len(levels)}: the levels must differ, found {levels[0]:g}, {levels[1]:g}, ...")
+
+
+def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
+    """Refuse outputs that cannot be written, or that would replace an input.
+
+    Args:
+        outputs: Mesh files, and the preview last.
+        inputs: Files that are read. Links, other spellings and other cases of their names are recognised.
+
+    Raises:
+        InputError: If an output has an unknown suffix, its folder is missing, it exists and is not a regular file, or
+            it is one of the inputs.
+    """
+    *meshes, preview = outputs
+    if meshes[0].suffix.lower() not in FORMATS:
+        raise InputError(f"unknown kind of mesh; known: {' '.join(FORMATS)}", file=meshes[0])
+    if preview.suffix.lower() != ".png":
+        raise InputError("the preview is a .png", file=preview)
+    for file in outputs:
+        try:
+            if not file.parent.is_dir():
+                raise InputError("no such folder", file=file.parent)
+            if not file.exists():
+                continue
+            if not file.is_file():
+                raise InputError("exists and is not a regular file", file=file)
+            for source in inputs:
+                if source.exists() and file.samefile(source):
+                    raise InputError(f"is the input {source}; write to another file", file=file)
+        except OSError as error:
+            raise InputError(f"cannot be written ({error.strerror})", file=file) from error
+
+
+@contextmanager
+def _typed_write_errors(file: Path) -> Iterator[None]:
+    """Turn the errors of a full disk or a protected folder into `InputError`."""
+    try:
+        yield
+    except (OSError, ValueError) as error:  # ValueError: a NUL character in the path
+        raise InputError(f"cannot be written ({getattr(error, 'strerror', None) or error})", file=file) from error
 
 
 def _region_field(clean: CleanMesh, file: Path, name: str) -> Float[np.ndarray, " v"]:
@@ -151,13 +233,13 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--levels", type=int, default=1, help="files at equal steps up to gamma (default %(default)s)")
     parser.add_argument("--preset", choices=known("exaggerate"), default="robust", help="(default %(default)s)")
     parser.add_argument("-o", "--output", type=Path, required=True, help="mesh to write")
-    parser.add_argument("--preview", type=Path, help="PNG to write (default: beside the output)")
+    parser.add_argument("--preview", type=Path, help="PNG to write (default: OUTPUT_preview.png)")
     task = parser.parse_args(arguments)
-    if task.levels < 1:
-        parser.error(f"--levels {task.levels}: expected 1 or more")
     if not np.isfinite(task.gamma):
         parser.error(f"--gamma {task.gamma}: expected a number")
+    if not 1 <= task.levels <= MAX_LEVELS:
+        parser.error(f"--levels {task.levels}: expected 1 to {MAX_LEVELS}")
     task.region_levels = dict(task.region_levels)
-    task.preview = task.preview or task.output.with_suffix(".png")
+    task.preview = task.preview or task.output.with_name(f"{task.output.stem}_preview.png")
     exaggerate(task)
     return 0

@@ -79,7 +79,7 @@ class LocalEdit:
         """
         if self._mode == "literal":
             return self._equation.weights(level)
-        return self._equation.face_mean(np.exp(level * self.field * self._equation.log_curvature))
+        return self._equation.curvature_power(level * self.field)
 
     def response(self, delta_weights: Float[np.ndarray, " f"]) -> Float[np.ndarray, "v 3"]:
         """Solve the constrained equation for a change of the weights; linear in it.

@@ -25,6 +25,8 @@ from carigs.settings import Exaggerate, check
 
 CAVITY_OCCLUSION = (0.45, 0.75)
 """Ambient occlusion at which a vertex begins to count as part of a cavity, and at which it fully does."""
+MAX_WEIGHT = 1e100
+"""Largest weight of a face: squares and products of weights must stay finite in float64."""
 
 
 class WeightedPoisson:
@@ -120,9 +122,31 @@ class WeightedPoisson:
 
         Returns:
             Weight of each face; 1 at level 0.
+
+        Raises:
+            SettingsError: If a weight is not finite or is larger than `MAX_WEIGHT`.
         """
-        weights = self.face_mean(np.exp(level * rate * self.log_curvature))
+        weights = self.curvature_power(level * rate)
         return weights / (self._area_shares @ weights) if self.settings.normalize_weights else weights
+
+    def curvature_power(self, exponent: Float[np.ndarray, " v"] | float) -> Float[np.ndarray, " f"]:
+        """Mean of |K|^exponent over the corners of each face.
+
+        Args:
+            exponent: Exponent, or one for each vertex.
+
+        Returns:
+            A value for each face; 1 at exponent 0.
+
+        Raises:
+            SettingsError: If a value is not finite or is larger than `MAX_WEIGHT`.
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            weights = self.face_mean(np.exp(exponent * self.log_curvature))
+        if not (weights <= MAX_WEIGHT).all():
+            level = float(np.max(np.abs(exponent)))
+            raise SettingsError(f"level {level:g}: a weight |K|^gamma exceeds {MAX_WEIGHT:g}: use a level nearer to 0")
+        return weights
 
     def face_mean(self, values: Float[np.ndarray, " v"]) -> Float[np.ndarray, " f"]:
         """Mean of a function over the corners of each face.

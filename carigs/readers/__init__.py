@@ -10,6 +10,7 @@ code of the file, and raises `InputError` with the file and the field for whatev
 - `pickles`, `pickled_objects`: pickled dictionaries of arrays, such as FLAME's
 - `images`: PNG and JPEG
 - `ply`: the vertices of .ply files
+- `obj`: the vertices and faces of .obj files
 - `meshes`: OBJ, PLY, STL, OFF and GLB
 - `weights`: network weights in .safetensors and PyTorch's files
 - `arrays`: the type, shape and range of an array

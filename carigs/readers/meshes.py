@@ -1,4 +1,4 @@
-"""Reader of triangle meshes: OBJ, PLY, STL, OFF and GLB, by trimesh, behind limits and one type of error."""
+"""Reader of triangle meshes: OBJ, and PLY, STL, OFF and GLB by trimesh, behind limits and one type of error."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from carigs.errors import InputError
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
+from carigs.readers.obj import parse_obj
 from carigs.readers.ply import check_ply_header
 
 if TYPE_CHECKING:
@@ -40,15 +41,7 @@ def read_mesh(file: str | Path) -> trimesh.Trimesh:
     if file.suffix.lower() not in FORMATS:
         raise InputError(f"unknown kind of mesh; known: {' '.join(FORMATS)}", file=file)
     content = read_bytes(file, MAX_TEXT_BYTES, "mesh")
-    if file.suffix.lower() == ".ply":
-        check_ply_header(content, file)
-    try:
-        mesh = trimesh.load(
-            io.BytesIO(content), file_type=file.suffix[1:].lower(), process=False, maintain_order=True, force="mesh",
-            skip_materials=True,
-        )  # fmt: skip
-    except Exception as error:  # trimesh's readers raise whatever their format's parser does
-        raise InputError(f"not a readable mesh ({type(error).__name__}: {str(error)[:200]})", file=file) from error
+    mesh = _load(content, file)
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise InputError("holds no triangles", file=file)
     if len(mesh.faces) > MAX_FACES:
@@ -61,3 +54,24 @@ def read_mesh(file: str | Path) -> trimesh.Trimesh:
         problem = f"is not finite, or a coordinate is {MAX_COORDINATE:g} or more"
         raise InputError(f"vertex {bad[0]} {problem}", file=file, field="vertices")
     return mesh
+
+
+def _load(content: bytes, file: Path) -> object:
+    """Parse a file; the result is a `Trimesh` only if it holds triangles."""
+    import trimesh
+
+    kind = file.suffix[1:].lower()
+    if kind == "obj":
+        vertices, faces = parse_obj(content, file)
+        return trimesh.Trimesh(vertices, faces, process=False)
+    options = {}
+    if kind == "ply":
+        check_ply_header(content, file)
+        options["fix_texture"] = False  # splits vertices, which changes their numbers
+    try:
+        return trimesh.load(
+            io.BytesIO(content), file_type=kind, process=False, maintain_order=True, force="mesh", skip_materials=True,
+            **options,
+        )  # fmt: skip
+    except Exception as error:  # trimesh's readers raise whatever their format's parser does
+        raise InputError(f"not a readable mesh ({type(error).__name__}: {str(error)[:200]})", file=file) from error

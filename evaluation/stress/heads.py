@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from carigs.exaggeration import Exaggerator
 from carigs.head import HeadModel
+from carigs.mesh.deformation import turned_faces
 from carigs.mesh.triangle_mesh import diagonal, face_normals
 from carigs.settings import Exaggerate
 from evaluation.benchmarks.surface import parse_heads
@@ -68,7 +69,7 @@ def shape_checks(case: str, solver: Exaggerator) -> Iterator[Check]:
     vertices, faces, extent = solver.vertices, solver.faces, diagonal(solver.vertices)
     moved = vertices + solver.solve(GAMMA)
     yield check(case, "level 0: largest displacement", float(np.abs(solver.solve(0.0)).max()), 0.0)
-    turned = (face_normals(vertices, faces) * face_normals(moved, faces)).sum(axis=1) <= 0
+    turned = turned_faces(vertices, moved, faces)
     yield check(case, "faces turned by 90 degrees or more", float(turned.sum()), 0.0)
     skin = faces[solver.solved_faces]
     new = intersecting_faces(moved, skin) - intersecting_faces(vertices, skin)

@@ -1,0 +1,73 @@
+"""Reader of the vertices and faces of .obj files, in the order of the file.
+
+Libraries split a vertex wherever texture coordinates, normals or materials change. Here a vertex is a line `v`, so that
+vertex numbers mean the same as in the program that wrote the file.
+"""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from carigs.errors import InputError
+
+
+def parse_obj(content: bytes, file: str | Path) -> tuple[Float64[np.ndarray, "v 3"], Int64[np.ndarray, "f 3"]]:
+    """Parse positions and faces; everything else is ignored.
+
+    Args:
+        content: The file's bytes.
+        file: Its name, for messages.
+
+    Returns:
+        Positions in the unit of the file, and vertex numbers from 0. Polygons become fans of triangles. Numbers of
+        vertices that do not exist are not checked, except that they are at least 0.
+
+    Raises:
+        InputError: If a line of a vertex or a face is broken.
+    """
+    vertices: list[tuple[float, float, float]] = []
+    faces: list[tuple[int, int, int]] = []
+    for number, line in enumerate(obj_lines(content), 1):
+        words = line.split()
+        try:
+            if words[:1] == ["v"]:
+                x, y, z = words[1:4]
+                vertices.append((float(x), float(y), float(z)))
+            elif words[:1] == ["f"]:
+                first, *others = [_vertex_number(word, len(vertices)) for word in words[1:]]
+                if len(others) < 2:
+                    raise ValueError
+                faces.extend((first, a, b) for a, b in pairwise(others))
+        except (ValueError, OverflowError) as error:
+            raise InputError(f"broken line: {line.strip()[:60]!r}", file=file, field=f"line {number}") from error
+    try:
+        corners = np.array(faces, np.int64).reshape(-1, 3)
+    except OverflowError as error:
+        raise InputError("a vertex number is too large", file=file, field="faces") from error
+    return np.array(vertices, np.float64).reshape(-1, 3), corners
+
+
+def obj_lines(content: bytes) -> list[str]:
+    """Split a file into lines; those that end with a backslash are joined with the next.
+
+    Args:
+        content: The file's bytes.
+
+    Returns:
+        The lines without line breaks. Each character stands for one byte (Latin-1).
+    """
+    return re.sub(rb"\\\r?\n", b" ", content).decode("latin1").split("\n")
+
+
+def _vertex_number(word: str, count: int) -> int:
+    """Parse `v`, `v/vt`, `v//vn` or `v/vt/vn`; negative numbers count back from the latest vertex."""
+    number = int(word.partition("/")[0])
+    index = number - 1 if number > 0 else count + number
+    if number == 0 or index < 0:
+        raise ValueError
+    return index

@@ -1,0 +1,96 @@
+"""Mesh files with other positions."""
+
+import io
+
+import numpy as np
+import pytest
+import trimesh
+from plyfile import PlyData, PlyElement
+
+from carigs.errors import CarigsWarning, InputError
+from carigs.mesh.mesh_file import moved_mesh_file
+from carigs.readers.meshes import read_mesh
+
+NORMAL = ("nx", "ny", "nz")
+BALL = trimesh.creation.icosphere(subdivisions=1)
+
+
+@pytest.mark.parametrize("text", [True, False])
+def test_a_ply_keeps_all_but_positions_and_normals(tmp_path, text):
+    v, f = BALL.vertices, BALL.faces
+    rows = np.zeros(
+        len(v), [("x", "f8"), ("s", "f4"), ("y", "f8"), ("z", "f8"), ("nx", "f4"), ("ny", "f4"), ("nz", "f4")]
+    )
+    rows["x"], rows["y"], rows["z"] = v.T
+    rows["s"] = np.linspace(0, 1, len(v))
+    corners = np.zeros(len(f), [("vertex_indices", "i4", (3,)), ("quality", "u1")])
+    corners["vertex_indices"], corners["quality"] = f, np.arange(len(f))
+    elements = [PlyElement.describe(rows, "vertex"), PlyElement.describe(corners, "face")]
+    source = tmp_path / "ball.ply"
+    PlyData(elements, text=text, comments=["TextureFile skin.png", "by hand"]).write(source)
+    (tmp_path / "out").mkdir()
+    scaled = 3 * v
+    made = PlyData.read(io.BytesIO(moved_mesh_file(source, scaled, f, tmp_path / "out" / "ball.ply")))
+    vertex, given = made["vertex"].data, PlyData.read(source)
+    np.testing.assert_allclose(np.stack([vertex[name] for name in "xyz"], axis=1), scaled)
+    normals = np.stack([vertex[name] for name in NORMAL], axis=1)
+    assert ((normals * v).sum(axis=1) > 0.99).all()
+    np.testing.assert_array_equal(vertex["s"], given["vertex"]["s"])
+    np.testing.assert_array_equal(made["face"]["quality"], given["face"]["quality"])
+    assert made.comments == ["TextureFile ../skin.png", "by hand"]
+    assert made.text == text
+
+
+def test_positions_stored_as_whole_numbers_are_not_rounded(tmp_path):
+    rows = np.array([(0, 0, 0), (4, 0, 0), (0, 4, 0)], [(name, "i4") for name in "xyz"])
+    corners = np.array([([0, 1, 2],)], [("vertex_indices", "i4", (3,))])
+    PlyData([PlyElement.describe(rows, "vertex"), PlyElement.describe(corners, "face")]).write(tmp_path / "a.ply")
+    moved = np.array([[0.25, 0, 0], [4, 0, 0], [0, 4, 0.5]])
+    content = moved_mesh_file(tmp_path / "a.ply", moved, np.array([[0, 1, 2]]), tmp_path / "b.ply")
+    np.testing.assert_array_equal(trimesh.load(io.BytesIO(content), file_type="ply", process=False).vertices, moved)
+
+
+def test_an_obj_that_does_not_move_keeps_its_lines(tmp_path):
+    text = "# a comment\r\no head\r\nv 0.10 0 0 255 0 0\r\nv 1 0 0\r\nv 0 1 0\r\nv nan 0 0\r\ns 1\r\nf 1 2 3\r\n"
+    (tmp_path / "a.obj").write_bytes(text.encode())
+    vertices = np.array([[0.1, 0, 0], [1, 0, 0], [0, 1, 0], [np.nan, 0, 0]])
+    faces = np.array([[0, 1, 2]])
+    same = moved_mesh_file(tmp_path / "a.obj", vertices, faces, tmp_path / "b.obj").decode()
+    assert same.replace("f 1 2 3\n", "f 1 2 3\r\n") == text
+    vertices[0] = 1 / 3
+    moved = moved_mesh_file(tmp_path / "a.obj", vertices, faces, tmp_path / "b.obj").decode()
+    assert "v 0.333333333333 0.333333333333 0.333333333333 255 0 0\n" in moved
+
+
+@pytest.mark.parametrize("source", ["obj", "ply", "off", "stl", "glb"])
+@pytest.mark.parametrize("output", ["obj", "ply", "off", "stl", "glb"])
+def test_every_pair_of_formats_keeps_vertices_and_triangles(tmp_path, source, output):
+    BALL.export(tmp_path / f"a.{source}")
+    given = read_mesh(tmp_path / f"a.{source}")
+    vertices = 2 * np.asarray(given.vertices)
+    file = tmp_path / f"b.{output}"
+    file.write_bytes(moved_mesh_file(tmp_path / f"a.{source}", vertices, np.asarray(given.faces), file))
+    made = read_mesh(file)
+    np.testing.assert_allclose(made.vertices[made.faces], vertices[given.faces], rtol=1e-6)
+    if output != "stl":
+        np.testing.assert_array_equal(made.faces, given.faces)
+
+
+@pytest.mark.parametrize("kind", ["obj", "ply", "glb"])
+def test_lost_texture_coordinates_are_said(tmp_path, kind):
+    from PIL import Image
+
+    textured = BALL.copy()
+    uv = np.abs(BALL.vertices[:, :2])
+    textured.visual = trimesh.visual.TextureVisuals(uv=uv, image=Image.new("RGB", (2, 2)))
+    textured.export(tmp_path / f"a.{kind}")
+    mesh = read_mesh(tmp_path / f"a.{kind}")
+    with pytest.warns(CarigsWarning, match="without the texture coordinates"):
+        moved_mesh_file(tmp_path / f"a.{kind}", np.asarray(mesh.vertices), np.asarray(mesh.faces), tmp_path / "b.off")
+
+
+def test_a_file_that_changed_meanwhile_is_refused(tmp_path):
+    for kind in ("obj", "ply"):
+        BALL.export(tmp_path / f"a.{kind}")
+        with pytest.raises(InputError, match="42 vertices, 3 a moment ago"):
+            moved_mesh_file(tmp_path / f"a.{kind}", np.eye(3), np.array([[0, 1, 2]]), tmp_path / f"b.{kind}")
