@@ -1,7 +1,8 @@
 # make reproduce   set-up, the study, its table, figures and report: on a machine with nothing but Python and make
 # make test        every check that needs neither a GPU nor network weights
 # make bench       what the parts cost: results/benchmark; leave the machine alone meanwhile
-# make lock        the lock again, after an edit of pyproject.toml
+# make lock        the lock and the bill of materials again, after an edit of pyproject.toml
+# make audit       known vulnerabilities of what is locked; skipped where their list cannot be reached
 #
 # make reproduce CORES=8 HYDRA="study=ict"      another study; any Hydra overrides
 
@@ -10,6 +11,8 @@ PYTHON ?= $(shell for python in python3.11 python3.12 python3; do \
 	$$python -c "import sys; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 13))" 2> /dev/null && echo $$python && break; \
 	done)
 UV := uv==0.13.8
+CYCLONEDX := cyclonedx-bom==7.5.0
+PIP_AUDIT := pip-audit==2.10.1
 CORES ?= 2
 HYDRA ?=
 
@@ -17,7 +20,7 @@ ROOT := $(dir $(abspath $(lastword $(MAKEFILE_LIST))))
 export PATH := $(ROOT).venv/bin:$(PATH)
 unexport PYTHONPATH VIRTUAL_ENV
 
-.PHONY: reproduce test bench lock
+.PHONY: reproduce test bench lock audit
 .DEFAULT_GOAL := reproduce
 
 reproduce: .venv/installed
@@ -37,6 +40,17 @@ bench: .venv/installed
 
 lock: .venv/installed
 	uv pip compile --quiet --no-header --universal --python-version 3.11 --generate-hashes --extra dev pyproject.toml --output-file requirements.lock
+	$(MAKE) .venv/installed
+	uv tool run --quiet --from $(CYCLONEDX) cyclonedx-py environment --pyproject pyproject.toml --output-reproducible \
+		--output-format JSON --output-file sbom.cdx.json .venv/bin/python
+
+VULNERABILITIES := https://pypi.org/pypi/pip/json
+audit: .venv/installed
+	@if python -c "import urllib.request; urllib.request.urlopen('$(VULNERABILITIES)', timeout=20)" 2> /dev/null; then \
+		uv tool run --quiet --from $(PIP_AUDIT) pip-audit --requirement requirements.lock --require-hashes --disable-pip; \
+	else \
+		echo "audit skipped: $(VULNERABILITIES) cannot be read"; \
+	fi
 
 # Hashes are checked; bytecode is compiled once, because some machines never write it.
 .venv/installed: requirements.lock pyproject.toml
