@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float32
@@ -15,10 +16,14 @@ from carigs.capture.images import read_grey, read_rgb
 from carigs.errors import InputError
 from carigs.files import write_json
 from carigs.head import HeadModel, HeadParameters
-from carigs.readers.json_files import read_json
+from carigs.readers.arrays import checked_array
+from carigs.readers.json_files import json_field, read_json
+from carigs.readers.limits import MAX_IMAGE_PIXELS
 
 FORMAT = "carigs-capture-1"
 SPLITS = ("train", "val", "test")
+MAX_NUMBER = 1_000_000_000
+"""Largest number of a timestep or camera."""
 
 
 @dataclass(frozen=True)
@@ -144,24 +149,70 @@ class Capture:
             The capture.
 
         Raises:
-            InputError: If the index is missing, broken, or of another format.
+            InputError: If the index is missing, broken, or of another format, or if a value is of another type or not
+                possible.
         """
-        content = read_json(file)
-        if not isinstance(content, dict) or content.get("format") != FORMAT:
+        content = read_json(file, dict)
+        if content.get("format") != FORMAT:
             raise InputError(f"not a {FORMAT} index", file=file, field="format")
-        try:
-            return cls(
-                root=Path(file).parent / content["root"],
-                head_model=Path(file).parent / content["head_model"],
-                background=float(content["background"]),
-                cameras={
-                    int(c): Camera(**{**camera, "camera_from_world": np.array(camera["camera_from_world"])})
-                    for c, camera in content["cameras"].items()
-                },
-                frames=tuple(Frame(**frame) for frame in content["frames"]),
-            )
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"broken index ({error!r})", file=file) from error
+
+        def field(key: str, kind: type) -> Any:
+            return json_field(content, key, kind, file=file)
+
+        background = float(field("background", float))
+        if not 0 <= background <= 1:
+            raise InputError(f"{background:g} is not in [0, 1]", file=file, field="background")
+        cameras = {number: _camera(entry, number, file) for number, entry in field("cameras", dict).items()}
+        frames = tuple(_frame(entry, i, file) for i, entry in enumerate(field("frames", list)))
+        seen = set()
+        for i, frame in enumerate(frames):
+            if str(frame.camera) not in cameras:
+                raise InputError(f"there is no camera {frame.camera}", file=file, field=f"frames[{i}].camera")
+            if (frame.timestep, frame.camera) in seen:
+                raise InputError("timestep and camera appear twice", file=file, field=f"frames[{i}]")
+            seen.add((frame.timestep, frame.camera))
+        return cls(
+            root=Path(file).parent / field("root", str),
+            head_model=Path(file).parent / field("head_model", str),
+            background=background,
+            cameras={int(number): camera for number, camera in cameras.items()},
+            frames=frames,
+        )
+
+
+def _camera(entry: Any, number: str, file: Path) -> Camera:
+    """A camera of the index: a rigid transform and positive sizes, which kernels rely on."""
+    where = f"cameras.{number[:20]}"
+    if not (number.isascii() and number.isdigit() and str(int(number)) == number):
+        raise InputError("expected a whole number as name", file=file, field=where)
+    fx, fy, cx, cy = (float(json_field(entry, key, float, file=file, where=where)) for key in ("fx", "fy", "cx", "cy"))
+    width, height = (json_field(entry, key, int, file=file, where=where) for key in ("width", "height"))
+    if not (width > 0 and height > 0 and width * height <= MAX_IMAGE_PIXELS):
+        raise InputError(f"{width} x {height} pixels are impossible", file=file, field=where)
+    if not (1e-3 < fx < 1e9 and 1e-3 < fy < 1e9 and max(abs(cx), abs(cy)) < 1e9):
+        raise InputError(f"fx={fx:g} fy={fy:g} cx={cx:g} cy={cy:g} are impossible", file=file, field=where)
+    rows = {f"{where}.camera_from_world": json_field(entry, "camera_from_world", list, file=file, where=where)}
+    pose = checked_array(rows, f"{where}.camera_from_world", (4, 4), np.float64, file=file)
+    rotation = pose[:3, :3]
+    is_rigid = np.abs(pose).max() < 1e9 and np.abs(rotation.T @ rotation - np.eye(3)).max() < 1e-2
+    if not is_rigid or np.linalg.det(rotation) < 0 or np.abs(pose[3] - [0, 0, 0, 1]).max() > 1e-2:
+        raise InputError("expected a rigid transform", file=file, field=f"{where}.camera_from_world")
+    return Camera(pose, fx, fy, cx, cy, width, height)
+
+
+def _frame(entry: Any, i: int, file: Path) -> Frame:
+    where = f"frames[{i}]"
+    values = {
+        f.name: json_field(entry, f.name, int if f.name in ("timestep", "camera") else str, file=file, where=where)
+        for f in fields(Frame)
+    }
+    for key in ("timestep", "camera"):
+        if not 0 <= values[key] <= MAX_NUMBER:
+            raise InputError(f"{values[key]} is not in 0..{MAX_NUMBER}", file=file, field=f"{where}.{key}")
+    if values["split"] not in SPLITS:
+        problem = f"{values['split'][:60]} is unknown; known: {', '.join(SPLITS)}"
+        raise InputError(problem, file=file, field=f"{where}.split")
+    return Frame(**values)
 
 
 def _relative(path: Path, folder: Path) -> str:

@@ -59,6 +59,8 @@ def read_targets(index: Path, capture: Capture) -> TargetSet:
     """
     content = read_json(index)
     level = float(json_field(content, "level", float, file=index))
+    if not abs(level) <= 100:
+        raise InputError(f"{level:g} is not in [-100, 100]", file=index, field="level")
     folder = index.parent / json_field(content, "folder", str, file=index)
     entries = json_field(content, "targets", list, file=index)
     if not entries:
