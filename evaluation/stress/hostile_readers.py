@@ -1,0 +1,207 @@
+"""The readers of files from outside, a sound file for each, and a summary of what they return."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+import trimesh
+from safetensors.torch import save_file
+
+from carigs.capture import Camera, Capture, Frame, look_at
+from carigs.capture.frame_index import read_frame_index, write_frame_index
+from carigs.capture.images import write_png
+from carigs.capture.target_index import FACE_FLAGS, read_targets, write_targets
+from carigs.config import compose, compose_study, load_settings, settings_text
+from carigs.exaggeration.gamma_path import straight_path
+from carigs.files import write_json
+from carigs.head import HeadModel, HeadParameters, neutral, pose, read_subject_path
+from carigs.head.model import N_SHAPE
+from carigs.light import Shading, fibonacci_sphere
+from carigs.light.shading import load_shading, save_shading
+from carigs.readers.images import image_size, read_pixels
+from carigs.readers.json_files import read_json
+from carigs.readers.meshes import FORMATS, read_mesh
+from carigs.readers.npz import read_npy, read_npz
+from carigs.readers.pickles import read_pickle
+from carigs.readers.weights import read_weights
+from carigs.splat.avatar import Avatar, load_avatar, save_avatar
+from carigs.splat.rig.head_sequence import HeadSequence
+from carigs.splat.surfels.ply import read_ply, write_ply
+from carigs.splat.surfels.surfels import flat_discs
+
+CAMERA = Camera(look_at(np.array([0.0, 0.0, 0.6]), np.zeros(3)), 60.0, 60.0, 16.0, 12.0, 32, 24)
+BALL = trimesh.creation.icosphere(subdivisions=1, radius=0.1)
+VERTICES, FACES = np.asarray(BALL.vertices, np.float32), np.asarray(BALL.faces, np.int32)
+
+
+def head_model() -> HeadModel:
+    """A ball as head model.
+
+    Returns:
+        The model.
+    """
+    random, v = np.random.default_rng(0), len(VERTICES)
+    expressions = random.normal(0, 0.003, (v, 3, 100))
+    return HeadModel(
+        v_template=VERTICES,
+        faces=FACES,
+        shapedirs=np.concatenate([np.zeros((v, 3, N_SHAPE)), expressions], axis=2).astype(np.float32),
+        posedirs=random.normal(0, 0.003, (v, 3, 36)).astype(np.float32),
+        joint_regressor=np.full((5, v), 1 / v, np.float32),
+        weights=np.tile(np.float32([1, 0, 0, 0, 0]), (v, 1)),
+        parents=np.array([-1, 0, 1, 1, 1]),
+        regions={"nose": np.array([1, 2])},
+    )
+
+
+def sound_files(folder: Path) -> dict[str, bytes]:
+    """Write a sound file for every reader.
+
+    Args:
+        folder: Where they are written.
+
+    Returns:
+        Content of the file of each reader.
+    """
+    random, model, n = np.random.default_rng(1), head_model(), 40
+    arrays = {"v": random.normal(size=(6, 3)).astype(np.float32), "f": np.arange(6).reshape(2, 3)}
+    path = straight_path(VERTICES.astype(float), FACES, 0.1 * VERTICES.astype(float), 0.25)
+    shading = Shading(fibonacci_sphere(8), np.ones((9, 3)), 1.0, 2.0, np.zeros(len(FACES), bool))
+    surfels = flat_discs(
+        random.integers(0, len(FACES), n), random.normal(0, 0.3, (n, 3)), random.random(n) + 0.1, 0.6,
+        random.random((n, 3)), 1,
+    )  # fmt: skip
+    np.savez(folder / "a.npz", **arrays, name=np.array("head"))
+    np.save(folder / "a.npy", arrays["v"])
+    flame = {
+        "v_template": VERTICES, "f": FACES.astype(np.uint32), "shapedirs": model.shapedirs, "posedirs": model.posedirs,
+        "J_regressor": model.joint_regressor, "weights": model.weights,
+        "kintree_table": np.stack([model.parents, np.arange(5)]),
+    }  # fmt: skip
+    (folder / "a.pkl").write_bytes(pickle.dumps({**arrays, "name": "head"}, 2))
+    (folder / "flame.pkl").write_bytes(pickle.dumps(flame, 2))
+    model.save(folder / "head_model.npz")
+    parameters = HeadParameters(expression=random.normal(size=100), jaw=np.array([0.1, 0, 0]))
+    parameters.save(folder / "parameters.npz", model)
+    pixels = (random.random((24, 32, 3)) * 255).astype(np.uint8)
+    (folder / "a.png").write_bytes(cv2.imencode(".png", pixels)[1].tobytes())
+    (folder / "a.jpg").write_bytes(cv2.imencode(".jpg", pixels)[1].tobytes())
+    write_ply(folder / "surfels.ply", surfels)
+    for suffix in FORMATS:
+        exported = trimesh.creation.icosahedron().export(file_type=suffix[1:])
+        (folder / f"mesh{suffix}").write_bytes(exported.encode() if isinstance(exported, str) else exported)
+    state = {"a.weight": torch.arange(60.0).reshape(20, 3), "a.bias": torch.zeros(20)}
+    torch.save(state, folder / "net.pt")
+    torch.save(state, folder / "legacy.pth", _use_new_zipfile_serialization=False)
+    save_file(state, folder / "net.safetensors")
+    (folder / "train.yaml").write_text(settings_text("train"))
+    path.save(folder / "path.npz")
+    save_shading(folder / "shading.npz", shading)
+    sequence = HeadSequence(model, {0: parameters}, path)
+    sequence.shading = shading
+    save_avatar(folder / "avatar.npz", Avatar(surfels, sequence))
+    frame = Frame(0, 0, "EXP-1", "train", "a.png", "a.png", "parameters.npz")
+    capture = Capture(folder, folder / "head_model.npz", (frame,), {0: CAMERA}, 1.0)
+    capture.save(folder / "capture.json")
+    np.save(folder / FACE_FLAGS, np.zeros(len(FACES), np.uint16))
+    target = {"timestep": 0, "camera": 0, "image": "a.png", "mask_flags": "a.png", "weight": 1.0}
+    write_targets(folder / "targets.json", 0.25, folder, [target], [])
+    entry = {"protocol": "test", "timestep": 0, "camera": 0, "sequence": "EXP-1", "file": "a.png"}
+    write_frame_index(folder / "frames.json", [entry])
+    write_json(folder / "a.json", {"frames": [{"w": 1, "m": [0.5, -2e3], "s": "text"}], "n": None})
+    write_png(folder / "mask.png", np.ones((24, 32)))
+    return {reader: (folder / name).read_bytes() for reader, (_, name) in READERS.items() if reader != "override"}
+
+
+def _avatar(file: Path) -> Any:
+    """The avatar's image: what is read must also render."""
+    avatar = load_avatar(file)
+    image = avatar.render(min(avatar.sequence.parameters), 0.1, CAMERA)
+    if not np.isfinite(image).all():
+        raise AssertionError("the image is not finite")
+    return image
+
+
+def _posed(file: Path) -> Any:
+    model = HeadModel.load(file)
+    vertices = pose(model, HeadParameters(expression=np.zeros(model.shapedirs.shape[2] - N_SHAPE)))
+    return model, vertices
+
+
+def _parameters(file: Path) -> Any:
+    parameters = HeadParameters.load(file, head_model())
+    return parameters, neutral(head_model(), parameters), pose(head_model(), parameters)
+
+
+def _override(text: str) -> Any:
+    compose.cache_clear()
+    return compose_study(text)
+
+
+READERS: dict[str, tuple[Callable[[Any], Any], str]] = {
+    "npz": (read_npz, "a.npz"),
+    "npy": (read_npy, "a.npy"),
+    "json": (read_json, "a.json"),
+    "pickle": (read_pickle, "a.pkl"),
+    "png": (read_pixels, "a.png"),
+    "jpg": (read_pixels, "a.jpg"),
+    "size of png": (image_size, "a.png"),
+    "size of jpg": (image_size, "a.jpg"),
+    "surfels": (read_ply, "surfels.ply"),
+    **{f"mesh{suffix}": (read_mesh, f"mesh{suffix}") for suffix in FORMATS},
+    "pt": (read_weights, "net.pt"),
+    "legacy": (read_weights, "legacy.pth"),
+    "safetensors": (read_weights, "net.safetensors"),
+    "settings": (lambda file: load_settings("train", file), "train.yaml"),
+    "path": (lambda file: read_subject_path(file, head_model()).at(0.1), "path.npz"),
+    "shading": (lambda file: load_shading(file, len(FACES)), "shading.npz"),
+    "head model": (_posed, "head_model.npz"),
+    "flame": (_posed, "flame.pkl"),
+    "parameters": (_parameters, "parameters.npz"),
+    "avatar": (_avatar, "avatar.npz"),
+    "capture": (Capture.load, "capture.json"),
+    "targets": (lambda file: read_targets(file, Capture.load(file.with_name("capture.json"))), "targets.json"),
+    "frames": (read_frame_index, "frames.json"),
+    "override": (_override, ""),
+}
+"""Function and file name of each reader."""
+
+
+def summary(value: Any) -> str:
+    """Digest of what a reader returns: equal values have equal digests.
+
+    Args:
+        value: Arrays, numbers, texts, and collections and dataclasses of them.
+
+    Returns:
+        Hexadecimal digits.
+    """
+    digest = hashlib.sha256()
+    _add(value, digest)
+    return digest.hexdigest()
+
+
+def _add(value: Any, digest: Any) -> None:
+    if isinstance(value, Mapping):
+        value = sorted(value.items(), key=lambda item: str(item[0]))
+    elif isinstance(value, torch.Tensor):
+        value = value.detach().numpy()
+    elif isinstance(value, trimesh.Trimesh):
+        value = (np.asarray(value.vertices), np.asarray(value.faces))
+    elif is_dataclass(value):
+        value = [(f.name, getattr(value, f.name)) for f in fields(value)]
+    if isinstance(value, np.ndarray):
+        digest.update(f"{value.dtype}{value.shape}".encode() + np.ascontiguousarray(value).tobytes())
+    elif isinstance(value, list | tuple):
+        for item in value:
+            _add(item, digest)
+    else:
+        digest.update(repr(value).encode())
