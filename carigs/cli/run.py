@@ -38,10 +38,9 @@ def run_parser(command: str, description: str, epilog: str) -> argparse.Argument
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help=OVERRIDES_HELP)
-    parser.add_argument("-c", "--cores", default="all", metavar="N", help="CPU cores (default: all)")
+    parser.add_argument("-c", "--cores", metavar="N", help="CPU cores (default: all, or what --profile says)")
     parser.add_argument("-n", "--dry-run", action="store_true", help="print what would be made, make nothing")
-    profile = str(project_root() / "profiles/default")
-    parser.add_argument("--profile", default=profile, metavar="FOLDER", help="workflow profile of Snakemake")
+    parser.add_argument("--profile", metavar="FOLDER", help="workflow profile of Snakemake, such as slurm")
     parser.add_argument("--target", action="append", metavar="T", help="rule or file (default: reproduce and table)")
     return parser
 
@@ -77,7 +76,10 @@ def make_study(overrides: Sequence[str], options: argparse.Namespace) -> bool:
     """
     compose_study(*overrides)
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(project_root() / "Snakefile")]
-    command += ["--workflow-profile", options.profile, "--cores", options.cores]
+    command += ["--workflow-profile", options.profile or str(project_root() / "profiles/default")]
+    # On a cluster, cores of this machine would limit the threads of jobs.
+    cores = options.cores or ("" if options.profile else "all")
+    command += ["--cores", cores] if cores else []
     command += ["--dry-run"] * options.dry_run + options.snakemake
     # Backslashes, because Snakemake removes quotes at the ends of a value; the blanks keep a last one. (A value of
     # nothing but blanks is an error of Snakemake's parser.)

@@ -1,0 +1,103 @@
+"""A study on a Slurm cluster of two nodes with the shipped profile: also if a node is lost and jobs are cancelled."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import psutil
+import pytest
+from cluster.ball_study import HYDRA, contents
+from cluster.slurm_cluster import SlurmCluster, wait_until
+from project import Project
+
+pytestmark = [pytest.mark.slurm, pytest.mark.slow]
+PROFILE = ("--workflow-profile", "slurm", "--slurm-status-command", "squeue", "--latency-wait", "5")
+SECONDS = 300
+"""Until an event; a job waits for others and for Snakemake, which asks for states less and less often."""
+
+
+def start(project: Project, folder: Path, target: str, *options: str) -> subprocess.Popen:
+    """Start a run of the study on Slurm, with results in the folder."""
+    arguments = (*PROFILE, "--directory", str(folder), *options, "--config", f"hydra={HYDRA}", "--", target)
+    return project.start("snakemake", *arguments)
+
+
+def jobs(slurm: SlurmCluster, rule: str) -> list[dict[str, str]]:
+    """The Slurm jobs of a rule."""
+    return [job for job in slurm.jobs() if job.get("Comment", "").startswith(f"rule_{rule}_")]
+
+
+def wait_for_job(slurm: SlurmCluster, rule: str, run: subprocess.Popen) -> dict[str, str]:
+    """Wait until a job of the rule runs."""
+
+    def running() -> list[dict[str, str]]:
+        assert run.poll() is None, run.communicate()
+        return [job for job in jobs(slurm, rule) if job["JobState"] == "RUNNING"]
+
+    wait_until(lambda: bool(running()), SECONDS)
+    return running()[0]
+
+
+@pytest.fixture(scope="module")
+def disturbed(slurm: SlurmCluster, project: Project, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The results of a run that lost the node of its training, and of which a job was cancelled."""
+    folder = tmp_path_factory.mktemp("disturbed")
+    run = start(project, folder, "table")
+    node = wait_for_job(slurm, "train", run)["BatchHost"]
+    slurm.lose_node(node)
+    slurm.run("scancel", wait_for_job(slurm, "metrics", run)["JobId"])
+    output, errors = run.communicate(timeout=SECONDS)
+    assert run.returncode == 0, output + errors
+    slurm.start_node(node)
+    return folder
+
+
+def test_the_results_are_those_of_local_jobs(disturbed, local_results):
+    assert contents(disturbed / "results/ball") == local_results
+    assert "table/gamma=0.25.csv" in local_results
+
+
+def test_a_job_of_a_lost_node_runs_again_on_the_other(disturbed, slurm):
+    (job,) = jobs(slurm, "train")
+    assert job["JobState"] == "COMPLETED"
+    assert job["Restarts"] == "1"
+
+
+def test_a_cancelled_job_is_submitted_again_with_more_memory(disturbed, slurm):
+    cancelled = next(job for job in jobs(slurm, "metrics") if job["JobState"] == "CANCELLED")
+    memory = [job["MinMemoryNode"] for job in jobs(slurm, "metrics") if job["Comment"] == cancelled["Comment"]]
+    assert memory == ["6000M", "12000M"]
+
+
+def test_nothing_half_written_is_left(disturbed):
+    assert not [file for file in disturbed.rglob("*") if ".part" in file.name or file.suffix == ".checkpoint"]
+
+
+def test_a_job_gets_a_gpu(disturbed, slurm, project):
+    index = "results/ball/ball/gamma=0.25/alternating/level=0/frames.json"
+    run = start(project, disturbed, index, "--forcerun", "render", "--set-resources", "render:gres=gpu:1")
+    output, errors = run.communicate(timeout=SECONDS)
+    assert run.returncode == 0, output + errors
+    assert "gres:gpu:1" in jobs(slurm, "render")[-1]["TresPerNode"]
+
+
+def test_cancelling_the_job_that_snakemake_runs_in_cancels_its_jobs(slurm, project, tmp_path):
+    arguments = (*PROFILE, "--directory", str(tmp_path), "--config", f"hydra={HYDRA}", "--", "table")
+    command = [sys.executable, "-m", "snakemake", *arguments]
+    submit = ["sbatch", "--parsable", "--output", f"{tmp_path}/head.log", "--chdir", str(project.root)]
+    head = slurm.run("env", f"PYTHONPATH={project.root}", *submit, "--wrap", f"exec {shlex.join(command)}").strip()
+    own = lambda: [job for job in jobs(slurm, "capture") if job["JobState"] == "RUNNING"]  # noqa: E731
+    wait_until(lambda: bool(own()), SECONDS)
+    slurm.run("scancel", head)
+    wait_until(lambda: not own(), 30)
+    wait_until(lambda: not [process for process in psutil.process_iter() if str(tmp_path) in _command(process)], 30)
+
+
+def _command(process: psutil.Process) -> str:
+    try:
+        return " ".join(process.cmdline())
+    except psutil.Error:
+        return ""
