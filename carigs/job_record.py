@@ -9,6 +9,7 @@ them again. Contents are not changed, so that this is right for a dry run, too.
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -35,7 +36,8 @@ def recorded_job(
 ) -> Iterator[None]:
     """Hold the lock of a job while it runs, and record at its end what made its outputs.
 
-    The record has the name of the log and the suffix `.json`. It lists the outputs alone until the job is complete.
+    The record has the name of the log and the suffix `.json`. It lists the outputs alone until the job is complete. Then
+    it also says what the job has cost: wall time, CPU time, and the largest resident size of its process.
 
     Args:
         log: Log file of the job, `results/{study}/log/{stage}/{point}.log`.
@@ -59,10 +61,13 @@ def recorded_job(
             "code": code,
             "inputs": {str(path): made[str(path)] for path in inputs if str(path) in made},
         }
+        started = _costs()
         yield
+        seconds, cpu_seconds = (after - before for after, before in zip(_costs(), started, strict=True))
         digests = {str(output): content_digest(output) for output in outputs}
         finished = time.time_ns()
-        write_json(file, {"finished": finished, **record, "outputs": digests})
+        costs = {"seconds": seconds, "cpu_seconds": cpu_seconds, "peak_memory_mb": _peak_memory_mb()}
+        write_json(file, {"finished": finished, **record, "outputs": digests, "costs": costs})
         _set_time(file, finished)
 
 
@@ -143,6 +148,22 @@ def content_digest(path: Path) -> str:
     files = sorted(file for file in path.rglob("*") if file.is_file() and not file.name.startswith("."))
     lines = (f"{file.relative_to(path).as_posix()} {content_digest(file)}" for file in files)
     return sha256("\n".join(lines).encode()).hexdigest()[:32]
+
+
+def _costs() -> tuple[float, float]:
+    """Wall and CPU time, of all threads and finished child processes."""
+    times = os.times()
+    return times.elapsed, times.user + times.system + times.children_user + times.children_system
+
+
+def _peak_memory_mb() -> float | None:
+    """Largest resident size of this process so far; None where the operating system does not count it."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (2**20 if sys.platform == "darwin" else 2**10)
 
 
 def _read_records(folder: Path) -> dict[Path, dict[str, Any]]:

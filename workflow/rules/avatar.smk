@@ -79,8 +79,6 @@ rule train:
         log="results/{study}/{subject}/gamma={gamma}/{variant}/log.csv",
     log:
         "results/{study}/log/train/{subject},gamma={gamma},{variant}.log",
-    benchmark:
-        "results/{study}/log/train/{subject},gamma={gamma},{variant}.tsv"
     conda:
         "../../environment.yml"
     threads: lambda wildcards: section("train", wildcards, "subject", "variant").threads
@@ -104,8 +102,6 @@ rule render:
         index="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json",
     log:
         "results/{study}/log/render/{subject},gamma={gamma},{variant},level={level}.log",
-    benchmark:
-        "results/{study}/log/render/{subject},gamma={gamma},{variant},level={level}.tsv"
     conda:
         "../../environment.yml"
     threads: lambda wildcards: section("render", wildcards, "subject").threads

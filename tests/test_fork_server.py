@@ -1,0 +1,165 @@
+"""Jobs in forks of one server: their streams, folder, environment and exit code, and who ends with whom."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import psutil
+import pytest
+
+from carigs.fork_server import FORK_SERVER
+from carigs.run_process import RUN_PROCESS
+
+pytestmark = pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="only Linux has a fork server")
+
+RUN = """
+import subprocess, sys
+from carigs.fork_server import FORK_SERVER, start_fork_server
+start_fork_server()
+import os
+print(os.environ[FORK_SERVER], flush=True)
+sys.stdin.read()
+"""
+JOBS = """
+import json, os, signal, sys, time
+
+def describe(**arguments):
+    modules = [name for name in ("numpy", "decimal") if name in sys.modules]
+    about = dict(arguments=arguments, folder=os.getcwd(), home=os.environ.get("HOME"), pid=os.getpid(), modules=modules)
+    print(json.dumps(about), flush=True)
+    print("to stderr", file=sys.stderr)
+    return 0
+
+def learn():
+    import decimal
+    return 0
+
+def end(code):
+    return code
+
+def fail():
+    raise RuntimeError("a mistake")
+
+def killed():
+    os.kill(os.getpid(), signal.SIGKILL)
+
+def wait():
+    print(os.getpid(), flush=True)
+    time.sleep(60)
+    return 0
+"""
+CLIENT = """
+import json, sys
+from carigs.fork_server import run_in_fork
+sys.exit(run_in_fork(f"jobs_of_test:{sys.argv[1]}", json.loads(sys.argv[2])) & 255)
+"""
+
+
+@pytest.fixture(scope="module")
+def environment(tmp_path_factory):
+    """Environment of clients of a server, which ends with the module's tests."""
+    folder = tmp_path_factory.mktemp("jobs")
+    (folder / "jobs_of_test.py").write_text(JOBS)
+    clean = {name: value for name, value in os.environ.items() if name not in (RUN_PROCESS, FORK_SERVER)}
+    clean["PYTHONPATH"] = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])
+    run = subprocess.Popen(
+        [sys.executable, "-c", RUN], env=clean, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    yield {**clean, FORK_SERVER: run.stdout.readline().strip()}
+    run.communicate()
+
+
+def client(environment, function, arguments=None, **options):
+    command = [sys.executable, "-c", CLIENT, function, json.dumps(arguments or {})]
+    return subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options
+    )
+
+
+def done(environment, function, arguments=None, **options):
+    process = client(environment, function, arguments, **options)
+    output, errors = process.communicate(timeout=60)
+    return process.returncode, output, errors, process.pid
+
+
+def gone(pid, seconds=10.0):
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE:
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def test_a_job_has_the_arguments_streams_folder_and_environment_of_its_client(environment, tmp_path):
+    arguments = {"text": "ä\n", "many": ["x" * 50] * 2000, "number": 0.25}
+    code, output, errors, pid = done({**environment, "HOME": "/elsewhere"}, "describe", arguments, cwd=tmp_path)
+    about = json.loads(output)
+    assert code == 0 and errors == "to stderr\n"
+    assert about["arguments"] == arguments and about["folder"] == str(tmp_path) and about["home"] == "/elsewhere"
+    assert about["pid"] != pid
+
+
+def test_later_jobs_start_with_the_modules_that_earlier_ones_imported(environment):
+    assert done(environment, "learn")[0] == 0
+    assert "decimal" in json.loads(done(environment, "describe")[1])["modules"]
+
+
+def test_exit_codes(environment):
+    assert done(environment, "end", {"code": 7})[0] == 7
+    assert done(environment, "killed")[0] == 256 - signal.SIGKILL
+    code, _, errors, _ = done(environment, "fail")
+    assert code == 1 and errors.endswith("RuntimeError: a mistake\n")
+
+
+def test_a_job_ends_with_its_client(environment):
+    process = client(environment, "wait")
+    job = int(process.stdout.readline())
+    process.kill()
+    assert gone(job)
+    process.communicate()
+    assert done(environment, "end", {"code": 0})[0] == 0  # the server goes on
+
+
+def test_server_and_jobs_end_with_the_run(environment):
+    clean = {name: value for name, value in environment.items() if name != FORK_SERVER}
+    run = subprocess.Popen(
+        [sys.executable, "-c", RUN], env=clean, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    own = {**clean, FORK_SERVER: run.stdout.readline().strip()}
+    (server,) = psutil.Process(run.pid).children()
+    waiting = client(own, "wait")
+    job = int(waiting.stdout.readline())
+    run.kill()
+    run.communicate()
+    assert gone(server.pid) and gone(job)
+    _, errors = waiting.communicate(timeout=10)
+    assert waiting.returncode == 1 and "fork server was killed" in errors
+    assert done(own, "end", {"code": 3})[0] == 3  # without a server, the client runs the job itself
+
+
+def test_jobs_end_with_a_killed_server(environment):
+    clean = {name: value for name, value in environment.items() if name != FORK_SERVER}
+    with subprocess.Popen(
+        [sys.executable, "-c", RUN], env=clean, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as run:
+        own = {**clean, FORK_SERVER: run.stdout.readline().strip()}
+        (server,) = psutil.Process(run.pid).children()
+        waiting = client(own, "wait")
+        job = int(waiting.stdout.readline())
+        server.kill()
+        assert waiting.wait(timeout=10) == 1
+        assert gone(job)
+        waiting.communicate()
+        run.stdin.close()
+
+
+def test_without_a_server_a_job_runs_in_its_own_process(environment):
+    clean = {name: value for name, value in environment.items() if name != FORK_SERVER}
+    code, output, _, pid = done(clean, "describe")
+    assert code == 0 and json.loads(output)["pid"] == pid
