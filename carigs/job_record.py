@@ -36,8 +36,8 @@ def recorded_job(
 ) -> Iterator[None]:
     """Hold the lock of a job while it runs, and record at its end what made its outputs.
 
-    The record has the name of the log and the suffix `.json`. It lists the outputs alone until the job is complete. Then
-    it also says what the job has cost: wall time, CPU time, and the largest resident size of its process.
+    The record has the name of the log and the suffix `.json`. It lists the outputs alone until the job is complete.
+    Then it also says what the job has cost: wall time, CPU time, and the largest resident size of its process.
 
     Args:
         log: Log file of the job, `results/{study}/log/{stage}/{point}.log`.
