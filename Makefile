@@ -1,5 +1,6 @@
 # make reproduce   set-up, the study, its table, figures and report: on a machine with nothing but Python and make
 # make test        every check that needs neither a GPU nor network weights
+# make chaos       a study under 106 kills and other disturbances: half an hour
 # make bench       what the parts cost: results/benchmark; leave the machine alone meanwhile
 # make lock        the lock and the bill of materials again, after an edit of pyproject.toml
 # make audit       known vulnerabilities of what is locked; skipped where their list cannot be reached
@@ -20,7 +21,7 @@ ROOT := $(dir $(abspath $(lastword $(MAKEFILE_LIST))))
 export PATH := $(ROOT).venv/bin:$(PATH)
 unexport PYTHONPATH VIRTUAL_ENV
 
-.PHONY: reproduce test bench lock audit
+.PHONY: reproduce test chaos bench lock audit
 .DEFAULT_GOAL := reproduce
 
 reproduce: .venv/installed
@@ -34,6 +35,9 @@ test: .venv/installed
 	snakefmt --check Snakefile workflow
 	lint-imports
 	pytest -m "not weights and not gpu" --numprocesses $(CORES) --dist loadfile --no-loadscope-reorder --cov --cov-report term
+
+chaos: .venv/installed
+	CARIGS_CHAOS=106 pytest -m chaos -s
 
 bench: .venv/installed
 	snakemake --cores 1 -- benchmark

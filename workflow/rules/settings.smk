@@ -17,4 +17,4 @@ rule settings:
     params:
         text=settings_file_text,
     shell:
-        "printf %s {params.text:q} > {output:q} 2> {log:q}"
+        "printf %s {params.text:q} > {output:q}.part 2> {log:q} && mv {output:q}.part {output:q}"
