@@ -121,10 +121,17 @@ def ground_truth_files(timestep: int, camera: int) -> dict[str, str]:
 
 def _next_to(index: Path, name: str) -> Path:
     file = index.parent / "frames" / name
-    return file if file.is_file() else index.parent / name
+    return file if _is_file(file) else index.parent / name
+
+
+def _is_file(file: Path) -> bool:
+    try:
+        return file.is_file()
+    except (OSError, ValueError):  # a name that no file can have
+        return False
 
 
 def _existing(file: Path, index: Path, field: str) -> Path:
-    if not file.is_file():
+    if not _is_file(file):
         raise InputError(f"no such image: {file}", file=index, field=field)
     return file

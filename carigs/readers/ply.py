@@ -35,9 +35,13 @@ def read_ply_vertices(file: str | Path) -> np.ndarray:
     content = read_bytes(file, MAX_ARRAY_BYTES)
     check_ply_header(content, file)
     try:
-        vertices = PlyData.read(io.BytesIO(content), mmap=False)["vertex"].data
+        stream = io.BytesIO(content)
+        vertices = PlyData.read(stream, mmap=False)["vertex"].data
+        rest = stream.read().strip()
     except Exception as error:  # damaged bodies raise many types
         raise InputError(f"not a readable .ply ({type(error).__name__}: {str(error)[:200]})", file=file) from error
+    if rest:
+        raise InputError(f"{len(rest)} bytes more than the header claims", file=file)
     if len(vertices) == 0:
         raise InputError("holds no vertices", file=file, field="vertex")
     return vertices

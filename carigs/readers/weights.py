@@ -65,15 +65,17 @@ def read_weights(file: str | Path, trusted: Collection[str] = ()) -> dict[str, t
 
 
 def _is_torchscript(file: Path) -> bool:
-    """Whether this is a zip file with `constants.pkl`."""
+    """Whether this is a zip file with `constants.pkl`; other zip files are checked for damage."""
     if not zipfile.is_zipfile(file):
         return False
     with zipfile.ZipFile(file) as archive:
         members = archive.infolist()
-    if any(member.filename.endswith("/constants.pkl") for member in members):
-        return True
-    if any(member.compress_type != zipfile.ZIP_STORED for member in members):
-        raise InputError("holds compressed parts, which torch.save never writes", file=file)  # a small file, large data
+        if any(member.filename.endswith("/constants.pkl") for member in members):
+            return True
+        if any(member.compress_type != zipfile.ZIP_STORED for member in members):  # a small file, large data
+            raise InputError("holds compressed parts, which torch.save never writes", file=file)
+        if damaged := archive.testzip():  # PyTorch does not compare the checksums
+            raise InputError("wrong checksum", file=file, field=damaged)
     return False
 
 

@@ -135,7 +135,10 @@ def _wrong_arrays(reader: str, content: bytes) -> Iterator[Case]:
             "objects": (np.array([None, {}], object), True),
             "8 dimensions": (np.zeros((1,) * 8), False),
             "empty": (np.zeros(0, array.dtype), array.size > 0 and not name.endswith("nose")),
-            "a column less": (array[..., :-1] if array.ndim > 1 else array[None], array.ndim != 1 and array.size > 0),
+            "a column less": (
+                array[..., :-1] if array.ndim > 1 else array[None],
+                array.ndim != 1 and array.size > 0 and name not in ("shapedirs", "expr"),  # fewer coefficients
+            ),
             "as float16": (np.nan_to_num(array.astype(np.float16)), False),
             "all 1e38": (np.full(array.shape, 1e38), False),
             "all 1e-300": (np.full(array.shape, 1e-300), False),
@@ -327,5 +330,5 @@ def _overrides() -> Iterator[Case]:
         "train.seed=int('1')",
         "capture={source:folder}", "capture.source=folder", "train.seed=json_str('1')", "gamma=0.1 gamma=0.2",
     ):  # fmt: skip
-        allowed = text in ("train={}", "train.seed=int('1')")
+        allowed = text in ("train={}", "exaggerate=[robust,paper]", "train.seed=int('1')")
         yield Case(text[:40], "override", text.encode(), must_fail=not allowed)

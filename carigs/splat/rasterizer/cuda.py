@@ -18,7 +18,13 @@ from torch import Tensor
 
 from carigs.errors import SettingsError
 from carigs.splat.rasterizer.interface import Rendering, Screen, WorldSurfels
-from carigs.splat.rasterizer.records import ALPHA_THRESHOLD, CAMERA_PLANE_MARGIN, MIN_AREA, NEAR_PLANE
+from carigs.splat.rasterizer.records import (
+    ALPHA_THRESHOLD,
+    CAMERA_PLANE_MARGIN,
+    MAX_SQUARED_LENGTH,
+    MIN_AREA,
+    NEAR_PLANE,
+)
 
 if TYPE_CHECKING:
     from carigs.capture.camera import Camera
@@ -65,7 +71,8 @@ def disc_homographies(surfels: WorldSurfels, camera: Camera) -> GsplatSurfels:
     with torch.no_grad():
         # In float64: in float32 the products of very small scales underflow.
         area = torch.linalg.cross(axes[:, :, 0].double(), axes[:, :, 1].double()).norm(dim=1)
-        finite = (axes.sum((1, 2)) + surfels.opacity + surfels.colour.sum(1)).isfinite()
+        finite = (surfels.opacity + surfels.colour.sum(1)).isfinite()
+        finite &= axes.double().square().sum((1, 2)) < MAX_SQUARED_LENGTH
         rho2 = 2 * torch.log(255 * surfels.opacity)
         squared = (axes[:, 2, :2] / centre[:, 2:]).square().sum(1)
         in_front = (rho2 * squared - 1 < CAMERA_PLANE_MARGIN) & (squared - 1 < CAMERA_PLANE_MARGIN)

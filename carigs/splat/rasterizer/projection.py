@@ -38,7 +38,13 @@ from carigs.simd.vector_math import absolute, floor, log2, maximum, minimum, sel
 from carigs.simd.vectors import scalar_or_simd
 from carigs.splat.rasterizer import records
 from carigs.splat.rasterizer.binning import TILE_SIZE
-from carigs.splat.rasterizer.records import ALPHA_THRESHOLD, CAMERA_PLANE_MARGIN, MIN_AREA, NEAR_PLANE
+from carigs.splat.rasterizer.records import (
+    ALPHA_THRESHOLD,
+    CAMERA_PLANE_MARGIN,
+    MAX_SQUARED_LENGTH,
+    MIN_AREA,
+    NEAR_PLANE,
+)
 
 BOX_MARGIN = 1e-3
 """Pixels by which boxes are enlarged against rounding."""
@@ -126,8 +132,14 @@ def surfel_record(centre, tangent_u, tangent_v, opacity, colour_magnitude, camer
     low_y, high_y, lowpass_y = _extent(v0, v1, p, q, rho2, rho_lowpass)
     x0, x1 = _pixel_range(pcx + low_x, pcx + high_x, camera.width)
     y0, y1 = _pixel_range(pcy + low_y, pcy + high_y, camera.height)
-    checksum = matrix3.dot(m, m) + matrix3.dot(u, u) + matrix3.dot(v, v) + opacity + colour_magnitude
-    visible = (checksum < np.inf) & (m[2] > NEAR_PLANE) & (opacity >= ALPHA_THRESHOLD) & (area > MIN_AREA)
+    squared_length = matrix3.dot(m, m) + matrix3.dot(u, u) + matrix3.dot(v, v)
+    visible = (
+        (squared_length < MAX_SQUARED_LENGTH)
+        & (opacity + colour_magnitude < np.inf)
+        & (m[2] > NEAR_PLANE)
+        & (opacity >= ALPHA_THRESHOLD)
+        & (area > MIN_AREA)
+    )
     visible = visible & (rho2 * squared - 1.0 < CAMERA_PLANE_MARGIN) & (squared - 1.0 < CAMERA_PLANE_MARGIN)
     visible = visible & (x1 > x0) & (y1 > y0)
     across = floor((x1 - 1.0) / TILE_WIDTH) - floor(x0 / TILE_WIDTH) + 1.0

@@ -75,6 +75,9 @@ CAMERA_PLANE_MARGIN = -1e-4
 """Surfels with r^2 (p^2 + q^2) - 1 above this value are culled: the visible ellipse reaches the camera plane."""
 MIN_AREA = 1e-24
 """Square metres. Surfels with a smaller |tangent_u x tangent_v| are culled: they have no normal."""
+MAX_SQUARED_LENGTH = 1e18
+"""Surfels are culled whose centre and tangents have a larger sum of squares, in square metres: their determinants and
+gradients would overflow in float32."""
 TRANSMITTANCE_THRESHOLD = 1e-4
 """A pixel is complete before its transmittance would fall to this value (as in gsplat)."""
 

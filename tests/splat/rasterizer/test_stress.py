@@ -263,6 +263,17 @@ def test_a_surfel_that_is_not_finite_is_as_if_it_were_not_there(kinds, seed, fie
     assert all((g[bad] == 0).all() for g in gradients)
 
 
+@pytest.mark.parametrize("count", [3, 20])
+@pytest.mark.parametrize("field", range(3))
+@pytest.mark.parametrize("size", [1e6, 1e10, 1e20, 1e30, 1e38])
+def test_numbers_near_the_end_of_float32_leave_everything_finite(size, field, count):
+    arrays = scene(["regular"] * count, 5)
+    arrays[field][1] = [size, 0, 0]
+    arrays[field][2] = [0.3 * size, size, 0]
+    images, gradients = measured(arrays)
+    assert all(values.isfinite().all() for values in (*images, *gradients))
+
+
 @pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one thread")
 @given(st.lists(st.sampled_from([*KINDS, "regular"]), min_size=40, max_size=200), seeds)
 @settings(max_examples=10)
