@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float32, Int
@@ -13,6 +14,7 @@ from jaxtyping import Float, Float32, Int
 from carigs.errors import InputError
 from carigs.files import writing
 from carigs.head import HeadModel, HeadParameters, neutral, pose
+from carigs.readers.arrays import checked_array
 from carigs.readers.npz import read_npz
 from carigs.settings import Toy
 from carigs.toy.look.ambient_visibility import ambient_visibility
@@ -114,14 +116,41 @@ def load_subject(folder: Path) -> Subject:
     file = Path(folder) / "subject.npz"
     model = HeadModel.load(Path(folder) / "head_model.npz")
     arrays = read_npz(file, "subject; write the toy capture first")
-    try:
-        single = [field.name for field in fields(Subject) if field.name not in ("model", *_GROUPS)]
-        values = {name: arrays[_KEYS.get(name, name)] for name in single}
-        for name, kind in _GROUPS.items():
-            values[name] = kind(*(arrays[f"{name}.{part}"] for part in kind._fields))
-        return Subject(model=model, **values | {name: int(values[name]) for name in ("supersampling", "upper_teeth")})
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"not a toy subject ({error})", file=file) from error
+
+    def take(name: str, *shape: int | None, dtype: type = np.float32, below: int | None = None) -> Any:
+        return checked_array(arrays, name, shape, dtype, below=below, file=file)
+
+    v, f = len(model.v_template), len(model.faces)
+    teeth, local = take("teeth", None, 3), take("strands.local", None, None, 3)
+    t, (s, k) = len(teeth), local.shape[:2]
+    atlas = Atlas(
+        take("atlas.first", f, dtype=np.int64),
+        take("atlas.resolution", f, dtype=np.int64, below=1 << 15),
+        take("atlas.texels", None, 4, dtype=np.uint8),
+    )
+    last = atlas.first + texel_count(atlas.resolution)
+    if (atlas.resolution < 1).any() or (atlas.first < 0).any() or last.max(initial=0) > len(atlas.texels):
+        raise InputError(f"names texels beyond 0..{len(atlas.texels) - 1}", file=file, field="atlas.first")
+    strands = Strands(
+        take("strands.face", s, dtype=np.int64, below=f),
+        take("strands.barycentric", s, 3, dtype=np.float64),
+        local,
+        take("strands.width", s),
+        take("strands.colour", s, 3),
+        take("strands.shade", s, k),
+    )
+    return Subject(
+        model=model,
+        shape=take("shape", 300, dtype=np.float64),
+        supersampling=int(take("supersampling", dtype=np.int64, below=17)),
+        atlas=atlas,
+        strands=strands,
+        ambient_visibility=take("exposure", v),
+        teeth=teeth,
+        teeth_faces=take("teeth_faces", None, 3, dtype=np.int32, below=t),
+        teeth_colours=take("teeth_colours", t, 3),
+        upper_teeth=int(take("upper_teeth", dtype=np.int64, below=t + 1)),
+    )
 
 
 def _ambient_visibility(model: HeadModel, attributes: Attributes) -> Float32[np.ndarray, "v"]:

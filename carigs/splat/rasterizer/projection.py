@@ -133,13 +133,8 @@ def surfel_record(centre, tangent_u, tangent_v, opacity, colour_magnitude, camer
     x0, x1 = _pixel_range(pcx + low_x, pcx + high_x, camera.width)
     y0, y1 = _pixel_range(pcy + low_y, pcy + high_y, camera.height)
     squared_length = matrix3.dot(m, m) + matrix3.dot(u, u) + matrix3.dot(v, v)
-    visible = (
-        (squared_length < MAX_SQUARED_LENGTH)
-        & (opacity + colour_magnitude < np.inf)
-        & (m[2] > NEAR_PLANE)
-        & (opacity >= ALPHA_THRESHOLD)
-        & (area > MIN_AREA)
-    )
+    visible = (squared_length < MAX_SQUARED_LENGTH) & (opacity + colour_magnitude < np.inf) & (area > MIN_AREA)
+    visible = visible & (m[2] > NEAR_PLANE) & (opacity >= ALPHA_THRESHOLD)
     visible = visible & (rho2 * squared - 1.0 < CAMERA_PLANE_MARGIN) & (squared - 1.0 < CAMERA_PLANE_MARGIN)
     visible = visible & (x1 > x0) & (y1 > y0)
     across = floor((x1 - 1.0) / TILE_WIDTH) - floor(x0 / TILE_WIDTH) + 1.0

@@ -52,8 +52,8 @@ def rasterize(
     """Render surfels over a uniform grey background, differentiably with respect to their five tensors.
 
     Culled surfels get zero gradients: those with a number that is not finite or beyond 1e9 m, without area, behind the
-    camera, crossing the camera plane, or with an opacity below 1/255. The backends `cpu` and `scalar` use Numba's current number of
-    threads; images and gradients do not depend on it.
+    camera, crossing the camera plane, or with an opacity below 1/255. The backends `cpu` and `scalar` use Numba's
+    current number of threads; images and gradients do not depend on it.
 
     Args:
         surfels: Surfels in world space, float32.
