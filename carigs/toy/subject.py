@@ -131,6 +131,8 @@ def load_subject(folder: Path) -> Subject:
     last = atlas.first + texel_count(atlas.resolution)
     if (atlas.resolution < 1).any() or (atlas.first < 0).any() or last.max(initial=0) > len(atlas.texels):
         raise InputError(f"names texels beyond 0..{len(atlas.texels) - 1}", file=file, field="atlas.first")
+    if (supersampling := int(take("supersampling", dtype=np.int64, below=17))) == 0:
+        raise InputError("must be at least 1", file=file, field="supersampling")
     strands = Strands(
         take("strands.face", s, dtype=np.int64, below=f),
         take("strands.barycentric", s, 3, dtype=np.float64),
@@ -142,7 +144,7 @@ def load_subject(folder: Path) -> Subject:
     return Subject(
         model=model,
         shape=take("shape", 300, dtype=np.float64),
-        supersampling=int(take("supersampling", dtype=np.int64, below=17)),
+        supersampling=supersampling,
         atlas=atlas,
         strands=strands,
         ambient_visibility=take("exposure", v),

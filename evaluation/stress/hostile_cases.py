@@ -15,9 +15,9 @@ import numpy as np
 
 RANDOM_DAMAGE = 24
 """Randomly damaged files of each reader."""
-PROTECTED = ("npz", "png", "path", "shading", "head model", "parameters", "avatar", "pt")
+PROTECTED = ("npz", "png", "path", "shading", "head model", "parameters", "avatar", "subject", "pt")
 """Readers of formats with checksums: a damaged file must be noticed, or be read as if it were sound."""
-ARRAYS = ("npz", "path", "shading", "head model", "parameters", "avatar")
+ARRAYS = ("npz", "path", "shading", "head model", "parameters", "avatar", "subject")
 """Readers of .npz files."""
 
 
@@ -45,7 +45,7 @@ def cases(sound: Mapping[str, bytes]) -> Iterator[Case]:
     yield from _payloads(sound)
     for reader in ARRAYS[1:]:
         yield from _wrong_arrays(reader, sound[reader])
-    for reader in ("capture", "targets", "frames"):
+    for reader in ("capture", "targets", "frames", "truth"):
         yield from _wrong_fields(reader, sound[reader])
     yield from _claims(sound)
     yield from _yaml(sound["settings"])

@@ -16,7 +16,7 @@ import trimesh
 from safetensors.torch import save_file
 
 from carigs.capture import Camera, Capture, Frame, look_at
-from carigs.capture.frame_index import read_frame_index, write_frame_index
+from carigs.capture.frame_index import read_frame_index, read_ground_truth, write_frame_index, write_ground_truth
 from carigs.capture.images import write_png
 from carigs.capture.target_index import FACE_FLAGS, read_targets, write_targets
 from carigs.config import compose, compose_study, load_settings, settings_text
@@ -36,6 +36,9 @@ from carigs.splat.avatar import Avatar, load_avatar, save_avatar
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.ply import read_ply, write_ply
 from carigs.splat.surfels.surfels import flat_discs
+from carigs.toy import load_subject
+from evaluation.tables.metric_records import MetricRecord
+from evaluation.tables.summary import read_metrics
 
 CAMERA = Camera(look_at(np.array([0.0, 0.0, 0.6]), np.zeros(3)), 60.0, 60.0, 16.0, 12.0, 32, 24)
 BALL = trimesh.creation.icosphere(subdivisions=1, radius=0.1)
@@ -117,8 +120,28 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     entry = {"protocol": "test", "timestep": 0, "camera": 0, "sequence": "EXP-1", "file": "a.png"}
     write_frame_index(folder / "frames.json", [entry])
     write_json(folder / "a.json", {"frames": [{"w": 1, "m": [0.5, -2e3], "s": "text"}], "n": None})
-    write_png(folder / "mask.png", np.ones((24, 32)))
+    write_png(folder / "00000_00.png", np.ones((24, 32, 3)))
+    write_png(folder / "00000_00_mask.png", np.ones((24, 32)))
+    write_ground_truth(folder / "truth.json", 0.25, [(0, 0)])
+    record = "study,subject,variant,0.25,0.1,test,0,3,full,psnr,25.5,"
+    (folder / "metrics.csv").write_text(",".join(MetricRecord._fields) + f"\n{record}\n{record}\n")
+    np.savez(folder / "subject.npz", **_subject(random))
     return {reader: (folder / name).read_bytes() for reader, (_, name) in READERS.items() if reader != "override"}
+
+
+def _subject(random: np.random.Generator) -> dict[str, np.ndarray]:
+    """The arrays of a toy subject with one texel triangle per face, four strands and two teeth."""
+    f, face = len(FACES), np.array([0, 1, 5, 7])
+    return {
+        "shape": np.zeros(300), "supersampling": np.array(2), "exposure": np.ones(len(VERTICES), np.float32),
+        "atlas.first": 3 * np.arange(f), "atlas.resolution": np.ones(f, int),
+        "atlas.texels": random.integers(0, 256, (3 * f, 4)).astype(np.uint8),
+        "strands.face": face, "strands.barycentric": np.full((4, 3), 1 / 3),
+        "strands.local": random.random((4, 8, 3)).astype(np.float32), "strands.width": np.ones(4, np.float32),
+        "strands.colour": np.ones((4, 3), np.float32), "strands.shade": np.ones((4, 8), np.float32),
+        "teeth": random.random((6, 3)).astype(np.float32), "teeth_faces": np.arange(6, dtype=np.int32).reshape(2, 3),
+        "teeth_colours": np.ones((6, 3), np.float32), "upper_teeth": np.array(3),
+    }  # fmt: skip
 
 
 def _avatar(file: Path) -> Any:
@@ -170,6 +193,9 @@ READERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "capture": (Capture.load, "capture.json"),
     "targets": (lambda file: read_targets(file, Capture.load(file.with_name("capture.json"))), "targets.json"),
     "frames": (read_frame_index, "frames.json"),
+    "truth": (read_ground_truth, "truth.json"),
+    "metrics": (lambda file: [record.tolist() for record in read_metrics([file]).to_numpy()], "metrics.csv"),
+    "subject": (lambda file: load_subject(file.parent), "subject.npz"),
     "override": (_override, ""),
 }
 """Function and file name of each reader."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from carigs.errors import CarigsError, InputError
+from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 from carigs.settings import Tabulate
 from evaluation.tables.bootstrap import Interval, mean_interval
 from evaluation.tables.metric_records import REGIONS, MetricRecord
@@ -96,12 +98,10 @@ def _mean(values: pd.Series, settings: Tabulate) -> Interval:
 
 
 def _read(file: Path) -> pd.DataFrame:
+    content = read_bytes(file, MAX_TEXT_BYTES, "file of metric records")
     try:
-        with file.open(newline="", encoding="utf-8") as stream:
-            header, *lines = list(csv.reader(stream)) or [[]]
-    except FileNotFoundError as error:
-        raise InputError("no such file of metric records", file=file) from error
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        header, *lines = list(csv.reader(io.StringIO(content.decode("utf-8"), newline=""))) or [[]]
+    except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"cannot be read ({error})", file=file) from error
     if tuple(header) != MetricRecord._fields:
         raise InputError(f"expected the columns {', '.join(MetricRecord._fields)}", file=file, field="line 1")
@@ -124,6 +124,6 @@ def _number(cell: str, parse: type, file: Path, field: str) -> float:
         number = parse(cell)
     except ValueError as error:
         raise InputError(f"not a number: {cell!r}", file=file, field=field) from error
-    if not np.isfinite(number):
+    if not abs(number) < 1e300:  # also refuses NaN, and whole numbers beyond the range of floating-point numbers
         raise InputError(f"not a finite number: {cell!r}", file=file, field=field)
     return number

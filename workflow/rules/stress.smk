@@ -8,6 +8,7 @@ localrules:
 rule stress:
     input:
         "results/stress/surface.csv",
+        "results/stress/hostile_files.csv",
         ["results/stress/heads.csv"] if heads else [],
 
 
@@ -45,3 +46,18 @@ rule stress_heads:
         code=fingerprint("evaluation.stress.heads"),
     shell:
         "python -m evaluation.stress.heads {output.rows:q} {input.meshes:q} --head-model {input.model:q} > {log:q} 2>&1"
+
+
+rule stress_hostile_files:
+    output:
+        rows="results/stress/hostile_files.csv",
+    log:
+        "results/stress/log/hostile_files.log",
+    conda:
+        "../../environment.yml"
+    resources:
+        mem_mb=3000,
+    params:
+        code=fingerprint("evaluation.stress.hostile_files"),
+    shell:
+        "python -m evaluation.stress.hostile_files {output.rows:q} > {log:q} 2>&1"
