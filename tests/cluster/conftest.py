@@ -7,7 +7,7 @@ from importlib.util import find_spec
 
 import pytest
 from cluster.ball_study import HYDRA, contents, write_ball_study
-from cluster.slurm_cluster import PROGRAMS, SlurmCluster, slurm_cluster, which
+from cluster.slurm_cluster import COMMANDS, DAEMONS, SlurmCluster, slurm_cluster, which
 from project import Project, copy_project, shared_kernels
 
 
@@ -32,7 +32,7 @@ def local_results(project: Project, tmp_path_factory: pytest.TempPathFactory) ->
 @pytest.fixture(scope="session")
 def slurm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SlurmCluster]:
     """A Slurm cluster of two nodes, and an environment in which commands use it."""
-    missing = [program for program in PROGRAMS if which(program) is None]
+    missing = [program for program in (*DAEMONS, *COMMANDS) if which(program) is None]
     if missing or find_spec("snakemake_executor_plugin_slurm") is None:
         pytest.skip(
             f"no {', '.join(missing) or 'snakemake-executor-plugin-slurm'}; docs/clusters.md says how to install"

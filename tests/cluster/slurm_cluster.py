@@ -14,7 +14,8 @@ from pathlib import Path
 
 import psutil
 
-PROGRAMS = ("munged", "slurmctld", "slurmd", "sbatch", "srun", "squeue", "scancel", "scontrol")
+DAEMONS = ("munged", "slurmctld", "slurmd")
+COMMANDS = ("sbatch", "scancel", "scontrol", "sinfo", "squeue", "srun")
 # No cgroups and no accounting database, which need more rights. Jobs of a lost node restart after cred_expire seconds.
 CONFIGURATION = """
 ClusterName=test
@@ -71,9 +72,11 @@ class SlurmCluster:
         (folder / "munge").chmod(0o711)
         (folder / "munge/key").write_bytes(os.urandom(1024))
         (folder / "munge/key").chmod(0o600)
-        # The executor removes SLURM_CONF from the environment of the step that it starts in a job.
-        (folder / "bin/srun").write_text(f'#!/bin/sh\nSLURM_CONF={folder}/slurm.conf exec {which("srun")} "$@"\n')
-        (folder / "bin/srun").chmod(0o755)
+        # Snakemake removes SLURM_CONF from the environment of what it starts in a job.
+        for program in COMMANDS:
+            wrapper = folder / "bin" / program
+            wrapper.write_text(f'#!/bin/sh\nSLURM_CONF={folder}/slurm.conf exec {which(program)} "$@"\n')
+            wrapper.chmod(0o755)
 
     def environment(self) -> dict[str, str]:
         """Environment variables of the commands that use the cluster."""

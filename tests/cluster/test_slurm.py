@@ -89,11 +89,16 @@ def test_cancelling_the_job_that_snakemake_runs_in_cancels_its_jobs(slurm, proje
     command = [sys.executable, "-m", "snakemake", *arguments]
     submit = ["sbatch", "--parsable", "--output", f"{tmp_path}/head.log", "--chdir", str(project.root)]
     head = slurm.run("env", f"PYTHONPATH={project.root}", *submit, "--wrap", f"exec {shlex.join(command)}").strip()
-    own = lambda: [job for job in jobs(slurm, "capture") if job["JobState"] == "RUNNING"]  # noqa: E731
-    wait_until(lambda: bool(own()), SECONDS)
+    wait_until(lambda: "RUNNING" in states(slurm, "capture"), 60)
     slurm.run("scancel", head)
-    wait_until(lambda: not own(), 30)
+    wait_until(lambda: "RUNNING" not in states(slurm, "capture"), 30)
     wait_until(lambda: not [process for process in psutil.process_iter() if str(tmp_path) in _command(process)], 30)
+    assert states(slurm, "capture")[-1] == "CANCELLED"
+
+
+def states(slurm: SlurmCluster, rule: str) -> list[str]:
+    """States of the Slurm jobs of a rule."""
+    return [job["JobState"] for job in jobs(slurm, rule)]
 
 
 def _command(process: psutil.Process) -> str:
