@@ -85,7 +85,12 @@ def make_study(overrides: Sequence[str], options: argparse.Namespace) -> bool:
     # nothing but blanks is an error of Snakemake's parser.)
     line = "".join(re.sub(r"([\s'\"\\])", r"\\\1", override) + " " for override in overrides)
     command += ["--config", f"hydra={line}", "--", *(options.target or ("reproduce", "table"))]
-    return subprocess.run(command).returncode == 0
+    with subprocess.Popen(command) as snakemake:
+        while True:
+            try:
+                return snakemake.wait() == 0
+            except KeyboardInterrupt:
+                pass  # Snakemake is interrupted, too: it ends after it has stopped or cancelled its jobs
 
 
 def main(arguments: list[str]) -> int:

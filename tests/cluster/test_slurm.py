@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import shlex
+import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -85,13 +86,16 @@ def test_a_job_gets_a_gpu(disturbed, slurm, project):
 
 
 def test_cancelling_the_job_that_snakemake_runs_in_cancels_its_jobs(slurm, project, tmp_path):
-    arguments = (*PROFILE, "--directory", str(tmp_path), "--config", f"hydra={HYDRA}", "--", "table")
-    command = [sys.executable, "-m", "snakemake", *arguments]
-    submit = ["sbatch", "--parsable", "--output", f"{tmp_path}/head.log", "--chdir", str(project.root)]
-    head = slurm.run("env", f"PYTHONPATH={project.root}", *submit, "--wrap", f"exec {shlex.join(command)}").strip()
+    (tmp_path / "carigs").write_text(f'#!/bin/sh\nexec {sys.executable} -m carigs "$@"\n')
+    (tmp_path / "carigs").chmod(0o755)
+    shutil.copytree(project.root / "conf", tmp_path / "conf")
+    submit = ["sbatch", "--parsable", "--output", f"{tmp_path}/head.log", "--chdir", str(tmp_path)]
+    environment = ["env", f"PYTHONPATH={project.root}", f"PATH={tmp_path}:{os.environ['PATH']}"]
+    script = [str(project.root / "profiles/slurm/run.sh"), HYDRA, "--", *PROFILE[2:]]
+    head = slurm.run(*environment, *submit, *script).strip()
     wait_until(lambda: "RUNNING" in states(slurm, "capture"), 60)
     slurm.run("scancel", head)
-    wait_until(lambda: "RUNNING" not in states(slurm, "capture"), 30)
+    wait_until(lambda: states(slurm, "capture")[-1] not in ("RUNNING", "COMPLETING"), 30)
     wait_until(lambda: not [process for process in psutil.process_iter() if str(tmp_path) in _command(process)], 30)
     assert states(slurm, "capture")[-1] == "CANCELLED"
 
