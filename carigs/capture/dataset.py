@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from carigs.capture.camera import Camera
+from carigs.capture.camera_checks import check_intrinsics, check_rigid
 from carigs.capture.images import read_grey, read_rgb
 from carigs.errors import InputError
 from carigs.files import write_json
@@ -55,6 +56,8 @@ class Capture:
     cameras: dict[int, Camera]
     background: float
     """Grey value the images were composited on."""
+    warnings: tuple[str, ...] = ()
+    """What is likely to be wrong with the files, one line each."""
 
     def split(self, name: str) -> tuple[Frame, ...]:
         """Frames of a split.
@@ -73,7 +76,8 @@ class Capture:
         return HeadModel.load(self.head_model)
 
     @cached_property
-    def _parameter_files(self) -> dict[int, str]:
+    def parameter_files(self) -> dict[int, str]:
+        """File of the head parameters of each timestep, in the order of the frames."""
         return {frame.timestep: frame.parameters for frame in self.frames}
 
     def parameters(self, timestep: int) -> HeadParameters:
@@ -85,7 +89,7 @@ class Capture:
         Returns:
             The parameters, checked against the head model.
         """
-        return HeadParameters.load(self.root / self._parameter_files[timestep], self.model)
+        return HeadParameters.load(self.root / self.parameter_files[timestep], self.model)
 
     def image(self, frame: Frame) -> Float32[np.ndarray, "h w 3"]:
         """Read the image of a frame.
@@ -130,6 +134,7 @@ class Capture:
             "root": _relative(self.root, file.parent),
             "head_model": _relative(self.head_model, file.parent),
             "background": self.background,
+            "warnings": list(self.warnings),
             "cameras": {
                 str(c): {**asdict(camera), "camera_from_world": camera.camera_from_world.tolist()}
                 for c, camera in self.cameras.items()
@@ -177,6 +182,7 @@ class Capture:
             background=background,
             cameras={int(number): camera for number, camera in cameras.items()},
             frames=frames,
+            warnings=tuple(map(str, field("warnings", list))) if "warnings" in content else (),
         )
 
 
@@ -189,15 +195,12 @@ def _camera(entry: Any, number: str, file: Path) -> Camera:
     width, height = (json_field(entry, key, int, file=file, where=where) for key in ("width", "height"))
     if not (width > 0 and height > 0 and width * height <= MAX_IMAGE_PIXELS):
         raise InputError(f"{width} x {height} pixels are impossible", file=file, field=where)
-    if not (1e-3 < fx < 1e9 and 1e-3 < fy < 1e9 and max(abs(cx), abs(cy)) < 1e9):
-        raise InputError(f"fx={fx:g} fy={fy:g} cx={cx:g} cy={cy:g} are impossible", file=file, field=where)
     rows = {f"{where}.camera_from_world": json_field(entry, "camera_from_world", list, file=file, where=where)}
     pose = checked_array(rows, f"{where}.camera_from_world", (4, 4), np.float64, file=file)
-    rotation = pose[:3, :3]
-    is_rigid = np.abs(pose).max() < 1e9 and np.abs(rotation.T @ rotation - np.eye(3)).max() < 1e-2
-    if not is_rigid or np.linalg.det(rotation) < 0 or np.abs(pose[3] - [0, 0, 0, 1]).max() > 1e-2:
-        raise InputError("expected a rigid transform", file=file, field=f"{where}.camera_from_world")
-    return Camera(pose, fx, fy, cx, cy, width, height)
+    check_rigid(pose, file, f"{where}.camera_from_world")
+    camera = Camera(pose, fx, fy, cx, cy, width, height)
+    check_intrinsics(camera, file, where)
+    return camera
 
 
 def _frame(entry: Any, i: int, file: Path) -> Frame:

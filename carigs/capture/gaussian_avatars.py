@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from carigs.capture.camera import OPENCV_FROM_OPENGL, Camera
+from carigs.capture.camera_checks import check_intrinsics, check_rigid
 from carigs.capture.dataset import SPLITS, Capture, Frame
 from carigs.errors import InputError
 from carigs.head import HeadModel, HeadParameters
+from carigs.readers.arrays import checked_array
 from carigs.readers.images import image_size
 from carigs.readers.json_files import json_field, read_json
 
@@ -52,6 +55,7 @@ def read_dataset(folder: Path, head_model: Path, *, background: float = 1.0) -> 
                 problem = f"camera {frame.camera} differs from its earlier frames"
                 raise InputError(problem, file=file, field=f"{where}.transform_matrix")
             frames.append(frame)
+    _check_cameras(folder, frames, cameras)
     _check_files(folder, frames, cameras, model)
     frames.sort(key=lambda frame: (frame.timestep, frame.camera))
     return Capture(folder, Path(head_model), tuple(frames), dict(sorted(cameras.items())), background)
@@ -69,28 +73,41 @@ def _read_frame(
     def field(key: str, kind: type) -> Any:
         return json_field(entry, key, kind, file=file, where=where)
 
-    timestep, index = (int(field(key, float)) for key in ("timestep_index", "camera_index"))
-    image, mask, parameters = (field(key, str) for key in ("file_path", "fg_mask_path", "flame_param_path"))
-    width, height, fx = int(number("w")), int(number("h")), number("fl_x")
-    if width <= 0 or height <= 0 or fx <= 0:
-        raise InputError("width, height and focal length must be positive", file=file, field=f"{where}.w, h, fl_x")
+    timestep, index = (_whole(field(key, float), file, f"{where}.{key}") for key in ("timestep_index", "camera_index"))
+    image, mask, parameters = (
+        _inside(field(key, str), file, f"{where}.{key}") for key in ("file_path", "fg_mask_path", "flame_param_path")
+    )
+    width, height = (_whole(number(key), file, f"{where}.{key}") for key in ("w", "h"))
+    fx = number("fl_x")
     # The principal point defaults to the centre. (VHAP flips cy since November 2024, which does not matter there.)
     fy, cx, cy = number("fl_y", fx), number("cx", width / 2), number("cy", height / 2)
     camera = Camera(_read_pose(entry, file, where), fx, fy, cx, cy, width, height)
+    check_intrinsics(camera, file, where)
     sequence = str(entry.get("sequence") or _sequence_of(image))
     return Frame(timestep, index, sequence, split, image, mask, parameters), camera
 
 
+def _whole(value: float, file: Path, field: str) -> int:
+    if value != int(value) or value < 0:
+        raise InputError(f"expected a whole number, 0 or larger, found {value}", file=file, field=field)
+    return int(value)
+
+
+def _inside(name: str, file: Path, field: str) -> str:
+    """Path of a file of the dataset: in its folder, or, as in union folders, in a folder beside it."""
+    path = os.path.normpath(name)
+    if not name or os.path.isabs(path) or path.startswith(os.path.join("..", "..")):
+        problem = f"{name[:100]!r} is no path inside the dataset's folder or a folder beside it"
+        raise InputError(f"{problem}; link folders that lie elsewhere", file=file, field=field)
+    return name
+
+
 def _read_pose(entry: dict[str, Any], file: Path, where: str) -> np.ndarray:
     """camera_from_world in OpenCV axes."""
+    field = f"{where}.transform_matrix"
     rows = json_field(entry, "transform_matrix", list, file=file, where=where)
-    try:
-        world_from_opengl = np.array(rows, np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError("expected 4 x 4 numbers", file=file, field=f"{where}.transform_matrix") from error
-    rotation = world_from_opengl[:3, :3] if world_from_opengl.shape == (4, 4) else np.zeros((3, 3))
-    if not np.isfinite(world_from_opengl).all() or np.abs(rotation.T @ rotation - np.eye(3)).max() > 1e-3:
-        raise InputError("expected a 4 x 4 rigid transform", file=file, field=f"{where}.transform_matrix")
+    world_from_opengl = checked_array({field: rows}, field, (4, 4), np.float64, file=file)
+    check_rigid(world_from_opengl, file, field)
     return OPENCV_FROM_OPENGL @ np.linalg.inv(world_from_opengl)
 
 
@@ -107,13 +124,32 @@ def _same(a: Camera, b: Camera) -> bool:
     )
 
 
+def _check_cameras(folder: Path, frames: list[Frame], cameras: dict[int, Camera]) -> None:
+    """Refuse cameras that are listed twice: two cannot stand in one place."""
+    timesteps: dict[int, set[int]] = {}
+    for frame in frames:
+        timesteps.setdefault(frame.camera, set()).add(frame.timestep)
+    first: dict[tuple[Any, ...], int] = {}
+    for c, camera in cameras.items():
+        key = (camera.camera_from_world.round(6).tobytes(), *camera.intrinsics, camera.width, camera.height)
+        other = first.setdefault(key, c)
+        if other != c and timesteps[other] & timesteps[c]:
+            problem = f"cameras {other} and {c} are the same camera: equal transform_matrix and intrinsics"
+            raise InputError(problem, file=folder, field="camera_index")
+
+
 def _check_files(folder: Path, frames: list[Frame], cameras: dict[int, Camera], model: HeadModel) -> None:
     parameter_files: dict[int, str] = {}
     seen: set[tuple[int, int]] = set()
+    images: dict[str, Frame] = {}
     for frame in frames:
         if (frame.timestep, frame.camera) in seen:
             raise InputError("timestep and camera appear twice", file=folder, field=frame.name)
         seen.add((frame.timestep, frame.camera))
+        other = images.setdefault(os.path.normpath(frame.image), frame)
+        if other is not frame:
+            problem = f"is the image of two frames, {other.name} and {frame.name}"
+            raise InputError(problem, file=folder / frame.image, field="file_path")
         camera = cameras[frame.camera]
         for name in (frame.image, frame.mask):
             width, height = image_size(folder / name)

@@ -1,0 +1,10 @@
+"""Plausibility of a capture: do its parts fit each other, before any work starts?
+
+What cannot be true is an `InputError`. What is only likely to be wrong is one line of text, a warning.
+
+- `check_capture`: all checks of a capture
+"""
+
+from carigs.plausibility.check import check_capture
+
+__all__ = ["check_capture"]

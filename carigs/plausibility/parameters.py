@@ -1,0 +1,105 @@
+"""Head parameters: radians and coefficients that a head can have, and one neutral head for all timesteps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from carigs.capture import Capture
+from carigs.errors import InputError
+from carigs.head import HeadModel, HeadParameters
+from carigs.head.model import N_SHAPE
+from carigs.mesh.triangle_mesh import diagonal
+from carigs.plausibility.findings import Finding
+
+JOINT_LIMIT = np.pi / 2
+"""Neck, jaw and eyes turn by less than a right angle against the bone that they hang on."""
+LIKELY_MOTION = 0.25
+"""Expressions, identities and static offsets move vertices by centimetres: less than this share of the head's size.
+More than the whole size is certainly wrong."""
+FARTHEST = 1e4
+"""Metres from the origin of the world."""
+VERTICES = 1000
+"""Number of vertices at which blendshapes are summed."""
+
+
+def check_parameters(capture: Capture) -> list[Finding]:
+    """Check the head parameters of all timesteps.
+
+    Args:
+        capture: The capture.
+
+    Returns:
+        What is likely to be wrong.
+
+    Raises:
+        InputError: If a rotation exceeds a whole turn, blendshapes move vertices by more than the size of the head, or
+            timesteps have different neutral heads.
+    """
+    ranges, first, findings = _Ranges(capture.model), None, []
+    for timestep, name in capture.parameter_files.items():
+        file, parameters = capture.root / name, capture.parameters(timestep)
+        findings += ranges.check(parameters, file)
+        first = first or (file, parameters)
+        _check_same_head(parameters, file, *reversed(first))
+    return findings
+
+
+class _Ranges:
+    """Ranges of the parameters of a head model."""
+
+    def __init__(self, model: HeadModel) -> None:
+        some = np.linspace(0, len(model.v_template) - 1, min(VERTICES, len(model.v_template))).astype(int)
+        self.identity = model.shapedirs[some, :, :N_SHAPE].reshape(-1, N_SHAPE).astype(np.float64)
+        self.expression = model.shapedirs[some, :, N_SHAPE:].reshape(3 * len(some), -1).astype(np.float64)
+        self.size = diagonal(model.v_template)
+
+    def check(self, parameters: HeadParameters, file: Path) -> Iterator[Finding]:
+        rotations = {
+            "rotation": parameters.rotation,
+            "neck_pose": parameters.neck,
+            "jaw_pose": parameters.jaw,
+            "eyes_pose, left eye": parameters.eyes[:3],
+            "eyes_pose, right eye": parameters.eyes[3:],
+        }
+        for field, vector in rotations.items():
+            angle = float(np.linalg.norm(vector / np.pi) * np.pi)
+            if angle > 2 * np.pi:
+                problem = f"a rotation of {angle:.4g} rad is more than a whole turn; rotations are in radians"
+                raise InputError(problem, file=file, field=field)
+            if angle > JOINT_LIMIT and field != "rotation":
+                yield Finding("turns farther than a joint of a head can", file, field, f"{angle:.3g} rad", angle)
+        if np.abs(parameters.translation).max() > FARTHEST:
+            problem = f"the head is {np.abs(parameters.translation).max():.3g} m from the origin; metres are expected"
+            raise InputError(problem, file=file, field="translation")
+        offset = np.zeros(1) if parameters.static_offset is None else parameters.static_offset
+        motions = {
+            "expr": self._motion(self.expression, parameters.expression),
+            "shape": self._motion(self.identity, parameters.shape),
+            "static_offset": float(np.abs(offset).max()),
+        }
+        for field, motion in motions.items():
+            details = f"by up to {motion:.3g} m, the head is {self.size:.3g} m large"
+            if not motion < self.size:
+                raise InputError(f"moves vertices {details}", file=file, field=field)
+            if motion > LIKELY_MOTION * self.size:
+                yield Finding("moves vertices farther than is likely", file, field, details, motion)
+
+    def _motion(self, blendshapes: Float[np.ndarray, "n b"], coefficients: Float[np.ndarray, " b"]) -> float:
+        """Largest displacement in metres."""
+        used = np.flatnonzero(coefficients)
+        with np.errstate(over="ignore", invalid="ignore"):
+            displacement = np.abs(blendshapes[:, used] @ coefficients[used])
+        return float(displacement.max(initial=0))
+
+
+def _check_same_head(parameters: HeadParameters, file: Path, neutral: HeadParameters, other: Path) -> None:
+    """The tolerance is that of the stage train, which fits one set of surfels to one neutral head."""
+    if not np.allclose(parameters.shape, neutral.shape, atol=1e-6):
+        raise InputError(f"differs from {other}'s; one subject has one shape", file=file, field="shape")
+    a, b = (np.zeros(1) if p.static_offset is None else p.static_offset for p in (parameters, neutral))
+    if not np.allclose(a, b, atol=1e-6):
+        raise InputError(f"differs from {other}'s; one subject has one neutral head", file=file, field="static_offset")

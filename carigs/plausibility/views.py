@@ -1,0 +1,124 @@
+"""The posed mesh in the cameras of a capture: is the head where the cameras look?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32
+
+from carigs.capture import Camera, Capture, Frame
+from carigs.errors import InputError
+from carigs.head import HeadModel, pose
+from carigs.mesh.triangle_mesh import diagonal, vertex_normals
+from carigs.plausibility.findings import Finding
+from carigs.raster import Visibility, compute_visibility
+from carigs.raster.rasterizer import NEAR
+from carigs.raster.vertex_colours import visible_vertices
+
+VERTICES = 3000
+"""Number of vertices whose colours are compared."""
+STRETCH = 2.0
+"""The diagonal of a posed head is that of the template up to this factor: an open mouth adds a tenth."""
+SMALLEST = 16
+"""Size of the head in an image, in pixels, below which nothing can be reconstructed."""
+
+
+class View(NamedTuple):
+    """What a camera sees of the posed mesh."""
+
+    frame: Frame
+    visibility: Visibility
+    pixels: Float32[np.ndarray, "n 2"]
+    """Image positions of some of the vertices, the same in all views; NaN where they are hidden."""
+
+
+def pose_views(
+    capture: Capture, frames: Mapping[int, Mapping[int, Frame]], findings: list[Finding]
+) -> Iterator[list[View]]:
+    """Pose the mesh and project it into the cameras, one timestep after the other.
+
+    Args:
+        capture: The capture.
+        frames: Frames by timestep and camera.
+        findings: What is likely to be wrong is added.
+
+    Yields:
+        The views of a timestep.
+
+    Raises:
+        InputError: If no camera sees the head of a timestep, or a camera is inside it, or the mesh is torn.
+    """
+    model = capture.model
+    size, some = diagonal(model.v_template), compared_vertices(model)
+    blind = {camera: len(frames) for camera in capture.cameras}
+    for timestep, cameras in frames.items():
+        file = capture.root / capture.parameter_files[timestep]
+        vertices = pose(model, capture.parameters(timestep))
+        extent = diagonal(vertices)
+        if not size / STRETCH < extent < STRETCH * size:
+            problem = f"the posed head is {extent:.3g} m large, the template {size:.3g} m"
+            raise InputError(f"{problem}; see expr, neck_pose and the head model's weights", file=file)
+        seen = {c: _projected_size(vertices, capture.cameras[c]) for c in cameras}
+        if not any(seen.values()):
+            problem = "the head is behind every camera, or outside every image"
+            hint = "cameras are OpenGL camera-to-world transforms in metres (x right, y up, z backward)"
+            raise InputError(f"{problem}; {hint}", file=file, field="translation")
+        normals, views = vertex_normals(vertices, model.faces), []
+        for c, frame in cameras.items():
+            if not seen[c]:
+                continue
+            blind[c] -= 1
+            if 0 < seen[c] < SMALLEST:
+                details = f"{seen[c]:.0f} pixels"
+                findings.append(Finding("the head is tiny in the image", capture.root, f"camera {c}", details))
+            visibility = compute_visibility(vertices, model.faces, capture.cameras[c])
+            visible = visible_vertices(visibility, vertices, normals)
+            pixels = np.full((len(vertices), 2), np.nan, np.float32)
+            pixels[visible.index] = visible.pixels
+            views.append(View(frame, visibility, pixels[some]))
+        yield views
+    for camera in sorted({c for cameras in frames.values() for c in cameras}):
+        if blind[camera] == len(frames):
+            details = "see its transform_matrix, fl_x and cx"
+            findings.append(Finding("the camera never sees the head", capture.root, f"camera {camera}", details))
+
+
+def compared_vertices(model: HeadModel) -> np.ndarray:
+    """Vertices whose colours are compared.
+
+    Args:
+        model: The head model.
+
+    Returns:
+        Indices of at most `VERTICES` vertices.
+    """
+    v = len(model.v_template)
+    return np.unique(np.linspace(0, v - 1, min(v, VERTICES)).astype(int))
+
+
+def head_faces(model: HeadModel) -> Bool[np.ndarray, "f"]:
+    """Faces above the neck: mattes may end at the neck, as those of GaussianAvatars do.
+
+    Args:
+        model: The head model.
+
+    Returns:
+        Whether each face is neither in the regions `neck` and `boundary` nor moved by the root joint; all faces if
+        that leaves less than a fifth of them.
+    """
+    root = model.weights[:, 0] > 0.5
+    below = (root | model.vertex_region("neck", "boundary"))[model.faces].any(axis=1)
+    return ~below if below.mean() < 0.8 else np.ones(len(model.faces), bool)
+
+
+def _projected_size(vertices: Float[np.ndarray, "v 3"], camera: Camera) -> float:
+    """Size of the head's bounding box within the image in pixels, 0 if it is not seen."""
+    pixels, depth = camera.project(vertices)
+    pixels = pixels[depth > NEAR]
+    if not len(pixels):
+        return 0.0
+    limit = np.array([camera.width, camera.height])
+    extent = np.minimum(pixels.max(axis=0), limit) - np.maximum(pixels.min(axis=0), 0)
+    return float(extent.max()) if extent.min() > 0 else 0.0
