@@ -15,9 +15,9 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from carigs.capture import Camera, Capture, Frame
+from carigs.capture.images import read_rgb8
 from carigs.plausibility.findings import Finding
-from carigs.plausibility.images import read_frame
-from carigs.plausibility.vertex_misfit import Reference, misfit, reference, sample
+from carigs.plausibility.vertex_misfit import Reference, disagreement, misfit, reference, sample
 
 BETTER = np.sqrt(0.5)
 """Another explanation is believed if it leaves less than this share of the misfit. Two explanations that are equally
@@ -51,7 +51,7 @@ def _image_changes(camera: Camera) -> dict[str, Callable[[Pixels], Pixels]]:
         "the image upside down": lambda p: np.stack([p[:, 0], size[1] - p[:, 1]], axis=1),
         "the image turned by 180 degrees": lambda p: size - p,
     }
-    changes |= {f"focal lengths times {s:g}": _about(camera, s) for s in (0.6, 0.75, 0.87, 1.15, 1.33, 1.6)}
+    changes |= {f"focal lengths times {s:g}": _about(camera, s) for s in (0.5, 0.67, 0.8, 0.9, 1.1, 1.25, 1.5, 2.0)}
     for share in (0.04, 0.08):
         for key, x, y in (("cx", 1, 0), ("cx", -1, 0), ("cy", 0, 1), ("cy", 0, -1)):
             pixels = share * (x + y) * max(camera.width, camera.height)
@@ -103,22 +103,35 @@ def compare_frames(
     some = set(list(frames)[:: max(1, -(-len(frames) // ACROSS_CAMERAS))])
     explained: dict[Frame, Explained] = {}
     across: dict[int, dict[str, list[float]]] = {}
+    together: dict[str, list[float]] = {}
     for timestep, cameras in frames.items():
         seen = {c: frame for c, frame in cameras.items() if frame in samples}
-        between = (
-            reference(np.stack([samples[f] for f in seen.values()])) if timestep in some and len(seen) > 2 else None
-        )
+        across_cameras = timestep in some and len(seen) > 2
+        between = reference(np.stack([samples[f] for f in seen.values()])) if across_cameras else None
+        changed: dict[str, list[Float32[np.ndarray, "n 3"]]] = {}
         for c, frame in seen.items():
-            image = read_frame(capture, frame)[0]
+            image = read_rgb8(capture.root / frame.image)
             if c in in_time:
                 others = {t: pixels[f[c]] for t, f in frames.items() if t != timestep and c in f and f[c] in pixels}
                 explained[frame] = _in_time(image, samples[frame], pixels[frame], others, in_time[c])
             if between is not None:
-                others = {k: pixels[f] for k, f in seen.items() if k != c}
-                changes = _image_changes(capture.cameras[c])
-                for what, value in _across_cameras(image, pixels[frame], others, changes, between).items():
-                    across.setdefault(c, {}).setdefault(what, []).append(value)
-    return [*_time_findings(capture, explained), *_camera_findings(capture, across)]
+                under = {"": samples[frame]} | {
+                    what: sample(image, change(pixels[frame]))
+                    for what, change in _image_changes(capture.cameras[c]).items()
+                }
+                for what, colours in under.items():
+                    changed.setdefault(what, []).append(colours)
+                under |= {f"camera {k}": sample(image, pixels[f]) for k, f in seen.items() if k != c}
+                for what, colours in under.items():
+                    across.setdefault(c, {}).setdefault(what, []).append(misfit(colours, between))
+        for what, colours in changed.items():
+            together.setdefault(what, []).append(disagreement(np.stack(colours)))
+    findings = _time_findings(capture, explained)
+    for c, misfits in across.items():
+        kind = "the camera does not agree with the other cameras on the colours of the head"
+        findings += _camera_findings(capture, misfits, f"camera {c}", kind)
+    kind = "the cameras do not agree on the colours of the head"
+    return findings + _camera_findings(capture, together, "transforms_*.json", kind)
 
 
 def _in_time(
@@ -136,19 +149,6 @@ def _in_time(
     return _best(misfit(own, expected), misfits)
 
 
-def _across_cameras(
-    image: Image,
-    pixels: Pixels,
-    others: Mapping[int, Pixels],
-    changes: Mapping[str, Callable[[Pixels], Pixels]],
-    expected: Reference,
-) -> dict[str, float]:
-    """Misfits of an image under other cameras and changed intrinsics, against all cameras of its timestep."""
-    misfits = {"": misfit(sample(image, pixels), expected)}
-    misfits |= {f"camera {c}": misfit(sample(image, p), expected) for c, p in others.items()}
-    return misfits | {what: misfit(sample(image, change(pixels)), expected) for what, change in changes.items()}
-
-
 def _best(own: float, others: Mapping[str, float]) -> Explained:
     known = {what: value for what, value in others.items() if np.isfinite(value)}
     what = min(known, key=lambda w: known[w], default="")
@@ -159,17 +159,18 @@ def _time_findings(capture: Capture, explained: Mapping[Frame, Explained]) -> li
     timesteps: dict[int, list[Frame]] = {}
     for frame in explained:
         timesteps.setdefault(frame.timestep, []).append(frame)
-    usual = {
-        c: float(np.nanmedian([e.own for f, e in explained.items() if f.camera == c]))
-        for c in {frame.camera for frame in explained}
-    }
+    tracks: dict[int, list[float]] = {}
+    for frame, misfits in explained.items():
+        tracks.setdefault(frame.camera, []).append(misfits.own)
+    usual = {c: float(np.nanmedian(values)) for c, values in tracks.items() if np.isfinite(values).any()}
     findings = []
     for members in timesteps.values():
         wrong = [frame for frame in members if explained[frame].is_wrong]
         bad = [
             frame
             for frame in members
-            if frame not in wrong and explained[frame].own > max(OUTLIER * usual[frame.camera], LEAST_OUTLIER)
+            if frame not in wrong
+            and explained[frame].own > max(OUTLIER * usual.get(frame.camera, np.inf), LEAST_OUTLIER)
         ]
         if len(wrong) > 1 and len(wrong) > len(members) / 2:
             worst = max(wrong, key=lambda frame: explained[frame].own)
@@ -188,19 +189,13 @@ def _time_findings(capture: Capture, explained: Mapping[Frame, Explained]) -> li
     return findings
 
 
-def _camera_findings(capture: Capture, across: Mapping[int, Mapping[str, list[float]]]) -> list[Finding]:
-    findings = []
-    for c, misfits in across.items():
-        count = np.isfinite(misfits[""]).sum()
-        means = {
-            what: float(np.nanmean(values))
-            for what, values in misfits.items()
-            if count and np.isfinite(values).sum() > count / 2
-        }
-        if "" not in means:
-            continue
-        explained = _best(means.pop(""), means)
-        if explained.is_wrong:
-            kind = "the camera does not agree with the other cameras on the colours of the head"
-            findings.append(Finding(kind, capture.root, f"camera {c}", explained.details, explained.own))
-    return findings
+def _camera_findings(capture: Capture, misfits: Mapping[str, list[float]], field: str, kind: str) -> list[Finding]:
+    """Misfits at several timesteps, of the stated cameras (the empty key) and of other explanations."""
+    known = np.isfinite(misfits.get("", [])).sum()
+    means = {
+        what: float(np.nanmean(values))
+        for what, values in misfits.items()
+        if known and np.isfinite(values).sum() > known / 2
+    }
+    explained = _best(means.pop("", np.nan), means)
+    return [Finding(kind, capture.root, field, explained.details, explained.own)] if explained.is_wrong else []

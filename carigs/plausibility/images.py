@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Bool, Float32, UInt8
 from rich.progress import track
 
 from carigs.capture import Camera, Capture, Frame
@@ -141,10 +141,10 @@ def _summary(image: UInt8[np.ndarray, "h w 3"], matte: UInt8[np.ndarray, "h w"],
     foreground = matte >= OPAQUE
     count = int(foreground.sum())
     kernel = np.ones((BLUR + 2, BLUR + 2), np.uint8)
-    outside = cv2.dilate((matte > CLEAR).astype(np.uint8), kernel) == 0
-    core = cv2.erode(foreground.astype(np.uint8), kernel) > 0
-    distance = np.abs(cv2.blur(image, (BLUR, BLUR)).astype(np.int16) - round(255 * background)).max(axis=2)
-    other = distance > 255 * COLOUR_TOLERANCE
+    outside = cv2.dilate(matte, kernel) <= CLEAR
+    core = cv2.erode(matte, kernel) >= OPAQUE
+    distance = cv2.absdiff(cv2.blur(image, (BLUR, BLUR)), np.full_like(image, round(255 * background)))
+    other = cv2.max(cv2.max(distance[..., 0], distance[..., 1]), distance[..., 2]) > 255 * COLOUR_TOLERANCE
     return ImageSummary(
         thumbnail=cv2.resize(image, (THUMBNAIL, THUMBNAIL), interpolation=cv2.INTER_AREA).astype(np.float32) / 255,
         digest=hashlib.blake2b(image.tobytes(), digest_size=16).digest(),
@@ -152,10 +152,10 @@ def _summary(image: UInt8[np.ndarray, "h w 3"], matte: UInt8[np.ndarray, "h w"],
         outside=int((other & outside).sum()) / max(count, 1),
         inside=int((~other & core).sum()) / max(count, 1),
         colour_outside=_median_grey(image, outside),
-        plain=bool((image == image[0, 0]).all()),
+        plain=not cv2.absdiff(image, np.full_like(image, image[0, 0])).any(),
     )
 
 
-def _median_grey(image: UInt8[np.ndarray, "h w 3"], where: Float[np.ndarray, "h w"]) -> float:
+def _median_grey(image: UInt8[np.ndarray, "h w 3"], where: Bool[np.ndarray, "h w"]) -> float:
     colours = image[where]
-    return float(np.median(colours[:: max(1, len(colours) // 10000)])) / 255 if len(colours) else float("nan")
+    return float(np.median(colours[:: max(1, len(colours) // 1000)])) / 255 if len(colours) else float("nan")

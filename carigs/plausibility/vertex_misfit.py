@@ -82,3 +82,18 @@ def misfit(samples: Float32[np.ndarray, "n 3"], expected: Reference) -> float:
     if shared.sum() < LEAST_VERTICES:
         return float("nan")
     return float(np.average(difference[shared], weights=expected.weights[shared]))
+
+
+def disagreement(samples: Float32[np.ndarray, "m n 3"]) -> float:
+    """Mean misfit of frames to their own median.
+
+    Args:
+        samples: Colours of m frames; NaN where the vertex is hidden.
+
+    Returns:
+        Levels of 255, all vertices weighted equally; NaN if no frame shares enough vertices with others.
+    """
+    expected = reference(samples)
+    misfits = [misfit(colours, expected._replace(weights=np.ones_like(expected.weights))) for colours in samples]
+    known = [value for value in misfits if np.isfinite(value)]
+    return float(np.mean(known)) if known else float("nan")

@@ -17,7 +17,7 @@ from carigs.raster import Visibility, compute_visibility
 from carigs.raster.rasterizer import NEAR
 from carigs.raster.vertex_colours import visible_vertices
 
-VERTICES = 3000
+VERTICES = 2000
 """Number of vertices whose colours are compared."""
 STRETCH = 2.0
 """The diagonal of a posed head is that of the template up to this factor: an open mouth adds a tenth."""
@@ -60,7 +60,7 @@ def pose_views(
         if not size / STRETCH < extent < STRETCH * size:
             problem = f"the posed head is {extent:.3g} m large, the template {size:.3g} m"
             raise InputError(f"{problem}; see expr, neck_pose and the head model's weights", file=file)
-        seen = {c: _projected_size(vertices, capture.cameras[c]) for c in cameras}
+        seen = {c: _projected_size(vertices[some], capture.cameras[c]) for c in cameras}
         if not any(seen.values()):
             problem = "the head is behind every camera, or outside every image"
             hint = "cameras are OpenGL camera-to-world transforms in metres (x right, y up, z backward)"
