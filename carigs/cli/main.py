@@ -15,6 +15,7 @@ from carigs.errors import report
 COMMANDS = {
     "run": "make a study: avatars, table and figures",
     "sweep": "make a study at several values of its settings",
+    "plan": "show what a study will cost: jobs, hours, memory, disk",
     "mesh": "exaggerate a mesh",
     "settings": "show the settings of a study, or the reference of all settings",
 }

@@ -81,16 +81,26 @@ def make_study(overrides: Sequence[str], options: argparse.Namespace) -> bool:
     cores = options.cores or ("" if options.profile else "all")
     command += ["--cores", cores] if cores else []
     command += ["--dry-run"] * options.dry_run + options.snakemake
-    # Backslashes, because Snakemake removes quotes at the ends of a value; the blanks keep a last one. (A value of
-    # nothing but blanks is an error of Snakemake's parser.)
-    line = "".join(re.sub(r"([\s'\"\\])", r"\\\1", override) + " " for override in overrides)
-    command += ["--config", f"hydra={line}", "--", *(options.target or ("reproduce", "table"))]
+    command += ["--config", f"hydra={hydra_line(overrides)}", "--", *(options.target or ("reproduce", "table"))]
     with subprocess.Popen(command) as snakemake:
         while True:
             try:
                 return snakemake.wait() == 0
             except KeyboardInterrupt:
                 pass  # Snakemake is interrupted, too: it ends after it has stopped or cancelled its jobs
+
+
+def hydra_line(overrides: Sequence[str]) -> str:
+    """Join overrides for Snakemake's `--config hydra=`.
+
+    Args:
+        overrides: Hydra overrides.
+
+    Returns:
+        The line that `carigs.config.split_overrides` splits again. Backslashes, because Snakemake removes quotes at the
+        ends of a value; the blanks keep a last one. (A value of nothing but blanks is an error of Snakemake's parser.)
+    """
+    return "".join(re.sub(r"([\s'\"\\])", r"\\\1", override) + " " for override in overrides)
 
 
 def main(arguments: list[str]) -> int:

@@ -1,0 +1,169 @@
+"""Seconds and bytes of a job: from an earlier run of the study, else from a table of costs per pixel and step.
+
+The table was measured on two cores of a cloud machine with the toy study and `study=ict`, with compiled kernels. It
+holds for the backend `cpu`, and without embedding networks.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+from carigs.config import compose
+from carigs.errors import InputError
+from carigs.planning.footage import Footage
+from carigs.planning.job_graph import Job
+from carigs.readers.json_files import read_json
+
+JOB_START = 0.7
+"""Seconds from the decision to start a job to its first step: fork or interpreter, imports, settings."""
+REFERENCE_SPEED = 0.0125
+"""Seconds of `speed_test` on the machine of the table."""
+RENDERED_ORBIT = 24
+
+
+def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[str]) -> float:
+    """Seconds of a job by the table, on one thread for each that it asks for.
+
+    Args:
+        job: The job.
+        footage: Images of each subject.
+        overrides: Hydra overrides of the study.
+
+    Returns:
+        Wall-clock seconds.
+    """
+    if job.is_local:
+        return 0.03
+    images = footage.get(job.wildcards.get("subject", ""))
+    settings = _settings(job, overrides)
+    match job.rule:
+        case "capture":
+            samples = images.megapixels * (images.train + images.evaluated)
+            if settings.capture.source == "toy":
+                work = 3.0 + 0.19 * samples * settings.capture.toy.supersampling**2
+            else:
+                work = 2.0 + 0.15 * samples
+        case "exaggerate":
+            work = 1.2 if settings.exaggerate.source == "file" or settings.capture.source == "toy" else 5.0
+        case "gtstar":
+            work = 2.0 + 2.4 * images.megapixels * images.train / job.threads
+        case "train":
+            # A step costs a part for the surfels and a part for the pixels; harmonics make the surfels dearer.
+            step = (0.0115 + 0.24 * images.megapixels) * (1 + 0.15 * settings.train.sh_degree)
+            work = 3.0 + settings.train.iterations * step / job.threads**0.8
+        case "render":
+            work = 0.8 + 0.45 * images.megapixels * (images.evaluated + RENDERED_ORBIT) / job.threads**0.8
+        case "truth":
+            work = 0.3
+            if settings.capture.source == "toy" and job.wildcards["level"] != "0":
+                work += 1.1 * images.megapixels * images.evaluated
+        case "metrics":
+            work = 0.6 + 0.4 * images.megapixels * images.evaluated
+        case "tabulate":
+            work = 0.6 + 0.08 * len(job.needs)
+        case "figures":
+            work = 1.5 + 0.09 * len(job.needs)
+        case _:
+            work = 10.0
+    return JOB_START + work
+
+
+def job_bytes(job: Job, footage: Mapping[str, Footage]) -> float:
+    """Bytes that a job writes.
+
+    Args:
+        job: The job.
+        footage: Images of each subject.
+
+    Returns:
+        Bytes of its outputs.
+    """
+    images = footage.get(job.wildcards.get("subject", ""), Footage(0, 0, 0.0, ""))
+    megapixels = {
+        "capture": 1.4 * (images.train + images.evaluated),
+        "gtstar": images.train,
+        "truth": 0.6 * images.evaluated,
+        "render": images.evaluated + RENDERED_ORBIT,
+    }.get(job.rule, 0)
+    return 1e6 * megapixels * images.megapixels + {"train": 30e6, "exaggerate": 7e6, "figures": 3e6}.get(job.rule, 1e4)
+
+
+def earlier_times(jobs: Sequence[Job], folder: Path) -> dict[int, float]:
+    """Seconds that jobs took in an earlier run in the current directory.
+
+    Args:
+        jobs: The jobs.
+        folder: Snakemake's folder of records, `.snakemake/metadata`.
+
+    Returns:
+        Seconds by number of the job, for those that ran here before. A job of a cluster includes its wait in the queue.
+    """
+    by_log = {job.log: job.number for job in jobs if job.log and not job.is_local}
+    found = {}
+    for file in folder.glob("*") if folder.is_dir() else ():
+        try:
+            record = read_json(file, dict)
+            logs, start, end = record.get("log"), float(record["starttime"]), float(record["endtime"])
+        except (InputError, KeyError, TypeError, ValueError):  # a record of another kind, or one that is being written
+            continue
+        for log in logs if isinstance(logs, list) else [logs]:
+            if log in by_log and not record.get("incomplete") and end >= start:
+                found[by_log[log]] = end - start
+    return found
+
+
+def all_seconds(
+    jobs: Sequence[Job],
+    footage: Mapping[str, Footage],
+    overrides: Sequence[str],
+    earlier: Mapping[int, float],
+    speed: float,
+) -> dict[int, float]:
+    """Seconds of every job.
+
+    Args:
+        jobs: The jobs.
+        footage: Images of each subject.
+        overrides: Hydra overrides of the study.
+        earlier: Seconds of jobs that ran before.
+        speed: Seconds that this machine takes for what takes the table's machine one second.
+
+    Returns:
+        Seconds by number of the job. A job that did not run before gets the table's time, corrected by the median ratio
+        of measured times to the table's for its rule; or by `speed` if no job of the rule ran.
+    """
+    table = {job.number: job_seconds(job, footage, overrides) for job in jobs}
+    ratios: dict[str, list[float]] = {}
+    for job in jobs:
+        if job.number in earlier:
+            ratios.setdefault(job.rule, []).append(earlier[job.number] / table[job.number])
+    factors = {rule: median(values) for rule, values in ratios.items()}
+    return {
+        job.number: earlier.get(job.number, table[job.number] * factors.get(job.rule, speed)) for job in jobs
+    }  # fmt: skip
+
+
+def speed_test() -> float:
+    """Time a fixed computation: the CPU seconds of the fastest of nine repetitions.
+
+    Returns:
+        Seconds.
+    """
+    values = np.linspace(-3.0, 0.0, 1_000_000)
+    times = []
+    for _ in range(9):
+        started = time.process_time()
+        np.sort(np.exp(values) * np.cos(values))
+        times.append(time.process_time() - started)
+    return min(times)
+
+
+def _settings(job: Job, overrides: Sequence[str]):
+    """The composed settings of a job."""
+    names = [f"{name}={job.wildcards[name]}" for name in ("subject", "variant") if name in job.wildcards]
+    return compose(*overrides, *names)
