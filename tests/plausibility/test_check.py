@@ -161,7 +161,10 @@ UNLIKELY = {
         partial(edit_images, change=lambda i: i[..., ::-1], pattern="00002_01"),
         r"00002_01\.png: .* red and blue exchanged fits better",
     ),
-    "a neck turned by 2 rad": (partial(parameters, neck_pose=lambda x: x + 2 * np.eye(3)[1]), "neck_pose: turns farther"),
+    "a neck turned by 2 rad": (
+        partial(parameters, neck_pose=lambda x: x + 2 * np.eye(3)[1]),
+        "neck_pose: turns farther",
+    ),
     "faces turned over": (partial(model, f=lambda f: f[:, ::-1]), "f: the faces point inwards"),
 }
 
