@@ -3,6 +3,7 @@
 # make chaos       a study under 106 kills and other disturbances: half an hour
 # make bench       what the parts cost: results/benchmark; leave the machine alone meanwhile
 # make lock        the lock and the bill of materials again, after an edit of pyproject.toml
+# make cluster     the tests of docs/clusters.md, in an environment with executors for clusters and an S3 server
 # make audit       known vulnerabilities of what is locked; skipped where their list cannot be reached
 #
 # make reproduce CORES=8 HYDRA="study=ict"      another study; any Hydra overrides
@@ -14,6 +15,8 @@ PYTHON ?= $(shell for python in python3.11 python3.12 python3; do \
 UV := uv==0.13.8
 CYCLONEDX := cyclonedx-bom==7.5.0
 PIP_AUDIT := pip-audit==2.10.1
+CLUSTER := snakemake-executor-plugin-kubernetes==0.5.1 snakemake-executor-plugin-slurm==2.8.0 \
+	snakemake-storage-plugin-s3==0.3.6 moto[server]==5.2.5
 CORES ?= 2
 HYDRA ?=
 
@@ -21,7 +24,7 @@ ROOT := $(dir $(abspath $(lastword $(MAKEFILE_LIST))))
 export PATH := $(ROOT).venv/bin:$(PATH)
 unexport PYTHONPATH VIRTUAL_ENV
 
-.PHONY: reproduce test chaos bench lock audit
+.PHONY: reproduce test chaos bench lock cluster audit
 .DEFAULT_GOAL := reproduce
 
 reproduce: .venv/installed
@@ -47,6 +50,17 @@ lock: .venv/installed
 	$(MAKE) .venv/installed
 	uv tool run --quiet --from $(CYCLONEDX) cyclonedx-py environment --pyproject pyproject.toml --output-reproducible \
 		--output-format JSON --output-file sbom.cdx.json .venv/bin/python
+
+cluster: .venv/cluster/installed
+	.venv/cluster/bin/python -m pytest -m "slurm or s3"
+
+# Beside the lock: Snakemake imports each installed plugin at every start, and boto3 needs older versions of packages.
+.venv/cluster/installed: .venv/installed
+	.venv/bin/python -m venv --clear .venv/cluster
+	.venv/bin/python -c "import site; print(f'import site; site.addsitedir({site.getsitepackages()[0]!r})')" \
+		> "$$(.venv/cluster/bin/python -c 'import site; print(site.getsitepackages()[0])')/locked.pth"
+	.venv/cluster/bin/python -m pip install --quiet $(CLUSTER)
+	touch $@
 
 VULNERABILITIES := https://pypi.org/pypi/pip/json
 audit: .venv/installed
