@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from importlib.util import find_spec
 
 import pytest
 from cluster.ball_study import HYDRA, contents, write_ball_study
-from cluster.slurm_cluster import COMMANDS, DAEMONS, SlurmCluster, slurm_cluster, which
+from cluster.slurm_cluster import SlurmCluster, slurm_cluster
 from project import Project, copy_project, shared_kernels
 
 
@@ -32,11 +31,6 @@ def local_results(project: Project, tmp_path_factory: pytest.TempPathFactory) ->
 @pytest.fixture(scope="session")
 def slurm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SlurmCluster]:
     """A Slurm cluster of two nodes, and an environment in which commands use it."""
-    missing = [program for program in (*DAEMONS, *COMMANDS) if which(program) is None]
-    if missing or find_spec("snakemake_executor_plugin_slurm") is None:
-        pytest.skip(
-            f"no {', '.join(missing) or 'snakemake-executor-plugin-slurm'}; docs/clusters.md says how to install"
-        )
     with slurm_cluster(tmp_path_factory.mktemp("slurm")) as cluster, pytest.MonkeyPatch.context() as patch:
         for name, value in cluster.environment().items():
             patch.setenv(name, value)

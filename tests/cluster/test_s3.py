@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import os
+from importlib.util import find_spec
 
 import pytest
 from cluster.ball_study import HYDRA, contents
 from project import Project
 
-pytestmark = [pytest.mark.s3, pytest.mark.slow]
+PLUGINS = ("moto", "snakemake_executor_plugin_kubernetes", "snakemake_storage_plugin_s3")
+MISSING = [name for name in PLUGINS if not find_spec(name)]
+pytestmark = [
+    pytest.mark.s3,
+    pytest.mark.slow,
+    pytest.mark.skipif(bool(MISSING), reason=f"no {', '.join(MISSING)}; try make cluster"),
+]
 STORAGE = ("--default-storage-provider", "s3", "--default-storage-prefix", "s3://carigs/here")
 KEYS = {"aws_access_key_id": "test", "aws_secret_access_key": "test", "region_name": "us-east-1"}
 
@@ -16,9 +23,9 @@ KEYS = {"aws_access_key_id": "test", "aws_secret_access_key": "test", "region_na
 @pytest.fixture(scope="module")
 def endpoint():
     """Address of an S3 server, which Snakemake uses."""
-    server = pytest.importorskip("moto.server", reason="no moto[server]; docs/clusters.md says how to install")
-    pytest.importorskip("snakemake_storage_plugin_s3", reason="no snakemake-storage-plugin-s3")
-    running = server.ThreadedMotoServer("127.0.0.1", 0, verbose=False)
+    from moto.server import ThreadedMotoServer
+
+    running = ThreadedMotoServer("127.0.0.1", 0, verbose=False)
     running.start()
     address = "http://{}:{}".format(*running.get_host_and_port())
     settings = {"ENDPOINT_URL": address, "ACCESS_KEY": "test", "SECRET_KEY": "test"}
@@ -32,10 +39,10 @@ def endpoint():
 @pytest.fixture(scope="module")
 def objects(endpoint: str, project: Project) -> dict[str, bytes]:
     """The objects that a run has written."""
-    done = project.snakemake("--cores", "2", *STORAGE, "table", hydra=HYDRA)
-    assert done.returncode == 0, done.stdout + done.stderr
     import boto3
 
+    done = project.snakemake("--cores", "2", *STORAGE, "table", hydra=HYDRA)
+    assert done.returncode == 0, done.stdout + done.stderr
     bucket = boto3.resource("s3", endpoint_url=endpoint, **KEYS).Bucket("carigs")
     return {entry.key.removeprefix("here/"): entry.get()["Body"].read() for entry in bucket.objects.all()}
 
@@ -60,7 +67,6 @@ def test_nothing_half_written_is_left(objects, project):
 
 
 def test_snakemake_plans_a_study_with_the_profile_for_kubernetes(endpoint, project):
-    pytest.importorskip("snakemake_executor_plugin_kubernetes", reason="no snakemake-executor-plugin-kubernetes")
     arguments = ("--workflow-profile", "kubernetes", "--default-storage-prefix", "s3://carigs/pods")
     done = project.snakemake("--dry-run", *arguments, "table", hydra=HYDRA)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -6,15 +6,22 @@ import os
 import shutil
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import psutil
 import pytest
 from cluster.ball_study import HYDRA, contents
-from cluster.slurm_cluster import SlurmCluster, wait_until
+from cluster.slurm_cluster import COMMANDS, DAEMONS, SlurmCluster, wait_until, which
 from project import Project
 
-pytestmark = [pytest.mark.slurm, pytest.mark.slow]
+MISSING = [program for program in (*DAEMONS, *COMMANDS) if which(program) is None]
+pytestmark = [
+    pytest.mark.slurm,
+    pytest.mark.slow,
+    pytest.mark.skipif(bool(MISSING), reason=f"no {', '.join(MISSING)}; docs/clusters.md says how to install Slurm"),
+    pytest.mark.skipif(not find_spec("snakemake_executor_plugin_slurm"), reason="no Slurm executor; try make cluster"),
+]
 PROFILE = ("--workflow-profile", "slurm", "--slurm-status-command", "squeue", "--latency-wait", "5")
 SECONDS = 300
 """Until an event; a job waits for others and for Snakemake, which asks for states less and less often."""
