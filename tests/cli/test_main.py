@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import pytest
 import yaml
@@ -77,9 +78,9 @@ def commands(monkeypatch):
 
     def fake(command):
         seen.append(command)
-        return SimpleNamespace(returncode=int("hydra=gamma=0.2 " in command))
+        return int("hydra=gamma=0.2 " in command)
 
-    monkeypatch.setattr(run.subprocess, "run", fake)
+    monkeypatch.setattr(run, "_exit_code", fake)
     return seen
 
 
@@ -90,6 +91,43 @@ def test_options_reach_snakemake_and_its_failure_the_exit_code(commands):
     assert command[-4:] == ["--config", "hydra=study=ict gamma=0.1 ", "--", "table"]
     assert {"--dry-run", "--keep-going"} <= {*command}
     assert run.main(["gamma=0.2"]) == 1
+
+
+def test_cores_of_this_machine_do_not_limit_jobs_elsewhere(commands):
+    run.main([])
+    run.main(["--profile", "slurm"])
+    here, elsewhere = commands
+    assert here[here.index("--cores") + 1] == "all"
+    assert elsewhere[elsewhere.index("--workflow-profile") + 1] == "slurm"
+    assert "--cores" not in elsewhere
+
+
+SNAKEMAKE = """
+import time
+print("start", flush=True)
+try:
+    time.sleep(60)
+except KeyboardInterrupt:
+    time.sleep(1)  # longer than subprocess.run waits
+    print("jobs are cancelled", flush=True)
+"""
+RUN = """
+import sys
+from carigs.cli.run import _exit_code
+try:
+    _exit_code([sys.executable, "-c", sys.argv[1]])
+except KeyboardInterrupt:
+    print("end")
+"""
+
+
+def test_an_interrupt_leaves_snakemake_the_time_to_cancel_its_jobs():
+    process = subprocess.Popen(
+        [sys.executable, "-c", RUN, SNAKEMAKE], stdout=subprocess.PIPE, text=True, start_new_session=True
+    )
+    assert process.stdout.readline() == "start\n"
+    os.killpg(process.pid, signal.SIGINT)
+    assert process.communicate(timeout=30)[0].splitlines() == ["jobs are cancelled", "end"]
 
 
 def test_a_combination_that_fails_does_not_stop_the_others(commands, capsys):
