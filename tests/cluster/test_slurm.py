@@ -23,7 +23,7 @@ pytestmark = [
     pytest.mark.skipif(not find_spec("snakemake_executor_plugin_slurm"), reason="no Slurm executor; try make cluster"),
 ]
 PROFILE = ("--workflow-profile", "slurm", "--slurm-status-command", "squeue", "--latency-wait", "5")
-SECONDS = 300
+SECONDS = 600
 """Until an event; a job waits for others and for Snakemake, which asks for states less and less often."""
 
 
