@@ -76,7 +76,7 @@ def main(arguments: list[str]) -> int:
     speed = speed_test() / REFERENCE_SPEED
     seconds = all_seconds(jobs, footage, options.overrides, earlier, speed)
     schedule = list_schedule(jobs, seconds, options.nodes, options.cores, options.memory)
-    sizes = {job.number: job_bytes(job, footage) for job in jobs}
+    sizes = {job.number: job_bytes(job, footage, options.overrides) for job in jobs}
     if options.json:
         print(json.dumps(_summary(jobs, seconds, sizes, schedule, options, earlier, speed), indent=1))
     else:

@@ -12,6 +12,7 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
+from omegaconf import DictConfig
 
 from carigs.config import compose
 from carigs.errors import InputError
@@ -21,9 +22,8 @@ from carigs.readers.json_files import read_json
 
 JOB_START = 0.7
 """Seconds from the decision to start a job to its first step: fork or interpreter, imports, settings."""
-REFERENCE_SPEED = 0.0125
+REFERENCE_SPEED = 0.018
 """Seconds of `speed_test` on the machine of the table."""
-RENDERED_ORBIT = 24
 
 
 def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[str]) -> float:
@@ -57,7 +57,7 @@ def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[st
             step = (0.0115 + 0.24 * images.megapixels) * (1 + 0.15 * settings.train.sh_degree)
             work = 3.0 + settings.train.iterations * step / job.threads**0.8
         case "render":
-            work = 0.8 + 0.45 * images.megapixels * (images.evaluated + RENDERED_ORBIT) / job.threads**0.8
+            work = 0.8 + 0.45 * images.megapixels * (images.evaluated + settings.render.orbit_frames) / job.threads**0.8
         case "truth":
             work = 0.3
             if settings.capture.source == "toy" and job.wildcards["level"] != "0":
@@ -73,24 +73,33 @@ def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[st
     return JOB_START + work
 
 
-def job_bytes(job: Job, footage: Mapping[str, Footage]) -> float:
+def job_bytes(job: Job, footage: Mapping[str, Footage], overrides: Sequence[str]) -> float:
     """Bytes that a job writes.
 
     Args:
         job: The job.
         footage: Images of each subject.
+        overrides: Hydra overrides of the study.
 
     Returns:
         Bytes of its outputs.
     """
     images = footage.get(job.wildcards.get("subject", ""), Footage(0, 0, 0.0, ""))
-    megapixels = {
-        "capture": 1.4 * (images.train + images.evaluated),
-        "gtstar": images.train,
-        "truth": 0.6 * images.evaluated,
-        "render": images.evaluated + RENDERED_ORBIT,
-    }.get(job.rule, 0)
-    return 1e6 * megapixels * images.megapixels + {"train": 30e6, "exaggerate": 7e6, "figures": 3e6}.get(job.rule, 1e4)
+    settings = _settings(job, overrides)
+    is_toy = settings.capture.source == "toy"
+    match job.rule:
+        case "capture":
+            count = 1.4 * (images.train + images.evaluated) if is_toy else 0
+        case "gtstar":
+            count = images.train
+        case "truth":
+            count = 0.6 * images.evaluated if is_toy or settings.truth.folder else 0
+        case "render":
+            count = images.evaluated + settings.render.orbit_frames
+        case _:
+            count = 0
+    others = {"train": 30e6, "exaggerate": 7e6, "figures": 3e6}
+    return 1e6 * count * images.megapixels + others.get(job.rule, 1e4)
 
 
 def earlier_times(jobs: Sequence[Job], folder: Path) -> dict[int, float]:
@@ -163,7 +172,7 @@ def speed_test() -> float:
     return min(times)
 
 
-def _settings(job: Job, overrides: Sequence[str]):
+def _settings(job: Job, overrides: Sequence[str]) -> DictConfig:
     """The composed settings of a job."""
     names = [f"{name}={job.wildcards[name]}" for name in ("subject", "variant") if name in job.wildcards]
     return compose(*overrides, *names)

@@ -1,0 +1,73 @@
+"""Seconds of jobs: the table, and times of an earlier run."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from carigs.config import compose
+from carigs.planning.costs import all_seconds, earlier_times, job_bytes, job_seconds
+from carigs.planning.footage import ASSUMED, Footage, subject_footage
+from carigs.planning.job_graph import Job
+from carigs.planning.schedule import list_schedule
+
+TOY = {"toy": Footage(216, 54, 208 * 272 / 1e6, "counted")}
+RUN = json.loads(Path(__file__).with_name("toy_run.json").read_text())
+JOBS = [
+    Job(n, rule, w, threads, mb, p, local, f"{n}.log", tuple(needs))
+    for n, rule, w, threads, mb, p, local, needs, _ in RUN["jobs"]
+]
+MEASURED = {row[0]: row[-1] for row in RUN["jobs"]}
+
+
+def first(rule):
+    return next(job for job in JOBS if job.rule == rule)
+
+
+def test_the_table_predicts_the_toy_study_on_the_machine_where_it_was_measured():
+    seconds = all_seconds(JOBS, TOY, (), {}, 1.0)
+    assert list_schedule(JOBS, seconds, 1, 2).makespan == pytest.approx(RUN["makespan"], rel=0.25)
+
+
+def test_costs_grow_with_steps_and_pixels():
+    train, large = first("train"), {"toy": replace(TOY["toy"], megapixels=4 * TOY["toy"].megapixels)}
+    few, many = (job_seconds(train, TOY, (f"train.iterations={n}",)) for n in (1000, 9000))
+    assert 5 < many / few < 9  # the start of a job does not grow
+    for rule in ("capture", "gtstar", "train", "render", "metrics"):
+        assert job_seconds(first(rule), large, ()) > 1.4 * job_seconds(first(rule), TOY, ())
+    for rule in ("capture", "gtstar", "render"):
+        assert job_bytes(first(rule), large, ()) == pytest.approx(4 * job_bytes(first(rule), TOY, ()), rel=0.05)
+
+
+def test_times_of_an_earlier_run_count_first_and_correct_the_others(tmp_path):
+    trains = [job for job in JOBS if job.rule == "train"]
+    record = {"log": [trains[0].log], "starttime": 100.0, "endtime": 350.0}
+    (tmp_path / "one").write_text(json.dumps(record))
+    (tmp_path / "unfinished").write_text(json.dumps({**record, "log": [trains[1].log], "incomplete": True}))
+    (tmp_path / "foreign").write_text(json.dumps({**record, "log": ["elsewhere.log"]}))
+    (tmp_path / "broken").write_text('{"log": ')
+    (tmp_path / "empty").write_text("{}")
+    earlier = earlier_times(JOBS, tmp_path)
+    assert earlier == {trains[0].number: 250.0}
+    seconds, table = all_seconds(JOBS, TOY, (), earlier, 3.0), all_seconds(JOBS, TOY, (), {}, 1.0)
+    assert seconds[trains[0].number] == 250
+    assert seconds[trains[1].number] == pytest.approx(250 * table[trains[1].number] / table[trains[0].number])
+    assert seconds[first("render").number] == pytest.approx(3 * table[first("render").number])
+
+
+def test_no_records_are_no_times(tmp_path):
+    assert earlier_times(JOBS, tmp_path / "missing") == {}
+
+
+def test_footage_from_settings_from_a_folder_and_assumed(tmp_path):
+    toy = subject_footage(compose().capture, tmp_path / "none.json")
+    assert (toy.train, toy.evaluated, toy.megapixels) == (216, 54, 208 * 272 / 1e6)
+    folder = f"capture.source=folder capture.folder={tmp_path} capture.head_model=m.npz".split()
+    capture = compose(*folder).capture
+    assert subject_footage(capture, tmp_path / "none.json") == ASSUMED
+    for split, count in (("train", 6), ("val", 2), ("test", 3)):
+        frames = [{"w": 300, "h": 200}] * count
+        (tmp_path / f"transforms_{split}.json").write_text(json.dumps({"frames": frames}))
+    counted = subject_footage(capture, tmp_path / "none.json")
+    assert (counted.train, counted.evaluated, counted.megapixels) == (6, 5, 0.06)
