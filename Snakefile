@@ -22,6 +22,14 @@ onstart:
         start_fork_server()
 
 
+onsuccess:
+    print_warnings()
+
+
+onerror:
+    print_warnings()
+
+
 localrules:
     reproduce,
     table,

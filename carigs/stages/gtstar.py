@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 from carigs.capture import Capture
 from carigs.capture.target_index import write_targets
-from carigs.errors import InputError
+from carigs.errors import CarigsWarning, InputError
 from carigs.files import resuming_folder
 from carigs.gtstar.provider import check_settings
 from carigs.gtstar.target_set import TargetEntries, make_target_set, resume_key
@@ -26,6 +27,9 @@ def gtstar(settings: Gtstar, *, capture: Path, path: Path, level: float, targets
         targets: Output: folder of colours, mask flags of pixels and triangles, and a contact sheet.
         index: Output: per frame its registration error, its weight, the share of each mask flag, or why it is skipped.
 
+    Warns:
+        CarigsWarning: Frames are skipped or have a reduced weight.
+
     Raises:
         InputError: If no frame can be used.
     """
@@ -42,14 +46,16 @@ def gtstar(settings: Gtstar, *, capture: Path, path: Path, level: float, targets
 
 
 def _report(entries: TargetEntries, count: int) -> None:
-    """Print which frames are skipped or have a reduced weight."""
+    """Print which frames are skipped or have a reduced weight, and warn of their number."""
     for entry in entries.skipped:
         print(f"GT*: frame {entry['timestep']:05d}_{entry['camera']:02d} is skipped: {entry['why']}")
     if entries.skipped:
-        print(f"GT*: {len(entries.skipped)} of {count} frames are skipped")
+        why = entries.skipped[0]["why"]
+        warnings.warn(f"{len(entries.skipped)} of {count} frames have no targets: {why}", CarigsWarning, stacklevel=2)
     reduced = [entry for entry in entries.targets if entry["weight"] < 1]
     for entry in reduced:
         error = f"{entry['pixels_off']:.1f} pixels off the others"
         print(f"GT*: frame {Path(entry['image']).stem} is {error}: its weight is {entry['weight']:.2f}")
     if reduced:
-        print(f"GT*: {len(reduced)} of {count} frames have a reduced weight")
+        problem = "have a reduced weight, because they are shifted against the others"
+        warnings.warn(f"{len(reduced)} of {count} frames {problem}", CarigsWarning, stacklevel=2)

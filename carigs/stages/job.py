@@ -13,6 +13,7 @@ from typing import Any, TextIO
 from carigs.config import load_settings
 from carigs.errors import exit_code, one_line
 from carigs.job_record import recorded_job
+from carigs.run_summary import warnings_as_lines
 
 
 class _Log:
@@ -86,7 +87,7 @@ def run_job(
         stream = _Log(file, terminal if terminal.isatty() else None)
         try:
             record = recorded_job(Path(log), Path(settings), code, map(Path, inputs), map(Path, outputs))
-            with record, redirect_stdout(stream), redirect_stderr(stream):
+            with record, redirect_stdout(stream), redirect_stderr(stream), warnings_as_lines():
                 function = getattr(import_module(f"carigs.stages.{stage}"), stage)
                 function(load_settings(stage, settings), **paths, **params)
         except (Exception, KeyboardInterrupt) as error:

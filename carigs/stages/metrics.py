@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 from carigs.capture import Capture
 from carigs.capture.frame_index import read_frame_index, read_ground_truth
+from carigs.errors import CarigsWarning
 from carigs.head import read_subject_path
 from carigs.settings import Metrics
 from evaluation.metrics.against_truth import truth_records
 from evaluation.metrics.embeddings import embedding_records
-from evaluation.tables.metric_records import StudyPoint, write_metrics
+from evaluation.tables.metric_records import MetricRecord, StudyPoint, write_metrics
 
 
 def metrics(
@@ -44,6 +46,9 @@ def metrics(
         level: Level that is rendered.
         records: CSV file to write; a metric that cannot be computed has an empty value and a reason.
 
+    Warns:
+        CarigsWarning: A metric has no value at all.
+
     Raises:
         InputError: An input is malformed.
         WeightsMissing: Network weights are missing and `settings.strict` is set.
@@ -52,4 +57,17 @@ def metrics(
     person, rendered, truths = Capture.load(capture), read_frame_index(index, frames), read_ground_truth(truth)
     caricature = read_subject_path(path, person.model).at(level)
     measured = list(truth_records(point, rendered, truths, person, caricature, band=settings.silhouette_band))
-    write_metrics(records, [*measured, *embedding_records(point, rendered, person, settings)])
+    measured += embedding_records(point, rendered, person, settings)
+    write_metrics(records, measured)
+    _warn_of_empty_metrics(measured)
+
+
+def _warn_of_empty_metrics(records: list[MetricRecord]) -> None:
+    """Warn of metrics that have no value at all; each reason once."""
+    known = {record.metric for record in records if record.value is not None}
+    empty: dict[str, list[str]] = {}
+    for record in records:
+        if record.metric not in (*known, *empty.get(record.reason, ())):
+            empty.setdefault(record.reason, []).append(record.metric)
+    for reason, names in empty.items():
+        warnings.warn(f"no value of {', '.join(names)}: {reason}", CarigsWarning, stacklevel=2)

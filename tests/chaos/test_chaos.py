@@ -32,7 +32,8 @@ def test_whatever_happens_the_results_are_the_same_bytes(tmp_path):
         chance, counts, started = random.Random(SEED), Counter(), time.time()
         for number, kind in enumerate(schedule(NUMBER_OF_KILLS, chance)):
             done = kill(kind, project, chance) if kind in KILLS else disturb(kind, project, chance)
-            counts[kind if done else f"{kind}: not possible"] += 1
+            counts[kind if done else f"{kind}: too late or not possible"] += 1
+            print(f"{time.time() - started:.0f} s  {number}  {kind}", flush=True)
             where = f"seed {SEED}, disturbance {number} ({kind})"
             check_whole(project, expected, where)
             if len(outputs(project)) == len(expected):

@@ -158,6 +158,15 @@ def test_a_killed_run_goes_on_where_it_was(stubbed, tmp_path):
 
 
 @pytest.mark.slow
+def test_a_run_repeats_the_warnings_of_its_jobs(finished):
+    (finished.root / "results/toy/table/gamma=0.25.csv").unlink()
+    done = finished.snakemake("--cores", "1", "table")
+    assert done.returncode == 0, done.stdout + done.stderr
+    (line,) = {line for line in done.stderr.splitlines() if line.startswith("carigs: warning: ")}
+    assert re.fullmatch(r".*: no weights of this network \(results/toy/log/metrics/.*\.log and 7 more\)", line)
+
+
+@pytest.mark.slow
 def test_a_sweep_adds_to_what_is_there(finished):
     results = finished.root / "results"
     before = {file: file.stat().st_mtime_ns for file in results.rglob("*") if file.is_file()}
@@ -193,7 +202,12 @@ def test_the_report_holds_table_and_figures_with_captions(made, tmp_path):
     done = made.command("snakemake", "--report", str(report), "--", *TARGETS)
     assert done.returncode == 0, done.stdout + done.stderr
     text = report.read_text()
-    for words in ("Caricature avatars of one study", "means over the held-out frames", "in all variants of the study"):
+    for words in (
+        "no weights of this network",
+        "Caricature avatars of one study",
+        "means over the held-out frames",
+        "in all variants of the study",
+    ):
         assert words.lower() in text.lower()
 
 

@@ -5,6 +5,7 @@ Hydra composes values; Snakemake plans files and their order. Every wildcard is 
 (carigs/job_record.py), so that results can be copied without `.snakemake/`.
 """
 
+import sys
 from itertools import product
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from carigs.errors import CarigsError
 from carigs.fork_server import start_fork_server
 from carigs.job_record import is_stale
 from carigs.run_process import name_run_process
+from carigs.run_summary import warning_lines
 from carigs.settings import STAGES
 from carigs.sources import fingerprint
 from carigs.study_start import prepare_results
@@ -124,6 +126,13 @@ for subject, variant in product(points["subject"], points["variant"]):
 
 if workflow.is_main_process:
     one_line_errors(prepare_results)(Path("results", points["study"]), overrides)
+    config["warnings"] = warning_lines(Path("results", points["study"], "log"))  # for the report
+
+
+def print_warnings():
+    """Repeat the warnings of the study's jobs, those of earlier runs too."""
+    for line in warning_lines(Path("results", points["study"], "log")):
+        print(f"carigs: warning: {line}", file=sys.stderr)
 
 
 wildcard_constraints:

@@ -1,0 +1,67 @@
+"""Warnings of jobs: lines of their logs, which a run repeats at its end and the report shows."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from carigs.errors import CarigsError, CarigsWarning
+
+PREFIX = "carigs: warning: "
+
+
+@contextmanager
+def warnings_as_lines() -> Iterator[None]:
+    """Print warnings of the class `CarigsWarning` as lines; others are shown as always.
+
+    Yields:
+        Nothing.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", CarigsWarning)
+        show = warnings.showwarning
+
+        def print_line(message: Warning | str, category: type[Warning], *place: object, **more: object) -> None:
+            if issubclass(category, CarigsWarning):
+                print(f"{PREFIX}{CarigsError(str(message))}", file=sys.stderr, flush=True)
+            else:
+                show(message, category, *place, **more)
+
+        warnings.showwarning = print_line
+        yield
+
+
+def logged_warnings(folder: Path) -> dict[str, list[Path]]:
+    """The warnings in the logs of a study.
+
+    Args:
+        folder: The study's folder of logs, `results/{study}/log`.
+
+    Returns:
+        The log files of each different warning.
+    """
+    found: dict[str, list[Path]] = {}
+    for file in sorted(folder.glob("*/*.log")):
+        for line in file.read_text("utf-8", "replace").splitlines():
+            if line.startswith(PREFIX) and file not in found.setdefault(line.removeprefix(PREFIX), []):
+                found[line.removeprefix(PREFIX)].append(file)
+    return found
+
+
+def warning_lines(folder: Path) -> list[str]:
+    """The warnings of a study for its user, one line each.
+
+    Args:
+        folder: As for `logged_warnings`.
+
+    Returns:
+        Each different warning with the first log file that has it.
+    """
+    lines = []
+    for warning, (first, *others) in logged_warnings(folder).items():
+        also = f" and {len(others)} more" if others else ""
+        lines.append(f"{warning} ({first}{also})")
+    return lines

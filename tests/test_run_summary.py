@@ -1,0 +1,34 @@
+"""Warnings of jobs in their logs, and at the end of a run."""
+
+from __future__ import annotations
+
+import warnings
+
+import pytest
+
+from carigs.errors import CarigsWarning
+from carigs.run_summary import warning_lines, warnings_as_lines
+
+
+def test_warnings_become_lines_of_the_log_and_others_stay(capsys):
+    with warnings_as_lines(), pytest.warns(UserWarning, match="another"):
+        for _ in range(2):
+            warnings.warn("a camera\nhas moved", CarigsWarning, stacklevel=1)
+        warnings.warn("another", UserWarning, stacklevel=1)
+    assert capsys.readouterr().err.splitlines() == ["carigs: warning: a camera\\nhas moved"] * 2
+
+
+def test_every_warning_is_repeated_once_with_its_log(tmp_path):
+    for stage, name, lines in (
+        ("capture", "toy", ["hello", "carigs: warning: dark images"]),
+        ("metrics", "a", ["carigs: warning: no weights", "carigs: warning: no weights"]),
+        ("metrics", "b", ["carigs: warning: no weights", "carigs: no warning"]),
+    ):
+        file = tmp_path / stage / f"{name}.log"
+        file.parent.mkdir(exist_ok=True)
+        file.write_text("\n".join(lines))
+    assert warning_lines(tmp_path) == [
+        f"dark images ({tmp_path}/capture/toy.log)",
+        f"no weights ({tmp_path}/metrics/a.log and 1 more)",
+    ]
+    assert warning_lines(tmp_path / "nothing") == []
