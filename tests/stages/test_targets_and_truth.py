@@ -13,7 +13,7 @@ from miniature import write_ball
 
 from carigs.capture import Capture, look_at
 from carigs.capture.images import read_bits, read_rgb, write_png
-from carigs.errors import InputError, SettingsError
+from carigs.errors import CarigsWarning, InputError, SettingsError
 from carigs.exaggeration import GammaPath
 from carigs.gtstar import MaskFlag, capture_shading, frame_views, provider
 from carigs.gtstar.provider import frame_weight
@@ -25,6 +25,9 @@ from carigs.stages.capture import capture
 from carigs.stages.exaggerate import exaggerate
 from carigs.stages.gtstar import gtstar
 from carigs.stages.truth import truth
+
+pytestmark = pytest.mark.filterwarnings("ignore::carigs.errors.CarigsWarning")
+"""One test says which frames a warning counts; the others spoil frames, too."""
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +156,8 @@ def test_unusable_frames_are_skipped_and_counted(damaged, tmp_path, capsys):
     (images / "00000_00.png").write_bytes((images / "00000_00.png").read_bytes()[:60])
     write_png(masks / "00000_02.png", np.ones((20, 40)))
     (masks / "00001_00.png").unlink()
-    index = make_targets(damaged, tmp_path)
+    with pytest.warns(CarigsWarning, match="3 of 6 frames have no targets: .*not a readable image"):
+        index = make_targets(damaged, tmp_path)
     assert [(e["timestep"], e["camera"]) for e in index["left_out"]] == [(0, 0), (0, 2), (1, 0)]
     for entry, word in zip(
         index["left_out"], ("not a readable image", "its camera has 40 x 48", "no such"), strict=True
