@@ -163,22 +163,19 @@ def _time_findings(capture: Capture, explained: Mapping[Frame, Explained]) -> li
     for frame, misfits in explained.items():
         tracks.setdefault(frame.camera, []).append(misfits.own)
     usual = {c: float(np.nanmedian(values)) for c, values in tracks.items() if np.isfinite(values).any()}
+    limits = {c: max(OUTLIER * value, LEAST_OUTLIER) for c, value in usual.items()}
     findings = []
     for members in timesteps.values():
         wrong = [frame for frame in members if explained[frame].is_wrong]
-        bad = [
-            frame
-            for frame in members
-            if frame not in wrong
-            and explained[frame].own > max(OUTLIER * usual.get(frame.camera, np.inf), LEAST_OUTLIER)
-        ]
+        rest = [frame for frame in members if frame not in wrong]
+        bad = [frame for frame in rest if explained[frame].own > limits.get(frame.camera, np.inf)]
         if len(wrong) > 1 and len(wrong) > len(members) / 2:
             worst = max(wrong, key=lambda frame: explained[frame].own)
             kind = "most images of the timestep fit another timestep's head parameters better than these"
             file = capture.root / worst.parameters
             findings.append(Finding(kind, file, "", f"{worst.name}: {explained[worst].details}", explained[worst].own))
         else:
-            kind = "the image fits another place better than its own"
+            kind = "the image does not fit its place, but another one"
             for frame in wrong:
                 details = explained[frame].details
                 findings.append(Finding(kind, capture.root / frame.image, "", details, explained[frame].own))

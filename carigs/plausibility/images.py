@@ -131,6 +131,22 @@ def check_images(capture: Capture, summaries: dict[Frame, ImageSummary]) -> list
     return findings
 
 
+def shows_foreground(image: UInt8[np.ndarray, "h w 3"], background: float, blur: int) -> Bool[np.ndarray, "h w"]:
+    """Find the pixels that do not have the background's colour.
+
+    Args:
+        image: RGB values from 0 to 255.
+        background: Grey value from 0 to 1.
+        blur: Width of a box filter in pixels, against noise.
+
+    Returns:
+        Whether the filtered image differs by more than `COLOUR_TOLERANCE` in a channel.
+    """
+    distance = cv2.absdiff(cv2.blur(image, (blur, blur)), np.full_like(image, round(255 * background)))
+    largest = cv2.max(cv2.max(distance[..., 0], distance[..., 1]), distance[..., 2])
+    return largest > 255 * COLOUR_TOLERANCE
+
+
 def _check_size(pixels: np.ndarray, camera: Camera, file: Path) -> None:
     height, width = pixels.shape[:2]
     if (width, height) != (camera.width, camera.height):
@@ -143,8 +159,7 @@ def _summary(image: UInt8[np.ndarray, "h w 3"], matte: UInt8[np.ndarray, "h w"],
     kernel = np.ones((BLUR + 2, BLUR + 2), np.uint8)
     outside = cv2.dilate(matte, kernel) <= CLEAR
     core = cv2.erode(matte, kernel) >= OPAQUE
-    distance = cv2.absdiff(cv2.blur(image, (BLUR, BLUR)), np.full_like(image, round(255 * background)))
-    other = cv2.max(cv2.max(distance[..., 0], distance[..., 1]), distance[..., 2]) > 255 * COLOUR_TOLERANCE
+    other = shows_foreground(image, background, BLUR)
     return ImageSummary(
         thumbnail=cv2.resize(image, (THUMBNAIL, THUMBNAIL), interpolation=cv2.INTER_AREA).astype(np.float32) / 255,
         digest=hashlib.blake2b(image.tobytes(), digest_size=16).digest(),

@@ -1,14 +1,20 @@
-"""Mattes against the silhouette of the posed mesh: the mesh lies inside, hair and shoulders may stand out."""
+"""Mattes against the silhouette of the posed mesh and against the foreground of the images.
+
+The mesh lies inside the matte; hair and shoulders may stand out.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, UInt8
 
-from carigs.capture import Capture
+from carigs.capture import Capture, Frame
 from carigs.plausibility.findings import Finding
-from carigs.plausibility.images import OPAQUE
+from carigs.plausibility.images import OPAQUE, shows_foreground
 from carigs.plausibility.views import View
 
 TOLERANCE = 0.02
@@ -16,6 +22,61 @@ TOLERANCE = 0.02
 OVERHANG = 0.03
 """Share of the head's silhouette that may lie outside the matte by more than the tolerance. A mesh that is shifted by
 x sizes, has about x - TOLERANCE of its silhouette there: this is a shift by 1 cm."""
+
+BETTER = np.sqrt(0.5)
+"""The matte of another timestep is believed to be the right one if it leaves less than this share of the pixels that
+differ from the image's foreground. Of the right matte, only the soft edge differs."""
+MAX_PIXELS = 1 << 18
+"""Larger masks are compared at every second pixel, every third ..."""
+
+
+class Outlines(NamedTuple):
+    """Foreground of an image and of its matte, packed into bits."""
+
+    image: UInt8[np.ndarray, " n"]
+    matte: UInt8[np.ndarray, " n"]
+
+
+def outlines(image: UInt8[np.ndarray, "h w 3"], matte: UInt8[np.ndarray, "h w"], background: float) -> Outlines:
+    """Find the foreground in an image and in its matte.
+
+    Args:
+        image: RGB values from 0 to 255.
+        matte: Opacities from 0 to 255.
+        background: Grey value of the background from 0 to 1.
+
+    Returns:
+        Both, packed.
+    """
+    step = max(1, int(np.ceil(np.sqrt(matte.size / MAX_PIXELS))))
+    seen = shows_foreground(image, background, 1)  # unfiltered: a filter widens the outline
+    return Outlines(np.packbits(seen[::step, ::step]), np.packbits(matte[::step, ::step] >= OPAQUE))
+
+
+def exchanged_mattes(capture: Capture, known: Mapping[Frame, Outlines]) -> list[Finding]:
+    """Find images to which the matte of another timestep of their camera belongs.
+
+    Args:
+        capture: The capture.
+        known: Foregrounds by frame.
+
+    Returns:
+        What is likely to be wrong.
+    """
+    cameras: dict[int, list[Frame]] = {}
+    for frame in known:
+        cameras.setdefault(frame.camera, []).append(frame)
+    findings = []
+    for frames in cameras.values():
+        mattes = np.stack([known[frame].matte for frame in frames])
+        for k, frame in enumerate(frames):
+            different = np.bitwise_count(known[frame].image ^ mattes).sum(axis=1, dtype=np.int64)
+            best = int(different.argmin())
+            if different[best] < BETTER * different[k]:
+                kind = "the matte of another timestep fits the image better than its own"
+                details = f"{frames[best].mask} differs at {different[best]} pixels, its own at {different[k]}"
+                findings.append(Finding(kind, capture.root / frame.mask, "fg_mask_path", details, float(different[k])))
+    return findings
 
 
 def matte_findings(

@@ -71,7 +71,7 @@ def pose_views(
                 continue
             blind[c] -= 1
             if 0 < seen[c] < SMALLEST:
-                details = f"{seen[c]:.0f} pixels"
+                details = f"{seen[c]:.2g} pixels"
                 findings.append(Finding("the head is tiny in the image", capture.root, f"camera {c}", details))
             visibility = compute_visibility(vertices, model.faces, capture.cameras[c])
             visible = visible_vertices(visibility, vertices, normals)

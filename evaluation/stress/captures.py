@@ -520,7 +520,7 @@ def _damages() -> Iterator[tuple[str, Callable[[Folder], object]]]:
     # Head model
     yield "skinning weights times 7", partial(edit_model, weights=lambda w: 7 * w)
     yield "skinning weights of zero", partial(edit_model, weights=lambda w: 0 * w)
-    yield "weights of jaw and neck exchanged", partial(edit_model, weights=_permuted((0, 2, 1, 3, 4), 1))
+    yield "weights of neck and left eye exchanged", partial(edit_model, weights=_permuted((0, 3, 2, 1, 4), 1))
     yield "weights of jaw and left eye exchanged", partial(edit_model, weights=_permuted((0, 1, 3, 2, 4), 1))
     yield "a joint regressor of zeros", partial(edit_model, J_regressor=lambda r: 0 * r)
     yield "joints of jaw and neck exchanged", partial(edit_model, J_regressor=_permuted((0, 2, 1, 3, 4), 0))

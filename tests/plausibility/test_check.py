@@ -140,11 +140,15 @@ UNLIKELY = {
         partial(edit_images, change=lambda a: np.roll(a, 6, axis=1), kind="fg_masks"),
         "mesh lies outside the matte",
     ),
+    "two swapped mattes": (
+        partial(swap, a="fg_masks/00000_01.png", b="fg_masks/00005_01.png"),
+        r"fg_masks/0000[05]_01\.png: .*the matte of another timestep fits",
+    ),
     "a white image": (partial(edit_images, change=lambda i: 0 * i + 1, pattern="00002_01"), "00002_01.* one colour"),
     "images upside down": (partial(edit_images, change=lambda i: i[::-1], pattern="0000?_01"), "_01.png|camera 1"),
     "a shifted camera": (partial(edit, cx=lambda c: c + 5), "mesh lies outside the matte"),
     "a wide field of view": (partial(edit, fl_x=lambda f: 1.3 * f), "mesh lies outside the matte"),
-    "two swapped images": (two_images, r"images/0000[04]_01\.png: the image fits another place better"),
+    "two swapped images": (two_images, r"images/0000[04]_01\.png: the image does not fit its place"),
     "swapped parameters": (
         partial(swap, a="flame_param/00000.npz", b="flame_param/00004.npz"),
         r"flame_param/0000[04]\.npz: most images of the timestep fit another timestep",
