@@ -95,9 +95,11 @@ def matte_findings(
     """
     face = view.visibility.face
     silhouette = (face >= 0) & head[face]
+    rows = np.flatnonzero((matte >= OPAQUE).any(axis=1))
     area = int(silhouette.sum())
-    if area == 0 or not (matte >= OPAQUE).any():  # an empty matte has a finding of its own
+    if area == 0 or len(rows) == 0:  # an empty matte has a finding of its own
         return []
+    silhouette[rows[-1] + 1 :] = False  # GaussianAvatars' mattes end at a horizontal line below the head
     radius = max(1, round(TOLERANCE * np.sqrt(area)))
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
     near = cv2.dilate((matte >= OPAQUE).astype(np.uint8), disc) > 0

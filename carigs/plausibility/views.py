@@ -105,12 +105,14 @@ def head_faces(model: HeadModel) -> Bool[np.ndarray, "f"]:
         model: The head model.
 
     Returns:
-        Whether each face is neither in the regions `neck` and `boundary` nor moved by the root joint; all faces if
-        that leaves less than a fifth of them.
+        Whether each face is neither in the regions `neck` and `boundary` nor moved mainly by the root joint, as
+        shoulders are. Each of the two is ignored if it leaves less than a fifth of the faces.
     """
-    root = model.weights[:, 0] > 0.5
-    below = (root | model.vertex_region("neck", "boundary"))[model.faces].any(axis=1)
-    return ~below if below.mean() < 0.8 else np.ones(len(model.faces), bool)
+    above = np.ones(len(model.faces), bool)
+    for below in (model.vertex_region("neck", "boundary"), model.weights[:, 0] > 0.5):
+        rest = above & ~below[model.faces].any(axis=1)
+        above = rest if rest.mean() > 0.2 else above
+    return above
 
 
 def _projected_size(vertices: Float[np.ndarray, "v 3"], camera: Camera) -> float:
