@@ -11,6 +11,7 @@ import numpy as np
 from carigs.capture.camera import OPENCV_FROM_OPENGL, Camera
 from carigs.capture.camera_checks import check_intrinsics, check_rigid
 from carigs.capture.dataset import SPLITS, Capture, Frame
+from carigs.capture.dataset_paths import file_inside
 from carigs.errors import InputError
 from carigs.head import HeadModel, HeadParameters
 from carigs.readers.arrays import checked_array
@@ -75,7 +76,8 @@ def _read_frame(
 
     timestep, index = (_whole(field(key, float), file, f"{where}.{key}") for key in ("timestep_index", "camera_index"))
     image, mask, parameters = (
-        _inside(field(key, str), file, f"{where}.{key}") for key in ("file_path", "fg_mask_path", "flame_param_path")
+        file_inside(field(key, str), file, f"{where}.{key}")
+        for key in ("file_path", "fg_mask_path", "flame_param_path")
     )
     width, height = (_whole(number(key), file, f"{where}.{key}") for key in ("w", "h"))
     fx = number("fl_x")
@@ -91,15 +93,6 @@ def _whole(value: float, file: Path, field: str) -> int:
     if value != int(value) or value < 0:
         raise InputError(f"expected a whole number, 0 or larger, found {value}", file=file, field=field)
     return int(value)
-
-
-def _inside(name: str, file: Path, field: str) -> str:
-    """Path of a file of the dataset: in its folder, or, as in union folders, in a folder beside it."""
-    path = os.path.normpath(name)
-    if not name or os.path.isabs(path) or path.startswith(os.path.join("..", "..")):
-        problem = f"{name[:100]!r} is no path inside the dataset's folder or a folder beside it"
-        raise InputError(f"{problem}; link folders that lie elsewhere", file=file, field=field)
-    return name
 
 
 def _read_pose(entry: dict[str, Any], file: Path, where: str) -> np.ndarray:

@@ -8,14 +8,15 @@ from pathlib import Path
 
 from rich.progress import track
 
-from carigs.capture import Capture
+from carigs.capture import Camera, Capture
+from carigs.capture.dataset_paths import file_inside
 from carigs.capture.frame_index import ground_truth_files, write_ground_truth
 from carigs.capture.images import write_png
 from carigs.errors import InputError
 from carigs.exaggeration import Caricature
 from carigs.files import writing_folder
 from carigs.head import read_subject_path
-from carigs.readers.images import image_size
+from carigs.readers.images import read_pixels
 from carigs.readers.json_files import json_field, read_json
 from carigs.settings import Truth
 
@@ -54,8 +55,9 @@ def truth(settings: Truth, *, capture: Path, path: Path, level: float, frames: P
 def _copy_captured(subject: Capture, folder: Path) -> Keys:
     for frame in (*subject.split("test"), *subject.split("val")):
         files = ground_truth_files(frame.timestep, frame.camera)
-        shutil.copyfile(subject.root / frame.image, folder / files["image"])
-        shutil.copyfile(subject.root / frame.mask, folder / files["mask"])
+        camera = subject.cameras[frame.camera]
+        _copy_image(subject.root / frame.image, folder / files["image"], camera)
+        _copy_image(subject.root / frame.mask, folder / files["mask"], camera)
         yield frame.timestep, frame.camera
 
 
@@ -86,8 +88,14 @@ def _copy_supplied(subject: Capture, source: Path, folder: Path) -> Keys:
             raise InputError(f"the capture has no camera {number}", file=index, field=f"{where}.camera_index")
         names = ground_truth_files(timestep, number)
         for key, name in (("file_path", names["image"]), ("fg_mask_path", names["mask"])):
-            file = source / json_field(entry, key, str, file=index, where=where)
-            if image_size(file) != (camera.width, camera.height):
-                raise InputError(f"its camera has {camera.width} x {camera.height} pixels", file=file)
-            shutil.copyfile(file, folder / name)
+            file = file_inside(json_field(entry, key, str, file=index, where=where), index, f"{where}.{key}")
+            _copy_image(source / file, folder / name, camera)
         yield timestep, number
+
+
+def _copy_image(source: Path, target: Path, camera: Camera) -> None:
+    """Copy a file that decodes as an image of the camera's size: other files have no business in results."""
+    height, width = read_pixels(source).shape[:2]
+    if (width, height) != (camera.width, camera.height):
+        raise InputError(f"its camera has {camera.width} x {camera.height} pixels", file=source)
+    shutil.copyfile(source, target)
