@@ -17,7 +17,7 @@ from carigs.raster import Visibility, compute_visibility
 from carigs.raster.rasterizer import NEAR
 from carigs.raster.vertex_colours import visible_vertices
 
-VERTICES = 2000
+VERTICES = 1500
 """Number of vertices whose colours are compared."""
 STRETCH = 2.0
 """The diagonal of a posed head is that of the template up to this factor: an open mouth adds a tenth."""
