@@ -12,6 +12,8 @@ from carigs.errors import InputError
 
 TOLERANCE = 1e-3
 """Of the entries of R^T R - I: matrices written with four decimals pass."""
+FARTHEST = 1e4
+"""Metres of a camera from the origin of the world."""
 FIELD_OF_VIEW = (0.1, 170.0)
 """Degrees. A pinhole camera cannot see 180 degrees; 0.1 degrees show a head only from a distance of 100 m."""
 
@@ -25,7 +27,8 @@ def check_rigid(matrix: Float[np.ndarray, "4 4"], file: Path, field: str) -> Non
         field: Its field, for messages.
 
     Raises:
-        InputError: If the last row is not 0 0 0 1, or the rotation is scaled, skewed or mirrored.
+        InputError: If the last row is not 0 0 0 1, the rotation is scaled, skewed or mirrored, or the
+            camera is farther away than `FARTHEST`.
     """
 
     def refuse(problem: str) -> None:
@@ -35,8 +38,10 @@ def check_rigid(matrix: Float[np.ndarray, "4 4"], file: Path, field: str) -> Non
         refuse(f"the last row is {' '.join(f'{x:g}' for x in matrix[3])}, not 0 0 0 1")
     rotation = matrix[:3, :3]
     if not np.abs(rotation).max() < 1 + TOLERANCE or np.abs(rotation.T @ rotation - np.eye(3)).max() > TOLERANCE:
-        lengths = " ".join(f"{x:.4g}" for x in np.sqrt((rotation**2).sum(axis=0)))
+        lengths = " ".join(f"{x:.4g}" for x in np.linalg.norm(np.clip(rotation, -1e100, 1e100), axis=0))
         refuse(f"its upper left 3 x 3 is no rotation (columns of length {lengths})")
+    if np.abs(matrix[:3, 3]).max() > FARTHEST:
+        refuse(f"the camera is {np.abs(matrix[:3, 3]).max():.3g} m from the origin; metres are expected")
     if np.linalg.det(rotation) < 0:
         refuse("its upper left 3 x 3 mirrors the world (determinant -1); negate one axis")
 

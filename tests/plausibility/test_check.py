@@ -87,6 +87,12 @@ IMPOSSIBLE = {
     "path elsewhere": (partial(edit, fg_mask_path=lambda p: f"a/../../../{p}"), "fg_mask_path: .* no path inside"),
     "one image for all": (partial(edit, file_path=lambda p: "images/00000_00.png"), "is the image of two frames"),
     "opencv axes": (partial(matrix, change=lambda m: m @ np.diag([1, -1, -1, 1])), "behind every camera"),
+    "a camera at 1e300": (
+        partial(matrix, change=lambda m: m + 1e300 * np.eye(4)[:, :1] * np.eye(4)[3]),
+        "transform_matrix: .*the camera is 1e",
+    ),
+    "a matrix of 1e300": (partial(matrix, change=lambda m: 1e300 * m), "last row"),
+    "a rotation of 1e300": (partial(matrix, change=lambda m: np.vstack([1e300 * m[:3], m[3:]])), "is no rotation"),
     "expressions of 1e6": (partial(parameters, expr=lambda x: x + 1e6), "00002.npz: expr: moves vertices by"),
     "a rotation of 45 rad": (partial(parameters, rotation=lambda x: x + 26), "rotation: a rotation of 45.* radians"),
     "degrees": (partial(parameters, jaw_pose=lambda x: x + 15), "jaw_pose: a rotation of 2"),
