@@ -26,6 +26,11 @@ x sizes, has about x - TOLERANCE of its silhouette there: this is a shift by 1 c
 BETTER = np.sqrt(0.5)
 """The matte of another timestep is believed to be the right one if it leaves less than this share of the pixels that
 differ from the image's foreground. Of the right matte, only the soft edge differs."""
+OUTLINE = 0.01
+"""Least gain of another matte, as a share of the foreground: an outline that moves by 0.25 % of the diameter of a disc.
+Where few pixels of an outline are in the image, chance decides which of them differ."""
+LEAST_PIXELS = 32
+"""Least gain in pixels, for the same reason at low resolutions."""
 MAX_PIXELS = 1 << 18
 """Larger masks are compared at every second pixel, every third ..."""
 
@@ -72,7 +77,9 @@ def exchanged_mattes(capture: Capture, known: Mapping[Frame, Outlines]) -> list[
         for k, frame in enumerate(frames):
             different = np.bitwise_count(known[frame].image ^ mattes).sum(axis=1, dtype=np.int64)
             best = int(different.argmin())
-            if different[best] < BETTER * different[k]:
+            gain, foreground = different[k] - different[best], int(np.bitwise_count(mattes[k]).sum())
+            least = max(OUTLINE * foreground, LEAST_PIXELS)
+            if different[best] < BETTER * different[k] and gain > least:
                 kind = "the matte of another timestep fits the image better than its own"
                 details = f"{frames[best].mask} differs at {different[best]} pixels, its own at {different[k]}"
                 findings.append(Finding(kind, capture.root / frame.mask, "fg_mask_path", details, float(different[k])))
