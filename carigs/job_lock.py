@@ -6,7 +6,7 @@ import errno
 import fcntl
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from io import TextIOWrapper
 from pathlib import Path
 
@@ -54,9 +54,10 @@ def remove_free_locks(folder: Path) -> None:
         folder: Folder of the lock files, and of folders with more of them.
     """
     for file in folder.rglob("*.lock"):
-        if stream := _locked(file):
-            with stream:
-                file.unlink(missing_ok=True)
+        with suppress(OSError):  # results that cannot be written can still be planned and reported
+            if stream := _locked(file):
+                with stream:
+                    file.unlink(missing_ok=True)
 
 
 def _locked(file: Path) -> TextIOWrapper | None:

@@ -83,16 +83,23 @@ def run_job(
     """
     paths = {name: Path(file) if isinstance(file, str) else [*map(Path, file)] or None for name, file in files.items()}
     terminal = sys.stderr
-    with open(log, "w", buffering=1, encoding="utf-8") as file:
-        stream = _Log(file, terminal if terminal.isatty() else None)
-        try:
-            record = recorded_job(Path(log), Path(settings), code, map(Path, inputs), map(Path, outputs))
-            with record, redirect_stdout(stream), redirect_stderr(stream), warnings_as_lines():
-                function = getattr(import_module(f"carigs.stages.{stage}"), stage)
-                function(load_settings(stage, settings), **paths, **params)
-        except (Exception, KeyboardInterrupt) as error:
-            line = one_line(error)
-            for place in (file, terminal):
-                print(f"carigs: {outputs[0]}: {line}" if line else traceback.format_exc(), file=place)
-            return exit_code(error)
+    try:
+        with open(log, "w", buffering=1, encoding="utf-8") as file:
+            stream = _Log(file, terminal if terminal.isatty() else None)
+            try:
+                record = recorded_job(Path(log), Path(settings), code, map(Path, inputs), map(Path, outputs))
+                with record, redirect_stdout(stream), redirect_stderr(stream), warnings_as_lines():
+                    function = getattr(import_module(f"carigs.stages.{stage}"), stage)
+                    function(load_settings(stage, settings), **paths, **params)
+            except (Exception, KeyboardInterrupt) as error:
+                print(_message(outputs[0], error), file=file)
+                raise
+    except (Exception, KeyboardInterrupt) as error:  # also of the log: its disk may be full, its folder read-only
+        print(_message(outputs[0], error), file=terminal)
+        return exit_code(error)
     return 0
+
+
+def _message(output: str, error: BaseException) -> str:
+    line = one_line(error)
+    return f"carigs: {output}: {line}" if line else "".join(traceback.format_exception(error))
