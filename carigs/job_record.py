@@ -131,6 +131,18 @@ def is_stale(path: Path) -> bool:
     return path.exists() and _stamp(path).stat().st_mtime_ns == STALE
 
 
+def is_from_future(path: Path) -> bool:
+    """Whether a file or folder is newer than the present: the clock of this or of another host was wrong.
+
+    Args:
+        path: The file or folder.
+
+    Returns:
+        False also if it is not there.
+    """
+    return path.exists() and _stamp(path).stat().st_mtime_ns > time.time_ns()
+
+
 def content_digest(path: Path) -> str:
     """Digest of a file, or of the names and contents of all files below a folder, without hidden ones.
 
@@ -202,18 +214,24 @@ def _difference(
 
 
 def _restore_times(file: Path, record: dict[str, Any]) -> None:
-    """Give outputs the time when they were made, if a copy or an earlier run has given them another one."""
-    finished = record["finished"]
-    copied = abs(file.stat().st_mtime_ns - finished) > _TOLERANCE
+    """Give outputs the time when they were made, if a copy, an earlier run or a wrong clock has given them another one.
+
+    Snakemake ends a run in which an input is newer than the present.
+    """
+    copied = abs(file.stat().st_mtime_ns - record["finished"]) > _TOLERANCE
+    finished = min(record["finished"], time.time_ns())
     for output, digest in record["outputs"].items():
         path = Path(output)
-        if path.exists() and (copied or is_stale(path)) and content_digest(path) == digest:
-            _set_time(path, finished)
+        if path.exists() and (copied or is_stale(path) or is_from_future(path)):
+            if content_digest(path) == digest:
+                _set_time(path, finished)
+            elif is_from_future(path):
+                _set_time(path, time.time_ns())
     if copied:
         for settings, digest in record["settings"].items():
             if content_digest(Path(settings)) == digest:
                 mark_current(Path(settings))
-        _set_time(file, finished)
+        _set_time(file, record["finished"])
 
 
 def _stamp(path: Path) -> Path:

@@ -10,7 +10,7 @@ from carigs.config import settings_text
 from carigs.errors import SettingsError
 from carigs.files import clean_results
 from carigs.job_lock import remove_free_locks
-from carigs.job_record import is_stale, mark_current, mark_stale, set_modification_times
+from carigs.job_record import is_from_future, is_stale, mark_current, mark_stale, set_modification_times
 from carigs.settings import STAGES
 from carigs.sources import fingerprint
 
@@ -45,5 +45,5 @@ def prepare_results(folder: Path, overrides: Sequence[str]) -> None:
                 continue
             if present != file.read_bytes().decode("utf-8", "replace"):
                 mark_stale(file)
-            elif is_stale(file):
+            elif is_stale(file) or is_from_future(file):
                 mark_current(file)

@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -90,6 +91,16 @@ def test_a_copy_gets_its_times_back_but_not_for_what_was_edited(study):
     assert all(0 <= new - old < 1e9 for new, old in zip(restored, order, strict=True))
     assert (study / "avatar/a.npz").stat().st_mtime_ns == 10**18
     assert (study / "settings/train/all.yaml").stat().st_mtime_ns in range(STALE + 1, min(restored))
+
+
+def test_an_output_from_the_future_gets_its_time_back_or_the_present(study):
+    before, future = (study / "path.npz").stat().st_mtime_ns, 4 * 10**18
+    (study / "avatar/a.npz").write_text("edited")
+    for name in ("path.npz", "avatar/a.npz"):
+        os.utime(study / name, ns=(future, future))
+    assert set_modification_times(study / "log", texts(), same_code) == {}
+    assert 0 <= (study / "path.npz").stat().st_mtime_ns - before < 1e9
+    assert 0 <= time.time_ns() - (study / "avatar/a.npz").stat().st_mtime_ns < 5e9
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"finished": 3, "outputs": {}}'])
