@@ -82,12 +82,17 @@ def make_study(overrides: Sequence[str], options: argparse.Namespace) -> bool:
     command += ["--cores", cores] if cores else []
     command += ["--dry-run"] * options.dry_run + options.snakemake
     command += ["--config", f"hydra={hydra_line(overrides)}", "--", *(options.target or ("reproduce", "table"))]
+    return _exit_code(command) == 0
+
+
+def _exit_code(command: list[str]) -> int:
+    """The exit code of Snakemake; after Ctrl-C it gets the time to stop or cancel its jobs."""
     with subprocess.Popen(command) as snakemake:
-        while True:
-            try:
-                return snakemake.wait() == 0
-            except KeyboardInterrupt:
-                pass  # Snakemake is interrupted, too: it ends after it has stopped or cancelled its jobs
+        try:
+            return snakemake.wait()
+        except KeyboardInterrupt:
+            snakemake.wait()
+            raise
 
 
 def hydra_line(overrides: Sequence[str]) -> str:

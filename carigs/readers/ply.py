@@ -18,6 +18,13 @@ SIZES = {
 """Bytes of each type."""
 
 
+class _StaysOpen(io.BytesIO):
+    """A stream that plyfile does not close: of a file in text it closes what it reads from."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
 def read_ply_vertices(file: str | Path) -> np.ndarray:
     """Read the element `vertex` of a .ply file.
 
@@ -35,7 +42,7 @@ def read_ply_vertices(file: str | Path) -> np.ndarray:
     content = read_bytes(file, MAX_ARRAY_BYTES)
     check_ply_header(content, file)
     try:
-        stream = io.BytesIO(content)
+        stream = _StaysOpen(content)
         vertices = PlyData.read(stream, mmap=False)["vertex"].data
         rest = stream.read().strip()
     except Exception as error:  # damaged bodies raise many types
