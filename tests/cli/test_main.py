@@ -104,8 +104,8 @@ def test_cores_of_this_machine_do_not_limit_jobs_elsewhere(commands):
 
 SNAKEMAKE = """
 import time
-print("start", flush=True)
 try:
+    print("start", flush=True)
     time.sleep(60)
 except KeyboardInterrupt:
     time.sleep(1)  # longer than subprocess.run waits
