@@ -207,3 +207,8 @@ def _finish(job: _Job, selector: selectors.BaseSelector) -> None:
             if name not in sys.modules:
                 with suppress(Exception):  # some modules are made by others, and have no file of their own
                     import_module(name)
+    if "numba" in sys.modules:  # what the first kernel of every fork would do
+        from numba.core.registry import cpu_target
+
+        cpu_target.typing_context.refresh()
+        cpu_target.target_context.refresh()

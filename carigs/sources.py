@@ -58,6 +58,7 @@ def sources(module: str) -> list[Path]:
     return sorted(files)
 
 
+@cache
 def _file(module: str) -> Path | None:
     """The file of a module of `PACKAGES`; None for other modules and for names that are not modules."""
     path = ROOT.joinpath(*module.split("."))
@@ -67,14 +68,18 @@ def _file(module: str) -> Path | None:
 
 @cache
 def _content(file: Path) -> str:
-    text = file.read_text("utf-8")
-    return ast.dump(ast.parse(text)) if file.suffix == ".py" else text
+    return ast.dump(_parsed(file)) if file.suffix == ".py" else file.read_text("utf-8")
+
+
+@cache
+def _parsed(file: Path) -> ast.Module:
+    return ast.parse(file.read_bytes())
 
 
 @cache
 def _imports(file: Path) -> tuple[str, ...]:
     names: list[str] = []
-    for node in ast.walk(ast.parse(file.read_bytes())):
+    for node in ast.walk(_parsed(file)):
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):  # relative imports are not used

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import convolve2d
 
+from evaluation.metrics import image_quality
 from evaluation.metrics.image_quality import psnr, region_mean, ssim_map
 
 
@@ -81,3 +82,13 @@ def test_region_mean_weights_regions_by_their_size(pair):
     parts = region.mean() * region_mean(similarity, region) + (~region).mean() * region_mean(similarity, ~region)
     assert parts == pytest.approx(region_mean(similarity))
     assert np.isnan(region_mean(similarity, np.zeros_like(region)))
+
+
+@pytest.mark.parametrize("patch", [(0, 0, 1, 1), (9, 14, 3, 5), (18, 25, 5, 6), (0, 12, 23, 2)])
+def test_ssim_of_images_that_agree_outside_a_patch_is_that_of_all_windows(patch, pair):
+    """Windows without a difference are skipped; the result is the same number, bit for bit."""
+    row, column, height, width = patch
+    image, truth = pair[0].copy(), pair[0]
+    image[row : row + height, column : column + width] = pair[1][row : row + height, column : column + width]
+    np.testing.assert_array_equal(ssim_map(image, truth), image_quality._ssim(image, truth))
+    assert (ssim_map(truth, truth) == 1).all()
