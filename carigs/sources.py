@@ -58,7 +58,6 @@ def sources(module: str) -> list[Path]:
     return sorted(files)
 
 
-@cache
 def _file(module: str) -> Path | None:
     """The file of a module of `PACKAGES`; None for other modules and for names that are not modules."""
     path = ROOT.joinpath(*module.split("."))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
@@ -46,7 +48,7 @@ def light_transfer(
     scale = 0.5 * SHADOW_MAP_SIDE / radius
     centre = np.float32([0.5 * SHADOW_MAP_SIDE, 0.5 * SHADOW_MAP_SIDE, 0])
     for d, direction in enumerate(directions):
-        map_from_world = _map_from_world(direction) * np.array([[scale], [scale], [1]])
+        map_from_world = _map_from_world(tuple(direction)) * np.array([[scale], [scale], [1]])
         surface, lifted = np.split(points @ map_from_world.T.astype(np.float32) + centre, 2)
         shadowed_cosine(transfer[d], surface, faces, lifted, cosines[d], SHADOW_MAP_SIDE, SHADOW_TOLERANCE)
     transfer[-1] = 1 - transfer[:-1].sum(axis=0) / np.maximum(cosines.sum(axis=0), 1e-9)
@@ -54,8 +56,10 @@ def light_transfer(
     return transfer.T
 
 
-def _map_from_world(direction: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+@lru_cache(maxsize=1024)  # the same directions for every surface
+def _map_from_world(light: tuple[float, float, float]) -> Float[np.ndarray, "3 3"]:
     """Rotation to the axes of a direction's shadow map: the third axis points away from the light."""
+    direction = np.array(light)
     across = np.cross(direction, np.eye(3)[np.abs(direction).argmin()])
     across /= np.linalg.norm(across)
     return np.stack([np.cross(direction, across), across, -direction])
