@@ -21,6 +21,9 @@ from carigs.mesh.validation import MIN_AREA, check_corners, check_edges
 
 MIN_ENCLOSED_VOLUME = 1e-3
 """In units of area^1.5: a component that encloses less is a sheet, which has no outside."""
+FARTHEST = 1000
+"""Largest distance of a vertex from the middle of the mesh, in units of the median distance. A head on a body reaches
+about ten; beyond thousand, tolerances in units of the mesh's size would remove faces of the rest."""
 
 
 @dataclass(frozen=True)
@@ -98,8 +101,9 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray, weld: float = 1e-7) -> C
         The repaired mesh.
 
     Raises:
-        MeshError: If the shapes are wrong, a corner is no vertex or not finite, no face with an area is left, or an
-            edge belongs to three or more faces. The message uses the indices of the input.
+        MeshError: If the shapes are wrong, a corner is no vertex or not finite, a vertex is `FARTHEST` away from all
+            others, no face with an area is left, or an edge belongs to three or more faces. The message uses the
+            indices of the input.
 
     Example:
         >>> clean = clean_mesh(mesh.vertices, mesh.faces)
@@ -112,6 +116,7 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray, weld: float = 1e-7) -> C
     proper = input_faces[(np.roll(input_faces, 1, axis=1) != input_faces).all(axis=1)]
     faces = _unique_faces(proper)  # a duplicate face would hide the boundary beside it
     extent = diagonal(positions[np.unique(faces)]) if len(faces) else 0.0
+    _check_far_vertices(positions, np.unique(faces))
     representative = _weld(positions, faces, weld * extent)
     welded = representative[faces]
     is_proper = (np.roll(welded, 1, axis=1) != welded).all(axis=1)
@@ -139,6 +144,17 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray, weld: float = 1e-7) -> C
         boundary_loops=len(igl.boundary_loop_all(oriented)),
     )
     return CleanMesh(clean_vertices, oriented, vertex_map, report)
+
+
+def _check_far_vertices(vertices: Float[np.ndarray, "v 3"], used: Int[np.ndarray, "u"]) -> None:
+    """Refuse a stray vertex: sizes are measured in units of the mesh's extent."""
+    if len(used) < 4:
+        return
+    distance = np.linalg.norm(vertices[used] - np.median(vertices[used], axis=0), axis=1)
+    ratio = float(distance.max() / max(np.median(distance), 1e-300))
+    if ratio > FARTHEST:
+        problem = f"is {ratio:.2g} times as far from the middle of the mesh as most others; remove it or its faces"
+        raise MeshError(f"vertex {used[distance.argmax()]} {problem}")
 
 
 def _unique_faces(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "g 3"]:

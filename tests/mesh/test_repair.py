@@ -151,3 +151,14 @@ FIN = np.concatenate([VERTICES, [[0, 0, 3.0]]]), np.concatenate([FACES, [[FACES[
 def test_meshes_that_cannot_be_repaired_are_named(vertices, faces, words):
     with pytest.raises(MeshError, match=words):
         clean_mesh(vertices, faces)
+
+
+@pytest.mark.parametrize("distance", [1e4, 1e9, 1e20])
+def test_a_stray_vertex_is_refused_and_not_taken_as_the_size_of_the_mesh(distance):
+    """Faces of the rest would be removed as too small, or their corners welded."""
+    vertices, faces = VERTICES.copy(), FACES
+    vertices[17] = [distance, 0, 0]
+    with pytest.raises(MeshError, match=r"vertex 17 is .* times as far"):
+        clean_mesh(vertices, faces)
+    vertices[17] = [40, 0, 0]  # far, but what a body below the head could be
+    assert clean_mesh(vertices, faces).report.without_area == 0
