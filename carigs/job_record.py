@@ -26,8 +26,6 @@ from carigs.readers.json_files import read_json
 STALE = 1_000_000_000
 """Modification time of outputs that are to be made again, in nanoseconds since 1970. (Snakemake ignores 0.)"""
 _MADE_FROM = ("settings", "code", "inputs")
-_TOLERANCE = 2_000_000_000
-"""Nanoseconds: some file systems store modification times with a step of two seconds."""
 
 
 @contextmanager
@@ -218,7 +216,7 @@ def _restore_times(file: Path, record: dict[str, Any]) -> None:
 
     Snakemake ends a run in which an input is newer than the present.
     """
-    copied = abs(file.stat().st_mtime_ns - record["finished"]) > _TOLERANCE
+    copied = not _is_time(file.stat().st_mtime_ns, record["finished"])
     finished = min(record["finished"], time.time_ns())
     for output, digest in record["outputs"].items():
         path = Path(output)
@@ -232,6 +230,14 @@ def _restore_times(file: Path, record: dict[str, Any]) -> None:
             if content_digest(Path(settings)) == digest:
                 mark_current(Path(settings))
         _set_time(file, record["finished"])
+
+
+def _is_time(stored: int, time: int) -> bool:
+    """Whether a modification time is what a file system stores for a time, both in nanoseconds.
+
+    Some file systems store microseconds, others whole or even seconds.
+    """
+    return abs(stored - time) < 1_000_000 or (stored % 1_000_000_000 == 0 and abs(stored - time) < 2_000_000_000)
 
 
 def _stamp(path: Path) -> Path:

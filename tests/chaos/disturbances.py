@@ -12,7 +12,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psutil
@@ -101,7 +101,8 @@ def _ended_before_a_write(run: Run, number: int) -> bool:
     """Wait until a file with a temporary name appears for the given time."""
     seen: set[Path] = set()
     while not run.ended_within(0.002):
-        seen |= set((run.project.root / "results").rglob(".*.part*"))
+        with suppress(FileNotFoundError):  # a folder that was there is complete, and has its name
+            seen |= set((run.project.root / "results").rglob(".*.part*"))
         if len(seen) > number:
             return False
     return True

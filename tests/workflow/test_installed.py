@@ -35,7 +35,7 @@ def test_a_mesh_is_exaggerated(carigs):
     try:
         done = carigs("mesh", "head.obj", "-o", "out.ply")
         assert done.returncode == 0, done.stderr
-        assert (carigs.folder / "out.ply").is_file() and (carigs.folder / "out.png").is_file()
+        assert (carigs.folder / "out.ply").is_file() and (carigs.folder / "out_preview.png").is_file()
     finally:
         for file in carigs.folder.glob("*.*"):
             file.unlink() if file.is_file() else None
