@@ -9,7 +9,7 @@ rule stress:
     input:
         "results/stress/surface.csv",
         "results/stress/hostile_files.csv",
-        ["results/stress/heads.csv"] if heads else [],
+        ["results/stress/heads.csv", "results/stress/captures.csv"] if heads else [],
 
 
 rule stress_surface:
@@ -61,3 +61,21 @@ rule stress_hostile_files:
         code=fingerprint("evaluation.stress.hostile_files"),
     shell:
         "python -m evaluation.stress.hostile_files {output.rows:q} > {log:q} 2>&1"
+
+
+rule stress_captures:
+    input:
+        capture=[f"{environ['CARIGS_DATA']}/ict_s1"] if heads else [],
+        model=[f"{environ['CARIGS_DATA']}/ict_model.npz"] if heads else [],
+    output:
+        rows="results/stress/captures.csv",
+    log:
+        "results/stress/log/captures.log",
+    conda:
+        "../../environment.yml"
+    resources:
+        mem_mb=2000,
+    params:
+        code=fingerprint("evaluation.stress.captures"),
+    shell:
+        "python -m evaluation.stress.captures {output.rows:q} {input.capture:q} {input.model:q} > {log:q} 2>&1"
