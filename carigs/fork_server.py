@@ -77,6 +77,8 @@ def run_in_fork(function: str, arguments: dict[str, Any]) -> int:
         code = server.makefile("rb").read()
     if not code:
         print("carigs: the fork server was killed", file=sys.stderr)
+    elif int(code) == -signal.SIGKILL:
+        print("carigs: the job was killed, as Linux does when memory runs out", file=sys.stderr)
     return int(code or 1)
 
 
