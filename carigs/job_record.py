@@ -186,8 +186,11 @@ def _read_records(folder: Path) -> dict[Path, dict[str, Any]]:
 
 
 def _digests(records: Iterable[dict[str, Any]]) -> dict[str, str]:
-    """The digests of all outputs that are complete."""
-    return {path: digest for record in records if record["finished"] for path, digest in record["outputs"].items()}
+    """The digests of all outputs; empty for those of jobs that were not finished.
+
+    What was made from an earlier state of such outputs is to be made again: Snakemake would leave them missing.
+    """
+    return {path: digest for record in records for path, digest in record["outputs"].items()}
 
 
 def _difference(

@@ -71,6 +71,22 @@ def test_an_output_that_was_made_again_marks_what_was_made_from_it(study):
     assert set_modification_times(study / "log", texts(), same_code) == {}
 
 
+def test_a_job_that_is_killed_while_it_makes_an_output_again_marks_what_was_made_from_it(study):
+    """Snakemake removes outputs before the job, and does not make them again for results that look current."""
+    path, record = study / "path.npz", study / "log/path/all.json"
+    whole = record.read_text()
+    with pytest.raises(KeyboardInterrupt):
+        with recorded_job(study / "log/path/all.log", study / "settings/path/all.yaml", "code", [], [path]):
+            path.unlink()
+            raise KeyboardInterrupt
+    assert set_modification_times(study / "log", texts(), same_code)["train", "made from other inputs"] == 1
+    assert is_stale(study / "avatar/a.npz")
+    path.write_text("a")
+    record.write_text(whole)
+    assert set_modification_times(study / "log", texts(), same_code) == {}
+    assert not is_stale(study / "avatar/a.npz")
+
+
 def test_a_job_that_fails_or_is_killed_marks_its_outputs(study):
     with pytest.raises(RuntimeError):
         with recorded_job(
