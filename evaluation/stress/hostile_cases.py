@@ -323,7 +323,7 @@ def _overrides() -> Iterator[Case]:
             yield Case(f"{key}={value[:30]}", "override", f"{key}={value}".encode(), must_fail=never)
     for text in (
         "hydra.searchpath=[pkg://antigravity]", "+hydra.searchpath=[file:///]", "hydra/launcher=basic",
-        "hydra.run.dir=/tmp/ran",
+        "hydra.run.dir=elsewhere",
         "~train", "+x=1", "++train.seed=1", "=1", "", "train", "train={}", "train=null", "train.seed", "seed=1", "@x=1",
         "subject@y=toy", "study=../../../etc/passwd", "study=/etc/passwd", "exaggerate=[robust,paper]", "\0=1", "a=\0",
         "train.seed=1,2", "train.seed=range(9)", "train.seed=choice(1,2)", "study=${oc.env:HOME}",
