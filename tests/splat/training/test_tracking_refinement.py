@@ -98,7 +98,7 @@ def test_an_interrupted_run_ends_in_the_same_bytes(capture, sequence, tmp_path):
         own = replace(sequence, parameters=dict(sequence.parameters))
         settings = replace(SETTINGS, checkpoint_seconds=0.0)
         surfels, _ = train_surfels(settings, own, Supervision(capture), checkpoint, on_step)
-        refined = [getattr(own.parameters[t], name) for t in own.parameters for name in ("translation", "jaw")]
+        refined = [getattr(own.parameters[t], name) for t in own.parameters for name in ("translation", "joints")]
         return b"".join(value.tobytes() for value in (*to_arrays(surfels).values(), *refined))
 
     class Killed(Exception):
