@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from carigs.head.flame_pickle import read_flame_pickle
+from carigs.head.gnm import gnm_arrays, is_gnm
 from carigs.head.model_arrays import FLAME_JOINTS, FLAME_NUM_IDENTITY, RestJoints, checked_fields
 from carigs.head.teeth import FLAME_COUNTS, LOWER_LIP, UPPER_LIP, is_upper_tooth, teeth_faces, teeth_vertices
 from carigs.readers.npz import read_npz
@@ -85,7 +86,7 @@ class HeadModel:
         """Read a model; FLAME gets teeth.
 
         Args:
-            file: An .npz, or FLAME's .pkl with its regions in `FLAME_masks.pkl` beside it.
+            file: An .npz of FLAME's arrays or of GNM, or FLAME's .pkl with its regions in `FLAME_masks.pkl` beside it.
 
         Returns:
             The model.
@@ -95,6 +96,8 @@ class HeadModel:
         """
         file = Path(file)
         arrays = read_flame_pickle(file) if file.suffix == ".pkl" else read_npz(file, "head model")
+        if is_gnm(arrays):
+            arrays = gnm_arrays(arrays, file)
         return cls(**checked_fields(arrays, file)).with_teeth()
 
     def with_teeth(self) -> HeadModel:
