@@ -77,9 +77,7 @@ class HeadModel:
         if self.rest_joints is not None:
             return self.rest_joints.basis.astype(np.float64)
         used = np.flatnonzero(self.joint_regressor.any(axis=0))  # few vertices make a joint
-        rows = self.shapedirs[used].reshape(len(used), -1).astype(np.float64)
-        basis = self.joint_regressor[:, used].astype(np.float64) @ rows
-        return basis.reshape(len(self.parents), 3, -1)
+        return np.tensordot(self.joint_regressor[:, used].astype(np.float64), self.shapedirs[used], axes=1)
 
     @classmethod
     def load(cls, file: str | Path) -> HeadModel:
