@@ -24,10 +24,10 @@ HAIRLINE = (2.1, 2.1, 2.05, 1.9, 1.6, 1.1, 0.4, -0.25, -0.45, 0.05, 0.6, 0.6, 0.
 EAR = np.array([-0.5, -2.7])
 """y and z of the middle of an ear."""
 EAR_HALF_SIZE = np.array([1.4, 1.1])
-EAR_PROTRUSION = 0.12
-"""An ear stands out from the side of the head by more than this, 4 mm."""
-LID_DISTANCE = 1.3
-"""Largest distance of a lid from the centre of the eyeball, in radii of the eyeball."""
+EAR_PROTRUSION = 0.08
+"""An ear stands out from the side of the head by more than this, 2.5 mm."""
+LID_DISTANCE, SOCKET_DISTANCE = 1.4, 1.1
+"""Largest distance of a lid, and of what else surrounds the eyeball, from its centre, in radii of the eyeball."""
 BORDER_RINGS = 3
 """Edges between the border of the neck and the last vertices of the region `boundary`."""
 
@@ -101,7 +101,9 @@ def geometric_regions(
     }
     for side, ids in balls.items():
         radius = float(np.ptp(vertices[ids], axis=0).max()) / 2
-        masks[f"{side}_eyelid"] = skin & (np.linalg.norm(vertices - centres[side], axis=1) < LID_DISTANCE * radius)
+        distance = np.linalg.norm(vertices - centres[side], axis=1) / radius
+        lid = (distance < SOCKET_DISTANCE) | (eye & (distance < LID_DISTANCE))
+        masks[f"{side}_eyelid"] = skin & lid & (is_left if side == "left" else ~is_left)
     corners = (np.array([points.left_corner, points.right_corner]) - origin) / unit
     masks |= _mouth(p, skin, corners, (points.between_lips - origin) / unit)
     return {name: np.flatnonzero(mask) for name, mask in masks.items()} | {
@@ -128,8 +130,8 @@ def _mouth(
 def _ear(p: Float[np.ndarray, "v 3"], skin: Bool[np.ndarray, " v"]) -> Bool[np.ndarray, " v"]:
     """What stands out from the side of the head at positive x.
 
-    The side without the ear is a quadratic x = q(y, z), fitted by least squares to the lowest vertices: those far above
-    the last fit have next to no weight in the next one.
+    The side without the ear is a quadratic x = q(y, z), fitted by least squares that are iteratively reweighted:
+    vertices above the last fit have little weight in the next one.
     """
     offset = (p[:, 1:] - EAR) / EAR_HALF_SIZE
     side = np.flatnonzero(skin & (p[:, 0] > 1.4) & (np.abs(offset) < 1.4).all(axis=1))
@@ -142,7 +144,7 @@ def _ear(p: Float[np.ndarray, "v 3"], skin: Bool[np.ndarray, " v"]) -> Bool[np.n
     for _ in range(30):
         root = np.sqrt(weights)
         above = p[side, 0] - terms @ np.linalg.lstsq(terms * root[:, None], p[side, 0] * root, rcond=None)[0]
-        weights = np.where(above > 0.4 * EAR_PROTRUSION, 1e-3, 1.0)
+        weights = 1 / (1 + (np.maximum(above, 0) / 0.03) ** 2)
     ear[side] = (above > EAR_PROTRUSION) & (np.abs(offset[side]) < 1).all(axis=1)
     return ear
 
