@@ -1,7 +1,7 @@
-"""Time and memory of the index of a large capture, and of its plausibility checks.
+"""Time and memory of the index of a large capture.
 
-The capture is synthetic: 2000 timesteps x 16 cameras, a head of FLAME's order, images of one colour that are links to one
-file. Each quantity is measured in a process of its own.
+The capture is synthetic: 2000 timesteps x 16 cameras, a head with 2562 vertices, images of one colour that are links to
+one file. Each quantity is measured in a process of its own.
 
 Example:
     python -m evaluation.benchmarks.capture_index results/benchmark/capture_index.csv
@@ -36,7 +36,8 @@ folder = Path({folder!r})
 start = perf_counter()
 {work}
 seconds = perf_counter() - start
-peak = int(re.search(r"VmHWM:\\s*(\\d+)", Path("/proc/self/status").read_text())[1])  # of this program, not of its parent
+status = Path("/proc/self/status").read_text()  # of this program: getrusage counts the parent's memory, too
+peak = int(re.search(r"VmHWM:\\s*(\\d+)", status)[1])
 print(json.dumps(dict(seconds=seconds, megabytes=peak / 1024)))
 """
 WORKS = {
