@@ -18,6 +18,7 @@ COMMANDS = {
     "sweep": "make a study at several values of its settings",
     "plan": "show what a study will cost: jobs, hours, memory, disk",
     "mesh": "exaggerate a mesh",
+    "head": "bring a head model in: download or convert it",
     "settings": "show the settings of a study, or the reference of all settings",
 }
 
