@@ -1,7 +1,7 @@
 """Reprojection of the posed mesh: its silhouette against the mattes, and the colours that cameras show at its vertices.
 
 Hair and shoulders stand off the mesh, so that a pixel of the mesh outside the matte is worse than a pixel of the matte
-outside the mesh. The Tversky index (1977) weighs the two; with equal weights it is the intersection over the union.
+off the mesh. The Tversky index (1977) weighs the two; with equal weights it is the intersection over the union.
 """
 
 from __future__ import annotations
@@ -9,11 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float32
+from jaxtyping import Bool, Float32, Int32
 
-from carigs.mesh.triangle_mesh import vertex_normals
 from carigs.plausibility.scene import Scene, Shot
-from carigs.plausibility.vertex_misfit import disagreement, sample
+from carigs.plausibility.vertex_misfit import CLIP, disagreement, sample
 from carigs.plausibility.views import compared_vertices, head_faces
 from carigs.raster import compute_visibility
 from carigs.raster.vertex_colours import visible_vertices
@@ -23,7 +22,7 @@ OFF_MESH = 0.25
 
 
 class Overlap(NamedTuple):
-    """Pixels of a frame, or of several."""
+    """Numbers of pixels."""
 
     both: int
     """On the mesh and in the matte."""
@@ -51,20 +50,16 @@ class Overlap(NamedTuple):
 class Reprojection(NamedTuple):
     """How well a scene fits its images."""
 
-    overlaps: list[Overlap]
-    """Of each shot."""
+    overlaps: dict[Shot, Overlap]
+    """Of the shots with a matte."""
     colour: float
-    """Mean difference of the cameras' colours at the vertices, in levels of 255; NaN if too few vertices are shared."""
-
-    @property
-    def overlap(self) -> Overlap:
-        """Of all shots."""
-        return Overlap(*map(sum, zip(*self.overlaps, strict=True)))
+    """Mean difference between frames in the colours at the vertices, in levels of 255; `CLIP` if the frames share too
+    few vertices."""
 
     @property
     def silhouette(self) -> float:
-        """Mean misfit of the shots."""
-        return float(np.mean([overlap.misfit for overlap in self.overlaps]))
+        """Mean misfit of the shots; 0 without mattes."""
+        return float(np.mean([overlap.misfit for overlap in self.overlaps.values()])) if self.overlaps else 0.0
 
 
 def reproject(scene: Scene, *, colours: bool = True) -> Reprojection:
@@ -77,33 +72,48 @@ def reproject(scene: Scene, *, colours: bool = True) -> Reprojection:
     Returns:
         The comparison.
     """
-    model = scene.model
-    above_neck, some = head_faces(model), compared_vertices(model)
-    normals = {t: vertex_normals(head.vertices, model.faces) for t, head in scene.heads.items()} if colours else {}
-    overlaps, samples = [], {}
+    model, above_neck = scene.model, head_faces(scene.model)
+    overlaps, samples = {}, {}
     for shot in scene.shots:
-        vertices = scene.heads[shot.timestep].vertices
-        visibility = compute_visibility(vertices, model.faces, shot.camera)
-        overlaps.append(silhouette_overlap(visibility.face, shot.matte, above_neck))
+        head = scene.heads[shot.timestep]
+        visibility = compute_visibility(head.vertices, model.faces, shot.image_camera)
+        if shot.matte is not None:
+            overlaps[shot] = silhouette_overlap(visibility.face, shot.matte, above_neck)
         if colours:
-            visible = visible_vertices(visibility, vertices, normals[shot.timestep])
-            pixels = np.full((len(vertices), 2), np.nan, np.float32)
+            pixels = np.full((len(head.vertices), 2), np.nan, np.float32)
+            visible = visible_vertices(visibility, head.vertices, head.normals)
             pixels[visible.index] = visible.pixels
-            samples.setdefault(shot.frame.timestep, []).append(sample(shot.image, pixels[some]))
-    values = [disagreement(np.stack(shown)) for shown in samples.values()]
+            samples[shot] = sample(shot.image, pixels[compared_vertices(model)])
+    return Reprojection(overlaps, colour_disagreement(samples) if colours else CLIP)
+
+
+def colour_disagreement(samples: dict[Shot, Float32[np.ndarray, "n 3"]]) -> float:
+    """Mean difference of the colours at the vertices, between cameras at a timestep and between timesteps of a camera.
+
+    Args:
+        samples: Colours by shot; NaN where a vertex is hidden.
+
+    Returns:
+        Levels of 255; `CLIP` if no vertex is seen often enough.
+    """
+    groups: dict[tuple[str, int], list[Float32[np.ndarray, "n 3"]]] = {}
+    for shot, colours in samples.items():
+        groups.setdefault(("timestep", shot.frame.timestep), []).append(colours)
+        groups.setdefault(("camera", shot.frame.camera), []).append(colours)
+    values = [disagreement(np.stack(group)) for group in groups.values() if len(group) > 2]
     known = [value for value in values if np.isfinite(value)]
-    return Reprojection(overlaps, float(np.mean(known)) if known else float("nan"))
+    return float(np.mean(known)) if known else CLIP
 
 
 def silhouette_overlap(
-    face: np.ndarray, matte: Bool[np.ndarray, "h w"], above_neck: Bool[np.ndarray, " f"]
+    face: Int32[np.ndarray, "h w"], matte: Bool[np.ndarray, "h w"], above_neck: Bool[np.ndarray, " f"]
 ) -> Overlap:
-    """Compare a silhouette with a matte, above the matte's lowest row.
+    """Compare a silhouette with a matte, down to the matte's lowest row: mattes may end at a line below the head.
 
     Args:
         face: Index of the face at each pixel, -1 for none.
         matte: Foreground of the image.
-        above_neck: Faces that count outside the matte: mattes of GaussianAvatars end at a line below the head.
+        above_neck: Faces that mattes show in any case.
 
     Returns:
         Numbers of pixels.
