@@ -50,7 +50,8 @@ def exchanged_cameras(scene: Scene) -> list[Hypothesis]:
 
     to = ", ".join(f"{image} -> {camera}" for image, camera in sorted(moved.items()))
     mistake = f"the images of cameras {names} are exchanged"
-    return [Hypothesis("exchange", mistake, f"camera_index or transform_matrix: images -> cameras {to}", undo)]
+    remedy = f"camera_index or transform_matrix: images -> cameras {to}"
+    return [Hypothesis("exchange", mistake, remedy, undo, frozenset(moved))]
 
 
 def _misfits(scene: Scene, numbers: list[int]) -> Float[np.ndarray, "c c"]:

@@ -41,6 +41,15 @@ class Diagnosis(NamedTuple):
     mended: Reprojection
 
     @property
+    def share(self) -> float:
+        """Misfit that is left, as a share of that of the capture as stated."""
+        cameras = self.mistakes[0].cameras if self.mistakes else frozenset()
+        stated, mended = (
+            (r.silhouette_of(cameras) + OUTLINE_NOISE) * (r.colour + COLOUR_NOISE) for r in (self.stated, self.mended)
+        )
+        return mended / stated
+
+    @property
     def is_unusable(self) -> bool:
         """Whether the mesh as stated is elsewhere than the head in the images."""
         return self.stated.silhouette > UNUSABLE
@@ -102,9 +111,8 @@ def _best(scene: Scene, candidates: Sequence[tuple[Hypothesis, ...]], nothing: D
         undone = _undone(scene, candidates[i])
         if len(undone.shots) > len(scene.shots) / 2:
             found.append(Diagnosis(candidates[i], nothing.stated, reproject(undone)))
-    best = min(found, key=lambda diagnosis: round(_cost(diagnosis.mended), 4))
-    is_believed = _cost(best.mended) < CLEARLY * _cost(nothing.stated) and best.mended.silhouette < MENDED
-    return best if is_believed else nothing
+    best = min(found, key=lambda diagnosis: round(diagnosis.share, 3))
+    return best if best.share < CLEARLY and best.mended.silhouette < MENDED else nothing
 
 
 def _undone(scene: Scene, mistakes: Iterable[Hypothesis]) -> Scene:
@@ -118,5 +126,3 @@ def _is_possible(camera: Camera) -> bool:
     return min(camera.fx, camera.fy) > 0 and np.linalg.det(camera.camera_from_world[:3, :3]) > 0
 
 
-def _cost(reprojection: Reprojection) -> float:
-    return (reprojection.silhouette + OUTLINE_NOISE) * (reprojection.colour + COLOUR_NOISE)

@@ -36,6 +36,8 @@ class Hypothesis(NamedTuple):
     """What to do about it."""
     undo: Callable[[Scene], Scene]
     """From the stated scene to the supposed one."""
+    cameras: frozenset[int] = frozenset()
+    """The cameras that it concerns; empty if it concerns all."""
 
 
 def _stored(change: Callable[[Matrix], Matrix]) -> Callable[[Scene], Scene]:

@@ -14,7 +14,7 @@ from rich.progress import track
 
 from carigs.capture import Camera, Capture, Frame
 from carigs.capture.images import BACKGROUND_TOLERANCE, differs_from_background
-from carigs.errors import InputError
+from carigs.errors import InputError, collecting
 from carigs.plausibility.findings import Finding
 
 OPAQUE, CLEAR = 128, 2
@@ -47,11 +47,12 @@ class ImageSummary(NamedTuple):
     """Whether all pixels have one colour."""
 
 
-def summarize_images(capture: Capture) -> dict[Frame, ImageSummary]:
+def summarize_images(capture: Capture, errors: list[InputError] | None = None) -> dict[Frame, ImageSummary]:
     """Decode all images and mattes.
 
     Args:
         capture: The capture.
+        errors: Receives the errors of frames, which are left out then; None to raise the first.
 
     Returns:
         A summary per frame.
@@ -60,14 +61,17 @@ def summarize_images(capture: Capture) -> dict[Frame, ImageSummary]:
         InputError: If a file is damaged, or has another size than its camera.
     """
 
-    def summarize(frame: Frame) -> ImageSummary:
-        image, matte = read_frame(capture, frame)
-        return _summary(image, matte, capture.background)
+    def summarize(frame: Frame) -> ImageSummary | None:
+        with collecting(errors):
+            image, matte = read_frame(capture, frame)
+            return _summary(image, matte, capture.background)
+        return None
 
     with ThreadPoolExecutor(2) as pool:
         done = pool.map(summarize, capture.frames)
         few = len(capture.frames) < 1000
-        return dict(zip(capture.frames, track(done, "checking images", len(capture.frames), disable=few), strict=True))
+        done = track(done, "checking images", len(capture.frames), disable=few)
+        return {frame: summary for frame, summary in zip(capture.frames, done, strict=True) if summary is not None}
 
 
 def read_frame(capture: Capture, frame: Frame) -> tuple[UInt8[np.ndarray, "h w 3"], UInt8[np.ndarray, "h w"] | None]:

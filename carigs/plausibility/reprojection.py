@@ -59,7 +59,19 @@ class Reprojection(NamedTuple):
     @property
     def silhouette(self) -> float:
         """Mean misfit of the shots; 0 without mattes."""
-        return float(np.mean([overlap.misfit for overlap in self.overlaps.values()])) if self.overlaps else 0.0
+        return self.silhouette_of(frozenset())
+
+    def silhouette_of(self, cameras: frozenset[int]) -> float:
+        """Mean misfit of the shots of some cameras.
+
+        Args:
+            cameras: Numbers of the cameras; empty for all.
+
+        Returns:
+            The misfit; 0 without mattes.
+        """
+        misfits = [o.misfit for shot, o in self.overlaps.items() if not cameras or shot.frame.camera in cameras]
+        return float(np.mean(misfits)) if misfits else 0.0
 
 
 def reproject(scene: Scene, *, colours: bool = True) -> Reprojection:
