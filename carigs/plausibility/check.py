@@ -44,7 +44,7 @@ def check_capture(capture: Capture) -> Capture:
     summaries = summarize_images(capture)
     findings += check_images(capture, summaries)
     findings += _check_views(capture, select_frames(capture, summaries))
-    return replace(capture, warnings=summarize(findings))
+    return replace(capture, warnings=(*capture.warnings, *summarize(findings)))
 
 
 def _check_views(capture: Capture, frames: Mapping[int, Mapping[int, Frame]]) -> list[Finding]:

@@ -1,101 +1,108 @@
-"""Shift of the principal point, common to all cameras, at which the images agree best on the colours of the head.
+"""Does `cy` count from the top of the image, or from its bottom?
 
-Programs disagree whether the centre of the first pixel lies at 0 or at 0.5. A mistake shifts all images by half a
-pixel in x and y, which silhouettes do not show.
+VHAP writes `h - cy` since November 2024, and does not say so. The outlines of the posed mesh tell: with the right
+convention, more of the mesh's silhouette lies on the outline of the matte. Hair and clothes cover it in either case.
 """
 
 from __future__ import annotations
 
-from itertools import product
-from typing import NamedTuple
+from dataclasses import replace
 
+import cv2
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Bool
 
-from carigs.plausibility.scene import Scene
-from carigs.plausibility.vertex_misfit import disagreement, sample
-from carigs.plausibility.views import compared_vertices
+from carigs.capture import Camera, Capture, Frame
+from carigs.errors import InputError
+from carigs.head import pose
+from carigs.plausibility.views import head_faces
 from carigs.raster import compute_visibility
-from carigs.raster.vertex_colours import visible_vertices
 
-STEP = 0.75
-"""Pixels between the shifts that are compared."""
-LEAST_GROUPS = 4
-"""Timesteps that are needed to know how sure the shift is."""
-SURE = 3.0
-"""Standard errors of a shift that is believed."""
-TOLERANCE = 0.25
-"""Pixels by which the shift may differ from half a pixel: imperfect tracking shifts it as well."""
-
-
-class PrincipalPointShift(NamedTuple):
-    """What must be added to cx and cy for the colours to agree best, in pixels."""
-
-    shift: Float[np.ndarray, "2"]
-    error: Float[np.ndarray, "2"]
-    """Standard errors; inf if the colours do not tell."""
-
-    @property
-    def half_pixel(self) -> float:
-        """0.5 or -0.5 if the shift is half a pixel beyond doubt, else 0."""
-        sign = float(np.sign(self.shift[0]))
-        is_half = np.abs(self.shift - 0.5 * sign).max() < TOLERANCE
-        return 0.5 * sign if is_half and (np.abs(self.shift) > SURE * self.error).all() else 0.0
+CENTRED = 0.5
+"""Pixels from the middle of the image up to which the convention does not matter."""
+SMALL = 0.01
+"""Share of the image's height up to which a mistake is no more than a warning, if the outlines cannot decide."""
+FRAMES = 12
+TOLERANCE = 0.005
+"""Distance of two outlines that agree, in sizes of the silhouette (square root of its area): 1 mm."""
+BETTER = 1.15
+"""A convention is believed if so many times as much of the silhouette agrees."""
+LEAST = 0.05
+"""Least share of the silhouette that must agree."""
 
 
-def principal_point_shift(scene: Scene) -> PrincipalPointShift:
-    """Measure the shift: the minimum of a quadratic function through nine shifts, with jackknife errors.
+def resolve_cy(capture: Capture, convention: str = "auto") -> Capture:
+    """Convert principal points to OpenCV's convention: y down, from the top of the image.
 
     Args:
-        scene: The scene, at the full resolution.
+        capture: The capture, as indexed by `read_dataset`.
+        convention: What the files hold: `opencv`, `flipped`, or `auto` to find out.
 
     Returns:
-        The shift and its errors over the timesteps.
+        The capture with its field `cy`: the convention of the files and how it was found.
+
+    Raises:
+        InputError: If `auto` cannot tell, and a mistake would matter.
     """
-    unknown = PrincipalPointShift(np.zeros(2), np.full(2, np.inf))
-    costs = _costs(scene)
-    if len(costs) < LEAST_GROUPS:
-        return unknown
-    parts = [_minimum(np.delete(costs, k, axis=0).mean(axis=0)) for k in range(len(costs))]
-    best = _minimum(costs.mean(axis=0))
-    if best is None or any(part is None for part in parts):
-        return unknown
-    n, deviations = len(parts), np.array(parts) - np.mean(parts, axis=0)
-    return PrincipalPointShift(best, np.sqrt((n - 1) / n * (deviations**2).sum(axis=0)))
+    if convention == "auto":
+        convention, reason, warnings = _find(capture)
+        capture = replace(capture, cy=f"{convention}: {reason}", warnings=(*capture.warnings, *warnings))
+    else:
+        capture = replace(capture, cy=f"{convention}: capture.cy={convention}")
+    if convention == "flipped":
+        capture = replace(capture, calibrations=tuple(_flipped(camera) for camera in capture.calibrations))
+    return capture
 
 
-def _costs(scene: Scene) -> Float[np.ndarray, "t 9"]:
-    """Disagreement of the cameras at each timestep under each shift."""
-    some, seen = compared_vertices(scene.model), {}
-    for shot in scene.shots:
-        head = scene.heads[shot.timestep]
-        visibility = compute_visibility(head.vertices, scene.model.faces, shot.image_camera)
-        visible = visible_vertices(visibility, head.vertices, head.normals)
-        pixels = np.full((len(head.vertices), 2), np.nan, np.float32)
-        pixels[visible.index] = visible.pixels
-        seen.setdefault(shot.frame.timestep, []).append((shot, pixels[some]))
-
-    def cost(members: list, shift: Float32[np.ndarray, "2"]) -> float:
-        return disagreement(np.stack([sample(shot.image, pixels + shift * _scale(shot)) for shot, pixels in members]))
-
-    rows = [[cost(members, shift) for shift in _shifts()] for members in seen.values() if len(members) > 2]
-    return np.array([row for row in rows if np.isfinite(row).all()]).reshape(-1, 9)
+def _flipped(camera: Camera) -> Camera:
+    return replace(camera, cy=camera.height - camera.cy)
 
 
-def _scale(shot) -> np.float32:  # noqa
-    return np.float32(shot.image.shape[1] / shot.camera.width)
+def _find(capture: Capture) -> tuple[str, str, list[str]]:
+    """Convention, reason and warnings."""
+    offsets = np.array([abs(camera.cy - camera.height / 2) for camera in capture.calibrations])
+    if not offsets.max(initial=0) > CENTRED:
+        return "opencv", "centred, so that the convention does not matter", []
+    frames = _informative_frames(capture, offsets)
+    agreement = np.mean([_agreement(capture, frame) for frame in frames], axis=0)
+    shares = f"{agreement[0]:.0%} of the mesh's outlines agree with the mattes, flipped {agreement[1]:.0%}"
+    order = np.argsort(agreement)
+    if agreement[order[1]] >= LEAST and agreement[order[1]] > BETTER * agreement[order[0]]:
+        return ("opencv", "flipped")[order[1]], shares, []
+    problem = f"the principal point is up to {offsets.max():.1f} pixels off the middle, and outlines do not tell"
+    advice = f"whether cy counts from the top ({shares}); set capture.cy to opencv or flipped"
+    share = max(o / camera.height for o, camera in zip(offsets, capture.calibrations, strict=True))
+    if share > SMALL:
+        raise InputError(f"{problem} {advice}", file=capture.root, field="cy")
+    return "opencv", shares, [f"{capture.root}: cy: {problem} {advice}"]
 
 
-def _shifts() -> Float32[np.ndarray, "9 2"]:
-    return np.array(list(product((-STEP, 0, STEP), repeat=2)), np.float32)
+def _informative_frames(capture: Capture, offsets: np.ndarray) -> list[Frame]:
+    """Frames of cameras with principal points far from the middle, of several cameras and timesteps."""
+    best: dict[int, list[Frame]] = {}
+    for frame in capture.frames:
+        if offsets[frame.calibration] > CENTRED:
+            best.setdefault(frame.camera, []).append(frame)
+    cameras = sorted(best, key=lambda c: -offsets[best[c][0].calibration])[:FRAMES]
+    each = -(-FRAMES // len(cameras))
+    return [best[c][i] for c in cameras for i in np.linspace(0, len(best[c]) - 1, each).astype(int)]
 
 
-def _minimum(costs: Float[np.ndarray, "9"]) -> Float[np.ndarray, "2"] | None:
-    """Minimum of the quadratic function that fits the costs best; None if it has none near the shifts."""
-    x, y = _shifts().astype(np.float64).T
-    design = np.stack([np.ones(9), x, y, x * x / 2, x * y, y * y / 2], axis=1)
-    _, gx, gy, xx, xy, yy = np.linalg.lstsq(design, costs, rcond=None)[0]
-    if not (xx > 0 and xx * yy > xy * xy):
-        return None
-    minimum = -np.linalg.solve([[xx, xy], [xy, yy]], [gx, gy])
-    return minimum if np.abs(minimum).max() < 2 * STEP else None
+def _agreement(capture: Capture, frame: Frame) -> tuple[float, float]:
+    """Share of the mesh's silhouette that lies on the matte's outline, as the files say and flipped."""
+    vertices = pose(capture.model, capture.parameters(frame.timestep))
+    outline, head = _outline(capture.foreground(frame) >= 0.5), head_faces(capture.model)
+    distance = cv2.distanceTransform((~outline).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    shares = []
+    for camera in (capture.camera(frame), _flipped(capture.camera(frame))):
+        face = compute_visibility(vertices, capture.model.faces, camera).face
+        silhouette = (face >= 0) & head[face]
+        edge = _outline(silhouette) & _outline(face >= 0)  # not where the head ends at the neck
+        near = distance <= max(1.0, TOLERANCE * np.sqrt(silhouette.sum()))
+        shares.append(float((edge & near).sum() / max(edge.sum(), 1)))
+    return shares[0], shares[1]
+
+
+def _outline(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """Pixels of a mask that have a neighbour outside; the border of the image is no outline."""
+    return mask & ~cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=1).astype(bool)
