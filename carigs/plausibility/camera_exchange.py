@@ -43,15 +43,13 @@ def exchanged_cameras(scene: Scene) -> list[Hypothesis]:
     def undo(scene: Scene) -> Scene:
         known = {(shot.timestep, shot.frame.camera): shot.camera for shot in scene.shots}
         return scene.with_shots(
-            lambda s: replace(
-                s, camera=known.get((s.timestep, moved.get(s.frame.camera, s.frame.camera)), s.camera)
-            )
+            lambda s: replace(s, camera=known.get((s.timestep, moved.get(s.frame.camera, s.frame.camera)), s.camera))
         )
 
     to = ", ".join(f"{image} -> {camera}" for image, camera in sorted(moved.items()))
     mistake = f"the images of cameras {names} are exchanged"
-    remedy = f"camera_index or transform_matrix: images -> cameras {to}"
-    return [Hypothesis("exchange", mistake, remedy, undo, frozenset(moved))]
+    remedy = f"give the images these cameras: {to}"
+    return [Hypothesis("exchange", mistake, "camera_index", remedy, undo, frozenset(moved))]
 
 
 def _misfits(scene: Scene, numbers: list[int]) -> Float[np.ndarray, "c c"]:

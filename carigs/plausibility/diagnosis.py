@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from itertools import combinations
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from carigs.capture import Camera
+from carigs.errors import InputError
 from carigs.plausibility.camera_exchange import exchanged_cameras
+from carigs.plausibility.findings import Finding
 from carigs.plausibility.hypotheses import HYPOTHESES, Hypothesis
 from carigs.plausibility.reprojection import Reprojection, reproject
 from carigs.plausibility.scene import Scene
@@ -28,6 +31,8 @@ SCREENED = 12
 """Number of shots on which all hypotheses are screened, ..."""
 FINALISTS = 6
 """... and of hypotheses that are compared on all shots."""
+PAIRED = ("axes", "units", "intrinsics", "images")
+"""Groups of which two mistakes may come together."""
 COLOUR_NOISE, OUTLINE_NOISE = 1.0, 0.01
 """Misfits below which differences mean little: levels of 255, and share of the pixels of a silhouette."""
 
@@ -57,12 +62,39 @@ class Diagnosis(NamedTuple):
     @property
     def problem(self) -> str:
         """What is wrong."""
-        return "; ".join(hypothesis.mistake for hypothesis in self.mistakes)
+        return "; ".join(mistake.mistake for mistake in self.mistakes)
 
     @property
     def remedy(self) -> str:
         """What to do about it."""
-        return "; ".join(hypothesis.remedy for hypothesis in self.mistakes)
+        return "; ".join(f"{mistake.field}: {mistake.remedy}" for mistake in self.mistakes)
+
+    @property
+    def field(self) -> str:
+        """Where it is wrong."""
+        return ", ".join(dict.fromkeys(mistake.field for mistake in self.mistakes))
+
+    def error(self, root: Path) -> InputError:
+        """The mistakes as an error.
+
+        Args:
+            root: Folder of the capture.
+
+        Returns:
+            The error: nothing can be made of the capture as stated.
+        """
+        return InputError(f"{self.problem} ({self.evidence}); remedy: {self.remedy}", file=root, field=self.field)
+
+    def finding(self, root: Path) -> Finding:
+        """The mistakes as a finding.
+
+        Args:
+            root: Folder of the capture.
+
+        Returns:
+            The finding.
+        """
+        return Finding(self.problem, root, self.field, f"{self.evidence}; remedy: {self.remedy}")
 
     @property
     def evidence(self) -> str:
@@ -90,8 +122,7 @@ def diagnose(scene: Scene) -> Diagnosis:
     singles = [(hypothesis,) for hypothesis in (*HYPOTHESES, *exchanged_cameras(scene))]
     best = _best(scene, singles, nothing)
     if not best.mistakes and stated.silhouette > MENDED:
-        groups = ("axes", "units", "intrinsics", "images")
-        usual = [hypothesis for hypothesis in HYPOTHESES if hypothesis.group in groups]
+        usual = [hypothesis for hypothesis in HYPOTHESES if hypothesis.group in PAIRED]
         pairs = [pair for pair in combinations(usual, 2) if pair[0].group != pair[1].group]
         best = _best(scene, pairs, nothing)
     return best
@@ -124,5 +155,3 @@ def _undone(scene: Scene, mistakes: Iterable[Hypothesis]) -> Scene:
 def _is_possible(camera: Camera) -> bool:
     """Whether a camera has a focal length and does not mirror: then only one of several equal hypotheses is left."""
     return min(camera.fx, camera.fy) > 0 and np.linalg.det(camera.camera_from_world[:3, :3]) > 0
-
-

@@ -1,28 +1,29 @@
-"""The usual mistakes of a capture, as changes of a scene that undo them.
-
-| group | mistakes |
-|---|---|
-| axes | OpenCV axes, world-to-camera, both, transposed rotations, a mirrored axis, a world with z up or y down |
-| units | millimetres in the cameras, in the head's translation, in both |
-| intrinsics | `fl_y` negative, `cy` counted from below, those of another resolution, focal lengths in other units |
-| images | mirrored, upside down |
-| time | head parameters of the neighbouring timestep |
-"""
+"""The usual mistakes of a capture, as changes of a scene that undo them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 
 from carigs.capture import OPENCV_FROM_OPENGL, Camera
-from carigs.plausibility.scene import Scene, Shot
+from carigs.plausibility.scene_changes import (
+    MILLIMETRE,
+    Change,
+    change_intrinsics,
+    change_matrices,
+    flip_images,
+    in_turn,
+    scale_intrinsics,
+    scale_positions,
+    scale_translations,
+    shift_time,
+)
 
-Matrix = Float[np.ndarray, "4 4"]
+Y_UP_FROM_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+SENSOR_WIDTH = 36.0
+"""Of a film camera, to which focal lengths in millimetres usually refer."""
 
 
 class Hypothesis(NamedTuple):
@@ -32,187 +33,121 @@ class Hypothesis(NamedTuple):
     """Mistakes of one group exclude each other."""
     mistake: str
     """What is wrong."""
+    field: str
+    """Where: keys of transforms_*.json, or the array of the head parameters."""
     remedy: str
     """What to do about it."""
-    undo: Callable[[Scene], Scene]
-    """From the stated scene to the supposed one."""
+    undo: Change
+    """From the scene as stated to the supposed one."""
     cameras: frozenset[int] = frozenset()
     """The cameras that it concerns; empty if it concerns all."""
 
 
-def _stored(change: Callable[[Matrix], Matrix]) -> Callable[[Scene], Scene]:
-    """Change the transforms as they are stored: OpenGL camera-to-world."""
-
-    def changed(camera: Camera) -> Camera:
-        world_from_opengl = np.linalg.inv(camera.camera_from_world) @ OPENCV_FROM_OPENGL
-        return replace(camera, camera_from_world=OPENCV_FROM_OPENGL @ np.linalg.inv(change(world_from_opengl)))
-
-    return lambda scene: scene.with_cameras(changed)
-
-
-def _metres(matrix: Matrix) -> Matrix:
-    return np.block([[matrix[:3, :3], matrix[:3, 3:] / 1000], [matrix[3:]]])
-
-
-def _metre_heads(scene: Scene) -> Scene:
-    heads = {
-        t: replace(head, vertices=head.vertices - 0.999 * head.translation, translation=head.translation / 1000)
-        for t, head in scene.heads.items()
-    }
-    return replace(scene, heads=heads)
-
-
-def _intrinsics(change: Callable[[Camera], dict[str, float]]) -> Callable[[Scene], Scene]:
-    return lambda scene: scene.with_cameras(lambda camera: replace(camera, **change(camera)))
+def _axes() -> Iterator[Hypothesis]:
+    opencv = "negate the second and the third column"
+    for mistake, remedy, change in (
+        ("the cameras have OpenCV's axes (y down, z forward)", opencv, lambda m: m @ OPENCV_FROM_OPENGL),
+        ("the matrices are world-to-camera, not camera-to-world", "write the inverse", np.linalg.inv),
+        (
+            "the matrices are world-to-camera with OpenCV's axes",
+            f"write the inverse, and {opencv}",
+            lambda m: np.linalg.inv(m) @ OPENCV_FROM_OPENGL,
+        ),
+        (
+            "the rotations are transposed",
+            "transpose the upper left 3 x 3",
+            lambda m: np.block([[m[:3, :3].T, m[:3, 3:]], [m[3:]]]),
+        ),
+        ("the x axis of the cameras is mirrored", "negate the first column", lambda m: m * [-1, 1, 1, 1]),
+        ("the y axis of the cameras is mirrored", "negate the second column", lambda m: m * [1, -1, 1, 1]),
+        ("the z axis of the cameras is mirrored", "negate the third column", lambda m: m * [1, 1, -1, 1]),
+        ("the world of the cameras has z up, not y", "rotate by -90 degrees about x", lambda m: Y_UP_FROM_Z_UP @ m),
+        ("the world of the cameras has y down", "negate rows 2 and 3", lambda m: OPENCV_FROM_OPENGL @ m),
+    ):
+        yield Hypothesis("axes", mistake, "transform_matrix", remedy, change_matrices(change))
 
 
-def _scaled_intrinsics(camera: Camera, factor: float) -> dict[str, float]:
-    return dict(zip(("fx", "fy", "cx", "cy"), (factor * value for value in camera.intrinsics), strict=True))
+def _units() -> Iterator[Hypothesis]:
+    cameras, heads = scale_positions(MILLIMETRE), scale_translations(MILLIMETRE)
+    divide = "divide by 1000"
+    for what, field, remedy, change in (
+        ("the positions of the cameras", "transform_matrix", "divide the positions by 1000", cameras),
+        ("the translations of the head", "translation", divide, heads),
+        (
+            "the positions of the cameras and the translations of the head",
+            "transform_matrix, translation",
+            "divide the positions and the translations by 1000",
+            in_turn(cameras, heads),
+        ),
+    ):
+        yield Hypothesis("units", f"{what} are in millimetres, not metres", field, remedy, change)
 
 
-def _flipped(shot: Shot, axis: int) -> Shot:
-    matte = None if shot.matte is None else np.ascontiguousarray(np.flip(shot.matte, axis))
-    return replace(shot, image=np.ascontiguousarray(np.flip(shot.image, axis)), matte=matte)
-
-
-def _shifted_time(scene: Scene, step: int) -> Scene:
-    """Each shot shows the head of the next or the previous timestep; shots without one are left out."""
-    known = sorted(scene.heads)
-    place = {t: i for i, t in enumerate(known)}
-    shots = [
-        replace(shot, timestep=known[place[shot.timestep] + step])
-        for shot in scene.shots
-        if 0 <= place[shot.timestep] + step < len(known)
-    ]
-    return replace(scene, shots=tuple(shots))
-
-
-def _focal_units() -> list[tuple[str, Callable[[Camera], dict[str, float]]]]:
-    """Focal lengths in other units: names, and fx and fy in pixels."""
-
-    def scaled(x: float, y: float) -> Callable[[Camera], dict[str, float]]:
-        """By x and y in widths and heights of the image."""
-        return lambda c: {"fx": c.fx * x * c.width, "fy": c.fy * y * c.height}
-
-    def by(size: str, factor: float = 1.0) -> Callable[[Camera], dict[str, float]]:
-        return lambda c: {"fx": c.fx * factor * getattr(c, size), "fy": c.fy * factor * getattr(c, size)}
-
-    def angle(unit: float, sizes: tuple[str, str]) -> Callable[[Camera], dict[str, float]]:
-        def focal(c: Camera) -> dict[str, float]:
-            half = np.clip([unit * c.fx / 2, unit * c.fy / 2], 1e-3, np.pi / 2 - 1e-3)
-            return {
-                key: getattr(c, size) / (2 * np.tan(h))
-                for key, size, h in zip(("fx", "fy"), sizes, half.tolist(), strict=True)
-            }
-
-        return focal
-
-    each, across, down = ("width", "height"), ("width", "width"), ("height", "height")
-    degrees = "fields of view in degrees"
-    return [
-        ("shares of the image's width and height", scaled(1, 1)),
-        ("shares of the image's width", by("width")),
-        ("shares of the image's height", by("height")),
-        ("shares of half the image's width and height", scaled(0.5, 0.5)),
-        ("shares of half the image's width", by("width", 0.5)),
-        ("millimetres on a sensor of 36 mm width", by("width", 1 / 36)),
-        (degrees, angle(np.pi / 180, each)),
-        (f"horizontal {degrees}", angle(np.pi / 180, across)),
-        (f"vertical {degrees}", angle(np.pi / 180, down)),
-        ("fields of view in radians", angle(1.0, each)),
-        ("horizontal fields of view in radians", angle(1.0, across)),
-        ("vertical fields of view in radians", angle(1.0, down)),
-    ]
-
-
-def _hypotheses() -> list[Hypothesis]:
-    flip_yz, z_up = OPENCV_FROM_OPENGL, np.eye(4)[[0, 2, 1, 3]] * [[1], [1], [-1], [1]]
-    mirror = {axis: np.diag(np.where(np.arange(4) == i, -1.0, 1.0)) for i, axis in enumerate("xyz")}
-    cameras = "transform_matrix"
-    found = [
-        Hypothesis("axes", mistake, f"{cameras}: {remedy}", _stored(change))
-        for mistake, remedy, change in (
-            (
-                "the cameras have OpenCV's axes (y down, z forward)",
-                "negate its second and third column",
-                lambda m: m @ flip_yz,
-            ),
-            ("the matrices are world-to-camera, not camera-to-world", "store the inverse", np.linalg.inv),
-            (
-                "the matrices are world-to-camera with OpenCV's axes",
-                "store the inverse, and negate its second and third column",
-                lambda m: np.linalg.inv(m) @ flip_yz,
-            ),
-            (
-                "the rotations of the matrices are transposed",
-                "transpose the upper left 3 x 3",
-                lambda m: np.block([[m[:3, :3].T, m[:3, 3:]], [m[3:]]]),
-            ),
-            *(
-                (
-                    f"the {axis} axis of the cameras is mirrored",
-                    f"negate its {ordinal} column",
-                    lambda m, a=axis: m @ mirror[a],
-                )
-                for axis, ordinal in zip("xyz", ("first", "second", "third"), strict=True)
-            ),
-            (
-                "the world of the cameras has z up, that of the head y up",
-                "rotate it by -90 degrees about x",
-                lambda m: z_up @ m,
-            ),
-            ("the world of the cameras has y down, that of the head y up", "negate its rows 2 and 3",
-             lambda m: flip_yz @ m),
-        )
-    ]  # fmt: skip
-    found += [
-        Hypothesis("units", "the positions of the cameras are in millimetres", f"{cameras}: divide the last column by "
-                   "1000 (except its last entry)", _stored(_metres)),
-        Hypothesis("units", "the translations of the head are in millimetres", "translation: divide by 1000",
-                   _metre_heads),
-        Hypothesis("units", "the positions of the cameras and the translations of the head are in millimetres",
-                   f"{cameras}: divide the last column by 1000 (except its last entry); translation: divide by 1000",
-                   lambda scene: _metre_heads(_stored(_metres)(scene))),
-    ]  # fmt: skip
-    found += [
-        Hypothesis("intrinsics", "fl_y is negative", "fl_y: write its absolute value",
-                   _intrinsics(lambda c: {"fx": abs(c.fx), "fy": abs(c.fy)})),
-        Hypothesis("intrinsics", "cy is counted from the bottom of the image", "cy: write h - cy",
-                   _intrinsics(lambda c: {"cy": c.height - c.cy})),
-        Hypothesis("intrinsics", "fl_y is negative, and cy is counted from the bottom of the image",
-                   "fl_y: write its absolute value; cy: write h - cy",
-                   _intrinsics(lambda c: {"fy": abs(c.fy), "cy": c.height - c.cy})),
-        Hypothesis("intrinsics", "cx is counted from the right of the image", "cx: write w - cx",
-                   _intrinsics(lambda c: {"cx": c.width - c.cx})),
-        Hypothesis("intrinsics", "cx and cy are exchanged", "exchange them",
-                   _intrinsics(lambda c: {"cx": c.cy, "cy": c.cx})),
-        Hypothesis("intrinsics", "cx and cy are shares of the image's size", "cx: multiply by w; cy: multiply by h",
-                   _intrinsics(lambda c: {"cx": c.cx * c.width, "cy": c.cy * c.height})),
-    ]  # fmt: skip
-    for share, factor in (("a quarter of", 4.0), ("half", 2.0), ("twice", 0.5), ("four times", 0.25)):
-        found.append(
-            Hypothesis("intrinsics", f"the intrinsics belong to images of {share} the resolution",
-                       f"fl_x, fl_y, cx, cy: multiply by {factor:g}",
-                       _intrinsics(partial(_scaled_intrinsics, factor=factor)))
-        )  # fmt: skip
+def _intrinsics() -> Iterator[Hypothesis]:
+    for mistake, field, remedy, change in (
+        ("fl_y is negative", "fl_y", "write its absolute value", lambda c: {"fy": abs(c.fy)}),
+        ("cy counts from the bottom of the image", "cy", "write h - cy", lambda c: {"cy": c.height - c.cy}),
+        (
+            "fl_y is negative, and cy counts from the bottom of the image",
+            "fl_y, cy",
+            "write -fl_y and h - cy",
+            lambda c: {"fy": abs(c.fy), "cy": c.height - c.cy},
+        ),
+        ("cx counts from the right of the image", "cx", "write w - cx", lambda c: {"cx": c.width - c.cx}),
+        ("cx and cy are exchanged", "cx, cy", "exchange them", lambda c: {"cx": c.cy, "cy": c.cx}),
+        (
+            "the principal point is in shares of the image's size, not pixels",
+            "cx, cy",
+            "multiply by w and h",
+            lambda c: {"cx": c.cx * c.width, "cy": c.cy * c.height},
+        ),
+    ):
+        yield Hypothesis("intrinsics", mistake, field, remedy, change_intrinsics(change))
+    for resolution, factor in (("half", 2.0), ("twice", 0.5), ("a quarter of", 4.0), ("four times", 0.25)):
+        mistake = f"the intrinsics belong to images of {resolution} the resolution"
+        remedy = f"multiply by {factor:g}"
+        yield Hypothesis("intrinsics", mistake, "fl_x, fl_y, cx, cy", remedy, scale_intrinsics(factor))
     for unit, focal in _focal_units():
-        found.append(
-            Hypothesis("intrinsics", f"the focal lengths are {unit}", "fl_x, fl_y: write pixels", _intrinsics(focal))
-        )
-    found += [
-        Hypothesis("images", "the images are mirrored", "mirror images and mattes",
-                   lambda scene: scene.with_shots(partial(_flipped, axis=1))),
-        Hypothesis("images", "the images are upside down", "turn images and mattes over",
-                   lambda scene: scene.with_shots(partial(_flipped, axis=0))),
-        Hypothesis("images", "the images are turned by 180 degrees", "turn images and mattes",
-                   lambda scene: scene.with_shots(lambda shot: _flipped(_flipped(shot, 0), 1))),
-        Hypothesis("time", "the head parameters are early by a timestep: those of the next timestep fit",
-                   "flame_param_path: name the file of the next timestep", partial(_shifted_time, step=1)),
-        Hypothesis("time", "the head parameters are late by a timestep: those of the previous timestep fit",
-                   "flame_param_path: name the file of the previous timestep", partial(_shifted_time, step=-1)),
-    ]  # fmt: skip
-    return found
+        mistake = f"the focal lengths are {unit}, not pixels"
+        remedy = "convert them to pixels"
+        yield Hypothesis("intrinsics", mistake, "fl_x, fl_y", remedy, change_intrinsics(focal))
 
 
-HYPOTHESES: tuple[Hypothesis, ...] = tuple(_hypotheses())
-"""Simple ones first: of two that explain the images equally well, the first is named."""
+def _focal_units() -> Iterator[tuple[str, Callable[[Camera], dict[str, float]]]]:
+    """Focal lengths in other units: their names, and how to convert them.
+
+    Of two focal lengths in one unit, each may refer to its own side of the image or both to the same side.
+    """
+
+    def shares(x: str, y: str, factor: float) -> Callable[[Camera], dict[str, float]]:
+        return lambda c: {"fx": factor * c.fx * getattr(c, x), "fy": factor * c.fy * getattr(c, y)}
+
+    def angles(x: str, y: str, unit: float) -> Callable[[Camera], dict[str, float]]:
+        def convert(c: Camera) -> dict[str, float]:
+            fields = np.clip([unit * c.fx, unit * c.fy], 1e-3, np.pi - 1e-3)
+            fx, fy = [getattr(c, x), getattr(c, y)] / (2 * np.tan(fields / 2))
+            return {"fx": float(fx), "fy": float(fy)}
+
+        return convert
+
+    sides = {"width and height": ("width", "height"), "width": ("width", "width"), "height": ("height", "height")}
+    for side, keys in sides.items():
+        yield f"shares of the image's {side}", shares(*keys, 1)
+        yield f"shares of half the image's {side}", shares(*keys, 0.5)
+        yield f"fields of view in degrees over the image's {side}", angles(*keys, np.pi / 180)
+        yield f"fields of view in radians over the image's {side}", angles(*keys, 1)
+    yield f"millimetres on a sensor of {SENSOR_WIDTH:g} mm", shares("width", "width", 1 / SENSOR_WIDTH)
+
+
+def _files() -> Iterator[Hypothesis]:
+    pictures, heads = "file_path, fg_mask_path", "flame_param_path"
+    yield Hypothesis("images", "the images are mirrored", pictures, "exchange left and right", flip_images(1))
+    yield Hypothesis("images", "the images are upside down", pictures, "turn them over", flip_images(0))
+    yield Hypothesis("images", "the images are turned by 180 degrees", pictures, "turn them", flip_images(0, 1))
+    for shift, other, step in (("early", "next", 1), ("late", "previous", -1)):
+        mistake = f"the head parameters are {shift} by a timestep: those of the {other} one fit"
+        yield Hypothesis("time", mistake, heads, f"name the file of the {other} timestep", shift_time(step))
+
+
+HYPOTHESES: tuple[Hypothesis, ...] = (*_axes(), *_units(), *_intrinsics(), *_files())
+"""Of two that explain the images equally well, the first is named."""

@@ -12,11 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Float32
 
-from carigs.plausibility.scene import Scene
+from carigs.plausibility.reprojection import vertex_pixels
+from carigs.plausibility.scene import Scene, Shot
 from carigs.plausibility.vertex_misfit import disagreement, sample
-from carigs.plausibility.views import compared_vertices
 from carigs.raster import compute_visibility
-from carigs.raster.vertex_colours import visible_vertices
 
 STEP = 0.75
 """Pixels between the shifts that are compared."""
@@ -66,24 +65,19 @@ def principal_point_shift(scene: Scene) -> PrincipalPointShift:
 
 def _costs(scene: Scene) -> Float[np.ndarray, "t 9"]:
     """Disagreement of the cameras at each timestep under each shift."""
-    some, seen = compared_vertices(scene.model), {}
+    seen: dict[int, list[tuple[Shot, Float32[np.ndarray, "n 2"]]]] = {}
     for shot in scene.shots:
-        head = scene.heads[shot.timestep]
-        visibility = compute_visibility(head.vertices, scene.model.faces, shot.image_camera)
-        visible = visible_vertices(visibility, head.vertices, head.normals)
-        pixels = np.full((len(head.vertices), 2), np.nan, np.float32)
-        pixels[visible.index] = visible.pixels
-        seen.setdefault(shot.frame.timestep, []).append((shot, pixels[some]))
+        visibility = compute_visibility(scene.heads[shot.timestep].vertices, scene.model.faces, shot.image_camera)
+        seen.setdefault(shot.frame.timestep, []).append((shot, vertex_pixels(scene, shot, visibility)))
 
-    def cost(members: list, shift: Float32[np.ndarray, "2"]) -> float:
-        return disagreement(np.stack([sample(shot.image, pixels + shift * _scale(shot)) for shot, pixels in members]))
+    def cost(members: list[tuple[Shot, Float32[np.ndarray, "n 2"]]], shift: Float32[np.ndarray, "2"]) -> float:
+        scales = [np.float32(shot.image.shape[1] / shot.camera.width) for shot, _ in members]
+        return disagreement(
+            np.stack([sample(shot.image, p + s * shift) for (shot, p), s in zip(members, scales, strict=True)])
+        )
 
     rows = [[cost(members, shift) for shift in _shifts()] for members in seen.values() if len(members) > 2]
     return np.array([row for row in rows if np.isfinite(row).all()]).reshape(-1, 9)
-
-
-def _scale(shot) -> np.float32:  # noqa
-    return np.float32(shot.image.shape[1] / shot.camera.width)
 
 
 def _shifts() -> Float32[np.ndarray, "9 2"]:

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float32, Int32
 from carigs.plausibility.scene import Scene, Shot
 from carigs.plausibility.vertex_misfit import CLIP, disagreement, sample
 from carigs.plausibility.views import compared_vertices, head_faces
-from carigs.raster import compute_visibility
+from carigs.raster import Visibility, compute_visibility
 from carigs.raster.vertex_colours import visible_vertices
 
 OFF_MESH = 0.25
@@ -45,6 +45,11 @@ class Overlap(NamedTuple):
     def outside_share(self) -> float:
         """Share of the silhouette outside the matte; 1 if there is no silhouette."""
         return self.outside / (self.both + self.outside) if self.both + self.outside else 1.0
+
+    @property
+    def uncovered_share(self) -> float:
+        """Share of the matte off the mesh."""
+        return self.uncovered / max(self.both + self.uncovered, 1)
 
 
 class Reprojection(NamedTuple):
@@ -84,19 +89,33 @@ def reproject(scene: Scene, *, colours: bool = True) -> Reprojection:
     Returns:
         The comparison.
     """
-    model, above_neck = scene.model, head_faces(scene.model)
-    overlaps, samples = {}, {}
+    above_neck, overlaps, samples = head_faces(scene.model), {}, {}
     for shot in scene.shots:
         head = scene.heads[shot.timestep]
-        visibility = compute_visibility(head.vertices, model.faces, shot.image_camera)
+        visibility = compute_visibility(head.vertices, scene.model.faces, shot.image_camera)
         if shot.matte is not None:
             overlaps[shot] = silhouette_overlap(visibility.face, shot.matte, above_neck)
         if colours:
-            pixels = np.full((len(head.vertices), 2), np.nan, np.float32)
-            visible = visible_vertices(visibility, head.vertices, head.normals)
-            pixels[visible.index] = visible.pixels
-            samples[shot] = sample(shot.image, pixels[compared_vertices(model)])
+            samples[shot] = sample(shot.image, vertex_pixels(scene, shot, visibility))
     return Reprojection(overlaps, colour_disagreement(samples) if colours else CLIP)
+
+
+def vertex_pixels(scene: Scene, shot: Shot, visibility: Visibility) -> Float32[np.ndarray, "n 2"]:
+    """Where a shot shows the vertices whose colours are compared.
+
+    Args:
+        scene: The scene.
+        shot: One of its shots.
+        visibility: What the shot's camera sees.
+
+    Returns:
+        Positions in the reduced image; NaN for hidden vertices.
+    """
+    head = scene.heads[shot.timestep]
+    pixels = np.full((len(head.vertices), 2), np.nan, np.float32)
+    visible = visible_vertices(visibility, head.vertices, head.normals)
+    pixels[visible.index] = visible.pixels
+    return pixels[compared_vertices(scene.model)]
 
 
 def colour_disagreement(samples: dict[Shot, Float32[np.ndarray, "n 3"]]) -> float:

@@ -43,6 +43,15 @@ def select_frames(capture: Capture, summaries: Mapping[Frame, ImageSummary]) -> 
 
 
 def spread(values: list[int], count: int) -> list[int]:
+    """Choose some of a list, evenly.
+
+    Args:
+        values: The list.
+        count: Largest number of values.
+
+    Returns:
+        The first, the last and others between them.
+    """
     if len(values) <= count:
         return values
     return [values[i] for i in np.linspace(0, len(values) - 1, count).round().astype(int)]
