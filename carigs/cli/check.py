@@ -17,10 +17,10 @@ from carigs.capture import Capture, read_dataset
 from carigs.errors import InputError, collecting
 from carigs.plausibility import resolve_cy
 from carigs.plausibility.check import Examination, examine_capture
+from carigs.plausibility.diagnosis.principal_point_shift import principal_point_shift
+from carigs.plausibility.diagnosis.reprojection import Overlap, Reprojection
+from carigs.plausibility.diagnosis.scene import read_scene
 from carigs.plausibility.faults import Fault, error_faults, finding_faults
-from carigs.plausibility.principal_point_shift import principal_point_shift
-from carigs.plausibility.reprojection import Overlap, Reprojection
-from carigs.plausibility.scene import read_scene
 
 EXAMPLES = """examples:
   carigs check data/306 --head-model flame2023.pkl

@@ -20,13 +20,13 @@ from typing import NamedTuple
 from carigs.capture import Capture, Frame
 from carigs.errors import InputError, collecting
 from carigs.plausibility.alternatives import compare_frames
-from carigs.plausibility.diagnosis import Diagnosis, diagnose
+from carigs.plausibility.diagnosis.scene import read_scene
+from carigs.plausibility.diagnosis.trial import Diagnosis, diagnose
 from carigs.plausibility.findings import Finding, summarize
 from carigs.plausibility.head_models import check_head_model
 from carigs.plausibility.images import check_images, read_frame, summarize_images
 from carigs.plausibility.mattes import exchanged_mattes, matte_findings, outlines
 from carigs.plausibility.parameters import check_parameters
-from carigs.plausibility.scene import read_scene
 from carigs.plausibility.selection import select_frames
 from carigs.plausibility.vertex_misfit import sample
 from carigs.plausibility.views import OUT_OF_SIGHT, head_faces, pose_views

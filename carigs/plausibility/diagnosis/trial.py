@@ -15,11 +15,11 @@ import numpy as np
 
 from carigs.capture import Camera
 from carigs.errors import InputError
-from carigs.plausibility.camera_exchange import exchanged_cameras
+from carigs.plausibility.diagnosis.camera_exchange import exchanged_cameras
+from carigs.plausibility.diagnosis.hypotheses import HYPOTHESES, Hypothesis
+from carigs.plausibility.diagnosis.reprojection import Reprojection, reproject
+from carigs.plausibility.diagnosis.scene import Scene
 from carigs.plausibility.findings import Finding
-from carigs.plausibility.hypotheses import HYPOTHESES, Hypothesis
-from carigs.plausibility.reprojection import Reprojection, reproject
-from carigs.plausibility.scene import Scene
 
 CLEARLY = 0.75
 """A hypothesis is believed if it leaves less than this share of the misfit. What is no mistake leaves more than all."""

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Float32
 
-from carigs.plausibility.reprojection import vertex_pixels
-from carigs.plausibility.scene import Scene, Shot
+from carigs.plausibility.diagnosis.reprojection import vertex_pixels
+from carigs.plausibility.diagnosis.scene import Scene, Shot
 from carigs.plausibility.vertex_misfit import disagreement, sample
 from carigs.raster import compute_visibility
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carigs.capture import OPENCV_FROM_OPENGL, Camera
-from carigs.plausibility.scene_changes import (
+from carigs.plausibility.diagnosis.scene_changes import (
     MILLIMETRE,
     Change,
     change_intrinsics,

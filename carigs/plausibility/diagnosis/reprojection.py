@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float32, Int32
 
-from carigs.plausibility.scene import Scene, Shot
+from carigs.plausibility.diagnosis.scene import Scene, Shot
 from carigs.plausibility.vertex_misfit import CLIP, disagreement, sample
 from carigs.plausibility.views import compared_vertices, head_faces
 from carigs.raster import Visibility, compute_visibility

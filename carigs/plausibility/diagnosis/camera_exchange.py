@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.optimize import linear_sum_assignment
 
-from carigs.plausibility.hypotheses import Hypothesis
-from carigs.plausibility.reprojection import silhouette_overlap
-from carigs.plausibility.scene import Scene
+from carigs.plausibility.diagnosis.hypotheses import Hypothesis
+from carigs.plausibility.diagnosis.reprojection import silhouette_overlap
+from carigs.plausibility.diagnosis.scene import Scene
 from carigs.plausibility.views import head_faces
 from carigs.raster import compute_visibility
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.capture import OPENCV_FROM_OPENGL, Camera
-from carigs.plausibility.scene import Scene, Shot
+from carigs.plausibility.diagnosis.scene import Scene, Shot
 
 Change = Callable[[Scene], Scene]
 Matrix = Float[np.ndarray, "4 4"]
