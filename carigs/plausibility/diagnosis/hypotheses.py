@@ -144,7 +144,7 @@ def _files() -> Iterator[Hypothesis]:
     yield Hypothesis("images", "the images are mirrored", pictures, "exchange left and right", flip_images(1))
     yield Hypothesis("images", "the images are upside down", pictures, "turn them over", flip_images(0))
     yield Hypothesis("images", "the images are turned by 180 degrees", pictures, "turn them", flip_images(0, 1))
-    for shift, other, step in (("early", "next", 1), ("late", "previous", -1)):
+    for shift, other, step in (("late", "next", 1), ("early", "previous", -1)):
         mistake = f"the head parameters are {shift} by a timestep: those of the {other} one fit"
         yield Hypothesis("time", mistake, heads, f"name the file of the {other} timestep", shift_time(step))
 
