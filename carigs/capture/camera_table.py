@@ -10,10 +10,13 @@ from jaxtyping import Float
 
 from carigs.capture.camera import OPENCV_FROM_OPENGL, Camera
 from carigs.capture.camera_checks import check_intrinsics, check_rigid
+from carigs.errors import InputError, collecting
 from carigs.readers.arrays import checked_array
 
 Intrinsics = tuple[float, float, float, float, int, int]
 """fx, fy, cx, cy, width, height in pixels."""
+MAX_CONDITION = 1e8
+"""Of matrices that are inverted although they are no rigid transforms."""
 DECIMALS = 6
 """Transforms that agree to a micrometre are one."""
 
@@ -21,7 +24,14 @@ DECIMALS = 6
 class CameraTable:
     """Distinct cameras, numbered in the order of their first frames."""
 
-    def __init__(self) -> None:
+    def __init__(self, errors: list[InputError] | None = None) -> None:
+        """Start an empty table.
+
+        Args:
+            errors: Receives what is impossible about a camera, which is added all the same, for `carigs check` tries
+                what mends it; None to refuse such cameras.
+        """
+        self._errors = errors
         self.cameras: list[Camera] = []
         self.poses: list[int] = []
         """Number of the pose of each camera: cameras that differ in their intrinsics alone share one."""
@@ -51,9 +61,12 @@ class CameraTable:
             key = None
         field = f"{where}.transform_matrix"
         world_from_opengl = checked_array({field: matrix}, field, (4, 4), np.float64, file=file)
-        check_rigid(world_from_opengl, file, field)
+        is_invertible = np.linalg.cond(world_from_opengl) < MAX_CONDITION
+        with collecting(self._errors if is_invertible else None):
+            check_rigid(world_from_opengl, file, field)
         camera = Camera(OPENCV_FROM_OPENGL @ np.linalg.inv(world_from_opengl), *intrinsics)
-        check_intrinsics(camera, file, where)
+        with collecting(self._errors if min(map(abs, intrinsics)) > 0 else None):
+            check_intrinsics(camera, file, where)
         rounded = (_rounded(camera.camera_from_world), *intrinsics)
         number = self._numbers.setdefault(rounded, len(self.cameras))
         if number == len(self.cameras):

@@ -39,8 +39,8 @@ def read_dataset(
         background: Grey value that the images were composited on.
         split: How frames are divided, see `split_frames`.
         validation_camera: Camera of the validation frames, see `split_frames`.
-        errors: Receives what is wrong with single frames and files, and such frames are left out; None to raise the
-            first error.
+        errors: Receives what is wrong with single frames and files, and such frames are left out, unless their cameras
+            alone are impossible; None to raise the first error.
 
     Returns:
         The capture, with frames sorted by timestep, then camera.
@@ -52,7 +52,7 @@ def read_dataset(
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError("no such dataset folder", file=folder)
-    model, table = HeadModel.load(head_model), CameraTable()
+    model, table = HeadModel.load(head_model), CameraTable(errors)
     needed = ("train", "test") if split == "files" else ("train",)
     listed = [entry for name in SPLITS for entry in _read_split(folder, name, name in needed, table, errors)]
     frames = sound_frames(folder, listed, table, model, errors)

@@ -101,7 +101,7 @@ def _mesh(file: Path) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]
 
 
 def _joints(
-    template: Float[np.ndarray, "v 3"], parts: dict[str, Int[np.ndarray, "_"]]
+    template: Float[np.ndarray, "v 3"], parts: dict[str, Int[np.ndarray, " _"]]
 ) -> tuple[Float[np.ndarray, "5 3"], float]:
     """Positions of the joints, and half the distance between the eyes."""
     left, right = (template[parts[f"{side}_eyeball"]].mean(axis=0) for side in ("left", "right"))
@@ -111,7 +111,7 @@ def _joints(
 
 def _regressor(
     template: Float[np.ndarray, "v 3"],
-    parts: dict[str, Int[np.ndarray, "_"]],
+    parts: dict[str, Int[np.ndarray, " _"]],
     joints: Float[np.ndarray, "5 3"],
     unit: float,
 ) -> Float[np.ndarray, "5 v"]:
@@ -128,10 +128,10 @@ def _regressor(
 
 def _weights(
     template: Float[np.ndarray, "v 3"],
-    parts: dict[str, Int[np.ndarray, "_"]],
+    parts: dict[str, Int[np.ndarray, " _"]],
     joints: Float[np.ndarray, "5 3"],
     jaw_open: Float[np.ndarray, "v 3"],
-    chin: Int[np.ndarray, "_"],
+    chin: Int[np.ndarray, " _"],
 ) -> Float[np.ndarray, "v 5"]:
     """Skinning weights: the jaw's are the shares of its rotation that the blendshape `jawOpen` gives to the vertices.
 

@@ -7,8 +7,8 @@ from jaxtyping import Bool, Float
 
 
 def regressor_row(
-    vertices: Float[np.ndarray, "v 3"], near: Bool[np.ndarray, "v"], joint: Float[np.ndarray, "3"]
-) -> Float[np.ndarray, "v"]:
+    vertices: Float[np.ndarray, "v 3"], near: Bool[np.ndarray, " v"], joint: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, " v"]:
     """Weights with which vertices give a joint: the smallest change, by least squares, of a plain mean.
 
     Args:

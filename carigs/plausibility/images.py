@@ -18,7 +18,7 @@ from rich.progress import track
 from carigs.capture import Camera, Capture, Frame
 from carigs.capture.images import BACKGROUND_TOLERANCE, differs_from_background
 from carigs.capture.thinning import spread_timesteps
-from carigs.errors import InputError
+from carigs.errors import InputError, collecting
 from carigs.plausibility.findings import Finding
 
 OPAQUE, CLEAR = 128, 2
@@ -53,11 +53,12 @@ class ImageSummary(NamedTuple):
     """Whether all pixels have one colour."""
 
 
-def summarize_images(capture: Capture) -> dict[Frame, ImageSummary]:
+def summarize_images(capture: Capture, errors: list[InputError] | None = None) -> dict[Frame, ImageSummary]:
     """Decode images and mattes.
 
     Args:
         capture: The capture.
+        errors: Receives the errors of frames, which are left out then; None to raise the first.
 
     Returns:
         A summary per decoded frame: of all frames, or of `MAX_DECODED` at evenly spread timesteps.
@@ -66,15 +67,18 @@ def summarize_images(capture: Capture) -> dict[Frame, ImageSummary]:
         InputError: If a file is damaged, or has another size than its camera.
     """
 
-    def summarize(frame: Frame) -> ImageSummary:
-        image, matte = read_frame(capture, frame)
-        return _summary(image, matte, capture.background)
+    def summarize(frame: Frame) -> ImageSummary | None:
+        with collecting(errors):
+            image, matte = read_frame(capture, frame)
+            return _summary(image, matte, capture.background)
+        return None
 
     timesteps = set(spread_timesteps(capture.frames, MAX_DECODED))
     frames = [frame for frame in capture.frames if frame.timestep in timesteps]
     with ThreadPoolExecutor(2) as pool:
         done = pool.map(summarize, frames)
-        return dict(zip(frames, track(done, "checking images", len(frames), disable=len(frames) < 1000), strict=True))
+        done = track(done, "checking images", len(frames), disable=len(frames) < 1000)
+        return {frame: summary for frame, summary in zip(frames, done, strict=True) if summary is not None}
 
 
 def read_frame(capture: Capture, frame: Frame) -> tuple[UInt8[np.ndarray, "h w 3"], UInt8[np.ndarray, "h w"] | None]:

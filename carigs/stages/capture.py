@@ -9,9 +9,10 @@ from pathlib import Path
 from carigs.capture import Capture as IndexedCapture
 from carigs.capture import read_dataset
 from carigs.capture.thinning import thin_frames
-from carigs.errors import CarigsWarning
+from carigs.errors import CarigsWarning, InputError
 from carigs.files import writing_folder
 from carigs.plausibility import check_capture, resolve_cy
+from carigs.plausibility.diagnosis import diagnose, read_scene
 from carigs.settings import Capture
 
 
@@ -47,7 +48,12 @@ def capture(settings: Capture, *, index: Path, dataset: Path, digest: str = "") 
 
 def _read_folder(settings: Capture) -> IndexedCapture:
     """The dataset with the frames that the settings select, in OpenCV's convention."""
-    found = resolve_cy(_selected(settings, Path(settings.folder), Path(settings.head_model)), settings.cy)
+    stated = _selected(settings, Path(settings.folder), Path(settings.head_model))
+    try:
+        found = resolve_cy(stated, settings.cy)
+    except InputError as error:  # another mistake may hide the convention
+        diagnosis = diagnose(read_scene(stated))
+        raise diagnosis.error(stated.root) if diagnosis.mistakes else error from None
     if not found.cy.startswith("opencv: centred"):
         print(f"cy is read as {found.cy}")
     return found
