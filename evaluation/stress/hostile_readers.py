@@ -122,7 +122,7 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     write_png(folder / "00000_00.png", np.ones((24, 32, 3)))
     write_png(folder / "00000_00_mask.png", np.ones((24, 32)))
     write_ground_truth(folder / "truth.json", 0.25, [(0, 0)])
-    record = "study,subject,variant,0.25,0.1,test,0,3,full,psnr,25.5,"
+    record = "study,subject,variant,0.25,0.1,files,test,0,3,full,psnr,25.5,"
     (folder / "metrics.csv").write_text(",".join(MetricRecord._fields) + f"\n{record}\n{record}\n")
     np.savez(folder / "subject.npz", **_subject(random))
     return {reader: (folder / name).read_bytes() for reader, (_, name) in READERS.items() if reader != "override"}
