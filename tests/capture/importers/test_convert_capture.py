@@ -15,6 +15,7 @@ from carigs.capture.importers.mesh_sequence import track_meshes
 from carigs.cli.convert_capture import main
 from carigs.errors import InputError
 from carigs.head import pose, pose_frames
+from carigs.plausibility import check_capture
 
 NAMES = ("left", "middle", "right")
 
@@ -99,6 +100,7 @@ def test_meshes_and_cameras(source, original, tmp_path, capsys, calibration):
     found = read_dataset(tmp_path / "out", tmp_path / "out/head_model.npz")
     assert_same(found, original)
     assert {name: len(found.split(name)) for name in ("train", "val", "test")} == {"train": 6, "val": 3, "test": 3}
+    assert not any("mesh" in line or "camera" in line for line in check_capture(found).warnings)
     said = capsys.readouterr().out
     assert "4 meshes" in said and "residual" in said and "12 frames" in said
 
