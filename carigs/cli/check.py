@@ -18,7 +18,7 @@ from carigs.errors import InputError, collecting
 from carigs.plausibility import resolve_cy
 from carigs.plausibility.check import Examination, examine_capture
 from carigs.plausibility.diagnosis.principal_point_shift import principal_point_shift
-from carigs.plausibility.diagnosis.reprojection import Overlap, Reprojection
+from carigs.plausibility.diagnosis.reprojection import Reprojection, total_overlap
 from carigs.plausibility.faults import Fault, error_faults, finding_faults
 
 EXAMPLES = """examples:
@@ -119,8 +119,7 @@ def table(reprojection: Reprojection) -> Iterator[str]:
     yield "  camera    IoU   mesh outside matte   matte off mesh"
     numbers = sorted({shot.frame.camera for shot in reprojection.overlaps})
     for name, members in {**{f"{n}": {n} for n in numbers}, "all": set(numbers)}.items():
-        overlaps = [overlap for shot, overlap in reprojection.overlaps.items() if shot.frame.camera in members]
-        overlap = Overlap(*map(sum, zip(*overlaps, strict=True)))
+        overlap = total_overlap(o for shot, o in reprojection.overlaps.items() if shot.frame.camera in members)
         yield f"  {name:>6}  {overlap.iou:5.3f}   {overlap.outside_share:18.1%}   {overlap.uncovered_share:14.1%}"
 
 

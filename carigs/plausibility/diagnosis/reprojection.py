@@ -6,6 +6,7 @@ off the mesh. The Tversky index (1977) weighs the two; with equal weights it is 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -66,6 +67,11 @@ class Reprojection(NamedTuple):
         """Mean misfit of the shots; 0 without mattes."""
         return self.silhouette_of(frozenset())
 
+    @property
+    def outside_share(self) -> float:
+        """Share of all silhouettes outside the mattes."""
+        return total_overlap(self.overlaps.values()).outside_share
+
     def silhouette_of(self, cameras: frozenset[int]) -> float:
         """Mean misfit of the shots of some cameras.
 
@@ -77,6 +83,18 @@ class Reprojection(NamedTuple):
         """
         misfits = [o.misfit for shot, o in self.overlaps.items() if not cameras or shot.frame.camera in cameras]
         return float(np.mean(misfits)) if misfits else 0.0
+
+
+def total_overlap(overlaps: Iterable[Overlap]) -> Overlap:
+    """Add numbers of pixels.
+
+    Args:
+        overlaps: Of several frames.
+
+    Returns:
+        The sums.
+    """
+    return Overlap(*np.sum(list(overlaps) or [(0, 0, 0)], axis=0).tolist())
 
 
 def reproject(scene: Scene, *, colours: bool = True) -> Reprojection:

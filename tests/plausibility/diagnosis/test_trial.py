@@ -40,7 +40,7 @@ def check_mistake(source: Path, model: Path, folder: Path, name: str) -> None:
     found = diagnosis(folder, model)
     assert found.problem.startswith(says)
     assert len(found.mistakes) == 1 + (name == "OpenCV axes in millimetres")
-    assert found.mended.silhouette < MENDED
+    assert found.mended.outside_share < MENDED
 
 
 def check_sound(source: Path, model: Path, folder: Path, name: str) -> None:
