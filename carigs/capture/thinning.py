@@ -31,12 +31,22 @@ def thin_frames(frames: Sequence[Frame], stride: int = 1, max_frames: int | None
     kept = [frame for frame in frames if frame.timestep in strided]
     if max_frames is None:
         return tuple(kept)
-    chosen = {(split, t) for split in SPLITS for t in _evenly([f for f in kept if f.split == split], max_frames)}
+    chosen = {
+        (split, t) for split in SPLITS for t in spread_timesteps([f for f in kept if f.split == split], max_frames)
+    }
     return tuple(frame for frame in kept if (frame.split, frame.timestep) in chosen)
 
 
-def _evenly(frames: Sequence[Frame], max_frames: int) -> list[int]:
-    """As many timesteps, evenly spread, as have at most so many frames."""
+def spread_timesteps(frames: Sequence[Frame], max_frames: int) -> list[int]:
+    """Choose timesteps that are spread evenly.
+
+    Args:
+        frames: Some frames.
+        max_frames: Largest number of their frames at the chosen timesteps.
+
+    Returns:
+        As many timesteps as that number allows, but at least one, sorted.
+    """
     counts = Counter(frame.timestep for frame in frames)
     timesteps = sorted(counts)
     for number in range(min(len(timesteps), max_frames), 1, -1):

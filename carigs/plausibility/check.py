@@ -4,7 +4,7 @@
 |---|---|
 | head model | |
 | head parameters: ranges, one neutral head | all timesteps |
-| images and mattes: decoded whole, sizes, background, foreground | all |
+| images and mattes: decoded whole, sizes, background, foreground | all, or 3000 at evenly spread timesteps |
 | the posed mesh in the cameras, mattes against its silhouette | selected (`select_frames`) |
 | mattes against the images of other timesteps | selected |
 | images against the other frames at the vertices of the mesh | selected |
