@@ -21,6 +21,7 @@ from carigs.plausibility.diagnosis.hypotheses import HYPOTHESES, Hypothesis
 from carigs.plausibility.diagnosis.reprojection import Reprojection, reproject
 from carigs.plausibility.diagnosis.scene import Scene
 from carigs.plausibility.findings import Finding
+from carigs.plausibility.vertex_misfit import CLIP
 
 CLEARLY = 0.75
 """A hypothesis is believed if it leaves less than this share of the misfit. What is no mistake leaves more than all."""
@@ -31,7 +32,7 @@ UNUSABLE = 0.25
 PAIRS_FROM = 0.15
 """Silhouette misfit from which two mistakes are supposed. Sound captures with long hair reach 0.08."""
 SCREENED = 12
-"""Number of shots on which all hypotheses are screened, ..."""
+"""Number of shots on which all hypotheses are screened (half of it for pairs of mistakes), ..."""
 FINALISTS = 6
 """... and of hypotheses that are compared on all shots."""
 PAIRED = ("axes", "units", "intrinsics", "images")
@@ -123,16 +124,18 @@ def diagnose(scene: Scene) -> Diagnosis:
     if not stated.overlaps:
         return nothing
     singles = [(hypothesis,) for hypothesis in (*HYPOTHESES, *exchanged_cameras(scene))]
-    best = _best(scene, singles, nothing)
+    best = _best(scene, singles, SCREENED, nothing)
     if not best.mistakes and stated.silhouette > PAIRS_FROM:
         usual = [hypothesis for hypothesis in HYPOTHESES if hypothesis.group in PAIRED]
         pairs = [pair for pair in combinations(usual, 2) if pair[0].group != pair[1].group]
-        best = _best(scene, pairs, nothing)
+        best = _best(scene, pairs, SCREENED // 2, nothing)
     return best
 
 
-def _best(scene: Scene, candidates: Sequence[tuple[Hypothesis, ...]], nothing: Diagnosis) -> Diagnosis:
-    part, screened = scene.spread(SCREENED), []
+def _best(
+    scene: Scene, candidates: Sequence[tuple[Hypothesis, ...]], screened_shots: int, nothing: Diagnosis
+) -> Diagnosis:
+    part, screened = scene.spread(screened_shots), []
     for i, mistakes in enumerate(candidates):
         undone = _undone(part, mistakes)
         if all(_is_possible(shot.camera) for shot in undone.shots):
@@ -146,7 +149,8 @@ def _best(scene: Scene, candidates: Sequence[tuple[Hypothesis, ...]], nothing: D
         if len(undone.shots) > len(scene.shots) / 2:
             found.append(Diagnosis(candidates[i], nothing.stated, reproject(undone)))
     best = min(found, key=lambda diagnosis: round(math.log(diagnosis.share), 2))  # equal ones differ by rounding
-    return best if best.share < CLEARLY and best.mended.outside_share < MENDED else nothing
+    is_mended = best.mended.outside_share < MENDED and best.mended.colour < CLIP
+    return best if best.share < CLEARLY and is_mended else nothing
 
 
 def _undone(scene: Scene, mistakes: Iterable[Hypothesis]) -> Scene:
