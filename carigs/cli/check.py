@@ -18,8 +18,7 @@ from carigs.errors import InputError, collecting
 from carigs.plausibility import resolve_cy
 from carigs.plausibility.check import Examination, examine_capture
 from carigs.plausibility.diagnosis.principal_point_shift import principal_point_shift
-from carigs.plausibility.diagnosis.reprojection import Overlap, Reprojection
-from carigs.plausibility.diagnosis.scene import read_scene
+from carigs.plausibility.diagnosis.reprojection import Reprojection, total_overlap
 from carigs.plausibility.faults import Fault, error_faults, finding_faults
 
 EXAMPLES = """examples:
@@ -28,8 +27,6 @@ EXAMPLES = """examples:
 """
 SHOWN = 3
 """Places that are listed of each fault."""
-SHIFT_TIMESTEPS, SHIFT_SIZE = 8, 1000
-"""Timesteps, and longest side of the images in pixels, on which the shift of the principal point is measured."""
 
 
 def check(folder: Path, head_model: Path, *, background: float, split: str, sheet: Path | None) -> int:
@@ -122,14 +119,13 @@ def table(reprojection: Reprojection) -> Iterator[str]:
     yield "  camera    IoU   mesh outside matte   matte off mesh"
     numbers = sorted({shot.frame.camera for shot in reprojection.overlaps})
     for name, members in {**{f"{n}": {n} for n in numbers}, "all": set(numbers)}.items():
-        overlaps = [overlap for shot, overlap in reprojection.overlaps.items() if shot.frame.camera in members]
-        overlap = Overlap(*map(sum, zip(*overlaps, strict=True)))
+        overlap = total_overlap(o for shot, o in reprojection.overlaps.items() if shot.frame.camera in members)
         yield f"  {name:>6}  {overlap.iou:5.3f}   {overlap.outside_share:18.1%}   {overlap.uncovered_share:14.1%}"
 
 
 def _half_pixel(capture: Capture) -> list[Fault]:
     """The principal point is off by half a pixel; only the colours of the cameras tell."""
-    measured = principal_point_shift(read_scene(capture, timesteps=SHIFT_TIMESTEPS, size=SHIFT_SIZE))
+    measured = principal_point_shift(capture)
     if not measured.half_pixel:
         return []
     (x, y), (dx, dy) = measured.shift, measured.error

@@ -11,7 +11,7 @@ from carigs.errors import InputError
 from carigs.plausibility.findings import Finding
 
 REMEDIES = {
-    r"; remedy: ": "",  # a diagnosis says it
+    r"; remedy: |set capture.cy": "",  # the message says it
     r"no such dataset folder": "name the folder that holds transforms_train.json",
     r"this key is missing": "add the key to the entry, or remove the entry",
     r"this array is missing": "write the array; shapes are in docs/captures.md",

@@ -76,8 +76,7 @@ def summarize_images(capture: Capture, errors: list[InputError] | None = None) -
     timesteps = set(spread_timesteps(capture.frames, MAX_DECODED))
     frames = [frame for frame in capture.frames if frame.timestep in timesteps]
     with ThreadPoolExecutor(2) as pool:
-        done = pool.map(summarize, frames)
-        done = track(done, "checking images", len(frames), disable=len(frames) < 1000)
+        done = track(pool.map(summarize, frames), "checking images", len(frames), disable=len(frames) < 1000)
         return {frame: summary for frame, summary in zip(frames, done, strict=True) if summary is not None}
 
 

@@ -18,6 +18,8 @@ from evaluation.figures.sheet import write_sheet
 ROWS, COLUMNS, HEIGHT = 4, 8, 300
 """Timesteps, cameras, and the height of each image in pixels."""
 MESH, OUTSIDE, MATTE = (0.1, 0.9, 0.2), (0.95, 0.1, 0.1), (0.1, 0.4, 1.0)
+FEATURES = ("left_eyeball", "right_eyeball", "lips", "nose")
+"""Regions of the head model whose outlines are drawn as well, if it has them."""
 LEGEND = {"outline of the mesh": MESH, "mesh outside the matte": OUTSIDE, "outline of the matte": MATTE}
 
 
@@ -59,6 +61,8 @@ def _overlay(scene: Scene, shot: Shot) -> Float32[np.ndarray, "h w 3"]:
         image[mesh & ~shot.matte] = 0.4 * image[mesh & ~shot.matte] + 0.6 * np.float32(OUTSIDE)
         image[_outline(shot.matte)] = MATTE
     image[_outline(mesh)] = MESH
+    for region in FEATURES:
+        image[_outline(mesh & scene.model.face_region(region)[face])] = MESH
     return image
 
 

@@ -1,7 +1,7 @@
-"""Shift of the principal point, common to all cameras, at which the images agree best on the colours of the head.
+"""Shift of the principal point, common to all cameras, at which the outlines of mesh and mattes agree best.
 
 Programs disagree whether the centre of the first pixel lies at 0 or at 0.5. A mistake shifts all images by half a
-pixel in x and y, which silhouettes do not show.
+pixel in x and y: too little for the overlap of silhouettes, but not for outlines of thousands of pixels.
 """
 
 from __future__ import annotations
@@ -9,87 +9,132 @@ from __future__ import annotations
 from itertools import product
 from typing import NamedTuple
 
+import cv2
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Bool, Float, Float64
 
-from carigs.plausibility.diagnosis.reprojection import vertex_pixels
-from carigs.plausibility.diagnosis.scene import Scene, Shot
-from carigs.plausibility.vertex_misfit import disagreement, sample
+from carigs.capture import Capture
+from carigs.plausibility.diagnosis.scene import Scene, Shot, read_scene
+from carigs.plausibility.views import head_faces
 from carigs.raster import compute_visibility
 
-STEP = 0.75
-"""Pixels between the shifts that are compared."""
-LEAST_GROUPS = 4
-"""Timesteps that are needed to know how sure the shift is."""
+REACH = 0.75
+"""Pixels around the last estimate at which outlines are compared."""
+ROUNDS = 4
+CLIP = 1.5
+"""Distance in pixels from which outlines do not belong together: hair and clothes lie between them."""
+TIMESTEPS, SIZE = 2, 1200
+"""Timesteps, and longest side of the images: small ones are enlarged, for outlines of pixels snap to each other."""
+LEAST_CAMERAS = 3
+"""Cameras that are needed to know how sure the shift is."""
 SURE = 3.0
 """Standard errors of a shift that is believed."""
-TOLERANCE = 0.25
+TOLERANCE = 0.2
 """Pixels by which the shift may differ from half a pixel: imperfect tracking shifts it as well."""
 
 
-class PrincipalPointShift(NamedTuple):
-    """What must be added to cx and cy for the colours to agree best, in pixels."""
+class Outlines(NamedTuple):
+    """Outlines of a shot, in pixels of the shot."""
 
-    shift: Float[np.ndarray, "2"]
-    error: Float[np.ndarray, "2"]
-    """Standard errors; inf if the colours do not tell."""
+    mesh: Float64[np.ndarray, "n 2"]
+    """Positions (x, y) on the outline of the mesh."""
+    distance: Float[np.ndarray, "h w"]
+    """Of each pixel to the outline of the matte."""
+    scale: float
+    """Pixels of the shot per pixel of the capture."""
+
+
+class PrincipalPointShift(NamedTuple):
+    """What must be added to cx and cy for the outlines to agree best, in pixels."""
+
+    shift: Float64[np.ndarray, "2"]
+    error: Float64[np.ndarray, "2"]
+    """Standard errors; inf if the outlines do not tell."""
 
     @property
     def half_pixel(self) -> float:
         """0.5 or -0.5 if the shift is half a pixel beyond doubt, else 0."""
-        sign = float(np.sign(self.shift[0]))
-        is_half = np.abs(self.shift - 0.5 * sign).max() < TOLERANCE
-        return 0.5 * sign if is_half and (np.abs(self.shift) > SURE * self.error).all() else 0.0
+        half = 0.5 * float(np.sign(self.shift[0]))
+        is_half = np.abs(self.shift - half).max() < TOLERANCE and (np.abs(self.shift) > SURE * self.error).all()
+        return half if is_half else 0.0
 
 
-def principal_point_shift(scene: Scene) -> PrincipalPointShift:
-    """Measure the shift: the minimum of a quadratic function through nine shifts, with jackknife errors.
+def principal_point_shift(capture: Capture) -> PrincipalPointShift:
+    """Measure the shift: the minimum of the distance of the outlines, with jackknife errors over the cameras.
 
     Args:
-        scene: The scene, at the full resolution.
+        capture: The capture.
 
     Returns:
-        The shift and its errors over the timesteps.
+        The shift and its errors.
     """
+    return shift_of_outlines(read_scene(capture, timesteps=TIMESTEPS, size=SIZE, enlarge=True))
+
+
+def shift_of_outlines(scene: Scene) -> PrincipalPointShift:
+    """Measure the shift in a scene.
+
+    Args:
+        scene: The scene; the larger its images, the better.
+
+    Returns:
+        The shift and its errors.
+    """
+    outlines: dict[int, list[Outlines]] = {}
+    above_neck = head_faces(scene.model)
+    for shot in scene.shots:
+        if shot.matte is not None:
+            outlines.setdefault(shot.frame.camera, []).append(_outlines(scene, shot, above_neck))
     unknown = PrincipalPointShift(np.zeros(2), np.full(2, np.inf))
-    costs = _costs(scene)
-    if len(costs) < LEAST_GROUPS:
+    if len(outlines) < LEAST_CAMERAS:
         return unknown
-    parts = [_minimum(np.delete(costs, k, axis=0).mean(axis=0)) for k in range(len(costs))]
-    best = _minimum(costs.mean(axis=0))
-    if best is None or any(part is None for part in parts):
+    shift = np.zeros(2)
+    for _ in range(ROUNDS):
+        costs = np.array([sum(_costs(outline, shift) for outline in members) for members in outlines.values()])
+        step = _minimum(costs.sum(axis=0))
+        if step is None:
+            return unknown
+        shift = shift + np.clip(step, -REACH, REACH)
+    parts = [_minimum(costs.sum(axis=0) - cost) for cost in costs]
+    if any(part is None for part in parts):
         return unknown
     n, deviations = len(parts), np.array(parts) - np.mean(parts, axis=0)
-    return PrincipalPointShift(best, np.sqrt((n - 1) / n * (deviations**2).sum(axis=0)))
+    return PrincipalPointShift(shift, np.sqrt((n - 1) / n * (deviations**2).sum(axis=0)))
 
 
-def _costs(scene: Scene) -> Float[np.ndarray, "t 9"]:
-    """Disagreement of the cameras at each timestep under each shift."""
-    seen: dict[int, list[tuple[Shot, Float32[np.ndarray, "n 2"]]]] = {}
-    for shot in scene.shots:
-        visibility = compute_visibility(scene.heads[shot.timestep].vertices, scene.model.faces, shot.image_camera)
-        seen.setdefault(shot.frame.timestep, []).append((shot, vertex_pixels(scene, shot, visibility)))
-
-    def cost(members: list[tuple[Shot, Float32[np.ndarray, "n 2"]]], shift: Float32[np.ndarray, "2"]) -> float:
-        scales = [np.float32(shot.image.shape[1] / shot.camera.width) for shot, _ in members]
-        return disagreement(
-            np.stack([sample(shot.image, p + s * shift) for (shot, p), s in zip(members, scales, strict=True)])
-        )
-
-    rows = [[cost(members, shift) for shift in _shifts()] for members in seen.values() if len(members) > 2]
-    return np.array([row for row in rows if np.isfinite(row).all()]).reshape(-1, 9)
+def _outlines(scene: Scene, shot: Shot, above_neck: Bool[np.ndarray, " f"]) -> Outlines:
+    face = compute_visibility(scene.heads[shot.timestep].vertices, scene.model.faces, shot.image_camera).face
+    head = (face >= 0) & above_neck[face]
+    y, x = np.nonzero(_edge(head) & _edge(face >= 0))  # not where the head ends at the neck
+    off = (~_edge(shot.matte)).astype(np.uint8)
+    distance = cv2.distanceTransform(off, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return Outlines(np.stack([x, y], axis=1).astype(np.float64), distance, shot.image.shape[1] / shot.camera.width)
 
 
-def _shifts() -> Float32[np.ndarray, "9 2"]:
-    return np.array(list(product((-STEP, 0, STEP), repeat=2)), np.float32)
+def _edge(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """Pixels of a mask that have a neighbour outside; the border of the image is no edge."""
+    return mask & (cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8), borderValue=1) == 0)
 
 
-def _minimum(costs: Float[np.ndarray, "9"]) -> Float[np.ndarray, "2"] | None:
-    """Minimum of the quadratic function that fits the costs best; None if it has none near the shifts."""
-    x, y = _shifts().astype(np.float64).T
-    design = np.stack([np.ones(9), x, y, x * x / 2, x * y, y * y / 2], axis=1)
+def _grid() -> Float64[np.ndarray, "25 2"]:
+    return REACH * np.array(list(product((-1, -0.5, 0, 0.5, 1), repeat=2)))
+
+
+def _costs(outlines: Outlines, shift: Float64[np.ndarray, "2"]) -> Float64[np.ndarray, "25"]:
+    """Sum of the clipped distances of the outlines, at each shift of the grid about another one."""
+    mesh, distance, scale = outlines
+    if len(mesh) == 0:
+        return np.zeros(25)
+    x, y = (mesh + scale * (shift + _grid()[:, None])).astype(np.float32).transpose(2, 0, 1)
+    sampled = cv2.remap(distance, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.minimum(sampled / scale, CLIP).sum(axis=1, dtype=np.float64)
+
+
+def _minimum(costs: Float64[np.ndarray, "25"]) -> Float64[np.ndarray, "2"] | None:
+    """Minimum of the quadratic function that fits the costs on the grid best; None if it has none."""
+    x, y = _grid().T
+    design = np.stack([np.ones(25), x, y, x * x / 2, x * y, y * y / 2], axis=1)
     _, gx, gy, xx, xy, yy = np.linalg.lstsq(design, costs, rcond=None)[0]
     if not (xx > 0 and xx * yy > xy * xy):
         return None
-    minimum = -np.linalg.solve([[xx, xy], [xy, yy]], [gx, gy])
-    return minimum if np.abs(minimum).max() < 2 * STEP else None
+    return -np.linalg.solve([[xx, xy], [xy, yy]], [gx, gy])

@@ -6,13 +6,14 @@ off the mesh. The Tversky index (1977) weighs the two; with equal weights it is 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float32, Int32
 
 from carigs.plausibility.diagnosis.scene import Scene, Shot
-from carigs.plausibility.vertex_misfit import CLIP, disagreement, sample
+from carigs.plausibility.vertex_misfit import CLIP, LEAST_FRAMES, disagreement, sample
 from carigs.plausibility.views import compared_vertices, head_faces
 from carigs.raster import Visibility, compute_visibility
 from carigs.raster.vertex_colours import visible_vertices
@@ -58,13 +59,17 @@ class Reprojection(NamedTuple):
     overlaps: dict[Shot, Overlap]
     """Of the shots with a matte."""
     colour: float
-    """Mean difference between frames in the colours at the vertices, in levels of 255; `CLIP` if the frames share too
-    few vertices."""
+    """Mean difference between frames in the colours at the vertices, in levels of 255: see `colour_disagreement`."""
 
     @property
     def silhouette(self) -> float:
         """Mean misfit of the shots; 0 without mattes."""
         return self.silhouette_of(frozenset())
+
+    @property
+    def outside_share(self) -> float:
+        """Share of all silhouettes outside the mattes."""
+        return total_overlap(self.overlaps.values()).outside_share
 
     def silhouette_of(self, cameras: frozenset[int]) -> float:
         """Mean misfit of the shots of some cameras.
@@ -77,6 +82,18 @@ class Reprojection(NamedTuple):
         """
         misfits = [o.misfit for shot, o in self.overlaps.items() if not cameras or shot.frame.camera in cameras]
         return float(np.mean(misfits)) if misfits else 0.0
+
+
+def total_overlap(overlaps: Iterable[Overlap]) -> Overlap:
+    """Add numbers of pixels.
+
+    Args:
+        overlaps: Of several frames.
+
+    Returns:
+        The sums.
+    """
+    return Overlap(*np.sum(list(overlaps) or [(0, 0, 0)], axis=0).tolist())
 
 
 def reproject(scene: Scene, *, colours: bool = True) -> Reprojection:
@@ -96,8 +113,18 @@ def reproject(scene: Scene, *, colours: bool = True) -> Reprojection:
         if shot.matte is not None:
             overlaps[shot] = silhouette_overlap(visibility.face, shot.matte, above_neck)
         if colours:
-            samples[shot] = sample(shot.image, vertex_pixels(scene, shot, visibility))
+            samples[shot] = _foreground_colours(shot, vertex_pixels(scene, shot, visibility))
     return Reprojection(overlaps, colour_disagreement(samples) if colours else CLIP)
+
+
+def _foreground_colours(shot: Shot, pixels: Float32[np.ndarray, "n 2"]) -> Float32[np.ndarray, "n 3"]:
+    """Colours at positions in the matte; NaN at others: the background has the same colour in all images."""
+    colours = sample(shot.image, pixels)
+    if shot.matte is not None:
+        known = np.flatnonzero(np.isfinite(colours[:, 0]))
+        column, row = pixels[known].astype(int).T
+        colours[known[~shot.matte[row, column]]] = np.nan
+    return colours
 
 
 def vertex_pixels(scene: Scene, shot: Shot, visibility: Visibility) -> Float32[np.ndarray, "n 2"]:
@@ -125,15 +152,16 @@ def colour_disagreement(samples: dict[Shot, Float32[np.ndarray, "n 3"]]) -> floa
         samples: Colours by shot; NaN where a vertex is hidden.
 
     Returns:
-        Levels of 255; `CLIP` if no vertex is seen often enough.
+        Levels of 255; `CLIP` if no vertex is seen often enough, 0 if there are too few shots to compare.
     """
     groups: dict[tuple[str, int], list[Float32[np.ndarray, "n 3"]]] = {}
     for shot, colours in samples.items():
         groups.setdefault(("timestep", shot.frame.timestep), []).append(colours)
         groups.setdefault(("camera", shot.frame.camera), []).append(colours)
-    values = [disagreement(np.stack(group)) for group in groups.values() if len(group) > 2]
+    groups = {key: group for key, group in groups.items() if len(group) >= LEAST_FRAMES}
+    values = [disagreement(np.stack(group)) for group in groups.values()]
     known = [value for value in values if np.isfinite(value)]
-    return float(np.mean(known)) if known else CLIP
+    return float(np.mean(known)) if known else CLIP * bool(groups)
 
 
 def silhouette_overlap(

@@ -106,13 +106,14 @@ class Scene:
         return replace(self, shots=tuple(self.shots[i] for i in sorted(order)))
 
 
-def read_scene(capture: Capture, *, timesteps: int = TIMESTEPS, size: int = SIZE) -> Scene:
+def read_scene(capture: Capture, *, timesteps: int = TIMESTEPS, size: int = SIZE, enlarge: bool = False) -> Scene:
     """Read a few frames, spread evenly over the timesteps and cameras of a capture.
 
     Args:
         capture: The capture. Files that cannot be read are left out.
         timesteps: Number of timesteps.
-        size: Longest side of the images.
+        size: Longest side of the images in pixels.
+        enlarge: Whether smaller images are enlarged to that size.
 
     Returns:
         The scene.
@@ -124,7 +125,7 @@ def read_scene(capture: Capture, *, timesteps: int = TIMESTEPS, size: int = SIZE
     near = {known[i] for t in chosen for i in (order[t] - 1, order[t], order[t] + 1) if 0 <= i < len(known)}
     heads = {t: head for t in sorted(near) if (head := _head(capture, t))}
     frames = [frame for frame in capture.frames if frame.timestep in chosen and frame.camera in cameras]
-    shots = [_shot(capture, frame, size) for frame in frames if frame.timestep in heads]
+    shots = [_shot(capture, frame, size, enlarge) for frame in frames if frame.timestep in heads]
     return Scene(capture.model, tuple(shot for shot in shots if shot), heads)
 
 
@@ -137,7 +138,7 @@ def _head(capture: Capture, timestep: int) -> Head | None:
     return Head(vertices, vertex_normals(vertices, capture.model.faces), parameters.translation)
 
 
-def _shot(capture: Capture, frame: Frame, size: int) -> Shot | None:
+def _shot(capture: Capture, frame: Frame, size: int, enlarge: bool) -> Shot | None:
     try:
         image, matte = read_frame(capture, frame)
     except InputError:
@@ -145,10 +146,11 @@ def _shot(capture: Capture, frame: Frame, size: int) -> Shot | None:
     if matte is None:
         matte = 255 * differs_from_background(image, capture.background).astype(np.uint8)
         matte = matte if (matte > 0).mean() < LARGEST_FOREGROUND else None
-    factor = min(1.0, size / max(image.shape))
-    reduced = max(1, round(image.shape[1] * factor)), max(1, round(image.shape[0] * factor))
-    image = cv2.resize(image, reduced, interpolation=cv2.INTER_AREA)
+    factor = size / max(image.shape) if enlarge else min(1.0, size / max(image.shape))
+    method = cv2.INTER_AREA if factor < 1 else cv2.INTER_LINEAR
+    resized = max(1, round(image.shape[1] * factor)), max(1, round(image.shape[0] * factor))
+    image = cv2.resize(image, resized, interpolation=method)
     if matte is not None:
-        foreground = cv2.resize(matte, reduced, interpolation=cv2.INTER_AREA) >= OPAQUE
+        foreground = cv2.resize(matte, resized, interpolation=method) >= OPAQUE
         matte = foreground if foreground.any() else None
     return Shot(frame, capture.camera(frame), frame.timestep, image, matte)

@@ -6,6 +6,7 @@ colours on all of it. Pairs of mistakes are tried only if no single one mends th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from itertools import combinations
 from pathlib import Path
@@ -20,15 +21,18 @@ from carigs.plausibility.diagnosis.hypotheses import HYPOTHESES, Hypothesis
 from carigs.plausibility.diagnosis.reprojection import Reprojection, reproject
 from carigs.plausibility.diagnosis.scene import Scene
 from carigs.plausibility.findings import Finding
+from carigs.plausibility.vertex_misfit import CLIP
 
 CLEARLY = 0.75
 """A hypothesis is believed if it leaves less than this share of the misfit. What is no mistake leaves more than all."""
-MENDED = 0.15
-"""Silhouette misfit of a capture that is mended. Sound captures with long hair reach 0.08."""
-UNUSABLE = 0.3
-"""Silhouette misfit beyond which nothing can be made of a capture as it is stated."""
+MENDED = 0.05
+"""Share of the silhouettes outside the mattes in a capture that is mended; 0.001 in sound ones."""
+UNUSABLE = 0.25
+"""Silhouette misfit due to a mistake, beyond which nothing can be made of a capture as it is stated."""
+PAIRS_FROM = 0.15
+"""Silhouette misfit from which two mistakes are supposed. Sound captures with long hair reach 0.08."""
 SCREENED = 12
-"""Number of shots on which all hypotheses are screened, ..."""
+"""Number of shots on which all hypotheses are screened (half of it for pairs of mistakes), ..."""
 FINALISTS = 6
 """... and of hypotheses that are compared on all shots."""
 PAIRED = ("axes", "units", "intrinsics", "images")
@@ -57,7 +61,7 @@ class Diagnosis(NamedTuple):
     @property
     def is_unusable(self) -> bool:
         """Whether the mesh as stated is elsewhere than the head in the images."""
-        return self.stated.silhouette > UNUSABLE
+        return self.stated.silhouette - self.mended.silhouette > UNUSABLE
 
     @property
     def problem(self) -> str:
@@ -113,23 +117,25 @@ def diagnose(scene: Scene) -> Diagnosis:
         scene: The scene as stated.
 
     Returns:
-        The diagnosis.
+        The diagnosis. Without mattes there is none: a mesh that covers nothing but background has equal colours.
     """
     stated = reproject(scene)
     nothing = Diagnosis((), stated, stated)
-    if not scene.shots:
+    if not stated.overlaps:
         return nothing
     singles = [(hypothesis,) for hypothesis in (*HYPOTHESES, *exchanged_cameras(scene))]
-    best = _best(scene, singles, nothing)
-    if not best.mistakes and stated.silhouette > MENDED:
+    best = _best(scene, singles, SCREENED, nothing)
+    if not best.mistakes and stated.silhouette > PAIRS_FROM:
         usual = [hypothesis for hypothesis in HYPOTHESES if hypothesis.group in PAIRED]
         pairs = [pair for pair in combinations(usual, 2) if pair[0].group != pair[1].group]
-        best = _best(scene, pairs, nothing)
+        best = _best(scene, pairs, SCREENED // 2, nothing)
     return best
 
 
-def _best(scene: Scene, candidates: Sequence[tuple[Hypothesis, ...]], nothing: Diagnosis) -> Diagnosis:
-    part, screened = scene.spread(SCREENED), []
+def _best(
+    scene: Scene, candidates: Sequence[tuple[Hypothesis, ...]], screened_shots: int, nothing: Diagnosis
+) -> Diagnosis:
+    part, screened = scene.spread(screened_shots), []
     for i, mistakes in enumerate(candidates):
         undone = _undone(part, mistakes)
         if all(_is_possible(shot.camera) for shot in undone.shots):
@@ -142,8 +148,9 @@ def _best(scene: Scene, candidates: Sequence[tuple[Hypothesis, ...]], nothing: D
         undone = _undone(scene, candidates[i])
         if len(undone.shots) > len(scene.shots) / 2:
             found.append(Diagnosis(candidates[i], nothing.stated, reproject(undone)))
-    best = min(found, key=lambda diagnosis: round(diagnosis.share, 3))
-    return best if best.share < CLEARLY and best.mended.silhouette < MENDED else nothing
+    best = min(found, key=lambda diagnosis: round(math.log(diagnosis.share), 2))  # equal ones differ by rounding
+    is_mended = best.mended.outside_share < MENDED and best.mended.colour < CLIP
+    return best if best.share < CLEARLY and is_mended else nothing
 
 
 def _undone(scene: Scene, mistakes: Iterable[Hypothesis]) -> Scene:

@@ -65,6 +65,7 @@ def broken_pickles() -> Iterator[Case]:
     for program in (
         b"\x80\x02r\xff\xff\xff\xffN.", b"\x80\x04)" + b"\x85" * 300_000 + b".", b"\x80\x04\x8e" + b"\xff" * 8 + b".",
         b"\x80\x04}(" + b")" + b"\x85" * 300_000 + b"K\x01u.", b"(" * 10**6 + b".", b"\x80\x02]" + b"2a" * 30 + b".",
-        pickle.dumps([1]), pickle.dumps({1: 2}), pickle.dumps({"a": frozenset()}), pickle.dumps({"a": 1j}), b".", b"I1\n.",
+        pickle.dumps([1]), pickle.dumps({1: 2}), pickle.dumps({"a": frozenset()}),
+        pickle.dumps({"a": 1j}), b".", b"I1\n.",
     ):  # fmt: skip
         yield Case(repr(program[:20]), "pickle", program, must_fail=True)
