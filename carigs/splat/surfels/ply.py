@@ -16,9 +16,10 @@ from jaxtyping import Float, Int
 
 from carigs.errors import InputError, SettingsError
 from carigs.files import writing
+from carigs.mesh.ply_writer import ply_content
 from carigs.readers.arrays import checked_array
 from carigs.readers.meshes import MAX_FACES
-from carigs.readers.ply import read_ply_vertices
+from carigs.readers.ply import Ply, read_ply_vertices
 from carigs.splat.colour.spherical_harmonics import num_coefficients
 from carigs.splat.surfels.surfels import SH_COUNTS, Surfels, checked_surfels, initial_blend, to_arrays
 
@@ -74,16 +75,24 @@ def write_ply(
     Raises:
         SettingsError: If the layout is unknown.
     """
-    from plyfile import PlyData, PlyElement
-
     if layout not in LAYOUTS:
         raise SettingsError(f"ply layout {layout} is unknown; choose {' or '.join(LAYOUTS)}")
-    columns = _columns(to_arrays(surfels), layout, blend_weights, unrendered or {})
-    rows = np.empty(len(surfels), dtype=[(name, "<f4") for name in columns])
+    write_float_ply(file, _columns(to_arrays(surfels), layout, blend_weights, unrendered or {}), f"frame={layout}")
+
+
+def write_float_ply(file: Path, columns: Mapping[str, Float[np.ndarray, "n"]], *comments: str) -> None:
+    """Write a binary little-endian .ply with the element `vertex`, whose properties are all float32.
+
+    Args:
+        file: Path to write.
+        columns: Values of each property by name, in the order of the file.
+        *comments: Comments of the header.
+    """
+    rows = np.empty(len(next(iter(columns.values()))), dtype=[(name, "<f4") for name in columns])
     for name, value in columns.items():
         rows[name] = value
     with writing(file) as part:
-        PlyData([PlyElement.describe(rows, "vertex")], byte_order="<", comments=[f"frame={layout}"]).write(str(part))
+        part.write_bytes(ply_content(Ply("binary_little_endian", {"vertex": rows}, list(comments))))
 
 
 def read_ply(file: Path, num_faces: int | None = None) -> SurfelPly:
@@ -116,23 +125,23 @@ def read_ply(file: Path, num_faces: int | None = None) -> SurfelPly:
 
     if "binding_0" not in names:
         raise InputError("no triangles: splats without a rig", file=file, field="binding_0")
-    position, rotation = properties(*"xyz"), properties(*_numbered("rot", 4))
+    position, rotation = properties(*"xyz"), properties(*numbered("rot", 4))
     layout = "gaussian_avatars" if "scale_2" in names else "surfhead"
     unrendered = {}
     if layout == "gaussian_avatars":
-        scales = properties(*_numbered("scale", 3))
+        scales = properties(*numbered("scale", 3))
         axis = scales.argmin(axis=1)
         position, rotation, scale = _discs(position, rotation, scales, axis)
         unrendered = {"normal_axis": axis.astype(np.int8), "thickness": scales.min(axis=1)}
     else:
-        scale = properties(*_numbered("scale", 2))
+        scale = properties(*numbered("scale", 2))
         if "f_sg_0" in names:
-            unrendered = {"specular": properties(*_numbered("f_sg", SPECULAR))}
+            unrendered = {"specular": properties(*numbered("f_sg", SPECULAR))}
     n_rest = sum(name.startswith("f_rest_") for name in names)
     if n_rest not in (3 * count for count in SH_COUNTS):
         problem = f"{n_rest} properties; {', '.join(str(3 * count) for count in SH_COUNTS)} are possible"
         raise InputError(problem, file=file, field="f_rest")
-    rest = properties(*_numbered("f_rest", n_rest)).reshape(len(rows), 3, -1) if n_rest else np.zeros((len(rows), 3, 0))
+    rest = properties(*numbered("f_rest", n_rest)).reshape(len(rows), 3, -1) if n_rest else np.zeros((len(rows), 3, 0))
     has_blend_weights = "blend_weight_0" in names
     arrays = {
         "binding": properties("binding_0")[:, 0],
@@ -140,9 +149,9 @@ def read_ply(file: Path, num_faces: int | None = None) -> SurfelPly:
         "rotation": rotation,
         "log_scale": scale,
         "opacity": properties("opacity")[:, 0],
-        "colour": properties(*_numbered("f_dc", 3)),
+        "colour": properties(*numbered("f_dc", 3)),
         "harmonics": _trimmed(rest.transpose(0, 2, 1)),
-        "blend": properties(*_numbered("blend_weight", 4)) if has_blend_weights else initial_blend(len(rows)),
+        "blend": properties(*numbered("blend_weight", 4)) if has_blend_weights else initial_blend(len(rows)),
     }
     surfels = checked_surfels(arrays, MAX_FACES if num_faces is None else num_faces, file)
     order = np.argsort(arrays["binding"], kind="stable")  # as the surfels are sorted
@@ -162,16 +171,16 @@ def _columns(
     rest[:, : arrays["harmonics"].shape[1]] = arrays["harmonics"]
     blocks = [("xyz", position), (("nx", "ny", "nz"), np.zeros((n, 3)))]
     if layout == "surfhead" and blend_weights:
-        blocks.append((_numbered("blend_weight", 4), arrays["blend"]))
+        blocks.append((numbered("blend_weight", 4), arrays["blend"]))
     blocks += [
-        (_numbered("f_dc", 3), arrays["colour"]),
-        (_numbered("f_rest", 3 * REST), rest.transpose(0, 2, 1).reshape(n, -1)),  # channel by channel
+        (numbered("f_dc", 3), arrays["colour"]),
+        (numbered("f_rest", 3 * REST), rest.transpose(0, 2, 1).reshape(n, -1)),  # channel by channel
         (("opacity",), arrays["opacity"][:, None]),
-        (_numbered("scale", scale.shape[1]), scale),
-        (_numbered("rot", 4), rotation),
+        (numbered("scale", scale.shape[1]), scale),
+        (numbered("rot", 4), rotation),
     ]
     if layout == "surfhead":
-        blocks.append((_numbered("f_sg", SPECULAR), unrendered.get("specular", np.zeros((n, SPECULAR)))))
+        blocks.append((numbered("f_sg", SPECULAR), unrendered.get("specular", np.zeros((n, SPECULAR)))))
     blocks.append((("binding_0",), arrays["binding"][:, None]))
     return {name: value[:, k] for names, value in blocks for k, name in enumerate(names)}
 
@@ -215,7 +224,16 @@ def _multiply(p: Float[np.ndarray, "*#n 4"], q: Float[np.ndarray, "*#n 4"]) -> F
     return np.stack(product, axis=-1)
 
 
-def _numbered(name: str, count: int) -> tuple[str, ...]:
+def numbered(name: str, count: int) -> tuple[str, ...]:
+    """Names of numbered properties.
+
+    Args:
+        name: What precedes the number.
+        count: How many.
+
+    Returns:
+        The names, from `name_0`.
+    """
     return tuple(f"{name}_{k}" for k in range(count))
 
 
