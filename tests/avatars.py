@@ -57,7 +57,9 @@ def random_surfels(n: int, faces: int, sh_degree: int = 3, seed: int = 0) -> Sur
     return surfels
 
 
-def ball_avatar(*, sh_degree: int = 3, skinning: str = "jbs", rotate_harmonics: bool = True, lit: bool = True) -> Avatar:
+def ball_avatar(
+    *, sh_degree: int = 3, skinning: str = "jbs", rotate_harmonics: bool = True, lit: bool = True
+) -> Avatar:
     sequence = ball_sequence(lit=lit)
     surfels = random_surfels(600, len(sequence.head.faces), sh_degree)
     return Avatar(surfels, sequence, skinning, rotate_harmonics)

@@ -17,6 +17,7 @@ COMMANDS = {
     "sweep": "make a study at several values of its settings",
     "plan": "show what a study will cost: jobs, hours, memory, disk",
     "mesh": "exaggerate a mesh",
+    "convert": "read and write avatars, meshes and captures of other programs",
     "settings": "show the settings of a study, or the reference of all settings",
 }
 

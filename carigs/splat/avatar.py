@@ -136,4 +136,3 @@ def load_avatar(file: Path) -> Avatar:
             below = 3 if name == "normal_axis" else None
             unrendered[name] = checked_array(arrays, key, (len(surfels), *shape), dtype, below=below, file=file)
     return Avatar(surfels, sequence, skinning, rotate_harmonics, background, unrendered)
-

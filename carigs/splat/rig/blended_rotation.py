@@ -11,9 +11,7 @@ from carigs.splat.rig.jacobian_blend import MIN_LOGIT
 from carigs.splat.surfels.surfels import Surfels
 
 
-def blended_rotations(
-    surfels: Surfels, motion: FaceMotion, *, blend: bool = True
-) -> Float64[np.ndarray, "n 3 3"]:
+def blended_rotations(surfels: Surfels, motion: FaceMotion, *, blend: bool = True) -> Float64[np.ndarray, "n 3 3"]:
     """Rotation Q = U exp(sum_i v_i log(U^T U_i)) of every surfel (`jacobian_blend`).
 
     Args:
