@@ -14,9 +14,10 @@ from jaxtyping import Float
 
 from carigs.errors import InputError, SettingsError
 from carigs.files import writing
+from carigs.mesh.ply_writer import ply_content
 from carigs.readers.arrays import checked_array
 from carigs.readers.meshes import MAX_FACES
-from carigs.readers.ply import read_ply_vertices
+from carigs.readers.ply import Ply, read_ply_vertices
 from carigs.splat.colour.spherical_harmonics import num_coefficients
 from carigs.splat.surfels.surfels import SH_COUNTS, Surfels, checked_surfels, initial_blend, to_arrays
 
@@ -40,8 +41,6 @@ def write_ply(file: Path, surfels: Surfels, layout: str = "surfhead") -> None:
     Raises:
         SettingsError: If the layout is unknown.
     """
-    from plyfile import PlyData, PlyElement
-
     if layout not in LAYOUTS:
         raise SettingsError(f"ply layout {layout} is unknown; choose {' or '.join(LAYOUTS)}")
     columns = _columns(to_arrays(surfels), layout)
@@ -49,7 +48,7 @@ def write_ply(file: Path, surfels: Surfels, layout: str = "surfhead") -> None:
     for name, value in columns.items():
         rows[name] = value
     with writing(file) as part:
-        PlyData([PlyElement.describe(rows, "vertex")], byte_order="<", comments=[f"frame={layout}"]).write(str(part))
+        part.write_bytes(ply_content(Ply("binary_little_endian", {"vertex": rows}, [f"frame={layout}"])))
 
 
 def read_ply(file: Path, num_faces: int | None = None) -> Surfels:
