@@ -222,6 +222,12 @@ def test_a_damaged_file_is_refused_by_name(damage, message, tmp_path):
     assert "a.ply" in str(raised.value) and "\n" not in str(raised.value)
 
 
+def test_a_file_that_ends_in_its_header_is_refused(tmp_path):
+    (tmp_path / "a.ply").write_text("ply\nformat ascii 1.0\n")
+    with pytest.raises(InputError, match=r"a\.ply: not a readable"):
+        read_ply(tmp_path / "a.ply")
+
+
 @pytest.mark.parametrize("count", [0, 201, 10**9, 10**14])
 def test_a_header_that_lies_about_the_number_of_rows_is_refused(count, tmp_path):
     write_random_ply(tmp_path / "a.ply", GAUSSIAN_AVATARS, len(FACES))
