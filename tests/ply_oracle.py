@@ -46,7 +46,8 @@ def write_random_ply(file: Path, names: list[str], faces: int, n: int = 200, see
     for name in names:
         if name.startswith("scale"):
             columns[name] = (0.5 * columns[name] - 0.7).astype(np.float32)
-    columns["binding_0"] = rng.integers(0, faces, n).astype(np.float32)
+    if "binding_0" in names:
+        columns["binding_0"] = rng.integers(0, faces, n).astype(np.float32)
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {n}"]
     header += [*(f"property float {name}" for name in names), "end_header", ""]
     body = b"".join(struct.pack(f"<{len(names)}f", *row) for row in zip(*columns.values(), strict=True))

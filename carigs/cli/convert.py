@@ -148,9 +148,8 @@ def _write_avatar(avatar: Avatar, flavour: str, task: argparse.Namespace) -> Non
         write = {
             "3dgs": splat_files.write_3dgs_ply,
             "2dgs": splat_files.write_2dgs_ply,
-            "splats": splat_files.write_splat
-            if task.output.suffix.lower() == ".splat"
-            else gltf_splats.write_gltf_splats,
+            "splat": splat_files.write_splat,
+            "splats": gltf_splats.write_gltf_splats,
         }[flavour]
         write(task.output, bake(avatar, timestep, level))
 
