@@ -98,9 +98,9 @@ def _recognised(task: argparse.Namespace) -> tuple[str, Callable[[], Any]]:
         from carigs.splat.surfels.ply import read_ply
 
         return "surfels without a head model", partial(read_ply, task.input)
-    for name in ("head_model", "parameters"):
-        if getattr(task, name) is None:
-            raise SettingsError(f"a .ply becomes an avatar with --head-model and --parameters: --{name} is missing")
+    for option, value in (("--head-model", task.head_model), ("--parameters", task.parameters)):
+        if value is None:
+            raise SettingsError(f"a .ply becomes an avatar with --head-model and --parameters: {option} is missing")
     from carigs.splat.formats.imported_avatar import imported_avatar
 
     return "avatar", partial(imported_avatar, task.input, task.parameters, task.head_model, task.gamma)
