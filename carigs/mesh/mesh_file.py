@@ -41,7 +41,7 @@ def moved_mesh_file(
         Content of the new file.
 
     Raises:
-        InputError: If the source has changed since it was read.
+        InputError: If the source has changed since it was read, or its vertices have lists as coordinates.
     """
     import trimesh
 
@@ -84,11 +84,14 @@ def _moved_ply(
 ) -> bytes:
     """A .ply file with other positions, and normals if it had any."""
     ply = parse_ply(content, source)
-    rows = ply.elements["vertex"]
+    rows = ply.elements.get("vertex", np.empty(0))
     _check_count(len(rows), vertices, source)
     columns = dict(zip("xyz", vertices.T, strict=True))
     if {"nx", "ny", "nz"} <= set(rows.dtype.names):
         columns |= dict(zip(("nx", "ny", "nz"), vertex_normals(vertices, faces).T, strict=True))
+    for name in columns:
+        if rows.dtype[name].kind not in "iuf":
+            raise InputError("a list, expected a number", file=source, field=f"vertex.{name}")
     # Positions stored as whole numbers become floating-point numbers.
     fields = [(name, "f4" if name in columns and kind[1] != "f" else kind, *n) for name, kind, *n in rows.dtype.descr]
     moved = rows.astype(fields)
