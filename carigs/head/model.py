@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from carigs.head.flame_pickle import read_flame_pickle
+from carigs.head.flame_files import complete_flame, read_flame
+from carigs.head.gnm import gnm_arrays, is_gnm
 from carigs.head.model_arrays import FLAME_JOINTS, FLAME_NUM_IDENTITY, RestJoints, checked_fields
 from carigs.head.teeth import FLAME_COUNTS, LOWER_LIP, UPPER_LIP, is_upper_tooth, teeth_faces, teeth_vertices
 from carigs.readers.npz import read_npz
@@ -76,16 +77,15 @@ class HeadModel:
         if self.rest_joints is not None:
             return self.rest_joints.basis.astype(np.float64)
         used = np.flatnonzero(self.joint_regressor.any(axis=0))  # few vertices make a joint
-        rows = self.shapedirs[used].reshape(len(used), -1).astype(np.float64)
-        basis = self.joint_regressor[:, used].astype(np.float64) @ rows
-        return basis.reshape(len(self.parents), 3, -1)
+        return np.tensordot(self.joint_regressor[:, used].astype(np.float64), self.shapedirs[used], axes=1)
 
     @classmethod
     def load(cls, file: str | Path) -> HeadModel:
-        """Read a model; FLAME gets teeth.
+        """Read a model; FLAME gets teeth, and the regions that its files lack.
 
         Args:
-            file: An .npz, or FLAME's .pkl with its regions in `FLAME_masks.pkl` beside it.
+            file: An .npz of FLAME's arrays or of GNM, or FLAME's .pkl with its regions and landmarks beside
+                it (`carigs.head.flame_files`).
 
         Returns:
             The model.
@@ -94,8 +94,10 @@ class HeadModel:
             InputError: If the file is missing or cannot be read, or an array is missing or not valid.
         """
         file = Path(file)
-        arrays = read_flame_pickle(file) if file.suffix == ".pkl" else read_npz(file, "head model")
-        return cls(**checked_fields(arrays, file)).with_teeth()
+        arrays = read_flame(file) if file.suffix == ".pkl" else read_npz(file, "head model")
+        if is_gnm(arrays):
+            arrays = gnm_arrays(arrays, file)
+        return cls(**complete_flame(checked_fields(arrays, file), file)).with_teeth()
 
     def with_teeth(self) -> HeadModel:
         """Add teeth to FLAME, behind its vertices and faces.
