@@ -33,6 +33,7 @@ from carigs.readers.pickles import read_pickle
 from carigs.readers.weights import read_weights
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar
 from carigs.splat.rig.head_sequence import HeadSequence
+from carigs.splat.formats.flame_param import read_flame_param
 from carigs.splat.surfels.ply import read_ply, write_ply
 from carigs.splat.surfels.surfels import flat_discs
 from carigs.toy import load_subject
@@ -188,6 +189,7 @@ READERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "head model": (_posed, "head_model.npz"),
     "flame": (_posed, "flame.pkl"),
     "parameters": (_parameters, "parameters.npz"),
+    "flame_param": (lambda file: read_flame_param(file, head_model()), "parameters.npz"),
     "avatar": (_avatar, "avatar.npz"),
     "capture": (Capture.load, "capture.json"),
     "targets": (lambda file: read_targets(file, Capture.load(file.with_name("capture.json"))), "targets.json"),
