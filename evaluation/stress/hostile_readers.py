@@ -33,8 +33,8 @@ from carigs.readers.obj import read_obj_uvs
 from carigs.readers.pickles import read_pickle, read_pickled_npy
 from carigs.readers.weights import read_weights
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar
-from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.formats.flame_param import read_flame_param
+from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.ply import read_ply, write_ply
 from carigs.splat.surfels.surfels import flat_discs
 from carigs.toy import load_subject
