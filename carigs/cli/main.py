@@ -19,6 +19,7 @@ COMMANDS = {
     "plan": "show what a study will cost: jobs, hours, memory, disk",
     "check": "validate a dataset: what is wrong with it, and how to mend it",
     "mesh": "exaggerate a mesh",
+    "convert": "read and write avatars, meshes and captures of other programs",
     "head": "bring a head model in: download or convert it",
     "settings": "show the settings of a study, or the reference of all settings",
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -89,8 +90,23 @@ class HeadParameters:
             InputError: If the file is missing or cannot be read, or an array is missing, of another shape, or not
                 finite.
         """
-        file = Path(file)
-        arrays = read_npz(file, "head parameter file")
+        return cls.from_arrays(read_npz(file, "head parameter file"), model, file)
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray], model: HeadModel, file: str | Path) -> HeadParameters:
+        """Check the arrays of one frame against the model.
+
+        Args:
+            arrays: Arrays by the names of a file that `load` reads.
+            model: The head model.
+            file: Where they come from, for messages.
+
+        Returns:
+            The parameters; missing trailing coefficients are 0.
+
+        Raises:
+            InputError: If an array is missing, of another shape, or not finite.
+        """
 
         def take(key: str, size: int, *, at_most: bool = False) -> np.ndarray:
             value = checked_array(arrays, key, None, np.float64, file=file).reshape(-1)

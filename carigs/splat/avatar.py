@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ from carigs.readers.npz import read_npz
 from carigs.splat.avatar_head import head_of, head_to_arrays, parameters_of, parameters_to_arrays
 from carigs.splat.render import SKINNINGS, render
 from carigs.splat.rig.head_sequence import HeadSequence
+from carigs.splat.surfels.ply import UNRENDERED
 from carigs.splat.surfels.surfels import Surfels, checked_surfels, to_arrays
 
 FORMAT = "carigs-avatar-3"
@@ -35,6 +36,7 @@ class Avatar:
         skinning: One of `carigs.splat.render.SKINNINGS`.
         rotate_harmonics: Whether view-dependent colour turns with the head.
         background: Grey value behind the head, in [0, 1].
+        unrendered: What a .ply file of another program held besides, see `carigs.splat.surfels.ply.UNRENDERED`.
     """
 
     surfels: Surfels
@@ -42,6 +44,7 @@ class Avatar:
     skinning: str = "jbs"
     rotate_harmonics: bool = True
     background: float = 1.0
+    unrendered: dict[str, np.ndarray] = field(default_factory=dict)
 
     def render(
         self, timestep: int, level: float, camera: Camera, *, backend: str = "cpu"
@@ -88,6 +91,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
             **{f"surfel_{name}": value for name, value in to_arrays(avatar.surfels).items()},
             **head_to_arrays(avatar.sequence.head),
             **parameters_to_arrays(avatar.sequence.parameters),
+            **{f"unrendered_{name}": value for name, value in avatar.unrendered.items()},
             **({} if shading is None else {f"shading_{name}": value for name, value in asdict(shading).items()}),
             path_levels=path.levels,
             path_displacements=path.displacements,
@@ -126,4 +130,9 @@ def load_avatar(file: Path) -> Avatar:
     if not 0 <= background <= 1:
         raise InputError(f"{background:g} is not in [0, 1]", file=file, field="background")
     rotate_harmonics = bool(checked_array(arrays, "rotate_harmonics", (), bool, file=file))
-    return Avatar(surfels, sequence, skinning, rotate_harmonics, background)
+    unrendered = {}
+    for name, (shape, dtype) in UNRENDERED.items():
+        if (key := f"unrendered_{name}") in arrays:
+            below = 3 if name == "normal_axis" else None
+            unrendered[name] = checked_array(arrays, key, (len(surfels), *shape), dtype, below=below, file=file)
+    return Avatar(surfels, sequence, skinning, rotate_harmonics, background, unrendered)

@@ -33,6 +33,7 @@ from carigs.readers.obj import read_obj_uvs
 from carigs.readers.pickles import read_pickle, read_pickled_npy
 from carigs.readers.weights import read_weights
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar
+from carigs.splat.formats.flame_param import read_flame_param
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.ply import read_ply, write_ply
 from carigs.splat.surfels.surfels import flat_discs
@@ -220,6 +221,7 @@ READERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "gnm": (_posed, "gnm_head.npz"),
     "flame": (_posed, "flame.pkl"),
     "parameters": (_parameters, "parameters.npz"),
+    "flame_param": (lambda file: read_flame_param(file, head_model()), "parameters.npz"),
     "avatar": (_avatar, "avatar.npz"),
     "capture": (Capture.load, "capture.json"),
     "targets": (lambda file: read_targets(file, Capture.load(file.with_name("capture.json"))), "targets.json"),

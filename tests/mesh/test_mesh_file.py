@@ -106,9 +106,8 @@ def test_a_file_that_changed_meanwhile_is_refused(tmp_path):
 
 
 def test_a_list_as_a_coordinate_of_a_ply_is_refused(tmp_path):
-    header = (
-        "ply\nformat ascii 1.0\nelement vertex 3\nproperty list uchar float x\nproperty float y\nproperty float z\n"
-    )
+    header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty list uchar float x\n"
+    header += "property float y\nproperty float z\n"
     faces = "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
     (tmp_path / "a.ply").write_text(header + faces + "1 0 0 0\n1 4 0 0\n1 0 4 0\n3 0 1 2\n")
     with pytest.raises(InputError, match=r"a\.ply: vertex\.x: a list"):

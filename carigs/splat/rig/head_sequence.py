@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -146,7 +147,19 @@ def head_sequence(capture: Capture, path: GammaPath) -> HeadSequence:
                 f"shape or static_offset differ from timestep {timesteps[0]}'s; one subject has one neutral head",
                 file=capture.root / files[t],
             )
-    head = subject_model(model, parameters[timesteps[0]])
-    no_shape = np.zeros(model.num_identity)
-    parameters = {t: replace(p, shape=no_shape, static_offset=None) for t, p in parameters.items()}
-    return HeadSequence(head, parameters, path)
+    return subject_sequence(model, parameters, path)
+
+
+def subject_sequence(model: HeadModel, parameters: Mapping[int, HeadParameters], path: GammaPath) -> HeadSequence:
+    """Sequence of a subject whose shape and static offset are the same at all timesteps.
+
+    Args:
+        model: The head model.
+        parameters: Head parameters by timestep.
+        path: Caricatures of the subject's neutral head.
+
+    Returns:
+        The sequence, with shape and static offset in the template of its head.
+    """
+    head, no_shape = subject_model(model, next(iter(parameters.values()))), np.zeros(model.num_identity)
+    return HeadSequence(head, {t: replace(p, shape=no_shape, static_offset=None) for t, p in parameters.items()}, path)
