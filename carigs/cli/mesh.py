@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from carigs.cli.parser import command_parser
 from carigs.config import compose, known
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration.exaggerator import Exaggerator
@@ -218,9 +219,7 @@ def main(arguments: list[str]) -> int:
     Returns:
         Exit code.
     """
-    parser = argparse.ArgumentParser(
-        "carigs mesh", description=__doc__, epilog=EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_parser("mesh", __doc__, EXAMPLES)
     parser.add_argument("mesh", type=Path, help=f"the neutral head: {' '.join(FORMATS)}")
     parser.add_argument(
         "--gamma", type=float, default=DEFAULT_GAMMA, help="level; 0 is the mesh itself (default %(default)s)"

@@ -6,9 +6,11 @@ import argparse
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from carigs.cli.run import OVERRIDES_HELP, hydra_line
+from carigs.cli.parser import study_parser
+from carigs.cli.run import hydra_line
 from carigs.config import compose, compose_study, project_root
 from carigs.planning.costs import REFERENCE_SPEED, all_seconds, earlier_times, job_bytes, speed_test
 from carigs.planning.footage import Footage, subject_footage
@@ -28,6 +30,27 @@ EXAMPLES = """examples:
 """
 
 
+@dataclass(frozen=True)
+class Plan:
+    """A study before it starts. Mappings of jobs have their numbers as keys."""
+
+    nodes: int
+    cores: int
+    """Of each node."""
+    jobs: Sequence[Job]
+    footage: Mapping[str, Footage]
+    """By subject."""
+    speed: float
+    """Of this machine, relative to the one that the table of costs was measured on."""
+    earlier: Mapping[int, float]
+    """Seconds of the jobs that ran in this directory before."""
+    seconds: Mapping[int, float]
+    """Of every job."""
+    sizes: Mapping[int, float]
+    """Bytes that each job writes."""
+    schedule: Schedule
+
+
 def main(arguments: list[str]) -> int:
     """Run the subcommand.
 
@@ -37,26 +60,22 @@ def main(arguments: list[str]) -> int:
     Returns:
         Exit code.
     """
-    parser = argparse.ArgumentParser(
-        "carigs plan",
-        usage="carigs plan [KEY=VALUE ...] [--nodes N] [--cores N] [--memory MB] [--remaining] [--json]",
-        description=DESCRIPTION,
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help=OVERRIDES_HELP)
+    usage = "[--nodes N] [--cores N] [--memory MB] [--remaining] [--json]"
+    parser = study_parser("plan", DESCRIPTION, EXAMPLES, usage)
     parser.add_argument("--nodes", type=_positive, default=1, metavar="N", help="nodes (default %(default)s)")
     parser.add_argument("--cores", type=_positive, default=2, metavar="N", help="cores of a node (default %(default)s)")
-    parser.add_argument(
-        "--memory",
-        type=float,
-        default=float("inf"),
-        metavar="MB",
-        help="memory of a node (default: enough for its cores)",
-    )
+    memory_help = "memory of a node (default: enough for its cores)"
+    parser.add_argument("--memory", type=float, default=float("inf"), metavar="MB", help=memory_help)
     parser.add_argument("--remaining", action="store_true", help="leave out what is made already")
     parser.add_argument("--json", action="store_true", help="print JSON")
     options = parser.parse_intermixed_args(arguments)
+    plan = _plan_study(options)
+    print(json.dumps(_summary(plan), indent=1) if options.json else _text(plan))
+    return 0
+
+
+def _plan_study(options: argparse.Namespace) -> Plan:
+    """Estimate every job of the study that the command line names, and simulate the run."""
     study = compose_study(*options.overrides).study
     jobs = study_jobs(
         hydra_line(options.overrides),
@@ -75,97 +94,96 @@ def main(arguments: list[str]) -> int:
     earlier = earlier_times(jobs, Path(".snakemake/metadata"))
     speed = speed_test() / REFERENCE_SPEED
     seconds = all_seconds(jobs, footage, options.overrides, earlier, speed)
-    schedule = list_schedule(jobs, seconds, options.nodes, options.cores, options.memory)
-    sizes = {job.number: job_bytes(job, footage, options.overrides) for job in jobs}
-    if options.json:
-        print(json.dumps(_summary(jobs, seconds, sizes, schedule, options, earlier, speed), indent=1))
-    else:
-        print("\n".join(_lines(jobs, seconds, sizes, schedule, options, earlier, speed, footage)))
-    return 0
+    return Plan(
+        nodes=options.nodes,
+        cores=options.cores,
+        jobs=jobs,
+        footage=footage,
+        speed=speed,
+        earlier=earlier,
+        seconds=seconds,
+        sizes={job.number: job_bytes(job, footage, options.overrides) for job in jobs},
+        schedule=list_schedule(jobs, seconds, options.nodes, options.cores, options.memory),
+    )
 
 
-def _summary(
-    jobs: Sequence[Job],
-    seconds: Mapping[int, float],
-    sizes: Mapping[int, float],
-    schedule: Schedule,
-    options: argparse.Namespace,
-    earlier: Mapping[int, float],
-    speed: float,
-) -> dict[str, object]:
+def _summary(plan: Plan) -> dict[str, object]:
     """The plan as JSON: seconds, bytes and MB."""
+    seconds = plan.seconds
     rules = {}
-    for rule in dict.fromkeys(job.rule for job in jobs):
-        members = [job for job in jobs if job.rule == rule]
+    for rule in dict.fromkeys(job.rule for job in plan.jobs):
+        members = [job for job in plan.jobs if job.rule == rule]
         rules[rule] = {
             "jobs": len(members),
             "seconds": sum(seconds[job.number] for job in members),
             "threads": max(job.threads for job in members),
             "memory_mb": max(job.memory for job in members),
-            "bytes": sum(sizes[job.number] for job in members),
-            "measured": sum(job.number in earlier for job in members),
+            "bytes": sum(plan.sizes[job.number] for job in members),
+            "measured": sum(job.number in plan.earlier for job in members),
         }
-    chain = critical_path(jobs, seconds)
+    chain = critical_path(plan.jobs, seconds)
     return {
-        "nodes": options.nodes,
-        "cores": options.cores,
-        "jobs": len(jobs),
-        "core_seconds": sum(seconds[job.number] * job.threads for job in jobs if not job.is_local),
-        "makespan_seconds": schedule.makespan,
-        "peak_memory_mb": schedule.peak_memory,
-        "bytes": sum(sizes.values()),
+        "nodes": plan.nodes,
+        "cores": plan.cores,
+        "jobs": len(plan.jobs),
+        "core_seconds": sum(seconds[job.number] * job.threads for job in plan.jobs if not job.is_local),
+        "makespan_seconds": plan.schedule.makespan,
+        "peak_memory_mb": plan.schedule.peak_memory,
+        "bytes": sum(plan.sizes.values()),
         "critical_path_seconds": sum(seconds[job.number] for job in chain),
         "critical_path": [
             {"rule": job.rule, "wildcards": job.wildcards, "seconds": seconds[job.number]} for job in chain
         ],
-        "speed": speed,
+        "speed": plan.speed,
         "rules": rules,
     }
 
 
-def _lines(
-    jobs: Sequence[Job],
-    seconds: Mapping[int, float],
-    sizes: Mapping[int, float],
-    schedule: Schedule,
-    options: argparse.Namespace,
-    earlier: Mapping[int, float],
-    speed: float,
-    footage: Mapping[str, Footage],
-) -> list[str]:
+def _text(plan: Plan) -> str:
     """The plan as text."""
-    plan = _summary(jobs, seconds, sizes, schedule, options, earlier, speed)
-    if not jobs:
-        return ["nothing to do"]
+    if not plan.jobs:
+        return "nothing to do"
+    summary = _summary(plan)
     lines = [f"{'rule':12}{'jobs':>6}{'one job':>12}{'all':>12}{'threads':>9}{'MB':>8}{'disk MB':>9}  measured"]
-    for rule, row in plan["rules"].items():
+    for rule, row in summary["rules"].items():
         one, total = _duration(row["seconds"] / row["jobs"]), _duration(row["seconds"])
         sized = f"{row['threads']:9}{row['memory_mb']:8.0f}{row['bytes'] / 1e6:9.0f}"
         lines.append(f"{rule:12}{row['jobs']:6}{one:>12}{total:>12}{sized}  {row['measured']} of {row['jobs']}")
-    nodes = f"{options.nodes} node{'s' * (options.nodes > 1)} with {options.cores} cores"
-    chain = Counter(step["rule"] for step in plan["critical_path"] if step["seconds"] >= 0.1)
+    nodes = f"{plan.nodes} node{'s' * (plan.nodes > 1)} with {plan.cores} cores"
+    makespan, memory = _duration(plan.schedule.makespan), f"{plan.schedule.peak_memory / 1000:.1f} GB"
+    core_hours, disk = f"{summary['core_seconds'] / 3600:.2f} core hours", f"{summary['bytes'] / 1e9:.2f} GB on disk"
+    chain = Counter(step["rule"] for step in summary["critical_path"] if step["seconds"] >= 0.1)
     path = ", ".join(f"{count} x {rule}" if count > 1 else rule for rule, count in chain.items())
     lines += [
         "",
-        f"{len(jobs)} jobs, {plan['core_seconds'] / 3600:.2f} core hours, {plan['bytes'] / 1e9:.2f} GB on disk",
-        f"on {nodes}: {_duration(schedule.makespan)}, at most {schedule.peak_memory / 1000:.1f} GB requested on a node",
-        f"critical path, the least on any number of nodes: {_duration(plan['critical_path_seconds'])} ({path})",
+        f"{len(plan.jobs)} jobs, {core_hours}, {disk}",
+        f"on {nodes}: {makespan}, at most {memory} requested on a node",
+        f"critical path, the least on any number of nodes: {_duration(summary['critical_path_seconds'])} ({path})",
         "",
+        *_footage_lines(plan.footage),
+        f"uncertainty: {_uncertainty(plan)}; waits in a queue and embedding networks are not included",
     ]
-    for subject in dict.fromkeys(footage.values()):
-        names = [name for name, images in footage.items() if images == subject]
+    return "\n".join(lines)
+
+
+def _footage_lines(footage: Mapping[str, Footage]) -> list[str]:
+    """The images of the subjects, one line for subjects with the same."""
+    lines = []
+    for images in dict.fromkeys(footage.values()):
+        names = [name for name, other in footage.items() if other == images]
         shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-        size = f"{subject.megapixels:.3g} megapixels"
-        lines.append(f"{shown}: {subject.train} training images, {subject.evaluated} others, {size} ({subject.source})")
-    assumed = any("assumed" in images.source for images in footage.values())
-    worker_jobs = [job for job in jobs if not job.is_local]
-    if all(job.number in earlier for job in worker_jobs):
-        doubt = "all jobs ran here before: expect 25 %"
-    elif assumed:
-        doubt = "the data are not here: within a factor of 3"
-    else:
-        doubt = f"times from the table of costs x {speed:.2f} for this machine: within a factor of 2"
-    return [*lines, f"uncertainty: {doubt}; waits in a queue and embedding networks are not included"]
+        size = f"{images.megapixels:.3g} megapixels"
+        lines.append(f"{shown}: {images.train} training images, {images.evaluated} others, {size} ({images.source})")
+    return lines
+
+
+def _uncertainty(plan: Plan) -> str:
+    """Where the times come from, and their error."""
+    if all(job.number in plan.earlier for job in plan.jobs if not job.is_local):
+        return "all jobs ran here before: expect 25 %"
+    if any("assumed" in images.source for images in plan.footage.values()):
+        return "the data are not here: within a factor of 3"
+    return f"times from the table of costs x {plan.speed:.2f} for this machine: within a factor of 2"
 
 
 def _duration(seconds: float) -> str:

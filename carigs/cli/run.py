@@ -8,9 +8,9 @@ import subprocess
 import sys
 from collections.abc import Sequence
 
+from carigs.cli.parser import study_parser
 from carigs.config import compose_study, project_root
 
-OVERRIDES_HELP = "Hydra overrides KEY=VALUE; docs/configuration.md lists the keys"
 EXAMPLES = """examples:
   carigs run                                            the toy study, on all cores
   carigs run study=ict train.iterations=2000 --cores 4
@@ -19,25 +19,19 @@ EXAMPLES = """examples:
 """
 
 
-def run_parser(command: str, description: str, epilog: str) -> argparse.ArgumentParser:
+def run_parser(command: str, description: str, examples: str) -> argparse.ArgumentParser:
     """The options that `run` and `sweep` share.
 
     Args:
         command: Name of the subcommand.
         description: What it does.
-        epilog: Examples.
+        examples: Shown after the options.
 
     Returns:
         The parser; use it with `parse_run`.
     """
-    parser = argparse.ArgumentParser(
-        f"carigs {command}",
-        usage=f"carigs {command} [KEY=VALUE ...] [--cores N] [--dry-run] [--profile FOLDER] [--target T] [-- ...]",
-        description=description,
-        epilog=epilog,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help=OVERRIDES_HELP)
+    usage = "[--cores N] [--dry-run] [--profile FOLDER] [--target T] [-- ...]"
+    parser = study_parser(command, description, examples, usage)
     parser.add_argument("-c", "--cores", metavar="N", help="CPU cores (default: all, or what --profile says)")
     parser.add_argument("-n", "--dry-run", action="store_true", help="print what would be made, make nothing")
     parser.add_argument("--profile", metavar="FOLDER", help="workflow profile of Snakemake, such as slurm")

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import argparse
-
 from omegaconf import OmegaConf
 
-from carigs.cli.run import OVERRIDES_HELP
+from carigs.cli.parser import study_parser
 from carigs.config import compose_study, compose_variant
 from carigs.settings import STAGES, reference
 
@@ -27,14 +25,9 @@ def main(arguments: list[str]) -> int:
     Returns:
         Exit code.
     """
-    parser = argparse.ArgumentParser(
-        "carigs settings",
-        usage="carigs settings [KEY=VALUE ...] [--variant NAME] [--section NAME] | --reference | --schema",
-        description="Print the composed settings of a study as YAML, or the reference of all settings.",
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help=OVERRIDES_HELP)
+    description = "Print the composed settings of a study as YAML, or the reference of all settings."
+    usage = "[--variant NAME] [--section NAME] | --reference | --schema"
+    parser = study_parser("settings", description, EXAMPLES, usage)
     parser.add_argument("--variant", metavar="NAME", help="as this variant has them")
     parser.add_argument("--section", choices=("study", *STAGES), help="print this section alone")
     parser.add_argument("--reference", action="store_true", help="print the reference: docs/configuration.md")
