@@ -1,4 +1,4 @@
-"""Warnings of jobs: lines of their logs, which a run repeats at its end and the report shows."""
+"""Warnings as lines: of a command on stderr, of a job in its log; a run repeats those of its jobs at its end."""
 
 from __future__ import annotations
 

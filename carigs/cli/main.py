@@ -11,6 +11,7 @@ from importlib import import_module
 from importlib.metadata import version
 
 from carigs.errors import report
+from carigs.run_summary import warnings_as_lines
 
 COMMANDS = {
     "run": "make a study: avatars, table and figures",
@@ -22,7 +23,7 @@ COMMANDS = {
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a subcommand; an error that is no mistake of the program is one line on stderr (`carigs.errors.one_line`).
+    """Run a subcommand; a warning, or an error that is no mistake of the program, is one line on stderr.
 
     Args:
         arguments: The command line without the program's name; `sys.argv` if None.
@@ -34,7 +35,8 @@ def main(arguments: list[str] | None = None) -> int:
     command = arguments[0] if arguments else ""
     if command in COMMANDS:
         try:
-            status = import_module(f"carigs.cli.{command}").main(arguments[1:])
+            with warnings_as_lines():
+                status = import_module(f"carigs.cli.{command}").main(arguments[1:])
             sys.stdout.flush()
         except (Exception, KeyboardInterrupt) as error:
             return report(error)

@@ -6,13 +6,15 @@ import os
 import signal
 import subprocess
 import sys
+import warnings
+from types import SimpleNamespace
 
 import pytest
 import yaml
 
 from carigs.cli import run, settings, sweep
 from carigs.cli.main import COMMANDS, main
-from carigs.errors import SettingsError
+from carigs.errors import CarigsWarning, SettingsError
 
 
 def test_help_lists_every_command_and_each_has_an_example(capsys):
@@ -151,6 +153,17 @@ def test_mistakes_are_one_line_before_work_starts(command, arguments, named, com
     error = capsys.readouterr().err
     assert error.startswith("carigs: ") and error.count("\n") == 1 and named in error
     assert commands == []
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_warning_is_one_line(command, monkeypatch, capsys):
+    def warn(arguments):
+        warnings.warn("the surface\nfolds", CarigsWarning, stacklevel=1)
+        return 3
+
+    monkeypatch.setitem(sys.modules, f"carigs.cli.{command}", SimpleNamespace(main=warn))
+    assert main([command]) == 3
+    assert capsys.readouterr().err == "carigs: warning: the surface\\nfolds\n"
 
 
 def test_settings_are_shown_as_a_whole_or_by_section(capsys):
