@@ -105,6 +105,25 @@ def test_what_is_the_inputs_fault_is_told_in_one_line_and_in_the_log(stubbed):
 
 
 @pytest.mark.slow
+def test_a_job_is_tried_again_with_twice_the_memory(stubbed, tmp_path):
+    project = Project(tmp_path / "project")
+    shutil.copytree(stubbed.root, project.root, symlinks=True)
+    (project.root / "fail_once").mkdir()
+    hydra = "study.subjects=[toy] study.variants=[alternating] study.levels=[]"
+    done = project.snakemake("--cores", "2", "--retries", "1", "reproduce table", hydra=hydra)
+    assert done.returncode == 0, done.stdout + done.stderr
+    started = r"^(?:local)?rule (\w+):\n(?: +.*\n)*? +resources: .*\bmem_mb=(\d+)"
+    requests: dict[str, set[int]] = {}
+    for rule, megabytes in re.findall(started, done.stdout + done.stderr, re.MULTILINE):
+        requests.setdefault(rule, set()).add(int(megabytes))
+    small, large = {4000, 8000}, {6000, 12000}
+    assert requests == dict.fromkeys(("capture", "exaggerate", "gtstar", "truth", "render"), small) | {
+        "train": large,
+        "metrics": large,
+    }
+
+
+@pytest.mark.slow
 def test_a_stage_gets_its_settings_files_and_wildcards(made):
     log = (made.root / "results/toy/log/metrics/twin,gamma=0.25,surfhead,level=0.25.log").read_text()
     point = "results/toy/twin/gamma=0.25"

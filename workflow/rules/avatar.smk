@@ -15,7 +15,7 @@ rule capture:
     conda:
         "../../environment.yml"
     resources:
-        mem_mb=4000,
+        mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
         code=fingerprint("carigs.stages.capture"),
     script:
@@ -34,7 +34,7 @@ rule exaggerate:
     conda:
         "../../environment.yml"
     resources:
-        mem_mb=4000,
+        mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
         code=fingerprint("carigs.stages.exaggerate"),
     script:
@@ -57,7 +57,7 @@ rule gtstar:
         "../../environment.yml"
     threads: lambda wildcards: section("gtstar", wildcards, "subject").threads
     resources:
-        mem_mb=4000,
+        mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
         code=fingerprint("carigs.stages.gtstar"),
         level=level,

@@ -17,7 +17,7 @@ rule truth:
     conda:
         "../../environment.yml"
     resources:
-        mem_mb=4000,
+        mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
         code=fingerprint("carigs.stages.truth"),
         level=level,
