@@ -19,7 +19,8 @@ from carigs.capture import read_dataset
 from carigs.errors import CarigsError
 from carigs.plausibility import check_capture
 from evaluation.command_line import csv_parser, run
-from evaluation.stress.capture_changes import Case, cases, copy_capture
+from evaluation.stress.capture_changes.cases import Case, cases
+from evaluation.stress.capture_changes.folder import copy_capture
 from evaluation.tables.csv_files import stream_csv
 
 

@@ -24,7 +24,8 @@ import numpy as np
 
 from carigs.errors import CarigsError, InputError
 from evaluation.command_line import csv_parser, run
-from evaluation.stress.hostile_cases import Case, cases
+from evaluation.stress.hostile_cases.case import Case
+from evaluation.stress.hostile_cases.cases import cases
 from evaluation.stress.hostile_readers import READERS, sound_files, summary
 from evaluation.tables.csv_files import write_csv
 

@@ -7,7 +7,7 @@ import re
 import pytest
 from shared_data import DATA, needs_data
 
-from evaluation.stress.capture_changes import cases
+from evaluation.stress.capture_changes.cases import cases
 from evaluation.stress.captures import examine
 
 CASES = {case.name: case for case in cases()}

@@ -11,7 +11,7 @@ import pytest
 
 from carigs.errors import InputError
 from evaluation.stress import hostile_files
-from evaluation.stress.hostile_cases import Case
+from evaluation.stress.hostile_cases.case import Case
 from evaluation.stress.hostile_files import read_case
 
 

@@ -1,0 +1,39 @@
+"""All cases of hostile and damaged files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from evaluation.stress.hostile_cases import arrays, every_reader, images, json_files, meshes, pickles, settings
+from evaluation.stress.hostile_cases.case import Case
+
+ARRAYS = ("path", "shading", "head model", "parameters", "avatar", "subject")
+"""Readers of .npz files of carigs."""
+
+
+def cases(sound: Mapping[str, bytes]) -> Iterator[Case]:
+    """All cases, in a fixed order.
+
+    Args:
+        sound: Content of a sound file of each reader.
+
+    Yields:
+        The cases.
+    """
+    yield from pickles.payloads(sound)
+    for reader in ARRAYS:
+        yield from arrays.wrong_arrays(reader, sound[reader])
+    for reader in ("capture", "targets", "frames", "truth"):
+        yield from json_files.wrong_fields(reader, sound[reader])
+    yield from arrays.false_headers()
+    yield from images.false_sizes(sound)
+    yield from every_reader.other_formats()
+    yield from images.broken_markers(sound)
+    yield from meshes.wrong_surfels(sound)
+    yield from meshes.wrong_meshes(sound)
+    yield from json_files.broken_texts()
+    yield from pickles.broken_pickles()
+    yield from arrays.false_header_lengths(sound)
+    yield from settings.wrong_yaml(sound["settings"])
+    yield from settings.wrong_overrides()
+    yield from every_reader.random_damage(sound)
