@@ -13,13 +13,13 @@ import pytest
 import yaml
 from omegaconf import OmegaConf
 
-from carigs import config
 from carigs.config import (
     CONF,
     GROUPS,
     compose,
     compose_study,
     compose_variant,
+    folders,
     known,
     load_settings,
     rendered_levels,
@@ -209,7 +209,7 @@ def test_what_a_variant_changes_in_vain_is_named(tmp_path, monkeypatch):
     conf = tmp_path / "conf"
     shutil.copytree(CONF, conf)
     (conf / "variant/sharp.yaml").write_text("# @package _global_\nrender: {orbit_frames: 3}\n")
-    monkeypatch.setattr(config, "CONF", conf)
+    monkeypatch.setattr(folders, "CONF", conf)
     compose.cache_clear()
     with pytest.raises(SettingsError, match=r"variant/sharp\.yaml: render\.orbit_frames is shared; .*gtstar and train"):
         compose_variant("sharp")

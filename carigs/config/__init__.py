@@ -1,0 +1,34 @@
+"""The settings of a study: composed by Hydra from `conf/`, frozen as YAML for each stage, loaded as dataclasses.
+
+Hydra finds groups in the project's `conf/` and in a folder `conf/` of the current directory, for subjects, variants and
+studies of your own.
+
+- `compose`, `compose_study`, `compose_variant`: settings from overrides
+- `split_overrides`: overrides from a line
+- `settings_text`, `load_settings`: a section as YAML and back
+- `rendered_levels`, `target_levels`, `target_maker`: what paths of the workflow depend on
+- `project_root`, `CONF`, `GROUPS`, `known`: files of the configuration
+"""
+
+from carigs.config.composition import compose, compose_study
+from carigs.config.folders import CONF, GROUPS, known, project_root
+from carigs.config.frozen import load_settings, settings_text
+from carigs.config.levels import rendered_levels, target_levels
+from carigs.config.overrides import split_overrides
+from carigs.config.variants import compose_variant, target_maker
+
+__all__ = [
+    "CONF",
+    "GROUPS",
+    "compose",
+    "compose_study",
+    "compose_variant",
+    "known",
+    "load_settings",
+    "project_root",
+    "rendered_levels",
+    "settings_text",
+    "split_overrides",
+    "target_levels",
+    "target_maker",
+]

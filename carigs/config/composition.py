@@ -1,0 +1,76 @@
+"""Composition of the settings of a study by Hydra, and their checks."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from hydra import compose as hydra_compose
+from hydra import initialize_config_dir
+from hydra.core.config_store import ConfigStore
+from hydra.errors import HydraException
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError
+
+from carigs.config.folders import conf_folders
+from carigs.config.hydra_errors import describe
+from carigs.config.names import check_names, expand_patterns
+from carigs.config.overrides import check_overrides, check_study_overrides
+from carigs.errors import SettingsError
+from carigs.readers.yaml_files import check_yaml
+from carigs.settings import Config, combine_mask_flags
+from carigs.settings.option import check_section
+
+_schema = OmegaConf.structured(Config)
+# The names of regions come with the head model: here alone keys may be added.
+OmegaConf.set_struct(_schema.exaggerate.regions, False)
+ConfigStore.instance().store("schema", _schema)
+
+
+@cache
+def compose(*overrides: str) -> DictConfig:
+    """Compose and check the settings.
+
+    Args:
+        *overrides: Hydra overrides; of two for one key the later wins.
+
+    Returns:
+        All settings, interpolations resolved and `mask_flags` combined.
+
+    Raises:
+        SettingsError: For unknown keys and choices, wrong types and values out of range, in one line.
+        InputError: For a broken file in `conf/`.
+    """
+    check_overrides(overrides)
+    conf, *own = conf_folders()
+    for file in (file for folder in (conf, *own) for file in folder.rglob("*.yaml")):
+        check_yaml(file)  # before Hydra opens it
+    search = [f"hydra.searchpath=['file://{folder.as_posix()}']" for folder in own]
+    try:
+        with initialize_config_dir(str(conf), version_base="1.3"):
+            config = hydra_compose("config", [*search, *overrides])
+            OmegaConf.resolve(config)
+    except (HydraException, OmegaConfBaseException, YAMLError, ValueError, OverflowError, RecursionError) as error:
+        raise SettingsError(describe(error)) from error
+    check_section(Config, config)
+    config.study.variants = expand_patterns(config.study.variants)
+    check_names(config)
+    combine_mask_flags(config.train)
+    return config
+
+
+def compose_study(*overrides: str) -> DictConfig:
+    """Compose what a user asks for; subjects and variants come from the study, so they cannot be overrides.
+
+    Args:
+        *overrides: Hydra overrides.
+
+    Returns:
+        As `compose`.
+
+    Raises:
+        SettingsError: As `compose`, and for overrides of `subject` and `variant`, added and removed keys, and overrides
+            that are too long for the command line of a job.
+    """
+    check_study_overrides(overrides)
+    return compose(*overrides)
