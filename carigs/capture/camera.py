@@ -55,7 +55,7 @@ class Camera:
         # Not `@`: for a tall and thin product, starting BLAS threads costs more than the product.
         return np.einsum("ij,kj->ik", points, self.camera_from_world[:3, :3]) + self.camera_from_world[:3, 3]
 
-    def project(self, points: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n"]]:
+    def project(self, points: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, " n"]]:
         """Project world points to the image.
 
         Args:

@@ -40,7 +40,7 @@ class TargetSet:
     level: float
     folder: Path
     targets: tuple[TargetFrame, ...]
-    face_flags: UInt16[np.ndarray, "f"]
+    face_flags: UInt16[np.ndarray, " f"]
     """Bits of `MaskFlag` that hold for a triangle in every frame."""
 
 
@@ -99,7 +99,7 @@ def write_targets(
     write_json(index, content)
 
 
-def _read_face_flags(file: Path, count: int) -> UInt16[np.ndarray, "f"]:
+def _read_face_flags(file: Path, count: int) -> UInt16[np.ndarray, " f"]:
     flags = read_npy(file)
     if flags.shape != (count,) or flags.dtype != np.uint16:
         raise InputError(f"{flags.dtype} {flags.shape}, expected 16 bits for each of {count} faces", file=file)

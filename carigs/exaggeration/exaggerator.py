@@ -200,7 +200,7 @@ class Exaggerator(WeightedPoisson):
         }
         return GammaPath(levels, displacements, self.faces, self.vertices, report)
 
-    def _interpolation_error(self, levels: Float[np.ndarray, "k"], weights: LevelWeights, response: Response) -> float:
+    def _interpolation_error(self, levels: Float[np.ndarray, " k"], weights: LevelWeights, response: Response) -> float:
         """Largest displacement between interpolation and solution, midway between the two nodes where it is worst."""
         node_weights, nodes = np.stack([weights(level) for level in levels]), barycentric_weights(levels)
         midpoints = (levels[1:] + levels[:-1]) / 2

@@ -20,7 +20,7 @@ from carigs.readers.json_files import parse_json
 from carigs.readers.npz import read_npz
 
 
-def lobatto_levels(count: int, gamma_f: float) -> Float[np.ndarray, "k"]:
+def lobatto_levels(count: int, gamma_f: float) -> Float[np.ndarray, " k"]:
     """Chebyshev-Lobatto nodes between 0 and gamma_f: gamma_f (1 - cos(pi k / (count - 1))) / 2.
 
     Args:
@@ -33,7 +33,7 @@ def lobatto_levels(count: int, gamma_f: float) -> Float[np.ndarray, "k"]:
     return gamma_f * (1 - np.cos(np.pi * np.arange(count) / (count - 1))) / 2
 
 
-def barycentric_weights(nodes: Float[np.ndarray, "k"]) -> list[tuple[float, float]]:
+def barycentric_weights(nodes: Float[np.ndarray, " k"]) -> list[tuple[float, float]]:
     """Barycentric weights of polynomial interpolation: 1 / prod_k (x_j - x_k) (Berrut and Trefethen 2004, eq. 3.2).
 
     Args:
@@ -107,7 +107,7 @@ class GammaPath:
     More nodes give the polynomial S_gamma = sum_i l_i(gamma) S_gamma_i with the Lagrange weights l_i.
     """
 
-    levels: Float[np.ndarray, "k"]
+    levels: Float[np.ndarray, " k"]
     """The nodes, from 0 to gamma_f, which may be negative."""
     displacements: Float32[np.ndarray, "k v 3"]
     faces: Int[np.ndarray, "f 3"]
@@ -124,7 +124,7 @@ class GammaPath:
         """The level that the path was made for."""
         return float(self.levels[-1])
 
-    def weights(self, level: float) -> Float[np.ndarray, "k"]:
+    def weights(self, level: float) -> Float[np.ndarray, " k"]:
         """Lagrange weights of the nodes at a level.
 
         Args:

@@ -26,7 +26,7 @@ CACHE_BYTES = 512 << 20
 def fit_capture_shading(
     settings: Gtstar,
     capture: Capture,
-    face_flags: UInt16[np.ndarray, "f"],
+    face_flags: UInt16[np.ndarray, " f"],
     map_timesteps: Callable = map,
     cache: dict[int, TimestepViews] | None = None,
 ) -> Shading | None:

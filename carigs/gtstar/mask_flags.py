@@ -48,7 +48,7 @@ def flags_from_names(names: Iterable[str]) -> MaskFlag:
     return flags
 
 
-def face_mask_flags(model: HeadModel, settings: Gtstar) -> UInt16[np.ndarray, "f"]:
+def face_mask_flags(model: HeadModel, settings: Gtstar) -> UInt16[np.ndarray, " f"]:
     """Flags that hold for a triangle in every frame, from the regions of the head model.
 
     They mask pixels and also freeze the surfels of these triangles while targets supervise. Among them are the mask of
@@ -83,7 +83,9 @@ class Hair(NamedTuple):
     """Largest distance in pixels by which it sticks out."""
 
 
-def find_hair(natural: Visibility, foreground: Float32[np.ndarray, "h w"], face_flags: UInt16[np.ndarray, "f"]) -> Hair:
+def find_hair(
+    natural: Visibility, foreground: Float32[np.ndarray, "h w"], face_flags: UInt16[np.ndarray, " f"]
+) -> Hair:
     """Find the hair of a frame: the scalp, and the hair boundary, which is foreground off the mesh.
 
     Args:
@@ -121,7 +123,7 @@ def add_target_mask_flags(
     caricature: Visibility,
     hair: Hair,
     foreground: Float32[np.ndarray, "h w"],
-    face_flags: UInt16[np.ndarray, "f"],
+    face_flags: UInt16[np.ndarray, " f"],
     model: HeadModel,
     settings: Gtstar,
 ) -> None:
@@ -150,7 +152,7 @@ def add_target_mask_flags(
     _flag_mouth(flags, caricature, model)
 
 
-def _scalp(visibility: Visibility, face_flags: UInt16[np.ndarray, "f"]) -> BitMask:
+def _scalp(visibility: Visibility, face_flags: UInt16[np.ndarray, " f"]) -> BitMask:
     return pixels_of_faces(visibility.face, (face_flags & np.uint16(MaskFlag.HAIR.value)) > 0)
 
 

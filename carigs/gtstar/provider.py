@@ -36,7 +36,7 @@ class TargetResult(NamedTuple):
 def provide_targets(
     settings: Gtstar,
     capture: Capture,
-    face_flags: UInt16[np.ndarray, "f"],
+    face_flags: UInt16[np.ndarray, " f"],
     exaggerated: Caricature,
     shading: Shading | None,
     frames: list[Frame],

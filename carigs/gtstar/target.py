@@ -33,7 +33,7 @@ def make_target(
     natural: Visibility,
     caricature: Visibility,
     model: HeadModel,
-    face_flags: UInt16[np.ndarray, "f"],
+    face_flags: UInt16[np.ndarray, " f"],
     settings: Gtstar,
     background: float = 1.0,
 ) -> Target:

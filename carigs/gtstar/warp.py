@@ -26,7 +26,7 @@ def warp_frame(
     image: Float32[np.ndarray, "h w 3"],
     natural: Visibility,
     caricature: Visibility,
-    face_flags: UInt16[np.ndarray, "f"],
+    face_flags: UInt16[np.ndarray, " f"],
     frame_flags: UInt16[np.ndarray, "h w"],
     settings: Gtstar,
     background: float = 1.0,

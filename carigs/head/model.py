@@ -35,7 +35,7 @@ class HeadModel:
     """Skinning weights."""
     parents: Int[np.ndarray, "5"]
     """Parent joint of each joint; -1 for the root."""
-    regions: Mapping[str, Int[np.ndarray, "_"]] = field(default_factory=dict)
+    regions: Mapping[str, Int[np.ndarray, " _"]] = field(default_factory=dict)
     """Vertex indices by FLAME_masks' region names."""
     expression_names: tuple[str, ...] = ()
     landmarks68: Int[np.ndarray, "68"] | None = None
@@ -109,7 +109,7 @@ class HeadModel:
             **extra,
         )
 
-    def vertex_region(self, *names: str) -> Bool[np.ndarray, "v"]:
+    def vertex_region(self, *names: str) -> Bool[np.ndarray, " v"]:
         """Vertices of regions.
 
         Args:
@@ -123,7 +123,7 @@ class HeadModel:
             inside[self.regions.get(name, [])] = True
         return inside
 
-    def face_region(self, *names: str) -> Bool[np.ndarray, "f"]:
+    def face_region(self, *names: str) -> Bool[np.ndarray, " f"]:
         """Faces of regions.
 
         Args:

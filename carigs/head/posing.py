@@ -118,7 +118,7 @@ def rotation_matrix(rotation_vector: Float[np.ndarray, "3"]) -> Float[np.ndarray
 
 
 def _sum_blendshapes(
-    blendshapes: Float[np.ndarray, "v 3 b"], coefficients: Float[np.ndarray, "b"]
+    blendshapes: Float[np.ndarray, "v 3 b"], coefficients: Float[np.ndarray, " b"]
 ) -> Float[np.ndarray, "v 3"]:
     used = np.flatnonzero(coefficients)  # most of the 400 coefficients of a tracked frame are zero
     return blendshapes[:, :, used].astype(np.float64) @ coefficients[used]

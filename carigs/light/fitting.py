@@ -38,7 +38,7 @@ class Observation(NamedTuple):
     """World points in metres."""
     colour: Float64[np.ndarray, "v 3"]
     """Linear; weighted mean over the cameras."""
-    weight: Float64[np.ndarray, "v"]
+    weight: Float64[np.ndarray, " v"]
     """Sum of the cosines between normal and view over the cameras; 0 where no camera sees the vertex."""
 
 
@@ -46,7 +46,7 @@ def observe_skin(
     views: Iterable[tuple[Float32[np.ndarray, "h w 3"], Visibility]],
     vertices: Float[np.ndarray, "v 3"],
     faces: Int[np.ndarray, "f 3"],
-    skin: Bool[np.ndarray, "v"],
+    skin: Bool[np.ndarray, " v"],
 ) -> Observation:
     """Mean colour of every skin vertex over the images of one timestep, weighted by the cosine of the view.
 
@@ -108,7 +108,7 @@ def fit_light(
 def _fit(
     transfers: list[Transfer],
     colours: list[Float64[np.ndarray, "v 3"]],
-    weights: list[Float64[np.ndarray, "v"]],
+    weights: list[Float64[np.ndarray, " v"]],
     rounds: int,
 ) -> Float64[np.ndarray, "k 3"]:
     """Light and albedo in turn."""
@@ -131,8 +131,8 @@ def _fit(
 
 
 def _fit_channel(
-    samples: list[tuple[np.ndarray, np.ndarray, np.ndarray]], albedo: Float64[np.ndarray, "v"], channel: int
-) -> Float64[np.ndarray, "k"]:
+    samples: list[tuple[np.ndarray, np.ndarray, np.ndarray]], albedo: Float64[np.ndarray, " v"], channel: int
+) -> Float64[np.ndarray, " k"]:
     """Non-negative least squares for the light of one colour channel, on the Cholesky factor of the normal matrix."""
     size = samples[0][0].shape[1]
     matrix, right = np.zeros((size, size)), np.zeros(size)

@@ -56,7 +56,7 @@ class Shading:
     scattering."""
     limit: float
     """Largest factor on linear colours; its inverse is the smallest."""
-    kept: Bool[np.ndarray, "f"]
+    kept: Bool[np.ndarray, " f"]
     """Triangles whose colours do not change."""
 
     def transfer(self, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Transfer:
@@ -104,7 +104,7 @@ def relight(
     colour: Float32[np.ndarray, "h w 3"],
     caricature: Visibility,
     vertex_factors: Float64[np.ndarray, "v 3"],
-    kept: Bool[np.ndarray, "f"],
+    kept: Bool[np.ndarray, " f"],
 ) -> Float32[np.ndarray, "h w 3"]:
     """Multiply the colours of a mesh in an image by a factor per vertex, in linear light.
 

@@ -59,7 +59,7 @@ class CleanMesh:
 
     vertices: Float[np.ndarray, "v 3"]
     faces: Int[np.ndarray, "f 3"]
-    vertex_map: Int[np.ndarray, "g"]
+    vertex_map: Int[np.ndarray, " g"]
     """Index in `vertices` of each vertex of the input; -1 for vertices that no face uses."""
     report: MeshReport
 
@@ -146,7 +146,7 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray, weld: float = 1e-7) -> C
     return CleanMesh(clean_vertices, oriented, vertex_map, report)
 
 
-def _check_far_vertices(vertices: Float[np.ndarray, "v 3"], used: Int[np.ndarray, "u"]) -> None:
+def _check_far_vertices(vertices: Float[np.ndarray, "v 3"], used: Int[np.ndarray, " u"]) -> None:
     """Refuse a stray vertex: sizes are measured in units of the mesh's extent."""
     if len(used) < 4:
         return
@@ -165,7 +165,7 @@ def _unique_faces(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "g 3"]:
     return faces[np.sort(np.unique(pair * n + c, return_index=True)[1])]
 
 
-def _weld(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], reach: float) -> Int[np.ndarray, "v"]:
+def _weld(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], reach: float) -> Int[np.ndarray, " v"]:
     """Index of the first of the vertices that each vertex is welded with."""
     identity = np.arange(len(vertices))
     boundary = np.flatnonzero(boundary_vertices(faces, len(vertices))) if len(faces) else identity[:0]

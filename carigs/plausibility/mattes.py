@@ -87,7 +87,7 @@ def exchanged_mattes(capture: Capture, known: Mapping[Frame, Outlines]) -> list[
 
 
 def matte_findings(
-    capture: Capture, view: View, matte: UInt8[np.ndarray, "h w"], head: Bool[np.ndarray, "f"]
+    capture: Capture, view: View, matte: UInt8[np.ndarray, "h w"], head: Bool[np.ndarray, " f"]
 ) -> list[Finding]:
     """Compare a matte with the silhouette of the mesh.
 

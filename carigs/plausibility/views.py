@@ -98,7 +98,7 @@ def compared_vertices(model: HeadModel) -> np.ndarray:
     return np.unique(np.linspace(0, v - 1, min(v, VERTICES)).astype(int))
 
 
-def head_faces(model: HeadModel) -> Bool[np.ndarray, "f"]:
+def head_faces(model: HeadModel) -> Bool[np.ndarray, " f"]:
     """Faces above the neck: mattes may end at the neck, as those of GaussianAvatars do.
 
     Args:

@@ -104,7 +104,7 @@ def greater(image: Shaped[np.ndarray, "h w"], threshold: float) -> BitMask:
     return BitMask(_greater(image, image.dtype.type(threshold)), image.shape[0])
 
 
-def pixels_of_faces(face_image: Int32[np.ndarray, "h w"], faces: Bool[np.ndarray, "f"]) -> BitMask:
+def pixels_of_faces(face_image: Int32[np.ndarray, "h w"], faces: Bool[np.ndarray, " f"]) -> BitMask:
     """Pixels that show one of the selected faces.
 
     Args:

@@ -40,7 +40,7 @@ class Visibility:
     """Index of the nearest face, -1 where there is none."""
     inverse_depth: Float32[np.ndarray, "h w"]
     """Inverse depth along the optical axis in 1/metres, 0 where there is no face."""
-    back_facing: Bool[np.ndarray, "f"]
+    back_facing: Bool[np.ndarray, " f"]
     """Faces that show the camera their back."""
     depth_planes: Float64[np.ndarray, "f 3"]
     """Inverse depth of each face's plane at the pixel (x, y): depth_planes @ (x, y, 1)."""

@@ -18,10 +18,10 @@ MIN_COSINE = 0.3
 class VisibleVertices(NamedTuple):
     """The vertices that a camera sees well."""
 
-    index: Int64[np.ndarray, "n"]
+    index: Int64[np.ndarray, " n"]
     pixels: Float64[np.ndarray, "n 2"]
     """Image positions (x, y), pixel centres at +0.5."""
-    cosine: Float64[np.ndarray, "n"]
+    cosine: Float64[np.ndarray, " n"]
     """Between the normal and the direction to the camera."""
 
 

@@ -77,7 +77,7 @@ def render(
 
 def contribution(
     surfels: Surfels, rig: Rig, motion: FaceMotion, camera: Camera, *, skinning: str = "jbs", backend: str = "cpu"
-) -> Float[np.ndarray, "n"]:
+) -> Float[np.ndarray, " n"]:
     """Sum of every surfel's compositing weights over the pixels of a view.
 
     This is the gradient of the image's sum with respect to the surfel's colour: the significance of LightGaussian (Fan

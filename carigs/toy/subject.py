@@ -44,7 +44,7 @@ class Subject:
     """Samples per pixel and axis."""
     atlas: Atlas
     strands: Strands
-    ambient_visibility: Float32[np.ndarray, "v"]
+    ambient_visibility: Float32[np.ndarray, " v"]
     """Ambient visibility of each vertex on the neutral face, in [0, 1]."""
     teeth: Float32[np.ndarray, "t 3"]
     """Vertices of the teeth on the template, in metres: upper jaw first."""
@@ -155,7 +155,7 @@ def load_subject(folder: Path) -> Subject:
     )
 
 
-def _ambient_visibility(model: HeadModel, attributes: Attributes) -> Float32[np.ndarray, "v"]:
+def _ambient_visibility(model: HeadModel, attributes: Attributes) -> Float32[np.ndarray, " v"]:
     """Ambient visibility on the neutral face; inside the mouth, which shows when it is open, on the open mouth."""
     closed = HeadParameters(shape=attributes.shape)
     visibility = ambient_visibility(neutral(model, closed), model.faces)

@@ -58,7 +58,7 @@ def _middle(pixel_from_disc: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n
 def _boxes(
     pixel_from_disc: Float[np.ndarray, "n 3 3"],
     middle: Float[np.ndarray, "n 2"],
-    opacity: Float[np.ndarray, "n"],
+    opacity: Float[np.ndarray, " n"],
     camera: Camera,
 ) -> Int[np.ndarray, "n 4"]:
     """Pixel ranges [x0, y0, x1, y1) that contain all pixels with an alpha of at least 1/255."""
@@ -75,7 +75,7 @@ def _boxes(
 
 
 def _squared_distance(
-    m: Float[np.ndarray, "3 3"], middle: Float[np.ndarray, "2"], x: Float[np.ndarray, "w"], y: Float[np.ndarray, "h 1"]
+    m: Float[np.ndarray, "3 3"], middle: Float[np.ndarray, "2"], x: Float[np.ndarray, " w"], y: Float[np.ndarray, "h 1"]
 ) -> Float[np.ndarray, "h w"]:
     """Squared distance of pixels from a surfel in standard deviations: the smaller of disc and low-pass filter."""
     # Planes through the pixel's column and row, pulled back to the disc; they meet in (s, t, 1) times a factor.

@@ -23,7 +23,7 @@ WEIGHTS = "clip_vit_b32_openai"
 MODEL = "ViT-B-32-quickgelu"  # OpenAI's weights give wrong features in "ViT-B-32", without any warning
 
 
-def clip_i(images: Float[np.ndarray, "n d"], text: Float[np.ndarray, "d"]) -> Float[np.ndarray, "n"]:
+def clip_i(images: Float[np.ndarray, "n d"], text: Float[np.ndarray, " d"]) -> Float[np.ndarray, " n"]:
     """CLIP-I of table 1, image-prompt similarity: cosine between each image and the edit prompt.
 
         CLIP-I = E . T_edit
@@ -41,8 +41,8 @@ def clip_i(images: Float[np.ndarray, "n d"], text: Float[np.ndarray, "d"]) -> Fl
 
 
 def clip_i_score(
-    images: Float[np.ndarray, "n d"], text: Float[np.ndarray, "d"], weight: float = 2.5
-) -> Float[np.ndarray, "n"]:
+    images: Float[np.ndarray, "n d"], text: Float[np.ndarray, " d"], weight: float = 2.5
+) -> Float[np.ndarray, " n"]:
     """CLIP-I of table 1 as CLIPScore (Hessel et al. 2021), the reference that the paper cites for it.
 
         CLIP-S = 2.5 max(E . T_edit, 0)
@@ -61,9 +61,9 @@ def clip_i_score(
 def clip_d(
     edited: Float[np.ndarray, "n d"],
     original: Float[np.ndarray, "n d"],
-    text_edited: Float[np.ndarray, "d"],
-    text_original: Float[np.ndarray, "d"],
-) -> Float[np.ndarray, "n"]:
+    text_edited: Float[np.ndarray, " d"],
+    text_original: Float[np.ndarray, " d"],
+) -> Float[np.ndarray, " n"]:
     """CLIP-D of table 1, directional similarity (Gal et al. 2021, StyleGAN-NADA).
 
         CLIP-D = cos(E - O, T_edit - T_source)
@@ -82,7 +82,7 @@ def clip_d(
     return np.where(length > 1e-9, (change @ text_change) / np.maximum(length, 1e-9), 0.0)
 
 
-def clip_c(images: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n-1"]:
+def clip_c(images: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n-1"]:
     """CLIP-C of table 1, consistency: cosine between adjacent views of a novel trajectory.
 
         CLIP-C_i = E_i . E_(i+1)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 MODEL = "vit_base_patch8_224.dino"
 
 
-def dino_similarity(rendered: Float[np.ndarray, "n d"], original: Float[np.ndarray, "n d"]) -> Float[np.ndarray, "n"]:
+def dino_similarity(rendered: Float[np.ndarray, "n d"], original: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
     """DINO score of table 1: cosine similarity of the class tokens of rendered and original frames.
 
         DINO = E(render) . E(original),  |E| = 1

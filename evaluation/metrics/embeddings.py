@@ -39,7 +39,7 @@ class Embedder:
     """Maps a batch of preprocessed images (n, 3, s, s) to embeddings (n, d)."""
     prepare: Callable
     """Maps an image (h, w, 3) to a preprocessed tensor."""
-    embedded: dict[Path, Float[np.ndarray, "d"]] = field(default_factory=dict)
+    embedded: dict[Path, Float[np.ndarray, " d"]] = field(default_factory=dict)
 
     def __call__(self, files: Sequence[Path]) -> Float[np.ndarray, "n d"]:
         """Embed image files.
@@ -121,7 +121,7 @@ def clip_scores(
     test: Sequence[Path],
     originals: Sequence[Path],
     orbit: Sequence[Path],
-) -> dict[str, Float[np.ndarray, "_"]]:
+) -> dict[str, Float[np.ndarray, " _"]]:
     """CLIP-I (both readings) and CLIP-D of the test frames, and CLIP-C of the orbit.
 
     Args:

@@ -44,10 +44,10 @@ MOUTH_CORNERS = (48, 54)
 class SurfaceRegions:
     """Triangles of each surface region of one subject."""
 
-    faces: dict[str, Bool[np.ndarray, "f"]]
+    faces: dict[str, Bool[np.ndarray, " f"]]
     missing: dict[str, str]
     """Reasons for regions that the head model does not define."""
-    neck: Bool[np.ndarray, "v"]
+    neck: Bool[np.ndarray, " v"]
     outer_lips: tuple[int, ...]
     """Vertex indices around the lips; empty if the model has no landmarks."""
 
@@ -140,7 +140,7 @@ def image_regions(
     return regions
 
 
-def _lids(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.ndarray, "f"]:
+def _lids(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.ndarray, " f"]:
     """Triangles of the eye regions close to an eyeball; found by distance, hence also on closed eyes."""
     near = np.zeros(len(neutral), bool)
     for side in ("left", "right"):
@@ -152,7 +152,7 @@ def _lids(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.ndarra
     return near[model.faces].all(axis=1)
 
 
-def _brow_band(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.ndarray, "f"]:
+def _brow_band(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.ndarray, " f"]:
     corners = neutral[model.landmarks68[list(EYE_CORNERS)]]
     width = 0.1 * float(np.linalg.norm(corners[1] - corners[0]))
     points = np.asarray(neutral[model.landmarks68[BROWS]], np.float64)

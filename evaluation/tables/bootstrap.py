@@ -19,7 +19,12 @@ class Interval(NamedTuple):
 
 
 def mean_interval(
-    values: Float[np.ndarray, "n"], units: Sequence[Sequence[Hashable]], *, resamples: int, confidence: float, seed: int
+    values: Float[np.ndarray, " n"],
+    units: Sequence[Sequence[Hashable]],
+    *,
+    resamples: int,
+    confidence: float,
+    seed: int,
 ) -> Interval:
     """Mean of values and its percentile bootstrap interval under crossed random factors.
 

@@ -27,4 +27,4 @@ def _job(job) -> dict:
     )
 
 
-sys.exit(run_in_fork("carigs.stages.job:run_job", _job(snakemake)))
+sys.exit(run_in_fork("carigs.stages.job:run_job", _job(snakemake)))  # noqa: F821 (Snakemake defines it)

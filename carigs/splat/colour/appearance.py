@@ -29,7 +29,7 @@ def seen_colour(
     harmonics: Float[Tensor, "n k 3"],
     direction: Float[Tensor, "n 3"] | None,
     shade: Float32[np.ndarray, "f 3"] | None,
-    binding: Int[np.ndarray, "n"],
+    binding: Int[np.ndarray, " n"],
 ) -> Float[Tensor, "n 3"]:
     """Colour of every surfel along its view direction, in its light; differentiable with respect to the tensors.
 

@@ -20,15 +20,15 @@ PREFETCH_DISTANCE = 16  # surfels by which boxes are fetched before they are nee
 class TileLists(NamedTuple):
     """Surfels of every tile, front to back, and the gradient slot of each (surfel, tile) pair."""
 
-    surfel: Int32[np.ndarray, "pairs"]
+    surfel: Int32[np.ndarray, " pairs"]
     """Surfels of the pairs, ordered by tile, then by depth of the centre, then by surfel."""
-    slot: Int32[np.ndarray, "pairs"]
+    slot: Int32[np.ndarray, " pairs"]
     """Gradient slot of each pair. Slots are numbered surfel by surfel: those of one surfel are contiguous."""
-    start: Int32[np.ndarray, "tiles+1"]
+    start: Int32[np.ndarray, " tiles+1"]
     """Range of each tile's pairs."""
-    first_slot: Int32[np.ndarray, "surfels+1"]
+    first_slot: Int32[np.ndarray, " surfels+1"]
     """Range of each surfel's slots."""
-    order: Int32[np.ndarray, "tiles"]
+    order: Int32[np.ndarray, " tiles"]
     """Tiles by number of pairs, most first: the order in which workers take them."""
 
 
@@ -173,9 +173,9 @@ def _scatter(surfel, box, first_slot, across, down, workers):
 
 
 def tile_lists(
-    depth: Float32[np.ndarray, "n"],
+    depth: Float32[np.ndarray, " n"],
     box: Int32[np.ndarray, "n 4"],
-    num_tiles: Int32[np.ndarray, "n"],
+    num_tiles: Int32[np.ndarray, " n"],
     width: int,
     height: int,
     workers: int = 1,

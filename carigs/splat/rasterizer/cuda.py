@@ -36,7 +36,7 @@ TILE_SIZE = 16
 class GsplatSurfels(NamedTuple):
     """The m surfels that are not culled, as gsplat's tile kernels take them."""
 
-    kept: Bool[Tensor, "n"]
+    kept: Bool[Tensor, " n"]
     """Surfels that are not culled; they follow, in order, in the other fields."""
     homography: Float[Tensor, "m 3 3"]
     """From disc coordinates (s, t, 1) to homogeneous pixel coordinates."""
@@ -44,7 +44,7 @@ class GsplatSurfels(NamedTuple):
     """Centre of the box of the projected unit circle in pixels (gsplat: means2d)."""
     radius: Int[Tensor, "m 2"]
     """Half sides in pixels of a box around `lowpass_centre` that contains all alphas of 1/255 or more."""
-    depth: Float[Tensor, "m"]
+    depth: Float[Tensor, " m"]
     """Depth of the centres in metres."""
     normal: Float[Tensor, "m 3"]
     """Unit normals in camera axes that face the camera."""
@@ -94,7 +94,7 @@ def disc_homographies(surfels: WorldSurfels, camera: Camera) -> GsplatSurfels:
 
 
 def _circle_box(
-    homography: Float[Tensor, "m 3 3"], squared_radius: Float[Tensor, "m"]
+    homography: Float[Tensor, "m 3 3"], squared_radius: Float[Tensor, " m"]
 ) -> tuple[Float[Tensor, "m 2"], Float[Tensor, "m 2"]]:
     """Centre and half sides of the box of the projected circle s^2 + t^2 = r^2.
 

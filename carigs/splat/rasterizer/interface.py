@@ -21,7 +21,7 @@ class WorldSurfels:
     """First axis times its standard deviation, in metres; need not be orthogonal to the second."""
     tangent_v: Float[torch.Tensor, "n 3"]
     """Second axis times its standard deviation, in metres."""
-    opacity: Float[torch.Tensor, "n"]
+    opacity: Float[torch.Tensor, " n"]
     """In [0, 1]. Surfels below 1/255 are culled."""
     colour: Float[torch.Tensor, "n 3"]
     """RGB."""
@@ -31,7 +31,7 @@ class WorldSurfels:
 class Screen:
     """Screen-space quantities for density control; not differentiable."""
 
-    visible: Bool[torch.Tensor, "n"] | None = None
+    visible: Bool[torch.Tensor, " n"] | None = None
     """Whether the surfel's visible extent overlaps the image."""
     gradient: Float[torch.Tensor, "n 2"] | None = None
     """Gradient of the loss with respect to the projected centre in pixels; set by the backward pass."""

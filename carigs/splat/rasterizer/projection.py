@@ -272,7 +272,7 @@ def project_surfels(
 @numba.njit(cache=True, parallel=True, error_model="numpy")
 def project_surfels_backward(
     slots: Float32[np.ndarray, "pairs 20"],
-    first_slot: Int32[np.ndarray, "offsets"],
+    first_slot: Int32[np.ndarray, " offsets"],
     surfels: records.SurfelArrays,
     camera: records.Pinhole,
 ) -> records.SurfelGradients:

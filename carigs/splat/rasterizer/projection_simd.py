@@ -116,7 +116,7 @@ def _project_backward_all(count, *arguments):
 
 def project_surfels_backward(
     slots: Float32[np.ndarray, "pairs 20"],
-    first_slot: Int32[np.ndarray, "offsets"],
+    first_slot: Int32[np.ndarray, " offsets"],
     surfels: records.SurfelArrays,
     camera: records.Pinhole,
 ) -> records.SurfelGradients:

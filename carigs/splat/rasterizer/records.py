@@ -88,7 +88,7 @@ class SurfelArrays(NamedTuple):
     centre: Float32[np.ndarray, "n 3"]
     tangent_u: Float32[np.ndarray, "n 3"]
     tangent_v: Float32[np.ndarray, "n 3"]
-    opacity: Float32[np.ndarray, "n"]
+    opacity: Float32[np.ndarray, " n"]
     colour: Float32[np.ndarray, "n 3"]
 
 
@@ -114,7 +114,7 @@ class SurfelGradients(NamedTuple):
     centre: Float32[np.ndarray, "n 3"]
     tangent_u: Float32[np.ndarray, "n 3"]
     tangent_v: Float32[np.ndarray, "n 3"]
-    opacity: Float32[np.ndarray, "n"]
+    opacity: Float32[np.ndarray, " n"]
     colour: Float32[np.ndarray, "n 3"]
     projected_centre: Float32[np.ndarray, "n 2"]
     """With respect to the projected centre in pixels."""
@@ -127,7 +127,7 @@ class ProjectedSurfels(NamedTuple):
     """See the table of the module; undefined for culled surfels."""
     box: Int32[np.ndarray, "n 4"]
     """Pixel box [x0, x1, y0, y1) that contains all alphas of 1/255 or more; zeros for culled surfels."""
-    num_tiles: Int32[np.ndarray, "n"]
+    num_tiles: Int32[np.ndarray, " n"]
     """Tiles that the box overlaps; 0 for culled surfels."""
 
 

@@ -215,7 +215,7 @@ def vertices_gradient(
     posed: Float[np.ndarray, "v 3"],
     rotation: Float[np.ndarray, "f 3 3"],
     stretch: Float[np.ndarray, "f 3 3"],
-    valid: Bool[np.ndarray, "f"],
+    valid: Bool[np.ndarray, " f"],
 ) -> Float[np.ndarray, "v 3"]:
     """Gradient with respect to the posed vertices from that with respect to the records of the motion.
 

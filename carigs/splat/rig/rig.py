@@ -43,7 +43,7 @@ class Rig:
     vertices: Float64[np.ndarray, "v 3"]
     faces: Int32[np.ndarray, "f 3"]
     neighbours: Int32[np.ndarray, "f 3"]
-    scale: Float64[np.ndarray, "f"]
+    scale: Float64[np.ndarray, " f"]
     frame_records: Float32[np.ndarray, "f 16"]
     inverse_edges: Float64[np.ndarray, "f 3 3"]
 
@@ -126,7 +126,7 @@ def face_motion(rig: Rig, posed: Float[np.ndarray, "v 3"]) -> FaceMotion:
 def polar_decomposition(
     rig: Rig, posed: Float[np.ndarray, "v 3"]
 ) -> tuple[
-    Float64[np.ndarray, "f 3"], Float64[np.ndarray, "f 3 3"], Float64[np.ndarray, "f 3 3"], Bool[np.ndarray, "f"]
+    Float64[np.ndarray, "f 3"], Float64[np.ndarray, "f 3 3"], Float64[np.ndarray, "f 3 3"], Bool[np.ndarray, " f"]
 ]:
     """Centre, rotation and stretch of every triangle, see `face_motion`.
 
@@ -177,7 +177,7 @@ def motion_records(
 def _follow_neighbours(
     rotation: Float64[np.ndarray, "f 3 3"],
     stretch: Float64[np.ndarray, "f 3 3"],
-    valid: Bool[np.ndarray, "f"],
+    valid: Bool[np.ndarray, " f"],
     neighbours: Int32[np.ndarray, "f 3"],
 ) -> None:
     """Give triangles that are not valid the mean motion of valid neighbours, in place, ring by ring."""

@@ -53,7 +53,7 @@ class SkinnedSurfels(NamedTuple):
     centre: Float[Tensor, "n 3"]
     tangent_u: Float[Tensor, "n 3"]
     tangent_v: Float[Tensor, "n 3"]
-    opacity: Float[Tensor, "n"]
+    opacity: Float[Tensor, " n"]
     direction: Float[Tensor, "n 3"] | None
 
 

@@ -36,9 +36,9 @@ class SkinningInputs(NamedTuple):
     position: Float[np.ndarray, "n 3"]
     quaternion: Float[np.ndarray, "n 4"]
     log_scale: Float[np.ndarray, "n 2"]
-    logit: Float[np.ndarray, "n"]
+    logit: Float[np.ndarray, " n"]
     blend: Float[np.ndarray, "n 4"]
-    binding: Int32[np.ndarray, "n"]
+    binding: Int32[np.ndarray, " n"]
     frames: Float[np.ndarray, "f 16"]
     neighbours: Int32[np.ndarray, "f 3"]
     records: Float[np.ndarray, "f 32"]
@@ -53,7 +53,7 @@ class SkinnedArrays(NamedTuple):
     centre: Float[np.ndarray, "n 3"]
     tangent_u: Float[np.ndarray, "n 3"]
     tangent_v: Float[np.ndarray, "n 3"]
-    opacity: Float[np.ndarray, "n"]
+    opacity: Float[np.ndarray, " n"]
     direction: Float[np.ndarray, "n 3"]
 
 
@@ -63,7 +63,7 @@ class AttributeGradients(NamedTuple):
     position: Float[np.ndarray, "n 3"]
     quaternion: Float[np.ndarray, "n 4"]
     log_scale: Float[np.ndarray, "n 2"]
-    logit: Float[np.ndarray, "n"]
+    logit: Float[np.ndarray, " n"]
     blend: Float[np.ndarray, "n 4"]
 
 

@@ -35,7 +35,7 @@ class Surfels:
     """Quaternion wxyz, not normalized, in that frame; the third axis of the rotation is the disc's normal."""
     log_scale: Float[Tensor, "n 2"]
     """Natural logarithm of the standard deviations along the first two axes, in units of k."""
-    opacity: Float[Tensor, "n"]
+    opacity: Float[Tensor, " n"]
     """Logit."""
     colour: Float[Tensor, "n 3"]
     """Spherical harmonic of degree 0: RGB = 0.5 + SH_BASE * colour."""
@@ -43,7 +43,7 @@ class Surfels:
     """Higher degrees, k = (degree + 1)^2 - 1."""
     blend: Float[Tensor, "n 4"]
     """Logits of the blend weights: own triangle, then its three neighbours."""
-    binding: Int[np.ndarray, "n"]
+    binding: Int[np.ndarray, " n"]
     """Triangle of each surfel, ascending: surfels of one triangle are contiguous in memory."""
 
     def __len__(self) -> int:
@@ -76,7 +76,7 @@ class Surfels:
 ATTRIBUTES = tuple(f.name for f in fields(Surfels) if f.name != "binding")
 
 
-def from_arrays(binding: Int[np.ndarray, "n"], **arrays: np.ndarray) -> Surfels:
+def from_arrays(binding: Int[np.ndarray, " n"], **arrays: np.ndarray) -> Surfels:
     """Make surfels from arrays and sort them by triangle.
 
     Args:
@@ -143,9 +143,9 @@ def to_arrays(surfels: Surfels) -> dict[str, np.ndarray]:
 
 
 def flat_discs(
-    binding: Int[np.ndarray, "n"],
+    binding: Int[np.ndarray, " n"],
     position: Float[np.ndarray, "n 3"],
-    scale: Float[np.ndarray, "n"],
+    scale: Float[np.ndarray, " n"],
     opacity: float,
     rgb: Float[np.ndarray, "n 3"],
     sh_degree: int = 0,

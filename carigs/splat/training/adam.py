@@ -47,7 +47,7 @@ class Adam:
         self.second = {name: np.zeros_like(value) for name, value in self.first.items()}
 
     def step(
-        self, parameters: Parameters, rates: Mapping[str, float], frozen: Bool[np.ndarray, "n"] | None = None
+        self, parameters: Parameters, rates: Mapping[str, float], frozen: Bool[np.ndarray, " n"] | None = None
     ) -> None:
         """Update every attribute by its `.grad`; frozen rows keep their values and moments (freezing).
 
@@ -70,7 +70,7 @@ class Adam:
             arrays = (value.detach().numpy(), value.grad.numpy(), self.first[name], self.second[name])
             _update(*(a.reshape(n, -1) for a in arrays), frozen, np.float32(step_size), np.float32(correction))
 
-    def reorder(self, source: Int[np.ndarray, "m"], is_new: Bool[np.ndarray, "m"]) -> None:
+    def reorder(self, source: Int[np.ndarray, " m"], is_new: Bool[np.ndarray, " m"]) -> None:
         """Follow a change of the rows.
 
         Args:
@@ -82,7 +82,7 @@ class Adam:
                 moments[name] = value[source]
                 moments[name][is_new] = 0
 
-    def as_arrays(self) -> dict[str, Float32[np.ndarray, "n *_"]]:
+    def as_arrays(self) -> dict[str, Float32[np.ndarray, " n *_"]]:
         """The moments, for a checkpoint.
 
         Returns:

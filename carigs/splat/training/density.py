@@ -51,7 +51,7 @@ class GradientStatistics:
         self.total += np.where(visible, np.linalg.norm(screen.gradient.numpy() * half, axis=1), 0)
         self.views += visible
 
-    def mean(self) -> Float[np.ndarray, "n"]:
+    def mean(self) -> Float[np.ndarray, " n"]:
         """Mean over the views.
 
         Returns:
@@ -63,12 +63,12 @@ class GradientStatistics:
 def densify_and_prune(
     surfels: Surfels,
     adam: Adam,
-    gradient: Float[np.ndarray, "n"],
+    gradient: Float[np.ndarray, " n"],
     rig: Rig,
     extent: float,
     settings: Density,
     rng: np.random.Generator,
-    importance: Callable[[], Float[np.ndarray, "n"]] | None = None,
+    importance: Callable[[], Float[np.ndarray, " n"]] | None = None,
 ) -> Surfels:
     """Prune transparent surfels; clone small and split large surfels of large gradients.
 
@@ -118,8 +118,8 @@ def densify_and_prune(
 
 
 def keep_one_per_face(
-    binding: Int[np.ndarray, "n"], pruned: Bool[np.ndarray, "n"], opacity: Float[np.ndarray, "n"]
-) -> Bool[np.ndarray, "n"]:
+    binding: Int[np.ndarray, " n"], pruned: Bool[np.ndarray, " n"], opacity: Float[np.ndarray, " n"]
+) -> Bool[np.ndarray, " n"]:
     """Find the surfels to keep so that no triangle loses all its surfels.
 
     Args:

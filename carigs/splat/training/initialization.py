@@ -17,7 +17,7 @@ OCCLUSION_TOLERANCE = 0.003
 
 
 def initial_surfels(
-    settings: Train, supervision: Supervision, performance: HeadSequence, hair: Bool[np.ndarray, "f"]
+    settings: Train, supervision: Supervision, performance: HeadSequence, hair: Bool[np.ndarray, " f"]
 ) -> Surfels:
     """Initialize surfels on every face and above hair faces.
 
@@ -43,8 +43,8 @@ def initial_surfels(
 
 
 def place(
-    settings: Train, rig: Rig, hair: Bool[np.ndarray, "f"]
-) -> tuple[Int[np.ndarray, "n"], Float[np.ndarray, "n 3"], Float[np.ndarray, "n"]]:
+    settings: Train, rig: Rig, hair: Bool[np.ndarray, " f"]
+) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
     """Positions of the initial surfels.
 
     Each face gets `surfels_per_face` surfels, spread by the low-discrepancy sequence R2 (Roberts 2018). Each hair face
@@ -80,7 +80,7 @@ def place(
 
 
 def _in_triangle(
-    rig: Rig, binding: Int[np.ndarray, "n"], uniform: Float[np.ndarray, "n 2"]
+    rig: Rig, binding: Int[np.ndarray, " n"], uniform: Float[np.ndarray, "n 2"]
 ) -> Float[np.ndarray, "n 3"]:
     """Points of the triangles in their local frames, from points of the unit square folded along its diagonal."""
     b, c = uniform.T
@@ -93,7 +93,7 @@ def _in_triangle(
 
 
 def observed_colours(
-    binding: Int[np.ndarray, "n"],
+    binding: Int[np.ndarray, " n"],
     position: Float[np.ndarray, "n 3"],
     performance: HeadSequence,
     views: list[tuple[Example, Float[np.ndarray, "h w"]]],
@@ -135,7 +135,7 @@ def observed_colours(
 
 
 def _fill(
-    total: Float[np.ndarray, "f 3"], weight: Float[np.ndarray, "f"], neighbours: Int[np.ndarray, "f 3"]
+    total: Float[np.ndarray, "f 3"], weight: Float[np.ndarray, " f"], neighbours: Int[np.ndarray, "f 3"]
 ) -> Float[np.ndarray, "f 3"]:
     """Mean colour per face; faces without one take their neighbours' mean, ring by ring, then the overall mean."""
     colour = total / np.maximum(weight, 1e-12)[:, None]

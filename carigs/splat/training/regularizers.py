@@ -17,8 +17,8 @@ PART = 1024  # surfels whose terms are summed in order
 
 def add_threshold_loss(
     surfels: Surfels,
-    visible: Bool[np.ndarray, "n"],
-    position_limit: Float[np.ndarray, "n"],
+    visible: Bool[np.ndarray, " n"],
+    position_limit: Float[np.ndarray, " n"],
     position_weight: float,
     scale_limit: float,
     scale_weight: float,

@@ -16,8 +16,8 @@ class Schedule(NamedTuple):
         index: Index of the frame or target.
     """
 
-    gtstar: Bool[np.ndarray, "n"]
-    index: Int[np.ndarray, "n"]
+    gtstar: Bool[np.ndarray, " n"]
+    index: Int[np.ndarray, " n"]
 
 
 def draw_schedule(iterations: int, frames: int, targets: int, gtstar_probability: float, seed: int) -> Schedule:

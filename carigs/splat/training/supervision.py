@@ -37,7 +37,7 @@ class Example(NamedTuple):
     level: float
     image: Float32[np.ndarray, "h w 3"]
     valid: Bool[np.ndarray, "h w"] | None
-    frozen: Bool[np.ndarray, "f"] | None = None
+    frozen: Bool[np.ndarray, " f"] | None = None
     weight: float = 1.0
 
 

@@ -35,7 +35,7 @@ class RefinedParameters:
         used: Expression coefficients that move anything.
     """
 
-    def __init__(self, parameters: HeadParameters, used: Int[np.ndarray, "n"]) -> None:
+    def __init__(self, parameters: HeadParameters, used: Int[np.ndarray, " n"]) -> None:
         self.rows = {}
         for name in REFINED:
             value = getattr(parameters, name)

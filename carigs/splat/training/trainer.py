@@ -171,7 +171,7 @@ class _Run:
         if density.reset_every and done % density.reset_every == 0 and done < density.stop:
             reset_opacity(state.surfels, state.adam)
 
-    def _importance(self, views: Sequence[tuple[Frame, float]]) -> Float[np.ndarray, "n"]:
+    def _importance(self, views: Sequence[tuple[Frame, float]]) -> Float[np.ndarray, " n"]:
         """Contribution of every surfel to some frames, each at its level."""
         settings, surfels, total = self.settings, self.state.surfels, np.zeros(len(self.state.surfels))
         for frame, level in views:

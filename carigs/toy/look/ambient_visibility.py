@@ -13,7 +13,7 @@ from carigs.raster import rasterize_mesh
 _DIRECTIONS, _SIDE, _TOLERANCE = 72, 160, 0.0025  # directions, pixels, metres
 
 
-def ambient_visibility(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float32[np.ndarray, "v"]:
+def ambient_visibility(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Float32[np.ndarray, " v"]:
     """Cosine-weighted share of the directions from which each vertex is not occluded by the mesh.
 
     Args:

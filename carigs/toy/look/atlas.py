@@ -11,9 +11,9 @@ from jaxtyping import Float, Int, UInt8
 class Atlas(NamedTuple):
     """Texels of all faces: (r+1)(r+2)/2 on a face of resolution r, at barycentrics (i, j, r-i-j)/r, i-major."""
 
-    first: Int[np.ndarray, "f"]
+    first: Int[np.ndarray, " f"]
     """Index of a face's first texel."""
-    resolution: Int[np.ndarray, "f"]
+    resolution: Int[np.ndarray, " f"]
     texels: UInt8[np.ndarray, "t 4"]
     """Red, green, blue (sRGB), gloss."""
 
@@ -31,8 +31,8 @@ def texel_count(resolution: Int[np.ndarray, "*f"]) -> Int[np.ndarray, "*f"]:
 
 
 def allocate_texels(
-    lengths: Float[np.ndarray, "f"], budget: int
-) -> tuple[Int[np.ndarray, "f"], Int[np.ndarray, "f"], int]:
+    lengths: Float[np.ndarray, " f"], budget: int
+) -> tuple[Int[np.ndarray, " f"], Int[np.ndarray, " f"], int]:
     """Choose the largest resolutions in proportion to edge lengths that fit into a budget.
 
     Args:
@@ -52,7 +52,7 @@ def allocate_texels(
     return np.cumsum(count) - count, resolution, int(count.sum())
 
 
-def texel_points(corners: Float[np.ndarray, "f 3 3"], resolution: Int[np.ndarray, "f"]) -> Float[np.ndarray, "t 3"]:
+def texel_points(corners: Float[np.ndarray, "f 3 3"], resolution: Int[np.ndarray, " f"]) -> Float[np.ndarray, "t 3"]:
     """Positions of the texels.
 
     Args:

@@ -23,12 +23,12 @@ _ALONG = np.linspace(0, 1, _KNOTS)  # position of the knots on it
 class Strands(NamedTuple):
     """Polylines in the frames of the triangles that their roots lie on."""
 
-    face: Int[np.ndarray, "s"]
+    face: Int[np.ndarray, " s"]
     barycentric: Float[np.ndarray, "s 3"]
     """Position of the root on its face."""
     local: Float32[np.ndarray, "s k 3"]
     """Points relative to the root, in the triangle's frame (see `triangle_frames`), millimetres."""
-    width: Float32[np.ndarray, "s"]
+    width: Float32[np.ndarray, " s"]
     """Width at the root, in millimetres; strands taper towards the tip."""
     colour: Float32[np.ndarray, "s 3"]
     """sRGB in [0, 1]."""

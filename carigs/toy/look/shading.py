@@ -15,7 +15,7 @@ SRGB_FROM_LINEAR = to_srgb(np.arange(4097) / 4096).astype(np.float32)
 """sRGB value of linear values in steps of 1/4096."""
 
 
-def ambient_by_channel(visibility: Float32[np.ndarray, "v"]) -> Float32[np.ndarray, "v 4"]:
+def ambient_by_channel(visibility: Float32[np.ndarray, " v"]) -> Float32[np.ndarray, "v 4"]:
     """Ambient light by colour channel; interreflection makes it redder in folds of the skin.
 
     Args:

@@ -43,7 +43,7 @@ _LID_RADIUS = 14.0  # mean distance of the lid margins from the centre of the ey
 _OVERLAP = 0.7  # closed lids overlap by this much, because their margins are rounded
 
 
-def expression_basis(points: Float[np.ndarray, "n 3"], on_head: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n 3 e"]:
+def expression_basis(points: Float[np.ndarray, "n 3"], on_head: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3 e"]:
     """Evaluate the expression basis on the template.
 
     Args:

@@ -41,7 +41,7 @@ _GAUSSIANS = {
 }
 
 
-def identity_basis(points: Float[np.ndarray, "n 3"], eyeball: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n 3 k"]:
+def identity_basis(points: Float[np.ndarray, "n 3"], eyeball: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3 k"]:
     """Evaluate the identity basis on the template.
 
     Around the eyes every column is a similarity, the same for eyeball and lids: eyeballs stay round and lids stay on

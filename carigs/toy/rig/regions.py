@@ -15,7 +15,7 @@ _AZIMUTH = np.array([0.0, 14, 26, 38, 47, 55, 62, 68, 73, 78, 86, 100, 112, 120,
 _HAIRLINE = np.array([104.0, 105, 103, 94, 80, 62, 40, 20, 14, 30, 47, 47, 32, 0, -30, -44, -48])
 
 
-def height_above_hairline(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+def height_above_hairline(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
     """Signed height above the hairline.
 
     Args:
@@ -28,7 +28,7 @@ def height_above_hairline(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray,
     return y - np.interp(np.degrees(np.arctan2(np.abs(x), z + 10.0)), _AZIMUTH, _HAIRLINE)
 
 
-def ear_weight(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+def ear_weight(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
     """Weight of the outer ear.
 
     Args:
@@ -43,7 +43,7 @@ def ear_weight(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
     return weight
 
 
-def lip_borders(x: Float[np.ndarray, "n"]) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+def lip_borders(x: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Heights of the vermilion borders; they meet at the corners of the mouth.
 
     Args:
@@ -58,7 +58,7 @@ def lip_borders(x: Float[np.ndarray, "n"]) -> tuple[Float[np.ndarray, "n"], Floa
     return line - 10.2 * np.sqrt(1 - t**2) * (1 - 0.35 * t), line + np.maximum(upper, 0.0)
 
 
-def brow_weight(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+def brow_weight(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
     """Weight of the eyebrows.
 
     Args:
@@ -73,13 +73,13 @@ def brow_weight(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
     return np.where((t > -0.08) & (t < 1.02) & (points[:, 2] > 35), np.clip(inside, 0, 1), 0.0)
 
 
-def _brow_coordinates(points: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+def _brow_coordinates(points: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """Position along a brow, 0 at its inner end and 1 at its outer end, and height distance to its centre line."""
     t = (np.abs(points[:, 0]) - 10.0) / 44.0
     return t, np.abs(points[:, 1] - (45.5 + 22.0 * t * (1 - t) + 1.5 * t))
 
 
-def vertex_regions(template: Template) -> dict[str, Int[np.ndarray, "_"]]:
+def vertex_regions(template: Template) -> dict[str, Int[np.ndarray, " _"]]:
     """Vertices of each named region; left is the subject's left, at positive x.
 
     Args:

@@ -16,7 +16,7 @@ PARENTS = np.array([-1, 0, 1, 1, 1])
 _MOUTH_Z = 104.0
 
 
-def jaw_weight(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+def jaw_weight(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
     """Skinning weight of the jaw joint on the head surface.
 
     Args:
@@ -41,7 +41,7 @@ def jaw_weight(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
     return weight * _head_weight(points)
 
 
-def _head_weight(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+def _head_weight(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
     """Skinning weight of the neck joint and its children: 1 on the head, 0 at the lower end of the neck."""
     return smoothstep((points[:, 1] + 0.35 * points[:, 2] + 165.0) / 85.0)
 

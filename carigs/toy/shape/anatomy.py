@@ -47,7 +47,7 @@ def lip_line(x):
     return -43.4 - 0.9 * np.exp(-((t / 0.16) ** 2)) + 0.5 * np.exp(-(((t - 0.35) / 0.25) ** 2)) - 0.6 * t**4
 
 
-def eye_distance(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+def eye_distance(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
     """Distance to the centre of the eyeball on the same side of the head.
 
     Args:
@@ -60,7 +60,7 @@ def eye_distance(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
     return np.sqrt((np.abs(x) - EYE_X) ** 2 + (y - EYE_Y) ** 2 + (z - EYE_Z) ** 2)
 
 
-def mouth_cavity(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n"]:
+def mouth_cavity(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
     """Quadratic form of the ellipsoid that bounds the mouth cavity.
 
     Args:

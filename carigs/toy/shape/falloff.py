@@ -11,7 +11,7 @@ from jaxtyping import Float
 Triple = tuple[float, float, float]
 
 
-def gaussian(points: Float[np.ndarray, "n 3"], centre: Triple, radii: Triple) -> Float[np.ndarray, "n"]:
+def gaussian(points: Float[np.ndarray, "n 3"], centre: Triple, radii: Triple) -> Float[np.ndarray, " n"]:
     """Gaussian falloff exp(-d^2) around a point and around its mirror image, symmetric in x.
 
     Args:
@@ -28,7 +28,7 @@ def gaussian(points: Float[np.ndarray, "n 3"], centre: Triple, radii: Triple) ->
     return np.exp(-square)
 
 
-def smooth_sign(points: Float[np.ndarray, "n 3"], width: float = 4.0) -> Float[np.ndarray, "n"]:
+def smooth_sign(points: Float[np.ndarray, "n 3"], width: float = 4.0) -> Float[np.ndarray, " n"]:
     """Smooth sign of x: +1 on the subject's left, -1 on the right.
 
     Args:
@@ -43,9 +43,9 @@ def smooth_sign(points: Float[np.ndarray, "n 3"], width: float = 4.0) -> Float[n
 
 def displacement_field(
     points: Float[np.ndarray, "n 3"],
-    lateral: Float[np.ndarray, "n"] | float,
-    up: Float[np.ndarray, "n"] | float,
-    forward: Float[np.ndarray, "n"] | float,
+    lateral: Float[np.ndarray, " n"] | float,
+    up: Float[np.ndarray, " n"] | float,
+    forward: Float[np.ndarray, " n"] | float,
 ) -> Float[np.ndarray, "n 3"]:
     """Stack the components of a displacement field, each an array or a constant.
 
@@ -82,7 +82,7 @@ def gaussian_displacement(
 
 
 def rotated(
-    points: Float[np.ndarray, "n 3"], centre: Float[np.ndarray, "3"], axis: int, angle: Float[np.ndarray, "n"] | float
+    points: Float[np.ndarray, "n 3"], centre: Float[np.ndarray, "3"], axis: int, angle: Float[np.ndarray, " n"] | float
 ) -> Float[np.ndarray, "n 3"]:
     """Rotate points about a coordinate axis through `centre`, each by its own angle.
 

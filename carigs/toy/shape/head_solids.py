@@ -56,7 +56,7 @@ _MOUTH = [
 ]
 
 
-def head_solids(*, nose: bool = True, ear: bool = True) -> Shaped[np.ndarray, "n"]:
+def head_solids(*, nose: bool = True, ear: bool = True) -> Shaped[np.ndarray, " n"]:
     """All solids of the head in the order in which they are blended, without the openings of eyes and mouth.
 
     Args:

@@ -55,7 +55,7 @@ def _gradient_noise(points, scale, octaves, seed):
 
 def gradient_noise(
     points: Float32[np.ndarray, "n 3"], scale: float | tuple[float, float, float], octaves: int, seed: int
-) -> Float32[np.ndarray, "n"]:
+) -> Float32[np.ndarray, " n"]:
     """Fractal sum of gradient noise (Perlin 2002), each octave with half the wavelength and half the amplitude.
 
     Args:

@@ -13,11 +13,11 @@ from carigs.toy.shape import edge_operations as edges
 def remesh(
     vertices: Float[np.ndarray, "v 3"],
     faces: Int[np.ndarray, "f 3"],
-    border: Int[np.ndarray, "v"],
-    target_edge_lengths: Callable[[Float[np.ndarray, "v 3"]], Float[np.ndarray, "v"]],
-    project: Callable[[Float[np.ndarray, "v 3"], Int[np.ndarray, "v"]], None],
+    border: Int[np.ndarray, " v"],
+    target_edge_lengths: Callable[[Float[np.ndarray, "v 3"]], Float[np.ndarray, " v"]],
+    project: Callable[[Float[np.ndarray, "v 3"], Int[np.ndarray, " v"]], None],
     rounds: int,
-) -> tuple[Float[np.ndarray, "w 3"], Int[np.ndarray, "g 3"], Int[np.ndarray, "w"]]:
+) -> tuple[Float[np.ndarray, "w 3"], Int[np.ndarray, "g 3"], Int[np.ndarray, " w"]]:
     """Give a mesh the edge lengths of a sizing field: collapse, split, flip, relax, project.
 
     Args:

@@ -156,7 +156,7 @@ def close_lips(points):
 
 
 def sample_head_distance(
-    solids: Shaped[np.ndarray, "n"], low: Float[np.ndarray, "3"], step: float, shape: tuple[int, int, int]
+    solids: Shaped[np.ndarray, " n"], low: Float[np.ndarray, "3"], step: float, shape: tuple[int, int, int]
 ) -> Float[np.ndarray, "nx ny nz"]:
     """Sample the signed distance of the head on a grid in meshing space.
 
@@ -181,7 +181,7 @@ def sample_head_distance(
 
 
 def project_to_surface(
-    solids: Shaped[np.ndarray, "n"], points: Float[np.ndarray, "v 3"], border: Int[np.ndarray, "v"]
+    solids: Shaped[np.ndarray, " n"], points: Float[np.ndarray, "v 3"], border: Int[np.ndarray, " v"]
 ) -> None:
     """Move points of meshing space onto the surface of the head by Newton steps, in place.
 

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from carigs.toy.shape.anatomy import EYE_X, EYE_Z, SOCKET_RADIUS, eye_distance, lid_margins, lip_line, mouth_cavity
 
 
-def target_edge_lengths(points: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v"]:
+def target_edge_lengths(points: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, " v"]:
     """Target edge length at points of the surface.
 
     Args:

@@ -26,12 +26,12 @@ class Template(NamedTuple):
 
     vertices: Float[np.ndarray, "v 3"]
     faces: Int[np.ndarray, "f 3"]
-    left_eye: Bool[np.ndarray, "v"]
+    left_eye: Bool[np.ndarray, " v"]
     """Whether a vertex belongs to the left eyeball."""
-    right_eye: Bool[np.ndarray, "v"]
+    right_eye: Bool[np.ndarray, " v"]
 
     @property
-    def on_head(self) -> Bool[np.ndarray, "v"]:
+    def on_head(self) -> Bool[np.ndarray, " v"]:
         """Whether a vertex belongs to the head surface, that is to neither eyeball."""
         return ~(self.left_eye | self.right_eye)
 
