@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from carigs.config import settings_text
+from carigs.config import compose, compose_study, left_out_levels, rendered_levels, settings_text
 from carigs.errors import SettingsError
 from carigs.files import clean_results
 from carigs.job_lock import remove_free_locks
@@ -47,3 +47,24 @@ def prepare_results(folder: Path, overrides: Sequence[str]) -> None:
                 mark_stale(file)
             elif is_stale(file) or is_from_future(file):
                 mark_current(file)
+
+
+def settings_warnings(overrides: Sequence[str]) -> list[str]:
+    """What the settings ask for and a run will leave out.
+
+    Args:
+        overrides: Hydra overrides of the run.
+
+    Returns:
+        A line for levels above gamma, and one for each subject whose true caricatures are not where they should be.
+    """
+    config, lines = compose_study(*overrides), []
+    if levels := left_out_levels(config):
+        lines.append(f"study.levels: {', '.join(levels)} left out; gamma={config.gamma:g} is the highest level")
+    shown = rendered_levels(config)[1:]
+    for subject in config.study.subjects:
+        folder = compose(*overrides, f"subject={subject}").truth.folder
+        if folder and not any(Path(folder.replace("{level}", level)).is_dir() for level in shown):
+            missing = folder.replace("{level}", shown[-1])
+            lines.append(f"truth.folder: no folder {missing}; {subject} is compared with no true caricature")
+    return lines
