@@ -191,6 +191,16 @@ def test_settings_are_shown_as_a_whole_or_by_section(capsys):
     assert yaml.safe_load(capsys.readouterr().out)["seed"] == 4
 
 
+def test_settings_are_those_of_a_subject_of_the_study_and_say_which(capsys, monkeypatch):
+    monkeypatch.setenv("CARIGS_DATA", "/data")
+    for options, subject, source in (([], "ict_s1", "folder"), (["--subject", "toy"], "toy", "toy")):
+        assert settings.main(["study=ict", "--section", "capture", *options]) == 0
+        shown = capsys.readouterr().out
+        assert shown.startswith(f"# subject {subject}, ") and yaml.safe_load(shown)["source"] == source
+    assert main(["settings", "--subject", "tyo"]) == 1
+    assert "subject=tyo is unknown; known: " in capsys.readouterr().err
+
+
 def test_settings_are_shown_as_a_variant_has_them(capsys):
     assert settings.main(["--variant", "surfhead", "--section", "train", "train.seed=4"]) == 0
     shown = yaml.safe_load(capsys.readouterr().out)
