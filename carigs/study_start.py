@@ -14,6 +14,9 @@ from carigs.job_record import is_from_future, is_stale, mark_current, mark_stale
 from carigs.settings import STAGES
 from carigs.sources import fingerprint
 
+USEFUL_GAMMA = 1.0
+"""Above it a fifth of the faces turn over (docs/exaggeration.md)."""
+
 
 def prepare_results(folder: Path, overrides: Sequence[str]) -> None:
     """Remove what killed processes left, and mark what was made with other settings, code or inputs to be made again.
@@ -50,21 +53,29 @@ def prepare_results(folder: Path, overrides: Sequence[str]) -> None:
 
 
 def settings_warnings(overrides: Sequence[str]) -> list[str]:
-    """What the settings ask for and a run will leave out.
+    """What is likely to be wrong with the settings, or is left out by them.
 
     Args:
         overrides: Hydra overrides of the run.
 
     Returns:
-        A line for levels above gamma, and one for each subject whose true caricatures are not where they should be.
+        One line each for a gamma beyond `USEFUL_GAMMA`, for levels above gamma, and for each subject whose dataset or
+        true caricatures are not where they should be.
     """
     config, lines = compose_study(*overrides), []
+    if config.gamma > USEFUL_GAMMA:
+        lines.append(
+            f"gamma={config.gamma:g}: above {USEFUL_GAMMA:g} the surface is torn; about 0.5 is the most that is useful"
+        )
     if levels := left_out_levels(config):
         lines.append(f"study.levels: {', '.join(levels)} left out; gamma={config.gamma:g} is the highest level")
     shown = rendered_levels(config)[1:]
     for subject in config.study.subjects:
-        folder = compose(*overrides, f"subject={subject}").truth.folder
-        if folder and not any(Path(folder.replace("{level}", level)).is_dir() for level in shown):
-            missing = folder.replace("{level}", shown[-1])
+        settings = compose(*overrides, f"subject={subject}")
+        capture, truth = settings.capture, settings.truth.folder
+        if capture.source == "folder" and not Path(capture.folder).is_dir():
+            lines.append(f"capture.folder: no folder {capture.folder}; {subject} cannot be made")
+        if truth and not any(Path(truth.replace("{level}", level)).is_dir() for level in shown):
+            missing = truth.replace("{level}", shown[-1])
             lines.append(f"truth.folder: no folder {missing}; {subject} is compared with no true caricature")
     return lines

@@ -14,6 +14,13 @@ def test_nothing_is_said_of_settings_that_are_followed(own):
     assert settings_warnings([]) == settings_warnings(own) == []
 
 
+def test_a_gamma_that_tears_and_a_dataset_that_is_nowhere_are_named(own):
+    (line,) = settings_warnings(["gamma=1.5"])
+    assert line.startswith("gamma=1.5: above 1 the surface is torn")
+    (line,) = settings_warnings([*own, "capture.folder=/nowhere/anna"])
+    assert line == "capture.folder: no folder /nowhere/anna; own cannot be made"
+
+
 def test_levels_above_gamma_are_named():
     (line,) = settings_warnings(["study.levels=[0,0.5,0.25]"])
     assert line == "study.levels: 0.5 left out; gamma=0.25 is the highest level"
