@@ -6,6 +6,7 @@ Hydra composes values; Snakemake plans files and their order. Every wildcard is 
 """
 
 import sys
+from contextlib import suppress
 from itertools import product
 from pathlib import Path
 
@@ -142,9 +143,10 @@ def announce_duration(workflow):
     from carigs.planning.job_graph import needed_jobs
     from carigs.planning.study_plan import announcement, plan_study
 
-    line = announcement(plan_study(needed_jobs(workflow), overrides, nodes=1, cores=workflow.cores))
-    if line:
-        print(f"carigs: {line}", file=sys.stderr)
+    with suppress(CarigsError):  # what cannot be read ends the job that reads it
+        line = announcement(plan_study(needed_jobs(workflow), overrides, nodes=1, cores=workflow.cores))
+        if line:
+            print(f"carigs: {line}", file=sys.stderr)
 
 
 wildcard_constraints:
