@@ -19,6 +19,7 @@ report: "workflow/report/workflow.rst"
 
 onstart:
     if workflow.local_exec:
+        announce_duration(workflow)
         start_fork_server()
 
 

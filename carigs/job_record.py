@@ -99,6 +99,23 @@ def set_modification_times(
     return {key: count for key, count in stale.items() if count}
 
 
+def unfinished_jobs(folder: Path, since: float) -> list[Path]:
+    """List the jobs that began and did not end.
+
+    Args:
+        folder: The study's folder of logs and records, `results/{study}/log`.
+        since: Time in seconds since 1970; jobs that began before are left out.
+
+    Returns:
+        The log file of each, in the order in which they began.
+
+    Raises:
+        InputError: A record is malformed.
+    """
+    began = {file: file.stat().st_mtime for file, record in _read_records(folder).items() if not record["finished"]}
+    return [file.with_suffix(".log") for file in sorted(began, key=began.get) if began[file] >= since]
+
+
 def mark_stale(path: Path) -> None:
     """Let Snakemake make a file or folder again.
 

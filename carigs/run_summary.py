@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from carigs.errors import CarigsError, CarigsWarning
 
+ERROR_PREFIX = "carigs: "
 PREFIX = "carigs: warning: "
 
 
@@ -64,4 +65,23 @@ def warning_lines(folder: Path) -> list[str]:
     for warning, (first, *others) in logged_warnings(folder).items():
         also = f" and {len(others)} more" if others else ""
         lines.append(f"{warning} ({first}{also})")
+    return lines
+
+
+def error_lines(logs: Iterable[Path]) -> list[str]:
+    """The errors of jobs that failed, one line each.
+
+    Args:
+        logs: Their log files.
+
+    Returns:
+        The last line of each log, or that the job was killed, with the log file.
+    """
+    lines = []
+    for log in logs:
+        text = log.read_text("utf-8", "replace").rstrip() if log.is_file() else ""
+        last = text.rpartition("\n")[2]
+        if not last.startswith(ERROR_PREFIX) or last.startswith(PREFIX):
+            last = "the job ended without a message: it was killed, or the memory was full"
+        lines.append(f"{last.removeprefix(ERROR_PREFIX)} ({log})")
     return lines

@@ -6,13 +6,16 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from carigs.config import settings_text
+from carigs.config import compose, compose_study, left_out_levels, rendered_levels, settings_text
 from carigs.errors import SettingsError
 from carigs.files import clean_results
 from carigs.job_lock import remove_free_locks
 from carigs.job_record import is_from_future, is_stale, mark_current, mark_stale, set_modification_times
 from carigs.settings import STAGES
 from carigs.sources import fingerprint
+
+USEFUL_GAMMA = 1.0
+"""Above it a fifth of the faces turn over (docs/exaggeration.md)."""
 
 
 def prepare_results(folder: Path, overrides: Sequence[str]) -> None:
@@ -47,3 +50,32 @@ def prepare_results(folder: Path, overrides: Sequence[str]) -> None:
                 mark_stale(file)
             elif is_stale(file) or is_from_future(file):
                 mark_current(file)
+
+
+def settings_warnings(overrides: Sequence[str]) -> list[str]:
+    """What is likely to be wrong with the settings, or is left out by them.
+
+    Args:
+        overrides: Hydra overrides of the run.
+
+    Returns:
+        One line each for a gamma beyond `USEFUL_GAMMA`, for levels above gamma, and for each subject whose dataset or
+        true caricatures are not where they should be.
+    """
+    config, lines = compose_study(*overrides), []
+    if config.gamma > USEFUL_GAMMA:
+        lines.append(
+            f"gamma={config.gamma:g}: above {USEFUL_GAMMA:g} the surface is torn; about 0.5 is the most that is useful"
+        )
+    if levels := left_out_levels(config):
+        lines.append(f"study.levels: {', '.join(levels)} left out; gamma={config.gamma:g} is the highest level")
+    shown = rendered_levels(config)[1:]
+    for subject in config.study.subjects:
+        settings = compose(*overrides, f"subject={subject}")
+        capture, truth = settings.capture, settings.truth.folder
+        if capture.source == "folder" and not Path(capture.folder).is_dir():
+            lines.append(f"capture.folder: no folder {capture.folder}; {subject} cannot be made")
+        if truth and not any(Path(truth.replace("{level}", level)).is_dir() for level in shown):
+            missing = truth.replace("{level}", shown[-1])
+            lines.append(f"truth.folder: no folder {missing}; {subject} is compared with no true caricature")
+    return lines

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 import yaml
+from hypothesis import given
+from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
 from carigs.config import (
@@ -20,7 +22,9 @@ from carigs.config import (
     compose_study,
     compose_variant,
     folders,
+    join_overrides,
     known,
+    left_out_levels,
     load_settings,
     rendered_levels,
     settings_text,
@@ -410,6 +414,29 @@ def test_subjects_of_ones_own_are_found_in_the_current_directory(tmp_path, monke
     with pytest.raises(SettingsError, match=r"subject.toy\.yaml: subject=toy comes with carigs"):
         compose()
     compose.cache_clear()
+
+
+@pytest.mark.parametrize("group", ["subject", "study", "variant"])
+def test_a_file_without_its_package_is_told_what_its_first_line_is(group, tmp_path, monkeypatch):
+    file = tmp_path / f"conf/{group}/anna.yaml"
+    file.parent.mkdir(parents=True)
+    file.write_text("capture: {source: folder}\n")
+    monkeypatch.chdir(tmp_path)
+    compose.cache_clear()
+    with pytest.raises(InputError, match=rf"{group}.anna\.yaml: its first line must be `# @package _global_`"):
+        compose()
+    compose.cache_clear()
+
+
+@given(st.lists(st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), min_size=1), max_size=5))
+def test_overrides_are_joined_and_split_again(overrides):
+    assert split_overrides(join_overrides(overrides)) == tuple(overrides)
+
+
+def test_levels_above_gamma_are_those_left_out():
+    config = compose("study.levels=[0.5,0,0.25,0.3]")
+    assert left_out_levels(config) == ["0.3", "0.5"]
+    assert {f"{level:g}" for level in config.study.levels} == {*left_out_levels(config), *rendered_levels(config)}
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ import pytest
 
 from carigs.errors import CarigsError, InputError
 from carigs.job_lock import job_lock, remove_free_locks
-from carigs.job_record import STALE, is_stale, recorded_job, set_modification_times
+from carigs.job_record import STALE, is_stale, recorded_job, set_modification_times, unfinished_jobs
 from carigs.processes import this_process
 
 
@@ -177,3 +177,15 @@ def test_without_the_module_for_locks_nothing_is_locked(tmp_path):
     """As on Windows."""
     command = [sys.executable, "-c", WITHOUT_FCNTL, str(tmp_path)]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
+def test_jobs_that_failed_since_a_time_are_listed_in_order(study):
+    start = time.time() - 1
+    assert unfinished_jobs(study / "log", start) == []
+    for stage in ("render", "metrics"):
+        with pytest.raises(CarigsError), recorded_job(study / f"log/{stage}/a.log", study, "code", [], []):
+            raise CarigsError("no such image")
+        os.utime(study / f"log/{stage}/a.json", (start + 2, start + (1 if stage == "render" else 2)))
+    assert unfinished_jobs(study / "log", start) == [study / "log/render/a.log", study / "log/metrics/a.log"]
+    assert unfinished_jobs(study / "log", start + 1.5) == [study / "log/metrics/a.log"]
+    assert unfinished_jobs(study / "nothing", start) == []

@@ -7,7 +7,7 @@ import warnings
 import pytest
 
 from carigs.errors import CarigsWarning
-from carigs.run_summary import warning_lines, warnings_as_lines
+from carigs.run_summary import error_lines, warning_lines, warnings_as_lines
 
 
 def test_warnings_become_lines_of_the_log_and_others_stay(capsys):
@@ -32,3 +32,23 @@ def test_every_warning_is_repeated_once_with_its_log(tmp_path):
         f"no weights ({tmp_path}/metrics/a.log and 1 more)",
     ]
     assert warning_lines(tmp_path / "nothing") == []
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("reading\ncarigs: out.json: a.png: no such image\n", "out.json: a.png: no such image"),
+        ("carigs: warning: dark images\n", "the job ended without a message: it was killed, or the memory was full"),
+        (
+            "carigs: out.json: an old line\nstep 7\n",
+            "the job ended without a message: it was killed, or the memory was full",
+        ),
+        ("", "the job ended without a message: it was killed, or the memory was full"),
+        (None, "the job ended without a message: it was killed, or the memory was full"),
+    ],
+)
+def test_the_error_of_a_job_is_the_last_line_of_its_log(text, expected, tmp_path):
+    log = tmp_path / "a.log"
+    if text is not None:
+        log.write_text(text)
+    assert error_lines([log]) == [f"{expected} ({log})"]

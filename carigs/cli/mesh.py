@@ -26,6 +26,7 @@ from carigs.mesh.deformation import check_deformation
 from carigs.mesh.mesh_file import moved_mesh_file
 from carigs.mesh.regions import find_region, vertex_field
 from carigs.mesh.repair import CleanMesh, clean_mesh
+from carigs.mesh.self_intersection import self_intersecting_faces
 from carigs.readers.arrays import checked_array
 from carigs.readers.json_files import read_json
 from carigs.readers.meshes import FORMATS, read_mesh
@@ -41,9 +42,11 @@ EXAMPLES = """examples:
   carigs mesh head.obj --gamma 0 --regions masks.json --region nose=0.4 -o nose.ply
 
 With --gamma 0 only the regions are exaggerated and the rest is held. A negative level reduces what is characteristic.
-Levels beyond about 0.5 fold the surface; a warning says so.
+Useful levels end at about 0.5: beyond, the surface folds and cuts itself, and a warning says so. Levels outside [-1, 1]
+are refused without --force.
 """
 
+USEFUL_LEVEL = 1.0
 MAX_LEVEL = 100.0
 MAX_LEVELS = 100
 PREVIEW_ROWS = 10
@@ -70,7 +73,7 @@ def read_regions(file: Path) -> dict[str, np.ndarray]:
 
 
 def exaggerate(task: argparse.Namespace) -> None:
-    """Repair and solve a mesh; write the caricature (with several levels one file each) and a preview.
+    """Repair and solve a mesh; write the caricature (with several levels one file each) and, if named, a preview.
 
     Nothing is written before all levels are solved and checked.
 
@@ -92,9 +95,12 @@ def exaggerate(task: argparse.Namespace) -> None:
     for name, level in {"gamma": task.gamma, **task.region_levels}.items():
         if not abs(level) <= MAX_LEVEL:
             raise SettingsError(f"{name}={level:g}: levels lie in [-{MAX_LEVEL:g}, {MAX_LEVEL:g}]")
+        if not (task.force or abs(level) <= USEFUL_LEVEL):
+            useful = f"levels outside [-{USEFUL_LEVEL:g}, {USEFUL_LEVEL:g}] tear the surface"
+            raise SettingsError(f"{name}={level:g}: {useful}; --force solves for them all the same")
     fractions = (1 + np.arange(task.levels)) / task.levels
     outputs = level_files(task.output, fractions * (task.gamma or next(iter(task.region_levels.values()), 0.0)))
-    check_outputs((*outputs, task.preview), [file for file in (task.mesh, task.regions) if file])
+    check_outputs(outputs, task.preview, [file for file in (task.mesh, task.regions) if file])
     mesh = read_mesh(task.mesh)
     clean = clean_mesh(mesh.vertices, mesh.faces)
     report(str(clean.report))
@@ -102,7 +108,7 @@ def exaggerate(task: argparse.Namespace) -> None:
     fields = {name: _region_field(clean, task.regions, name) for name in task.region_levels}
     exaggerator = Exaggerator(clean.vertices, clean.faces, settings, regions=fields)
     report("factorised")
-    displacements = {}
+    cut_before, displacements = self_intersecting_faces(clean.vertices, clean.faces), {}
     for fraction in fractions:
         region_levels = {name: fraction * level for name, level in task.region_levels.items()}
         label = "level " + ", ".join(f"{level:.3g}" for level in (fraction * task.gamma, *region_levels.values()))
@@ -111,7 +117,7 @@ def exaggerate(task: argparse.Namespace) -> None:
             displacement = sum(local, 0 * clean.vertices)
         else:
             displacement = exaggerator.solve(fraction * task.gamma, region_levels)
-        check_deformation(clean.vertices, displacement, clean.faces, label)
+        check_deformation(clean.vertices, displacement, clean.faces, label, cut_before)
         displacements[fraction] = label, displacement
     for file, (_, displacement) in zip(outputs, displacements.values(), strict=True):
         moved = np.asarray(mesh.vertices) + clean.to_input(displacement)
@@ -119,6 +125,8 @@ def exaggerate(task: argparse.Namespace) -> None:
         with _typed_write_errors(file), writing(file) as part:
             part.write_bytes(content)
         report(f"{file}: moved by up to {np.linalg.norm(displacement, axis=1).max():.4g}")
+    if task.preview is None:
+        return
     rows = np.unique(np.linspace(0, task.levels - 1, min(task.levels, PREVIEW_ROWS)).round().astype(int))
     shown = [displacements[fractions[row]] for row in rows]
     previewed = {"level 0": clean.vertices} | {label: clean.vertices + moved for label, moved in shown}
@@ -149,23 +157,23 @@ def level_files(output: Path, levels: np.ndarray) -> list[Path]:
     raise SettingsError(f"--levels {len(levels)}: the levels must differ, found {levels[0]:g}, {levels[1]:g}, ...")
 
 
-def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path]) -> None:
+def check_outputs(meshes: Sequence[Path], preview: Path | None, inputs: Sequence[Path]) -> None:
     """Refuse outputs that cannot be written, or that would replace an input.
 
     Args:
-        outputs: Mesh files, and the preview last.
+        meshes: Mesh files.
+        preview: The picture, if there is to be one.
         inputs: Files that are read. Links, other spellings and other cases of their names are recognised.
 
     Raises:
         InputError: If an output has an unknown suffix, its folder is missing, it exists and is not a regular file, or
             it is one of the inputs.
     """
-    *meshes, preview = outputs
     if meshes[0].suffix.lower() not in FORMATS:
         raise InputError(f"unknown kind of mesh; known: {' '.join(FORMATS)}", file=meshes[0])
-    if preview.suffix.lower() != ".png":
+    if preview and preview.suffix.lower() != ".png":
         raise InputError("the preview is a .png", file=preview)
-    for file in outputs:
+    for file in (*meshes, *([preview] if preview else [])):
         try:
             if not file.parent.is_dir():
                 raise InputError("no such folder", file=file.parent)
@@ -232,13 +240,17 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--levels", type=int, default=1, help="files at equal steps up to gamma (default %(default)s)")
     parser.add_argument("--preset", choices=known("exaggerate"), default="robust", help="(default %(default)s)")
     parser.add_argument("-o", "--output", type=Path, required=True, help="mesh to write")
-    parser.add_argument("--preview", type=Path, help="PNG to write (default: OUTPUT_preview.png)")
+    picture = parser.add_mutually_exclusive_group()
+    picture.add_argument("--preview", type=Path, help="PNG to write (default: OUTPUT_preview.png)")
+    picture.add_argument("--no-picture", action="store_true", help="write no PNG, which takes half of the time")
+    parser.add_argument("--force", action="store_true", help="allow levels outside [-1, 1]")
     task = parser.parse_args(arguments)
     if not np.isfinite(task.gamma):
         parser.error(f"--gamma {task.gamma}: expected a number")
     if not 1 <= task.levels <= MAX_LEVELS:
         parser.error(f"--levels {task.levels}: expected 1 to {MAX_LEVELS}")
     task.region_levels = dict(task.region_levels)
-    task.preview = task.preview or task.output.with_name(f"{task.output.stem}_preview.png")
+    if not task.no_picture:
+        task.preview = task.preview or task.output.with_name(f"{task.output.stem}_preview.png")
     exaggerate(task)
     return 0

@@ -5,17 +5,14 @@ from __future__ import annotations
 import argparse
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Mapping
 
 from carigs.cli.parser import study_parser
-from carigs.cli.run import hydra_line
-from carigs.config import compose, compose_study, project_root
-from carigs.planning.costs import REFERENCE_SPEED, all_seconds, earlier_times, job_bytes, speed_test
-from carigs.planning.footage import Footage, subject_footage
-from carigs.planning.job_graph import Job, study_jobs
-from carigs.planning.schedule import Schedule, critical_path, list_schedule
+from carigs.config import compose_study, join_overrides, project_root
+from carigs.planning.footage import Footage
+from carigs.planning.job_graph import study_jobs
+from carigs.planning.schedule import critical_path
+from carigs.planning.study_plan import Plan, duration, plan_study, uncertainty
 
 DESCRIPTION = """Print the jobs of a study, their hours, memory and disk, and the time on a number of nodes.
 
@@ -28,27 +25,6 @@ EXAMPLES = """examples:
   carigs plan study=ict --remaining             only what has not been made yet
   carigs plan study=paper --json
 """
-
-
-@dataclass(frozen=True)
-class Plan:
-    """A study before it starts. Mappings of jobs have their numbers as keys."""
-
-    nodes: int
-    cores: int
-    """Of each node."""
-    jobs: Sequence[Job]
-    footage: Mapping[str, Footage]
-    """By subject."""
-    speed: float
-    """Of this machine, relative to the one that the table of costs was measured on."""
-    earlier: Mapping[int, float]
-    """Seconds of the jobs that ran in this directory before."""
-    seconds: Mapping[int, float]
-    """Of every job."""
-    sizes: Mapping[int, float]
-    """Bytes that each job writes."""
-    schedule: Schedule
 
 
 def main(arguments: list[str]) -> int:
@@ -69,42 +45,12 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--remaining", action="store_true", help="leave out what is made already")
     parser.add_argument("--json", action="store_true", help="print JSON")
     options = parser.parse_intermixed_args(arguments)
-    plan = _plan_study(options)
+    line, snakefile = join_overrides(options.overrides), str(project_root() / "Snakefile")
+    compose_study(*options.overrides)
+    jobs = study_jobs(line, snakefile, ["reproduce", "table"], options.cores, from_scratch=not options.remaining)
+    plan = plan_study(jobs, options.overrides, options.nodes, options.cores, options.memory)
     print(json.dumps(_summary(plan), indent=1) if options.json else _text(plan))
     return 0
-
-
-def _plan_study(options: argparse.Namespace) -> Plan:
-    """Estimate every job of the study that the command line names, and simulate the run."""
-    study = compose_study(*options.overrides).study
-    jobs = study_jobs(
-        hydra_line(options.overrides),
-        str(project_root() / "Snakefile"),
-        ["reproduce", "table"],
-        options.cores,
-        from_scratch=not options.remaining,
-    )
-    footage = {
-        subject: subject_footage(
-            compose(*options.overrides, f"subject={subject}").capture,
-            Path("results") / study.name / subject / "capture.json",
-        )
-        for subject in study.subjects
-    }
-    earlier = earlier_times(jobs, Path(".snakemake/metadata"))
-    speed = speed_test() / REFERENCE_SPEED
-    seconds = all_seconds(jobs, footage, options.overrides, earlier, speed)
-    return Plan(
-        nodes=options.nodes,
-        cores=options.cores,
-        jobs=jobs,
-        footage=footage,
-        speed=speed,
-        earlier=earlier,
-        seconds=seconds,
-        sizes={job.number: job_bytes(job, footage, options.overrides) for job in jobs},
-        schedule=list_schedule(jobs, seconds, options.nodes, options.cores, options.memory),
-    )
 
 
 def _summary(plan: Plan) -> dict[str, object]:
@@ -146,11 +92,11 @@ def _text(plan: Plan) -> str:
     summary = _summary(plan)
     lines = [f"{'rule':12}{'jobs':>6}{'one job':>12}{'all':>12}{'threads':>9}{'MB':>8}{'disk MB':>9}  measured"]
     for rule, row in summary["rules"].items():
-        one, total = _duration(row["seconds"] / row["jobs"]), _duration(row["seconds"])
+        one, total = duration(row["seconds"] / row["jobs"]), duration(row["seconds"])
         sized = f"{row['threads']:9}{row['memory_mb']:8.0f}{row['bytes'] / 1e6:9.0f}"
         lines.append(f"{rule:12}{row['jobs']:6}{one:>12}{total:>12}{sized}  {row['measured']} of {row['jobs']}")
     nodes = f"{plan.nodes} node{'s' * (plan.nodes > 1)} with {plan.cores} cores"
-    makespan, memory = _duration(plan.schedule.makespan), f"{plan.schedule.peak_memory / 1000:.1f} GB"
+    makespan, memory = duration(plan.schedule.makespan), f"{plan.schedule.peak_memory / 1000:.1f} GB"
     core_hours, disk = f"{summary['core_seconds'] / 3600:.2f} core hours", f"{summary['bytes'] / 1e9:.2f} GB on disk"
     chain = Counter(step["rule"] for step in summary["critical_path"] if step["seconds"] >= 0.1)
     path = ", ".join(f"{count} x {rule}" if count > 1 else rule for rule, count in chain.items())
@@ -158,10 +104,10 @@ def _text(plan: Plan) -> str:
         "",
         f"{len(plan.jobs)} jobs, {core_hours}, {disk}",
         f"on {nodes}: {makespan}, at most {memory} requested on a node",
-        f"critical path, the least on any number of nodes: {_duration(summary['critical_path_seconds'])} ({path})",
+        f"critical path, the least on any number of nodes: {duration(summary['critical_path_seconds'])} ({path})",
         "",
         *_footage_lines(plan.footage),
-        f"uncertainty: {_uncertainty(plan)}; waits in a queue and embedding networks are not included",
+        f"uncertainty: {uncertainty(plan)}; waits in a queue and embedding networks are not included",
     ]
     return "\n".join(lines)
 
@@ -175,22 +121,6 @@ def _footage_lines(footage: Mapping[str, Footage]) -> list[str]:
         size = f"{images.megapixels:.3g} megapixels"
         lines.append(f"{shown}: {images.train} training images, {images.evaluated} others, {size} ({images.source})")
     return lines
-
-
-def _uncertainty(plan: Plan) -> str:
-    """Where the times come from, and their error."""
-    if all(job.number in plan.earlier for job in plan.jobs if not job.is_local):
-        return "all jobs ran here before: expect 25 %"
-    if any("assumed" in images.source for images in plan.footage.values()):
-        return "the data are not here: within a factor of 3"
-    return f"times from the table of costs x {plan.speed:.2f} for this machine: within a factor of 2"
-
-
-def _duration(seconds: float) -> str:
-    """Seconds in a readable unit."""
-    if seconds < 100:
-        return f"{seconds:.1f} s"
-    return f"{seconds / 60:.1f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
 
 
 def _positive(text: str) -> int:

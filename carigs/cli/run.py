@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import re
+import os
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
+from pathlib import Path
 
+from carigs.cli import plan
 from carigs.cli.parser import study_parser
-from carigs.config import compose_study, project_root
+from carigs.config import compose, compose_study, join_overrides, project_root
+from carigs.job_record import unfinished_jobs
+from carigs.run_summary import error_lines
 
 EXAMPLES = """examples:
   carigs run                                            the toy study, on all cores
@@ -30,10 +35,11 @@ def run_parser(command: str, description: str, examples: str) -> argparse.Argume
     Returns:
         The parser; use it with `parse_run`.
     """
-    usage = "[--cores N] [--dry-run] [--profile FOLDER] [--target T] [-- ...]"
+    usage = "[--cores N] [--dry-run | --plan] [--profile FOLDER] [--target T] [-- ...]"
     parser = study_parser(command, description, examples, usage)
     parser.add_argument("-c", "--cores", metavar="N", help="CPU cores (default: all, or what --profile says)")
     parser.add_argument("-n", "--dry-run", action="store_true", help="print what would be made, make nothing")
+    parser.add_argument("--plan", action="store_true", help="print how long it will take on this machine, make nothing")
     parser.add_argument("--profile", metavar="FOLDER", help="workflow profile of Snakemake, such as slurm")
     parser.add_argument("--target", action="append", metavar="T", help="rule or file (default: reproduce and table)")
     return parser
@@ -58,6 +64,8 @@ def parse_run(parser: argparse.ArgumentParser, arguments: list[str]) -> argparse
 def make_study(overrides: Sequence[str], options: argparse.Namespace) -> bool:
     """Run Snakemake on the composed study; results are written to `results/` in the current directory.
 
+    After a failure the errors of the jobs are the last lines on stderr.
+
     Args:
         overrides: Hydra overrides.
         options: As returned by `parse_run`.
@@ -68,15 +76,24 @@ def make_study(overrides: Sequence[str], options: argparse.Namespace) -> bool:
     Raises:
         SettingsError: For wrong overrides, before Snakemake starts.
     """
-    compose_study(*overrides)
+    study = compose_study(*overrides).study
+    for subject in study.subjects:
+        compose(*overrides, f"subject={subject}")
+    if options.plan:
+        return plan.main([*overrides, "--remaining", "--cores", options.cores or str(os.cpu_count())]) == 0
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(project_root() / "Snakefile")]
     command += ["--workflow-profile", options.profile or str(project_root() / "profiles/default")]
     # On a cluster, cores of this machine would limit the threads of jobs.
     cores = options.cores or ("" if options.profile else "all")
     command += ["--cores", cores] if cores else []
     command += ["--dry-run"] * options.dry_run + options.snakemake
-    command += ["--config", f"hydra={hydra_line(overrides)}", "--", *(options.target or ("reproduce", "table"))]
-    return _exit_code(command) == 0
+    command += ["--config", f"hydra={join_overrides(overrides)}", "--", *(options.target or ("reproduce", "table"))]
+    started = time.time()
+    succeeded = _exit_code(command) == 0
+    if not succeeded:
+        for line in error_lines(unfinished_jobs(Path("results", study.name, "log"), started)):
+            print(f"carigs: {line}", file=sys.stderr)
+    return succeeded
 
 
 def _exit_code(command: list[str]) -> int:
@@ -87,19 +104,6 @@ def _exit_code(command: list[str]) -> int:
         except KeyboardInterrupt:
             snakemake.wait()
             raise
-
-
-def hydra_line(overrides: Sequence[str]) -> str:
-    """Join overrides for Snakemake's `--config hydra=`.
-
-    Args:
-        overrides: Hydra overrides.
-
-    Returns:
-        The line that `carigs.config.split_overrides` splits again. Backslashes, because Snakemake removes quotes at the
-        ends of a value; the blanks keep a last one. (A value of nothing but blanks is an error of Snakemake's parser.)
-    """
-    return "".join(re.sub(r"([\s'\"\\])", r"\\\1", override) + " " for override in overrides)
 
 
 def main(arguments: list[str]) -> int:

@@ -5,13 +5,14 @@ from __future__ import annotations
 from omegaconf import OmegaConf
 
 from carigs.cli.parser import study_parser
-from carigs.config import compose_study, compose_variant
+from carigs.config import compose, compose_study, compose_variant
 from carigs.settings import STAGES, reference
 
 EXAMPLES = """examples:
   carigs settings study=paper                      the settings of a study
   carigs settings gamma=0.2 --section train        one section
   carigs settings study=ict --variant surfhead     with what a variant changes
+  carigs settings study=paper --subject nersemble_104   of another subject than the study's first
   carigs settings --reference                      every key with default, range, unit and meaning
 """
 
@@ -26,8 +27,9 @@ def main(arguments: list[str]) -> int:
         Exit code.
     """
     description = "Print the composed settings of a study as YAML, or the reference of all settings."
-    usage = "[--variant NAME] [--section NAME] | --reference | --schema"
+    usage = "[--subject NAME] [--variant NAME] [--section NAME] | --reference | --schema"
     parser = study_parser("settings", description, EXAMPLES, usage)
+    parser.add_argument("--subject", metavar="NAME", help="as this subject has them (default: the first of the study)")
     parser.add_argument("--variant", metavar="NAME", help="as this variant has them")
     parser.add_argument("--section", choices=("study", *STAGES), help="print this section alone")
     parser.add_argument("--reference", action="store_true", help="print the reference: docs/configuration.md")
@@ -38,8 +40,11 @@ def main(arguments: list[str]) -> int:
     elif parsed.schema:
         print(reference.json_schema(), end="")
     else:
-        settings = compose_study(*parsed.overrides)
-        if parsed.variant:
-            settings = compose_variant(parsed.variant, *parsed.overrides)
+        study = compose_study(*parsed.overrides).study
+        subject = parsed.subject or study.subjects[0]
+        choice = [*parsed.overrides, f"subject={subject}"]
+        settings = compose_variant(parsed.variant, *choice) if parsed.variant else compose(*choice)
+        variant = f"variant {parsed.variant}" if parsed.variant else "before the changes of variants"
+        print(f"# subject {subject}, {variant}")
         print(OmegaConf.to_yaml(settings[parsed.section] if parsed.section else settings), end="")
     return 0

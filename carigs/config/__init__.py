@@ -4,17 +4,17 @@ Hydra finds groups in the project's `conf/` and in a folder `conf/` of the curre
 studies of your own.
 
 - `compose`, `compose_study`, `compose_variant`: settings from overrides
-- `split_overrides`: overrides from a line
+- `join_overrides`, `split_overrides`: overrides to a line and back
 - `settings_text`, `load_settings`: a section as YAML and back
-- `rendered_levels`, `target_levels`, `target_maker`: what paths of the workflow depend on
+- `rendered_levels`, `left_out_levels`, `target_levels`, `target_maker`: what paths of the workflow depend on
 - `project_root`, `CONF`, `GROUPS`, `known`: files of the configuration
 """
 
 from carigs.config.composition import compose, compose_study
 from carigs.config.folders import CONF, GROUPS, known, project_root
 from carigs.config.frozen import load_settings, settings_text
-from carigs.config.levels import rendered_levels, target_levels
-from carigs.config.overrides import split_overrides
+from carigs.config.levels import left_out_levels, rendered_levels, target_levels
+from carigs.config.overrides import join_overrides, split_overrides
 from carigs.config.variants import compose_variant, target_maker
 
 __all__ = [
@@ -23,7 +23,9 @@ __all__ = [
     "compose",
     "compose_study",
     "compose_variant",
+    "join_overrides",
     "known",
+    "left_out_levels",
     "load_settings",
     "project_root",
     "rendered_levels",

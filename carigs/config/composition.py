@@ -12,7 +12,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from carigs.config.folders import conf_folders
+from carigs.config.folders import check_package, conf_folders
 from carigs.config.hydra_errors import describe
 from carigs.config.names import check_names, expand_patterns
 from carigs.config.overrides import check_overrides, check_study_overrides
@@ -45,6 +45,7 @@ def compose(*overrides: str) -> DictConfig:
     conf, *own = conf_folders()
     for file in (file for folder in (conf, *own) for file in folder.rglob("*.yaml")):
         check_yaml(file)  # before Hydra opens it
+        check_package(file)
     search = [f"hydra.searchpath=['file://{folder.as_posix()}']" for folder in own]
     try:
         with initialize_config_dir(str(conf), version_base="1.3"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from carigs.errors import SettingsError
+from carigs.errors import InputError, SettingsError
 
 
 def project_root() -> Path:
@@ -41,6 +41,19 @@ def conf_folders() -> list[Path]:
             if shipped.is_file() and shipped.read_bytes() != file.read_bytes():
                 raise SettingsError(f"{file}: {group}={file.stem} comes with carigs; choose another name")
     return [CONF, own]
+
+
+def check_package(file: Path) -> None:
+    """Refuse a subject, study or variant whose keys Hydra would put below the name of the group.
+
+    Args:
+        file: File of a configuration group, which has passed `check_yaml`.
+
+    Raises:
+        InputError: If there is no comment with Hydra's `@package`.
+    """
+    if file.parent.name in ("study", "subject", "variant") and "@package" not in file.read_text("utf-8"):
+        raise InputError("its first line must be `# @package _global_`", file=file)
 
 
 def known(group: str) -> list[str]:

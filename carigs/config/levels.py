@@ -18,6 +18,18 @@ def rendered_levels(config: DictConfig) -> list[str]:
     return list(dict.fromkeys(f"{level:g}" for level in sorted({0.0, *inside, config.gamma})))
 
 
+def left_out_levels(config: DictConfig) -> list[str]:
+    """The levels of a study that are not rendered, because they lie above gamma.
+
+    Args:
+        config: Composed settings.
+
+    Returns:
+        Levels in ascending order, formatted as in paths.
+    """
+    return [f"{level:g}" for level in sorted({*config.study.levels}) if level > config.gamma]
+
+
 def target_levels(train: DictConfig, gamma: float) -> list[str]:
     """The levels whose GT* frames training reads: `train.num_gtstar_levels` of them, evenly spaced up to gamma.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from collections.abc import Iterable
 
 from carigs.errors import SettingsError
 
@@ -33,6 +34,19 @@ def split_overrides(text: str) -> tuple[str, ...]:
         reason = "Snakemake removes a quote at the end of the value; type a blank after it"
         example = "\"hydra=metrics.edit_prompt='A nose' \""
         raise SettingsError(f"hydra={text}: {error}. {reason}, as in --config {example}") from error
+
+
+def join_overrides(overrides: Iterable[str]) -> str:
+    """Join overrides for Snakemake's `--config hydra=`.
+
+    Args:
+        overrides: Hydra overrides.
+
+    Returns:
+        The line that `split_overrides` splits again. Backslashes, because Snakemake removes quotes at the ends of a
+        value; the blanks keep a last one. (A value of nothing but blanks is an error of Snakemake's parser.)
+    """
+    return "".join(re.sub(r"([\s'\"\\])", r"\\\1", override) + " " for override in overrides)
 
 
 def check_overrides(overrides: tuple[str, ...]) -> None:

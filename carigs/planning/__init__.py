@@ -4,4 +4,5 @@
 - `footage`: number and size of a subject's images, as far as they are known
 - `costs`: seconds and bytes of a job
 - `schedule`: when each job runs on a number of nodes
+- `study_plan`: all of this for a study, and what a run says of it when it starts
 """

@@ -11,9 +11,12 @@ import subprocess
 import sys
 from contextlib import redirect_stdout
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from carigs.errors import SettingsError
+
+if TYPE_CHECKING:
+    from snakemake.workflow import Workflow
 
 
 @dataclass(frozen=True)
@@ -80,23 +83,35 @@ def _read_jobs(request: dict[str, Any]) -> list[Job]:
         settings = DAGSettings(targets=set(request["targets"]), forceall=request["from_scratch"])
         with redirect_stdout(io.StringIO()):
             workflow.dag(dag_settings=settings).printd3dag()  # the least that builds the graph and runs nothing
-        graph = workflow._workflow.dag
-        needed = [job for job in graph.toposorted() for job in sorted(job, key=graph.jobid)]
-        needed = [job for job in needed if graph.needrun(job)]
-        return [
-            Job(
-                number=graph.jobid(job),
-                rule=job.rule.name,
-                wildcards=dict(job.wildcards.items()),
-                threads=int(job.threads),
-                memory=float(job.resources.get("mem_mb", 0)),
-                priority=float(job.rule.priority),
-                is_local=job.rule.name in workflow._workflow._localrules,
-                log=str(job.log[0]) if job.log else None,
-                needs=tuple(sorted(graph.jobid(other) for other in graph.dependencies[job] if graph.needrun(other))),
-            )
-            for job in needed
-        ]
+        return needed_jobs(workflow._workflow)
+
+
+def needed_jobs(workflow: Workflow) -> list[Job]:
+    """List the jobs that a workflow will run.
+
+    Args:
+        workflow: Snakemake's workflow, with its graph of jobs.
+
+    Returns:
+        The jobs, each after the ones that it needs.
+    """
+    graph = workflow.dag
+    needed = [job for job in graph.toposorted() for job in sorted(job, key=graph.jobid)]
+    needed = [job for job in needed if graph.needrun(job)]
+    return [
+        Job(
+            number=graph.jobid(job),
+            rule=job.rule.name,
+            wildcards=dict(job.wildcards.items()),
+            threads=int(job.threads),
+            memory=float(job.resources.get("mem_mb", 0)),
+            priority=float(job.rule.priority),
+            is_local=job.rule.name in workflow._localrules,
+            log=str(job.log[0]) if job.log else None,
+            needs=tuple(sorted(graph.jobid(other) for other in graph.dependencies[job] if graph.needrun(other))),
+        )
+        for job in needed
+    ]
 
 
 if __name__ == "__main__":

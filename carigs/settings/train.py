@@ -95,8 +95,8 @@ class Train(Section, key="train"):
     """Regions of the head model with hair: `gtstar.hair_regions`, unless set here."""
     hair_layers: int = option(6, ge=0, le=1000)
     """Additional surfels on each hair triangle, spread along its normal."""
-    hair_length: float = option(0.012, unit="metres", ge=0, le=1)
-    """Height above the scalp over which they are spread."""
+    hair_length: float | None = option(0.012, unit="metres", ge=0, le=1)
+    """Height above the scalp over which they are spread (null: measured from the mattes)."""
     ssim_weight: float = option(0.2, ge=0, le=1)
     """Weight w of the loss (1 - w) L1 + w (1 - SSIM)."""
     position_lr: float = option(0.03, unit="triangle units", ge=0, le=10)

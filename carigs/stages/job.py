@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from carigs.config import load_settings
-from carigs.errors import exit_code, one_line
+from carigs.errors import CarigsError, exit_code, one_line
 from carigs.job_record import recorded_job
 from carigs.run_summary import warnings_as_lines
 
@@ -65,7 +65,9 @@ def run_job(
     outputs: list[str],
     log: str,
 ) -> int:
-    """Call a stage; errors that are no mistake of the program are one line, on the terminal and in the log.
+    """Call a stage; an error is one line, on the terminal and at the end of the log.
+
+    A mistake of the program is printed with its traceback before that line.
 
     Args:
         stage: Name of the module in `carigs.stages`, of its function and of its section in the settings.
@@ -101,5 +103,8 @@ def run_job(
 
 
 def _message(output: str, error: BaseException) -> str:
-    line = one_line(error)
-    return f"carigs: {output}: {line}" if line else "".join(traceback.format_exception(error))
+    line, traced = one_line(error), ""
+    if line is None:
+        line = str(CarigsError(f"{type(error).__name__}: {error}; this is an error of carigs, traced in its log"))
+        traced = "".join(traceback.format_exception(error))
+    return f"{traced}carigs: {output}: {line}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from carigs.capture import Capture
@@ -50,6 +51,7 @@ def train(
     from carigs.splat.avatar import Avatar, save_avatar
     from carigs.splat.rig.head_sequence import head_sequence
     from carigs.splat.surfels.ply import write_ply
+    from carigs.splat.training.hair_length import measured_hair_length
     from carigs.splat.training.supervision import Supervision
     from carigs.splat.training.trainer import COLUMNS, train_surfels
 
@@ -60,6 +62,10 @@ def train(
     if sets and settings.relight_surfels:
         sequence.shading = load_shading(sets[-1].folder / SHADING, len(subject.model.faces))  # one light for all levels
     supervision = Supervision(subject, sets if settings.gtstar_probability > 0 else (), settings.mask_flags)
+    if settings.hair_length is None:
+        length = measured_hair_length(subject, subject.model.face_region(*settings.hair_regions))
+        print(f"train: hair stands off by {1e3 * length:.0f} mm")
+        settings = replace(settings, hair_length=length)
     checkpoint = avatar.with_suffix(".checkpoint")
     surfels, rows = train_surfels(settings, sequence, supervision, checkpoint)
     trained = Avatar(surfels, sequence, settings.rig, settings.rotate_harmonics, subject.background)

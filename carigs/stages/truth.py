@@ -47,7 +47,7 @@ def truth(settings: Truth, *, capture: Path, path: Path, level: float, frames: P
         elif settings.folder and (folder := Path(settings.folder.replace("{level}", f"{level:g}"))).is_dir():
             keys = _copy_supplied(subject, folder, part)
         else:
-            keys, reason = iter(()), f"no true caricature of this subject at level {level:g}"
+            keys, reason = iter(()), "no true caricature of this subject at this level"
         written = list(keys)
     write_ground_truth(index, level, written, reason)
 

@@ -14,6 +14,8 @@ from evaluation.figures.png_figure import png_figure
 Image = Float[np.ndarray, "_ _ 3"]
 DPI = 100
 MARGIN, LABEL, TITLE = 0.08, 0.3, 0.4  # inches
+LEGEND_ENTRY, LEGEND_LINE = 1.1, 0.16
+"""Width of the widest entry and height of a line of the legend in inches."""
 
 
 def write_sheet(
@@ -47,7 +49,9 @@ def write_sheet(
     cell_height = height / DPI
     cell_width = cell_height * first.shape[1] / first.shape[0]
     width = LABEL + len(columns) * cell_width + 2 * MARGIN
-    below = LABEL if footnote or legend else 0.0
+    entries = max(int(width / LEGEND_ENTRY), 1)  # in a line of the legend
+    lines = -(-len(legend or ()) // entries)
+    below = LABEL + LEGEND_LINE * max(lines - 1, 0) if footnote or legend else 0.0
     total = TITLE + LABEL + len(rows) * cell_height + MARGIN + below
     with png_figure(file, (width, total), dpi=DPI, facecolor="white") as figure:
 
@@ -60,7 +64,7 @@ def write_sheet(
         if legend:
             patches = [Patch(color=colour, label=name) for name, colour in legend.items()]
             figure.legend(
-                handles=patches, loc="center", bbox_to_anchor=(0.5, 0.5 * below / total), ncols=len(patches),
+                handles=patches, loc="center", bbox_to_anchor=(0.5, 0.5 * below / total), ncols=entries,
                 fontsize=7, frameon=False, handlelength=1, columnspacing=1.2,
             )  # fmt: skip
         for i, line in enumerate(images):

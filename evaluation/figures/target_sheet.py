@@ -1,4 +1,4 @@
-"""Contact sheet of GT* targets: frame, target, mask flags in colour, and the true caricature where it is known."""
+"""Contact sheet of GT* targets: frame, target and mask flags in colour; of the toy also the truth and the error."""
 
 from __future__ import annotations
 
@@ -58,19 +58,21 @@ def target_sheet(file: Path, subject: Capture, targets: Sequence[dict[str, Any]]
         toy = load_subject(subject.root)
     excluded, images = flags_from_names(DEFAULT_MASK_FLAGS), []
     for frame in shown:
-        entry, truth = entries[frame.name], None
+        entry = entries[frame.name]
         target, mask_flags = read_rgb(file.parent / entry["image"]), read_bits(file.parent / entry["mask_flags"])
+        images.append([subject.image(frame), target, flag_overlay(target, mask_flags, excluded)])
         if is_toy:
             parameters, camera = subject.parameters(frame.timestep), subject.camera(frame)
             truth, _ = render_subject(toy, parameters, camera, exaggerated)
-        overlay = flag_overlay(target, mask_flags, excluded)
-        images.append([subject.image(frame), target, overlay, truth, error_map(target, truth)])
+            images[-1] += [truth, error_map(target, truth)]
+    columns, title = ["frame", "target", "mask flags"], "Targets"
+    if is_toy:
+        columns, title = [*columns, "truth", "error"], f"Targets (error: black 0 to yellow {ERROR_SCALE:g})"
     legend = {flag.name.lower().replace("_", " "): colour for flag, colour in COLOURS.items()}
     if shown:
         write_sheet(
             file, images, rows=[frame.name for frame in shown], height=HEIGHT, legend=legend,
-            columns=["frame", "target", "mask flags", "truth", "error"],
-            title=f"Targets (error: black 0 to yellow {ERROR_SCALE:g})",
+            columns=columns, title=title,
         )  # fmt: skip
 
 

@@ -86,13 +86,28 @@ def commands(monkeypatch):
     return seen
 
 
-def test_options_reach_snakemake_and_its_failure_the_exit_code(commands):
+def test_options_reach_snakemake_and_its_failure_the_exit_code(commands, monkeypatch):
+    monkeypatch.setenv("CARIGS_DATA", "/data")
     assert run.main(["study=ict", "-n", "gamma=0.1", "--cores", "3", "--target", "table", "--", "--keep-going"]) == 0
     (command,) = commands
     assert command[command.index("--cores") + 1] == "3"
     assert command[-4:] == ["--config", "hydra=study=ict gamma=0.1 ", "--", "table"]
     assert {"--dry-run", "--keep-going"} <= {*command}
     assert run.main(["gamma=0.2"]) == 1
+
+
+def test_a_plan_runs_nothing(commands, monkeypatch):
+    planned = []
+    monkeypatch.setattr(run.plan, "main", lambda arguments: planned.append(arguments) or 0)
+    assert run.main(["gamma=0.1", "--plan", "--cores", "3"]) == 0
+    assert (commands, planned) == ([], [["gamma=0.1", "--remaining", "--cores", "3"]])
+
+
+def test_a_subject_that_lacks_its_folder_is_one_line(commands, capsys):
+    assert main(["run", "study=own"]) == 1
+    assert capsys.readouterr().err == "carigs: capture.folder must be set when capture.source is folder\n"
+    assert main(["run", "study=own", "capture.folder=a", "capture.head_model=a.npz"]) == 0
+    assert len(commands) == 1
 
 
 def test_cores_of_this_machine_do_not_limit_jobs_elsewhere(commands):
@@ -174,6 +189,16 @@ def test_settings_are_shown_as_a_whole_or_by_section(capsys):
     assert "study.variants" in capsys.readouterr().err
     assert settings.main(["--section", "train", "train.seed=4"]) == 0
     assert yaml.safe_load(capsys.readouterr().out)["seed"] == 4
+
+
+def test_settings_are_those_of_a_subject_of_the_study_and_say_which(capsys, monkeypatch):
+    monkeypatch.setenv("CARIGS_DATA", "/data")
+    for options, subject, source in (([], "ict_s1", "folder"), (["--subject", "toy"], "toy", "toy")):
+        assert settings.main(["study=ict", "--section", "capture", *options]) == 0
+        shown = capsys.readouterr().out
+        assert shown.startswith(f"# subject {subject}, ") and yaml.safe_load(shown)["source"] == source
+    assert main(["settings", "--subject", "tyo"]) == 1
+    assert "subject=tyo is unknown; known: " in capsys.readouterr().err
 
 
 def test_settings_are_shown_as_a_variant_has_them(capsys):

@@ -213,8 +213,12 @@ def test_the_input_is_never_an_output(mesh, tmp_path, monkeypatch, capsys, name)
         (["-o", "out.obj", "--gamma", "1000"], "gamma=1000: levels lie in [-100, 100]"),
         (["-o", "out.obj", "--region", "nose=-1e9", "--regions", "regions.json"], "nose=-1e+09: levels lie in"),
         (["-o", "out.obj", "--gamma", "0", "--levels", "3"], "--levels 3: the levels must differ"),
-        (["-o", "out.obj", "--gamma", "-100", "--preset", "paper"], "level 100: a weight |K|^gamma exceeds"),
-        (["-o", "out.obj", "--gamma", "-3", "--preset", "paper"], "times the size of the mesh; at most 100 is usable"),
+        (["-o", "out.obj", "--gamma", "1.2"], "gamma=1.2: levels outside [-1, 1] tear the surface; --force solves"),
+        (["-o", "out.obj", "--gamma", "-100", "--preset", "paper", "--force"], "level 100: a weight |K|^gamma exceeds"),
+        (
+            ["-o", "out.obj", "--gamma", "-3", "--preset", "paper", "--force"],
+            "times the size of the mesh; at most 100 is usable",
+        ),
     ],
 )
 def test_what_cannot_be_written_is_refused_before_anything_is(mesh, tmp_path, monkeypatch, capsys, options, words):
@@ -234,11 +238,17 @@ def test_what_cannot_be_written_is_refused_before_anything_is(mesh, tmp_path, mo
     assert sorted(os.listdir()) == before
 
 
-def test_a_level_that_folds_the_surface_is_written_with_a_warning(mesh, tmp_path, capsys):
+def test_a_level_that_folds_the_surface_is_written_with_a_warning_if_it_is_forced(mesh, tmp_path, capsys):
     mesh.export(tmp_path / "head.obj")
-    assert main([str(tmp_path / "head.obj"), "--gamma", "3", "-o", str(tmp_path / "out.obj")]) == 0
-    assert re.fullmatch(r"carigs: warning: level 3: .* % of the faces turn over.*\n", capsys.readouterr().err)
+    arguments = [str(tmp_path / "head.obj"), "--gamma", "3", "-o", str(tmp_path / "out.obj"), "--no-picture"]
+    assert main(arguments) == 1
+    assert not (tmp_path / "out.obj").exists()
+    capsys.readouterr()
+    assert main([*arguments, "--force"]) == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert re.fullmatch("carigs: warning: level 3: the surface folds: .* % of the faces turn over.*", line)
     assert np.isfinite(trimesh.load(tmp_path / "out.obj").vertices).all()
+    assert not (tmp_path / "out_preview.png").exists()
 
 
 def test_close_levels_have_files_of_their_own(mesh, tmp_path):

@@ -105,6 +105,15 @@ def test_what_is_the_inputs_fault_is_told_in_one_line_and_in_the_log(stubbed):
 
 
 @pytest.mark.slow
+def test_the_last_line_of_a_run_that_failed_is_the_error(stubbed):
+    done = stubbed.command("carigs", "run", "study.name=failed", "capture.folder=broken", "--target", "table")
+    log = "results/failed/log/capture/toy.log"
+    assert done.returncode == 1
+    error = "carigs: results/failed/toy/capture.json: capture.folder=broken is no dataset"
+    assert done.stderr.splitlines()[-1].startswith(error) and log.replace("toy", "") in done.stderr.splitlines()[-1]
+
+
+@pytest.mark.slow
 def test_a_job_is_tried_again_with_twice_the_memory(stubbed, tmp_path):
     project = Project(tmp_path / "project")
     shutil.copytree(stubbed.root, project.root, symlinks=True)

@@ -6,6 +6,7 @@ Hydra composes values; Snakemake plans files and their order. Every wildcard is 
 """
 
 import sys
+from contextlib import suppress
 from functools import cache
 from itertools import product
 from pathlib import Path
@@ -30,7 +31,7 @@ from carigs.run_process import name_run_process
 from carigs.run_summary import warning_lines
 from carigs.settings import STAGES
 from carigs.sources import fingerprint
-from carigs.study_start import prepare_results
+from carigs.study_start import prepare_results, settings_warnings
 
 
 def one_line_errors(function):
@@ -141,13 +142,26 @@ for subject, variant in product(points["subject"], points["variant"]):
 
 if workflow.is_main_process:
     one_line_errors(prepare_results)(Path("results", points["study"]), overrides)
+    for line in one_line_errors(settings_warnings)(overrides):
+        print(f"carigs: warning: {line}", file=sys.stderr)
     config["warnings"] = warning_lines(Path("results", points["study"], "log"))  # for the report
 
 
 def print_warnings():
-    """Repeat the warnings of the study's jobs, those of earlier runs too."""
-    for line in warning_lines(Path("results", points["study"], "log")):
+    """Repeat the warnings of the settings and of the study's jobs, those of earlier runs too."""
+    for line in [*settings_warnings(overrides), *warning_lines(Path("results", points["study"], "log"))]:
         print(f"carigs: warning: {line}", file=sys.stderr)
+
+
+def announce_duration(workflow):
+    """Say how long the jobs will take on this machine, if it is minutes."""
+    from carigs.planning.job_graph import needed_jobs
+    from carigs.planning.study_plan import announcement, plan_study
+
+    with suppress(CarigsError):  # what cannot be read ends the job that reads it
+        line = announcement(plan_study(needed_jobs(workflow), overrides, nodes=1, cores=workflow.cores))
+        if line:
+            print(f"carigs: {line}", file=sys.stderr)
 
 
 wildcard_constraints:

@@ -7,6 +7,10 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+WARM_UP_SECONDS = 2.0
+"""Before the rate is measured, because the first steps compile kernels and fill caches; and for which it is measured
+before it is shown."""
+
 
 @contextmanager
 def progress(name: str, total: int, done: int = 0, every_seconds: float = 10.0) -> Iterator[Callable[..., None]]:
@@ -26,18 +30,25 @@ def progress(name: str, total: int, done: int = 0, every_seconds: float = 10.0) 
         ...     report(1, loss=0.5)
     """
     started = last = time.perf_counter()
+    warm: tuple[float, int] | None = None  # time and step from which the rate is measured
 
     def text(now: int, figures: dict[str, float]) -> str:
-        rate = (now - done) / max(time.perf_counter() - started, 1e-9)
-        shown = "  ".join([f"{rate:.1f} it/s", *(f"{key} {value:.6g}" for key, value in figures.items())])
-        return f"{shown}  {(total - now) / max(rate, 1e-9):.0f} s left"
+        nonlocal warm
+        clock = time.perf_counter()
+        if warm is None and clock - started >= WARM_UP_SECONDS:
+            warm = clock, now
+        parts = [f"{key} {value:.6g}" for key, value in figures.items()]
+        if warm and clock - warm[0] >= WARM_UP_SECONDS:
+            rate = (now - warm[1]) / (clock - warm[0])
+            parts = [f"{rate:.1f} it/s", *parts, *([f"{(total - now) / rate:.0f} s left"] if now < total else [])]
+        return "  ".join(parts)
 
     def report_line(now: int, **figures: float) -> None:
         nonlocal last
-        clock = time.perf_counter()
+        shown, clock = text(now, figures), time.perf_counter()
         if clock - last >= every_seconds or now >= total:
             last = clock
-            print(f"{name} {now}/{total}  {text(now, figures)}", file=sys.stderr, flush=True)
+            print(f"{name} {now}/{total}  {shown}".rstrip(), file=sys.stderr, flush=True)
 
     if not sys.stderr.isatty():
         yield report_line

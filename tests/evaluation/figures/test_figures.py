@@ -16,7 +16,7 @@ from carigs.head import neutral
 from carigs.settings import DEFAULT_MASK_FLAGS, Exaggerate, Figures, Gtstar
 from carigs.stages.figures import figures
 from evaluation.figures.blend_error import BlendError, blend_errors
-from evaluation.figures.misregistration import REGIONS, misregistrations
+from evaluation.figures.misregistration import MAX_MASKED, REGIONS, misregistrations
 from evaluation.figures.sheet import write_sheet
 from evaluation.tables.csv_files import write_csv
 
@@ -157,6 +157,10 @@ def test_a_solved_path_gets_its_blend_error_unless_solving_again_gives_another(s
     assert "Solving again gives another" in (folder / "wrong/blend_error.txt").read_text()
 
 
+def hair_masked(records):
+    return next(record.masked for record in records if record.region == "hair")
+
+
 def test_misregistration_follows_the_settings_of_the_study(study):
     """Pixels are marked by the flags of the settings, on the truth that the frames themselves are at level 0."""
     folder, keywords = study
@@ -167,8 +171,10 @@ def test_misregistration_follows_the_settings_of_the_study(study):
         records = list(misregistrations(subject, path, truths, Gtstar(max_stretch=1.0), flags))
         assert {record.level for record in records} == {0.25} and {r.region for r in records} <= set(REGIONS)
         marked[flags] = {record.region: record.marked for record in records}
+        assert flags != DEFAULT_MASK_FLAGS or hair_masked(records) > MAX_MASKED
     assert marked[DEFAULT_MASK_FLAGS] != marked["stretched",]
     narrow = list(misregistrations(subject, path, truths, Gtstar(max_stretch=6.0), ("stretched",)))
+    assert hair_masked(narrow) < MAX_MASKED
     assert sum(record.marked for record in narrow) < sum(marked["stretched",].values())
 
 

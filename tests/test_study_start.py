@@ -1,0 +1,34 @@
+"""What a run says of its settings when it starts."""
+
+import pytest
+
+from carigs.study_start import settings_warnings
+
+
+@pytest.fixture
+def own(tmp_path):
+    return ["study=own", f"capture.folder={tmp_path}", "capture.head_model=none.npz"]
+
+
+def test_nothing_is_said_of_settings_that_are_followed(own):
+    assert settings_warnings([]) == settings_warnings(own) == []
+
+
+def test_a_gamma_that_tears_and_a_dataset_that_is_nowhere_are_named(own):
+    (line,) = settings_warnings(["gamma=1.5"])
+    assert line.startswith("gamma=1.5: above 1 the surface is torn")
+    (line,) = settings_warnings([*own, "capture.folder=/nowhere/anna"])
+    assert line == "capture.folder: no folder /nowhere/anna; own cannot be made"
+
+
+def test_levels_above_gamma_are_named():
+    (line,) = settings_warnings(["study.levels=[0,0.5,0.25]"])
+    assert line == "study.levels: 0.5 left out; gamma=0.25 is the highest level"
+
+
+def test_a_truth_that_is_nowhere_is_named_and_one_level_is_enough(own, tmp_path):
+    truth = f"truth.folder={tmp_path}/level={{level}}"
+    (line,) = settings_warnings([*own, truth.replace("=/", "='/") + "'"])
+    assert line.startswith(f"truth.folder: no folder {tmp_path}/level=0.25; own is compared with no true caricature")
+    (tmp_path / "level=0.125").mkdir()
+    assert settings_warnings([*own, truth.replace("=/", "='/") + "'"]) == []
