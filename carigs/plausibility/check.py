@@ -53,8 +53,9 @@ def _check_views(capture: Capture, frames: Mapping[int, Mapping[int, Frame]]) ->
     for views in pose_views(capture, frames, findings):
         for view in views:
             image, matte = read_frame(capture, view.frame)
-            findings += matte_findings(capture, view, matte, head)
-            foregrounds[view.frame] = outlines(image, matte, capture.background)
+            if matte is not None:
+                findings += matte_findings(capture, view, matte, head)
+                foregrounds[view.frame] = outlines(image, matte, capture.background)
             pixels[view.frame] = view.pixels
             samples[view.frame] = sample(image, view.pixels)
     findings += exchanged_mattes(capture, foregrounds)

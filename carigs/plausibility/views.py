@@ -60,7 +60,7 @@ def pose_views(
         if not size / STRETCH < extent < STRETCH * size:
             problem = f"the posed head is {extent:.3g} m large, the template {size:.3g} m"
             raise InputError(f"{problem}; see expr, neck_pose and the head model's weights", file=file)
-        seen = {c: _projected_size(vertices[some], capture.cameras[c]) for c in cameras}
+        seen = {c: _projected_size(vertices[some], capture.camera(frame)) for c, frame in cameras.items()}
         if not any(seen.values()):
             problem = "the head is behind every camera, or outside every image"
             hint = "cameras are OpenGL camera-to-world transforms in metres (x right, y up, z backward)"
@@ -73,7 +73,7 @@ def pose_views(
             if 0 < seen[c] < SMALLEST:
                 details = f"{seen[c]:.2g} pixels"
                 findings.append(Finding("the head is tiny in the image", capture.root, f"camera {c}", details))
-            visibility = compute_visibility(vertices, model.faces, capture.cameras[c])
+            visibility = compute_visibility(vertices, model.faces, capture.camera(frame))
             visible = visible_vertices(visibility, vertices, normals)
             pixels = np.full((len(vertices), 2), np.nan, np.float32)
             pixels[visible.index] = visible.pixels

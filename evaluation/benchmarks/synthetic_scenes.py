@@ -140,9 +140,9 @@ def capture_images(sequence: HeadSequence, folder: Path, width: int, height: int
         for c, camera in cameras.items():
             hit = rasterize_mesh(vertices, head.faces, camera)
             image = np.einsum("hwc,hwcx->hwx", hit.barycentric, paint[head.faces[hit.face]])
-            frame = Frame(t, c, "EMO-1", "train", f"{t}_{c}.png", f"{t}_{c}_mask.png", "")
+            frame = Frame(t, c, "EMO-1", "train", f"{t}_{c}.png", f"{t}_{c}_mask.png", "", c)
             write_png(folder / frame.image, np.where(hit.face[..., None] >= 0, image, 1.0))
             write_png(folder / frame.mask, (hit.face >= 0).astype(np.float32))
             frames.append(frame)
-    capture = Capture(folder, folder / "head_model.npz", tuple(frames), cameras, background=1.0)
+    capture = Capture(folder, folder / "head_model.npz", tuple(frames), tuple(cameras.values()), background=1.0)
     return Supervision(capture)

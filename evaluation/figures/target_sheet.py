@@ -61,7 +61,7 @@ def target_sheet(file: Path, subject: Capture, targets: Sequence[dict[str, Any]]
         entry, truth = entries[frame.name], None
         target, mask_flags = read_rgb(file.parent / entry["image"]), read_bits(file.parent / entry["mask_flags"])
         if is_toy:
-            parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
+            parameters, camera = subject.parameters(frame.timestep), subject.camera(frame)
             truth, _ = render_subject(toy, parameters, camera, exaggerated)
         overlay = flag_overlay(target, mask_flags, excluded)
         images.append([subject.image(frame), target, overlay, truth, error_map(target, truth)])

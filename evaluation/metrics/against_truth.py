@@ -60,7 +60,7 @@ def truth_records(
             continue
         image, truth = read_rgb(frame.file), read_rgb(truths.images[key])
         foreground = read_grey(truths.masks[key]) > 0.5
-        camera = subject.cameras[frame.camera]
+        camera = subject.camera(subject.frame_at[key])
         for array, file in ((image, frame.file), (truth, truths.images[key]), (foreground, truths.masks[key])):
             if array.shape[:2] != (camera.height, camera.width):
                 size = f"{array.shape[1]} x {array.shape[0]} pixels"

@@ -26,7 +26,7 @@ from carigs.head import HeadModel, HeadParameters, neutral, pose, read_subject_p
 from carigs.head.model import N_SHAPE
 from carigs.light import Shading, fibonacci_sphere
 from carigs.light.shading import load_shading, save_shading
-from carigs.readers.images import image_size, read_pixels
+from carigs.readers.images import read_header, read_pixels
 from carigs.readers.json_files import read_json
 from carigs.readers.meshes import FORMATS, read_mesh
 from carigs.readers.npz import read_npy, read_npz
@@ -111,8 +111,8 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     sequence = HeadSequence(model, {0: parameters}, path)
     sequence.shading = shading
     save_avatar(folder / "avatar.npz", Avatar(surfels, sequence))
-    frame = Frame(0, 0, "EXP-1", "train", "a.png", "a.png", "parameters.npz")
-    capture = Capture(folder, folder / "head_model.npz", (frame,), {0: CAMERA}, 1.0)
+    frame = Frame(0, 0, "EXP-1", "train", "a.png", "a.png", "parameters.npz", 0)
+    capture = Capture(folder, folder / "head_model.npz", (frame,), (CAMERA,), 1.0)
     capture.save(folder / "capture.json")
     np.save(folder / FACE_FLAGS, np.zeros(len(FACES), np.uint16))
     target = {"timestep": 0, "camera": 0, "image": "a.png", "mask_flags": "a.png", "weight": 1.0}
@@ -176,8 +176,8 @@ READERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "pickle": (read_pickle, "a.pkl"),
     "png": (read_pixels, "a.png"),
     "jpg": (read_pixels, "a.jpg"),
-    "size of png": (image_size, "a.png"),
-    "size of jpg": (image_size, "a.jpg"),
+    "size of png": (read_header, "a.png"),
+    "size of jpg": (read_header, "a.jpg"),
     "surfels": (read_ply, "surfels.ply"),
     **{f"mesh{suffix}": (read_mesh, f"mesh{suffix}") for suffix in FORMATS},
     "pt": (read_weights, "net.pt"),

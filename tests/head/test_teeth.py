@@ -202,8 +202,8 @@ def test_the_stage_excludes_teeth_from_the_equation(tmp_path):
     flame(VERTICES, FACES).save(tmp_path / "flame.npz")
     model = HeadModel.load(tmp_path / "flame.npz")
     HeadParameters(expression=np.eye(100)[0]).save(tmp_path / "00000.npz", model)
-    frame = Frame(0, 0, "EXP-2", "test", "0.png", "0_mask.png", "00000.npz")
-    cameras = {0: Camera(np.eye(4), 9.0, 9.0, 4.0, 4.0, 8, 8)}
+    frame = Frame(0, 0, "EXP-2", "test", "0.png", "0_mask.png", "00000.npz", 0)
+    cameras = (Camera(np.eye(4), 9.0, 9.0, 4.0, 4.0, 8, 8),)
     Capture(tmp_path, tmp_path / "flame.npz", (frame,), cameras, 1.0).save(tmp_path / "capture.json")
     files = {"capture": tmp_path / "capture.json", "path": tmp_path / "path.npz"}
 

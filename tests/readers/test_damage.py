@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from plyfile import PlyData, PlyElement
 
 from carigs.errors import InputError
-from carigs.readers.images import image_size, read_pixels
+from carigs.readers.images import read_header, read_pixels
 from carigs.readers.json_files import read_json
 from carigs.readers.meshes import FORMATS, read_mesh
 from carigs.readers.npz import read_npy, read_npz
@@ -64,7 +64,7 @@ CASES = {
     "index.json": (read_json, [json.dumps({"frames": [{"w": 1, "m": [0.5, -2e3]}], "n": None}).encode()]),
     "image.png": (read_pixels, [cv2.imencode(".png", PIXELS)[1].tobytes()]),
     "image.jpg": (read_pixels, [cv2.imencode(".jpg", PIXELS)[1].tobytes()]),
-    "size.png": (image_size, [cv2.imencode(".png", PIXELS)[1].tobytes(), cv2.imencode(".jpg", PIXELS)[1].tobytes()]),
+    "size.png": (read_header, [cv2.imencode(".png", PIXELS)[1].tobytes(), cv2.imencode(".jpg", PIXELS)[1].tobytes()]),
     "surfels.ply": (read_ply_vertices, [_ply(False), _ply(True)]),
     **{f"mesh{suffix}": (read_mesh, [_mesh(suffix[1:])]) for suffix in FORMATS},
 }
