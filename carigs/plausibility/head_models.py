@@ -48,13 +48,14 @@ def check_head_model(model: HeadModel, file: Path) -> list[Finding]:
     size = diagonal(model.v_template)
     if not SIZES[0] < size < SIZES[1]:
         raise InputError(f"the head is {size:.3g} m large; lengths are in metres", file=file, field="v_template")
-    joints = model.joint_regressor.astype(np.float64) @ model.v_template
+    joints = model.joint_template
     centre = model.v_template.mean(axis=0)
     distances = np.linalg.norm(joints - centre, axis=1)
     if distances.max() > size:
         joint = int(distances.argmax())
         problem = f"joint {joint} lies {distances[joint]:.3g} m from the centre of a head of {size:.3g} m"
-        raise InputError(problem, file=file, field="J_regressor")
+        field = "J_regressor" if model.rest_joints is None else "joint_template"
+        raise InputError(problem, file=file, field=field)
     findings = []
     corners = (model.v_template - centre).astype(np.float64)[model.faces]
     volume = np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6

@@ -11,17 +11,19 @@ from jaxtyping import Float
 from carigs.capture import Capture
 from carigs.errors import InputError
 from carigs.head import HeadModel, HeadParameters
-from carigs.head.model import N_SHAPE
+from carigs.head.model_arrays import FLAME_JOINTS
 from carigs.mesh.triangle_mesh import diagonal
 from carigs.plausibility.findings import Finding
 
 JOINT_LIMIT = np.pi / 2
 """Neck, jaw and eyes turn by less than a right angle against the bone that they hang on."""
 LIKELY_MOTION = 0.25
-"""Expressions, identities and static offsets move vertices by centimetres: less than this share of the head's size.
+"""Expressions, identities and offsets move vertices by centimetres: less than this share of the head's size.
 More than the whole size is certainly wrong."""
 FARTHEST = 1e4
 """Metres from the origin of the world."""
+FLAME_JOINT_FIELDS = ("neck_pose", "jaw_pose", "eyes_pose, left eye", "eyes_pose, right eye")
+"""Where files hold the rotations of FLAME's joints."""
 VERTICES = 1000
 """Number of vertices at which blendshapes are summed."""
 
@@ -53,18 +55,15 @@ class _Ranges:
 
     def __init__(self, model: HeadModel) -> None:
         some = np.linspace(0, len(model.v_template) - 1, min(VERTICES, len(model.v_template))).astype(int)
-        self.identity = model.shapedirs[some, :, :N_SHAPE].reshape(-1, N_SHAPE).astype(np.float64)
-        self.expression = model.shapedirs[some, :, N_SHAPE:].reshape(3 * len(some), -1).astype(np.float64)
+        self.identity = model.identity_basis[some].reshape(3 * len(some), -1).astype(np.float64)
+        self.expression = model.expression_basis[some].reshape(3 * len(some), -1).astype(np.float64)
+        self.joints = FLAME_JOINT_FIELDS
+        if model.joint_names != FLAME_JOINTS:
+            self.joints = tuple(f"joint_rotations, {name}" for name in model.joint_names[1:])
         self.size = diagonal(model.v_template)
 
     def check(self, parameters: HeadParameters, file: Path) -> Iterator[Finding]:
-        rotations = {
-            "rotation": parameters.rotation,
-            "neck_pose": parameters.neck,
-            "jaw_pose": parameters.jaw,
-            "eyes_pose, left eye": parameters.eyes[:3],
-            "eyes_pose, right eye": parameters.eyes[3:],
-        }
+        rotations = {"rotation": parameters.rotation} | dict(zip(self.joints, parameters.joints, strict=True))
         for field, vector in rotations.items():
             angle = float(np.linalg.norm(vector / np.pi) * np.pi)
             if angle > 2 * np.pi:
@@ -75,12 +74,11 @@ class _Ranges:
         if np.abs(parameters.translation).max() > FARTHEST:
             problem = f"the head is {np.abs(parameters.translation).max():.3g} m from the origin; metres are expected"
             raise InputError(problem, file=file, field="translation")
-        offset = np.zeros(1) if parameters.static_offset is None else parameters.static_offset
+        offsets = {"static_offset": parameters.static_offset, "dynamic_offset": parameters.dynamic_offset}
         motions = {
             "expr": self._motion(self.expression, parameters.expression),
             "shape": self._motion(self.identity, parameters.shape),
-            "static_offset": float(np.abs(offset).max()),
-        }
+        } | {field: float(np.abs(offset).max()) for field, offset in offsets.items() if offset is not None}
         for field, motion in motions.items():
             details = f"by up to {motion:.3g} m, the head is {self.size:.3g} m large"
             if not motion < self.size:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from carigs.head.model import N_SHAPE
+from carigs.head.model_arrays import FLAME_NUM_IDENTITY
 
 SPLITS = ("train", "val", "test")
 OPENCV_AXES = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -321,7 +321,7 @@ def _turned(image: np.ndarray) -> np.ndarray:
 
 def _reordered(shapedirs: np.ndarray) -> np.ndarray:
     """Expressions that are not zero, in another order."""
-    used = N_SHAPE + np.flatnonzero(np.abs(shapedirs[..., N_SHAPE:]).max(axis=(0, 1)))
+    used = FLAME_NUM_IDENTITY + np.flatnonzero(np.abs(shapedirs[..., FLAME_NUM_IDENTITY:]).max(axis=(0, 1)))
     shapedirs[..., used] = shapedirs[..., np.roll(used, 7)]
     return shapedirs
 

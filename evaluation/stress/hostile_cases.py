@@ -120,7 +120,7 @@ def _payloads(sound: Mapping[str, bytes]) -> Iterator[Case]:
 # Arrays of .npz files.
 
 FREE_LENGTH = ("report", "name", "expression_names")
-INDICES = ("faces", "f", "binding", "columns", "mask_nose", "region_nose", "kintree_table", "head_parents")
+INDICES = ("faces", "f", "binding", "columns", "mask_nose", "kintree_table")
 
 
 def _wrong_arrays(reader: str, content: bytes) -> Iterator[Case]:

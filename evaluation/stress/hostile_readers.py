@@ -22,8 +22,7 @@ from carigs.capture.target_index import FACE_FLAGS, read_targets, write_targets
 from carigs.config import compose, compose_study, load_settings, settings_text
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.files import write_json
-from carigs.head import HeadModel, HeadParameters, neutral, pose, read_subject_path
-from carigs.head.model import N_SHAPE
+from carigs.head import HeadModel, HeadParameters, flame_joints, neutral, pose, read_subject_path
 from carigs.light import Shading, fibonacci_sphere
 from carigs.light.shading import load_shading, save_shading
 from carigs.readers.images import read_header, read_pixels
@@ -56,7 +55,7 @@ def head_model() -> HeadModel:
     return HeadModel(
         v_template=VERTICES,
         faces=FACES,
-        shapedirs=np.concatenate([np.zeros((v, 3, N_SHAPE)), expressions], axis=2).astype(np.float32),
+        shapedirs=np.concatenate([np.zeros((v, 3, 300)), expressions], axis=2).astype(np.float32),
         posedirs=random.normal(0, 0.003, (v, 3, 36)).astype(np.float32),
         joint_regressor=np.full((5, v), 1 / v, np.float32),
         weights=np.tile(np.float32([1, 0, 0, 0, 0]), (v, 1)),
@@ -92,7 +91,7 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     (folder / "a.pkl").write_bytes(pickle.dumps({**arrays, "name": "head"}, 2))
     (folder / "flame.pkl").write_bytes(pickle.dumps(flame, 2))
     model.save(folder / "head_model.npz")
-    parameters = HeadParameters(expression=random.normal(size=100), jaw=np.array([0.1, 0, 0]))
+    parameters = HeadParameters(expression=random.normal(size=100), joints=flame_joints(jaw=[0.1, 0, 0]))
     parameters.save(folder / "parameters.npz", model)
     pixels = (random.random((24, 32, 3)) * 255).astype(np.uint8)
     (folder / "a.png").write_bytes(cv2.imencode(".png", pixels)[1].tobytes())
@@ -155,7 +154,7 @@ def _avatar(file: Path) -> Any:
 
 def _posed(file: Path) -> Any:
     model = HeadModel.load(file)
-    vertices = pose(model, HeadParameters(expression=np.zeros(model.shapedirs.shape[2] - N_SHAPE)))
+    vertices = pose(model, HeadParameters.zeros(model))
     return model, vertices
 
 

@@ -1,6 +1,7 @@
 """Posing: rigid invariance, the kinematic chain, and file round trips."""
 
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from carigs.errors import InputError
 from carigs.exaggeration import Caricature
-from carigs.head import HeadModel, HeadParameters, neutral, pose
-from carigs.head.posing import active_blendshapes, rotation_matrix
+from carigs.head import HeadModel, HeadParameters, flame_joints, neutral, pose
+from carigs.head.posing import active_blendshapes, rotation_matrices
 
 vector = st.tuples(*[st.floats(-3, 3)] * 3).map(np.array)
 
@@ -38,14 +39,14 @@ def random_model(seed: int = 0, v: int = 30) -> HeadModel:
 def random_parameters(seed: int, v: int = 30) -> HeadParameters:
     random = np.random.default_rng(seed)
     return HeadParameters(
-        *(random.normal(size=n) for n in (3, 3, 3, 3, 6, 300, 100)), static_offset=0.01 * random.normal(size=(v, 3))
+        *(random.normal(size=n) for n in (3, 3, (4, 3), 300, 100)), static_offset=0.01 * random.normal(size=(v, 3))
     )
 
 
 @given(vector)
 def test_rodrigues_agrees_with_scipy(rotation_vector):
     expected = Rotation.from_rotvec(rotation_vector).as_matrix()
-    np.testing.assert_allclose(rotation_matrix(rotation_vector), expected, atol=1e-12)
+    np.testing.assert_allclose(rotation_matrices(rotation_vector), expected, atol=1e-12)
 
 
 def test_rest_pose_is_the_neutral():
@@ -60,14 +61,14 @@ def test_head_rotation_is_rigid_about_the_root_joint():
     before, after = pose(model, still), pose(model, parameters)
     shaped = neutral(model, parameters) + model.shapedirs[:, :, 300:].astype(float) @ parameters.expression
     root = model.joint_regressor[0].astype(float) @ shaped
-    rotation = rotation_matrix(parameters.rotation)
+    rotation = rotation_matrices(parameters.rotation)
     np.testing.assert_allclose(after, (before - root) @ rotation.T + root + parameters.translation, atol=1e-6)
 
 
 def test_the_jaw_moves_only_the_vertices_with_its_weight():
     model = random_model()
-    model = HeadModel(**{**vars(model), "posedirs": np.zeros_like(model.posedirs)})
-    open_mouth = HeadParameters(jaw=np.array([0.3, 0, 0]))
+    model = replace(model, posedirs=np.zeros_like(model.posedirs))
+    open_mouth = HeadParameters(joints=flame_joints(jaw=[0.3, 0, 0]))
     moved = np.linalg.norm(pose(model, open_mouth) - pose(model, HeadParameters()), axis=1) > 1e-9
     assert np.array_equal(moved, model.weights[:, 2] > 0)
 
@@ -88,7 +89,7 @@ def test_changed_blendshapes_are_those_of_a_changed_model():
     directions = np.concatenate([model.shapedirs[:, :, 300:], model.posedirs], axis=2)
     directions[:, :, columns] += changes.transpose(1, 2, 0)
     shapedirs = np.concatenate([model.shapedirs[:, :, :300], directions[:, :, :100]], axis=2)
-    changed = HeadModel(**{**vars(model), "shapedirs": shapedirs, "posedirs": directions[:, :, 100:]})
+    changed = replace(model, shapedirs=shapedirs, posedirs=directions[:, :, 100:])
     caricature = Caricature(np.zeros((30, 3)), columns, changes)
     np.testing.assert_allclose(pose(model, parameters, caricature), pose(changed, parameters), atol=1e-6)
 
@@ -103,7 +104,7 @@ def test_active_blendshapes_are_those_with_a_coefficient():
     )
     np.testing.assert_array_equal(columns, [3, 7])
     np.testing.assert_array_equal(blendshapes, model.shapedirs[:, :, [303, 307]].transpose(2, 0, 1))
-    _, columns = active_blendshapes(model, [HeadParameters(jaw=np.array([0.2, 0, 0]))])
+    _, columns = active_blendshapes(model, [HeadParameters(joints=flame_joints(jaw=[0.2, 0, 0]))])
     np.testing.assert_array_equal(columns, 100 + 9 + np.array([4, 5, 7, 8]))  # the entries of a rotation about x
 
 
@@ -147,7 +148,8 @@ def test_parameters_round_trip(tmp_path):
     parameters.save(tmp_path / "00000.npz", model)
     again = HeadParameters.load(tmp_path / "00000.npz", model)
     for name, value in vars(parameters).items():
-        np.testing.assert_allclose(getattr(again, name), value, rtol=1e-6)
+        if value is not None:
+            np.testing.assert_allclose(getattr(again, name), value, rtol=1e-6)
 
 
 def broken(arrays: dict, key: str, value) -> dict:

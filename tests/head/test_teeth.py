@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from carigs.capture import Camera, Capture
 from carigs.capture.dataset import Frame
 from carigs.exaggeration import Exaggerator, GammaPath, straight_path
-from carigs.head import HeadModel, HeadParameters, neutral, pose
+from carigs.head import HeadModel, HeadParameters, flame_joints, neutral, pose
 from carigs.head.teeth import (
     FLAME_COUNTS,
     FLAME_WITH_TEETH_COUNTS,
@@ -152,7 +152,7 @@ def test_teeth_move_with_skull_and_jaw_and_not_with_expressions():
     smiling = pose(model, HeadParameters(expression=np.eye(100)[0]))
     np.testing.assert_allclose(smiling[FLAME_COUNTS[0] :], still[FLAME_COUNTS[0] :], atol=1e-9)
     assert np.abs(smiling - still).max() > 1e-3
-    opened = pose(model, HeadParameters(jaw=np.array([0.3, 0, 0])))
+    opened = pose(model, HeadParameters(joints=flame_joints(jaw=[0.3, 0, 0])))
     np.testing.assert_allclose(opened[upper], still[upper], atol=1e-9)
     before, after = (x[lower] - x[lower].mean(axis=0) for x in (still, opened))
     np.testing.assert_allclose(after @ after.T, before @ before.T, atol=1e-9)  # rigid

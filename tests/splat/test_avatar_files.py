@@ -9,7 +9,6 @@ import trimesh
 from carigs.errors import InputError, MeshError
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.head import HeadModel, HeadParameters, read_subject_path
-from carigs.head.model import N_SHAPE
 from carigs.light import Shading, fibonacci_sphere, fit_light, light_transfer
 from carigs.light.fitting import Observation
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar
@@ -18,17 +17,15 @@ from carigs.splat.surfels.surfels import flat_discs
 
 BALL = trimesh.creation.icosphere(subdivisions=1, radius=0.1)
 VERTICES, FACES = np.asarray(BALL.vertices, np.float32), np.asarray(BALL.faces, np.int32)
-V, F, N, T, EXPRESSIONS = len(VERTICES), len(FACES), 30, 2, 100
+V, F, N, T, IDENTITIES, EXPRESSIONS = len(VERTICES), len(FACES), 30, 2, 300, 100
 
 
 def make_head(weights: float = 1.0) -> HeadModel:
-    rng = np.random.default_rng(0)
+    expressions = np.random.default_rng(0).normal(0, 0.01, (V, 3, EXPRESSIONS))
     return HeadModel(
         v_template=VERTICES,
         faces=FACES,
-        shapedirs=np.concatenate([np.zeros((V, 3, N_SHAPE)), rng.normal(0, 0.01, (V, 3, EXPRESSIONS))], axis=2).astype(
-            np.float32
-        ),
+        shapedirs=np.pad(expressions.astype(np.float32), ((0, 0), (0, 0), (IDENTITIES, 0))),
         posedirs=np.zeros((V, 3, 36), np.float32),
         joint_regressor=np.full((5, V), 1 / V, np.float32),
         weights=np.tile(np.float32([weights, 0, 0, 0, 0]), (V, 1)),
@@ -65,10 +62,10 @@ def test_the_avatar_is_read(arrays, tmp_path):
     assert len(load_avatar(save(tmp_path, arrays)).surfels) == N
 
 
-OPTIONAL = ("head_expression_names", "region_nose", "path_changes", "path_columns", "shading_light")
+OPTIONAL = ("head_expression_names", "head_mask_nose", "path_changes", "path_columns", "shading_light")
 SHAPED = (
-    "head_vertices head_faces head_columns head_blendshapes head_expressions head_posedirs head_joint_regressor "
-    "head_weights head_parents region_nose timesteps pose_translation pose_rotation pose_neck pose_jaw pose_eyes "
+    "head_v_template head_f head_columns head_blendshapes head_shapedirs head_posedirs head_J_regressor "
+    "head_weights head_kintree_table head_mask_nose timesteps pose_translation pose_rotation pose_joints "
     "pose_expression shading_directions shading_light shading_strength shading_limit shading_kept path_levels "
     "path_displacements path_neutral path_columns path_changes surfel_position surfel_rotation surfel_log_scale "
     "surfel_opacity surfel_colour surfel_harmonics surfel_blend surfel_binding background rotate_harmonics"
@@ -83,12 +80,12 @@ CHANGES = {
     "infinite": lambda a: np.full(a.shape, -np.inf),
 }
 OUT_OF_RANGE = {
-    "head_faces": [-1, V, 2**31 - 1, 2**32, 0.5],
-    "head_columns": [-1, N_SHAPE + EXPRESSIONS],
-    "head_blendshapes": [-1, 0, N_SHAPE, 10**9],
-    "head_parents": [4, -2],
-    "head_vertices": [1e30, 1e5],
-    "region_nose": [-1, V],
+    "head_f": [-1, V, 2**31 - 1, 2**32, 0.5],
+    "head_columns": [-1, IDENTITIES + EXPRESSIONS],
+    "head_blendshapes": [-1, 0, 10**9],
+    "head_kintree_table": [3, -2],
+    "head_v_template": [1e30, 1e5],
+    "head_mask_nose": [-1, V],
     "timesteps": [-1, 0.5],
     "surfel_binding": [-1, F, 2**40],
     "path_columns": [-1, EXPRESSIONS + 36],
@@ -112,7 +109,7 @@ def test_a_wrong_array_is_named(name, change, arrays, tmp_path):
         if name in OPTIONAL:
             pytest.skip("optional")
         del changed[name]
-    elif name == "region_nose" and change.startswith("one"):
+    elif name == "head_mask_nose" and change.startswith("one"):
         pytest.skip("regions have any number of vertices")
     else:
         changed[name] = CHANGES[change](arrays[name])

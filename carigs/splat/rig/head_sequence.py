@@ -12,8 +12,7 @@ from jaxtyping import Float, Float32
 from carigs.capture import Capture
 from carigs.errors import InputError
 from carigs.exaggeration import GammaPath
-from carigs.head import HeadModel, HeadParameters, neutral, pose
-from carigs.head.model import N_SHAPE
+from carigs.head import HeadModel, HeadParameters, pose, subject_model
 from carigs.light.shading import Shading
 from carigs.light.transfer import Transfer
 from carigs.splat.rig.face_motion import FaceMotion
@@ -133,7 +132,6 @@ def head_sequence(capture: Capture, path: GammaPath) -> HeadSequence:
     model = capture.model
     timesteps = sorted({frame.timestep for frame in capture.frames})
     parameters = {t: capture.parameters(t) for t in timesteps}
-    canonical = neutral(model, parameters[timesteps[0]])
     if not np.array_equal(path.faces, model.faces):
         raise InputError(
             "its faces are not the head model's: was it made for another subject?", file=capture.head_model
@@ -148,8 +146,7 @@ def head_sequence(capture: Capture, path: GammaPath) -> HeadSequence:
                 f"shape or static_offset differ from timestep {timesteps[0]}'s; one subject has one neutral head",
                 file=capture.root / files[t],
             )
-    shapedirs = model.shapedirs.copy()
-    shapedirs[:, :, :N_SHAPE] = 0
-    head = replace(model, v_template=canonical.astype(np.float32), shapedirs=shapedirs)
-    parameters = {t: replace(p, shape=np.zeros(N_SHAPE), static_offset=None) for t, p in parameters.items()}
+    head = subject_model(model, parameters[timesteps[0]])
+    no_shape = np.zeros(model.num_identity)
+    parameters = {t: replace(p, shape=no_shape, static_offset=None) for t, p in parameters.items()}
     return HeadSequence(head, parameters, path)

@@ -10,7 +10,6 @@ from miniature import write_ball
 from carigs.capture import read_dataset
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.head import HeadParameters, neutral, pose
-from carigs.head.model import N_SHAPE
 from carigs.settings import Density, RefineTracking, Train
 from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.surfels.surfels import to_arrays
@@ -39,18 +38,15 @@ def sequence(capture):
 
 def random_parameters(seed: int) -> HeadParameters:
     rng = np.random.default_rng(seed)
-    names = ("translation", "rotation", "neck", "jaw")
-    return HeadParameters(
-        **{name: 0.3 * rng.normal(size=3) for name in names}, eyes=0.3 * rng.normal(size=6),
-        expression=rng.normal(size=100),
-    )  # fmt: skip
+    translation, rotation, *joints = 0.3 * rng.normal(size=(6, 3))
+    return HeadParameters(translation, rotation, np.array(joints), expression=rng.normal(size=100))
 
 
 def full_model(model):
     """The ball with expressions, correctives and joints that all move something."""
     rng, v = np.random.default_rng(0), len(model.v_template)
-    shapedirs = np.zeros((v, 3, N_SHAPE + 100), np.float32)
-    shapedirs[:, :, N_SHAPE + np.array([0, 3, 7])] = 0.003 * rng.normal(size=(v, 3, 3))
+    shapedirs = np.zeros((v, 3, 400), np.float32)
+    shapedirs[:, :, 300 + np.array([0, 3, 7])] = 0.003 * rng.normal(size=(v, 3, 3))
     weights = rng.random((v, 5))
     return replace(
         model, shapedirs=shapedirs, posedirs=(1e-3 * rng.normal(size=(v, 3, 36))).astype(np.float32),
@@ -102,7 +98,7 @@ def test_an_interrupted_run_ends_in_the_same_bytes(capture, sequence, tmp_path):
         own = replace(sequence, parameters=dict(sequence.parameters))
         settings = replace(SETTINGS, checkpoint_seconds=0.0)
         surfels, _ = train_surfels(settings, own, Supervision(capture), checkpoint, on_step)
-        refined = [getattr(own.parameters[t], name) for t in own.parameters for name in ("translation", "jaw")]
+        refined = [getattr(own.parameters[t], name) for t in own.parameters for name in ("translation", "joints")]
         return b"".join(value.tobytes() for value in (*to_arrays(surfels).values(), *refined))
 
     class Killed(Exception):
