@@ -5,42 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Inexact, Int
+from jaxtyping import Float, Int
 
-from carigs.fitting.rotation_vectors import left_jacobians, rotation_matrices
-from carigs.head import HeadModel, HeadParameters
-from carigs.head.model import N_JOINTS, N_SHAPE
-
-
-@dataclass(frozen=True)
-class FittedParameters:
-    """Which parameters of a head are fitted; all others are 0.
-
-    Those of a frame are a vector: translation (3), rotation of the root (3), rotations of other joints (3 each),
-    expression coefficients. The shape coefficients are a second vector, which all frames share.
-    """
-
-    shape: Int[np.ndarray, "s"]
-    """Columns of `shapedirs`."""
-    expression: Int[np.ndarray, "e"]
-    """Columns of `shapedirs`."""
-    joints: Int[np.ndarray, "j"]
-    """Joints other than the root, parents before children."""
-
-    @property
-    def frame_size(self) -> int:
-        """Length of the vector of a frame."""
-        return 6 + 3 * len(self.joints) + len(self.expression)
-
-    @property
-    def expression_slice(self) -> slice:
-        """The expression coefficients in the vector of a frame."""
-        return slice(6 + 3 * len(self.joints), None)
-
-    @property
-    def joint_slice(self) -> slice:
-        """The rotations of joints other than the root in the vector of a frame."""
-        return slice(6, 6 + 3 * len(self.joints))
+from carigs.fitting.fitted_parameters import FittedParameters
+from carigs.fitting.rotation_vectors import left_jacobians
+from carigs.head import HeadModel
+from carigs.head.posing import rotation_matrices
 
 
 class HeadPoints:
@@ -62,21 +32,23 @@ class HeadPoints:
     ) -> None:
         self.fitted, self.barycentric = fitted, barycentric
         vertices = corners.reshape(-1)
+        columns = [fitted.shape, model.num_identity + fitted.expression]
         self.template = model.v_template[vertices].astype(np.float64)
-        self.blendshapes = [_columns(model.shapedirs[vertices], columns) for columns in (fitted.shape, fitted.expression)]
+        self.blendshapes = [model.shapedirs[vertices][:, :, chosen].astype(np.float64) for chosen in columns]
         self.posedirs = model.posedirs[vertices].astype(np.float64)
         self.weights = model.weights[vertices].astype(np.float64)
-        regressor = model.joint_regressor.astype(np.float64)
-        self.joints = regressor @ model.v_template
-        self.joint_blendshapes = [
-            np.einsum("jv,vib->jib", regressor, _columns(model.shapedirs, columns))
-            for columns in (fitted.shape, fitted.expression)
-        ]
+        self.joints = model.joint_template
+        self.joint_blendshapes = [model.joint_basis[:, :, chosen] for chosen in columns]
         self.parents = model.parents
 
+    @property
+    def template_points(self) -> Float[np.ndarray, "n 3"]:
+        """The points on the template."""
+        return self._combine(self.template[None])[0]
+
     def positions(
-        self, frames: Inexact[np.ndarray, "t q"], shape: Inexact[np.ndarray, "s"]
-    ) -> Inexact[np.ndarray, "t n 3"]:
+        self, frames: Float[np.ndarray, "t q"], shape: Float[np.ndarray, "s"]
+    ) -> Float[np.ndarray, "t n 3"]:
         """Pose the points.
 
         Args:
@@ -113,7 +85,8 @@ class HeadPoints:
         for i, k in enumerate([0, *self.fitted.joints]):
             hanging = self.weights * self._hangs_on(k)
             arm = np.einsum("mj,tjab,tmb->tma", hanging, pose.rotations, pose.rest, optimize=True)
-            arm += np.einsum("mj,tja->tma", hanging, pose.offsets) - hanging.sum(axis=1)[:, None] * pose.joints[:, None, k]
+            arm += np.einsum("mj,tja->tma", hanging, pose.offsets)
+            arm -= hanging.sum(axis=1)[:, None] * pose.joints[:, None, k]
             parent = self.parents[k]
             turn = local_jacobians[:, k] if parent < 0 else pose.rotations[:, parent] @ local_jacobians[:, k]
             column = slice(3 + 3 * i, 6 + 3 * i)
@@ -137,7 +110,7 @@ class HeadPoints:
         offset = np.stack(moved, axis=1) - pose.rotations @ joints
         return pose.blended @ blendshapes + np.einsum("mj,tjib->tmib", self.weights, offset, optimize=True)
 
-    def _pose(self, frames: Inexact[np.ndarray, "t q"], shape: Inexact[np.ndarray, "s"]) -> _Pose:
+    def _pose(self, frames: Float[np.ndarray, "t q"], shape: Float[np.ndarray, "s"]) -> _Pose:
         expression = frames[:, self.fitted.expression_slice]
         vectors = np.zeros((len(frames), len(self.parents), 3), frames.dtype)
         vectors[:, 0] = frames[:, 3:6]
@@ -169,7 +142,7 @@ class HeadPoints:
             carried[j] = j == joint or (parent >= 0 and carried[parent])
         return carried
 
-    def _combine(self, values: Inexact[np.ndarray, "t m *d"]) -> Inexact[np.ndarray, "t n *d"]:
+    def _combine(self, values: Float[np.ndarray, "t m *d"]) -> Float[np.ndarray, "t n *d"]:
         """Weighted means of the corners' values."""
         n, k = self.barycentric.shape
         if k == 1:
@@ -182,19 +155,16 @@ class HeadPoints:
 class _Pose:
     """What posing computes for t frames and m vertices."""
 
-    vectors: Inexact[np.ndarray, "t j 3"]
+    vectors: Float[np.ndarray, "t j 3"]
     """Rotation vectors of the joints."""
-    local: Inexact[np.ndarray, "t j 3 3"]
-    rotations: Inexact[np.ndarray, "t j 3 3"]
+    local: Float[np.ndarray, "t j 3 3"]
+    rotations: Float[np.ndarray, "t j 3 3"]
     """From the joints' rest frames to the world."""
-    joints: Inexact[np.ndarray, "t j 3"]
+    joints: Float[np.ndarray, "t j 3"]
     """Without the translation, as `offsets`."""
-    offsets: Inexact[np.ndarray, "t j 3"]
+    offsets: Float[np.ndarray, "t j 3"]
     """A vertex x that is bound to joint j alone lies at rotations[j] x + offsets[j]."""
-    blended: Inexact[np.ndarray, "t m 3 3"]
-    rest: Inexact[np.ndarray, "t m 3"]
-    posed: Inexact[np.ndarray, "t m 3"]
+    blended: Float[np.ndarray, "t m 3 3"]
+    rest: Float[np.ndarray, "t m 3"]
+    posed: Float[np.ndarray, "t m 3"]
 
-
-def _columns(blendshapes: Float[np.ndarray, "v 3 b"], columns: Int[np.ndarray, "k"]) -> Float[np.ndarray, "v 3 k"]:
-    return blendshapes[:, :, columns].astype(np.float64)

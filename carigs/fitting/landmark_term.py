@@ -26,7 +26,7 @@ class LandmarkTerm:
     projections: Float[np.ndarray, "t c 3 4"]
     sigma: float
     """Standard deviation of the observations in pixels."""
-    outlier: float = 5.0
+    outlier: float
     """Standard deviations k beyond which a residual counts as an outlier; inf for least squares."""
 
     def evaluate(self, positions: Float[np.ndarray, "t p 3"], frames: slice) -> PointCost:

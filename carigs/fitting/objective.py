@@ -112,16 +112,15 @@ class Objective:
                 positions, *jacobians = term.points.linearise(frames[part], shape)
                 cost = term.evaluate(positions, part)
                 total += cost.value
-                by_frame, by_shape = (jacobian.reshape(len(positions), -1, jacobian.shape[-1]) for jacobian in jacobians)
-                curved_frame, curved_shape = (
-                    (cost.curvature @ jacobian).reshape(len(positions), -1, jacobian.shape[-1]) for jacobian in jacobians
-                )
-                gradient = cost.gradient.reshape(len(positions), -1, 1)
-                equations.frames[part] += by_frame.swapaxes(1, 2) @ curved_frame
-                equations.border[part] += by_frame.swapaxes(1, 2) @ curved_shape
-                equations.shape += (by_shape.swapaxes(1, 2) @ curved_shape).sum(axis=0)
-                equations.frame_gradient[part] += (by_frame.swapaxes(1, 2) @ gradient)[..., 0]
-                equations.shape_gradient += (by_shape.swapaxes(1, 2) @ gradient)[..., 0].sum(axis=0)
+                rows = positions.shape[0], 3 * positions.shape[1]
+                transposed = [jacobian.reshape(*rows, jacobian.shape[-1]).swapaxes(1, 2) for jacobian in jacobians]
+                curved = [(cost.curvature @ j).reshape(*rows, j.shape[-1]) for j in jacobians]
+                pull = [(j @ cost.gradient.reshape(*rows, 1))[..., 0] for j in transposed]
+                equations.frames[part] += transposed[0] @ curved[0]
+                equations.border[part] += transposed[0] @ curved[1]
+                equations.shape += (transposed[1] @ curved[1]).sum(axis=0)
+                equations.frame_gradient[part] += pull[0]
+                equations.shape_gradient += pull[1].sum(axis=0)
         return total, equations
 
 

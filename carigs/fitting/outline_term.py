@@ -3,41 +3,49 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int
+from jaxtyping import Float, Float32, Int
 
 from carigs.fitting.head_points import HeadPoints
 from carigs.fitting.objective import PointCost
+from carigs.fitting.scattered_costs import scattered_cost, seen_from
 from carigs.raster import Visibility
 
 REACH = 0.02
-"""How far from the outline of the mesh the outline of the matte is searched, in sizes of the silhouette."""
+"""How far from the mesh's outline the matte's is searched, in sizes of the silhouette (square root of its area)."""
 STEP = 0.5
 """Pixels between the samples of the search."""
+SIGMA = 0.005
+"""Standard deviation of outlines in sizes of the silhouette: 1 mm."""
+OUTLIER_INSIDE, OUTLIER_OUTSIDE = 1.5, 0.5
+"""Scales of the loss in standard deviations where the matte's outline lies inside and outside of the mesh's. Hair and
+clothes stand off the mesh, so that what lies outside counts as an outlier earlier."""
+NEAR_OUTLINE = 1.6
+"""Pixels between the outermost pixel of the mesh and a vertex on the outline: the diagonal of a pixel, and rounding."""
 
 
-@dataclass(frozen=True)
-class OutlinePoints:
-    """Points on the outline of the posed mesh and the nearest outline of the matte, a line through each."""
+class OutlineLines(NamedTuple):
+    """The matte's outline near points on the mesh's outline: a line in the image for each."""
 
-    frame: Int[np.ndarray, "k"]
     point: Int[np.ndarray, "k"]
-    projections: Float[np.ndarray, "k 3 4"]
     normals: Float[np.ndarray, "k 2"]
-    """Unit vectors in the image that point out of the silhouette."""
+    """Unit vectors that point out of the silhouette."""
     offsets: Float[np.ndarray, "k"]
-    """The line: normals @ pixel = offset."""
+    """Pixels: the line is normal . pixel = offset."""
+    sigma: Float[np.ndarray, "k"]
+    """Standard deviation in pixels."""
 
 
-def outline_points(
+def outline_lines(
     visibility: Visibility,
     normals: Float[np.ndarray, "v 3"],
     matte: Float32[np.ndarray, "h w"],
     candidates: Int[np.ndarray, "n"],
-) -> tuple[Int[np.ndarray, "k"], Float[np.ndarray, "k 2"], Float[np.ndarray, "k"]]:
-    """Find the candidates on the outline of the mesh and the crossing of the matte's outline along their normals.
+) -> OutlineLines:
+    """Find vertices on the mesh's outline and, along their normals, where the matte falls below one half.
 
     Args:
         visibility: What the camera sees of the posed mesh.
@@ -46,50 +54,46 @@ def outline_points(
         candidates: Vertices.
 
     Returns:
-        Which candidates, the normals in the image, and the offsets of the lines.
+        Lines; `point` counts the candidates.
     """
-    camera, faces = visibility.camera, visibility.faces
-    front = np.zeros(len(normals), bool)
-    front[faces[~visibility.back_facing]] = True
-    back = np.zeros(len(normals), bool)
-    back[faces[visibility.back_facing]] = True
-    distance = cv2.distanceTransform((visibility.face >= 0).astype(np.uint8), cv2.DIST_L2, 5)
-    area = np.count_nonzero(visibility.face >= 0)
-    reach = max(2.0, REACH * np.sqrt(area))
-    pixels = visibility.pixels[candidates]
-    size = np.array([camera.width, camera.height])
-    inside = ((pixels > reach + 2) & (pixels < size - reach - 2)).all(axis=1)
+    camera, silhouette = visibility.camera, visibility.face >= 0
+    size = np.sqrt(np.count_nonzero(silhouette))
+    reach = max(2.0, REACH * size)
+    pixels, limit = visibility.pixels[candidates], np.array([camera.width, camera.height])
+    inside = ((pixels > reach + 1) & (pixels < limit - reach - 1)).all(axis=1)
     column, row = np.where(inside[:, None], pixels, 0).astype(int).T
-    found = np.flatnonzero(inside & front[candidates] & back[candidates] & (distance[row, column] < 1.6))
-    pixels = pixels[found]
-    across = normals[candidates[found]] @ camera.camera_from_world[:2, :3].T
+    near = cv2.distanceTransform(silhouette.astype(np.uint8), cv2.DIST_L2, 5)[row, column] < NEAR_OUTLINE
+    sides = [np.zeros(len(normals), bool) for _ in range(2)]
+    for side, faces in zip(sides, (visibility.back_facing, ~visibility.back_facing), strict=True):
+        side[visibility.faces[faces]] = True
+    point = np.flatnonzero(inside & near & (sides[0] & sides[1])[candidates])
+    pixels = pixels[point]
+    across = normals[candidates[point]] @ camera.camera_from_world[:2, :3].T
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
     steps = np.arange(-reach, reach + STEP, STEP)
-    x, y = np.moveaxis(pixels[:, None] - 0.5 + steps[:, None] * across[:, None], 2, 0).astype(np.float32)
-    opacity = cv2.remap(matte, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) if len(found) else x
+    samples = (pixels[:, None] - 0.5 + steps[:, None] * across[:, None]).astype(np.float32)
+    opacity = np.zeros((0, len(steps)), np.float32)
+    if len(point):
+        opacity = cv2.remap(matte, samples[..., 0], samples[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     falls = (opacity[:, :-1] >= 0.5) & (opacity[:, 1:] < 0.5)
     nearest = np.where(falls, np.abs(steps[:-1] + STEP / 2), np.inf).argmin(axis=1)
-    k = np.arange(len(found))
-    has = falls.any(axis=1)
-    high, low = opacity[k, nearest], opacity[k, nearest + 1]
-    crossing = steps[nearest] + STEP * (high - 0.5) / np.where(has, high - low, 1)
-    offset = np.einsum("ki,ki->k", across, pixels) + crossing
-    return found[has], across[has], offset[has]
+    found = np.flatnonzero(falls.any(axis=1))
+    nearest, across = nearest[found], across[found]
+    high, low = opacity[found, nearest], opacity[found, nearest + 1]
+    crossing = steps[nearest] + STEP * (high - 0.5) / (high - low)
+    offsets = np.einsum("ki,ki->k", across, pixels[found]) + crossing
+    return OutlineLines(point[found], across, offsets, np.full(len(found), max(1.0, SIGMA * size)))
 
 
 @dataclass(frozen=True)
 class OutlineTerm:
-    """Distances in pixels of outline points from the matte's outline, with the loss of Geman and McClure.
-
-    Hair and clothes stand off the mesh: where the matte's outline lies outside, the loss saturates earlier.
-    """
+    """Distances of outline points from the matte's outline."""
 
     points: HeadPoints
-    lines: OutlinePoints
-    sigma: float = 0.5
-    outlier: float = 3.0
-    outside: float = 1.0
-    weight: float = 1.0
+    projections: Float[np.ndarray, "t c 3 4"]
+    frame: Int[np.ndarray, "k"]
+    camera: Int[np.ndarray, "k"]
+    lines: OutlineLines
 
     def evaluate(self, positions: Float[np.ndarray, "t n 3"], frames: slice) -> PointCost:
         """Evaluate the cost; see `DataTerm`.
@@ -101,19 +105,12 @@ class OutlineTerm:
         Returns:
             The cost.
         """
-        lines = self.lines
-        chosen = (lines.frame >= frames.start) & (lines.frame < frames.stop)
-        t, n, rows = lines.frame[chosen] - frames.start, lines.point[chosen], lines.projections[chosen]
-        across = lines.normals[chosen]
-        seen = np.einsum("kij,kj->ki", rows[:, :, :3], positions[t, n]) + rows[:, :, 3]
-        pixels = seen[:, :2] / seen[:, 2:]
-        residual = (np.einsum("ki,ki->k", across, pixels) - lines.offsets[chosen]) / self.sigma
-        limit = np.where(residual > 0, self.outlier, self.outside)
-        relative = 1 + residual**2 / limit**2
-        weight = self.weight / relative**2
-        by_point = rows[:, :2, :3] - pixels[:, :, None] * rows[:, 2:, :3]
-        direction = np.einsum("ki,kij->kj", across, by_point) / (seen[:, 2:] * self.sigma)
-        gradient, curvature = np.zeros(positions.shape), np.zeros((*positions.shape, 3))
-        np.add.at(gradient, (t, n), (weight * residual)[:, None] * direction)
-        np.add.at(curvature, (t, n), weight[:, None, None] * direction[:, :, None] * direction[:, None, :])
-        return PointCost(0.5 * self.weight * float((residual**2 / relative).sum()), gradient, curvature)
+        chosen = (self.frame >= frames.start) & (self.frame < frames.stop)
+        point, normals, offsets, sigma = (array[chosen] for array in self.lines)
+        frame = self.frame[chosen]
+        at = frame - frames.start, point
+        pixels, derivative = seen_from(self.projections[frame, self.camera[chosen]], positions[at])
+        residual = (np.einsum("ki,ki->k", normals, pixels) - offsets) / sigma
+        slope = np.einsum("ki,kij->kj", normals, derivative) / sigma[:, None]
+        outlier = np.where(residual > 0, OUTLIER_INSIDE, OUTLIER_OUTSIDE)
+        return scattered_cost(residual, slope, outlier, at, positions.shape[:2])
