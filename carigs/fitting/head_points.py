@@ -46,9 +46,7 @@ class HeadPoints:
         """The points on the template."""
         return self._combine(self.template[None])[0]
 
-    def positions(
-        self, frames: Float[np.ndarray, "t q"], shape: Float[np.ndarray, "s"]
-    ) -> Float[np.ndarray, "t n 3"]:
+    def positions(self, frames: Float[np.ndarray, "t q"], shape: Float[np.ndarray, "s"]) -> Float[np.ndarray, "t n 3"]:
         """Pose the points.
 
         Args:
@@ -167,4 +165,3 @@ class _Pose:
     blended: Float[np.ndarray, "t m 3 3"]
     rest: Float[np.ndarray, "t m 3"]
     posed: Float[np.ndarray, "t m 3"]
-

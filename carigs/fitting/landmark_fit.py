@@ -114,9 +114,7 @@ def landmark_term(
     Returns:
         The term.
     """
-    return LandmarkTerm(
-        points, observations.pixels, observations.confidence, observations.projections, sigma, outlier
-    )
+    return LandmarkTerm(points, observations.pixels, observations.confidence, observations.projections, sigma, outlier)
 
 
 def gaussian_prior(fitted: FittedParameters, linked: Bool[np.ndarray, "t-1"]) -> Prior:

@@ -24,7 +24,7 @@ OUTLIER_INSIDE, OUTLIER_OUTSIDE = 1.5, 0.5
 """Scales of the loss in standard deviations where the matte's outline lies inside and outside of the mesh's. Hair and
 clothes stand off the mesh, so that what lies outside counts as an outlier earlier."""
 NEAR_OUTLINE = 1.6
-"""Pixels between the outermost pixel of the mesh and a vertex on the outline: the diagonal of a pixel, and rounding."""
+"""Pixels outside of a vertex at which there is no mesh if it lies on the outline: a pixel diagonal, and rounding."""
 
 
 class OutlineLines(NamedTuple):
@@ -61,15 +61,16 @@ def outline_lines(
     reach = max(2.0, REACH * size)
     pixels, limit = visibility.pixels[candidates], np.array([camera.width, camera.height])
     inside = ((pixels > reach + 1) & (pixels < limit - reach - 1)).all(axis=1)
-    column, row = np.where(inside[:, None], pixels, 0).astype(int).T
-    near = cv2.distanceTransform(silhouette.astype(np.uint8), cv2.DIST_L2, 5)[row, column] < NEAR_OUTLINE
     sides = [np.zeros(len(normals), bool) for _ in range(2)]
     for side, faces in zip(sides, (visibility.back_facing, ~visibility.back_facing), strict=True):
         side[visibility.faces[faces]] = True
-    point = np.flatnonzero(inside & near & (sides[0] & sides[1])[candidates])
-    pixels = pixels[point]
+    point = np.flatnonzero(inside & (sides[0] & sides[1])[candidates])
     across = normals[candidates[point]] @ camera.camera_from_world[:2, :3].T
     across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
+    column, row = (pixels[point] + NEAR_OUTLINE * across).astype(int).T
+    on_outline = ~silhouette[row, column]
+    point, across = point[on_outline], across[on_outline]
+    pixels = pixels[point]
     steps = np.arange(-reach, reach + STEP, STEP)
     samples = (pixels[:, None] - 0.5 + steps[:, None] * across[:, None]).astype(np.float32)
     opacity = np.zeros((0, len(steps)), np.float32)

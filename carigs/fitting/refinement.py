@@ -12,7 +12,7 @@ same way. They would change the shape for the worse, therefore the second stage 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import cv2
@@ -27,7 +27,7 @@ from carigs.fitting.objective import Objective
 from carigs.fitting.outline_term import OutlineLines, OutlineTerm, outline_lines
 from carigs.fitting.photometric_term import PhotometricTerm, sample
 from carigs.fitting.scattered_costs import seen_from
-from carigs.head import HeadModel, pose, subject_model
+from carigs.head import HeadModel, pose_frames, subject_model
 from carigs.mesh.triangle_mesh import vertex_normals
 from carigs.raster import compute_visibility
 from carigs.raster.vertex_colours import visible_vertices
@@ -98,8 +98,7 @@ class Refinement:
 
     def _fit_outlines(self, fit: HeadFit) -> HeadFit:
         landmarks, points = self._points(self.model, fit)
-        outlines, _ = self._look(fit, points)
-        terms = [landmark_term(landmarks, self.observations, fit.sigma), outlines]
+        terms = [landmark_term(landmarks, self.observations, fit.sigma), self._look(fit, points)]
         prior = gaussian_prior(fit.fitted, self.observations.linked)
         frames, shape = minimise(Objective(terms, prior), fit.frames, fit.shape, steps=STEPS)
         return replace(fit, frames=frames, shape=shape)
@@ -108,7 +107,8 @@ class Refinement:
         subject = subject_model(self.model, fit.parameters(self.model)[0])
         fixed = replace(fit, fitted=replace(fit.fitted, shape=fit.fitted.shape[:0]), shape=fit.shape[:0])
         landmarks, points = self._points(subject, fixed)
-        outlines, visible = self._look(fit, points)
+        visible = np.zeros((len(self.timesteps), len(self.cameras), len(self.vertices)), bool)
+        outlines = self._look(fit, points, visible)
         means, sigma = self._means(fixed, points, visible)
         visible &= np.isfinite(means)
         frames = fit.frames.copy()
@@ -125,9 +125,7 @@ class Refinement:
                     outlines.camera[inside],
                     OutlineLines(*(array[inside] for array in outlines.lines)),
                 ),
-                PhotometricTerm(
-                    points, self._images(part), visible[part], means, sigma, observations.projections
-                ),
+                PhotometricTerm(points, self._images(part), visible[part], means, sigma, observations.projections),
             ]
             prior = gaussian_prior(fixed.fitted, observations.linked)
             frames[part], _ = minimise(Objective(terms, prior), frames[part], fixed.shape, steps=STEPS)
@@ -141,23 +139,22 @@ class Refinement:
             HeadPoints(model, fit.fitted, self.vertices[:, None], ones),
         )
 
-    def _look(self, fit: HeadFit, points: HeadPoints) -> tuple[OutlineTerm, Bool[np.ndarray, "t c n"]]:
-        """Outlines of all frames, and which compared vertices they show well."""
+    def _look(self, fit: HeadFit, points: HeadPoints, visible: Bool[np.ndarray, "t c n"] | None = None) -> OutlineTerm:
+        """Find the outlines of all frames, and mark in `visible` which compared vertices they show well."""
         position = np.full(len(self.model.v_template), -1)
         position[self.vertices] = np.arange(len(self.vertices))
-        visible = np.zeros((len(self.timesteps), len(self.cameras), len(self.vertices)), bool)
         frames, cameras, lines = [], [], []
-        for t, (timestep, parameters) in enumerate(zip(self.timesteps, fit.parameters(self.model), strict=True)):
-            vertices = pose(self.model, parameters)
+        for t, (timestep, vertices) in enumerate(zip(self.timesteps, self._posed(fit), strict=True)):
             normals = vertex_normals(vertices, self.model.faces)
             for c, camera in enumerate(self.cameras):
                 frame = self.capture.frame_at.get((timestep, camera))
                 if frame is None:
                     continue
                 visibility = compute_visibility(vertices, self.model.faces, self.capture.camera(frame))
-                seen = visible_vertices(visibility, vertices, normals)
-                found = position[seen.index[seen.cosine > LEAST_COSINE]]
-                visible[t, c, found[found >= 0]] = True
+                if visible is not None:
+                    seen = visible_vertices(visibility, vertices, normals)
+                    found = position[seen.index[seen.cosine > LEAST_COSINE]]
+                    visible[t, c, found[found >= 0]] = True
                 if frame.mask is not None:
                     matte = self.capture.mask(frame)
                     lines.append(outline_lines(visibility, normals, matte, self.vertices))
@@ -167,10 +164,16 @@ class Refinement:
         if not lines:
             empty = np.zeros(0, int)
             nothing = OutlineLines(empty, np.zeros((0, 2)), np.zeros(0), np.zeros(0))
-            return OutlineTerm(points, self.observations.projections, empty, empty, nothing), visible
+            return OutlineTerm(points, self.observations.projections, empty, empty, nothing)
         joined = OutlineLines(*map(np.concatenate, zip(*lines, strict=True)))
         frame, camera = np.concatenate(frames), np.concatenate(cameras)
-        return OutlineTerm(points, self.observations.projections, frame, camera, joined), visible
+        return OutlineTerm(points, self.observations.projections, frame, camera, joined)
+
+    def _posed(self, fit: HeadFit) -> Iterator[Float[np.ndarray, "v 3"]]:
+        """Vertices of each frame."""
+        parameters = fit.parameters(self.model)
+        for first in range(0, len(parameters), CHUNK):
+            yield from pose_frames(self.model, parameters[first : first + CHUNK])
 
     def _means(
         self, fit: HeadFit, points: HeadPoints, visible: Bool[np.ndarray, "t c n"]
