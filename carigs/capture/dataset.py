@@ -37,6 +37,10 @@ class Capture:
     """Grey value the images were composited on."""
     split_rule: str = "files"
     """How frames were divided into splits (`carigs.capture.splits`)."""
+    cy: str = "opencv"
+    """Convention of the files for cy, and how it was found. In memory it is always OpenCV's."""
+    digest: str = ""
+    """Of the dataset's files (`dataset_digest`): another one means that stages that read images must run again."""
     warnings: tuple[str, ...] = ()
     """What is likely to be wrong with the files, one line each."""
 
@@ -180,6 +184,8 @@ class Capture:
             "head_model": _relative(self.head_model, file.parent),
             "background": self.background,
             "split_rule": self.split_rule,
+            "cy": self.cy,
+            "digest": self.digest,
             "warnings": list(self.warnings),
             "cameras": cameras_to_json(self.calibrations),
             **frames_to_json(self.frames),
@@ -218,6 +224,8 @@ class Capture:
             calibrations=cameras,
             frames=frames_from_json(content, file, len(cameras)),
             split_rule=field("split_rule", str),
+            cy=field("cy", str),
+            digest=field("digest", str),
             warnings=tuple(map(str, field("warnings", list))) if "warnings" in content else (),
         )
 

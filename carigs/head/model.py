@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from carigs.head.flame_pickle import read_flame_pickle
+from carigs.head.gnm import gnm_arrays, is_gnm
 from carigs.head.model_arrays import FLAME_JOINTS, FLAME_NUM_IDENTITY, RestJoints, checked_fields
 from carigs.head.teeth import FLAME_COUNTS, LOWER_LIP, UPPER_LIP, is_upper_tooth, teeth_faces, teeth_vertices
 from carigs.readers.npz import read_npz
@@ -76,16 +77,14 @@ class HeadModel:
         if self.rest_joints is not None:
             return self.rest_joints.basis.astype(np.float64)
         used = np.flatnonzero(self.joint_regressor.any(axis=0))  # few vertices make a joint
-        rows = self.shapedirs[used].reshape(len(used), -1).astype(np.float64)
-        basis = self.joint_regressor[:, used].astype(np.float64) @ rows
-        return basis.reshape(len(self.parents), 3, -1)
+        return np.tensordot(self.joint_regressor[:, used].astype(np.float64), self.shapedirs[used], axes=1)
 
     @classmethod
     def load(cls, file: str | Path) -> HeadModel:
         """Read a model; FLAME gets teeth.
 
         Args:
-            file: An .npz, or FLAME's .pkl with its regions in `FLAME_masks.pkl` beside it.
+            file: An .npz of FLAME's arrays or of GNM, or FLAME's .pkl with its regions in `FLAME_masks.pkl` beside it.
 
         Returns:
             The model.
@@ -95,6 +94,8 @@ class HeadModel:
         """
         file = Path(file)
         arrays = read_flame_pickle(file) if file.suffix == ".pkl" else read_npz(file, "head model")
+        if is_gnm(arrays):
+            arrays = gnm_arrays(arrays, file)
         return cls(**checked_fields(arrays, file)).with_teeth()
 
     def with_teeth(self) -> HeadModel:

@@ -4,7 +4,7 @@
 |---|---|
 | head model | |
 | head parameters: ranges, one neutral head | all timesteps |
-| images and mattes: decoded whole, sizes, background, foreground | all |
+| images and mattes: decoded whole, sizes, background, foreground | all, or 3000 at evenly spread timesteps |
 | the posed mesh in the cameras, mattes against its silhouette | selected (`select_frames`) |
 | mattes against the images of other timesteps | selected |
 | images against the other frames at the vertices of the mesh | selected |
@@ -44,7 +44,7 @@ def check_capture(capture: Capture) -> Capture:
     summaries = summarize_images(capture)
     findings += check_images(capture, summaries)
     findings += _check_views(capture, select_frames(capture, summaries))
-    return replace(capture, warnings=summarize(findings))
+    return replace(capture, warnings=(*capture.warnings, *summarize(findings)))
 
 
 def _check_views(capture: Capture, frames: Mapping[int, Mapping[int, Frame]]) -> list[Finding]:

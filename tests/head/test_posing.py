@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from heads import random_model
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse import csc_matrix
@@ -16,24 +17,6 @@ from carigs.head import HeadModel, HeadParameters, flame_joints, neutral, pose
 from carigs.head.posing import active_blendshapes, rotation_matrices
 
 vector = st.tuples(*[st.floats(-3, 3)] * 3).map(np.array)
-
-
-def random_model(seed: int = 0, v: int = 30) -> HeadModel:
-    """A small model with every array filled; vertices 0, 6, 12... have the weight of one joint each."""
-    random = np.random.default_rng(seed)
-    weights = random.dirichlet(np.ones(5), v)
-    weights[::6] = np.eye(5)[np.arange(len(weights[::6])) % 5]
-    return HeadModel(
-        v_template=random.normal(size=(v, 3)).astype(np.float32),
-        faces=random.permutation(v)[: v - v % 3].reshape(-1, 3).astype(np.int32),
-        shapedirs=(0.1 * random.normal(size=(v, 3, 400))).astype(np.float32),
-        posedirs=(0.1 * random.normal(size=(v, 3, 36))).astype(np.float32),
-        joint_regressor=random.dirichlet(np.ones(v), 5).astype(np.float32),
-        weights=weights.astype(np.float32),
-        parents=np.array([-1, 0, 1, 1, 1]),
-        regions={"nose": np.array([1, 2, 3]), "lips": np.array([4])},
-        expression_names=("jawOpen",),
-    )
 
 
 def random_parameters(seed: int, v: int = 30) -> HeadParameters:

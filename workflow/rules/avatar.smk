@@ -18,6 +18,7 @@ rule capture:
         mem_mb=4000,
     params:
         code=fingerprint("carigs.stages.capture"),
+        digest=dataset_files,
     script:
         "../scripts/stage.py"
 
