@@ -36,9 +36,11 @@ SKIN = ("face", "nose", "lips", "left_ear", "right_ear")
 """Regions that are compared with the images. The scalp is under hair, the neck may be masked."""
 SPACING = 0.006
 """Metres between compared vertices."""
-OUTLINE_ROUNDS = 2
-STEPS = 5
-"""Steps of a minimisation: then the outline has moved on the mesh."""
+OUTLINE_ROUNDS = 3
+SETTLED = 0.0005
+"""Metres that a round moves the compared vertices on average, below which it is the last."""
+STEPS, TOLERANCE = 5, 1e-4
+"""Of a minimisation: more is of no use before the outline is found again."""
 LEAST_COSINE = 0.7
 """Between the normal of a compared vertex and the direction to the camera."""
 BLUR = (1.0, 4.0)
@@ -93,14 +95,18 @@ class Refinement:
             The refined fit.
         """
         for _ in range(OUTLINE_ROUNDS):
-            fit = self._fit_outlines(fit)
+            before, fit = fit, self._fit_outlines(fit)
+            points = self._points(self.model, fit)[1]
+            moved = points.positions(fit.frames, fit.shape) - points.positions(before.frames, before.shape)
+            if np.linalg.norm(moved, axis=-1).mean() < SETTLED:
+                break
         return self._fit_images(fit)
 
     def _fit_outlines(self, fit: HeadFit) -> HeadFit:
         landmarks, points = self._points(self.model, fit)
         terms = [landmark_term(landmarks, self.observations, fit.sigma), self._look(fit, points)]
         prior = gaussian_prior(fit.fitted, self.observations.linked)
-        frames, shape = minimise(Objective(terms, prior), fit.frames, fit.shape, steps=STEPS)
+        frames, shape = minimise(Objective(terms, prior), fit.frames, fit.shape, steps=STEPS, tolerance=TOLERANCE)
         return replace(fit, frames=frames, shape=shape)
 
     def _fit_images(self, fit: HeadFit) -> HeadFit:
@@ -128,7 +134,7 @@ class Refinement:
                 PhotometricTerm(points, self._images(part), visible[part], means, sigma, observations.projections),
             ]
             prior = gaussian_prior(fixed.fitted, observations.linked)
-            frames[part], _ = minimise(Objective(terms, prior), frames[part], fixed.shape, steps=STEPS)
+            frames[part], _ = minimise(Objective(terms, prior), frames[part], fixed.shape, steps=STEPS, tolerance=TOLERANCE)
         return replace(fit, frames=frames)
 
     def _points(self, model: HeadModel, fit: HeadFit) -> tuple[HeadPoints, HeadPoints]:
