@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
+from carigs.head.region_geometry import FacialPoints, geometric_regions
 from carigs.readers.arrays import checked_array
 
 GROUPS = {
@@ -103,18 +104,20 @@ def gnm_arrays(arrays: Mapping[str, Any], file: Path) -> dict[str, np.ndarray]:
         "joint_template": joints,
         "joint_basis": joint_basis,
         "expression_names": take("expression_names", b - i, dtype=np.str_),
-        **{f"mask_{name}": ids for name, ids in _regions(arrays, v, file).items()},
+        **{f"mask_{name}": ids for name, ids in _regions(arrays, template, faces, file).items()},
     }
 
 
-def _regions(arrays: Mapping[str, Any], v: int, file: Path) -> dict[str, Int[np.ndarray, "_"]]:
-    """Regions by FLAME_masks' names, of the groups that the file has."""
+def _regions(
+    arrays: Mapping[str, Any], template: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], file: Path
+) -> dict[str, Int[np.ndarray, "_"]]:
+    """Regions by FLAME_masks' names: of the groups that the file has, the others by geometry (GNM has no scalp)."""
     if "vertex_groups" not in arrays:
         return {}
-    weights = checked_array(arrays, "vertex_groups", (None, v), np.float32, file=file)
+    weights = checked_array(arrays, "vertex_groups", (None, len(template)), np.float32, file=file)
     names = checked_array(arrays, "vertex_group_names", (len(weights),), np.str_, file=file)
     inside = dict(zip(map(str, names), weights >= MIN_WEIGHT, strict=True))
-    regions = {
+    masks = {
         region: np.any([inside[group] for group in groups], axis=0)
         for region, groups in GROUPS.items()
         if all(group in inside for group in groups)
@@ -122,7 +125,15 @@ def _regions(arrays: Mapping[str, Any], v: int, file: Path) -> dict[str, Int[np.
     for part, group in SIDED.items():
         for side in ("left", "right"):
             if group in inside and side in inside:
-                regions[f"{side}_{part}"] = inside[group] & inside[side]
-    if "skin_exterior" in inside:
-        regions |= {name: regions[name] & inside["skin_exterior"] for name in SKIN if name in regions}
-    return {name: np.flatnonzero(mask) for name, mask in regions.items()}
+                masks[f"{side}_{part}"] = inside[group] & inside[side]
+    regions = {name: np.flatnonzero(mask) for name, mask in masks.items()}
+    if "skin_exterior" not in inside:
+        return regions
+    skin = inside["skin_exterior"]
+    regions |= {name: np.flatnonzero(masks[name] & skin) for name in SKIN if name in masks}
+    if any(len(regions.get(name, ())) == 0 for name in ("left_eyeball", "right_eyeball", "lips")):
+        return regions
+    vertices, lips = template.astype(np.float64), template[regions["lips"]].astype(np.float64)
+    left, right = lips[lips[:, 0].argmax()], lips[lips[:, 0].argmin()]
+    points = FacialPoints(regions["left_eyeball"], regions["right_eyeball"], left, right, lips.mean(axis=0))
+    return geometric_regions(vertices, faces, points, skin) | regions

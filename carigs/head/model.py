@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from carigs.head.flame_pickle import read_flame_pickle
+from carigs.head.flame_files import complete_flame, read_flame
 from carigs.head.gnm import gnm_arrays, is_gnm
 from carigs.head.model_arrays import FLAME_JOINTS, FLAME_NUM_IDENTITY, RestJoints, checked_fields
 from carigs.head.teeth import FLAME_COUNTS, LOWER_LIP, UPPER_LIP, is_upper_tooth, teeth_faces, teeth_vertices
@@ -81,10 +81,11 @@ class HeadModel:
 
     @classmethod
     def load(cls, file: str | Path) -> HeadModel:
-        """Read a model; FLAME gets teeth.
+        """Read a model; FLAME gets teeth, and the regions that its files lack.
 
         Args:
-            file: An .npz of FLAME's arrays or of GNM, or FLAME's .pkl with its regions in `FLAME_masks.pkl` beside it.
+            file: An .npz of FLAME's arrays or of GNM, or FLAME's .pkl with its regions and landmarks beside
+                it (`carigs.head.flame_files`).
 
         Returns:
             The model.
@@ -93,10 +94,10 @@ class HeadModel:
             InputError: If the file is missing or cannot be read, or an array is missing or not valid.
         """
         file = Path(file)
-        arrays = read_flame_pickle(file) if file.suffix == ".pkl" else read_npz(file, "head model")
+        arrays = read_flame(file) if file.suffix == ".pkl" else read_npz(file, "head model")
         if is_gnm(arrays):
             arrays = gnm_arrays(arrays, file)
-        return cls(**checked_fields(arrays, file)).with_teeth()
+        return cls(**complete_flame(checked_fields(arrays, file), file)).with_teeth()
 
     def with_teeth(self) -> HeadModel:
         """Add teeth to FLAME, behind its vertices and faces.

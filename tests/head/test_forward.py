@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from carigs.errors import InputError, MeshError
 from carigs.exaggeration import Caricature
 from carigs.head import HeadModel, HeadParameters, neutral, pose, pose_frames, subject_model
+from carigs.toy.rig.head_model import head_model
 
 
 def random_parameters(model: HeadModel, seed: int, *, offsets: bool = True) -> HeadParameters:
@@ -135,6 +136,24 @@ def test_gnm_is_read_with_its_layout(tmp_path):
     np.testing.assert_array_equal(model.regions["left_ear"], [0])  # ears and left
     np.testing.assert_array_equal(model.regions["lips"], [2, 3])  # either lip, with a weight of a half or more
     np.testing.assert_array_equal(model.regions["left_eyeball"], [4])
+
+
+def test_gnm_gets_the_regions_that_it_lacks_by_geometry(tmp_path):
+    """On the points of the procedural head: groups of the file are kept, the scalp is found."""
+    toy = head_model()
+    arrays = gnm_like(0, len(toy.v_template)) | {"template_vertex_positions": toy.v_template, "triangles": toy.faces}
+    sides = {"left_eye": "left_eyeball", "right_eye": "right_eyeball", "upper_lip": "lips", "lower_lip": "lips"}
+    groups = {group: toy.vertex_region(region) for group, region in sides.items()}
+    groups["skin_exterior"] = ~(groups["left_eye"] | groups["right_eye"] | toy.vertex_region("lip_inside"))
+    arrays |= {
+        "vertex_group_names": np.array(list(groups)),
+        "vertex_groups": np.array(list(groups.values()), np.float32),
+    }
+    model = HeadModel.load(gnm_file(tmp_path, arrays))
+    np.testing.assert_array_equal(model.regions["lips"], toy.regions["lips"])
+    found, expected = model.vertex_region("scalp"), toy.vertex_region("scalp")
+    assert (found & expected).sum() > 0.85 * max(found.sum(), expected.sum())
+    assert {"neck", "boundary", "left_ear", "left_eyelid"} <= set(model.regions)
 
 
 def test_quads_are_split_as_gnm_splits_them(tmp_path):

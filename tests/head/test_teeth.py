@@ -82,6 +82,7 @@ def flame(vertices: np.ndarray, faces: np.ndarray) -> HeadModel:
         joint_regressor=np.full((5, FLAME_COUNTS[0]), 1 / FLAME_COUNTS[0], np.float32),
         weights=random.dirichlet(np.ones(5), FLAME_COUNTS[0]).astype(np.float32),
         parents=np.array([-1, 0, 1, 1, 1]),
+        regions={"scalp": np.array([0])},
     )
 
 
