@@ -29,6 +29,9 @@ EXAMPLES = """examples:
 docs/fitting.md describes the files.
 """
 
+PASSES = 4
+"""Passes over the frames in a refinement: two for outlines, one for means, one for images; rarely more."""
+
 
 def summary(fit: VideoFit) -> str:
     """Residuals of all cameras in a line.
@@ -84,7 +87,9 @@ def main(arguments: list[str]) -> int:
         "--embedding", type=Path, metavar="FILE", help="landmarks on the head model (default: the model's own 68)"
     )
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DATASET", help="folder to write")
-    parser.add_argument("--background", type=float, default=1.0, help="grey value behind the head (default %(default)s)")
+    parser.add_argument(
+        "--background", type=float, default=1.0, help="grey value behind the head (default %(default)s)"
+    )
     parser.add_argument("--no-refine", action="store_true", help="use landmarks alone, no mattes and images")
     task = parser.parse_args(arguments)
     if not 0 <= task.background <= 1:
@@ -94,7 +99,7 @@ def main(arguments: list[str]) -> int:
     check_target(task.output, capture)
     landmarks = find_landmarks(task.landmarks, capture)
     with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as progress:
-        bar = progress.add_task("fitting", total=None)
+        bar = progress.add_task("fitting", total=PASSES * len(capture.parameter_files))
         fit = fit_video(
             capture, landmarks, task.embedding, refine=not task.no_refine, on_frame=lambda: progress.advance(bar)
         )

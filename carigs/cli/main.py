@@ -17,6 +17,7 @@ COMMANDS = {
     "sweep": "make a study at several values of its settings",
     "plan": "show what a study will cost: jobs, hours, memory, disk",
     "mesh": "exaggerate a mesh",
+    "fit": "fit a head model to a calibrated video with landmarks",
     "settings": "show the settings of a study, or the reference of all settings",
 }
 

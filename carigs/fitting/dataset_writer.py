@@ -23,9 +23,24 @@ OPEN_JAW = (0.3, 0.0, 0.0)
 """Rotation of the jaw in `canonical_flame_param.npz`, as VHAP writes it."""
 
 
-def write_dataset(
-    folder: Path, capture: Capture, model: HeadModel, parameters: Mapping[int, HeadParameters]
-) -> None:
+def check_target(folder: Path, capture: Capture) -> None:
+    """Refuse a folder whose contents would be lost.
+
+    Args:
+        folder: The folder that a dataset is to be written to.
+        capture: The footage.
+
+    Raises:
+        InputError: If the folder exists and is no dataset, or if it holds the footage.
+    """
+    folder = Path(os.path.abspath(folder))
+    if capture.root.resolve().is_relative_to(folder.resolve()):
+        raise InputError("the footage lies in this folder; give another folder", file=folder)
+    if folder.exists() and not (folder / "canonical_flame_param.npz").exists():
+        raise InputError("exists and is no dataset; give another folder", file=folder)
+
+
+def write_dataset(folder: Path, capture: Capture, model: HeadModel, parameters: Mapping[int, HeadParameters]) -> None:
     """Write indexes and head parameters; refer to images beside the dataset, and link those that lie elsewhere.
 
     Args:
@@ -35,13 +50,10 @@ def write_dataset(
         parameters: Head parameters by timestep; frames of other timesteps are left out.
 
     Raises:
-        InputError: If the folder exists and is no dataset, or if it holds the footage.
+        InputError: As `check_target`.
     """
+    check_target(folder, capture)
     folder = Path(os.path.abspath(folder))
-    if folder.exists() and not (folder / "transforms_train.json").exists():
-        raise InputError("exists and is no dataset; give another folder", file=folder)
-    if capture.root.resolve().is_relative_to(folder.resolve()):
-        raise InputError("the footage lies in this folder; give another folder", file=folder)
     with writing_folder(folder) as part:
         (part / "flame_param").mkdir()
         for timestep, values in parameters.items():

@@ -12,11 +12,11 @@ from jaxtyping import Float
 
 from carigs.capture import Capture, Frame
 from carigs.capture.camera_table import CameraTable
+from carigs.capture.dataset_checks import ListedFrame, sound_frames
 from carigs.capture.frame import SPLITS
 from carigs.capture.gaussian_avatars import read_frame
 from carigs.errors import InputError
 from carigs.fitting.triangulation import projection_matrices
-from carigs.readers.images import image_size
 from carigs.readers.json_files import json_field, read_json
 
 TRAINING_SHARE = 0.7
@@ -60,22 +60,20 @@ def read_footage(folder: Path, head_model: Path, *, background: float = 1.0) -> 
     divided = bool(files)
     if not divided:
         files = {"train": folder / "transforms.json"}
-    frames, table, seen = [], CameraTable(), set()
+    listed, table = [], CameraTable()
     for split, file in files.items():
         content = read_json(file, dict)
         for i, entry in enumerate(json_field(content, "frames", list, file=file)):
             named = {**entry, "flame_param_path": "-"} if isinstance(entry, dict) else entry
             frame = read_frame(named, content, split, file, f"frames[{i}]", table)
-            if (frame.timestep, frame.camera) in seen:
-                raise InputError("timestep and camera appear twice", file=file, field=f"frames[{i}]")
-            seen.add((frame.timestep, frame.camera))
-            _check_sizes(folder, frame, table)
-            frames.append(replace(frame, parameters=parameter_file(frame.timestep)))
-    if not frames:
+            frame = replace(frame, parameters=parameter_file(frame.timestep))
+            listed.append(ListedFrame(frame, file, f"frames[{i}]"))
+    if not listed:
         raise InputError("no frames", file=next(iter(files.values())), field="frames")
-    frames.sort(key=lambda frame: (frame.timestep, frame.camera))
-    frames = frames if divided else _split(frames)
-    return Capture(folder, Path(head_model), tuple(frames), tuple(table.cameras), background)
+    frames = sorted(sound_frames(folder, listed, table, None), key=lambda frame: (frame.timestep, frame.camera))
+    return Capture(
+        folder, Path(head_model), tuple(frames if divided else _split(frames)), tuple(table.cameras), background
+    )
 
 
 def frame_projections(
@@ -94,15 +92,6 @@ def frame_projections(
     known, first = capture.frame_at, capture.cameras
     rows = [[capture.camera(known[t, c]) if (t, c) in known else first[c] for c in cameras] for t in timesteps]
     return np.stack([projection_matrices(row) for row in rows])
-
-
-def _check_sizes(folder: Path, frame: Frame, table: CameraTable) -> None:
-    camera = table.cameras[frame.calibration]
-    for name in {frame.image, frame.mask} - {None}:
-        width, height = image_size(folder / name)
-        if (width, height) != (camera.width, camera.height):
-            problem = f"{width} x {height} pixels, its camera has {camera.width} x {camera.height}"
-            raise InputError(problem, file=folder / name)
 
 
 def _split(frames: list[Frame]) -> list[Frame]:

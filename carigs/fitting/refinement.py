@@ -134,7 +134,9 @@ class Refinement:
                 PhotometricTerm(points, self._images(part), visible[part], means, sigma, observations.projections),
             ]
             prior = gaussian_prior(fixed.fitted, observations.linked)
-            frames[part], _ = minimise(Objective(terms, prior), frames[part], fixed.shape, steps=STEPS, tolerance=TOLERANCE)
+            frames[part], _ = minimise(
+                Objective(terms, prior), frames[part], fixed.shape, steps=STEPS, tolerance=TOLERANCE
+            )
         return replace(fit, frames=frames)
 
     def _points(self, model: HeadModel, fit: HeadFit) -> tuple[HeadPoints, HeadPoints]:

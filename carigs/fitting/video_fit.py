@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -83,5 +84,4 @@ def fit_video(
 def _linked(capture: Capture, timesteps: Sequence[int]) -> np.ndarray:
     """Whether each timestep and the next one follow each other in one sequence."""
     sequence = {frame.timestep: frame.sequence for frame in capture.frames}
-    pairs = zip(timesteps[:-1], timesteps[1:], strict=True)
-    return np.array([b == a + 1 and sequence[a] == sequence[b] for a, b in pairs], bool)
+    return np.array([b == a + 1 and sequence[a] == sequence[b] for a, b in pairwise(timesteps)], bool)
