@@ -37,7 +37,7 @@ def sound_frames(
     folder: Path,
     listed: Sequence[ListedFrame],
     table: CameraTable,
-    model: HeadModel,
+    model: HeadModel | None,
     errors: list[InputError] | None = None,
 ) -> list[Frame]:
     """Check the frames of a dataset.
@@ -46,7 +46,7 @@ def sound_frames(
         folder: The dataset.
         listed: Its frames.
         table: Its cameras.
-        model: The head model.
+        model: The head model; None: head parameters are not read.
         errors: Receives the errors; None to raise the first.
 
     Returns:
@@ -73,6 +73,8 @@ def sound_frames(
                 if isinstance(found, InputError):
                     raise found
                 frames.append(found)
+    if model is None:
+        return frames
     heads = set()
     for name in dict.fromkeys(frame.parameters for frame in frames):
         with collecting(errors):

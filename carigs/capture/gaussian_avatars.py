@@ -77,13 +77,28 @@ def _read_split(
             raise InputError(f"the {split} split is empty", file=file, field="frames")
         for i, entry in enumerate(entries):
             with collecting(errors):
-                frame = _read_frame(entry, content, split, file, f"frames[{i}]", table)
+                frame = read_frame(entry, content, split, file, f"frames[{i}]", table)
                 listed.append(ListedFrame(frame, file, f"frames[{i}]"))
     return listed
 
 
-def _read_frame(entry: Any, defaults: dict[str, Any], split: str, file: Path, where: str, table: CameraTable) -> Frame:
-    """One entry; numbers of the camera that it lacks are those at the top level of the file."""
+def read_frame(entry: Any, defaults: dict[str, Any], split: str, file: Path, where: str, table: CameraTable) -> Frame:
+    """Read an entry of an index.
+
+    Args:
+        entry: The entry.
+        defaults: Top level of the file: numbers of the camera that the entry lacks.
+        split: The split of the file.
+        file: The index.
+        where: Position of the entry, for messages.
+        table: Receives the camera.
+
+    Returns:
+        The frame.
+
+    Raises:
+        InputError: If a field is missing or not valid.
+    """
     if not isinstance(entry, dict):
         raise InputError("expected an object", file=file, field=where)
 
