@@ -19,7 +19,8 @@ from carigs.readers.pickles import read_pickle, read_pickled_npy
 
 MASKS, UV_MASKS, UV_MESH = "FLAME_masks.pkl", "uv_masks.npz", "head_template_mesh.obj"
 LANDMARKS = ("landmark_embedding_with_eyes.npy", "landmark_embedding.npy")
-LEFT_EYEBALL, RIGHT_EYEBALL = np.arange(3931, 4477), np.arange(4477, 5023)
+EYEBALLS = np.arange(3931, 4477), np.arange(4477, 5023)
+"""Vertices; the skin comes before them."""
 
 
 def read_flame(file: Path) -> dict[str, Any]:
@@ -72,9 +73,10 @@ def complete_flame(fields: dict[str, Any], file: Path) -> dict[str, Any]:
         return fields
     upper, lower = vertices[list(UPPER_LIP)].astype(np.float64), vertices[list(LOWER_LIP)].astype(np.float64)
     line = (upper + lower) / 2
-    left, right = sorted((line[0], line[-1]), key=lambda corner: -corner[0])
-    points = FacialPoints(LEFT_EYEBALL, RIGHT_EYEBALL, left, right, line[len(line) // 2])
-    skin = np.arange(len(vertices)) < LEFT_EYEBALL[0]
+    right, left = sorted((line[0], line[-1]), key=lambda corner: corner[0])
+    right_eyeball, left_eyeball = sorted(EYEBALLS, key=lambda ids: vertices[ids, 0].mean())
+    points = FacialPoints(left_eyeball, right_eyeball, left, right, line[len(line) // 2])
+    skin = np.arange(len(vertices)) < EYEBALLS[0][0]
     found = geometric_regions(vertices.astype(np.float64), faces, points, skin)
     if "scalp" not in regions:
         what = "hair, lips, lids and ears are found by geometry" if found else "hair and ears are not masked"
