@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -68,6 +69,8 @@ def read_colmap(folder: str | Path) -> list[ColmapImage]:
         for number, name, camera, pose in parse_images(contents[1]):
             if camera not in cameras:
                 raise InputError(f"there is no camera {camera}", file=files[1], field=f"image {number}")
+            if len(pose) != 7 or not all(map(math.isfinite, pose)):
+                raise InputError("expected seven finite numbers as pose", file=files[1], field=f"image {number}")
             images.append(ColmapImage(name, cameras[camera], pose[:4], pose[4:]))
     except (ValueError, IndexError, struct.error) as error:
         raise InputError(f"not a readable file of COLMAP's images ({error})", file=files[1]) from error

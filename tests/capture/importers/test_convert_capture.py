@@ -16,6 +16,7 @@ from carigs.cli.convert_capture import main
 from carigs.errors import InputError
 from carigs.head import pose, pose_frames
 from carigs.plausibility import check_capture
+from carigs.readers.colmap import read_colmap
 
 NAMES = ("left", "middle", "right")
 
@@ -251,6 +252,21 @@ def test_what_is_broken_is_named_before_anything_is_written(source, tmp_path, na
         main([str(source), str(tmp_path / "out")])
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("binary", [False, True])
+@pytest.mark.parametrize("kind", ["cameras", "images"])
+def test_a_model_cut_anywhere_is_refused_or_shorter(tmp_path, binary, kind):
+    write_colmap(tmp_path, binary)
+    file = tmp_path / f"sparse/0/{kind}.{'bin' if binary else 'txt'}"
+    whole, content = read_colmap(tmp_path / "sparse/0"), file.read_bytes()
+    for length in range(0, len(content), 3):
+        file.write_bytes(content[:length])
+        try:
+            found = read_colmap(tmp_path / "sparse/0")
+        except InputError:
+            continue
+        assert not binary and len(found) <= len(whole)
 
 
 def test_nothing_is_overwritten(source, tmp_path):
