@@ -126,5 +126,7 @@ def _binary_images(content: bytes) -> Iterator[tuple]:
         number, *pose, camera = struct.unpack_from("<I7dI", content, position)
         end = content.index(b"\0", position + 64)
         (points,) = struct.unpack_from("<Q", content, end + 1)
-        yield number, content[position + 64 : end].decode("utf-8"), camera, tuple(pose)
-        position = end + 9 + POINT_BYTES * points
+        name, position = content[position + 64 : end].decode("utf-8"), end + 9 + POINT_BYTES * points
+        if position > len(content):
+            raise ValueError("the end is missing")
+        yield number, name, camera, tuple(pose)
