@@ -97,7 +97,7 @@ def test_the_index_and_the_truth_of_level_0(dataset, tmp_path, alpha):
             capture_stage(settings, **files, digest="abc")
     subject = Capture.load(tmp_path / "capture.json")
     assert subject.digest == "abc"
-    assert subject.split_rule == "EXP-2, validation camera 2; stride=2, max_frames=None"
+    assert subject.split_rule == "EXP-2, validation camera 2; 9 of 12 frames (stride 2)"
     assert {frame.timestep for frame in subject.frames} == {0, 2, 3}
     truth(Truth(), capture=tmp_path / "capture.json", path=tmp_path / "unused.npz", level=0.0,
           frames=tmp_path / "frames", index=tmp_path / "truth.json")  # fmt: skip
