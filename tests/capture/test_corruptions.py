@@ -95,6 +95,7 @@ CORRUPTIONS: dict[str, tuple[Callable[[Place], object], str]] = {
     "no timestep": (partial(drop, key="timestep_index"), rf"{WHERE}\.timestep_index: this key is missing"),
     "timestep -1": (partial(put, timestep_index=-1), rf"{WHERE}\.timestep_index: .*0 or larger, found -1"),
     "timestep 0.5": (partial(put, timestep_index=0.5), rf"{WHERE}\.timestep_index: expected a whole number"),
+    "timestep 1e12": (partial(put, timestep_index=1e12), rf"{WHERE}\.timestep_index: 1e\+12 is larger than"),
     "timestep as text": (partial(put, timestep_index="first"), rf"{WHERE}\.timestep_index: expected a number"),
     "no camera": (partial(drop, key="camera_index"), rf"{WHERE}\.camera_index: this key is missing"),
     "camera null": (partial(put, camera_index=None), rf"{WHERE}\.camera_index: expected a number, found None"),
