@@ -10,8 +10,10 @@ from typing import NamedTuple
 from carigs.errors import InputError
 from carigs.plausibility.findings import Finding
 
+REMEDY = "; remedy: "
+"""Stands before the advice in messages that give one."""
 REMEDIES = {
-    r"; remedy: |set capture.cy": "",  # the message says it
+    r"set capture.cy": "look at --sheet, then set capture.cy",
     r"no such dataset folder": "name the folder that holds transforms_train.json",
     r"this key is missing": "add the key to the entry, or remove the entry",
     r"this array is missing": "write the array; shapes are in docs/captures.md",
@@ -63,7 +65,6 @@ class Fault(NamedTuple):
     places: tuple[str, ...]
     """Files and fields, the worst first, with their own numbers where these differ."""
     remedy: str
-    """Empty if the problem says it."""
 
 
 def error_faults(errors: Iterable[InputError], folder: Path) -> list[Fault]:
@@ -85,7 +86,8 @@ def error_faults(errors: Iterable[InputError], folder: Path) -> list[Fault]:
         for error in members:
             own = "" if error.problem == members[0].problem else error.problem
             places.append(_place(Path(error.file), error.field or "", own, folder))
-        faults.append(Fault(members[0].problem, tuple(dict.fromkeys(places)), remedy(members[0].problem)))
+        problem = members[0].problem
+        faults.append(Fault(problem.partition(REMEDY)[0], tuple(dict.fromkeys(places)), remedy(problem)))
     return faults
 
 
@@ -105,8 +107,8 @@ def finding_faults(findings: Sequence[Finding], folder: Path) -> list[Fault]:
     faults = []
     for kind, members in kinds.items():
         worst = sorted(members, key=lambda finding: -finding.size)
-        places = tuple(_place(f.file, f.field, f.details, folder) for f in worst)
-        faults.append(Fault(kind, places, remedy(f"{kind} ({worst[0].details})")))
+        places = tuple(_place(f.file, f.field, f.details.partition(REMEDY)[0], folder) for f in worst)
+        faults.append(Fault(kind, places, remedy(f"{kind}: {worst[0].details}")))
     return faults
 
 
@@ -117,8 +119,11 @@ def remedy(problem: str) -> str:
         problem: The message of an error or a finding.
 
     Returns:
-        The advice; empty if the message contains it.
+        The advice: that of the message, if it gives one.
     """
+    own = problem.partition(REMEDY)[2]
+    if own:
+        return own
     sizes = SIZES.search(problem)
     if sizes:
         width, height, stated_width, stated_height = map(int, sizes.groups())

@@ -38,7 +38,7 @@ def test_a_sound_dataset_has_no_errors(ball, capsys):
 
 def test_all_errors_are_found_in_one_pass(ball, capsys):
     (ball / "images/00000_00.png").unlink()
-    damaged = ball / "fg_masks/00001_02.png"
+    damaged = ball / "fg_masks/00002_02.png"
     damaged.write_bytes(damaged.read_bytes()[:-30])
     shutil.copyfile(ball / "flame_param/00000.npz", ball / "flame_param/00001.npz")
 
@@ -52,7 +52,7 @@ def test_all_errors_are_found_in_one_pass(ball, capsys):
     assert "errors: 4" in printed
     for part in (
         "images/00000_00.png",
-        "fg_masks/00001_02.png",
+        "fg_masks/00002_02.png",
         "frames[2].transform_matrix",
         "frames[3].camera_index",
     ):

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from carigs.errors import InputError
-from carigs.plausibility.faults import OTHERWISE, REMEDIES, error_faults, finding_faults, remedy
+from carigs.plausibility.faults import OTHERWISE, REMEDIES, Fault, error_faults, finding_faults, remedy
 from carigs.plausibility.findings import Finding
 
 ROOT = Path("capture")
@@ -31,6 +31,11 @@ def test_the_worst_finding_comes_first():
     ]
     (fault,) = finding_faults(findings, ROOT)
     assert fault.places == ("1.png: 1 %", "2.png: 2 %", "0.png: 0 %")
+
+
+def test_the_advice_of_a_message_comes_first():
+    error = InputError("the matte is upside down; remedy: turn it over", file=ROOT, field="fg_mask_path")
+    assert error_faults([error], ROOT) == [Fault("the matte is upside down", (".: fg_mask_path",), "turn it over")]
 
 
 @pytest.mark.parametrize(
