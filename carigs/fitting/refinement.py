@@ -94,22 +94,34 @@ class Refinement:
         Returns:
             The refined fit.
         """
+        return self.refine_images(self.refine_outlines(fit))
+
+    def refine_outlines(self, fit: HeadFit) -> HeadFit:
+        """Refine shape, expressions and poses on the mattes.
+
+        Args:
+            fit: The fit to landmarks.
+
+        Returns:
+            The refined fit.
+        """
         for _ in range(OUTLINE_ROUNDS):
             before, fit = fit, self._fit_outlines(fit)
             points = self._points(self.model, fit)[1]
             moved = points.positions(fit.frames, fit.shape) - points.positions(before.frames, before.shape)
             if np.linalg.norm(moved, axis=-1).mean() < SETTLED:
                 break
-        return self._fit_images(fit)
+        return fit
 
-    def _fit_outlines(self, fit: HeadFit) -> HeadFit:
-        landmarks, points = self._points(self.model, fit)
-        terms = [landmark_term(landmarks, self.observations, fit.sigma), self._look(fit, points)]
-        prior = gaussian_prior(fit.fitted, self.observations.linked)
-        frames, shape = minimise(Objective(terms, prior), fit.frames, fit.shape, steps=STEPS, tolerance=TOLERANCE)
-        return replace(fit, frames=frames, shape=shape)
+    def refine_images(self, fit: HeadFit) -> HeadFit:
+        """Refine expressions and poses on the images and mattes; the shape stays as it is.
 
-    def _fit_images(self, fit: HeadFit) -> HeadFit:
+        Args:
+            fit: The fit.
+
+        Returns:
+            The refined fit.
+        """
         subject = subject_model(self.model, fit.parameters(self.model)[0])
         fixed = replace(fit, fitted=replace(fit.fitted, shape=fit.fitted.shape[:0]), shape=fit.shape[:0])
         landmarks, points = self._points(subject, fixed)
@@ -138,6 +150,13 @@ class Refinement:
                 Objective(terms, prior), frames[part], fixed.shape, steps=STEPS, tolerance=TOLERANCE
             )
         return replace(fit, frames=frames)
+
+    def _fit_outlines(self, fit: HeadFit) -> HeadFit:
+        landmarks, points = self._points(self.model, fit)
+        terms = [landmark_term(landmarks, self.observations, fit.sigma), self._look(fit, points)]
+        prior = gaussian_prior(fit.fitted, self.observations.linked)
+        frames, shape = minimise(Objective(terms, prior), fit.frames, fit.shape, steps=STEPS, tolerance=TOLERANCE)
+        return replace(fit, frames=frames, shape=shape)
 
     def _points(self, model: HeadModel, fit: HeadFit) -> tuple[HeadPoints, HeadPoints]:
         """Landmarks and compared vertices."""

@@ -147,7 +147,7 @@ def test_without_landmarks_in_its_sequence_a_frame_has_no_expression():
 def test_reprojection_errors_are_distances():
     truth = true_fit()
     observations = observe(truth)
-    moved = replace(observations, pixels=observations.pixels + [3.0, 4.0])
+    moved = replace(observations, pixels=observations.pixels + np.array([3.0, 4.0]))
     moved.confidence[0, 1, 2] = 0
     points = HeadPoints(MODEL, truth.fitted, CORNERS, ONES).positions(truth.frames, truth.shape)
     errors = reprojection_errors(points, moved)
