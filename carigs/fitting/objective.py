@@ -48,8 +48,8 @@ class Prior:
 
     frames: Float[np.ndarray, "q"]
     shape: Float[np.ndarray, "s"]
-    links: Float[np.ndarray, "t-1 q"]
-    """Precisions of the differences between neighbouring frames."""
+    links: Float[np.ndarray, "m q"]
+    """Precisions of the differences between neighbouring frames: one row less than frames."""
 
     def value(self, frames: Float[np.ndarray, "t q"], shape: Float[np.ndarray, "s"]) -> float:
         """Half the squared distances from 0, in standard deviations."""
