@@ -52,7 +52,15 @@ class Prior:
     """Precisions of the differences between neighbouring frames: one row less than frames."""
 
     def value(self, frames: Float[np.ndarray, "t q"], shape: Float[np.ndarray, "s"]) -> float:
-        """Half the squared distances from 0, in standard deviations."""
+        """Half the sum of the squared distances from 0, in standard deviations.
+
+        Args:
+            frames: Parameters of each frame.
+            shape: Shape coefficients.
+
+        Returns:
+            The cost.
+        """
         change = np.diff(frames, axis=0)
         return 0.5 * float((frames**2 @ self.frames).sum() + shape**2 @ self.shape + (self.links * change**2).sum())
 
