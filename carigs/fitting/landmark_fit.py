@@ -117,7 +117,7 @@ def landmark_term(
     return LandmarkTerm(points, observations.pixels, observations.confidence, observations.projections, sigma, outlier)
 
 
-def gaussian_prior(fitted: FittedParameters, linked: Bool[np.ndarray, " t-1"]) -> Prior:
+def gaussian_prior(fitted: FittedParameters, linked: Bool[np.ndarray, " m"]) -> Prior:
     """Priors of unit variance on coefficients, and temporal smoothness within sequences.
 
     Args:

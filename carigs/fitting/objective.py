@@ -48,11 +48,19 @@ class Prior:
 
     frames: Float[np.ndarray, " q"]
     shape: Float[np.ndarray, " s"]
-    links: Float[np.ndarray, "t-1 q"]
-    """Precisions of the differences between neighbouring frames."""
+    links: Float[np.ndarray, "m q"]
+    """Precisions of the differences between neighbouring frames: one row less than frames."""
 
     def value(self, frames: Float[np.ndarray, "t q"], shape: Float[np.ndarray, " s"]) -> float:
-        """Half the squared distances from 0, in standard deviations."""
+        """Half the sum of the squared distances from 0, in standard deviations.
+
+        Args:
+            frames: Parameters of each frame.
+            shape: Shape coefficients.
+
+        Returns:
+            The cost.
+        """
         change = np.diff(frames, axis=0)
         return 0.5 * float((frames**2 @ self.frames).sum() + shape**2 @ self.shape + (self.links * change**2).sum())
 

@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
 from carigs.capture import Capture
+from carigs.fitting.compared_vertices import compared_vertices
 from carigs.fitting.head_points import HeadPoints
 from carigs.fitting.landmark_fit import HeadFit, Observations, gaussian_prior, landmark_term
 from carigs.fitting.levenberg_marquardt import minimise
@@ -32,10 +33,6 @@ from carigs.mesh.triangle_mesh import vertex_normals
 from carigs.raster import compute_visibility
 from carigs.raster.vertex_colours import visible_vertices
 
-SKIN = ("face", "nose", "lips", "left_ear", "right_ear")
-"""Regions that are compared with the images. The scalp is under hair, the neck may be masked."""
-SPACING = 0.006
-"""Metres between compared vertices."""
 OUTLINE_ROUNDS = 3
 SETTLED = 0.0005
 """Metres that a round moves the compared vertices on average, below which it is the last."""
@@ -94,22 +91,34 @@ class Refinement:
         Returns:
             The refined fit.
         """
+        return self.refine_images(self.refine_outlines(fit))
+
+    def refine_outlines(self, fit: HeadFit) -> HeadFit:
+        """Refine shape, expressions and poses on the mattes.
+
+        Args:
+            fit: The fit to landmarks.
+
+        Returns:
+            The refined fit.
+        """
         for _ in range(OUTLINE_ROUNDS):
             before, fit = fit, self._fit_outlines(fit)
             points = self._points(self.model, fit)[1]
             moved = points.positions(fit.frames, fit.shape) - points.positions(before.frames, before.shape)
             if np.linalg.norm(moved, axis=-1).mean() < SETTLED:
                 break
-        return self._fit_images(fit)
+        return fit
 
-    def _fit_outlines(self, fit: HeadFit) -> HeadFit:
-        landmarks, points = self._points(self.model, fit)
-        terms = [landmark_term(landmarks, self.observations, fit.sigma), self._look(fit, points)]
-        prior = gaussian_prior(fit.fitted, self.observations.linked)
-        frames, shape = minimise(Objective(terms, prior), fit.frames, fit.shape, steps=STEPS, tolerance=TOLERANCE)
-        return replace(fit, frames=frames, shape=shape)
+    def refine_images(self, fit: HeadFit) -> HeadFit:
+        """Refine expressions and poses on the images and mattes; the shape stays as it is.
 
-    def _fit_images(self, fit: HeadFit) -> HeadFit:
+        Args:
+            fit: The fit.
+
+        Returns:
+            The refined fit.
+        """
         subject = subject_model(self.model, fit.parameters(self.model)[0])
         fixed = replace(fit, fitted=replace(fit.fitted, shape=fit.fitted.shape[:0]), shape=fit.shape[:0])
         landmarks, points = self._points(subject, fixed)
@@ -138,6 +147,13 @@ class Refinement:
                 Objective(terms, prior), frames[part], fixed.shape, steps=STEPS, tolerance=TOLERANCE
             )
         return replace(fit, frames=frames)
+
+    def _fit_outlines(self, fit: HeadFit) -> HeadFit:
+        landmarks, points = self._points(self.model, fit)
+        terms = [landmark_term(landmarks, self.observations, fit.sigma), self._look(fit, points)]
+        prior = gaussian_prior(fit.fitted, self.observations.linked)
+        frames, shape = minimise(Objective(terms, prior), fit.frames, fit.shape, steps=STEPS, tolerance=TOLERANCE)
+        return replace(fit, frames=frames, shape=shape)
 
     def _points(self, model: HeadModel, fit: HeadFit) -> tuple[HeadPoints, HeadPoints]:
         """Landmarks and compared vertices."""
@@ -218,21 +234,6 @@ class Refinement:
                     image[: grey.shape[0], : grey.shape[1]] = fine - coarse
             self.on_frame()
         return images
-
-
-def compared_vertices(model: HeadModel) -> Int[np.ndarray, " n"]:
-    """Vertices that are compared with the images: of the skin, one per cell of a grid.
-
-    Args:
-        model: The head model.
-
-    Returns:
-        Indices in ascending order. All vertices are candidates if the model has none of the regions `SKIN`.
-    """
-    skin = model.vertex_region(*SKIN)
-    candidates = np.flatnonzero(skin if skin.any() else np.ones(len(skin), bool))
-    cells = np.floor(model.v_template[candidates] / SPACING).astype(int)
-    return np.sort(candidates[np.unique(cells, axis=0, return_index=True)[1]])
 
 
 def _part(observations: Observations, part: slice) -> Observations:

@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from small_head import ring_of_cameras, small_head
 
-from carigs.fitting.fitted_parameters import FittedParameters, fitted_parameters
+from carigs.fitting.fitted_parameters import fitted_parameters
 from carigs.fitting.head_points import HeadPoints
 from carigs.fitting.landmark_fit import (
     HeadFit,
@@ -69,11 +69,10 @@ def test_noise_of_a_pixel_is_averaged_out():
 
 @pytest.mark.parametrize("linked", [True, False])
 def test_the_minimum_is_that_of_scipy(linked):
-    truth = true_fit(frames=3)
-    observations = replace(observe(truth, noise=1.0), linked=np.array([linked, True]))
-    fitted = FittedParameters(truth.fitted.shape[:3], truth.fitted.expression[:3], truth.fitted.joints)
-    points, prior = HeadPoints(MODEL, fitted, CORNERS, ONES), gaussian_prior(fitted, observations.linked)
-    t, q, s = 3, fitted.frame_size, len(fitted.shape)
+    truth = true_fit(frames=2)
+    observations = replace(observe(truth, noise=1.0), linked=np.array([linked]))
+    points, prior = HeadPoints(MODEL, truth.fitted, CORNERS, ONES), gaussian_prior(truth.fitted, observations.linked)
+    (t, q), s = truth.frames.shape, len(truth.shape)
     objective = Objective([landmark_term(points, observations, 1.5, np.inf)], prior)
 
     def residuals(x: np.ndarray) -> np.ndarray:
@@ -83,10 +82,11 @@ def test_the_minimum_is_that_of_scipy(linked):
         parts = ((projected - observations.pixels) / 1.5, np.sqrt(prior.frames) * frames, np.sqrt(prior.shape) * shape)
         return np.concatenate([part.ravel() for part in (*parts, changes)])
 
-    expected = least_squares(residuals, np.zeros(t * q + s), xtol=1e-12, ftol=1e-12, gtol=1e-10).x
-    frames, shape = minimise(objective, np.zeros((t, q)), np.zeros(s), tolerance=1e-14)
+    start = np.concatenate([truth.frames.ravel(), truth.shape])
+    expected = least_squares(residuals, start, xtol=1e-12, ftol=1e-12, gtol=1e-8, x_scale="jac").x
+    frames, shape = minimise(objective, np.zeros((t, q)), np.zeros(s), steps=300, tolerance=1e-14)
     np.testing.assert_allclose(objective.value(frames, shape), 0.5 * (residuals(expected) ** 2).sum(), rtol=1e-9)
-    np.testing.assert_allclose(np.concatenate([frames.ravel(), shape]), expected, atol=2e-5)
+    np.testing.assert_allclose(np.concatenate([frames.ravel(), shape]), expected, atol=1e-4)
 
 
 def test_the_gradient_of_the_robust_objective_is_its_derivative():
@@ -133,7 +133,9 @@ def test_frames_without_landmarks_lie_between_their_neighbours():
     observations = observe(truth)
     observations.confidence[2] = 0
     observations.pixels[2] = 0
-    assert vertex_errors(fit(observations), truth)[2].max() < 1.0
+    middle = pose_frames(MODEL, truth.parameters(MODEL))
+    step = 1000 * np.linalg.norm(middle[2] - middle[1], axis=-1).mean()
+    assert vertex_errors(fit(observations), truth)[2].mean() < 0.5 * step
 
 
 def test_without_landmarks_in_its_sequence_a_frame_has_no_expression():
