@@ -35,6 +35,8 @@ EXAMPLES = """examples:
   carigs convert avatar.npz head.glb --flavour splats
   carigs convert path.npz head.glb --flavour morph_targets       the path as a slider
   carigs convert avatar.npz head.obj --level 0.2
+  carigs convert CAPTURE OUT_FOLDER
+      a capture in the layout of GaussianAvatars; carigs convert CAPTURE --help lists its options
 """
 
 RIGGED, MESH = ("gaussian_avatars", "surfhead"), ("mesh",)
