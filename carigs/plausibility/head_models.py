@@ -17,6 +17,9 @@ TOLERANCE = 0.01
 SIZES = (0.05, 5.0)
 """Diagonal of a head in metres. Larger and smaller ones are in another unit: millimetres, centimetres, decimetres."""
 
+MISPLACED = 0.1
+"""Distance of an eye's joint from the middle of the eyeball, as a share of the head's diagonal. It is 0 in FLAME."""
+
 
 def check_head_model(model: HeadModel, file: Path, errors: list[InputError] | None = None) -> list[Finding]:
     """Check that a model can be posed.
@@ -38,10 +41,29 @@ def check_head_model(model: HeadModel, file: Path, errors: list[InputError] | No
             raise error
     corners = (model.v_template - model.v_template.mean(axis=0)).astype(np.float64)[model.faces]
     volume = np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
-    if volume >= 0:
-        return []
-    kind = "the faces point inwards, so that their order of corners is reversed"
-    return [Finding(kind, file, "f", f"its signed volume is {volume:.3g} m^3")]
+    findings = list(_joint_findings(model, file))
+    if volume < 0:
+        kind = "the faces point inwards, so that their order of corners is reversed"
+        findings.append(Finding(kind, file, "f", f"its signed volume is {volume:.3g} m^3"))
+    return findings
+
+
+def _joint_findings(model: HeadModel, file: Path) -> Iterator[Finding]:
+    """Joints in places where they are only if joints, or columns of weights, are in another order than their names."""
+    joints = {name: j for j, name in enumerate(model.joint_names)}
+    limit = MISPLACED * diagonal(model.v_template)
+    for eye in ("left_eye", "right_eye"):
+        moved = model.weights[:, joints[eye]] > 0.5 if eye in joints else np.zeros(len(model.v_template), bool)
+        if moved.any():
+            distance = np.linalg.norm(model.v_template[moved].mean(axis=0) - model.joint_template[joints[eye]])
+            if distance > limit:
+                kind = "an eye's joint lies far from what it moves: are joints or skinning weights exchanged?"
+                yield Finding(kind, file, "weights", f"{eye}: {distance:.3g} m")
+    if {"neck", "jaw"} <= set(joints):
+        above = float(model.joint_template[joints["neck"], 1] - model.joint_template[joints["jaw"], 1])
+        if above > 0.1 * limit:
+            kind = "the joint of the neck lies above that of the jaw: are joints exchanged?"
+            yield Finding(kind, file, "J_regressor", f"by {above:.3g} m")
 
 
 def _errors(model: HeadModel, file: Path) -> Iterator[InputError]:
