@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from carigs.capture.camera_table import CameraTable
+from carigs.capture.capture_json import MAX_NUMBER
 from carigs.capture.dataset import Capture
 from carigs.capture.dataset_checks import ListedFrame, sound_frames
 from carigs.capture.dataset_paths import file_inside
@@ -124,6 +125,8 @@ def _read_intrinsics(
 def _whole(value: float, file: Path, field: str) -> int:
     if value != int(value) or value < 0:
         raise InputError(f"expected a whole number, 0 or larger, found {value}", file=file, field=field)
+    if value > MAX_NUMBER:
+        raise InputError(f"{value:g} is larger than {MAX_NUMBER}", file=file, field=field)
     return int(value)
 
 

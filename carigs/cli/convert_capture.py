@@ -9,8 +9,8 @@ from carigs.capture import Capture, read_dataset
 from carigs.capture.importers.build import build_capture
 from carigs.capture.importers.cameras import read_cameras
 from carigs.capture.importers.dataset_writer import write_dataset
-from carigs.capture.importers.flame_tracks import read_flame_track
-from carigs.capture.importers.images import find_images
+from carigs.capture.importers.flame_tracks import read_flame_track, read_tracked_cameras
+from carigs.capture.importers.images import find_images, image_name
 from carigs.capture.importers.mesh_sequence import read_mesh_sequence
 from carigs.errors import InputError
 from carigs.head import HeadModel, HeadParameters
@@ -83,9 +83,16 @@ def _assemble(options: argparse.Namespace, timesteps: set[int]) -> Capture:
     images = find_images(source / "images")
     mattes = next((source / name for name in ("masks", "fg_masks") if (source / name).is_dir()), None)
     calibration = options.cameras or next((source / name for name in CALIBRATIONS if (source / name).exists()), None)
-    if calibration is None:
+    if calibration is not None:
+        cameras = read_cameras(calibration, options.metres_per_unit)
+    elif (source / "flame_param").is_dir() and (tracked := read_tracked_cameras(source / "flame_param", images)):
+        cameras = {
+            image_name(image, source / "images"): tracked[image.timestep]
+            for image in images
+            if image.timestep in tracked
+        }
+    else:
         raise InputError(f"no calibration; looked for {', '.join(CALIBRATIONS)}", file=source)
-    cameras = read_cameras(calibration, options.metres_per_unit)
     model = options.target / "head_model.npz"
     return build_capture(images, (source / "images", mattes), cameras, timesteps, model, options.background)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -68,6 +69,8 @@ def read_colmap(folder: str | Path) -> list[ColmapImage]:
         for number, name, camera, pose in parse_images(contents[1]):
             if camera not in cameras:
                 raise InputError(f"there is no camera {camera}", file=files[1], field=f"image {number}")
+            if len(pose) != 7 or not all(map(math.isfinite, pose)):
+                raise InputError("expected seven finite numbers as pose", file=files[1], field=f"image {number}")
             images.append(ColmapImage(name, cameras[camera], pose[:4], pose[4:]))
     except (ValueError, IndexError, struct.error) as error:
         raise InputError(f"not a readable file of COLMAP's images ({error})", file=files[1]) from error
@@ -123,5 +126,7 @@ def _binary_images(content: bytes) -> Iterator[tuple]:
         number, *pose, camera = struct.unpack_from("<I7dI", content, position)
         end = content.index(b"\0", position + 64)
         (points,) = struct.unpack_from("<Q", content, end + 1)
-        yield number, content[position + 64 : end].decode("utf-8"), camera, tuple(pose)
-        position = end + 9 + POINT_BYTES * points
+        name, position = content[position + 64 : end].decode("utf-8"), end + 9 + POINT_BYTES * points
+        if position > len(content):
+            raise ValueError("the end is missing")
+        yield number, name, camera, tuple(pose)

@@ -68,6 +68,8 @@ def _selected(settings: Capture, folder: Path, head_model: Path) -> IndexedCaptu
         validation_camera=settings.validation_camera,
     )
     frames = thin_frames(found.frames, settings.stride, settings.max_frames)
-    thinned = f"{settings.stride=}, {settings.max_frames=}".replace("settings.", "")
-    rule = found.split_rule if len(frames) == len(found.frames) else f"{found.split_rule}; {thinned}"
+    rule = found.split_rule
+    if len(frames) < len(found.frames):
+        limit = f", at most {settings.max_frames} per split" if settings.max_frames else ""
+        rule += f"; {len(frames)} of {len(found.frames)} frames (stride {settings.stride}{limit})"
     return replace(found, frames=frames, split_rule=rule)

@@ -52,6 +52,19 @@ def find_images(folder: Path) -> list[FoundImage]:
     return sorted(found, key=lambda image: (image.timestep, image.camera))
 
 
+def image_name(image: FoundImage, folder: Path) -> str:
+    """Name of an image in a calibration.
+
+    Args:
+        image: The image.
+        folder: The folder of the images.
+
+    Returns:
+        Its path in the folder without suffix.
+    """
+    return image.file.relative_to(folder).with_suffix("").as_posix()
+
+
 def camera_of(image: FoundImage, folder: Path, cameras: Mapping[str, Camera]) -> Camera:
     """The calibrated camera of an image.
 
@@ -66,8 +79,7 @@ def camera_of(image: FoundImage, folder: Path, cameras: Mapping[str, Camera]) ->
     Raises:
         InputError: If no name fits, or several do.
     """
-    own = image.file.relative_to(folder).with_suffix("").as_posix()
-    for name in (own, image.camera):
+    for name in (image_name(image, folder), image.camera):
         if name in cameras:
             return cameras[name]
     found = [name for name in cameras if _is_of(name, image.camera)]

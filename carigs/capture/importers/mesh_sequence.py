@@ -93,7 +93,7 @@ def track_meshes(
         faces=np.asarray(faces, np.int32),
         shapedirs=(scale[:, None] * basis[:used]).T.reshape(v, 3, used).astype(np.float32),
         posedirs=np.zeros((v, 3, 0), np.float32),
-        joint_regressor=np.zeros((1, v), np.float32),
+        joint_regressor=np.full((1, v), 1 / v, np.float32),  # the centroid, which no blendshape moves
         weights=np.ones((v, 1), np.float32),
         parents=np.array([-1]),
         num_identity=0,

@@ -2,6 +2,7 @@
 
 import json
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -11,10 +12,13 @@ from miniature import ball_cameras, write_ball
 from scipy.spatial.transform import Rotation
 
 from carigs.capture import Capture, read_dataset
+from carigs.capture.importers.flame_tracks import rotation_vector_of_rows
 from carigs.capture.importers.mesh_sequence import track_meshes
 from carigs.cli.convert_capture import main
 from carigs.errors import InputError
 from carigs.head import pose, pose_frames
+from carigs.plausibility import check_capture
+from carigs.readers.colmap import read_colmap
 
 NAMES = ("left", "middle", "right")
 
@@ -99,6 +103,7 @@ def test_meshes_and_cameras(source, original, tmp_path, capsys, calibration):
     found = read_dataset(tmp_path / "out", tmp_path / "out/head_model.npz")
     assert_same(found, original)
     assert {name: len(found.split(name)) for name in ("train", "val", "test")} == {"train": 6, "val": 3, "test": 3}
+    assert not any("mesh" in line or "camera" in line for line in check_capture(found).warnings)
     said = capsys.readouterr().out
     assert "4 meshes" in said and "residual" in said and "12 frames" in said
 
@@ -138,6 +143,45 @@ def test_parameters_per_timestep_and_flat_names(source, ball, original, tmp_path
         (source / f"flame_param/{t}.npz").write_bytes((ball / name).read_bytes())
     assert main([str(source), str(tmp_path / "out"), "--head-model", str(ball / "head_model.npz")]) == 0
     assert_same(read_dataset(tmp_path / "out", tmp_path / "out/head_model.npz"), original)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_six_numbers_are_a_rotation(seed):
+    rotation = Rotation.random(random_state=seed)
+    rows = rotation.as_matrix()[:2] * [[2.0], [0.5]]
+    rows[1] += 0.3 * rows[0]
+    np.testing.assert_allclose(rotation_vector_of_rows(rows.ravel()), rotation.as_rotvec(), atol=1e-9)
+
+
+def test_a_tracker_that_moves_the_camera(source, ball, original, tmp_path):
+    """The keys of metrical-tracker: the head stands still, a camera per frame; what the image shows is the same."""
+    (source / "cameras.json").unlink()
+    (source / "flame_param").mkdir()
+    for name in ("left", "right"):
+        for kind in ("images", "masks"):
+            for file in (source / kind / name).iterdir():
+                file.unlink()
+    jaw = Rotation.from_rotvec([0.2, 0, 0]).as_matrix()[:2].reshape(1, 6)
+    for t in original.parameter_files:
+        head, camera = original.parameters(t), ball_cameras()[1]
+        joint = original.model.joint_regressor[0] @ pose(original.model, replace(head, rotation=np.zeros(3)))
+        turn, view = Rotation.from_rotvec(head.rotation).as_matrix(), camera.camera_from_world
+        arrays = dict(
+            exp=head.expression[None, :50], shape=head.shape[None],
+            jaw=jaw, eyes=np.tile([1.0, 0, 0, 0, 1, 0], 2)[None],
+            R=(view[:3, :3] @ turn)[None], t=(view[:3, :3] @ (joint - turn @ joint) + view[:3, 3])[None],
+            K=np.array([[[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]]]),
+        )  # fmt: skip
+        np.savez(source / f"flame_param/{t:05d}.npz", **arrays)
+    assert main([str(source), str(tmp_path / "out"), "--head-model", str(ball / "head_model.npz")]) == 0
+    found = read_dataset(tmp_path / "out", tmp_path / "out/head_model.npz")
+    assert len(found.frames) == len(original.parameter_files)
+    for frame in found.frames:
+        head = found.parameters(frame.timestep)
+        np.testing.assert_allclose(head.joints[1], [0.2, 0, 0], atol=1e-6)
+        ours = found.camera(frame).project(pose(found.model, replace(head, joints=np.zeros((4, 3)))))[0]
+        theirs = ball_cameras()[1].project(pose(original.model, original.parameters(frame.timestep)))[0]
+        np.testing.assert_allclose(ours, theirs, atol=1e-3)
 
 
 def test_units(source, original, tmp_path):
@@ -249,6 +293,21 @@ def test_what_is_broken_is_named_before_anything_is_written(source, tmp_path, na
         main([str(source), str(tmp_path / "out")])
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("binary", [False, True])
+@pytest.mark.parametrize("kind", ["cameras", "images"])
+def test_a_model_cut_anywhere_is_refused_or_shorter(tmp_path, binary, kind):
+    write_colmap(tmp_path, binary)
+    file = tmp_path / f"sparse/0/{kind}.{'bin' if binary else 'txt'}"
+    whole, content = read_colmap(tmp_path / "sparse/0"), file.read_bytes()
+    for length in range(0, len(content), 3):
+        file.write_bytes(content[:length])
+        try:
+            found = read_colmap(tmp_path / "sparse/0")
+        except InputError:
+            continue
+        assert not binary and len(found) <= len(whole)
 
 
 def test_nothing_is_overwritten(source, tmp_path):
