@@ -17,6 +17,8 @@ from carigs.readers.npz import read_npz
 
 FLAME_KEYS = {"neck_pose": slice(0, 1), "jaw_pose": slice(1, 2), "eyes_pose": slice(2, 4)}
 """Rows of `joints` in files of FLAME's five joints."""
+MAX_BYTES = 64 << 20
+"""Largest sum of the arrays of a frame, in bytes."""
 
 
 def flame_joints(**rotations: object) -> Float[np.ndarray, "4 3"]:
@@ -90,7 +92,7 @@ class HeadParameters:
                 finite.
         """
         file = Path(file)
-        arrays = read_npz(file, "head parameter file")
+        arrays = read_npz(file, "head parameter file", limit=MAX_BYTES)
 
         def take(key: str, size: int, *, at_most: bool = False) -> np.ndarray:
             value = checked_array(arrays, key, None, np.float64, file=file).reshape(-1)

@@ -15,9 +15,9 @@ import numpy as np
 
 RANDOM_DAMAGE = 24
 """Randomly damaged files of each reader."""
-PROTECTED = ("npz", "png", "path", "shading", "head model", "parameters", "avatar", "subject", "pt")
+PROTECTED = ("npz", "png", "path", "shading", "head model", "gnm", "parameters", "avatar", "subject", "pt")
 """Readers of formats with checksums: a damaged file must be noticed, or be read as if it were sound."""
-ARRAYS = ("npz", "path", "shading", "head model", "parameters", "avatar", "subject")
+ARRAYS = ("npz", "path", "shading", "head model", "gnm", "parameters", "avatar", "subject")
 """Readers of .npz files."""
 
 
@@ -109,6 +109,8 @@ def _payloads(sound: Mapping[str, bytes]) -> Iterator[Case]:
             yield Case(f"{form} {module}.{name}", "pickle", program, must_fail=True)
         inside = b"\x80\x04}\x8c\x01a" + programs["STACK_GLOBAL"][2:-1] + b"s."
         yield Case(f"in FLAME: {module}.{name}", "flame", inside, must_fail=True)
+        header = sound["pickled npy"][: sound["pickled npy"].index(b"\n") + 1]
+        yield Case(f"in .npy: {module}.{name}", "pickled npy", header + inside, must_fail=True)
         stream = io.BytesIO()
         with zipfile.ZipFile(io.BytesIO(sound["pt"])) as archive, zipfile.ZipFile(stream, "w") as changed:
             for member in archive.namelist():
@@ -119,8 +121,8 @@ def _payloads(sound: Mapping[str, bytes]) -> Iterator[Case]:
 
 # Arrays of .npz files.
 
-FREE_LENGTH = ("report", "name", "expression_names")
-INDICES = ("faces", "f", "binding", "columns", "mask_nose", "kintree_table")
+FREE_LENGTH = ("report", "name", "names")
+INDICES = ("faces", "triangles", "f", "binding", "columns", "mask_nose", "kintree_table")
 
 
 def _wrong_arrays(reader: str, content: bytes) -> Iterator[Case]:
@@ -264,7 +266,8 @@ def _claims(sound: Mapping[str, bytes]) -> Iterator[Case]:
     for program in (
         b"\x80\x02r\xff\xff\xff\xffN.", b"\x80\x04)" + b"\x85" * 300_000 + b".", b"\x80\x04\x8e" + b"\xff" * 8 + b".",
         b"\x80\x04}(" + b")" + b"\x85" * 300_000 + b"K\x01u.", b"(" * 10**6 + b".", b"\x80\x02]" + b"2a" * 30 + b".",
-        pickle.dumps([1]), pickle.dumps({1: 2}), pickle.dumps({"a": {1, 2}}), pickle.dumps({"a": 1j}), b".", b"I1\n.",
+        pickle.dumps([1]), pickle.dumps({1: 2}), pickle.dumps({"a": frozenset()}),
+        pickle.dumps({"a": 1j}), b".", b"I1\n.",
     ):  # fmt: skip
         yield Case(repr(program[:20]), "pickle", program, must_fail=program[:1] != b"(" or True)
     for length in (0, 2**40, 2**63 - 1, 7):

@@ -29,7 +29,8 @@ from carigs.readers.images import read_header, read_pixels
 from carigs.readers.json_files import read_json
 from carigs.readers.meshes import FORMATS, read_mesh
 from carigs.readers.npz import read_npy, read_npz
-from carigs.readers.pickles import read_pickle
+from carigs.readers.obj import read_obj_uvs
+from carigs.readers.pickles import read_pickle, read_pickled_npy
 from carigs.readers.weights import read_weights
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar
 from carigs.splat.rig.head_sequence import HeadSequence
@@ -64,6 +65,29 @@ def head_model() -> HeadModel:
     )
 
 
+def gnm_arrays() -> dict[str, np.ndarray]:
+    """The ball in the layout of GNM Head, with eyes and lips.
+
+    Returns:
+        Arrays by GNM's names.
+    """
+    random, v, j = np.random.default_rng(2), len(VERTICES), 4
+    groups = {"skin_exterior": VERTICES[:, 2] < 0.09, "upper_lip": VERTICES[:, 1] < -0.09}
+    groups |= {"lower_lip": groups["upper_lip"], "left_eye": VERTICES[:, 0] > 0.08, "right_eye": VERTICES[:, 0] < -0.08}
+    return {
+        "template_vertex_positions": VERTICES, "template_joint_positions": np.zeros((j, 3), np.float32),
+        "vertex_identity_basis": random.normal(0, 0.003, (2, v, 3)).astype(np.float32),
+        "joint_identity_basis": random.normal(0, 0.003, (2, j, 3)).astype(np.float32),
+        "expression_basis": random.normal(0, 0.003, (3, v, 3)).astype(np.float32),
+        "joint_names": np.array(["neck", "head", "left_eye", "right_eye"]),
+        "expression_names": np.array(["a", "b", "c"]), "joint_parent_indices": np.array([0, 0, 1, 1]),
+        "skinning_weights": np.eye(j, dtype=np.float32)[:, np.zeros(v, int)], "triangles": FACES,
+        "joint_regressor": np.full((j, v), 1 / v, np.float32),
+        "pose_correctives_regressor": random.normal(0, 0.003, (9 * j, 3 * v)).astype(np.float32),
+        "vertex_group_names": np.array(list(groups)), "vertex_groups": np.array(list(groups.values()), np.float32),
+    }  # fmt: skip
+
+
 def sound_files(folder: Path) -> dict[str, bytes]:
     """Write a sound file for every reader.
 
@@ -90,6 +114,11 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     }  # fmt: skip
     (folder / "a.pkl").write_bytes(pickle.dumps({**arrays, "name": "head"}, 2))
     (folder / "flame.pkl").write_bytes(pickle.dumps(flame, 2))
+    np.savez(folder / "gnm_head.npz", **gnm_arrays())
+    np.save(folder / "landmarks.npy", {"full_lmk_faces_idx": np.arange(9)[None], "name": "head"})
+    corners = "\n".join(f"f {a}/{a} {b}/{b} {c}/{c}" for a, b, c in FACES[:20] + 1)
+    uvs = "\n".join(f"vt {u:.4f} {v:.4f}" for u, v in VERTICES[:, :2])
+    (folder / "uvs.obj").write_text(f"{uvs}\n{corners}\n")
     model.save(folder / "head_model.npz")
     parameters = HeadParameters(expression=random.normal(size=100), joints=flame_joints(jaw=[0.1, 0, 0]))
     parameters.save(folder / "parameters.npz", model)
@@ -173,6 +202,7 @@ READERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "npy": (read_npy, "a.npy"),
     "json": (read_json, "a.json"),
     "pickle": (read_pickle, "a.pkl"),
+    "pickled npy": (read_pickled_npy, "landmarks.npy"),
     "png": (read_pixels, "a.png"),
     "jpg": (read_pixels, "a.jpg"),
     "size of png": (read_header, "a.png"),
@@ -185,7 +215,9 @@ READERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "settings": (lambda file: load_settings("train", file), "train.yaml"),
     "path": (lambda file: read_subject_path(file, head_model()).at(0.1), "path.npz"),
     "shading": (lambda file: load_shading(file, len(FACES)), "shading.npz"),
+    "texture coordinates": (read_obj_uvs, "uvs.obj"),
     "head model": (_posed, "head_model.npz"),
+    "gnm": (_posed, "gnm_head.npz"),
     "flame": (_posed, "flame.pkl"),
     "parameters": (_parameters, "parameters.npz"),
     "avatar": (_avatar, "avatar.npz"),

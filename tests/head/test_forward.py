@@ -195,7 +195,7 @@ def test_broken_gnm_files_are_named(key, change, says, tmp_path):
         HeadModel.load(gnm_file(tmp_path, arrays))
 
 
-@pytest.mark.parametrize("joints", [1, 2, 7])
+@pytest.mark.parametrize("joints", [1, 2, 5, 7])
 @pytest.mark.parametrize("corrected", [0, 1])
 def test_any_head_comes_back_from_its_file(joints, corrected, tmp_path):
     model = random_model(joints=joints, identities=3, expressions=2, corrected=min(corrected, joints))

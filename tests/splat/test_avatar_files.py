@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
+from heads import gnm_file, gnm_like
 
 from carigs.errors import InputError, MeshError
 from carigs.exaggeration.gamma_path import straight_path
-from carigs.head import HeadModel, HeadParameters, read_subject_path
+from carigs.head import HeadModel, HeadParameters, read_subject_path, subject_model
 from carigs.light import Shading, fibonacci_sphere, fit_light, light_transfer
 from carigs.light.fitting import Observation
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar
@@ -60,6 +63,42 @@ def save(folder, arrays):
 
 def test_the_avatar_is_read(arrays, tmp_path):
     assert len(load_avatar(save(tmp_path, arrays)).surfels) == N
+
+
+def test_avatars_of_other_heads_come_back(tmp_path):
+    """A head with its own joints, and an offset of one timestep."""
+    general = HeadModel.load(gnm_file(tmp_path, gnm_like(0)))
+    random, v = np.random.default_rng(0), general.v_template.shape
+    zeros = HeadParameters.zeros(general)
+    head = subject_model(general, replace(zeros, shape=random.normal(size=zeros.shape.shape)))
+    posed = replace(
+        zeros, rotation=random.normal(size=3), joints=random.normal(size=zeros.joints.shape),
+        expression=random.normal(size=zeros.expression.shape),
+    )  # fmt: skip
+    parameters = {3: posed, 7: replace(posed, dynamic_offset=0.1 * random.normal(size=v))}
+    vertices = head.v_template.astype(float)
+    sequence = HeadSequence(head, parameters, straight_path(vertices, head.faces, 0.1 * vertices, 0.25))
+    surfels = flat_discs(np.zeros(4, int), np.zeros((4, 3)), np.ones(4), 0.6, np.ones((4, 3)), 0)
+    save_avatar(tmp_path / "avatar.npz", Avatar(surfels, sequence))
+    again = load_avatar(tmp_path / "avatar.npz").sequence
+    assert again.head.joint_names == head.joint_names and again.parameters[3].dynamic_offset is None
+    for timestep in parameters:
+        np.testing.assert_allclose(again.posed(timestep, 0.1), sequence.posed(timestep, 0.1), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"offset_timesteps": np.array([9])}, "offset_timesteps: expected different timesteps of the head"),
+        ({"offset_timesteps": np.array([0, 0])}, "offset_timesteps: expected different"),
+        ({"offset_dynamic": np.zeros((1, 3, 3))}, "offset_dynamic: shape"),
+    ],
+)
+def test_offsets_of_other_timesteps_or_heads_are_refused(changes, says, arrays, tmp_path):
+    count = len(changes.get("offset_timesteps", [0]))
+    offsets = {"offset_timesteps": np.array([0]), "offset_dynamic": np.zeros((count, V, 3), np.float32)}
+    with pytest.raises(InputError, match=says):
+        load_avatar(save(tmp_path, {**arrays, **offsets, **changes}))
 
 
 OPTIONAL = ("head_expression_names", "head_mask_nose", "path_changes", "path_columns", "shading_light")

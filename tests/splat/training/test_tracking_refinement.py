@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from heads import gnm_file, gnm_like
 from miniature import write_ball
 
 from carigs.capture import read_dataset
 from carigs.exaggeration.gamma_path import straight_path
-from carigs.head import HeadParameters, neutral, pose
+from carigs.head import HeadModel, HeadParameters, neutral, pose, subject_model
 from carigs.settings import Density, RefineTracking, Train
 from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.surfels.surfels import to_arrays
@@ -61,6 +62,21 @@ def test_the_differentiable_head_poses_as_the_head_model(capture, seed):
     np.testing.assert_array_equal(head.used, [0, 3, 7])
     posed = head.pose(RefinedParameters(parameters, head.used)).detach().numpy()
     np.testing.assert_allclose(posed, pose(model, parameters), atol=1e-6)  # refined parameters are float32
+
+
+def test_other_heads_and_offsets_of_a_frame_are_posed_as_well(tmp_path):
+    """GNM: four joints, its own joints, correctives of all of them, and VHAP's offset of one frame."""
+    general, random = HeadModel.load(gnm_file(tmp_path, gnm_like(0))), np.random.default_rng(1)
+    zeros = HeadParameters.zeros(general)
+    model = subject_model(general, replace(zeros, shape=random.normal(size=zeros.shape.shape)))
+    offset = random.normal(size=model.v_template.shape)
+    parameters = replace(
+        zeros, rotation=random.normal(size=3), joints=random.normal(size=zeros.joints.shape),
+        expression=random.normal(size=zeros.expression.shape), dynamic_offset=offset,
+    )  # fmt: skip
+    head = DifferentiableHead(model)
+    posed = head.pose(RefinedParameters(parameters, head.used)).detach().numpy()
+    np.testing.assert_allclose(posed, pose(model, parameters), atol=1e-6)
 
 
 def test_gradients_of_the_parameters_agree_with_finite_differences(capture):
