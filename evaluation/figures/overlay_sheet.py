@@ -6,7 +6,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Bool, Float32
 
 from carigs.capture import Capture
 from carigs.plausibility.diagnosis.reprojection import reproject
@@ -62,10 +62,10 @@ def _overlay(scene: Scene, shot: Shot) -> Float32[np.ndarray, "h w 3"]:
         image[_outline(shot.matte)] = MATTE
     image[_outline(mesh)] = MESH
     for region in FEATURES:
-        image[_outline(mesh & scene.model.face_region(region)[face])] = MESH
+        image[_outline(mesh & scene.model.face_region(region)[face], 3)] = MESH
     return image
 
 
-def _outline(mask: np.ndarray) -> np.ndarray:
-    """Pixels of a mask next to others: two pixels wide, for sheets are reduced."""
-    return mask & (cv2.erode(mask.astype(np.uint8), np.ones((5, 5), np.uint8), borderValue=1) == 0)
+def _outline(mask: Bool[np.ndarray, "h w"], width: int = 5) -> Bool[np.ndarray, "h w"]:
+    """Pixels of a mask next to others; sheets are reduced, and thin lines would fade."""
+    return mask & (cv2.erode(mask.astype(np.uint8), np.ones((width, width), np.uint8), borderValue=1) == 0)

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from miniature import write_ball
+from planted_mistakes import crop
 
 from carigs.capture import Capture, read_dataset
 from carigs.capture.images import read_grey, read_rgb, write_png
@@ -249,3 +250,11 @@ def test_the_stage_warns_and_writes_the_same_lines(dataset, tmp_path):
     lines = [str(warning.message) for warning in caught]
     assert json.loads((tmp_path / "capture.json").read_text())["warnings"] == lines
     assert list(Capture.load(tmp_path / "capture.json").warnings) == lines
+
+
+def test_the_stage_names_a_mistake_that_hides_the_convention_of_cy(dataset, tmp_path):
+    crop(dataset)
+    matrix(dataset, lambda m: m @ np.diag([1, -1, -1, 1]))
+    settings = Settings(source="folder", folder=str(dataset), head_model=str(dataset / "head_model.npz"))
+    with pytest.raises(InputError, match="the cameras have OpenCV's axes"):
+        capture(settings, index=tmp_path / "capture.json", dataset=tmp_path / "out")
