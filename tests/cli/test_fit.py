@@ -73,7 +73,7 @@ def test_images_that_lie_elsewhere_are_linked(ball, tmp_path):
 def test_a_camera_that_stands_out_is_named(ball, tmp_path):
     with np.load(ball / "landmarks.npz") as content:
         arrays = dict(content)
-    arrays["landmarks"][:, 2, :, 0] += 12  # as if the principal point of camera 2 were wrong
+    arrays["landmarks"][:, 2, :, 1] += 12  # as if cy of camera 2 were wrong: off the epipolar lines of the others
     np.savez(ball / "landmarks.npz", **arrays)
     with pytest.warns(CarigsWarning, match=r"camera 2: landmarks are \d+\.\d pixels off"):
         fit(ball, tmp_path / "fitted", "--no-refine")
