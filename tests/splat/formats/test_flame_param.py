@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from heads import random_model
 from miniature import ball_model
 
 from carigs.errors import InputError
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.head import HeadParameters, neutral, pose
+from carigs.head.teeth import FLAME_COUNTS, FLAME_WITH_TEETH_COUNTS
 from carigs.splat.formats.flame_param import read_flame_param, write_flame_param
 from carigs.splat.rig.head_sequence import subject_sequence
 
@@ -47,6 +49,22 @@ def test_every_timestep_is_posed_as_from_a_file_of_its_own(arrays, tmp_path):
 def test_offsets_of_the_subject_are_held_once(arrays, tmp_path):
     parameters = read_flame_param(save(tmp_path, arrays), MODEL)
     assert all(frame.static_offset is parameters[0].static_offset for frame in parameters.values())
+
+
+@pytest.mark.parametrize("vertices", [FLAME_COUNTS[0], FLAME_WITH_TEETH_COUNTS[0]])
+def test_static_offsets_of_flame_with_and_without_teeth(vertices, arrays, tmp_path):
+    """GaussianAvatars writes 5143 rows; older trackers write FLAME's 5023, which do not move the teeth."""
+    rng = np.random.default_rng(0)
+    flame = random_model(v=FLAME_COUNTS[0])
+    faces = rng.integers(0, FLAME_COUNTS[0], (FLAME_COUNTS[1], 3)).astype(np.int32)
+    model = replace(flame, faces=faces, regions={}).with_teeth()
+    assert len(model.v_template) == FLAME_WITH_TEETH_COUNTS[0]
+    offset = rng.normal(size=(1, vertices, 3)).astype(np.float32)
+    arrays |= {"static_offset": offset, "dynamic_offset": np.zeros((T, *model.v_template.shape), np.float32)}
+    parameters = read_flame_param(save(tmp_path, arrays), model)
+    np.testing.assert_array_equal(parameters[3].static_offset[:vertices], offset[0])
+    assert parameters[3].static_offset.shape == model.v_template.shape
+    assert not parameters[3].static_offset[vertices:].any()
 
 
 @pytest.mark.parametrize("level", [0.0, 0.2])
