@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 
@@ -40,6 +42,24 @@ class InputError(CarigsError):
         self.problem, self.file, self.field = problem, str(file), field
         where = f"{self.file}: {field}" if field else self.file
         super().__init__(f"{where}: {problem}")
+
+
+@contextmanager
+def collecting(errors: list[InputError] | None) -> Iterator[None]:
+    """Keep an error of the block, so that what follows is checked as well.
+
+    Args:
+        errors: Receives the `InputError` that ends the block; None to raise it.
+
+    Yields:
+        Nothing.
+    """
+    try:
+        yield
+    except InputError as error:
+        if errors is None:
+            raise
+        errors.append(error)
 
 
 class SettingsError(CarigsError):

@@ -166,8 +166,13 @@ def _run_forked(job: dict[str, Any], streams: list[int], modules: int) -> None:
             os.dup2(stream, number)
             os.close(stream)
         os.chdir(job["folder"])
+        kernels = os.environ.get("NUMBA_CACHE_DIR")
         os.environ.clear()
         os.environ.update(job["environment"])
+        if (
+            kernels
+        ):  # of `carigs.simd`; Numba reads it at each compilation, and without it would load kernels of other sources
+            os.environ["NUMBA_CACHE_DIR"] = kernels
         name_run_process(os.getppid())
         end_with_run_process()
         known = set(sys.modules)

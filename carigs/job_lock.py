@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import errno
-import fcntl
+import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -12,6 +12,11 @@ from pathlib import Path
 
 from carigs.errors import CarigsError
 from carigs.processes import this_process
+
+try:
+    import fcntl
+except ImportError:  # Windows, which also removes no file that is open
+    fcntl = None
 
 SECONDS_TO_WAIT = 10.0
 """The jobs of a run that was killed end a moment after it."""
@@ -26,11 +31,14 @@ def job_lock(file: Path, seconds: float = SECONDS_TO_WAIT) -> Iterator[None]:
         seconds: How long to wait for another holder.
 
     Yields:
-        Nothing. On a file system without locks, nothing is locked.
+        Nothing. On Windows and on a file system without locks, nothing is locked.
 
     Raises:
         CarigsError: Another process holds the lock; the message names its host and process id.
     """
+    if fcntl is None:
+        yield
+        return
     file.parent.mkdir(parents=True, exist_ok=True)
     deadline = time.monotonic() + seconds
     while (stream := _locked(file)) is None:
@@ -53,7 +61,7 @@ def remove_free_locks(folder: Path) -> None:
     Args:
         folder: Folder of the lock files, and of folders with more of them.
     """
-    for file in folder.rglob("*.lock"):
+    for file in folder.rglob("*.lock") if fcntl else ():
         with suppress(OSError):  # results that cannot be written can still be planned and reported
             if stream := _locked(file):
                 with stream:
@@ -65,7 +73,7 @@ def _locked(file: Path) -> TextIOWrapper | None:
     stream = file.open("a", encoding="utf-8")
     try:
         fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if file.stat().st_ino == Path(f"/dev/fd/{stream.fileno()}").stat().st_ino:
+        if file.stat().st_ino == os.fstat(stream.fileno()).st_ino:
             return stream
     except FileNotFoundError:  # the last holder has removed it in the meantime
         pass

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -70,15 +71,42 @@ def ball_cameras() -> dict[int, Camera]:
     }
 
 
-def write_ball(folder: Path, timesteps: int = 4) -> Path:
+def bust_model() -> HeadModel:
+    """The ball with a nose, one ear and a chin: no turn and no mirror leaves it as it is."""
+    ball = ball_model()
+    x, y, z = ball.v_template.T
+    nose = 0.05 * np.exp(-((x**2 + (y + 0.01) ** 2) / 0.0008)) * (z > 0)
+    ear = 0.04 * np.exp(-((z**2 + (y - 0.02) ** 2) / 0.001)) * (x > 0)
+    chin = 0.05 * np.exp(-((x**2 + (z - 0.03) ** 2) / 0.002)) * (y < 0)
+    return replace(ball, v_template=ball.v_template + np.stack([ear, -chin, nose], axis=1).astype(np.float32))
+
+
+def bust_cameras() -> dict[int, Camera]:
+    """Five views at several heights; x, y and the distance differ."""
+    width, height = 2 * SIZE[0], 2 * SIZE[1]
+    centres = [(-0.7, 0.2, 0.8), (-0.3, -0.2, 1.1), (0.0, 0.1, 1.0), (0.4, 0.3, 0.9), (0.6, -0.1, 0.7)]
+    return {
+        i: Camera(look_at(np.array(centre), np.zeros(3)), 280, 280, width / 2, height / 2, width, height)
+        for i, centre in enumerate(centres)
+    }
+
+
+def write_ball(
+    folder: Path,
+    timesteps: int = 4,
+    model: HeadModel | None = None,
+    cameras: dict[int, Camera] | None = None,
+    step: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Path:
     """Write a capture of the ball (coloured by position) and its `head_model.npz`; the last timestep is EXP-2."""
-    model, cameras = ball_model(), ball_cameras()
+    model, cameras = model or ball_model(), cameras or ball_cameras()
     for name in ("images", "fg_masks", "flame_param"):
         (folder / name).mkdir(parents=True)
     model.save(folder / "head_model.npz")
     entries: dict[str, list[dict]] = {"train": [], "val": [], "test": []}
     for t in range(timesteps):
-        parameters = HeadParameters(rotation=np.array([0, 0.1 * t, 0]), expression=np.eye(100)[0] * 0.3 * t)
+        rotation, translation = np.array([0, 0.1 * t, 0]), t * np.array(step)
+        parameters = HeadParameters(rotation=rotation, translation=translation, expression=np.eye(100)[0] * 0.3 * t)
         parameters.save(folder / f"flame_param/{t:05d}.npz", model)
         vertices = pose(model, parameters)
         for c, camera in cameras.items():

@@ -42,6 +42,13 @@ def learn():
 def end(code):
     return code
 
+def folder_of_kernels():
+    import carigs.simd
+    from numba.core import config
+    config.reload_config()
+    print(config.CACHE_DIR, flush=True)
+    return 0
+
 def fail():
     raise RuntimeError("a mistake")
 
@@ -108,6 +115,12 @@ def test_a_job_has_the_arguments_streams_folder_and_environment_of_its_client(en
 def test_later_jobs_start_with_the_modules_that_earlier_ones_imported(environment):
     assert done(environment, "learn")[0] == 0
     assert "decimal" in json.loads(done(environment, "describe")[1])["modules"]
+
+
+def test_every_job_loads_the_kernels_of_the_present_sources(environment):
+    folders = [done(environment, "folder_of_kernels")[1] for _ in range(2)]
+    assert "kernels-" in folders[0]
+    assert folders[0] == folders[1]
 
 
 def test_exit_codes(environment):

@@ -161,6 +161,24 @@ def test_locks_of_dead_processes_are_removed(tmp_path):
     remove_free_locks(tmp_path)
 
 
+WITHOUT_FCNTL = """
+import sys
+from pathlib import Path
+sys.modules["fcntl"] = None
+from carigs.job_lock import job_lock, remove_free_locks
+folder = Path(sys.argv[1])
+with job_lock(folder / "all.lock"):
+    remove_free_locks(folder)
+    print(list(folder.iterdir()))
+"""
+
+
+def test_without_the_module_for_locks_nothing_is_locked(tmp_path):
+    """As on Windows."""
+    command = [sys.executable, "-c", WITHOUT_FCNTL, str(tmp_path)]
+    assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
 def test_jobs_that_failed_since_a_time_are_listed_in_order(study):
     start = time.time() - 1
     assert unfinished_jobs(study / "log", start) == []

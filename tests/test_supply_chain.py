@@ -54,9 +54,7 @@ READ_BY_HAND = {
 }
 """Packages whose metadata name no licence, several in one field, or another one than their licence file."""
 
-EXCEPTIONS = {
-    "plyfile": "GPL-3.0-or-later: carigs is distributed as source, and plyfile not with it",
-}
+EXCEPTIONS: dict[str, str] = {}
 """Packages with a licence outside of `ALLOWED`, and why they are used all the same."""
 
 

@@ -6,7 +6,8 @@
 """
 
 from carigs.capture.camera import OPENCV_FROM_OPENGL, Camera, look_at
-from carigs.capture.dataset import Capture, Frame
+from carigs.capture.dataset import Capture
+from carigs.capture.frame import Frame
 from carigs.capture.gaussian_avatars import read_dataset
 
 __all__ = ["OPENCV_FROM_OPENGL", "Camera", "Capture", "Frame", "look_at", "read_dataset"]

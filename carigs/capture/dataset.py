@@ -1,49 +1,26 @@
-"""The index of a capture (capture.json): frames, cameras and head parameters."""
+"""A capture, and its index (capture.json): frames, cameras and head parameters."""
 
 from __future__ import annotations
 
 import os
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float32, UInt8
 
 from carigs.capture.camera import Camera
-from carigs.capture.camera_checks import check_intrinsics, check_rigid
-from carigs.capture.images import read_grey, read_rgb
+from carigs.capture.capture_json import cameras_from_json, cameras_to_json, frames_from_json, frames_to_json
+from carigs.capture.frame import Frame
+from carigs.capture.images import differs_from_background, read_alpha8, read_grey8, read_rgb8
 from carigs.errors import InputError
 from carigs.files import write_json
 from carigs.head import HeadModel, HeadParameters
-from carigs.readers.arrays import checked_array
 from carigs.readers.json_files import json_field, read_json
-from carigs.readers.limits import MAX_IMAGE_PIXELS
 
-FORMAT = "carigs-capture-1"
-SPLITS = ("train", "val", "test")
-MAX_NUMBER = 1_000_000_000
-"""Largest number of a timestep or camera."""
-
-
-@dataclass(frozen=True)
-class Frame:
-    """One image of one camera at one timestep. File names are relative to the capture's root."""
-
-    timestep: int
-    camera: int
-    sequence: str
-    split: str
-    """`train`, `val` (held-out view of the training timesteps) or `test` (held-out sequence)."""
-    image: str
-    mask: str
-    parameters: str
-
-    @property
-    def name(self) -> str:
-        """`{timestep:05d}_{camera:02d}`, the stem of the names of all files derived from this frame."""
-        return f"{self.timestep:05d}_{self.camera:02d}"
+FORMAT = "carigs-capture-2"
 
 
 @dataclass(frozen=True)
@@ -53,9 +30,17 @@ class Capture:
     root: Path
     head_model: Path
     frames: tuple[Frame, ...]
-    cameras: dict[int, Camera]
+    calibrations: tuple[Camera, ...]
+    """Distinct cameras. A camera of the dataset may have several: the trackers of some datasets move the cameras with
+    the mean head of each sequence, and intrinsics may differ from frame to frame."""
     background: float
     """Grey value the images were composited on."""
+    split_rule: str = "files"
+    """How frames were divided into splits (`carigs.capture.splits`)."""
+    cy: str = "opencv"
+    """Convention of the files for cy, and how it was found. In memory it is always OpenCV's."""
+    digest: str = ""
+    """Of the dataset's files (`dataset_digest`): another one means that stages that read images must run again."""
     warnings: tuple[str, ...] = ()
     """What is likely to be wrong with the files, one line each."""
 
@@ -69,6 +54,30 @@ class Capture:
             Frames sorted by timestep, then camera.
         """
         return tuple(frame for frame in self.frames if frame.split == name)
+
+    def camera(self, frame: Frame) -> Camera:
+        """The camera of a frame.
+
+        Args:
+            frame: A frame of the capture.
+
+        Returns:
+            The camera, as calibrated for this frame.
+        """
+        return self.calibrations[frame.calibration]
+
+    @cached_property
+    def frame_at(self) -> dict[tuple[int, int], Frame]:
+        """Frames by timestep and camera."""
+        return {(frame.timestep, frame.camera): frame for frame in self.frames}
+
+    @cached_property
+    def cameras(self) -> dict[int, Camera]:
+        """Each numbered camera as calibrated for its first frame: for what needs no more than where cameras stand."""
+        numbered: dict[int, Camera] = {}
+        for frame in self.frames:
+            numbered.setdefault(frame.camera, self.calibrations[frame.calibration])
+        return dict(sorted(numbered.items()))
 
     @cached_property
     def model(self) -> HeadModel:
@@ -91,8 +100,19 @@ class Capture:
         """
         return HeadParameters.load(self.root / self.parameter_files[timestep], self.model)
 
+    def image8(self, frame: Frame) -> UInt8[np.ndarray, "h w 3"]:
+        """Read the image of a frame; one with an alpha channel is composited on the background.
+
+        Args:
+            frame: A frame of the capture.
+
+        Returns:
+            sRGB colours from 0 to 255.
+        """
+        return read_rgb8(self.root / frame.image, self.background)
+
     def image(self, frame: Frame) -> Float32[np.ndarray, "h w 3"]:
-        """Read the image of a frame.
+        """Read the image of a frame, as `image8`.
 
         Args:
             frame: A frame of the capture.
@@ -100,18 +120,47 @@ class Capture:
         Returns:
             sRGB colours in [0, 1].
         """
-        return read_rgb(self.root / frame.image)
+        return self.image8(frame).astype(np.float32) / 255
 
-    def mask(self, frame: Frame) -> Float32[np.ndarray, "h w"]:
+    def mask8(self, frame: Frame) -> UInt8[np.ndarray, "h w"] | None:
         """Read the foreground matte of a frame.
 
         Args:
             frame: A frame of the capture.
 
         Returns:
-            Opacity of the foreground in [0, 1].
+            Opacity of the foreground from 0 to 255; None if the frame has no matte.
         """
-        return read_grey(self.root / frame.mask)
+        if frame.mask is None:
+            return None
+        file = self.root / frame.mask
+        return read_alpha8(file) if frame.mask == frame.image else read_grey8(file)
+
+    def mask(self, frame: Frame) -> Float32[np.ndarray, "h w"] | None:
+        """Read the foreground matte of a frame.
+
+        Args:
+            frame: A frame of the capture.
+
+        Returns:
+            Opacity of the foreground in [0, 1]; None if the frame has no matte.
+        """
+        matte = self.mask8(frame)
+        return None if matte is None else matte.astype(np.float32) / 255
+
+    def foreground(self, frame: Frame) -> Float32[np.ndarray, "h w"]:
+        """The matte of a frame, or an estimate.
+
+        Args:
+            frame: A frame of the capture.
+
+        Returns:
+            Opacity of the foreground in [0, 1]. Without a matte, 1 where the image differs from the stated background.
+        """
+        matte = self.mask(frame)
+        if matte is not None:
+            return matte
+        return differs_from_background(self.image8(frame), self.background).astype(np.float32)
 
     @property
     def validation_camera(self) -> int:
@@ -134,12 +183,12 @@ class Capture:
             "root": _relative(self.root, file.parent),
             "head_model": _relative(self.head_model, file.parent),
             "background": self.background,
+            "split_rule": self.split_rule,
+            "cy": self.cy,
+            "digest": self.digest,
             "warnings": list(self.warnings),
-            "cameras": {
-                str(c): {**asdict(camera), "camera_from_world": camera.camera_from_world.tolist()}
-                for c, camera in self.cameras.items()
-            },
-            "frames": [asdict(frame) for frame in self.frames],
+            "cameras": cameras_to_json(self.calibrations),
+            **frames_to_json(self.frames),
         }
         write_json(file, content)
 
@@ -159,7 +208,7 @@ class Capture:
         """
         content = read_json(file, dict)
         if content.get("format") != FORMAT:
-            raise InputError(f"not a {FORMAT} index", file=file, field="format")
+            raise InputError(f"not a {FORMAT} index; run the stage capture again", file=file, field="format")
 
         def field(key: str, kind: type) -> Any:
             return json_field(content, key, kind, file=file)
@@ -167,55 +216,18 @@ class Capture:
         background = float(field("background", float))
         if not 0 <= background <= 1:
             raise InputError(f"{background:g} is not in [0, 1]", file=file, field="background")
-        cameras = {number: _camera(entry, number, file) for number, entry in field("cameras", dict).items()}
-        frames = tuple(_frame(entry, i, file) for i, entry in enumerate(field("frames", list)))
-        seen = set()
-        for i, frame in enumerate(frames):
-            if str(frame.camera) not in cameras:
-                raise InputError(f"there is no camera {frame.camera}", file=file, field=f"frames[{i}].camera")
-            if (frame.timestep, frame.camera) in seen:
-                raise InputError("timestep and camera appear twice", file=file, field=f"frames[{i}]")
-            seen.add((frame.timestep, frame.camera))
+        cameras = cameras_from_json(field("cameras", list), file)
         return cls(
             root=Path(file).parent / field("root", str),
             head_model=Path(file).parent / field("head_model", str),
             background=background,
-            cameras={int(number): camera for number, camera in cameras.items()},
-            frames=frames,
+            calibrations=cameras,
+            frames=frames_from_json(content, file, len(cameras)),
+            split_rule=field("split_rule", str),
+            cy=field("cy", str),
+            digest=field("digest", str),
             warnings=tuple(map(str, field("warnings", list))) if "warnings" in content else (),
         )
-
-
-def _camera(entry: Any, number: str, file: Path) -> Camera:
-    """A camera of the index: a rigid transform and positive sizes, which kernels rely on."""
-    where = f"cameras.{number[:20]}"
-    if not (number.isascii() and number.isdigit() and str(int(number)) == number):
-        raise InputError("expected a whole number as name", file=file, field=where)
-    fx, fy, cx, cy = (float(json_field(entry, key, float, file=file, where=where)) for key in ("fx", "fy", "cx", "cy"))
-    width, height = (json_field(entry, key, int, file=file, where=where) for key in ("width", "height"))
-    if not (width > 0 and height > 0 and width * height <= MAX_IMAGE_PIXELS):
-        raise InputError(f"{width} x {height} pixels are impossible", file=file, field=where)
-    rows = {f"{where}.camera_from_world": json_field(entry, "camera_from_world", list, file=file, where=where)}
-    pose = checked_array(rows, f"{where}.camera_from_world", (4, 4), np.float64, file=file)
-    check_rigid(pose, file, f"{where}.camera_from_world")
-    camera = Camera(pose, fx, fy, cx, cy, width, height)
-    check_intrinsics(camera, file, where)
-    return camera
-
-
-def _frame(entry: Any, i: int, file: Path) -> Frame:
-    where = f"frames[{i}]"
-    values = {
-        f.name: json_field(entry, f.name, int if f.name in ("timestep", "camera") else str, file=file, where=where)
-        for f in fields(Frame)
-    }
-    for key in ("timestep", "camera"):
-        if not 0 <= values[key] <= MAX_NUMBER:
-            raise InputError(f"{values[key]} is not in 0..{MAX_NUMBER}", file=file, field=f"{where}.{key}")
-    if values["split"] not in SPLITS:
-        problem = f"{values['split'][:60]} is unknown; known: {', '.join(SPLITS)}"
-        raise InputError(problem, file=file, field=f"{where}.split")
-    return Frame(**values)
 
 
 def _relative(path: Path, folder: Path) -> str:

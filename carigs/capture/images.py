@@ -6,10 +6,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float32, UInt8, UInt16
+from jaxtyping import Bool, Float, Float32, UInt8, UInt16
 
 from carigs.errors import InputError
-from carigs.readers.images import read_pixels
+from carigs.readers.images import read_header, read_pixels
+
+BACKGROUND_TOLERANCE = 0.1
+"""Difference from the background's colour, in a channel, from which a pixel is foreground."""
 
 
 def to_linear(colours: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
@@ -36,11 +39,12 @@ def to_srgb(light: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
     return np.where(light <= 0.0031308, light * 12.92, 1.055 * np.maximum(light, 0.0031308) ** (1 / 2.4) - 0.055)
 
 
-def read_rgb8(file: Path) -> UInt8[np.ndarray, "h w 3"]:
-    """Read a colour image.
+def read_rgb8(file: Path, background: float = 1.0) -> UInt8[np.ndarray, "h w 3"]:
+    """Read a colour image; one with an alpha channel is composited on the background.
 
     Args:
         file: Image file.
+        background: Grey value in [0, 1].
 
     Returns:
         RGB values from 0 to 255.
@@ -48,14 +52,59 @@ def read_rgb8(file: Path) -> UInt8[np.ndarray, "h w 3"]:
     Raises:
         InputError: If the file is missing or not an image.
     """
-    return cv2.cvtColor(read_pixels(file, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+    if not read_header(file).alpha:
+        return cv2.cvtColor(read_pixels(file, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
+    pixels = _eight_bits(read_pixels(file, cv2.IMREAD_UNCHANGED)).astype(np.float32)
+    alpha = pixels[..., 3:] / 255
+    return np.rint(pixels[..., 2::-1] * alpha + 255 * background * (1 - alpha)).astype(np.uint8)
 
 
-def read_rgb(file: Path) -> Float32[np.ndarray, "h w 3"]:
-    """Read a colour image.
+def read_alpha8(file: Path) -> UInt8[np.ndarray, "h w"]:
+    """Read the alpha channel of an image.
 
     Args:
         file: Image file.
+
+    Returns:
+        Opacities from 0 to 255.
+
+    Raises:
+        InputError: If the file is missing, is not an image, or has no alpha channel.
+    """
+    pixels = _eight_bits(read_pixels(file, cv2.IMREAD_UNCHANGED))
+    if pixels.ndim != 3 or pixels.shape[2] != 4:
+        raise InputError("the image has no alpha channel", file=file)
+    return np.ascontiguousarray(pixels[..., 3])
+
+
+def _eight_bits(pixels: UInt8[np.ndarray, "h w *c"] | UInt16[np.ndarray, "h w *c"]) -> UInt8[np.ndarray, "h w *c"]:
+    return pixels if pixels.dtype == np.uint8 else np.rint(pixels / 257).astype(np.uint8)
+
+
+def differs_from_background(
+    image: UInt8[np.ndarray, "h w 3"], background: float, blur: int = 1
+) -> Bool[np.ndarray, "h w"]:
+    """Find the pixels that do not have the background's colour.
+
+    Args:
+        image: RGB values from 0 to 255.
+        background: Grey value from 0 to 1.
+        blur: Width of a box filter in pixels, against noise.
+
+    Returns:
+        Whether the filtered image differs by more than `BACKGROUND_TOLERANCE` in a channel.
+    """
+    distance = cv2.absdiff(cv2.blur(image, (blur, blur)), np.full_like(image, round(255 * background)))
+    largest = cv2.max(cv2.max(distance[..., 0], distance[..., 1]), distance[..., 2])
+    return largest > 255 * BACKGROUND_TOLERANCE
+
+
+def read_rgb(file: Path, background: float = 1.0) -> Float32[np.ndarray, "h w 3"]:
+    """Read a colour image; one with an alpha channel is composited on the background.
+
+    Args:
+        file: Image file.
+        background: Grey value in [0, 1].
 
     Returns:
         sRGB values in [0, 1].
@@ -63,7 +112,22 @@ def read_rgb(file: Path) -> Float32[np.ndarray, "h w 3"]:
     Raises:
         InputError: If the file is missing or not an image.
     """
-    return read_rgb8(file).astype(np.float32) / 255
+    return read_rgb8(file, background).astype(np.float32) / 255
+
+
+def read_grey8(file: Path) -> UInt8[np.ndarray, "h w"]:
+    """Read a grey image, for example a matte or mask.
+
+    Args:
+        file: Image file.
+
+    Returns:
+        Values from 0 to 255.
+
+    Raises:
+        InputError: If the file is missing or not an image.
+    """
+    return read_pixels(file, cv2.IMREAD_GRAYSCALE)
 
 
 def read_grey(file: Path) -> Float32[np.ndarray, "h w"]:
@@ -78,7 +142,7 @@ def read_grey(file: Path) -> Float32[np.ndarray, "h w"]:
     Raises:
         InputError: If the file is missing or not an image.
     """
-    return read_pixels(file, cv2.IMREAD_GRAYSCALE).astype(np.float32) / 255
+    return read_grey8(file).astype(np.float32) / 255
 
 
 def write_png(file: Path, image: Float[np.ndarray, "h w *c"]) -> None:

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import UInt16
 
-from carigs.capture.dataset import Capture, Frame
+from carigs.capture.dataset import Capture
+from carigs.capture.frame import Frame
 from carigs.errors import InputError
 from carigs.files import write_json
 from carigs.readers.json_files import json_field, read_json

@@ -66,5 +66,5 @@ def fit_capture_shading(
 
 def _view_bytes(capture: Capture, frames: list) -> int:
     """Memory of the views of a timestep: 24 bytes per pixel and about 48 per face."""
-    cameras = [capture.cameras[frame.camera] for frame in frames]
+    cameras = [capture.camera(frame) for frame in frames]
     return sum(24 * camera.width * camera.height + 48 * len(capture.model.faces) for camera in cameras)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Float32
 
-from carigs.capture import Camera, Capture, Frame
+from carigs.capture import Capture, Frame
 from carigs.capture.images import read_grey, read_rgb
 from carigs.errors import InputError
 from carigs.raster import Visibility, compute_visibility
@@ -51,21 +51,14 @@ def load_views(
     """
     views, problems = {}, {}
     for frame in frames:
-        camera, (image, matte) = capture.cameras[frame.camera], _image_files(settings, capture, frame)
+        camera = capture.camera(frame)
         try:
-            images = _checked(read_rgb(image), image, camera), _checked(read_grey(matte), matte, camera)
+            images = _read_images(settings, capture, frame)
         except InputError as error:
             problems[frame] = str(error)
         else:
             views[frame] = FrameView(*images, compute_visibility(vertices, capture.model.faces, camera))
     return TimestepViews(vertices, views, problems)
-
-
-def _checked(image: np.ndarray, file: Path, camera: Camera) -> np.ndarray:
-    if image.shape[:2] != (camera.height, camera.width):
-        size = f"{image.shape[1]} x {image.shape[0]} pixels"
-        raise InputError(f"{size}, its camera has {camera.width} x {camera.height}", file=file)
-    return image
 
 
 def input_files(settings: Gtstar, capture: Capture) -> list[Path]:
@@ -80,15 +73,35 @@ def input_files(settings: Gtstar, capture: Capture) -> list[Path]:
     """
     files = [capture.head_model]
     for frame in capture.split("train"):
-        files += [capture.root / frame.parameters, *_image_files(settings, capture, frame)]
+        edited, matte = _edited_files(settings, frame)
+        files += [capture.root / frame.parameters, edited or capture.root / frame.image]
+        if matte or frame.mask is not None:
+            files.append(matte or capture.root / frame.mask)
     return list(dict.fromkeys(files))
 
 
-def _image_files(settings: Gtstar, capture: Capture, frame: Frame) -> tuple[Path, Path]:
+def _read_images(
+    settings: Gtstar, capture: Capture, frame: Frame
+) -> tuple[Float32[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"]]:
     """Image and matte of a frame, or of its edited copy."""
-    image, matte = capture.root / frame.image, capture.root / frame.mask
-    if settings.provider == "precomputed":
-        image = Path(settings.folder) / f"{frame.name}.png"
-        edited_matte = image.with_name(f"{frame.name}_mask.png")
-        matte = edited_matte if edited_matte.is_file() else matte
-    return image, matte
+    edited, matte = _edited_files(settings, frame)
+    images = (
+        capture.image(frame) if edited is None else read_rgb(edited, capture.background),
+        capture.foreground(frame) if matte is None else read_grey(matte),
+    )
+    camera, files = capture.camera(frame), (edited or frame.image, matte or frame.mask or frame.image)
+    for image, file in zip(images, files, strict=True):
+        if image.shape[:2] != (camera.height, camera.width):
+            size = f"{image.shape[1]} x {image.shape[0]} pixels"
+            problem = f"{size}, its camera has {camera.width} x {camera.height}"
+            raise InputError(problem, file=capture.root / file)
+    return images
+
+
+def _edited_files(settings: Gtstar, frame: Frame) -> tuple[Path | None, Path | None]:
+    """The edited copy of an image and its matte, where there are such files."""
+    if settings.provider != "precomputed":
+        return None, None
+    edited = Path(settings.folder) / f"{frame.name}.png"
+    matte = edited.with_name(f"{frame.name}_mask.png")
+    return edited, matte if matte.is_file() else None

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from carigs.errors import MeshError
 from carigs.exaggeration.gamma_path import Caricature
-from carigs.head.model import N_JOINTS, N_SHAPE, HeadModel
+from carigs.head.model import HeadModel
+from carigs.head.model_arrays import RestJoints
 from carigs.head.parameters import HeadParameters
 
 LARGEST_COORDINATE = 1e4
@@ -27,23 +29,42 @@ def neutral(model: HeadModel, parameters: HeadParameters) -> Float[np.ndarray, "
         Vertices in the model's rest frame, in metres.
 
     Raises:
-        MeshError: If a vertex is not finite or farther away than `LARGEST_COORDINATE`.
+        MeshError: If the parameters have other sizes than the model, or if a vertex is not finite or farther away than
+            `LARGEST_COORDINATE`.
     """
-    return _in_range(_neutral(model, parameters), "neutral")
+    _check_sizes(model, parameters)
+    vertices = model.v_template + _sum_blendshapes(model.identity_basis, parameters.shape[None])[0]
+    if parameters.static_offset is not None:
+        vertices = vertices + parameters.static_offset
+    return _in_range(vertices, "neutral")
 
 
-def _neutral(model: HeadModel, parameters: HeadParameters) -> Float[np.ndarray, "v 3"]:
-    vertices = model.v_template + _sum_blendshapes(model.shapedirs[:, :, :N_SHAPE], parameters.shape)
-    return vertices if parameters.static_offset is None else vertices + parameters.static_offset
+def subject_model(model: HeadModel, parameters: HeadParameters) -> HeadModel:
+    """Head model of one subject: its template is the subject's neutral head, and it has no identity blendshapes.
 
+    Args:
+        model: The head model.
+        parameters: Any frame of the subject.
 
-def _in_range(vertices: Float[np.ndarray, "v 3"], kind: str) -> Float[np.ndarray, "v 3"]:
-    """Refuse vertices that overflow, from parameters that are finite but far too large."""
-    if not np.abs(vertices).max(initial=0) <= LARGEST_COORDINATE:  # also refuses NaN
-        bad = int(np.argmax(~(np.abs(vertices) <= LARGEST_COORDINATE).all(axis=1)))
-        problem = f"lies at {vertices[bad].tolist()} m; coordinates up to {LARGEST_COORDINATE:g} m are possible"
-        raise MeshError(f"vertex {bad} of the {kind} head {problem}: check its parameters")
-    return vertices
+    Returns:
+        A model with identity coefficients of no effect. It is posed as the general model, with the subject's shape and
+        static offset, up to the rounding of the template to float32.
+
+    Raises:
+        MeshError: As for `neutral`.
+    """
+    template = neutral(model, parameters)
+    shapedirs = model.shapedirs.copy()
+    shapedirs[:, :, : model.num_identity] = 0
+    rest_joints = model.rest_joints
+    if rest_joints is not None:
+        identity = rest_joints.basis[:, :, : model.num_identity] @ parameters.shape
+        if parameters.static_offset is not None:
+            identity = identity + model.joint_regressor.astype(np.float64) @ parameters.static_offset
+        basis = rest_joints.basis.copy()
+        basis[:, :, : model.num_identity] = 0
+        rest_joints = RestJoints((rest_joints.template + identity).astype(np.float32), basis)
+    return replace(model, v_template=template.astype(np.float32), shapedirs=shapedirs, rest_joints=rest_joints)
 
 
 def pose(
@@ -51,8 +72,10 @@ def pose(
 ) -> Float[np.ndarray, "v 3"]:
     """Pose the head by linear blend skinning (Li et al. 2017, equations 1 to 5).
 
-    v = sum_j weights_j (world_from_rest_j (shaped + corrective)) + translation. The joints are regressed from the
-    shaped vertices; those of a caricature move with it.
+    v = sum_j weights_j (world_from_rest_j (shaped + corrective)) + translation with
+
+        shaped = template + blendshapes . coefficients + offsets + displacement of the caricature,
+        joints = joint template + joint basis . coefficients + regressor (offsets + displacement of the caricature).
 
     Args:
         model: The head model.
@@ -63,20 +86,53 @@ def pose(
         Vertices in world coordinates, in metres.
 
     Raises:
-        MeshError: If a vertex is not finite or farther away than `LARGEST_COORDINATE`.
+        MeshError: If the parameters have other sizes than the model, or if a vertex is not finite or farther away than
+            `LARGEST_COORDINATE`.
     """
-    shaped = _neutral(model, parameters) + _sum_blendshapes(model.shapedirs[:, :, N_SHAPE:], parameters.expression)
-    rotations = _rotations(parameters)
-    pose_feature = (rotations[1:] - np.eye(3)).reshape(-1)
-    corrective = _sum_blendshapes(model.posedirs, pose_feature)
-    if caricature is not None:
-        shaped = shaped + caricature.displacement + caricature.blendshape_change(parameters.expression)
-        corrective = corrective + caricature.blendshape_change(pose_feature, first=len(parameters.expression))
-    joints = model.joint_regressor.astype(np.float64) @ shaped
-    world_from_rest = _joint_transforms(rotations, joints, model.parents)
-    blended = np.tensordot(model.weights.astype(np.float64), world_from_rest, axes=1)  # (v, 4, 4)
-    posed = np.einsum("vij,vj->vi", blended[:, :3, :3], shaped + corrective) + blended[:, :3, 3]
-    return _in_range(posed + parameters.translation, "posed")
+    return pose_frames(model, [parameters], caricature)[0]
+
+
+def pose_frames(
+    model: HeadModel, frames: Sequence[HeadParameters], caricature: Caricature | None = None
+) -> Float[np.ndarray, "t v 3"]:
+    """Pose the head in many frames as `pose` does: sums of blendshapes are one product of matrices.
+
+    Args:
+        model: The head model.
+        frames: One or more frames, of one or more subjects. A few arrays of (frames, v, 3) are held in memory.
+        caricature: Change of the neutral and the blendshapes at a level; None for the natural head.
+
+    Returns:
+        Vertices of every frame in world coordinates, in metres.
+
+    Raises:
+        MeshError: As for `pose`.
+    """
+    for parameters in frames:
+        _check_sizes(model, parameters)
+    # The frames of a subject share the sum of the identity blendshapes.
+    shapes, subject = np.unique([parameters.shape for parameters in frames], axis=0, return_inverse=True)
+    expressions = np.array([parameters.expression for parameters in frames])
+    natural = model.v_template + _sum_blendshapes(model.identity_basis, shapes)
+    shaped = _sum_blendshapes(model.expression_basis, expressions) + natural[subject]
+    coefficients = np.concatenate([shapes[subject], expressions], axis=1)
+    joints = model.joint_template + np.einsum("jcb,tb->tjc", model.joint_basis, coefficients)
+    rotations = rotation_matrices(np.array([_rotation_vectors(parameters) for parameters in frames]))
+    pose_features = _pose_features(model, rotations)
+    corrective = _sum_blendshapes(model.posedirs, pose_features)
+    regressor = model.joint_regressor.astype(np.float64)
+    for t, parameters in enumerate(frames):
+        offsets = [o for o in (parameters.static_offset, parameters.dynamic_offset) if o is not None]
+        if caricature is not None:
+            offsets += [caricature.displacement, caricature.blendshape_change(parameters.expression)]
+            corrective[t] += caricature.blendshape_change(pose_features[t], first=model.num_expressions)
+        if offsets:
+            offset = sum(offsets)
+            shaped[t] += offset
+            joints[t] += regressor @ offset
+    posed = _skin(model, shaped + corrective, _joint_transforms(rotations, joints, model.parents))
+    posed += np.array([parameters.translation for parameters in frames])[:, None]
+    return _in_range(posed, "posed")
 
 
 def active_blendshapes(
@@ -92,53 +148,99 @@ def active_blendshapes(
         The blendshapes in metres per unit of the coefficient, and their indices: expressions are counted first, then
         pose correctives.
     """
-    blendshapes = np.concatenate([model.shapedirs[:, :, N_SHAPE:], model.posedirs], axis=2)
+    frames = list(parameters)
+    blendshapes = np.concatenate([model.expression_basis, model.posedirs], axis=2)
     is_nonzero = blendshapes.any(axis=(0, 1))
-    coefficients = [np.concatenate([p.expression, (_rotations(p)[1:] - np.eye(3)).reshape(-1)]) for p in parameters]
-    columns = np.flatnonzero(is_nonzero & np.any(coefficients, axis=0))
+    rotations = rotation_matrices(np.array([_rotation_vectors(p) for p in frames]))
+    expressions = np.array([p.expression for p in frames])
+    coefficients = np.concatenate([expressions, _pose_features(model, rotations)], axis=1)
+    columns = np.flatnonzero(is_nonzero & coefficients.any(axis=0))
     return blendshapes[:, :, columns].transpose(2, 0, 1).astype(np.float64), columns
 
 
-def rotation_matrix(rotation_vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+def rotation_matrices(rotation_vectors: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]:
     """Rodrigues' formula: R = I + sin(a)/a K + (1 - cos a)/a^2 K^2 with the cross product matrix K of the vector.
 
     Args:
-        rotation_vector: Axis times angle a, in radians.
+        rotation_vectors: Axes times angles a, in radians.
 
     Returns:
-        Rotation matrix; exact in the limit of a vanishing vector.
+        Rotation matrices; exact in the limit of a vanishing vector.
     """
-    x, y, z = rotation_vector
-    angle_squared = x * x + y * y + z * z
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    angle = np.sqrt(angle_squared)
+    x, y, z = np.moveaxis(rotation_vectors, -1, 0)
+    zero = np.zeros_like(x)
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1).reshape(*rotation_vectors.shape, 3)
+    angle = np.sqrt(x * x + y * y + z * z)[..., None, None]
     # sin(a)/a and (1 - cos a)/a^2 by sinc, which is smooth at 0.
     first, second = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
     return np.eye(3) + first * cross + second * cross @ cross
 
 
+def _check_sizes(model: HeadModel, parameters: HeadParameters) -> None:
+    """Refuse parameters of another model."""
+    v = model.v_template.shape
+    expected = {
+        "joints": (len(model.parents) - 1, 3), "shape": (model.num_identity,), "expression": (model.num_expressions,),
+        "static_offset": v, "dynamic_offset": v,
+    }  # fmt: skip
+    for name, shape in expected.items():
+        value = getattr(parameters, name)
+        if value is not None and value.shape != shape:
+            raise MeshError(f"{name} has the shape {value.shape}, the head model needs {shape}")
+
+
+def _in_range(vertices: Float[np.ndarray, "*t v 3"], kind: str) -> Float[np.ndarray, "*t v 3"]:
+    """Refuse vertices that overflow, from parameters that are finite but far too large."""
+    if not np.abs(vertices).max(initial=0) <= LARGEST_COORDINATE:  # also refuses NaN
+        *_, bad = bad_index = tuple(np.argwhere(~(np.abs(vertices) <= LARGEST_COORDINATE).all(axis=-1))[0])
+        problem = f"lies at {vertices[bad_index].tolist()} m; coordinates up to {LARGEST_COORDINATE:g} m are possible"
+        raise MeshError(f"vertex {bad} of the {kind} head {problem}: check its parameters")
+    return vertices
+
+
 def _sum_blendshapes(
-    blendshapes: Float[np.ndarray, "v 3 b"], coefficients: Float[np.ndarray, " b"]
-) -> Float[np.ndarray, "v 3"]:
-    used = np.flatnonzero(coefficients)  # most of the 400 coefficients of a tracked frame are zero
-    return blendshapes[:, :, used].astype(np.float64) @ coefficients[used]
+    blendshapes: Float[np.ndarray, "v 3 b"], coefficients: Float[np.ndarray, "t b"]
+) -> Float[np.ndarray, "t v 3"]:
+    used = np.flatnonzero(coefficients.any(axis=0))  # most of the 400 coefficients of a tracked frame are zero
+    rows = blendshapes[:, :, used].astype(np.float64).reshape(blendshapes.shape[0] * 3, len(used))
+    return (coefficients[:, used] @ rows.T).reshape(len(coefficients), *blendshapes.shape[:2])
 
 
-def _rotations(parameters: HeadParameters) -> Float[np.ndarray, "5 3 3"]:
-    vectors = [parameters.rotation, parameters.neck, parameters.jaw, parameters.eyes[:3], parameters.eyes[3:]]
-    return np.stack([rotation_matrix(vector) for vector in vectors])
+def _rotation_vectors(parameters: HeadParameters) -> Float[np.ndarray, "j 3"]:
+    return np.concatenate([parameters.rotation[None], parameters.joints])
+
+
+def _pose_features(model: HeadModel, rotations: Float[np.ndarray, "t j 3 3"]) -> Float[np.ndarray, "t p"]:
+    """Coefficients of the pose correctives: R - I of the last joints."""
+    corrected = model.posedirs.shape[2] // 9
+    last = rotations[:, rotations.shape[1] - corrected :]
+    return (last - np.eye(3)).reshape(len(rotations), -1)
 
 
 def _joint_transforms(
-    rotations: Float[np.ndarray, "5 3 3"], joints: Float[np.ndarray, "5 3"], parents: np.ndarray
-) -> Float[np.ndarray, "5 4 4"]:
-    """Rigid transforms world_from_rest of the joints, along the kinematic chain."""
-    world_from_joint = np.zeros((N_JOINTS, 4, 4))
-    for j in range(N_JOINTS):
-        local = np.eye(4)
-        local[:3, :3] = rotations[j]
-        local[:3, 3] = joints[j] if parents[j] < 0 else joints[j] - joints[parents[j]]
-        world_from_joint[j] = local if parents[j] < 0 else world_from_joint[parents[j]] @ local
-    world_from_rest = world_from_joint.copy()
-    world_from_rest[:, :3, 3] -= np.einsum("jik,jk->ji", world_from_joint[:, :3, :3], joints)
+    rotations: Float[np.ndarray, "t j 3 3"], joints: Float[np.ndarray, "t j 3"], parents: Int[np.ndarray, " j"]
+) -> Float[np.ndarray, "t j 3 4"]:
+    """Rigid transforms world_from_rest [R | t] of the joints, along the kinematic chain."""
+    world_from_rest = np.zeros((*joints.shape, 4))
+    for j, parent in enumerate(parents):
+        rotation, position = rotations[:, j], joints[:, j, :, None]
+        if parent >= 0:
+            above = world_from_rest[:, parent]
+            rotation, position = above[:, :, :3] @ rotation, above[:, :, :3] @ position + above[:, :, 3:]
+        world_from_rest[:, j, :, :3] = rotation
+        world_from_rest[:, j, :, 3:] = position - rotation @ joints[:, j, :, None]
     return world_from_rest
+
+
+def _skin(
+    model: HeadModel, vertices: Float[np.ndarray, "t v 3"], world_from_rest: Float[np.ndarray, "t j 3 4"]
+) -> Float[np.ndarray, "t v 3"]:
+    """Linear blend skinning: sum_j weights_j (R_j x + t_j), one product of matrices for each frame."""
+    weights = model.weights.astype(np.float64)
+    weighted = np.ones((*weights.shape, 4))
+    posed = np.empty_like(vertices)
+    for t, x in enumerate(vertices):
+        weighted[:, :, :3] = x[:, None]
+        products = (weights[:, :, None] * weighted).reshape(len(x), -1)
+        posed[t] = products @ world_from_rest[t].transpose(0, 2, 1).reshape(-1, 3)
+    return posed

@@ -8,7 +8,7 @@ import numpy as np
 
 from carigs.errors import InputError
 from carigs.exaggeration.gamma_path import GammaPath
-from carigs.head.model import N_SHAPE, HeadModel
+from carigs.head.model import HeadModel
 
 
 def read_subject_path(file: str | Path, model: HeadModel) -> GammaPath:
@@ -46,6 +46,6 @@ def check_subject_path(path: GammaPath, model: HeadModel, file: str | Path, pref
         raise InputError(problem, file=file, field=f"{prefix}neutral")
     if not np.array_equal(path.faces, model.faces):
         raise InputError("not the faces of the head: was it made for another one?", file=file, field=f"{prefix}faces")
-    blendshapes = model.shapedirs.shape[2] - N_SHAPE + model.posedirs.shape[2]
+    blendshapes = model.num_expressions + model.posedirs.shape[2]
     if path.columns is not None and path.columns.size and path.columns.max() >= blendshapes:
         raise InputError(f"indices must lie in 0..{blendshapes - 1}", file=file, field=f"{prefix}columns")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 import re
 import warnings
@@ -12,9 +11,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from carigs.errors import CarigsWarning, InputError
+from carigs.mesh.ply_writer import ply_content
 from carigs.mesh.triangle_mesh import vertex_normals
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 from carigs.readers.obj import obj_lines
+from carigs.readers.ply import parse_ply
 
 _TEXTURE_COORDINATES = re.compile(rb"^vt |^property .*\b(?:s|u|texture_u|texcoord)\s*$|\"TEXCOORD_0\"", re.MULTILINE)
 """How .obj, .ply and .glb announce texture coordinates."""
@@ -40,7 +41,7 @@ def moved_mesh_file(
         Content of the new file.
 
     Raises:
-        InputError: If the source has changed since it was read.
+        InputError: If the source has changed since it was read, or its vertices have lists as coordinates.
     """
     import trimesh
 
@@ -82,27 +83,25 @@ def _moved_ply(
     content: bytes, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], source: Path, output: Path
 ) -> bytes:
     """A .ply file with other positions, and normals if it had any."""
-    from plyfile import PlyData, PlyElement
-
-    ply = PlyData.read(io.BytesIO(content), mmap=False)
-    rows = ply["vertex"].data
+    ply = parse_ply(content, source)
+    rows = ply.elements.get("vertex", np.empty(0))
     _check_count(len(rows), vertices, source)
     columns = dict(zip("xyz", vertices.T, strict=True))
     if {"nx", "ny", "nz"} <= set(rows.dtype.names):
         columns |= dict(zip(("nx", "ny", "nz"), vertex_normals(vertices, faces).T, strict=True))
+    for name in columns:
+        if rows.dtype[name].kind not in "iuf":
+            raise InputError("a list, expected a number", file=source, field=f"vertex.{name}")
     # Positions stored as whole numbers become floating-point numbers.
     fields = [(name, "f4" if name in columns and kind[1] != "f" else kind, *n) for name, kind, *n in rows.dtype.descr]
     moved = rows.astype(fields)
     for name, column in columns.items():
         moved[name] = column
-    elements = [PlyElement.describe(moved, "vertex") if part.name == "vertex" else part for part in ply.elements]
     comments = [
         f"TextureFile {_reference(text.split(None, 1)[1], source, output)}" if text.startswith("TextureFile ") else text
         for text in ply.comments
     ]
-    stream = io.BytesIO()
-    PlyData(elements, ply.text, ply.byte_order, comments, ply.obj_info).write(stream)
-    return stream.getvalue()
+    return ply_content(ply._replace(elements=ply.elements | {"vertex": moved}, comments=comments))
 
 
 def _same(words: list[str], position: Float[np.ndarray, "3"]) -> bool:

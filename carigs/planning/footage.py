@@ -43,7 +43,7 @@ def subject_footage(capture: DictConfig, index: Path) -> Footage:
     """
     if index.is_file():
         subject = Capture.load(index)
-        train, camera = len(subject.split("train")), subject.cameras[0]
+        train, camera = len(subject.split("train")), subject.camera(subject.frames[0])
         size = camera.width * camera.height / 1e6
         return Footage(train, len(subject.frames) - train, size, f"counted in {index}")
     if capture.source == "toy":

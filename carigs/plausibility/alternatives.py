@@ -15,7 +15,6 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from carigs.capture import Camera, Capture, Frame
-from carigs.capture.images import read_rgb8
 from carigs.plausibility.findings import Finding
 from carigs.plausibility.vertex_misfit import Reference, disagreement, misfit, reference, sample
 
@@ -110,14 +109,14 @@ def compare_frames(
         between = reference(np.stack([samples[f] for f in seen.values()])) if across_cameras else None
         changed: dict[str, list[Float32[np.ndarray, "n 3"]]] = {}
         for c, frame in seen.items():
-            image = read_rgb8(capture.root / frame.image)
+            image = capture.image8(frame)
             if c in in_time:
                 others = {t: pixels[f[c]] for t, f in frames.items() if t != timestep and c in f and f[c] in pixels}
                 explained[frame] = _in_time(image, samples[frame], pixels[frame], others, in_time[c])
             if between is not None:
                 under = {"": samples[frame]} | {
                     what: sample(image, change(pixels[frame]))
-                    for what, change in _image_changes(capture.cameras[c]).items()
+                    for what, change in _image_changes(capture.camera(frame)).items()
                 }
                 for what, colours in under.items():
                     changed.setdefault(what, []).append(colours)

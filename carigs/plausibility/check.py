@@ -4,19 +4,24 @@
 |---|---|
 | head model | |
 | head parameters: ranges, one neutral head | all timesteps |
-| images and mattes: decoded whole, sizes, background, foreground | all |
+| images and mattes: decoded whole, sizes, background, foreground | all, or 3000 at evenly spread timesteps |
 | the posed mesh in the cameras, mattes against its silhouette | selected (`select_frames`) |
 | mattes against the images of other timesteps | selected |
 | images against the other frames at the vertices of the mesh | selected |
+| usual mistakes, by trying (`diagnose`) | a few, at a low resolution |
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 from carigs.capture import Capture, Frame
+from carigs.errors import InputError, collecting
 from carigs.plausibility.alternatives import compare_frames
+from carigs.plausibility.diagnosis.scene import read_scene
+from carigs.plausibility.diagnosis.trial import Diagnosis, diagnose
 from carigs.plausibility.findings import Finding, summarize
 from carigs.plausibility.head_models import check_head_model
 from carigs.plausibility.images import check_images, read_frame, summarize_images
@@ -24,7 +29,16 @@ from carigs.plausibility.mattes import exchanged_mattes, matte_findings, outline
 from carigs.plausibility.parameters import check_parameters
 from carigs.plausibility.selection import select_frames
 from carigs.plausibility.vertex_misfit import sample
-from carigs.plausibility.views import head_faces, pose_views
+from carigs.plausibility.views import OUT_OF_SIGHT, head_faces, pose_views
+
+
+class Examination(NamedTuple):
+    """What was found in a capture."""
+
+    findings: list[Finding]
+    """What is likely to be wrong."""
+    diagnosis: Diagnosis | None
+    """None if there was no reason to look for a mistake."""
 
 
 def check_capture(capture: Capture) -> Capture:
@@ -39,22 +53,57 @@ def check_capture(capture: Capture) -> Capture:
     Raises:
         InputError: If something cannot be true; names file and field.
     """
-    findings = check_head_model(capture.model, capture.head_model)
-    findings += check_parameters(capture)
-    summaries = summarize_images(capture)
+    return replace(capture, warnings=(*capture.warnings, *summarize(examine_capture(capture).findings)))
+
+
+def examine_capture(
+    capture: Capture, errors: list[InputError] | None = None, *, always_diagnose: bool = False
+) -> Examination:
+    """Find everything that is wrong with a capture.
+
+    Args:
+        capture: The capture, as indexed by `read_dataset`.
+        errors: Receives what cannot be true; None to raise the first.
+        always_diagnose: Whether mistakes are looked for although the mesh fits the images.
+
+    Returns:
+        What is likely to be wrong.
+
+    Raises:
+        InputError: If something cannot be true, and `errors` is None.
+    """
+    findings = check_head_model(capture.model, capture.head_model, errors)
+    findings += check_parameters(capture, errors)
+    summaries = summarize_images(capture, errors)
     findings += check_images(capture, summaries)
-    findings += _check_views(capture, select_frames(capture, summaries))
-    return replace(capture, warnings=summarize(findings))
+    if len(summaries) < len(capture.frames):
+        capture = replace(capture, frames=tuple(summaries))
+    misplaced: list[InputError] = []
+    seen = _check_views(capture, select_frames(capture, summaries), misplaced)
+    diagnosis = diagnose(read_scene(capture)) if always_diagnose or misplaced or seen else None
+    if diagnosis and diagnosis.mistakes and diagnosis.is_unusable:  # the rest follows from it
+        misplaced = [error for error in misplaced if not error.problem.startswith(OUT_OF_SIGHT)]
+        misplaced.insert(0, diagnosis.error(capture.root))
+        seen = []
+    elif diagnosis and diagnosis.mistakes:
+        seen.insert(0, diagnosis.finding(capture.root))
+    for error in misplaced:
+        with collecting(errors):
+            raise error
+    return Examination(findings + seen, diagnosis)
 
 
-def _check_views(capture: Capture, frames: Mapping[int, Mapping[int, Frame]]) -> list[Finding]:
+def _check_views(
+    capture: Capture, frames: Mapping[int, Mapping[int, Frame]], errors: list[InputError]
+) -> list[Finding]:
     findings: list[Finding] = []
     pixels, samples, foregrounds, head = {}, {}, {}, head_faces(capture.model)
-    for views in pose_views(capture, frames, findings):
+    for views in pose_views(capture, frames, findings, errors):
         for view in views:
             image, matte = read_frame(capture, view.frame)
-            findings += matte_findings(capture, view, matte, head)
-            foregrounds[view.frame] = outlines(image, matte, capture.background)
+            if matte is not None:
+                findings += matte_findings(capture, view, matte, head)
+                foregrounds[view.frame] = outlines(image, matte, capture.background)
             pixels[view.frame] = view.pixels
             samples[view.frame] = sample(image, view.pixels)
     findings += exchanged_mattes(capture, foregrounds)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from carigs.errors import InputError
+from carigs.errors import InputError, collecting
 from carigs.head import HeadModel
 from carigs.mesh.triangle_mesh import diagonal
 from carigs.plausibility.findings import Finding
@@ -16,13 +17,17 @@ TOLERANCE = 0.01
 SIZES = (0.05, 5.0)
 """Diagonal of a head in metres. Larger and smaller ones are in another unit: millimetres, centimetres, decimetres."""
 
+MISPLACED = 0.1
+"""Distance of an eye's joint from the middle of the eyeball, as a share of the head's diagonal. It is 0 in FLAME."""
 
-def check_head_model(model: HeadModel, file: Path) -> list[Finding]:
+
+def check_head_model(model: HeadModel, file: Path, errors: list[InputError] | None = None) -> list[Finding]:
     """Check that a model can be posed.
 
     Args:
         model: The model.
         file: Its file, for messages.
+        errors: Receives all errors; None to raise the first.
 
     Returns:
         What is likely to be wrong.
@@ -31,36 +36,58 @@ def check_head_model(model: HeadModel, file: Path) -> list[Finding]:
         InputError: If skinning weights are negative or do not sum to 1, a row of the joint regressor does not sum to 1
             (its joint would not follow a translation of the head), or the unit cannot be metres.
     """
+    for error in _errors(model, file):
+        with collecting(errors):
+            raise error
+    corners = (model.v_template - model.v_template.mean(axis=0)).astype(np.float64)[model.faces]
+    volume = np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
+    findings = list(_joint_findings(model, file))
+    if volume < 0:
+        kind = "the faces point inwards, so that their order of corners is reversed"
+        findings.append(Finding(kind, file, "f", f"its signed volume is {volume:.3g} m^3"))
+    return findings
+
+
+def _joint_findings(model: HeadModel, file: Path) -> Iterator[Finding]:
+    """Joints in places where they are only if joints, or columns of weights, are in another order than their names."""
+    joints = {name: j for j, name in enumerate(model.joint_names)}
+    limit = MISPLACED * diagonal(model.v_template)
+    for eye in ("left_eye", "right_eye"):
+        moved = model.weights[:, joints[eye]] > 0.5 if eye in joints else np.zeros(len(model.v_template), bool)
+        if moved.any():
+            distance = np.linalg.norm(model.v_template[moved].mean(axis=0) - model.joint_template[joints[eye]])
+            if distance > limit:
+                kind = "an eye's joint lies far from what it moves: are joints or skinning weights exchanged?"
+                yield Finding(kind, file, "weights", f"{eye}: {distance:.3g} m")
+    if {"neck", "jaw"} <= set(joints):
+        above = float(model.joint_template[joints["neck"], 1] - model.joint_template[joints["jaw"], 1])
+        if above > 0.1 * limit:
+            kind = "the joint of the neck lies above that of the jaw: are joints exchanged?"
+            yield Finding(kind, file, "J_regressor", f"by {above:.3g} m")
+
+
+def _errors(model: HeadModel, file: Path) -> Iterator[InputError]:
     sums = model.weights.sum(axis=1, dtype=np.float64)
     worst = int(np.abs(sums - 1).argmax())
     if model.weights.min() < -TOLERANCE:
         vertex = int(model.weights.min(axis=1).argmin())
         problem = f"the skinning weight {model.weights[vertex].min():.3g} of vertex {vertex} is negative"
-        raise InputError(problem, file=file, field="weights")
-    if abs(sums[worst] - 1) > TOLERANCE:
+        yield InputError(problem, file=file, field="weights")
+    elif abs(sums[worst] - 1) > TOLERANCE:
         problem = f"the skinning weights of vertex {worst} sum to {sums[worst]:.4g}; they must sum to 1"
-        raise InputError(problem, file=file, field="weights")
+        yield InputError(problem, file=file, field="weights")
     rows = model.joint_regressor.sum(axis=1, dtype=np.float64)
     joint = int(np.abs(rows - 1).argmax())
     if abs(rows[joint] - 1) > TOLERANCE:
         problem = f"row {joint} sums to {rows[joint]:.4g}; it must sum to 1, for a joint is a mean of vertices"
-        raise InputError(problem, file=file, field="J_regressor")
+        yield InputError(problem, file=file, field="J_regressor")
+        return
     size = diagonal(model.v_template)
     if not SIZES[0] < size < SIZES[1]:
-        raise InputError(f"the head is {size:.3g} m large; lengths are in metres", file=file, field="v_template")
-    joints = model.joint_regressor.astype(np.float64) @ model.v_template
-    centre = model.v_template.mean(axis=0)
-    distances = np.linalg.norm(joints - centre, axis=1)
+        yield InputError(f"the head is {size:.3g} m large; lengths are in metres", file=file, field="v_template")
+    distances = np.linalg.norm(model.joint_template - model.v_template.mean(axis=0), axis=1)
     if distances.max() > size:
         joint = int(distances.argmax())
         problem = f"joint {joint} lies {distances[joint]:.3g} m from the centre of a head of {size:.3g} m"
-        raise InputError(problem, file=file, field="J_regressor")
-    findings = []
-    corners = (model.v_template - centre).astype(np.float64)[model.faces]
-    volume = np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
-    if volume < 0:
-        details = f"its signed volume is {volume:.3g} m^3"
-        findings.append(
-            Finding("the faces point inwards, so that their order of corners is reversed", file, "f", details)
-        )
-    return findings
+        field = "J_regressor" if model.rest_joints is None else "joint_template"
+        yield InputError(problem, file=file, field=field)

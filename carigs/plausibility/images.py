@@ -1,4 +1,7 @@
-"""Every image and matte is decoded whole once; what is measured meanwhile needs no mesh."""
+"""Images and mattes are decoded whole once; what is measured meanwhile needs no mesh.
+
+Of a large capture, that is done for evenly spread timesteps. (The header and the end of every image have been read.)
+"""
 
 from __future__ import annotations
 
@@ -13,23 +16,23 @@ from jaxtyping import Bool, Float32, UInt8
 from rich.progress import track
 
 from carigs.capture import Camera, Capture, Frame
-from carigs.capture.images import read_rgb8
-from carigs.errors import InputError
+from carigs.capture.images import BACKGROUND_TOLERANCE, differs_from_background
+from carigs.capture.thinning import spread_timesteps
+from carigs.errors import InputError, collecting
 from carigs.plausibility.findings import Finding
-from carigs.readers.images import read_pixels
 
 OPAQUE, CLEAR = 128, 2
 """Values of a matte from which a pixel is foreground, and up to which it is background."""
-COLOUR_TOLERANCE = 0.1
-"""Difference from the background's colour that no noise or compression makes once `BLUR` pixels are averaged."""
 BLUR = 5
-"""Width of the box filter in pixels."""
+"""Width of a box filter in pixels; noise and compression then stay below `BACKGROUND_TOLERANCE`."""
 OUTSIDE = 0.05
 """Pixels outside the matte that do not show the background, over the foreground's pixels: an outline that is off by
 1.2 % of the diameter of a disc."""
 INSIDE = 0.5
 """Share of the foreground that shows the background's colour. White clothes before white are less."""
 THUMBNAIL = 8
+MAX_DECODED = 3000
+"""Frames that are decoded, all of a smaller capture: a minute for images of 802x550."""
 
 
 class ImageSummary(NamedTuple):
@@ -50,30 +53,34 @@ class ImageSummary(NamedTuple):
     """Whether all pixels have one colour."""
 
 
-def summarize_images(capture: Capture) -> dict[Frame, ImageSummary]:
-    """Decode all images and mattes.
+def summarize_images(capture: Capture, errors: list[InputError] | None = None) -> dict[Frame, ImageSummary]:
+    """Decode images and mattes.
 
     Args:
         capture: The capture.
+        errors: Receives the errors of frames, which are left out then; None to raise the first.
 
     Returns:
-        A summary per frame.
+        A summary per decoded frame: of all frames, or of `MAX_DECODED` at evenly spread timesteps.
 
     Raises:
         InputError: If a file is damaged, or has another size than its camera.
     """
 
-    def summarize(frame: Frame) -> ImageSummary:
-        image, matte = read_frame(capture, frame)
-        return _summary(image, matte, capture.background)
+    def summarize(frame: Frame) -> ImageSummary | None:
+        with collecting(errors):
+            image, matte = read_frame(capture, frame)
+            return _summary(image, matte, capture.background)
+        return None
 
+    timesteps = set(spread_timesteps(capture.frames, MAX_DECODED))
+    frames = [frame for frame in capture.frames if frame.timestep in timesteps]
     with ThreadPoolExecutor(2) as pool:
-        done = pool.map(summarize, capture.frames)
-        few = len(capture.frames) < 1000
-        return dict(zip(capture.frames, track(done, "checking images", len(capture.frames), disable=few), strict=True))
+        done = track(pool.map(summarize, frames), "checking images", len(frames), disable=len(frames) < 1000)
+        return {frame: summary for frame, summary in zip(frames, done, strict=True) if summary is not None}
 
 
-def read_frame(capture: Capture, frame: Frame) -> tuple[UInt8[np.ndarray, "h w 3"], UInt8[np.ndarray, "h w"]]:
+def read_frame(capture: Capture, frame: Frame) -> tuple[UInt8[np.ndarray, "h w 3"], UInt8[np.ndarray, "h w"] | None]:
     """Read an image and its matte, and check their sizes.
 
     Args:
@@ -81,16 +88,15 @@ def read_frame(capture: Capture, frame: Frame) -> tuple[UInt8[np.ndarray, "h w 3
         frame: One of its frames.
 
     Returns:
-        RGB values, and opacities, from 0 to 255.
+        RGB values, and opacities or None, from 0 to 255.
 
     Raises:
         InputError: If a file is damaged, or has another size than its camera.
     """
-    camera = capture.cameras[frame.camera]
-    image = read_rgb8(capture.root / frame.image)
-    matte = read_pixels(capture.root / frame.mask, cv2.IMREAD_GRAYSCALE)
+    camera, image, matte = capture.camera(frame), capture.image8(frame), capture.mask8(frame)
     _check_size(image, camera, capture.root / frame.image)
-    _check_size(matte, camera, capture.root / frame.mask)
+    if matte is not None:
+        _check_size(matte, camera, capture.root / frame.mask)
     return image, matte
 
 
@@ -104,19 +110,21 @@ def check_images(capture: Capture, summaries: dict[Frame, ImageSummary]) -> list
     Returns:
         What is likely to be wrong.
     """
-    findings, known = [], {}
+    findings, known, without = [], {}, []
     stated = f"the background is stated as {capture.background:g}"
     for frame, seen in summaries.items():
-        image, matte = capture.root / frame.image, capture.root / frame.mask
+        image, matte = capture.root / frame.image, capture.root / (frame.mask or frame.image)
         if seen.plain:
             findings.append(Finding("the image has one colour", image, "", frame.name))
+        elif frame.mask is None:
+            without.append(frame)
         elif seen.foreground < 1e-3:
             findings.append(Finding("the matte is empty", matte, "", f"{seen.foreground:.1%} of the pixels"))
         elif seen.inside > (0.1 if seen.foreground > 0.99 else INSIDE):
             details = f"{seen.inside:.0%} of its foreground show the background; {stated}"
             kind = "the matte is foreground where the image shows the background"
             findings.append(Finding(kind, matte, "", details, seen.inside))
-        if seen.outside > OUTSIDE and abs(seen.colour_outside - capture.background) > COLOUR_TOLERANCE:
+        if seen.outside > OUTSIDE and abs(seen.colour_outside - capture.background) > BACKGROUND_TOLERANCE:
             details = f"grey value {seen.colour_outside:.2f}, {stated}"
             kind = "outside the matte, the image does not show the stated background"
             findings.append(Finding(kind, image, "capture.background", details, seen.outside))
@@ -128,23 +136,11 @@ def check_images(capture: Capture, summaries: dict[Frame, ImageSummary]) -> list
         if other is not frame and not seen.plain and other.camera != frame.camera:
             details = f"cameras {other.camera} and {frame.camera}"
             findings.append(Finding(f"holds the same pixels as {other.image}", image, "", details))
+    if without:
+        details = f"{len(without)} of {len(summaries)} frames, for example {without[0].name}"
+        kind = "frames have no matte: what differs from the background counts as foreground"
+        findings.append(Finding(kind, capture.root, "fg_mask_path", details))
     return findings
-
-
-def shows_foreground(image: UInt8[np.ndarray, "h w 3"], background: float, blur: int) -> Bool[np.ndarray, "h w"]:
-    """Find the pixels that do not have the background's colour.
-
-    Args:
-        image: RGB values from 0 to 255.
-        background: Grey value from 0 to 1.
-        blur: Width of a box filter in pixels, against noise.
-
-    Returns:
-        Whether the filtered image differs by more than `COLOUR_TOLERANCE` in a channel.
-    """
-    distance = cv2.absdiff(cv2.blur(image, (blur, blur)), np.full_like(image, round(255 * background)))
-    largest = cv2.max(cv2.max(distance[..., 0], distance[..., 1]), distance[..., 2])
-    return largest > 255 * COLOUR_TOLERANCE
 
 
 def _check_size(pixels: np.ndarray, camera: Camera, file: Path) -> None:
@@ -153,13 +149,17 @@ def _check_size(pixels: np.ndarray, camera: Camera, file: Path) -> None:
         raise InputError(f"{width} x {height} pixels, its camera has {camera.width} x {camera.height}", file=file)
 
 
-def _summary(image: UInt8[np.ndarray, "h w 3"], matte: UInt8[np.ndarray, "h w"], background: float) -> ImageSummary:
+def _summary(
+    image: UInt8[np.ndarray, "h w 3"], matte: UInt8[np.ndarray, "h w"] | None, background: float
+) -> ImageSummary:
+    if matte is None:  # the measures below then hold for every image
+        matte = 255 * differs_from_background(image, background).astype(np.uint8)
     foreground = matte >= OPAQUE
     count = int(foreground.sum())
     kernel = np.ones((BLUR + 2, BLUR + 2), np.uint8)
     outside = cv2.dilate(matte, kernel) <= CLEAR
     core = cv2.erode(matte, kernel) >= OPAQUE
-    other = shows_foreground(image, background, BLUR)
+    other = differs_from_background(image, background, BLUR)
     return ImageSummary(
         thumbnail=cv2.resize(image, (THUMBNAIL, THUMBNAIL), interpolation=cv2.INTER_AREA).astype(np.float32) / 255,
         digest=hashlib.blake2b(image.tobytes(), digest_size=16).digest(),

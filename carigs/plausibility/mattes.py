@@ -13,8 +13,9 @@ import numpy as np
 from jaxtyping import Bool, UInt8
 
 from carigs.capture import Capture, Frame
+from carigs.capture.images import differs_from_background
 from carigs.plausibility.findings import Finding
-from carigs.plausibility.images import OPAQUE, shows_foreground
+from carigs.plausibility.images import OPAQUE
 from carigs.plausibility.views import View
 
 TOLERANCE = 0.02
@@ -54,7 +55,7 @@ def outlines(image: UInt8[np.ndarray, "h w 3"], matte: UInt8[np.ndarray, "h w"],
         Both, packed.
     """
     step = max(1, int(np.ceil(np.sqrt(matte.size / MAX_PIXELS))))
-    seen = shows_foreground(image, background, 1)  # unfiltered: a filter widens the outline
+    seen = differs_from_background(image, background, 1)  # unfiltered: a filter widens the outline
     return Outlines(np.packbits(seen[::step, ::step]), np.packbits(matte[::step, ::step] >= OPAQUE))
 
 

@@ -9,28 +9,31 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.capture import Capture
-from carigs.errors import InputError
+from carigs.errors import InputError, collecting
 from carigs.head import HeadModel, HeadParameters
-from carigs.head.model import N_SHAPE
+from carigs.head.model_arrays import FLAME_JOINTS
 from carigs.mesh.triangle_mesh import diagonal
 from carigs.plausibility.findings import Finding
 
 JOINT_LIMIT = np.pi / 2
 """Neck, jaw and eyes turn by less than a right angle against the bone that they hang on."""
 LIKELY_MOTION = 0.25
-"""Expressions, identities and static offsets move vertices by centimetres: less than this share of the head's size.
+"""Expressions, identities and offsets move vertices by centimetres: less than this share of the head's size.
 More than the whole size is certainly wrong."""
 FARTHEST = 1e4
 """Metres from the origin of the world."""
+FLAME_JOINT_FIELDS = ("neck_pose", "jaw_pose", "eyes_pose, left eye", "eyes_pose, right eye")
+"""Where files hold the rotations of FLAME's joints."""
 VERTICES = 1000
 """Number of vertices at which blendshapes are summed."""
 
 
-def check_parameters(capture: Capture) -> list[Finding]:
+def check_parameters(capture: Capture, errors: list[InputError] | None = None) -> list[Finding]:
     """Check the head parameters of all timesteps.
 
     Args:
         capture: The capture.
+        errors: Receives all errors; None to raise the first.
 
     Returns:
         What is likely to be wrong.
@@ -42,9 +45,9 @@ def check_parameters(capture: Capture) -> list[Finding]:
     ranges, first, findings = _Ranges(capture.model), None, []
     for timestep, name in capture.parameter_files.items():
         file, parameters = capture.root / name, capture.parameters(timestep)
-        findings += ranges.check(parameters, file)
+        findings += ranges.check(parameters, file, errors)
         first = first or (file, parameters)
-        _check_same_head(parameters, file, *reversed(first))
+        _check_same_head(parameters, file, *reversed(first), errors)
     return findings
 
 
@@ -53,39 +56,39 @@ class _Ranges:
 
     def __init__(self, model: HeadModel) -> None:
         some = np.linspace(0, len(model.v_template) - 1, min(VERTICES, len(model.v_template))).astype(int)
-        self.identity = model.shapedirs[some, :, :N_SHAPE].reshape(-1, N_SHAPE).astype(np.float64)
-        self.expression = model.shapedirs[some, :, N_SHAPE:].reshape(3 * len(some), -1).astype(np.float64)
+        self.identity = model.identity_basis[some].reshape(3 * len(some), -1).astype(np.float64)
+        self.expression = model.expression_basis[some].reshape(3 * len(some), -1).astype(np.float64)
+        self.joints = FLAME_JOINT_FIELDS
+        if model.joint_names != FLAME_JOINTS:
+            self.joints = tuple(f"joint_rotations, {name}" for name in model.joint_names[1:])
         self.size = diagonal(model.v_template)
 
-    def check(self, parameters: HeadParameters, file: Path) -> Iterator[Finding]:
-        rotations = {
-            "rotation": parameters.rotation,
-            "neck_pose": parameters.neck,
-            "jaw_pose": parameters.jaw,
-            "eyes_pose, left eye": parameters.eyes[:3],
-            "eyes_pose, right eye": parameters.eyes[3:],
-        }
+    def check(self, parameters: HeadParameters, file: Path, errors: list[InputError] | None) -> Iterator[Finding]:
+        rotations = {"rotation": parameters.rotation} | dict(zip(self.joints, parameters.joints, strict=True))
         for field, vector in rotations.items():
             angle = float(np.linalg.norm(vector / np.pi) * np.pi)
-            if angle > 2 * np.pi:
-                problem = f"a rotation of {angle:.4g} rad is more than a whole turn; rotations are in radians"
-                raise InputError(problem, file=file, field=field)
-            if angle > JOINT_LIMIT and field != "rotation":
+            with collecting(errors):
+                if angle > 2 * np.pi:
+                    problem = f"a rotation of {angle:.4g} rad is more than a whole turn; rotations are in radians"
+                    raise InputError(problem, file=file, field=field)
+            if 2 * np.pi >= angle > JOINT_LIMIT and field != "rotation":
                 yield Finding("turns farther than a joint of a head can", file, field, f"{angle:.3g} rad", angle)
-        if np.abs(parameters.translation).max() > FARTHEST:
-            problem = f"the head is {np.abs(parameters.translation).max():.3g} m from the origin; metres are expected"
-            raise InputError(problem, file=file, field="translation")
-        offset = np.zeros(1) if parameters.static_offset is None else parameters.static_offset
+        distance = np.abs(parameters.translation).max()
+        with collecting(errors):
+            if distance > FARTHEST:
+                problem = f"the head is {distance:.3g} m from the origin; metres are expected"
+                raise InputError(problem, file=file, field="translation")
+        offsets = {"static_offset": parameters.static_offset, "dynamic_offset": parameters.dynamic_offset}
         motions = {
             "expr": self._motion(self.expression, parameters.expression),
             "shape": self._motion(self.identity, parameters.shape),
-            "static_offset": float(np.abs(offset).max()),
-        }
+        } | {field: float(np.abs(offset).max()) for field, offset in offsets.items() if offset is not None}
         for field, motion in motions.items():
             details = f"by up to {motion:.3g} m, the head is {self.size:.3g} m large"
-            if not motion < self.size:
-                raise InputError(f"moves vertices {details}", file=file, field=field)
-            if motion > LIKELY_MOTION * self.size:
+            with collecting(errors):
+                if not motion < self.size:
+                    raise InputError(f"moves vertices {details}", file=file, field=field)
+            if self.size > motion > LIKELY_MOTION * self.size:
                 yield Finding("moves vertices farther than is likely", file, field, details, motion)
 
     def _motion(self, blendshapes: Float[np.ndarray, "n b"], coefficients: Float[np.ndarray, " b"]) -> float:
@@ -96,10 +99,15 @@ class _Ranges:
         return float(displacement.max(initial=0))
 
 
-def _check_same_head(parameters: HeadParameters, file: Path, neutral: HeadParameters, other: Path) -> None:
+def _check_same_head(
+    parameters: HeadParameters, file: Path, neutral: HeadParameters, other: Path, errors: list[InputError] | None
+) -> None:
     """The tolerance is that of the stage train, which fits one set of surfels to one neutral head."""
-    if not np.allclose(parameters.shape, neutral.shape, atol=1e-6):
-        raise InputError(f"differs from {other}'s; one subject has one shape", file=file, field="shape")
+    with collecting(errors):
+        if not np.allclose(parameters.shape, neutral.shape, atol=1e-6):
+            raise InputError(f"differs from {other}'s; one subject has one shape", file=file, field="shape")
     a, b = (np.zeros(1) if p.static_offset is None else p.static_offset for p in (parameters, neutral))
-    if not np.allclose(a, b, atol=1e-6):
-        raise InputError(f"differs from {other}'s; one subject has one neutral head", file=file, field="static_offset")
+    with collecting(errors):
+        if not np.allclose(a, b, atol=1e-6):
+            problem = f"differs from {other}'s; one subject has one neutral head"
+            raise InputError(problem, file=file, field="static_offset")

@@ -28,11 +28,11 @@ def select_frames(capture: Capture, summaries: Mapping[Frame, ImageSummary]) -> 
     Returns:
         Frames by timestep and camera, both sorted.
     """
-    cameras = _spread(sorted(capture.cameras), MAX_CAMERAS)
+    cameras = spread(sorted(capture.cameras), MAX_CAMERAS)
     timesteps = sorted(capture.parameter_files)
     if len(timesteps) > MAX_TIMESTEPS:
         jumps = _jumps(summaries)
-        even = _spread(timesteps, MAX_TIMESTEPS // 2)
+        even = spread(timesteps, MAX_TIMESTEPS // 2)
         rest = sorted(set(timesteps) - set(even), key=lambda t: -jumps.get(t, 0.0))
         timesteps = sorted([*even, *rest[: MAX_TIMESTEPS - len(even)]])
     chosen: dict[int, dict[int, Frame]] = {t: {} for t in timesteps}
@@ -42,7 +42,16 @@ def select_frames(capture: Capture, summaries: Mapping[Frame, ImageSummary]) -> 
     return {t: dict(sorted(frames.items())) for t, frames in chosen.items() if frames}
 
 
-def _spread(values: list[int], count: int) -> list[int]:
+def spread(values: list[int], count: int) -> list[int]:
+    """Choose some of a list, evenly.
+
+    Args:
+        values: The list.
+        count: Largest number of values.
+
+    Returns:
+        The first, the last and others between them.
+    """
     if len(values) <= count:
         return values
     return [values[i] for i in np.linspace(0, len(values) - 1, count).round().astype(int)]

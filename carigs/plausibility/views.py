@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32
 
 from carigs.capture import Camera, Capture, Frame
-from carigs.errors import InputError
+from carigs.errors import InputError, MeshError, collecting
 from carigs.head import HeadModel, pose
 from carigs.mesh.triangle_mesh import diagonal, vertex_normals
 from carigs.plausibility.findings import Finding
@@ -24,6 +24,9 @@ STRETCH = 2.0
 SMALLEST = 16
 """Size of the head in an image, in pixels, below which nothing can be reconstructed."""
 
+OUT_OF_SIGHT = "the head is behind every camera, or outside every image"
+AXES_HINT = "cameras are OpenGL camera-to-world transforms in metres (x right, y up, z backward)"
+
 
 class View(NamedTuple):
     """What a camera sees of the posed mesh."""
@@ -35,7 +38,10 @@ class View(NamedTuple):
 
 
 def pose_views(
-    capture: Capture, frames: Mapping[int, Mapping[int, Frame]], findings: list[Finding]
+    capture: Capture,
+    frames: Mapping[int, Mapping[int, Frame]],
+    findings: list[Finding],
+    errors: list[InputError] | None = None,
 ) -> Iterator[list[View]]:
     """Pose the mesh and project it into the cameras, one timestep after the other.
 
@@ -43,6 +49,7 @@ def pose_views(
         capture: The capture.
         frames: Frames by timestep and camera.
         findings: What is likely to be wrong is added.
+        errors: Receives the errors of timesteps, which are left out then; None to raise the first.
 
     Yields:
         The views of a timestep.
@@ -51,38 +58,48 @@ def pose_views(
         InputError: If no camera sees the head of a timestep, or a camera is inside it, or the mesh is torn.
     """
     model = capture.model
-    size, some = diagonal(model.v_template), compared_vertices(model)
-    blind = {camera: len(frames) for camera in capture.cameras}
+    some, blind = compared_vertices(model), {c: 0 for cameras in frames.values() for c in cameras}
     for timestep, cameras in frames.items():
-        file = capture.root / capture.parameter_files[timestep]
-        vertices = pose(model, capture.parameters(timestep))
-        extent = diagonal(vertices)
-        if not size / STRETCH < extent < STRETCH * size:
-            problem = f"the posed head is {extent:.3g} m large, the template {size:.3g} m"
-            raise InputError(f"{problem}; see expr, neck_pose and the head model's weights", file=file)
-        seen = {c: _projected_size(vertices[some], capture.cameras[c]) for c in cameras}
+        seen: dict[int, float] = {}
+        with collecting(errors):
+            vertices = _posed(capture, timestep)
+            seen = {c: _projected_size(vertices[some], capture.camera(frame)) for c, frame in cameras.items()}
+            blind = {c: count + (seen.get(c) == 0) for c, count in blind.items()}
+            if not any(seen.values()):
+                file = capture.root / capture.parameter_files[timestep]
+                raise InputError(f"{OUT_OF_SIGHT}; {AXES_HINT}", file=file, field="translation")
         if not any(seen.values()):
-            problem = "the head is behind every camera, or outside every image"
-            hint = "cameras are OpenGL camera-to-world transforms in metres (x right, y up, z backward)"
-            raise InputError(f"{problem}; {hint}", file=file, field="translation")
+            continue
         normals, views = vertex_normals(vertices, model.faces), []
         for c, frame in cameras.items():
             if not seen[c]:
                 continue
-            blind[c] -= 1
             if 0 < seen[c] < SMALLEST:
                 details = f"{seen[c]:.2g} pixels"
                 findings.append(Finding("the head is tiny in the image", capture.root, f"camera {c}", details))
-            visibility = compute_visibility(vertices, model.faces, capture.cameras[c])
+            visibility = compute_visibility(vertices, model.faces, capture.camera(frame))
             visible = visible_vertices(visibility, vertices, normals)
             pixels = np.full((len(vertices), 2), np.nan, np.float32)
             pixels[visible.index] = visible.pixels
             views.append(View(frame, visibility, pixels[some]))
         yield views
-    for camera in sorted({c for cameras in frames.values() for c in cameras}):
-        if blind[camera] == len(frames):
+    for c, count in sorted(blind.items()):
+        if 0 < sum(c in cameras for cameras in frames.values()) == count:
             details = "see its transform_matrix, fl_x and cx"
-            findings.append(Finding("the camera never sees the head", capture.root, f"camera {camera}", details))
+            findings.append(Finding("the camera never sees the head", capture.root, f"camera {c}", details))
+
+
+def _posed(capture: Capture, timestep: int) -> Float[np.ndarray, "v 3"]:
+    file = capture.root / capture.parameter_files[timestep]
+    try:
+        vertices = pose(capture.model, capture.parameters(timestep))
+    except MeshError as error:
+        raise InputError(str(error), file=file) from error
+    extent, size = diagonal(vertices), diagonal(capture.model.v_template)
+    if not size / STRETCH < extent < STRETCH * size:
+        problem = f"the posed head is {extent:.3g} m large, the template {size:.3g} m"
+        raise InputError(f"{problem}; see expr, neck_pose and the head model's weights", file=file)
+    return vertices
 
 
 def compared_vertices(model: HeadModel) -> np.ndarray:

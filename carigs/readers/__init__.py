@@ -12,6 +12,7 @@ code of the file, and raises `InputError` with the file and the field for whatev
 - `ply`: the vertices of .ply files
 - `obj`: the vertices and faces of .obj files
 - `meshes`: OBJ, PLY, STL, OFF and GLB
+- `colmap`: COLMAP's sparse models
 - `weights`: network weights in .safetensors and PyTorch's files
 - `arrays`: the type, shape and range of an array
 """

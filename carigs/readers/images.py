@@ -6,8 +6,10 @@ most. Here the size is limited first, and files whose end is missing or whose ch
 
 from __future__ import annotations
 
+import os
 import zlib
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -18,9 +20,23 @@ from carigs.readers.limits import MAX_IMAGE_BYTES, MAX_IMAGE_PIXELS, read_bytes,
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 JPEG_SIGNATURE = b"\xff\xd8\xff"
-HEADER_BYTES = 1 << 16
+PNG_END = b"IEND\xaeB`\x82"
+JPEG_END = b"\xff\xd9"
+HEADER_BYTES = 1 << 12
+END_BYTES = 1 << 12
+"""Where the end mark is searched for: some programs append data to images."""
 _FRAME_HEADERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers of JPEG's frame headers, which hold the size: start of frame 0 to 15 without DHT, JPG and DAC."""
+
+
+class ImageHeader(NamedTuple):
+    """What the header of an image says."""
+
+    width: int
+    """In pixels, as stored: an orientation in JPEG's metadata is not applied."""
+    height: int
+    alpha: bool
+    """Whether the pixels have an opacity."""
 
 
 def read_pixels(file: str | Path, mode: int = cv2.IMREAD_UNCHANGED) -> Shaped[np.ndarray, "h w *channels"]:
@@ -50,28 +66,35 @@ def read_pixels(file: str | Path, mode: int = cv2.IMREAD_UNCHANGED) -> Shaped[np
     return pixels
 
 
-def image_size(file: str | Path) -> tuple[int, int]:
-    """Size of an image from the header of its file.
+def read_header(file: str | Path) -> ImageHeader:
+    """Read the header of an image and look for its end, without decoding it.
 
     Args:
         file: PNG or JPEG file.
 
     Returns:
-        Width and height in pixels, as stored: an orientation in JPEG's metadata is not applied.
+        The header.
 
     Raises:
-        InputError: If the file is missing, is neither PNG nor JPEG, or ends within its header.
+        InputError: If the file is missing, is neither PNG nor JPEG, or is cut off.
     """
     size = regular_file_size(file, "image")
     try:
-        with Path(file).open("rb") as stream:
+        with Path(file).open("rb", buffering=0) as stream:
             content = stream.read(HEADER_BYTES)
             try:
-                return _size(content, file)
+                width, height = _size(content, file)
             except InputError:  # long metadata stand before the size
-                return _size(content + stream.read(max(size, 0)), file)
+                content += stream.read(min(size, MAX_IMAGE_BYTES))
+                width, height = _size(content, file)
+            stream.seek(-min(size, END_BYTES), os.SEEK_END)
+            end = stream.read(END_BYTES)
     except OSError as error:
         raise InputError(f"cannot be read ({error.strerror})", file=file) from error
+    is_png = content.startswith(PNG_SIGNATURE)
+    if (PNG_END if is_png else JPEG_END) not in end:
+        _check_end(read_bytes(file, MAX_IMAGE_BYTES, "image"), file)
+    return ImageHeader(width, height, alpha=is_png and content[25:26] in (b"\x04", b"\x06"))  # PNG's colour types
 
 
 def _size(content: bytes, file: str | Path) -> tuple[int, int]:
@@ -95,7 +118,7 @@ def _size(content: bytes, file: str | Path) -> tuple[int, int]:
 def _check_end(content: bytes, file: str | Path) -> None:
     """Refuse truncated files and, for PNG, wrong checksums."""
     if content.startswith(JPEG_SIGNATURE):
-        if b"\xff\xd9" not in content[-4096:]:
+        if JPEG_END not in content[-END_BYTES:]:
             raise InputError("not a readable image (the end of the JPEG is missing)", file=file)
         return
     view, position = memoryview(content), len(PNG_SIGNATURE)

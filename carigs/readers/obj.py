@@ -14,6 +14,8 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from carigs.errors import InputError
+from carigs.readers.arrays import checked_array
+from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 
 
 def parse_obj(content: bytes, file: str | Path) -> tuple[Float64[np.ndarray, "v 3"], Int64[np.ndarray, "f 3"]]:
@@ -50,6 +52,41 @@ def parse_obj(content: bytes, file: str | Path) -> tuple[Float64[np.ndarray, "v 
     except OverflowError as error:
         raise InputError("a vertex number is too large", file=file, field="faces") from error
     return np.array(vertices, np.float64).reshape(-1, 3), corners
+
+
+def read_obj_uvs(file: str | Path) -> tuple[Int64[np.ndarray, "f 3"], Float64[np.ndarray, "f 3 2"]]:
+    """Read the faces of a textured triangle mesh with the texture coordinates of their corners.
+
+    Args:
+        file: The .obj file.
+
+    Returns:
+        Vertex numbers from 0, and (u, v) of the corners.
+
+    Raises:
+        InputError: If the file is missing or too large, a line is broken, or a face is no triangle or has a corner
+            without texture coordinates.
+    """
+    uvs: list[tuple[float, float]] = []
+    faces, corners = [], []
+    for number, line in enumerate(obj_lines(read_bytes(file, MAX_TEXT_BYTES, "mesh")), 1):
+        words = line.split()
+        try:
+            if words[:1] == ["vt"]:
+                uvs.append((float(words[1]), float(words[2])))
+            elif words[:1] == ["f"]:
+                vertex, texture = np.array([word.split("/")[:2] for word in words[1:]], np.int64).T
+                if len(vertex) != 3 or vertex.min() < 1 or texture.min() < 1:
+                    raise ValueError
+                faces.append(vertex - 1)
+                corners.append(texture - 1)
+        except (ValueError, OverflowError, IndexError) as error:
+            raise InputError(f"broken line: {line.strip()[:60]!r}", file=file, field=f"line {number}") from error
+    indices = np.array(corners, np.int64).reshape(-1, 3)
+    positions = checked_array({"vt": np.array(uvs).reshape(-1, 2)}, "vt", (None, 2), np.float64, file=file)
+    if indices.size and indices.max() >= len(positions):
+        raise InputError("a face names texture coordinates that do not exist", file=file, field="vt")
+    return np.array(faces, np.int64).reshape(-1, 3), positions[indices]
 
 
 def obj_lines(content: bytes) -> list[str]:

@@ -1,7 +1,8 @@
 """What pickles of arrays may name: stand-ins that record what they are given, and the arrays made of the records.
 
 - NumPy arrays: `_reconstruct(ndarray, (0,), b"b")` with a state (version, shape, dtype, is_fortran, bytes).
-- Chumpy arrays (`chumpy.Ch`, https://github.com/mattloper/chumpy): a state dictionary whose entry `x` is the array.
+- Chumpy arrays (https://github.com/mattloper/chumpy): a state dictionary whose entry `x` is the array (`Ch`), or whose
+  entries `a`, `idxs` and `preferred_shape` are an array, indices into it and the shape of the result (`Select`).
 - SciPy's sparse matrices in the formats csc, csr and coo: a state dictionary with their arrays.
 """
 
@@ -67,6 +68,13 @@ class _Chumpy(StandIn):
 
     def resolve(self) -> Any:
         return self.state["x"] if isinstance(self.state, dict) else self.args[0]
+
+
+class _ChumpySelect(StandIn):
+    """`chumpy.reordering.Select`: a part of an array, such as some of its columns."""
+
+    def resolve(self) -> np.ndarray:
+        return np.asarray(self.state["a"]).reshape(-1)[self.state["idxs"]].reshape(self.state["preferred_shape"])
 
 
 class _Sparse(StandIn):
@@ -137,6 +145,13 @@ def _bytes(*args: Any) -> bytes:
     return b""
 
 
+def _set(items: Any = ()) -> list[Any]:
+    """`set(list)`: a set, whose content is read as a list."""
+    if not isinstance(items, (list, tuple)):
+        raise pickle.UnpicklingError("a list is expected")
+    return list(items)
+
+
 def _table() -> dict[tuple[str, str], Callable[..., Any]]:
     table: dict[tuple[str, str], Callable[..., Any]] = {
         ("numpy", "ndarray"): _Array,
@@ -144,6 +159,7 @@ def _table() -> dict[tuple[str, str], Callable[..., Any]]:
         ("_codecs", "encode"): _encode,
         ("chumpy", "Ch"): _Chumpy,
         ("chumpy.ch", "Ch"): _Chumpy,
+        ("chumpy.reordering", "Select"): _ChumpySelect,
     }
     for core in ("numpy.core", "numpy._core"):
         table[f"{core}.multiarray", "_reconstruct"] = reconstruct
@@ -152,6 +168,7 @@ def _table() -> dict[tuple[str, str], Callable[..., Any]]:
     for module in ("builtins", "__builtin__"):
         table[module, "object"] = _Object
         table[module, "bytes"] = _bytes
+        table[module, "set"] = _set
     for module in ("copyreg", "copy_reg"):
         table[module, "_reconstructor"] = reconstruct
     for name, stub in (("csc", _Csc), ("csr", _Csr), ("coo", _Coo)):
@@ -207,7 +224,7 @@ def _resolve_new(value: Any, depth: int, resolved: dict[int, tuple[Any, Any]]) -
         if array.dtype.kind != "O":
             return array
         return np.fromiter(map(inner, array.ravel()), object, array.size).reshape(array.shape)
-    if isinstance(value, (_Chumpy, _Sparse)):
+    if isinstance(value, (_Chumpy, _ChumpySelect, _Sparse)):
         value.state, value.args = inner(value.state), inner(value.args)
         return value.resolve()
     if isinstance(value, dict):

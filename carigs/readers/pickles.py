@@ -14,6 +14,9 @@ import pickletools
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
+from numpy.lib import format as npy_format
+
 from carigs.errors import InputError
 from carigs.readers.limits import read_bytes
 from carigs.readers.pickled_objects import NAMES, StandIn, reconstruct, resolve
@@ -23,12 +26,12 @@ MAX_PICKLE_BYTES = 512 << 20
 OPERATIONS = frozenset(
     """PROTO FRAME STOP MARK POP POP_MARK DUP NONE NEWTRUE NEWFALSE INT BININT BININT1 BININT2 LONG LONG1 LONG4 FLOAT
     BINFLOAT STRING BINSTRING SHORT_BINSTRING BINBYTES SHORT_BINBYTES BINBYTES8 BYTEARRAY8 UNICODE BINUNICODE
-    SHORT_BINUNICODE BINUNICODE8 EMPTY_LIST APPEND APPENDS LIST EMPTY_TUPLE TUPLE TUPLE1 TUPLE2 TUPLE3 EMPTY_DICT DICT
-    SETITEM SETITEMS GET BINGET LONG_BINGET PUT BINPUT LONG_BINPUT MEMOIZE GLOBAL STACK_GLOBAL REDUCE BUILD
-    NEWOBJ""".split()
+    SHORT_BINUNICODE BINUNICODE8 EMPTY_LIST APPEND APPENDS LIST EMPTY_SET ADDITEMS EMPTY_TUPLE TUPLE TUPLE1 TUPLE2
+    TUPLE3 EMPTY_DICT DICT SETITEM SETITEMS GET BINGET LONG_BINGET PUT BINPUT LONG_BINPUT MEMOIZE GLOBAL
+    STACK_GLOBAL REDUCE BUILD NEWOBJ""".split()
 )
-"""Steps of the pickle language that are executed. Left out: persistent identifiers, registered extensions, sets,
-buffers outside the file, and old forms of creating objects."""
+"""Steps of the pickle language that are executed. Sets become lists. Left out: persistent identifiers,
+registered extensions, buffers outside the file, and old forms of creating objects."""
 
 
 class _Unpickler(pickle._Unpickler):
@@ -108,6 +111,8 @@ class _Unpickler(pickle._Unpickler):
         pickle.DICT[0]: load_dict,
         pickle.APPEND[0]: load_append,
         pickle.APPENDS[0]: load_appends,
+        pickle.EMPTY_SET[0]: pickle._Unpickler.load_empty_list,
+        pickle.ADDITEMS[0]: load_appends,
     }
 
 
@@ -126,9 +131,39 @@ def read_pickle(file: str | Path, kind: str = "pickle") -> dict[str, Any]:
         InputError: If the file is missing, exceeds a limit, is damaged, holds anything else than such a dictionary, or
             names something that is not in `NAMES`.
     """
-    content = read_bytes(file, MAX_PICKLE_BYTES, kind)
+    return _dictionary(read_bytes(file, MAX_PICKLE_BYTES, kind), file, kind)
+
+
+def read_pickled_npy(file: str | Path, kind: str = "file") -> dict[str, Any]:
+    """Read an .npy file that holds a dictionary of arrays: what `numpy.save` writes for one.
+
+    Args:
+        file: The .npy file.
+        kind: What the file is, for messages.
+
+    Returns:
+        As for `read_pickle`.
+
+    Raises:
+        InputError: As for `read_pickle`, and if the file is an .npy of anything else.
+    """
+    stream = io.BytesIO(read_bytes(file, MAX_PICKLE_BYTES, kind))
+    try:
+        if npy_format.read_magic(stream) != (1, 0):
+            raise ValueError("unknown version")
+        shape, _, dtype = npy_format.read_array_header_1_0(stream)
+    except Exception as error:  # NumPy evaluates the header as Python: many types
+        raise InputError("the header of this .npy is damaged", file=file) from error
+    if shape != () or dtype.kind != "O":
+        raise InputError(f"holds {dtype} of shape {shape}, expected a dictionary of arrays", file=file)
+    return _dictionary(stream.read(), file, kind)
+
+
+def _dictionary(content: bytes, file: str | Path, kind: str) -> dict[str, Any]:
     try:
         found = resolve(_Unpickler(io.BytesIO(content), encoding="latin1").load())
+        if isinstance(found, np.ndarray) and found.shape == ():
+            found = found.item()
     except Exception as error:  # the program of a damaged pickle can fail in any operation
         raise InputError(f"not a {kind} of arrays ({type(error).__name__}: {str(error)[:200]})", file=file) from error
     if not isinstance(found, dict) or not all(isinstance(name, str) for name in found):

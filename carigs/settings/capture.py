@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from carigs.settings.option import MAX_SEED, Section, option
+from carigs.settings.option import MAX_COUNT, MAX_SEED, Section, option
 
 
 @dataclass
@@ -41,6 +41,18 @@ class Capture(Section, key="capture"):
     """File of the dataset's head model: .npz, or FLAME's .pkl."""
     background: float = option(1.0, ge=0, le=1)
     """Grey value that the images were composited on."""
+    split: str = "files"
+    """Which frames are held out: `files` (as transforms_{train,val,test}.json say), `released` (the test sequence of
+    GaussianAvatars' released data, by the subject's number), or the name of the test sequence, for example `EXP-2`."""
+    validation_camera: int | None = option(None, ge=0, le=MAX_COUNT)
+    """Camera of the validation frames. Null: as the files say; where `split` is not `files`, camera 8, or the last."""
+    stride: int = option(1, ge=1, le=MAX_COUNT)
+    """Every n-th timestep of each sequence is used."""
+    max_frames: int | None = option(None, ge=1, le=MAX_COUNT)
+    """Largest number of frames of each split; timesteps are left out evenly. Null: all."""
+    cy: str = option("auto", choices=("auto", "opencv", "flipped"))
+    """Whether `cy` counts from the top of the image (opencv) or from its bottom (flipped, as VHAP has it since November
+    2024). auto compares outlines of the posed mesh and of mattes, unless the principal point is in the middle."""
     toy: Toy = field(default_factory=Toy)
 
 

@@ -74,6 +74,9 @@ class Train(Section, key="train"):
     """Flags to remove from `mask_flags`; empty afterwards."""
     relight_surfels: bool = True
     """Colours follow the light that was fitted for the GT* frames, if any (`gtstar.relight`)."""
+    start: str | None = None
+    """An avatar (.npz) of a head with the same triangles whose surfels the training starts from, such as one that
+    `carigs convert` made; nothing: surfels on every triangle, coloured from the frames."""
     rig: str = option("jbs", choices=("jbs", "jacobian"))
     """`jbs`: Jacobian blend skinning. `jacobian`: the Jacobian of the own triangle alone."""
     sh_degree: int = option(0, ge=0, le=3)

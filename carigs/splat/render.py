@@ -14,11 +14,13 @@ from carigs.splat.colour.appearance import seen_colour
 from carigs.splat.rasterizer.rasterize import Rendering, WorldSurfels, rasterize
 from carigs.splat.rig.face_motion import FaceMotion
 from carigs.splat.rig.rig import Rig
+from carigs.splat.rig.similarity_motion import similarity_motion
 from carigs.splat.rig.skinning import jacobian_blend_skinning
 from carigs.splat.surfels.surfels import Surfels
 
-SKINNINGS = ("jbs", "jacobian")
-"""`jbs` blends the motions of neighbouring triangles (paper equation 6), `jacobian` takes the own triangle's motion."""
+SKINNINGS = ("jbs", "jacobian", "similarity")
+"""`jbs` blends the motions of neighbouring triangles (paper equation 6), `jacobian` takes the own triangle's motion,
+`similarity` its motion without stretch, as in GaussianAvatars."""
 
 
 class RenderedFrame(NamedTuple):
@@ -66,6 +68,8 @@ def render(
         The image, differentiable with respect to the surfels and, if its records are a tensor, the motion.
     """
     eye = camera.centre if surfels.sh_degree > 0 else None
+    if skinning == "similarity":
+        motion = similarity_motion(rig, motion)
     skinned = jacobian_blend_skinning(
         surfels, rig, motion, blend=skinning == "jbs", eye=eye, rotate_directions=rotate_harmonics
     )
@@ -88,7 +92,7 @@ def contribution(
         rig: Canonical mesh.
         motion: Motion of the triangles to the posed mesh.
         camera: View.
-        skinning: One of `SKINNINGS`.
+        skinning: `jbs` or `jacobian`.
         backend: Rasteriser, see `rasterize`.
 
     Returns:

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
+from carigs.capture import Capture as IndexedCapture
 from carigs.capture import read_dataset
-from carigs.errors import CarigsWarning
+from carigs.capture.thinning import thin_frames
+from carigs.errors import CarigsWarning, InputError
 from carigs.files import writing_folder
-from carigs.plausibility import check_capture
+from carigs.plausibility import check_capture, resolve_cy
+from carigs.plausibility.diagnosis import diagnose, read_scene
 from carigs.settings import Capture
 
 
-def capture(settings: Capture, *, index: Path, dataset: Path) -> None:
+def capture(settings: Capture, *, index: Path, dataset: Path, digest: str = "") -> None:
     """Check a dataset and write its index.
 
     Args:
         settings: Settings of the stage.
         index: Output: the index (capture.json).
         dataset: Output: folder of the toy, empty for other sources.
+        digest: Digest of the dataset's files (`dataset_digest`), which the index keeps.
 
     Raises:
         SettingsError: For an unknown source, or a folder without a path.
@@ -33,10 +38,38 @@ def capture(settings: Capture, *, index: Path, dataset: Path) -> None:
 
             write_capture(part, settings.toy)
         else:
-            found = read_dataset(Path(settings.folder), Path(settings.head_model), background=settings.background)
-            checked = check_capture(found)
+            checked = check_capture(_read_folder(settings))
             for line in checked.warnings:
                 warnings.warn(line, CarigsWarning, stacklevel=2)
-            checked.save(index)
+            replace(checked, digest=digest).save(index)
     if settings.source == "toy":
-        read_dataset(dataset, dataset / "head_model.npz", background=settings.background).save(index)
+        _selected(settings, dataset, dataset / "head_model.npz").save(index)
+
+
+def _read_folder(settings: Capture) -> IndexedCapture:
+    """The dataset with the frames that the settings select, in OpenCV's convention."""
+    stated = _selected(settings, Path(settings.folder), Path(settings.head_model))
+    try:
+        found = resolve_cy(stated, settings.cy)
+    except InputError as error:  # another mistake may hide the convention
+        diagnosis = diagnose(read_scene(stated))
+        raise diagnosis.error(stated.root) if diagnosis.mistakes else error from None
+    if not found.cy.startswith("opencv: centred"):
+        print(f"cy is read as {found.cy}")
+    return found
+
+
+def _selected(settings: Capture, folder: Path, head_model: Path) -> IndexedCapture:
+    found = read_dataset(
+        folder,
+        head_model,
+        background=settings.background,
+        split=settings.split,
+        validation_camera=settings.validation_camera,
+    )
+    frames = thin_frames(found.frames, settings.stride, settings.max_frames)
+    rule = found.split_rule
+    if len(frames) < len(found.frames):
+        limit = f", at most {settings.max_frames} per split" if settings.max_frames else ""
+        rule += f"; {len(frames)} of {len(found.frames)} frames (stride {settings.stride}{limit})"
+    return replace(found, frames=frames, split_rule=rule)

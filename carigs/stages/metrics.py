@@ -53,8 +53,8 @@ def metrics(
         InputError: An input is malformed.
         WeightsMissing: Network weights are missing and `settings.strict` is set.
     """
-    point = StudyPoint(study, subject, variant, gamma, level)
     person, rendered, truths = Capture.load(capture), read_frame_index(index, frames), read_ground_truth(truth)
+    point = StudyPoint(study, subject, variant, gamma, level, person.split_rule)
     caricature = read_subject_path(path, person.model).at(level)
     measured = list(truth_records(point, rendered, truths, person, caricature, band=settings.silhouette_band))
     measured += embedding_records(point, rendered, person, settings)

@@ -71,7 +71,7 @@ def _views(settings: Render, subject: Capture, level: float) -> Iterator[tuple[V
     """Views of all protocols with their cameras."""
     for split in ("test", "val") if level == 0 else ("test",):
         for frame in subject.split(split):
-            yield View(split, frame.timestep, frame.camera, frame.sequence), subject.cameras[frame.camera]
+            yield View(split, frame.timestep, frame.camera, frame.sequence), subject.camera(frame)
     if settings.orbit_frames:
         frame = _orbit_frame(settings, subject)
         for i, camera in enumerate(orbit_cameras(subject, settings.orbit_frames, settings.orbit_degrees)):

@@ -55,9 +55,14 @@ def truth(settings: Truth, *, capture: Path, path: Path, level: float, frames: P
 def _copy_captured(subject: Capture, folder: Path) -> Keys:
     for frame in (*subject.split("test"), *subject.split("val")):
         files = ground_truth_files(frame.timestep, frame.camera)
-        camera = subject.cameras[frame.camera]
-        _copy_image(subject.root / frame.image, folder / files["image"], camera)
-        _copy_image(subject.root / frame.mask, folder / files["mask"], camera)
+        for key, file, read in (
+            ("image", frame.image, subject.image),
+            ("mask", frame.mask, subject.foreground),
+        ):
+            if file is None or frame.mask == frame.image:  # an alpha channel, or no matte
+                write_png(folder / files[key], read(frame))
+            else:
+                _copy_image(subject.root / file, folder / files[key], subject.camera(frame))
         yield frame.timestep, frame.camera
 
 
@@ -69,7 +74,7 @@ def _render_toy(subject: Capture, caricature: Caricature, folder: Path) -> Keys:
     for frame in track(frames, description="truth", disable=len(frames) < 10):
         if posed is None or posed[0] != frame.timestep:  # frames are in order of their timestep
             posed = frame.timestep, pose_subject(toy, subject.parameters(frame.timestep), caricature)
-        colour, alpha = posed[1].render(subject.cameras[frame.camera])
+        colour, alpha = posed[1].render(subject.camera(frame))
         files = ground_truth_files(frame.timestep, frame.camera)
         write_png(folder / files["image"], colour)
         write_png(folder / files["mask"], alpha)
@@ -83,13 +88,15 @@ def _copy_supplied(subject: Capture, source: Path, folder: Path) -> Keys:
         where = f"[{i}]"
         timestep = json_field(entry, "timestep_index", int, file=index, where=where)
         number = json_field(entry, "camera_index", int, file=index, where=where)
-        camera = subject.cameras.get(number)
-        if camera is None:
+        if number not in subject.cameras:
             raise InputError(f"the capture has no camera {number}", file=index, field=f"{where}.camera_index")
+        frame = subject.frame_at.get((timestep, number))
+        if frame is None:  # left out of the capture by its stride or number of frames
+            continue
         names = ground_truth_files(timestep, number)
         for key, name in (("file_path", names["image"]), ("fg_mask_path", names["mask"])):
             file = file_inside(json_field(entry, key, str, file=index, where=where), index, f"{where}.{key}")
-            _copy_image(source / file, folder / name, camera)
+            _copy_image(source / file, folder / name, subject.camera(frame))
         yield timestep, number
 
 

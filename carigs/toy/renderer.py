@@ -18,7 +18,7 @@ from carigs.toy.look.ambient_visibility import distant_camera
 from carigs.toy.look.hair import triangle_frames
 from carigs.toy.look.hair_rendering import ribbon_faces, strand_ribbons
 from carigs.toy.look.lighting import StudioLight
-from carigs.toy.look.shading import LINEAR_FROM_SRGB, SRGB_FROM_LINEAR, ambient_by_channel, shade
+from carigs.toy.look.shading import LINEAR_FROM_SRGB, SRGB_FROM_LINEAR, ambient_by_channel, shade, shadow_bounds
 from carigs.toy.look.teeth import shade_teeth, teeth_displacement
 from carigs.toy.rig.head_model import METRES_PER_MILLIMETRE
 from carigs.toy.subject import Subject
@@ -43,6 +43,7 @@ class PosedSubject:
     """Of head, teeth and hair."""
     shadow: Float[np.ndarray, "s s"]
     """Shadow map: depth seen from the key light in metres."""
+    shadow_bounds: Float[np.ndarray, "2 b b"]
     shadow_from_world: Float[np.ndarray, "3 4"]
 
     def render(self, camera: Camera) -> tuple[Float32[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"]]:
@@ -62,7 +63,7 @@ class PosedSubject:
             fragments.face, fragments.barycentric, self.faces, len(subject.model.faces), positions, self.head_normals,
             ambient_by_channel(subject.ambient_visibility), *subject.atlas,
             np.concatenate([self.teeth_colours.astype(np.float32), hair_colours]), camera.centre,
-            self.light.coefficients, self.shadow, self.shadow_from_world, subject.supersampling,
+            self.light.coefficients, self.shadow, self.shadow_bounds, self.shadow_from_world, subject.supersampling,
             LINEAR_FROM_SRGB, SRGB_FROM_LINEAR,
         )  # fmt: skip
 
@@ -102,6 +103,7 @@ def pose_subject(
     lamp = distant_camera(middle, radius, light.key_direction, _SHADOW_SIDE)
     ribbons, _ = strand_ribbons(*hair, lamp.centre, light)
     intrinsics = np.array([[lamp.fx, 0, lamp.cx], [0, lamp.fy, lamp.cy], [0, 0, 1]])
+    shadow = rasterize_mesh(np.concatenate([head, teeth, ribbons]), faces, lamp).depth
     return PosedSubject(
         subject=subject,
         light=light,
@@ -111,7 +113,8 @@ def pose_subject(
         teeth_colours=shade_teeth(subject.teeth_colours, vertex_normals(teeth, subject.teeth_faces), light),
         hair=hair,
         faces=faces,
-        shadow=rasterize_mesh(np.concatenate([head, teeth, ribbons]), faces, lamp).depth,
+        shadow=shadow,
+        shadow_bounds=shadow_bounds(shadow),
         shadow_from_world=intrinsics @ lamp.camera_from_world[:3],
     )
 

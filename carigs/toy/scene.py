@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.capture.camera import Camera, look_at
-from carigs.head import HeadParameters
+from carigs.head import HeadParameters, flame_joints
 from carigs.settings import Toy
 from carigs.toy.rig import expressions
 
@@ -115,7 +115,6 @@ def timesteps(settings: Toy, shape: Float[np.ndarray, "300"]) -> tuple[Timestep,
 def _pose(end: dict[str, float | tuple[float, ...]], amount: float) -> dict[str, np.ndarray]:
     """Rotation vectors of the joints and weights of the expressions at a share of an end pose."""
     code = np.zeros(100)
-    joints = {name: amount * np.asarray(end.get(name, np.zeros(3)), float) for name in ("jaw", "neck")}
     down, left = amount * np.asarray(end.get("gaze", (0, 0)), float)
     for name, weight in ((name, weight) for name, weight in end.items() if isinstance(weight, float)):
         for i, expression in enumerate(expressions.NAMES):
@@ -125,4 +124,7 @@ def _pose(end: dict[str, float | tuple[float, ...]], amount: float) -> dict[str,
     for side in ("left", "right"):
         code[expressions.NAMES.index(f"eye_blink_{side}")] += 0.9 * max(down, 0.0)
         code[expressions.NAMES.index(f"eye_wide_{side}")] += 2.0 * max(-down, 0.0)
-    return {**joints, "eyes": np.array([down, left, 0.0] * 2), "expression": code}
+    neck, jaw = (amount * np.asarray(end.get(name, np.zeros(3)), float) for name in ("neck", "jaw"))
+    gaze_vector = np.array([down, left, 0.0])
+    joints = flame_joints(neck=neck, jaw=jaw, left_eye=gaze_vector, right_eye=gaze_vector)
+    return {"joints": joints, "expression": code}

@@ -13,7 +13,7 @@ from jaxtyping import Float, Float32, Int
 
 from carigs.errors import InputError
 from carigs.files import writing
-from carigs.head import HeadModel, HeadParameters, neutral, pose
+from carigs.head import HeadModel, HeadParameters, flame_joints, neutral, pose
 from carigs.readers.arrays import checked_array
 from carigs.readers.npz import read_npz
 from carigs.settings import Toy
@@ -160,7 +160,7 @@ def _ambient_visibility(model: HeadModel, attributes: Attributes) -> Float32[np.
     closed = HeadParameters(shape=attributes.shape)
     visibility = ambient_visibility(neutral(model, closed), model.faces)
     inside = model.regions["lip_inside"]
-    opened = pose(model, replace(closed, jaw=np.array([0.22, 0.0, 0.0])))
+    opened = pose(model, replace(closed, joints=flame_joints(jaw=[0.22, 0.0, 0.0])))
     visibility[inside] = np.maximum(ambient_visibility(opened, model.faces)[inside], 0.06)
     return visibility
 

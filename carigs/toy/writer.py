@@ -15,7 +15,7 @@ from rich.progress import track
 from carigs.capture.camera import OPENCV_FROM_OPENGL, Camera
 from carigs.capture.images import write_png
 from carigs.files import writing
-from carigs.head import HeadParameters
+from carigs.head import HeadParameters, flame_joints
 from carigs.settings import Toy
 from carigs.toy.renderer import pose_subject
 from carigs.toy.scene import TEST_SEQUENCE, Timestep, frontal_camera, studio_cameras, timesteps
@@ -43,7 +43,7 @@ def write_capture(folder: Path, settings: Toy) -> None:
     for t, step in enumerate(timeline):
         step.parameters.save(folder / _parameter_file(t), subject.model)
         parameters.append(HeadParameters.load(folder / _parameter_file(t), subject.model))
-    open_mouth = HeadParameters(shape=subject.shape, jaw=np.array([0.3, 0.0, 0.0]))
+    open_mouth = HeadParameters(shape=subject.shape, joints=flame_joints(jaw=[0.3, 0.0, 0.0]))
     open_mouth.save(folder / "canonical_flame_param.npz", subject.model)
 
     def render_timestep(t: int) -> None:

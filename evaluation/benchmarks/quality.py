@@ -93,7 +93,7 @@ class QualityMonitor:
         """
         values = []
         for frame in self.frames:
-            image = avatar.render(frame.timestep, 0.0, self.capture.cameras[frame.camera])
+            image = avatar.render(frame.timestep, 0.0, self.capture.camera(frame))
             values.append(psnr(np.rint(np.clip(image, 0, 1) * 255) / 255, self.capture.image(frame)))
         return float(np.mean(values))
 

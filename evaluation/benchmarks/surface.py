@@ -1,4 +1,4 @@
-"""Time and error of the exaggeration, on surfaces with a known solution and on heads.
+"""Time and error of the exaggeration, on surfaces with a known solution and on heads; time to pose a head.
 
 Example:
     python -m evaluation.benchmarks.surface results/benchmark/surface.csv head.obj ... --head-model ict_model.npz
@@ -24,6 +24,7 @@ from carigs.readers.meshes import read_mesh
 from carigs.settings import Exaggerate
 from evaluation.benchmarks import surface_accuracy as accuracy
 from evaluation.benchmarks.plots import plot_surface
+from evaluation.benchmarks.posing import measure_posing
 from evaluation.benchmarks.surface_solvers import measure_fill_in, measure_solvers
 from evaluation.benchmarks.timing import Measurement, elapsed, median_time, write_measurements
 from evaluation.command_line import csv_parser, run
@@ -85,6 +86,7 @@ def measurements(heads: Mapping[str, Mesh], typical: str, model: HeadModel | Non
     Yields:
         Records.
     """
+    yield from measure_posing()
     yield from accuracy.measure_sphere_law(range(2, 7))
     yield from accuracy.measure_curvature(range(2, 6))
     for name, mesh in heads.items():

@@ -188,7 +188,8 @@ def random_person(model: HeadModel, seed: int) -> Float[np.ndarray, "v 3"]:
     Returns:
         Vertices in metres.
     """
-    return neutral(model, HeadParameters(shape=np.pad(np.random.default_rng(seed).normal(size=30), (0, 270))))
+    shape = np.pad(np.random.default_rng(seed).normal(size=30), (0, model.num_identity - 30))
+    return neutral(model, replace(HeadParameters.zeros(model), shape=shape))
 
 
 def full_blink(model: HeadModel) -> Float[np.ndarray, "2 v 3"]:
@@ -201,7 +202,7 @@ def full_blink(model: HeadModel) -> Float[np.ndarray, "2 v 3"]:
         Displacements in metres.
     """
     columns = [model.expression_names.index(name) for name in ("eyeBlink_L", "eyeBlink_R")]
-    return model.shapedirs[:, :, 300:][:, :, columns].transpose(2, 0, 1).astype(np.float64)
+    return model.expression_basis[:, :, columns].transpose(2, 0, 1).astype(np.float64)
 
 
 def blink_by_transfer(

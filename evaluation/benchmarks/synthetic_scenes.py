@@ -13,7 +13,6 @@ from carigs.capture import Camera, Capture, Frame, look_at
 from carigs.capture.images import write_png
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.head import HeadModel, HeadParameters, pose
-from carigs.head.model import N_JOINTS, N_SHAPE
 from carigs.raster import rasterize_mesh
 from carigs.splat.rasterizer.rasterize import WorldSurfels
 from carigs.splat.rig.head_sequence import HeadSequence
@@ -101,15 +100,15 @@ def moving_head(subdivisions: int, timesteps: int = 4) -> HeadSequence:
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=1.0)
     vertices = (np.asarray(mesh.vertices) * AXES).astype(np.float32)
     v = len(vertices)
-    shapedirs = np.zeros((v, 3, N_SHAPE + 100), np.float32)
-    shapedirs[:, 1, N_SHAPE] = -0.02 * (vertices[:, 1] < -0.03)
+    shapedirs = np.zeros((v, 3, 400), np.float32)
+    shapedirs[:, 1, 300] = -0.02 * (vertices[:, 1] < -0.03)
     model = HeadModel(
         v_template=vertices,
         faces=np.asarray(mesh.faces, np.int32),
         shapedirs=shapedirs,
         posedirs=np.zeros((v, 3, 36), np.float32),
-        joint_regressor=np.full((N_JOINTS, v), 1 / v, np.float32),
-        weights=np.eye(N_JOINTS, dtype=np.float32)[np.zeros(v, int)],
+        joint_regressor=np.full((5, v), 1 / v, np.float32),
+        weights=np.eye(5, dtype=np.float32)[np.zeros(v, int)],
         parents=np.array([-1, 0, 1, 1, 1]),
     )
     parameters = {
@@ -140,9 +139,9 @@ def capture_images(sequence: HeadSequence, folder: Path, width: int, height: int
         for c, camera in cameras.items():
             hit = rasterize_mesh(vertices, head.faces, camera)
             image = np.einsum("hwc,hwcx->hwx", hit.barycentric, paint[head.faces[hit.face]])
-            frame = Frame(t, c, "EMO-1", "train", f"{t}_{c}.png", f"{t}_{c}_mask.png", "")
+            frame = Frame(t, c, "EMO-1", "train", f"{t}_{c}.png", f"{t}_{c}_mask.png", "", c)
             write_png(folder / frame.image, np.where(hit.face[..., None] >= 0, image, 1.0))
             write_png(folder / frame.mask, (hit.face >= 0).astype(np.float32))
             frames.append(frame)
-    capture = Capture(folder, folder / "head_model.npz", tuple(frames), cameras, background=1.0)
+    capture = Capture(folder, folder / "head_model.npz", tuple(frames), tuple(cameras.values()), background=1.0)
     return Supervision(capture)

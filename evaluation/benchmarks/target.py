@@ -143,10 +143,10 @@ def _scenes(subject: Capture, frames: Sequence[Frame], exaggerated: Caricature) 
     """Image, matte, natural and caricature mesh, camera, true caricature and its matte, of each frame."""
     person, model, scenes = load_subject(subject.root), subject.model, []
     for frame in frames:
-        parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
+        parameters, camera = subject.parameters(frame.timestep), subject.camera(frame)
         meshes = pose(model, parameters), pose(model, parameters, exaggerated)
         truth = render_subject(person, parameters, camera, exaggerated)
-        scenes.append((subject.image(frame), subject.mask(frame), *meshes, camera, *truth))
+        scenes.append((subject.image(frame), subject.foreground(frame), *meshes, camera, *truth))
     return scenes
 
 

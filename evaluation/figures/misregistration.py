@@ -70,10 +70,10 @@ def misregistrations(
         shown_cameras = sorted({f.camera for f in frames})[:cameras]
         pooled: dict[str, list[np.ndarray]] = {region: [] for region in REGIONS}
         for frame in (f for f in frames if f.camera in shown_cameras):
-            parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
+            parameters, camera = subject.parameters(frame.timestep), subject.camera(frame)
             natural, caricature = pose(model, parameters), pose(model, parameters, path.at(level))
             ends = [compute_visibility(vertices, model.faces, camera) for vertices in (natural, caricature)]
-            images = subject.image(frame), subject.mask(frame)
+            images = subject.image(frame), subject.foreground(frame)
             target = make_target(*images, *ends, model, face_flags, settings, subject.background)
             key = (frame.timestep, frame.camera)
             error = np.abs(target.colour - read_rgb(truth.images[key])).mean(axis=2)

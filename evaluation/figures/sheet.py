@@ -28,6 +28,7 @@ def write_sheet(
     height: int,
     footnote: str = "",
     legend: Mapping[str, tuple[float, float, float]] | None = None,
+    captions: Sequence[Sequence[str]] | None = None,
 ) -> None:
     """Write a sheet of images as PNG.
 
@@ -40,6 +41,7 @@ def write_sheet(
         height: Height of each image in pixels.
         footnote: Text below the images.
         legend: Colours and their meaning, below the images.
+        captions: Text in the lower left corner of each image.
     """
     from matplotlib.patches import Patch
 
@@ -78,6 +80,9 @@ def write_sheet(
                     axes.text(0.5, 0.5, "no image", ha="center", va="center", fontsize=9, color="grey")
                 else:
                     axes.imshow(_resized(image, round(cell_width * DPI), height), interpolation="nearest")
+                if captions and captions[i][j]:
+                    box = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1}
+                    axes.text(0.02, 0.02, captions[i][j], transform=axes.transAxes, fontsize=8, bbox=box)
 
 
 def _resized(image: Image, width: int, height: int) -> Image:

@@ -62,7 +62,7 @@ def target_sheet(file: Path, subject: Capture, targets: Sequence[dict[str, Any]]
         target, mask_flags = read_rgb(file.parent / entry["image"]), read_bits(file.parent / entry["mask_flags"])
         images.append([subject.image(frame), target, flag_overlay(target, mask_flags, excluded)])
         if is_toy:
-            parameters, camera = subject.parameters(frame.timestep), subject.cameras[frame.camera]
+            parameters, camera = subject.parameters(frame.timestep), subject.camera(frame)
             truth, _ = render_subject(toy, parameters, camera, exaggerated)
             images[-1] += [truth, error_map(target, truth)]
     columns, title = ["frame", "target", "mask flags"], "Targets"

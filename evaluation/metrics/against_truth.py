@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from functools import partial
 from itertools import product
 
+import numpy as np
 from rich.progress import track
 
 from carigs.capture import Capture
@@ -60,7 +61,7 @@ def truth_records(
             continue
         image, truth = read_rgb(frame.file), read_rgb(truths.images[key])
         foreground = read_grey(truths.masks[key]) > 0.5
-        camera = subject.cameras[frame.camera]
+        camera = subject.camera(subject.frame_at[key])
         for array, file in ((image, frame.file), (truth, truths.images[key]), (foreground, truths.masks[key])):
             if array.shape[:2] != (camera.height, camera.width):
                 size = f"{array.shape[1]} x {array.shape[0]} pixels"
@@ -73,12 +74,13 @@ def truth_records(
             surface = surface_regions(subject.model, neutral(subject.model, parameters))
         fragments = rasterize_mesh(vertices, subject.model.faces, camera)
         regions = image_regions(surface, vertices, fragments, camera, foreground, band=band)
-        maps = {name: metric.pixel_map(image, truth) for name, metric in IMAGE_METRICS.items()}
+        size = camera.height * camera.width
+        maps = {name: metric.pixel_map(image, truth).reshape(size, -1) for name, metric in IMAGE_METRICS.items()}
         for region in REGIONS:
-            inside, reason = regions.get(region), ""
-            if inside is None:
-                reason = surface.missing[region]
-            elif not inside.any():
-                reason = "no pixel of this region in view"
+            if region not in regions:
+                inside, reason = None, surface.missing[region]
+            else:
+                inside = np.flatnonzero(regions[region])
+                reason = "" if inside.size else "no pixel of this region in view"
             for name, metric in IMAGE_METRICS.items():
                 yield record(region, name, None if reason else metric.summarise(maps[name][inside]), reason)

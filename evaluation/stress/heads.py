@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import igl
 import numpy as np
-from igl.copyleft.cgal import remesh_self_intersections
+from igl.predicates import find_self_intersections
 from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
@@ -84,7 +84,7 @@ def shape_checks(case: str, solver: Exaggerator) -> Iterator[Check]:
 
 
 def intersecting_faces(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> set[int]:
-    """Find faces that intersect others, with CGAL's exact predicates.
+    """Find faces that intersect others, with exact predicates.
 
     Args:
         vertices: Positions.
@@ -93,7 +93,7 @@ def intersecting_faces(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray
     Returns:
         Indices of these faces.
     """
-    pairs = remesh_self_intersections(vertices, np.asarray(faces, np.int64), detect_only=True)[2]
+    pairs = find_self_intersections(vertices, np.asarray(faces, np.int64))[1]
     return set(pairs.ravel().tolist())
 
 

@@ -22,17 +22,18 @@ from carigs.capture.target_index import FACE_FLAGS, read_targets, write_targets
 from carigs.config import compose, compose_study, load_settings, settings_text
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.files import write_json
-from carigs.head import HeadModel, HeadParameters, neutral, pose, read_subject_path
-from carigs.head.model import N_SHAPE
+from carigs.head import HeadModel, HeadParameters, flame_joints, neutral, pose, read_subject_path
 from carigs.light import Shading, fibonacci_sphere
 from carigs.light.shading import load_shading, save_shading
-from carigs.readers.images import image_size, read_pixels
+from carigs.readers.images import read_header, read_pixels
 from carigs.readers.json_files import read_json
 from carigs.readers.meshes import FORMATS, read_mesh
 from carigs.readers.npz import read_npy, read_npz
-from carigs.readers.pickles import read_pickle
+from carigs.readers.obj import read_obj_uvs
+from carigs.readers.pickles import read_pickle, read_pickled_npy
 from carigs.readers.weights import read_weights
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar
+from carigs.splat.formats.flame_param import read_flame_param
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.ply import read_ply, write_ply
 from carigs.splat.surfels.surfels import flat_discs
@@ -56,13 +57,36 @@ def head_model() -> HeadModel:
     return HeadModel(
         v_template=VERTICES,
         faces=FACES,
-        shapedirs=np.concatenate([np.zeros((v, 3, N_SHAPE)), expressions], axis=2).astype(np.float32),
+        shapedirs=np.concatenate([np.zeros((v, 3, 300)), expressions], axis=2).astype(np.float32),
         posedirs=random.normal(0, 0.003, (v, 3, 36)).astype(np.float32),
         joint_regressor=np.full((5, v), 1 / v, np.float32),
         weights=np.tile(np.float32([1, 0, 0, 0, 0]), (v, 1)),
         parents=np.array([-1, 0, 1, 1, 1]),
         regions={"nose": np.array([1, 2])},
     )
+
+
+def gnm_arrays() -> dict[str, np.ndarray]:
+    """The ball in the layout of GNM Head, with eyes and lips.
+
+    Returns:
+        Arrays by GNM's names.
+    """
+    random, v, j = np.random.default_rng(2), len(VERTICES), 4
+    groups = {"skin_exterior": VERTICES[:, 2] < 0.09, "upper_lip": VERTICES[:, 1] < -0.09}
+    groups |= {"lower_lip": groups["upper_lip"], "left_eye": VERTICES[:, 0] > 0.08, "right_eye": VERTICES[:, 0] < -0.08}
+    return {
+        "template_vertex_positions": VERTICES, "template_joint_positions": np.zeros((j, 3), np.float32),
+        "vertex_identity_basis": random.normal(0, 0.003, (2, v, 3)).astype(np.float32),
+        "joint_identity_basis": random.normal(0, 0.003, (2, j, 3)).astype(np.float32),
+        "expression_basis": random.normal(0, 0.003, (3, v, 3)).astype(np.float32),
+        "joint_names": np.array(["neck", "head", "left_eye", "right_eye"]),
+        "expression_names": np.array(["a", "b", "c"]), "joint_parent_indices": np.array([0, 0, 1, 1]),
+        "skinning_weights": np.eye(j, dtype=np.float32)[:, np.zeros(v, int)], "triangles": FACES,
+        "joint_regressor": np.full((j, v), 1 / v, np.float32),
+        "pose_correctives_regressor": random.normal(0, 0.003, (9 * j, 3 * v)).astype(np.float32),
+        "vertex_group_names": np.array(list(groups)), "vertex_groups": np.array(list(groups.values()), np.float32),
+    }  # fmt: skip
 
 
 def sound_files(folder: Path) -> dict[str, bytes]:
@@ -91,8 +115,13 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     }  # fmt: skip
     (folder / "a.pkl").write_bytes(pickle.dumps({**arrays, "name": "head"}, 2))
     (folder / "flame.pkl").write_bytes(pickle.dumps(flame, 2))
+    np.savez(folder / "gnm_head.npz", **gnm_arrays())
+    np.save(folder / "landmarks.npy", {"full_lmk_faces_idx": np.arange(9)[None], "name": "head"})
+    corners = "\n".join(f"f {a}/{a} {b}/{b} {c}/{c}" for a, b, c in FACES[:20] + 1)
+    uvs = "\n".join(f"vt {u:.4f} {v:.4f}" for u, v in VERTICES[:, :2])
+    (folder / "uvs.obj").write_text(f"{uvs}\n{corners}\n")
     model.save(folder / "head_model.npz")
-    parameters = HeadParameters(expression=random.normal(size=100), jaw=np.array([0.1, 0, 0]))
+    parameters = HeadParameters(expression=random.normal(size=100), joints=flame_joints(jaw=[0.1, 0, 0]))
     parameters.save(folder / "parameters.npz", model)
     pixels = (random.random((24, 32, 3)) * 255).astype(np.uint8)
     (folder / "a.png").write_bytes(cv2.imencode(".png", pixels)[1].tobytes())
@@ -111,8 +140,8 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     sequence = HeadSequence(model, {0: parameters}, path)
     sequence.shading = shading
     save_avatar(folder / "avatar.npz", Avatar(surfels, sequence))
-    frame = Frame(0, 0, "EXP-1", "train", "a.png", "a.png", "parameters.npz")
-    capture = Capture(folder, folder / "head_model.npz", (frame,), {0: CAMERA}, 1.0)
+    frame = Frame(0, 0, "EXP-1", "train", "a.png", "a.png", "parameters.npz", 0)
+    capture = Capture(folder, folder / "head_model.npz", (frame,), (CAMERA,), 1.0)
     capture.save(folder / "capture.json")
     np.save(folder / FACE_FLAGS, np.zeros(len(FACES), np.uint16))
     target = {"timestep": 0, "camera": 0, "image": "a.png", "mask_flags": "a.png", "weight": 1.0}
@@ -123,7 +152,7 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     write_png(folder / "00000_00.png", np.ones((24, 32, 3)))
     write_png(folder / "00000_00_mask.png", np.ones((24, 32)))
     write_ground_truth(folder / "truth.json", 0.25, [(0, 0)])
-    record = "study,subject,variant,0.25,0.1,test,0,3,full,psnr,25.5,"
+    record = "study,subject,variant,0.25,0.1,files,test,0,3,full,psnr,25.5,"
     (folder / "metrics.csv").write_text(",".join(MetricRecord._fields) + f"\n{record}\n{record}\n")
     np.savez(folder / "subject.npz", **_subject(random))
     return {reader: (folder / name).read_bytes() for reader, (_, name) in READERS.items() if reader != "override"}
@@ -155,7 +184,7 @@ def _avatar(file: Path) -> Any:
 
 def _posed(file: Path) -> Any:
     model = HeadModel.load(file)
-    vertices = pose(model, HeadParameters(expression=np.zeros(model.shapedirs.shape[2] - N_SHAPE)))
+    vertices = pose(model, HeadParameters.zeros(model))
     return model, vertices
 
 
@@ -174,10 +203,11 @@ READERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "npy": (read_npy, "a.npy"),
     "json": (read_json, "a.json"),
     "pickle": (read_pickle, "a.pkl"),
+    "pickled npy": (read_pickled_npy, "landmarks.npy"),
     "png": (read_pixels, "a.png"),
     "jpg": (read_pixels, "a.jpg"),
-    "size of png": (image_size, "a.png"),
-    "size of jpg": (image_size, "a.jpg"),
+    "size of png": (read_header, "a.png"),
+    "size of jpg": (read_header, "a.jpg"),
     "surfels": (read_ply, "surfels.ply"),
     **{f"mesh{suffix}": (read_mesh, f"mesh{suffix}") for suffix in FORMATS},
     "pt": (read_weights, "net.pt"),
@@ -186,9 +216,12 @@ READERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "settings": (lambda file: load_settings("train", file), "train.yaml"),
     "path": (lambda file: read_subject_path(file, head_model()).at(0.1), "path.npz"),
     "shading": (lambda file: load_shading(file, len(FACES)), "shading.npz"),
+    "texture coordinates": (read_obj_uvs, "uvs.obj"),
     "head model": (_posed, "head_model.npz"),
+    "gnm": (_posed, "gnm_head.npz"),
     "flame": (_posed, "flame.pkl"),
     "parameters": (_parameters, "parameters.npz"),
+    "flame_param": (lambda file: read_flame_param(file, head_model()), "parameters.npz"),
     "avatar": (_avatar, "avatar.npz"),
     "capture": (Capture.load, "capture.json"),
     "targets": (lambda file: read_targets(file, Capture.load(file.with_name("capture.json"))), "targets.json"),

@@ -21,6 +21,8 @@ class StudyPoint(NamedTuple):
     variant: str
     gamma: float
     level: float
+    split: str
+    """How the capture was divided into training and held-out frames (`carigs.capture.splits`)."""
 
 
 class MetricRecord(NamedTuple):
@@ -31,6 +33,7 @@ class MetricRecord(NamedTuple):
     variant: str
     gamma: float
     level: float
+    split: str
     protocol: str
     camera: int | None
     """None, as is `timestep`, in a record that stands for all frames of the protocol."""

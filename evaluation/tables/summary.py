@@ -20,11 +20,12 @@ CONDITION = ["study", "gamma", "level", "protocol", "region", "metric", "variant
 """Columns that are the same for all frames of a mean."""
 FRAME = ["subject", "timestep", "camera"]
 """Columns that identify a frame."""
-SUMMARY = [*CONDITION, "minus", "mean", "low", "high", "n", "nulls", "reason"]
+SUMMARY = [*CONDITION, "minus", "mean", "low", "high", "n", "nulls", "reason", "split"]
 """Columns of a summary.
 
 `minus` is the variant subtracted frame by frame, empty for a plain mean; `low` and `high` are the ends of the interval;
-`n` counts frames with a value and `nulls` records without; `reason` says why there are nulls.
+`n` counts frames with a value and `nulls` records without; `reason` says why there are nulls. `split` is the rule that
+divided the captures of the study into training and held-out frames; rules that differ between subjects are all named.
 """
 
 
@@ -78,7 +79,10 @@ def summarise(records: pd.DataFrame, settings: Tabulate) -> pd.DataFrame:
     unmeasured = records[records["value"].isna()].groupby(CONDITION)["reason"]
     reasons = {(*condition, ""): (len(group), "; ".join(sorted(set(group)))) for condition, group in unmeasured}
     keys = means.keys() | reasons.keys()
-    lines = [(*key, *means.get(key, (np.nan, np.nan, np.nan, 0)), *reasons.get(key, (0, ""))) for key in keys]
+    splits = {study: "; ".join(sorted(set(group))) for study, group in records.groupby("study")["split"]}
+    lines = [
+        (*key, *means.get(key, (np.nan, np.nan, np.nan, 0)), *reasons.get(key, (0, "")), splits[key[0]]) for key in keys
+    ]
     order = {region: i for i, region in enumerate(REGIONS)}
     return pd.DataFrame(lines, columns=SUMMARY).sort_values(
         SUMMARY[:8], key=lambda column: column.map(order) if column.name == "region" else column

@@ -59,9 +59,11 @@ def comparison_tables(summaries: pd.DataFrame, settings: Tabulate) -> Document:
     Returns:
         The tables and notes.
     """
+    splits = "; ".join(sorted(set(summaries["split"])))
     document = Document(
         f"Means over frames with {settings.confidence:.0%} bootstrap intervals (percentile, {settings.resamples} "
-        "resamples; subjects, timesteps and cameras resampled). PSNR in dB. n: number of frames. Higher is better."
+        "resamples; subjects, timesteps and cameras resampled). PSNR in dB. n: number of frames. Higher is better. "
+        f"Split: {splits}."
     )
 
     def add(title: str, lines: Sequence[str], columns: Mapping[str, tuple], subset: pd.DataFrame, *keys: str) -> None:

@@ -71,6 +71,10 @@ def edit(folder: Path, split: str, change) -> None:
     file.write_text(json.dumps(content))
 
 
+def cut(file: Path, count: int) -> None:
+    file.write_bytes(file.read_bytes()[:-count])
+
+
 BREAKAGES = {
     "missing folder": (shutil.rmtree, "ball: no such dataset folder"),
     "broken json": (lambda d: (d / "transforms_train.json").write_text('{"frames": [}'), "column 13: broken JSON"),
@@ -78,6 +82,7 @@ BREAKAGES = {
     "empty test split": (lambda d: edit(d, "test", lambda c: c.update(frames=[])), "frames: the test split is empty"),
     "missing image": (lambda d: (d / "images/00001_00.png").unlink(), "00001_00.png: no such image"),
     "missing mask": (lambda d: (d / "fg_masks/00001_00.png").unlink(), "00001_00.png: no such image"),
+    "cut image": (lambda d: cut(d / "images/00001_00.png", 30), "00001_00.png: .*the end of the PNG is missing"),
     "corrupt image": (lambda d: (d / "images/00001_00.png").write_bytes(b"junk" * 9), "not a PNG"),
     "another size": (lambda d: write_png(d / "images/00001_00.png", np.ones((8, 9, 3))), "9 x 8 pixels, its camera"),
     "missing key": (
@@ -90,7 +95,7 @@ BREAKAGES = {
     ),
     "camera that moves": (
         lambda d: edit(d, "train", lambda c: c["frames"][2]["transform_matrix"][0].__setitem__(3, 3.0)),
-        r"frames\[2\].*differs from its earlier frames",
+        r"frames\[2\].*camera 0 stands elsewhere than in the other frames",
     ),
     "focal length as text": (
         lambda d: edit(d, "train", lambda c: c["frames"][0].update(fl_x="wide")),

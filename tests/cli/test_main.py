@@ -34,7 +34,7 @@ def test_a_wrong_command_is_a_usage_error(arguments, capsys):
     assert "usage: carigs" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("command", ["--help", "mesh --help"])
+@pytest.mark.parametrize("command", ["--help", "mesh --help", "convert --help"])
 def test_the_start_imports_neither_torch_nor_snakemake(command):
     code = (
         "import sys\n"

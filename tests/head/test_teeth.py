@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from carigs.capture import Camera, Capture
 from carigs.capture.dataset import Frame
 from carigs.exaggeration import Exaggerator, GammaPath, straight_path
-from carigs.head import HeadModel, HeadParameters, neutral, pose
+from carigs.head import HeadModel, HeadParameters, flame_joints, neutral, pose
 from carigs.head.teeth import (
     FLAME_COUNTS,
     FLAME_WITH_TEETH_COUNTS,
@@ -82,6 +82,7 @@ def flame(vertices: np.ndarray, faces: np.ndarray) -> HeadModel:
         joint_regressor=np.full((5, FLAME_COUNTS[0]), 1 / FLAME_COUNTS[0], np.float32),
         weights=random.dirichlet(np.ones(5), FLAME_COUNTS[0]).astype(np.float32),
         parents=np.array([-1, 0, 1, 1, 1]),
+        regions={"scalp": np.array([0])},
     )
 
 
@@ -152,7 +153,7 @@ def test_teeth_move_with_skull_and_jaw_and_not_with_expressions():
     smiling = pose(model, HeadParameters(expression=np.eye(100)[0]))
     np.testing.assert_allclose(smiling[FLAME_COUNTS[0] :], still[FLAME_COUNTS[0] :], atol=1e-9)
     assert np.abs(smiling - still).max() > 1e-3
-    opened = pose(model, HeadParameters(jaw=np.array([0.3, 0, 0])))
+    opened = pose(model, HeadParameters(joints=flame_joints(jaw=[0.3, 0, 0])))
     np.testing.assert_allclose(opened[upper], still[upper], atol=1e-9)
     before, after = (x[lower] - x[lower].mean(axis=0) for x in (still, opened))
     np.testing.assert_allclose(after @ after.T, before @ before.T, atol=1e-9)  # rigid
@@ -202,8 +203,8 @@ def test_the_stage_excludes_teeth_from_the_equation(tmp_path):
     flame(VERTICES, FACES).save(tmp_path / "flame.npz")
     model = HeadModel.load(tmp_path / "flame.npz")
     HeadParameters(expression=np.eye(100)[0]).save(tmp_path / "00000.npz", model)
-    frame = Frame(0, 0, "EXP-2", "test", "0.png", "0_mask.png", "00000.npz")
-    cameras = {0: Camera(np.eye(4), 9.0, 9.0, 4.0, 4.0, 8, 8)}
+    frame = Frame(0, 0, "EXP-2", "test", "0.png", "0_mask.png", "00000.npz", 0)
+    cameras = (Camera(np.eye(4), 9.0, 9.0, 4.0, 4.0, 8, 8),)
     Capture(tmp_path, tmp_path / "flame.npz", (frame,), cameras, 1.0).save(tmp_path / "capture.json")
     files = {"capture": tmp_path / "capture.json", "path": tmp_path / "path.npz"}
 

@@ -10,6 +10,7 @@ from miniature import write_ball
 
 from carigs.capture import read_dataset
 from carigs.capture.images import read_grey, read_rgb, write_png
+from carigs.cli.main import main
 from carigs.errors import InputError
 from carigs.plausibility import check_capture
 
@@ -52,6 +53,26 @@ def test_it_is_read_without_a_warning(union):
     capture = check_capture(read_dataset(union, union.parents[1] / "flame2023.npz"))
     assert capture.warnings == ()
     assert {frame.sequence for frame in capture.split("test")} == {"EXP-2"}
+
+
+def crop(folder: Path, left: int = 3, top: int = 5) -> None:
+    """Move the principal points off the middle of the images."""
+    for file in folder.parent.rglob("*.png"):
+        mask = file.parent.name == "fg_masks"
+        write_png(file, (read_grey(file) if mask else read_rgb(file))[top:, left:])
+    for file in folder.glob("transforms_*.json"):
+        content = json.loads(file.read_text())
+        for entry in content["frames"]:
+            for key, pixels in (("cx", left), ("cy", top), ("w", left), ("h", top)):
+                entry[key] -= pixels
+        file.write_text(json.dumps(content))
+
+
+@pytest.mark.parametrize("change", [lambda folder: None, crop], ids=["centred", "off-centre"])
+def test_the_check_raises_no_false_alarm(union, capsys, change):
+    change(union)
+    assert main(["check", str(union), "--head-model", str(union.parents[1] / "flame2023.npz")]) == 0
+    assert "errors: none\nwarnings: none\n" in capsys.readouterr().out
 
 
 def test_a_linked_sequence_is_followed(union, tmp_path):

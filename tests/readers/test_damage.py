@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import pickle
+import struct
 import tracemalloc
 import zipfile
 from pathlib import Path
@@ -16,10 +17,9 @@ import scipy.sparse
 import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from plyfile import PlyData, PlyElement
 
 from carigs.errors import InputError
-from carigs.readers.images import image_size, read_pixels
+from carigs.readers.images import read_header, read_pixels
 from carigs.readers.json_files import read_json
 from carigs.readers.meshes import FORMATS, read_mesh
 from carigs.readers.npz import read_npy, read_npz
@@ -43,11 +43,14 @@ def _npz(compressed: bool) -> bytes:
     return stream.getvalue()
 
 
-def _ply(text: bool) -> bytes:
-    stream = io.BytesIO()
-    rows = np.zeros(4, [(name, "<f4") for name in ("x", "y", "z", "opacity")])
-    PlyData([PlyElement.describe(rows, "vertex")], text=text, byte_order="=" if text else "<").write(stream)
-    return stream.getvalue()
+def _ply(encoding: str, body: bytes) -> bytes:
+    lines = ["ply", f"format {encoding} 1.0", "element vertex 4", *(f"property float {name}" for name in "xyzw")]
+    lists = ["element face 2", "property list uchar int vertex_indices"]
+    return "\n".join([*lines, *lists, "end_header\n"]).encode() + body
+
+
+BINARY_PLY = _ply("binary_little_endian", struct.pack("<16f B3i B4i", *range(16), 3, 0, 1, 2, 4, 0, 1, 2, 3))
+TEXT_PLY = _ply("ascii", b"0 1 2 3\n" * 4 + b"3 0 1 2\n4 0 1 2 3\n")
 
 
 def _mesh(kind: str) -> bytes:
@@ -64,8 +67,8 @@ CASES = {
     "index.json": (read_json, [json.dumps({"frames": [{"w": 1, "m": [0.5, -2e3]}], "n": None}).encode()]),
     "image.png": (read_pixels, [cv2.imencode(".png", PIXELS)[1].tobytes()]),
     "image.jpg": (read_pixels, [cv2.imencode(".jpg", PIXELS)[1].tobytes()]),
-    "size.png": (image_size, [cv2.imencode(".png", PIXELS)[1].tobytes(), cv2.imencode(".jpg", PIXELS)[1].tobytes()]),
-    "surfels.ply": (read_ply_vertices, [_ply(False), _ply(True)]),
+    "size.png": (read_header, [cv2.imencode(".png", PIXELS)[1].tobytes(), cv2.imencode(".jpg", PIXELS)[1].tobytes()]),
+    "surfels.ply": (read_ply_vertices, [BINARY_PLY, TEXT_PLY]),
     **{f"mesh{suffix}": (read_mesh, [_mesh(suffix[1:])]) for suffix in FORMATS},
 }
 
@@ -138,9 +141,22 @@ def _png(width: int, height: int) -> bytes:
         ("a.npz", _claiming_npz((0,), "<c16")),
         ("a.png", _png(60_000, 60_000)),
         ("a.png", _png(0, 7)),
-        ("a.ply", _ply(False).replace(b"element vertex 4", b"element vertex 1000000000")),
-        ("a.ply", _ply(False).replace(b"element vertex 4", b"element vertex 0")),
-        ("a.ply", _ply(False).replace(b"element vertex 4", b"element vertex -4")),
+        ("a.ply", BINARY_PLY.replace(b"element vertex 4", b"element vertex 1000000000")),
+        ("a.ply", BINARY_PLY.replace(b"element vertex 4", b"element vertex 0")),
+        ("a.ply", BINARY_PLY.replace(b"element vertex 4", b"element vertex -4")),
+        ("a.ply", BINARY_PLY.replace(b"element face 2", b"element face 2000000000")),
+        ("a.ply", BINARY_PLY.replace(b"\x03\x00\x00\x00\x00\x01", b"\xff\x00\x00\x00\x00\x01")),
+        ("a.ply", BINARY_PLY.replace(b"list uchar int", b"list char int").replace(b"\x04\x00", b"\xff\x00")),
+        ("a.ply", TEXT_PLY.replace(b"\n3 0", b"\n1e15 0")),
+        ("a.ply", TEXT_PLY.replace(b"\n3 0", b"\n2.5 0")),
+        ("a.ply", TEXT_PLY.replace(b"\n3 0", b"\nnan 0")),
+        ("a.ply", TEXT_PLY.replace(b"3\n3 0", b"three\n3 0")),
+        ("a.ply", TEXT_PLY.replace(b"4 0 1 2 3", b"4 0 1 2")),
+        ("a.ply", TEXT_PLY + b"7"),
+        ("a.ply", BINARY_PLY.replace(b"format binary_little_endian 1.0\n", b"")),
+        ("a.ply", BINARY_PLY.replace(b"float w", b"float x")),
+        ("a.ply", BINARY_PLY.replace(b"element face", b"element vertex")),
+        ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 1000000000\nend_header\n"),
         ("m.ply", _mesh("ply").replace(b"element face 20", b"element face 2000000000")),
         ("a.json", b"[" * 100_000),
         ("a.json", b'{"a":' * 100_000),

@@ -4,36 +4,21 @@ from __future__ import annotations
 
 import copyreg
 import pickle
-import sys
-import types
 
 import numpy as np
 import pytest
 import scipy.sparse
+from chumpy_like import install
 
 from carigs.errors import InputError
 from carigs.readers.pickled_objects import NAMES
-from carigs.readers.pickles import read_pickle
+from carigs.readers.pickles import read_pickle, read_pickled_npy
 
 
 @pytest.fixture
 def chumpy(monkeypatch):
-    """A package that pickles like chumpy 0.70: a class of the new kind whose state is its dictionary."""
-    package, module = types.ModuleType("chumpy"), types.ModuleType("chumpy.ch")
-
-    class Ch:
-        def __init__(self, x):
-            self.x = x
-            self._dirty_vars, self._cache = {}, {}
-
-        def __getstate__(self):
-            return {"x": self.x, "_dirty_vars": {}, "_itr": None, "_parents": {}, "_cache": {}}
-
-    Ch.__module__, Ch.__qualname__ = "chumpy.ch", "Ch"
-    module.Ch = package.Ch = Ch
-    monkeypatch.setitem(sys.modules, "chumpy", package)
-    monkeypatch.setitem(sys.modules, "chumpy.ch", module)
-    return Ch
+    """Stands for the package chumpy, which need not be installed."""
+    return install(monkeypatch)
 
 
 @pytest.mark.parametrize("protocol", range(6))
@@ -83,8 +68,41 @@ def test_a_sparse_matrix_with_indices_out_of_range_is_refused(tmp_path):
 def test_chumpy_arrays_are_read_without_chumpy(protocol, chumpy, tmp_path):
     """Chumpy writes an empty object and its state (NEWOBJ or `copy_reg._reconstructor`, then BUILD)."""
     array = np.random.default_rng(1).normal(size=(3, 2))
-    (tmp_path / "a.pkl").write_bytes(pickle.dumps({"shapedirs": chumpy(array)}, protocol))
-    np.testing.assert_array_equal(read_pickle(tmp_path / "a.pkl")["shapedirs"], array)
+    content = {"shapedirs": chumpy.Ch(array), "columns": chumpy.Select(chumpy.Ch(array), np.array([0, 2, 4]), (3, 1))}
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps(content, protocol))
+    found = read_pickle(tmp_path / "a.pkl")
+    np.testing.assert_array_equal(found["shapedirs"], array)
+    np.testing.assert_array_equal(found["columns"], array[:, :1])
+
+
+@pytest.mark.parametrize("protocol", range(6))
+def test_sets_are_read_as_lists(protocol, tmp_path):
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps({"names": {"a", "b"}, "none": set()}, protocol))
+    found = read_pickle(tmp_path / "a.pkl")
+    assert sorted(found["names"]) == ["a", "b"] and found["none"] == []
+
+
+def test_pickled_npy_files_are_read(tmp_path):
+    np.save(tmp_path / "a.npy", {"ids": np.arange(3)})
+    np.testing.assert_array_equal(read_pickled_npy(tmp_path / "a.npy")["ids"], [0, 1, 2])
+
+
+@pytest.mark.parametrize("content", [np.zeros(3), np.array([{"ids": 1}], object), np.array({1: 2}, object)])
+def test_npy_files_of_anything_else_are_refused(content, tmp_path):
+    np.save(tmp_path / "a.npy", content)
+    with pytest.raises(InputError, match=r"a\.npy: "):
+        read_pickled_npy(tmp_path / "a.npy")
+
+
+def test_npy_files_run_no_code(tmp_path, monkeypatch):
+    ran = []
+    monkeypatch.setattr("os.system", ran.append)
+    np.save(tmp_path / "a.npy", {"ids": 1})
+    header = (tmp_path / "a.npy").read_bytes()[:128]
+    (tmp_path / "a.npy").write_bytes(header + HOSTILE["os.system"])
+    with pytest.raises(InputError, match="refuses to load"):
+        read_pickled_npy(tmp_path / "a.npy")
+    assert not ran
 
 
 class _Call:
@@ -128,6 +146,8 @@ HOSTILE = {
     "state of a function": b"\x80\x02c_codecs\nencode\n}U\x0c__defaults__K\x01sb.",
     "call of a text": b"\x80\x02U\x04true)R.",
     "list as class": b"\x80\x02])\x81.",
+    "set of a text": b"\x80\x02c__builtin__\nset\nU\x04true\x85R.",
+    "frozen set": b"\x80\x04(\x8c\x01a\x91.",
     "huge bytes": b"\x80\x02c__builtin__\nbytes\n\x8a\x05\x00\x00\x00\x00\x01\x85R.",
 }
 

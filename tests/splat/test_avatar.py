@@ -1,4 +1,4 @@
-"""Avatar files, .ply layouts, and the stages `train` and `render` on the miniature subject."""
+"""Avatar files and the stages `train` and `render` on the miniature subject."""
 
 import csv
 import json
@@ -6,10 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 from miniature import SIZE, write_ball
-from plyfile import PlyData
-from scipy.spatial.transform import Rotation
 
 from carigs.capture import Capture, look_at, read_dataset
 from carigs.capture.images import read_rgb
@@ -20,82 +17,10 @@ from carigs.head import neutral
 from carigs.light import Shading, fibonacci_sphere
 from carigs.settings import Render, Train
 from carigs.splat.avatar import load_avatar, save_avatar
-from carigs.splat.surfels.ply import OURS_FROM_GAUSSIAN_AVATARS, read_ply, write_ply
-from carigs.splat.surfels.surfels import flat_discs, to_arrays
+from carigs.splat.surfels.ply import read_ply
+from carigs.splat.surfels.surfels import to_arrays
 from carigs.stages.render import render
 from carigs.stages.train import train
-
-
-def random_surfels(n=30, sh_degree=2, seed=0):
-    rng = np.random.default_rng(seed)
-    surfels = flat_discs(
-        rng.integers(0, 10144, n), rng.normal(size=(n, 3)), rng.random(n) + 0.1, 0.6, rng.random((n, 3)), sh_degree
-    )
-    for _, value in surfels.attributes():
-        value.data += 0.3 * torch.from_numpy(rng.standard_normal(tuple(value.shape))).float()
-    return surfels
-
-
-def local_covariance(surfels):
-    """Shape in the triangle's frame: r S S r^T."""
-    rotation = Rotation.from_quat(surfels.rotation.detach().numpy(), scalar_first=True).as_matrix()
-    scaled = rotation[:, :, :2] * np.exp(surfels.log_scale.detach().numpy())[:, None]
-    return scaled @ scaled.transpose(0, 2, 1)
-
-
-def test_surfhead_ply_has_its_layout_and_comes_back(tmp_path):
-    surfels = random_surfels()
-    write_ply(tmp_path / "a.ply", surfels)
-    names = PlyData.read(str(tmp_path / "a.ply"))["vertex"].data.dtype.names
-    assert len(names) == 90
-    assert names[:10] == ("x", "y", "z", "nx", "ny", "nz", *(f"blend_weight_{i}" for i in range(4)))
-    assert names[-1] == "binding_0"
-    back = to_arrays(read_ply(tmp_path / "a.ply"))
-    for name, value in to_arrays(surfels).items():
-        np.testing.assert_array_equal(back[name], value)
-
-
-def test_gaussian_avatars_ply_has_its_layout_and_its_axes(tmp_path):
-    surfels = random_surfels(sh_degree=3)
-    write_ply(tmp_path / "a.ply", surfels, "gaussian_avatars")
-    rows = PlyData.read(str(tmp_path / "a.ply"))["vertex"].data
-    assert len(rows.dtype.names) == 63
-    # Third axis away from the third corner, second axis = normal.
-    np.testing.assert_allclose(rows["y"], surfels.position[:, 2].detach())
-    np.testing.assert_allclose(rows["z"], -surfels.position[:, 1].detach())
-    quaternion = np.stack([rows[f"rot_{i}"] for i in range(4)], axis=1)
-    rotation = OURS_FROM_GAUSSIAN_AVATARS @ Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
-    expected = Rotation.from_quat(surfels.rotation.detach().numpy(), scalar_first=True).as_matrix()
-    np.testing.assert_allclose(rotation, expected, atol=1e-6)
-    np.testing.assert_allclose(rows["f_rest_15"], surfels.harmonics[:, 0, 1].detach())  # first green after 15 red
-    back = read_ply(tmp_path / "a.ply")
-    np.testing.assert_allclose(back.position.detach(), surfels.position.detach(), atol=1e-6)
-    np.testing.assert_allclose(local_covariance(back), local_covariance(surfels), atol=1e-5)
-
-
-@pytest.mark.parametrize("thin", [0, 1, 2])
-def test_an_ellipsoid_becomes_the_disc_of_its_larger_axes(tmp_path, thin):
-    write_ply(tmp_path / "a.ply", random_surfels(sh_degree=0), "gaussian_avatars")
-    data = PlyData.read(str(tmp_path / "a.ply"), mmap=False)
-    rows = data["vertex"].data
-    scale = np.array([-1.0, -0.3, -0.6])
-    scale[thin] = -12
-    for i in range(3):
-        rows[f"scale_{i}"] = scale[i]
-    data.write(str(tmp_path / "a.ply"))
-    back = read_ply(tmp_path / "a.ply")
-    quaternion = np.stack([rows[f"rot_{i}"] for i in range(4)], axis=1)
-    rotation = OURS_FROM_GAUSSIAN_AVATARS @ Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
-    full = rotation * np.exp(scale)
-    np.testing.assert_allclose(local_covariance(back), full @ full.transpose(0, 2, 1), atol=1e-6)
-
-
-def test_a_broken_ply_is_refused(tmp_path):
-    (tmp_path / "a.ply").write_text("ply\nformat ascii 1.0\n")
-    with pytest.raises(InputError, match=r"a\.ply: not a readable"):
-        read_ply(tmp_path / "a.ply")
-    with pytest.raises(SettingsError, match="unknown"):
-        write_ply(tmp_path / "b.ply", random_surfels(), "obj")
 
 
 @pytest.fixture(scope="module")
@@ -123,7 +48,7 @@ def test_training_leaves_its_outputs_and_nothing_else(trained):
     assert [int(row["iteration"]) for row in rows] == [20, 25]
     assert float(rows[-1]["psnr"]) > 15
     avatar = load_avatar(trained / "avatar.npz")
-    for name, value in to_arrays(read_ply(trained / "avatar.ply")).items():
+    for name, value in to_arrays(read_ply(trained / "avatar.ply").surfels).items():
         np.testing.assert_array_equal(value, to_arrays(avatar.surfels)[name])
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
+from heads import gnm_file, gnm_like
 
 from carigs.errors import InputError, MeshError
 from carigs.exaggeration.gamma_path import straight_path
-from carigs.head import HeadModel, HeadParameters, read_subject_path
-from carigs.head.model import N_SHAPE
+from carigs.head import HeadModel, HeadParameters, read_subject_path, subject_model
 from carigs.light import Shading, fibonacci_sphere, fit_light, light_transfer
 from carigs.light.fitting import Observation
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar
@@ -18,17 +20,15 @@ from carigs.splat.surfels.surfels import flat_discs
 
 BALL = trimesh.creation.icosphere(subdivisions=1, radius=0.1)
 VERTICES, FACES = np.asarray(BALL.vertices, np.float32), np.asarray(BALL.faces, np.int32)
-V, F, N, T, EXPRESSIONS = len(VERTICES), len(FACES), 30, 2, 100
+V, F, N, T, IDENTITIES, EXPRESSIONS = len(VERTICES), len(FACES), 30, 2, 300, 100
 
 
 def make_head(weights: float = 1.0) -> HeadModel:
-    rng = np.random.default_rng(0)
+    expressions = np.random.default_rng(0).normal(0, 0.01, (V, 3, EXPRESSIONS))
     return HeadModel(
         v_template=VERTICES,
         faces=FACES,
-        shapedirs=np.concatenate([np.zeros((V, 3, N_SHAPE)), rng.normal(0, 0.01, (V, 3, EXPRESSIONS))], axis=2).astype(
-            np.float32
-        ),
+        shapedirs=np.pad(expressions.astype(np.float32), ((0, 0), (0, 0), (IDENTITIES, 0))),
         posedirs=np.zeros((V, 3, 36), np.float32),
         joint_regressor=np.full((5, V), 1 / V, np.float32),
         weights=np.tile(np.float32([weights, 0, 0, 0, 0]), (V, 1)),
@@ -65,10 +65,46 @@ def test_the_avatar_is_read(arrays, tmp_path):
     assert len(load_avatar(save(tmp_path, arrays)).surfels) == N
 
 
-OPTIONAL = ("head_expression_names", "region_nose", "path_changes", "path_columns", "shading_light")
+def test_avatars_of_other_heads_come_back(tmp_path):
+    """A head with its own joints, and an offset of one timestep."""
+    general = HeadModel.load(gnm_file(tmp_path, gnm_like(0)))
+    random, v = np.random.default_rng(0), general.v_template.shape
+    zeros = HeadParameters.zeros(general)
+    head = subject_model(general, replace(zeros, shape=random.normal(size=zeros.shape.shape)))
+    posed = replace(
+        zeros, rotation=random.normal(size=3), joints=random.normal(size=zeros.joints.shape),
+        expression=random.normal(size=zeros.expression.shape),
+    )  # fmt: skip
+    parameters = {3: posed, 7: replace(posed, dynamic_offset=0.1 * random.normal(size=v))}
+    vertices = head.v_template.astype(float)
+    sequence = HeadSequence(head, parameters, straight_path(vertices, head.faces, 0.1 * vertices, 0.25))
+    surfels = flat_discs(np.zeros(4, int), np.zeros((4, 3)), np.ones(4), 0.6, np.ones((4, 3)), 0)
+    save_avatar(tmp_path / "avatar.npz", Avatar(surfels, sequence))
+    again = load_avatar(tmp_path / "avatar.npz").sequence
+    assert again.head.joint_names == head.joint_names and again.parameters[3].dynamic_offset is None
+    for timestep in parameters:
+        np.testing.assert_allclose(again.posed(timestep, 0.1), sequence.posed(timestep, 0.1), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"offset_timesteps": np.array([9])}, "offset_timesteps: expected different timesteps of the head"),
+        ({"offset_timesteps": np.array([0, 0])}, "offset_timesteps: expected different"),
+        ({"offset_dynamic": np.zeros((1, 3, 3))}, "offset_dynamic: shape"),
+    ],
+)
+def test_offsets_of_other_timesteps_or_heads_are_refused(changes, says, arrays, tmp_path):
+    count = len(changes.get("offset_timesteps", [0]))
+    offsets = {"offset_timesteps": np.array([0]), "offset_dynamic": np.zeros((count, V, 3), np.float32)}
+    with pytest.raises(InputError, match=says):
+        load_avatar(save(tmp_path, {**arrays, **offsets, **changes}))
+
+
+OPTIONAL = ("head_expression_names", "head_mask_nose", "path_changes", "path_columns", "shading_light")
 SHAPED = (
-    "head_vertices head_faces head_columns head_blendshapes head_expressions head_posedirs head_joint_regressor "
-    "head_weights head_parents region_nose timesteps pose_translation pose_rotation pose_neck pose_jaw pose_eyes "
+    "head_v_template head_f head_columns head_blendshapes head_shapedirs head_posedirs head_J_regressor "
+    "head_weights head_kintree_table head_mask_nose timesteps pose_translation pose_rotation pose_joints "
     "pose_expression shading_directions shading_light shading_strength shading_limit shading_kept path_levels "
     "path_displacements path_neutral path_columns path_changes surfel_position surfel_rotation surfel_log_scale "
     "surfel_opacity surfel_colour surfel_harmonics surfel_blend surfel_binding background rotate_harmonics"
@@ -83,12 +119,12 @@ CHANGES = {
     "infinite": lambda a: np.full(a.shape, -np.inf),
 }
 OUT_OF_RANGE = {
-    "head_faces": [-1, V, 2**31 - 1, 2**32, 0.5],
-    "head_columns": [-1, N_SHAPE + EXPRESSIONS],
-    "head_blendshapes": [-1, 0, N_SHAPE, 10**9],
-    "head_parents": [4, -2],
-    "head_vertices": [1e30, 1e5],
-    "region_nose": [-1, V],
+    "head_f": [-1, V, 2**31 - 1, 2**32, 0.5],
+    "head_columns": [-1, IDENTITIES + EXPRESSIONS],
+    "head_blendshapes": [-1, 0, 10**9],
+    "head_kintree_table": [3, -2],
+    "head_v_template": [1e30, 1e5],
+    "head_mask_nose": [-1, V],
     "timesteps": [-1, 0.5],
     "surfel_binding": [-1, F, 2**40],
     "path_columns": [-1, EXPRESSIONS + 36],
@@ -112,7 +148,7 @@ def test_a_wrong_array_is_named(name, change, arrays, tmp_path):
         if name in OPTIONAL:
             pytest.skip("optional")
         del changed[name]
-    elif name == "region_nose" and change.startswith("one"):
+    elif name == "head_mask_nose" and change.startswith("one"):
         pytest.skip("regions have any number of vertices")
     else:
         changed[name] = CHANGES[change](arrays[name])

@@ -132,14 +132,14 @@ def test_each_frame_is_decoded_and_rasterized_once(folder, tmp_path, monkeypatch
 
         monkeypatch.setattr(module, name, counted)
 
-    for name in ("read_rgb", "read_grey", "compute_visibility"):
+    for name in ("_read_images", "compute_visibility"):
         count(frame_views, name)
     count(provider, "compute_visibility")
     make_targets(folder, tmp_path / "cached", threads=1)
-    assert list(calls.values()) == [6, 6, 6, 6]
+    assert list(calls.values()) == [6, 6, 6]
     monkeypatch.setattr(capture_shading, "CACHE_BYTES", 0)
     make_targets(folder, tmp_path / "loaded", threads=1)
-    assert calls[frame_views, "read_rgb"] == 3 * 6
+    assert calls[frame_views, "_read_images"] == 3 * 6
     assert contents(tmp_path / "cached") == contents(tmp_path / "loaded")
 
 
@@ -262,7 +262,7 @@ def test_a_camera_inside_the_head_or_with_the_head_behind_it_sees_no_target(dama
     file = damaged / "capture.json"
     content = json.loads(file.read_text())
     away = look_at(np.array(centre), np.array(centre) + np.array([0, 0, 1.0]))
-    for camera in content["cameras"].values():
+    for camera in content["cameras"]:
         camera["camera_from_world"] = away.tolist()
     file.write_text(json.dumps(content))
     with pytest.raises(InputError, match=r"no frame can be used; .*behind it or inside"):

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from carigs.capture import Camera
 from carigs.capture.images import to_linear
 from carigs.exaggeration import Caricature
-from carigs.head import HeadParameters, neutral
+from carigs.head import HeadParameters, flame_joints, neutral
 from carigs.settings import Toy
 from carigs.toy import Subject, load_subject, make_subject, render_subject
 from carigs.toy.look.hair import triangle_frames
@@ -94,7 +94,7 @@ def test_closed_lips_hide_the_teeth_and_open_ones_show_them(subject: Subject, ca
         return np.abs(mine - theirs).max() > 0
 
     assert not differs(person(subject))
-    assert differs(person(subject, jaw=np.array([0.2, 0, 0])))
+    assert differs(person(subject, joints=flame_joints(jaw=[0.2, 0, 0])))
 
 
 def test_equal_seeds_give_equal_people_and_others_differ(subject: Subject) -> None:

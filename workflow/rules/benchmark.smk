@@ -12,6 +12,7 @@ localrules:
 
 rule benchmark:
     input:
+        "results/benchmark/capture_index.csv",
         "results/benchmark/splat.csv",
         "results/benchmark/surface.csv",
         "results/benchmark/target.csv",
@@ -38,6 +39,22 @@ rule benchmark_quality:
     shell:
         "python -m evaluation.benchmarks.quality {output.rows:q} {input.settings:q} {input.capture:q} {input.path:q}"
         " > {log:q} 2>&1"
+
+
+rule benchmark_capture_index:
+    output:
+        rows="results/benchmark/capture_index.csv",
+    log:
+        "results/benchmark/log/capture_index.log",
+    conda:
+        "../../environment.yml"
+    threads: 64  # Snakemake lowers it to --cores
+    resources:
+        mem_mb=2000,
+    params:
+        code=fingerprint("evaluation.benchmarks.capture_index"),
+    shell:
+        "python -m evaluation.benchmarks.capture_index {output.rows:q} > {log:q} 2>&1"
 
 
 rule benchmark_splat:

@@ -7,6 +7,7 @@ Hydra composes values; Snakemake plans files and their order. Every wildcard is 
 
 import sys
 from contextlib import suppress
+from functools import cache
 from itertools import product
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from carigs.config import (
     target_levels,
     target_maker,
 )
+from carigs.dataset_digest import dataset_digest
 from carigs.errors import CarigsError
 from carigs.fork_server import start_fork_server
 from carigs.job_record import is_stale
@@ -90,6 +92,19 @@ def all_points(*patterns):
 def rendered_points(wildcards):
     """Variant and level of each rendering of a subject, in the order of `all_points`."""
     return list(product(points["variant"], levels(wildcards)))
+
+
+@cache
+@one_line_errors
+def files_of_dataset(subject):
+    """A digest of the files of a subject's dataset: its capture is read again when they change."""
+    capture = compose(*overrides, f"subject={subject}").capture
+    return dataset_digest(capture.folder, capture.head_model) if capture.source == "folder" else ""
+
+
+def dataset_files(wildcards):
+    """A digest of the files of the subject's dataset."""
+    return files_of_dataset(wildcards.subject)
 
 
 def targets(pattern):

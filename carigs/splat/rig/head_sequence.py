@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -12,8 +13,7 @@ from jaxtyping import Float, Float32
 from carigs.capture import Capture
 from carigs.errors import InputError
 from carigs.exaggeration import GammaPath
-from carigs.head import HeadModel, HeadParameters, neutral, pose
-from carigs.head.model import N_SHAPE
+from carigs.head import HeadModel, HeadParameters, pose, subject_model
 from carigs.light.shading import Shading
 from carigs.light.transfer import Transfer
 from carigs.splat.rig.face_motion import FaceMotion
@@ -133,7 +133,6 @@ def head_sequence(capture: Capture, path: GammaPath) -> HeadSequence:
     model = capture.model
     timesteps = sorted({frame.timestep for frame in capture.frames})
     parameters = {t: capture.parameters(t) for t in timesteps}
-    canonical = neutral(model, parameters[timesteps[0]])
     if not np.array_equal(path.faces, model.faces):
         raise InputError(
             "its faces are not the head model's: was it made for another subject?", file=capture.head_model
@@ -148,8 +147,19 @@ def head_sequence(capture: Capture, path: GammaPath) -> HeadSequence:
                 f"shape or static_offset differ from timestep {timesteps[0]}'s; one subject has one neutral head",
                 file=capture.root / files[t],
             )
-    shapedirs = model.shapedirs.copy()
-    shapedirs[:, :, :N_SHAPE] = 0
-    head = replace(model, v_template=canonical.astype(np.float32), shapedirs=shapedirs)
-    parameters = {t: replace(p, shape=np.zeros(N_SHAPE), static_offset=None) for t, p in parameters.items()}
-    return HeadSequence(head, parameters, path)
+    return subject_sequence(model, parameters, path)
+
+
+def subject_sequence(model: HeadModel, parameters: Mapping[int, HeadParameters], path: GammaPath) -> HeadSequence:
+    """Sequence of a subject whose shape and static offset are the same at all timesteps.
+
+    Args:
+        model: The head model.
+        parameters: Head parameters by timestep.
+        path: Caricatures of the subject's neutral head.
+
+    Returns:
+        The sequence, with shape and static offset in the template of its head.
+    """
+    head, no_shape = subject_model(model, next(iter(parameters.values()))), np.zeros(model.num_identity)
+    return HeadSequence(head, {t: replace(p, shape=no_shape, static_offset=None) for t, p in parameters.items()}, path)

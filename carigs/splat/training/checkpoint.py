@@ -69,7 +69,7 @@ def run_digest(settings: Train, sequence: HeadSequence, supervision: Supervision
     if sequence.shading is not None:
         digest.update(b"".join(np.asarray(value).tobytes() for value in asdict(sequence.shading).values()))
     digest.update(json.dumps([(target.level, target.weight) for target in supervision.targets]).encode())
-    for file in supervision.files():
+    for file in (*supervision.files(), *([Path(settings.start)] if settings.start else ())):
         status = file.stat()
         digest.update(f"{file.name} {status.st_size} {status.st_mtime_ns}".encode())
     return digest.hexdigest()

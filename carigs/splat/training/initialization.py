@@ -1,15 +1,20 @@
-"""Initial surfels: discs on every triangle, layers of discs above hair, with colours from the training images."""
+"""Initial surfels: an avatar's, or discs on triangles and in layers above hair, coloured from the training images."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from carigs.errors import InputError, SettingsError
 from carigs.raster import rasterize_mesh
 from carigs.settings import Train
+from carigs.splat.avatar import load_avatar
+from carigs.splat.colour.spherical_harmonics import num_coefficients
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.rig import Rig
-from carigs.splat.surfels.surfels import Surfels, flat_discs
+from carigs.splat.surfels.surfels import Surfels, flat_discs, from_arrays, to_arrays
 from carigs.splat.training.supervision import Example, Supervision
 
 OCCLUSION_TOLERANCE = 0.003
@@ -19,10 +24,10 @@ OCCLUSION_TOLERANCE = 0.003
 def initial_surfels(
     settings: Train, supervision: Supervision, performance: HeadSequence, hair: Bool[np.ndarray, " f"]
 ) -> Surfels:
-    """Initialize surfels on every face and above hair faces.
+    """Take the surfels of the avatar `settings.start`, or initialize surfels on every face and above hair faces.
 
-    Colours are means over `settings.initial_colour_frames` training images: GT* targets if they alone supervise the run
-    (`gtstar_probability` 1), otherwise captured frames.
+    Initial colours are means over `settings.initial_colour_frames` training images: GT* targets if they alone supervise
+    the run (`gtstar_probability` 1), otherwise captured frames.
 
     Args:
         settings: Settings of the training.
@@ -32,7 +37,13 @@ def initial_surfels(
 
     Returns:
         Surfels, sorted by triangle.
+
+    Raises:
+        InputError: If the avatar cannot be read, or its head has other triangles.
+        SettingsError: If `settings.sh_degree` is less than the avatar's.
     """
+    if settings.start is not None:
+        return surfels_of_avatar(Path(settings.start), performance, settings.sh_degree)
     binding, position, scale = place(settings, performance.rig, hair)
     targets_only = settings.gtstar_probability >= 1
     count = len(supervision.targets if targets_only else supervision.frames)
@@ -40,6 +51,32 @@ def initial_surfels(
     views = [supervision.weighted_example(targets_only, int(i)) for i in indices]
     rgb = observed_colours(binding, position, performance, views)
     return flat_discs(binding, position, scale, settings.initial_opacity, rgb, settings.sh_degree)
+
+
+def surfels_of_avatar(file: Path, performance: HeadSequence, sh_degree: int) -> Surfels:
+    """Surfels of a trained avatar on the triangles of a subject.
+
+    Args:
+        file: The avatar.
+        performance: The subject.
+        sh_degree: Degree of the spherical harmonics; degrees that the avatar lacks are 0.
+
+    Returns:
+        Its surfels.
+
+    Raises:
+        InputError: If the file cannot be read, or its head has other triangles than the subject's.
+        SettingsError: If the degree is less than the avatar's.
+    """
+    avatar = load_avatar(file)
+    if not np.array_equal(avatar.sequence.rig.faces, performance.rig.faces):
+        raise InputError("the head of this avatar has other triangles than the subject's", file=file)
+    missing = num_coefficients(sh_degree) - avatar.surfels.harmonics.shape[1]
+    if missing < 0:
+        raise SettingsError(f"train.sh_degree={sh_degree} is less than the {avatar.surfels.sh_degree} of {file}")
+    arrays = to_arrays(avatar.surfels)
+    harmonics = np.pad(arrays.pop("harmonics"), ((0, 0), (0, missing), (0, 0)))
+    return from_arrays(harmonics=harmonics, **arrays)
 
 
 def place(

@@ -98,12 +98,12 @@ class Supervision:
         """
         if not gtstar:
             frame = self.frames[index]
-            camera = self.capture.cameras[frame.camera]
-            image = self._images.get(self.capture.root / frame.image, _read_planes)
+            camera = self.capture.camera(frame)
+            image = self._images.get(self.capture.root / frame.image, self._read_planes)
             return Example(frame.timestep, camera, 0.0, _as_float(image, camera, frame.image), None)
         frame, level, file, flags, weight = self.targets[index]
-        camera = self.capture.cameras[frame.camera]
-        image, valid = self._images.get(file, _read_planes), None
+        camera = self.capture.camera(frame)
+        image, valid = self._images.get(file, self._read_planes), None
         if self.mask_flags:
             valid = (_of_size(self._images.get(flags, read_bits), camera, flags) & self._excluded) == 0
         return Example(
@@ -118,10 +118,10 @@ class Supervision:
             index: As in `example`.
         """
         if not gtstar:
-            self._images.prefetch(self.capture.root / self.frames[index].image, _read_planes)
+            self._images.prefetch(self.capture.root / self.frames[index].image, self._read_planes)
             return
         target = self.targets[index]
-        self._images.prefetch(target.image, _read_planes)
+        self._images.prefetch(target.image, self._read_planes)
         if self.mask_flags:
             self._images.prefetch(target.mask_flags, read_bits)
 
@@ -137,8 +137,12 @@ class Supervision:
         """
         example = self.example(gtstar, index)
         frame = self.targets[index].frame if gtstar else self.frames[index]
-        matte = _of_size(self.capture.mask(frame), example.camera, frame.mask)
+        matte = _of_size(self.capture.foreground(frame), example.camera, frame.mask or frame.image)
         return example, matte if example.valid is None else matte * example.valid
+
+    def _read_planes(self, file: Path) -> UInt8[np.ndarray, "h w 3"]:
+        """Read an image with its channels as planes in memory, as the loss needs them."""
+        return np.ascontiguousarray(read_rgb8(file, self.capture.background).transpose(2, 0, 1)).transpose(1, 2, 0)
 
 
 def _as_float(pixels: UInt8[np.ndarray, "h w 3"], camera: Camera, file: object) -> Float32[np.ndarray, "h w 3"]:
@@ -151,8 +155,3 @@ def _of_size(pixels: np.ndarray, camera: Camera, file: object) -> np.ndarray:
         size = f"{pixels.shape[1]} x {pixels.shape[0]}"
         raise InputError(f"{size} pixels, its camera has {camera.width} x {camera.height}", file=str(file))
     return pixels
-
-
-def _read_planes(file: Path) -> UInt8[np.ndarray, "h w 3"]:
-    """Read an image with its channels as planes in memory, as the loss needs them."""
-    return np.ascontiguousarray(read_rgb8(file).transpose(2, 0, 1)).transpose(1, 2, 0)

@@ -16,14 +16,13 @@ from jaxtyping import Float64, Int
 from torch import Tensor
 
 from carigs.head import HeadModel, HeadParameters
-from carigs.head.model import N_JOINTS, N_SHAPE
 from carigs.settings import RefineTracking
 from carigs.splat.rig.face_motion import FaceMotion
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.mesh_gradient import differentiable_face_motion
 from carigs.splat.training.adam import Adam
 
-REFINED = ("translation", "rotation", "neck", "jaw", "eyes", "expression")
+REFINED = ("translation", "rotation", "joints", "expression")
 """Fields of `HeadParameters` that are refined."""
 
 
@@ -39,8 +38,11 @@ class RefinedParameters:
         self.rows = {}
         for name in REFINED:
             value = getattr(parameters, name)
-            row = torch.from_numpy((value[used] if name == "expression" else value).astype(np.float32))[None]
+            row = torch.from_numpy((value[used] if name == "expression" else value).astype(np.float32)).reshape(1, -1)
             self.rows[name] = row.requires_grad_(True)
+        offset = parameters.dynamic_offset
+        self.offset = None if offset is None else torch.from_numpy(offset.astype(np.float64))
+        """Added to the shaped head of this timestep; not refined."""
 
     def __len__(self) -> int:
         return 1
@@ -62,12 +64,16 @@ class DifferentiableHead:
     """
 
     def __init__(self, model: HeadModel) -> None:
-        expressions = model.shapedirs[:, :, N_SHAPE:]
-        self.used = np.flatnonzero(expressions.any(axis=(0, 1)))
+        self.used = np.flatnonzero(model.expression_basis.any(axis=(0, 1)))
         """Expression coefficients that move anything."""
-        arrays = (model.v_template, expressions[:, :, self.used], model.posedirs, model.joint_regressor, model.weights)
-        tensors = [torch.from_numpy(np.ascontiguousarray(array, np.float64)) for array in arrays]
-        self.template, self.expressions, self.posedirs, self.joint_regressor, self.weights = tensors
+        columns = model.num_identity + self.used
+        self.template, self.expressions, self.joint_template, self.joint_basis = map(
+            _tensor,
+            (model.v_template, model.shapedirs[:, :, columns], model.joint_template, model.joint_basis[:, :, columns]),
+        )
+        self.posedirs, self.joint_regressor, self.weights = map(
+            _tensor, (model.posedirs, model.joint_regressor, model.weights)
+        )
         self.parents = model.parents
         self.has_posedirs = bool(model.posedirs.any())
 
@@ -82,23 +88,30 @@ class DifferentiableHead:
         """
         value = {name: row[0].double() for name, row in parameters.attributes()}
         shaped = self.template + self.expressions @ value["expression"]
-        vectors = torch.stack([value["rotation"], value["neck"], value["jaw"], *value["eyes"].reshape(2, 3)])
-        local = torch.linalg.matrix_exp(_cross_matrices(vectors))
-        joints = self.joint_regressor @ shaped
+        joints = self.joint_template + self.joint_basis @ value["expression"]
+        if parameters.offset is not None:
+            shaped = shaped + parameters.offset
+            joints = joints + self.joint_regressor @ parameters.offset
+        local = torch.linalg.matrix_exp(_cross_matrices(torch.cat([value["rotation"], value["joints"]]).reshape(-1, 3)))
         corrected = shaped
         if self.has_posedirs:
-            corrected = shaped + self.posedirs @ (local[1:] - torch.eye(3, dtype=torch.float64)).reshape(-1)
+            last = local[len(local) - self.posedirs.shape[2] // 9 :]
+            corrected = shaped + self.posedirs @ (last - torch.eye(3, dtype=torch.float64)).reshape(-1)
         # World from joint along the kinematic chain, less the joints' positions at rest.
         rotation, position = [local[0]], [joints[0]]
-        for j in range(1, N_JOINTS):
+        for j in range(1, len(joints)):
             parent = self.parents[j]
             rotation.append(rotation[parent] @ local[j])
             position.append(position[parent] + rotation[parent] @ (joints[j] - joints[parent]))
         rotation, position = torch.stack(rotation), torch.stack(position)
         translation = position - torch.einsum("jik,jk->ji", rotation, joints)
-        blended = (self.weights @ rotation.reshape(N_JOINTS, 9)).reshape(-1, 3, 3)
+        blended = (self.weights @ rotation.reshape(-1, 9)).reshape(-1, 3, 3)
         posed = (blended @ corrected[:, :, None])[:, :, 0] + self.weights @ translation
         return posed + value["translation"]
+
+
+def _tensor(array: np.ndarray) -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(array, np.float64))
 
 
 def _cross_matrices(vectors: Float64[Tensor, "n 3"]) -> Float64[Tensor, "n 3 3"]:
@@ -152,7 +165,8 @@ class TrackingRefinement:
         values = {name: row.detach().numpy()[0].astype(np.float64) for name, row in rows}
         expression = before.expression.copy()
         expression[self.head.used] = values["expression"]
-        self.sequence.set_parameters(timestep, replace(before, **{**values, "expression": expression}))
+        values |= {"expression": expression, "joints": values["joints"].reshape(-1, 3)}
+        self.sequence.set_parameters(timestep, replace(before, **values))
 
     def as_arrays(self) -> dict[str, np.ndarray]:
         """The state, for a checkpoint.

@@ -175,7 +175,7 @@ class _Run:
         """Contribution of every surfel to some frames, each at its level."""
         settings, surfels, total = self.settings, self.state.surfels, np.zeros(len(self.state.surfels))
         for frame, level in views:
-            camera, motion = self.supervision.capture.cameras[frame.camera], self.sequence.motion(frame.timestep, level)
+            camera, motion = self.supervision.capture.camera(frame), self.sequence.motion(frame.timestep, level)
             total += contribution(
                 surfels, self.sequence.rig, motion, camera, skinning=settings.rig, backend=settings.backend
             )

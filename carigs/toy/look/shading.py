@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float, Float32
 
 from carigs.capture.images import to_linear, to_srgb
 from carigs.simd.kernels import kernel
@@ -27,8 +27,29 @@ def ambient_by_channel(visibility: Float32[np.ndarray, " v"]) -> Float32[np.ndar
     return np.stack([visibility**power for power in (0.80, 1.05, 1.15, 1.0)], axis=1).astype(np.float32)
 
 
+SHADOW_BIAS, SHADOW_RAMP = 0.0025, 0.003
+"""Distance in metres behind the shadow map at which a point begins to be in shadow, and from there to full shadow. A
+ramp avoids hard edges where a surface shadows itself."""
+
+
+def shadow_bounds(shadow: Float[np.ndarray, "s s"]) -> Float[np.ndarray, "2 b b"]:
+    """Least and largest depth under the filter of the shadow map: most points are lit, or dark, under all of it.
+
+    Args:
+        shadow: Shadow map.
+
+    Returns:
+        Least and largest depth of the 4 x 4 pixels from each pixel on.
+    """
+    bounds = []
+    for bound in (np.minimum, np.maximum):
+        rows = bound.reduce([shadow[k : len(shadow) - 3 + k] for k in range(4)])
+        bounds.append(bound.reduce([rows[:, k : len(shadow) - 3 + k] for k in range(4)]))
+    return np.stack(bounds)
+
+
 @kernel
-def _shadow_factor(shadow, pixel_from_world, point):
+def _shadow_factor(shadow, bounds, pixel_from_world, point):
     """Share of the key light that reaches a point: percentage-closer filtering of a shadow map with a tent filter."""
     p = pixel_from_world
     depth = dot(p[2], point) + p[2, 3]
@@ -36,6 +57,10 @@ def _shadow_factor(shadow, pixel_from_world, point):
     i, j = int(np.floor(u)), int(np.floor(v))
     if i < 1 or j < 1 or i + 2 >= shadow.shape[1] or j + 2 >= shadow.shape[0]:
         return 1.0
+    if depth - bounds[0, j - 1, i - 1] <= SHADOW_BIAS:
+        return 1.0
+    if depth - bounds[1, j - 1, i - 1] >= SHADOW_BIAS + SHADOW_RAMP:
+        return 0.0
     fu, fv = u - i, v - j
     total = 0.0
     weights = 0.0
@@ -44,8 +69,7 @@ def _shadow_factor(shadow, pixel_from_world, point):
         for a in range(-1, 3):
             w = (2.0 - abs(a - fu)) * wb
             weights += w
-            # A ramp of 3 mm in depth avoids hard self-shadow edges.
-            behind = (depth - shadow[j + b, i + a] - 0.0025) / 0.003
+            behind = (depth - shadow[j + b, i + a] - SHADOW_BIAS) / SHADOW_RAMP
             total += w * (1.0 - min(max(behind, 0.0), 1.0))
     return total / weights
 
@@ -84,7 +108,7 @@ def _texel_triangle(first, n, weight):
 @kernel
 def shade(
     face_image, weight_image, faces, n_textured, positions, normals, ambient, first, resolution, texels, vertex_colours,
-    eye, light, shadow, shadow_from_world, samples, linear, stored,
+    eye, light, shadow, bounds, shadow_from_world, samples, linear, stored,
 ):  # fmt: skip
     """Shade rasterised fragments and average them over the pixels, on a white background.
 
@@ -105,6 +129,7 @@ def shade(
         eye: World position of the camera, (3,).
         light: `StudioLight.coefficients`, (8, 3).
         shadow: Depth map seen from the key light.
+        bounds: Its `shadow_bounds`.
         shadow_from_world: Projection of world points into the shadow map, (3, 4).
         samples: Samples per pixel and axis.
         linear: Linear value of each 8-bit sRGB level, (256,).
@@ -124,7 +149,8 @@ def shade(
             f = face_image[y, x]
             if f < 0:
                 continue
-            alpha[y // samples, x // samples] += 1.0
+            row, column = y // samples, x // samples
+            alpha[row, column] += 1.0
             corner = (faces[f, 0], faces[f, 1], faces[f, 2])
             weight = (weight_image[y, x, 0], weight_image[y, x, 1], weight_image[y, x, 2])
             if f >= n_textured:
@@ -138,7 +164,7 @@ def shade(
                 toward, facing = dot(n, key), max(dot(n, view), 0.0)
                 visible = _interpolated(ambient, corner, weight, 3)
                 above = (point[0] + 0.0015 * n[0], point[1] + 0.0015 * n[1], point[2] + 0.0015 * n[2])
-                lit = _shadow_factor(shadow, shadow_from_world, above) if toward > -0.35 else 0.0
+                lit = _shadow_factor(shadow, bounds, shadow_from_world, above) if toward > -0.35 else 0.0
                 half = (key[0] + view[0], key[1] + view[1], key[2] + view[2])
                 specular = max(dot(n, half) / np.sqrt(dot(half, half)), 0.0)
                 if gloss > 0.22:  # the wet surface of the eye
@@ -157,5 +183,5 @@ def shade(
                     irradiance += light[1, k] * diffuse * soft * (0.35 + 0.65 * visible)
                     value[k] = irradiance * albedo + shine * light[1, k]
             for k in range(3):
-                colour[y // samples, x // samples, k] += stored[int(min(max(value[k], 0.0), 1.0) * 4096.0)] - 1.0
+                colour[row, column, k] += stored[int(min(max(value[k], 0.0), 1.0) * 4096.0)] - 1.0
     return (colour / count).astype(np.float32), (alpha / count).astype(np.float32)

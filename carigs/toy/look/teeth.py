@@ -9,7 +9,6 @@ from jaxtyping import Float, Int
 
 from carigs.capture.images import to_linear
 from carigs.head import HeadModel, HeadParameters, neutral
-from carigs.head.model import N_SHAPE
 from carigs.toy.look.lighting import KEY_COLOUR, StudioLight
 from carigs.toy.rig import expressions
 from carigs.toy.shape.template import grid_faces
@@ -47,13 +46,13 @@ def attach_teeth(model: HeadModel, teeth: Float[np.ndarray, "t 3"], upper: int) 
     weights = np.eye(5, dtype=np.float32)[np.where(np.arange(n) < upper, 1, 2)]
     directions = np.zeros((n, 3, model.shapedirs.shape[2]), np.float32)
     for name in expressions.JAW_NAMES:
-        column = N_SHAPE + expressions.NAMES.index(name)
+        column = model.num_identity + expressions.NAMES.index(name)
         directions[upper:, :, column] = 1e-3 * expressions.jaw_motion(name, 1e3 * teeth[upper:].astype(float))
     return replace(
         model,
         v_template=np.concatenate([model.v_template, teeth]),
         shapedirs=np.concatenate([model.shapedirs, directions]),
-        posedirs=np.concatenate([model.posedirs, np.zeros((n, 3, 36), np.float32)]),
+        posedirs=np.concatenate([model.posedirs, np.zeros((n, *model.posedirs.shape[1:]), np.float32)]),
         joint_regressor=np.concatenate([model.joint_regressor, np.zeros((5, n), np.float32)], axis=1),
         weights=np.concatenate([model.weights, weights]),
     )

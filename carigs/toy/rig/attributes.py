@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from carigs.head.model import N_SHAPE
+from carigs.head.model_arrays import FLAME_NUM_IDENTITY
 from carigs.toy.rig import identity
 
 Colour = tuple[float, float, float]
@@ -50,7 +50,7 @@ def sample_attributes(seed: int) -> Attributes:
         The attributes.
     """
     rng = np.random.default_rng([seed, 0x80D])
-    shape = np.zeros(N_SHAPE)
+    shape = np.zeros(FLAME_NUM_IDENTITY)
     shape[: len(identity.NAMES)] = 1.1 * rng.standard_normal(len(identity.NAMES)).clip(-1.8, 1.8)
     tone = rng.beta(1.2, 2.0) * (len(_SKIN) - 1.001)
     skin = _interpolated(_SKIN, tone)

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from carigs.head import HeadModel
-from carigs.head.model import N_SHAPE
+from carigs.head.model_arrays import FLAME_NUM_IDENTITY
 from carigs.toy.rig import expressions, identity
 from carigs.toy.rig.landmarks import landmarks68
 from carigs.toy.rig.regions import vertex_regions
@@ -32,7 +32,7 @@ def head_model() -> HeadModel:
     identities = identity.identity_basis(template.vertices, eyeball)
     actions = expressions.expression_basis(template.vertices, template.on_head.astype(float))
     shapedirs[:, :, : identities.shape[2]] = identities * METRES_PER_MILLIMETRE
-    shapedirs[:, :, N_SHAPE : N_SHAPE + actions.shape[2]] = actions * METRES_PER_MILLIMETRE
+    shapedirs[:, :, FLAME_NUM_IDENTITY : FLAME_NUM_IDENTITY + actions.shape[2]] = actions * METRES_PER_MILLIMETRE
     return HeadModel(
         v_template=(template.vertices * METRES_PER_MILLIMETRE).astype(np.float32),
         faces=template.faces,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from carigs.head.joint_regression import regressor_row
 from carigs.toy.shape.anatomy import EYE_CENTRE, MOUTH_CORNER, lip_line
 from carigs.toy.shape.signed_distance import smoothstep
 from carigs.toy.shape.template import Template
@@ -66,8 +67,6 @@ def skin_weights(template: Template) -> Float[np.ndarray, "v 5"]:
 def joint_regressor(template: Template) -> Float[np.ndarray, "5 v"]:
     """Joint regressor: positions of the joints as weighted sums of the vertices around them.
 
-    Each row is the smallest change, by least squares, of a plain mean that gives the joint's position on the template.
-
     Args:
         template: The template mesh, in millimetres.
 
@@ -84,9 +83,4 @@ def joint_regressor(template: Template) -> Float[np.ndarray, "5 v"]:
         (EYE_CENTRE, template.left_eye),
         (EYE_CENTRE * [-1, 1, 1], template.right_eye),
     ]
-    regressor = np.zeros((5, len(p)))
-    for row, (joint, inside) in zip(regressor, joints, strict=True):
-        q = np.concatenate([p[inside], np.ones((np.count_nonzero(inside), 1))], axis=1)
-        mean = np.full(len(q), 1 / len(q))
-        row[inside] = mean + np.linalg.pinv(q.T) @ (np.append(joint, 1.0) - q.T @ mean)
-    return regressor
+    return np.stack([regressor_row(p, inside, joint) for joint, inside in joints])

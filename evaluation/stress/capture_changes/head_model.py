@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from carigs.head.model import N_SHAPE
+from carigs.head.model_arrays import FLAME_NUM_IDENTITY
 from evaluation.stress.capture_changes.edits import edit_arrays
 from evaluation.stress.capture_changes.folder import Change, Folder
 
@@ -43,6 +43,6 @@ def _permuted(order: tuple[int, ...], axis: int) -> Callable[[np.ndarray], np.nd
 
 def _reordered(shapedirs: np.ndarray) -> np.ndarray:
     """Expressions that are not zero, in another order."""
-    used = N_SHAPE + np.flatnonzero(np.abs(shapedirs[..., N_SHAPE:]).max(axis=(0, 1)))
+    used = FLAME_NUM_IDENTITY + np.flatnonzero(np.abs(shapedirs[..., FLAME_NUM_IDENTITY:]).max(axis=(0, 1)))
     shapedirs[..., used] = shapedirs[..., np.roll(used, 7)]
     return shapedirs

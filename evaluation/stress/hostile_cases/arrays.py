@@ -11,8 +11,8 @@ import numpy as np
 
 from evaluation.stress.hostile_cases.case import Case
 
-FREE_LENGTH = ("report", "name", "expression_names")
-INDICES = ("faces", "f", "binding", "columns", "mask_nose", "region_nose", "kintree_table", "head_parents")
+FREE_LENGTH = ("report", "name", "names")
+INDICES = ("faces", "triangles", "f", "binding", "columns", "mask_nose", "kintree_table")
 
 
 def wrong_arrays(reader: str, content: bytes) -> Iterator[Case]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from evaluation.stress.hostile_cases import arrays, every_reader, images, json_files, meshes, pickles, settings
 from evaluation.stress.hostile_cases.case import Case
 
-ARRAYS = ("path", "shading", "head model", "parameters", "avatar", "subject")
+ARRAYS = ("path", "shading", "head model", "gnm", "parameters", "avatar", "subject")
 """Readers of .npz files of carigs."""
 
 

@@ -10,7 +10,7 @@ from evaluation.stress.hostile_cases.case import Case
 
 RANDOM_DAMAGE = 24
 """Randomly damaged files of each reader."""
-PROTECTED = ("npz", "png", "path", "shading", "head model", "parameters", "avatar", "subject", "pt")
+PROTECTED = ("npz", "png", "path", "shading", "head model", "gnm", "parameters", "avatar", "subject", "pt")
 """Readers of formats with checksums: a damaged file must be noticed, or be read as if it were sound."""
 
 

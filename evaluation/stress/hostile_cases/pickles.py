@@ -46,6 +46,8 @@ def payloads(sound: Mapping[str, bytes]) -> Iterator[Case]:
             yield Case(f"{form} {module}.{name}", "pickle", program, must_fail=True)
         inside = b"\x80\x04}\x8c\x01a" + programs["STACK_GLOBAL"][2:-1] + b"s."
         yield Case(f"in FLAME: {module}.{name}", "flame", inside, must_fail=True)
+        header = sound["pickled npy"][: sound["pickled npy"].index(b"\n") + 1]
+        yield Case(f"in .npy: {module}.{name}", "pickled npy", header + inside, must_fail=True)
         stream = io.BytesIO()
         with zipfile.ZipFile(io.BytesIO(sound["pt"])) as archive, zipfile.ZipFile(stream, "w") as changed:
             for member in archive.namelist():
@@ -63,6 +65,7 @@ def broken_pickles() -> Iterator[Case]:
     for program in (
         b"\x80\x02r\xff\xff\xff\xffN.", b"\x80\x04)" + b"\x85" * 300_000 + b".", b"\x80\x04\x8e" + b"\xff" * 8 + b".",
         b"\x80\x04}(" + b")" + b"\x85" * 300_000 + b"K\x01u.", b"(" * 10**6 + b".", b"\x80\x02]" + b"2a" * 30 + b".",
-        pickle.dumps([1]), pickle.dumps({1: 2}), pickle.dumps({"a": {1, 2}}), pickle.dumps({"a": 1j}), b".", b"I1\n.",
+        pickle.dumps([1]), pickle.dumps({1: 2}), pickle.dumps({"a": frozenset()}),
+        pickle.dumps({"a": 1j}), b".", b"I1\n.",
     ):  # fmt: skip
         yield Case(repr(program[:20]), "pickle", program, must_fail=True)

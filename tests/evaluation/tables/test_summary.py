@@ -23,7 +23,7 @@ def study_records(variants=("alternating", "surfhead"), levels=(0.0, 0.25)) -> l
     records = []
     for variant in variants:
         for level in levels:
-            point = StudyPoint("toy", "toy", variant, 0.25, level)
+            point = StudyPoint("toy", "toy", variant, 0.25, level, "EXP-2")
             gain = 1.5 if variant == "alternating" else 0.0
             for region in ("full", "hair"):
                 records += [
@@ -121,7 +121,7 @@ def test_records_survive_the_disk(tmp_path):
 
 
 def test_an_infinite_value_becomes_null_with_a_reason():
-    record = metric_record(StudyPoint("a", "b", "c", 0.25, 0.0), "test", (0, 0), "full", "psnr", float("inf"))
+    record = metric_record(StudyPoint("a", "b", "c", 0.25, 0.0, "files"), "test", (0, 0), "full", "psnr", float("inf"))
     assert record.value is None and "infinite" in record.reason
 
 
@@ -131,7 +131,7 @@ def test_the_same_measurement_twice_is_an_error():
         summaries([*records, records[0]])
 
 
-GOOD = "toy,toy,surfhead,0.25,0,test,1,2,full,psnr,30.5,"
+GOOD = "toy,toy,surfhead,0.25,0,EXP-2,test,1,2,full,psnr,30.5,"
 
 
 @pytest.mark.parametrize(

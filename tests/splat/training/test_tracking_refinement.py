@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from heads import gnm_file, gnm_like
 from miniature import write_ball
 
 from carigs.capture import read_dataset
 from carigs.exaggeration.gamma_path import straight_path
-from carigs.head import HeadParameters, neutral, pose
-from carigs.head.model import N_SHAPE
+from carigs.head import HeadModel, HeadParameters, neutral, pose, subject_model
 from carigs.settings import Density, RefineTracking, Train
 from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.surfels.surfels import to_arrays
@@ -39,18 +39,15 @@ def sequence(capture):
 
 def random_parameters(seed: int) -> HeadParameters:
     rng = np.random.default_rng(seed)
-    names = ("translation", "rotation", "neck", "jaw")
-    return HeadParameters(
-        **{name: 0.3 * rng.normal(size=3) for name in names}, eyes=0.3 * rng.normal(size=6),
-        expression=rng.normal(size=100),
-    )  # fmt: skip
+    translation, rotation, *joints = 0.3 * rng.normal(size=(6, 3))
+    return HeadParameters(translation, rotation, np.array(joints), expression=rng.normal(size=100))
 
 
 def full_model(model):
     """The ball with expressions, correctives and joints that all move something."""
     rng, v = np.random.default_rng(0), len(model.v_template)
-    shapedirs = np.zeros((v, 3, N_SHAPE + 100), np.float32)
-    shapedirs[:, :, N_SHAPE + np.array([0, 3, 7])] = 0.003 * rng.normal(size=(v, 3, 3))
+    shapedirs = np.zeros((v, 3, 400), np.float32)
+    shapedirs[:, :, 300 + np.array([0, 3, 7])] = 0.003 * rng.normal(size=(v, 3, 3))
     weights = rng.random((v, 5))
     return replace(
         model, shapedirs=shapedirs, posedirs=(1e-3 * rng.normal(size=(v, 3, 36))).astype(np.float32),
@@ -65,6 +62,21 @@ def test_the_differentiable_head_poses_as_the_head_model(capture, seed):
     np.testing.assert_array_equal(head.used, [0, 3, 7])
     posed = head.pose(RefinedParameters(parameters, head.used)).detach().numpy()
     np.testing.assert_allclose(posed, pose(model, parameters), atol=1e-6)  # refined parameters are float32
+
+
+def test_other_heads_and_offsets_of_a_frame_are_posed_as_well(tmp_path):
+    """GNM: four joints, its own joints, correctives of all of them, and VHAP's offset of one frame."""
+    general, random = HeadModel.load(gnm_file(tmp_path, gnm_like(0))), np.random.default_rng(1)
+    zeros = HeadParameters.zeros(general)
+    model = subject_model(general, replace(zeros, shape=random.normal(size=zeros.shape.shape)))
+    offset = random.normal(size=model.v_template.shape)
+    parameters = replace(
+        zeros, rotation=random.normal(size=3), joints=random.normal(size=zeros.joints.shape),
+        expression=random.normal(size=zeros.expression.shape), dynamic_offset=offset,
+    )  # fmt: skip
+    head = DifferentiableHead(model)
+    posed = head.pose(RefinedParameters(parameters, head.used)).detach().numpy()
+    np.testing.assert_allclose(posed, pose(model, parameters), atol=1e-6)
 
 
 def test_gradients_of_the_parameters_agree_with_finite_differences(capture):
@@ -102,7 +114,7 @@ def test_an_interrupted_run_ends_in_the_same_bytes(capture, sequence, tmp_path):
         own = replace(sequence, parameters=dict(sequence.parameters))
         settings = replace(SETTINGS, checkpoint_seconds=0.0)
         surfels, _ = train_surfels(settings, own, Supervision(capture), checkpoint, on_step)
-        refined = [getattr(own.parameters[t], name) for t in own.parameters for name in ("translation", "jaw")]
+        refined = [getattr(own.parameters[t], name) for t in own.parameters for name in ("translation", "joints")]
         return b"".join(value.tobytes() for value in (*to_arrays(surfels).values(), *refined))
 
     class Killed(Exception):

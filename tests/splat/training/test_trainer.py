@@ -12,15 +12,18 @@ from miniature import write_ball
 from carigs.capture import read_dataset
 from carigs.capture.images import write_bits, write_png
 from carigs.capture.target_index import read_targets
-from carigs.errors import InputError
+from carigs.errors import InputError, SettingsError
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.gtstar import MaskFlag
 from carigs.head import neutral
 from carigs.settings import DEFAULT_MASK_FLAGS, Density, Train
+from carigs.splat.avatar import Avatar, load_avatar, save_avatar
 from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.surfels.surfels import to_arrays
 from carigs.splat.training import trainer
 from carigs.splat.training.adam import Adam
+from carigs.splat.training.photometric_loss import photometric_loss
+from carigs.splat.training.schedule import draw_schedule
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import learning_rates, train_surfels
 
@@ -91,6 +94,48 @@ def test_training_reduces_the_loss(subject, tmp_path, capsys):
     assert psnr[-1] > psnr[0] + 2
     assert rows[-1][3] < 0.7 * rows[0][3]
     assert "train 60/60" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def start(subject, tmp_path_factory):
+    """An avatar after 30 steps."""
+    file = tmp_path_factory.mktemp("start") / "avatar.npz"
+    surfels, _ = run(subject, file.with_suffix(".checkpoint"), gtstar_probability=0.0)
+    save_avatar(file, Avatar(surfels, subject[1]))
+    return file
+
+
+@pytest.mark.parametrize("gtstar", [0.0, 1.0])
+@pytest.mark.parametrize("degree", [0, 2])
+def test_a_training_that_starts_from_an_avatar_begins_with_its_loss(subject, start, gtstar, degree, tmp_path):
+    """Real frames and targets: the loss of the first step is that of the image that the avatar renders."""
+    settings = {"start": str(start), "iterations": 1, "gtstar_probability": gtstar, "sh_degree": degree}
+    without = {"position_weight": 0.0, "scale_weight": 0.0}
+    _, ((_, _, caricature, loss, psnr, surfels),) = run(subject, tmp_path / "c", **settings, **without)
+    supervision, avatar = supervise(subject, 0.25), load_avatar(start)
+    count = len(supervision.targets if gtstar else supervision.frames)
+    schedule = draw_schedule(1, len(supervision.frames), len(supervision.targets), gtstar, SETTINGS.seed)
+    example = supervision.example(bool(gtstar), int(schedule.index[0]) % count)
+    image = avatar.render(example.timestep, example.level, example.camera)
+    valid = None if example.valid is None else torch.from_numpy(example.valid)
+    tensors = torch.from_numpy(image), torch.from_numpy(example.image)
+    expected = example.weight * photometric_loss(*tensors, SETTINGS.ssim_weight, valid)
+    assert (caricature, surfels) == (int(gtstar), len(avatar.surfels))
+    assert loss == pytest.approx(float(expected), rel=1e-4)
+    error = ((image - example.image) ** 2)[slice(None) if example.valid is None else example.valid]
+    assert psnr == pytest.approx(-10 * np.log10(error.mean()), abs=0.01)
+
+
+def test_an_avatar_of_another_head_or_with_more_harmonics_is_no_start(subject, start, tmp_path):
+    with np.load(start) as arrays:
+        changed = dict(arrays)
+    np.savez(tmp_path / "turned.npz", **{**changed, "head_f": changed["head_f"][:, [1, 2, 0]]})
+    with pytest.raises(InputError, match=r"turned\.npz: .*other triangles"):
+        run(subject, tmp_path / "c", start=str(tmp_path / "turned.npz"))
+    n = len(changed["surfel_binding"])
+    np.savez(tmp_path / "lit.npz", **{**changed, "surfel_harmonics": np.ones((n, 3, 3), np.float32)})
+    with pytest.raises(SettingsError, match=r"train\.sh_degree=0 is less than the 1"):
+        run(subject, tmp_path / "c", start=str(tmp_path / "lit.npz"))
 
 
 def test_equal_settings_give_equal_bytes_at_any_number_of_threads(subject, tmp_path):

@@ -8,7 +8,14 @@ from carigs.capture.images import to_linear
 from carigs.raster import rasterize_mesh
 from carigs.settings import Toy
 from carigs.toy.look.atlas import allocate_texels, texel_points
-from carigs.toy.look.shading import LINEAR_FROM_SRGB, SRGB_FROM_LINEAR, ambient_by_channel, shade
+from carigs.toy.look.shading import (
+    LINEAR_FROM_SRGB,
+    SRGB_FROM_LINEAR,
+    _shadow_factor,
+    ambient_by_channel,
+    shade,
+    shadow_bounds,
+)
 from carigs.toy.scene import studio_cameras
 
 
@@ -27,10 +34,11 @@ def test_texture_reproduces_linear_functions() -> None:
     light = np.zeros((8, 3))
     light[0, 2] = light[2] = 1  # no key light, the same ambient everywhere
     up, open_sky = np.tile([0.0, 0, 1], (4, 1)), ambient_by_channel(np.ones(4, np.float32))
+    shadow = np.full((8, 8), np.inf, np.float32)
     colour, alpha = shade(
         hit.face, hit.barycentric, faces, 2, vertices, up, open_sky, first, resolution, texels,
         np.zeros((1, 3), np.float32), view.centre, light,
-        np.full((8, 8), np.inf, np.float32), np.eye(3, 4), 1, flat, np.linspace(0, 1, 4097, dtype=np.float32),
+        shadow, shadow_bounds(shadow), np.eye(3, 4), 1, flat, np.linspace(0, 1, 4097, dtype=np.float32),
     )  # fmt: skip
     inside = alpha == 1
     assert inside.sum() > 100
@@ -42,3 +50,18 @@ def test_colour_tables_are_each_others_inverse() -> None:
     levels = np.arange(256) / 255
     np.testing.assert_allclose(to_linear(levels), LINEAR_FROM_SRGB, atol=1e-6)
     np.testing.assert_allclose(SRGB_FROM_LINEAR[np.rint(LINEAR_FROM_SRGB * 4096).astype(int)], levels, atol=2e-3)
+
+
+def test_bounds_of_the_shadow_map_change_no_shadow() -> None:
+    random = np.random.default_rng(0)
+    shadow = random.choice([0.5, 0.503, 0.506, np.inf], (40, 40)) + random.uniform(0, 0.002, (40, 40))
+    shadow[:, 20:] = 0.5  # one depth, as on most of a head
+    bounds, unknown = shadow_bounds(shadow), np.stack([np.full((37, 37), -np.inf), np.full((37, 37), np.inf)])
+    pixel_from_world = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]])
+    factors = set()
+    for u, v, depth in random.uniform([0, 0, 0.49], [40, 40, 0.52], (4000, 3)):
+        point = u * depth, v * depth, depth
+        factor = _shadow_factor(shadow, bounds, pixel_from_world, point)
+        assert factor == _shadow_factor(shadow, unknown, pixel_from_world, point)
+        factors.add(factor)
+    assert {0.0, 1.0} < factors

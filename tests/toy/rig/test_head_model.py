@@ -8,7 +8,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from carigs.head import HeadModel, HeadParameters, neutral, pose
+from carigs.head import HeadModel, HeadParameters, flame_joints, neutral, pose
 from carigs.toy.rig.head_model import head_model
 from carigs.toy.rig.identity import ASYMMETRIC, NAMES
 
@@ -144,7 +144,7 @@ def test_skin_weights_are_a_partition_of_unity(model: HeadModel) -> None:
     assert model.weights.min() >= 0
     np.testing.assert_allclose(model.weights.sum(axis=1), 1, atol=1e-6)
     assert (model.weights[model.regions["left_eyeball"], 3] == 1).all()
-    turned = pose(model, HeadParameters(eyes=np.array([0.1, 0.2, 0, 0.1, 0.2, 0])))
+    turned = pose(model, HeadParameters(joints=flame_joints(left_eye=[0.1, 0.2, 0], right_eye=[0.1, 0.2, 0])))
     moved = np.linalg.norm(turned - model.v_template, axis=1) > 1e-6
     assert not (moved & ~model.vertex_region("left_eyeball", "right_eyeball")).any()
 
@@ -184,7 +184,7 @@ def test_the_jaw_opens_the_mouth(model: HeadModel) -> None:
     upper, lower, chin, nose = model.landmarks68[[62, 66, 8, 30]]
     shut = pose(model, HeadParameters())
     assert 0 < shut[upper, 1] - shut[lower, 1] < 0.004
-    by_joint = pose(model, HeadParameters(jaw=np.array([0.3, 0, 0])))
+    by_joint = pose(model, HeadParameters(joints=flame_joints(jaw=[0.3, 0, 0])))
     by_shape = pose(model, HeadParameters(expression=expression(model, jaw_open=1.0)))
     for opened in (by_joint, by_shape):
         assert opened[upper, 1] - opened[lower, 1] > 0.02

@@ -1,0 +1,8 @@
+"""Captures in other forms, turned into the layout of GaussianAvatars.
+
+- `cameras`: a COLMAP model, or cameras.json
+- `images`: folders of images by timestep and camera
+- `mesh_sequence`: a tracked mesh per frame, turned into a head model of its own
+- `flame_tracks`: FLAME parameters of VHAP, or one npz per frame
+- `dataset_writer`: the folder that `read_dataset` reads
+"""

@@ -1,0 +1,115 @@
+"""A capture in another form is written in the layout of GaussianAvatars: `carigs convert IN_FOLDER OUT_FOLDER`."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from carigs.capture import Capture, read_dataset
+from carigs.capture.importers.build import build_capture
+from carigs.capture.importers.cameras import read_cameras
+from carigs.capture.importers.dataset_writer import write_dataset
+from carigs.capture.importers.flame_tracks import read_flame_track, read_tracked_cameras
+from carigs.capture.importers.images import find_images, image_name
+from carigs.capture.importers.mesh_sequence import read_mesh_sequence
+from carigs.errors import InputError
+from carigs.head import HeadModel, HeadParameters
+
+CALIBRATIONS = ("cameras.json", "sparse/0", "sparse", "colmap")
+"""Where a calibration is looked for in the folder."""
+DESCRIPTION = """Write a capture in the layout of GaussianAvatars.
+
+IN_FOLDER is a dataset in this layout (a union of sequences becomes one folder), or it holds
+
+  images/CAMERA/TIMESTEP.png     or images/TIMESTEP_CAMERA.png; JPEG as well
+  masks/...                      mattes of the same names, or none at all
+  cameras.json                   or a COLMAP model in sparse/0, undistorted
+  meshes/TIMESTEP.obj            one topology; or .ply
+  tracked_flame_params_*.npz     of VHAP, or flame_param/TIMESTEP.npz, instead of meshes; needs --head-model
+
+docs/captures.md describes the conventions."""
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command.
+
+    Args:
+        arguments: Command line without the name of the command.
+
+    Returns:
+        Exit code.
+    """
+    parser = argparse.ArgumentParser(
+        "carigs convert", description=DESCRIPTION, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("source", type=Path, metavar="IN_FOLDER")
+    parser.add_argument("target", type=Path, metavar="OUT_FOLDER", help="new or empty")
+    parser.add_argument("--head-model", type=Path, help="file of the head model, for FLAME parameters")
+    parser.add_argument("--cameras", type=Path, help="cameras.json or a COLMAP model elsewhere")
+    parser.add_argument("--metres-per-unit", type=float, default=1.0, help="0.001 for millimetres; default 1")
+    parser.add_argument("--background", type=float, default=1.0, help="grey value of the background; default 1")
+    parser.add_argument("--copy", action="store_true", help="copy the images; else they are linked")
+    options = parser.parse_args(arguments)
+    convert_capture(options)
+    return 0
+
+
+def convert_capture(options: argparse.Namespace) -> None:
+    """Convert a capture, and print what was written.
+
+    Args:
+        options: The parsed command line.
+
+    Raises:
+        InputError: If something is missing or broken.
+    """
+    source = options.source
+    if (source / "transforms_train.json").is_file():
+        if options.head_model is None:
+            raise InputError("a dataset needs its head model: --head-model FILE", file=source)
+        capture = read_dataset(source, options.head_model, background=options.background)
+        write_dataset(options.target, capture, capture.model, capture.parameters, link=not options.copy)
+    else:
+        model, heads = _read_heads(options)
+        capture = _assemble(options, set(heads))
+        write_dataset(options.target, capture, model, heads.__getitem__, link=not options.copy)
+    written = read_dataset(options.target, options.target / "head_model.npz", background=options.background)
+    counts = ", ".join(f"{len(written.split(split))} {split}" for split in ("train", "val", "test"))
+    print(f"{options.target}: {len(written.frames)} frames ({counts}), {len(written.cameras)} cameras")
+
+
+def _assemble(options: argparse.Namespace, timesteps: set[int]) -> Capture:
+    source = options.source
+    images = find_images(source / "images")
+    mattes = next((source / name for name in ("masks", "fg_masks") if (source / name).is_dir()), None)
+    calibration = options.cameras or next((source / name for name in CALIBRATIONS if (source / name).exists()), None)
+    if calibration is not None:
+        cameras = read_cameras(calibration, options.metres_per_unit)
+    elif (source / "flame_param").is_dir() and (tracked := read_tracked_cameras(source / "flame_param", images)):
+        cameras = {
+            image_name(image, source / "images"): tracked[image.timestep]
+            for image in images
+            if image.timestep in tracked
+        }
+    else:
+        raise InputError(f"no calibration; looked for {', '.join(CALIBRATIONS)}", file=source)
+    model = options.target / "head_model.npz"
+    return build_capture(images, (source / "images", mattes), cameras, timesteps, model, options.background)
+
+
+def _read_heads(options: argparse.Namespace) -> tuple[HeadModel, dict[int, HeadParameters]]:
+    source = options.source
+    tracks = [*sorted(source.glob("tracked_flame_params_*.npz"))[-1:], source / "flame_param"]
+    track = next((path for path in tracks if path.exists()), None)
+    if track is not None:
+        if options.head_model is None:
+            raise InputError("FLAME parameters need their head model: --head-model FILE", file=track)
+        model = HeadModel.load(options.head_model)
+        return model, read_flame_track(track, model)
+    if not (source / "meshes").is_dir():
+        problem = "no tracked head; looked for tracked_flame_params_*.npz, flame_param/ and meshes/"
+        raise InputError(problem, file=source)
+    found = read_mesh_sequence(source / "meshes", options.metres_per_unit)
+    blendshapes = found.model.num_expressions
+    print(f"{len(found.parameters)} meshes, {blendshapes} blendshapes, residual {1000 * found.residual:.3g} mm")
+    return found.model, found.parameters

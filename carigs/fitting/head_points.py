@@ -1,0 +1,167 @@
+"""Points on a posed head and their exact derivatives with respect to the head's parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from carigs.fitting.fitted_parameters import FittedParameters
+from carigs.fitting.rotation_vectors import left_jacobians
+from carigs.head import HeadModel
+from carigs.head.posing import rotation_matrices
+
+
+class HeadPoints:
+    """Points on the surface of a head, posed by linear blend skinning: `carigs.head.pose` restricted to them.
+
+    Args:
+        model: The head model.
+        fitted: The parameters.
+        corners: Vertices whose weighted mean each point is.
+        barycentric: Their weights.
+    """
+
+    def __init__(
+        self,
+        model: HeadModel,
+        fitted: FittedParameters,
+        corners: Int[np.ndarray, "n k"],
+        barycentric: Float[np.ndarray, "n k"],
+    ) -> None:
+        self.fitted, self.barycentric = fitted, barycentric
+        vertices = corners.reshape(-1)
+        columns = [fitted.shape, model.num_identity + fitted.expression]
+        self.template = model.v_template[vertices].astype(np.float64)
+        self.blendshapes = [model.shapedirs[vertices][:, :, chosen].astype(np.float64) for chosen in columns]
+        self.posedirs = model.posedirs[vertices].astype(np.float64)
+        self.weights = model.weights[vertices].astype(np.float64)
+        self.joints = model.joint_template
+        self.joint_blendshapes = [model.joint_basis[:, :, chosen] for chosen in columns]
+        self.parents = model.parents
+
+    @property
+    def template_points(self) -> Float[np.ndarray, "n 3"]:
+        """The points on the template."""
+        return self._combine(self.template[None])[0]
+
+    def positions(self, frames: Float[np.ndarray, "t q"], shape: Float[np.ndarray, " s"]) -> Float[np.ndarray, "t n 3"]:
+        """Pose the points.
+
+        Args:
+            frames: Parameters of each frame.
+            shape: Shape coefficients.
+
+        Returns:
+            World points in metres.
+        """
+        return self._combine(self._pose(frames, shape).posed)
+
+    def linearise(
+        self, frames: Float[np.ndarray, "t q"], shape: Float[np.ndarray, " s"]
+    ) -> tuple[Float[np.ndarray, "t n 3"], Float[np.ndarray, "t n 3 q"], Float[np.ndarray, "t n 3 s"]]:
+        """Pose the points and differentiate them.
+
+        A rotation vector r of joint k turns everything that hangs on the joint about the joint's position p_k by
+        G J dr, with the world rotation G of its parent and the derivative J of the exponential map
+        (`left_jacobians`). Coefficients move a vertex in its rest frame, and the joints.
+
+        Args:
+            frames: Parameters of each frame.
+            shape: Shape coefficients.
+
+        Returns:
+            World points, and their derivatives with respect to the parameters of their frame and to the shape.
+        """
+        pose = self._pose(frames, shape)
+        t, m = pose.posed.shape[:2]
+        jacobian = np.zeros((t, m, 3, self.fitted.frame_size))
+        jacobian[..., :3] = np.eye(3)
+        local_jacobians = left_jacobians(pose.vectors)
+        first_corrected = len(self.parents) - self.posedirs.shape[2] // 9
+        for i, k in enumerate([0, *self.fitted.joints]):
+            hanging = self.weights * self._hangs_on(k)
+            arm = np.einsum("mj,tjab,tmb->tma", hanging, pose.rotations, pose.rest, optimize=True)
+            arm += np.einsum("mj,tja->tma", hanging, pose.offsets)
+            arm -= hanging.sum(axis=1)[:, None] * pose.joints[:, None, k]
+            parent = self.parents[k]
+            turn = local_jacobians[:, k] if parent < 0 else pose.rotations[:, parent] @ local_jacobians[:, k]
+            column = slice(3 + 3 * i, 6 + 3 * i)
+            # The columns of -[arm] turn.
+            jacobian[..., column] = np.cross(turn[:, None].swapaxes(-1, -2), arm[:, :, None, :]).swapaxes(-1, -2)
+            if k >= first_corrected and self.posedirs.any():
+                axes = local_jacobians[:, k].swapaxes(-1, -2)  # rows: how exp(r) turns when a component of r grows
+                derivative = np.cross(axes[:, :, None, :], pose.local[:, None, k].swapaxes(-1, -2)).swapaxes(-1, -2)
+                directions = self.posedirs[:, :, 9 * (k - first_corrected) :][:, :, :9]
+                moved = np.einsum("mie,tae->tmia", directions, derivative.reshape(t, 3, 9))
+                jacobian[..., column] += np.einsum("tmij,tmja->tmia", pose.blended, moved)
+        jacobian[..., self.fitted.expression_slice] = self._coefficient_jacobian(pose, 1)
+        return tuple(map(self._combine, (pose.posed, jacobian, self._coefficient_jacobian(pose, 0))))
+
+    def _coefficient_jacobian(self, pose: _Pose, kind: int) -> Float[np.ndarray, "t m 3 b"]:
+        """Derivatives with respect to shape (kind 0) or expression coefficients (kind 1)."""
+        blendshapes, joints = self.blendshapes[kind], self.joint_blendshapes[kind]
+        moved = [np.broadcast_to(joints[0], (len(pose.posed), *joints[0].shape))]  # of the joints in the world
+        for j, parent in enumerate(self.parents[1:], start=1):
+            moved.append(moved[parent] + pose.rotations[:, parent] @ (joints[j] - joints[parent]))
+        offset = np.stack(moved, axis=1) - pose.rotations @ joints
+        return pose.blended @ blendshapes + np.einsum("mj,tjib->tmib", self.weights, offset, optimize=True)
+
+    def _pose(self, frames: Float[np.ndarray, "t q"], shape: Float[np.ndarray, " s"]) -> _Pose:
+        expression = frames[:, self.fitted.expression_slice]
+        vectors = np.zeros((len(frames), len(self.parents), 3), frames.dtype)
+        vectors[:, 0] = frames[:, 3:6]
+        vectors[:, self.fitted.joints] = frames[:, self.fitted.joint_slice].reshape(len(frames), -1, 3)
+        local = rotation_matrices(vectors)
+        shapes, expressions = self.blendshapes
+        rest = self.template + shapes @ shape + np.einsum("mib,tb->tmi", expressions, expression)
+        if self.posedirs.any():
+            corrected = self.posedirs.shape[2] // 9
+            feature = (local[:, len(self.parents) - corrected :] - np.eye(3)).reshape(len(frames), -1)
+            rest = rest + np.einsum("mif,tf->tmi", self.posedirs, feature)
+        shapes, expressions = self.joint_blendshapes
+        joints_at_rest = self.joints + shapes @ shape + np.einsum("jib,tb->tji", expressions, expression)
+        rotations, joints = [local[:, 0]], [joints_at_rest[:, 0]]
+        for j, parent in enumerate(self.parents[1:], start=1):
+            rotations.append(rotations[parent] @ local[:, j])
+            arm = joints_at_rest[:, j] - joints_at_rest[:, parent]
+            joints.append(joints[parent] + np.einsum("tab,tb->ta", rotations[parent], arm))
+        world, placed = np.stack(rotations, axis=1), np.stack(joints, axis=1)
+        offsets = placed - np.einsum("tjab,tjb->tja", world, joints_at_rest)
+        blended = np.einsum("mj,tjab->tmab", self.weights, world)
+        posed = np.einsum("tmab,tmb->tma", blended, rest) + np.einsum("mj,tja->tma", self.weights, offsets)
+        return _Pose(vectors, local, world, placed, offsets, blended, rest, posed + frames[:, None, :3])
+
+    def _hangs_on(self, joint: int) -> Int[np.ndarray, " j"]:
+        """Which joints a joint carries, itself among them."""
+        carried = np.zeros(len(self.parents), int)
+        for j, parent in enumerate(self.parents):
+            carried[j] = j == joint or (parent >= 0 and carried[parent])
+        return carried
+
+    def _combine(self, values: Float[np.ndarray, "t m *d"]) -> Float[np.ndarray, "t n *d"]:
+        """Weighted means of the corners' values."""
+        n, k = self.barycentric.shape
+        if k == 1:
+            return values
+        grouped = values.reshape(len(values), n, k, *values.shape[2:])
+        return np.einsum("nk,tnk...->tn...", self.barycentric, grouped)
+
+
+@dataclass(frozen=True)
+class _Pose:
+    """What posing computes for t frames and m vertices."""
+
+    vectors: Float[np.ndarray, "t j 3"]
+    """Rotation vectors of the joints."""
+    local: Float[np.ndarray, "t j 3 3"]
+    rotations: Float[np.ndarray, "t j 3 3"]
+    """From the joints' rest frames to the world."""
+    joints: Float[np.ndarray, "t j 3"]
+    """Without the translation, as `offsets`."""
+    offsets: Float[np.ndarray, "t j 3"]
+    """A vertex x that is bound to joint j alone lies at rotations[j] x + offsets[j]."""
+    blended: Float[np.ndarray, "t m 3 3"]
+    rest: Float[np.ndarray, "t m 3"]
+    posed: Float[np.ndarray, "t m 3"]

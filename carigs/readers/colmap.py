@@ -1,0 +1,132 @@
+"""Reader of COLMAP's sparse models: cameras and images, as text or binary files."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from carigs.errors import InputError
+from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
+
+MODELS = (
+    "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV", "FOV",
+    "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE",
+)  # fmt: skip
+"""Camera models in the order of their numbers in binary files."""
+PINHOLE_PARAMETERS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4}
+POINT_BYTES = 24
+"""Of an image point in images.bin: x, y, number of its 3D point."""
+
+
+class ColmapCamera(NamedTuple):
+    """Intrinsics of a camera without distortion, in pixels with pixel centres at +0.5."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+
+
+class ColmapImage(NamedTuple):
+    """Pose of an image."""
+
+    name: str
+    camera: ColmapCamera
+    quaternion: tuple[float, ...]
+    """Rotation from world to camera, wxyz."""
+    translation: tuple[float, ...]
+    """From world to camera, in the unit of the model."""
+
+
+def read_colmap(folder: str | Path) -> list[ColmapImage]:
+    """Read the images of a sparse model; points are ignored.
+
+    Args:
+        folder: Folder with cameras.txt and images.txt, or cameras.bin and images.bin.
+
+    Returns:
+        The images in the order of the file.
+
+    Raises:
+        InputError: If a file is missing or broken, or a camera has lens distortion.
+    """
+    folder = Path(folder)
+    kind = "bin" if (folder / "images.bin").is_file() else "txt"
+    files = folder / f"cameras.{kind}", folder / f"images.{kind}"
+    contents = [read_bytes(file, MAX_TEXT_BYTES) for file in files]
+    parse_cameras, parse_images = (_binary_cameras, _binary_images) if kind == "bin" else (_text_cameras, _text_images)
+    try:
+        cameras = {number: _camera(*values, files[0], number) for number, *values in parse_cameras(contents[0])}
+    except (ValueError, IndexError, struct.error) as error:
+        raise InputError(f"not a readable file of COLMAP's cameras ({error})", file=files[0]) from error
+    images = []
+    try:
+        for number, name, camera, pose in parse_images(contents[1]):
+            if camera not in cameras:
+                raise InputError(f"there is no camera {camera}", file=files[1], field=f"image {number}")
+            if len(pose) != 7 or not all(map(math.isfinite, pose)):
+                raise InputError("expected seven finite numbers as pose", file=files[1], field=f"image {number}")
+            images.append(ColmapImage(name, cameras[camera], pose[:4], pose[4:]))
+    except (ValueError, IndexError, struct.error) as error:
+        raise InputError(f"not a readable file of COLMAP's images ({error})", file=files[1]) from error
+    if not images:
+        raise InputError("holds no images", file=files[1])
+    return images
+
+
+def _camera(
+    model: str, width: int, height: int, parameters: tuple[float, ...], file: Path, number: int
+) -> ColmapCamera:
+    if model not in PINHOLE_PARAMETERS:
+        problem = f"the camera model {model[:40]} has lens distortion; undistort the images (colmap image_undistorter)"
+        raise InputError(problem, file=file, field=f"camera {number}")
+    if len(parameters) != PINHOLE_PARAMETERS[model]:
+        problem = f"{len(parameters)} parameters, expected {PINHOLE_PARAMETERS[model]}"
+        raise InputError(problem, file=file, field=f"camera {number}")
+    fx, fy, cx, cy = parameters if model == "PINHOLE" else (parameters[0], *parameters)
+    return ColmapCamera(fx, fy, cx, cy, width, height)
+
+
+def _lines(content: bytes) -> list[str]:
+    return [line for line in content.decode("utf-8").splitlines() if not line.startswith("#")]
+
+
+def _text_cameras(content: bytes) -> Iterator[tuple]:
+    for line in filter(str.strip, _lines(content)):
+        number, model, width, height, *parameters = line.split()
+        yield int(number), model, int(width), int(height), tuple(map(float, parameters))
+
+
+def _text_images(content: bytes) -> Iterator[tuple]:
+    """Every second line lists the image's points and may be empty."""
+    for line in _lines(content)[::2]:
+        if line.strip():
+            number, *pose, camera, name = line.split(maxsplit=9)
+            yield int(number), name.strip(), int(camera), tuple(map(float, pose))
+
+
+def _binary_cameras(content: bytes) -> Iterator[tuple]:
+    (count,), position = struct.unpack_from("<Q", content), 8
+    for _ in range(count):
+        number, model, width, height = struct.unpack_from("<IiQQ", content, position)
+        name = MODELS[model] if 0 <= model < len(MODELS) else f"number {model}"
+        size = PINHOLE_PARAMETERS.get(name, 0)  # the file is not read beyond a camera that is refused
+        yield number, name, width, height, struct.unpack_from(f"<{size}d", content, position + 24)
+        position += 24 + 8 * size
+
+
+def _binary_images(content: bytes) -> Iterator[tuple]:
+    (count,), position = struct.unpack_from("<Q", content), 8
+    for _ in range(count):
+        number, *pose, camera = struct.unpack_from("<I7dI", content, position)
+        end = content.index(b"\0", position + 64)
+        (points,) = struct.unpack_from("<Q", content, end + 1)
+        name, position = content[position + 64 : end].decode("utf-8"), end + 9 + POINT_BYTES * points
+        if position > len(content):
+            raise ValueError("the end is missing")
+        yield number, name, camera, tuple(pose)

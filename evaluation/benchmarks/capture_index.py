@@ -1,0 +1,126 @@
+"""Time and memory of the index of a large capture.
+
+The capture is synthetic: 2000 timesteps x 16 cameras, a head with 2562 vertices, images of one colour that are links to
+one file. Each quantity is measured in a process of its own.
+
+Example:
+    python -m evaluation.benchmarks.capture_index results/benchmark/capture_index.csv
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from carigs.capture import OPENCV_FROM_OPENGL
+from carigs.capture.images import write_png
+from carigs.head import HeadParameters
+from evaluation.benchmarks.synthetic_scenes import moving_head, portrait
+from evaluation.benchmarks.timing import Measurement, run_in_fresh_process, write_measurements
+from evaluation.command_line import csv_parser, run
+
+SIZE = (16, 24)
+TIMESTEPS, CAMERAS, SEQUENCES = 2000, 16, 10
+MEASURE = """
+import json, re
+from pathlib import Path
+from time import perf_counter
+from carigs.capture import Capture, read_dataset
+from carigs.dataset_digest import dataset_digest
+folder = Path({folder!r})
+start = perf_counter()
+{work}
+seconds = perf_counter() - start
+status = Path("/proc/self/status").read_text()  # of this program: getrusage counts the parent's memory, too
+peak = int(re.search(r"VmHWM:\\s*(\\d+)", status)[1])
+print(json.dumps(dict(seconds=seconds, megabytes=peak / 1024)))
+"""
+WORKS = {
+    "index": "read_dataset(folder, folder / 'head_model.npz').save(folder / 'capture.json')",
+    "load the index": "Capture.load(folder / 'capture.json')",
+    "digest": "dataset_digest(folder, folder / 'head_model.npz')",
+}
+
+
+def write_large_capture(folder: Path, timesteps: int = TIMESTEPS, cameras: int = CAMERAS) -> None:
+    """Write a capture of many tiny images.
+
+    Args:
+        folder: Where to write it.
+        timesteps: Number of timesteps; the last tenth is the test sequence.
+        cameras: Number of cameras; camera 8 is the validation view.
+    """
+    for name in ("images", "fg_masks", "flame_param"):
+        (folder / name).mkdir(parents=True)
+    model = moving_head(4, 1).head
+    model.save(folder / "head_model.npz")
+    write_png(folder / "image.png", np.full((SIZE[1], SIZE[0], 3), 0.5))
+    write_png(folder / "mask.png", np.ones((SIZE[1], SIZE[0])))
+    entries: dict[str, list[dict]] = {"train": [], "val": [], "test": []}
+    rig = [portrait(*SIZE, side) for side in np.linspace(-1.5, 1.5, cameras)]
+    poses = [(camera.world_from_camera @ OPENCV_FROM_OPENGL).tolist() for camera in rig]
+    for t in range(timesteps):
+        parameters = f"flame_param/{t:05d}.npz"
+        expression = np.zeros(model.num_expressions)
+        HeadParameters(expression=expression, static_offset=np.zeros(model.v_template.shape)).save(
+            folder / parameters, model
+        )
+        sequence = SEQUENCES * t // timesteps
+        for c, camera in enumerate(rig):
+            image, mask = f"images/{t:05d}_{c:02d}.png", f"fg_masks/{t:05d}_{c:02d}.png"
+            os.link(folder / "image.png", folder / image)
+            os.link(folder / "mask.png", folder / mask)
+            split = "test" if sequence == SEQUENCES - 1 else "val" if c == 8 else "train"
+            entries[split].append(
+                {
+                    "timestep_index": t,
+                    "camera_index": c,
+                    "camera_id": f"2222000{c:02d}",
+                    **{"cx": camera.cx, "cy": camera.cy, "fl_x": camera.fx, "fl_y": camera.fy},
+                    **{"h": camera.height, "w": camera.width, "camera_angle_x": 0.4, "camera_angle_y": 0.6},
+                    "transform_matrix": poses[c],
+                    "sequence": f"EMO-{sequence}",
+                    **{"file_path": image, "fg_mask_path": mask, "flame_param_path": parameters},
+                }
+            )
+    for split, frames in entries.items():
+        (folder / f"transforms_{split}.json").write_text(json.dumps({"frames": frames}, indent=4))
+
+
+def benchmark(rows: Path, timesteps: int = TIMESTEPS, cameras: int = CAMERAS) -> list[Measurement]:
+    """Measure and write the records.
+
+    Args:
+        rows: CSV file to write.
+        timesteps: Number of timesteps.
+        cameras: Number of cameras.
+
+    Returns:
+        The records.
+    """
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary) / "capture"
+        write_large_capture(folder, timesteps, cameras)
+        return write_measurements(rows, _measure(folder, timesteps * cameras))
+
+
+def _measure(folder: Path, images: int) -> Iterator[Measurement]:
+    for name, work in WORKS.items():
+        measured = run_in_fresh_process(MEASURE.format(folder=str(folder), work=work))
+        yield Measurement(f"{images} images", name, "s", measured["seconds"])
+        yield Measurement(f"{images} images", f"{name}: memory", "MB", measured["megabytes"])
+    yield Measurement(f"{images} images", "size of the index", "MB", (folder / "capture.json").stat().st_size / 1e6)
+
+
+def main() -> None:
+    """Run the benchmark from the command line."""
+    benchmark(csv_parser(__doc__).parse_args().rows)
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,98 @@
+"""Files of landmarks and embeddings: round trips, selection by number, refused contents."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+from small_head import small_head
+
+from carigs.errors import InputError
+from carigs.fitting.landmark_files import Landmarks, read_embedding, read_landmarks
+from carigs.fitting.landmark_providers import MediapipeDetector
+
+MODEL = small_head(subdivisions=2)
+
+
+def landmarks() -> Landmarks:
+    random = np.random.default_rng(0)
+    values = np.concatenate([random.uniform(0, 100, (3, 2, 5, 2)), random.uniform(0.1, 1, (3, 2, 5, 1))], axis=-1)
+    return Landmarks(values, np.array([4, 0, 7]), np.array([8, 2]))
+
+
+def test_a_file_is_read_as_it_was_written(tmp_path):
+    landmarks().save(tmp_path / "landmarks.npz")
+    found = read_landmarks(tmp_path / "landmarks.npz")
+    for name in ("values", "timesteps", "cameras"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(landmarks(), name))
+
+
+def test_nan_and_confidence_0_are_missing(tmp_path):
+    written = landmarks()
+    written.values[0, 0, 1, 0] = np.nan
+    written.values[1, 1, 2, 2] = 0
+    written.save(tmp_path / "landmarks.npz")
+    found = read_landmarks(tmp_path / "landmarks.npz").values
+    np.testing.assert_array_equal(found[[0, 1], [0, 1], [1, 2]], 0)
+    assert np.count_nonzero(found[..., 2]) == 3 * 2 * 5 - 2
+
+
+def test_frames_are_found_by_their_numbers():
+    found = landmarks().at([0, 1, 4], [2, 3])
+    np.testing.assert_array_equal(found[:, 0], [landmarks().values[1, 1], np.zeros((5, 3)), landmarks().values[0, 1]])
+    np.testing.assert_array_equal(found[:, 1], 0)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("landmarks", np.zeros((3, 2, 5)), "landmarks: shape"),
+        ("landmarks", np.full((3, 2, 5, 3), 2.0), "confidence, from 0 to 1"),
+        ("landmarks", np.full((3, 2, 5, 3), 1e7) * [1, 1, 0], "positions beyond"),
+        ("timesteps", np.array([0, 1]), "timesteps: shape"),
+        ("cameras", np.array([3, 3]), "cameras: a number appears twice"),
+    ],
+)
+def test_impossible_landmarks_are_refused(tmp_path, field, value, message):
+    written = landmarks()
+    arrays = {"landmarks": written.values, "timesteps": written.timesteps, "cameras": written.cameras, field: value}
+    np.savez(tmp_path / "landmarks.npz", **arrays)
+    with pytest.raises(InputError, match=message):
+        read_landmarks(tmp_path / "landmarks.npz")
+
+
+def test_embeddings_name_vertices_or_points_of_faces(tmp_path):
+    np.savez(tmp_path / "a.npz", vertices=np.array([3, 1, 4]))
+    corners, weights = read_embedding(tmp_path / "a.npz", MODEL, 3)
+    np.testing.assert_array_equal(corners[:, 0], [3, 1, 4])
+    np.testing.assert_array_equal(weights, 1)
+    np.savez(tmp_path / "b.npz", faces=np.array([7, 9]), barycentric=np.array([[0.2, 0.3, 0.5], [1, 0, 0]]))
+    corners, weights = read_embedding(tmp_path / "b.npz", MODEL, 2)
+    np.testing.assert_array_equal(corners, MODEL.faces[[7, 9]])
+    np.testing.assert_array_equal(weights, [[0.2, 0.3, 0.5], [1, 0, 0]])
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"vertices": np.array([3, 1])}, "vertices: shape"),
+        ({"vertices": np.array([3, 1, 10**6])}, "indices must lie in"),
+        ({"faces": np.array([3, 1, 2])}, "barycentric: this array is missing"),
+        ({"faces": np.array([3, 1, 2]), "barycentric": np.full((3, 3), 0.5)}, "must add up to 1"),
+    ],
+)
+def test_embeddings_that_do_not_fit_are_refused(tmp_path, arrays, message):
+    np.savez(tmp_path / "embedding.npz", **arrays)
+    with pytest.raises(InputError, match=message):
+        read_embedding(tmp_path / "embedding.npz", MODEL, 3)
+
+
+def test_a_model_without_landmarks_needs_an_embedding():
+    with pytest.raises(InputError, match="give --embedding FILE"):
+        read_embedding(None, MODEL, 68)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("mediapipe") is not None, reason="mediapipe is installed")
+def test_without_mediapipe_its_task_file_is_one_line(tmp_path):
+    (tmp_path / "face_landmarker.task").write_bytes(b"")
+    with pytest.raises(InputError, match=r"face_landmarker\.task: needs the package mediapipe"):
+        MediapipeDetector(tmp_path / "face_landmarker.task")
