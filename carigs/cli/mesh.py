@@ -242,7 +242,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("-o", "--output", type=Path, required=True, help="mesh to write")
     picture = parser.add_mutually_exclusive_group()
     picture.add_argument("--preview", type=Path, help="PNG to write (default: OUTPUT_preview.png)")
-    picture.add_argument("--no-picture", action="store_true", help="write no PNG, which takes half of the time")
+    picture.add_argument("--no-picture", action="store_true", help="write no PNG, which takes a third of the time")
     parser.add_argument("--force", action="store_true", help="allow levels outside [-1, 1]")
     task = parser.parse_args(arguments)
     if not np.isfinite(task.gamma):

@@ -10,7 +10,6 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from carigs.cli import plan
 from carigs.cli.parser import study_parser
 from carigs.config import compose, compose_study, join_overrides, project_root
 from carigs.job_record import unfinished_jobs
@@ -80,6 +79,8 @@ def make_study(overrides: Sequence[str], options: argparse.Namespace) -> bool:
     for subject in study.subjects:
         compose(*overrides, f"subject={subject}")
     if options.plan:
+        from carigs.cli import plan  # with all that reads captures: half a second
+
         return plan.main([*overrides, "--remaining", "--cores", options.cores or str(os.cpu_count())]) == 0
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(project_root() / "Snakefile")]
     command += ["--workflow-profile", options.profile or str(project_root() / "profiles/default")]

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 import yaml
 
-from carigs.cli import run, settings, sweep
+from carigs.cli import plan, run, settings, sweep
 from carigs.cli.main import COMMANDS, main
 from carigs.errors import CarigsWarning, SettingsError
 
@@ -98,7 +98,7 @@ def test_options_reach_snakemake_and_its_failure_the_exit_code(commands, monkeyp
 
 def test_a_plan_runs_nothing(commands, monkeypatch):
     planned = []
-    monkeypatch.setattr(run.plan, "main", lambda arguments: planned.append(arguments) or 0)
+    monkeypatch.setattr(plan, "main", lambda arguments: planned.append(arguments) or 0)
     assert run.main(["gamma=0.1", "--plan", "--cores", "3"]) == 0
     assert (commands, planned) == ([], [["gamma=0.1", "--remaining", "--cores", "3"]])
 

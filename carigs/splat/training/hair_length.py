@@ -38,7 +38,7 @@ def measured_hair_length(subject: Capture, hair: Bool[np.ndarray, " f"]) -> floa
     reach = [np.zeros(0)]
     for frame in (frames[i] for i in chosen):
         vertices = pose(subject.model, subject.parameters(frame.timestep))
-        matte, camera = subject.mask(frame), subject.cameras[frame.camera]
+        matte, camera = subject.mask(frame), subject.camera(frame)
         reach.append(hair_reach(vertices, subject.model.faces, hair, camera, matte))
     found = np.concatenate(reach)
     return float(min(np.quantile(found, QUANTILE), MAX_LENGTH)) if len(found) else Train().hair_length
