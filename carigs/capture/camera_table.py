@@ -35,6 +35,8 @@ class CameraTable:
         self.cameras: list[Camera] = []
         self.poses: list[int] = []
         """Number of the pose of each camera: cameras that differ in their intrinsics alone share one."""
+        self.impossible: set[int] = set()
+        """Numbers of the poses that `errors` has received something about."""
         self._numbers: dict[Any, int] = {}
         self._poses: dict[bytes, int] = {}
 
@@ -61,6 +63,7 @@ class CameraTable:
             key = None
         field = f"{where}.transform_matrix"
         world_from_opengl = checked_array({field: matrix}, field, (4, 4), np.float64, file=file)
+        num_errors = len(self._errors or ())
         is_invertible = np.linalg.cond(world_from_opengl) < MAX_CONDITION
         with collecting(self._errors if is_invertible else None):
             check_rigid(world_from_opengl, file, field)
@@ -72,6 +75,8 @@ class CameraTable:
         if number == len(self.cameras):
             self.cameras.append(camera)
             self.poses.append(self._poses.setdefault(rounded[0], len(self._poses)))
+            if len(self._errors or ()) > num_errors:
+                self.impossible.add(self.poses[-1])
         self._numbers[key] = number
         return number
 

@@ -61,6 +61,8 @@ def sound_frames(
             known.add(entry, folder)
             pose, (most, share) = table.poses[entry.frame.calibration], usual[entry.frame.camera, entry.frame.sequence]
             if pose != most and share > 0.5:
+                if pose in table.impossible:  # its error is known
+                    continue
                 problem = f"camera {entry.frame.camera} stands elsewhere than in the other frames of its sequence"
                 raise InputError(problem, file=entry.file, field=f"{entry.where}.transform_matrix")
             single.append(entry.frame)

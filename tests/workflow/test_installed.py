@@ -11,7 +11,10 @@ def test_own_studies_and_subjects_are_found_and_mistakes_are_one_line(carigs):
     assert settings.returncode == 0 and "- anna" in settings.stdout
     mistake = carigs("run", "study=smal")
     assert (mistake.returncode, mistake.stdout) == (1, "")
-    assert mistake.stderr == "carigs: study=smal is unknown; known: ablation, ict, levels, own, paper, small, toy\n"
+    assert (
+        mistake.stderr
+        == "carigs: study=smal is unknown; known: ablation, ict, levels, nersemble, own, paper, small, toy\n"
+    )
     assert carigs("run", "--coers", "2").returncode == 2
     assert carigs("walk").returncode == 2
 
