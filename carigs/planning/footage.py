@@ -52,15 +52,16 @@ def subject_footage(capture: DictConfig, index: Path) -> Footage:
         train, evaluated = 9 * steps * max(cameras - 1, 1), 9 * steps + steps * cameras  # nine of ten sequences train
         return Footage(train, evaluated, toy.width * toy.height / 1e6, "from capture.toy")
     try:
-        return _folder_footage(Path(capture.folder))
+        return _folder_footage(Path(capture.folder), capture.stride, capture.max_frames)
     except (InputError, KeyError, TypeError):
         return ASSUMED
 
 
-def _folder_footage(folder: Path) -> Footage:
-    """Count the images of a folder in the layout of GaussianAvatars."""
+def _folder_footage(folder: Path, stride: int, max_frames: int | None) -> Footage:
+    """Count the images of a folder in the layout of GaussianAvatars that stride and limit keep."""
     indexes = {split: read_json(folder / f"transforms_{split}.json", dict) for split in ("train", "val", "test")}
-    counts = {split: len(index["frames"]) for split, index in indexes.items()}
+    strided = {split: -(-len(index["frames"]) // stride) for split, index in indexes.items()}
+    counts = {split: min(count, max_frames or count) for split, count in strided.items()}
     first = indexes["train"]
     size = {**first, **(first["frames"][0] if first["frames"] else {})}
     return Footage(counts["train"], counts["val"] + counts["test"], size["w"] * size["h"] / 1e6, f"counted in {folder}")

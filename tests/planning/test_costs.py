@@ -71,3 +71,6 @@ def test_footage_from_settings_from_a_folder_and_assumed(tmp_path):
         (tmp_path / f"transforms_{split}.json").write_text(json.dumps({"frames": frames}))
     counted = subject_footage(capture, tmp_path / "none.json")
     assert (counted.train, counted.evaluated, counted.megapixels) == (6, 5, 0.06)
+    capture = compose(*folder, "capture.stride=2", "capture.max_frames=2").capture
+    thinned = subject_footage(capture, tmp_path / "none.json")
+    assert (thinned.train, thinned.evaluated) == (2, 3)
