@@ -19,7 +19,8 @@ from carigs.readers.pickles import read_pickle, read_pickled_npy
 
 MASKS, UV_MASKS, UV_MESH = "FLAME_masks.pkl", "uv_masks.npz", "head_template_mesh.obj"
 LANDMARKS = ("landmark_embedding_with_eyes.npy", "landmark_embedding.npy")
-LEFT_EYEBALL, RIGHT_EYEBALL = np.arange(3931, 4477), np.arange(4477, 5023)
+EYEBALLS = np.arange(3931, 4477), np.arange(4477, 5023)
+"""Vertices; the skin comes before them."""
 
 
 def read_flame(file: Path) -> dict[str, Any]:
@@ -54,33 +55,34 @@ def read_flame(file: Path) -> dict[str, Any]:
     return arrays
 
 
-def complete_flame(arrays: dict[str, Any], file: Path) -> dict[str, Any]:
+def complete_flame(fields: dict[str, Any], file: Path) -> dict[str, Any]:
     """Add regions that FLAME's files do not have, found by the geometry of the template.
 
     `FLAME_masks.pkl` names no lids, brows or inside of the lips. Without a file of regions there is a warning, because
     the hairline is then an average one.
 
     Args:
-        arrays: Checked fields of a model.
+        fields: Checked fields of a model (`carigs.head.model_arrays`).
         file: Where they come from, for the warning.
 
     Returns:
         The fields with the regions; the same if the model is not FLAME without teeth.
     """
-    vertices, faces, regions = arrays["v_template"], arrays["faces"], arrays["regions"]
+    vertices, faces, regions = fields["v_template"], fields["faces"], fields["regions"]
     if (len(vertices), len(faces)) != FLAME_COUNTS:
-        return arrays
+        return fields
     upper, lower = vertices[list(UPPER_LIP)].astype(np.float64), vertices[list(LOWER_LIP)].astype(np.float64)
     line = (upper + lower) / 2
-    left, right = sorted((line[0], line[-1]), key=lambda corner: -corner[0])
-    points = FacialPoints(LEFT_EYEBALL, RIGHT_EYEBALL, left, right, line[len(line) // 2])
-    skin = np.arange(len(vertices)) < LEFT_EYEBALL[0]
+    right, left = sorted((line[0], line[-1]), key=lambda corner: corner[0])
+    right_eyeball, left_eyeball = sorted(EYEBALLS, key=lambda ids: vertices[ids, 0].mean())
+    points = FacialPoints(left_eyeball, right_eyeball, left, right, line[len(line) // 2])
+    skin = np.arange(len(vertices)) < EYEBALLS[0][0]
     found = geometric_regions(vertices.astype(np.float64), faces, points, skin)
     if "scalp" not in regions:
         what = "hair, lips, lids and ears are found by geometry" if found else "hair and ears are not masked"
         problem = f"no {MASKS}, and no {UV_MASKS} with {UV_MESH}, beside it: {what}"
         warnings.warn(f"{file}: {problem}", CarigsWarning, stacklevel=2)
-    return arrays | {"regions": found | dict(regions)}
+    return fields | {"regions": found | dict(regions)}
 
 
 def _uv_regions(masks_file: Path, mesh_file: Path) -> dict[str, Int[np.ndarray, "_"]]:

@@ -16,6 +16,9 @@ from carigs.head.model_arrays import FLAME_JOINTS, FLAME_NUM_IDENTITY, RestJoint
 from carigs.head.teeth import FLAME_COUNTS, LOWER_LIP, UPPER_LIP, is_upper_tooth, teeth_faces, teeth_vertices
 from carigs.readers.npz import read_npz
 
+MAX_BYTES = 1 << 30
+"""Largest sum of the arrays of a model, in bytes; GNM's have less than 0.2 GB."""
+
 
 @dataclass(frozen=True)
 class HeadModel:
@@ -94,7 +97,7 @@ class HeadModel:
             InputError: If the file is missing or cannot be read, or an array is missing or not valid.
         """
         file = Path(file)
-        arrays = read_flame(file) if file.suffix == ".pkl" else read_npz(file, "head model")
+        arrays = read_flame(file) if file.suffix == ".pkl" else read_npz(file, "head model", limit=MAX_BYTES)
         if is_gnm(arrays):
             arrays = gnm_arrays(arrays, file)
         return cls(**complete_flame(checked_fields(arrays, file), file)).with_teeth()

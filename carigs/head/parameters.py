@@ -18,6 +18,8 @@ from carigs.readers.npz import read_npz
 
 FLAME_KEYS = {"neck_pose": slice(0, 1), "jaw_pose": slice(1, 2), "eyes_pose": slice(2, 4)}
 """Rows of `joints` in files of FLAME's five joints."""
+MAX_BYTES = 64 << 20
+"""Largest sum of the arrays of a frame, in bytes."""
 
 
 def flame_joints(**rotations: object) -> Float[np.ndarray, "4 3"]:
@@ -90,7 +92,7 @@ class HeadParameters:
             InputError: If the file is missing or cannot be read, or an array is missing, of another shape, or not
                 finite.
         """
-        return cls.from_arrays(read_npz(file, "head parameter file"), model, file)
+        return cls.from_arrays(read_npz(file, "head parameter file", limit=MAX_BYTES), model, file)
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, np.ndarray], model: HeadModel, file: str | Path) -> HeadParameters:

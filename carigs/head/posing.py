@@ -95,11 +95,11 @@ def pose(
 def pose_frames(
     model: HeadModel, frames: Sequence[HeadParameters], caricature: Caricature | None = None
 ) -> Float[np.ndarray, "t v 3"]:
-    """Pose the head in many frames, of one or more subjects, as `pose` does; sums of blendshapes are one product.
+    """Pose the head in many frames as `pose` does: sums of blendshapes are one product of matrices.
 
     Args:
         model: The head model.
-        frames: The frames.
+        frames: One or more frames, of one or more subjects. A few arrays of (frames, v, 3) are held in memory.
         caricature: Change of the neutral and the blendshapes at a level; None for the natural head.
 
     Returns:

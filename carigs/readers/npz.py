@@ -28,13 +28,16 @@ _DAMAGE = (OSError, ValueError, EOFError, NotImplementedError, RuntimeError, zip
 """Exceptions of `zipfile`, `zlib` and `numpy.lib.format` for damaged files."""
 
 
-def read_npz(file: str | Path, kind: str = "file", required: Iterable[str] = ()) -> dict[str, np.ndarray]:
+def read_npz(
+    file: str | Path, kind: str = "file", required: Iterable[str] = (), limit: int = MAX_ARRAY_BYTES
+) -> dict[str, np.ndarray]:
     """Read all arrays of an .npz file.
 
     Args:
         file: The .npz file.
         kind: What the file is, for the message "no such {kind}".
         required: Names of arrays that must be present.
+        limit: Largest sum of the arrays in bytes: a small file can hold gigabytes of zeros.
 
     Returns:
         Arrays by name, each of one of `KINDS`.
@@ -47,7 +50,7 @@ def read_npz(file: str | Path, kind: str = "file", required: Iterable[str] = ())
     try:
         with zipfile.ZipFile(file) as archive:
             members = archive.infolist()
-            _check_members(members, file)
+            _check_members(members, file, limit)
             arrays = {member.filename[:-4]: _read_member(archive, member, file) for member in members}
     except _DAMAGE as error:
         raise InputError(f"not a readable .npz ({error})", file=file) from error
@@ -73,13 +76,13 @@ def read_npy(file: str | Path, kind: str = "file") -> np.ndarray:
     return _parse(read_bytes(file, MAX_ARRAY_BYTES, kind), file, None)
 
 
-def _check_members(members: list[zipfile.ZipInfo], file: str | Path) -> None:
+def _check_members(members: list[zipfile.ZipInfo], file: str | Path, limit: int) -> None:
     """Refuse what would be slow, large or ambiguous, from the archive's directory alone."""
     if len(members) > MAX_ARRAYS:
         raise InputError(f"{len(members)} arrays; at most {MAX_ARRAYS} are read", file=file)
     total = sum(member.file_size for member in members)
-    if total > MAX_ARRAY_BYTES:
-        raise InputError(f"{total} bytes of arrays; at most {MAX_ARRAY_BYTES} are read", file=file)
+    if total > limit:
+        raise InputError(f"{total} bytes of arrays; at most {limit} are read", file=file)
     seen = set()
     for member in members:
         if not member.filename.endswith(".npy"):

@@ -12,7 +12,7 @@ from shared_data import DATA, needs_data
 
 from carigs.errors import CarigsWarning, InputError
 from carigs.head import HeadModel
-from carigs.head.flame_files import LEFT_EYEBALL, RIGHT_EYEBALL
+from carigs.head.flame_files import EYEBALLS
 from carigs.head.region_geometry import FacialPoints, geometric_regions
 from carigs.head.teeth import FLAME_COUNTS, FLAME_WITH_TEETH_COUNTS, LOWER_LIP, UPPER_LIP
 from carigs.mesh.triangle_mesh import face_areas
@@ -27,7 +27,7 @@ def flame_head() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     toy, random = head_model(), np.random.default_rng(0)
     balls = {side: toy.regions[f"{side}_eyeball"] for side in ("left", "right")}
     skin = np.flatnonzero(~toy.vertex_region("left_eyeball", "right_eyeball"))
-    ids = np.concatenate([random.choice(skin, LEFT_EYEBALL[0]), *(np.resize(balls[side], 546) for side in balls)])
+    ids = np.concatenate([random.choice(skin, EYEBALLS[0][0]), *(np.resize(balls[side], 546) for side in balls)])
     vertices = toy.v_template[ids].astype(np.float64)
     left, right = toy.v_template[toy.landmarks68[list(CORNERS.values())]]
     middle = toy.v_template[toy.landmarks68[BETWEEN_LIPS]].mean(axis=0)
@@ -103,7 +103,7 @@ def test_without_a_file_of_regions_they_are_found_by_geometry_with_a_warning(tmp
         assert recall > 0.7 and precision > 0.75, (name, recall, precision)
     recall, _ = shares(model.vertex_region("lip_inside", "lips")[: FLAME_COUNTS[0]], EXPECTED["lip_inside"])
     assert recall > 0.7
-    np.testing.assert_array_equal(model.regions["right_eyeball"], RIGHT_EYEBALL)
+    np.testing.assert_array_equal(model.regions["right_eyeball"], EYEBALLS[1])
     assert not np.isin(model.regions["teeth"], model.regions["lip_inside"]).any()
 
 

@@ -1,6 +1,7 @@
 """Posing: rigid invariance, the kinematic chain, and file round trips."""
 
 import pickle
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -133,6 +134,23 @@ def test_parameters_round_trip(tmp_path):
     for name, value in vars(parameters).items():
         if value is not None:
             np.testing.assert_allclose(getattr(again, name), value, rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["model.npz", "00000.npz"])
+def test_small_files_of_large_arrays_are_refused_before_they_are_read(name, tmp_path):
+    """The directory of the zip file claims 2 GB for every array, as that of a file of zeros can in truth."""
+    model = random_model()
+    model.save(tmp_path / "model.npz")
+    random_parameters(6).save(tmp_path / "00000.npz", model)
+    content = (tmp_path / name).read_bytes()
+    head, *entries = content.split(b"PK\x01\x02")
+    claims = [entry[:20] + (2**31 - 1).to_bytes(4, "little") + entry[24:] for entry in entries]
+    (tmp_path / name).write_bytes(b"PK\x01\x02".join([head, *claims]))
+    tracemalloc.start()
+    with pytest.raises(InputError, match=f"{name}: .* bytes of arrays; at most"):
+        HeadModel.load(tmp_path / name) if name == "model.npz" else HeadParameters.load(tmp_path / name, model)
+    assert tracemalloc.get_traced_memory()[1] < 10e6
+    tracemalloc.stop()
 
 
 def broken(arrays: dict, key: str, value) -> dict:
