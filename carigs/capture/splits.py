@@ -11,6 +11,7 @@ The validation frames are those of one camera at the training timesteps.
 
 from __future__ import annotations
 
+import math
 import random
 import re
 from collections.abc import Sequence
@@ -22,6 +23,8 @@ from carigs.errors import InputError
 
 FRONTAL_CAMERA = 8
 """The frontal camera of NeRSemble."""
+TRAINED = 0.7
+"""Share of the timesteps of a single sequence that are for training, as in VHAP."""
 RELEASED_SEQUENCES = ("EMO-1", "EMO-2", "EMO-3", "EMO-4", "EXP-2", "EXP-3", "EXP-4", "EXP-5", "EXP-8", "EXP-9")
 
 
@@ -67,6 +70,28 @@ def split_frames(
     if not any(frame.split == "train" for frame in divided):
         raise InputError(f"no training frame is left by the split {name}", file=folder, field="capture.split")
     return divided, name if validation_camera is None else f"{name}, validation camera {validation_camera}"
+
+
+def split_single_sequence(frames: Sequence[Frame]) -> tuple[Frame, ...]:
+    """Divide the frames of a single sequence as VHAP does.
+
+    Args:
+        frames: The frames.
+
+    Returns:
+        The frames with their splits: the last three tenths of the timesteps are `test`; of the others, camera 8, or
+        the last camera, is `val`. There is no `val` with one camera, and always a timestep for training.
+    """
+    timesteps, cameras = sorted({f.timestep for f in frames}), sorted({f.camera for f in frames})
+    trained = set(timesteps[: max(1, min(len(timesteps) - 1, math.ceil(TRAINED * len(timesteps))))])
+    held_out = FRONTAL_CAMERA if FRONTAL_CAMERA in cameras else cameras[-1]
+
+    def split(frame: Frame) -> str:
+        if frame.timestep not in trained:
+            return "test"
+        return "val" if frame.camera == held_out and len(cameras) > 1 else "train"
+
+    return tuple(replace(frame, split=split(frame)) for frame in frames)
 
 
 def released_test_sequence(subject: str) -> str:

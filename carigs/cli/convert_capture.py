@@ -6,9 +6,9 @@ import argparse
 from pathlib import Path
 
 from carigs.capture import Capture, read_dataset
+from carigs.capture.dataset_writer import copied, linked, write_dataset
 from carigs.capture.importers.build import build_capture
 from carigs.capture.importers.cameras import read_cameras
-from carigs.capture.importers.dataset_writer import write_dataset
 from carigs.capture.importers.flame_tracks import read_flame_track, read_tracked_cameras
 from carigs.capture.importers.images import find_images, image_name
 from carigs.capture.importers.mesh_sequence import read_mesh_sequence
@@ -68,11 +68,11 @@ def convert_capture(options: argparse.Namespace) -> None:
         if options.head_model is None:
             raise InputError("a dataset needs its head model: --head-model FILE", file=source)
         capture = read_dataset(source, options.head_model, background=options.background)
-        write_dataset(options.target, capture, capture.model, capture.parameters, link=not options.copy)
+        model, heads = capture.model, {timestep: capture.parameters(timestep) for timestep in capture.parameter_files}
     else:
         model, heads = _read_heads(options)
         capture = _assemble(options, set(heads))
-        write_dataset(options.target, capture, model, heads.__getitem__, link=not options.copy)
+    write_dataset(options.target, capture, model, heads, place=copied if options.copy else linked)
     written = read_dataset(options.target, options.target / "head_model.npz", background=options.background)
     counts = ", ".join(f"{len(written.split(split))} {split}" for split in ("train", "val", "test"))
     print(f"{options.target}: {len(written.frames)} frames ({counts}), {len(written.cameras)} cameras")

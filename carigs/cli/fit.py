@@ -15,8 +15,8 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
+from carigs.capture.dataset_writer import check_target, write_dataset
 from carigs.errors import CarigsWarning
-from carigs.fitting.dataset_writer import check_target, write_dataset
 from carigs.fitting.footage import read_footage
 from carigs.fitting.landmark_providers import find_landmarks
 from carigs.fitting.residuals import outstanding_cameras
@@ -96,7 +96,7 @@ def main(arguments: list[str]) -> int:
         parser.error(f"--background {task.background}: expected a value from 0 to 1")
     started = time.perf_counter()
     capture = read_footage(task.folder, task.head_model, background=task.background)
-    check_target(task.output, capture)
+    check_target(task.output)
     landmarks = find_landmarks(task.landmarks, capture)
     with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as progress:
         bar = progress.add_task("fitting", total=PASSES * len(capture.parameter_files))

@@ -4,7 +4,7 @@
 - `landmark_fit.fit_landmarks`: triangulation, rigid alignment, reprojection error
 - `refinement.Refinement`: outlines against mattes, photometric agreement
 - `levenberg_marquardt.minimise`, `objective`, `normal_equations`: the solver
-- `footage`, `landmark_files`, `landmark_providers`, `dataset_writer`: files
+- `footage`, `landmark_files`, `landmark_providers`: files
 """
 
 from carigs.fitting.video_fit import VideoFit, fit_video

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,31 +9,16 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from carigs.capture import Capture, Frame
+from carigs.capture import Capture
 from carigs.capture.camera_table import CameraTable
 from carigs.capture.dataset_checks import ListedFrame, sound_frames
+from carigs.capture.dataset_writer import parameter_file
 from carigs.capture.frame import SPLITS
 from carigs.capture.gaussian_avatars import read_frame
+from carigs.capture.splits import split_single_sequence
 from carigs.errors import InputError
 from carigs.fitting.triangulation import projection_matrices
 from carigs.readers.json_files import json_field, read_json
-
-TRAINING_SHARE = 0.7
-"""Of the timesteps, if the index has no splits; as in VHAP."""
-FRONTAL_CAMERA = 8
-"""The validation camera, if the index has no splits and there is such a camera."""
-
-
-def parameter_file(timestep: int) -> str:
-    """Name of the file of a timestep's head parameters.
-
-    Args:
-        timestep: The timestep.
-
-    Returns:
-        The name, relative to the dataset.
-    """
-    return f"flame_param/{timestep:05d}.npz"
 
 
 def read_footage(folder: Path, head_model: Path, *, background: float = 1.0) -> Capture:
@@ -72,7 +56,11 @@ def read_footage(folder: Path, head_model: Path, *, background: float = 1.0) -> 
         raise InputError("no frames", file=next(iter(files.values())), field="frames")
     frames = sorted(sound_frames(folder, listed, table, None), key=lambda frame: (frame.timestep, frame.camera))
     return Capture(
-        folder, Path(head_model), tuple(frames if divided else _split(frames)), tuple(table.cameras), background
+        folder,
+        Path(head_model),
+        tuple(frames) if divided else split_single_sequence(frames),
+        tuple(table.cameras),
+        background,
     )
 
 
@@ -92,17 +80,3 @@ def frame_projections(
     known, first = capture.frame_at, capture.cameras
     rows = [[capture.camera(known[t, c]) if (t, c) in known else first[c] for c in cameras] for t in timesteps]
     return np.stack([projection_matrices(row) for row in rows])
-
-
-def _split(frames: list[Frame]) -> list[Frame]:
-    """The split of VHAP for a single sequence."""
-    timesteps, cameras = sorted({f.timestep for f in frames}), sorted({f.camera for f in frames})
-    training = set(timesteps[: math.ceil(TRAINING_SHARE * len(timesteps))])
-    validation = FRONTAL_CAMERA if FRONTAL_CAMERA in cameras else cameras[-1]
-
-    def split(frame: Frame) -> str:
-        if frame.timestep not in training:
-            return "test"
-        return "val" if frame.camera == validation and len(cameras) > 1 else "train"
-
-    return [replace(frame, split=split(frame)) for frame in frames]

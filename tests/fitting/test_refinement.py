@@ -66,7 +66,7 @@ def footage(tmp_path_factory) -> Path:
 def test_footage_without_splits_is_divided(footage):
     capture = read_footage(footage, footage / "head_model.npz")
     splits = {(frame.timestep, frame.camera): frame.split for frame in capture.frames}
-    assert {t for (t, _), split in splits.items() if split == "test"} == set()  # ceil(0.7 * 3) = 3 for training
+    assert {t for (t, _), split in splits.items() if split == "test"} == {2}  # ceil(0.7 * 3) = 3, but one is held out
     assert {c for (_, c), split in splits.items() if split == "val"} == {5}
 
 

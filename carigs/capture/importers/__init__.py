@@ -4,5 +4,4 @@
 - `images`: folders of images by timestep and camera
 - `mesh_sequence`: a tracked mesh per frame, turned into a head model of its own
 - `flame_tracks`: FLAME parameters of VHAP, or one npz per frame
-- `dataset_writer`: the folder that `read_dataset` reads
 """

@@ -8,8 +8,8 @@ from pathlib import Path
 from carigs.capture.camera import Camera
 from carigs.capture.dataset import Capture
 from carigs.capture.frame import Frame
-from carigs.capture.importers.dataset_writer import split_sequence
 from carigs.capture.importers.images import SUFFIXES, FoundImage, camera_of
+from carigs.capture.splits import split_single_sequence
 from carigs.errors import InputError
 
 
@@ -60,7 +60,7 @@ def build_capture(
                 calibration=len(frames),
             )
         )
-    return Capture(folders[0], head_model, tuple(split_sequence(frames)), tuple(calibrations), background)
+    return Capture(folders[0], head_model, split_single_sequence(frames), tuple(calibrations), background)
 
 
 def _matte(image: FoundImage, images: Path, mattes: Path | None) -> Path | None:
