@@ -40,7 +40,7 @@ class Capture:
     cy: str = "opencv"
     """Convention of the files for cy, and how it was found. In memory it is always OpenCV's."""
     digest: str = ""
-    """Of the dataset's files (`dataset_digest`): another one means that stages that read images must run again."""
+    """Of the contents of the dataset's files (`content_digest`): stages that read images run again when it changes."""
     warnings: tuple[str, ...] = ()
     """What is likely to be wrong with the files, one line each."""
 

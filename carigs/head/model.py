@@ -80,7 +80,9 @@ class HeadModel:
         if self.rest_joints is not None:
             return self.rest_joints.basis.astype(np.float64)
         used = np.flatnonzero(self.joint_regressor.any(axis=0))  # few vertices make a joint
-        return np.tensordot(self.joint_regressor[:, used].astype(np.float64), self.shapedirs[used], axes=1)
+        regressor = self.joint_regressor[:, used].astype(np.float64)
+        # Not a product of matrices, whose rounding depends on the number of BLAS threads.
+        return np.einsum("ju,ucb->jcb", regressor, self.shapedirs[used], optimize=False)
 
     @classmethod
     def load(cls, file: str | Path) -> HeadModel:

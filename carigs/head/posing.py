@@ -202,7 +202,10 @@ def _sum_blendshapes(
     blendshapes: Float[np.ndarray, "v 3 b"], coefficients: Float[np.ndarray, "t b"]
 ) -> Float[np.ndarray, "t v 3"]:
     used = np.flatnonzero(coefficients.any(axis=0))  # most of the 400 coefficients of a tracked frame are zero
-    rows = blendshapes[:, :, used].astype(np.float64).reshape(blendshapes.shape[0] * 3, len(used))
+    active = blendshapes[:, :, used].astype(np.float64)
+    if len(coefficients) == 1:  # in small products, whose rounding does not depend on the number of BLAS threads
+        return (active @ coefficients[0, used])[None]
+    rows = active.reshape(blendshapes.shape[0] * 3, len(used))
     return (coefficients[:, used] @ rows.T).reshape(len(coefficients), *blendshapes.shape[:2])
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from carigs.capture import Capture as IndexedCapture
 from carigs.capture import read_dataset
+from carigs.capture.content_digest import content_digest
 from carigs.capture.thinning import thin_frames
 from carigs.errors import CarigsWarning, InputError
 from carigs.files import writing_folder
@@ -16,14 +17,13 @@ from carigs.plausibility.diagnosis import diagnose, read_scene
 from carigs.settings import Capture
 
 
-def capture(settings: Capture, *, index: Path, dataset: Path, digest: str = "") -> None:
+def capture(settings: Capture, *, index: Path, dataset: Path) -> None:
     """Check a dataset and write its index.
 
     Args:
         settings: Settings of the stage.
         index: Output: the index (capture.json).
         dataset: Output: folder of the toy, empty for other sources.
-        digest: Digest of the dataset's files (`dataset_digest`), which the index keeps.
 
     Raises:
         SettingsError: For an unknown source, or a folder without a path.
@@ -41,7 +41,7 @@ def capture(settings: Capture, *, index: Path, dataset: Path, digest: str = "") 
             checked = check_capture(_read_folder(settings))
             for line in checked.warnings:
                 warnings.warn(line, CarigsWarning, stacklevel=2)
-            replace(checked, digest=digest).save(index)
+            replace(checked, digest=content_digest(checked)).save(index)
     if settings.source == "toy":
         _selected(settings, dataset, dataset / "head_model.npz").save(index)
 

@@ -10,6 +10,7 @@ import pytest
 from miniature import write_ball
 
 from carigs.capture import Capture, read_dataset
+from carigs.capture.content_digest import content_digest
 from carigs.capture.frame_index import read_ground_truth
 from carigs.capture.images import read_grey, read_rgb
 from carigs.errors import CarigsWarning
@@ -91,12 +92,12 @@ def test_the_index_and_the_truth_of_level_0(dataset, tmp_path, alpha):
     )
     files = {"index": tmp_path / "capture.json", "dataset": tmp_path / "dataset"}
     if alpha:
-        capture_stage(settings, **files, digest="abc")
+        capture_stage(settings, **files)
     else:
         with pytest.warns(CarigsWarning, match="frames have no matte"):
-            capture_stage(settings, **files, digest="abc")
+            capture_stage(settings, **files)
     subject = Capture.load(tmp_path / "capture.json")
-    assert subject.digest == "abc"
+    assert subject.digest == content_digest(subject)
     assert subject.split_rule == "EXP-2, validation camera 2; 9 of 12 frames (stride 2)"
     assert {frame.timestep for frame in subject.frames} == {0, 2, 3}
     truth(Truth(), capture=tmp_path / "capture.json", path=tmp_path / "unused.npz", level=0.0,
@@ -107,3 +108,20 @@ def test_the_index_and_the_truth_of_level_0(dataset, tmp_path, alpha):
         frame = subject.frame_at[key]
         np.testing.assert_array_equal(read_rgb(file), subject.image(frame))
         np.testing.assert_array_equal(read_grey(found.masks[key]), subject.foreground(frame))
+
+
+def test_the_digest_is_of_contents(dataset):
+    """Not of times; one pixel, one parameter and a missing frame change it."""
+    before = content_digest(read(dataset))
+    frame = read(dataset).frames[0]
+    (dataset / frame.image).touch()
+    assert content_digest(read(dataset)) == before
+    image = cv2.imread(str(dataset / frame.image), cv2.IMREAD_UNCHANGED)
+    image[0, 0, 0] ^= 1
+    cv2.imwrite(str(dataset / frame.image), image)
+    changed = content_digest(read(dataset))
+    assert changed != before
+    with np.load(dataset / frame.parameters) as arrays:
+        moved = {**arrays, "translation": arrays["translation"] + np.float32(1e-4)}
+    np.savez(dataset / frame.parameters, **moved)
+    assert content_digest(read(dataset)) not in (before, changed)

@@ -18,7 +18,7 @@ rule capture:
         mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
         code=fingerprint("carigs.stages.capture"),
-        digest=dataset_files,
+        watch=dataset_files,
     script:
         "../scripts/stage.py"
 
