@@ -9,11 +9,11 @@ Exit code: 0 if there are no errors, 1 if there are.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from carigs.capture import Capture, read_dataset
+from carigs.cli.parser import command_parser
 from carigs.errors import InputError, collecting
 from carigs.plausibility import resolve_cy
 from carigs.plausibility.check import Examination, examine_capture
@@ -142,9 +142,7 @@ def main(arguments: list[str]) -> int:
     Returns:
         Exit code.
     """
-    parser = argparse.ArgumentParser(
-        "carigs check", description=__doc__, epilog=EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_parser("check", __doc__, EXAMPLES)
     parser.add_argument("folder", type=Path, help="the dataset: the folder of transforms_train.json")
     parser.add_argument("--head-model", type=Path, required=True, metavar="FILE", help="its head model: .npz or .pkl")
     parser.add_argument("--sheet", type=Path, metavar="PNG", help="draw the mesh over some of the frames")

@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from carigs.cli.parser import command_parser
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration import GammaPath
 from carigs.readers.npz import read_npz
@@ -197,9 +198,7 @@ def main(arguments: list[str]) -> int:
         from carigs.cli.convert_capture import main as convert_capture
 
         return convert_capture(arguments)
-    parser = argparse.ArgumentParser(
-        "carigs convert", description=__doc__, epilog=EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_parser("convert", __doc__, EXAMPLES)
     known = sorted({name for formats in FLAVOURS.values() for names in formats.values() for name in names})
     parser.add_argument("input", type=Path, metavar="IN", help="an avatar, a path, surfels, or the folder of a capture")
     parser.add_argument("output", type=Path, metavar="OUT", help=".npz, .ply, .splat, .glb, .gltf or .obj")

@@ -5,7 +5,6 @@ The result is a dataset in the layout of GaussianAvatars, which studies read. Im
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 import warnings
@@ -16,6 +15,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from carigs.capture.dataset_writer import check_target, write_dataset
+from carigs.cli.parser import command_parser
 from carigs.errors import CarigsWarning
 from carigs.fitting.footage import read_footage
 from carigs.fitting.landmark_providers import find_landmarks
@@ -75,9 +75,7 @@ def main(arguments: list[str]) -> int:
     Returns:
         Exit code.
     """
-    parser = argparse.ArgumentParser(
-        "carigs fit", description=__doc__, epilog=EXAMPLES, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command_parser("fit", __doc__, EXAMPLES)
     parser.add_argument("folder", type=Path, help="transforms.json, or transforms_{train,val,test}.json, and images")
     parser.add_argument("--head-model", type=Path, required=True, metavar="FILE", help=".npz, or FLAME's .pkl")
     parser.add_argument(

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Iterable
 from pathlib import Path
 
+from carigs.cli.parser import command_parser
 from carigs.files import writing
 
 EXAMPLES = """examples:
@@ -23,12 +23,8 @@ def main(arguments: list[str]) -> int:
     Returns:
         Exit code.
     """
-    parser = argparse.ArgumentParser(
-        "carigs head",
-        description="Bring a head model in: download GNM Head, or convert the folder of ICT-FaceKit Light.",
-        epilog=EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+    description = "Bring a head model in: download GNM Head, or convert the folder of ICT-FaceKit Light."
+    parser = command_parser("head", description, EXAMPLES)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     fetch = commands.add_parser("fetch", help="download a model whose licence allows it (gnm: Apache-2.0)")
     fetch.add_argument("model", choices=("gnm",))

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import re
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -143,16 +142,10 @@ def _read_vhap(file: Path, model: HeadModel) -> dict[int, HeadParameters]:
     moving = [*PER_FRAME, *(["dynamic_offset"] if "dynamic_offset" in arrays else [])]
     if len(arrays[moving[-1]]) != count:
         raise InputError(f"{len(arrays[moving[-1]])} rows, expected {count}", file=file, field=moving[-1])
-    with tempfile.TemporaryDirectory() as folder:  # one frame has a reader already
-        frame = Path(folder) / file.name
-        parameters = {}
-        for i, t in enumerate(_timesteps(arrays, count, file)):
-            np.savez(frame, **shared, **{key: arrays[key][i : i + 1] for key in moving})
-            try:
-                parameters[t] = HeadParameters.load(frame, model)
-            except InputError as error:
-                raise InputError(error.problem, file=file, field=error.field) from error
-    return parameters
+    return {
+        t: HeadParameters.from_arrays({**shared, **{key: arrays[key][i : i + 1] for key in moving}}, model, file)
+        for i, t in enumerate(_timesteps(arrays, count, file))
+    }
 
 
 def _timesteps(arrays: Mapping[str, np.ndarray], count: int, file: Path) -> list[int]:
