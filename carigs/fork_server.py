@@ -169,9 +169,7 @@ def _run_forked(job: dict[str, Any], streams: list[int], modules: int) -> None:
         kernels = os.environ.get("NUMBA_CACHE_DIR")
         os.environ.clear()
         os.environ.update(job["environment"])
-        if (
-            kernels
-        ):  # of `carigs.simd`; Numba reads it at each compilation, and without it would load kernels of other sources
+        if kernels:  # Numba reads the variable again at each compilation: without it, kernels of other sources are used
             os.environ["NUMBA_CACHE_DIR"] = kernels
         name_run_process(os.getppid())
         end_with_run_process()

@@ -99,6 +99,8 @@ def kernel_lock(name: str) -> Iterator[None]:
     """
     import numba
 
+    if not numba.config.CACHE_DIR:  # the environment was replaced after `use_kernel_cache`; Numba reads it again
+        use_kernel_cache()
     folder = Path(numba.config.CACHE_DIR)
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -94,6 +94,16 @@ def test_the_user_may_choose_the_folder(tmp_path):
     assert folder_of(root, NUMBA_CACHE_DIR=str(folder)) == folder  # a child process inherits the variable
 
 
+def test_locks_lie_in_the_cache_after_the_environment_was_replaced(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "")
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    with kernel_cache.kernel_lock("some kernel"):
+        assert not list(tmp_path.iterdir())
+    assert Path(numba.config.CACHE_DIR).name.startswith("kernels-")
+
+
 def test_one_line_says_that_kernels_will_be_compiled_unless_they_are_there(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
     announce_compilation()
