@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1]
 
 PERMISSIVE = {
     "0BSD", "Apache-2.0", "Apache-2.0 WITH LLVM-exception", "BSD-2-Clause", "BSD-3-Clause", "CC0-1.0", "CNRI-Python",
-    "HPND", "MIT", "MIT-CMU", "PSF-2.0", "Zlib",
+    "HPND", "ISC", "MIT", "MIT-CMU", "PSF-2.0", "Zlib",
 }  # fmt: skip
 ALLOWED = PERMISSIVE | {"MPL-2.0", "LicenseRef-NVIDIA-Proprietary"}
 """MPL-2.0 asks for the source of its own files alone. NVIDIA's libraries are what the Linux builds of torch load; their
@@ -22,6 +22,7 @@ licence allows use and redistribution with an application."""
 
 TEXTS = {
     "apache 2.0": "Apache-2.0",
+    "apache 2.0 license": "Apache-2.0",
     "apache license": "Apache-2.0",
     "apache license, version 2.0": "Apache-2.0",
     "apache software license": "Apache-2.0",
@@ -31,6 +32,7 @@ TEXTS = {
     "bsd license": "BSD-3-Clause",
     "gnu general public license": "GPL-3.0-or-later",
     "gnu general public license v3 or later (gplv3+)": "GPL-3.0-or-later",
+    "isc license": "ISC",
     "mit license": "MIT",
     "the mit license (mit)": "MIT",
     "mozilla public license 2.0 (mpl 2.0)": "MPL-2.0",

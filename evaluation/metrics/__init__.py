@@ -1,5 +1,6 @@
 """Metrics on images and on embeddings of images.
 
+- `catalogue`: names, directions and sources of all metrics
 - `image_quality`: PSNR and SSIM
 - `regions`: image regions of a head
 - `against_truth`: PSNR and SSIM of rendered frames by region

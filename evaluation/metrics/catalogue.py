@@ -1,0 +1,35 @@
+"""Every metric by its name in the records: how tables title it, which values are better, and where it comes from."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+
+class Metric(NamedTuple):
+    """What a reader of a table must know of a metric.
+
+    Attributes:
+        title: Heading of its column.
+        better: Which values are better; `neither` if a value cannot be ranked without another one.
+        digits: Digits after the decimal point in tables.
+        unit: Unit of the values; empty for pure numbers.
+        source: Definition or publication.
+    """
+
+    title: str
+    better: Literal["higher", "lower", "neither"]
+    digits: int
+    unit: str
+    source: str
+
+
+CATALOGUE = {
+    "psnr": Metric("PSNR", "higher", 2, "dB", "-10 log10(mean squared error), mean over frames"),
+    "ssim": Metric("SSIM", "higher", 4, "", "Wang et al. 2004, window 11 x 11, zero-padded"),
+    "clip_i_cos": Metric("CLIP-I", "higher", 4, "", "cosine of frame and edit prompt"),
+    "clip_i_score_w2.5": Metric("CLIP-I (2.5 x)", "higher", 4, "", "CLIPScore, Hessel et al. 2021"),
+    "clip_d": Metric("CLIP-D", "higher", 4, "", "directional similarity, Gal et al. 2021"),
+    "clip_c_adjacent": Metric("CLIP-C", "higher", 4, "", "cosine of adjacent frames of the orbit"),
+    "dino_vitb8_cls": Metric("DINO", "neither", 4, "", "Caron et al. 2021, ViT-B/8, class token, against the frame"),
+}
+"""In the order of the tables. DINO against the unedited frame is 1 for an avatar that does nothing."""
