@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 from carigs.config import compose, compose_study, left_out_levels, rendered_levels, settings_text
@@ -11,11 +12,9 @@ from carigs.errors import SettingsError
 from carigs.files import clean_results
 from carigs.job_lock import remove_free_locks
 from carigs.job_record import is_from_future, is_stale, mark_current, mark_stale, set_modification_times
-from carigs.settings import STAGES
+from carigs.outside_files import files_digest
+from carigs.settings import STAGES, USEFUL_LEVEL
 from carigs.sources import fingerprint
-
-USEFUL_GAMMA = 1.0
-"""Above it a fifth of the faces turn over (docs/exaggeration.md)."""
 
 
 def prepare_results(folder: Path, overrides: Sequence[str]) -> None:
@@ -38,7 +37,9 @@ def prepare_results(folder: Path, overrides: Sequence[str]) -> None:
     clean_results(folder)
     remove_free_locks(folder / "log")
     code = {stage: fingerprint(f"carigs.stages.{stage}") for stage in STAGES}
-    for (stage, reason), count in set_modification_times(folder / "log", text, lambda stage: code[stage]).items():
+    outside = cache(files_digest)
+    stale = set_modification_times(folder / "log", text, lambda stage: code[stage], outside)
+    for (stage, reason), count in stale.items():
         results = "1 result was" if count == 1 else f"{count} results were"
         print(f"carigs: {folder}: {stage}: {results} {reason}; needed again, made again", file=sys.stderr)
     for stage in STAGES:
@@ -59,14 +60,18 @@ def settings_warnings(overrides: Sequence[str]) -> list[str]:
         overrides: Hydra overrides of the run.
 
     Returns:
-        One line each for a gamma beyond `USEFUL_GAMMA`, for levels above gamma, and for each subject whose dataset or
-        true caricatures are not where they should be.
+        One line each for gamma and levels of regions beyond `USEFUL_LEVEL`, for a path to another level than gamma, for
+        levels above gamma, and for each subject whose dataset or true caricatures are not where they should be.
     """
     config, lines = compose_study(*overrides), []
-    if config.gamma > USEFUL_GAMMA:
-        lines.append(
-            f"gamma={config.gamma:g}: above {USEFUL_GAMMA:g} the surface is torn; about 0.5 is the most that is useful"
-        )
+    regions = {f"exaggerate.regions.{name}": level for name, level in config.exaggerate.regions.items()}
+    for name, level in {"gamma": config.gamma, **regions}.items():
+        if abs(level) > USEFUL_LEVEL:
+            torn = f"outside [-{USEFUL_LEVEL:g}, {USEFUL_LEVEL:g}] the surface is torn"
+            lines.append(f"{name}={level:g}: {torn}; about 0.5 is the most that is useful")
+    if config.exaggerate.gamma != config.gamma:
+        rendered = f"levels up to gamma={config.gamma:g} are rendered; set gamma alone"
+        lines.append(f"exaggerate.gamma={config.exaggerate.gamma:g}: {rendered}")
     if levels := left_out_levels(config):
         lines.append(f"study.levels: {', '.join(levels)} left out; gamma={config.gamma:g} is the highest level")
     shown = rendered_levels(config)[1:]
