@@ -13,11 +13,11 @@ def test_jobs_have_a_line_and_errors_stay(capsys, tmp_path):
     logger, terminal = logging.Logger("test", logging.INFO), io.StringIO()
     logger.addHandler(logging.StreamHandler(terminal))
     logger.addHandler(logging.FileHandler(tmp_path / "all.log", delay=False))
-    show_job_lines(logger, jobs=3)
+    show_job_lines(logger, 3, ("settings",))
     logger.info("Select jobs to execute...")
-    logger.info("started", extra={"event": "job_info", "local": True, "rule_name": "settings", "output": ["a.yaml"]})
+    logger.info("started", extra={"event": "job_info", "rule_name": "settings", "output": ["a.yaml"]})
     logger.info(None, extra={"event": "progress", "done": 1, "total": 3})
-    logger.info("started", extra={"event": "job_info", "local": False, "rule_name": "train", "output": ["a.npz", "b"]})
+    logger.info("started", extra={"event": "job_info", "rule_name": "train", "output": ["a.npz", "b"]})
     logger.error("Error in rule train")
     assert capsys.readouterr().err.splitlines() == ["[1 of 3 done] train: a.npz"]
     assert terminal.getvalue().splitlines() == ["Error in rule train"]

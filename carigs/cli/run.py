@@ -20,6 +20,7 @@ EXAMPLES = """examples:
   carigs run study=ict train.iterations=2000 --cores 4
   carigs run study=mine --dry-run                       what would be made; conf/study/mine.yaml is your own file
   carigs run -- --keep-going                            options of Snakemake after --
+  carigs run -- --verbose                               with all that Snakemake says
 """
 
 

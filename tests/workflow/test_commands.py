@@ -119,7 +119,7 @@ def test_a_job_is_tried_again_with_twice_the_memory(stubbed, tmp_path):
     shutil.copytree(stubbed.root, project.root, symlinks=True)
     (project.root / "fail_once").mkdir()
     hydra = "study.subjects=[toy] study.variants=[alternating] study.levels=[]"
-    done = project.snakemake("--cores", "2", "--retries", "1", "reproduce table", hydra=hydra)
+    done = project.snakemake("--cores", "2", "--retries", "1", "--verbose", "reproduce table", hydra=hydra)
     assert done.returncode == 0, done.stdout + done.stderr
     started = r"^(?:local)?rule (\w+):\n(?: +.*\n)*? +resources: .*\bmem_mb=(\d+)"
     requests: dict[str, set[int]] = {}
@@ -183,6 +183,24 @@ def test_a_killed_run_goes_on_where_it_was(stubbed, tmp_path):
     project.make("table", hydra=hydra)
     assert (project.root / "results/toy/table/gamma=0.25.csv").is_file()
     assert (project.root / "results/toy/toy/capture.json").stat().st_mtime_ns == dataset
+
+
+@pytest.mark.slow
+def test_a_run_prints_a_line_per_job_and_where_the_results_are(finished):
+    (finished.root / "results/toy/toy/gamma=0.25/surfhead/avatar.npz").unlink()
+    jobs = finished.planned(*TARGETS)
+    done = finished.command("carigs", "run", "--cores", "1")
+    assert done.returncode == 0, done.stdout + done.stderr
+    lines = [line for line in done.stderr.splitlines() if line.startswith("[")]
+    total = sum(jobs.values()) + len(TARGETS)
+    assert lines[0] == f"[0 of {total} done] train: results/toy/toy/gamma=0.25/surfhead/avatar.npz"
+    assert [int(re.match(rf"\[(\d+) of {total} done\] \w+: results/", line)[1]) for line in lines] == [
+        *range(len(lines))
+    ]
+    assert len(lines) == sum(jobs.values())
+    assert "jobid" not in done.stderr
+    assert done.stderr.splitlines()[-2:] == ["carigs: results/toy/table/gamma=0.25.md", "carigs: results/toy/figures"]
+    assert "resources: " in max((finished.root / ".snakemake/log").iterdir()).read_text()
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
+from snakemake.settings.enums import Quietness
 
 from carigs.config import (
     compose,
@@ -164,10 +165,10 @@ def print_results():
 
 
 def show_progress(workflow):
-    """Print a line per job instead of Snakemake's ten, unless its options of output ask for those."""
+    """Print a line per job instead of Snakemake's ten, unless an option of its output is given."""
     output = workflow.output_settings
-    if not (output.verbose or output.quiet or output.printshellcmds):
-        show_job_lines(logger, len(workflow.dag))
+    if not (output.verbose or output.printshellcmds or set(output.quiet) - {Quietness.HOST}):
+        show_job_lines(logger, len(workflow.dag), workflow._localrules)
 
 
 def announce_duration(workflow):
