@@ -28,7 +28,7 @@ _FOLDER = re.compile(rb'"((?:[^"\\\n]{1,4000}/)?)[^"/\\\n]{1,300}\.(?:png|jpe?g|
 """Paths of images and parameters in an index, with their folder as group."""
 
 
-def outside_files(stage: str, settings: Any, level: float | None = None) -> list[Path]:
+def outside_files(stage: str, settings: Any, level: float | None = None) -> dict[str, Path]:
     """The files and folders that the settings of a stage name: values of the fields with the option `is_path`.
 
     Args:
@@ -37,10 +37,10 @@ def outside_files(stage: str, settings: Any, level: float | None = None) -> list
         level: Exaggeration level of the job, for `{level}` in a name; `{gamma}` is a field of the section.
 
     Returns:
-        Those that the settings use; they need not exist.
+        Those that the settings use, by key; they need not exist.
     """
     values = {"{gamma}": getattr(settings, "gamma", None), "{level}": level}
-    named = []
+    named = {}
     for f in fields(STAGES[stage]):
         allowed, name = option_of(f), getattr(settings, f.name)
         if not (allowed.is_path and name):
@@ -49,7 +49,7 @@ def outside_files(stage: str, settings: Any, level: float | None = None) -> list
             continue
         for placeholder, value in values.items():
             name = name if value is None else name.replace(placeholder, f"{value:g}")
-        named.append(Path(name))
+        named[f"{stage}.{f.name}"] = Path(name)
     return named
 
 

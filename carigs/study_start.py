@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from functools import cache
+from itertools import product
 from pathlib import Path
 
 from carigs.config import compose, compose_study, left_out_levels, rendered_levels, settings_text
@@ -12,7 +13,7 @@ from carigs.errors import SettingsError
 from carigs.files import clean_results
 from carigs.job_lock import remove_free_locks
 from carigs.job_record import is_from_future, is_stale, mark_current, mark_stale, set_modification_times
-from carigs.outside_files import files_digest
+from carigs.outside_files import files_digest, outside_files
 from carigs.settings import STAGES, USEFUL_LEVEL
 from carigs.sources import fingerprint
 
@@ -61,7 +62,7 @@ def settings_warnings(overrides: Sequence[str]) -> list[str]:
 
     Returns:
         One line each for gamma and levels of regions beyond `USEFUL_LEVEL`, for a path to another level than gamma, for
-        levels above gamma, and for each subject whose dataset or true caricatures are not where they should be.
+        levels above gamma, and for each file of a subject that is not where it should be.
     """
     config, lines = compose_study(*overrides), []
     regions = {f"exaggerate.regions.{name}": level for name, level in config.exaggerate.regions.items()}
@@ -75,12 +76,18 @@ def settings_warnings(overrides: Sequence[str]) -> list[str]:
     if levels := left_out_levels(config):
         lines.append(f"study.levels: {', '.join(levels)} left out; gamma={config.gamma:g} is the highest level")
     shown = rendered_levels(config)[1:]
+    missing: dict[tuple[str, Path], list[str]] = {}
+    for subject, variant in product(config.study.subjects, config.study.variants):
+        settings = compose(*overrides, f"subject={subject}", f"variant={variant}")
+        for stage in ("capture", "exaggerate", "gtstar", "train"):
+            for key, path in outside_files(stage, settings[stage]).items():
+                if not path.exists():
+                    missing.setdefault((key, path), []).append(subject)
+    for (key, path), subjects in missing.items():
+        lines.append(f"{key}: there is no {path}; {', '.join(dict.fromkeys(subjects))} cannot be made")
     for subject in config.study.subjects:
-        settings = compose(*overrides, f"subject={subject}")
-        capture, truth = settings.capture, settings.truth.folder
-        if capture.source == "folder" and not Path(capture.folder).is_dir():
-            lines.append(f"capture.folder: no folder {capture.folder}; {subject} cannot be made")
+        truth = compose(*overrides, f"subject={subject}").truth.folder
         if truth and not any(Path(truth.replace("{level}", level)).is_dir() for level in shown):
-            missing = truth.replace("{level}", shown[-1])
-            lines.append(f"truth.folder: no folder {missing}; {subject} is compared with no true caricature")
+            folder = truth.replace("{level}", shown[-1])
+            lines.append(f"truth.folder: no folder {folder}; {subject} is compared with no true caricature")
     return lines

@@ -117,4 +117,4 @@ def test_every_setting_that_names_a_file_is_marked():
 )
 def test_the_files_of_a_stage_are_those_that_its_settings_use(stage, overrides, expected):
     section = compose(*overrides)[stage]
-    assert [str(path) for path in outside_files(stage, section, 0.25)] == expected
+    assert [str(path) for path in outside_files(stage, section, 0.25).values()] == expected

@@ -105,7 +105,9 @@ def outside(stage, *names):
 
     def digests(wildcards):
         at = level(wildcards) if "level" in wildcards.keys() else None
-        return {str(path): digest(path) for path in outside_files(stage, section(stage, wildcards, *names), at)}
+        return {
+            str(path): digest(path) for path in outside_files(stage, section(stage, wildcards, *names), at).values()
+        }
 
     return digests
 
