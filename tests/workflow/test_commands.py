@@ -280,3 +280,5 @@ def test_an_override_reaches_snakemake_as_it_was_typed(stubbed, override):
 def test_a_study_runs_with_any_number_of_overrides(stubbed, overrides):
     done = stubbed.command("carigs", "run", "--dry-run", *overrides)
     assert done.returncode == 0, done.stdout + done.stderr
+    assert re.search(r"^train +4$", done.stdout, re.MULTILINE)
+    assert "jobid" not in done.stdout  # no description of each job
