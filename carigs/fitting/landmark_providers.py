@@ -37,7 +37,7 @@ class MediapipeDetector:
         task: MediaPipe's model file, `face_landmarker.task`.
 
     Raises:
-        InputError: If MediaPipe is not installed, or the file is missing.
+        InputError: If MediaPipe is not installed, or the file is missing or none of MediaPipe's.
     """
 
     def __init__(self, task: Path) -> None:
@@ -49,7 +49,12 @@ class MediapipeDetector:
 
         vision = mediapipe.tasks.vision
         base = mediapipe.tasks.BaseOptions(model_asset_path=str(task))
-        self.landmarker = vision.FaceLandmarker.create_from_options(vision.FaceLandmarkerOptions(base_options=base))
+        options = vision.FaceLandmarkerOptions(base_options=base)
+        try:
+            self.landmarker = vision.FaceLandmarker.create_from_options(options)
+        except (RuntimeError, ValueError) as error:  # how MediaPipe reports a file that is not one of its own
+            problem = " ".join(str(error).split())[:200]
+            raise InputError(f"not a task file of MediaPipe's face landmarks ({problem})", file=task) from error
         self.make_image = lambda pixels: mediapipe.Image(image_format=mediapipe.ImageFormat.SRGB, data=pixels)
 
     def detect(self, image: UInt8[np.ndarray, "h w 3"]) -> Float[np.ndarray, "p 3"] | None:

@@ -46,7 +46,8 @@ def read_cameras(path: Path, metres_per_unit: float = 1.0) -> dict[str, Camera]:
 def _read_colmap(folder: Path) -> dict[str, Camera]:
     cameras: dict[str, Camera] = {}
     for image in read_colmap(folder):
-        name = PurePosixPath(image.name).with_suffix("").as_posix()
+        path = PurePosixPath(image.name)
+        name = path.with_suffix("").as_posix() if path.name else image.name
         if name in cameras:
             raise InputError("two images have this name", file=folder, field=name)
         cameras[name] = Camera(_pose(image, folder), *image.camera)
