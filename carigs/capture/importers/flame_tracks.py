@@ -127,7 +127,8 @@ def rotation_vector_of_rows(rows: Float[np.ndarray, "6"]) -> Float[np.ndarray, "
 
 
 def _unit(row: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
-    length = np.linalg.norm(row)
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(row)
     if not SHORTEST < length < np.inf:
         raise ValueError("no rotation: a row is 0, or both are parallel")
     return row / length
