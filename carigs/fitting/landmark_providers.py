@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 from pathlib import Path
 from typing import Protocol
 
@@ -105,7 +106,7 @@ def find_landmarks(source: Path, capture: Capture) -> Landmarks:
 
 def _files(folder: Path, capture: Capture) -> dict[tuple[int, int], Path]:
     files = {key: folder / f"{frame.name}.npz" for key, frame in capture.frame_at.items()}
-    return {key: file for key, file in files.items() if file.exists()}
+    return {key: file for key, file in files.items() if os.path.lexists(file)}  # a broken link is an error
 
 
 def _read_one(file: Path) -> Float[np.ndarray, "p 3"]:

@@ -28,8 +28,8 @@ PNG_CHANNELS = {0: 1, 2: 3, 3: 3, 4: 2, 6: 4}
 """Of the decoded picture, by PNG's colour type; a palette holds three."""
 END_BYTES = 1 << 12
 """Where the end mark is searched for: some programs append data to images."""
-MAX_METADATA_BYTES = 16 << 20
-"""Of a JPEG before its size."""
+MAX_METADATA_BYTES, MAX_SEGMENTS = 16 << 20, 10_000
+"""Of a JPEG before its size, and segments that they make."""
 MAX_SCANS = 100
 """Of a JPEG: a progressive one has about ten. Each of them, however short, is a pass over all pixels."""
 _START_OF_SCAN = b"\xff\xda"
@@ -120,7 +120,10 @@ def _size(content: bytes, file: str | Path) -> tuple[int, int]:
         return int.from_bytes(content[16:20], "big"), int.from_bytes(content[20:24], "big")
     if content.startswith(JPEG_SIGNATURE):
         position = 2
-        while segment := _SEGMENT.match(content, position, MAX_METADATA_BYTES):
+        for _ in range(MAX_SEGMENTS):
+            segment = _SEGMENT.match(content, position, MAX_METADATA_BYTES)
+            if segment is None:
+                break
             marker, length, height, width = (int.from_bytes(number or b"", "big") for number in segment.groups())
             if marker in _FRAME_HEADERS:
                 return width, height

@@ -72,6 +72,7 @@ REFUSED: dict[str, tuple[Callable, bytes | Callable[[], bytes], str]] = {
     "segments without a length": (
         read_header, JPEG[:2] + 1_000_000 * b"\xff\xe0\0\0" + JPEG[2:], "the JPEG header is cut off",
     ),
+    "10^6 segments": (read_header, JPEG[:2] + 1_000_000 * b"\xff\xe0\0\2" + JPEG[2:], "the JPEG header is cut off"),
     "metadata without an end": (
         read_header, JPEG[:2] + 300 * (b"\xff\xe0\xff\xff" + bytes(65_533)) + JPEG[2:], "JPEG header is cut off",
     ),

@@ -6,6 +6,7 @@ and a 4 x 4 rigid transform to OpenCV axes (x right, y down, z forward).
 
 from __future__ import annotations
 
+import math
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -57,7 +58,7 @@ def _read_colmap(folder: Path) -> dict[str, Camera]:
 def _pose(image: ColmapImage, folder: Path) -> np.ndarray:
     """4 x 4 camera_from_world of a quaternion and a translation."""
     w, x, y, z = quaternion = np.array(image.quaternion)
-    norm = np.linalg.norm(quaternion)
+    norm = math.hypot(*quaternion)  # overflows without a warning
     if not 0.9 < norm < 1.1:
         raise InputError(f"a quaternion of length {norm:g} is no rotation", file=folder, field=image.name)
     w, x, y, z = quaternion / norm

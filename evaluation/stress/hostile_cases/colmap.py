@@ -45,7 +45,10 @@ def _wrong_texts(cameras: bytes, images: bytes) -> Iterator[Case]:
     changes |= {f"width {size[:9]}": [number, model, size, height, *numbers] for size in sizes}
     values = ("0", "-60", "nan", "inf", "1e400", "1e-300", "x", "0x10")
     changes |= {f"focal length {f}": [number, model, width, height, f, *numbers[1:]] for f in values}
-    changes |= {f"cx {c}": [number, model, width, height, *numbers[:2], c, numbers[3]] for c in (*values[2:], "-1")}
+    changes |= {
+        f"cx {c}": [number, model, width, height, *numbers[:2], c, numbers[3]]
+        for c in ("nan", "inf", "1e400", "x", "0x10", "-1")
+    }
     for name, words in changes.items():
         content = "\n".join([comment, count, " ".join(words), *others, ""]).encode()
         yield Case(name, "cameras.txt", content, must_fail=True)
