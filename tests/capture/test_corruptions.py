@@ -118,8 +118,6 @@ CORRUPTIONS: dict[str, tuple[Callable[[Place], object], str]] = {
     "image in no folder beside": (partial(put, file_path="../other/a.png"), r"other/a\.png: no such image"),
     "image with a NUL": (partial(put, file_path="images/\0.png"), r"images/\\x00\.png: cannot be read"),
     "matte with a line break": (partial(put, fg_mask_path="a\nb.png"), r"a\\nb\.png: no such image"),
-    "parameters in no folder beside": (partial(put, flame_param_path="../other/p.npz"),
-                                       r"other/p\.npz: no such head parameter file"),
     "empty image path": (partial(put, file_path=""), rf"{WHERE}\.file_path: .*no path inside"),
     "matte path far outside": (partial(put, fg_mask_path="a/../../../b.png"), rf"{WHERE}\.fg_mask_path: .*no path"),
     "matte path as list": (partial(put, fg_mask_path=[]), rf"{WHERE}\.fg_mask_path: expected a string"),
