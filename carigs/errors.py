@@ -9,6 +9,19 @@ from contextlib import contextmanager
 from pathlib import Path
 
 
+def printable(text: str) -> str:
+    """Make a text that may quote names from a file one line that a terminal shows as it is.
+
+    Args:
+        text: The text.
+
+    Returns:
+        The text with escapes for characters that are not printable, such as line breaks and the control characters of
+        terminals.
+    """
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 class CarigsError(Exception):
     """Base class of the errors caused by inputs or settings; printed as one line without a traceback."""
 
@@ -21,11 +34,19 @@ class CarigsError(Exception):
         """
         if len(message) > 2000:
             message = f"{message[:1000]} ... {message[-1000:]}"
-        super().__init__("".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in message))
+        super().__init__(printable(message))
 
 
 class CarigsWarning(UserWarning):
     """Something likely to be wrong, or left out: the work goes on, and the run repeats the line at its end."""
+
+    def __init__(self, message: str) -> None:
+        """Keep the message in one line.
+
+        Args:
+            message: The message, as of `CarigsError`.
+        """
+        super().__init__(printable(message))
 
 
 class InputError(CarigsError):

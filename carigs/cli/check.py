@@ -14,7 +14,7 @@ from pathlib import Path
 
 from carigs.capture import Capture, read_dataset
 from carigs.cli.parser import command_parser
-from carigs.errors import InputError, collecting
+from carigs.errors import InputError, collecting, printable
 from carigs.plausibility import resolve_cy
 from carigs.plausibility.check import Examination, examine_capture
 from carigs.plausibility.diagnosis.principal_point_shift import principal_point_shift
@@ -98,8 +98,8 @@ def report(faults: Sequence[Fault], heading: str) -> Iterator[str]:
     count = sum(max(len(fault.places), 1) for fault in faults)
     yield f"{heading}: {count or 'none'}"
     for problem, places, remedy in faults:
-        yield f"  {problem}" + (f" ({len(places)} times)" if len(places) > 1 else "")
-        yield from (f"    {place}" for place in places[:SHOWN])
+        yield printable(f"  {problem}" + (f" ({len(places)} times)" if len(places) > 1 else ""))
+        yield from (printable(f"    {place}") for place in places[:SHOWN])
         if len(places) > SHOWN:
             yield f"    ... and {len(places) - SHOWN} more"
         if remedy:

@@ -19,6 +19,9 @@ from carigs.readers.arrays import checked_array
 from carigs.readers.json_files import parse_json
 from carigs.readers.npz import read_npz
 
+MAX_NODES = 100
+"""Of a path in a file: the time for its weights grows with the square of their number."""
+
 
 def lobatto_levels(count: int, gamma_f: float) -> Float[np.ndarray, " k"]:
     """Chebyshev-Lobatto nodes between 0 and gamma_f: gamma_f (1 - cos(pi k / (count - 1))) / 2.
@@ -232,7 +235,8 @@ class GammaPath:
             return array if dtype is None else checked_array(arrays, f"{prefix}{name}", shape, dtype, file=file)
 
         neutral, levels = take("neutral", None, 3, dtype=np.float64), take("levels", None, dtype=np.float64)
-        refuse(len(levels) < 2, "levels", f"shape {levels.shape}, expected two or more levels")
+        possible = 2 <= len(levels) <= MAX_NODES
+        refuse(not possible, "levels", f"shape {levels.shape}, expected 2 to {MAX_NODES} levels")
         displacements = take("displacements", len(levels), *neutral.shape, dtype=np.float32)
         refuse(faces.dtype.kind not in "iu", "faces", f"holds {faces.dtype}, expected integers")
         outside = faces.size > 0 and (faces.min() < 0 or faces.max() >= len(neutral))

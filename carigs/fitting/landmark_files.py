@@ -83,7 +83,7 @@ def read_landmarks(file: Path) -> Landmarks:
     """
     arrays = read_npz(file, "landmark file", ["landmarks", "timesteps", "cameras"])
     values = np.asarray(arrays["landmarks"])
-    if values.dtype.kind == "f":  # NaN and infinity mark what was not found
+    if values.dtype.kind == "f" and values.ndim > 0:  # NaN and infinity mark what was not found
         arrays["landmarks"] = np.where(np.isfinite(values).all(axis=-1, keepdims=True), values, 0)
     values = checked_array(arrays, "landmarks", (None, None, None, 3), np.float64, file=file)
     if (values[..., 2] < 0).any() or (values[..., 2] > 1).any():

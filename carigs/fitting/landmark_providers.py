@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 from pathlib import Path
 from typing import Protocol
 
@@ -37,7 +38,7 @@ class MediapipeDetector:
         task: MediaPipe's model file, `face_landmarker.task`.
 
     Raises:
-        InputError: If MediaPipe is not installed, or the file is missing.
+        InputError: If MediaPipe is not installed, or the file is missing or none of MediaPipe's.
     """
 
     def __init__(self, task: Path) -> None:
@@ -49,7 +50,12 @@ class MediapipeDetector:
 
         vision = mediapipe.tasks.vision
         base = mediapipe.tasks.BaseOptions(model_asset_path=str(task))
-        self.landmarker = vision.FaceLandmarker.create_from_options(vision.FaceLandmarkerOptions(base_options=base))
+        options = vision.FaceLandmarkerOptions(base_options=base)
+        try:
+            self.landmarker = vision.FaceLandmarker.create_from_options(options)
+        except (RuntimeError, ValueError) as error:  # how MediaPipe reports a file that is not one of its own
+            problem = " ".join(str(error).split())[:200]
+            raise InputError(f"not a task file of MediaPipe's face landmarks ({problem})", file=task) from error
         self.make_image = lambda pixels: mediapipe.Image(image_format=mediapipe.ImageFormat.SRGB, data=pixels)
 
     def detect(self, image: UInt8[np.ndarray, "h w 3"]) -> Float[np.ndarray, "p 3"] | None:
@@ -100,7 +106,7 @@ def find_landmarks(source: Path, capture: Capture) -> Landmarks:
 
 def _files(folder: Path, capture: Capture) -> dict[tuple[int, int], Path]:
     files = {key: folder / f"{frame.name}.npz" for key, frame in capture.frame_at.items()}
-    return {key: file for key, file in files.items() if file.exists()}
+    return {key: file for key, file in files.items() if os.path.lexists(file)}  # a broken link is an error
 
 
 def _read_one(file: Path) -> Float[np.ndarray, "p 3"]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import http.client
+import re
 import urllib.error
 import urllib.request
 from pathlib import Path
@@ -11,12 +12,15 @@ from pathlib import Path
 from carigs.errors import InputError
 from carigs.files import writing
 from carigs.head.model import HeadModel
+from carigs.readers.limits import read_bytes
 
 GNM_URL = "https://huggingface.co/google/gnm-v3/resolve/main/v3_0/gnm_head.npz"
 """GNM Head v3 (google/GNM, Apache-2.0)."""
 MAX_DOWNLOAD_BYTES = 256 << 20
 TIMEOUT_SECONDS = 60
 BLOCK = 1 << 20
+MAX_DIGEST_BYTES = 1 << 12
+DIGEST = re.compile(rb"([0-9a-fA-F]{64})\b")
 
 
 def fetch_head(url: str, file: Path) -> str:
@@ -31,13 +35,13 @@ def fetch_head(url: str, file: Path) -> str:
 
     Raises:
         InputError: If it cannot be downloaded, is too large or no head model, or has another checksum than the one that
-            is kept. Nothing is replaced then.
+            is kept, or this one cannot be read. Nothing is replaced then.
     """
     file = Path(file)
     kept = file.with_name(f"{file.name}.sha256")
     with writing(file) as part:
         digest = _download(url, part)
-        if kept.is_file() and (known := kept.read_text().split(" ")[0].strip()) != digest:
+        if kept.exists() and (known := _kept_digest(kept)) != digest:
             problem = f"has the sha256 {digest}, not {known} as before; remove {kept} if this is wanted"
             raise InputError(problem, file=url)
         try:
@@ -47,6 +51,13 @@ def fetch_head(url: str, file: Path) -> str:
     with writing(kept) as part:
         part.write_text(f"{digest}  {file.name}\n")
     return digest
+
+
+def _kept_digest(file: Path) -> str:
+    found = DIGEST.match(read_bytes(file, MAX_DIGEST_BYTES, "checksum"))
+    if found is None:
+        raise InputError("holds no sha256; remove the file if the model may be another one", file=file)
+    return found[1].decode().lower()
 
 
 def _download(url: str, file: Path) -> str:

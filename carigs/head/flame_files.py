@@ -47,7 +47,7 @@ def read_flame(file: Path) -> dict[str, Any]:
         regions = _uv_regions(folder / UV_MASKS, folder / UV_MESH)
     else:
         regions = {}
-    arrays |= {f"mask_{name}": np.asarray(ids) for name, ids in regions.items()}
+    arrays |= {f"mask_{name}": ids for name, ids in regions.items()}
     embedding = next((folder / name for name in LANDMARKS if (folder / name).is_file()), None)
     if embedding is not None and "f" in arrays:
         faces = checked_array(arrays, "f", (None, 3), np.int64, file=file)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from carigs.errors import InputError
 from carigs.head.region_geometry import FacialPoints, geometric_regions
 from carigs.readers.arrays import checked_array
 
@@ -75,6 +76,8 @@ def gnm_arrays(arrays: Mapping[str, Any], file: Path) -> dict[str, np.ndarray]:
     template = take("template_vertex_positions", None, 3)
     joints = take("template_joint_positions", None, 3)
     v, j = len(template), len(joints)
+    if v == 0:  # the sizes of the other arrays would mean nothing
+        raise InputError("holds no vertices", file=file, field="template_vertex_positions")
     identity = take("vertex_identity_basis", None, v, 3)
     joint_identity = take("joint_identity_basis", len(identity), j, 3)
     expression = take("expression_basis", None, v, 3)

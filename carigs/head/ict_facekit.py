@@ -51,8 +51,9 @@ def read_ict_facekit(folder: Path, track: Callable[[Iterable[Path]], Iterable[Pa
     index = folder / "vertex_indices.json"
     content = read_json(index, dict)
     names = json_field(content, "expressions", list, file=index)
-    if "jawOpen" not in names or not all(isinstance(name, str) and name.isidentifier() for name in names):
-        raise InputError("expected names, among them jawOpen", file=index, field="expressions")
+    are_names = all(isinstance(name, str) and name.isidentifier() for name in names)
+    if not are_names or "jawOpen" not in names or len(set(names)) < len(names):  # each stands for a file
+        raise InputError("expected names, among them jawOpen, each once", file=index, field="expressions")
     kept = np.concatenate([np.arange(*part) for part in PARTS.values()])
     new_ids = np.full(VERTICES, -1)
     new_ids[kept] = np.arange(len(kept))

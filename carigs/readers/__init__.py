@@ -11,6 +11,7 @@ code of the file, and raises `InputError` with the file and the field for whatev
 - `images`: PNG and JPEG
 - `ply`: the vertices of .ply files
 - `obj`: the vertices and faces of .obj files
+- `glb`: the triangles of .glb files
 - `meshes`: OBJ, PLY, STL, OFF and GLB
 - `colmap`: COLMAP's sparse models
 - `weights`: network weights in .safetensors and PyTorch's files

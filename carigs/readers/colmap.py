@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import struct
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +18,8 @@ MODELS = (
 )  # fmt: skip
 """Camera models in the order of their numbers in binary files."""
 PINHOLE_PARAMETERS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4}
+MAX_PIXELS = 1_000_000
+"""Largest width and height of a camera."""
 POINT_BYTES = 24
 """Of an image point in images.bin: x, y, number of its 3D point."""
 
@@ -60,8 +63,12 @@ def read_colmap(folder: str | Path) -> list[ColmapImage]:
     files = folder / f"cameras.{kind}", folder / f"images.{kind}"
     contents = [read_bytes(file, MAX_TEXT_BYTES) for file in files]
     parse_cameras, parse_images = (_binary_cameras, _binary_images) if kind == "bin" else (_text_cameras, _text_images)
+    cameras: dict[int, ColmapCamera] = {}
     try:
-        cameras = {number: _camera(*values, files[0], number) for number, *values in parse_cameras(contents[0])}
+        for number, *values in parse_cameras(contents[0]):
+            if number in cameras:
+                raise InputError("there are two cameras of this number", file=files[0], field=f"camera {number}")
+            cameras[number] = _camera(*values, files[0], number)
     except (ValueError, IndexError, struct.error) as error:
         raise InputError(f"not a readable file of COLMAP's cameras ({error})", file=files[0]) from error
     images = []
@@ -88,6 +95,8 @@ def _camera(
     if len(parameters) != PINHOLE_PARAMETERS[model]:
         problem = f"{len(parameters)} parameters, expected {PINHOLE_PARAMETERS[model]}"
         raise InputError(problem, file=file, field=f"camera {number}")
+    if not (0 < width <= MAX_PIXELS and 0 < height <= MAX_PIXELS):
+        raise InputError(f"{width} x {height} pixels", file=file, field=f"camera {number}")
     fx, fy, cx, cy = parameters if model == "PINHOLE" else (parameters[0], *parameters)
     return ColmapCamera(fx, fy, cx, cy, width, height)
 
@@ -96,18 +105,28 @@ def _lines(content: bytes) -> list[str]:
     return [line for line in content.decode("utf-8").splitlines() if not line.startswith("#")]
 
 
+def _check_stated_count(content: bytes, kind: str, count: int) -> None:
+    """Compare with the comment in which COLMAP states how many there are: a file that was cut off has fewer."""
+    stated = re.search(rf"^# Number of {kind}: (\d{{1,9}})\b".encode(), content, re.MULTILINE)
+    if stated and int(stated[1]) != count:
+        raise ValueError(f"{count} {kind}, its comment states {int(stated[1])}")
+
+
 def _text_cameras(content: bytes) -> Iterator[tuple]:
-    for line in filter(str.strip, _lines(content)):
+    lines = [line for line in _lines(content) if line.strip()]
+    for line in lines:
         number, model, width, height, *parameters = line.split()
         yield int(number), model, int(width), int(height), tuple(map(float, parameters))
+    _check_stated_count(content, "cameras", len(lines))
 
 
 def _text_images(content: bytes) -> Iterator[tuple]:
     """Every second line lists the image's points and may be empty."""
-    for line in _lines(content)[::2]:
-        if line.strip():
-            number, *pose, camera, name = line.split(maxsplit=9)
-            yield int(number), name.strip(), int(camera), tuple(map(float, pose))
+    lines = [line for line in _lines(content)[::2] if line.strip()]
+    for line in lines:
+        number, *pose, camera, name = line.split(maxsplit=9)
+        yield int(number), name.strip(), int(camera), tuple(map(float, pose))
+    _check_stated_count(content, "images", len(lines))
 
 
 def _binary_cameras(content: bytes) -> Iterator[tuple]:
@@ -118,6 +137,7 @@ def _binary_cameras(content: bytes) -> Iterator[tuple]:
         size = PINHOLE_PARAMETERS.get(name, 0)  # the file is not read beyond a camera that is refused
         yield number, name, width, height, struct.unpack_from(f"<{size}d", content, position + 24)
         position += 24 + 8 * size
+    _check_end(content, position)
 
 
 def _binary_images(content: bytes) -> Iterator[tuple]:
@@ -130,3 +150,9 @@ def _binary_images(content: bytes) -> Iterator[tuple]:
         if position > len(content):
             raise ValueError("the end is missing")
         yield number, name, camera, tuple(pose)
+    _check_end(content, position)
+
+
+def _check_end(content: bytes, position: int) -> None:
+    if position < len(content):
+        raise ValueError(f"{len(content) - position} bytes more than its count claims")

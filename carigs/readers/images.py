@@ -7,6 +7,7 @@ most. Here the size is limited first, and files whose end is missing or whose ch
 from __future__ import annotations
 
 import os
+import re
 import zlib
 from pathlib import Path
 from typing import NamedTuple
@@ -16,15 +17,24 @@ import numpy as np
 from jaxtyping import Shaped
 
 from carigs.errors import InputError
-from carigs.readers.limits import MAX_IMAGE_BYTES, MAX_IMAGE_PIXELS, read_bytes, regular_file_size
+from carigs.readers.limits import MAX_IMAGE_BYTES, MAX_IMAGE_PIXELS, max_unpacked_bytes, read_bytes, regular_file_size
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 JPEG_SIGNATURE = b"\xff\xd8\xff"
 PNG_END = b"IEND\xaeB`\x82"
 JPEG_END = b"\xff\xd9"
 HEADER_BYTES = 1 << 12
+PNG_CHANNELS = {0: 1, 2: 3, 3: 3, 4: 2, 6: 4}
+"""Of the decoded picture, by PNG's colour type; a palette holds three."""
 END_BYTES = 1 << 12
 """Where the end mark is searched for: some programs append data to images."""
+MAX_METADATA_BYTES, MAX_SEGMENTS = 16 << 20, 10_000
+"""Of a JPEG before its size, and segments that they make."""
+MAX_SCANS = 100
+"""Of a JPEG: a progressive one has about ten. Each of them, however short, is a pass over all pixels."""
+_START_OF_SCAN = b"\xff\xda"
+_SEGMENT = re.compile(rb"\xff+([^\xff])(..)(?:.(..)(..))?", re.DOTALL)
+"""Of a JPEG: marker, length, and the height and width of a frame header."""
 _FRAME_HEADERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers of JPEG's frame headers, which hold the size: start of frame 0 to 15 without DHT, JPG and DAC."""
 
@@ -56,7 +66,12 @@ def read_pixels(file: str | Path, mode: int = cv2.IMREAD_UNCHANGED) -> Shaped[np
     width, height = _size(content, file)
     if width * height > MAX_IMAGE_PIXELS:
         raise InputError(f"{width} x {height} pixels; at most {MAX_IMAGE_PIXELS} are decoded", file=file)
+    unpacked = width * height * _bytes_per_pixel(content)
+    if unpacked > max_unpacked_bytes(len(content)):
+        raise InputError(f"{len(content)} bytes that would become {unpacked}: no picture is as regular", file=file)
     _check_end(content, file)
+    if content.startswith(JPEG_SIGNATURE) and (scans := content.count(_START_OF_SCAN)) > MAX_SCANS:
+        raise InputError(f"{scans} scans; at most {MAX_SCANS} are decoded", file=file)
     try:
         pixels = cv2.imdecode(np.frombuffer(content, np.uint8), mode)
     except cv2.error as error:
@@ -85,7 +100,7 @@ def read_header(file: str | Path) -> ImageHeader:
             try:
                 width, height = _size(content, file)
             except InputError:  # long metadata stand before the size
-                content += stream.read(min(size, MAX_IMAGE_BYTES))
+                content += stream.read(min(size, MAX_METADATA_BYTES))
                 width, height = _size(content, file)
             stream.seek(-min(size, END_BYTES), os.SEEK_END)
             end = stream.read(END_BYTES)
@@ -100,19 +115,31 @@ def read_header(file: str | Path) -> ImageHeader:
 def _size(content: bytes, file: str | Path) -> tuple[int, int]:
     """Width and height from the header."""
     if content.startswith(PNG_SIGNATURE):
-        if len(content) < 24 or content[12:16] != b"IHDR":
+        if len(content) < 26 or content[12:16] != b"IHDR":
             raise InputError("not a readable image (the PNG header is cut off)", file=file)
         return int.from_bytes(content[16:20], "big"), int.from_bytes(content[20:24], "big")
     if content.startswith(JPEG_SIGNATURE):
         position = 2
-        while position + 9 <= len(content) and content[position] == 0xFF:
-            marker = content[position + 1]
+        for _ in range(MAX_SEGMENTS):
+            segment = _SEGMENT.match(content, position, MAX_METADATA_BYTES)
+            if segment is None:
+                break
+            marker, length, height, width = (int.from_bytes(number or b"", "big") for number in segment.groups())
             if marker in _FRAME_HEADERS:
-                height, width = content[position + 5 : position + 7], content[position + 7 : position + 9]
-                return int.from_bytes(width, "big"), int.from_bytes(height, "big")
-            position += 1 if marker == 0xFF else 2 + int.from_bytes(content[position + 2 : position + 4], "big")
+                return width, height
+            if length < 2:  # it counts its own two bytes
+                break
+            position = segment.start(2) + length
         raise InputError("not a readable image (the JPEG header is cut off)", file=file)
     raise InputError("not a PNG or JPEG image", file=file)
+
+
+def _bytes_per_pixel(content: bytes) -> int:
+    """Of the decoded picture; for JPEG three."""
+    if not content.startswith(PNG_SIGNATURE):
+        return 3
+    depth, colour_type = content[24:26]
+    return PNG_CHANNELS.get(colour_type, 4) * max(depth // 8, 1)
 
 
 def _check_end(content: bytes, file: str | Path) -> None:

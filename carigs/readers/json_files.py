@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -97,8 +98,8 @@ def json_field(entry: Any, key: str, kind: type, *, file: str | Path, where: str
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     fields = dict(pairs)
     if len(fields) < len(pairs):
-        names = [name for name, _ in pairs]
-        raise ValueError(f"two fields are called {next(name for name in names if names.count(name) > 1)[:60]}")
+        (name, _), *_ = Counter(name for name, _ in pairs).most_common(1)
+        raise ValueError(f"two fields are called {name[:60]}")
     return fields
 
 

@@ -16,6 +16,22 @@ MAX_IMAGE_BYTES = 512 << 20
 MAX_IMAGE_PIXELS = 1 << 27
 """Most pixels of an image: 11 585 x 11 585."""
 
+SMALL_BYTES, MAX_EXPANSION = 256 << 20, 200
+
+
+def max_unpacked_bytes(size: int) -> int:
+    """Most bytes that a compressed file may unpack to.
+
+    Deflate shrinks zeros to 1 / 1030. Files that are no attack hold other data beside them, or are small when unpacked.
+
+    Args:
+        size: Of the file, in bytes.
+
+    Returns:
+        `SMALL_BYTES`, and `MAX_EXPANSION` for each byte of the file.
+    """
+    return SMALL_BYTES + MAX_EXPANSION * size
+
 
 def read_bytes(file: str | Path, limit: int, kind: str = "file") -> bytes:
     """Read a regular file of limited size.

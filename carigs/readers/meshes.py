@@ -1,4 +1,4 @@
-"""Reader of triangle meshes: OBJ, and PLY, STL, OFF and GLB by trimesh, behind limits and one type of error."""
+"""Reader of triangle meshes: OBJ and GLB, and PLY, STL and OFF by trimesh, behind limits and one type of error."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from carigs.errors import InputError
+from carigs.readers.glb import parse_glb
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 from carigs.readers.obj import parse_obj
 from carigs.readers.ply_header import parse_ply_header
@@ -16,6 +17,8 @@ from carigs.readers.ply_header import parse_ply_header
 if TYPE_CHECKING:
     import trimesh
 
+PARSERS = {"obj": parse_obj, "glb": parse_glb}
+"""Functions of `carigs.readers` by the kind of file; trimesh reads the others."""
 FORMATS = (".obj", ".ply", ".stl", ".off", ".glb")
 MAX_FACES = 20_000_000
 MAX_COORDINATE = 1e15
@@ -61,8 +64,8 @@ def _load(content: bytes, file: Path) -> object:
     import trimesh
 
     kind = file.suffix[1:].lower()
-    if kind == "obj":
-        vertices, faces = parse_obj(content, file)
+    if kind in PARSERS:
+        vertices, faces = PARSERS[kind](content, file)
         return trimesh.Trimesh(vertices, faces, process=False)
     options = {}
     if kind == "ply":

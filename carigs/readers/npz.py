@@ -2,7 +2,7 @@
 
 `numpy.load` allocates what a header claims, raises about ten types of exceptions for damaged files, and returns the
 first of two members of one name. Here the sizes of all members are checked against limits and against the file before
-anything is allocated, and any damage is one `InputError`.
+anything is allocated, no member is unpacked beyond the size that it states, and any damage is one `InputError`.
 """
 
 from __future__ import annotations
@@ -18,12 +18,14 @@ import numpy as np
 from numpy.lib import format as npy_format
 
 from carigs.errors import InputError
-from carigs.readers.limits import MAX_ARRAY_BYTES, read_bytes, regular_file_size
+from carigs.readers.limits import MAX_ARRAY_BYTES, max_unpacked_bytes, read_bytes, regular_file_size
 
 MAX_ARRAYS = 10_000
 KINDS = "biufSU"
 """Kinds of dtypes that are read: booleans, whole numbers, floating-point numbers and texts."""
 MAX_DIMENSIONS = 8
+COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+"""What `numpy.savez` and `numpy.savez_compressed` write. Zlib stops at a given size, the others' libraries do not."""
 _DAMAGE = (OSError, ValueError, EOFError, NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error)
 """Exceptions of `zipfile`, `zlib` and `numpy.lib.format` for damaged files."""
 
@@ -46,11 +48,11 @@ def read_npz(
         InputError: If the file is missing, is not an .npz file, is damaged, holds Python objects or two arrays of one
             name, exceeds a limit, or lacks a required array.
     """
-    regular_file_size(file, kind)
+    size = regular_file_size(file, kind)
     try:
         with zipfile.ZipFile(file) as archive:
             members = archive.infolist()
-            _check_members(members, file, limit)
+            _check_members(members, file, min(limit, max_unpacked_bytes(size)))
             arrays = {member.filename[:-4]: _read_member(archive, member, file) for member in members}
     except _DAMAGE as error:
         raise InputError(f"not a readable .npz ({error})", file=file) from error
@@ -76,6 +78,21 @@ def read_npy(file: str | Path, kind: str = "file") -> np.ndarray:
     return _parse(read_bytes(file, MAX_ARRAY_BYTES, kind), file, None)
 
 
+def is_possible_shape(shape: tuple[object, ...]) -> bool:
+    """Whether an array of this shape can be worked with.
+
+    Args:
+        shape: What a file claims.
+
+    Returns:
+        Whether there are few dimensions, all whole numbers, and their product without zeros is not enormous: arrays
+        without entries need no bytes in the file, but what is allocated from their lengths does.
+    """
+    if len(shape) > MAX_DIMENSIONS or not all(type(n) is int and n >= 0 for n in shape):
+        return False
+    return math.prod(max(n, 1) for n in shape) <= MAX_ARRAY_BYTES
+
+
 def _check_members(members: list[zipfile.ZipInfo], file: str | Path, limit: int) -> None:
     """Refuse what would be slow, large or ambiguous, from the archive's directory alone."""
     if len(members) > MAX_ARRAYS:
@@ -87,6 +104,8 @@ def _check_members(members: list[zipfile.ZipInfo], file: str | Path, limit: int)
     for member in members:
         if not member.filename.endswith(".npy"):
             raise InputError("not an array (.npy)", file=file, field=member.filename)
+        if member.compress_type not in COMPRESSIONS:
+            raise InputError("compressed in another way than by NumPy", file=file, field=member.filename[:-4])
         if member.filename in seen:
             raise InputError("two arrays have this name", file=file, field=member.filename[:-4])
         seen.add(member.filename)
@@ -96,7 +115,7 @@ def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, file: str | 
     name = member.filename[:-4]
     try:
         with archive.open(member) as stream:
-            content = stream.read()  # at most member.file_size bytes; the checksum is compared at the end
+            content = stream.read(member.file_size)  # more is not unpacked; the checksum is compared at the end
     except _DAMAGE as error:
         raise InputError(f"not a readable .npz ({error})", file=file, field=name) from error
     return _parse(content, file, name)
@@ -119,7 +138,7 @@ def _parse(content: bytes, file: str | Path, name: str | None) -> np.ndarray:
         raise InputError("the header of this array is damaged", file=file, field=name) from error
     if dtype.kind not in KINDS or dtype.subdtype is not None:
         raise InputError(f"holds {dtype}; numbers or texts are expected", file=file, field=name)
-    if len(shape) > MAX_DIMENSIONS or any(isinstance(n, bool) or n < 0 for n in shape):
+    if not is_possible_shape(shape):
         raise InputError(f"impossible shape {shape}", file=file, field=name)
     expected, found = math.prod(shape) * dtype.itemsize, len(content) - stream.tell()
     if expected != found or (dtype.itemsize == 0 and math.prod(shape) > MAX_ARRAYS):

@@ -15,10 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from carigs.readers.npz import KINDS, MAX_DIMENSIONS
+from carigs.readers.npz import KINDS, is_possible_shape
 
 MAX_DEPTH = 16
 """Most levels of dictionaries, lists and objects inside each other."""
+MAX_ENTRIES = 1 << 26
+"""Most numbers of all arrays and lists, each counted wherever it is named, and sparse matrices with their zeros."""
 
 
 class StandIn:
@@ -195,28 +197,42 @@ def resolve(recorded: Any) -> Any:
         ValueError: The content contradicts itself or is nested too deeply.
         Exception: Errors of other types, where a stand-in was given something else than its class expects.
     """
-    return _resolve(recorded, 0, {})
+    return _resolve(recorded, 0, {})[0]
 
 
-def _resolve(value: Any, depth: int, resolved: dict[int, tuple[Any, Any]]) -> Any:
-    """Turn what the program recorded into arrays.
+def _resolve(value: Any, depth: int, resolved: dict[int, tuple[Any, Any, int]]) -> tuple[Any, int]:
+    """Turn what the program recorded into arrays; with the number of their entries.
 
     `resolved` holds the results by identity: a list that contains another one ten times, which contains a third one ten
-    times, and so on, would grow exponentially otherwise.
+    times, and so on, would take exponential time otherwise. The number of entries is limited because whoever makes an
+    array of such a list, or of a sparse matrix, allocates each of them.
     """
     if depth > MAX_DEPTH:
         raise ValueError("nested too deeply")
-    if not isinstance(value, (StandIn, dict, list, tuple, np.ndarray)):
-        return value
+    if not isinstance(value, (StandIn, dict, list, tuple)):
+        return value, 1
     if id(value) not in resolved:
-        resolved[id(value)] = value, _resolve_new(value, depth, resolved)  # the value too: its number stays taken
-    return resolved[id(value)][1]
+        entries = 0
+
+        def count(size: int) -> None:
+            nonlocal entries
+            entries += size
+            if entries > MAX_ENTRIES:
+                raise ValueError(f"more than {MAX_ENTRIES} entries")
+
+        def inner(item: Any) -> Any:
+            result, size = _resolve(item, depth + 1, resolved)
+            count(size)
+            return result
+
+        result = _resolved(value, inner)
+        count(math.prod(getattr(result, "shape", ())))
+        resolved[id(value)] = value, result, entries  # the value too: its number stays taken
+    return resolved[id(value)][1:]
 
 
-def _resolve_new(value: Any, depth: int, resolved: dict[int, tuple[Any, Any]]) -> Any:
-    def inner(item: Any) -> Any:
-        return _resolve(item, depth + 1, resolved)
-
+def _resolved(value: Any, inner: Callable[[Any], Any]) -> Any:
+    """What a recorded object stands for; `inner` resolves what it contains."""
     if isinstance(value, _DataType):
         return value.resolve()
     if isinstance(value, (_Array, _Scalar, _Buffer)):
@@ -246,7 +262,7 @@ def _text(value: Any) -> str:
 
 def _array(content: Any, dtype: np.dtype, shape: Any, order: str) -> np.ndarray:
     """An array from its bytes, or from a list of objects."""
-    if not isinstance(shape, tuple) or len(shape) > MAX_DIMENSIONS or any(type(n) is not int or n < 0 for n in shape):
+    if not isinstance(shape, tuple) or not is_possible_shape(shape):
         raise ValueError("an impossible shape")
     count = math.prod(shape)
     if dtype.kind == "O":

@@ -1,6 +1,11 @@
-"""Corruptions of a dataset: each alone gives the error that names its file and field, and one pass finds them all."""
+"""Corruptions of a dataset: each alone gives the error that names its file and field, and one pass finds them all.
+
+They are made in a folder that holds everything, and in a union folder, whose index names the files of the folder beside
+it by `../`. Every frame states its own intrinsics.
+"""
 
 import json
+import os
 import re
 import shutil
 import struct
@@ -23,6 +28,7 @@ class Place(NamedTuple):
     """The frame of a timestep that is spoilt."""
 
     folder: Path
+    """Of the images."""
     entries: list[Any]
     """Entries of transforms_train.json."""
     position: int
@@ -79,6 +85,11 @@ def arrays(place: Place, **values: Any) -> None:
     np.savez(place.parameters, **{key: value for key, value in changed.items() if value is not None})
 
 
+def link(file: Path, target: str | Path) -> None:
+    file.unlink()
+    file.symlink_to(target)
+
+
 def folder_instead(file: Path) -> None:
     file.unlink()
     file.mkdir()
@@ -103,6 +114,10 @@ CORRUPTIONS: dict[str, tuple[Callable[[Place], object], str]] = {
     "image path as number": (partial(put, file_path=7), rf"{WHERE}\.file_path: expected a string, found 7"),
     "absolute image path": (partial(put, file_path="/a.png"), rf"{WHERE}\.file_path: .*no path inside"),
     "image path far outside": (partial(put, file_path="../../a.png"), rf"{WHERE}\.file_path: .*no path inside"),
+    "image path around a corner": (partial(put, file_path="../x/../../a.png"), rf"{WHERE}\.file_path: .*no path"),
+    "image in no folder beside": (partial(put, file_path="../other/a.png"), r"other/a\.png: no such image"),
+    "image with a NUL": (partial(put, file_path="images/\0.png"), r"images/\\x00\.png: cannot be read"),
+    "matte with a line break": (partial(put, fg_mask_path="a\nb.png"), r"a\\nb\.png: no such image"),
     "empty image path": (partial(put, file_path=""), rf"{WHERE}\.file_path: .*no path inside"),
     "matte path far outside": (partial(put, fg_mask_path="a/../../../b.png"), rf"{WHERE}\.fg_mask_path: .*no path"),
     "matte path as list": (partial(put, fg_mask_path=[]), rf"{WHERE}\.fg_mask_path: expected a string"),
@@ -128,6 +143,12 @@ CORRUPTIONS: dict[str, tuple[Callable[[Place], object], str]] = {
     "principal point outside": (partial(put, cx=500), rf"{WHERE}\.cx: the principal point 500 lies outside"),
     "principal point above": (partial(put, cy=-3), rf"{WHERE}\.cy: the principal point -3 lies outside"),
     "normalised principal point": (partial(put, cx=0.5, cy=0.5), rf"{WHERE}\.cx, cy: .*shares of the image"),
+    "no focal length": (partial(drop, key="fl_x"), rf"{WHERE}\.fl_x: this key is missing"),
+    "no width": (partial(drop, key="w"), rf"{WHERE}\.w: this key is missing"),
+    "focal length 1e308": (partial(put, fl_y=1e308), rf"{WHERE}\.fl_y: .*field of view of 0 degrees"),
+    "field of view 0": (lambda p: (drop(p, "fl_x"), put(p, camera_angle_x=0)), rf"{WHERE}\.fl_x: .*focal lengths are"),
+    "field of view as text": (lambda p: (drop(p, "fl_x"), put(p, camera_angle_x="90")),
+                              rf"{WHERE}\.camera_angle_x: expected a number, found '90'"),
     "width 0": (partial(put, w=0), rf"{WHERE}\.w, h: 0 x 48 pixels"),
     "height 47.5": (partial(put, h=47.5), rf"{WHERE}\.h: expected a whole number"),
     "another height": (partial(put, h=50), rf"{IMAGE}: 40 x 48 pixels, its camera has 40 x 50"),
@@ -138,6 +159,11 @@ CORRUPTIONS: dict[str, tuple[Callable[[Place], object], str]] = {
     "cut image": (lambda p: cut(p.image), rf"{IMAGE}: .*the end of the PNG is missing"),
     "small image": (lambda p: write_png(p.image, np.ones((8, 9, 3))), rf"{IMAGE}: 9 x 8 pixels, its camera"),
     "image with a huge header": (lambda p: huge(p.image), rf"{IMAGE}: 30000 x 30000 pixels"),
+    "device as image": (lambda p: link(p.image, "/dev/zero"), rf"{IMAGE}: not a regular file"),
+    "link to a text as image": (lambda p: link(p.image, "/etc/passwd"), rf"{IMAGE}: not a PNG or JPEG"),
+    "link to itself as image": (lambda p: link(p.image, p.image), rf"{IMAGE}: cannot be read"),
+    "pipe as matte": (lambda p: (p.mask.unlink(), os.mkfifo(p.mask)), rf"{MASK}: not a regular file"),
+    "link to a device as parameters": (lambda p: link(p.parameters, "/dev/zero"), rf"{HEAD}: not a regular file"),
     "folder as image": (lambda p: folder_instead(p.image), rf"{IMAGE}: not a regular file"),
     "no matte": (lambda p: p.mask.unlink(), rf"{MASK}: no such image"),
     "cut matte": (lambda p: cut(p.mask), rf"{MASK}: .*the end of the PNG is missing"),
@@ -162,34 +188,45 @@ CORRUPTIONS: dict[str, tuple[Callable[[Place], object], str]] = {
 FIRST = 1
 """Timestep of the first corruption."""
 TIMESTEPS = len(CORRUPTIONS) + 3
+BALL, UNION = "ball", "UNION2_ball"
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory) -> Path:
-    return write_ball(tmp_path_factory.mktemp("ball"), TIMESTEPS)
+    """Two folders beside each other: the dataset, and a union of it."""
+    family = tmp_path_factory.mktemp("family")
+    ball, union = write_ball(family / BALL, TIMESTEPS), family / UNION
+    union.mkdir()
+    for index in ball.glob("transforms_*.json"):
+        content = json.loads(index.read_text())
+        for entry in content["frames"]:
+            entry |= {key: f"../{BALL}/{value}" for key, value in entry.items() if key.endswith("_path")}
+        (union / index.name).write_text(json.dumps(content))
+    return family
 
 
-@pytest.fixture
-def dataset(written, tmp_path) -> Path:
-    return Path(shutil.copytree(written, tmp_path / "ball"))
+@pytest.fixture(params=[BALL, UNION])
+def dataset(request, written, tmp_path) -> Path:
+    return Path(shutil.copytree(written, tmp_path / "family")) / request.param
 
 
 def spoil(folder: Path, names: list[str]) -> list[str]:
     """Apply corruptions, each to a timestep of its own, and return what the errors must say."""
+    images = folder.with_name(BALL)
     file = folder / "transforms_train.json"
     content, says = json.loads(file.read_text()), []
     positions = {entry["timestep_index"]: i for i, entry in reversed(list(enumerate(content["frames"])))}
     for name in names:
         timestep = FIRST + list(CORRUPTIONS).index(name)
         change, pattern = CORRUPTIONS[name]
-        change(Place(folder, content["frames"], positions[timestep], timestep))
+        change(Place(images, content["frames"], positions[timestep], timestep))
         says.append(pattern.replace("@* ?", "").replace("#", str(positions[timestep])).replace("@", f"{timestep:05d}"))
     file.write_text(json.dumps(content))
     return says
 
 
 def read(folder: Path, errors: list[InputError] | None = None):
-    return read_dataset(folder, folder / "head_model.npz", errors=errors)
+    return read_dataset(folder, folder.with_name(BALL) / "head_model.npz", errors=errors)
 
 
 def test_there_are_forty():
@@ -215,6 +252,6 @@ def test_one_pass_finds_all_and_keeps_the_rest(dataset):
     assert len(capture.split("test")) == 3
 
 
-def test_a_sound_dataset_has_no_errors(written):
+def test_a_sound_dataset_has_no_errors(dataset):
     errors: list[InputError] = []
-    assert len(read(written, errors).frames) == 3 * TIMESTEPS and errors == []
+    assert len(read(dataset, errors).frames) == 3 * TIMESTEPS and errors == []

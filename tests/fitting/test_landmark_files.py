@@ -1,6 +1,8 @@
 """Files of landmarks and embeddings: round trips, selection by number, refused contents."""
 
 import importlib.util
+import sys
+import types
 
 import numpy as np
 import pytest
@@ -46,6 +48,7 @@ def test_frames_are_found_by_their_numbers():
     ("field", "value", "message"),
     [
         ("landmarks", np.zeros((3, 2, 5)), "landmarks: shape"),
+        ("landmarks", np.array(1.0), "landmarks: shape"),
         ("landmarks", np.full((3, 2, 5, 3), 2.0), "confidence, from 0 to 1"),
         ("landmarks", np.full((3, 2, 5, 3), 1e7) * [1, 1, 0], "positions beyond"),
         ("timesteps", np.array([0, 1]), "timesteps: shape"),
@@ -96,3 +99,24 @@ def test_without_mediapipe_its_task_file_is_one_line(tmp_path):
     (tmp_path / "face_landmarker.task").write_bytes(b"")
     with pytest.raises(InputError, match=r"face_landmarker\.task: needs the package mediapipe"):
         MediapipeDetector(tmp_path / "face_landmarker.task")
+
+
+@pytest.mark.parametrize("error", [RuntimeError("Unable to open zip archive.\nsource: x.cc"), ValueError("no model")])
+def test_a_file_that_is_no_task_is_named(error, tmp_path, monkeypatch):
+    """MediaPipe's own errors have several lines."""
+
+    class Vision:
+        FaceLandmarkerOptions = staticmethod(lambda **options: options)
+
+        class FaceLandmarker:
+            @staticmethod
+            def create_from_options(_):
+                raise error
+
+    tasks = types.SimpleNamespace(vision=Vision, BaseOptions=lambda **options: options)
+    monkeypatch.setitem(sys.modules, "mediapipe", types.SimpleNamespace(tasks=tasks))
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _: object())
+    (tmp_path / "face.task").write_bytes(b"PK")
+    with pytest.raises(InputError, match=r"face\.task: not a task file of MediaPipe's face landmarks") as caught:
+        MediapipeDetector(tmp_path / "face.task")
+    assert "\n" not in str(caught.value)

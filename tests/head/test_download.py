@@ -60,6 +60,18 @@ def test_a_changed_file_is_refused(server, tmp_path):
     assert fetch_head(GNM_URL, file) == hashlib.sha256(server.content).hexdigest()
 
 
+@pytest.mark.parametrize("kept", [b"", b"\xff\xfe", b"0" * 63, b"x" * 64, bytes(10**6), None])
+def test_a_checksum_that_cannot_be_read_is_refused(server, kept, tmp_path):
+    file = tmp_path / "gnm.npz"
+    fetch_head(GNM_URL, file)
+    before, kept_file = file.read_bytes(), tmp_path / "gnm.npz.sha256"
+    kept_file.unlink()
+    kept_file.mkdir() if kept is None else kept_file.write_bytes(kept)
+    with pytest.raises(InputError, match=r"gnm\.npz\.sha256: "):
+        fetch_head(GNM_URL, file)
+    assert file.read_bytes() == before
+
+
 REFUSED = {
     "no network": ({"error": urllib.error.URLError("Name or service not known")}, "cannot be downloaded .Name or ser"),
     "not there": ({"error": urllib.error.HTTPError(GNM_URL, 404, "Not Found", None, None)}, "HTTP 404 Not Found"),

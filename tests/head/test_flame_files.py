@@ -204,6 +204,7 @@ def test_landmarks_come_from_flames_embedding(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "says"),
     [
+        ("FLAME_masks.pkl", {"nose": [[1], [2, 3]]}, r"flame.pkl: mask_nose: not an array"),
         ("FLAME_masks.pkl", {"nose": np.array([9999])}, r"flame.pkl: mask_nose: indices must lie in"),
         (
             "landmark_embedding.npy",

@@ -6,6 +6,7 @@ and a 4 x 4 rigid transform to OpenCV axes (x right, y down, z forward).
 
 from __future__ import annotations
 
+import math
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -46,7 +47,8 @@ def read_cameras(path: Path, metres_per_unit: float = 1.0) -> dict[str, Camera]:
 def _read_colmap(folder: Path) -> dict[str, Camera]:
     cameras: dict[str, Camera] = {}
     for image in read_colmap(folder):
-        name = PurePosixPath(image.name).with_suffix("").as_posix()
+        path = PurePosixPath(image.name)
+        name = path.with_suffix("").as_posix() if path.name else image.name
         if name in cameras:
             raise InputError("two images have this name", file=folder, field=name)
         cameras[name] = Camera(_pose(image, folder), *image.camera)
@@ -56,7 +58,7 @@ def _read_colmap(folder: Path) -> dict[str, Camera]:
 def _pose(image: ColmapImage, folder: Path) -> np.ndarray:
     """4 x 4 camera_from_world of a quaternion and a translation."""
     w, x, y, z = quaternion = np.array(image.quaternion)
-    norm = np.linalg.norm(quaternion)
+    norm = math.hypot(*quaternion)  # overflows without a warning
     if not 0.9 < norm < 1.1:
         raise InputError(f"a quaternion of length {norm:g} is no rotation", file=folder, field=image.name)
     w, x, y, z = quaternion / norm

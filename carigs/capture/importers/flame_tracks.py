@@ -17,7 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from carigs.capture.camera import Camera
 from carigs.capture.camera_checks import check_intrinsics, check_rigid
-from carigs.capture.importers.images import FoundImage
+from carigs.capture.capture_json import MAX_NUMBER
+from carigs.capture.importers.images import FoundImage, timestep_of
 from carigs.errors import InputError
 from carigs.head import HeadModel, HeadParameters, flame_joints
 from carigs.readers.arrays import checked_array
@@ -26,6 +27,8 @@ from carigs.readers.npz import read_npz
 
 PER_FRAME = {"rotation": 3, "translation": 3, "neck_pose": 3, "jaw_pose": 3, "eyes_pose": 6, "expr": None}
 """Arrays of VHAP's result with one row per frame, and their columns."""
+SHORTEST = 1e-9
+"""Rows of a rotation that are shorter have no direction."""
 
 
 def read_flame_track(path: Path, model: HeadModel) -> dict[int, HeadParameters]:
@@ -70,6 +73,8 @@ def read_tracked_cameras(folder: Path, images: list[FoundImage]) -> dict[int, Ca
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = _squeezed(arrays, "R", (3, 3), file), _squeezed(arrays, "t", (3,), file)
         k, header = _squeezed(arrays, "K", (3, 3), file), read_header(image.file)
+        if (k[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]] != [0, 0, 0, 0, 1]).any():
+            raise InputError("expected fx 0 cx, 0 fy cy, 0 0 1: a camera without skew", file=file, field="K")
         check_rigid(pose, file, "R")
         camera = Camera(pose, *map(float, (k[0, 0], k[1, 1], k[0, 2], k[1, 2])), header.width, header.height)
         check_intrinsics(camera, file, "K")
@@ -82,9 +87,10 @@ def _files(folder: Path) -> dict[int, Path]:
     files: dict[int, Path] = {}
     for file in sorted(folder.glob("*.npz")):
         number = re.search(r"\d+$", file.stem)
-        if number is None or int(number[0]) in files:
+        timestep = timestep_of(number[0]) if number else None
+        if timestep is None or timestep in files:
             raise InputError("the names of parameter files end with different numbers, their timesteps", file=file)
-        files[int(number[0])] = file
+        files[timestep] = file
     if not files:
         raise InputError("holds no .npz files", file=folder)
     return dict(sorted(files.items()))
@@ -94,8 +100,8 @@ def _read_frame(file: Path, model: HeadModel) -> HeadParameters:
     arrays = read_npz(file, "head parameter file")
     if "exp" not in arrays:
         return HeadParameters.load(file, model)
-    joints = [rotation_vector_of_rows(_squeezed(arrays, "jaw", (6,), file))]
-    joints += [rotation_vector_of_rows(eye) for eye in _squeezed(arrays, "eyes", (12,), file).reshape(2, 6)]
+    joints = [_rotation_vector(_squeezed(arrays, "jaw", (6,), file), file, "jaw")]
+    joints += [_rotation_vector(eye, file, "eyes") for eye in _squeezed(arrays, "eyes", (12,), file).reshape(2, 6)]
     return HeadParameters(
         joints=flame_joints(jaw=joints[0], left_eye=joints[1], right_eye=joints[2]),
         shape=_padded(arrays, "shape", model.num_identity, file),
@@ -111,11 +117,28 @@ def rotation_vector_of_rows(rows: Float[np.ndarray, "6"]) -> Float[np.ndarray, "
 
     Returns:
         The rotation vector in radians.
+
+    Raises:
+        ValueError: If the rows are too short, or parallel.
     """
-    first = rows[:3] / np.linalg.norm(rows[:3])
-    second = rows[3:] - (first @ rows[3:]) * first
-    second /= np.linalg.norm(second)
+    first, second = _unit(rows[:3]), rows[3:]
+    second = _unit(second - (first @ second) * first)
     return Rotation.from_matrix(np.stack([first, second, np.cross(first, second)])).as_rotvec()
+
+
+def _unit(row: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(row)
+    if not SHORTEST < length < np.inf:
+        raise ValueError("no rotation: a row is 0, or both are parallel")
+    return row / length
+
+
+def _rotation_vector(rows: Float[np.ndarray, "6"], file: Path, field: str) -> Float[np.ndarray, "3"]:
+    try:
+        return rotation_vector_of_rows(rows)
+    except ValueError as error:
+        raise InputError(str(error), file=file, field=field) from error
 
 
 def _squeezed(arrays: Mapping[str, np.ndarray], key: str, shape: tuple[int, ...], file: Path) -> np.ndarray:
@@ -140,8 +163,8 @@ def _read_vhap(file: Path, model: HeadModel) -> dict[int, HeadParameters]:
         checked_array(arrays, key, (count, columns), np.float64, file=file)
     shared = {key: arrays[key] for key in ("shape", "static_offset") if key in arrays}
     moving = [*PER_FRAME, *(["dynamic_offset"] if "dynamic_offset" in arrays else [])]
-    if len(arrays[moving[-1]]) != count:
-        raise InputError(f"{len(arrays[moving[-1]])} rows, expected {count}", file=file, field=moving[-1])
+    if (rows := len(np.atleast_1d(arrays[moving[-1]]))) != count:
+        raise InputError(f"{rows} rows, expected {count}", file=file, field=moving[-1])
     return {
         t: HeadParameters.from_arrays({**shared, **{key: arrays[key][i : i + 1] for key in moving}}, model, file)
         for i, t in enumerate(_timesteps(arrays, count, file))
@@ -151,7 +174,9 @@ def _read_vhap(file: Path, model: HeadModel) -> dict[int, HeadParameters]:
 def _timesteps(arrays: Mapping[str, np.ndarray], count: int, file: Path) -> list[int]:
     if "timestep_id" not in arrays:
         return list(range(count))
-    names = [str(name) for name in np.atleast_1d(arrays["timestep_id"])]
-    if len(names) != count or not all(name.isdecimal() for name in names) or len({int(n) for n in names}) < count:
-        raise InputError(f"expected {count} different numbers", file=file, field="timestep_id")
-    return [int(name) for name in names]
+    numbers = [timestep_of(str(name)) for name in np.atleast_1d(arrays["timestep_id"]).ravel()]
+    timesteps = [number for number in numbers if number is not None]
+    if len(numbers) != count or len(set(timesteps)) < count:
+        problem = f"expected {count} different numbers up to {MAX_NUMBER}"
+        raise InputError(problem, file=file, field="timestep_id")
+    return timesteps

@@ -8,10 +8,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from carigs.capture.camera import Camera
+from carigs.capture.capture_json import MAX_NUMBER
 from carigs.errors import InputError
+from carigs.readers.limits import regular_file_size
 
 SUFFIXES = (".png", ".jpg", ".jpeg")
-_FLAT = re.compile(r"(\d+)_(.+)")
+LONGEST_NUMBER = 100
+"""Most digits of a timestep."""
+_FLAT = re.compile(r"(\d+)_(.+)", re.DOTALL)
 
 
 class FoundImage(NamedTuple):
@@ -20,6 +24,19 @@ class FoundImage(NamedTuple):
     file: Path
     timestep: int
     camera: str
+
+
+def timestep_of(text: str) -> int | None:
+    """The timestep that a name states.
+
+    Args:
+        text: Part of a name.
+
+    Returns:
+        Its number, if it is a whole number that an index can hold.
+    """
+    is_number = text.isdecimal() and len(text) <= LONGEST_NUMBER  # Python refuses to parse 4300 digits
+    return int(text) if is_number and int(text) <= MAX_NUMBER else None
 
 
 def find_images(folder: Path) -> list[FoundImage]:
@@ -40,13 +57,13 @@ def find_images(folder: Path) -> list[FoundImage]:
             continue
         parts = file.relative_to(folder).with_suffix("").parts
         flat = _FLAT.fullmatch(parts[-1])
-        if len(parts) == 1 and flat:
-            found.append(FoundImage(file, int(flat[1]), flat[2]))
-        elif len(parts) > 1 and parts[-1].isdecimal():
-            found.append(FoundImage(file, int(parts[-1]), "/".join(parts[:-1])))
-        else:
+        number, camera = (parts[-1], "/".join(parts[:-1])) if len(parts) > 1 else flat.groups() if flat else ("", "")
+        timestep = timestep_of(number)
+        if timestep is None:
             problem = "images are called CAMERA/TIMESTEP or TIMESTEP_CAMERA, with a number for the timestep"
             raise InputError(problem, file=file)
+        regular_file_size(file, "image")
+        found.append(FoundImage(file, timestep, camera))
     if not found:
         raise InputError(f"holds no images ({', '.join(SUFFIXES)})", file=folder)
     return sorted(found, key=lambda image: (image.timestep, image.camera))

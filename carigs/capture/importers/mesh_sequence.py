@@ -14,6 +14,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from carigs.capture.camera_checks import FARTHEST
+from carigs.capture.importers.images import timestep_of
 from carigs.errors import InputError
 from carigs.head import HeadModel, HeadParameters, pose_frames
 from carigs.readers.meshes import read_mesh
@@ -48,9 +50,10 @@ def read_mesh_sequence(folder: Path, metres_per_unit: float = 1.0) -> MeshTrack:
     files = {}
     for file in sorted(file for file in folder.iterdir() if file.suffix.lower() in (".obj", ".ply")):
         numbers = re.findall(r"\d+", file.stem)
-        if not numbers or int(numbers[-1]) in files:
+        timestep = timestep_of(numbers[-1]) if numbers else None
+        if timestep is None or timestep in files:
             raise InputError("the names of meshes end with different numbers, their timesteps", file=file)
-        files[int(numbers[-1])] = file
+        files[timestep] = file
     if not files:
         raise InputError("holds no .obj or .ply meshes", file=folder)
     meshes = {t: read_mesh(file) for t, file in sorted(files.items())}
@@ -58,6 +61,10 @@ def read_mesh_sequence(folder: Path, metres_per_unit: float = 1.0) -> MeshTrack:
     for t, mesh in meshes.items():
         if not np.array_equal(mesh.faces, first.faces) or len(mesh.vertices) != len(first.vertices):
             raise InputError("has other faces than the first mesh; one topology is needed", file=files[t])
+        far = np.flatnonzero(~(np.abs(mesh.vertices) * metres_per_unit < FARTHEST).all(axis=1))  # NaN as well
+        if far.size:  # also one that no face names: all of them make the mean and the principal components
+            problem = f"vertex {far[0]} is not finite, or {FARTHEST:g} m or more from the origin; see --metres-per-unit"
+            raise InputError(problem, file=files[t], field="vertices")
     vertices = metres_per_unit * np.stack([np.asarray(mesh.vertices, np.float64) for mesh in meshes.values()])
     return track_meshes(vertices, np.asarray(first.faces, np.int32), list(meshes))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple
 
 
@@ -10,7 +12,8 @@ class Case(NamedTuple):
 
     name: str
     reader: str
-    content: bytes
+    content: bytes | Callable[[Path], object]
+    """Bytes of the file, or what puts something else in its place."""
     must_fail: bool = False
     """Whether only an error is right."""
     protected: bool = False

@@ -40,8 +40,10 @@ def broken_texts() -> Iterator[Case]:
     Yields:
         The cases.
     """
+    many = b"".join(b'"%d":0,' % i for i in range(10**5))
     for text in (
-        b"[" * 100_000, b'{"a":' * 100_000, b"[" + b"9" * 400 + b"]", b"[NaN]", b"[1e999]", b'{"a": 1, "a": 2}',
+        b"[" * 100_000, b"[" * 10**6, b'{"a":[' * 10**6, b"{" + many + b'"99999":0}',
+        b'{"a":' * 100_000, b"[" + b"9" * 400 + b"]", b"[NaN]", b"[1e999]", b'{"a": 1, "a": 2}',
         b"[1,]",
         "[1]".encode("utf-16"), b"\xff\xfe", b"'a'", b"[1] 2", b'"\x00"', b"[" + b"1e5" * 9 + b"]", b"",
     ):  # fmt: skip

@@ -7,6 +7,8 @@ import pickle
 import zipfile
 from collections.abc import Iterator, Mapping
 
+import scipy.sparse
+
 from evaluation.stress.hostile_cases.case import Case
 
 NAMES = (
@@ -54,6 +56,25 @@ def payloads(sound: Mapping[str, bytes]) -> Iterator[Case]:
                 changed.writestr(member, inside if member.endswith("data.pkl") else archive.read(member))
         yield Case(f"in torch.save: {module}.{name}", "pt", stream.getvalue(), must_fail=True)
         yield Case(f"legacy torch.save: {module}.{name}", "legacy", inside, must_fail=True)
+
+
+def expanding_pickles() -> Iterator[Case]:
+    """Small pickles that grow when arrays are made of them: lists that share each other, and sparse matrices.
+
+    Yields:
+        The cases.
+    """
+    value: list = [0.0]
+    for _ in range(14):
+        value = [value] * 100
+    matrix = scipy.sparse.csc_matrix((2**40, 1))
+    small = scipy.sparse.csc_matrix((10**6, 5))
+    for name, content in (
+        ("lists of lists", {"v_template": value}),
+        ("a sparse matrix", {"J_regressor": matrix}),
+        ("100 names of a sparse matrix", {f"v{k}": small for k in range(100)}),
+    ):
+        yield Case(name, "flame", pickle.dumps(content), must_fail=True)
 
 
 def broken_pickles() -> Iterator[Case]:

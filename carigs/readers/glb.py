@@ -1,0 +1,203 @@
+"""Reader of the triangles of .glb files (glTF 2.0, binary): the meshes of a scene in world coordinates.
+
+Materials, textures, skins and animations are ignored. Data must lie in the file's own chunk: other files, compressed
+meshes and sparse accessors are refused.
+"""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64, Int64, Shaped
+from scipy.spatial.transform import Rotation
+
+from carigs.errors import InputError
+from carigs.readers.arrays import checked_array
+from carigs.readers.json_files import json_field, parse_json
+
+MAX_CORNERS = 60_000_000
+"""Most vertices, and most corners of triangles, of all meshes: nodes can show one mesh any number of times."""
+POINTS_AND_LINES, TRIANGLES = (0, 1, 2, 3), 4
+"""Modes of a primitive."""
+POSITIONS = {5126: "<f4"}
+INDICES = {5121: "u1", 5123: "<u2", 5125: "<u4"}
+"""NumPy's types of the component types that positions and indices may have."""
+
+
+def parse_glb(content: bytes, file: str | Path) -> tuple[Float64[np.ndarray, "v 3"], Int64[np.ndarray, "f 3"]]:
+    """Parse positions and triangles.
+
+    Args:
+        content: The file's bytes.
+        file: Its name, for messages.
+
+    Returns:
+        Positions in the unit of the file, and vertex numbers from 0, node by node. Vertices that several primitives of
+        a mesh share appear once.
+
+    Raises:
+        InputError: If the file is damaged, claims more than it holds, or has data or primitives that are not read.
+    """
+    return _Scene(*_chunks(content, file), file).triangles()
+
+
+def _chunks(content: bytes, file: str | Path) -> tuple[dict[str, Any], bytes]:
+    """The JSON document, and the binary chunk that its buffer stands for."""
+    chunks: list[tuple[bytes, bytes]] = []
+    if content[:8] != struct.pack("<4sI", b"glTF", 2):
+        raise InputError("not a readable mesh (no glTF 2.0)", file=file)
+    position, end = 12, int.from_bytes(content[8:12], "little")
+    while position < end and len(chunks) < 2:
+        if end > len(content) or position + 8 > end:
+            raise InputError("not a readable mesh (cut off)", file=file)
+        length, kind = struct.unpack_from("<I4s", content, position)
+        chunks.append((kind, content[position + 8 : position + 8 + length]))
+        position += 8 + length
+    if position > end or [kind for kind, _ in chunks] not in ([b"JSON"], [b"JSON", b"BIN\0"]):
+        raise InputError("not a readable mesh (expected a JSON chunk and a binary one)", file=file)
+    document = parse_json(chunks[0][1].rstrip(b" \0"), file, "JSON")
+    if not isinstance(document, dict):
+        raise InputError("expected an object", file=file, field="JSON")
+    return document, chunks[1][1] if len(chunks) > 1 else b""
+
+
+class _Scene:
+    """A document with its binary chunk."""
+
+    def __init__(self, document: dict[str, Any], binary: bytes, file: str | Path) -> None:
+        self.document, self.binary, self.file = document, binary, file
+        self.vertices: list[Float64[np.ndarray, "_ 3"]] = []
+        self.faces: list[Int64[np.ndarray, "_ 3"]] = []
+        self.num_vertices = self.num_corners = 0
+
+    def triangles(self) -> tuple[Float64[np.ndarray, "v 3"], Int64[np.ndarray, "f 3"]]:
+        """The meshes of all nodes of the scene."""
+        waiting = [(index, np.eye(4)) for index in reversed(self._roots())]
+        seen: set[int] = set()
+        while waiting:
+            index, world_from_parent = waiting.pop()
+            node, where = self._entry("nodes", index), f"nodes[{index}]"
+            if index in seen:
+                raise InputError("hangs on two nodes, or on itself", file=self.file, field=where)
+            seen.add(index)
+            with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is found in the vertices
+                world_from_node = world_from_parent @ self._transform(node, where)
+            if "mesh" in node:
+                self._add_mesh(json_field(node, "mesh", int, file=self.file, where=where), world_from_node)
+            children = self._indices(node, "children", where)
+            waiting += [(child, world_from_node) for child in reversed(children)]
+        nothing = np.zeros((0, 3))
+        return np.concatenate([nothing, *self.vertices]), np.concatenate([nothing.astype(np.int64), *self.faces])
+
+    def _roots(self) -> list[int]:
+        """Nodes of the first scene; without scenes those that are nobody's children."""
+        if "scenes" in self.document:
+            index = json_field(self.document, "scene", int, file=self.file) if "scene" in self.document else 0
+            return self._indices(self._entry("scenes", index), "nodes", f"scenes[{index}]")
+        nodes = json_field(self.document, "nodes", list, file=self.file)
+        children = {k for i, node in enumerate(nodes) for k in self._indices(node, "children", f"nodes[{i}]")}
+        return [i for i in range(len(nodes)) if i not in children]
+
+    def _add_mesh(self, index: int, world_from_node: Float64[np.ndarray, "4 4"]) -> None:
+        first_of: dict[int, int] = {}  # the first vertex of each accessor of positions
+        mesh, where = self._entry("meshes", index), f"meshes[{index}]"
+        for k, primitive in enumerate(json_field(mesh, "primitives", list, file=self.file, where=where)):
+            field = f"{where}.primitives[{k}]"
+            attributes = json_field(primitive, "attributes", dict, file=self.file, where=field)
+            mode = json_field(primitive, "mode", int, file=self.file, where=field) if "mode" in primitive else TRIANGLES
+            if mode in POINTS_AND_LINES:
+                continue
+            if mode != TRIANGLES:
+                raise InputError("only lists of triangles are read", file=self.file, field=f"{field}.mode")
+            accessor = json_field(attributes, "POSITION", int, file=self.file, where=f"{field}.attributes")
+            positions = self._accessor(accessor, "VEC3", POSITIONS)
+            if "indices" in primitive:
+                indices = json_field(primitive, "indices", int, file=self.file, where=field)
+                corners = self._accessor(indices, "SCALAR", INDICES)[:, 0].astype(np.int64)
+            else:
+                corners = np.arange(len(positions))
+            if len(corners) % 3 or (len(corners) and corners.max() >= len(positions)):
+                raise InputError("indices that are no triangles of its vertices", file=self.file, field=field)
+            if accessor not in first_of:
+                first_of[accessor] = self._add_vertices(positions, world_from_node)
+            self.faces.append(corners.reshape(-1, 3) + first_of[accessor])
+            self.num_corners += len(corners)
+            if max(self.num_vertices, self.num_corners) > MAX_CORNERS:
+                raise InputError(f"more than {MAX_CORNERS} corners of triangles", file=self.file, field=where)
+
+    def _add_vertices(self, positions: np.ndarray, world_from_node: Float64[np.ndarray, "4 4"]) -> int:
+        first = self.num_vertices
+        with np.errstate(over="ignore", invalid="ignore"):
+            moved = positions.astype(np.float64) @ world_from_node[:3, :3].T + world_from_node[:3, 3]
+        self.vertices.append(moved)
+        self.num_vertices += len(moved)
+        return first
+
+    def _transform(self, node: dict[str, Any], where: str) -> Float64[np.ndarray, "4 4"]:
+        """parent_from_node: a matrix by columns, or translation, rotation (xyzw) and scale."""
+
+        def numbers(key: str, default: list[float]) -> Float64[np.ndarray, " n"]:
+            field = f"{where}.{key}"
+            values = {field: json_field(node, key, list, file=self.file, where=where) if key in node else default}
+            return checked_array(values, field, (len(default),), np.float64, file=self.file)
+
+        if not node.keys() & {"matrix", "translation", "rotation", "scale"}:
+            return np.eye(4)
+        if "matrix" in node:
+            return numbers("matrix", [0.0] * 16).reshape(4, 4).T
+        quaternion = numbers("rotation", [0.0, 0.0, 0.0, 1.0])
+        if not 0.9 < np.linalg.norm(quaternion) < 1.1:
+            raise InputError("no unit quaternion", file=self.file, field=f"{where}.rotation")
+        transform = np.eye(4)
+        transform[:3, :3] = Rotation.from_quat(quaternion).as_matrix() * numbers("scale", [1.0, 1.0, 1.0])
+        transform[:3, 3] = numbers("translation", [0.0, 0.0, 0.0])
+        return transform
+
+    def _accessor(self, index: int, kind: str, types: dict[int, str]) -> Shaped[np.ndarray, "n k"]:
+        """The numbers of an accessor, a view of the binary chunk."""
+        entry, where = self._entry("accessors", index), f"accessors[{index}]"
+
+        def whole(source: dict[str, Any], key: str, field: str, default: int | None = None) -> int:
+            if key not in source and default is not None:
+                return default
+            value = json_field(source, key, int, file=self.file, where=field)
+            if value < 0:
+                raise InputError(f"expected 0 or larger, found {value}", file=self.file, field=f"{field}.{key}")
+            return value
+
+        component = whole(entry, "componentType", where)
+        if entry.get("type") != kind or component not in types or "sparse" in entry:
+            problem = f"expected a plain {kind} of the component type {' or '.join(map(str, types))}"
+            raise InputError(problem, file=self.file, field=where)
+        number = whole(entry, "bufferView", where)
+        view, inside = self._entry("bufferViews", number), f"bufferViews[{number}]"
+        buffer = self._entry("buffers", whole(view, "buffer", inside))
+        if view["buffer"] != 0 or "uri" in buffer:
+            raise InputError("data outside the file's binary chunk", file=self.file, field=f"{inside}.buffer")
+        dtype, columns = np.dtype(types[component]), {"VEC3": 3, "SCALAR": 1}[kind]
+        size, count = columns * dtype.itemsize, whole(entry, "count", where)
+        start, length = whole(view, "byteOffset", inside, 0), whole(view, "byteLength", inside)
+        first, stride = whole(entry, "byteOffset", where, 0), whole(view, "byteStride", inside, size)
+        end = first + (count - 1) * stride + size if count else 0
+        if stride < size or end > length or start + length > len(self.binary):
+            raise InputError(f"{count} x {stride} bytes, more than there are", file=self.file, field=where)
+        if count == 0:
+            return np.zeros((0, columns), dtype)
+        return np.ndarray((count, columns), dtype, self.binary, start + first, (stride, dtype.itemsize))
+
+    def _entry(self, name: str, index: int) -> dict[str, Any]:
+        entries = json_field(self.document, name, list, file=self.file)
+        if not 0 <= index < len(entries) or not isinstance(entries[index], dict):
+            raise InputError("no such object", file=self.file, field=f"{name}[{index}]")
+        return entries[index]
+
+    def _indices(self, entry: Any, key: str, where: str) -> list[int]:
+        if isinstance(entry, dict) and key not in entry:
+            return []
+        values = json_field(entry, key, list, file=self.file, where=where)
+        if not all(type(value) is int for value in values):
+            raise InputError("expected whole numbers", file=self.file, field=f"{where}.{key}")
+        return values

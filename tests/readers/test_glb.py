@@ -1,0 +1,177 @@
+"""GLB: the triangles of a scene as trimesh reads them, and nothing that the file does not hold."""
+
+from __future__ import annotations
+
+import json
+import struct
+import tracemalloc
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from carigs.errors import InputError
+from carigs.readers.glb import parse_glb
+from carigs.readers.meshes import read_mesh
+
+VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "<f4")
+FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], "<u4")
+
+
+def document() -> dict[str, Any]:
+    """A tetrahedron."""
+    return {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "buffers": [{"byteLength": 96}],
+        "bufferViews": [{"buffer": 0, "byteLength": 48}, {"buffer": 0, "byteOffset": 48, "byteLength": 48}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5125, "count": 12, "type": "SCALAR"},
+        ],
+    }  # fmt: skip
+
+
+def glb(content: dict[str, Any], binary: bytes = VERTICES.tobytes() + FACES.tobytes()) -> bytes:
+    text = json.dumps(content).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def test_positions_and_triangles_come_back():
+    vertices, faces = parse_glb(glb(document()), "a.glb")
+    np.testing.assert_array_equal(vertices, VERTICES)
+    np.testing.assert_array_equal(faces, FACES)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_scenes_are_read_as_by_trimesh(seed, tmp_path):
+    """A tree of nodes with transforms, two meshes and an instance: the same triangles in space, in any order."""
+    rng = np.random.default_rng(seed)
+    scene = trimesh.Scene()
+    parent = None
+    for k, mesh in enumerate((trimesh.creation.icosahedron(), trimesh.creation.box(), trimesh.creation.icosahedron())):
+        transform = np.eye(4)
+        transform[:3, :3] = Rotation.random(random_state=10 * seed + k).as_matrix() * rng.uniform(0.5, 2)
+        transform[:3, 3] = rng.normal(size=3)
+        scene.add_geometry(mesh, node_name=f"n{k}", geom_name=f"g{k}", parent_node_name=parent, transform=transform)
+        parent = f"n{k}"
+    (tmp_path / "a.glb").write_bytes(scene.export(file_type="glb"))
+    found = read_mesh(tmp_path / "a.glb")
+    theirs = trimesh.load(tmp_path / "a.glb", force="mesh", process=False)
+
+    def sorted_triangles(mesh: trimesh.Trimesh) -> np.ndarray:
+        rows = np.asarray(mesh.triangles).reshape(-1, 9).round(4)
+        return rows[np.lexsort(rows.T)]
+
+    np.testing.assert_allclose(sorted_triangles(found), sorted_triangles(theirs), atol=2e-4)
+
+
+def test_translation_rotation_and_scale_apply_in_this_order():
+    content = document()
+    rotation = Rotation.from_rotvec([0.3, -0.2, 0.9])
+    content["nodes"] = [{"translation": [1, 2, 3], "children": [1]}, {"mesh": 0}]
+    content["nodes"][1] |= {"rotation": rotation.as_quat().tolist(), "scale": [2, 3, 4]}
+    vertices, _ = parse_glb(glb(content), "a.glb")
+    np.testing.assert_allclose(vertices, rotation.apply(VERTICES * [2, 3, 4]) + np.array([1, 2, 3]), atol=1e-12)
+
+
+def test_vertices_that_primitives_share_appear_once():
+    content = document()
+    content["meshes"][0]["primitives"] *= 3
+    vertices, faces = parse_glb(glb(content), "a.glb")
+    assert len(vertices) == 4
+    np.testing.assert_array_equal(faces, np.tile(FACES, (3, 1)))
+
+
+def test_a_primitive_without_indices_is_a_list_of_corners():
+    content = document()
+    del content["meshes"][0]["primitives"][0]["indices"]
+    content["accessors"][0]["count"] = 3
+    np.testing.assert_array_equal(parse_glb(glb(content), "a.glb")[1], [[0, 1, 2]])
+
+
+def change(*path: Any, **values: Any) -> Callable[[dict[str, Any]], None]:
+    def apply(content: Any) -> None:
+        for key in path:
+            content = content[key]
+        content.update(values)
+
+    return apply
+
+
+def twice_each(content: dict[str, Any]) -> None:
+    """2^30 instances, if a node could be the child of two."""
+    content["nodes"] = [{"children": [i + 1, i + 1]} for i in range(30)] + [{"mesh": 0}]
+
+
+REFUSED = {
+    "no data, 60 million zeros": (
+        lambda c: (c["accessors"][0].update(count=60_000_000), c["accessors"][0].pop("bufferView")),
+        r"accessors\[0\].bufferView: this key is missing",
+    ),
+    "lying count": (change("accessors", 0, count=10**9), r"accessors\[0\]: .* more than there are"),
+    "lying view": (change("bufferViews", 0, byteLength=10**9), r"accessors\[0\]: .* more than there are"),
+    "offset at the end": (change("accessors", 0, byteOffset=4), r"accessors\[0\]: .* more than there are"),
+    "negative offset": (change("accessors", 0, byteOffset=-12), r"accessors\[0\].byteOffset: expected 0 or larger"),
+    "huge offset": (change("bufferViews", 0, byteOffset=2**62), r"accessors\[0\]: .* more than there are"),
+    "stride 0": (change("bufferViews", 0, byteStride=0), r"accessors\[0\]: "),
+    "sparse": (change("accessors", 0, sparse={"count": 1}), r"accessors\[0\]: expected a plain VEC3"),
+    "positions of integers": (change("accessors", 0, componentType=5122), r"accessors\[0\]: expected a plain VEC3"),
+    "another file": (change("buffers", 0, uri="../../etc/passwd"), "data outside the file"),
+    "an address": (change("buffers", 0, uri="http://localhost/"), "data outside the file"),
+    "another buffer": (change("bufferViews", 0, buffer=7), r"buffers\[7\]: no such object"),
+    "a vertex that is not there": (change("accessors", 0, count=3), "no triangles of its vertices"),
+    "half a triangle": (change("accessors", 1, count=10), "no triangles of its vertices"),
+    "a strip": (change("meshes", 0, "primitives", 0, mode=5), "only lists of triangles"),
+    "its own child": (change("nodes", 0, children=[0]), r"nodes\[0\]: hangs on two nodes, or on itself"),
+    "2^30 instances": (twice_each, r"nodes\[30\]: hangs on two nodes"),
+    "no such mesh": (change("nodes", 0, mesh=-1), r"meshes\[-1\]: no such object"),
+    "no rotation": (change("nodes", 0, rotation=[0, 0, 0, 0]), r"nodes\[0\].rotation: no unit quaternion"),
+    "half a matrix": (change("nodes", 0, matrix=[1] * 8), r"nodes\[0\].matrix: shape"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_wrong_is_named_and_nothing_is_allocated(name):
+    damage, says = REFUSED[name]
+    content = document()
+    damage(content)
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match=says):
+            parse_glb(glb(content), "a.glb")
+        assert tracemalloc.get_traced_memory()[1] < 1e6
+    finally:
+        tracemalloc.stop()
+
+
+def test_instances_without_end_are_refused(monkeypatch):
+    monkeypatch.setattr("carigs.readers.glb.MAX_CORNERS", 30)
+    content = document()
+    content["nodes"] = [{"mesh": 0}] * 3
+    content["scenes"] = [{"nodes": [0, 1, 2]}]
+    with pytest.raises(InputError, match="more than 30 corners"):
+        parse_glb(glb(content), "a.glb")
+
+
+@settings(max_examples=200, deadline=None)
+@given(data=st.data())
+def test_a_file_cut_or_changed_anywhere_is_data_or_a_typed_error(data):
+    content = bytearray(glb(document()))
+    if data.draw(st.booleans()):
+        del content[data.draw(st.integers(0, len(content) - 1)) :]
+    else:
+        content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))
+    try:
+        vertices, faces = parse_glb(bytes(content), "a.glb")
+    except InputError as error:
+        assert str(error).startswith("a.glb: ")
+    else:
+        assert len(faces) == 0 or faces.max() < len(vertices)
