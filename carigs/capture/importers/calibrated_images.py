@@ -1,53 +1,75 @@
-"""A capture from images, a calibration and a tracked head."""
+"""A capture from folders of images and mattes, and cameras by name."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from pathlib import Path
 
 from carigs.capture.camera import Camera
 from carigs.capture.dataset import Capture
+from carigs.capture.dataset_checks import sound_images
 from carigs.capture.frame import Frame
-from carigs.capture.importers.images import SUFFIXES, FoundImage, camera_of
+from carigs.capture.importers.images import SUFFIXES, FoundImage, camera_of, find_images
 from carigs.capture.splits import split_single_sequence
 from carigs.errors import InputError
 
+CALIBRATIONS = ("cameras.json", "sparse/0", "sparse", "colmap")
+"""Where a calibration is looked for in the folder."""
+IMAGES, MATTES = "images", ("masks", "fg_masks")
 
-def build_capture(
-    images: list[FoundImage],
-    folders: tuple[Path, Path | None],
-    cameras: Mapping[str, Camera],
-    timesteps: set[int],
-    head_model: Path,
-    background: float,
-) -> Capture:
-    """Put a capture together.
+
+def find_calibration(folder: Path) -> Path | None:
+    """Find the calibration of a capture.
 
     Args:
-        images: The images.
-        folders: Their folder, and that of the mattes, which have the same names; None if there are no mattes.
-        cameras: Cameras by name, see `camera_of`.
-        timesteps: Timesteps at which the head is known.
+        folder: The folder.
+
+    Returns:
+        cameras.json or the folder of a COLMAP model; None if there is none.
+    """
+    return next((folder / name for name in CALIBRATIONS if (folder / name).exists()), None)
+
+
+def read_calibrated_images(
+    folder: Path,
+    head_model: Path,
+    cameras: Mapping[str, Camera],
+    *,
+    timesteps: Set[int] | None = None,
+    background: float = 1.0,
+) -> Capture:
+    """Index the images of a folder.
+
+    Args:
+        folder: Folder with `images/` (see `find_images`), and `masks/` or `fg_masks/` with files of the same names.
+            Without mattes, alpha channels of the images count.
         head_model: File of the head model.
+        cameras: Cameras by name (`read_cameras`).
+        timesteps: Timesteps at which the head is known: images of others are left out. None: all.
         background: Grey value that the images were composited on.
 
     Returns:
-        The capture of the images whose head is known, divided as a single sequence. Cameras are numbered in the order
-        of their names.
+        The capture without files of head parameters, divided as a single sequence. Cameras are numbered in the
+        alphabetical order of their names.
 
     Raises:
-        InputError: If no image is left, or an image has no camera.
+        InputError: If images of two timesteps are not left, an image has no camera or another size than its camera, or
+            a matte is missing.
     """
-    used = [image for image in images if image.timestep in timesteps]
+    root = folder / IMAGES
+    mattes = next((folder / name for name in MATTES if (folder / name).is_dir()), None)
+    used = [image for image in find_images(root) if timesteps is None or image.timestep in timesteps]
     if len({image.timestep for image in used}) < 2:
-        few = ", ".join(map(str, sorted(timesteps)[:8]))
-        problem = f"at least two timesteps need both images and a tracked head; the head is known at {few}"
-        raise InputError(problem, file=folders[0])
+        problem = "holds images of one timestep; at least two are needed"
+        if timesteps is not None:
+            few = ", ".join(map(str, sorted(timesteps)[:8]))
+            problem = f"at least two timesteps need both images and a tracked head; the head is known at {few}"
+        raise InputError(problem, file=root)
     numbers = {name: i for i, name in enumerate(sorted({image.camera for image in used}))}
     frames, calibrations = [], []
     for image in used:
-        mask = _matte(image, *folders)
-        calibrations.append(camera_of(image, folders[0], cameras))
+        mask = _matte(image, root, mattes)
+        calibrations.append(camera_of(image, root, cameras))
         frames.append(
             Frame(
                 timestep=image.timestep,
@@ -60,7 +82,8 @@ def build_capture(
                 calibration=len(frames),
             )
         )
-    return Capture(folders[0], head_model, split_single_sequence(frames), tuple(calibrations), background)
+    sound = sound_images(root, frames, calibrations)
+    return Capture(root, Path(head_model), split_single_sequence(sound), tuple(calibrations), background)
 
 
 def _matte(image: FoundImage, images: Path, mattes: Path | None) -> Path | None:
