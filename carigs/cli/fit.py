@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from carigs.capture.dataset_writer import check_target, copied, referenced, write_dataset
+from carigs.capture.importers.calibrated_images import FROM_THE_TOP
 from carigs.cli.parser import add_capture_options, command_parser
 from carigs.errors import CarigsWarning
 from carigs.fitting.footage import read_footage
@@ -112,7 +113,7 @@ def main(arguments: list[str]) -> int:
     check_target(task.output)
     landmarks = find_landmarks(task.landmarks, capture)
     capture = resolve_cy(capture, landmarks, task.cy)
-    if not capture.cy.endswith(DOES_NOT_MATTER):
+    if not capture.cy.endswith((DOES_NOT_MATTER, FROM_THE_TOP)):
         print(f"cy is read as {capture.cy}")
     with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as progress:
         bar = progress.add_task("fitting", total=PASSES * len(capture.parameter_files))

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from carigs.capture import Capture
+from carigs.capture.importers.calibrated_images import FROM_THE_TOP
 from carigs.fitting.footage import frame_landmarks, frame_projections
 from carigs.fitting.landmark_files import Landmarks
 from carigs.fitting.triangulation import triangulate, well_seen_timesteps
@@ -30,7 +31,7 @@ def resolve_cy(capture: Capture, landmarks: Landmarks, convention: str = "auto")
     Args:
         capture: The footage, as its files say.
         landmarks: Its landmarks.
-        convention: What the files hold: `opencv`, `flipped`, or `auto` to find out.
+        convention: What the files hold: `opencv`, `flipped`, or `auto` to find out, unless their form says it.
 
     Returns:
         The capture with its field `cy`: the convention of the files and how it was found. If landmarks do not tell, the
@@ -38,6 +39,8 @@ def resolve_cy(capture: Capture, landmarks: Landmarks, convention: str = "auto")
     """
     if convention != "auto":
         return with_cy(capture, convention, f"--cy {convention}")
+    if capture.cy == FROM_THE_TOP:
+        return capture
     if not cy_offsets(capture).max(initial=0) > CENTRED:
         return with_cy(capture, "opencv", DOES_NOT_MATTER)
     flipped = replace(capture, calibrations=tuple(map(flipped_cy, capture.calibrations)))

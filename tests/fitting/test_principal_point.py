@@ -9,6 +9,7 @@ from small_head import ring_of_cameras, small_head
 
 from carigs.capture import Camera, Capture
 from carigs.capture.frame import Frame
+from carigs.capture.importers.calibrated_images import FROM_THE_TOP
 from carigs.fitting.landmark_files import Landmarks
 from carigs.fitting.principal_point import resolve_cy
 
@@ -81,6 +82,13 @@ def test_without_landmarks_nothing_changes():
     none.values[:, 1:] = 0  # one camera alone
     found = resolve_cy(stated, none)
     assert found.calibrations == stated.calibrations and "too few landmarks" in found.cy
+
+
+def test_a_form_of_files_that_says_it_needs_no_evidence():
+    true = cameras(OWN)
+    stated = replace(capture(true, flipped=True), cy=FROM_THE_TOP)
+    assert resolve_cy(stated, landmarks(true, 0.0)) is stated
+    assert resolve_cy(stated, landmarks(true, 0.0), "flipped").calibrations == tuple(true)
 
 
 def test_a_setting_needs_no_evidence():

@@ -16,6 +16,7 @@ from carigs.errors import InputError
 CALIBRATIONS = ("cameras.json", "sparse/0", "sparse", "colmap")
 """Where a calibration is looked for in the folder."""
 IMAGES, MATTES = "images", ("masks", "fg_masks")
+FROM_THE_TOP = "opencv: cameras.json and COLMAP models count from the top"
 
 
 def find_calibration(folder: Path) -> Path | None:
@@ -83,7 +84,8 @@ def read_calibrated_images(
             )
         )
     sound = sound_images(root, frames, calibrations)
-    return Capture(root, Path(head_model), split_single_sequence(sound), tuple(calibrations), background)
+    divided = split_single_sequence(sound)
+    return Capture(root, Path(head_model), divided, tuple(calibrations), background, cy=FROM_THE_TOP)
 
 
 def _matte(image: FoundImage, images: Path, mattes: Path | None) -> Path | None:
