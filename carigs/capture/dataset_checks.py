@@ -66,15 +66,7 @@ def sound_frames(
                 problem = f"camera {entry.frame.camera} stands elsewhere than in the other frames of its sequence"
                 raise InputError(problem, file=entry.file, field=f"{entry.where}.transform_matrix")
             single.append(entry.frame)
-    with ThreadPoolExecutor(READERS) as pool:
-        batches = [single[i : i + BATCH] for i in range(0, len(single), BATCH)]
-        checked = pool.map(lambda batch: _check_batch(folder, table.cameras, batch), batches)
-        frames = []
-        for found in chain.from_iterable(checked):
-            with collecting(errors):
-                if isinstance(found, InputError):
-                    raise found
-                frames.append(found)
+    frames = sound_images(folder, single, table.cameras, errors)
     if model is None:
         return frames
     heads = set()
@@ -83,6 +75,35 @@ def sound_frames(
             HeadParameters.load(folder / name, model)
             heads.add(name)
     return [frame for frame in frames if frame.parameters in heads]
+
+
+def sound_images(
+    folder: Path, frames: Sequence[Frame], cameras: Sequence[Camera], errors: list[InputError] | None = None
+) -> list[Frame]:
+    """Compare the sizes of images and mattes with the cameras.
+
+    Args:
+        folder: What paths are relative to.
+        frames: The frames.
+        cameras: Their cameras, by `Frame.calibration`.
+        errors: Receives the errors; None to raise the first.
+
+    Returns:
+        Frames without an error. A frame that states no matte has that of its image's alpha channel, if there is one.
+
+    Raises:
+        InputError: If a file is missing or broken, or of another size than its camera.
+    """
+    sound = []
+    with ThreadPoolExecutor(READERS) as pool:
+        batches = [frames[i : i + BATCH] for i in range(0, len(frames), BATCH)]
+        checked = pool.map(lambda batch: _check_batch(folder, cameras, batch), batches)
+        for found in chain.from_iterable(checked):
+            with collecting(errors):
+                if isinstance(found, InputError):
+                    raise found
+                sound.append(found)
+    return sound
 
 
 class _Known:

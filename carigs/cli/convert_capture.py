@@ -5,18 +5,22 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from carigs.capture import Capture, read_dataset
+from carigs.capture import Camera, Capture, read_dataset
 from carigs.capture.dataset_writer import copied, linked, write_dataset
-from carigs.capture.importers.build import build_capture
+from carigs.capture.importers.calibrated_images import (
+    CALIBRATIONS,
+    IMAGES,
+    find_calibration,
+    read_calibrated_images,
+)
 from carigs.capture.importers.cameras import read_cameras
 from carigs.capture.importers.flame_tracks import read_flame_track, read_tracked_cameras
 from carigs.capture.importers.images import find_images, image_name
 from carigs.capture.importers.mesh_sequence import read_mesh_sequence
+from carigs.cli.parser import add_capture_options
 from carigs.errors import InputError
 from carigs.head import HeadModel, HeadParameters
 
-CALIBRATIONS = ("cameras.json", "sparse/0", "sparse", "colmap")
-"""Where a calibration is looked for in the folder."""
 DESCRIPTION = """Write a capture in the layout of GaussianAvatars.
 
 IN_FOLDER is a dataset in this layout (a union of sequences becomes one folder), or it holds
@@ -45,10 +49,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("source", type=Path, metavar="IN_FOLDER")
     parser.add_argument("target", type=Path, metavar="OUT_FOLDER", help="new or empty")
     parser.add_argument("--head-model", type=Path, help="file of the head model, for FLAME parameters")
-    parser.add_argument("--cameras", type=Path, help="cameras.json or a COLMAP model elsewhere")
-    parser.add_argument("--metres-per-unit", type=float, default=1.0, help="0.001 for millimetres; default 1")
-    parser.add_argument("--background", type=float, default=1.0, help="grey value of the background; default 1")
-    parser.add_argument("--copy", action="store_true", help="copy the images; else they are linked")
+    add_capture_options(parser)
     options = parser.parse_args(arguments)
     convert_capture(options)
     return 0
@@ -79,22 +80,24 @@ def convert_capture(options: argparse.Namespace) -> None:
 
 
 def _assemble(options: argparse.Namespace, timesteps: set[int]) -> Capture:
-    source = options.source
-    images = find_images(source / "images")
-    mattes = next((source / name for name in ("masks", "fg_masks") if (source / name).is_dir()), None)
-    calibration = options.cameras or next((source / name for name in CALIBRATIONS if (source / name).exists()), None)
+    source, model = options.source, options.target / "head_model.npz"
+    calibration = options.cameras or find_calibration(source)
     if calibration is not None:
         cameras = read_cameras(calibration, options.metres_per_unit)
-    elif (source / "flame_param").is_dir() and (tracked := read_tracked_cameras(source / "flame_param", images)):
-        cameras = {
-            image_name(image, source / "images"): tracked[image.timestep]
-            for image in images
-            if image.timestep in tracked
-        }
-    else:
+    elif not (cameras := _tracked_cameras(source)):
         raise InputError(f"no calibration; looked for {', '.join(CALIBRATIONS)}", file=source)
-    model = options.target / "head_model.npz"
-    return build_capture(images, (source / "images", mattes), cameras, timesteps, model, options.background)
+    return read_calibrated_images(source, model, cameras, timesteps=timesteps, background=options.background)
+
+
+def _tracked_cameras(source: Path) -> dict[str, Camera]:
+    """Cameras by the names of their images, where a tracker has moved the camera and not the head."""
+    if not (source / "flame_param").is_dir():
+        return {}
+    images = find_images(source / IMAGES)
+    tracked = read_tracked_cameras(source / "flame_param", images)
+    return {
+        image_name(image, source / IMAGES): tracked[image.timestep] for image in images if image.timestep in tracked
+    }
 
 
 def _read_heads(options: argparse.Namespace) -> tuple[HeadModel, dict[int, HeadParameters]]:

@@ -14,17 +14,21 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
-from carigs.capture.dataset_writer import check_target, write_dataset
-from carigs.cli.parser import command_parser
+from carigs.capture.dataset_writer import check_target, copied, referenced, write_dataset
+from carigs.capture.importers.calibrated_images import FROM_THE_TOP
+from carigs.cli.parser import add_capture_options, command_parser
 from carigs.errors import CarigsWarning
 from carigs.fitting.footage import read_footage
 from carigs.fitting.landmark_providers import find_landmarks
+from carigs.fitting.principal_point import resolve_cy
 from carigs.fitting.residuals import outstanding_cameras
 from carigs.fitting.video_fit import VideoFit, fit_video
+from carigs.plausibility.principal_point import DOES_NOT_MATTER
 
 EXAMPLES = """examples:
   carigs fit video --head-model generic_model.pkl --landmarks landmarks.npz --embedding embedding.npz -o dataset
   carigs fit video --head-model head.npz --landmarks landmarks.npz -o dataset --no-refine
+  carigs fit video --cameras sparse/0 --metres-per-unit 0.1 --head-model head.npz --landmarks lmk.npz -o dataset
 
 docs/fitting.md describes the files.
 """
@@ -76,7 +80,11 @@ def main(arguments: list[str]) -> int:
         Exit code.
     """
     parser = command_parser("fit", __doc__, EXAMPLES)
-    parser.add_argument("folder", type=Path, help="transforms.json, or transforms_{train,val,test}.json, and images")
+    parser.add_argument(
+        "folder",
+        type=Path,
+        help="transforms*.json and images; or images/, a calibration, and masks/ if there are mattes",
+    )
     parser.add_argument("--head-model", type=Path, required=True, metavar="FILE", help=".npz, or FLAME's .pkl")
     parser.add_argument(
         "--landmarks", type=Path, required=True, metavar="FILE", help=".npz, a folder of .npz, or MediaPipe's .task"
@@ -86,24 +94,35 @@ def main(arguments: list[str]) -> int:
     )
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DATASET", help="folder to write")
     parser.add_argument(
-        "--background", type=float, default=1.0, help="grey value behind the head (default %(default)s)"
+        "--cy",
+        choices=("auto", "opencv", "flipped"),
+        default="auto",
+        help="whether cy counts from the top of the image (opencv) or from its bottom (default: found by landmarks)",
     )
+    add_capture_options(parser)
     parser.add_argument("--no-refine", action="store_true", help="use landmarks alone, no mattes and images")
     task = parser.parse_args(arguments)
-    if not 0 <= task.background <= 1:
-        parser.error(f"--background {task.background}: expected a value from 0 to 1")
     started = time.perf_counter()
-    capture = read_footage(task.folder, task.head_model, background=task.background)
+    capture = read_footage(
+        task.folder,
+        task.head_model,
+        calibration=task.cameras,
+        metres_per_unit=task.metres_per_unit,
+        background=task.background,
+    )
     check_target(task.output)
     landmarks = find_landmarks(task.landmarks, capture)
+    capture = resolve_cy(capture, landmarks, task.cy)
+    if not capture.cy.endswith((DOES_NOT_MATTER, FROM_THE_TOP)):
+        print(f"cy is read as {capture.cy}")
     with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as progress:
         bar = progress.add_task("fitting", total=PASSES * len(capture.parameter_files))
         fit = fit_video(
             capture, landmarks, task.embedding, refine=not task.no_refine, on_frame=lambda: progress.advance(bar)
         )
-    write_dataset(task.output, capture, capture.model, fit.parameters)
+    write_dataset(task.output, capture, capture.model, fit.parameters, place=copied if task.copy else referenced)
     print(summary(fit))
-    for line in problems(fit):
+    for line in (*capture.warnings, *problems(fit)):
         warnings.warn(CarigsWarning(line), stacklevel=2)
     print(f"{task.output}: {len(fit.parameters)} timesteps fitted in {time.perf_counter() - started:.1f} s")
     return 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 
 def command_parser(command: str, description: str, examples: str) -> argparse.ArgumentParser:
@@ -24,6 +25,26 @@ def command_parser(command: str, description: str, examples: str) -> argparse.Ar
     )
 
 
+def add_capture_options(parser: argparse.ArgumentParser) -> None:
+    """Add what subcommands that read a capture in another form have in common.
+
+    Args:
+        parser: Receives `cameras`, `metres_per_unit`, `background` and `copy`.
+    """
+    parser.add_argument("--cameras", type=Path, metavar="PATH", help="cameras.json or a COLMAP model elsewhere")
+    parser.add_argument(
+        "--metres-per-unit", type=float, default=1.0, metavar="M", help="0.001 for millimetres (default %(default)s)"
+    )
+    parser.add_argument(
+        "--background",
+        type=_grey_value,
+        default=1.0,
+        metavar="GREY",
+        help="behind the head (default %(default)s: white)",
+    )
+    parser.add_argument("--copy", action="store_true", help="copy the images; otherwise they stay where they are")
+
+
 def study_parser(command: str, description: str, examples: str, usage: str) -> argparse.ArgumentParser:
     """Start the parser of a subcommand that composes a study.
 
@@ -42,3 +63,10 @@ def study_parser(command: str, description: str, examples: str, usage: str) -> a
     overrides_help = "Hydra overrides KEY=VALUE; docs/configuration.md lists the keys"
     parser.add_argument("overrides", nargs="*", metavar="KEY=VALUE", help=overrides_help)
     return parser
+
+
+def _grey_value(text: str) -> float:
+    value = float(text)
+    if not 0 <= value <= 1:
+        raise argparse.ArgumentTypeError(f"{text}: expected a value from 0 to 1")
+    return value

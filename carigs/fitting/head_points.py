@@ -9,7 +9,7 @@ from jaxtyping import Float, Int
 
 from carigs.fitting.fitted_parameters import FittedParameters
 from carigs.fitting.rotation_vectors import left_jacobians
-from carigs.head import HeadModel
+from carigs.head import HeadModel, SurfacePoints
 from carigs.head.posing import rotation_matrices
 
 
@@ -19,19 +19,12 @@ class HeadPoints:
     Args:
         model: The head model.
         fitted: The parameters.
-        corners: Vertices whose weighted mean each point is.
-        barycentric: Their weights.
+        points: The points.
     """
 
-    def __init__(
-        self,
-        model: HeadModel,
-        fitted: FittedParameters,
-        corners: Int[np.ndarray, "n k"],
-        barycentric: Float[np.ndarray, "n k"],
-    ) -> None:
-        self.fitted, self.barycentric = fitted, barycentric
-        vertices = corners.reshape(-1)
+    def __init__(self, model: HeadModel, fitted: FittedParameters, points: SurfacePoints) -> None:
+        self.fitted, self.barycentric = fitted, points.barycentric
+        vertices = points.corners.reshape(-1)
         columns = [fitted.shape, model.num_identity + fitted.expression]
         self.template = model.v_template[vertices].astype(np.float64)
         self.blendshapes = [model.shapedirs[vertices][:, :, chosen].astype(np.float64) for chosen in columns]

@@ -1,6 +1,6 @@
-"""Files of landmarks, and of what ties landmarks to a head model.
+"""Files of landmarks: positions in the images.
 
-Landmarks are an .npz file:
+They are .npz files:
 
 | array | shape | meaning |
 |---|---|---|
@@ -8,8 +8,7 @@ Landmarks are an .npz file:
 | `timesteps` | timesteps | `timestep_index` of each |
 | `cameras` | cameras | `camera_index` of each |
 
-Confidence 0, or NaN, stands for a landmark that was not seen. An embedding is an .npz file with `vertices` (points), or
-with `faces` (points) and `barycentric` (points x 3).
+Confidence 0, or NaN, stands for a landmark that was not seen.
 """
 
 from __future__ import annotations
@@ -23,7 +22,6 @@ from jaxtyping import Float, Int
 
 from carigs.errors import InputError
 from carigs.files import writing
-from carigs.head import HeadModel
 from carigs.readers.arrays import checked_array
 from carigs.readers.npz import read_npz
 
@@ -96,37 +94,3 @@ def read_landmarks(file: Path) -> Landmarks:
         if len(np.unique(numbers[-1])) < count:
             raise InputError("a number appears twice", file=file, field=name)
     return Landmarks(np.where(values[..., 2:] > 0, values, 0), *numbers)
-
-
-def read_embedding(
-    file: Path | None, model: HeadModel, count: int
-) -> tuple[Int[np.ndarray, "p k"], Float[np.ndarray, "p k"]]:
-    """Where landmarks lie on a head model.
-
-    Args:
-        file: .npz file as described above; None for the model's own 68 landmarks.
-        model: The head model.
-        count: Number of landmarks.
-
-    Returns:
-        Vertices of each landmark, and their weights.
-
-    Raises:
-        InputError: If the file is missing or damaged, names faces or vertices that the model lacks, or has another
-            number of landmarks.
-    """
-    if file is None:
-        if model.landmarks68 is None or count != 68:
-            own = "none" if model.landmarks68 is None else "68"
-            problem = f"{count} landmarks; the head model has {own} of its own: give --embedding FILE"
-            raise InputError(problem, file="landmarks", field="landmarks")
-        return model.landmarks68[:, None], np.ones((68, 1))
-    arrays = read_npz(file, "embedding")
-    if "vertices" in arrays:
-        vertices = checked_array(arrays, "vertices", (count,), np.int64, below=len(model.v_template), file=file)
-        return vertices[:, None], np.ones((count, 1))
-    faces = checked_array(arrays, "faces", (count,), np.int64, below=len(model.faces), file=file)
-    barycentric = checked_array(arrays, "barycentric", (count, 3), np.float64, file=file)
-    if np.abs(barycentric.sum(axis=1) - 1).max(initial=0) > 1e-3:
-        raise InputError("the weights of a point must add up to 1", file=file, field="barycentric")
-    return model.faces[faces].astype(np.int64), barycentric

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
 from carigs.fitting.fitted_parameters import FittedParameters, fitted_parameters
@@ -14,8 +14,8 @@ from carigs.fitting.landmark_term import LandmarkTerm
 from carigs.fitting.levenberg_marquardt import minimise
 from carigs.fitting.objective import Objective, Prior
 from carigs.fitting.rigid_alignment import rigid_alignment
-from carigs.fitting.triangulation import project, triangulate
-from carigs.head import HeadModel, HeadParameters
+from carigs.fitting.triangulation import LEAST_POINTS, project, triangulate
+from carigs.head import HeadModel, HeadParameters, SurfacePoints
 
 JOINT_DEVIATION = 0.2
 """Standard deviation of the rotations of joints other than the root, in radians."""
@@ -24,7 +24,6 @@ CHANGES = {"translation": 0.02, "rotation": 0.1, "joints": 0.1, "expression": 0.
 weak, so that frames with landmarks follow them and frames without follow their neighbours."""
 OUTLIERS = (300.0, 30.0, 5.0)
 """Scales of the loss in standard deviations, from nearly quadratic to robust (graduated non-convexity)."""
-LEAST_POINTS = 4
 LEAST_SIGMA = 0.1
 """Pixels."""
 
@@ -67,8 +66,7 @@ class HeadFit:
 
 def fit_landmarks(
     model: HeadModel,
-    corners: Int[np.ndarray, "p k"],
-    barycentric: Float[np.ndarray, "p k"],
+    landmarks: SurfacePoints,
     observations: Observations,
     start: Float[np.ndarray, "t 6"] | None = None,
 ) -> HeadFit:
@@ -76,16 +74,15 @@ def fit_landmarks(
 
     Args:
         model: The head model.
-        corners: Vertices of each landmark.
-        barycentric: Their weights.
-        observations: The landmarks.
+        landmarks: The landmarks on the head.
+        observations: The landmarks in the images.
         start: Translation and rotation of each frame to start from; triangulated and aligned if None.
 
     Returns:
         The fit.
     """
-    fitted = fitted_parameters(model, np.unique(corners))
-    points = HeadPoints(model, fitted, corners, barycentric)
+    fitted = fitted_parameters(model, np.unique(landmarks.corners))
+    points = HeadPoints(model, fitted, landmarks)
     triangulated, distances = triangulate(observations.pixels, observations.confidence, observations.projections)
     if start is None:
         start = _align(points, triangulated)

@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int
+from jaxtyping import Bool, Float, Float32
 
 from carigs.capture import Capture
 from carigs.fitting.compared_vertices import compared_vertices
@@ -28,7 +28,7 @@ from carigs.fitting.objective import Objective
 from carigs.fitting.outline_term import OutlineLines, OutlineTerm, outline_lines
 from carigs.fitting.photometric_term import PhotometricTerm, sample
 from carigs.fitting.scattered_costs import seen_from
-from carigs.head import HeadModel, pose_frames, subject_model
+from carigs.head import HeadModel, SurfacePoints, pose_frames, subject_model
 from carigs.mesh.triangle_mesh import vertex_normals
 from carigs.raster import compute_visibility
 from carigs.raster.vertex_colours import visible_vertices
@@ -60,9 +60,8 @@ class Refinement:
         timesteps: Timesteps of the fit.
         cameras: Numbers of the cameras, in the order of the observations.
         model: The head model.
-        corners: Vertices of each landmark.
-        barycentric: Their weights.
-        observations: The landmarks.
+        landmarks: The landmarks on the head.
+        observations: The landmarks in the images.
         on_frame: Called after each timestep of each pass over the frames.
     """
 
@@ -72,13 +71,12 @@ class Refinement:
         timesteps: list[int],
         cameras: list[int],
         model: HeadModel,
-        corners: Int[np.ndarray, "p k"],
-        barycentric: Float[np.ndarray, "p k"],
+        landmarks: SurfacePoints,
         observations: Observations,
         on_frame: Callable[[], None] = lambda: None,
     ) -> None:
         self.capture, self.timesteps, self.cameras, self.model = capture, timesteps, cameras, model
-        self.corners, self.barycentric, self.observations = corners, barycentric, observations
+        self.landmarks, self.observations = landmarks, observations
         self.on_frame = on_frame
         self.vertices = compared_vertices(model)
 
@@ -157,11 +155,8 @@ class Refinement:
 
     def _points(self, model: HeadModel, fit: HeadFit) -> tuple[HeadPoints, HeadPoints]:
         """Landmarks and compared vertices."""
-        ones = np.ones((len(self.vertices), 1))
-        return (
-            HeadPoints(model, fit.fitted, self.corners, self.barycentric),
-            HeadPoints(model, fit.fitted, self.vertices[:, None], ones),
-        )
+        compared = SurfacePoints.at_vertices(self.vertices)
+        return HeadPoints(model, fit.fitted, self.landmarks), HeadPoints(model, fit.fitted, compared)
 
     def _look(self, fit: HeadFit, points: HeadPoints, visible: Bool[np.ndarray, "t c n"] | None = None) -> OutlineTerm:
         """Find the outlines of all frames, and mark in `visible` which compared vertices they show well."""

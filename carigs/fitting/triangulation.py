@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from carigs.capture import Camera
 
 ROUNDS = 12
 """Reweighted least-squares solves. The first half minimises the sum of the distances, which has one minimum nearly
 always; the second half lets outliers vanish."""
+LEAST_POINTS = 4
+"""Landmarks that two cameras must see in a timestep from which a head is placed."""
 LEAST_ANGLE = np.radians(2.0)
 """Angle between the rays of a point below which its depth is not determined."""
 
@@ -55,6 +57,23 @@ def project(
     """
     seen = np.einsum("...cij,...pj->...cpi", projections[..., :3], points) + projections[..., None, :, 3]
     return seen[..., :2] / seen[..., 2:], seen[..., 2]
+
+
+def well_seen_timesteps(confidence: Float[np.ndarray, "t c p"], count: int | None = None) -> Int[np.ndarray, " k"]:
+    """Timesteps in which two cameras see enough landmarks.
+
+    Args:
+        confidence: Weight of each observation, 0 for none.
+        count: Largest number of timesteps, which are evenly spaced among them; None for all.
+
+    Returns:
+        Positions in ascending order.
+    """
+    enough = ((confidence > 0).sum(axis=1) >= 2).sum(axis=1) >= LEAST_POINTS
+    found = np.flatnonzero(enough)
+    if count is None or count >= len(found):
+        return found
+    return found[np.linspace(0, len(found) - 1, count).astype(int)]
 
 
 def triangulate(

@@ -12,12 +12,15 @@ from jaxtyping import Float
 
 from carigs.capture import Capture
 from carigs.errors import InputError
-from carigs.fitting.footage import frame_projections
+from carigs.fitting.footage import frame_landmarks, frame_projections
 from carigs.fitting.head_points import HeadPoints
-from carigs.fitting.landmark_files import Landmarks, read_embedding
-from carigs.fitting.landmark_fit import LEAST_POINTS, HeadFit, Observations, fit_landmarks, reprojection_errors
+from carigs.fitting.landmark_embedding import read_embedding
+from carigs.fitting.landmark_files import Landmarks
+from carigs.fitting.landmark_fit import HeadFit, Observations, fit_landmarks, reprojection_errors
 from carigs.fitting.refinement import Refinement
 from carigs.fitting.residuals import camera_residuals
+from carigs.fitting.triangulation import LEAST_POINTS, well_seen_timesteps
+from carigs.fitting.unit import check_unit
 from carigs.head import HeadParameters
 
 
@@ -49,35 +52,34 @@ def fit_video(
         landmarks: Its landmarks.
         embedding: File of the landmarks on the head model; None for the model's own.
         refine: Whether to refine on mattes and images.
-        on_frame: Called as the work goes on: `work_units` times at most.
+        on_frame: Called after each timestep of each pass over the frames.
 
     Returns:
         Head parameters of all timesteps, and residuals.
 
     Raises:
-        InputError: If the embedding does not fit, or no timestep has four landmarks that two cameras see.
+        InputError: If the embedding does not fit, no timestep has four landmarks that two cameras see, or cameras are
+            in another unit than the head.
     """
     model = capture.model
     timesteps, cameras = sorted({frame.timestep for frame in capture.frames}), sorted(capture.cameras)
-    values = landmarks.at(timesteps, cameras)
-    for t, c in np.ndindex(values.shape[:2]):
-        if (timesteps[t], cameras[c]) not in capture.frame_at:
-            values[t, c] = 0
-    corners, barycentric = read_embedding(embedding, model, values.shape[2])
-    several = ((values[..., 2] > 0).sum(axis=1) >= 2).sum(axis=1) >= LEAST_POINTS
-    if not several.any():
+    points, numbers = read_embedding(embedding, model, landmarks.values.shape[2])
+    values = frame_landmarks(capture, landmarks, timesteps, cameras)[:, :, numbers]
+    seen = well_seen_timesteps(values[..., 2])
+    if not seen.size:
         problem = f"in no timestep do two cameras see {LEAST_POINTS} landmarks"
         raise InputError(problem, file=capture.root, field="landmarks")
     observations = Observations(
         values[..., :2], values[..., 2], frame_projections(capture, timesteps, cameras), _linked(capture, timesteps)
     )
-    fit: HeadFit = fit_landmarks(model, corners, barycentric, observations)
+    check_unit(points.interpolate(model.v_template), observations, capture.root)
+    fit: HeadFit = fit_landmarks(model, points, observations)
     if refine:
-        work = Refinement(capture, timesteps, cameras, model, corners, barycentric, observations, on_frame)
+        work = Refinement(capture, timesteps, cameras, model, points, observations, on_frame)
         fit = work.refine(fit)
-    positions = HeadPoints(model, fit.fitted, corners, barycentric).positions(fit.frames, fit.shape)
+    positions = HeadPoints(model, fit.fitted, points).positions(fit.frames, fit.shape)
     residuals = camera_residuals(reprojection_errors(positions, observations))
-    blind = [timestep for timestep, enough in zip(timesteps, several, strict=True) if not enough]
+    blind = [timesteps[i] for i in np.setdiff1d(np.arange(len(timesteps)), seen)]
     return VideoFit(dict(zip(timesteps, fit.parameters(model), strict=True)), cameras, residuals, blind)
 
 

@@ -160,10 +160,12 @@ def _flag_mouth(flags: UInt16[np.ndarray, "h w"], visibility: Visibility, model:
     """Flag the pixels of the mesh within the outline of the inner lips."""
     if model.landmarks68 is None:
         return
-    lips = model.landmarks68[INNER_LIPS]
-    if not (visibility.camera_points[lips, 2] > 0).all():
+    lips = model.landmarks68[INNER_LIPS].interpolate(visibility.camera_points)
+    if not (lips[:, 2] > 0).all():
         return
-    outline = np.rint(visibility.pixels[lips] - 0.5).astype(np.int32)
+    fx, fy, cx, cy = visibility.camera.intrinsics
+    pixels = lips[:, :2] / lips[:, 2:] * (fx, fy) + (cx, cy)
+    outline = np.rint(pixels - 0.5).astype(np.int32)
     low = np.clip(outline.min(axis=0), 0, flags.shape[::-1])
     high = np.clip(outline.max(axis=0) + 1, low, flags.shape[::-1])
     box = slice(low[1], high[1]), slice(low[0], high[0])

@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from carigs.errors import CarigsWarning, InputError
 from carigs.head.region_geometry import FacialPoints, geometric_regions
+from carigs.head.surface_points import SurfacePoints, points_of_faces
 from carigs.head.teeth import FLAME_COUNTS, LOWER_LIP, UPPER_LIP
 from carigs.readers.arrays import checked_array
 from carigs.readers.npz import read_npz
@@ -19,6 +20,7 @@ from carigs.readers.pickles import read_pickle, read_pickled_npy
 
 MASKS, UV_MASKS, UV_MESH = "FLAME_masks.pkl", "uv_masks.npz", "head_template_mesh.obj"
 LANDMARKS = ("landmark_embedding_with_eyes.npy", "landmark_embedding.npy")
+FULL_EMBEDDING = "full_lmk_faces_idx", "full_lmk_bary_coords"
 EYEBALLS = np.arange(3931, 4477), np.arange(4477, 5023)
 """Vertices; the skin comes before them."""
 
@@ -27,14 +29,14 @@ def read_flame(file: Path) -> dict[str, Any]:
     """Read a FLAME pickle (2020, 2023 or 2023 Open), and regions and landmarks from the files beside it.
 
     Regions are taken from `FLAME_masks.pkl`, else from the texture masks `uv_masks.npz` with the texture coordinates
-    of `head_template_mesh.obj`. Landmarks are taken from `landmark_embedding_with_eyes.npy` or
-    `landmark_embedding.npy`.
+    of `head_template_mesh.obj`. Landmarks are the first 68 of `full_lmk_faces_idx` and
+    `full_lmk_bary_coords` in `landmark_embedding_with_eyes.npy` or `landmark_embedding.npy`.
 
     Args:
         file: The .pkl file.
 
     Returns:
-        The arrays by FLAME's names; regions are vertex indices under `mask_<region>`, landmarks are `landmarks68`.
+        The arrays by FLAME's names; regions are vertex indices under `mask_<region>`.
 
     Raises:
         InputError: If one of the files is not of its kind, or of another mesh.
@@ -51,7 +53,7 @@ def read_flame(file: Path) -> dict[str, Any]:
     embedding = next((folder / name for name in LANDMARKS if (folder / name).is_file()), None)
     if embedding is not None and "f" in arrays:
         faces = checked_array(arrays, "f", (None, 3), np.int64, file=file)
-        arrays["landmarks68"] = _landmarks(embedding, faces)
+        arrays |= _landmarks(embedding, faces).arrays("landmarks68")
     return arrays
 
 
@@ -105,12 +107,10 @@ def _uv_regions(masks_file: Path, mesh_file: Path) -> dict[str, Int[np.ndarray, 
     return regions
 
 
-def _landmarks(file: Path, faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "68"]:
-    """The corner nearest to each of the 68 landmarks, which the file gives as faces and barycentric coordinates."""
+def _landmarks(file: Path, faces: Int[np.ndarray, "f 3"]) -> SurfacePoints:
+    """The 68 landmarks; two of the eyes may follow."""
     embedding = read_pickled_npy(file, "landmark embedding")
-    ids = checked_array(embedding, "full_lmk_faces_idx", None, np.int64, below=len(faces), file=file).reshape(-1)
-    weights: Float[np.ndarray, "n 3"] = checked_array(embedding, "full_lmk_bary_coords", None, np.float64, file=file)
-    if len(ids) < 68 or weights.size != 3 * len(ids):
-        raise InputError(f"{len(ids)} faces and {weights.size} weights", file=file, field="full_lmk_bary_coords")
-    nearest = weights.reshape(-1, 3)[:68].argmax(axis=1)
-    return faces[ids[:68], nearest]
+    points = points_of_faces(embedding, FULL_EMBEDDING, faces, file)
+    if len(points) < 68:
+        raise InputError(f"{len(points)} landmarks; at least 68 are expected", file=file, field=FULL_EMBEDDING[0])
+    return points[:68]

@@ -17,6 +17,7 @@ from carigs.head.joint_regression import regressor_row
 from carigs.head.model import HeadModel
 from carigs.head.posing import rotation_matrices
 from carigs.head.region_geometry import FacialPoints, geometric_regions
+from carigs.head.surface_points import SurfacePoints
 from carigs.readers.arrays import checked_array
 from carigs.readers.json_files import json_field, read_json
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
@@ -88,7 +89,7 @@ def read_ict_facekit(folder: Path, track: Callable[[Iterable[Path]], Iterable[Pa
         num_identity=len(identities),
         regions=regions,
         expression_names=tuple(names),
-        landmarks68=landmarks,
+        landmarks68=SurfacePoints.at_vertices(landmarks),
     )
 
 

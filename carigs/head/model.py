@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float, Int
 from carigs.head.flame_files import complete_flame, read_flame
 from carigs.head.gnm import gnm_arrays, is_gnm
 from carigs.head.model_arrays import FLAME_JOINTS, FLAME_NUM_IDENTITY, RestJoints, checked_fields
+from carigs.head.surface_points import SurfacePoints
 from carigs.head.teeth import FLAME_COUNTS, LOWER_LIP, UPPER_LIP, is_upper_tooth, teeth_faces, teeth_vertices
 from carigs.readers.npz import read_npz
 
@@ -49,8 +50,8 @@ class HeadModel:
     regions: Mapping[str, Int[np.ndarray, " _"]] = field(default_factory=dict)
     """Vertex indices by FLAME_masks' region names."""
     expression_names: tuple[str, ...] = ()
-    landmarks68: Int[np.ndarray, "68"] | None = None
-    """Vertex indices of the 68 iBUG landmarks, if the file has them."""
+    landmarks68: SurfacePoints | None = None
+    """The 68 iBUG landmarks, if the file has them."""
 
     @property
     def num_expressions(self) -> int:
@@ -166,7 +167,7 @@ class HeadModel:
         if self.expression_names:
             arrays["expression_names"] = np.array(self.expression_names)
         if self.landmarks68 is not None:
-            arrays["landmarks68"] = self.landmarks68
+            arrays |= self.landmarks68.arrays("landmarks68")
         return arrays
 
     def vertex_region(self, *names: str) -> Bool[np.ndarray, " v"]:

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.errors import InputError
+from carigs.head.surface_points import checked_points
 from carigs.readers.arrays import checked_array
 
 FLAME_JOINTS = ("root", "neck", "jaw", "left_eye", "right_eye")
@@ -94,5 +95,5 @@ def checked_fields(arrays: Mapping[str, Any], file: Path, prefix: str = "") -> d
         "rest_joints": rest_joints,
         "regions": {name: take(f"mask_{name}", (None,), np.int64, below=v) for name in region_names},
         "expression_names": tuple(map(str, expressions)),
-        "landmarks68": take("landmarks68", (68,), np.int64, below=v) if has("landmarks68") else None,
+        "landmarks68": checked_points(dense, f"{prefix}landmarks68", 68, v, file) if has("landmarks68") else None,
     }

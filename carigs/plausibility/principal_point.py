@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from carigs.capture import Camera, Capture, Frame
 from carigs.errors import InputError
@@ -20,6 +20,7 @@ from carigs.raster import compute_visibility
 
 CENTRED = 0.5
 """Pixels from the middle of the image up to which the convention does not matter."""
+DOES_NOT_MATTER = "centred, so that the convention does not matter"
 SMALL = 0.01
 """Share of the image's height up to which a mistake is no more than a warning, if the outlines cannot decide."""
 FRAMES = 12
@@ -44,25 +45,58 @@ def resolve_cy(capture: Capture, convention: str = "auto") -> Capture:
     Raises:
         InputError: If `auto` cannot tell, and a mistake would matter.
     """
-    if convention == "auto":
-        convention, reason, warnings = _find(capture)
-        capture = replace(capture, cy=f"{convention}: {reason}", warnings=(*capture.warnings, *warnings))
-    else:
-        capture = replace(capture, cy=f"{convention}: capture.cy={convention}")
+    if convention != "auto":
+        return with_cy(capture, convention, f"capture.cy={convention}")
+    convention, reason, warnings = _find(capture)
+    return replace(with_cy(capture, convention, reason), warnings=(*capture.warnings, *warnings))
+
+
+def with_cy(capture: Capture, convention: str, reason: str) -> Capture:
+    """Convert principal points from a known convention to OpenCV's.
+
+    Args:
+        capture: The capture, as its files say.
+        convention: `opencv` or `flipped`.
+        reason: How it was found.
+
+    Returns:
+        The capture with its field `cy`.
+    """
+    calibrations = capture.calibrations
     if convention == "flipped":
-        capture = replace(capture, calibrations=tuple(_flipped(camera) for camera in capture.calibrations))
-    return capture
+        calibrations = tuple(flipped_cy(camera) for camera in calibrations)
+    return replace(capture, calibrations=calibrations, cy=f"{convention}: {reason}")
 
 
-def _flipped(camera: Camera) -> Camera:
+def flipped_cy(camera: Camera) -> Camera:
+    """The camera whose `cy` counts from the other end of the image.
+
+    Args:
+        camera: The camera.
+
+    Returns:
+        The other camera.
+    """
     return replace(camera, cy=camera.height - camera.cy)
+
+
+def cy_offsets(capture: Capture) -> Float[np.ndarray, " c"]:
+    """Distances of `cy` from the middle of the image.
+
+    Args:
+        capture: The capture.
+
+    Returns:
+        Pixels, of each calibration.
+    """
+    return np.array([abs(camera.cy - camera.height / 2) for camera in capture.calibrations])
 
 
 def _find(capture: Capture) -> tuple[str, str, list[str]]:
     """Convention, reason and warnings."""
-    offsets = np.array([abs(camera.cy - camera.height / 2) for camera in capture.calibrations])
+    offsets = cy_offsets(capture)
     if not offsets.max(initial=0) > CENTRED:
-        return "opencv", "centred, so that the convention does not matter", []
+        return "opencv", DOES_NOT_MATTER, []
     frames = _informative_frames(capture, offsets)
     agreement = np.mean([_agreement(capture, frame) for frame in frames], axis=0)
     shares = f"{agreement[0]:.0%} of the mesh's outlines agree with the mattes, flipped {agreement[1]:.0%}"
@@ -94,7 +128,7 @@ def _agreement(capture: Capture, frame: Frame) -> tuple[float, float]:
     outline, head = _outline(capture.foreground(frame) >= 0.5), head_faces(capture.model)
     distance = cv2.distanceTransform((~outline).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     shares = []
-    for camera in (capture.camera(frame), _flipped(capture.camera(frame))):
+    for camera in (capture.camera(frame), flipped_cy(capture.camera(frame))):
         face = compute_visibility(vertices, capture.model.faces, camera).face
         silhouette = (face >= 0) & head[face]
         edge = _outline(silhouette) & _outline(face >= 0)  # not where the head ends at the neck

@@ -4,6 +4,7 @@
 - Chumpy arrays (https://github.com/mattloper/chumpy): a state dictionary whose entry `x` is the array (`Ch`), or whose
   entries `a`, `idxs` and `preferred_shape` are an array, indices into it and the shape of the result (`Select`).
 - SciPy's sparse matrices in the formats csc, csr and coo: a state dictionary with their arrays.
+- PyTorch's tensors, such as `dynamic_lmk_faces_idx` in FLAME's `landmark_embedding.npy`: not read, None.
 """
 
 from __future__ import annotations
@@ -112,6 +113,13 @@ class _Coo(_Sparse):
     format = "coo"
 
 
+class _Unread(StandIn):
+    """Parts of a tensor of PyTorch: a storage pickled on its own, its view, and a dictionary of hooks."""
+
+    def resolve(self) -> None:
+        return None
+
+
 class _Object(StandIn):
     """`object`, the base class that Python 2 names."""
 
@@ -162,6 +170,9 @@ def _table() -> dict[tuple[str, str], Callable[..., Any]]:
         ("chumpy", "Ch"): _Chumpy,
         ("chumpy.ch", "Ch"): _Chumpy,
         ("chumpy.reordering", "Select"): _ChumpySelect,
+        ("torch._utils", "_rebuild_tensor_v2"): _Unread,
+        ("torch.storage", "_load_from_bytes"): _Unread,
+        ("collections", "OrderedDict"): _Unread,
     }
     for core in ("numpy.core", "numpy._core"):
         table[f"{core}.multiarray", "_reconstruct"] = reconstruct
@@ -240,7 +251,7 @@ def _resolved(value: Any, inner: Callable[[Any], Any]) -> Any:
         if array.dtype.kind != "O":
             return array
         return np.fromiter(map(inner, array.ravel()), object, array.size).reshape(array.shape)
-    if isinstance(value, (_Chumpy, _ChumpySelect, _Sparse)):
+    if isinstance(value, (_Chumpy, _ChumpySelect, _Sparse, _Unread)):
         value.state, value.args = inner(value.state), inner(value.args)
         return value.resolve()
     if isinstance(value, dict):

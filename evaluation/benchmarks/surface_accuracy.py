@@ -251,7 +251,7 @@ def measure_lid_closure(
     blink = full_blink(model).sum(axis=0)
 
     def gap(vertices: np.ndarray) -> float:
-        return float((vertices[upper] - vertices[lower])[:, 1].mean())
+        return float((upper.interpolate(vertices) - lower.interpolate(vertices))[:, 1].mean())
 
     for seed in range(1, people + 1):
         head = random_person(model, seed)

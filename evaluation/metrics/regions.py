@@ -29,7 +29,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from carigs.capture import Camera
-from carigs.head import HeadModel
+from carigs.head import HeadModel, SurfacePoints
 from carigs.raster import Fragments
 
 BROWS = range(17, 27)
@@ -48,8 +48,8 @@ class SurfaceRegions:
     missing: dict[str, str]
     """Reasons for regions that the head model does not define."""
     neck: Bool[np.ndarray, " v"]
-    outer_lips: tuple[int, ...]
-    """Vertex indices around the lips; empty if the model has no landmarks."""
+    outer_lips: SurfacePoints | None
+    """Points around the lips; None if the model has no landmarks."""
 
 
 def surface_regions(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> SurfaceRegions:
@@ -95,7 +95,7 @@ def surface_regions(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Surf
     unknown = [region for region in ("hair", "mouth") if region in missing]
     if unknown:
         missing["head_hm"] = "; ".join(missing[region] for region in unknown)
-    lips = () if model.landmarks68 is None else tuple(model.landmarks68[OUTER_LIPS].tolist())
+    lips = None if model.landmarks68 is None else model.landmarks68[OUTER_LIPS]
     return SurfaceRegions(faces=faces, missing=missing, neck=model.vertex_region("neck"), outer_lips=lips)
 
 
@@ -153,10 +153,11 @@ def _lids(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.ndarra
 
 
 def _brow_band(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.ndarray, " f"]:
-    corners = neutral[model.landmarks68[list(EYE_CORNERS)]]
+    landmarks = model.landmarks68.interpolate(neutral)
+    corners = landmarks[list(EYE_CORNERS)]
     width = 0.1 * float(np.linalg.norm(corners[1] - corners[0]))
-    points = np.asarray(neutral[model.landmarks68[BROWS]], np.float64)
-    squared = igl.point_mesh_squared_distance(np.asarray(neutral, np.float64), points, np.array(BROW_LINES))[0]
+    lines = np.array(BROW_LINES)
+    squared = igl.point_mesh_squared_distance(np.asarray(neutral, np.float64), landmarks[list(BROWS)], lines)[0]
     near = (squared < width**2) & ~model.vertex_region("left_eyeball", "right_eyeball")
     return near[model.faces].all(axis=1)
 
@@ -174,9 +175,12 @@ def _between_lips(
     surface: SurfaceRegions, vertices: np.ndarray, fragments: Fragments, camera: Camera
 ) -> Bool[np.ndarray, "h w"]:
     """Pixels inside the outer line of the lips that nothing well in front of the lips hides."""
-    inside, lips = np.zeros(fragments.face.shape, np.uint8), vertices[list(surface.outer_lips)]
+    inside = np.zeros(fragments.face.shape, np.uint8)
+    if surface.outer_lips is None:
+        return inside > 0
+    lips = surface.outer_lips.interpolate(vertices)
     pixel, depth = camera.project(lips)
-    if not surface.outer_lips or not (depth > 0).all():
+    if not (depth > 0).all():
         return inside > 0
     cv2.fillPoly(inside, [np.rint(pixel - 0.5).astype(np.int32)], 1)
     left, right = (lips[corner - OUTER_LIPS[0]] for corner in MOUTH_CORNERS)

@@ -129,7 +129,7 @@ def test_lids_close_as_they_naturally_do(seed):
     upper, lower = model.landmarks68[[37, 38, 43, 44]], model.landmarks68[[41, 40, 47, 46]]
 
     def gap(vertices: np.ndarray) -> float:
-        return (vertices[upper] - vertices[lower])[:, 1].mean()
+        return (upper.interpolate(vertices) - lower.interpolate(vertices))[:, 1].mean()
 
     def closed(head: np.ndarray, blendshapes: np.ndarray) -> float:
         return 1 - gap(head + blendshapes.sum(axis=0)) / gap(head)

@@ -8,7 +8,7 @@ from small_head import small_head
 
 from carigs.fitting.fitted_parameters import FittedParameters, fitted_parameters
 from carigs.fitting.head_points import HeadPoints
-from carigs.head import HeadModel, pose
+from carigs.head import HeadModel, SurfacePoints, pose
 from carigs.head.model_arrays import RestJoints
 
 STEP = 1e-6
@@ -23,11 +23,12 @@ def posed(model: HeadModel, fitted: FittedParameters, frames: np.ndarray, shape:
     return np.stack([pose(model, fitted.head_parameters(model, frame, shape)) for frame in frames])
 
 
-def surface_points(model: HeadModel, corners: int) -> tuple[np.ndarray, np.ndarray]:
+def surface_points(model: HeadModel, corners: int) -> SurfacePoints:
     random = np.random.default_rng(1)
     chosen = random.choice(len(model.faces), 40, replace=False)
-    weights = random.dirichlet(np.ones(3), 40)
-    return (model.faces[chosen], weights) if corners == 3 else (model.faces[chosen][:, :1], np.ones((40, 1)))
+    if corners == 1:
+        return SurfacePoints.at_vertices(model.faces[chosen, 0])
+    return SurfacePoints(model.faces[chosen], random.dirichlet(np.ones(3), 40))
 
 
 def own_joints(model: HeadModel) -> HeadModel:
@@ -42,12 +43,12 @@ def own_joints(model: HeadModel) -> HeadModel:
 def test_positions_and_derivatives_are_those_of_the_posed_head(change, corners):
     model = change(small_head(subdivisions=2))
     fitted = FittedParameters(np.array([0, 2, 5]), np.array([1, 4]), np.array([1, 2, 4]))
-    vertices, weights = surface_points(model, corners)
-    points = HeadPoints(model, fitted, vertices, weights)
+    chosen = surface_points(model, corners)
+    points = HeadPoints(model, fitted, chosen)
     frames, shape = random_state(fitted)
 
     def expected(frames: np.ndarray, shape: np.ndarray) -> np.ndarray:
-        return np.einsum("nk,tnki->tni", weights, posed(model, fitted, frames, shape)[:, vertices])
+        return np.stack([chosen.interpolate(vertices) for vertices in posed(model, fitted, frames, shape)])
 
     positions, by_frame, by_shape = points.linearise(frames, shape)
     np.testing.assert_allclose(positions, expected(frames, shape), atol=1e-7)

@@ -11,6 +11,7 @@ from carigs.fitting.head_points import HeadPoints
 from carigs.fitting.outline_term import OUTLIER_INSIDE, OUTLIER_OUTSIDE, OutlineLines, OutlineTerm, outline_lines
 from carigs.fitting.photometric_term import OUTLIER, WEIGHT, PhotometricTerm, sample
 from carigs.fitting.triangulation import projection_matrices
+from carigs.head import SurfacePoints
 from carigs.raster import compute_visibility
 
 CAMERA = Camera(look_at(np.array([0.0, 0.0, 1.0]), np.zeros(3)), 500, 500, 100, 100, 200, 200)
@@ -19,8 +20,8 @@ RADIUS = 0.1
 
 def head_points(count: int = 12) -> HeadPoints:
     model = small_head(subdivisions=2)
-    vertices = np.flatnonzero(model.v_template[:, 2] > 0.03)[:count, None]
-    return HeadPoints(model, fitted_parameters(model, vertices[:, 0]), vertices, np.ones(vertices.shape))
+    vertices = np.flatnonzero(model.v_template[:, 2] > 0.03)[:count]
+    return HeadPoints(model, fitted_parameters(model, vertices), SurfacePoints.at_vertices(vertices))
 
 
 def disc(radius: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Files of landmarks and embeddings: round trips, selection by number, refused contents."""
+"""Files of landmarks: round trips, selection by number, refused contents."""
 
 import importlib.util
 import sys
@@ -6,13 +6,10 @@ import types
 
 import numpy as np
 import pytest
-from small_head import small_head
 
 from carigs.errors import InputError
-from carigs.fitting.landmark_files import Landmarks, read_embedding, read_landmarks
+from carigs.fitting.landmark_files import Landmarks, read_landmarks
 from carigs.fitting.landmark_providers import MediapipeDetector
-
-MODEL = small_head(subdivisions=2)
 
 
 def landmarks() -> Landmarks:
@@ -61,37 +58,6 @@ def test_impossible_landmarks_are_refused(tmp_path, field, value, message):
     np.savez(tmp_path / "landmarks.npz", **arrays)
     with pytest.raises(InputError, match=message):
         read_landmarks(tmp_path / "landmarks.npz")
-
-
-def test_embeddings_name_vertices_or_points_of_faces(tmp_path):
-    np.savez(tmp_path / "a.npz", vertices=np.array([3, 1, 4]))
-    corners, weights = read_embedding(tmp_path / "a.npz", MODEL, 3)
-    np.testing.assert_array_equal(corners[:, 0], [3, 1, 4])
-    np.testing.assert_array_equal(weights, 1)
-    np.savez(tmp_path / "b.npz", faces=np.array([7, 9]), barycentric=np.array([[0.2, 0.3, 0.5], [1, 0, 0]]))
-    corners, weights = read_embedding(tmp_path / "b.npz", MODEL, 2)
-    np.testing.assert_array_equal(corners, MODEL.faces[[7, 9]])
-    np.testing.assert_array_equal(weights, [[0.2, 0.3, 0.5], [1, 0, 0]])
-
-
-@pytest.mark.parametrize(
-    ("arrays", "message"),
-    [
-        ({"vertices": np.array([3, 1])}, "vertices: shape"),
-        ({"vertices": np.array([3, 1, 10**6])}, "indices must lie in"),
-        ({"faces": np.array([3, 1, 2])}, "barycentric: this array is missing"),
-        ({"faces": np.array([3, 1, 2]), "barycentric": np.full((3, 3), 0.5)}, "must add up to 1"),
-    ],
-)
-def test_embeddings_that_do_not_fit_are_refused(tmp_path, arrays, message):
-    np.savez(tmp_path / "embedding.npz", **arrays)
-    with pytest.raises(InputError, match=message):
-        read_embedding(tmp_path / "embedding.npz", MODEL, 3)
-
-
-def test_a_model_without_landmarks_needs_an_embedding():
-    with pytest.raises(InputError, match="give --embedding FILE"):
-        read_embedding(None, MODEL, 68)
 
 
 @pytest.mark.skipif(importlib.util.find_spec("mediapipe") is not None, reason="mediapipe is installed")

@@ -21,17 +21,17 @@ from carigs.fitting.landmark_fit import (
 from carigs.fitting.levenberg_marquardt import minimise
 from carigs.fitting.objective import Objective
 from carigs.fitting.triangulation import project, projection_matrices
-from carigs.head import HeadModel, pose_frames
+from carigs.head import HeadModel, SurfacePoints, pose_frames
 
 MODEL = small_head()
-CORNERS = np.flatnonzero(MODEL.v_template[:, 2] > 0.03)[::3][:, None]
-ONES = np.ones(CORNERS.shape)
+VERTICES = np.flatnonzero(MODEL.v_template[:, 2] > 0.03)[::3]
+LANDMARKS = SurfacePoints.at_vertices(VERTICES)
 
 
 def true_fit(frames: int = 4, seed: int = 0) -> HeadFit:
     """A sequence in motion: expressions of one half, turned by up to some 20 degrees."""
     random = np.random.default_rng(seed)
-    fitted = fitted_parameters(MODEL, CORNERS[:, 0])
+    fitted = fitted_parameters(MODEL, VERTICES)
     parameters = 0.5 * random.normal(size=(frames, fitted.frame_size))
     parameters[:, :3] *= 0.02
     parameters[:, 3:6] *= 0.3
@@ -41,7 +41,7 @@ def true_fit(frames: int = 4, seed: int = 0) -> HeadFit:
 
 def observe(truth: HeadFit, noise: float = 0.0, seed: int = 0) -> Observations:
     projections = np.tile(projection_matrices(ring_of_cameras(6)), (len(truth.frames), 1, 1, 1))
-    points = HeadPoints(MODEL, truth.fitted, CORNERS, ONES).positions(truth.frames, truth.shape)
+    points = HeadPoints(MODEL, truth.fitted, LANDMARKS).positions(truth.frames, truth.shape)
     pixels, _ = project(points, projections)
     pixels = pixels + noise * np.random.default_rng(seed).normal(size=pixels.shape)
     return Observations(pixels, np.ones(pixels.shape[:3]), projections, np.ones(len(points) - 1, bool))
@@ -54,7 +54,7 @@ def vertex_errors(fit: HeadFit, truth: HeadFit, model: HeadModel = MODEL) -> np.
 
 
 def fit(observations: Observations, start: np.ndarray | None = None) -> HeadFit:
-    return fit_landmarks(MODEL, CORNERS, ONES, observations, start)
+    return fit_landmarks(MODEL, LANDMARKS, observations, start)
 
 
 def test_without_noise_the_truth_is_found():
@@ -71,7 +71,7 @@ def test_noise_of_a_pixel_is_averaged_out():
 def test_the_minimum_is_that_of_scipy(linked):
     truth = true_fit(frames=2)
     observations = replace(observe(truth, noise=1.0), linked=np.array([linked]))
-    points, prior = HeadPoints(MODEL, truth.fitted, CORNERS, ONES), gaussian_prior(truth.fitted, observations.linked)
+    points, prior = HeadPoints(MODEL, truth.fitted, LANDMARKS), gaussian_prior(truth.fitted, observations.linked)
     (t, q), s = truth.frames.shape, len(truth.shape)
     objective = Objective([landmark_term(points, observations, 1.5, np.inf)], prior)
 
@@ -92,7 +92,7 @@ def test_the_minimum_is_that_of_scipy(linked):
 def test_the_gradient_of_the_robust_objective_is_its_derivative():
     truth = true_fit(frames=3)
     observations = observe(truth, noise=3.0)
-    points = HeadPoints(MODEL, truth.fitted, CORNERS, ONES)
+    points = HeadPoints(MODEL, truth.fitted, LANDMARKS)
     prior = gaussian_prior(truth.fitted, observations.linked)
     objective = Objective([landmark_term(points, observations, 1.0, 2.0)], prior)
     random = np.random.default_rng(5)
@@ -151,7 +151,7 @@ def test_reprojection_errors_are_distances():
     observations = observe(truth)
     moved = replace(observations, pixels=observations.pixels + np.array([3.0, 4.0]))
     moved.confidence[0, 1, 2] = 0
-    points = HeadPoints(MODEL, truth.fitted, CORNERS, ONES).positions(truth.frames, truth.shape)
+    points = HeadPoints(MODEL, truth.fitted, LANDMARKS).positions(truth.frames, truth.shape)
     errors = reprojection_errors(points, moved)
     assert np.isnan(errors[0, 1, 2]) and np.isnan(errors).sum() == 1
     np.testing.assert_allclose(errors[np.isfinite(errors)], 5, atol=1e-9)

@@ -15,14 +15,15 @@ from carigs.fitting.footage import frame_projections, read_footage
 from carigs.fitting.landmark_fit import Observations, fit_landmarks
 from carigs.fitting.refinement import Refinement
 from carigs.fitting.triangulation import project
-from carigs.head import pose
+from carigs.head import SurfacePoints, pose
 from carigs.raster import rasterize_mesh
 
 FRAMES = 3
 MODEL = small_head(subdivisions=4)
 FACE = np.flatnonzero(MODEL.v_template[:, 2] > 0.0)
-CORNERS = np.flatnonzero(MODEL.v_template[:, 2] > 0.03)[::40][:, None]
-PARAMETERS = fitted_parameters(MODEL, CORNERS[:, 0])
+VERTICES = np.flatnonzero(MODEL.v_template[:, 2] > 0.03)[::40]
+LANDMARKS = SurfacePoints.at_vertices(VERTICES)
+PARAMETERS = fitted_parameters(MODEL, VERTICES)
 
 
 def true_frames() -> tuple[np.ndarray, np.ndarray]:
@@ -74,17 +75,16 @@ def test_each_stage_comes_nearer_to_the_truth(footage):
     capture, random = read_footage(footage, footage / "head_model.npz"), np.random.default_rng(1)
     cameras, timesteps = list(range(6)), list(range(FRAMES))
     projections = frame_projections(capture, timesteps, cameras)
-    pixels, _ = project(true_vertices()[:, CORNERS[:, 0]], projections)
+    pixels, _ = project(true_vertices()[:, VERTICES], projections)
     pixels += 1.5 * random.normal(size=pixels.shape)
     observations = Observations(pixels, np.ones(pixels.shape[:3]), projections, np.zeros(FRAMES - 1, bool))
-    ones = np.ones(CORNERS.shape)
-    fit = fit_landmarks(MODEL, CORNERS, ones, observations)
+    fit = fit_landmarks(MODEL, LANDMARKS, observations)
 
     def error(fit) -> float:
         found = np.stack([pose(MODEL, parameters) for parameters in fit.parameters(MODEL)])
         return 1000 * np.linalg.norm(found - true_vertices(), axis=-1)[:, FACE].mean()
 
-    work = Refinement(capture, timesteps, cameras, capture.model, CORNERS, ones, observations)
+    work = Refinement(capture, timesteps, cameras, capture.model, LANDMARKS, observations)
     outlines = work.refine_outlines(fit)
     images = work.refine_images(outlines)
     assert error(fit) > error(outlines) > error(images)

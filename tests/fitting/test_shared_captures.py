@@ -23,7 +23,7 @@ def prepared(name: str, seed: int) -> tuple[Capture, np.ndarray, Observations]:
     timesteps, cameras = sorted(capture.parameter_files), sorted(capture.cameras)
     truth = np.stack([pose(capture.model, capture.parameters(t)) for t in timesteps])
     projections = frame_projections(capture, timesteps, cameras)
-    pixels, _ = project(truth[:, capture.model.landmarks68], projections)
+    pixels, _ = project(truth[:, capture.model.landmarks68.corners[:, 0]], projections)
     pixels += np.random.default_rng(seed).normal(size=pixels.shape)
     sequences = [capture.frame_at[t, cameras[0]].sequence for t in timesteps]
     linked = np.array([a == b for a, b in pairwise(sequences)])
@@ -39,25 +39,24 @@ def face_error(capture: Capture, fit: HeadFit, truth: np.ndarray) -> float:
 @pytest.mark.parametrize(("name", "seed"), [("ict_s1", 0), ("ict_s1", 1), ("ict_s7", 0)])
 def test_face_errors_after_landmarks_and_after_refinement(name, seed):
     capture, truth, observations = prepared(name, seed)
-    corners = capture.model.landmarks68[:, None]
-    fit = fit_landmarks(capture.model, corners, np.ones((68, 1)), observations)
+    fit = fit_landmarks(capture.model, capture.model.landmarks68, observations)
     assert face_error(capture, fit, truth) <= 0.5
     timesteps, cameras = sorted(capture.parameter_files), sorted(capture.cameras)
-    work = Refinement(capture, timesteps, cameras, capture.model, corners, np.ones((68, 1)), observations)
+    work = Refinement(capture, timesteps, cameras, capture.model, capture.model.landmarks68, observations)
     assert face_error(capture, work.refine(fit), truth) <= 0.3
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_start_that_is_wrong_by_30_degrees_leads_to_the_same_fit(seed):
     capture, truth, observations = prepared("ict_s1", seed)
-    corners, random = capture.model.landmarks68[:, None], np.random.default_rng(seed)
+    random = np.random.default_rng(seed)
     parameters = [capture.parameters(t) for t in sorted(capture.parameter_files)]
     axes = random.normal(size=(len(parameters), 3))
     wrong = Rotation.from_rotvec(np.radians(30) * axes / np.linalg.norm(axes, axis=1, keepdims=True))
     rotations = (wrong * Rotation.from_rotvec([p.rotation for p in parameters])).as_rotvec()
     start = np.concatenate([np.array([p.translation for p in parameters]), rotations], axis=1)
     errors = [
-        face_error(capture, fit_landmarks(capture.model, corners, np.ones((68, 1)), observations, start=s), truth)
+        face_error(capture, fit_landmarks(capture.model, capture.model.landmarks68, observations, start=s), truth)
         for s in (None, start)
     ]
     assert abs(errors[1] - errors[0]) < 0.01

@@ -30,8 +30,8 @@ def flame_head() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     skin = np.flatnonzero(~toy.vertex_region("left_eyeball", "right_eyeball"))
     ids = np.concatenate([random.choice(skin, EYEBALLS[0][0]), *(np.resize(balls[side], 546) for side in balls)])
     vertices = toy.v_template[ids].astype(np.float64)
-    left, right = toy.v_template[toy.landmarks68[list(CORNERS.values())]]
-    middle = toy.v_template[toy.landmarks68[BETWEEN_LIPS]].mean(axis=0)
+    left, right = toy.landmarks68[list(CORNERS.values())].interpolate(toy.v_template)
+    middle = toy.landmarks68[BETWEEN_LIPS].interpolate(toy.v_template).mean(axis=0)
     along = np.linspace(1, -1, 15)[:, None]
     line = middle + (left - right) / 2 * along + ((left + right) / 2 - middle) * along**2
     opening = np.array([0, 0.002, 0])
@@ -142,8 +142,8 @@ def test_a_head_without_eyes_where_flame_has_them_says_so(tmp_path):
 def test_the_rules_hold_for_a_head_that_they_were_not_drawn_on():
     """Regions of the mean head of ICT-FaceKit, which were drawn by hand on its mesh."""
     model = HeadModel.load(DATA / "ict_model.npz")
-    left, right = model.v_template[model.landmarks68[list(CORNERS.values())]].astype(float)
-    middle = model.v_template[model.landmarks68[BETWEEN_LIPS]].mean(axis=0, dtype=float)
+    left, right = model.landmarks68[list(CORNERS.values())].interpolate(model.v_template)
+    middle = model.landmarks68[BETWEEN_LIPS].interpolate(model.v_template).mean(axis=0)
     points = FacialPoints(model.regions["left_eyeball"], model.regions["right_eyeball"], left, right, middle)
     skin = ~model.vertex_region("left_eyeball", "right_eyeball")
     found = geometric_regions(model.v_template.astype(float), model.faces, points, skin)
@@ -186,8 +186,7 @@ def test_regions_come_from_texture_masks(tmp_path):
 
 def test_landmarks_come_from_flames_embedding(tmp_path):
     random = np.random.default_rng(0)
-    faces, corners = random.integers(0, FLAME_COUNTS[1], 70), random.integers(0, 3, 70)
-    weights = 0.1 + 0.7 * np.eye(3)[corners]
+    faces, weights = random.integers(0, FLAME_COUNTS[1], 70), random.dirichlet(np.ones(3), 70)
     embedding = {
         "static_lmk_faces_idx": faces[:53],
         "dynamic_lmk_faces_idx": np.zeros((79, 17), int),
@@ -198,7 +197,12 @@ def test_landmarks_come_from_flames_embedding(tmp_path):
     (tmp_path / "flame.pkl").write_bytes(pickle.dumps(ARRAYS))
     (tmp_path / "FLAME_masks.pkl").write_bytes(pickle.dumps({"scalp": np.arange(10)}))
     model = HeadModel.load(tmp_path / "flame.pkl")
-    np.testing.assert_array_equal(model.landmarks68, ARRAYS["f"][faces[:68], corners[:68]])
+    expected = np.einsum("nk,nki->ni", weights, ARRAYS["v_template"][ARRAYS["f"][faces]])[:68]
+    np.testing.assert_allclose(model.landmarks68.interpolate(model.v_template), expected, atol=1e-7)
+    model.save(tmp_path / "saved.npz")
+    saved = HeadModel.load(tmp_path / "saved.npz").landmarks68
+    np.testing.assert_array_equal(saved.corners, model.landmarks68.corners)
+    np.testing.assert_array_equal(saved.barycentric, model.landmarks68.barycentric)
 
 
 @pytest.mark.parametrize(
@@ -219,7 +223,17 @@ def test_landmarks_come_from_flames_embedding(tmp_path):
         (
             "landmark_embedding.npy",
             {"full_lmk_faces_idx": np.arange(68), "full_lmk_bary_coords": np.zeros((60, 3))},
-            "full_lmk_bary_coords: 68 faces and 180 weights",
+            r"full_lmk_bary_coords: shape \(60, 3\), expected 68 x 3",
+        ),
+        (
+            "landmark_embedding.npy",
+            {"full_lmk_faces_idx": np.arange(68), "full_lmk_bary_coords": np.full((68, 3), 0.3)},
+            "full_lmk_bary_coords: the coordinates of point 0 add up to 0.9, expected 1",
+        ),
+        (
+            "landmark_embedding.npy",
+            {"full_lmk_faces_idx": np.arange(51), "full_lmk_bary_coords": np.tile([1.0, 0, 0], (51, 1))},
+            "full_lmk_faces_idx: 51 landmarks; at least 68 are expected",
         ),
         ("uv_masks.npz", {"scalp": np.zeros((4, 4))}, "uv_masks.npz: scalp: holds numbers, expected booleans"),
         ("uv_masks.npz", {"scalp": np.zeros((0, 4), bool)}, "uv_masks.npz: scalp: holds no texels"),

@@ -82,6 +82,17 @@ def test_sets_are_read_as_lists(protocol, tmp_path):
     assert sorted(found["names"]) == ["a", "b"] and found["none"] == []
 
 
+@pytest.mark.parametrize("protocol", range(6))
+def test_tensors_are_left_out(protocol, tmp_path):
+    """FLAME's `landmark_embedding.npy` holds some beside its arrays."""
+    torch = pytest.importorskip("torch")
+    content = {"static": np.arange(3), "dynamic": torch.arange(6).reshape(2, 3), "last": 1}
+    (tmp_path / "a.pkl").write_bytes(pickle.dumps(content, protocol))
+    found = read_pickle(tmp_path / "a.pkl")
+    np.testing.assert_array_equal(found["static"], [0, 1, 2])
+    assert found["dynamic"] is None and found["last"] == 1
+
+
 def test_pickled_npy_files_are_read(tmp_path):
     np.save(tmp_path / "a.npy", {"ids": np.arange(3)})
     np.testing.assert_array_equal(read_pickled_npy(tmp_path / "a.npy")["ids"], [0, 1, 2])

@@ -2,6 +2,7 @@
 
 - `cameras`: a COLMAP model, or cameras.json
 - `images`: folders of images by timestep and camera
+- `calibrated_images`: a capture of both; its heads are not known yet
 - `mesh_sequence`: a tracked mesh per frame, turned into a head model of its own
 - `flame_tracks`: FLAME parameters of VHAP, or one npz per frame
 """

@@ -13,7 +13,7 @@ import numpy as np
 
 from carigs.capture.camera import Camera
 from carigs.capture.camera_checks import check_intrinsics, check_rigid
-from carigs.errors import InputError
+from carigs.errors import InputError, SettingsError
 from carigs.readers.arrays import checked_array
 from carigs.readers.colmap import ColmapImage, read_colmap
 from carigs.readers.json_files import json_field, read_json
@@ -31,7 +31,10 @@ def read_cameras(path: Path, metres_per_unit: float = 1.0) -> dict[str, Camera]:
 
     Raises:
         InputError: If a file is missing or broken, or a camera cannot exist.
+        SettingsError: If the unit is not a positive number.
     """
+    if not 0 < metres_per_unit < math.inf:
+        raise SettingsError(f"{metres_per_unit:g} metres per unit are impossible")
     read = _read_colmap if path.is_dir() else _read_json
     cameras = read(path)
     scaled = {}

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from carigs.head import HeadModel
+from carigs.head import HeadModel, SurfacePoints
 from carigs.head.model_arrays import FLAME_NUM_IDENTITY
 from carigs.toy.rig import expressions, identity
 from carigs.toy.rig.landmarks import landmarks68
@@ -43,5 +43,5 @@ def head_model() -> HeadModel:
         parents=PARENTS,
         regions=vertex_regions(template),
         expression_names=expressions.NAMES,
-        landmarks68=landmarks68(template),
+        landmarks68=SurfacePoints.at_vertices(landmarks68(template)),
     )

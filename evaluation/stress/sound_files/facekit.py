@@ -49,7 +49,7 @@ def write_facekit(folder: Path, head: HeadModel, identities: int, expressions: M
         write(name, head.expression_basis[:, :, head.expression_names.index(own)])
     index = {
         "expressions": list(expressions),
-        "idx_to_landmark_verts": first_at[head.landmarks68].tolist(),
+        "idx_to_landmark_verts": first_at[head.landmarks68.corners[:, 0]].tolist(),
         "incompatibilities": [],
     }
     (folder / "vertex_indices.json").write_text(json.dumps(index))

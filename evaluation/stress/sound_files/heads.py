@@ -14,7 +14,8 @@ from unittest.mock import patch
 import numpy as np
 
 from carigs.capture import Capture, Frame
-from carigs.fitting.landmark_files import read_embedding, read_landmarks
+from carigs.fitting.landmark_embedding import read_embedding
+from carigs.fitting.landmark_files import read_landmarks
 from carigs.fitting.landmark_providers import find_landmarks
 from carigs.head import HeadModel
 from carigs.head.download import GNM_URL, fetch_head

@@ -1,13 +1,13 @@
 """Captures in other forms become datasets that show the same: cameras and posed meshes to 1e-6, images byte by byte."""
 
 import json
-import struct
 from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from calibrations import NAMES, write_cameras, write_colmap, write_images
 from miniature import ball_cameras, write_ball
 from scipy.spatial.transform import Rotation
 
@@ -19,8 +19,6 @@ from carigs.errors import InputError
 from carigs.head import pose, pose_frames
 from carigs.plausibility import check_capture
 from carigs.readers.colmap import read_colmap
-
-NAMES = ("left", "middle", "right")
 
 
 @pytest.fixture(scope="module")
@@ -34,14 +32,10 @@ def original(ball) -> Capture:
 
 
 @pytest.fixture
-def source(ball, original, tmp_path) -> Path:
+def source(original, tmp_path) -> Path:
     """Images and mattes in a folder per camera, cameras.json, and a mesh per frame."""
     folder = tmp_path / "own"
-    for frame in original.frames:
-        for kind, name in (("images", frame.image), ("masks", frame.mask)):
-            file = folder / kind / NAMES[frame.camera] / f"{frame.timestep:04d}.png"
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.write_bytes((ball / name).read_bytes())
+    write_images(folder, original)
     (folder / "meshes").mkdir()
     for t in original.parameter_files:
         lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in pose(original.model, original.parameters(t)).tolist()]
@@ -49,35 +43,6 @@ def source(ball, original, tmp_path) -> Path:
         (folder / f"meshes/frame_{t}.obj").write_text("\n".join(lines))
     write_cameras(folder)
     return folder
-
-
-def write_cameras(folder: Path) -> None:
-    entries = [
-        dict(name=NAMES[c], width=k.width, height=k.height, fx=k.fx, fy=k.fy, cx=k.cx, cy=k.cy,
-             camera_from_world=k.camera_from_world.tolist())
-        for c, k in ball_cameras().items()
-    ]  # fmt: skip
-    (folder / "cameras.json").write_text(json.dumps({"cameras": entries}))
-
-
-def write_colmap(folder: Path, binary: bool, names=tuple(f"{name}/0000.png" for name in NAMES)) -> None:
-    model = folder / "sparse/0"
-    model.mkdir(parents=True)
-    text = {"cameras": ["# comment"], "images": ["# comment"]}
-    data = {kind: struct.pack("<Q", 3) for kind in text}
-    for (c, k), name in zip(ball_cameras().items(), names, strict=True):
-        x, y, z, w = Rotation.from_matrix(k.camera_from_world[:3, :3]).as_quat()
-        values = [w, x, y, z, *k.camera_from_world[:3, 3]]
-        text["cameras"].append(f"{c + 1} PINHOLE {k.width} {k.height} {k.fx!r} {k.fy!r} {k.cx!r} {k.cy!r}")
-        text["images"] += [f"{c + 7} {' '.join(repr(float(v)) for v in values)} {c + 1} {name}", "1.5 2.5 -1"]
-        data["cameras"] += struct.pack("<IiQQ4d", c + 1, 1, k.width, k.height, k.fx, k.fy, k.cx, k.cy)
-        data["images"] += struct.pack("<I7dI", c + 7, *values, c + 1) + name.encode() + b"\0"
-        data["images"] += struct.pack("<Qddq", 1, 1.5, 2.5, -1)
-    for kind in text:
-        if binary:
-            (model / f"{kind}.bin").write_bytes(data[kind])
-        else:
-            (model / f"{kind}.txt").write_text("\n".join(text[kind]) + "\n")
 
 
 def assert_same(found: Capture, original: Capture) -> None:
@@ -281,6 +246,10 @@ BROKEN = {
         r"first\.png: images are called CAMERA/TIMESTEP",
     ),
     "a matte is missing": (lambda d: (d / "masks/left/0001.png").unlink(), r"masks/left/0001\.png: no such matte"),
+    "an image of another size": (
+        lambda d: cv2.imwrite(str(d / "images/left/0001.png"), np.zeros((9, 9, 3), np.uint8)),
+        r"0001\.png: 9 x 9 pixels, its camera has 40 x 48",
+    ),
     "no heads": (lambda d: (d / "meshes").rename(d / "other"), "no tracked head; looked for"),
 }
 

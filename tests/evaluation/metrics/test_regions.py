@@ -8,6 +8,7 @@ from miniature import ball_model
 from scipy.ndimage import distance_transform_edt
 
 from carigs.capture import Camera, look_at
+from carigs.head import SurfacePoints
 from carigs.raster import rasterize_mesh
 from evaluation.metrics.regions import image_regions, surface_regions
 from evaluation.tables.metric_records import REGIONS
@@ -43,7 +44,7 @@ def model():
         "left_ear": np.flatnonzero(v[:, 0] > 0.09),
         "right_ear": np.flatnonzero(v[:, 0] < -0.09),
     }
-    return replace(model, regions=regions, landmarks68=landmarks)
+    return replace(model, regions=regions, landmarks68=SurfacePoints.at_vertices(landmarks))
 
 
 def camera_at(x, z):

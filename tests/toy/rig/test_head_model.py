@@ -165,7 +165,7 @@ def test_eyeballs_stay_round_in_every_person(model: HeadModel) -> None:
 
 def test_a_blink_closes_the_lids_over_the_eyeball(model: HeadModel) -> None:
     lids = [(37, 41), (38, 40), (43, 47), (44, 46)]
-    upper, lower = np.array([[model.landmarks68[u], model.landmarks68[d]] for u, d in lids]).T
+    upper, lower = model.landmarks68.corners[np.array(lids).T, 0]
     blink = HeadParameters(expression=expression(model, eye_blink_left=1.0, eye_blink_right=1.0))
     before, after = pose(model, HeadParameters()), pose(model, blink)
     opened = before[upper, 1] - before[lower, 1]
@@ -181,7 +181,7 @@ def test_a_blink_closes_the_lids_over_the_eyeball(model: HeadModel) -> None:
 
 
 def test_the_jaw_opens_the_mouth(model: HeadModel) -> None:
-    upper, lower, chin, nose = model.landmarks68[[62, 66, 8, 30]]
+    upper, lower, chin, nose = model.landmarks68.corners[[62, 66, 8, 30], 0]
     shut = pose(model, HeadParameters())
     assert 0 < shut[upper, 1] - shut[lower, 1] < 0.004
     by_joint = pose(model, HeadParameters(joints=flame_joints(jaw=[0.3, 0, 0])))
@@ -196,7 +196,7 @@ def test_the_jaw_opens_the_mouth(model: HeadModel) -> None:
 
 def test_expressions_move_what_they_name(model: HeadModel) -> None:
     rest = pose(model, HeadParameters())
-    corner, brow = model.landmarks68[[54, 24]]
+    corner, brow = model.landmarks68.corners[[54, 24], 0]
 
     def change(vertex: int, axis: int, **weights: float) -> float:
         return (pose(model, HeadParameters(expression=expression(model, **weights))) - rest)[vertex, axis]
@@ -226,7 +226,7 @@ def test_landmarks_come_in_mirrored_pairs(model: HeadModel) -> None:
         (58, 56),
     ]
     pairs += [(31, 35), (32, 34), (60, 64), (61, 63), (67, 65)]
-    points = model.v_template[model.landmarks68].astype(float)
+    points = model.landmarks68.interpolate(model.v_template)
     right, left = np.array(pairs).T
     np.testing.assert_allclose(points[right] * MIRROR, points[left], atol=1e-6)
     assert np.abs(points[[8, 27, 28, 29, 30, 33, 51, 57, 62, 66], 0]).max() < 0.002
@@ -236,7 +236,8 @@ def test_landmarks_come_in_mirrored_pairs(model: HeadModel) -> None:
 def test_the_file_is_read_back_as_it_was_written(model: HeadModel, tmp_path) -> None:
     model.save(tmp_path / "head.npz")
     again = HeadModel.load(tmp_path / "head.npz")
-    for name in ("v_template", "faces", "shapedirs", "joint_regressor", "weights", "landmarks68"):
+    for name in ("v_template", "faces", "shapedirs", "joint_regressor", "weights"):
         np.testing.assert_array_equal(getattr(again, name), getattr(model, name))
+    np.testing.assert_array_equal(again.landmarks68.corners, model.landmarks68.corners)
     assert again.expression_names == model.expression_names and set(again.regions) == set(model.regions)
     assert len(again.expression_names) >= 10 and (np.abs(again.shapedirs[:, :, :300]).max(axis=(0, 1)) > 0).sum() >= 10
