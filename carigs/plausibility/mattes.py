@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, UInt8
+from jaxtyping import Bool, Int64, UInt8
 
 from carigs.capture import Capture, Frame
 from carigs.capture.images import differs_from_background
@@ -32,6 +32,11 @@ OUTLINE = 0.01
 Where few pixels of an outline are in the image, chance decides which of them differ."""
 LEAST_PIXELS = 32
 """Least gain in pixels, for the same reason at low resolutions."""
+BOTH_SIDES = 0.25
+"""Share of the gain that the image has beyond its matte, and that its matte has beyond the image, where a head moved
+from one to the other. Blurred images have only the first, and grown mattes the second."""
+UNUSUAL = 1.5
+"""A difference on one side alone, as of an opened mouth, counts if it is this times the camera's median."""
 MAX_PIXELS = 1 << 18
 """Larger masks are compared at every second pixel, every third ..."""
 
@@ -74,17 +79,24 @@ def exchanged_mattes(capture: Capture, known: Mapping[Frame, Outlines]) -> list[
         cameras.setdefault(frame.camera, []).append(frame)
     findings = []
     for frames in cameras.values():
-        mattes = np.stack([known[frame].matte for frame in frames])
+        images, mattes = (np.stack(masks) for masks in zip(*(known[frame] for frame in frames), strict=True))
+        usual = np.median(_pixels(images ^ mattes))
         for k, frame in enumerate(frames):
-            different = np.bitwise_count(known[frame].image ^ mattes).sum(axis=1, dtype=np.int64)
-            best = int(different.argmin())
-            gain, foreground = different[k] - different[best], int(np.bitwise_count(mattes[k]).sum())
-            least = max(OUTLINE * foreground, LEAST_PIXELS)
-            if different[best] < BETTER * different[k] and gain > least:
+            different = _pixels(images[k] ^ mattes)
+            best, own = int(different.argmin()), int(different[k])
+            gain, least = own - different[best], max(OUTLINE * int(_pixels(mattes[k])), LEAST_PIXELS)
+            sides = _pixels(images[k] & ~mattes[k]), _pixels(mattes[k] & ~images[k])
+            moved = min(sides) > BOTH_SIDES * gain or own > UNUSUAL * usual
+            if different[best] < BETTER * own and gain > least and moved:
                 kind = "the matte of another timestep fits the image better than its own"
-                details = f"{frames[best].mask} differs at {different[best]} pixels, its own at {different[k]}"
-                findings.append(Finding(kind, capture.root / frame.mask, "fg_mask_path", details, float(different[k])))
+                details = f"{frames[best].mask} differs at {different[best]} pixels, its own at {own}"
+                findings.append(Finding(kind, capture.root / frame.mask, "fg_mask_path", details, float(own)))
     return findings
+
+
+def _pixels(masks: UInt8[np.ndarray, "*t n"]) -> Int64[np.ndarray, "*t"]:
+    """Number of pixels in each packed mask."""
+    return np.asarray(np.bitwise_count(masks).sum(axis=-1, dtype=np.int64))
 
 
 def matte_findings(
