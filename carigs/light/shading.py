@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -147,7 +148,7 @@ def load_shading(file: Path, num_faces: int) -> Shading | None:
     Raises:
         InputError: If the file is broken, or an array is missing or not valid.
     """
-    if not file.is_file():
+    if not os.path.lexists(file):
         return None
     return shading_of(read_npz(file, "shading"), num_faces, file)
 

@@ -82,6 +82,8 @@ def read_obj_uvs(file: str | Path) -> tuple[Int64[np.ndarray, "f 3"], Float64[np
                 corners.append(texture - 1)
         except (ValueError, OverflowError, IndexError) as error:
             raise InputError(f"broken line: {line.strip()[:60]!r}", file=file, field=f"line {number}") from error
+    if not faces:
+        raise InputError("no faces", file=file)
     indices = np.array(corners, np.int64).reshape(-1, 3)
     positions = checked_array({"vt": np.array(uvs).reshape(-1, 2)}, "vt", (None, 2), np.float64, file=file)
     if indices.size and indices.max() >= len(positions):

@@ -144,8 +144,9 @@ def _is_hostile(event: str, arguments: tuple[Any, ...]) -> bool:
     )
     if not (written or event == "os.remove") or not isinstance(arguments[0], (str, bytes, os.PathLike)):
         return False
-    path = os.fsdecode(arguments[0])
-    return not Path(os.path.abspath(path)).is_relative_to(Path.cwd()) and path != os.devnull
+    path = Path(os.path.abspath(os.fsdecode(arguments[0])))
+    allowed = (Path.cwd(), Path(os.environ["NUMBA_CACHE_DIR"]), Path(os.devnull))  # kernels may be compiled
+    return not any(path.is_relative_to(place) for place in allowed)
 
 
 def _peak_megabytes() -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Set
 from pathlib import Path
 
@@ -77,8 +78,8 @@ def read_calibrated_images(
                 camera=numbers[image.camera],
                 sequence="",
                 split="train",
-                image=str(image.file.resolve()),
-                mask=None if mask is None else str(mask.resolve()),
+                image=os.path.abspath(image.file),
+                mask=None if mask is None else os.path.abspath(mask),
                 parameters="",
                 calibration=len(frames),
             )

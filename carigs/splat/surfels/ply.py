@@ -120,6 +120,8 @@ def read_ply(file: Path, num_faces: int | None = None) -> SurfelPly:
         for name in wanted:
             if name not in names:
                 raise InputError("this property is missing", file=file, field=name)
+            if rows[name].dtype.kind != "f" and name != "binding_0":
+                raise InputError("whole numbers, expected float", file=file, field=name)
         columns = [checked_array(rows_by_name, name, (len(rows),), np.float32, file=file) for name in wanted]
         return np.stack(columns, axis=1)
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from carigs.cli.convert import main as convert
+from carigs.errors import InputError
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.head import HeadParameters
 from carigs.splat.avatar import Avatar, save_avatar
@@ -62,8 +63,12 @@ def _converted(*options: str) -> Callable[[Path], bytes]:
     def run(file: Path) -> bytes:
         output = file.with_name("converted" + options[0])
         output.unlink(missing_ok=True)
-        with contextlib.redirect_stdout(io.StringIO()):
-            convert([str(file), str(output), *options[1:]])
+        said = io.StringIO()
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said):
+            try:
+                convert([str(file), str(output), *options[1:]])
+            except SystemExit as wrong_arguments:  # a folder is a capture, which needs other options
+                raise InputError(said.getvalue().splitlines()[-1], file=file) from wrong_arguments
         return output.read_bytes()
 
     return run
