@@ -4,7 +4,7 @@ The outcome of a case is one of
 
 - `right`: every measured number is within its tolerance of a closed form, an independent reference or an invariant;
 - `typed error`: the input is invalid, and a `CarigsError` says so;
-- `wrong`: everything else, such as a number that is not finite, another exception, or an error where the input is valid.
+- `wrong`: everything else, such as a number that is not finite, another exception, or an error for valid input.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ Mesh = tuple[Float[np.ndarray, "v 3"], Int32[np.ndarray, "f 3"]]
 
 
 def sheet(n: int = 9, width: float = 0.4, height: float = 0.3) -> Mesh:
-    """Flat grid of triangles in the plane z = 0, whose fronts face -z: towards a camera at the origin that looks along +z.
+    """Flat grid of triangles in the plane z = 0, whose fronts face -z, as those of `camera_at` see them.
 
     Args:
         n: Vertices along each side.

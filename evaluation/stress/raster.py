@@ -350,7 +350,8 @@ def odd_corner(value: float, axis: int) -> Iterator[Measure]:
         axis: Which one.
 
     Yields:
-        Faces of the ball that are seen otherwise than alone where the triangle does not hide them, and values that are not finite.
+        Pixels in which the ball is seen otherwise than alone and the triangle does not hide it; values that are not
+        finite.
     """
     vertices, faces = ball()
     corners = np.array([[-3.0, -1, 3], [3, -1, 3], [0, 3, 3]])
@@ -376,7 +377,7 @@ def far_triangle(size: float, axis: int, front: bool) -> Iterator[Measure]:
         Measures of `as_traced`.
     """
     corners = np.array([[-0.5, -1.0, 0], [0.5, -1, 0], [0, 1.5, 0]])
-    far = corners + [0, 0, 0.5]
+    far = corners + np.array([0, 0, 0.5])
     far[:, axis] = size * np.array([1.0, 2.0, 3.0])
     order = [3, 4, 5] if front == (face_volumes((far, np.array([[0, 1, 2]])), camera_at())[0] < 0) else [3, 5, 4]
     mesh = np.vstack([corners, far]), np.array([[0, 1, 2], order], np.int32)

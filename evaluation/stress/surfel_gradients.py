@@ -169,5 +169,5 @@ def _ratio(error: torch.Tensor, size: torch.Tensor) -> float:
     return 0.0 if error <= 0 else float(error / size) if size > 0 else np.inf
 
 
-def _row_norms(gradient: Float[torch.Tensor, "n *k"]) -> Float[torch.Tensor, " n"]:
+def _row_norms(gradient: torch.Tensor) -> Float[torch.Tensor, " n"]:
     return gradient.reshape(len(gradient), -1).norm(dim=1)

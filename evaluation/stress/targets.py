@@ -125,7 +125,7 @@ CHANGES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "as it is": lambda v: v,
     "bigger": lambda v: 1.3 * v,
     "smaller": lambda v: 0.3 * v,
-    "shifted": lambda v: v + [0.07, -0.05, 0.02],
+    "shifted": lambda v: v + np.array([0.07, -0.05, 0.02]),
     "turned by 60 degrees": _turned(60),
     "turned by 89.99 degrees": _turned(89.99),
     "mirrored": lambda v: v * [-1, 1, 1],
@@ -284,7 +284,7 @@ def _flags_agree(
     face = ends[1].face[y, x][trusted]
     depth = natural.fragments.depth
     for dx, dy in product((0, 1), (0, 1)):
-        column, row = np.minimum(corner + [dx, dy], size - 1).T
+        column, row = np.minimum(corner + np.array([dx, dy]), size - 1).T
         plane = natural.depth_planes[face]
         with np.errstate(all="ignore"):
             expected = 1 / (plane[:, 0] * (column + 0.5) + plane[:, 1] * (row + 0.5) + plane[:, 2])

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from carigs.errors import InputError, MeshError
+from evaluation.command_line import run
 from evaluation.stress import raster, summary
 from evaluation.stress.case import Case, Measure, Outcome, difference, examine, run_suite, violations
 from evaluation.tables.csv_files import write_csv
@@ -127,7 +128,5 @@ def test_a_defect_in_a_kernel_is_wrong_and_the_program_fails(tmp_path, monkeypat
     monkeypatch.setattr(raster, "compute_visibility", without_last_column)
     assert main()
     assert "pixels that show another face" in capsys.readouterr().out
-    from evaluation.command_line import run
-
     with pytest.raises(SystemExit, match="1"):
         run(main)

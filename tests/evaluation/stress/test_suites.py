@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evaluation.stress import metrics, raster, rasterizer, rig, targets
+from evaluation.stress import metrics, posing, raster, rasterizer, rig, surfel_gradients, targets
 from evaluation.stress.case import examine
 
 SUITES = {module.__name__.split(".")[-1]: module for module in (raster, targets, rig, rasterizer, metrics)}
@@ -34,7 +34,7 @@ def without_flags(*arguments, **options):
 
 
 targets_warp, rig_motion, raster_view = targets.warp_frame, rig.face_motion, raster.compute_visibility
-rotations, score, similarity = rig.rotation_matrices, metrics.clip_d, metrics.ssim_map
+rotations, score, similarity = posing.rotation_matrices, metrics.clip_d, metrics.ssim_map
 
 
 def with_left_handed_rotations(*arguments):
@@ -50,26 +50,25 @@ def seen_from_half_a_pixel_off(vertices, faces, camera):
 
 
 @pytest.mark.parametrize(
-    ("suite", "part", "function", "defect"),
+    ("suite", "part", "module", "function", "defect"),
     [
-        ("raster", "ball, close by, 8 x 16", "compute_visibility", seen_from_half_a_pixel_off),
-        ("targets", "sheet: mirrored", "warp_frame", without_flags),
-        ("rig", "sheared, unit 1", "face_motion", with_left_handed_rotations),
-        ("rig", "rotation by 1 about", "rotation_matrices", lambda vector: rotations(-vector)),
-        ("metrics", "grey and noise, 5 x 5", "ssim_map", lambda image, truth: similarity(image, truth[::-1])),
-        ("metrics", "zero embeddings", "clip_d", lambda *vectors: score(*vectors) / 0.0),
+        ("raster", "ball, close by, 8 x 16", raster, "compute_visibility", seen_from_half_a_pixel_off),
+        ("targets", "sheet: mirrored", targets, "warp_frame", without_flags),
+        ("rig", "sheared, unit 1", rig, "face_motion", with_left_handed_rotations),
+        ("rig", "rotation by 1 about", posing, "rotation_matrices", lambda vector: rotations(-vector)),
+        ("metrics", "grey and noise, 5 x 5", metrics, "ssim_map", lambda image, truth: similarity(image, truth[::-1])),
+        ("metrics", "zero embeddings", metrics, "clip_d", lambda *vectors: score(*vectors) / 0.0),
     ],
 )
-def test_a_planted_defect_makes_cases_wrong(suite, part, function, defect, monkeypatch):
+def test_a_planted_defect_makes_cases_wrong(suite, part, module, function, defect, monkeypatch):
     assert wrong(suite, part) == []
-    monkeypatch.setattr(SUITES[suite], function, defect)
+    monkeypatch.setattr(module, function, defect)
     assert wrong(suite, part)
 
 
 @pytest.mark.slow
 def test_a_defect_in_the_gradient_of_surfels_makes_cases_wrong(monkeypatch):
     """The gradient of the opacity lacks a factor."""
-    from evaluation.stress import surfel_gradients
 
     def drawn(*arguments, **options):
         images, gradients = true(*arguments, **options)
