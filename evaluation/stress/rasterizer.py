@@ -58,7 +58,7 @@ def cases() -> Iterator[Case]:
         name = " and ".join(kinds)
         yield Case(f"{name} in another order, {seed}", partial(permuted, scene(kinds * (24 // len(kinds)), seed), seed))
         yield Case(f"{name} by scalar code, {seed}", partial(scalar, scene(kinds * (24 // len(kinds)), seed)))
-    for seed, kind in product(range(3), ("regular", "far", "close", "at_equal_depth")):
+    for seed, kind in product(range(3), ("regular", "far", "close")):
         yield Case(f"finite differences, {kind}, {seed}", partial(finite_differences, scene([kind] * 6, seed), seed))
     for (field, name), value in product(enumerate(FIELDS), (np.nan, np.inf, -np.inf)):
         yield Case(f"{name} is {value}", partial(not_finite, field, value))
