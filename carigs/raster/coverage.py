@@ -129,8 +129,8 @@ def covered_shares(points, pixels, faces, outline, n, near, height):
         x0, x1, y0, y1 = bounding_box(pixels, i, j, k)
         if not (min(points[i, 2], points[j, 2], points[k, 2]) > near and np.isfinite(x0 + x1 + y0 + y1)):
             continue
-        left, right = int(min(max(x0, 0.0), width)), int(min(x1, width - 1.0))
-        top, bottom = int(min(max(y0, 0.0), height)), int(min(y1, height - 1.0))
+        left, right = int(min(max(x0, 0.0), width)), int(max(min(x1, width - 1.0), -1.0))
+        top, bottom = int(min(max(y0, 0.0), height)), int(max(min(y1, height - 1.0), -1.0))
         if left <= right and top <= bottom and _touches(merged, left // 8, right // 8, top, bottom):
             _sample_triangle(pixels, i, j, k, sx, sy, left, right, top, bottom, outline, first, samples)
     shares = np.ones((height, width), np.float32)

@@ -25,7 +25,8 @@ SLACK = 1e-6
 @kernel
 def _pixel_range(start, stop, count):
     """First of `count` pixels whose centre lies between two positions, and one past the last such pixel."""
-    return int(max(np.ceil(start - 0.5), 0.0)), int(min(np.ceil(stop - 0.5), float(count)))
+    last = float(count)  # limited before the conversion: positions may exceed the range of integers
+    return int(min(max(np.ceil(start - 0.5), 0.0), last)), int(max(min(np.ceil(stop - 0.5), last), 0.0))
 
 
 @kernel
@@ -123,8 +124,8 @@ def _farthest_keys(keys, height, width):
 def _hidden(pixels, i, j, k, depth, lowest, height, width):
     """Whether nearer surfaces cover all tiles that a face may touch."""
     x0, x1, y0, y1 = bounding_box(pixels, i, j, k)
-    left, right = int(max(x0, 0.0)) // TILE, int(min(x1, width - 1.0)) // TILE
-    top, bottom = int(max(y0, 0.0)) // TILE, int(min(y1, height - 1.0)) // TILE
+    left, right = int(min(max(x0, 0.0), width)) // TILE, int(max(min(x1, width - 1.0), -1.0)) // TILE
+    top, bottom = int(min(max(y0, 0.0), height)) // TILE, int(max(min(y1, height - 1.0), -1.0)) // TILE
     key = np.int64(np.float32(CLOSER / depth).view(np.int32)) << 32
     for row in range(top, bottom + 1):
         for column in range(left, right + 1):

@@ -145,6 +145,8 @@ def _lids(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.ndarra
     near = np.zeros(len(neutral), bool)
     for side in ("left", "right"):
         ball = neutral[model.vertex_region(f"{side}_eyeball")]
+        if not len(ball):  # a region may be empty
+            continue
         low, high = ball.min(axis=0), ball.max(axis=0)
         radius = 0.5 * float((high - low).max())
         distance = np.linalg.norm(neutral - 0.5 * (low + high), axis=1)

@@ -7,7 +7,6 @@ Example:
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import igl
 import numpy as np
@@ -22,26 +21,15 @@ from carigs.mesh.triangle_mesh import diagonal, face_normals
 from carigs.settings import Exaggerate
 from evaluation.benchmarks.surface import parse_heads
 from evaluation.benchmarks.surface_accuracy import GAMMA, measure_lid_closure, path_error, random_person
-from evaluation.command_line import csv_parser, run
-from evaluation.tables.csv_files import stream_csv
+from evaluation.command_line import run
+from evaluation.stress.case import Measure, Outcome, fails, judged, suite_parser, write_outcomes
 
 PEOPLE = 20
 SMALL = 6000
 """Largest number of vertices of a head on which invariances are checked: each computes the occlusion anew."""
 
 
-class Check(NamedTuple):
-    """A number that must not exceed its bound."""
-
-    case: str
-    what: str
-    value: float
-    bar: float
-
-    holds: bool
-
-
-def check(case: str, what: str, value: float, bar: float) -> Check:
+def check(case: str, what: str, value: float, bar: float) -> Outcome:
     """Compare a number with its bound.
 
     Args:
@@ -51,12 +39,12 @@ def check(case: str, what: str, value: float, bar: float) -> Check:
         bar: Its bound.
 
     Returns:
-        The check; it does not hold for nan.
+        The outcome: wrong for nan.
     """
-    return Check(case, what, value, bar, bool(value <= bar))
+    return judged("heads", case, Measure(what, value, bar))
 
 
-def shape_checks(case: str, solver: Exaggerator) -> Iterator[Check]:
+def shape_checks(case: str, solver: Exaggerator) -> Iterator[Outcome]:
     """Check the caricature of a head: no flipped faces, no new intersections, eyes stay inside, accurate path.
 
     Args:
@@ -120,7 +108,7 @@ def penetration_depths(vertices: Float[np.ndarray, "v 3"], solver: Exaggerator) 
 
 def invariance_checks(
     case: str, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], bar: float = 1e-9
-) -> Iterator[Check]:
+) -> Iterator[Outcome]:
     """Check that the caricature does not depend on unit, position, rotation and numbering.
 
     Args:
@@ -154,7 +142,7 @@ def invariance_checks(
 
 def region_checks(
     case: str, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], region: Int[np.ndarray, " r"]
-) -> Iterator[Check]:
+) -> Iterator[Outcome]:
     """Check a local edit: vertices beyond its ramp stay, and normals do not jump at the border of the ramp.
 
     Args:
@@ -196,7 +184,7 @@ def dihedral_angles(
     return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1)))
 
 
-def checks(heads: dict[str, tuple[np.ndarray, np.ndarray]], model: HeadModel | None, people: int) -> Iterator[Check]:
+def checks(heads: dict[str, tuple[np.ndarray, np.ndarray]], model: HeadModel | None, people: int) -> Iterator[Outcome]:
     """Check all heads.
 
     Args:
@@ -227,16 +215,14 @@ def main() -> bool:
     Returns:
         Whether one fails.
     """
-    parser = csv_parser(__doc__)
+    parser = suite_parser(__doc__)
     parser.add_argument("--people", type=int, default=PEOPLE, help="number of random people (default %(default)s)")
     arguments, heads, model = parse_heads(parser)
-    results = stream_csv(arguments.rows, checks(heads, model, arguments.people), Check, digits=3)
-    worst = {result.what: result for result in sorted(results, key=lambda c: c.value)}
+    results = write_outcomes(arguments, checks(heads, model, arguments.people))
+    worst = {result.detail: result for result in sorted(results, key=lambda result: result.error)}
     for what, result in worst.items():
-        print(f"{what}: at most {result.value:.3g} ({result.case}), bar {result.bar:g}")
-    failed = [result for result in results if not result.holds]
-    print(f"{len(failed)} do not hold" + "".join(f"\n  {c.case}: {c.what}: {c.value:.3g}" for c in failed))
-    return bool(failed)
+        print(f"{what}: at most {result.error:.3g} ({result.case}), bar {result.tolerance:g}")
+    return fails(arguments, results)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ Example:
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,14 +15,13 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Int
 
-from carigs.errors import CarigsError
 from carigs.exaggeration import Exaggerator
 from carigs.mesh import clean_mesh
 from carigs.mesh.triangle_mesh import diagonal
 from carigs.settings import Exaggerate
 from evaluation.benchmarks.surface import Mesh, read_heads
-from evaluation.command_line import csv_parser, run
-from evaluation.tables.csv_files import write_csv
+from evaluation.command_line import run
+from evaluation.stress.case import Case, Measure, examine, fails, suite_parser, write_outcomes
 
 GAMMA = 0.25
 SAME = 1e-9
@@ -32,60 +32,60 @@ SETTINGS = Exaggerate(limit_cavities=False)
 SEED = 7
 
 
-class Case(NamedTuple):
+class Damage(NamedTuple):
     """A way of breaking a mesh."""
 
     name: str
-    damage: Callable[[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]], Mesh]
+    change: Callable[[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]], Mesh]
     """Returns the broken mesh, which begins with the vertices of the sound one."""
     tolerance: float | None
     """Largest distance from the caricature of the sound mesh in diagonals; None if only an error is right."""
 
 
-class Outcome(NamedTuple):
-    """Result of a case."""
-
-    case: str
-    outcome: str
-    """`right answer`, `WRONG ANSWER`, `no error` or the type of the error."""
-    error: float | None
-    """Largest distance from the caricature of the sound mesh in diagonals, over the vertices of both."""
-    tolerance: float | None
-    message: str
-    """Message of the error, or report of the repair."""
-
-    @property
-    def holds(self) -> bool:
-        """Whether the result is the right answer or a typed error."""
-        return self.outcome not in ("WRONG ANSWER", "no error")
-
-
-def outcomes(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Iterator[Outcome]:
-    """Run every case on a sound mesh.
+def cases(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Iterator[Case]:
+    """All cases.
 
     Args:
-        vertices: Its vertices.
-        faces: Vertex indices of the triangles.
+        vertices: Vertices of a sound mesh.
+        faces: Vertex indices of its triangles.
 
     Yields:
-        Results.
+        Cases.
     """
-    expected, extent = Exaggerator(vertices, faces, SETTINGS).solve(GAMMA), diagonal(vertices)
-    for case in CASES:
-        broken = case.damage(vertices.copy(), faces.copy())
-        try:
-            clean = clean_mesh(*broken)
-            moved = clean.to_input(Exaggerator(clean.vertices, clean.faces, SETTINGS).solve(GAMMA))
-        except CarigsError as error:
-            yield Outcome(case.name, type(error).__name__, None, case.tolerance, str(error))
-            continue
-        if case.tolerance is None:
-            yield Outcome(case.name, "no error", None, None, str(clean.report))
-            continue
-        used = np.intersect1d(broken[1], np.arange(len(vertices)))
-        distance = float(np.linalg.norm(moved[used] - expected[used], axis=1).max() / extent)
-        outcome = "right answer" if distance <= case.tolerance else "WRONG ANSWER"
-        yield Outcome(case.name, outcome, distance, case.tolerance, str(clean.report))
+    expected = Exaggerator(vertices, faces, SETTINGS).solve(GAMMA)
+    for damage in DAMAGES:
+        measure = partial(caricature_error, damage, vertices, faces, expected)
+        yield Case(damage.name, measure, invalid=damage.tolerance is None)
+
+
+def caricature_error(
+    damage: Damage,
+    vertices: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+    expected: Float[np.ndarray, "v 3"],
+) -> list[Measure]:
+    """Break a mesh, repair and exaggerate it.
+
+    Args:
+        damage: How to break it.
+        vertices: Vertices of the sound mesh.
+        faces: Vertex indices of its triangles.
+        expected: Displacement of the sound mesh.
+
+    Returns:
+        Largest distance from the caricature of the sound mesh, over the vertices of both.
+
+    Raises:
+        MeshError: The mesh cannot be repaired.
+    """
+    broken = damage.change(vertices.copy(), faces.copy())
+    clean = clean_mesh(*broken)
+    moved = clean.to_input(Exaggerator(clean.vertices, clean.faces, SETTINGS).solve(GAMMA))
+    if damage.tolerance is None:
+        return []
+    used = np.intersect1d(broken[1], np.arange(len(vertices)))
+    distance = np.linalg.norm(moved[used] - expected[used], axis=1).max() / diagonal(vertices)
+    return [Measure(f"diagonals; repairs: {clean.report}", float(distance), damage.tolerance)]
 
 
 def split_edges(
@@ -147,26 +147,26 @@ def _fin(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> M
     return np.concatenate([vertices, vertices[:1] + diagonal(vertices)]), np.concatenate([faces, [fin]])
 
 
-CASES = (
-    *(Case(f"slivers: 30 edges cut at {share:g}", lambda v, f, s=share: split_edges(v, f, s), NEAR)
+DAMAGES = (
+    *(Damage(f"slivers: 30 edges cut at {share:g}", lambda v, f, s=share: split_edges(v, f, s), NEAR)
       for share in (0.5, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)),
-    Case("zero-area faces: 30 edges cut at 0", lambda v, f: split_edges(v, f, 0.0), SAME),
-    Case("a face that repeats a corner", lambda v, f: (v, np.concatenate([f, f[:1, [0, 0, 1]]])), SAME),
-    Case("duplicate faces", lambda v, f: (v, np.concatenate([f, f[:9], f[:9, ::-1]])), SAME),
-    Case("a seam", _seam, SAME),
-    Case("a fin", _fin, None),
-    Case("isolated vertices", lambda v, f: (np.concatenate([v, 2 * v[:5]]), f), SAME),
-    Case("an isolated vertex that is not finite", lambda v, f: (np.concatenate([v, [[np.nan, 0, 0]]]), f), SAME),
-    Case("1/7 of the faces turned", lambda v, f: (v, np.where(np.arange(len(f))[:, None] % 7, f, f[:, ::-1])), SAME),
-    Case("one face missing", lambda v, f: (v, np.delete(f, len(f) // 2, axis=0)), NEAR),
-    Case("two components that touch", _touching_ball, NEAR),  # the ball counts in the size of the head
-    Case("nan", _with_coordinate(np.nan), None),
-    Case("inf", _with_coordinate(np.inf), None),
-    Case("a corner that is no vertex", lambda v, f: (v, np.concatenate([f, [[0, 1, len(v)]]])), None),
-    Case("no faces", lambda v, f: (v, f[:0]), None),
-    Case("an empty mesh", lambda v, f: (v[:0], f[:0]), None),
-    Case("one triangle", lambda v, f: (v[f[0]], np.array([[0, 1, 2]])), None),
-    Case("all vertices in one place", lambda v, f: (np.ones_like(v), f), None),
+    Damage("zero-area faces: 30 edges cut at 0", lambda v, f: split_edges(v, f, 0.0), SAME),
+    Damage("a face that repeats a corner", lambda v, f: (v, np.concatenate([f, f[:1, [0, 0, 1]]])), SAME),
+    Damage("duplicate faces", lambda v, f: (v, np.concatenate([f, f[:9], f[:9, ::-1]])), SAME),
+    Damage("a seam", _seam, SAME),
+    Damage("a fin", _fin, None),
+    Damage("isolated vertices", lambda v, f: (np.concatenate([v, 2 * v[:5]]), f), SAME),
+    Damage("an isolated vertex that is not finite", lambda v, f: (np.concatenate([v, [[np.nan, 0, 0]]]), f), SAME),
+    Damage("1/7 of the faces turned", lambda v, f: (v, np.where(np.arange(len(f))[:, None] % 7, f, f[:, ::-1])), SAME),
+    Damage("one face missing", lambda v, f: (v, np.delete(f, len(f) // 2, axis=0)), NEAR),
+    Damage("two components that touch", _touching_ball, NEAR),  # the ball counts in the size of the head
+    Damage("nan", _with_coordinate(np.nan), None),
+    Damage("inf", _with_coordinate(np.inf), None),
+    Damage("a corner that is no vertex", lambda v, f: (v, np.concatenate([f, [[0, 1, len(v)]]])), None),
+    Damage("no faces", lambda v, f: (v, f[:0]), None),
+    Damage("an empty mesh", lambda v, f: (v[:0], f[:0]), None),
+    Damage("one triangle", lambda v, f: (v[f[0]], np.array([[0, 1, 2]])), None),
+    Damage("all vertices in one place", lambda v, f: (np.ones_like(v), f), None),
 )  # fmt: skip
 
 
@@ -184,20 +184,16 @@ def sound_mesh() -> Mesh:
 
 
 def main() -> bool:
-    """Run all cases from the command line, and write the results.
+    """Run all cases from the command line, and write their outcomes.
 
     Returns:
-        Whether one fails.
+        Whether the program fails.
     """
-    parser = csv_parser(__doc__)
+    parser = suite_parser(__doc__)
     parser.add_argument("mesh", type=Path, nargs="?", help="head (default: a bumpy ball)")
     arguments = parser.parse_args()
-    vertices, faces = read_heads([arguments.mesh])[arguments.mesh.stem] if arguments.mesh else sound_mesh()
-    results = list(outcomes(vertices, faces))
-    write_csv(arguments.rows, results, Outcome, digits=2)
-    failed = [result.case for result in results if not result.holds]
-    print(f"{len(results)} cases, {len(failed)} do not hold" + "".join(f"\n  {name}" for name in failed))
-    return bool(failed)
+    mesh = read_heads([arguments.mesh])[arguments.mesh.stem] if arguments.mesh else sound_mesh()
+    return fails(arguments, write_outcomes(arguments, (examine("surface", case) for case in cases(*mesh))))
 
 
 if __name__ == "__main__":

@@ -82,9 +82,9 @@ def test_the_table_marks_checks_that_do_not_hold(tmp_path, monkeypatch, gamma, f
     with (tmp_path / "heads.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert {row["case"] for row in rows} == {mesh.stem}
-    (turned,) = (row for row in rows if row["what"].startswith("faces turned"))
-    assert turned["holds"] == str(not failed)
-    assert any(row["holds"] == "False" for row in rows) == failed
+    (turned,) = (row for row in rows if row["detail"].startswith("faces turned"))
+    assert (turned["outcome"] == "wrong") == failed
+    assert any(row["outcome"] == "wrong" for row in rows) == failed
 
 
 def test_intersecting_faces_are_found():

@@ -123,6 +123,20 @@ def test_faces_without_area_or_with_a_corner_that_is_not_finite_are_not_seen(cor
     assert np.isinf(image.depth).all()
 
 
+@pytest.mark.parametrize("size", [1e20, -1e20, 1e150])
+@pytest.mark.parametrize("order", [[3, 4, 5], [3, 5, 4]])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_faces_whose_image_positions_exceed_the_range_of_integers_change_nothing(size, order, axis):
+    """Far beside the image, seen from the front and from behind."""
+    triangle = np.array([[-1, -1, 0], [1, -1, 0], [0, 1, 0.0]])
+    far = triangle + np.array([0, 0, 0.5])
+    far[:, axis] = size * np.array([1, 2, 3])
+    alone = compute_visibility(triangle, np.array([[0, 1, 2]]), FRONTAL)
+    both = compute_visibility(np.vstack([triangle, far]), np.array([[0, 1, 2], order]), FRONTAL)
+    np.testing.assert_array_equal(both.face, alone.face)
+    np.testing.assert_array_equal(both.coverage(4), alone.coverage(4))
+
+
 def test_nothing_is_seen_behind_the_camera():
     vertices, faces = bumpy_sphere(1)
     assert (compute_visibility(vertices + np.array([0, 0, 4.0]), faces, FRONTAL).face == -1).all()

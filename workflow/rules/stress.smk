@@ -1,4 +1,6 @@
-"""Stress tests: broken input, and invariants on real heads. A case that fails fails the rule."""
+"""Stress tests: input that breaks numerics, broken files, and invariants on real heads. A wrong case fails `stress`."""
+
+SUITES = ("raster", "targets", "rig", "rasterizer", "metrics")
 
 
 localrules:
@@ -7,9 +9,44 @@ localrules:
 
 rule stress:
     input:
-        "results/stress/surface.csv",
-        "results/stress/hostile_files.csv",
-        ["results/stress/heads.csv", "results/stress/captures.csv"] if heads else [],
+        "results/stress/summary.csv",
+        ["results/stress/captures.csv"] if heads else [],
+
+
+rule stress_summary:
+    input:
+        suites=collect(
+            "results/stress/{suite}.csv", suite=["surface", *SUITES, "hostile_files", *(["heads"] if heads else [])]
+        ),
+    output:
+        rows="results/stress/summary.csv",
+    log:
+        "results/stress/log/summary.log",
+    conda:
+        "../../environment.yml"
+    resources:
+        mem_mb=500,
+    params:
+        code=fingerprint("evaluation.stress.summary"),
+    shell:
+        "python -m evaluation.stress.summary {output.rows:q} {input.suites:q} 2>&1 | tee {log:q}"
+
+
+rule stress_suite:
+    output:
+        rows="results/stress/{suite}.csv",
+    log:
+        "results/stress/log/{suite}.log",
+    wildcard_constraints:
+        suite="|".join(SUITES),
+    conda:
+        "../../environment.yml"
+    resources:
+        mem_mb=2000,
+    params:
+        code=lambda wildcards: fingerprint(f"evaluation.stress.{wildcards.suite}"),
+    shell:
+        "python -m evaluation.stress.{wildcards.suite} {output.rows:q} --keep-going > {log:q} 2>&1"
 
 
 rule stress_surface:
@@ -27,7 +64,7 @@ rule stress_surface:
     params:
         code=fingerprint("evaluation.stress.surface"),
     shell:
-        "python -m evaluation.stress.surface {output.rows:q} {input.mesh:q} > {log:q} 2>&1"
+        "python -m evaluation.stress.surface {output.rows:q} {input.mesh:q} --keep-going > {log:q} 2>&1"
 
 
 rule stress_heads:
@@ -45,7 +82,8 @@ rule stress_heads:
     params:
         code=fingerprint("evaluation.stress.heads"),
     shell:
-        "python -m evaluation.stress.heads {output.rows:q} {input.meshes:q} --head-model {input.model:q} > {log:q} 2>&1"
+        "python -m evaluation.stress.heads {output.rows:q} {input.meshes:q} --head-model {input.model:q} --keep-going"
+        " > {log:q} 2>&1"
 
 
 rule stress_hostile_files:

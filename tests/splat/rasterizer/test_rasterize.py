@@ -7,11 +7,11 @@ import numba
 import numpy as np
 import pytest
 import torch
-from splat.rasterizer.reference import render
 
 from carigs.capture import Camera, look_at
 from carigs.errors import CarigsError, SettingsError
 from carigs.splat.rasterizer.rasterize import OUTPUTS, WorldSurfels, rasterize
+from evaluation.stress.surfel_reference import render
 
 CAMERA = Camera(look_at(np.array([0.3, 0.4, 2.0]), np.zeros(3)), fx=90, fy=85, cx=31.2, cy=24.9, width=64, height=48)
 ODD = Camera(look_at(np.array([-0.9, 0.2, 1.6]), np.zeros(3)), fx=70, fy=74, cx=36.7, cy=21.3, width=71, height=45)

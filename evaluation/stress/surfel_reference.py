@@ -1,17 +1,33 @@
-"""Independent reference of the rasterizer in float64 torch: dense, surfel by surfel, with gradients by autograd.
+"""Independent reference of the surfel rasterizer in float64 torch: dense, surfel by surfel, gradients by autograd.
 
 It follows the absolute-pixel form of 2D Gaussian Splatting and gsplat, in which a pixel's ray is the intersection of
 two planes. It shares no formula with the kernels.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+
 import torch
 
+from carigs.capture import Camera
 
-def render(surfels, camera, *, alpha_cap=0.99, near=0.01):
-    """Dictionary of colour, alpha, depth, normal, distortion (h, w[, 3]) and `margin` (h, w).
 
-    `surfels`: centre, tangent_u, tangent_v, opacity, colour as float64 tensors. `margin` is the smallest relative
-    distance of any quantity of the pixel from its threshold; where it is tiny, float32 may fall on the other side.
+def render(
+    surfels: Sequence[torch.Tensor], camera: Camera, *, alpha_cap: float = 0.99, near: float = 0.01
+) -> dict[str, torch.Tensor]:
+    """Render surfels over black.
+
+    Args:
+        surfels: centre, tangent_u, tangent_v, opacity, colour (`carigs.splat.rasterizer.interface.WorldSurfels`) as
+            float64 tensors.
+        camera: The camera.
+        alpha_cap: Upper limit of a surfel's alpha.
+        near: Depth in metres up to which surfels are not drawn.
+
+    Returns:
+        The images colour, alpha, depth, normal, distortion (h, w[, 3]), and `margin` (h, w): the smallest relative
+        distance of any quantity of the pixel from its threshold; where it is tiny, float32 may fall on the other side.
     """
     centre, tangent_u, tangent_v, opacity, colour = surfels
     view = torch.as_tensor(camera.camera_from_world, dtype=torch.float64)
