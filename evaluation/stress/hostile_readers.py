@@ -16,6 +16,7 @@ import trimesh
 from safetensors.torch import save_file
 
 from carigs.capture import Camera, Capture, Frame, look_at
+from carigs.capture.capture_json import camera_to_json
 from carigs.capture.frame_index import read_frame_index, read_ground_truth, write_frame_index, write_ground_truth
 from carigs.capture.images import write_png
 from carigs.capture.target_index import FACE_FLAGS, read_targets, write_targets
@@ -38,7 +39,8 @@ from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.ply import read_ply, write_ply
 from carigs.splat.surfels.surfels import flat_discs
 from carigs.toy import load_subject
-from evaluation.tables.metric_records import MetricRecord
+from evaluation.tables.frame_records import FrameRecord, read_frame_records, write_frame_records
+from evaluation.tables.metric_records import MetricRecord, StudyPoint
 from evaluation.tables.summary import read_metrics
 
 CAMERA = Camera(look_at(np.array([0.0, 0.0, 0.6]), np.zeros(3)), 60.0, 60.0, 16.0, 12.0, 32, 24)
@@ -147,13 +149,15 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     target = {"timestep": 0, "camera": 0, "image": "a.png", "mask_flags": "a.png", "weight": 1.0}
     write_targets(folder / "targets.json", 0.25, folder, [target], [])
     entry = {"protocol": "test", "timestep": 0, "camera": 0, "sequence": "EXP-1", "file": "a.png"}
-    write_frame_index(folder / "frames.json", [entry])
+    write_frame_index(folder / "frames.json", [entry, {**entry, "protocol": "orbit", "view": camera_to_json(CAMERA)}])
     write_json(folder / "a.json", {"frames": [{"w": 1, "m": [0.5, -2e3], "s": "text"}], "n": None})
     write_png(folder / "00000_00.png", np.ones((24, 32, 3)))
     write_png(folder / "00000_00_mask.png", np.ones((24, 32)))
     write_ground_truth(folder / "truth.json", 0.25, [(0, 0)])
     record = "study,subject,variant,0.25,0.1,files,test,0,3,full,psnr,25.5,"
     (folder / "metrics.csv").write_text(",".join(MetricRecord._fields) + f"\n{record}\n{record}\n")
+    geometry = FrameRecord("test", None, 3, "full", "exaggeration_gain", 0.5, "")
+    write_frame_records(folder / "geometry.csv", [geometry, geometry._replace(camera=2, metric="hole_rate")])
     np.savez(folder / "subject.npz", **_subject(random))
     return {reader: (folder / name).read_bytes() for reader, (_, name) in READERS.items() if reader != "override"}
 
@@ -227,6 +231,7 @@ READERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "targets": (lambda file: read_targets(file, Capture.load(file.with_name("capture.json"))), "targets.json"),
     "frames": (read_frame_index, "frames.json"),
     "truth": (read_ground_truth, "truth.json"),
+    "geometry": (lambda file: read_frame_records(file, StudyPoint("s", "a", "v", 0.25, 0.1, "files")), "geometry.csv"),
     "metrics": (lambda file: [record.tolist() for record in read_metrics([file]).to_numpy()], "metrics.csv"),
     "subject": (lambda file: load_subject(file.parent), "subject.npz"),
     "override": (_override, ""),
