@@ -69,7 +69,9 @@ class AvatarGeometry:
         for region in MESH_REGIONS:
             for metric in ADHERENCE:
                 value = values.get((region, metric))
-                yield self._record((protocol, number, timestep, region, metric), value, "no pixel of this region")
+                yield self._record(
+                    (protocol, number, timestep, region, metric), value, "no opaque pixel of this region in view"
+                )
 
     def _rendered_surface(self, world: WorldSurfels, visibility: Visibility) -> RenderedSurface:
         """Rasterise the surfels that the mesh does not hide."""
