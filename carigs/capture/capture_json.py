@@ -34,7 +34,19 @@ def cameras_to_json(cameras: Sequence[Camera]) -> list[dict[str, Any]]:
     Returns:
         One object per camera.
     """
-    return [{**asdict(camera), "camera_from_world": camera.camera_from_world.tolist()} for camera in cameras]
+    return [camera_to_json(camera) for camera in cameras]
+
+
+def camera_to_json(camera: Camera) -> dict[str, Any]:
+    """A camera as a list and numbers.
+
+    Args:
+        camera: The camera.
+
+    Returns:
+        Its fields.
+    """
+    return {**asdict(camera), "camera_from_world": camera.camera_from_world.tolist()}
 
 
 def cameras_from_json(entries: list[Any], file: Path) -> tuple[Camera, ...]:
@@ -50,7 +62,7 @@ def cameras_from_json(entries: list[Any], file: Path) -> tuple[Camera, ...]:
     Raises:
         InputError: If a camera cannot exist.
     """
-    return tuple(_camera(entry, f"cameras[{i}]", file) for i, entry in enumerate(entries))
+    return tuple(camera_from_json(entry, f"cameras[{i}]", file) for i, entry in enumerate(entries))
 
 
 def frames_to_json(frames: Sequence[Frame]) -> dict[str, Any]:
@@ -98,8 +110,20 @@ def frames_from_json(content: dict[str, Any], file: Path, num_cameras: int) -> t
 _TIMESTEP_KEYS = ("sequence", "parameters")
 
 
-def _camera(entry: Any, where: str, file: Path) -> Camera:
-    """A camera of the index: a rigid transform and positive sizes, which kernels rely on."""
+def camera_from_json(entry: Any, where: str, file: Path) -> Camera:
+    """The inverse of `camera_to_json`, with the checks that kernels rely on: a rigid transform, positive sizes.
+
+    Args:
+        entry: The fields of the camera.
+        where: Their position in the file, for messages.
+        file: The file, for messages.
+
+    Returns:
+        The camera.
+
+    Raises:
+        InputError: If the camera cannot exist.
+    """
     fx, fy, cx, cy = (float(json_field(entry, key, float, file=file, where=where)) for key in ("fx", "fy", "cx", "cy"))
     width, height = (json_field(entry, key, int, file=file, where=where) for key in ("width", "height"))
     if not (width > 0 and height > 0 and width * height <= MAX_IMAGE_PIXELS):

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from carigs.capture.camera import Camera
+from carigs.capture.capture_json import camera_from_json
 from carigs.errors import InputError
 from carigs.files import write_json
 from carigs.readers.json_files import json_field, read_json
@@ -24,6 +26,8 @@ class RenderedImage:
     order: int
     """Position among the rendered frames."""
     file: Path
+    view: Camera | None = None
+    """Camera of a frame of the orbit; None for a camera of the capture."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +59,8 @@ def read_frame_index(index: Path, folder: Path | None = None) -> list[RenderedIm
         file = _existing(folder / name if folder is not None else _next_to(index, name), index, f"{where}.file")
         numbers = {key: json_field(entry, key, int, file=index, where=where) for key in ("timestep", "camera", "order")}
         protocol = json_field(entry, "protocol", str, file=index, where=where)
-        frames.append(RenderedImage(protocol=protocol, file=file, **numbers))
+        view = camera_from_json(entry["view"], f"{where}.view", index) if "view" in entry else None
+        frames.append(RenderedImage(protocol=protocol, file=file, view=view, **numbers))
     return sorted(frames, key=lambda frame: (frame.protocol, frame.order))
 
 
@@ -64,8 +69,8 @@ def write_frame_index(index: Path, entries: Iterable[dict[str, Any]]) -> None:
 
     Args:
         index: The index.
-        entries: The fields protocol, timestep, camera, sequence and file of each frame, in rendering order. The field
-            order is added.
+        entries: The fields protocol, timestep, camera, sequence and file of each frame, in rendering order, and view
+            (`camera_to_json`) if its camera is not one of the capture. The field order is added.
     """
     write_json(index, [{**entry, "order": i} for i, entry in enumerate(entries)])
 

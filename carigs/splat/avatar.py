@@ -18,8 +18,9 @@ from carigs.light.shading import shading_of
 from carigs.readers.arrays import checked_array
 from carigs.readers.npz import read_npz
 from carigs.splat.avatar_head import head_of, head_to_arrays, parameters_of, parameters_to_arrays
-from carigs.splat.render import SKINNINGS, render
+from carigs.splat.render import SKINNINGS, RenderedFrame, render, skin
 from carigs.splat.rig.head_sequence import HeadSequence
+from carigs.splat.rig.skinning import SkinnedSurfels
 from carigs.splat.surfels.ply import UNRENDERED
 from carigs.splat.surfels.surfels import Surfels, checked_surfels, to_arrays
 
@@ -60,13 +61,39 @@ class Avatar:
         Returns:
             RGB in [0, 1].
         """
+        return self.render_frame(timestep, level, camera, backend=backend).image.numpy().clip(0, 1)
+
+    def render_frame(self, timestep: int, level: float, camera: Camera, *, backend: str = "cpu") -> RenderedFrame:
+        """Render the head as `render`, and keep what the image was made of.
+
+        Args:
+            timestep: Timestep of the capture.
+            level: Exaggeration, 0 for the natural head.
+            camera: View.
+            backend: Rasteriser, see `carigs.splat.rasterizer.rasterize.rasterize`.
+
+        Returns:
+            The image, not clamped, and the surfels in world coordinates; without gradients.
+        """
         with torch.no_grad():
-            rendered = render(
+            return render(
                 self.surfels, self.sequence.rig, self.sequence.motion(timestep, level), camera, skinning=self.skinning,
                 rotate_harmonics=self.rotate_harmonics, background=self.background,
                 shade=self.sequence.shade(timestep, level), backend=backend,
             )  # fmt: skip
-        return rendered.image.numpy().clip(0, 1)
+
+    def skinned(self, timestep: int, level: float) -> SkinnedSurfels:
+        """Carry the surfels to a timestep's expression and pose at a level of exaggeration.
+
+        Args:
+            timestep: Timestep of the capture.
+            level: Exaggeration, 0 for the natural head.
+
+        Returns:
+            The surfels in world coordinates, without view directions and gradients.
+        """
+        with torch.no_grad():
+            return skin(self.surfels, self.sequence.rig, self.sequence.motion(timestep, level), skinning=self.skinning)
 
 
 def save_avatar(file: Path, avatar: Avatar) -> None:

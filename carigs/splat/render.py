@@ -15,7 +15,7 @@ from carigs.splat.rasterizer.rasterize import Rendering, WorldSurfels, rasterize
 from carigs.splat.rig.face_motion import FaceMotion
 from carigs.splat.rig.rig import Rig
 from carigs.splat.rig.similarity_motion import similarity_motion
-from carigs.splat.rig.skinning import jacobian_blend_skinning
+from carigs.splat.rig.skinning import SkinnedSurfels, jacobian_blend_skinning
 from carigs.splat.surfels.surfels import Surfels
 
 SKINNINGS = ("jbs", "jacobian", "similarity")
@@ -68,15 +68,40 @@ def render(
         The image, differentiable with respect to the surfels and, if its records are a tensor, the motion.
     """
     eye = camera.centre if surfels.sh_degree > 0 else None
-    if skinning == "similarity":
-        motion = similarity_motion(rig, motion)
-    skinned = jacobian_blend_skinning(
-        surfels, rig, motion, blend=skinning == "jbs", eye=eye, rotate_directions=rotate_harmonics
-    )
+    skinned = skin(surfels, rig, motion, skinning=skinning, eye=eye, rotate_harmonics=rotate_harmonics)
     colour = seen_colour(surfels.colour, surfels.harmonics, skinned.direction, shade, surfels.binding)
     world = WorldSurfels(*skinned[:4], colour)
     rendering = rasterize(world, camera, backend=backend, outputs=("colour", *outputs), background=background)
     return RenderedFrame(rendering.colour, rendering, world)
+
+
+def skin(
+    surfels: Surfels,
+    rig: Rig,
+    motion: FaceMotion,
+    *,
+    skinning: str = "jbs",
+    eye: Float[np.ndarray, "3"] | None = None,
+    rotate_harmonics: bool = True,
+) -> SkinnedSurfels:
+    """Carry the surfels to a posed mesh.
+
+    Args:
+        surfels: Surfels in the frames of the triangles.
+        rig: Canonical mesh.
+        motion: Motion of the triangles to the posed mesh.
+        skinning: One of `SKINNINGS`.
+        eye: Centre of the camera in world coordinates (metres), if view directions are needed.
+        rotate_harmonics: Whether view-dependent colour turns with the head.
+
+    Returns:
+        The surfels in world coordinates, differentiable as `jacobian_blend_skinning` says.
+    """
+    if skinning == "similarity":
+        motion = similarity_motion(rig, motion)
+    return jacobian_blend_skinning(
+        surfels, rig, motion, blend=skinning == "jbs", eye=eye, rotate_directions=rotate_harmonics
+    )
 
 
 def contribution(

@@ -1,4 +1,4 @@
-"""Stage `metrics`: PSNR and SSIM against the truth, and CLIP-I, CLIP-D, CLIP-C and DINO, of rendered frames."""
+"""Stage `metrics`: rendered frames against the truth and against each other, and CLIP-I, CLIP-D, CLIP-C and DINO."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ from carigs.capture.frame_index import read_frame_index, read_ground_truth
 from carigs.errors import CarigsWarning
 from carigs.head import read_subject_path
 from carigs.settings import Metrics
-from evaluation.metrics.against_truth import truth_records
 from evaluation.metrics.embeddings import embedding_records
+from evaluation.metrics.image_records import image_records
+from evaluation.tables.frame_records import read_frame_records
 from evaluation.tables.metric_records import MetricRecord, StudyPoint, write_metrics
 
 
@@ -20,6 +21,7 @@ def metrics(
     *,
     frames: Path,
     index: Path,
+    geometry: Path,
     capture: Path,
     path: Path,
     truth: Path,
@@ -36,6 +38,7 @@ def metrics(
         settings: Networks, prompts, and the silhouette region.
         frames: Folder of rendered frames.
         index: Index of the rendered frames.
+        geometry: Metrics of the avatar's geometry, measured while it was rendered.
         capture: Index of the capture.
         path: Caricature path of the subject.
         truth: Index of the true images.
@@ -56,7 +59,8 @@ def metrics(
     person, rendered, truths = Capture.load(capture), read_frame_index(index, frames), read_ground_truth(truth)
     point = StudyPoint(study, subject, variant, gamma, level, person.split_rule)
     caricature = read_subject_path(path, person.model).at(level)
-    measured = list(truth_records(point, rendered, truths, person, caricature, band=settings.silhouette_band))
+    measured = read_frame_records(geometry, point)
+    measured += image_records(point, rendered, truths, person, caricature, band=settings.silhouette_band)
     measured += embedding_records(point, rendered, person, settings)
     write_metrics(records, measured)
     _warn_of_empty_metrics(measured)

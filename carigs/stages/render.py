@@ -1,4 +1,4 @@
-"""Stage `render`: images of the trained avatar at one level, for every protocol."""
+"""Stage `render`: images of the trained avatar at one level, for every protocol, and metrics of its geometry."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import NamedTuple
 from rich.progress import track
 
 from carigs.capture import Camera, Capture, Frame
+from carigs.capture.capture_json import camera_to_json
 from carigs.capture.frame_index import write_frame_index
 from carigs.capture.images import write_png
 from carigs.capture.orbit import orbit_cameras
@@ -16,6 +17,7 @@ from carigs.errors import SettingsError
 from carigs.files import writing_folder
 from carigs.head import read_subject_path
 from carigs.settings import Render
+from evaluation.tables.frame_records import FrameRecord, write_frame_records
 
 
 class View(NamedTuple):
@@ -30,7 +32,15 @@ class View(NamedTuple):
 
 
 def render(
-    settings: Render, *, avatar: Path, capture: Path, path: Path, level: float, frames: Path, index: Path
+    settings: Render,
+    *,
+    avatar: Path,
+    capture: Path,
+    path: Path,
+    level: float,
+    frames: Path,
+    index: Path,
+    geometry: Path,
 ) -> None:
     """Render the avatar for the protocols test, val and orbit.
 
@@ -42,6 +52,7 @@ def render(
         level: Exaggeration level.
         frames: Output: folder of PNG images.
         index: Output: protocol, timestep, camera and file of each image, in rendering order.
+        geometry: Output: CSV of metrics that need the avatar's depth, normals, opacity and surfels.
 
     Raises:
         SettingsError: If the level lies outside the path.
@@ -50,6 +61,7 @@ def render(
 
     use_threads(settings.threads)
     from carigs.splat.avatar import load_avatar
+    from evaluation.metrics.avatar_geometry import AvatarGeometry
 
     subject, person = Capture.load(capture), load_avatar(avatar)
     gamma_path = read_subject_path(path, person.sequence.head)
@@ -57,14 +69,18 @@ def render(
         raise SettingsError(f"level {level:g} lies outside the path's [0, {gamma_path.gamma_f:g}]")
     person.sequence.path = gamma_path
     views, entries = list(_views(settings, subject, level)), []
+    meter, measured = AvatarGeometry(subject, person, gamma_path, level, settings.backend), list[FrameRecord]()
     with writing_folder(frames) as part:
         for view, camera in track(views, description=f"render level {level:g}", disable=len(views) < 10):
-            image = person.render(view.timestep, level, camera, backend=settings.backend)
+            shown = person.render_frame(view.timestep, level, camera, backend=settings.backend)
             file = f"{view.protocol}/{view.timestep:05d}_{view.camera:02d}.png"
             (part / file).parent.mkdir(exist_ok=True)
-            write_png(part / file, image)
-            entries.append({**view._asdict(), "file": file})
+            write_png(part / file, shown.image.numpy())
+            novel = {"view": camera_to_json(camera)} if view.protocol == "orbit" else {}
+            entries.append({**view._asdict(), "file": file, **novel})
+            measured += meter.records(view.protocol, view.timestep, view.camera, camera, shown.world)
     write_frame_index(index, entries)
+    write_frame_records(geometry, measured)
 
 
 def _views(settings: Render, subject: Capture, level: float) -> Iterator[tuple[View, Camera]]:

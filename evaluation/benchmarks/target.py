@@ -61,7 +61,7 @@ def measure_warp(subject: Capture, path: GammaPath, repeats: int = REPEATS) -> I
     frames = subject.split("test")[:: max(1, len(subject.split("test")) // FRAMES)][:FRAMES]
     scenes = _scenes(subject, frames, exaggerated)
     image, matte, *meshes, camera, _, _ = scenes[0]
-    large = (cv2.resize(image, SIZE), cv2.resize(matte, SIZE), *meshes, _enlarged(camera))
+    large = (cv2.resize(image, SIZE), cv2.resize(matte, SIZE), *meshes, enlarged(camera))
     scene = f"{len(model.faces)} triangles, {SIZE[1]}x{SIZE[0]}"
     seconds = median_time(lambda: compute_visibility(meshes[0], model.faces, large[-1]), repeats, cpu_seconds)
     yield Measurement(scene, "visibility at one end", "ms", 1e3 * seconds)
@@ -133,7 +133,7 @@ def benchmark(file: Path, folder: Path | None = None, toy: Toy | None = None, re
     with tempfile.TemporaryDirectory() as temporary:
         if folder is None:
             folder = Path(temporary)
-            _write_subject(folder, toy or Toy(steps_per_sequence=1))
+            write_subject(folder, toy or Toy(steps_per_sequence=1))
         subject, path = Capture.load(folder / "capture.json"), GammaPath.load(folder / "path.npz")
         measurements = chain(measure_warp(subject, path, repeats), measure_relighting(subject, path))
         plot_target(file.with_suffix(".png"), write_measurements(file, measurements))
@@ -159,8 +159,13 @@ def _target(
     return make_target(image, matte, *ends, subject.model, face_flags, settings, subject.background)
 
 
-def _write_subject(folder: Path, toy: Toy) -> None:
-    """Write a capture of the procedural subject and its path, as the stages `capture` and `exaggerate` do."""
+def write_subject(folder: Path, toy: Toy) -> None:
+    """Write a capture of the procedural subject and its path, as the stages `capture` and `exaggerate` do.
+
+    Args:
+        folder: Folder for `capture.json`, `path.npz` and the dataset.
+        toy: Settings of the subject.
+    """
     write_capture(folder / "dataset", toy)
     read_dataset(folder / "dataset", folder / "dataset/head_model.npz").save(folder / "capture.json")
     subject = Capture.load(folder / "capture.json")
@@ -170,8 +175,15 @@ def _write_subject(folder: Path, toy: Toy) -> None:
     add_teeth(path, vertices, subject.model.faces).save(folder / "path.npz")
 
 
-def _enlarged(camera: Camera) -> Camera:
-    """The same view in an image of `SIZE`."""
+def enlarged(camera: Camera) -> Camera:
+    """Change the resolution of a camera.
+
+    Args:
+        camera: The camera.
+
+    Returns:
+        The same view in an image of `SIZE`.
+    """
     scaled = camera.scaled(SIZE[1] / camera.height)
     return Camera(scaled.camera_from_world, scaled.fx, scaled.fy, 0.5 * SIZE[0], 0.5 * SIZE[1], *SIZE)
 

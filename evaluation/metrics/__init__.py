@@ -1,9 +1,12 @@
 """Metrics on images and on embeddings of images.
 
 - `catalogue`: names, directions and sources of all metrics
-- `image_quality`: PSNR and SSIM
-- `regions`: image regions of a head
-- `against_truth`: PSNR and SSIM of rendered frames by region
+- `image_records`: all metrics of rendered images that need no network; `frame_views`: what they read of a frame
+- `image_quality`, `against_truth`: PSNR and SSIM, of rendered frames by region; `regions`: image regions of a head
+- `photo_consistency`: agreement of neighbouring cameras and of neighbouring orbit frames, by `view_warping`
+- `sharpness`: gradient energy over that of a reference
+- `avatar_geometry`: metrics of the avatar itself, which the stage `render` takes: `mesh_adherence`, depth, normals,
+  silhouette and holes against the mesh, and `exaggeration_gain`
 - `clip`: CLIP-I, CLIP-D and CLIP-C, and the CLIP network
 - `dino`: DINO similarity, and the DINO network
 - `embeddings`: both networks on rendered frames

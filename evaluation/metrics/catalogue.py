@@ -26,6 +26,32 @@ class Metric(NamedTuple):
 CATALOGUE = {
     "psnr": Metric("PSNR", "higher", 2, "dB", "-10 log10(mean squared error), mean over frames"),
     "ssim": Metric("SSIM", "higher", 4, "", "Wang et al. 2004, window 11 x 11, zero-padded"),
+    "depth_error": Metric("Depth error", "lower", 2, "mm", "mean |depth of the surfels - depth of the mesh|"),
+    "normal_error": Metric("Normal error", "lower", 1, "degrees", "mean angle between surfels' normal and mesh normal"),
+    "silhouette_iou": Metric("Silhouette IoU", "higher", 4, "", "opacity above 0.5 against the mesh"),
+    "hole_rate": Metric("Holes", "lower", 4, "", "mean of 1 - opacity on the mesh, of surfels it does not hide"),
+    "exaggeration_gain": Metric(
+        "Gain", "neither", 3, "", "least-squares factor from the mesh's displacement to the surfels'; 1 is exact"
+    ),
+    "photo_consistency_l1": Metric(
+        "Photo-consistency",
+        "lower",
+        4,
+        "",
+        "mean |difference| to the nearest camera's frame, warped by mesh depth",
+    ),
+    "photo_consistency_l1_truth": Metric(
+        "Photo-consistency of the truth", "neither", 4, "", "the same of the true images: the floor for a renderer"
+    ),
+    "flicker_l1": Metric("Flicker", "lower", 4, "", "mean |difference| to the next frame, warped by mesh depth"),
+    "sharpness": Metric("Sharpness", "neither", 3, "", "gradient energy over that of the true image; 1 is exact"),
+    "sharpness_to_frame": Metric(
+        "Sharpness to frame",
+        "neither",
+        3,
+        "",
+        "gradient energy over that of the frame, where there is no truth",
+    ),
     "clip_i_cos": Metric("CLIP-I", "higher", 4, "", "cosine of frame and edit prompt"),
     "clip_i_score_w2.5": Metric("CLIP-I (2.5 x)", "higher", 4, "", "CLIPScore, Hessel et al. 2021"),
     "clip_d": Metric("CLIP-D", "higher", 4, "", "directional similarity, Gal et al. 2021"),

@@ -17,6 +17,8 @@ corners do. Pixels off the mesh are assigned by the foreground matte of the true
 | `skin` | mesh without scalp, eyeballs, mouth, boundary, brow |
 | `neck_ear` | neck and ears |
 | `head_hm` | head and silhouette without hair and mouth: the region that alternation can improve |
+
+Metrics that compare with the mesh alone (`mesh_regions`) know no pixels off it: their `full` is the whole mesh.
 """
 
 from __future__ import annotations
@@ -26,12 +28,14 @@ from dataclasses import dataclass
 import cv2
 import igl
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from carigs.capture import Camera
 from carigs.head import HeadModel, SurfacePoints
 from carigs.raster import Fragments
 
+MESH_REGIONS = ("full", "face", "skin")
+"""Regions of metrics that compare with the mesh alone. Hair stands off the mesh; face and skin do not."""
 BROWS = range(17, 27)
 BROW_LINES = [(i, i + 1) for i in (0, 1, 2, 3, 5, 6, 7, 8)]
 """Segments of both brows, as places in `BROWS`."""
@@ -97,6 +101,22 @@ def surface_regions(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Surf
         missing["head_hm"] = "; ".join(missing[region] for region in unknown)
     lips = None if model.landmarks68 is None else model.landmarks68[OUTER_LIPS]
     return SurfaceRegions(faces=faces, missing=missing, neck=model.vertex_region("neck"), outer_lips=lips)
+
+
+def mesh_regions(surface: SurfaceRegions, face: Int[np.ndarray, "h w"]) -> dict[str, Bool[np.ndarray, "h w"]]:
+    """Assign the pixels that show the mesh to regions, for metrics that compare nothing else.
+
+    Args:
+        surface: Triangles of each region.
+        face: Nearest face at every pixel, -1 where there is none.
+
+    Returns:
+        Mask of each of `MESH_REGIONS` that the head model defines; `full` is the whole mesh.
+    """
+    mesh = face >= 0
+    return {"full": mesh} | {
+        region: mesh & surface.faces[region][face] for region in MESH_REGIONS if region in surface.faces
+    }
 
 
 def image_regions(

@@ -16,6 +16,7 @@ import trimesh
 from safetensors.torch import save_file
 
 from carigs.capture import Capture, Frame
+from carigs.capture.capture_json import camera_to_json
 from carigs.capture.frame_index import read_frame_index, read_ground_truth, write_frame_index, write_ground_truth
 from carigs.capture.images import write_png
 from carigs.capture.target_index import FACE_FLAGS, read_targets, write_targets
@@ -40,7 +41,8 @@ from carigs.splat.surfels.surfels import flat_discs
 from carigs.toy import load_subject
 from evaluation.stress.sound_files import captures, heads, splats
 from evaluation.stress.sound_files.ball import CAMERA, FACES, VERTICES, gnm_arrays, head_model
-from evaluation.tables.metric_records import MetricRecord
+from evaluation.tables.frame_records import FrameRecord, read_frame_records, write_frame_records
+from evaluation.tables.metric_records import MetricRecord, StudyPoint
 from evaluation.tables.summary import read_metrics
 
 
@@ -102,13 +104,15 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     target = {"timestep": 0, "camera": 0, "image": "a.png", "mask_flags": "a.png", "weight": 1.0}
     write_targets(folder / "targets.json", 0.25, folder, [target], [])
     entry = {"protocol": "test", "timestep": 0, "camera": 0, "sequence": "EXP-1", "file": "a.png"}
-    write_frame_index(folder / "frames.json", [entry])
+    write_frame_index(folder / "frames.json", [entry, {**entry, "protocol": "orbit", "view": camera_to_json(CAMERA)}])
     write_json(folder / "a.json", {"frames": [{"w": 1, "m": [0.5, -2e3], "s": "text"}], "n": None})
     write_png(folder / "00000_00.png", np.ones((24, 32, 3)))
     write_png(folder / "00000_00_mask.png", np.ones((24, 32)))
     write_ground_truth(folder / "truth.json", 0.25, [(0, 0)])
     record = "study,subject,variant,0.25,0.1,files,test,0,3,full,psnr,25.5,"
     (folder / "metrics.csv").write_text(",".join(MetricRecord._fields) + f"\n{record}\n{record}\n")
+    geometry = FrameRecord("test", None, 3, "full", "exaggeration_gain", 0.5, "")
+    write_frame_records(folder / "geometry.csv", [geometry, geometry._replace(camera=2, metric="hole_rate")])
     np.savez(folder / "subject.npz", **_subject(random))
     for others in (captures, splats, heads):
         others.write_sound_files(folder)
@@ -184,6 +188,7 @@ READERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "targets": (lambda file: read_targets(file, Capture.load(file.with_name("capture.json"))), "targets.json"),
     "frames": (read_frame_index, "frames.json"),
     "truth": (read_ground_truth, "truth.json"),
+    "geometry": (lambda file: read_frame_records(file, StudyPoint("s", "a", "v", 0.25, 0.1, "files")), "geometry.csv"),
     "metrics": (lambda file: [record.tolist() for record in read_metrics([file]).to_numpy()], "metrics.csv"),
     "subject": (lambda file: load_subject(file.parent), "subject.npz"),
     **captures.READERS,

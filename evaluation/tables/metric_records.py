@@ -36,7 +36,7 @@ class MetricRecord(NamedTuple):
     split: str
     protocol: str
     camera: int | None
-    """None, as is `timestep`, in a record that stands for all frames of the protocol."""
+    """None in a record that stands for all cameras of the timestep, and, as is `timestep`, for all frames."""
     timestep: int | None
     region: str
     metric: str

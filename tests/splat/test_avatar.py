@@ -9,11 +9,12 @@ import pytest
 from miniature import SIZE, write_ball
 
 from carigs.capture import Capture, look_at, read_dataset
+from carigs.capture.frame_index import read_frame_index
 from carigs.capture.images import read_rgb
 from carigs.capture.orbit import nearest_point_to_axes, orbit_cameras
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration.gamma_path import straight_path
-from carigs.head import neutral
+from carigs.head import neutral, read_subject_path
 from carigs.light import Shading, fibonacci_sphere
 from carigs.settings import Render, Train
 from carigs.splat.avatar import load_avatar, save_avatar
@@ -21,6 +22,9 @@ from carigs.splat.surfels.ply import read_ply
 from carigs.splat.surfels.surfels import to_arrays
 from carigs.stages.render import render
 from carigs.stages.train import train
+from evaluation.metrics.avatar_geometry import AvatarGeometry
+from evaluation.tables.frame_records import read_frame_records
+from evaluation.tables.metric_records import StudyPoint
 
 
 @pytest.fixture(scope="module")
@@ -112,9 +116,14 @@ def test_colours_follow_the_light_and_the_file_keeps_it(trained, tmp_path):
     assert np.abs(again.render(0, 0.25, camera) - plain_image).max() > 0.01
 
 
+def outputs(folder):
+    """Output files of the stage `render`."""
+    return dict(frames=folder / "frames", index=folder / "frames.json", geometry=folder / "geometry.csv")
+
+
 def test_render_writes_every_protocol_and_its_index(trained, tmp_path):
     inputs = dict(avatar=trained / "avatar.npz", capture=trained / "capture.json", path=trained / "path.npz")
-    render(Render(orbit_frames=3), **inputs, level=0.0, frames=tmp_path / "frames", index=tmp_path / "frames.json")
+    render(Render(orbit_frames=3), **inputs, level=0.0, **outputs(tmp_path))
     entries = json.loads((tmp_path / "frames.json").read_text())
     assert [e["protocol"] for e in entries] == ["test"] * 3 + ["val"] * 3 + ["orbit"] * 3
     assert [e["order"] for e in entries] == list(range(9))
@@ -123,19 +132,63 @@ def test_render_writes_every_protocol_and_its_index(trained, tmp_path):
     }  # fmt: skip
     for entry in entries:
         assert read_rgb(tmp_path / "frames" / entry["file"]).shape == (SIZE[1], SIZE[0], 3)
-    render(Render(orbit_frames=0), **inputs, level=0.1, frames=tmp_path / "frames", index=tmp_path / "frames.json")
+    render(Render(orbit_frames=0), **inputs, level=0.1, **outputs(tmp_path))
     entries = json.loads((tmp_path / "frames.json").read_text())
     assert [e["protocol"] for e in entries] == ["test"] * 3
     assert not (tmp_path / "frames/orbit").exists()
 
 
+def test_the_cameras_of_the_orbit_are_those_of_its_index(trained, tmp_path):
+    inputs = dict(avatar=trained / "avatar.npz", capture=trained / "capture.json", path=trained / "path.npz")
+    render(Render(orbit_frames=3, orbit_degrees=40), **inputs, level=0.0, **outputs(tmp_path))
+    rendered = read_frame_index(tmp_path / "frames.json")
+    expected = orbit_cameras(Capture.load(trained / "capture.json"), 3, 40)
+    found = {image.camera: image.view for image in rendered if image.protocol == "orbit"}
+    for i, camera in enumerate(expected):
+        np.testing.assert_array_equal(found[i].camera_from_world, camera.camera_from_world)
+        assert found[i].intrinsics == camera.intrinsics and (found[i].width, found[i].height) == SIZE
+    assert all(image.view is None for image in rendered if image.protocol != "orbit")
+
+
+def test_every_frame_has_its_geometry_and_every_exaggerated_timestep_its_gain(trained, tmp_path):
+    inputs = dict(avatar=trained / "avatar.npz", capture=trained / "capture.json", path=trained / "path.npz")
+    point = StudyPoint("s", "ball", "v", 0.25, 0.25, "files")
+    render(Render(orbit_frames=2), **inputs, level=0.25, **outputs(tmp_path))
+    records = read_frame_records(tmp_path / "geometry.csv", point)
+    by_metric = {}
+    for record in records:
+        assert record[:6] == point and record.value is not None
+        by_metric.setdefault((record.metric, record.region), []).append(record)
+    regions = ("full", "face", "skin")
+    for metric in ("depth_error", "normal_error", "silhouette_iou", "hole_rate"):
+        for region in regions:
+            frames = [(r.protocol, r.timestep, r.camera) for r in by_metric[metric, region]]
+            assert frames == [*(("test", 3, camera) for camera in range(3)), *(("orbit", 3, i) for i in range(2))]
+    for region in regions:  # surfels that move with the mesh
+        (gain,) = by_metric["exaggeration_gain", region]
+        assert (gain.protocol, gain.timestep, gain.camera) == ("test", 3, None)
+        assert gain.value == pytest.approx(1, abs=0.05)
+    assert max(r.value for r in by_metric["depth_error", "face"]) < 10
+    assert min(r.value for r in by_metric["silhouette_iou", "full"]) > 0.9
+
+
+def test_an_avatar_that_does_not_follow_its_level_has_no_gain(trained, tmp_path):
+    avatar = load_avatar(trained / "avatar.npz")
+    capture = Capture.load(trained / "capture.json")
+    path = read_subject_path(trained / "path.npz", capture.model)
+    meter = AvatarGeometry(capture, avatar, path, 0.25)
+    still = avatar.render_frame(3, 0.0, capture.cameras[1]).world
+    values = {(r.metric, r.region): r.value for r in meter.records("test", 3, 1, capture.cameras[1], still)}
+    assert values["exaggeration_gain", "full"] == pytest.approx(0, abs=1e-6)
+    assert values["silhouette_iou", "full"] < 0.9  # the mesh is 20 % wider
+
+
 def test_levels_beyond_the_path_and_unknown_timesteps_are_refused(trained, tmp_path):
     inputs = dict(avatar=trained / "avatar.npz", capture=trained / "capture.json", path=trained / "path.npz")
-    outputs = dict(frames=tmp_path / "frames", index=tmp_path / "frames.json")
     with pytest.raises(SettingsError, match=r"level 0\.3 lies outside"):
-        render(Render(), **inputs, level=0.3, **outputs)
+        render(Render(), **inputs, level=0.3, **outputs(tmp_path))
     with pytest.raises(SettingsError, match="orbit_timestep=77"):
-        render(Render(orbit_timestep=77), **inputs, level=0.0, **outputs)
+        render(Render(orbit_timestep=77), **inputs, level=0.0, **outputs(tmp_path))
     assert not any(tmp_path.iterdir())
 
 

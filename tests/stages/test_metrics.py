@@ -11,17 +11,22 @@ import pytest
 from miniature import write_ball
 
 from carigs.capture import Capture, read_dataset
+from carigs.capture.capture_json import camera_to_json
+from carigs.capture.frame_index import read_frame_index
 from carigs.capture.images import read_rgb, write_png
+from carigs.capture.orbit import orbit_cameras
 from carigs.errors import CarigsWarning, InputError, SettingsError, WeightsMissing
 from carigs.exaggeration import straight_path
-from carigs.head import neutral
+from carigs.head import neutral, pose, read_subject_path
+from carigs.raster import rasterize_mesh
 from carigs.settings import Metrics
 from carigs.stages.metrics import metrics
 from evaluation.metrics.image_quality import IMAGE_METRICS
+from evaluation.tables.frame_records import FrameRecord, write_frame_records
 from evaluation.tables.metric_records import REGIONS
 from evaluation.tables.summary import read_metrics
 
-GREY, DIFFERENCE = 100 / 255, 20 / 255
+DIFFERENCE = 20 / 255
 NAMES = {"clip_i_cos", "clip_i_score_w2.5", "clip_d", "clip_c_adjacent", "dino_vitb8_cls"}
 
 
@@ -39,11 +44,11 @@ def scene(tmp_path):
     subject = Capture.load(tmp_path / "capture.json")
     shape = neutral(subject.model, subject.parameters(0))
     straight_path(shape, subject.model.faces, 0.2 * shape, 0.25).save(tmp_path / "path.npz")
-    frames, truths = [], []
+    frames, truths, random = [], [], np.random.default_rng(0)
     for name in ("frames", "truth/frames"):
         (tmp_path / name).mkdir(parents=True)
     for frame in (*subject.split("test"), *subject.split("val")[:1]):
-        image = np.full((48, 40, 3), GREY)
+        image = random.integers(60, 140, (48, 40, 3)) / 255
         write_png(tmp_path / "frames" / f"{frame.name}.png", image + DIFFERENCE)
         write_png(tmp_path / "truth/frames" / f"{frame.name}.png", image)
         write_png(tmp_path / "truth/frames" / f"{frame.name}_mask.png", subject.mask(frame))
@@ -52,13 +57,17 @@ def scene(tmp_path):
             {**key, "protocol": frame.split, "sequence": "", "file": f"{frame.name}.png", "order": len(frames)}
         )
         truths.append({**key, "image": f"{frame.name}.png", "mask": f"{frame.name}_mask.png"})
-    for i in range(3):
+    for i, camera in enumerate(orbit_cameras(subject, 3, 20)):
         write_png(tmp_path / "frames" / f"orbit{i}.png", np.full((48, 40, 3), i / 3))
-        frames.append({"timestep": 3, "camera": i, "protocol": "orbit", "file": f"orbit{i}.png", "order": 9 + i})
+        entry = {"timestep": 3, "camera": i, "protocol": "orbit", "file": f"orbit{i}.png", "order": 9 + i}
+        frames.append({**entry, "view": camera_to_json(camera)})
+    geometry = FrameRecord("test", 0, 3, "full", "hole_rate", 0.125, "")
+    write_frame_records(tmp_path / "geometry.csv", [geometry])
     (tmp_path / "frames.json").write_text(json.dumps(frames))
     (tmp_path / "truth/truth.json").write_text(json.dumps({"level": 0.25, "reason": None, "frames": truths}))
     return {
-        "frames": tmp_path / "frames", "index": tmp_path / "frames.json", "capture": tmp_path / "capture.json",
+        "frames": tmp_path / "frames", "index": tmp_path / "frames.json",
+        "geometry": tmp_path / "geometry.csv", "capture": tmp_path / "capture.json",
         "path": tmp_path / "path.npz", "truth": tmp_path / "truth/truth.json", "records": tmp_path / "rows.csv",
         "study": "s", "subject": "ball", "variant": "v", "gamma": 0.25, "level": 0.25,
     }  # fmt: skip
@@ -80,17 +89,94 @@ def test_a_uniform_error_has_the_same_psnr_in_every_region(scene):
     values = [row.value for row in rows if row.metric == "psnr" and pd.notna(row.value)]
     assert len(values) >= 4 * 5  # frames x regions that the ball has
     np.testing.assert_allclose(values, -20 * np.log10(20 / 255), rtol=1e-6)
-    assert {row.protocol for row in rows} == {"test", "val"}
+    assert {row.protocol for row in rows if row.metric == "psnr"} == {"test", "val"}
 
 
 def test_every_frame_has_a_row_for_every_region_and_metric(scene):
-    rows = measured(scene, embeddings=())
+    rows = [row for row in measured(scene, embeddings=()) if row.metric in IMAGE_METRICS]
     keys = [(r.protocol, r.camera, r.timestep, r.region, r.metric) for r in rows]
     assert len(keys) == len(set(keys)) == 4 * len(REGIONS) * len(IMAGE_METRICS)
     for row in rows:
         assert pd.isna(row.value) == bool(row.reason)
     reasons = {row.region: row.reason for row in rows if pd.isna(row.value)}
     assert reasons["mouth"] == "the head model has no region lips" and "eyeball" in reasons["eyes"]
+
+
+def test_metrics_of_the_geometry_get_the_study_point(scene):
+    (row,) = [row for row in measured(scene, embeddings=()) if row.metric == "hole_rate"]
+    assert (row.study, row.subject, row.variant, row.gamma, row.level) == ("s", "ball", "v", 0.25, 0.25)
+    assert (row.protocol, row.camera, row.timestep, row.region, row.value) == ("test", 0, 3, "full", 0.125)
+
+
+def test_orbit_frames_that_differ_by_a_constant_flicker_by_it(scene):
+    rows = [row for row in measured(scene, embeddings=()) if row.metric == "flicker_l1"]
+    values = {(row.camera, row.region): row.value for row in rows}
+    assert values == {(i, r): pytest.approx(1 / 3, abs=1e-6) for i in (0, 1) for r in ("full", "face", "skin")}
+
+
+def paint(scene, protocol, level):
+    """Replace the rendered frames of a protocol by images of a ball whose colours are fixed to its surface."""
+    subject = Capture.load(scene["capture"])
+    caricature = read_subject_path(scene["path"], subject.model).at(level)
+    for image in read_frame_index(scene["index"], scene["frames"]):
+        if image.protocol == protocol:
+            vertices = pose(subject.model, subject.parameters(image.timestep), caricature)
+            camera = image.view or subject.cameras[image.camera]
+            hit = rasterize_mesh(vertices, subject.model.faces, camera)
+            paints = 0.5 + 3 * subject.model.v_template[subject.model.faces[hit.face]]
+            colours = np.einsum("hwc,hwck->hwk", hit.barycentric, paints)
+            write_png(image.file, np.where(hit.face[..., None] >= 0, colours, 1.0))
+
+
+@pytest.mark.parametrize(("protocol", "metric"), [("orbit", "flicker_l1"), ("test", "photo_consistency_l1")])
+def test_a_head_with_fixed_colours_neither_flickers_nor_contradicts_itself(scene, protocol, metric):
+    def full(rows):
+        return [row.value for row in rows if (row.metric, row.region) == (metric, "full")]
+
+    before = full(measured(scene, embeddings=()))
+    paint(scene, protocol, 0.25)
+    after = full(measured(scene, embeddings=()))
+    assert len(after) == len(before) >= 2
+    assert max(after) < 0.002 and 20 * max(after) < min(before)
+    paint(scene, protocol, 0.0)  # the natural ball, where the mesh is 20 % larger
+    assert min(full(measured(scene, embeddings=()))) > max(after)
+
+
+def test_true_images_have_a_photo_consistency_of_their_own(scene):
+    # The renders are the true images plus a constant.
+    rows = measured(scene, embeddings=())
+    values = {(row.metric, row.camera, row.region): row.value for row in rows if row.metric.startswith("photo_")}
+    cameras = {camera for metric, camera, region in values if (metric, region) == ("photo_consistency_l1", "full")}
+    assert cameras == {0, 1, 2}
+    for camera in cameras:
+        true = values["photo_consistency_l1_truth", camera, "full"]
+        assert values["photo_consistency_l1", camera, "full"] == pytest.approx(true, abs=1e-6) and true > 0.05
+
+
+def test_a_constant_does_not_change_the_sharpness_and_half_the_contrast_is_a_quarter(scene):
+    def full():
+        rows = measured(scene, embeddings=())
+        return [row.value for row in rows if (row.metric, row.region) == ("sharpness", "full")]
+
+    np.testing.assert_allclose(full(), [1] * 4, rtol=1e-6)
+    subject = Capture.load(scene["capture"])
+    for frame in (*subject.split("test"), *subject.split("val")[:1]):
+        truth = np.rint(255 * read_rgb(scene["truth"].parent / f"frames/{frame.name}.png"))
+        write_png(scene["truth"].parent / f"frames/{frame.name}.png", 2 * (truth // 2) / 255)  # even: halves are exact
+        write_png(scene["frames"] / f"{frame.name}.png", (truth // 2) / 255)
+    np.testing.assert_allclose(full(), 0.25, rtol=1e-6)
+
+
+def test_without_a_truth_sharpness_is_measured_against_the_frames(scene):
+    edit(scene["truth"], lambda content: content.update(reason="no true caricature here", frames=[]))
+    subject = Capture.load(scene["capture"])
+    for frame in subject.split("test"):
+        write_png(scene["frames"] / f"{frame.name}.png", subject.image(frame))
+    with pytest.warns(CarigsWarning, match="sharpness, photo_consistency_l1_truth: no true caricature here"):
+        rows = measured({**scene, "level": 0.0}, embeddings=())
+    values = {row.camera: row.value for row in rows
+              if (row.protocol, row.metric, row.region) == ("test", "sharpness_to_frame", "full")}  # fmt: skip
+    assert values == {camera: 1 for camera in range(3)}
 
 
 def test_an_error_in_one_region_is_not_seen_in_others(scene):
@@ -216,6 +302,10 @@ def test_broken_inputs_are_named_and_leave_nothing_behind(scene):
     some.unlink()
     refuses(r"frames\.json: \[\d\]\.file: no such image")
     some.write_bytes(good)
+    edit(scene["index"], lambda content: content[0].update(timestep=77))
+    refuses(r"\.png: the capture has no frame of timestep 77, camera 0")
+    edit(scene["index"], lambda content: content[-1].update(view={"fx": 1.0}))
+    refuses(r"frames\.json: \[6\]\.view\.\w+: this key is missing")
     edit(scene["index"], lambda content: content[1].pop("camera"))
     refuses(r"frames\.json: \[1\]\.camera: this key is missing")
     scene["truth"].write_text("[]")

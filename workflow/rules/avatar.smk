@@ -104,6 +104,7 @@ rule render:
     output:
         frames=directory("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames"),
         index="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json",
+        geometry="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/geometry.csv",
     log:
         "results/{study}/log/render/{subject},gamma={gamma},{variant},level={level}.log",
     conda:

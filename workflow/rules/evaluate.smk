@@ -31,6 +31,7 @@ rule metrics:
         settings="results/{study}/settings/metrics/subject={subject}.yaml",
         frames="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames",
         index="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json",
+        geometry="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/geometry.csv",
         capture="results/{study}/{subject}/capture.json",
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
         truth="results/{study}/{subject}/gamma={gamma}/truth/level={level}/truth.json",

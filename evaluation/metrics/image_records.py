@@ -1,0 +1,77 @@
+"""Metrics of rendered images that need no network: against the truth, sharpness, photo-consistency, flicker."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import groupby, product
+
+from rich.progress import track
+
+from carigs.capture import Capture
+from carigs.capture.frame_index import GroundTruth, RenderedImage
+from carigs.exaggeration import Caricature
+from carigs.head import neutral
+from evaluation.metrics.against_truth import truth_records
+from evaluation.metrics.frame_views import frame_views
+from evaluation.metrics.image_quality import IMAGE_METRICS
+from evaluation.metrics.photo_consistency import TRUE_CONSISTENCY, consistency_records, flicker_records
+from evaluation.metrics.regions import surface_regions
+from evaluation.metrics.sharpness import sharpness_records
+from evaluation.tables.metric_records import REGIONS, MetricRecord, StudyPoint, metric_record
+
+
+def image_records(
+    point: StudyPoint,
+    rendered: Sequence[RenderedImage],
+    truths: GroundTruth,
+    subject: Capture,
+    caricature: Caricature,
+    *,
+    band: int,
+) -> Iterator[MetricRecord]:
+    """Measure all frames; every image is read once, and the mesh is rasterised once per timestep and camera.
+
+    Args:
+        point: Avatar and level.
+        rendered: Rendered frames, sorted by protocol, then order.
+        truths: True images, or the reason why there are none.
+        subject: The capture.
+        caricature: Caricature at the rendered level.
+        band: Half width of the silhouette region in pixels.
+
+    Yields:
+        One record per frame, region and metric; without a value where it cannot be measured.
+
+    Raises:
+        InputError: An image has another size than its camera, or the capture lacks the original of a frame.
+    """
+    if not rendered:
+        return
+    parameters = subject.parameters(next(iter(subject.parameter_files)))
+    surface = surface_regions(subject.model, neutral(subject.model, parameters))
+    if truths.reason is not None:
+        yield from _without_truth(point, rendered, truths.reason)
+    followed = track(rendered, description="measuring images", disable=len(rendered) < 10)
+    views = frame_views(followed, truths, subject, caricature)
+    for protocol, frames in groupby(views, key=lambda view: view.rendered.protocol):
+        if protocol == "orbit":
+            yield from flicker_records(point, frames, surface)
+            continue
+        for _, timestep in groupby(frames, key=lambda view: view.rendered.timestep):
+            cameras = list(timestep)
+            for view in cameras:
+                if truths.reason is None:
+                    yield from truth_records(point, view, surface, band=band)
+                yield from sharpness_records(point, view, surface, margin=band)
+            if protocol == "test":
+                yield from consistency_records(point, cameras, surface)
+
+
+def _without_truth(point: StudyPoint, rendered: Sequence[RenderedImage], reason: str) -> Iterator[MetricRecord]:
+    """Records without a value of everything that needs true images."""
+    protocols = sorted({frame.protocol for frame in rendered} - {"orbit"})
+    regions = [*product(REGIONS, IMAGE_METRICS), ("full", "sharpness")]
+    for protocol, (region, metric) in product(protocols, regions):
+        yield metric_record(point, protocol, (None, None), region, metric, None, reason)
+    if "test" in protocols:
+        yield metric_record(point, "test", (None, None), "full", TRUE_CONSISTENCY, None, reason)
