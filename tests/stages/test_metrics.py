@@ -61,9 +61,10 @@ def scene(tmp_path):
     shutil.copytree(tmp_path / "frames", tmp_path / "unedited")
     (tmp_path / "truth/truth.json").write_text(json.dumps({"level": 0.25, "reason": None, "frames": truths}))
     return {
-        "frames": tmp_path / "frames", "index": tmp_path / "frames.json", "unedited_frames": tmp_path / "unedited",
-        "unedited_index": tmp_path / "frames.json", "embeddings": str(tmp_path / "embeddings"),
-        "capture": tmp_path / "capture.json", "path": tmp_path / "path.npz", "truth": tmp_path / "truth/truth.json", "records": tmp_path / "rows.csv",
+        "frames": tmp_path / "frames", "index": tmp_path / "frames.json",
+        "unedited_frames": tmp_path / "unedited", "unedited_index": tmp_path / "frames.json",
+        "capture": tmp_path / "capture.json", "path": tmp_path / "path.npz", "truth": tmp_path / "truth/truth.json",
+        "records": tmp_path / "rows.csv", "embeddings": str(tmp_path / "embeddings"),
         "study": "s", "subject": "ball", "variant": "v", "gamma": 0.25, "level": 0.25,
     }  # fmt: skip
 
