@@ -38,7 +38,7 @@ from carigs.errors import InputError, SettingsError
 from carigs.gtstar import MaskFlag
 from carigs.settings import DEFAULT_MASK_FLAGS, MASK_FLAGS, STAGES, Config, Train, reference
 from carigs.settings.option import option_of, walk
-from evaluation.metrics.embeddings import WEIGHTS
+from evaluation.metrics.embeddings import EMBEDDINGS
 from evaluation.metrics.preprocessing import CROPS
 
 ROOT = Path(__file__).parents[1]
@@ -193,7 +193,7 @@ def test_mask_flags_of_the_settings_are_those_of_the_method():
 
 def test_choices_of_the_metrics_are_those_of_the_evaluation():
     choices = {name: option_of(OPTIONS[f"metrics.{name}"]).choices for name in ("embeddings", "crop")}
-    assert choices == {"embeddings": tuple(WEIGHTS), "crop": CROPS}
+    assert choices == {"embeddings": EMBEDDINGS, "crop": CROPS}
 
 
 def test_targets_are_made_once_for_all_variants_with_the_same_settings():

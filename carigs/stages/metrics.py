@@ -10,7 +10,7 @@ from carigs.capture.frame_index import read_frame_index, read_ground_truth
 from carigs.errors import CarigsWarning
 from carigs.head import read_subject_path
 from carigs.settings import Metrics
-from evaluation.metrics.embeddings import embedding_records
+from evaluation.metrics.embeddings import embedding_records, embedding_weights
 from evaluation.metrics.image_records import image_records
 from evaluation.tables.frame_records import read_frame_records
 from evaluation.tables.metric_records import MetricRecord, StudyPoint, write_metrics
@@ -22,6 +22,8 @@ def metrics(
     frames: Path,
     index: Path,
     geometry: Path,
+    unedited_frames: Path,
+    unedited_index: Path,
     capture: Path,
     path: Path,
     truth: Path,
@@ -30,6 +32,7 @@ def metrics(
     variant: str,
     gamma: float,
     level: float,
+    embeddings: str,
     records: Path,
 ) -> None:
     """Write metric records: one line per frame, region and metric.
@@ -39,6 +42,8 @@ def metrics(
         frames: Folder of rendered frames.
         index: Index of the rendered frames.
         geometry: Metrics of the avatar's geometry, measured while it was rendered.
+        unedited_frames: Folder of the frames rendered at level 0.
+        unedited_index: Their index.
         capture: Index of the capture.
         path: Caricature path of the subject.
         truth: Index of the true images.
@@ -47,21 +52,24 @@ def metrics(
         variant: Name of the variant.
         gamma: Level that the avatar is trained for.
         level: Level that is rendered.
+        embeddings: Folder with the embeddings of images that are known already; it need not exist.
         records: CSV file to write; a metric that cannot be computed has an empty value and a reason.
 
     Warns:
         CarigsWarning: A metric has no value at all.
 
     Raises:
-        InputError: An input is malformed.
+        InputError: An input is malformed, or a file of weights is damaged.
         WeightsMissing: Network weights are missing and `settings.strict` is set.
     """
+    weights = embedding_weights(settings)
     person, rendered, truths = Capture.load(capture), read_frame_index(index, frames), read_ground_truth(truth)
     point = StudyPoint(study, subject, variant, gamma, level, person.split_rule)
     caricature = read_subject_path(path, person.model).at(level)
     measured = read_frame_records(geometry, point)
     measured += image_records(point, rendered, truths, person, caricature, band=settings.silhouette_band)
-    measured += embedding_records(point, rendered, person, settings)
+    unedited = read_frame_index(unedited_index, unedited_frames)
+    measured += embedding_records(point, rendered, unedited, person, settings, weights, Path(embeddings))
     write_metrics(records, measured)
     _warn_of_empty_metrics(measured)
 

@@ -7,6 +7,7 @@ Programs, each with a CSV file and a plot (`make bench` runs all):
 - `splat`: the surfel engine beside its scalar reference and torch; `training_speed`: whole training steps
 - `quality`: PSNR against seconds of training
 - `image_metric_cost`: metrics of rendered images that need no network
+- `metric_cost`: metrics that need networks (no plot)
 
 Shared parts:
 

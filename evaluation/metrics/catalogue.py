@@ -23,6 +23,8 @@ class Metric(NamedTuple):
     source: str
 
 
+ORDER = "the orbit by azimuth beside level 0, test frames of a camera by timestep beside the capture"
+"""Which frames CLIP-C compares."""
 CATALOGUE = {
     "psnr": Metric("PSNR", "higher", 2, "dB", "-10 log10(mean squared error), mean over frames"),
     "ssim": Metric("SSIM", "higher", 4, "", "Wang et al. 2004, window 11 x 11, zero-padded"),
@@ -54,8 +56,20 @@ CATALOGUE = {
     ),
     "clip_i_cos": Metric("CLIP-I", "higher", 4, "", "cosine of frame and edit prompt"),
     "clip_i_score_w2.5": Metric("CLIP-I (2.5 x)", "higher", 4, "", "CLIPScore, Hessel et al. 2021"),
+    "clip_i_image": Metric("CLIP-I (images)", "neither", 4, "", "cosine of frame and original, Ruiz et al. 2023"),
     "clip_d": Metric("CLIP-D", "higher", 4, "", "directional similarity, Gal et al. 2021"),
-    "clip_c_adjacent": Metric("CLIP-C", "higher", 4, "", "cosine of adjacent frames of the orbit"),
+    "clip_c_adjacent": Metric("CLIP-C", "higher", 4, "", f"cosine of adjacent frames; {ORDER}"),
+    "clip_c_unedited": Metric("CLIP-C (unedited)", "neither", 4, "", f"CLIP-C of the unedited frames; {ORDER}"),
+    "clip_c_dir_edit": Metric("CLIP-C (edit)", "higher", 4, "", f"cosine of the edits of adjacent frames; {ORDER}"),
+    "clip_c_dir_motion": Metric(
+        "CLIP-C (motion)", "higher", 4, "", f"cosine of the changes from frame to frame, edited and not; {ORDER}"
+    ),
+    "dino_vits16_cls": Metric(
+        "DINO S/16", "neither", 4, "", "Caron et al. 2021, ViT-S/16, class token, against the frame"
+    ),
     "dino_vitb8_cls": Metric("DINO", "neither", 4, "", "Caron et al. 2021, ViT-B/8, class token, against the frame"),
+    "dino_vitb8_patch_l11": Metric(
+        "DINO (patches)", "neither", 4, "", "as DINO, mean over patches of the output of layer 11, against the frame"
+    ),
 }
-"""In the order of the tables. DINO against the unedited frame is 1 for an avatar that does nothing."""
+"""In the order of the tables. DINO and CLIP-I (images) are 1 for an avatar that does nothing."""

@@ -21,7 +21,7 @@ from scipy.signal import convolve2d
 from carigs.capture import Camera
 from carigs.raster import rasterize_mesh
 from evaluation.command_line import run
-from evaluation.metrics.clip import clip_c, clip_d, clip_i, clip_i_score
+from evaluation.metrics.clip import clip_c_adjacent, clip_d, clip_i, clip_i_score
 from evaluation.metrics.dino import dino_similarity
 from evaluation.metrics.image_quality import psnr, region_mean, squared_error, ssim_map
 from evaluation.metrics.regions import image_regions, surface_regions
@@ -336,8 +336,8 @@ def embeddings(dimension: int, relation: str) -> Iterator[Measure]:
     yield difference("CLIP-I", clip_i(first, other), np.full(3, cosine), 1e-14)
     yield difference("CLIPScore", clip_i_score(first, other), np.full(3, 2.5 * max(cosine, 0.0)), 1e-14)
     yield difference("DINO", dino_similarity(first, second), np.full(3, cosine), 1e-14)
-    yield difference("CLIP-C", clip_c(np.stack([one, other, one])), np.full(2, cosine), 1e-14)
-    yield difference("CLIP-C of one frame", clip_c(first[:1]), np.zeros(0), 0.0)
+    yield difference("CLIP-C", clip_c_adjacent(np.stack([one, other, one])), np.full(2, cosine), 1e-14)
+    yield difference("CLIP-C of one frame", clip_c_adjacent(first[:1]), np.zeros(0), 0.0)
     # The change of the image is that of the text, its opposite, or nothing.
     change = 0.0 if relation == "equal" else 1.0
     yield difference("CLIP-D along the text", clip_d(second, first, other, one), np.full(3, change), 1e-12)

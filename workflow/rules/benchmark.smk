@@ -14,6 +14,7 @@ rule benchmark:
     input:
         "results/benchmark/capture_index.csv",
         "results/benchmark/image_metric_cost.csv",
+        "results/benchmark/metric_cost.csv",
         "results/benchmark/splat.csv",
         "results/benchmark/surface.csv",
         "results/benchmark/target.csv",
@@ -72,6 +73,22 @@ rule benchmark_image_metric_cost:
         code=fingerprint("evaluation.benchmarks.image_metric_cost"),
     shell:
         "python -m evaluation.benchmarks.image_metric_cost {output.rows:q} > {log:q} 2>&1"
+
+
+rule benchmark_metric_cost:
+    output:
+        rows="results/benchmark/metric_cost.csv",
+    log:
+        "results/benchmark/log/metric_cost.log",
+    conda:
+        "../../environment.yml"
+    threads: 64  # Snakemake lowers it to --cores
+    resources:
+        mem_mb=4000,
+    params:
+        code=fingerprint("evaluation.benchmarks.metric_cost"),
+    shell:
+        "python -m evaluation.benchmarks.metric_cost {output.rows:q} > {log:q} 2>&1"
 
 
 rule benchmark_splat:

@@ -32,6 +32,8 @@ rule metrics:
         frames="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames",
         index="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json",
         geometry="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/geometry.csv",
+        unedited_frames="results/{study}/{subject}/gamma={gamma}/{variant}/level=0/frames",
+        unedited_index="results/{study}/{subject}/gamma={gamma}/{variant}/level=0/frames.json",
         capture="results/{study}/{subject}/capture.json",
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
         truth="results/{study}/{subject}/gamma={gamma}/truth/level={level}/truth.json",
@@ -45,6 +47,7 @@ rule metrics:
         "results/{study}/log/metrics/{subject},gamma={gamma},{variant},level={level}.log",
     conda:
         "../../environment.yml"
+    threads: lambda wildcards: section("metrics", wildcards, "subject").threads
     resources:
         mem_mb=lambda wildcards, attempt: 6000 * attempt,
     params:
@@ -55,6 +58,7 @@ rule metrics:
         variant="{variant}",
         gamma=lambda wildcards: float(wildcards.gamma),
         level=level,
+        embeddings="results/{study}/embeddings",
     script:
         "../scripts/stage.py"
 
