@@ -2,22 +2,35 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import tomllib
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from carigs.errors import InputError, WeightsMissing
 from carigs.readers.weights import read_weights
+from evaluation.metrics.checksums import check_file
 
 if TYPE_CHECKING:
     import torch
 
 REGISTRY = Path(__file__).with_name("weights.toml")
+FOLDER_VARIABLE = "CARIGS_WEIGHTS"
+"""Environment variable that names a folder with weights."""
 _NO_PARAMETERS = ("input_resolution", "context_length", "vocab_size")  # numbers that OpenAI stores among the weights
+
+
+@dataclass(frozen=True)
+class WeightsFile:
+    """One file of an entry of the registry; see `weights.toml` for the fields."""
+
+    name: str
+    hub: str
+    url: str
+    bytes: int | None
+    sha256: str
 
 
 @dataclass(frozen=True)
@@ -25,12 +38,39 @@ class Weights:
     """Entry of the registry; see `weights.toml` for the fields."""
 
     name: str
-    files: Sequence[str]
-    hub: str
-    hub_files: Sequence[str]
-    source: str
+    title: str
     licence: str
-    sha256: dict[str, str]
+    files: tuple[WeightsFile, ...]
+    hub: str = ""
+    folder: str = ""
+
+    @property
+    def wanted(self) -> tuple[WeightsFile, ...]:
+        """What is downloaded: all files of a folder, else the first."""
+        return self.files if self.folder else self.files[:1]
+
+    @property
+    def size(self) -> int | None:
+        """Bytes of what is downloaded; None if unknown."""
+        sizes = [file.bytes for file in self.wanted]
+        return None if None in sizes else sum(sizes)
+
+
+class FoundWeights(NamedTuple):
+    """Weights on this machine."""
+
+    path: Path
+    """The file, or the folder of all files."""
+    files: dict[WeightsFile, Path]
+
+
+def registry() -> dict[str, Weights]:
+    """Read the registry.
+
+    Returns:
+        All entries by name, in its order.
+    """
+    return {name: _entry(name, **table) for name, table in tomllib.loads(REGISTRY.read_text(encoding="utf-8")).items()}
 
 
 def registered(name: str) -> Weights:
@@ -42,43 +82,110 @@ def registered(name: str) -> Weights:
     Returns:
         The entry.
     """
-    return Weights(name, **tomllib.loads(REGISTRY.read_text(encoding="utf-8"))[name])
+    return registry()[name]
+
+
+def _entry(name: str, files: list[dict], hub: str = "", **fields: str) -> Weights:
+    def complete(name: str, **file) -> WeightsFile:
+        in_hub = file.pop("hub", "" if "url" in file or not hub else name)
+        url = file.pop("url", f"https://huggingface.co/{hub}/resolve/main/{in_hub}")
+        return WeightsFile(name, in_hub, url, file.pop("bytes", None), file.pop("sha256", ""), **file)
+
+    return Weights(name, files=tuple(complete(**file) for file in files), hub=hub, **fields)
 
 
 def find_weights(weights: Weights, folder: str | Path | None, *, download: bool = False) -> Path:
-    """Find a weights file and verify its checksum where one is known.
+    """Find weights and verify their size and checksum where these are known.
 
-    Searches `folder`, then the caches of the Hugging Face hub and of torch hub.
+    Searches `folder`, the folder that the environment variable CARIGS_WEIGHTS names, the cache of the Hugging Face hub,
+    and that of torch hub. Nothing is asked over the network unless `download` is set.
 
     Args:
         weights: Entry of the registry.
-        folder: Folder to search first; None for the caches alone.
-        download: Whether to download a missing file from the hub.
+        folder: Folder to search first; None for the other places alone.
+        download: Whether to download what is missing.
 
     Returns:
-        The file.
+        The file, or the folder of a network of several files.
 
     Raises:
-        WeightsMissing: There is no such file; names files, folders and source.
-        InputError: The checksum differs.
+        WeightsMissing: They are nowhere; names files, places and source.
+        InputError: A file has another size or checksum than the registry states, or cannot be downloaded.
     """
-    hub_cache, torch_cache = _caches()
-    candidates = [Path(folder) / file for file in weights.files] if folder else []
-    snapshots = hub_cache / f"models--{weights.hub.replace('/', '--')}" / "snapshots"
-    candidates += [file for name in weights.hub_files for file in sorted(snapshots.glob(f"*/{name}"))]
-    candidates += [torch_cache / file for file in weights.files]
-    for file in candidates:
-        if file.is_file():
-            _verify(file, weights)
-            return file
-    searched = ", ".join(str(place) for place in (folder, hub_cache, torch_cache) if place)
-    missing = (
-        f"no {weights.name} weights ({' or '.join(weights.files)}) in {searched}; "
-        f"get them from {weights.source} or huggingface.co/{weights.hub}, licence {weights.licence}"
+    found = locate(weights, folder)
+    if found is None:
+        if not download:
+            raise WeightsMissing(missing_text(weights, folder))
+        from evaluation.metrics.weights_download import download_weights
+
+        return download_weights(weights, download_folder(folder))
+    for file, path in found.files.items():
+        verify(weights, file, path)
+    return found.path
+
+
+def locate(weights: Weights, folder: str | Path | None) -> FoundWeights | None:
+    """Search weights in the places of `find_weights`; nothing is read.
+
+    Args:
+        weights: Entry of the registry.
+        folder: Folder to search first, or None.
+
+    Returns:
+        The first place that has them; None if there is none.
+    """
+    for candidate in _candidates(weights, folder):
+        if all(path.is_file() for path in candidate.files.values()):
+            return candidate
+    return None
+
+
+def missing_text(weights: Weights, folder: str | Path | None) -> str:
+    """Say which files are missing, where they are expected, and how to get them.
+
+    Args:
+        weights: Entry of the registry.
+        folder: Folder that is searched first, or None.
+
+    Returns:
+        One line.
+    """
+    names = f"folder {weights.folder}" if weights.folder else " or ".join(file.name for file in weights.files)
+    searched = ", ".join(str(place) for place in (*_folders(folder), _hub_cache(), _torch_cache()))
+    return (
+        f"no {weights.name} weights ({names}) in {searched}; get them by `carigs weights fetch {weights.name}` or from "
+        f"{weights.wanted[0].url}, licence {weights.licence}"
     )
-    if download:
-        return _download(weights, missing)
-    raise WeightsMissing(missing)
+
+
+def download_folder(folder: str | Path | None) -> Path:
+    """Choose the folder for downloads.
+
+    Args:
+        folder: The user's choice, or None.
+
+    Returns:
+        `folder`, else the folder of the environment variable CARIGS_WEIGHTS, else torch hub's.
+    """
+    return next(iter(_folders(folder)), _torch_cache())
+
+
+def verify(weights: Weights, file: WeightsFile, path: Path) -> str:
+    """Compare a file with the registry, or with the checksum that was kept when it was downloaded.
+
+    Args:
+        weights: Entry of the registry.
+        file: Its file.
+        path: Where it is.
+
+    Returns:
+        What was compared: see `check_file`.
+
+    Raises:
+        InputError: Size or checksum differ.
+    """
+    remedy = f"remove it and get it again by `carigs weights fetch {weights.name}`"
+    return check_file(path, weights.title, size=file.bytes, sha256=file.sha256, remedy=remedy)
 
 
 def load_state(network: torch.nn.Module, file: Path, name: str, trusted: Collection[str] = ()) -> torch.nn.Module:
@@ -105,28 +212,48 @@ def load_state(network: torch.nn.Module, file: Path, name: str, trusted: Collect
     return network.eval()
 
 
-def _verify(file: Path, weights: Weights) -> None:
-    expected = weights.sha256.get(file.name)
-    if expected is None:
-        return
-    with file.open("rb") as stream:
-        actual = hashlib.file_digest(stream, "sha256").hexdigest()
-    if not actual.startswith(expected):
-        raise InputError(f"sha256 begins with {actual[:12]}, {weights.name} has {expected[:12]}", file=file)
+def work_offline() -> None:
+    """Tell the client of the Hugging Face hub to ask nothing over the network, which it otherwise waits for.
+
+    It reads this when it is imported: call this before a network library is. Weights are found or downloaded here,
+    never by those libraries.
+    """
+    os.environ.setdefault("HF_HUB_OFFLINE", "1")
 
 
-def _download(weights: Weights, missing: str) -> Path:
-    from huggingface_hub import hf_hub_download
+def _candidates(weights: Weights, folder: str | Path | None) -> Iterator[FoundWeights]:
+    """Where weights can be, in the order of the search."""
 
-    try:
-        return Path(hf_hub_download(weights.hub, weights.hub_files[0]))
-    except Exception as error:  # the hub's client raises many unrelated types for "no network"
-        raise WeightsMissing(f"{missing}; the download failed ({type(error).__name__})") from error
+    def of(root: Path, names: dict[WeightsFile, str]) -> Iterator[FoundWeights]:
+        paths = {file: root / name for file, name in names.items()}
+        if weights.folder:
+            yield FoundWeights(root, paths)
+        else:
+            yield from (FoundWeights(path, {file: path}) for file, path in paths.items())
+
+    plain = {file: file.name for file in weights.files}
+    for place in _folders(folder):
+        yield from of(place / weights.folder, plain)
+    if weights.hub:
+        snapshots = _hub_cache() / f"models--{weights.hub.replace('/', '--')}" / "snapshots"
+        for snapshot in sorted(snapshots.glob("*")):
+            yield from of(snapshot, {file: file.hub for file in weights.files if file.hub})
+    yield from of(_torch_cache() / weights.folder, plain)
 
 
-def _caches() -> tuple[Path, Path]:
-    """Caches of the Hugging Face hub and of torch hub."""
-    user = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
-    hub = os.environ.get("HF_HUB_CACHE") or Path(os.environ.get("HF_HOME") or user / "huggingface") / "hub"
-    torch_hub = Path(os.environ.get("TORCH_HOME") or user / "torch") / "hub" / "checkpoints"
-    return Path(hub).expanduser(), torch_hub.expanduser()
+def _folders(folder: str | Path | None) -> list[Path]:
+    """Folders that the user names: in the settings, and in the environment."""
+    return [Path(place).expanduser() for place in (folder, os.environ.get(FOLDER_VARIABLE)) if place]
+
+
+def _user_cache() -> Path:
+    return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
+
+
+def _hub_cache() -> Path:
+    home = Path(os.environ.get("HF_HOME") or _user_cache() / "huggingface")
+    return Path(os.environ.get("HF_HUB_CACHE") or home / "hub").expanduser()
+
+
+def _torch_cache() -> Path:
+    return Path(os.environ.get("TORCH_HOME") or _user_cache() / "torch").expanduser() / "hub" / "checkpoints"
