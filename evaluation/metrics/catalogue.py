@@ -25,8 +25,8 @@ class Metric(NamedTuple):
         unit: Unit of the values; empty for pure numbers.
         source: Definition or publication.
         table: The table that has a column of it: a key of `TABLES`.
-        protocol: Frames that the column stands for: `test` (held-out sequence) or `orbit` (novel trajectory). Records of
-            other protocols, such as `val` (held-out camera), get a table of their own.
+        protocol: Frames of the column: `test` (held-out sequence) or `orbit` (novel trajectory). Records of other
+            protocols, such as `val` (held-out camera), get a table of their own.
     """
 
     title: str
