@@ -4,6 +4,16 @@ from __future__ import annotations
 
 from typing import Literal, NamedTuple
 
+TABLES = {
+    "paper": "Table 1 of the paper",
+    "readings": "Other readings of the paper's metrics",
+    "truth": "Against the true caricature",
+    "geometry": "Adherence to the caricature mesh",
+    "identity": "Identity",
+    "further": "Further metrics",
+}
+"""Title of each table, in their order."""
+
 
 class Metric(NamedTuple):
     """What a reader of a table must know of a metric.
@@ -14,6 +24,9 @@ class Metric(NamedTuple):
         digits: Digits after the decimal point in tables.
         unit: Unit of the values; empty for pure numbers.
         source: Definition or publication.
+        table: The table that has a column of it: a key of `TABLES`.
+        protocol: Frames of the column: `test` (held-out sequence) or `orbit` (novel trajectory). Records of other
+            protocols, such as `val` (held-out camera), get a table of their own.
     """
 
     title: str
@@ -21,15 +34,21 @@ class Metric(NamedTuple):
     digits: int
     unit: str
     source: str
+    table: Literal["paper", "readings", "truth", "geometry", "identity", "further"] = "further"
+    protocol: Literal["test", "orbit"] = "test"
 
 
 CATALOGUE = {
-    "psnr": Metric("PSNR", "higher", 2, "dB", "-10 log10(mean squared error), mean over frames"),
-    "ssim": Metric("SSIM", "higher", 4, "", "Wang et al. 2004, window 11 x 11, zero-padded"),
-    "clip_i_cos": Metric("CLIP-I", "higher", 4, "", "cosine of frame and edit prompt"),
-    "clip_i_score_w2.5": Metric("CLIP-I (2.5 x)", "higher", 4, "", "CLIPScore, Hessel et al. 2021"),
-    "clip_d": Metric("CLIP-D", "higher", 4, "", "directional similarity, Gal et al. 2021"),
-    "clip_c_adjacent": Metric("CLIP-C", "higher", 4, "", "cosine of adjacent frames of the orbit"),
-    "dino_vitb8_cls": Metric("DINO", "neither", 4, "", "Caron et al. 2021, ViT-B/8, class token, against the frame"),
+    "clip_i_score_w2.5": Metric(
+        "CLIP-I", "higher", 4, "", "CLIPScore, 2.5 max(cosine of frame and edit prompt, 0), Hessel et al. 2021", "paper"
+    ),
+    "clip_d": Metric("CLIP-D", "higher", 4, "", "directional similarity, Gal et al. 2021", "paper"),
+    "clip_c_adjacent": Metric("CLIP-C", "higher", 4, "", "cosine of adjacent frames of the orbit", "paper", "orbit"),
+    "dino_vitb8_cls": Metric(
+        "DINO", "neither", 4, "", "Caron et al. 2021, ViT-B/8, class token, against the frame", "paper"
+    ),
+    "clip_i_cos": Metric("CLIP-I, cosine", "higher", 4, "", "cosine of frame and edit prompt", "readings"),
+    "psnr": Metric("PSNR", "higher", 2, "dB", "-10 log10(mean squared error), mean over frames", "truth"),
+    "ssim": Metric("SSIM", "higher", 4, "", "Wang et al. 2004, window 11 x 11, zero-padded", "truth"),
 }
-"""In the order of the tables. DINO against the unedited frame is 1 for an avatar that does nothing."""
+"""In the order of the columns. DINO against the unedited frame is 1 for an avatar that does nothing."""
