@@ -35,6 +35,13 @@ class Metrics(Section, key="metrics"):
     """Allow the libraries to download weights."""
     embeddings: tuple[str, ...] = option(("clip", "dino"), choices=("clip", "dino"))
     """Networks to evaluate."""
+    lpips: tuple[str, ...] = option(("lpips_vgg", "lpips_alex"), choices=("lpips_vgg", "lpips_alex", "lpips_alex_3dgs"))
+    """Variants of LPIPS against the true image. `lpips_alex_3dgs` gets images in [0, 1] where the network expects
+    [-1, 1]: only for comparison with tables of papers that do so."""
+    diffusion: tuple[str, ...] = option((), choices=("sd_1.5", "sd_2.1_base"))
+    """Stable Diffusion models of the SD score: 40 passes of the network per frame, for a GPU."""
+    identity: bool = False
+    """Compare faces by dlib's face recognition network (the extra `identity`)."""
     crop: str = option("pad_square", choices=("center", "pad_square"))
     """Square input of the networks. `center`: central crop (the paper). `pad_square`: the whole image, padded."""
     source_prompt: str = "A realistic neutral head with natural lighting."

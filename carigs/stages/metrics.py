@@ -1,4 +1,4 @@
-"""Stage `metrics`: PSNR and SSIM against the truth, and CLIP-I, CLIP-D, CLIP-C and DINO, of rendered frames."""
+"""Stage `metrics`: rendered frames against the truth, and by networks."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from carigs.head import read_subject_path
 from carigs.settings import Metrics
 from evaluation.metrics.against_truth import truth_records
 from evaluation.metrics.embeddings import embedding_records
+from evaluation.metrics.identity import identity_records
+from evaluation.metrics.stable_diffusion import sd_records
 from evaluation.tables.metric_records import MetricRecord, StudyPoint, write_metrics
 
 
@@ -56,8 +58,11 @@ def metrics(
     person, rendered, truths = Capture.load(capture), read_frame_index(index, frames), read_ground_truth(truth)
     point = StudyPoint(study, subject, variant, gamma, level, person.split_rule)
     caricature = read_subject_path(path, person.model).at(level)
-    measured = list(truth_records(point, rendered, truths, person, caricature, band=settings.silhouette_band))
+    measured = list(truth_records(point, rendered, truths, person, caricature, settings))
     measured += embedding_records(point, rendered, person, settings)
+    measured += sd_records(point, rendered, person, settings)
+    if settings.identity:
+        measured += identity_records(point, rendered, person, caricature, settings)
     write_metrics(records, measured)
     _warn_of_empty_metrics(measured)
 

@@ -47,8 +47,39 @@ CATALOGUE = {
     "dino_vitb8_cls": Metric(
         "DINO", "neither", 4, "", "Caron et al. 2021, ViT-B/8, class token, against the frame", "paper"
     ),
+    "sd_1.5": Metric(
+        "SD",
+        "neither",
+        4,
+        "",
+        "equation 10, Stable Diffusion 1.5, empty prompt, t from 20 to 980 in 10 steps, seeds 0 to 3; "
+        "blur raises it: read it with the sharpness",
+        "paper",
+    ),
+    "sd_2.1_base": Metric("SD (2.1 base)", "neither", 4, "", "as sd_1.5 with Stable Diffusion 2.1 base", "readings"),
     "clip_i_cos": Metric("CLIP-I, cosine", "higher", 4, "", "cosine of frame and edit prompt", "readings"),
     "psnr": Metric("PSNR", "higher", 2, "dB", "-10 log10(mean squared error), mean over frames", "truth"),
     "ssim": Metric("SSIM", "higher", 4, "", "Wang et al. 2004, window 11 x 11, zero-padded", "truth"),
+    "lpips_vgg": Metric("LPIPS (VGG)", "lower", 4, "", "Zhang et al. 2018, VGG16, images in [-1, 1]", "truth"),
+    "lpips_alex": Metric("LPIPS (AlexNet)", "lower", 4, "", "Zhang et al. 2018, AlexNet, images in [-1, 1]", "truth"),
+    "lpips_alex_3dgs": Metric(
+        "LPIPS (AlexNet, [0, 1])",
+        "lower",
+        4,
+        "",
+        "AlexNet, fed with [0, 1] where it expects [-1, 1], as in code after 3D Gaussian Splatting; not comparable",
+        "truth",
+    ),
+    "identity_cos": Metric(
+        "identity", "higher", 4, "", "cosine of face embeddings (dlib) to the mean of the real frames", "identity"
+    ),
+    "identity_distance": Metric(
+        "identity, distance",
+        "lower",
+        3,
+        "",
+        "Euclidean distance of face embeddings (dlib) to the mean of the real frames; the same person: below 0.6",
+        "identity",
+    ),
 }
 """In the order of the columns. DINO against the unedited frame is 1 for an avatar that does nothing."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -28,7 +29,8 @@ LARGEST_TURN = 60.0
 """Degrees between the direction of the face and the direction to the camera, up to which faces are compared."""
 IDENTITY_METRICS = ("identity_cos", "identity_distance")
 
-FaceNetwork = Callable[[UInt8[np.ndarray, "150 150 3"]], Float[np.ndarray, "128"]]
+FaceNetwork = Callable[[UInt8[np.ndarray, "150 150 3"]], Float[np.ndarray, " d"]]
+"""The embedding of an aligned face."""
 
 
 def identity_scores(
@@ -94,6 +96,58 @@ def load_dlib(file: Path) -> FaceNetwork:
     return lambda chip: np.array(network.compute_face_descriptor(chip))
 
 
+@dataclass
+class FaceEmbedder:
+    """Embeds the face in images of one subject, aligned by the landmarks of the posed mesh."""
+
+    subject: Capture
+    network: FaceNetwork
+    caricature: Caricature | None = None
+    """Change of the head that the images show; None for the natural head."""
+    _landmarks: dict[int, Float[np.ndarray, "68 3"]] = field(default_factory=dict)
+
+    def landmarks(self, timestep: int) -> Float[np.ndarray, "68 3"]:
+        """Landmarks of the posed head.
+
+        Args:
+            timestep: A timestep of the capture.
+
+        Returns:
+            Positions in world coordinates in metres.
+        """
+        if timestep not in self._landmarks:
+            model = self.subject.model
+            vertices = pose(model, self.subject.parameters(timestep), self.caricature)
+            self._landmarks[timestep] = vertices[model.landmarks68]
+        return self._landmarks[timestep]
+
+    def turn(self, frame: Frame) -> float:
+        """Angle between the direction of the face and the direction to the camera.
+
+        Args:
+            frame: A frame of the capture.
+
+        Returns:
+            Degrees.
+        """
+        model, rigid = self.subject.model, list(RIGID)
+        rest = neutral(model, self.subject.parameters(frame.timestep))[model.landmarks68]
+        return turn_from_camera(self.landmarks(frame.timestep)[rigid], rest[rigid], self.subject.camera(frame))
+
+    def __call__(self, image: Float[np.ndarray, "h w 3"], frame: Frame) -> Float[np.ndarray, " d"]:
+        """Embed the face in an image.
+
+        Args:
+            image: Image with values in [0, 1].
+            frame: The frame with its camera and head parameters.
+
+        Returns:
+            The network's embedding.
+        """
+        points, _ = self.subject.camera(frame).project(self.landmarks(frame.timestep)[list(ALIGNED)])
+        return self.network(face_chip(image, points, self.subject.background))
+
+
 def identity_records(
     point: StudyPoint,
     rendered: list[RenderedImage],
@@ -137,6 +191,20 @@ def identity_records(
         yield from _compare_faces(point, rendered, subject, caricature, network)
 
 
+def person_faces(embedder: FaceEmbedder) -> Float[np.ndarray, "m d"]:
+    """Embed the person's faces in the real test frames.
+
+    Args:
+        embedder: Embedder of the natural head.
+
+    Returns:
+        Embeddings of the frames in which the face looks at the camera within `LARGEST_TURN`.
+    """
+    frames = [frame for frame in embedder.subject.split("test") if embedder.turn(frame) <= LARGEST_TURN]
+    frames = track(frames, description="faces of the person", disable=len(frames) < 10)
+    return np.array([embedder(embedder.subject.image(frame), frame) for frame in frames])
+
+
 def _compare_faces(
     point: StudyPoint,
     rendered: list[RenderedImage],
@@ -144,38 +212,19 @@ def _compare_faces(
     caricature: Caricature,
     network: FaceNetwork,
 ) -> Iterator[MetricRecord]:
-    model = subject.model
-    frames = [(subject.frame_at[image.timestep, image.camera], image.file) for image in rendered]
-    timesteps = sorted({frame.timestep for frame in (*subject.split("test"), *(frame for frame, _ in frames))})
-    natural = {t: pose(model, subject.parameters(t))[model.landmarks68] for t in timesteps}
-    rest = neutral(model, subject.parameters(timesteps[0]))[model.landmarks68]
-
-    def turn(frame: Frame) -> float:
-        return turn_from_camera(natural[frame.timestep][list(RIGID)], rest[list(RIGID)], subject.camera(frame))
-
-    def embed(image: np.ndarray, landmarks: np.ndarray, frame: Frame) -> np.ndarray:
-        points, _ = subject.camera(frame).project(landmarks[list(ALIGNED)])
-        return network(face_chip(image, points, subject.background))
-
-    real = [frame for frame in subject.split("test") if turn(frame) <= LARGEST_TURN]
-    person = np.array(
-        [
-            embed(subject.image(frame), natural[frame.timestep], frame)
-            for frame in track(real, description="faces of the person", disable=len(real) < 10)
-        ]
-    )
-    exaggerated: dict[int, np.ndarray] = {}
-    for frame, file in track(frames, description="rendered faces", disable=len(frames) < 10):
-        values, reason = (None, None), ""
-        if turn(frame) > LARGEST_TURN:
-            reason = f"the face looks {turn(frame):.0f} degrees past the camera; it is compared up to {LARGEST_TURN:.0f}"
-        elif not real:
+    natural, exaggerated = FaceEmbedder(subject, network), FaceEmbedder(subject, network, caricature)
+    person = person_faces(natural)
+    for shown in track(rendered, description="rendered faces", disable=len(rendered) < 10):
+        frame = subject.frame_at[shown.timestep, shown.camera]
+        turn, values, reason = natural.turn(frame), (None, None), ""
+        if turn > LARGEST_TURN:
+            reason = (
+                f"the face looks {turn:.0f} degrees past the camera; it is compared up to {LARGEST_TURN:.0f} degrees"
+            )
+        elif not len(person):
             reason = f"no real test frame shows the face within {LARGEST_TURN:.0f} degrees"
         else:
-            if frame.timestep not in exaggerated:
-                parameters = subject.parameters(frame.timestep)
-                exaggerated[frame.timestep] = pose(model, parameters, caricature)[model.landmarks68]
-            face = embed(read_rgb(file), exaggerated[frame.timestep], frame)
+            face = exaggerated(read_rgb(shown.file), frame)
             values = [float(score[0]) for score in identity_scores(face[None], person)]
         for metric, value in zip(IDENTITY_METRICS, values, strict=True):
             yield metric_record(point, "test", (frame.camera, frame.timestep), "full", metric, value, reason)

@@ -6,8 +6,7 @@ and come from the registry of weights.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -15,8 +14,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from carigs.errors import InputError, WeightsMissing
+from carigs.readers.weights import read_weights
 from carigs.settings import Metrics
-from evaluation.metrics.weights import find_weights, load_state, registered
+from evaluation.metrics.device import torch_device
+from evaluation.metrics.weights import find_weights, registered
 
 if TYPE_CHECKING:
     import torch
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 LPIPS_REGIONS = ("full", "head")
 WEIGHTS = {"vgg": "vgg16_imagenet", "alex": "alexnet_imagenet"}
 SMALLEST_IMAGE = 32
-"""Pixels of the shorter side: AlexNet leaves nothing of smaller images."""
+"""Pixels of the shorter side; the layers of AlexNet leave nothing of smaller images."""
 
 
 class Convention(NamedTuple):
@@ -59,12 +60,14 @@ def load_lpips(trunk: str, file: Path) -> torch.nn.Module:
         InputError: The weights do not fit the architecture.
     """
     from torchmetrics.functional.image.lpips import _NoTrainLpips  # its public classes download the trunk
-    from torchvision.models import alexnet, vgg16
 
-    network = _NoTrainLpips(net=trunk, pnet_rand=True)
-    layers = load_state({"vgg": vgg16, "alex": alexnet}[trunk](weights=None), file, f"{trunk} of LPIPS").features
-    for name, parameter in network.net.named_parameters():  # slice2.3.weight is the weight of layer 3
-        parameter.data = layers.get_parameter(name.split(".", 1)[1]).data
+    network, state = _NoTrainLpips(net=trunk, pnet_rand=True), read_weights(file)
+    try:  # slice2.3.weight of torchmetrics is features.3.weight of torchvision
+        layers = {name: state[f"features.{name.split('.', 1)[1]}"] for name in network.net.state_dict()}
+        network.net.load_state_dict(layers)
+    except (KeyError, RuntimeError) as error:
+        problem = " ".join(str(error).split())[:120]
+        raise InputError(f"these weights are not {registered(WEIGHTS[trunk]).title} ({problem})", file=file) from error
     return network
 
 
@@ -93,9 +96,6 @@ def lpips(
 
     Returns:
         Distance by region: 0 for equal images, nan for an empty region.
-
-    Raises:
-        InputError: An image is smaller than `SMALLEST_IMAGE`.
     """
     import torch
     from torch.nn.functional import adaptive_avg_pool2d
@@ -119,3 +119,40 @@ def lpips(
         means = [(layer * share).sum() / share.sum() for layer, share in zip(maps, shares, strict=True)]
         distances[name] = float(sum(means))
     return distances
+
+
+def load_lpips_metrics(settings: Metrics) -> tuple[dict[str, torch.nn.Module], dict[str, str]]:
+    """Load the networks of `settings.lpips`; libraries are imported only once weights are found.
+
+    Args:
+        settings: Settings of the stage `metrics`.
+
+    Returns:
+        The network of each metric, and the reason for each metric without one.
+
+    Raises:
+        WeightsMissing: Weights are missing and `settings.strict` is set.
+        InputError: The weights are not those of the registry.
+    """
+    networks, reasons = {}, {}
+    for metric in settings.lpips:
+        trunk = LPIPS_METRICS[metric].trunk
+        shared = next((name for name in networks if LPIPS_METRICS[name].trunk == trunk), None)
+        if shared:
+            networks[metric] = networks[shared]
+            continue
+        try:
+            file = find_weights(registered(WEIGHTS[trunk]), settings.weights, download=settings.download)
+        except WeightsMissing as error:
+            if settings.strict:
+                raise
+            reasons[metric] = str(error)
+        else:
+            networks[metric] = load_lpips(trunk, file).to(torch_device())
+    return networks, reasons
+
+
+def _batch(image: Float[np.ndarray, "h w 3"]) -> torch.Tensor:
+    import torch
+
+    return torch.from_numpy(np.array(image, np.float32)).permute(2, 0, 1)[None]

@@ -2,35 +2,33 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
+from rich.progress import track
 
-from carigs.errors import InputError
-from evaluation.metrics.preprocessing import preprocess
+from carigs.capture import Capture
+from carigs.capture.frame_index import RenderedImage
+from carigs.capture.images import read_rgb
+from carigs.errors import WeightsMissing
+from carigs.settings import Metrics
+from evaluation.metrics.device import torch_device
+from evaluation.metrics.diffusion_model import load_diffusion_model
+from evaluation.metrics.weights import find_weights, registered
+from evaluation.tables.metric_records import MetricRecord, StudyPoint, metric_record
 
 if TYPE_CHECKING:
     import torch
 
+MODELS = {"sd_1.5": "stable_diffusion_1.5", "sd_2.1_base": "stable_diffusion_2.1_base"}
+"""Metric of each model, and its entry in the registry of weights."""
 TIMESTEPS = tuple(int(t) for t in np.round(np.linspace(20, 980, 10)))
-"""The range of DreamFusion (Poole et al. 2022), 0.02 to 0.98 of 1000 steps. The paper does not state its own."""
+"""From 0.02 to 0.98 of 1000 steps, the range of DreamFusion (Poole et al. 2022). The paper does not state its own, and
+the score depends on it."""
 SEEDS = (0, 1, 2, 3)
-IMAGE_SIZE = 512
-"""Height and width in pixels of the network's images."""
-STATISTICS = ((0.5, 0.5, 0.5), (0.5, 0.5, 0.5))  # from [0, 1] to [-1, 1]
-NETWORK_FILES = {
-    "unet": ("config.json", "diffusion_pytorch_model.safetensors"),
-    "vae": ("config.json", "diffusion_pytorch_model.safetensors"),
-    "text_encoder": ("config.json", "model.safetensors"),
-    "tokenizer": ("vocab.json", "merges.txt", "tokenizer_config.json"),
-    "scheduler": ("scheduler_config.json",),
-}
-"""Files of a model folder that are read: weights and tables, no code."""
+BATCH = 8
 
 
 def sd_score(
@@ -44,17 +42,18 @@ def sd_score(
 
         SD = 1 - mean over t, n of |eps_theta(x_t, t) - eps|^2 / |eps|^2,  x_t = sqrt(a_t) z + sqrt(1 - a_t) eps
 
-    The noise eps depends on the seed n and the timestep t alone: all images of all methods are measured with the same.
+    The noise eps depends on the timestep t and the seed n alone: all images of all methods are measured with the same
+    noise, so that differences between them do not contain its randomness.
 
     Args:
-        denoiser: Noise eps_theta that is predicted from a batch x_t (b, c, h, w) at a timestep.
+        denoiser: Prediction eps_theta of the noise in a batch x_t (b, c, h, w) at a timestep.
         latents: Latents z of the images (b, c, h, w).
-        timesteps: Timesteps t, indices of `alphas_cumprod`.
-        seeds: Seeds of the noise.
-        alphas_cumprod: Share a_t of the image's variance at each timestep.
+        timesteps: Timesteps t.
+        seeds: Seeds n of the noise.
+        alphas_cumprod: Share a_t of the image in the variance at each timestep.
 
     Returns:
-        Score of each image: 1 if the noise is predicted exactly, 0 for a prediction of zero. Their mean is the paper's.
+        Score of each image: 1 if the noise is predicted exactly, 0 for a prediction of zero. The paper's is their mean.
     """
     import torch
 
@@ -70,128 +69,51 @@ def sd_score(
     return 1 - torch.stack(ratios).mean(dim=0).cpu().numpy()
 
 
-@dataclass(frozen=True)
-class StableDiffusion:
-    """Encoder, denoiser and noise schedule of a Stable Diffusion model, for the empty prompt and without guidance."""
-
-    vae: Any
-    unet: Any
-    prompt: torch.Tensor
-    """Embedding of the empty prompt (1, tokens, d)."""
-    alphas_cumprod: Float[np.ndarray, " s"]
-    prediction_type: str
-    """`epsilon` if the network predicts the noise, `v_prediction` if it predicts sqrt(a) eps - sqrt(1 - a) z."""
-
-    def encode(self, image: Float[np.ndarray, "h w 3"], background: float = 1.0) -> torch.Tensor:
-        """Encode an image, padded to a square and scaled to `IMAGE_SIZE`.
-
-        Args:
-            image: Image with values in [0, 1].
-            background: Grey value of the padding.
-
-        Returns:
-            Mode of the encoder's distribution, shifted and scaled as the denoiser expects (c, h, w).
-        """
-        import torch
-
-        pixels = preprocess(image, IMAGE_SIZE, STATISTICS, "pad_square", background)
-        with torch.inference_mode():
-            latent = self.vae.encode(pixels[None].to(self.vae.device)).latent_dist.mode()[0]
-        return (latent - (self.vae.config.shift_factor or 0)) * self.vae.config.scaling_factor
-
-    def predict_noise(self, noisy: torch.Tensor, timestep: int) -> torch.Tensor:
-        """Predict the noise.
-
-        Args:
-            noisy: Noisy latents x_t (b, c, h, w).
-            timestep: Timestep t.
-
-        Returns:
-            eps_theta(x_t, t), (b, c, h, w).
-        """
-        import torch
-
-        prompts = self.prompt.expand(len(noisy), -1, -1)
-        with torch.inference_mode():
-            output = self.unet(noisy, timestep, encoder_hidden_states=prompts).sample
-        if self.prediction_type == "epsilon":
-            return output
-        share = float(self.alphas_cumprod[timestep])
-        return share**0.5 * output + (1 - share) ** 0.5 * noisy
-
-    def score(
-        self, images: Collection[Float[np.ndarray, "h w 3"]], background: float = 1.0
-    ) -> Float[np.ndarray, " b"]:
-        """SD score of images at `TIMESTEPS` with `SEEDS`.
-
-        Args:
-            images: Images with values in [0, 1].
-            background: Grey value of the padding.
-
-        Returns:
-            Score of each image; it does not depend on the other images.
-        """
-        import torch
-
-        latents = torch.stack([self.encode(image, background) for image in images])
-        return sd_score(self.predict_noise, latents, TIMESTEPS, SEEDS, self.alphas_cumprod)
-
-
-def load_stable_diffusion(folder: Path, device: str = "cpu") -> StableDiffusion:
-    """Load a Stable Diffusion model in float32.
+def sd_records(
+    point: StudyPoint, rendered: list[RenderedImage], subject: Capture, settings: Metrics
+) -> Iterator[MetricRecord]:
+    """Compute the SD score of the `test` frames with the models of `settings.diffusion`.
 
     Args:
-        folder: Model in the layout of diffusers: `NETWORK_FILES` are read.
-        device: PyTorch's name of the device to compute on.
+        point: Avatar and level.
+        rendered: Rendered frames.
+        subject: The capture.
+        settings: Settings of the stage `metrics`.
 
-    Returns:
-        The model.
+    Yields:
+        One record per frame and model; one without a value for a model that cannot be used.
 
     Raises:
-        InputError: A file is missing or cannot be read, parameters are missing, or the scheduler is of another kind.
+        WeightsMissing: A model or its library is missing and `settings.strict` is set.
+        InputError: The files of a model are not valid.
     """
-    for part, names in NETWORK_FILES.items():
-        for name in names:
-            if not (folder / part / name).is_file():
-                raise InputError(f"no such file: {part}/{name}", file=folder)
-    os.environ.setdefault("HF_HUB_OFFLINE", "1")  # read when the hub's client is imported
+    frames = [frame for frame in rendered if frame.protocol == "test"]
+    for metric in settings.diffusion:
+        reason = "" if frames else "too few test frames were rendered"
+        if frames:
+            try:
+                scores = _scores(MODELS[metric], frames, subject.background, settings)
+            except WeightsMissing as error:
+                if settings.strict:
+                    raise
+                reason = str(error)
+        if reason:
+            yield metric_record(point, "test", (None, None), "full", metric, None, reason)
+            continue
+        for frame, score in zip(frames, scores, strict=True):
+            yield metric_record(point, "test", (frame.camera, frame.timestep), "full", metric, float(score))
+
+
+def _scores(
+    name: str, frames: Sequence[RenderedImage], background: float, settings: Metrics
+) -> Float[np.ndarray, " n"]:
     import torch
-    from diffusers import AutoencoderKL, DDPMScheduler, UNet2DConditionModel
-    from transformers import CLIPTextModel, CLIPTokenizer
 
-    unet = _load(UNet2DConditionModel, folder, "unet", low_cpu_mem_usage=False)
-    vae = _load(AutoencoderKL, folder, "vae", low_cpu_mem_usage=False)
-    text_encoder = _load(CLIPTextModel, folder, "text_encoder")
-    try:
-        scheduler = DDPMScheduler.from_pretrained(folder, subfolder="scheduler", local_files_only=True)
-        tokenizer = CLIPTokenizer.from_pretrained(folder / "tokenizer", local_files_only=True)
-        tokens = tokenizer("", padding="max_length", max_length=tokenizer.model_max_length, return_tensors="pt")
-        with torch.inference_mode():
-            prompt = text_encoder(tokens.input_ids)[0]
-    except Exception as error:  # a damaged file can fail anywhere
-        raise _unreadable(folder, error) from error
-    kind = scheduler.config.prediction_type
-    if kind not in ("epsilon", "v_prediction"):
-        problem = f"{kind}; epsilon and v_prediction are known"
-        raise InputError(problem, file=folder / "scheduler/scheduler_config.json", field="prediction_type")
-    alphas_cumprod = scheduler.alphas_cumprod.double().numpy()
-    return StableDiffusion(vae.to(device), unet.to(device), prompt.to(device), alphas_cumprod, kind)
-
-
-def _load(network: Any, folder: Path, part: str, **options: Any) -> torch.nn.Module:
-    try:
-        model, report = network.from_pretrained(
-            folder / part, local_files_only=True, use_safetensors=True, output_loading_info=True, **options
-        )
-    except Exception as error:  # a damaged file can fail anywhere
-        raise _unreadable(folder / part, error) from error
-    missing = [*report["missing_keys"], *report["mismatched_keys"]]
-    if missing:  # the libraries fill these with random numbers
-        raise InputError(f"{len(missing)} parameters are missing, such as {sorted(map(str, missing))[0]}",
-                         file=folder / part)  # fmt: skip
-    return model.float().eval()
-
-
-def _unreadable(file: Path, error: Exception) -> InputError:
-    problem = " ".join(str(error).split())[:120]
-    return InputError(f"not a readable part of Stable Diffusion ({type(error).__name__}: {problem})", file=file)
+    folder = find_weights(registered(name), settings.weights, download=settings.download)
+    model = load_diffusion_model(folder, torch_device())
+    batches = [frames[i : i + BATCH] for i in range(0, len(frames), BATCH)]
+    scores = []
+    for batch in track(batches, description=f"SD score, {name}", disable=len(batches) < 2):
+        latents = torch.stack([model.encode(read_rgb(frame.file), background) for frame in batch])
+        scores.append(sd_score(model.predict_noise, latents, TIMESTEPS, SEEDS, model.alphas_cumprod))
+    return np.concatenate(scores)
