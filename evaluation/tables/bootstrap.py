@@ -1,4 +1,4 @@
-"""Percentile bootstrap intervals of means over frames that share timesteps and cameras."""
+"""Confidence intervals of means over frames that share subjects, timesteps and cameras."""
 
 from __future__ import annotations
 
@@ -7,7 +7,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
+from scipy.special import stdtrit
+
+MIN_LEVELS = 8
+"""A factor with fewer levels is not resampled: of three, one bootstrap sample in nine holds a single one."""
 
 
 class Interval(NamedTuple):
@@ -20,21 +24,33 @@ class Interval(NamedTuple):
 
 def mean_interval(
     values: Float[np.ndarray, " n"],
-    units: Sequence[Sequence[Hashable]],
+    factors: Sequence[Sequence[Hashable]],
     *,
     resamples: int,
     confidence: float,
     seed: int,
 ) -> Interval:
-    """Mean of values and its percentile bootstrap interval under crossed random factors.
+    """Mean of values and its confidence interval under crossed random factors.
 
-    The levels of every factor are resampled independently; a value counts as often as the product of its levels' counts
-    (pigeonhole bootstrap, Owen 2007, "The pigeonhole bootstrap"). Frames of one camera or timestep are not independent:
-    resampling frames one by one gives intervals that are too narrow.
+    Frames of one camera or timestep are not independent. The standard error of the mean is that of the analysis of
+    variance with crossed random effects, where A_f is the variance of the marginal means of factor f divided by its
+    levels, and R the variance of the residuals divided by the number of cells:
+
+        s^2 = sum_f A_f - (number of factors - 1) R.
+
+    Each A_f contains R once. The interval is mean - q s, with quantiles q
+
+    - of the bootstrap-t (Efron and Tibshirani 1993, "An introduction to the bootstrap", section 12.5), with the levels
+      of every factor resampled independently (Owen 2007, "The pigeonhole bootstrap");
+    - of Student's t with Satterthwaite's degrees of freedom (Satterthwaite 1946, "An approximate distribution of
+      estimates of variance components") where a factor has fewer than `MIN_LEVELS` levels.
+
+    Values of the same cell are averaged; cells without values take part with what the additive model of the others
+    predicts (Yates 1933, "The analysis of replicated experiments when the field results are incomplete").
 
     Args:
         values: Values of a metric, one per frame.
-        units: For each factor (subject, timestep, camera) the label of every value.
+        factors: For each factor (such as timestep and camera) the label of every value.
         resamples: Number of bootstrap resamples.
         confidence: Coverage of the interval, between 0 and 1.
         seed: Seed of the resampling.
@@ -42,34 +58,112 @@ def mean_interval(
     Returns:
         Mean and interval. They do not depend on the order of the values.
     """
-    levels = np.array([_ranks(factor) for factor in units], int).reshape(len(units), len(values))
+    levels = np.array([_ranks(factor) for factor in factors], int).reshape(len(factors), len(values))
     order = sorted(range(len(values)), key=lambda i: (*levels[:, i], values[i]))
-    sorted_values = values[order].astype(np.float64)
-    mean = float(sorted_values.mean())
-    if len(sorted_values) < 2:
+    values, levels = values[order].astype(np.float64), levels[:, order]
+    mean = float(values.mean())
+    table = _cell_means(values, levels)
+    if table.size < 2:
         return Interval(mean, float("nan"), float("nan"))
-    sorted_levels = levels[:, order]
-    weights = _resampled_weights(sorted_levels.tobytes(), sorted_levels.shape, resamples, seed)
-    total = weights.sum(axis=1)
-    drawn = total > 0  # with missing cells, a resample may be empty
-    # Not by BLAS, whose sums may depend on the number of threads.
-    means = np.einsum("rn,n->r", weights[drawn], sorted_values) / total[drawn]
-    tail = 50 * (1 - confidence)
-    low, high = np.percentile(means, [tail, 100 - tail])
-    return Interval(mean, float(low), float(high))
+    missing = np.isnan(table)
+    table, missing = _filled(table, missing) - mean, int(missing.sum())
+    uniform = tuple(np.full((1, count), 1 / count) for count in table.shape)
+    _, error, freedom = (float(result[0]) for result in _studentized(table, uniform, missing))
+    tail = (1 - confidence) / 2
+    if min(table.shape) < MIN_LEVELS:
+        high = float(stdtrit(freedom, 1 - tail))
+        low = -high
+    else:
+        means, errors, _ = _studentized(table, _resampled_weights(table.shape, resamples, seed))
+        scores = (means - table.mean()) / np.maximum(errors, np.finfo(float).tiny)
+        low, high = np.quantile(scores, [tail, 1 - tail])
+    return Interval(mean, float(mean - high * error), float(mean - low * error))
+
+
+def _cell_means(values: Float[np.ndarray, " n"], levels: Int[np.ndarray, "f n"]) -> Float[np.ndarray, "..."]:
+    """Mean of the values of each cell, nan without any. Factors of a single level are left out.
+
+    Where there are too few cells to tell the factors from the residuals, those with most levels are left out as well.
+    """
+    counts = [int(factor.max()) + 1 for factor in levels]
+    used = sorted((f for f, count in enumerate(counts) if count > 1), key=lambda f: counts[f])
+    while True:
+        shape = tuple(counts[f] for f in used)
+        cell = np.ravel_multi_index(tuple(levels[f] for f in used), shape) if used else np.zeros(len(values), int)
+        number = np.bincount(cell, minlength=int(np.prod(shape)))
+        if len(used) < 2 or _residual_freedom(shape, int((number == 0).sum())) > 0:
+            with np.errstate(invalid="ignore"):
+                return (np.bincount(cell, values, minlength=len(number)) / number).reshape(shape)
+        used.pop()
+
+
+def _filled(table: Float[np.ndarray, "..."], missing: Bool[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+    """Put the additive model's prediction into cells without values."""
+    table = np.where(missing, np.mean(table[~missing]), table)
+    axes = range(table.ndim)
+    for _ in range(1000 if missing.any() else 0):
+        marginals = [table.mean(axis=tuple(a for a in axes if a != axis), keepdims=True) for axis in axes]
+        change = np.where(missing, sum(marginals) - (table.ndim - 1) * table.mean() - table, 0)
+        table = table + change
+        if np.abs(change).max() <= 1e-9 * np.ptp(table):
+            break
+    return table
+
+
+def _studentized(
+    table: Float[np.ndarray, "..."], weights: Sequence[Float[np.ndarray, "r _"]], missing: int = 0
+) -> tuple[Float[np.ndarray, " r"], Float[np.ndarray, " r"], Float[np.ndarray, " r"]]:
+    """Mean, its standard error and Satterthwaite's degrees of freedom, for every set of weights.
+
+    Args:
+        table: Value of each cell; each axis is a factor.
+        weights: Weight of the levels of each factor in each resample; they sum to 1.
+        missing: Number of cells without values of their own.
+    """
+    shape, cells = table.shape, table.size
+    mean = _weighted_mean(table, weights)
+    rest = _weighted_mean(table**2, weights) - mean**2
+    squares = []
+    for factor, count in enumerate(shape):
+        marginal = _weighted_mean(table, weights, keep=factor)
+        spread = np.einsum("rl,rl->r", weights[factor], (marginal - mean[:, None]) ** 2)
+        rest = rest - spread
+        squares.append(spread / (count - 1))
+    freedom = _residual_freedom(shape, missing)
+    residual = np.maximum(rest, 0) * (cells / (freedom * (cells - missing)) if freedom else 0)
+    surplus = (len(shape) - 1) * residual
+    variance = np.maximum(sum(squares) - surplus, residual)
+    weight = sum(square**2 / (count - 1) for square, count in zip(squares, shape, strict=True))
+    weight = weight + surplus**2 / max(freedom, 1)
+    satterthwaite = variance**2 / np.maximum(weight, np.finfo(float).tiny)
+    return mean, np.sqrt(variance), np.maximum(satterthwaite, min(shape) - 1)
+
+
+def _weighted_mean(
+    table: Float[np.ndarray, "..."], weights: Sequence[Float[np.ndarray, "r _"]], keep: int | None = None
+) -> Float[np.ndarray, "..."]:
+    """Means over all factors (r), or over all but one (r, levels of `keep`).
+
+    Not by BLAS, whose sums may depend on the number of threads.
+    """
+    axes = list(range(1, table.ndim + 1))
+    for axis in axes[::-1]:
+        if axis - 1 != keep:
+            rest = [0, *(a for a in axes if a not in (0, axis))]
+            table, axes = np.einsum(table, axes, weights[axis - 1], [0, axis], rest), rest
+    return table
+
+
+def _residual_freedom(shape: Sequence[int], missing: int) -> int:
+    """Degrees of freedom of the residuals of the additive model."""
+    return int(np.prod(shape)) - missing - 1 - sum(count - 1 for count in shape)
 
 
 @lru_cache(maxsize=16)  # all metrics and regions of the same frames have the same weights
-def _resampled_weights(
-    levels: bytes, shape: tuple[int, int], resamples: int, seed: int
-) -> Float[np.ndarray, "resamples n"]:
-    """How often each value counts in each resample; `levels` is an integer array (factors, n)."""
+def _resampled_weights(shape: tuple[int, ...], resamples: int, seed: int) -> tuple[Float[np.ndarray, "r _"], ...]:
+    """Share of each level of each factor in the bootstrap samples."""
     generator = np.random.default_rng(seed)
-    weights = np.ones((resamples, shape[1]))
-    for factor in np.frombuffer(levels, int).reshape(shape):
-        n = int(factor.max()) + 1
-        weights *= generator.multinomial(n, np.full(n, 1 / n), size=resamples)[:, factor]
-    return weights
+    return tuple(generator.multinomial(count, np.full(count, 1 / count), size=resamples) / count for count in shape)
 
 
 def _ranks(labels: Sequence[Hashable]) -> list[int]:
