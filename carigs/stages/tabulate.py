@@ -7,8 +7,9 @@ from pathlib import Path
 from carigs.files import writing
 from carigs.settings import Tabulate
 from evaluation.metrics.catalogue import CATALOGUE
+from evaluation.tables.document import to_latex, to_markdown
 from evaluation.tables.summary import read_metrics, summarise
-from evaluation.tables.typeset import comparison_tables, to_latex, to_markdown
+from evaluation.tables.typeset import comparison_tables
 
 
 def tabulate(settings: Tabulate, *, records: list[Path], table: Path, markdown: Path, latex: Path) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 MIN_LEVELS = 8
@@ -24,7 +25,7 @@ class Interval(NamedTuple):
 
 def mean_interval(
     values: Float[np.ndarray, " n"],
-    factors: Sequence[Sequence[Hashable]],
+    factors: Sequence[ArrayLike],
     *,
     resamples: int,
     confidence: float,
@@ -58,8 +59,9 @@ def mean_interval(
     Returns:
         Mean and interval. They do not depend on the order of the values.
     """
-    levels = np.array([_ranks(factor) for factor in factors], int).reshape(len(factors), len(values))
-    order = sorted(range(len(values)), key=lambda i: (*levels[:, i], values[i]))
+    levels = [np.unique(np.asarray(factor), return_inverse=True)[1] for factor in factors]
+    levels = np.array(levels, int).reshape(len(factors), len(values))
+    order = np.lexsort((values, *levels[::-1]))
     values, levels = values[order].astype(np.float64), levels[:, order]
     mean = float(values.mean())
     table = _cell_means(values, levels)
@@ -164,8 +166,3 @@ def _resampled_weights(shape: tuple[int, ...], resamples: int, seed: int) -> tup
     """Share of each level of each factor in the bootstrap samples."""
     generator = np.random.default_rng(seed)
     return tuple(generator.multinomial(count, np.full(count, 1 / count), size=resamples) / count for count in shape)
-
-
-def _ranks(labels: Sequence[Hashable]) -> list[int]:
-    rank = {label: i for i, label in enumerate(sorted(set(labels)))}
-    return [rank[label] for label in labels]

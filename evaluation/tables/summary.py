@@ -14,13 +14,12 @@ from carigs.errors import CarigsError, InputError
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 from carigs.settings import Tabulate
 from evaluation.tables.bootstrap import Interval, mean_interval
+from evaluation.tables.factors import FRAME, crossed_factors
 from evaluation.tables.metric import Catalogue, Metric
 from evaluation.tables.metric_records import REGIONS, MetricRecord
 
 CONDITION = ["study", "gamma", "level", "protocol", "region", "metric", "variant"]
 """Columns that are the same for all frames of a mean."""
-FRAME = ["subject", "timestep", "camera"]
-"""Columns that identify a frame."""
 SUMMARY = ["subject", *CONDITION, "minus", "mean", "low", "high", "n", "nulls", "reason", "split"]
 """Columns of a summary.
 
@@ -30,8 +29,7 @@ why there are nulls. `split` is the rule that divided the captures of the study 
 that differ between subjects are all named.
 """
 ALL = "(all)"
-MAX_BLOCKS = 10
-"""Blocks of a sequence of frames: neighbours are alike, and count as one where there is no other subject."""
+"""Stands for all subjects of a study."""
 
 
 def read_metrics(files: Iterable[Path]) -> pd.DataFrame:
@@ -138,30 +136,11 @@ def _mean(values: pd.Series, settings: Tabulate, protocol: str) -> Interval:
     """Mean and interval of values, the last levels of whose index are `FRAME`."""
     return mean_interval(
         values.to_numpy(),
-        _crossed_factors(values.index, protocol),
+        crossed_factors({name: values.index.get_level_values(name) for name in FRAME}, protocol),
         resamples=settings.resamples,
         confidence=settings.confidence,
         seed=settings.seed,
     )
-
-
-def _crossed_factors(frames: pd.MultiIndex, protocol: str) -> list[np.ndarray]:
-    """The random factors of an interval.
-
-    What lies within a subject, such as its timesteps, is part of the spread between subjects where there are several.
-    Within one subject, neighbours in time or on the orbit are alike: blocks of them are the levels (method of batch
-    means; Ibragimov and Mueller 2010, "t-statistic based correlation and heterogeneity robust inference").
-    """
-    subject, timestep, camera = (frames.get_level_values(name).to_numpy() for name in FRAME)
-    if len(set(subject)) > 1:
-        return [subject, camera]
-    return [_blocks(timestep), _blocks(camera) if protocol == "orbit" else camera]
-
-
-def _blocks(places: np.ndarray) -> np.ndarray:
-    """The block of each place: at most `MAX_BLOCKS` of as many neighbouring places each."""
-    distinct, rank = np.unique(places, return_inverse=True)
-    return rank * min(MAX_BLOCKS, len(distinct)) // len(distinct)
 
 
 def _read(file: Path) -> pd.DataFrame:
