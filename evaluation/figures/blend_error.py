@@ -83,4 +83,5 @@ def plot_blend_errors(file: Path, errors: Sequence[BlendError]) -> None:
             axes.grid()
             if scale == "linear":
                 axes.set(ylabel="distance from the exact solution\n(% of the bounding-box diagonal)", ylim=(0, None))
-                axes.legend()
+            else:
+                axes.legend(loc="lower center")

@@ -9,9 +9,12 @@ from jaxtyping import Float
 
 from carigs.capture import Camera
 from carigs.head import HeadModel
+from carigs.raster import compute_visibility
 
-BORDER = 0.25
-"""What is shown around the mesh of the hair, as a share of its height: hair sticks out of the mesh."""
+PROPORTIONS = 4 / 3
+"""Width of the part divided by its height."""
+BORDER = 0.15
+"""What is shown around the mesh of the hair, as a share of its extent: hair sticks out of the mesh."""
 
 
 def hair_window(
@@ -26,15 +29,16 @@ def hair_window(
         regions: Regions of the head model with hair.
 
     Returns:
-        Rows and columns, of the proportions of the image; None without such regions.
+        Rows and columns, of the same proportions for every view; None if no hair is in view.
     """
-    known = [name for name in regions if name in model.regions]
-    if not known:
+    face = compute_visibility(vertices, model.faces, camera).face
+    rows, columns = np.nonzero((face >= 0) & model.face_region(*regions)[face])
+    if not len(rows):
         return None
-    pixels, _ = camera.project(vertices[np.unique(np.concatenate([model.regions[name] for name in known]))])
-    low, high, size = pixels.min(axis=0), pixels.max(axis=0), np.array([camera.width, camera.height])
-    border = BORDER * (high[1] - low[1])
-    extent = min(1.0, float(((high - low + 2 * border) / size).max())) * size
-    start = np.clip((low + high - extent) / 2, 0, size - extent)
-    (left, top), (right, bottom) = np.rint(start).astype(int), np.rint(start + extent).astype(int)
-    return slice(int(top), int(bottom)), slice(int(left), int(right))
+    centre = np.array([rows.min() + rows.max(), columns.min() + columns.max()]) / 2
+    height = (1 + 2 * BORDER) * max(np.ptp(rows), np.ptp(columns) / PROPORTIONS)
+    height = min(height, camera.height, camera.width / PROPORTIONS)
+    size = np.array([height, height * PROPORTIONS])
+    start = np.clip(centre - size / 2, 0, np.array([camera.height, camera.width]) - size)
+    (top, left), (bottom, right) = (np.rint(ends).astype(int).tolist() for ends in (start, start + size))
+    return slice(top, bottom), slice(left, right)

@@ -17,7 +17,7 @@ from evaluation.figures.sheet import Image, write_sheet
 if TYPE_CHECKING:
     from carigs.splat.avatar import Avatar
 
-REGIONS = ("nose", "ears", "lips", "eye_region", "forehead")
+REGIONS = ("nose", "ears", "lips", "eye_region")
 """Regions that are drawn, if the head model has them."""
 
 

@@ -106,7 +106,7 @@ def plot_misregistrations(file: Path, records: Sequence[Misregistration]) -> Non
                 drawn = [record for record in records if record.region == region and record.masked <= MAX_MASKED]
                 points = [(record.level, max(getattr(record, name), 1e-4)) for record in drawn]
                 if points:
-                    axes.plot(*zip(*points, strict=True), f"{marker}-", label=region)
+                    axes.plot(*zip(*points, strict=True), f"{marker}-", label=region.replace("_", " "))
             axes.set(yscale="log", xlabel=r"caricature level $\gamma$", ylabel=label)
             axes.grid()
         axes.legend()

@@ -115,7 +115,7 @@ def hair_mask(file: Path, images: StudyImages, path: GammaPath, hair_regions: Se
         vertices = pose(subject.model, subject.parameters(view[0]), path.at(end))
         window = hair_window(subject.model, vertices, subject.camera(subject.frame_at[view]), hair_regions)
         if window is None:
-            return "the head model has no region with hair"
+            return "no hair of the head model is in view"
         whole = images.rendered(METHOD, end, view), images.rendered(without, end, view), images.true(end, view)
         for row, image in zip(rows.values(), whole, strict=True):
             row.append(None if image is None else image[window])

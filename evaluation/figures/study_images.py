@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
 from carigs.capture import Capture
 from carigs.capture.frame_index import GroundTruth, read_frame_index
 from carigs.capture.images import read_rgb
@@ -51,8 +53,8 @@ class StudyImages:
         """Frames of figures with several views: `frame` and others of its timestep, far from each other."""
         timestep, camera = self.frame
         others = sorted({f.camera for f in self.subject.split("test") if f.timestep == timestep} - {camera})
-        step = max(len(others) // (VIEWS - 1), 1)
-        return [self.frame, *((timestep, other) for other in others[::step][: VIEWS - 1])]
+        chosen = np.linspace(0, len(others) - 1, min(len(others), VIEWS - 1)).astype(int)
+        return [self.frame, *((timestep, others[i]) for i in chosen)]
 
     def rendered(self, variant: str, level: float, frame: tuple[int, int] | None = None) -> Image | None:
         """Read a rendered test frame.

@@ -33,18 +33,20 @@ def mean_interval(
 ) -> Interval:
     """Mean of values and its confidence interval under crossed random factors.
 
-    Frames of one camera or timestep are not independent. The standard error of the mean is that of the analysis of
-    variance with crossed random effects, where A_f is the variance of the marginal means of factor f divided by its
-    levels, and R the variance of the residuals divided by the number of cells:
+    Frames of one camera or timestep are not independent. The variance of the mean has a part for each factor f and one
+    for the residuals, which the analysis of variance with crossed random effects estimates:
 
-        s^2 = sum_f A_f - (number of factors - 1) R.
+        s_f^2 = max(A_f - R, 0)    and    R,    s^2 = sum_f s_f^2 + R,
 
-    Each A_f contains R once. The interval is mean - q s, with quantiles q
+    where A_f is the variance of the means over the levels of f divided by their number, and R the variance of the
+    residuals divided by the number of cells, which each A_f contains. The interval is
 
-    - of the bootstrap-t (Efron and Tibshirani 1993, "An introduction to the bootstrap", section 12.5), with the levels
-      of every factor resampled independently (Owen 2007, "The pigeonhole bootstrap");
-    - of Student's t with Satterthwaite's degrees of freedom (Satterthwaite 1946, "An approximate distribution of
-      estimates of variance components") where a factor has fewer than `MIN_LEVELS` levels.
+    - mean - q s with the quantiles q of the bootstrap-t (Efron and Tibshirani 1993, "An introduction to the bootstrap",
+      section 12.5), for which the levels of every factor are resampled independently (Owen 2007, "The pigeonhole
+      bootstrap");
+    - mean +- sqrt(sum_f t_f^2 s_f^2 + t_R^2 R) where a factor has fewer than `MIN_LEVELS` levels, with the quantiles t
+      of Student's distribution for the degrees of freedom of each part (Banerjee 1961, "On confidence interval for
+      two-means problem based on separate estimates of variances and tabulated values of t-table").
 
     Values of the same cell are averaged; cells without values take part with what the additive model of the others
     predicts (Yates 1933, "The analysis of replicated experiments when the field results are incomplete").
@@ -70,15 +72,16 @@ def mean_interval(
     missing = np.isnan(table)
     table, missing = _filled(table, missing) - mean, int(missing.sum())
     uniform = tuple(np.full((1, count), 1 / count) for count in table.shape)
-    _, error, freedom = (float(result[0]) for result in _studentized(table, uniform, missing))
+    parts = _variance_parts(table, uniform, missing)[1][0]
     tail = (1 - confidence) / 2
     if min(table.shape) < MIN_LEVELS:
-        high = float(stdtrit(freedom, 1 - tail))
-        low = -high
-    else:
-        means, errors, _ = _studentized(table, _resampled_weights(table.shape, resamples, seed))
-        scores = (means - table.mean()) / np.maximum(errors, np.finfo(float).tiny)
-        low, high = np.quantile(scores, [tail, 1 - tail])
+        freedom = [count - 1 for count in table.shape] + [max(_residual_freedom(table.shape, missing), 1)]
+        half = float(np.sqrt(np.sum(stdtrit(freedom, 1 - tail) ** 2 * parts)))
+        return Interval(mean, mean - half, mean + half)
+    means, drawn_parts = _variance_parts(table, _resampled_weights(table.shape, resamples, seed))
+    errors = np.sqrt(np.maximum(drawn_parts.sum(axis=1), np.finfo(float).tiny))
+    low, high = np.quantile((means - table.mean()) / errors, [tail, 1 - tail])
+    error = np.sqrt(parts.sum())
     return Interval(mean, float(mean - high * error), float(mean - low * error))
 
 
@@ -112,33 +115,27 @@ def _filled(table: Float[np.ndarray, "..."], missing: Bool[np.ndarray, "..."]) -
     return table
 
 
-def _studentized(
+def _variance_parts(
     table: Float[np.ndarray, "..."], weights: Sequence[Float[np.ndarray, "r _"]], missing: int = 0
-) -> tuple[Float[np.ndarray, " r"], Float[np.ndarray, " r"], Float[np.ndarray, " r"]]:
-    """Mean, its standard error and Satterthwaite's degrees of freedom, for every set of weights.
+) -> tuple[Float[np.ndarray, " r"], Float[np.ndarray, "r parts"]]:
+    """Mean, and the parts of its variance by each factor and by the residuals, for every set of weights.
 
     Args:
         table: Value of each cell; each axis is a factor.
         weights: Weight of the levels of each factor in each resample; they sum to 1.
         missing: Number of cells without values of their own.
     """
-    shape, cells = table.shape, table.size
     mean = _weighted_mean(table, weights)
     rest = _weighted_mean(table**2, weights) - mean**2
-    squares = []
-    for factor, count in enumerate(shape):
+    of_factors = []
+    for factor, count in enumerate(table.shape):
         marginal = _weighted_mean(table, weights, keep=factor)
         spread = np.einsum("rl,rl->r", weights[factor], (marginal - mean[:, None]) ** 2)
         rest = rest - spread
-        squares.append(spread / (count - 1))
-    freedom = _residual_freedom(shape, missing)
-    residual = np.maximum(rest, 0) * (cells / (freedom * (cells - missing)) if freedom else 0)
-    surplus = (len(shape) - 1) * residual
-    variance = np.maximum(sum(squares) - surplus, residual)
-    weight = sum(square**2 / (count - 1) for square, count in zip(squares, shape, strict=True))
-    weight = weight + surplus**2 / max(freedom, 1)
-    satterthwaite = variance**2 / np.maximum(weight, np.finfo(float).tiny)
-    return mean, np.sqrt(variance), np.maximum(satterthwaite, min(shape) - 1)
+        of_factors.append(spread / (count - 1))
+    freedom = _residual_freedom(table.shape, missing)
+    residual = np.maximum(rest, 0) * (table.size / (freedom * (table.size - missing)) if freedom else 0)
+    return mean, np.stack([*(np.maximum(part - residual, 0) for part in of_factors), residual], axis=1)
 
 
 def _weighted_mean(

@@ -94,7 +94,7 @@ def test_frames_of_another_protocol_get_a_table_of_their_own():
 
 
 def test_several_subjects_are_pooled_and_shown_one_by_one():
-    document = tables(records({"a": (2.0, 0.1), "alternating": (1.0, 0.1)}, subjects=("anna", "ben", "cleo")))
+    document = tables(records({"a": (2.0, 0.0), "alternating": (1.0, 0.0)}, subjects=("anna", "ben", "cleo")))
     pooled = cells(document, TABLE_1, "a")[0]
     assert (pooled.value, pooled.interval) == ("2.1", "[1.9, 2.3]")  # 2, 2.1 and 2.2: t of 2 degrees of freedom
     by_subject = [cells(document, "Table 1 of the paper by subject, level 0.25", "a", block)[0] for block in range(3)]
