@@ -2,43 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from evaluation.tables.metric import Catalogue, Metric
 
-TABLES = {
-    "paper": "Table 1 of the paper",
-    "readings": "Other readings of the paper's metrics",
-    "truth": "Against the true caricature",
-    "geometry": "Adherence to the caricature mesh",
-    "identity": "Identity",
-    "further": "Further metrics",
-}
-"""Title of each table, in their order."""
-
-
-class Metric(NamedTuple):
-    """What a reader of a table must know of a metric.
-
-    Attributes:
-        title: Heading of its column.
-        better: Which values are better; `neither` if a value cannot be ranked without another one.
-        digits: Digits after the decimal point in tables.
-        unit: Unit of the values; empty for pure numbers.
-        source: Definition or publication.
-        table: The table that has a column of it: a key of `TABLES`.
-        protocol: Frames of the column: `test` (held-out sequence) or `orbit` (novel trajectory). Records of other
-            protocols, such as `val` (held-out camera), get a table of their own.
-    """
-
-    title: str
-    better: Literal["higher", "lower", "neither"]
-    digits: int
-    unit: str
-    source: str
-    table: Literal["paper", "readings", "truth", "geometry", "identity", "further"] = "further"
-    protocol: Literal["test", "orbit"] = "test"
-
-
-CATALOGUE = {
+CATALOGUE: Catalogue = {
     "clip_i_score_w2.5": Metric(
         "CLIP-I", "higher", 4, "", "CLIPScore, 2.5 max(cosine of frame and edit prompt, 0), Hessel et al. 2021", "paper"
     ),
