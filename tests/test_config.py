@@ -36,13 +36,13 @@ from carigs.errors import InputError, SettingsError
 from carigs.gtstar import MaskFlag
 from carigs.settings import DEFAULT_MASK_FLAGS, MASK_FLAGS, STAGES, Config, Train, reference
 from carigs.settings.option import option_of, walk
-from evaluation.metrics.embeddings import WEIGHTS
+from evaluation.metrics.embeddings import EMBEDDINGS
 from evaluation.metrics.lpips import LPIPS_METRICS
 from evaluation.metrics.preprocessing import CROPS
 from evaluation.metrics.stable_diffusion import MODELS
 
 METRIC_CHOICES = {
-    "embeddings": tuple(WEIGHTS),
+    "embeddings": EMBEDDINGS,
     "lpips": tuple(LPIPS_METRICS),
     "diffusion": tuple(MODELS),
     "crop": CROPS,

@@ -12,7 +12,7 @@ from carigs.errors import SettingsError
 
 RESERVED = {
     "study": ("benchmark", "stress", "hydra", "report.html"),
-    "subject": ("settings", "log", "table", "figures"),
+    "subject": ("settings", "log", "table", "figures", "embeddings"),
     "variant": ("targets", "truth"),
 }
 """Names that are taken in `results/`, in the folder of a study and in that of a gamma."""

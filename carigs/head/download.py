@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import hashlib
-import http.client
-import urllib.error
-import urllib.request
 from pathlib import Path
 
 from carigs.errors import InputError
 from carigs.files import writing
 from carigs.head.model import HeadModel
+from carigs.readers.download import download
 
 GNM_URL = "https://huggingface.co/google/gnm-v3/resolve/main/v3_0/gnm_head.npz"
 """GNM Head v3 (google/GNM, Apache-2.0)."""
 MAX_DOWNLOAD_BYTES = 256 << 20
-TIMEOUT_SECONDS = 60
-BLOCK = 1 << 20
 
 
 def fetch_head(url: str, file: Path) -> str:
@@ -36,7 +32,8 @@ def fetch_head(url: str, file: Path) -> str:
     file = Path(file)
     kept = file.with_name(f"{file.name}.sha256")
     with writing(file) as part:
-        digest = _download(url, part)
+        download(url, part, MAX_DOWNLOAD_BYTES)
+        digest = hashlib.sha256(part.read_bytes()).hexdigest()
         if kept.is_file() and (known := kept.read_text().split(" ")[0].strip()) != digest:
             problem = f"has the sha256 {digest}, not {known} as before; remove {kept} if this is wanted"
             raise InputError(problem, file=url)
@@ -47,26 +44,3 @@ def fetch_head(url: str, file: Path) -> str:
     with writing(kept) as part:
         part.write_text(f"{digest}  {file.name}\n")
     return digest
-
-
-def _download(url: str, file: Path) -> str:
-    if not url.startswith("https://"):
-        raise InputError("only https is downloaded", file=url)
-    digest, size = hashlib.sha256(), 0
-    request = urllib.request.Request(url, headers={"User-Agent": "carigs"})
-    try:
-        with urllib.request.urlopen(request, timeout=TIMEOUT_SECONDS) as response, file.open("wb") as stream:
-            if not response.geturl().startswith("https://"):
-                raise InputError("is redirected to an address that is not https", file=url)
-            while block := response.read(BLOCK):
-                size += len(block)
-                if size > MAX_DOWNLOAD_BYTES:
-                    raise InputError(f"more than {MAX_DOWNLOAD_BYTES} bytes", file=url)
-                digest.update(block)
-                stream.write(block)
-    except urllib.error.HTTPError as error:
-        raise InputError(f"cannot be downloaded (HTTP {error.code} {error.reason})", file=url) from error
-    except (OSError, http.client.HTTPException) as error:  # URLError is an OSError
-        reason = getattr(error, "reason", None) or error
-        raise InputError(f"cannot be downloaded ({reason})", file=url) from error
-    return digest.hexdigest()

@@ -29,14 +29,20 @@ class Render(Section, key="render"):
 class Metrics(Section, key="metrics"):
     """Image and embedding metrics."""
 
+    threads: int = option(1, ge=1, le=1024)
+    """Threads of the networks; the result does not depend on it."""
     strict: bool = False
-    """Missing network weights are an error instead of an empty value with its reason."""
+    """Missing network weights are an error instead of an empty value with its reason. A damaged file always is one."""
     weights: str | None = None
-    """Folder with network weights (null: the caches of the hub alone, which are always searched)."""
+    """Folder with network weights. Searched next: the folder in the environment variable CARIGS_WEIGHTS, the cache of
+    the Hugging Face hub, and torch's."""
     download: bool = False
-    """Allow the libraries to download weights."""
-    embeddings: tuple[str, ...] = option(("clip", "dino"), choices=("clip", "dino"))
-    """Networks to evaluate."""
+    """Download weights that are missing, into the first of these folders that is set, else into torch's cache."""
+    embeddings: tuple[str, ...] = option(
+        ("clip", "dino_vits16"), choices=("clip", "dino_vits16", "dino_vitb8", "dino_vitb8_patch_l11")
+    )
+    """Networks to evaluate. DINO ViT-B/8 is what DoesFS has, whom the paper follows; ViT-S/16 takes a small part of its
+    time. Features of patches (`patch_l11`) take 1.2 MB of disk for each image."""
     lpips: tuple[str, ...] = option(("lpips_vgg", "lpips_alex"), choices=("lpips_vgg", "lpips_alex", "lpips_alex_3dgs"))
     """Variants of LPIPS against the true image. `lpips_alex_3dgs` gets images in [0, 1] where the network expects
     [-1, 1]: only for comparison with tables of papers that do so."""

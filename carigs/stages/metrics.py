@@ -11,7 +11,7 @@ from carigs.errors import CarigsWarning
 from carigs.head import read_subject_path
 from carigs.settings import Metrics
 from evaluation.metrics.against_truth import truth_records
-from evaluation.metrics.embeddings import embedding_records
+from evaluation.metrics.embeddings import embedding_records, embedding_weights
 from evaluation.metrics.identity import identity_records
 from evaluation.metrics.stable_diffusion import sd_records
 from evaluation.tables.metric_records import MetricRecord, StudyPoint, write_metrics
@@ -22,6 +22,8 @@ def metrics(
     *,
     frames: Path,
     index: Path,
+    unedited_frames: Path,
+    unedited_index: Path,
     capture: Path,
     path: Path,
     truth: Path,
@@ -30,6 +32,7 @@ def metrics(
     variant: str,
     gamma: float,
     level: float,
+    embeddings: str,
     records: Path,
 ) -> None:
     """Write metric records: one line per frame, region and metric.
@@ -38,6 +41,8 @@ def metrics(
         settings: Networks, prompts, and the silhouette region.
         frames: Folder of rendered frames.
         index: Index of the rendered frames.
+        unedited_frames: Folder of the frames rendered at level 0.
+        unedited_index: Their index.
         capture: Index of the capture.
         path: Caricature path of the subject.
         truth: Index of the true images.
@@ -46,20 +51,23 @@ def metrics(
         variant: Name of the variant.
         gamma: Level that the avatar is trained for.
         level: Level that is rendered.
+        embeddings: Folder with the embeddings of images that are known already; it need not exist.
         records: CSV file to write; a metric that cannot be computed has an empty value and a reason.
 
     Warns:
         CarigsWarning: A metric has no value at all.
 
     Raises:
-        InputError: An input is malformed.
+        InputError: An input is malformed, or a file of weights is damaged.
         WeightsMissing: Network weights are missing and `settings.strict` is set.
     """
+    weights = embedding_weights(settings)
     person, rendered, truths = Capture.load(capture), read_frame_index(index, frames), read_ground_truth(truth)
     point = StudyPoint(study, subject, variant, gamma, level, person.split_rule)
     caricature = read_subject_path(path, person.model).at(level)
     measured = list(truth_records(point, rendered, truths, person, caricature, settings))
-    measured += embedding_records(point, rendered, person, settings)
+    unedited = read_frame_index(unedited_index, unedited_frames)
+    measured += embedding_records(point, rendered, unedited, person, settings, weights, Path(embeddings))
     measured += sd_records(point, rendered, person, settings)
     if settings.identity:
         measured += identity_records(point, rendered, person, caricature, settings)

@@ -6,6 +6,7 @@ Programs, each with a CSV file and a plot (`make bench` runs all):
 - `target`: GT* targets over the options of the warp
 - `splat`: the surfel engine beside its scalar reference and torch; `training_speed`: whole training steps
 - `quality`: PSNR against seconds of training
+- `metric_cost`: metrics that need networks (no plot)
 
 Shared parts:
 

@@ -6,7 +6,8 @@
 - `against_truth`: PSNR and SSIM of rendered frames by region
 - `clip`: CLIP-I, CLIP-D and CLIP-C, and the CLIP network
 - `dino`: DINO similarity, and the DINO network
-- `embeddings`: both networks on rendered frames
-- `preprocessing`: images as network input
-- `weights`: registry and search of network weights
+- `embeddings`: records of the metrics of both networks; `embedding_networks`: which frames are embedded, and the
+  scores; `frame_sequences`: rendered frames beside the same frames without the edit
+- `embedder`, `embedding_cache`: embeddings of images, each computed once; `preprocessing`: images as network input
+- `weights`: registry and search of network weights; `downloads`; `checksums`: whether files are intact
 """

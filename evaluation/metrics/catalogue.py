@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from evaluation.tables.metric import Catalogue, Metric
 
+ORDER = "the orbit by azimuth beside level 0, test frames of a camera by timestep beside the capture"
+"""Which frames CLIP-C compares."""
 CATALOGUE: Catalogue = {
     "clip_i_score_w2.5": Metric(
         "CLIP-I", "higher", 4, "", "CLIPScore, 2.5 max(cosine of frame and edit prompt, 0), Hessel et al. 2021", "paper"
     ),
     "clip_d": Metric("CLIP-D", "higher", 4, "", "directional similarity, Gal et al. 2021", "paper"),
-    "clip_c_adjacent": Metric("CLIP-C", "higher", 4, "", "cosine of adjacent frames of the orbit", "paper", "orbit"),
+    "clip_c_adjacent": Metric("CLIP-C", "higher", 4, "", f"cosine of adjacent frames; {ORDER}", "paper", "orbit"),
     "dino_vitb8_cls": Metric(
         "DINO", "neither", 4, "", "Caron et al. 2021, ViT-B/8, class token, against the frame", "paper"
     ),
@@ -24,6 +26,35 @@ CATALOGUE: Catalogue = {
     ),
     "sd_2.1_base": Metric("SD (2.1 base)", "neither", 4, "", "as sd_1.5 with Stable Diffusion 2.1 base", "readings"),
     "clip_i_cos": Metric("CLIP-I, cosine", "higher", 4, "", "cosine of frame and edit prompt", "readings"),
+    "clip_i_image": Metric(
+        "CLIP-I, images", "neither", 4, "", "cosine of frame and original, Ruiz et al. 2023", "readings"
+    ),
+    "clip_c_unedited": Metric(
+        "CLIP-C, unedited", "neither", 4, "", f"CLIP-C of the unedited frames; {ORDER}", "readings", "orbit"
+    ),
+    "clip_c_dir_edit": Metric(
+        "CLIP-C, edit", "higher", 4, "", f"cosine of the edits of adjacent frames; {ORDER}", "readings", "orbit"
+    ),
+    "clip_c_dir_motion": Metric(
+        "CLIP-C, motion",
+        "higher",
+        4,
+        "",
+        f"cosine of the changes from frame to frame, edited and not; {ORDER}",
+        "readings",
+        "orbit",
+    ),
+    "dino_vits16_cls": Metric(
+        "DINO S/16", "neither", 4, "", "Caron et al. 2021, ViT-S/16, class token, against the frame", "readings"
+    ),
+    "dino_vitb8_patch_l11": Metric(
+        "DINO, patches",
+        "neither",
+        4,
+        "",
+        "as DINO, mean over patches of the output of layer 11, against the frame",
+        "readings",
+    ),
     "psnr": Metric("PSNR", "higher", 2, "dB", "-10 log10(mean squared error), mean over frames", "truth"),
     "ssim": Metric("SSIM", "higher", 4, "", "Wang et al. 2004, window 11 x 11, zero-padded", "truth"),
     "lpips_vgg": Metric("LPIPS (VGG)", "lower", 4, "", "Zhang et al. 2018, VGG16, images in [-1, 1]", "truth"),
@@ -48,4 +79,4 @@ CATALOGUE: Catalogue = {
         "identity",
     ),
 }
-"""In the order of the columns. DINO against the unedited frame is 1 for an avatar that does nothing."""
+"""In the order of the columns. DINO and CLIP-I of images are 1 for an avatar that does nothing."""

@@ -57,14 +57,15 @@ def file_checksum(path: Path) -> str:
     return _checksum(path, status.st_size, status.st_mtime_ns)
 
 
-def keep_checksum(path: Path) -> None:
+def keep_checksum(path: Path, sha256: str) -> None:
     """Write the checksum of a file beside it, as `{path}.sha256` in the format of `sha256sum`.
 
     Args:
         path: The file.
+        sha256: Its checksum.
     """
     with writing(_kept_in(path)) as part:
-        part.write_text(f"{file_checksum(path)}  {path.name}\n")
+        part.write_text(f"{sha256}  {path.name}\n")
 
 
 def _kept_in(path: Path) -> Path:

@@ -1,11 +1,11 @@
 """CLIP-I, CLIP-D and CLIP-C of table 1 as functions of normalised embeddings, and the CLIP network (OpenAI ViT-B/32).
 
-E is the embedding of a rendered frame, O of the same frame of the capture, T of a prompt; all have length 1.
+E is the embedding of a rendered frame, O of the same frame without the edit, T of a prompt; all have length 1.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 WEIGHTS = "clip_vit_b32_openai"
 """Entry of the registry of weights."""
+STATISTICS = ((0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.27577711))
+"""Mean and standard deviation of the channels of its input."""
 MODEL = "ViT-B-32-quickgelu"  # OpenAI's weights give wrong features in "ViT-B-32", without any warning
 
 
@@ -58,6 +60,21 @@ def clip_i_score(
     return weight * np.maximum(images @ text, 0)
 
 
+def clip_i_image(images: Float[np.ndarray, "n d"], originals: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n"]:
+    """Similarity of images, which other papers call CLIP-I (Ruiz et al. 2023, DreamBooth).
+
+        CLIP-I = E . O
+
+    Args:
+        images: Embeddings E of rendered frames.
+        originals: Embeddings O of the same frames of the capture.
+
+    Returns:
+        Cosine of each pair; 1 for an avatar that does nothing.
+    """
+    return (images * originals).sum(axis=1)
+
+
 def clip_d(
     edited: Float[np.ndarray, "n d"],
     original: Float[np.ndarray, "n d"],
@@ -77,26 +94,64 @@ def clip_d(
     Returns:
         Cosine of each frame; 0 if the render equals the frame.
     """
-    change, text_change = edited - original, text_edited - text_original
-    length = np.linalg.norm(change, axis=-1) * np.linalg.norm(text_change)
-    return np.where(length > 1e-9, (change @ text_change) / np.maximum(length, 1e-9), 0.0)
+    return _direction_cosine(edited - original, text_edited - text_original)
 
 
-def clip_c(images: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n-1"]:
+def clip_c_adjacent(images: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n-1"]:
     """CLIP-C of table 1, consistency: cosine between adjacent views of a novel trajectory.
 
         CLIP-C_i = E_i . E_(i+1)
 
-    The paper's wording, which follows Haque et al. 2023 (Instruct-NeRF2NeRF). Neighbouring values share a frame:
-    intervals that take them as independent are somewhat too narrow.
+    The paper's wording. Its source, Haque et al. 2023 (Instruct-NeRF2NeRF), has no code of its consistency, and its
+    text fits `clip_c_dir_edit` and `clip_c_dir_motion` as well. Neighbouring values share a frame: intervals that take
+    them as independent are somewhat too narrow.
 
     Args:
-        images: Embeddings of the frames of the orbit, in its order.
+        images: Embeddings of the frames in the order of the trajectory.
 
     Returns:
         Cosine of each frame and its next.
     """
     return (images[:-1] * images[1:]).sum(axis=1)
+
+
+def clip_c_dir_edit(edited: Float[np.ndarray, "n d"], original: Float[np.ndarray, "n d"]) -> Float[np.ndarray, " n-1"]:
+    """CLIP-C as consistency of the edit: adjacent frames are changed in the same direction.
+
+        CLIP-C_i = cos(E_i - O_i, E_(i+1) - O_(i+1))
+
+    Args:
+        edited: Embeddings E of the frames in the order of the trajectory.
+        original: Embeddings O of the same frames without the edit.
+
+    Returns:
+        Cosine of each frame and its next; 0 where the edit changes nothing.
+    """
+    change = edited - original
+    return _direction_cosine(change[:-1], change[1:])
+
+
+def clip_c_dir_motion(
+    edited: Float[np.ndarray, "n d"], original: Float[np.ndarray, "n d"]
+) -> Float[np.ndarray, " n-1"]:
+    """CLIP-C as consistency of the motion: from frame to frame the edited video changes as the original one.
+
+        CLIP-C_i = cos(E_(i+1) - E_i, O_(i+1) - O_i)
+
+    Args:
+        edited: Embeddings E of the frames in the order of the trajectory.
+        original: Embeddings O of the same frames without the edit.
+
+    Returns:
+        Cosine of each frame and its next; 0 where nothing moves.
+    """
+    return _direction_cosine(np.diff(edited, axis=0), np.diff(original, axis=0))
+
+
+def _direction_cosine(a: Float[np.ndarray, "n d"], b: Float[np.ndarray, "*n d"]) -> Float[np.ndarray, " n"]:
+    """Cosine of differences of embeddings; 0 where there is none."""
+    length = np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1)
+    return np.where(length > 1e-9, (a * b).sum(axis=-1) / np.maximum(length, 1e-9), 0.0)
 
 
 def load_clip(
@@ -123,11 +178,11 @@ def load_clip(
     if any(type(block.mlp.gelu).__name__ != "QuickGELU" for block in blocks):
         raise InputError("these weights need QuickGELU, the network has another activation", file=file)
     if trusted is None:
-        trusted = registered(WEIGHTS).sha256.values()
+        trusted = [known.sha256 for known in registered(WEIGHTS).files]
     return load_state(model, file, f"CLIP {MODEL}", trusted)
 
 
-def embed_texts(model: torch.nn.Module, prompts: list[str]) -> Float[np.ndarray, "n d"]:
+def embed_texts(model: torch.nn.Module, prompts: Sequence[str]) -> Float[np.ndarray, "n d"]:
     """Embed prompts.
 
     Args:
@@ -141,5 +196,5 @@ def embed_texts(model: torch.nn.Module, prompts: list[str]) -> Float[np.ndarray,
     import torch
 
     with torch.inference_mode():
-        tokens = open_clip.get_tokenizer(MODEL)(prompts)
+        tokens = open_clip.get_tokenizer(MODEL)(list(prompts))
         return model.encode_text(tokens, normalize=True).double().numpy()

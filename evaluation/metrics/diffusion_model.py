@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 
 from carigs.errors import InputError, WeightsMissing
-from evaluation.metrics.preprocessing import preprocess
+from evaluation.metrics.preprocessing import Preprocessing
 from evaluation.metrics.weights import registered, work_offline
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 IMAGE_SIZE = 512
 """Height and width of the network's images in pixels."""
-STATISTICS = ((0.5, 0.5, 0.5), (0.5, 0.5, 0.5))  # from [0, 1] to [-1, 1]
+HALVES = (0.5, 0.5, 0.5)  # mean and deviation that take [0, 1] to [-1, 1]
 
 
 @dataclass(frozen=True)
@@ -34,19 +34,19 @@ class DiffusionModel:
     prediction_type: str
     """`epsilon` if the network predicts the noise, `v_prediction` if it predicts sqrt(a) eps - sqrt(1 - a) z."""
 
-    def encode(self, image: Float[np.ndarray, "h w 3"], background: float = 1.0) -> torch.Tensor:
+    def encode(self, image: UInt8[np.ndarray, "h w 3"], background: int = 255) -> torch.Tensor:
         """Encode an image, padded to a square and scaled to `IMAGE_SIZE`.
 
         Args:
-            image: Image with values in [0, 1].
-            background: Grey value of the padding.
+            image: RGB values from 0 to 255.
+            background: Grey value of the padding, from 0 to 255.
 
         Returns:
             Mode of the autoencoder's distribution, shifted and scaled as its configuration says (c, h, w).
         """
         import torch
 
-        pixels = preprocess(image, IMAGE_SIZE, STATISTICS, "pad_square", background)
+        pixels = Preprocessing(HALVES, HALVES, "pad_square", background, IMAGE_SIZE)(image)
         with torch.inference_mode():
             latent = self.vae.encode(pixels[None].to(self.prompt.device)).latent_dist.mode()[0]
         return (latent - (self.vae.config.shift_factor or 0)) * self.vae.config.scaling_factor

@@ -1,56 +1,55 @@
-"""Images as network input: resized with antialiasing, cropped or padded to a square, normalised."""
+"""Images as input of CLIP and DINO: resized with antialiasing, cropped or padded to a square, normalised."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import UInt8
 
 if TYPE_CHECKING:
     import torch
 
 CROPS = ("center", "pad_square")
-CLIP_STATISTICS = ((0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.27577711))
-IMAGENET_STATISTICS = ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225))
 
 
-def preprocess(
-    image: Float[np.ndarray, "h w 3"],
-    size: int,
-    statistics: tuple[tuple[float, float, float], tuple[float, float, float]],
-    crop: str,
-    background: float = 1.0,
-) -> torch.Tensor:
-    """Resize, crop and normalise an image as CLIP's and DINO's own pipelines do (bicubic, antialiased).
+@dataclass(frozen=True)
+class Preprocessing:
+    """What is done to an image before a network sees it. Two that are equal give equal results."""
 
-    Args:
-        image: Image with values in [0, 1].
-        size: Height and width of the result in pixels.
-        statistics: Mean and standard deviation of the channels to normalise by.
-        crop: `center` scales the shorter side to `size` and cuts out the middle (CLIP's pipeline); `pad_square` pads
-            the shorter side first, so that nothing is cut.
-        background: Grey value of the padding.
+    mean: tuple[float, float, float]
+    """Of the channels, for values in [0, 1]."""
+    deviation: tuple[float, float, float]
+    """Standard deviation of the channels."""
+    crop: str = "center"
+    """`center` scales the shorter side to `size` and cuts out the middle, as CLIP's own pipeline does. `pad_square`
+    pads the shorter side first, so that nothing is cut."""
+    background: int = 255
+    """Grey value of the padding, from 0 to 255."""
+    size: int = 224
+    """Height and width of the result in pixels."""
 
-    Returns:
-        Float32 tensor (3, size, size).
-    """
-    import torch
-    from torch.nn import functional
+    def __call__(self, image: UInt8[np.ndarray, "h w 3"]) -> torch.Tensor:
+        """Resize (bicubic, antialiased), crop and normalise an image.
 
-    pixels = torch.from_numpy(np.array(image, np.float32)).permute(2, 0, 1)[None]
-    if crop == "pad_square":
-        height, width = pixels.shape[-2:]
-        side = max(height, width)
-        left, top = (side - width) // 2, (side - height) // 2
-        margins = (left, side - width - left, top, side - height - top)
-        pixels = functional.pad(pixels, margins, value=background)
-    # The longer side is truncated, not rounded, and the filter is antialiased, as in CLIP's training pipeline.
-    shorter = min(pixels.shape[-2:])
-    shape = [int(size * length / shorter) for length in pixels.shape[-2:]]
-    for target in ((pixels.shape[2], shape[1]), shape):  # one axis after the other, with clamping between, as PIL
-        pixels = functional.interpolate(pixels, target, mode="bicubic", antialias=True, align_corners=False).clamp(0, 1)
-    top, left = (round((length - size) / 2) for length in shape)
-    pixels = pixels[0, :, top : top + size, left : left + size]
-    mean, deviation = (torch.tensor(values)[:, None, None] for values in statistics)
-    return (pixels - mean) / deviation
+        Args:
+            image: RGB values from 0 to 255.
+
+        Returns:
+            Float32 tensor (3, size, size).
+        """
+        import torch
+        from torchvision.transforms import InterpolationMode
+        from torchvision.transforms.v2 import functional
+
+        pixels = torch.tensor(image).permute(2, 0, 1)
+        if self.crop == "pad_square":
+            height, width = image.shape[:2]
+            side = max(height, width)
+            left, top = (side - width) // 2, (side - height) // 2
+            margins = [left, top, side - width - left, side - height - top]
+            pixels = functional.pad(pixels, margins, fill=self.background)
+        pixels = functional.resize(pixels, [self.size], InterpolationMode.BICUBIC, antialias=True)
+        pixels = functional.center_crop(pixels, [self.size, self.size])
+        return functional.normalize(functional.to_dtype(pixels, torch.float32, scale=True), self.mean, self.deviation)

@@ -11,7 +11,7 @@ from rich.progress import track
 
 from carigs.capture import Capture
 from carigs.capture.frame_index import RenderedImage
-from carigs.capture.images import read_rgb
+from carigs.capture.images import read_rgb8
 from carigs.errors import WeightsMissing
 from carigs.settings import Metrics
 from evaluation.metrics.device import torch_device
@@ -114,6 +114,6 @@ def _scores(
     batches = [frames[i : i + BATCH] for i in range(0, len(frames), BATCH)]
     scores = []
     for batch in track(batches, description=f"SD score, {name}", disable=len(batches) < 2):
-        latents = torch.stack([model.encode(read_rgb(frame.file), background) for frame in batch])
+        latents = torch.stack([model.encode(read_rgb8(frame.file), round(255 * background)) for frame in batch])
         scores.append(sd_score(model.predict_noise, latents, TIMESTEPS, SEEDS, model.alphas_cumprod))
     return np.concatenate(scores)

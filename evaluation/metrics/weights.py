@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from carigs.errors import InputError, WeightsMissing
 from carigs.readers.weights import read_weights
 from evaluation.metrics.checksums import check_file
+from evaluation.metrics.downloads import Download, download_files
 
 if TYPE_CHECKING:
     import torch
@@ -103,22 +104,25 @@ def find_weights(weights: Weights, folder: str | Path | None, *, download: bool 
     Args:
         weights: Entry of the registry.
         folder: Folder to search first; None for the other places alone.
-        download: Whether to download what is missing.
+        download: Whether to download what is missing, into the first of the two folders that is set, else into torch
+            hub's cache.
 
     Returns:
         The file, or the folder of a network of several files.
 
     Raises:
-        WeightsMissing: They are nowhere; names files, places and source.
-        InputError: A file has another size or checksum than the registry states, or cannot be downloaded.
+        WeightsMissing: They are nowhere, or the download failed; names files, places and source.
+        InputError: A file has another size or checksum than the registry states.
     """
     found = locate(weights, folder)
     if found is None:
+        missing = _missing(weights, folder)
         if not download:
-            raise WeightsMissing(missing_text(weights, folder))
-        from evaluation.metrics.weights_download import download_weights
-
-        return download_weights(weights, download_folder(folder))
+            raise WeightsMissing(missing)
+        try:
+            return _download(weights, next(iter(_folders(folder)), _torch_cache()) / weights.folder)
+        except InputError as error:
+            raise WeightsMissing(f"{missing}; the download failed: {error.problem}") from error
     for file, path in found.files.items():
         verify(weights, file, path)
     return found.path
@@ -138,36 +142,6 @@ def locate(weights: Weights, folder: str | Path | None) -> FoundWeights | None:
         if all(path.is_file() for path in candidate.files.values()):
             return candidate
     return None
-
-
-def missing_text(weights: Weights, folder: str | Path | None) -> str:
-    """Say which files are missing, where they are expected, and how to get them.
-
-    Args:
-        weights: Entry of the registry.
-        folder: Folder that is searched first, or None.
-
-    Returns:
-        One line.
-    """
-    names = f"folder {weights.folder}" if weights.folder else " or ".join(file.name for file in weights.files)
-    searched = ", ".join(str(place) for place in (*_folders(folder), _hub_cache(), _torch_cache()))
-    return (
-        f"no {weights.name} weights ({names}) in {searched}; get them by `carigs weights fetch {weights.name}` or from "
-        f"{weights.wanted[0].url}, licence {weights.licence}"
-    )
-
-
-def download_folder(folder: str | Path | None) -> Path:
-    """Choose the folder for downloads.
-
-    Args:
-        folder: The user's choice, or None.
-
-    Returns:
-        `folder`, else the folder of the environment variable CARIGS_WEIGHTS, else torch hub's.
-    """
-    return next(iter(_folders(folder)), _torch_cache())
 
 
 def verify(weights: Weights, file: WeightsFile, path: Path) -> str:
@@ -219,6 +193,22 @@ def work_offline() -> None:
     never by those libraries.
     """
     os.environ.setdefault("HF_HUB_OFFLINE", "1")
+
+
+def _missing(weights: Weights, folder: str | Path | None) -> str:
+    """Say which files are missing, where they are expected, and how to get them."""
+    names = f"folder {weights.folder}" if weights.folder else " or ".join(file.name for file in weights.files)
+    searched = ", ".join(str(place) for place in (*_folders(folder), _hub_cache(), _torch_cache()))
+    return (
+        f"no {weights.name} weights ({names}) in {searched}; get them by `carigs weights fetch {weights.name}` or from "
+        f"{weights.wanted[0].url}, licence {weights.licence}"
+    )
+
+
+def _download(weights: Weights, root: Path) -> Path:
+    paths = {file: root / file.name for file in weights.wanted}
+    download_files(Download(file.url, path, weights.title, file.bytes, file.sha256) for file, path in paths.items())
+    return root if weights.folder else next(iter(paths.values()))
 
 
 def _candidates(weights: Weights, folder: str | Path | None) -> Iterator[FoundWeights]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import urllib.error
 import urllib.request
 
 import pytest
 from heads import gnm_file, gnm_like
+from web import Web
 
 from carigs.cli.main import main
 from carigs.errors import InputError
@@ -18,22 +18,9 @@ from carigs.head.download import GNM_URL, fetch_head
 
 @pytest.fixture
 def server(monkeypatch, tmp_path):
-    """Stands for the network: answers with `content`, as if from `address`, or raises `error`."""
-
-    class Server:
-        content = gnm_file(tmp_path, gnm_like(0)).read_bytes()
-        address, error = GNM_URL, None
-
-        def open(self, request, timeout):
-            if self.error is not None:
-                raise self.error
-            response = io.BytesIO(self.content)
-            response.geturl = lambda: self.address
-            return response
-
-    server = Server()
-    monkeypatch.setattr(urllib.request, "urlopen", server.open)
-    return server
+    web = Web(gnm_file(tmp_path, gnm_like(0)).read_bytes())
+    monkeypatch.setattr(urllib.request, "urlopen", web.open)
+    return web
 
 
 def test_a_model_is_downloaded_with_its_checksum(server, tmp_path, capsys):

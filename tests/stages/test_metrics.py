@@ -1,9 +1,9 @@
 """Stage `metrics` on the miniature ball: images with known errors, missing truths, missing weights, bad inputs."""
 
 import json
+import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -22,14 +22,16 @@ from evaluation.tables.metric_records import REGIONS
 from evaluation.tables.summary import read_metrics
 
 GREY, DIFFERENCE = 100 / 255, 20 / 255
-NAMES = {"clip_i_cos", "clip_i_score_w2.5", "clip_d", "clip_c_adjacent", "dino_vitb8_cls"}
+CONSISTENCY = {"clip_c_adjacent", "clip_c_unedited", "clip_c_dir_edit", "clip_c_dir_motion"}
+NAMES = {"clip_i_cos", "clip_i_score_w2.5", "clip_i_image", "clip_d", *CONSISTENCY, "dino_vits16_cls"}
 
 
 @pytest.fixture(autouse=True)
 def no_weights(tmp_path, monkeypatch):
     for name in ("HF_HOME", "TORCH_HOME"):
         monkeypatch.setenv(name, str(tmp_path / name))
-    monkeypatch.delenv("HF_HUB_CACHE", raising=False)
+    for name in ("HF_HUB_CACHE", "CARIGS_WEIGHTS"):
+        monkeypatch.delenv(name, raising=False)
 
 
 @pytest.fixture
@@ -56,10 +58,13 @@ def scene(tmp_path):
         write_png(tmp_path / "frames" / f"orbit{i}.png", np.full((48, 40, 3), i / 3))
         frames.append({"timestep": 3, "camera": i, "protocol": "orbit", "file": f"orbit{i}.png", "order": 9 + i})
     (tmp_path / "frames.json").write_text(json.dumps(frames))
+    shutil.copytree(tmp_path / "frames", tmp_path / "unedited")
     (tmp_path / "truth/truth.json").write_text(json.dumps({"level": 0.25, "reason": None, "frames": truths}))
     return {
-        "frames": tmp_path / "frames", "index": tmp_path / "frames.json", "capture": tmp_path / "capture.json",
-        "path": tmp_path / "path.npz", "truth": tmp_path / "truth/truth.json", "records": tmp_path / "rows.csv",
+        "frames": tmp_path / "frames", "index": tmp_path / "frames.json",
+        "unedited_frames": tmp_path / "unedited", "unedited_index": tmp_path / "frames.json",
+        "capture": tmp_path / "capture.json", "path": tmp_path / "path.npz", "truth": tmp_path / "truth/truth.json",
+        "records": tmp_path / "rows.csv", "embeddings": str(tmp_path / "embeddings"),
         "study": "s", "subject": "ball", "variant": "v", "gamma": 0.25, "level": 0.25,
     }  # fmt: skip
 
@@ -141,12 +146,13 @@ def test_metrics_without_weights_are_null_and_say_where_to_get_them(scene):
     with pytest.warns(CarigsWarning) as warned:
         rows = [row for row in measured(scene) if row.metric in NAMES]
     assert [str(warning.message).split(":")[0] for warning in warned] == [
-        "no value of clip_i_cos, clip_i_score_w2.5, clip_d, clip_c_adjacent",
-        "no value of dino_vitb8_cls",
+        "no value of clip_i_cos, clip_i_score_w2.5, clip_i_image, clip_d, clip_c_adjacent, clip_c_unedited, "
+        "clip_c_dir_edit, clip_c_dir_motion",
+        "no value of dino_vits16_cls",
     ]
-    assert {row.metric for row in rows} == NAMES and len(rows) == len(NAMES)
+    assert {row.metric for row in rows} == NAMES and len(rows) == len(NAMES) + len(CONSISTENCY)
     for row in rows:
-        expected = "dino_vitbase8_pretrain.pth" if row.metric.startswith("dino") else "ViT-B-32.pt"
+        expected = "dino_deitsmall16_pretrain.pth" if row.metric.startswith("dino") else "ViT-B-32.pt"
         assert pd.isna(row.value) and expected in row.reason and "https://" in row.reason
     with pytest.raises(WeightsMissing, match="clip_vit_b32_openai"):
         measured(scene, strict=True)
@@ -168,28 +174,124 @@ assert not (networks | {{"huggingface_hub", "pandas"}}) & set(sys.modules)
     assert scene["records"].is_file()
 
 
-def test_with_weights_every_frame_has_its_scores(scene, monkeypatch):
+@pytest.fixture
+def tiny_networks(tmp_path, monkeypatch):
+    """One tiny network stands for CLIP and DINO; it counts the images that it embeds. The folder of its weights."""
     import open_clip
     import torch
 
-    from evaluation.metrics import embeddings
+    from evaluation.metrics import embedding_networks, embeddings
 
     torch.manual_seed(0)
     tower = {"layers": 1, "width": 32, "head_width": 32, "patch_size": 32, "image_size": 224}
     text = {"context_length": 77, "vocab_size": 49408, "width": 32, "heads": 1, "layers": 1}
     tiny = open_clip.CLIP(embed_dim=16, quick_gelu=True, vision_cfg=tower, text_cfg=text).eval()
-    monkeypatch.setattr(embeddings, "find_weights", lambda *_, **__: Path("some.pt"))
-    monkeypatch.setattr(embeddings.clip, "load_clip", lambda file: tiny)
-    monkeypatch.setattr(embeddings.dino, "load_dino", lambda file: tiny.encode_image)
+    embedded = []
+
+    def patches(network, images):
+        vectors = network(images)
+        return vectors, vectors.half()
+
+    file = tmp_path / "some.pt"
+    file.write_bytes(b"weights")
+    monkeypatch.setattr(embeddings, "find_weights", lambda *_, **__: file)
+    monkeypatch.setattr(embedding_networks.clip, "load_clip", lambda file: tiny)
+    monkeypatch.setattr(embedding_networks.dino, "load_dino", lambda file, model: tiny.encode_image)
+    monkeypatch.setattr(embedding_networks.dino, "class_and_patch_tokens", patches)
+    tiny.visual.register_forward_hook(lambda module, inputs, output: embedded.append(len(output)))
+    return embedded
+
+
+def test_with_weights_every_frame_has_its_scores(scene, tiny_networks):
     subject = Capture.load(scene["capture"])
     for frame in subject.split("test"):  # a model that does nothing: the renders are the frames themselves
         write_png(scene["frames"] / f"{frame.name}.png", subject.image(frame))
     rows = [row for row in measured(scene) if row.metric in NAMES]
-    by_name = {name: [row for row in rows if row.metric == name] for name in NAMES}
-    assert {name: len(rows) for name, rows in by_name.items()} == {name: 2 if "_c_" in name else 3 for name in NAMES}
-    assert {(row.protocol, row.camera) for row in by_name["clip_c_adjacent"]} == {("orbit", 0), ("orbit", 1)}
-    assert [row.value for row in by_name["clip_d"]] == [0, 0, 0]
-    np.testing.assert_allclose([row.value for row in by_name["dino_vitb8_cls"]], 1)
+    found = {key: [row.value for row in rows if (row.protocol, row.metric) == key]
+             for key in {(row.protocol, row.metric) for row in rows}}  # fmt: skip
+    assert {key for key in found if key[0] == "orbit"} == {("orbit", name) for name in CONSISTENCY}
+    assert {name for protocol, name in found if protocol == "test"} == NAMES
+    for name in ("dino_vits16_cls", "clip_i_image"):
+        np.testing.assert_allclose(found["test", name], [1, 1, 1])
+    assert found["test", "clip_d"] == [0, 0, 0]
+    np.testing.assert_allclose(found["test", "clip_i_score_w2.5"], 2.5 * np.maximum(found["test", "clip_i_cos"], 0))
+    # The orbit is that of level 0: it is as consistent, moves as it does, and is not edited.
+    assert found["orbit", "clip_c_adjacent"] == found["orbit", "clip_c_unedited"]
+    np.testing.assert_allclose(found["orbit", "clip_c_dir_motion"], [1, 1])
+    assert found["orbit", "clip_c_dir_edit"] == [0, 0]
+    assert [row.camera for row in rows if row.metric == "clip_c_adjacent" and row.protocol == "orbit"] == [0, 1]
+    # Each camera has one test frame alone.
+    alone = [row.reason for row in rows if row.protocol == "test" and row.metric in CONSISTENCY]
+    assert alone == ["too few frames were rendered"] * 4
+
+
+def test_an_image_is_embedded_once_for_all_metrics_levels_and_variants(scene, tiny_networks):
+    every = ("clip", "dino_vits16", "dino_vitb8", "dino_vitb8_patch_l11")
+    values = [row.value for row in measured(scene, embeddings=every)]
+    # The rendered test frames are equal, the three originals are not; the orbits of both levels are the same three.
+    different = {"test": 1 + 3, "orbit": 3}
+    assert sum(tiny_networks) == different["test"] + different["orbit"] + 2 * different["test"]
+    tiny_networks.clear()
+    scene["variant"] = "other"
+    np.testing.assert_array_equal([row.value for row in measured(scene, embeddings=every)], values)
+    assert tiny_networks == []
+    shutil.rmtree(scene["embeddings"])
+    np.testing.assert_array_equal([row.value for row in measured(scene, embeddings=every)], values)
+    assert sum(tiny_networks) == 15
+
+
+def test_consistency_of_test_frames_follows_the_timesteps_of_each_camera(scene, tiny_networks):
+    subject = Capture.load(scene["capture"])
+    frames = [{"timestep": t, "camera": c} for t in sorted({f.timestep for f in subject.frames}) for c in (2, 0)]
+    entries = []
+    for i, key in enumerate(frames):
+        write_png(scene["frames"] / f"{i}.png", np.full((48, 40, 3), 0.1 * key["timestep"] + 0.05 * key["camera"]))
+        entries.append({**key, "protocol": "test", "file": f"{i}.png", "order": i})
+    scene["index"].write_text(json.dumps(entries))
+    scene["unedited_index"] = scene["index"]
+    shutil.rmtree(scene["unedited_frames"])
+    scene["unedited_frames"] = scene["frames"]
+    rows = [row for row in measured(scene, embeddings=("clip",)) if row.metric == "clip_c_adjacent"]
+    steps = sorted({entry["timestep"] for entry in entries})
+    found = [(row.camera, row.timestep) for row in rows if row.protocol == "test"]
+    assert found == [(c, t) for c in (0, 2) for t in steps[:-1]]
+    assert [row.reason for row in rows if row.protocol == "orbit"] == ["too few frames were rendered"]
+
+
+def test_an_orbit_without_level_0_is_refused(scene, tiny_networks, tmp_path):
+    scene["unedited_index"] = tmp_path / "level_0.json"
+    scene["unedited_index"].write_text("[]")
+    with pytest.raises(InputError, match=r"orbit0\.png: this frame of the orbit was not rendered at level 0"):
+        measured(scene)
+
+
+class _Call:
+    def __reduce__(self):
+        return open, ("ran", "w")
+
+
+@pytest.mark.parametrize("strict", [True, False])
+@pytest.mark.parametrize("damage", ["truncated", "another network", "a payload", "no weights", "another checksum"])
+def test_damaged_weights_are_an_error_in_both_modes(scene, damage, strict, tmp_path, monkeypatch):
+    """An empty value would hide that a file which somebody has put there is not used."""
+    import timm
+    import torch
+
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "weights"
+    folder.mkdir()
+    file = folder / "dino_deitsmall16_pretrain.pth"
+    state = timm.create_model("test_vit", num_classes=0).state_dict()
+    torch.save({"a": _Call()} if damage == "a payload" else state, file)
+    if damage == "truncated":
+        file.write_bytes(file.read_bytes()[:-1000])
+    elif damage == "no weights":
+        file.write_bytes(b"<html>not found</html>")
+    elif damage == "another checksum":
+        (folder / f"{file.name}.sha256").write_text(f"{'0' * 64}  {file.name}\n")
+    with pytest.raises(InputError, match=rf"{file.name}: "):
+        measured(scene, weights=str(folder), embeddings=("dino_vits16",), strict=strict)
+    assert not (tmp_path / "ran").exists() and not scene["records"].exists()
 
 
 LPIPS = ("lpips_alex", "lpips_alex_3dgs")

@@ -13,6 +13,7 @@ localrules:
 rule benchmark:
     input:
         "results/benchmark/capture_index.csv",
+        "results/benchmark/metric_cost.csv",
         "results/benchmark/splat.csv",
         "results/benchmark/surface.csv",
         "results/benchmark/target.csv",
@@ -55,6 +56,22 @@ rule benchmark_capture_index:
         code=fingerprint("evaluation.benchmarks.capture_index"),
     shell:
         "python -m evaluation.benchmarks.capture_index {output.rows:q} > {log:q} 2>&1"
+
+
+rule benchmark_metric_cost:
+    output:
+        rows="results/benchmark/metric_cost.csv",
+    log:
+        "results/benchmark/log/metric_cost.log",
+    conda:
+        "../../environment.yml"
+    threads: 64  # Snakemake lowers it to --cores
+    resources:
+        mem_mb=4000,
+    params:
+        code=fingerprint("evaluation.benchmarks.metric_cost"),
+    shell:
+        "python -m evaluation.benchmarks.metric_cost {output.rows:q} > {log:q} 2>&1"
 
 
 rule benchmark_splat:

@@ -30,6 +30,8 @@ rule metrics:
         settings="results/{study}/settings/metrics/subject={subject}.yaml",
         frames="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames",
         index="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json",
+        unedited_frames="results/{study}/{subject}/gamma={gamma}/{variant}/level=0/frames",
+        unedited_index="results/{study}/{subject}/gamma={gamma}/{variant}/level=0/frames.json",
         capture="results/{study}/{subject}/capture.json",
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
         truth="results/{study}/{subject}/gamma={gamma}/truth/level={level}/truth.json",
@@ -43,6 +45,7 @@ rule metrics:
         "results/{study}/log/metrics/{subject},gamma={gamma},{variant},level={level}.log",
     conda:
         "../../environment.yml"
+    threads: lambda wildcards: section("metrics", wildcards, "subject").threads
     resources:
         mem_mb=lambda wildcards, attempt: 6000 * attempt,
     params:
@@ -52,6 +55,7 @@ rule metrics:
         variant="{variant}",
         gamma=lambda wildcards: float(wildcards.gamma),
         level=level,
+        embeddings="results/{study}/embeddings",
     script:
         "../scripts/stage.py"
 

@@ -38,16 +38,52 @@ def test_no_change_has_direction_zero_rather_than_nan():
 
 
 def test_consistency_of_identical_frames_is_one_and_the_same_backwards():
-    np.testing.assert_allclose(clip.clip_c(np.tile(unit(8), (5, 1))), 1)
+    np.testing.assert_allclose(clip.clip_c_adjacent(np.tile(unit(8), (5, 1))), 1)
     frames = unit(6, 8)
-    assert len(clip.clip_c(frames)) == 5
-    np.testing.assert_allclose(clip.clip_c(frames[::-1])[::-1], clip.clip_c(frames))
+    assert len(clip.clip_c_adjacent(frames)) == 5
+    np.testing.assert_allclose(clip.clip_c_adjacent(frames[::-1])[::-1], clip.clip_c_adjacent(frames))
 
 
 def test_consistency_follows_the_order_of_the_frames():
     angles = np.radians([0, 10, 30])
     frames = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    np.testing.assert_allclose(clip.clip_c(frames), np.cos(np.radians([10, 20])))
+    np.testing.assert_allclose(clip.clip_c_adjacent(frames), np.cos(np.radians([10, 20])))
+
+
+def test_an_edit_that_is_the_same_in_every_frame_is_consistent_in_both_directions():
+    original, shift = unit(6, 8), unit(8, seed=1)
+    edited = original + shift
+    np.testing.assert_allclose(clip.clip_c_dir_edit(edited, original), 1)
+    np.testing.assert_allclose(clip.clip_c_dir_motion(edited, original), 1)
+
+
+def test_alternating_edits_are_opposite_and_a_reversed_motion_too():
+    original, shift = unit(6, 8), unit(8, seed=1)
+    signs = np.resize([1, -1], (6, 1))
+    np.testing.assert_allclose(clip.clip_c_dir_edit(original + signs * shift, original), -1)
+    np.testing.assert_allclose(clip.clip_c_dir_motion(-original, original), -1)
+
+
+def test_directions_do_not_depend_on_the_direction_of_time_nor_on_the_size_of_the_edit():
+    original, edited = unit(6, 8), unit(6, 8, seed=2)
+    larger = original + 3 * (edited - original)
+    for consistency in (clip.clip_c_dir_edit, clip.clip_c_dir_motion):
+        forwards = consistency(edited, original)
+        np.testing.assert_allclose(consistency(edited[::-1], original[::-1])[::-1], forwards, atol=1e-12)
+    np.testing.assert_allclose(clip.clip_c_dir_edit(larger, original), clip.clip_c_dir_edit(edited, original))
+
+
+def test_frames_without_an_edit_or_a_motion_have_direction_zero_and_their_own_motion_one():
+    frames, still = unit(6, 8), np.tile(unit(8), (6, 1))
+    assert (clip.clip_c_dir_edit(frames, frames) == 0).all()
+    np.testing.assert_allclose(clip.clip_c_dir_motion(frames, frames), 1)
+    assert (clip.clip_c_dir_motion(frames, still) == 0).all()
+
+
+def test_rendered_and_original_frames_are_compared_one_by_one():
+    frames, others = unit(4, 8), unit(4, 8, seed=1)
+    np.testing.assert_allclose(clip.clip_i_image(frames, frames), 1)
+    np.testing.assert_allclose(clip.clip_i_image(frames, others), [a @ b for a, b in zip(frames, others, strict=True)])
 
 
 def test_dino_similarity_compares_frame_by_frame():

@@ -1,16 +1,14 @@
-"""The loading and embedding code, on tiny random networks of open_clip's and timm's own classes."""
+"""CLIP and DINO on tiny random networks of open_clip's and timm's own classes, and on their weights where these are."""
 
 import hashlib
-from functools import partial
 
 import numpy as np
 import pytest
 
-from carigs.capture.images import write_png
 from carigs.errors import InputError
 from evaluation.metrics import clip, dino
-from evaluation.metrics.embeddings import Embedder, clip_scores
-from evaluation.metrics.preprocessing import CLIP_STATISTICS, IMAGENET_STATISTICS, preprocess
+from evaluation.metrics.preprocessing import Preprocessing
+from evaluation.metrics.weights import find_weights, registered
 
 TINY_CLIP = {
     "embed_dim": 32,
@@ -19,19 +17,6 @@ TINY_CLIP = {
     "text_cfg": {"context_length": 77, "vocab_size": 49408, "width": 32, "heads": 2, "layers": 2},
 }
 TINY_DINO = "test_vit"  # timm's own miniature
-
-
-def prepare(size, statistics=CLIP_STATISTICS):
-    return partial(preprocess, size=size, statistics=statistics, crop="pad_square")
-
-
-@pytest.fixture(scope="module")
-def frames(tmp_path_factory):
-    folder, generator = tmp_path_factory.mktemp("frames"), np.random.default_rng(0)
-    files = [folder / f"{i}.png" for i in range(11)]
-    for file in files:
-        write_png(file, generator.random((40, 30, 3)))
-    return files
 
 
 @pytest.fixture(scope="module")
@@ -88,75 +73,96 @@ def test_weights_of_another_network_are_refused_in_one_line(tiny_clip):
     assert "not CLIP" in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_embeddings_do_not_depend_on_the_batch_and_are_made_once(tiny_clip, frames):
-    model, calls = tiny_clip[1], []
+def images(size, count=2):
+    import torch
 
-    def network(batch):
-        calls.append(len(batch))
-        return model.encode_image(batch)
-
-    together, alone = Embedder(network, prepare(64)), Embedder(network, prepare(64))
-    found = together(frames)
-    np.testing.assert_allclose(np.concatenate([alone([file]) for file in frames]), found, atol=1e-6)
-    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1)
-    calls.clear()
-    np.testing.assert_array_equal(together([*frames[::-1], *frames]), np.concatenate([found[::-1], found]))
-    assert calls == []
+    return torch.rand(count, 3, size, size, generator=torch.Generator().manual_seed(0))
 
 
-def test_scores_of_frames_that_do_nothing(tiny_clip, frames):
-    texts = clip.embed_texts(tiny_clip[1], ["a head", "a caricature of a head with a huge nose"])
-    np.testing.assert_allclose(np.linalg.norm(texts, axis=1), 1)
-    embed = Embedder(tiny_clip[1].encode_image, prepare(64))
-    scores = clip_scores(embed, texts, frames, frames, [frames[0]] * 4)
-    assert (scores["clip_d"] == 0).all()
-    np.testing.assert_allclose(scores["clip_c_adjacent"], 1)
-    np.testing.assert_allclose(scores["clip_i_score_w2.5"], 2.5 * np.maximum(scores["clip_i_cos"], 0))
-    assert {name: len(values) for name, values in scores.items()} == {
-        "clip_i_cos": 11, "clip_i_score_w2.5": 11, "clip_d": 11, "clip_c_adjacent": 3
-    }  # fmt: skip
+def test_texts_are_normalised_and_embedded_one_by_one(tiny_clip):
+    texts = ["a head", "a caricature of a head with a huge nose"]
+    together = clip.embed_texts(tiny_clip[1], texts)
+    np.testing.assert_allclose(np.linalg.norm(together, axis=1), 1)
+    np.testing.assert_allclose(
+        np.concatenate([clip.embed_texts(tiny_clip[1], [t]) for t in texts]), together, atol=1e-6
+    )
 
 
-@pytest.mark.parametrize("shape", [(80, 55), (55, 80), (64, 64), (401, 275)])
-def test_the_centre_crop_is_open_clips_own_pipeline(shape):
-    from open_clip.transform import image_transform
-    from PIL import Image
-
-    pixels = np.random.default_rng(0).integers(0, 256, (*shape, 3)).astype(np.uint8)
-    mean, deviation = CLIP_STATISTICS
-    reference = image_transform(48, is_train=False, mean=mean, std=deviation)(Image.fromarray(pixels))
-    found = preprocess(pixels / 255, 48, CLIP_STATISTICS, "center")
-    assert found.shape == reference.shape
-    assert float((found - reference).abs().max()) < 0.05
-
-
-def test_padding_keeps_all_of_a_portrait_and_fills_with_the_background():
-    image = np.zeros((80, 40, 3))
-    found = preprocess(image, 32, ((0, 0, 0), (1, 1, 1)), "pad_square", background=0.25)
-    assert found.shape == (3, 32, 32)
-    assert float(found[:, :, 10:22].abs().max()) == 0  # away from the seam
-    np.testing.assert_allclose(found[:, :, :6], 0.25, atol=1e-6)
-    np.testing.assert_allclose(found[:, :, -6:], 0.25, atol=1e-6)
-
-
-def test_a_square_image_is_not_padded():
-    image = np.random.default_rng(0).random((50, 50, 3))
-    padded, cropped = (preprocess(image, 32, CLIP_STATISTICS, crop) for crop in ("pad_square", "center"))
-    np.testing.assert_array_equal(padded, cropped)
-
-
-def test_dino_gives_the_final_class_token(tmp_path, frames):
+@pytest.fixture(scope="module")
+def tiny_dino(tmp_path_factory):
     import timm
     import torch
 
     torch.manual_seed(0)
+    file = tmp_path_factory.mktemp("weights") / "tiny.pth"
     model = timm.create_model(TINY_DINO, num_classes=0, global_pool="token").eval()
-    torch.save(model.state_dict(), tmp_path / "tiny.pth")
-    network = dino.load_dino(tmp_path / "tiny.pth", TINY_DINO)
-    batch = torch.stack(
-        [prepare(160, IMAGENET_STATISTICS)(np.random.default_rng(i).random((40, 30, 3))) for i in (0, 1)]
-    )
+    torch.save(model.state_dict(), file)
+    return file, model
+
+
+def test_dino_gives_the_final_class_token(tiny_dino):
+    import torch
+
+    file, model = tiny_dino
     with torch.inference_mode():
-        assert torch.equal(network(batch), model.forward_features(batch)[:, 0])
+        assert torch.equal(dino.load_dino(file, TINY_DINO)(images(160)), model.forward_features(images(160))[:, 0])
     with pytest.raises(InputError, match="not DINO"):
-        dino.load_dino(tmp_path / "tiny.pth", "test_vit2")
+        dino.load_dino(file, "test_vit2")
+
+
+def test_one_pass_gives_the_class_token_and_the_patches_of_the_last_block(tiny_dino):
+    import torch
+
+    file, model = tiny_dino
+    seen = {}
+    model.blocks[-1].register_forward_hook(lambda module, inputs, output: seen.update(last=output))
+    with torch.inference_mode():
+        tokens, patches = dino.class_and_patch_tokens(model, images(160))
+        torch.testing.assert_close(tokens, dino.load_dino(file, TINY_DINO)(images(160)))
+    expected = torch.nn.functional.normalize(seen["last"][:, 1:], dim=2)  # without the class token
+    torch.testing.assert_close(patches.float().reshape(expected.shape), expected, atol=1e-3, rtol=0)
+
+
+def test_the_cosine_of_patch_features_is_the_mean_cosine_of_the_patches(tiny_dino):
+    import torch
+
+    with torch.inference_mode():
+        _, patches = dino.class_and_patch_tokens(tiny_dino[1], images(160))
+    features = patches.double().numpy()
+    count = (160 // tiny_dino[1].patch_embed.patch_size[0]) ** 2
+    first, second = features.reshape(2, count, -1)
+    unit = features / np.linalg.norm(features, axis=1, keepdims=True)
+    similarity = dino.dino_similarity(unit[:1], unit[1:])
+    np.testing.assert_allclose(similarity, (first * second).sum(axis=1).mean(), atol=1e-3)
+
+
+@pytest.mark.weights
+def test_openais_weights_order_prompts_as_they_should():
+    """An image of a red square is nearest to the prompt that says so."""
+    import torch
+
+    model = clip.load_clip(find_weights(registered(clip.WEIGHTS), None))
+    prepare = Preprocessing(*clip.STATISTICS)
+    colours = {"red": (255, 0, 0), "green": (0, 160, 0), "blue": (0, 0, 255)}
+    squares = [np.broadcast_to(np.uint8(colour), (300, 200, 3)) for colour in colours.values()]
+    with torch.inference_mode():
+        embedded = model.encode_image(torch.stack([prepare(square) for square in squares]), normalize=True).numpy()
+    cosines = embedded @ clip.embed_texts(model, [f"a plain {name} square" for name in colours]).T
+    assert (cosines.argmax(axis=1) == [0, 1, 2]).all()
+    assert 0.15 < cosines.min() < cosines.max() < 0.4  # cosines of images and texts; wrong features leave this range
+
+
+@pytest.mark.weights
+@pytest.mark.parametrize("name", dino.MODELS)
+def test_dinos_weights_see_a_moved_object_as_similar_and_another_one_as_different(name):
+    import torch
+
+    network = dino.load_dino(find_weights(registered(name), None), dino.MODELS[name])
+    prepare = Preprocessing(*dino.STATISTICS)
+    y, x = np.mgrid[:224, :224]
+    disc = [(x - cx) ** 2 + (y - 112) ** 2 < 50**2 for cx in (100, 124)]
+    stripes = (x // 14) % 2 == 0
+    pictures = [np.where(mask[..., None], np.uint8([200, 60, 40]), np.uint8(255)) for mask in (*disc, stripes)]
+    with torch.inference_mode():
+        a, moved, other = torch.nn.functional.normalize(network(torch.stack([prepare(p) for p in pictures])))
+    assert a @ moved > a @ other + 0.1

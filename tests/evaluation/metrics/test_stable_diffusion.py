@@ -154,7 +154,7 @@ def test_loading_gives_the_saved_networks_the_schedule_and_the_empty_prompt(tiny
     model = load_diffusion_model(tiny)
     np.testing.assert_allclose(model.alphas_cumprod, SCHEDULE, rtol=1e-4)
     tokens = torch.tensor([[0, 1, 1, 1, 1, 1, 1]])  # start, end, padding
-    image = np.random.default_rng(0).random((512, 512, 3)).astype(np.float32)
+    image = np.random.default_rng(0).integers(0, 256, (512, 512, 3)).astype(np.uint8)
     with torch.inference_mode():
         prompt = CLIPTextModel.from_pretrained(tiny / "text_encoder").eval()(tokens).last_hidden_state
         torch.testing.assert_close(model.prompt, prompt)
@@ -163,14 +163,14 @@ def test_loading_gives_the_saved_networks_the_schedule_and_the_empty_prompt(tiny
         expected = unet(noisy, 300, encoder_hidden_states=prompt.repeat(2, 1, 1)).sample
         torch.testing.assert_close(model.predict_noise(noisy, 300), expected)
         vae = AutoencoderKL.from_pretrained(tiny / "vae", low_cpu_mem_usage=False).eval()
-        mean = vae.encode(2 * torch.from_numpy(image).permute(2, 0, 1)[None] - 1).latent_dist.mean[0]
+        mean = vae.encode(torch.from_numpy(image).permute(2, 0, 1)[None] / 127.5 - 1).latent_dist.mean[0]
     torch.testing.assert_close(model.encode(image), 0.25 * (mean - 0.5), atol=1e-4, rtol=1e-4)
 
 
 @pytest.mark.slow
 def test_the_score_of_an_image_does_not_depend_on_the_batch(tiny):
     model = load_diffusion_model(tiny)
-    images = [np.random.default_rng(seed).random((90, 60, 3)) for seed in range(2)]
+    images = [np.random.default_rng(seed).integers(0, 256, (90, 60, 3)).astype(np.uint8) for seed in range(2)]
     latents = torch.stack([model.encode(image) for image in images])
     together = sd_score(model.predict_noise, latents, (20, 980), (0, 1), model.alphas_cumprod)
     alone = [sd_score(model.predict_noise, z[None], (20, 980), (0, 1), model.alphas_cumprod)[0] for z in latents]
