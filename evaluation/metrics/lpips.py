@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 from carigs.errors import InputError, WeightsMissing
 from carigs.readers.weights import read_weights
 from carigs.settings import Metrics
-from evaluation.metrics.device import torch_device
+from evaluation.metrics.device import set_up_torch
 from evaluation.metrics.weights import find_weights, registered
 
 if TYPE_CHECKING:
@@ -148,7 +148,7 @@ def load_lpips_metrics(settings: Metrics) -> tuple[dict[str, torch.nn.Module], d
                 raise
             reasons[metric] = str(error)
         else:
-            networks[metric] = load_lpips(trunk, file).to(torch_device())
+            networks[metric] = load_lpips(trunk, file).to(set_up_torch(settings.threads))
     return networks, reasons
 
 

@@ -14,7 +14,7 @@ from carigs.capture.frame_index import RenderedImage
 from carigs.capture.images import read_rgb8
 from carigs.errors import WeightsMissing
 from carigs.settings import Metrics
-from evaluation.metrics.device import torch_device
+from evaluation.metrics.device import set_up_torch
 from evaluation.metrics.diffusion_model import load_diffusion_model
 from evaluation.metrics.weights import find_weights, registered
 from evaluation.tables.metric_records import MetricRecord, StudyPoint, metric_record
@@ -110,7 +110,7 @@ def _scores(
     import torch
 
     folder = find_weights(registered(name), settings.weights, download=settings.download)
-    model = load_diffusion_model(folder, torch_device())
+    model = load_diffusion_model(folder, set_up_torch(settings.threads))
     batches = [frames[i : i + BATCH] for i in range(0, len(frames), BATCH)]
     scores = []
     for batch in track(batches, description=f"SD score, {name}", disable=len(batches) < 2):

@@ -333,7 +333,7 @@ def test_the_sd_score_and_identity_are_null_with_a_reason_where_they_cannot_be_c
     assert len(warned) == 2 and all(pd.isna(row.value) for row in rows.values())
     assert "stable-diffusion-v1-5" in rows["sd_1.5"].reason and "Open RAIL-M" in rows["sd_1.5"].reason
     assert rows["identity_cos"].reason == rows["identity_distance"].reason == "the head model has no landmarks"
-    with pytest.raises(WeightsMissing, match="stable_diffusion_1.5"):
+    with pytest.raises(WeightsMissing, match="no stable_diffusion_1"):
         measured(scene, embeddings=(), diffusion=("sd_1.5",), strict=True)
 
 
