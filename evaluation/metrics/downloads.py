@@ -16,6 +16,10 @@ from carigs.readers.weights import MAX_WEIGHTS_BYTES
 from evaluation.metrics.checksums import check_file, file_checksum, keep_checksum
 
 
+SECONDS_TO_WAIT = 6 * 3600.0
+"""For another process that downloads the same file: jobs of a study start at the same time."""
+
+
 class Download(NamedTuple):
     """A file to download."""
 
@@ -40,7 +44,7 @@ def download_files(files: Iterable[Download]) -> None:
 
     Raises:
         InputError: A file cannot be downloaded, or has another size or checksum than it should.
-        CarigsError: Another process downloads the same file.
+        CarigsError: Another process has been downloading the same file for hours.
     """
     columns = (BarColumn(), DownloadColumn(), TransferSpeedColumn(), TimeRemainingColumn())
     console = Console(stderr=True)
@@ -48,7 +52,7 @@ def download_files(files: Iterable[Download]) -> None:
     with Progress(TextColumn("{task.description}"), *columns, console=console, disable=off) as progress:
         for file in files:
             file.path.parent.mkdir(parents=True, exist_ok=True)
-            with job_lock(file.path.with_name(f".{file.path.name}.lock"), seconds=0):
+            with job_lock(file.path.with_name(f".{file.path.name}.lock"), SECONDS_TO_WAIT):
                 if not file.path.is_file():
                     _download(file, progress)
 
