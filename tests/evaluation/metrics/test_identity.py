@@ -94,7 +94,8 @@ def test_faces_are_aligned_by_the_caricature_and_those_that_look_away_are_left_o
         same = np.abs(exaggerated(pixels, frame) - natural(subject.image(frame), frame))
         other = np.abs(natural(pixels, frame) - natural(subject.image(frame), frame))
         assert same.mean() < 0.2 * other.mean()
-        assert by_camera[frame.camera, "identity_cos"].value > 0.95
+        (misaligned,), _ = identity_scores(natural(pixels, frame)[None], person_faces(natural))
+        assert by_camera[frame.camera, "identity_cos"].value > misaligned
 
 
 def test_the_face_turns_with_the_head_and_the_camera(ball):
