@@ -107,9 +107,9 @@ def sd_records(
 def _scores(
     name: str, frames: Sequence[RenderedImage], background: float, settings: Metrics
 ) -> Float[np.ndarray, " n"]:
+    folder = find_weights(registered(name), settings.weights, download=settings.download)
     import torch
 
-    folder = find_weights(registered(name), settings.weights, download=settings.download)
     model = load_diffusion_model(folder, set_up_torch(settings.threads))
     batches = [frames[i : i + BATCH] for i in range(0, len(frames), BATCH)]
     scores = []
