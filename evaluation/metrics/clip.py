@@ -148,7 +148,7 @@ def clip_c_dir_motion(
     return _direction_cosine(np.diff(edited, axis=0), np.diff(original, axis=0))
 
 
-def _direction_cosine(a: Float[np.ndarray, "n d"], b: Float[np.ndarray, "*n d"]) -> Float[np.ndarray, " n"]:
+def _direction_cosine(a: Float[np.ndarray, "n d"], b: Float[np.ndarray, "*broadcast d"]) -> Float[np.ndarray, " n"]:
     """Cosine of differences of embeddings; 0 where there is none."""
     length = np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1)
     return np.where(length > 1e-9, (a * b).sum(axis=-1) / np.maximum(length, 1e-9), 0.0)
