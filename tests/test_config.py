@@ -39,8 +39,16 @@ from carigs.gtstar import MaskFlag
 from carigs.settings import DEFAULT_MASK_FLAGS, MASK_FLAGS, STAGES, Config, Train, reference
 from carigs.settings.option import option_of, walk
 from evaluation.metrics.embeddings import EMBEDDINGS
+from evaluation.metrics.lpips import LPIPS_METRICS
 from evaluation.metrics.preprocessing import CROPS
+from evaluation.metrics.stable_diffusion import MODELS
 
+METRIC_CHOICES = {
+    "embeddings": EMBEDDINGS,
+    "lpips": tuple(LPIPS_METRICS),
+    "diffusion": tuple(MODELS),
+    "crop": CROPS,
+}
 ROOT = Path(__file__).parents[1]
 RULES = ROOT / "workflow/rules"
 OPTIONS = {key: f for key, _, f in walk(Config)}
@@ -192,8 +200,8 @@ def test_mask_flags_of_the_settings_are_those_of_the_method():
 
 
 def test_choices_of_the_metrics_are_those_of_the_evaluation():
-    choices = {name: option_of(OPTIONS[f"metrics.{name}"]).choices for name in ("embeddings", "crop")}
-    assert choices == {"embeddings": EMBEDDINGS, "crop": CROPS}
+    choices = {name: option_of(OPTIONS[f"metrics.{name}"]).choices for name in METRIC_CHOICES}
+    assert choices == METRIC_CHOICES
 
 
 def test_targets_are_made_once_for_all_variants_with_the_same_settings():

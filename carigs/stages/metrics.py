@@ -1,4 +1,4 @@
-"""Stage `metrics`: rendered frames against the truth and against each other, and CLIP-I, CLIP-D, CLIP-C and DINO."""
+"""Stage `metrics`: rendered frames against the truth and against each other, and by networks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from carigs.errors import CarigsWarning
 from carigs.head import read_subject_path
 from carigs.settings import Metrics
 from evaluation.metrics.embeddings import embedding_records, embedding_weights
+from evaluation.metrics.identity import identity_records
 from evaluation.metrics.image_records import image_records
+from evaluation.metrics.stable_diffusion import sd_records
 from evaluation.tables.frame_records import read_frame_records
 from evaluation.tables.metric_records import MetricRecord, StudyPoint, write_metrics
 
@@ -67,9 +69,12 @@ def metrics(
     point = StudyPoint(study, subject, variant, gamma, level, person.split_rule)
     caricature = read_subject_path(path, person.model).at(level)
     measured = read_frame_records(geometry, point)
-    measured += image_records(point, rendered, truths, person, caricature, band=settings.silhouette_band)
+    measured += image_records(point, rendered, truths, person, caricature, settings)
     unedited = read_frame_index(unedited_index, unedited_frames)
     measured += embedding_records(point, rendered, unedited, person, settings, weights, Path(embeddings))
+    measured += sd_records(point, rendered, person, settings)
+    if settings.identity:
+        measured += identity_records(point, rendered, person, caricature, settings)
     write_metrics(records, measured)
     _warn_of_empty_metrics(measured)
 

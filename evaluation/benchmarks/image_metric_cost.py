@@ -42,7 +42,7 @@ SMALL = Toy(width=48, height=64, cameras=2, steps_per_sequence=1, supersampling=
 """Only head model and parameters of this subject are used."""
 PARTS: dict[str, Callable[[list[FrameView], SurfaceRegions], Iterable[MetricRecord]]] = {
     "PSNR and SSIM by region": lambda views, surface: (
-        record for view in views for record in truth_records(POINT, view, surface, band=BAND)
+        record for view in views for record in truth_records(POINT, view, surface, {}, band=BAND)
     ),
     "sharpness": lambda views, surface: (
         record for view in views for record in sharpness_records(POINT, view, surface, margin=BAND)

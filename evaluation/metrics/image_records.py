@@ -1,4 +1,4 @@
-"""Metrics of rendered images that need no network: against the truth, sharpness, photo-consistency, flicker."""
+"""Metrics of rendered images alone: against the truth, sharpness, photo-consistency, flicker."""
 
 from __future__ import annotations
 
@@ -11,9 +11,11 @@ from carigs.capture import Capture
 from carigs.capture.frame_index import GroundTruth, RenderedImage
 from carigs.exaggeration import Caricature
 from carigs.head import neutral
+from carigs.settings import Metrics
 from evaluation.metrics.against_truth import truth_records
 from evaluation.metrics.frame_views import frame_views
 from evaluation.metrics.image_quality import IMAGE_METRICS
+from evaluation.metrics.lpips import LPIPS_REGIONS, load_lpips_metrics
 from evaluation.metrics.photo_consistency import TRUE_CONSISTENCY, consistency_records, flicker_records
 from evaluation.metrics.regions import surface_regions
 from evaluation.metrics.sharpness import sharpness_records
@@ -26,8 +28,7 @@ def image_records(
     truths: GroundTruth,
     subject: Capture,
     caricature: Caricature,
-    *,
-    band: int,
+    settings: Metrics,
 ) -> Iterator[MetricRecord]:
     """Measure all frames; every image is read once, and the mesh is rasterised once per timestep and camera.
 
@@ -37,20 +38,29 @@ def image_records(
         truths: True images, or the reason why there are none.
         subject: The capture.
         caricature: Caricature at the rendered level.
-        band: Half width of the silhouette region in pixels.
+        settings: Settings of the stage `metrics`.
 
     Yields:
         One record per frame, region and metric; without a value where it cannot be measured.
 
     Raises:
-        InputError: An image has another size than its camera, or the capture lacks the original of a frame.
+        InputError: An image has another size than its camera, the capture lacks the original of a frame, or the weights
+            of LPIPS are not those of the registry.
+        WeightsMissing: Weights of LPIPS are missing and `settings.strict` is set.
     """
     if not rendered:
         return
     parameters = subject.parameters(next(iter(subject.parameter_files)))
     surface = surface_regions(subject.model, neutral(subject.model, parameters))
+    networks: dict = {}
+    band = settings.silhouette_band
     if truths.reason is not None:
-        yield from _without_truth(point, rendered, truths.reason)
+        yield from _without_truth(point, rendered, settings.lpips, truths.reason)
+    else:
+        networks, missing = load_lpips_metrics(settings)
+        protocols = sorted({frame.protocol for frame in rendered} - {"orbit"})
+        for protocol, region, (metric, reason) in product(protocols, LPIPS_REGIONS, missing.items()):
+            yield metric_record(point, protocol, (None, None), region, metric, None, reason)
     followed = track(rendered, description="measuring images", disable=len(rendered) < 10)
     views = frame_views(followed, truths, subject, caricature)
     for protocol, frames in groupby(views, key=lambda view: view.rendered.protocol):
@@ -61,16 +71,18 @@ def image_records(
             cameras = list(timestep)
             for view in cameras:
                 if truths.reason is None:
-                    yield from truth_records(point, view, surface, band=band)
+                    yield from truth_records(point, view, surface, networks, band=band)
                 yield from sharpness_records(point, view, surface, margin=band)
             if protocol == "test":
                 yield from consistency_records(point, cameras, surface)
 
 
-def _without_truth(point: StudyPoint, rendered: Sequence[RenderedImage], reason: str) -> Iterator[MetricRecord]:
+def _without_truth(
+    point: StudyPoint, rendered: Sequence[RenderedImage], lpips: Sequence[str], reason: str
+) -> Iterator[MetricRecord]:
     """Records without a value of everything that needs true images."""
     protocols = sorted({frame.protocol for frame in rendered} - {"orbit"})
-    regions = [*product(REGIONS, IMAGE_METRICS), ("full", "sharpness")]
+    regions = [*product(REGIONS, IMAGE_METRICS), *product(LPIPS_REGIONS, lpips), ("full", "sharpness")]
     for protocol, (region, metric) in product(protocols, regions):
         yield metric_record(point, protocol, (None, None), region, metric, None, reason)
     if "test" in protocols:

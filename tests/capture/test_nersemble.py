@@ -80,7 +80,7 @@ def test_from_capture_to_table(data, tmp_path, monkeypatch):
         [
             "study=nersemble", "study.subjects=[nersemble_074]", "study.variants=[alternating,surfhead]",
             "study.levels=[0,0.25]", "train.iterations=40", "train.sh_degree=0", "train.hair_layers=1",
-            "render.orbit_frames=2", "metrics.embeddings=[]",
+            "render.orbit_frames=2", "metrics.embeddings=[]", "metrics.lpips=[]",
         ]
     )  # fmt: skip
     project.make("table", hydra=hydra)

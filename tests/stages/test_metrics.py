@@ -78,8 +78,8 @@ def scene(tmp_path):
     }  # fmt: skip
 
 
-def measured(scene, **settings):
-    metrics(Metrics(**settings), **scene)
+def measured(scene, lpips=(), **settings):
+    metrics(Metrics(lpips=lpips, **settings), **scene)
     return list(read_metrics([scene["records"]]).itertuples())
 
 
@@ -250,9 +250,11 @@ import sys, json
 from pathlib import Path
 from carigs.settings import Metrics
 from carigs.stages.metrics import metrics
-metrics(Metrics(), **{{key: Path(value) if isinstance(value, str) and "/" in value else value
+settings = Metrics(lpips=("lpips_vgg",), diffusion=("sd_1.5",), identity=True)
+metrics(settings, **{{key: Path(value) if isinstance(value, str) and "/" in value else value
                       for key, value in json.loads({json.dumps(json.dumps(scene, default=str))}).items()}})
-assert not {{"torch", "open_clip", "timm", "huggingface_hub", "pandas"}} & set(sys.modules)
+networks = {{"torch", "torchvision", "torchmetrics", "open_clip", "timm", "diffusers", "transformers", "dlib"}}
+assert not (networks | {{"huggingface_hub", "pandas"}}) & set(sys.modules)
 """
     subprocess.run([sys.executable, "-c", code], check=True)
     assert scene["records"].is_file()
@@ -378,9 +380,54 @@ def test_damaged_weights_are_an_error_in_both_modes(scene, damage, strict, tmp_p
     assert not (tmp_path / "ran").exists() and not scene["records"].exists()
 
 
+LPIPS = ("lpips_alex", "lpips_alex_3dgs")
+
+
+@pytest.mark.slow
+def test_lpips_is_measured_over_image_and_head_of_every_frame(scene, tmp_path, monkeypatch):
+    import torch
+    from torchvision.models import alexnet
+
+    from evaluation.metrics import lpips
+
+    torch.manual_seed(0)
+    torch.save(alexnet(weights=None).state_dict(), tmp_path / "random.pth")
+    monkeypatch.setattr(lpips, "find_weights", lambda *_, **__: tmp_path / "random.pth")
+    rows = [row for row in measured(scene, LPIPS, embeddings=()) if row.metric in LPIPS]
+    keys = {(row.protocol, row.camera, row.timestep, row.region, row.metric) for row in rows}
+    assert len(keys) == len(rows) == 4 * 2 * 2 and {row.region for row in rows} == {"full", "head"}
+    assert all(row.value > 0 for row in rows)
+
+
+def test_lpips_without_weights_or_truth_is_null_with_its_reason(scene):
+    with pytest.warns(CarigsWarning, match="no value of lpips_alex, lpips_alex_3dgs: .*alexnet-owt-7be5be79.pth"):
+        rows = [row for row in measured(scene, LPIPS, embeddings=()) if row.metric in LPIPS]
+    assert {(row.protocol, row.region) for row in rows} == {(p, r) for p in ("test", "val") for r in ("full", "head")}
+    assert all(pd.isna(row.value) and "licence" in row.reason for row in rows) and len(rows) == 8
+    with pytest.raises(WeightsMissing, match="alexnet"):
+        measured(scene, LPIPS, embeddings=(), strict=True)
+    edit(scene["truth"], lambda content: content.update(reason="no true caricature here", frames=[]))
+    with pytest.warns(CarigsWarning):
+        rows = [row for row in measured(scene, LPIPS, embeddings=()) if row.metric in LPIPS]
+    assert {row.reason for row in rows} == {"no true caricature here"} and len(rows) == 8
+
+
+def test_the_sd_score_and_identity_are_null_with_a_reason_where_they_cannot_be_computed(scene):
+    with pytest.warns(CarigsWarning) as warned:
+        rows = measured(scene, embeddings=(), diffusion=("sd_1.5",), identity=True)
+    rows = {row.metric: row for row in rows if row.metric.startswith(("sd", "identity"))}
+    assert len(warned) == 2 and all(pd.isna(row.value) for row in rows.values())
+    assert "stable-diffusion-v1-5" in rows["sd_1.5"].reason and "Open RAIL-M" in rows["sd_1.5"].reason
+    assert rows["identity_cos"].reason == rows["identity_distance"].reason == "the head model has no landmarks"
+    with pytest.raises(WeightsMissing, match="no stable_diffusion_1"):
+        measured(scene, embeddings=(), diffusion=("sd_1.5",), strict=True)
+
+
 @pytest.mark.parametrize(
     ("settings", "says"),
     [
+        ({"diffusion": ("sd_3",)}, "sd_3 is unknown"),
+        ({"lpips": ("lpips",)}, "lpips is unknown"),
         ({"embeddings": ("vgg",)}, "vgg is unknown"),
         ({"crop": "left"}, "crop=left"),
         ({"silhouette_band": 0}, "silhouette_band=0 must lie"),
@@ -394,7 +441,7 @@ def test_settings_without_meaning_are_refused_before_any_work(scene, settings, s
 def test_broken_inputs_are_named_and_leave_nothing_behind(scene):
     def refuses(says):
         with pytest.raises(InputError, match=says):
-            metrics(Metrics(), **scene)
+            metrics(Metrics(lpips=()), **scene)
         assert not scene["records"].exists()
 
     some = next(scene["frames"].glob("0*.png"))

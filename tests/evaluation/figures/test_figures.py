@@ -114,21 +114,24 @@ def study(tmp_path_factory):
                             "image": f"{frame.name}.png", "mask": f"{frame.name}_mask.png"})  # fmt: skip
         (place / "truth.json").write_text(json.dumps({"level": level, "reason": reason, "frames": entries}))
         keywords["truths"].append(place / "truth.json")
-    return folder, {**keywords, "capture": folder / "capture.json", "gtstar": {}, "mask_flags": DEFAULT_MASK_FLAGS}
+    others = {"avatar": None, "gtstar": {}, "mask_flags": DEFAULT_MASK_FLAGS}
+    return folder, {**keywords, "capture": folder / "capture.json", **others}
 
 
-def test_a_given_caricature_gets_its_strips_and_says_why_there_is_no_blend_error(study):
+def left_out(folder):
+    """Reasons by figure."""
+    return dict(line.split(": ", 1) for line in (folder / "left_out.txt").read_text().splitlines())
+
+
+def test_a_given_caricature_gets_its_strips_and_says_why_there_is_nothing_solved(study):
     folder, keywords = study
     figures(Figures(image_height=96), **keywords, path=folder / "given.npz", folder=folder / "given")
-    names = {file.name for file in (folder / "given").iterdir()}
-    assert names == {
-        "gamma_strip_alternating.png",
-        "gamma_strip_surfhead.png",
-        "ablation.png",
-        "blend_error.txt",
-        "misregistration.txt",
-    }
-    assert "from a file" in (folder / "given/blend_error.txt").read_text()
+    reasons = left_out(folder / "given")
+    drawn = {file.stem for file in (folder / "given").glob("*.png")}
+    assert drawn == {"gamma_strip_alternating", "gamma_strip_surfhead", "ablation", "renderings"}
+    assert set(reasons) == {"alternation", "hair_mask", "local_edits", "blend_error", "misregistration"}
+    assert "gtstar_only" in reasons["alternation"] and "no_hair_mask" in reasons["hair_mask"]
+    assert "from a file" in reasons["blend_error"]
     # alternating | surfhead | truth against alternating | truth | error
     assert (
         read_rgb(folder / "given/ablation.png").shape[1] == read_rgb(folder / "given/gamma_strip_surfhead.png").shape[1]
@@ -149,12 +152,16 @@ def test_a_solved_path_gets_its_blend_error_unless_solving_again_gives_another(s
     few = Figures(image_height=96, blend_error_samples=5)
     told = {**solved.report, "settings": {"limit_cavities": False}}
     GammaPath(solved.levels, solved.displacements, solved.faces, solved.neutral, told).save(folder / "told.npz")
-    figures(few, **keywords, path=folder / "told.npz", folder=folder / "told")
-    assert {"blend_error.png", "blend_error.csv"} < {file.name for file in (folder / "told").iterdir()}
+    for name in ("told", "told_again"):
+        figures(few, **keywords, path=folder / "told.npz", folder=folder / name)
+    assert "blend_error" not in left_out(folder / "told")
+    for ending in ("png", "pdf", "csv"):
+        first, second = (folder / name / f"blend_error.{ending}" for name in ("told", "told_again"))
+        assert first.read_bytes() == second.read_bytes()
     wrong = {**solved.report, "settings": {"limit_cavities": False, "curvature_floor": 3.0}}
     GammaPath(solved.levels, solved.displacements, solved.faces, solved.neutral, wrong).save(folder / "wrong.npz")
     figures(few, **keywords, path=folder / "wrong.npz", folder=folder / "wrong")
-    assert "Solving again gives another" in (folder / "wrong/blend_error.txt").read_text()
+    assert "solving again gives another" in left_out(folder / "wrong")["blend_error"]
 
 
 def hair_masked(records):

@@ -1,0 +1,137 @@
+"""Stable Diffusion as a denoiser of images: autoencoder, U-Net, noise schedule, and an embedded empty prompt."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from carigs.errors import InputError, WeightsMissing
+from evaluation.metrics.preprocessing import Preprocessing
+from evaluation.metrics.weights import registered, work_offline
+
+if TYPE_CHECKING:
+    import torch
+
+IMAGE_SIZE = 512
+"""Height and width of the network's images in pixels."""
+HALVES = (0.5, 0.5, 0.5)  # mean and deviation that take [0, 1] to [-1, 1]
+
+
+@dataclass(frozen=True)
+class DiffusionModel:
+    """A Stable Diffusion model for the empty prompt and without guidance."""
+
+    vae: Any
+    unet: Any
+    prompt: torch.Tensor
+    """Embedding of the empty prompt (1, tokens, d)."""
+    alphas_cumprod: Float[np.ndarray, " s"]
+    """Share of the image in the variance at each timestep."""
+    prediction_type: str
+    """`epsilon` if the network predicts the noise, `v_prediction` if it predicts sqrt(a) eps - sqrt(1 - a) z."""
+
+    def encode(self, image: UInt8[np.ndarray, "h w 3"], background: int = 255) -> torch.Tensor:
+        """Encode an image, padded to a square and scaled to `IMAGE_SIZE`.
+
+        Args:
+            image: RGB values from 0 to 255.
+            background: Grey value of the padding, from 0 to 255.
+
+        Returns:
+            Mode of the autoencoder's distribution, shifted and scaled as its configuration says (c, h, w).
+        """
+        import torch
+
+        pixels = Preprocessing(HALVES, HALVES, "pad_square", background, IMAGE_SIZE)(image)
+        with torch.inference_mode():
+            latent = self.vae.encode(pixels[None].to(self.prompt.device)).latent_dist.mode()[0]
+        return (latent - (self.vae.config.shift_factor or 0)) * self.vae.config.scaling_factor
+
+    def predict_noise(self, noisy: torch.Tensor, timestep: int) -> torch.Tensor:
+        """Predict the noise in noisy latents.
+
+        Args:
+            noisy: x_t = sqrt(a) z + sqrt(1 - a) eps (b, c, h, w).
+            timestep: Timestep t.
+
+        Returns:
+            Prediction of eps (b, c, h, w).
+        """
+        import torch
+
+        with torch.inference_mode():
+            prompts = self.prompt.expand(len(noisy), -1, -1)
+            output = self.unet(noisy, timestep, encoder_hidden_states=prompts).sample
+        if self.prediction_type == "epsilon":
+            return output
+        share = float(self.alphas_cumprod[timestep])
+        return share**0.5 * output + (1 - share) ** 0.5 * noisy
+
+
+def load_diffusion_model(folder: Path, device: str = "cpu") -> DiffusionModel:
+    """Load a Stable Diffusion model in float32: safetensors and tables, no code.
+
+    Args:
+        folder: Model in the layout of diffusers, with the files that the registry of weights lists.
+        device: PyTorch's name of the device to compute on.
+
+    Returns:
+        The model.
+
+    Raises:
+        WeightsMissing: diffusers is not installed.
+        InputError: A file is missing or cannot be read, parameters are missing, or the network predicts neither noise
+            nor v.
+    """
+    for file in registered("stable_diffusion_1.5").files:
+        if not (folder / file.name).is_file():
+            raise InputError(f"has no file {file.name}", file=folder)
+    work_offline()
+    import torch
+
+    try:
+        from diffusers import AutoencoderKL, DDPMScheduler, UNet2DConditionModel
+        from transformers import CLIPTextModel, CLIPTokenizer
+    except ImportError as error:
+        raise WeightsMissing(f"{error.name} is not installed: pip install 'carigs[diffusion]'") from error
+
+    unet = _load(UNet2DConditionModel, folder / "unet", low_cpu_mem_usage=False)
+    vae = _load(AutoencoderKL, folder / "vae", low_cpu_mem_usage=False)
+    text_encoder = _load(CLIPTextModel, folder / "text_encoder")
+    try:
+        scheduler = DDPMScheduler.from_pretrained(folder / "scheduler", local_files_only=True)
+        tokenizer = CLIPTokenizer.from_pretrained(folder / "tokenizer", local_files_only=True)
+        length = text_encoder.config.max_position_embeddings
+        tokens = tokenizer("", padding="max_length", max_length=length, return_tensors="pt").input_ids
+        with torch.inference_mode():
+            prompt = text_encoder(tokens).last_hidden_state
+    except Exception as error:  # a damaged file can fail anywhere
+        raise _unreadable(folder, error) from error
+    kind = scheduler.config.prediction_type
+    if kind not in ("epsilon", "v_prediction"):
+        problem = f"{kind} is unknown; the network must predict epsilon or v_prediction"
+        raise InputError(problem, file=folder / "scheduler/scheduler_config.json", field="prediction_type")
+    alphas_cumprod = scheduler.alphas_cumprod.double().numpy()
+    return DiffusionModel(vae.to(device), unet.to(device), prompt.to(device), alphas_cumprod, kind)
+
+
+def _load(network: Any, folder: Path, **options: Any) -> torch.nn.Module:
+    try:
+        model, report = network.from_pretrained(
+            folder, local_files_only=True, use_safetensors=True, output_loading_info=True, **options
+        )
+    except Exception as error:  # a damaged file can fail anywhere
+        raise _unreadable(folder, error) from error
+    missing = sorted(report["missing_keys"])  # the libraries fill these with random numbers
+    if missing:
+        raise InputError(f"{len(missing)} parameters are missing, such as {missing[0]}", file=folder)
+    return model.float().eval()
+
+
+def _unreadable(folder: Path, error: Exception) -> InputError:
+    problem = " ".join(str(error).split())[:160]
+    return InputError(f"not a readable part of Stable Diffusion ({type(error).__name__}: {problem})", file=folder)
