@@ -1,7 +1,8 @@
-"""Time and memory of the index of a large capture.
+"""Time and memory of the index of a large capture, and memory of a training on it.
 
 The capture is synthetic: 2000 timesteps x 16 cameras, a head with 2562 vertices, images of one colour that are links to
-one file. Each quantity is measured in a process of its own.
+one file: tiny ones for the index, 550 x 802 pixels for the training. The training is on real frames alone and long
+enough to fill its cache of images. Each quantity is measured in a process of its own.
 
 Example:
     python -m evaluation.benchmarks.capture_index results/benchmark/capture_index.csv
@@ -25,7 +26,9 @@ from evaluation.benchmarks.timing import Measurement, run_in_fresh_process, writ
 from evaluation.command_line import csv_parser, run
 
 SIZE = (16, 24)
+TRAINING_SIZE = (550, 802)
 TIMESTEPS, CAMERAS, SEQUENCES = 2000, 16, 10
+ITERATIONS = 2500  # 2 GiB, the limit of the cache, hold 1623 images
 MEASURE = """
 import json, re
 from pathlib import Path
@@ -45,24 +48,37 @@ WORKS = {
     "load the index": "Capture.load(folder / 'capture.json')",
     "digest": "dataset_digest(folder, folder / 'head_model.npz')",
 }
+TRAINING = """
+from carigs.settings import Exaggerate, Train
+from carigs.stages.exaggerate import exaggerate
+from carigs.stages.train import train
+capture, path = folder / "capture.json", folder / "path.npz"
+read_dataset(folder, folder / 'head_model.npz').save(capture)
+exaggerate(Exaggerate(), capture=capture, path=path)
+outputs = dict(avatar=folder / "avatar.npz", ply=folder / "avatar.ply", log=folder / "log.csv")
+train(Train(iterations={iterations}, gtstar_probability=0), capture=capture, path=path, targets=None, **outputs)
+"""
 
 
-def write_large_capture(folder: Path, timesteps: int = TIMESTEPS, cameras: int = CAMERAS) -> None:
-    """Write a capture of many tiny images.
+def write_large_capture(
+    folder: Path, timesteps: int = TIMESTEPS, cameras: int = CAMERAS, size: tuple[int, int] = SIZE
+) -> None:
+    """Write a capture of many images.
 
     Args:
         folder: Where to write it.
         timesteps: Number of timesteps; the last tenth is the test sequence.
         cameras: Number of cameras; camera 8 is the validation view.
+        size: Width and height of the images in pixels.
     """
     for name in ("images", "fg_masks", "flame_param"):
         (folder / name).mkdir(parents=True)
     model = moving_head(4, 1).head
     model.save(folder / "head_model.npz")
-    write_png(folder / "image.png", np.full((SIZE[1], SIZE[0], 3), 0.5))
-    write_png(folder / "mask.png", np.ones((SIZE[1], SIZE[0])))
+    write_png(folder / "image.png", np.full((size[1], size[0], 3), 0.5))
+    write_png(folder / "mask.png", np.ones(size[::-1]))
     entries: dict[str, list[dict]] = {"train": [], "val": [], "test": []}
-    rig = [portrait(*SIZE, side) for side in np.linspace(-1.5, 1.5, cameras)]
+    rig = [portrait(*size, side) for side in np.linspace(-1.5, 1.5, cameras)]
     poses = [(camera.world_from_camera @ OPENCV_FROM_OPENGL).tolist() for camera in rig]
     for t in range(timesteps):
         parameters = f"flame_param/{t:05d}.npz"
@@ -92,29 +108,39 @@ def write_large_capture(folder: Path, timesteps: int = TIMESTEPS, cameras: int =
         (folder / f"transforms_{split}.json").write_text(json.dumps({"frames": frames}, indent=4))
 
 
-def benchmark(rows: Path, timesteps: int = TIMESTEPS, cameras: int = CAMERAS) -> list[Measurement]:
+def benchmark(
+    rows: Path, timesteps: int = TIMESTEPS, cameras: int = CAMERAS, iterations: int = ITERATIONS
+) -> list[Measurement]:
     """Measure and write the records.
 
     Args:
         rows: CSV file to write.
         timesteps: Number of timesteps.
         cameras: Number of cameras.
+        iterations: Steps of the training.
 
     Returns:
         The records.
     """
     with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary) / "capture"
+        folder, large = Path(temporary, "capture"), Path(temporary, "large")
         write_large_capture(folder, timesteps, cameras)
-        return write_measurements(rows, _measure(folder, timesteps * cameras))
+        write_large_capture(large, timesteps, cameras, TRAINING_SIZE)
+        return write_measurements(rows, _measure(folder, large, timesteps * cameras, iterations))
 
 
-def _measure(folder: Path, images: int) -> Iterator[Measurement]:
+def _measure(folder: Path, large: Path, images: int, iterations: int) -> Iterator[Measurement]:
     for name, work in WORKS.items():
-        measured = run_in_fresh_process(MEASURE.format(folder=str(folder), work=work))
-        yield Measurement(f"{images} images", name, "s", measured["seconds"])
-        yield Measurement(f"{images} images", f"{name}: memory", "MB", measured["megabytes"])
+        yield from _time_and_memory(f"{images} images", name, folder, work)
     yield Measurement(f"{images} images", "size of the index", "MB", (folder / "capture.json").stat().st_size / 1e6)
+    size = "x".join(map(str, TRAINING_SIZE))
+    yield from _time_and_memory(f"{images} images of {size}", "training", large, TRAINING.format(iterations=iterations))
+
+
+def _time_and_memory(case: str, name: str, folder: Path, work: str) -> Iterator[Measurement]:
+    measured = run_in_fresh_process(MEASURE.format(folder=str(folder), work=work))
+    yield Measurement(case, name, "s", measured["seconds"])
+    yield Measurement(case, f"{name}: memory", "MB", measured["megabytes"])
 
 
 def main() -> None:

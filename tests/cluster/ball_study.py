@@ -1,7 +1,12 @@
-"""A study that runs in seconds: the miniature subject of `miniature.write_ball`, one variant, few training steps."""
+"""A study that runs in seconds: the miniature subject of `miniature.write_ball`, one variant, few training steps.
+
+The environment variable CARIGS_CLUSTER_STUDY names another one: "study=toy train.iterations=12".
+"""
 
 from __future__ import annotations
 
+import os
+import re
 from pathlib import Path
 
 from miniature import write_ball
@@ -16,7 +21,9 @@ tabulate: {resamples: 50}
 SUBJECT = """# @package _global_
 capture: {{source: folder, folder: {folder}, head_model: {folder}/head_model.npz}}
 """
-HYDRA = "study=ball"
+HYDRA = os.environ.get("CARIGS_CLUSTER_STUDY", "study=ball")
+NAME = re.search(r"study=(\w+)", HYDRA)[1]
+"""Of the study, and of its first subject."""
 RESULTS = ("table/*", "**/path.npz", "**/avatar.npz", "**/metrics.csv", "**/*.png")
 """Patterns of the files that are the same wherever they are made."""
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from cluster.ball_study import HYDRA, contents, write_ball_study
+from cluster.ball_study import HYDRA, NAME, contents, write_ball_study
 from cluster.slurm_cluster import SlurmCluster, slurm_cluster
 from project import Project, copy_project, shared_kernels
 
@@ -25,7 +25,7 @@ def local_results(project: Project, tmp_path_factory: pytest.TempPathFactory) ->
     folder = tmp_path_factory.mktemp("local")
     done = project.snakemake("--cores", "2", "--directory", str(folder), "table", hydra=HYDRA)
     assert done.returncode == 0, done.stdout + done.stderr
-    return contents(folder / "results/ball")
+    return contents(folder / "results" / NAME)
 
 
 @pytest.fixture(scope="session")

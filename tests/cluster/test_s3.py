@@ -6,7 +6,7 @@ import os
 from importlib.util import find_spec
 
 import pytest
-from cluster.ball_study import HYDRA, contents
+from cluster.ball_study import HYDRA, NAME, contents
 from project import Project
 
 PLUGINS = ("moto", "snakemake_executor_plugin_kubernetes", "snakemake_storage_plugin_s3")
@@ -51,7 +51,7 @@ def test_the_results_are_those_on_a_disk(objects, local_results, tmp_path):
     for key, content in objects.items():
         (tmp_path / key).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / key).write_bytes(content)
-    assert contents(tmp_path / "results/ball") == local_results
+    assert contents(tmp_path / "results" / NAME) == local_results
 
 
 def test_nothing_is_left_to_do(objects, project):
@@ -70,4 +70,4 @@ def test_snakemake_plans_a_study_with_the_profile_for_kubernetes(endpoint, proje
     arguments = ("--workflow-profile", "kubernetes", "--default-storage-prefix", "s3://carigs/pods")
     done = project.snakemake("--dry-run", *arguments, "table", hydra=HYDRA)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "s3://carigs/pods/results/ball/table/gamma=0.25.csv" in done.stdout
+    assert f"s3://carigs/pods/results/{NAME}/table/gamma=0.25.csv" in done.stdout
