@@ -28,8 +28,8 @@ unexport PYTHONPATH VIRTUAL_ENV
 .DEFAULT_GOAL := reproduce
 
 reproduce: .venv/installed
-	snakemake --cores $(CORES) --config hydra="$(HYDRA)" -- reproduce table
-	snakemake --config hydra="$(HYDRA)" --report results/report.html -- reproduce table
+	carigs run --cores $(CORES) $(HYDRA)
+	carigs run $(HYDRA) -- --quiet --report results/report.html
 	@echo "$(ROOT)results/report.html"
 
 test: .venv/installed

@@ -18,6 +18,7 @@ report: "workflow/report/workflow.rst"
 
 
 onstart:
+    show_progress(workflow)
     if workflow.local_exec:
         announce_duration(workflow)
         start_fork_server()
@@ -25,6 +26,7 @@ onstart:
 
 onsuccess:
     print_warnings()
+    print_results()
 
 
 onerror:

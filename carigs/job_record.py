@@ -12,7 +12,7 @@ import os
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from hashlib import file_digest, sha256
 from pathlib import Path
@@ -30,7 +30,12 @@ _MADE_FROM = ("settings", "code", "inputs")
 
 @contextmanager
 def recorded_job(
-    log: Path, settings: Path, code: str, inputs: Iterable[Path], outputs: Iterable[Path]
+    log: Path,
+    settings: Path,
+    code: str,
+    inputs: Iterable[Path],
+    outputs: Iterable[Path],
+    outside: Mapping[str, str],
 ) -> Iterator[None]:
     """Hold the lock of a job while it runs, and record at its end what made its outputs.
 
@@ -43,6 +48,7 @@ def recorded_job(
         code: Fingerprint of the code.
         inputs: Input files and folders. Those that jobs of the study have made are recorded.
         outputs: Output files and folders.
+        outside: Digest of each file or folder outside of the study that the job reads (`carigs.outside_files`).
 
     Yields:
         Nothing.
@@ -58,6 +64,7 @@ def recorded_job(
             "settings": {str(settings): content_digest(settings)},
             "code": code,
             "inputs": {str(path): made[str(path)] for path in inputs if str(path) in made},
+            "outside": dict(outside),
         }
         started = _costs()
         yield
@@ -70,7 +77,10 @@ def recorded_job(
 
 
 def set_modification_times(
-    folder: Path, settings_text: Callable[[str, str], str | None], code: Callable[[str], str]
+    folder: Path,
+    settings_text: Callable[[str, str], str | None],
+    code: Callable[[str], str],
+    outside: Callable[[str], str],
 ) -> dict[tuple[str, str], int]:
     """Set the modification times of the outputs of a study from its records.
 
@@ -79,6 +89,8 @@ def set_modification_times(
         settings_text: The present settings for a stage and the name of a settings file without suffix; None if the
             study cannot have them any more.
         code: The present fingerprint of a stage.
+        outside: The present digest of a file or folder outside of the study; empty if it is not there. Results can be
+            used where their dataset is not.
 
     Returns:
         Number of jobs by stage and reason, of those whose outputs are to be made again.
@@ -90,7 +102,7 @@ def set_modification_times(
     made, stale = _digests(records.values()), Counter()
     for file, record in records.items():
         stage = file.parent.name
-        if reason := _difference(record, stage, settings_text, code, made):
+        if reason := _difference(record, stage, settings_text, code, made, outside):
             stale[stage, reason] += any(Path(output).exists() for output in record["outputs"])
             for output in record["outputs"]:
                 mark_stale(Path(output))
@@ -216,6 +228,7 @@ def _difference(
     settings_text: Callable[[str, str], str | None],
     code: Callable[[str], str],
     made: dict[str, str],
+    outside: Callable[[str], str],
 ) -> str | None:
     """Why the outputs of a job are to be made again, or None."""
     if not record["finished"]:
@@ -228,6 +241,9 @@ def _difference(
         return "made with other code"
     if any(made.get(path, digest) != digest for path, digest in record["inputs"].items()):
         return "made from other inputs"
+    for path, digest in record.get("outside", {}).items():
+        if outside(path) not in (digest, ""):
+            return f"made from another state of {path}"
     return None
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from functools import cache
+from itertools import product
 from pathlib import Path
 
 from carigs.config import compose, compose_study, left_out_levels, rendered_levels, settings_text
@@ -11,11 +13,9 @@ from carigs.errors import SettingsError
 from carigs.files import clean_results
 from carigs.job_lock import remove_free_locks
 from carigs.job_record import is_from_future, is_stale, mark_current, mark_stale, set_modification_times
-from carigs.settings import STAGES
+from carigs.outside_files import files_digest, outside_files
+from carigs.settings import STAGES, USEFUL_LEVEL
 from carigs.sources import fingerprint
-
-USEFUL_GAMMA = 1.0
-"""Above it a fifth of the faces turn over (docs/exaggeration.md)."""
 
 
 def prepare_results(folder: Path, overrides: Sequence[str]) -> None:
@@ -38,7 +38,9 @@ def prepare_results(folder: Path, overrides: Sequence[str]) -> None:
     clean_results(folder)
     remove_free_locks(folder / "log")
     code = {stage: fingerprint(f"carigs.stages.{stage}") for stage in STAGES}
-    for (stage, reason), count in set_modification_times(folder / "log", text, lambda stage: code[stage]).items():
+    outside = cache(files_digest)
+    stale = set_modification_times(folder / "log", text, lambda stage: code[stage], outside)
+    for (stage, reason), count in stale.items():
         results = "1 result was" if count == 1 else f"{count} results were"
         print(f"carigs: {folder}: {stage}: {results} {reason}; needed again, made again", file=sys.stderr)
     for stage in STAGES:
@@ -59,23 +61,33 @@ def settings_warnings(overrides: Sequence[str]) -> list[str]:
         overrides: Hydra overrides of the run.
 
     Returns:
-        One line each for a gamma beyond `USEFUL_GAMMA`, for levels above gamma, and for each subject whose dataset or
-        true caricatures are not where they should be.
+        One line each for gamma and levels of regions beyond `USEFUL_LEVEL`, for a path to another level than gamma, for
+        levels above gamma, and for each file of a subject that is not where it should be.
     """
     config, lines = compose_study(*overrides), []
-    if config.gamma > USEFUL_GAMMA:
-        lines.append(
-            f"gamma={config.gamma:g}: above {USEFUL_GAMMA:g} the surface is torn; about 0.5 is the most that is useful"
-        )
+    regions = {f"exaggerate.regions.{name}": level for name, level in config.exaggerate.regions.items()}
+    for name, level in {"gamma": config.gamma, **regions}.items():
+        if abs(level) > USEFUL_LEVEL:
+            torn = f"outside [-{USEFUL_LEVEL:g}, {USEFUL_LEVEL:g}] the surface is torn"
+            lines.append(f"{name}={level:g}: {torn}; about 0.5 is the most that is useful")
+    if config.exaggerate.gamma != config.gamma:
+        rendered = f"levels up to gamma={config.gamma:g} are rendered; set gamma alone"
+        lines.append(f"exaggerate.gamma={config.exaggerate.gamma:g}: {rendered}")
     if levels := left_out_levels(config):
         lines.append(f"study.levels: {', '.join(levels)} left out; gamma={config.gamma:g} is the highest level")
     shown = rendered_levels(config)[1:]
+    missing: dict[tuple[str, Path], list[str]] = {}
+    for subject, variant in product(config.study.subjects, config.study.variants):
+        settings = compose(*overrides, f"subject={subject}", f"variant={variant}")
+        for stage in ("capture", "exaggerate", "gtstar", "train"):
+            for key, path in outside_files(stage, settings[stage]).items():
+                if not path.exists():
+                    missing.setdefault((key, path), []).append(subject)
+    for (key, path), subjects in missing.items():
+        lines.append(f"{key}: there is no {path}; {', '.join(dict.fromkeys(subjects))} cannot be made")
     for subject in config.study.subjects:
-        settings = compose(*overrides, f"subject={subject}")
-        capture, truth = settings.capture, settings.truth.folder
-        if capture.source == "folder" and not Path(capture.folder).is_dir():
-            lines.append(f"capture.folder: no folder {capture.folder}; {subject} cannot be made")
+        truth = compose(*overrides, f"subject={subject}").truth.folder
         if truth and not any(Path(truth.replace("{level}", level)).is_dir() for level in shown):
-            missing = truth.replace("{level}", shown[-1])
-            lines.append(f"truth.folder: no folder {missing}; {subject} is compared with no true caricature")
+            folder = truth.replace("{level}", shown[-1])
+            lines.append(f"truth.folder: no folder {folder}; {subject} is compared with no true caricature")
     return lines

@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from omegaconf import OmegaConf
 
+from carigs.cli.settings import main as show_settings
 from carigs.config import (
     CONF,
     GROUPS,
@@ -26,6 +27,7 @@ from carigs.config import (
     known,
     left_out_levels,
     load_settings,
+    presets,
     rendered_levels,
     settings_text,
     split_overrides,
@@ -460,11 +462,32 @@ def test_a_broken_settings_file_is_named(text, named, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("option", "file"), [("markdown", "configuration.md"), ("json_schema", "configuration.schema.json")]
+    ("option", "file"), [("--reference", "configuration.md"), ("--schema", "configuration.schema.json")]
 )
-def test_the_reference_is_current(option, file):
+def test_the_reference_is_current(option, file, capsys):
     """Else: carigs settings --reference > docs/configuration.md, and --schema > docs/configuration.schema.json."""
-    assert (ROOT / "docs" / file).read_text("utf-8") == getattr(reference, option)()
+    assert show_settings([option]) == 0
+    assert capsys.readouterr().out == (ROOT / "docs" / file).read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("text", "purpose"),
+    [
+        ("# @package _global_\n# One person: anna. The\n# second.\ncapture: {}\n# last\n", "One person: anna"),
+        ("# Two lines\n# of text:\n#   carigs run\n", "Two lines of text"),
+        ("# @package _global_\n# For v. 2\n", "For v"),
+        ("capture: {}\n# Too late.\n", ""),
+        ("", ""),
+    ],
+)
+def test_the_purpose_of_a_preset_is_the_first_sentence_of_its_comment(text, purpose):
+    assert presets.purpose(text) == purpose
+
+
+@pytest.mark.parametrize("group", GROUPS)
+def test_every_preset_says_what_it_is_for(group):
+    for name in known(group):
+        assert presets.purpose((CONF / group / f"{name}.yaml").read_text("utf-8")), name
 
 
 def test_every_setting_has_a_meaning():

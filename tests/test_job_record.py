@@ -19,13 +19,15 @@ from carigs.job_record import STALE, is_stale, recorded_job, set_modification_ti
 from carigs.processes import this_process
 
 
-def job(root: Path, stage: str, inputs: list[str], outputs: list[str], text: str, code: str = "code") -> None:
+def job(
+    root: Path, stage: str, inputs: list[str], outputs: list[str], text: str, outside: dict[str, str] | None = None
+) -> None:
     """A job that writes `text` into its outputs."""
     settings = root / f"settings/{stage}/all.yaml"
     settings.parent.mkdir(parents=True, exist_ok=True)
     settings.write_text(text)
     paths = [[root / name for name in names] for names in (inputs, outputs)]
-    with recorded_job(root / f"log/{stage}/all.log", settings, code, *paths):
+    with recorded_job(root / f"log/{stage}/all.log", settings, "code", *paths, outside or {}):
         for output in paths[1]:
             output.parent.mkdir(parents=True, exist_ok=True)
             output.write_text(text)
@@ -46,29 +48,42 @@ def same_code(stage: str) -> str:
     return "code"
 
 
+def nothing(path: str) -> str:
+    return ""
+
+
 def test_nothing_is_marked_without_a_difference(study):
     times = {file: file.stat().st_mtime_ns for file in study.rglob("*")}
-    assert set_modification_times(study / "log", texts(), same_code) == {}
+    assert set_modification_times(study / "log", texts(), same_code, nothing) == {}
     assert times == {file: file.stat().st_mtime_ns for file in study.rglob("*")}
 
 
 def test_other_settings_or_code_mark_the_outputs_until_they_are_back(study):
     before = (study / "avatar/a.npz").stat().st_mtime_ns
     for text, code, reason in ((texts(train="c"), same_code, "settings"), (texts(), lambda stage: stage, "code")):
-        stale = set_modification_times(study / "log", text, code)
+        stale = set_modification_times(study / "log", text, code, nothing)
         assert stale["train", f"made with other {reason}"] == 1
         assert is_stale(study / "avatar/a.npz") and is_stale(study / "avatar/log.csv")
-        assert set_modification_times(study / "log", texts(), same_code) == {}
+        assert set_modification_times(study / "log", texts(), same_code, nothing) == {}
         assert 0 <= (study / "avatar/a.npz").stat().st_mtime_ns - before < 1e9
 
 
 def test_an_output_that_was_made_again_marks_what_was_made_from_it(study):
     job(study, "path", [], ["path.npz"], "a2")
-    assert set_modification_times(study / "log", texts(path="a2"), same_code) == {
+    assert set_modification_times(study / "log", texts(path="a2"), same_code, nothing) == {
         ("train", "made from other inputs"): 1
     }
     job(study, "path", [], ["path.npz"], "a")
-    assert set_modification_times(study / "log", texts(), same_code) == {}
+    assert set_modification_times(study / "log", texts(), same_code, nothing) == {}
+
+
+def test_a_file_outside_of_the_study_marks_what_was_made_from_it_unless_it_is_not_there(study):
+    job(study, "path", [], ["path.npz"], "a", outside={"anna": "old"})
+    job(study, "train", ["path.npz"], ["avatar/a.npz", "avatar/log.csv"], "b")
+    for present, marked in (("old", {}), ("", {}), ("new", {("path", "made from another state of anna"): 1})):
+        assert set_modification_times(study / "log", texts(), same_code, {"anna": present}.get) == marked
+        assert is_stale(study / "path.npz") == bool(marked)
+        assert not is_stale(study / "avatar/a.npz")
 
 
 def test_a_job_that_is_killed_while_it_makes_an_output_again_marks_what_was_made_from_it(study):
@@ -76,24 +91,24 @@ def test_a_job_that_is_killed_while_it_makes_an_output_again_marks_what_was_made
     path, record = study / "path.npz", study / "log/path/all.json"
     whole = record.read_text()
     with pytest.raises(KeyboardInterrupt):
-        with recorded_job(study / "log/path/all.log", study / "settings/path/all.yaml", "code", [], [path]):
+        with recorded_job(study / "log/path/all.log", study / "settings/path/all.yaml", "code", [], [path], {}):
             path.unlink()
             raise KeyboardInterrupt
-    assert set_modification_times(study / "log", texts(), same_code)["train", "made from other inputs"] == 1
+    assert set_modification_times(study / "log", texts(), same_code, nothing)["train", "made from other inputs"] == 1
     assert is_stale(study / "avatar/a.npz")
     path.write_text("a")
     record.write_text(whole)
-    assert set_modification_times(study / "log", texts(), same_code) == {}
+    assert set_modification_times(study / "log", texts(), same_code, nothing) == {}
     assert not is_stale(study / "avatar/a.npz")
 
 
 def test_a_job_that_fails_or_is_killed_marks_its_outputs(study):
     with pytest.raises(RuntimeError):
         with recorded_job(
-            study / "log/train/all.log", study / "settings/train/all.yaml", "code", [], [study / "avatar/a.npz"]
+            study / "log/train/all.log", study / "settings/train/all.yaml", "code", [], [study / "avatar/a.npz"], {}
         ):
             raise RuntimeError
-    assert set_modification_times(study / "log", texts(), same_code) == {("train", "not finished"): 1}
+    assert set_modification_times(study / "log", texts(), same_code, nothing) == {("train", "not finished"): 1}
     assert is_stale(study / "avatar/a.npz")
 
 
@@ -102,7 +117,7 @@ def test_a_copy_gets_its_times_back_but_not_for_what_was_edited(study):
     (study / "avatar/a.npz").write_text("edited")
     for file in study.rglob("*"):
         os.utime(file, ns=(10**18, 10**18))
-    assert set_modification_times(study / "log", texts(), same_code) == {}
+    assert set_modification_times(study / "log", texts(), same_code, nothing) == {}
     restored = [(study / name).stat().st_mtime_ns for name in ("path.npz", "avatar/log.csv")]
     assert all(0 <= new - old < 1e9 for new, old in zip(restored, order, strict=True))
     assert (study / "avatar/a.npz").stat().st_mtime_ns == 10**18
@@ -114,7 +129,7 @@ def test_an_output_from_the_future_gets_its_time_back_or_the_present(study):
     (study / "avatar/a.npz").write_text("edited")
     for name in ("path.npz", "avatar/a.npz"):
         os.utime(study / name, ns=(future, future))
-    assert set_modification_times(study / "log", texts(), same_code) == {}
+    assert set_modification_times(study / "log", texts(), same_code, nothing) == {}
     assert 0 <= (study / "path.npz").stat().st_mtime_ns - before < 1e9
     assert 0 <= time.time_ns() - (study / "avatar/a.npz").stat().st_mtime_ns < 5e9
 
@@ -123,7 +138,7 @@ def test_an_output_from_the_future_gets_its_time_back_or_the_present(study):
 def test_a_damaged_record_is_named(study, text):
     (study / "log/train/all.json").write_text(text)
     with pytest.raises(InputError, match=r"all\.json"):
-        set_modification_times(study / "log", texts(), same_code)
+        set_modification_times(study / "log", texts(), same_code, nothing)
 
 
 HOLD = """
@@ -183,7 +198,7 @@ def test_jobs_that_failed_since_a_time_are_listed_in_order(study):
     start = time.time() - 1
     assert unfinished_jobs(study / "log", start) == []
     for stage in ("render", "metrics"):
-        with pytest.raises(CarigsError), recorded_job(study / f"log/{stage}/a.log", study, "code", [], []):
+        with pytest.raises(CarigsError), recorded_job(study / f"log/{stage}/a.log", study, "code", [], [], {}):
             raise CarigsError("no such image")
         os.utime(study / f"log/{stage}/a.json", (start + 2, start + (1 if stage == "render" else 2)))
     assert unfinished_jobs(study / "log", start) == [study / "log/render/a.log", study / "log/metrics/a.log"]

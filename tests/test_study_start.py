@@ -7,7 +7,8 @@ from carigs.study_start import settings_warnings
 
 @pytest.fixture
 def own(tmp_path):
-    return ["study=own", f"capture.folder={tmp_path}", "capture.head_model=none.npz"]
+    (tmp_path / "model.npz").touch()
+    return ["study=own", f"capture.folder={tmp_path}", f"capture.head_model={tmp_path}/model.npz"]
 
 
 def test_nothing_is_said_of_settings_that_are_followed(own):
@@ -16,9 +17,27 @@ def test_nothing_is_said_of_settings_that_are_followed(own):
 
 def test_a_gamma_that_tears_and_a_dataset_that_is_nowhere_are_named(own):
     (line,) = settings_warnings(["gamma=1.5"])
-    assert line.startswith("gamma=1.5: above 1 the surface is torn")
+    assert line.startswith("gamma=1.5: outside [-1, 1] the surface is torn")
+    (line,) = settings_warnings(["exaggerate.regions={nose:-2,ears:0.4}"])
+    assert line.startswith("exaggerate.regions.nose=-2: outside [-1, 1] the surface is torn")
     (line,) = settings_warnings([*own, "capture.folder=/nowhere/anna"])
-    assert line == "capture.folder: no folder /nowhere/anna; own cannot be made"
+    assert line == "capture.folder: there is no /nowhere/anna; own cannot be made"
+
+
+def test_every_file_that_is_nowhere_is_named_once(own):
+    sculpt = ["exaggerate.source=file", "exaggerate.file='/nowhere/{gamma}.obj'"]
+    lines = settings_warnings([*own, *sculpt, "capture.head_model=none.npz", "train.start=a.npz"])
+    assert lines == [
+        f"{key}: there is no {path}; own cannot be made"
+        for key, path in {
+            "capture.head_model": "none.npz", "exaggerate.file": "/nowhere/0.25.obj", "train.start": "a.npz"
+        }.items()
+    ]  # fmt: skip
+
+
+def test_a_path_to_another_level_than_gamma_is_named():
+    (line,) = settings_warnings(["exaggerate.gamma=0.1"])
+    assert line == "exaggerate.gamma=0.1: levels up to gamma=0.25 are rendered; set gamma alone"
 
 
 def test_levels_above_gamma_are_named():

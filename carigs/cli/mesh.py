@@ -32,7 +32,7 @@ from carigs.readers.json_files import read_json
 from carigs.readers.meshes import FORMATS, read_mesh
 from carigs.readers.npz import read_npz
 from carigs.readers.pickles import read_pickle
-from carigs.settings import DEFAULT_GAMMA, Exaggerate
+from carigs.settings import DEFAULT_GAMMA, USEFUL_LEVEL, Exaggerate
 from evaluation.figures.clay import clay_sheet
 
 EXAMPLES = """examples:
@@ -46,7 +46,6 @@ Useful levels end at about 0.5: beyond, the surface folds and cuts itself, and a
 are refused without --force.
 """
 
-USEFUL_LEVEL = 1.0
 MAX_LEVEL = 100.0
 MAX_LEVELS = 100
 PREVIEW_ROWS = 10

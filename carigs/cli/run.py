@@ -19,7 +19,9 @@ EXAMPLES = """examples:
   carigs run                                            the toy study, on all cores
   carigs run study=ict train.iterations=2000 --cores 4
   carigs run study=mine --dry-run                       what would be made; conf/study/mine.yaml is your own file
+  carigs run --dry-run -- --quiet host                  with a description of each job
   carigs run -- --keep-going                            options of Snakemake after --
+  carigs run -- --verbose                               with all that Snakemake says
 """
 
 
@@ -87,7 +89,8 @@ def make_study(overrides: Sequence[str], options: argparse.Namespace) -> bool:
     # On a cluster, cores of this machine would limit the threads of jobs.
     cores = options.cores or ("" if options.profile else "all")
     command += ["--cores", cores] if cores else []
-    command += ["--dry-run"] * options.dry_run + options.snakemake
+    # A plan is the numbers of jobs and the reasons; Snakemake would describe each job in ten lines.
+    command += ["--quiet", "rules", "host", "--dry-run"] * options.dry_run + options.snakemake
     command += ["--config", f"hydra={join_overrides(overrides)}", "--", *(options.target or ("reproduce", "table"))]
     started = time.time()
     succeeded = _exit_code(command) == 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 from omegaconf import OmegaConf
 
 from carigs.cli.parser import study_parser
-from carigs.config import compose, compose_study, compose_variant
+from carigs.config import compose, compose_study, compose_variant, presets
 from carigs.settings import STAGES, reference
 
 EXAMPLES = """examples:
@@ -36,7 +36,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--schema", action="store_true", help="print the JSON schema: docs/configuration.schema.json")
     parsed = parser.parse_intermixed_args(arguments)
     if parsed.reference:
-        print(reference.markdown(), end="")
+        print(f"{reference.markdown()}\n{presets.markdown()}", end="")
     elif parsed.schema:
         print(reference.json_schema(), end="")
     else:

@@ -81,7 +81,8 @@ def complete_flame(fields: dict[str, Any], file: Path) -> dict[str, Any]:
     if "scalp" not in regions:
         what = "hair, lips, lids and ears are found by geometry" if found else "hair and ears are not masked"
         problem = f"no {MASKS}, and no {UV_MASKS} with {UV_MESH}, beside it: {what}"
-        warnings.warn(f"{file}: {problem}", CarigsWarning, stacklevel=2)
+        # The absolute path: stages know the file by different paths, and a run shows equal warnings once.
+        warnings.warn(f"{file.absolute()}: {problem}", CarigsWarning, stacklevel=2)
     return fields | {"regions": found | dict(regions)}
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from carigs.settings.capture import Capture, Toy, Truth
-from carigs.settings.exaggerate import DEFAULT_GAMMA, Exaggerate
+from carigs.settings.exaggerate import DEFAULT_GAMMA, USEFUL_LEVEL, Exaggerate
 from carigs.settings.gtstar import Gtstar
 from carigs.settings.mask_flags import DEFAULT_MASK_FLAGS, MASK_FLAGS, MaskFlag
 from carigs.settings.option import Section, check_section, option
@@ -20,6 +20,7 @@ __all__ = [
     "DEFAULT_MASK_FLAGS",
     "MASK_FLAGS",
     "STAGES",
+    "USEFUL_LEVEL",
     "Capture",
     "Config",
     "Density",

@@ -35,9 +35,9 @@ class Capture(Section, key="capture"):
 
     source: str = option("toy", choices=("toy", "folder"))
     """Where the capture comes from."""
-    folder: str | None = option(None, required_when=("source", "folder"))
+    folder: str | None = option(None, required_when=("source", "folder"), is_path=True)
     """The dataset's folder."""
-    head_model: str | None = option(None, required_when=("source", "folder"))
+    head_model: str | None = option(None, required_when=("source", "folder"), is_path=True)
     """File of the dataset's head model: .npz, or FLAME's .pkl."""
     background: float = option(1.0, ge=0, le=1)
     """Grey value that the images were composited on."""
@@ -60,6 +60,6 @@ class Capture(Section, key="capture"):
 class Truth(Section, key="truth"):
     """The true caricature that renderings are compared with: rendered for the toy, else read from a folder."""
 
-    folder: str | None = None
+    folder: str | None = option(None, is_path=True)
     """Folder with `frames.json`, `images/` and `fg_masks/`; `{level}` in it is replaced by the level. Null: no true
     caricature is known, except for the toy."""

@@ -8,6 +8,8 @@ from carigs.settings.option import Section, option
 
 DEFAULT_GAMMA = 0.25
 """gamma_f of the paper."""
+USEFUL_LEVEL = 1.0
+"""Beyond it a fifth of the faces turn over (docs/exaggeration.md)."""
 
 
 @dataclass
@@ -17,7 +19,7 @@ class Exaggerate(Section, key="exaggerate"):
     source: str = option("poisson", choices=("poisson", "file"))
     """`poisson` solves the equation; with `file` a deformed mesh of the same topology becomes level gamma_f of a
     straight path."""
-    file: str | None = option(None, required_when=("source", "file"))
+    file: str | None = option(None, required_when=("source", "file"), is_path=True)
     """The deformed mesh, or an .npz with its displacement `delta` (V, 3); `{gamma}` in the name is replaced by the
     level that it stands for."""
     gamma: float = option(DEFAULT_GAMMA, ge=-100, le=100)

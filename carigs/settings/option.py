@@ -40,6 +40,8 @@ class Option:
     """What the choices are, for the reference; they are listed there if this is empty."""
     required_when: tuple[str, str] | None = None
     """Another field of the section, and its value that makes this field necessary."""
+    is_path: bool = False
+    """The value names a file or folder: what was made from it is made again when it changes."""
 
     def allowed(self) -> str:
         """The allowed values in words.

@@ -24,8 +24,9 @@ from carigs.settings.option import Option, Section, option_of, subsection
 
 _HEADER = """# Configuration
 
-All settings with defaults, units, allowed values and meanings. This file is generated from the dataclasses in
-`carigs/settings` (`carigs settings --reference`), and so is the JSON schema `configuration.schema.json`.
+All settings with defaults, units, allowed values and meanings, and the presets. This file is generated from the
+dataclasses in `carigs/settings` and from `conf/` (`carigs settings --reference`), and so is the JSON schema
+`configuration.schema.json`.
 
 A study is composed by [Hydra](https://hydra.cc): the defaults below, changed by the files of `conf/` that a study, its
 subjects and its variants name, changed by the command line:

@@ -31,7 +31,7 @@ class Metrics(Section, key="metrics"):
 
     strict: bool = False
     """Missing network weights are an error instead of an empty value with its reason."""
-    weights: str | None = None
+    weights: str | None = option(None, is_path=True)
     """Folder with network weights (null: the caches of the hub alone, which are always searched)."""
     download: bool = False
     """Allow the libraries to download weights."""

@@ -74,7 +74,7 @@ class Train(Section, key="train"):
     """Flags to remove from `mask_flags`; empty afterwards."""
     relight_surfels: bool = True
     """Colours follow the light that was fitted for the GT* frames, if any (`gtstar.relight`)."""
-    start: str | None = None
+    start: str | None = option(None, is_path=True)
     """An avatar (.npz) of a head with the same triangles whose surfels the training starts from, such as one that
     `carigs convert` made; nothing: surfels on every triangle, coloured from the frames."""
     rig: str = option("jbs", choices=("jbs", "jacobian"))

@@ -11,6 +11,8 @@ from carigs.errors import InputError
 from carigs.exaggeration import straight_path
 from carigs.head import neutral, subject_gamma_path
 from carigs.head.teeth import add_teeth, skin_counts
+from carigs.mesh.deformation import check_deformation
+from carigs.mesh.self_intersection import self_intersecting_faces
 from carigs.readers.arrays import checked_array
 from carigs.readers.meshes import read_mesh
 from carigs.readers.npz import read_npz
@@ -27,6 +29,10 @@ def exaggerate(settings: Exaggerate, *, capture: Path, path: Path) -> None:
 
     Raises:
         SettingsError: For an unknown source, or a file without a path.
+        MeshError: If the head cannot be solved on, or moves absurdly far.
+
+    Warns:
+        CarigsWarning: The surface of the caricature folds or cuts itself (`carigs.mesh.deformation.MAX_DAMAGED`).
     """
     subject = Capture.load(capture)
     timesteps = dict.fromkeys(frame.timestep for frame in subject.frames)
@@ -40,6 +46,9 @@ def exaggerate(settings: Exaggerate, *, capture: Path, path: Path) -> None:
         displacement = read_displacement(file, vertices, v)
         n = len(displacement)
         solved = straight_path(vertices[:n], faces if n == len(vertices) else faces[:f], displacement, settings.gamma)
+    label = ", ".join([f"level {settings.gamma:g}", *(f"{name} {level:g}" for name, level in settings.regions.items())])
+    cut_before = self_intersecting_faces(solved.neutral, solved.faces)
+    check_deformation(solved.neutral, solved.displacement(settings.gamma), solved.faces, label, cut_before)
     add_teeth(solved, vertices, faces).save(path)
 
 

@@ -63,6 +63,7 @@ def run_job(
     code: str,
     inputs: list[str],
     outputs: list[str],
+    outside: dict[str, str],
     log: str,
 ) -> int:
     """Call a stage; an error is one line, on the terminal and at the end of the log.
@@ -78,6 +79,7 @@ def run_job(
         code: Fingerprint of the stage's code.
         inputs: All inputs of the job, for its record.
         outputs: All outputs of the job. Messages name the first.
+        outside: Digests of the files and folders outside of the study that the settings name, for the record.
         log: File to write.
 
     Returns:
@@ -89,7 +91,7 @@ def run_job(
         with open(log, "w", buffering=1, encoding="utf-8") as file:
             stream = _Log(file, terminal if terminal.isatty() else None)
             try:
-                record = recorded_job(Path(log), Path(settings), code, map(Path, inputs), map(Path, outputs))
+                record = recorded_job(Path(log), Path(settings), code, map(Path, inputs), map(Path, outputs), outside)
                 with record, redirect_stdout(stream), redirect_stderr(stream), warnings_as_lines():
                     function = getattr(import_module(f"carigs.stages.{stage}"), stage)
                     function(load_settings(stage, settings), **paths, **params)

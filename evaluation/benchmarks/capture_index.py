@@ -34,7 +34,7 @@ import json, re
 from pathlib import Path
 from time import perf_counter
 from carigs.capture import Capture, read_dataset
-from carigs.dataset_digest import dataset_digest
+from carigs.outside_files import files_digest
 folder = Path({folder!r})
 start = perf_counter()
 {work}
@@ -46,7 +46,7 @@ print(json.dumps(dict(seconds=seconds, megabytes=peak / 1024)))
 WORKS = {
     "index": "read_dataset(folder, folder / 'head_model.npz').save(folder / 'capture.json')",
     "load the index": "Capture.load(folder / 'capture.json')",
-    "digest": "dataset_digest(folder, folder / 'head_model.npz')",
+    "digest": "files_digest(folder)",
 }
 TRAINING = """
 from carigs.settings import Exaggerate, Train

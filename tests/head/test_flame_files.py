@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -105,6 +106,18 @@ def test_without_a_file_of_regions_they_are_found_by_geometry_with_a_warning(tmp
     assert recall > 0.7
     np.testing.assert_array_equal(model.regions["right_eyeball"], EYEBALLS[1])
     assert not np.isin(model.regions["teeth"], model.regions["lip_inside"]).any()
+
+
+def test_the_warning_does_not_depend_on_how_the_file_is_named(tmp_path, monkeypatch):
+    """Settings may name it by a relative path; the index of the capture has the absolute one."""
+    monkeypatch.chdir(tmp_path)
+    Path("flame.pkl").write_bytes(pickle.dumps(ARRAYS))
+    texts = set()
+    for file in (Path("flame.pkl"), tmp_path / "flame.pkl"):
+        with pytest.warns(CarigsWarning) as caught:
+            HeadModel.load(file)
+        texts |= {str(warning.message) for warning in caught}
+    assert len(texts) == 1
 
 
 @pytest.mark.parametrize("unit", [1e3, 10.0, 1e-2])

@@ -21,7 +21,7 @@ def test_a_log_that_cannot_be_written_is_one_line(target, tmp_path, capsys):
     log, outputs = tmp_path / "log/tabulate/a.log", [str(tmp_path / "table.csv")]
     log.parent.mkdir(parents=True)
     log.symlink_to(target)
-    assert run_job("tabulate", str(tmp_path / "none.yaml"), {}, {}, "", [], outputs, str(log)) == 1
+    assert run_job("tabulate", str(tmp_path / "none.yaml"), {}, {}, "", [], outputs, {}, str(log)) == 1
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"carigs: {outputs[0]}: ")
 
@@ -42,7 +42,7 @@ def test_the_last_line_of_the_log_is_the_error(error, words, is_traced, tmp_path
     log, settings = tmp_path / "log/tabulate/a.log", tmp_path / "all.yaml"
     log.parent.mkdir(parents=True)
     settings.write_text(settings_text("tabulate"))
-    assert run_job("tabulate", str(settings), {}, {}, "", [], ["table.csv"], str(log)) == 1
+    assert run_job("tabulate", str(settings), {}, {}, "", [], ["table.csv"], {}, str(log)) == 1
     (line,) = error_lines([log])
     assert line.startswith(f"table.csv: {words}")
     assert ("Traceback" in log.read_text()) == ("Traceback" in capsys.readouterr().err) == is_traced

@@ -13,7 +13,7 @@ from miniature import write_ball
 
 from carigs.capture import Capture, look_at
 from carigs.capture.images import read_bits, read_rgb, write_png
-from carigs.errors import CarigsWarning, InputError, SettingsError
+from carigs.errors import CarigsWarning, InputError, MeshError, SettingsError
 from carigs.exaggeration import GammaPath
 from carigs.gtstar import MaskFlag, capture_shading, frame_views, provider
 from carigs.gtstar.provider import frame_weight
@@ -53,6 +53,21 @@ def test_a_given_caricature_is_the_end_of_a_straight_path(folder):
     assert not path.displacement(0).any()
     np.testing.assert_allclose(path.displacement(0.25), delta, atol=1e-7)
     np.testing.assert_allclose(path.displacement(0.1), 0.4 * delta, atol=1e-7)
+
+
+@pytest.mark.filterwarnings("default::carigs.errors.CarigsWarning")
+def test_a_caricature_that_folds_is_warned_of_and_one_in_another_unit_is_refused(folder, tmp_path):
+    """A ball pushed through its middle in x is inside out; one of thousands of diagonals is in millimetres."""
+    subject = Capture.load(folder / "capture.json")
+    vertices = neutral(subject.model, subject.parameters(0))
+    arguments = {"capture": folder / "capture.json", "path": tmp_path / "path.npz"}
+    settings = Exaggerate(source="file", file=str(tmp_path / "sculpt.npz"))
+    np.savez(tmp_path / "sculpt.npz", delta=vertices * [-2, 0, 0])
+    with pytest.warns(CarigsWarning, match=r"^level 0\.25: the surface folds: .* of the faces turn over"):
+        exaggerate(settings, **arguments)
+    np.savez(tmp_path / "sculpt.npz", delta=999 * vertices)
+    with pytest.raises(MeshError, match=r"^level 0\.25: vertex \d+ moves by"):
+        exaggerate(settings, **arguments)
 
 
 def test_a_solved_caricature_carries_the_expressions_of_the_capture(folder, tmp_path):

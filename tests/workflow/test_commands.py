@@ -119,7 +119,7 @@ def test_a_job_is_tried_again_with_twice_the_memory(stubbed, tmp_path):
     shutil.copytree(stubbed.root, project.root, symlinks=True)
     (project.root / "fail_once").mkdir()
     hydra = "study.subjects=[toy] study.variants=[alternating] study.levels=[]"
-    done = project.snakemake("--cores", "2", "--retries", "1", "reproduce table", hydra=hydra)
+    done = project.snakemake("--cores", "2", "--retries", "1", "--verbose", "reproduce table", hydra=hydra)
     assert done.returncode == 0, done.stdout + done.stderr
     started = r"^(?:local)?rule (\w+):\n(?: +.*\n)*? +resources: .*\bmem_mb=(\d+)"
     requests: dict[str, set[int]] = {}
@@ -183,6 +183,18 @@ def test_a_killed_run_goes_on_where_it_was(stubbed, tmp_path):
     project.make("table", hydra=hydra)
     assert (project.root / "results/toy/table/gamma=0.25.csv").is_file()
     assert (project.root / "results/toy/toy/capture.json").stat().st_mtime_ns == dataset
+
+
+@pytest.mark.slow
+def test_a_run_prints_a_line_per_job_and_where_the_results_are(finished):
+    """Settings are written without a line."""
+    done = finished.command("carigs", "run", "--cores", "1", "tabulate.digits=4")
+    assert done.returncode == 0, done.stdout + done.stderr
+    jobs = [line for line in done.stderr.splitlines() if " done] " in line]
+    assert jobs == ["[1 of 4 done] tabulate: results/toy/table/gamma=0.25.csv"]
+    assert done.stderr.splitlines()[-2:] == ["carigs: results/toy/table/gamma=0.25.md", "carigs: results/toy/figures"]
+    assert "jobid" not in done.stderr
+    assert "jobid" in max((finished.root / ".snakemake/log").iterdir()).read_text()
 
 
 @pytest.mark.slow
@@ -262,3 +274,5 @@ def test_an_override_reaches_snakemake_as_it_was_typed(stubbed, override):
 def test_a_study_runs_with_any_number_of_overrides(stubbed, overrides):
     done = stubbed.command("carigs", "run", "--dry-run", *overrides)
     assert done.returncode == 0, done.stdout + done.stderr
+    assert re.search(r"^train +4$", done.stdout, re.MULTILINE)
+    assert "jobid" not in done.stdout  # no description of each job

@@ -18,7 +18,7 @@ rule capture:
         mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
         code=fingerprint("carigs.stages.capture"),
-        watch=dataset_files,
+        outside=outside("capture", "subject"),
     script:
         "../scripts/stage.py"
 
@@ -38,6 +38,7 @@ rule exaggerate:
         mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
         code=fingerprint("carigs.stages.exaggerate"),
+        outside=outside("exaggerate", "subject", "gamma"),
     script:
         "../scripts/stage.py"
 
@@ -61,6 +62,7 @@ rule gtstar:
         mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
         code=fingerprint("carigs.stages.gtstar"),
+        outside=outside("gtstar", "subject", "variant"),
         level=level,
     script:
         "../scripts/stage.py"
@@ -87,6 +89,7 @@ rule train:
         mem_mb=lambda wildcards, attempt: 6000 * attempt,
     params:
         code=fingerprint("carigs.stages.train"),
+        outside=outside("train", "subject", "variant"),
     script:
         "../scripts/stage.py"
 

@@ -12,6 +12,8 @@ from itertools import product
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
+from snakemake.logging import logger
+from snakemake.settings.enums import Quietness
 
 from carigs.config import (
     compose,
@@ -23,11 +25,12 @@ from carigs.config import (
     target_levels,
     target_maker,
 )
-from carigs.dataset_digest import dataset_digest
 from carigs.errors import CarigsError
 from carigs.fork_server import start_fork_server
 from carigs.job_record import is_stale
+from carigs.outside_files import files_digest, outside_files
 from carigs.run_process import name_run_process
+from carigs.run_progress import show_job_lines
 from carigs.run_summary import warning_lines
 from carigs.settings import STAGES
 from carigs.sources import fingerprint
@@ -94,17 +97,19 @@ def rendered_points(wildcards):
     return list(product(points["variant"], levels(wildcards)))
 
 
-@cache
-@one_line_errors
-def files_of_dataset(subject):
-    """A digest of the files of a subject's dataset: its capture is read again when they change."""
-    capture = compose(*overrides, f"subject={subject}").capture
-    return dataset_digest(capture.folder, capture.head_model) if capture.source == "folder" else ""
+digest = cache(files_digest)
 
 
-def dataset_files(wildcards):
-    """A digest of the files of the subject's dataset."""
-    return files_of_dataset(wildcards.subject)
+def outside(stage, *names):
+    """Digests of the files that the settings of a stage name, such as a dataset: a job runs again when they change."""
+
+    def digests(wildcards):
+        at = level(wildcards) if "level" in wildcards.keys() else None
+        return {
+            str(path): digest(path) for path in outside_files(stage, section(stage, wildcards, *names), at).values()
+        }
+
+    return digests
 
 
 def targets(pattern):
@@ -151,6 +156,21 @@ def print_warnings():
     """Repeat the warnings of the settings and of the study's jobs, those of earlier runs too."""
     for line in [*settings_warnings(overrides), *warning_lines(Path("results", points["study"], "log"))]:
         print(f"carigs: warning: {line}", file=sys.stderr)
+
+
+def print_results():
+    """Say where tables and figures are."""
+    folder = Path("results", points["study"])
+    for path in (folder / f"table/gamma={points['gamma']}.md", folder / "figures"):
+        if path.exists():
+            print(f"carigs: {path}", file=sys.stderr)
+
+
+def show_progress(workflow):
+    """Print a line per job instead of Snakemake's ten, unless an option of its output is given."""
+    output = workflow.output_settings
+    if not (output.verbose or output.printshellcmds or set(output.quiet) - {Quietness.HOST}):
+        show_job_lines(logger, len(workflow.dag), workflow._localrules)
 
 
 def announce_duration(workflow):

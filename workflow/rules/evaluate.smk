@@ -20,6 +20,7 @@ rule truth:
         mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
         code=fingerprint("carigs.stages.truth"),
+        outside=outside("truth", "subject"),
         level=level,
     script:
         "../scripts/stage.py"
@@ -47,6 +48,7 @@ rule metrics:
         mem_mb=lambda wildcards, attempt: 6000 * attempt,
     params:
         code=fingerprint("carigs.stages.metrics"),
+        outside=outside("metrics", "subject"),
         study="{study}",
         subject="{subject}",
         variant="{variant}",

@@ -4,7 +4,7 @@ import sys
 
 from carigs.fork_server import run_in_fork
 
-WORKFLOW_ONLY = ("settings", "watch", "watch_targets", "code")
+WORKFLOW_ONLY = ("settings", "watch", "watch_targets", "code", "outside")
 """Inputs and parameters of the rule that are not keywords of the stage."""
 
 
@@ -23,6 +23,7 @@ def _job(job) -> dict:
         code=job.params.code,
         inputs=[*job.input],
         outputs=[*job.output],
+        outside=dict(job.params.get("outside", {})),
         log=job.log[0],
     )
 
