@@ -86,7 +86,10 @@ def render(
 
 def _views(settings: Render, subject: Capture, level: float) -> Iterator[tuple[View, Camera]]:
     """Views of all protocols with their cameras."""
-    frames = {"test": test_frames(subject, settings.test_timesteps), "val": subject.split("val") if level == 0 else ()}
+    frames = {
+        "test": spread_test_frames(subject, settings.test_timesteps),
+        "val": subject.split("val") if level == 0 else (),
+    }
     for split, shown in frames.items():
         for frame in shown:
             yield View(split, frame.timestep, frame.camera, frame.sequence), subject.camera(frame)
@@ -96,7 +99,7 @@ def _views(settings: Render, subject: Capture, level: float) -> Iterator[tuple[V
             yield View("orbit", frame.timestep, i, frame.sequence), camera
 
 
-def test_frames(subject: Capture, timesteps: int | None) -> tuple[Frame, ...]:
+def spread_test_frames(subject: Capture, timesteps: int | None) -> tuple[Frame, ...]:
     """Choose the test frames that are rendered: of all cameras, at timesteps that are spread evenly.
 
     Args:

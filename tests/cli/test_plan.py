@@ -88,3 +88,22 @@ def test_the_jobs_are_those_of_snakemake(tmp_path, monkeypatch):
     assert not (tmp_path / "results").exists()
     with pytest.raises(SettingsError, match="Snakemake cannot plan the study"):
         study_jobs(line, snakefile, ["no_such_rule"], 4, from_scratch=True)
+
+
+@pytest.mark.slow
+def test_the_papers_study_is_planned_with_its_hours_without_its_data(tmp_path, monkeypatch, capsys):
+    """Ten people, three kinds of supervision and the hair mask, five levels, 256 frames, 120,000 iterations."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("NERSEMBLE", str(tmp_path / "nersemble"))
+    assert carigs(["plan", "study=paper", "--nodes", "10", "--cores", "4", "--json"]) == 0
+    planned = json.loads(capsys.readouterr().out)
+    counts = {rule: row["jobs"] for rule, row in planned["rules"].items()}
+    people, variants, levels = 10, 4, 5
+    assert counts["capture"] == counts["exaggerate"] == counts["gtstar"] == counts["figures"] == people
+    assert counts["train"] == people * variants and counts["tabulate"] == 1
+    assert counts["render"] == counts["metrics"] == people * variants * levels
+    # One training alone is 120,000 times a step: more than one hour and less than a day on any machine.
+    hours = planned["rules"]["train"]["seconds"] / 3600 / counts["train"]
+    assert 1 < hours < 24
+    assert planned["makespan_seconds"] / 3600 > hours
+    assert planned["rules"]["render"]["bytes"] == pytest.approx(people * variants * (levels * 280 + 500) * 441_100)

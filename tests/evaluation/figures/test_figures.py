@@ -2,12 +2,14 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from miniature import write_ball
+from miniature import ball_model, write_ball
 
-from carigs.capture import Capture, read_dataset
+from carigs.capture import Camera, Capture, read_dataset
+from carigs.capture.camera import look_at
 from carigs.capture.frame_index import read_ground_truth
 from carigs.capture.images import read_rgb, write_png
 from carigs.errors import InputError, SettingsError
@@ -15,9 +17,12 @@ from carigs.exaggeration import Exaggerator, GammaPath, straight_path
 from carigs.head import neutral
 from carigs.settings import DEFAULT_MASK_FLAGS, Exaggerate, Figures, Gtstar
 from carigs.stages.figures import figures
+from evaluation.figures import strips
 from evaluation.figures.blend_error import BlendError, blend_errors
+from evaluation.figures.hair import PROPORTIONS, hair_window
 from evaluation.figures.misregistration import MAX_MASKED, REGIONS, misregistrations
 from evaluation.figures.sheet import write_sheet
+from evaluation.figures.study_images import StudyImages
 from evaluation.tables.csv_files import write_csv
 
 
@@ -194,3 +199,67 @@ def test_a_frame_that_does_not_exist_is_an_error(study, tmp_path):
         figures(Figures(), **{**keywords, "indices": [tmp_path / "frames.json"] * 4}, path=folder / "given.npz",
                 folder=folder / "none")  # fmt: skip
     assert not (folder / "none").exists()
+
+
+class CodedImages(StudyImages):
+    """Images whose only pixel says what they show: variant, level, camera."""
+
+    def rendered(self, variant, level, frame=None):
+        return np.array([[[variant, level, (frame or self.frame)[1]]]], dtype=object)
+
+    def true(self, level, frame=None):
+        return self.rendered("truth", level, frame)
+
+
+@pytest.fixture
+def sheets(monkeypatch):
+    """Images of the sheets that are written, as (variant, level, camera), by row and column."""
+    written = []
+
+    def write(file, images, *, rows, columns, **options):
+        written.append({(row, column): tuple(image.ravel()) for row, line in zip(rows, images, strict=True)
+                        for column, image in zip(columns, line, strict=True)})  # fmt: skip
+
+    monkeypatch.setattr(strips, "write_sheet", write)
+    return written
+
+
+def coded(study, variants):
+    subject = Capture.load(study[1]["capture"])
+    frame = next(f for f in subject.split("test") if f.camera == 1)
+    points = {(variant, level): None for variant in variants for level in (0.0, 0.1, 0.25)}
+    return CodedImages(subject, points, {}, (frame.timestep, 1), 96)
+
+
+def test_every_image_of_a_comparison_is_the_one_of_its_variant_level_and_view(study, sheets, tmp_path):
+    images = coded(study, ["alternating", "surfhead", "gtstar_only"])
+    assert strips.renderings(tmp_path / "r.png", images) is None
+    assert strips.alternation(tmp_path / "a.png", images) is None
+    renderings, alternation = sheets
+    cameras = [camera for _, camera in images.views]
+    assert cameras[0] == 1 and len(set(cameras)) == len(cameras) > 1
+    for camera in cameras:
+        row = f"camera {camera}"
+        assert renderings[row, "surfhead, γ = 0.25"] == ("surfhead", 0.25, camera)
+        assert renderings[row, "truth, γ = 0.25"] == ("truth", 0.25, camera)
+        for level in (0, 0.1, 0.25):
+            assert renderings[row, f"γ = {level:g}"] == ("alternating", level, camera)
+    names = {"original only": "surfhead", "GT* only": "gtstar_only", "alternating": "alternating", "truth": "truth"}
+    assert alternation == {
+        (name, f"γ = {level:g}"): (variant, level, 1) for name, variant in names.items() for level in (0, 0.1, 0.25)
+    }
+
+
+@pytest.mark.parametrize(("centre", "radius"), [((0.0, 0.0), 0.05), ((0.06, 0.03), 0.05)])
+def test_the_window_of_the_hair_holds_it(centre, radius):
+    """A ball in front of the camera, whose upper half has hair."""
+    model = ball_model()
+    vertices = model.v_template / np.abs(model.v_template).max() * radius + [*centre, 0]
+    up = np.argmax(np.ptp(model.v_template, axis=0) * [0, 1, 0])
+    hair = replace(model, regions={"scalp": np.flatnonzero(model.v_template[:, up] >= 0)})
+    camera = Camera(look_at(np.array([0.0, 0.0, 1.0]), np.zeros(3)), 300, 300, 60, 60, 120, 120)
+    rows, columns = hair_window(hair, vertices, camera, ["scalp", "beard"])
+    assert (columns.stop - columns.start) / (rows.stop - rows.start) == pytest.approx(PROPORTIONS, rel=0.05)
+    pixels, _ = camera.project(vertices[hair.regions["scalp"]])
+    assert (pixels >= [columns.start, rows.start]).all() and (pixels <= [columns.stop, rows.stop]).all()
+    assert hair_window(hair, vertices, camera, ["beard"]) is None
