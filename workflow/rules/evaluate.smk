@@ -97,9 +97,11 @@ rule figures:
         capture="results/{study}/{subject}/capture.json",
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
         # Renders the local edits; studies without the method have none.
-        avatar="results/{study}/{subject}/gamma={gamma}/alternating/avatar.npz"
-        if "alternating" in points["variant"]
-        else [],
+        avatar=(
+            "results/{study}/{subject}/gamma={gamma}/alternating/avatar.npz"
+            if "alternating" in points["variant"]
+            else []
+        ),
         indices=all_points("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json"),
         truths=all_points("results/{study}/{subject}/gamma={gamma}/truth/level={level}/truth.json"),
         watch=all_points(
