@@ -79,7 +79,8 @@ def render(
             write_png(part / file, shown.image.numpy())
             novel = {"view": camera_to_json(camera)} if view.protocol == "orbit" else {}
             entries.append({**view._asdict(), "file": file, **novel})
-            measured += meter.records(view.protocol, view.timestep, view.camera, camera, shown.world)
+            if view.protocol == "test":  # tables show no others
+                measured += meter.records(view.timestep, view.camera, camera, shown.world)
     write_frame_index(index, entries)
     write_frame_records(geometry, measured)
 

@@ -43,13 +43,10 @@ class AvatarGeometry:
         self._anchors: SurfaceAnchors | None = None
         self._timesteps_with_gain: set[int] = set()
 
-    def records(
-        self, protocol: str, timestep: int, number: int, camera: Camera, world: WorldSurfels
-    ) -> Iterator[FrameRecord]:
-        """Measure a frame and, once per timestep of the protocol `test` above level 0, the gain.
+    def records(self, timestep: int, number: int, camera: Camera, world: WorldSurfels) -> Iterator[FrameRecord]:
+        """Measure a frame of the protocol `test` and, once per timestep above level 0, the gain.
 
         Args:
-            protocol: Protocol of the frame.
             timestep: Timestep of the frame.
             number: Number of its camera.
             camera: The camera.
@@ -60,9 +57,9 @@ class AvatarGeometry:
         """
         if self._head is None or self._head.timestep != timestep:
             self._head = PosedHead(self._subject, timestep, self._caricature)
-        if protocol == "test" and self._level > 0 and timestep not in self._timesteps_with_gain:
+        if self._level > 0 and timestep not in self._timesteps_with_gain:
             self._timesteps_with_gain.add(timestep)
-            yield from self._gains(protocol, timestep, world.centre.double().numpy())
+            yield from self._gains(timestep, world.centre.double().numpy())
         visibility = self._head.seen_by(camera)
         regions = mesh_regions(self._surface, visibility.face)
         values = mesh_adherence(self._rendered_surface(world, visibility), visibility, regions)
@@ -70,7 +67,7 @@ class AvatarGeometry:
             for metric in ADHERENCE:
                 value = values.get((region, metric))
                 yield self._record(
-                    (protocol, number, timestep, region, metric), value, "no opaque pixel of this region in view"
+                    ("test", number, timestep, region, metric), value, "no opaque pixel of this region in view"
                 )
 
     def _rendered_surface(self, world: WorldSurfels, visibility: Visibility) -> RenderedSurface:
@@ -81,7 +78,7 @@ class AvatarGeometry:
         images = rasterize(surfels, visibility.camera, backend=self._backend, outputs=outputs)
         return RenderedSurface(*(getattr(images, name).numpy() for name in outputs))
 
-    def _gains(self, protocol: str, timestep: int, exaggerated: np.ndarray) -> Iterator[FrameRecord]:
+    def _gains(self, timestep: int, exaggerated: np.ndarray) -> Iterator[FrameRecord]:
         natural = self._avatar.skinned(timestep, 0.0)
         centres = natural.centre.double().numpy()
         if self._anchors is None:
@@ -97,7 +94,7 @@ class AvatarGeometry:
             if region in faces:
                 inside = faces[region][anchors.face]
                 value = exaggeration_gain(measured[inside], intended[inside], weights[inside])
-            yield self._record((protocol, None, timestep, region, "exaggeration_gain"), value, "no surfel is to move")
+            yield self._record(("test", None, timestep, region, "exaggeration_gain"), value, "no surfel is to move")
 
     def _record(self, key: tuple, value: float | None, reason: str) -> FrameRecord:
         """Record of a value; None stands for a region that the head model does not define, nan for `reason`."""

@@ -178,7 +178,7 @@ def test_an_avatar_that_does_not_follow_its_level_has_no_gain(trained, tmp_path)
     path = read_subject_path(trained / "path.npz", capture.model)
     meter = AvatarGeometry(capture, avatar, path, 0.25)
     still = avatar.render_frame(3, 0.0, capture.cameras[1]).world
-    values = {(r.metric, r.region): r.value for r in meter.records("test", 3, 1, capture.cameras[1], still)}
+    values = {(r.metric, r.region): r.value for r in meter.records(3, 1, capture.cameras[1], still)}
     assert values["exaggeration_gain", "full"] == pytest.approx(0, abs=1e-6)
     assert values["silhouette_iou", "full"] < 0.9  # the mesh is 20 % wider
 
