@@ -118,7 +118,7 @@ class FaceEmbedder:
         if timestep not in self._landmarks:
             model = self.subject.model
             vertices = pose(model, self.subject.parameters(timestep), self.caricature)
-            self._landmarks[timestep] = vertices[model.landmarks68]
+            self._landmarks[timestep] = model.landmarks68.interpolate(vertices)
         return self._landmarks[timestep]
 
     def turn(self, frame: Frame) -> float:
@@ -131,7 +131,7 @@ class FaceEmbedder:
             Degrees.
         """
         model, rigid = self.subject.model, list(RIGID)
-        rest = neutral(model, self.subject.parameters(frame.timestep))[model.landmarks68]
+        rest = model.landmarks68.interpolate(neutral(model, self.subject.parameters(frame.timestep)))
         return turn_from_camera(self.landmarks(frame.timestep)[rigid], rest[rigid], self.subject.camera(frame))
 
     def __call__(self, image: Float[np.ndarray, "h w 3"], frame: Frame) -> Float[np.ndarray, " d"]:

@@ -314,8 +314,8 @@ def test_with_weights_every_frame_has_its_scores(scene, tiny_networks):
 def test_an_image_is_embedded_once_for_all_metrics_levels_and_variants(scene, tiny_networks):
     every = ("clip", "dino_vits16", "dino_vitb8", "dino_vitb8_patch_l11")
     values = [row.value for row in measured(scene, embeddings=every)]
-    # The rendered test frames are equal, the three originals are not; the orbits of both levels are the same three.
-    different = {"test": 1 + 3, "orbit": 3}
+    # Three rendered test frames and their originals; the orbits of both levels are the same three.
+    different = {"test": 3 + 3, "orbit": 3}
     assert sum(tiny_networks) == different["test"] + different["orbit"] + 2 * different["test"]
     tiny_networks.clear()
     scene["variant"] = "other"
@@ -323,7 +323,7 @@ def test_an_image_is_embedded_once_for_all_metrics_levels_and_variants(scene, ti
     assert tiny_networks == []
     shutil.rmtree(scene["embeddings"])
     np.testing.assert_array_equal([row.value for row in measured(scene, embeddings=every)], values)
-    assert sum(tiny_networks) == 15
+    assert sum(tiny_networks) == 21
 
 
 def test_consistency_of_test_frames_follows_the_timesteps_of_each_camera(scene, tiny_networks):

@@ -12,7 +12,7 @@ from carigs.capture.frame_index import RenderedImage
 from carigs.capture.images import read_rgb, write_png
 from carigs.errors import InputError, WeightsMissing
 from carigs.exaggeration import straight_path
-from carigs.head import neutral, pose
+from carigs.head import SurfacePoints, neutral, pose
 from carigs.raster import rasterize_mesh
 from carigs.settings import Metrics
 from evaluation.metrics import identity
@@ -47,7 +47,7 @@ def ball_with_a_face():
     for landmark, place in PLACES.items():
         places[landmark] = place
     distances = np.linalg.norm(model.v_template[front, None, :2] - places, axis=2)
-    return replace(model, landmarks68=front[distances.argmin(axis=0)])
+    return replace(model, landmarks68=SurfacePoints.at_vertices(front[distances.argmin(axis=0)]))
 
 
 @pytest.fixture
