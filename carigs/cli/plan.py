@@ -119,7 +119,9 @@ def _footage_lines(footage: Mapping[str, Footage]) -> list[str]:
         names = [name for name, other in footage.items() if other == images]
         shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
         size = f"{images.megapixels:.3g} megapixels"
-        lines.append(f"{shown}: {images.train} training images, {images.evaluated} others, {size} ({images.source})")
+        lines.append(
+            f"{shown}: {images.train} training images, {images.val + images.test} others, {size} ({images.source})"
+        )
     return lines
 
 

@@ -43,7 +43,7 @@ def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[st
     settings = _settings(job, overrides)
     match job.rule:
         case "capture":
-            samples = images.megapixels * (images.train + images.evaluated)
+            samples = images.megapixels * (images.train + images.val + images.test)
             if settings.capture.source == "toy":
                 work = 3.0 + 0.083 * samples * settings.capture.toy.supersampling**2
             else:
@@ -57,13 +57,14 @@ def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[st
             step = (0.0126 + 0.26 * images.megapixels) * (1 + 0.15 * settings.train.sh_degree)
             work = 3.0 + settings.train.iterations * step / job.threads**0.8
         case "render":
-            work = 0.5 + 0.25 * images.megapixels * (images.evaluated + settings.render.orbit_frames) / job.threads**0.8
+            count = _rendered(job, images, settings) + settings.render.orbit_frames
+            work = 0.5 + 0.35 * images.megapixels * count / job.threads**0.8
         case "truth":
             work = 0.3
             if settings.capture.source == "toy" and job.wildcards["level"] != "0":
-                work += 0.62 * images.megapixels * images.evaluated
+                work += 1.24 * images.megapixels * images.test
         case "metrics":
-            work = 0.3 + 0.2 * images.megapixels * images.evaluated
+            work = 0.3 + 0.33 * images.megapixels * _rendered(job, images, settings)
         case "tabulate":
             work = 0.4 + 0.056 * len(job.needs)
         case "figures":
@@ -84,18 +85,18 @@ def job_bytes(job: Job, footage: Mapping[str, Footage], overrides: Sequence[str]
     Returns:
         Bytes of its outputs.
     """
-    images = footage.get(job.wildcards.get("subject", ""), Footage(0, 0, 0.0, ""))
+    images = footage.get(job.wildcards.get("subject", ""), Footage(0, 0, 0, 0, 0.0, ""))
     settings = _settings(job, overrides)
     is_toy = settings.capture.source == "toy"
     match job.rule:
         case "capture":
-            count = 1.4 * (images.train + images.evaluated) if is_toy else 0
+            count = 1.4 * (images.train + images.val + images.test) if is_toy else 0
         case "gtstar":
             count = images.train
         case "truth":
-            count = 0.6 * images.evaluated if is_toy or settings.truth.folder else 0
+            count = 0.6 * images.test if is_toy or settings.truth.folder else 0
         case "render":
-            count = images.evaluated + settings.render.orbit_frames
+            count = _rendered(job, images, settings) + settings.render.orbit_frames
         case _:
             count = 0
     others = {"train": 30e6, "exaggerate": 7e6, "figures": 3e6}
@@ -175,6 +176,10 @@ def speed_test() -> float:
         sum(i * i for i in range(200_000))
         times.append(time.process_time() - started)
     return min(times)
+
+
+def _rendered(job: Job, images: Footage, settings: DictConfig) -> int:
+    return images.rendered(float(job.wildcards["level"]), settings.render.test_timesteps)
 
 
 def _settings(job: Job, overrides: Sequence[str]) -> DictConfig:

@@ -18,17 +18,34 @@ class Footage:
 
     train: int
     """Images that training and GT* read."""
-    evaluated: int
-    """Images of the splits `val` and `test`, which are rendered and measured."""
+    val: int
+    """Images of the held-out camera, which are rendered at level 0."""
+    test: int
+    """Images of the held-out sequence."""
+    cameras: int
+    """Cameras of the held-out sequence."""
     megapixels: float
     """Size of one image."""
     source: str
     """Where the numbers come from."""
 
+    def rendered(self, level: float, timesteps: int | None) -> int:
+        """Count the frames of the capture that are rendered and measured.
 
-ASSUMED = Footage(train=13_500, evaluated=2_900, megapixels=802 * 550 / 1e6, source="assumed: a NeRSemble sequence")
-"""A subject whose data are not here: 15 training cameras of 802x550 at 900 timesteps, 500 + 150 x 16 images for
-evaluation."""
+        Args:
+            level: Rendered level.
+            timesteps: Setting `render.test_timesteps`.
+
+        Returns:
+            Number of images, without those of the orbit.
+        """
+        test = self.test if timesteps is None else min(self.test, timesteps * self.cameras)
+        return test + (self.val if level == 0 else 0)
+
+
+ASSUMED = Footage(13_500, 500, 2_400, 16, 802 * 550 / 1e6, "assumed: a NeRSemble sequence")
+"""A subject whose data are not here: 15 training cameras of 802x550 at 900 timesteps, 500 images of the held-out camera
+and 150 x 16 of the held-out sequence."""
 
 
 def subject_footage(capture: DictConfig, index: Path) -> Footage:
@@ -43,14 +60,16 @@ def subject_footage(capture: DictConfig, index: Path) -> Footage:
     """
     if index.is_file():
         subject = Capture.load(index)
-        train, camera = len(subject.split("train")), subject.camera(subject.frames[0])
+        train, val, test = (subject.split(name) for name in ("train", "val", "test"))
+        camera, cameras = subject.camera(subject.frames[0]), len({frame.camera for frame in test})
         size = camera.width * camera.height / 1e6
-        return Footage(train, len(subject.frames) - train, size, f"counted in {index}")
+        return Footage(len(train), len(val), len(test), cameras, size, f"counted in {index}")
     if capture.source == "toy":
         toy = capture.toy
         steps, cameras = toy.steps_per_sequence, toy.cameras
-        train, evaluated = 9 * steps * max(cameras - 1, 1), 9 * steps + steps * cameras  # nine of ten sequences train
-        return Footage(train, evaluated, toy.width * toy.height / 1e6, "from capture.toy")
+        train = 9 * steps * max(cameras - 1, 1)  # nine of ten sequences train
+        size = toy.width * toy.height / 1e6
+        return Footage(train, 9 * steps, steps * cameras, cameras, size, "from capture.toy")
     try:
         return _folder_footage(Path(capture.folder), capture.stride, capture.max_frames)
     except (InputError, KeyError, TypeError):
@@ -62,6 +81,8 @@ def _folder_footage(folder: Path, stride: int, max_frames: int | None) -> Footag
     indexes = {split: read_json(folder / f"transforms_{split}.json", dict) for split in ("train", "val", "test")}
     strided = {split: -(-len(index["frames"]) // stride) for split, index in indexes.items()}
     counts = {split: min(count, max_frames or count) for split, count in strided.items()}
-    first = indexes["train"]
+    first, tested = indexes["train"], indexes["test"]["frames"]
+    cameras = len({frame.get("camera_index") for frame in tested})
     size = {**first, **(first["frames"][0] if first["frames"] else {})}
-    return Footage(counts["train"], counts["val"] + counts["test"], size["w"] * size["h"] / 1e6, f"counted in {folder}")
+    megapixels = size["w"] * size["h"] / 1e6
+    return Footage(counts["train"], counts["val"], counts["test"], cameras, megapixels, f"counted in {folder}")

@@ -13,6 +13,8 @@ class Render(Section, key="render"):
 
     threads: int = option(1, ge=1, le=1024)
     """Threads of the rasterizer; the result does not depend on it."""
+    test_timesteps: int | None = option(None, ge=1, le=MAX_COUNT)
+    """Timesteps of the test sequence that are rendered and measured, evenly spread (null: all)."""
     orbit_frames: int = option(24, ge=0, le=100_000)
     """Frames of the novel camera orbit (0: no orbit)."""
     orbit_timestep: int | None = option(None, ge=0, le=MAX_COUNT)
@@ -53,10 +55,8 @@ class Tabulate(Section, key="tabulate"):
 
     reference: str = "alternating"
     """Variant that the others are compared with, frame by frame."""
-    digits: int = option(2, ge=0, le=15)
-    """Decimals of values in dB; scores between -1 and 1 have two more."""
     resamples: int = option(2000, ge=1, le=10_000_000)
-    """Bootstrap resamples for each interval."""
+    """Bootstrap resamples for each interval; where a factor has few levels, Student's t needs none."""
     confidence: float = option(0.95, gt=0, lt=1)
     """Confidence level of the intervals."""
     seed: int = option(0, ge=0, le=MAX_SEED)
@@ -68,9 +68,9 @@ class Figures(Section, key="figures"):
     """The figures of the paper."""
 
     camera: int | None = option(None, ge=0, le=MAX_COUNT)
-    """Camera shown in the strips (null: the validation camera)."""
+    """Camera of the figures with one view (null: the validation camera)."""
     timestep: int | None = option(None, ge=0, le=MAX_COUNT)
-    """Test timestep shown in the strips (null: the first)."""
+    """Test timestep of the figures (null: the first that is rendered)."""
     image_height: int = option(360, unit="pixels", ge=1, le=16_384)
     """Height of each image."""
     blend_error_samples: int = option(26, ge=3, le=100_000)

@@ -1,4 +1,4 @@
-"""Stage `figures`: strips over the level, the ablation sheet, the blend error (figure 2) and the misregistration."""
+"""Stage `figures`: the figures of the paper that show results, from the renderings of one subject."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 
 from carigs.capture import Capture
-from carigs.capture.frame_index import read_frame_index, read_ground_truth
-from carigs.capture.images import read_rgb
-from carigs.errors import InputError, SettingsError
-from carigs.exaggeration import GammaPath
+from carigs.capture.frame_index import GroundTruth, read_ground_truth
+from carigs.exaggeration import Exaggerator, GammaPath
 from carigs.files import writing_folder
 from carigs.head import read_subject_path, subject_exaggerator
 from carigs.head.teeth import without_teeth
 from carigs.settings import Exaggerate, Figures, Gtstar
+from evaluation.figures import strips
 from evaluation.figures.blend_error import BlendError, blend_errors, plot_blend_errors
+from evaluation.figures.local_edits import local_edits, write_local_edits
 from evaluation.figures.misregistration import Misregistration, misregistrations, plot_misregistrations
-from evaluation.figures.strips import ablation, gamma_strip
+from evaluation.figures.study_images import StudyImages, strip_frame
 from evaluation.tables.csv_files import write_csv
 
 
@@ -33,17 +33,17 @@ def figures(
     truth_levels: Sequence[float],
     capture: Path,
     path: Path,
+    avatar: Path | None,
     gtstar: Mapping[str, Any],
     mask_flags: Sequence[str],
     folder: Path,
 ) -> None:
-    """Write `gamma_strip_{variant}.png`, `ablation.png`, and .png and .csv of `blend_error` and `misregistration`.
+    """Write the figures as PNG files; plots also as PDF, and their numbers as CSV.
 
-    A path that no solver made has no exact solution: `blend_error.txt` then says so in place of the other two files.
-    Likewise `misregistration.txt` where there is no true caricature.
+    A figure that cannot be drawn is left out, and `left_out.txt` says why.
 
     Args:
-        settings: Camera, timestep and height of the strips, and samples of the blend error.
+        settings: Camera, timestep and height of the images, and samples of the blend error.
         indices: Indices of rendered frames.
         variants: Variant of each index.
         levels: Level of each index.
@@ -51,61 +51,54 @@ def figures(
         truth_levels: Level of each of `truths`.
         capture: Index of the capture.
         path: Caricature path of the subject.
+        avatar: The avatar for local edits, of the variant `alternating`; None if the study lacks it.
         gtstar: Settings of the stage `gtstar`, for the targets of the misregistration.
         mask_flags: Flags whose pixels the training leaves out (`train.mask_flags`).
         folder: Folder to write.
 
     Raises:
         SettingsError: The settings name no test frame.
-        InputError: An input is malformed or lacks the frame of the strips.
+        InputError: An input is malformed or lacks a frame.
     """
-    subject = Capture.load(capture)
+    subject, warp = Capture.load(capture), Gtstar(**gtstar)
     gamma_path = read_subject_path(path, subject.model)
-    frame = _strip_frame(settings, subject)
     known = {level: read_ground_truth(file) for level, file in zip(truth_levels, truths, strict=True)}
-    shown = sorted({*levels, *known})
-    files = [known[level].images.get(frame) if level in known else None for level in shown]
-    true_images = [file and read_rgb(file) for file in files]
-    points = zip(variants, levels, indices, strict=True)
-    renders = {(variant, level): _rendered(index, frame) for variant, level, index in points}
-    strips = {variant: [renders.get((variant, level)) for level in shown] for variant in variants}
+    points = zip(variants, levels, strict=True)
+    images = StudyImages(
+        subject, dict(zip(points, indices, strict=True)), known, strip_frame(settings, subject), settings.image_height
+    )
+    solver = _solver(subject, gamma_path)
     with writing_folder(folder) as part:
-        for variant, images in strips.items():
-            file = part / f"gamma_strip_{variant}.png"
-            gamma_strip(file, variant, shown, images, true_images, height=settings.image_height)
-        ablation(part / "ablation.png", strips, shown, true_images, height=settings.image_height)
-        _blend_error(part, without_teeth(gamma_path), subject, settings.blend_error_samples)
-        if any(level > 0 and truth.images for level, truth in known.items()):
-            records = list(misregistrations(subject, gamma_path, known, Gtstar(**gtstar), mask_flags))
-            write_csv(part / "misregistration.csv", records, Misregistration)
-            plot_misregistrations(part / "misregistration.png", records)
-        else:
-            (part / "misregistration.txt").write_text("No true caricature is known.\n")
+        for variant in images.variants:
+            strips.gamma_strip(part / f"gamma_strip_{variant}.png", images, variant)
+        strips.ablation(part / "ablation.png", images)
+        reasons = {
+            "renderings": strips.renderings(part / "renderings.png", images),
+            "alternation": strips.alternation(part / "alternation.png", images),
+            "hair_mask": strips.hair_mask(part / "hair_mask.png", images, gamma_path, warp.hair_regions),
+            "local_edits": _local_edits(part, images, gamma_path, solver, avatar),
+            "blend_error": _blend_error(part, without_teeth(gamma_path), solver, settings.blend_error_samples),
+            "misregistration": _misregistration(part, subject, gamma_path, known, warp, mask_flags),
+        }
+        lines = [f"{name}: {reason}\n" for name, reason in reasons.items() if reason]
+        if lines:
+            (part / "left_out.txt").write_text("".join(lines), encoding="utf-8")
 
 
-def _strip_frame(settings: Figures, subject: Capture) -> tuple[int, int]:
-    """Timestep and camera of the frame in the strips."""
-    camera = subject.validation_camera if settings.camera is None else settings.camera
-    for frame in subject.split("test"):
-        if frame.camera == camera and settings.timestep in (None, frame.timestep):
-            return frame.timestep, frame.camera
-    where = f"figures.camera={settings.camera}, figures.timestep={settings.timestep}"
-    raise SettingsError(f"{where}: there is no such test frame")
-
-
-def _rendered(index: Path, frame: tuple[int, int]) -> np.ndarray:
-    for rendered in read_frame_index(index):
-        if rendered.protocol == "test" and (rendered.timestep, rendered.camera) == frame:
-            return read_rgb(rendered.file)
-    raise InputError(f"no test frame of timestep {frame[0]}, camera {frame[1]}", file=index)
-
-
-def _blend_error(folder: Path, path: GammaPath, subject: Capture, samples: int) -> None:
+def _solver(subject: Capture, path: GammaPath) -> tuple[Exaggerator, Exaggerate] | str:
+    """The solver that made a path, with its settings; a reason if there is none."""
     if path.report.get("source") != "poisson":
-        (folder / "blend_error.txt").write_text("The caricature comes from a file: there is no exact path.\n")
-        return
+        return "the caricature comes from a file: there is no equation to solve"
     settings = Exaggerate(**path.report.get("settings", {}))
-    head = subject_exaggerator(subject.model, path.neutral, settings)
+    return subject_exaggerator(subject.model, without_teeth(path).neutral, settings), settings
+
+
+def _blend_error(
+    folder: Path, path: GammaPath, solver: tuple[Exaggerator, Exaggerate] | str, samples: int
+) -> str | None:
+    if isinstance(solver, str):
+        return solver
+    head, settings = solver
 
     def exact(level: float) -> np.ndarray:
         # Along the path, regions keep their proportion to the rest.
@@ -115,9 +108,46 @@ def _blend_error(folder: Path, path: GammaPath, subject: Capture, samples: int) 
     # Paths are stored in float32. After a larger difference, the error would describe another path.
     difference = np.abs(exact(path.gamma_f) - path.displacement(path.gamma_f)).max()
     if difference > 1e-4 * np.linalg.norm(np.ptp(path.neutral, axis=0)):
-        text = f"Solving again gives another caricature, {1e3 * difference:.2g} mm away: the path was made otherwise."
-        (folder / "blend_error.txt").write_text(f"{text}\n")
-        return
+        return f"solving again gives another caricature, {1e3 * difference:.2g} mm away: the path was made otherwise"
     errors = blend_errors(path, exact, samples)
     write_csv(folder / "blend_error.csv", errors, BlendError)
     plot_blend_errors(folder / "blend_error.png", errors)
+    return None
+
+
+def _local_edits(
+    folder: Path,
+    images: StudyImages,
+    path: GammaPath,
+    solver: tuple[Exaggerator, Exaggerate] | str,
+    avatar: Path | None,
+) -> str | None:
+    if avatar is None:
+        return f"the study lacks the variant {strips.METHOD}"
+    if isinstance(solver, str):
+        return solver
+    from carigs.splat.avatar import load_avatar
+
+    person, views = load_avatar(avatar), images.views[:2]
+    person.sequence.path = path
+    cameras = [images.subject.camera(images.subject.frame_at[view]) for view in views]
+    edits = local_edits(person, solver[0], path.gamma_f, views[0][0], cameras)
+    numbers = [camera for _, camera in views]
+    write_local_edits(folder / "local_edits.png", edits, numbers, path.gamma_f, height=images.height)
+    return None
+
+
+def _misregistration(
+    folder: Path,
+    subject: Capture,
+    path: GammaPath,
+    known: Mapping[float, GroundTruth],
+    warp: Gtstar,
+    mask_flags: Sequence[str],
+) -> str | None:
+    if not any(level > 0 and truth.images for level, truth in known.items()):
+        return "no true caricature is known"
+    records = list(misregistrations(subject, path, known, warp, mask_flags))
+    write_csv(folder / "misregistration.csv", records, Misregistration)
+    plot_misregistrations(folder / "misregistration.png", records)
+    return None

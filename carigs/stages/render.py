@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 from rich.progress import track
 
 from carigs.capture import Camera, Capture, Frame
@@ -69,13 +70,35 @@ def render(
 
 def _views(settings: Render, subject: Capture, level: float) -> Iterator[tuple[View, Camera]]:
     """Views of all protocols with their cameras."""
-    for split in ("test", "val") if level == 0 else ("test",):
-        for frame in subject.split(split):
+    frames = {
+        "test": spread_test_frames(subject, settings.test_timesteps),
+        "val": subject.split("val") if level == 0 else (),
+    }
+    for split, shown in frames.items():
+        for frame in shown:
             yield View(split, frame.timestep, frame.camera, frame.sequence), subject.camera(frame)
     if settings.orbit_frames:
         frame = _orbit_frame(settings, subject)
         for i, camera in enumerate(orbit_cameras(subject, settings.orbit_frames, settings.orbit_degrees)):
             yield View("orbit", frame.timestep, i, frame.sequence), camera
+
+
+def spread_test_frames(subject: Capture, timesteps: int | None) -> tuple[Frame, ...]:
+    """Choose the test frames that are rendered: of all cameras, at timesteps that are spread evenly.
+
+    Args:
+        subject: The capture.
+        timesteps: Number of timesteps; None for all.
+
+    Returns:
+        The frames, in their order.
+    """
+    frames = subject.split("test")
+    known = sorted({frame.timestep for frame in frames})
+    if timesteps is None or timesteps >= len(known):
+        return frames
+    chosen = {known[i] for i in np.linspace(0, len(known) - 1, timesteps).round().astype(int)}
+    return tuple(frame for frame in frames if frame.timestep in chosen)
 
 
 def _orbit_frame(settings: Render, subject: Capture) -> Frame:

@@ -6,8 +6,10 @@ from pathlib import Path
 
 from carigs.files import writing
 from carigs.settings import Tabulate
+from evaluation.metrics.catalogue import CATALOGUE
+from evaluation.tables.document import to_latex, to_markdown
 from evaluation.tables.summary import read_metrics, summarise
-from evaluation.tables.typeset import comparison_tables, to_latex, to_markdown
+from evaluation.tables.typeset import comparison_tables
 
 
 def tabulate(settings: Tabulate, *, records: list[Path], table: Path, markdown: Path, latex: Path) -> None:
@@ -23,8 +25,8 @@ def tabulate(settings: Tabulate, *, records: list[Path], table: Path, markdown: 
     Raises:
         InputError: A file of records is malformed.
     """
-    summaries = summarise(read_metrics(records), settings)
-    document = comparison_tables(summaries, settings)
+    summaries = summarise(read_metrics(records), settings, CATALOGUE)
+    document = comparison_tables(summaries, settings, CATALOGUE)
     with writing(table) as part:
         summaries.to_csv(part, index=False, float_format="%.6g", lineterminator="\n")
     for file, text in ((markdown, to_markdown(document)), (latex, to_latex(document))):

@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from carigs.exaggeration import GammaPath
 from evaluation.figures.png_figure import png_figure
+from evaluation.figures.style import TEXT_WIDTH
 
 STYLES = {
     "blend_largest": ("linear blend, largest", "C0-"),
@@ -65,21 +66,22 @@ def plot_blend_errors(file: Path, errors: Sequence[BlendError]) -> None:
     The shape of the paper's bound (equation 9), gamma (gamma_f - gamma), is scaled to the blend's largest error.
 
     Args:
-        file: PNG file to write.
+        file: PNG file to write, with a PDF file beside it.
         errors: Errors at each level.
     """
     levels = np.array([error.level for error in errors])
     percent = {name: 100 * np.array([getattr(error, name) for error in errors]) for name in BlendError._fields[1:]}
     shape = levels * (levels[-1] - levels)
     percent["bound"] = shape * percent["blend_largest"].max() / shape.max()
-    with png_figure(file, (9.6, 4.0)) as figure:
+    with png_figure(file, (TEXT_WIDTH, 2.5), dpi=200, vector=True) as figure:
         for axes, scale in zip(figure.subplots(1, 2), ("linear", "log"), strict=True):
             for name, (label, style) in STYLES.items():
                 # Errors are exactly 0 at the nodes, which a logarithmic axis cannot show.
                 values = percent[name] if scale == "linear" else np.where(percent[name] > 1e-12, percent[name], np.nan)
                 axes.plot(levels, values, style, label=label)
             axes.set(yscale=scale, xlabel=r"caricature level $\gamma$", xlim=(0, levels[-1]))
-            axes.grid(alpha=0.3)
+            axes.grid()
             if scale == "linear":
                 axes.set(ylabel="distance from the exact solution\n(% of the bounding-box diagonal)", ylim=(0, None))
-                axes.legend(fontsize=8)
+            else:
+                axes.legend(loc="lower center")

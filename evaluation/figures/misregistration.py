@@ -17,6 +17,7 @@ from carigs.head import neutral, pose
 from carigs.raster import compute_visibility
 from carigs.settings import Gtstar
 from evaluation.figures.png_figure import png_figure
+from evaluation.figures.style import MARKERS, TEXT_WIDTH
 from evaluation.metrics.regions import image_regions, surface_regions
 
 REGIONS = ("face", "eyes", "brow", "neck_ear", "hair", "skin")
@@ -95,17 +96,17 @@ def plot_misregistrations(file: Path, records: Sequence[Misregistration]) -> Non
     """Draw mean error and share of wrong pixels against the level, one line per region that is not masked.
 
     Args:
-        file: PNG file to write.
+        file: PNG file to write, with a PDF file beside it.
         records: Errors by level and region.
     """
     panels = {"error": "mean |target - truth|", "wrong": f"share of pixels off by > {ERROR_THRESHOLD:g}"}
-    with png_figure(file, (9.0, 3.6)) as figure:
+    with png_figure(file, (TEXT_WIDTH, 2.5), dpi=200, vector=True) as figure:
         for axes, (name, label) in zip(figure.subplots(1, 2), panels.items(), strict=True):
-            for region in REGIONS:
+            for region, marker in zip(REGIONS, MARKERS, strict=False):
                 drawn = [record for record in records if record.region == region and record.masked <= MAX_MASKED]
                 points = [(record.level, max(getattr(record, name), 1e-4)) for record in drawn]
                 if points:
-                    axes.plot(*zip(*points, strict=True), "o-", markersize=3, label=region)
+                    axes.plot(*zip(*points, strict=True), f"{marker}-", label=region.replace("_", " "))
             axes.set(yscale="log", xlabel=r"caricature level $\gamma$", ylabel=label)
-            axes.grid(alpha=0.3)
-        axes.legend(fontsize=8)
+            axes.grid()
+        axes.legend()

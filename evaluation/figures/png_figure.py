@@ -1,4 +1,4 @@
-"""Matplotlib figures as PNG files, without a display."""
+"""Matplotlib figures as files, without a display."""
 
 from __future__ import annotations
 
@@ -8,27 +8,36 @@ from pathlib import Path
 from typing import Any
 
 from carigs.files import writing
+from evaluation.figures.style import PALETTE, STYLE
 
 
 @contextmanager
-def png_figure(file: Path, size: tuple[float, float], *, dpi: int = 120, **options: Any) -> Iterator[Any]:
-    """Create a figure, and write it when the block ends.
+def png_figure(
+    file: Path, size: tuple[float, float], *, dpi: int = 120, vector: bool = False, **options: Any
+) -> Iterator[Any]:
+    """Create a figure in the common style, and write it when the block ends.
 
     Args:
         file: PNG file to write. Equal contents give equal bytes.
         size: Width and height in inches.
         dpi: Pixels per inch.
+        vector: Whether to write the same figure beside it as PDF, for print.
         options: Further arguments of `matplotlib.figure.Figure`; the default is a constrained layout.
 
     Yields:
         The `matplotlib.figure.Figure`.
     """
     # Imported here: stages that draw nothing would wait for it.
+    from matplotlib import cycler, rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=size, dpi=dpi, **(options or {"layout": "constrained"}))
-    FigureCanvasAgg(figure)
-    yield figure
-    with writing(file) as part:
-        figure.savefig(part, metadata={"Software": None})
+    with rc_context({**STYLE, "axes.prop_cycle": cycler(color=PALETTE)}):
+        figure = Figure(figsize=size, dpi=dpi, **(options or {"layout": "constrained"}))
+        FigureCanvasAgg(figure)
+        yield figure
+        with writing(file) as part:
+            figure.savefig(part, format="png", metadata={"Software": None})
+        if vector:
+            with writing(file.with_suffix(".pdf")) as part:
+                figure.savefig(part, format="pdf", metadata={"Creator": None, "Producer": None, "CreationDate": None})

@@ -1,4 +1,4 @@
-"""A sheet of images with row and column labels: the layout of the strips, the ablation sheet and the target sheet."""
+"""A sheet of images with row and column labels: the layout of all figures that show images."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ import numpy as np
 from jaxtyping import Float
 
 from evaluation.figures.png_figure import png_figure
+from evaluation.figures.style import LARGE, MEDIUM, SMALL, TEXT_WIDTH
 
 Image = Float[np.ndarray, "_ _ 3"]
-DPI = 100
-MARGIN, LABEL, TITLE = 0.08, 0.3, 0.4  # inches
+MIN_DPI = 150
+"""Pixels per inch of a sheet that is narrower than the text of a paper; wider ones have more, and that width."""
+MARGIN, LABEL, TITLE = 0.05, 0.2, 0.3  # inches
 LEGEND_ENTRY, LEGEND_LINE = 1.1, 0.16
 """Width of the widest entry and height of a line of the legend in inches."""
 
@@ -46,43 +48,45 @@ def write_sheet(
     from matplotlib.patches import Patch
 
     first = next(image for line in images for image in line if image is not None)
-    cell_height = height / DPI
-    cell_width = cell_height * first.shape[1] / first.shape[0]
+    pixels = height * first.shape[1] / first.shape[0]
+    cell_width = min(pixels / MIN_DPI, (TEXT_WIDTH - LABEL - 2 * MARGIN) / len(columns))
+    dpi = pixels / cell_width
+    cell_height = height / dpi
     width = LABEL + len(columns) * cell_width + 2 * MARGIN
     entries = max(int(width / LEGEND_ENTRY), 1)  # in a line of the legend
     lines = -(-len(legend or ()) // entries)
     below = LABEL + LEGEND_LINE * max(lines - 1, 0) if footnote or legend else 0.0
     total = TITLE + LABEL + len(rows) * cell_height + MARGIN + below
-    with png_figure(file, (width, total), dpi=DPI, facecolor="white") as figure:
+    with png_figure(file, (width, total), dpi=dpi, facecolor="white") as figure:
 
         def text(x: float, y: float, label: str, size: int, **options: float) -> None:
             figure.text(x, y, label, ha="center", va="center", fontsize=size, **options)
 
-        text(0.5, 1 - 0.5 * TITLE / total, title, 12)
+        text(0.5, 1 - 0.5 * TITLE / total, title, LARGE)
         if footnote:
-            text(0.5, 0.5 * below / total, footnote, 8)
+            text(0.5, 0.5 * below / total, footnote, SMALL)
         if legend:
             patches = [Patch(color=colour, label=name) for name, colour in legend.items()]
             figure.legend(
                 handles=patches, loc="center", bbox_to_anchor=(0.5, 0.5 * below / total), ncols=entries,
-                fontsize=7, frameon=False, handlelength=1, columnspacing=1.2,
+                fontsize=SMALL, frameon=False, handlelength=1, columnspacing=1.2,
             )  # fmt: skip
         for i, line in enumerate(images):
             bottom = total - TITLE - LABEL - (i + 1) * cell_height
-            text((MARGIN + 0.5 * LABEL) / width, (bottom + 0.5 * cell_height) / total, rows[i], 10, rotation=90)
+            text((MARGIN + 0.5 * LABEL) / width, (bottom + 0.5 * cell_height) / total, rows[i], MEDIUM, rotation=90)
             for j, image in enumerate(line):
                 left = MARGIN + LABEL + j * cell_width
                 if i == 0:
-                    text((left + 0.5 * cell_width) / width, (total - TITLE - 0.5 * LABEL) / total, columns[j], 10)
+                    text((left + 0.5 * cell_width) / width, (total - TITLE - 0.5 * LABEL) / total, columns[j], MEDIUM)
                 axes = figure.add_axes([left / width, bottom / total, cell_width / width, cell_height / total])
                 axes.set_axis_off()
                 if image is None:
-                    axes.text(0.5, 0.5, "no image", ha="center", va="center", fontsize=9, color="grey")
+                    axes.text(0.5, 0.5, "no image", ha="center", va="center", fontsize=SMALL, color="grey")
                 else:
-                    axes.imshow(_resized(image, round(cell_width * DPI), height), interpolation="nearest")
+                    axes.imshow(_resized(image, round(pixels), height), interpolation="nearest")
                 if captions and captions[i][j]:
                     box = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1}
-                    axes.text(0.02, 0.02, captions[i][j], transform=axes.transAxes, fontsize=8, bbox=box)
+                    axes.text(0.02, 0.02, captions[i][j], transform=axes.transAxes, fontsize=SMALL, bbox=box)
 
 
 def _resized(image: Image, width: int, height: int) -> Image:

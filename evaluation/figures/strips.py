@@ -1,71 +1,127 @@
-"""Image figures: one variant over the levels beside the truth, and all variants beside each other."""
+"""Figures of the paper that compare rendered images: levels, the baseline, and the ablations.
+
+Each function writes a sheet, or returns the reason why it is left out.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from carigs.exaggeration import GammaPath
+from carigs.head import pose
+from evaluation.figures.hair import hair_window
 from evaluation.figures.sheet import Image, write_sheet
+from evaluation.figures.study_images import StudyImages
 
 ERROR_SCALE = 0.25
 """Absolute error (mean of the channels) of the brightest colour."""
+METHOD, BASELINE = "alternating", "surfhead"
+SUPERVISION = {"original only": BASELINE, "GT* only": "gtstar_only", "alternating": METHOD}
+"""Variants of the ablation of alternating supervision, by their name in the paper."""
+NO_HAIR_MASK = ("no_hair_mask", "no_mask")
+"""Variants without a mask on hair; the first one of the study is drawn."""
 
 
-def gamma_strip(
-    file: Path,
-    variant: str,
-    levels: Sequence[float],
-    renders: Sequence[Image | None],
-    truths: Sequence[Image | None],
-    *,
-    height: int,
-) -> None:
-    """Draw one variant's renders at each level, the true images, and their difference where there is a truth.
+def gamma_strip(file: Path, images: StudyImages, variant: str) -> None:
+    """Draw one variant at each level, the true images, and their difference (figures 10 to 12 of the paper).
 
     Args:
         file: PNG file to write.
+        images: Images of the subject.
         variant: Name of the variant.
-        levels: Rendered levels.
-        renders: Image at each level.
-        truths: True image at each level.
-        height: Height of each image in pixels.
     """
-    labels, images, footnote = [variant], [renders], ""
-    if any(truth is not None for truth in truths):
-        labels += ["truth", "error"]
-        images += [truths, [error_map(*pair) for pair in zip(renders, truths, strict=True)]]
-        footnote = f"error: mean absolute difference of the channels, black 0 to yellow {ERROR_SCALE:g} or more"
-    columns = _level_labels(levels)
-    write_sheet(file, images, rows=labels, columns=columns, title=variant, height=height, footnote=footnote)
+    rows: dict[str, list[Image | None]] = {variant: [images.rendered(variant, level) for level in images.levels]}
+    rows["truth"] = [images.true(level) for level in images.levels]
+    rows["error"] = [error_map(*pair) for pair in zip(*rows.values(), strict=True)]
+    footnote = f"error: mean absolute difference of the channels, black 0 to yellow {ERROR_SCALE:g} or more"
+    _write_rows(file, images, rows, _labels(images.levels), variant, footnote)
 
 
-def ablation(
-    file: Path,
-    renders: dict[str, Sequence[Image | None]],
-    levels: Sequence[float],
-    truths: Sequence[Image | None],
-    *,
-    height: int,
-) -> None:
-    """Draw every variant's renders (rows) at each level (columns), above the true images.
+def ablation(file: Path, images: StudyImages) -> None:
+    """Draw all variants (rows) at each level (columns), above the true images.
 
     Args:
         file: PNG file to write.
-        renders: Images of each variant, one per level.
-        levels: Rendered levels.
-        truths: True image at each level.
-        height: Height of each image in pixels.
+        images: Images of the subject.
     """
-    labels, images = list(renders), list(renders.values())
-    if any(truth is not None for truth in truths):
-        labels, images = [*labels, "truth"], [*images, truths]
-    write_sheet(file, images, rows=labels, columns=_level_labels(levels), title="Ablation", height=height)
+    rows = {variant: [images.rendered(variant, level) for level in images.levels] for variant in images.variants}
+    rows["truth"] = [images.true(level) for level in images.levels]
+    _write_rows(file, images, rows, _labels(images.levels), "Ablation")
 
 
-def _level_labels(levels: Sequence[float]) -> list[str]:
-    return [f"γ = {level:g}" for level in levels]
+def alternation(file: Path, images: StudyImages) -> str | None:
+    """Draw the three kinds of supervision at each level (figures 10 to 12 of the paper in one).
+
+    Args:
+        file: PNG file to write.
+        images: Images of the subject.
+
+    Returns:
+        Why it is left out, if it is.
+    """
+    if missing := [variant for variant in SUPERVISION.values() if variant not in images.variants]:
+        return f"the study lacks the variant {' and '.join(missing)}"
+    rows = {name: [images.rendered(variant, level) for level in images.levels] for name, variant in SUPERVISION.items()}
+    rows["truth"] = [images.true(level) for level in images.levels]
+    _write_rows(file, images, rows, _labels(images.levels), "Alternating supervision")
+    return None
+
+
+def renderings(file: Path, images: StudyImages) -> str | None:
+    """Draw the baseline at gamma_f beside the method at each level, from several views (figure 5 of the paper).
+
+    Args:
+        file: PNG file to write.
+        images: Images of the subject.
+
+    Returns:
+        Why it is left out, if it is.
+    """
+    if missing := [variant for variant in (BASELINE, METHOD) if variant not in images.variants]:
+        return f"the study lacks the variant {' and '.join(missing)}"
+    end, rows = images.levels[-1], {}
+    for timestep, camera in images.views:
+        view = (timestep, camera)
+        row = [images.rendered(BASELINE, end, view), *(images.rendered(METHOD, level, view) for level in images.levels)]
+        rows[f"camera {camera}"] = [*row, images.true(end, view)]
+    columns = [f"{BASELINE}, γ = {end:g}", *_labels(images.levels), f"truth, γ = {end:g}"]
+    if all(row[-1] is None for row in rows.values()):
+        columns, rows = columns[:-1], {name: row[:-1] for name, row in rows.items()}
+    _write_rows(file, images, rows, columns, f"{BASELINE}, and {METHOD} from level 0 to {end:g}")
+    return None
+
+
+def hair_mask(file: Path, images: StudyImages, path: GammaPath, hair_regions: Sequence[str]) -> str | None:
+    """Draw the hair with and without its mask at gamma_f (figure 7 of the paper).
+
+    Args:
+        file: PNG file to write.
+        images: Images of the subject.
+        path: Caricature path of the subject.
+        hair_regions: Regions of the head model with hair.
+
+    Returns:
+        Why it is left out, if it is.
+    """
+    without = next((variant for variant in NO_HAIR_MASK if variant in images.variants), None)
+    if METHOD not in images.variants or without is None:
+        return f"it needs the variants {METHOD} and {' or '.join(NO_HAIR_MASK)}"
+    end, subject = images.levels[-1], images.subject
+    rows: dict[str, list[Image | None]] = {"masked": [], without: [], "truth": []}
+    for view in images.views:
+        vertices = pose(subject.model, subject.parameters(view[0]), path.at(end))
+        window = hair_window(subject.model, vertices, subject.camera(subject.frame_at[view]), hair_regions)
+        if window is None:
+            return "no hair of the head model is in view"
+        whole = images.rendered(METHOD, end, view), images.rendered(without, end, view), images.true(end, view)
+        for row, image in zip(rows.values(), whole, strict=True):
+            row.append(None if image is None else image[window])
+    columns = [f"camera {camera}" for _, camera in images.views]
+    _write_rows(file, images, rows, columns, f"Hair mask, γ = {end:g}")
+    return None
 
 
 def error_map(image: Image | None, truth: Image | None) -> Image | None:
@@ -84,3 +140,20 @@ def error_map(image: Image | None, truth: Image | None) -> Image | None:
 
     error = np.abs(image - truth).mean(axis=2) / ERROR_SCALE
     return colormaps["inferno"](np.clip(error, 0, 1))[:, :, :3]
+
+
+def _write_rows(
+    file: Path, images: StudyImages, rows: Mapping[str, Sequence[Image | None]], columns: Sequence[str], title: str,
+    footnote: str = "",
+) -> None:  # fmt: skip
+    """Write a sheet of the rows that have an image, all reduced or enlarged to the same size."""
+    shown = {name: row for name, row in rows.items() if any(image is not None for image in row)}
+    footnote = footnote if "error" in shown else ""
+    write_sheet(
+        file, list(shown.values()), rows=list(shown), columns=columns, title=title, height=images.height,
+        footnote=footnote,
+    )  # fmt: skip
+
+
+def _labels(levels: Sequence[float]) -> list[str]:
+    return [f"γ = {level:g}" for level in levels]

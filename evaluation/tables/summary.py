@@ -1,10 +1,10 @@
-"""Means of metrics over frames with bootstrap intervals, and paired differences against the reference variant."""
+"""Means of metrics over frames with confidence intervals, and paired differences between variants."""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -14,19 +14,22 @@ from carigs.errors import CarigsError, InputError
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 from carigs.settings import Tabulate
 from evaluation.tables.bootstrap import Interval, mean_interval
+from evaluation.tables.factors import FRAME, crossed_factors
+from evaluation.tables.metric import Catalogue, Metric
 from evaluation.tables.metric_records import REGIONS, MetricRecord
 
 CONDITION = ["study", "gamma", "level", "protocol", "region", "metric", "variant"]
 """Columns that are the same for all frames of a mean."""
-FRAME = ["subject", "timestep", "camera"]
-"""Columns that identify a frame."""
-SUMMARY = [*CONDITION, "minus", "mean", "low", "high", "n", "nulls", "reason", "split"]
+SUMMARY = ["subject", *CONDITION, "minus", "mean", "low", "high", "n", "nulls", "reason", "split"]
 """Columns of a summary.
 
-`minus` is the variant subtracted frame by frame, empty for a plain mean; `low` and `high` are the ends of the interval;
-`n` counts frames with a value and `nulls` records without; `reason` says why there are nulls. `split` is the rule that
-divided the captures of the study into training and held-out frames; rules that differ between subjects are all named.
+`subject` is `ALL` for a mean over several; `minus` is the variant subtracted frame by frame, empty for a plain mean;
+`low` and `high` are the ends of the interval; `n` counts frames with a value and `nulls` records without; `reason` says
+why there are nulls. `split` is the rule that divided the captures of the study into training and held-out frames; rules
+that differ between subjects are all named.
 """
+ALL = "(all)"
+"""Stands for all subjects of a study."""
 
 
 def read_metrics(files: Iterable[Path]) -> pd.DataFrame:
@@ -44,15 +47,16 @@ def read_metrics(files: Iterable[Path]) -> pd.DataFrame:
     return pd.concat([_read(Path(file)) for file in files], ignore_index=True)
 
 
-def summarise(records: pd.DataFrame, settings: Tabulate) -> pd.DataFrame:
-    """Average every metric over the frames of each condition, with bootstrap intervals.
+def summarise(records: pd.DataFrame, settings: Tabulate, catalogue: Catalogue) -> pd.DataFrame:
+    """Average every metric over the frames of each condition, with confidence intervals.
 
-    Frames of several subjects are pooled; subjects, timesteps and cameras are resampled. The reference variant is also
-    compared with each other variant: mean of the differences, over the frames that both have.
+    Means are of each subject and, if there are several, of all. Differences are paired by frame: the reference minus
+    every other variant, and the one with the best mean minus every other.
 
     Args:
         records: Metric records, as of `read_metrics`.
         settings: Settings of the stage `tabulate`.
+        catalogue: The metrics; of others no variant is the best.
 
     Returns:
         One line per mean or difference, with the columns `SUMMARY`, sorted by them.
@@ -60,41 +64,79 @@ def summarise(records: pd.DataFrame, settings: Tabulate) -> pd.DataFrame:
     Raises:
         CarigsError: Two records hold the same metric of the same frame.
     """
-    measured = records.dropna(subset="value").fillna({"timestep": -1, "camera": -1})
+    _check_unique(records)
+    subjects = sorted(set(records["subject"]))
+    groups = [(ALL, records)] if len(subjects) > 1 else []
+    groups += [(subject, records[records["subject"] == subject]) for subject in subjects]
+    splits = {study: "; ".join(sorted(set(group))) for study, group in records.groupby("study")["split"]}
+    lines = [
+        (subject, *key, *line, splits[key[0]])
+        for subject, group in groups
+        for key, line in _summaries(group, settings, catalogue).items()
+    ]
+    order = {region: i for i, region in enumerate(REGIONS)}
+    return pd.DataFrame(lines, columns=SUMMARY).sort_values(
+        SUMMARY[:9], key=lambda column: column.map(order) if column.name == "region" else column
+    )
+
+
+def _check_unique(records: pd.DataFrame) -> None:
+    measured = records[records["value"].notna()]
     for record in measured[measured.duplicated(CONDITION + FRAME)].itertuples():
         frame = f"subject {record.subject}, timestep {record.timestep:g}, camera {record.camera:g}"
         what = f"{record.variant}, level {record.level:g}: {record.metric} of {record.region}"
         raise CarigsError(f"{what} is given twice for {frame}")
+
+
+def _summaries(records: pd.DataFrame, settings: Tabulate, catalogue: Catalogue) -> dict[tuple, tuple]:
+    """Mean, ends of the interval, n, nulls and reason by condition and `minus`."""
+    measured = records.dropna(subset="value").fillna({"timestep": -1, "camera": -1})
     frames = measured.pivot(index=[*CONDITION[:-1], *FRAME], columns="variant", values="value")
     means: dict[tuple, tuple] = {}
     for shared, group in frames.groupby(CONDITION[:-1]):
-        for variant in frames:
-            comparisons = {(variant, ""): group[variant]}
-            if variant != settings.reference and settings.reference in frames:
-                comparisons[settings.reference, variant] = group[settings.reference] - group[variant]
-            for names, values in comparisons.items():
-                values = values.dropna()
-                if len(values):
-                    means[(*shared, *names)] = (*_mean(values, settings), len(values))
+        for names, values in _comparisons(group, settings.reference, catalogue.get(shared[-1])):
+            values = values.dropna()
+            if len(values):
+                means[(*shared, *names)] = (*_mean(values, settings, shared[3]), len(values))
     unmeasured = records[records["value"].isna()].groupby(CONDITION)["reason"]
     reasons = {(*condition, ""): (len(group), "; ".join(sorted(set(group)))) for condition, group in unmeasured}
     keys = means.keys() | reasons.keys()
-    splits = {study: "; ".join(sorted(set(group))) for study, group in records.groupby("study")["split"]}
-    lines = [
-        (*key, *means.get(key, (np.nan, np.nan, np.nan, 0)), *reasons.get(key, (0, "")), splits[key[0]]) for key in keys
-    ]
-    order = {region: i for i, region in enumerate(REGIONS)}
-    return pd.DataFrame(lines, columns=SUMMARY).sort_values(
-        SUMMARY[:8], key=lambda column: column.map(order) if column.name == "region" else column
-    )
+    return {key: (*means.get(key, (np.nan, np.nan, np.nan, 0)), *reasons.get(key, (0, ""))) for key in keys}
 
 
-def _mean(values: pd.Series, settings: Tabulate) -> Interval:
+def _comparisons(
+    frames: pd.DataFrame, reference: str, metric: Metric | None
+) -> Iterator[tuple[tuple[str, str], pd.Series]]:
+    """Values of each variant, and differences of two, with the names of the variants."""
+    for variant in frames:
+        yield (variant, ""), frames[variant]
+    best = _best_variant(frames.mean().dropna(), metric)
+    for first in dict.fromkeys((reference, best)):
+        for variant in frames:
+            if first in frames and variant != first:
+                yield (first, variant), frames[first] - frames[variant]
+
+
+def _best_variant(means: pd.Series, metric: Metric | None) -> str | None:
+    """The variant with the best mean.
+
+    Args:
+        means: Means by variant.
+        metric: The metric, if it is known.
+
+    Returns:
+        The variant; None if the metric is not known or does not rank variants.
+    """
+    if metric is None or metric.better == "neither" or means.empty:
+        return None
+    return means.idxmax() if metric.better == "higher" else means.idxmin()
+
+
+def _mean(values: pd.Series, settings: Tabulate, protocol: str) -> Interval:
     """Mean and interval of values, the last levels of whose index are `FRAME`."""
-    subjects, timesteps, cameras = (values.index.get_level_values(name).tolist() for name in FRAME)
     return mean_interval(
         values.to_numpy(),
-        [subjects, list(zip(subjects, timesteps, strict=True)), cameras],
+        crossed_factors({name: values.index.get_level_values(name) for name in FRAME}, protocol),
         resamples=settings.resamples,
         confidence=settings.confidence,
         seed=settings.seed,

@@ -12,7 +12,7 @@ from carigs.planning.footage import ASSUMED, Footage, subject_footage
 from carigs.planning.job_graph import Job
 from carigs.planning.schedule import list_schedule
 
-TOY = {"toy": Footage(216, 54, 208 * 272 / 1e6, "counted")}
+TOY = {"toy": Footage(216, 27, 27, 9, 208 * 272 / 1e6, "counted")}
 RUN = json.loads(Path(__file__).with_name("toy_run.json").read_text())
 JOBS = [
     Job(n, rule, w, threads, mb, p, local, f"{n}.log", tuple(needs))
@@ -62,15 +62,21 @@ def test_no_records_are_no_times(tmp_path):
 
 def test_footage_from_settings_from_a_folder_and_assumed(tmp_path):
     toy = subject_footage(compose().capture, tmp_path / "none.json")
-    assert (toy.train, toy.evaluated, toy.megapixels) == (216, 54, 208 * 272 / 1e6)
+    assert (toy.train, toy.val, toy.test, toy.cameras, toy.megapixels) == (216, 27, 27, 9, 208 * 272 / 1e6)
     folder = f"capture.source=folder capture.folder={tmp_path} capture.head_model=m.npz".split()
     capture = compose(*folder).capture
     assert subject_footage(capture, tmp_path / "none.json") == ASSUMED
     for split, count in (("train", 6), ("val", 2), ("test", 3)):
-        frames = [{"w": 300, "h": 200}] * count
+        frames = [{"w": 300, "h": 200, "camera_index": i % 2} for i in range(count)]
         (tmp_path / f"transforms_{split}.json").write_text(json.dumps({"frames": frames}))
     counted = subject_footage(capture, tmp_path / "none.json")
-    assert (counted.train, counted.evaluated, counted.megapixels) == (6, 5, 0.06)
+    assert (counted.train, counted.val, counted.test, counted.cameras, counted.megapixels) == (6, 2, 3, 2, 0.06)
     capture = compose(*folder, "capture.stride=2", "capture.max_frames=2").capture
     thinned = subject_footage(capture, tmp_path / "none.json")
-    assert (thinned.train, thinned.evaluated) == (2, 3)
+    assert (thinned.train, thinned.val, thinned.test) == (2, 1, 2)
+
+
+def test_frames_that_are_not_rendered_cost_nothing():
+    images = Footage(100, 50, 2400, 16, 0.4, "counted")
+    assert images.rendered(0.25, None) == 2400 and images.rendered(0, None) == 2450
+    assert images.rendered(0.25, 16) == 256 and images.rendered(0.25, 999) == 2400

@@ -29,7 +29,7 @@ WITHOUT_EFFECT = (
     touch_everything,
 )
 EDITS = {
-    "table.digits": (append("conf/config.yaml", "tabulate: {digits: 4}"), {"settings": 1, "tabulate": 1}),
+    "table.confidence": (append("conf/config.yaml", "tabulate: {confidence: 0.9}"), {"settings": 1, "tabulate": 1}),
     "share of one variant": (
         append("conf/variant/alternating.yaml", "train: {iterations: 7}"),
         {"settings": 2, **ALTERNATING},

@@ -2,12 +2,14 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from miniature import write_ball
+from miniature import ball_model, write_ball
 
-from carigs.capture import Capture, read_dataset
+from carigs.capture import Camera, Capture, read_dataset
+from carigs.capture.camera import look_at
 from carigs.capture.frame_index import read_ground_truth
 from carigs.capture.images import read_rgb, write_png
 from carigs.errors import InputError, SettingsError
@@ -15,9 +17,12 @@ from carigs.exaggeration import Exaggerator, GammaPath, straight_path
 from carigs.head import neutral
 from carigs.settings import DEFAULT_MASK_FLAGS, Exaggerate, Figures, Gtstar
 from carigs.stages.figures import figures
+from evaluation.figures import strips
 from evaluation.figures.blend_error import BlendError, blend_errors
+from evaluation.figures.hair import PROPORTIONS, hair_window
 from evaluation.figures.misregistration import MAX_MASKED, REGIONS, misregistrations
 from evaluation.figures.sheet import write_sheet
+from evaluation.figures.study_images import StudyImages
 from evaluation.tables.csv_files import write_csv
 
 
@@ -114,21 +119,24 @@ def study(tmp_path_factory):
                             "image": f"{frame.name}.png", "mask": f"{frame.name}_mask.png"})  # fmt: skip
         (place / "truth.json").write_text(json.dumps({"level": level, "reason": reason, "frames": entries}))
         keywords["truths"].append(place / "truth.json")
-    return folder, {**keywords, "capture": folder / "capture.json", "gtstar": {}, "mask_flags": DEFAULT_MASK_FLAGS}
+    others = {"avatar": None, "gtstar": {}, "mask_flags": DEFAULT_MASK_FLAGS}
+    return folder, {**keywords, "capture": folder / "capture.json", **others}
 
 
-def test_a_given_caricature_gets_its_strips_and_says_why_there_is_no_blend_error(study):
+def left_out(folder):
+    """Reasons by figure."""
+    return dict(line.split(": ", 1) for line in (folder / "left_out.txt").read_text().splitlines())
+
+
+def test_a_given_caricature_gets_its_strips_and_says_why_there_is_nothing_solved(study):
     folder, keywords = study
     figures(Figures(image_height=96), **keywords, path=folder / "given.npz", folder=folder / "given")
-    names = {file.name for file in (folder / "given").iterdir()}
-    assert names == {
-        "gamma_strip_alternating.png",
-        "gamma_strip_surfhead.png",
-        "ablation.png",
-        "blend_error.txt",
-        "misregistration.txt",
-    }
-    assert "from a file" in (folder / "given/blend_error.txt").read_text()
+    reasons = left_out(folder / "given")
+    drawn = {file.stem for file in (folder / "given").glob("*.png")}
+    assert drawn == {"gamma_strip_alternating", "gamma_strip_surfhead", "ablation", "renderings"}
+    assert set(reasons) == {"alternation", "hair_mask", "local_edits", "blend_error", "misregistration"}
+    assert "gtstar_only" in reasons["alternation"] and "no_hair_mask" in reasons["hair_mask"]
+    assert "from a file" in reasons["blend_error"]
     # alternating | surfhead | truth against alternating | truth | error
     assert (
         read_rgb(folder / "given/ablation.png").shape[1] == read_rgb(folder / "given/gamma_strip_surfhead.png").shape[1]
@@ -149,12 +157,16 @@ def test_a_solved_path_gets_its_blend_error_unless_solving_again_gives_another(s
     few = Figures(image_height=96, blend_error_samples=5)
     told = {**solved.report, "settings": {"limit_cavities": False}}
     GammaPath(solved.levels, solved.displacements, solved.faces, solved.neutral, told).save(folder / "told.npz")
-    figures(few, **keywords, path=folder / "told.npz", folder=folder / "told")
-    assert {"blend_error.png", "blend_error.csv"} < {file.name for file in (folder / "told").iterdir()}
+    for name in ("told", "told_again"):
+        figures(few, **keywords, path=folder / "told.npz", folder=folder / name)
+    assert "blend_error" not in left_out(folder / "told")
+    for ending in ("png", "pdf", "csv"):
+        first, second = (folder / name / f"blend_error.{ending}" for name in ("told", "told_again"))
+        assert first.read_bytes() == second.read_bytes()
     wrong = {**solved.report, "settings": {"limit_cavities": False, "curvature_floor": 3.0}}
     GammaPath(solved.levels, solved.displacements, solved.faces, solved.neutral, wrong).save(folder / "wrong.npz")
     figures(few, **keywords, path=folder / "wrong.npz", folder=folder / "wrong")
-    assert "Solving again gives another" in (folder / "wrong/blend_error.txt").read_text()
+    assert "solving again gives another" in left_out(folder / "wrong")["blend_error"]
 
 
 def hair_masked(records):
@@ -187,3 +199,67 @@ def test_a_frame_that_does_not_exist_is_an_error(study, tmp_path):
         figures(Figures(), **{**keywords, "indices": [tmp_path / "frames.json"] * 4}, path=folder / "given.npz",
                 folder=folder / "none")  # fmt: skip
     assert not (folder / "none").exists()
+
+
+class CodedImages(StudyImages):
+    """Images whose only pixel says what they show: variant, level, camera."""
+
+    def rendered(self, variant, level, frame=None):
+        return np.array([[[variant, level, (frame or self.frame)[1]]]], dtype=object)
+
+    def true(self, level, frame=None):
+        return self.rendered("truth", level, frame)
+
+
+@pytest.fixture
+def sheets(monkeypatch):
+    """Images of the sheets that are written, as (variant, level, camera), by row and column."""
+    written = []
+
+    def write(file, images, *, rows, columns, **options):
+        written.append({(row, column): tuple(image.ravel()) for row, line in zip(rows, images, strict=True)
+                        for column, image in zip(columns, line, strict=True)})  # fmt: skip
+
+    monkeypatch.setattr(strips, "write_sheet", write)
+    return written
+
+
+def coded(study, variants):
+    subject = Capture.load(study[1]["capture"])
+    frame = next(f for f in subject.split("test") if f.camera == 1)
+    points = {(variant, level): None for variant in variants for level in (0.0, 0.1, 0.25)}
+    return CodedImages(subject, points, {}, (frame.timestep, 1), 96)
+
+
+def test_every_image_of_a_comparison_is_the_one_of_its_variant_level_and_view(study, sheets, tmp_path):
+    images = coded(study, ["alternating", "surfhead", "gtstar_only"])
+    assert strips.renderings(tmp_path / "r.png", images) is None
+    assert strips.alternation(tmp_path / "a.png", images) is None
+    renderings, alternation = sheets
+    cameras = [camera for _, camera in images.views]
+    assert cameras[0] == 1 and len(set(cameras)) == len(cameras) > 1
+    for camera in cameras:
+        row = f"camera {camera}"
+        assert renderings[row, "surfhead, γ = 0.25"] == ("surfhead", 0.25, camera)
+        assert renderings[row, "truth, γ = 0.25"] == ("truth", 0.25, camera)
+        for level in (0, 0.1, 0.25):
+            assert renderings[row, f"γ = {level:g}"] == ("alternating", level, camera)
+    names = {"original only": "surfhead", "GT* only": "gtstar_only", "alternating": "alternating", "truth": "truth"}
+    assert alternation == {
+        (name, f"γ = {level:g}"): (variant, level, 1) for name, variant in names.items() for level in (0, 0.1, 0.25)
+    }
+
+
+@pytest.mark.parametrize(("centre", "radius"), [((0.0, 0.0), 0.05), ((0.06, 0.03), 0.05)])
+def test_the_window_of_the_hair_holds_it(centre, radius):
+    """A ball in front of the camera, whose upper half has hair."""
+    model = ball_model()
+    vertices = model.v_template / np.abs(model.v_template).max() * radius + [*centre, 0]
+    up = np.argmax(np.ptp(model.v_template, axis=0) * [0, 1, 0])
+    hair = replace(model, regions={"scalp": np.flatnonzero(model.v_template[:, up] >= 0)})
+    camera = Camera(look_at(np.array([0.0, 0.0, 1.0]), np.zeros(3)), 300, 300, 60, 60, 120, 120)
+    rows, columns = hair_window(hair, vertices, camera, ["scalp", "beard"])
+    assert (columns.stop - columns.start) / (rows.stop - rows.start) == pytest.approx(PROPORTIONS, rel=0.05)
+    pixels, _ = camera.project(vertices[hair.regions["scalp"]])
+    assert (pixels >= [columns.start, rows.start]).all() and (pixels <= [columns.stop, rows.stop]).all()
+    assert hair_window(hair, vertices, camera, ["beard"]) is None

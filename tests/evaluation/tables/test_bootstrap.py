@@ -1,9 +1,12 @@
-"""Bootstrap intervals: degenerate cases, invariances, coverage."""
+"""Intervals of means: degenerate cases, invariances, closed forms, coverage."""
 
 import numpy as np
 import pytest
+import scipy.stats
 
+from evaluation.tables import bootstrap
 from evaluation.tables.bootstrap import mean_interval
+from evaluation.tables.factors import MAX_BLOCKS, crossed_factors
 
 OPTIONS = {"resamples": 500, "confidence": 0.95, "seed": 3}
 
@@ -53,16 +56,111 @@ def test_what_depends_on_the_camera_alone_is_resampled_by_camera():
     assert often.high - often.low == pytest.approx(once.high - once.low, rel=0.1)
 
 
-def test_intervals_cover_the_true_mean_about_as_often_as_they_say():
-    # Effects of timesteps and cameras: what frames of a capture look like.
-    generator = np.random.default_rng(1)
-    hits, trials = 0, 150
-    for trial in range(trials):
-        timestep, camera = generator.normal(size=(12, 1)), generator.normal(size=(1, 12))
-        values = 5 + timestep + camera + 0.3 * generator.normal(size=(12, 12))
-        interval = mean_interval(values.ravel(), crossed(12, 12), resamples=300, confidence=0.95, seed=trial)
+def simulated_frames(generator, subjects, timesteps, cameras, *, memory=0.0):
+    """Frames with mean 5 and effects of subject, timestep of the subject, and camera, and noise.
+
+    `memory` is the correlation of the effects of neighbouring timesteps (autoregressive process of order 1).
+    """
+    of_time = generator.normal(size=(subjects, timesteps, 1))
+    for t in range(1, timesteps):
+        of_time[:, t] = memory * of_time[:, t - 1] + np.sqrt(1 - memory**2) * of_time[:, t]
+    of_subject, of_camera = generator.normal(size=(subjects, 1, 1)), generator.normal(size=(1, 1, cameras))
+    values = 5 + of_time + of_camera + (of_subject if subjects > 1 else 0)
+    values = values + 0.5 * generator.normal(size=(subjects, timesteps, cameras))
+    subject, timestep, camera = np.indices(values.shape).reshape(3, -1)
+    return values.ravel(), {"subject": subject, "timestep": timestep, "camera": camera}
+
+
+def coverage(trials, *design, resamples=2000, **options):
+    """Share of intervals that hold the true mean, in percent."""
+    generator, hits = np.random.default_rng(7), 0
+    for _ in range(trials):
+        values, frames = simulated_frames(generator, *design, **options)
+        factors = crossed_factors(frames, "test")
+        interval = mean_interval(values, factors, resamples=resamples, confidence=0.95, seed=0)
         hits += interval.low <= 5 <= interval.high
-    assert 0.87 <= hits / trials <= 0.99
+    return 100 * hits / trials
+
+
+def test_intervals_cover_the_true_mean_about_as_often_as_they_say():
+    assert 89 <= coverage(200, 1, 3, 9) <= 100  # three standard errors of 200 trials around 93 to 97
+    assert 89 <= coverage(200, 10, 2, 16, resamples=400) <= 100
+
+
+# Subjects x timesteps x cameras of the toy, of one real person, of small studies, and of the paper.
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("design", "memory"),
+    [((1, 3, 9), 0.0), ((1, 150, 16), 0.8), ((3, 16, 16), 0.0), ((5, 16, 16), 0.5), ((10, 16, 16), 0.5)],
+)
+def test_intervals_of_clustered_frames_cover_the_true_mean_in_93_to_97_percent(design, memory):
+    assert 93 <= coverage(2000, *design, memory=memory) <= 97
+
+
+def test_frames_of_one_camera_are_not_independent():
+    # Resampled one by one, they cover the mean in half of the cases.
+    generator, hits = np.random.default_rng(7), 0
+    for _ in range(100):
+        values, _ = simulated_frames(generator, 1, 8, 8)
+        interval = mean_interval(values, [np.arange(64)], resamples=200, confidence=0.95, seed=0)
+        hits += interval.low <= 5 <= interval.high
+    assert hits < 80 < coverage(100, 1, 8, 8, resamples=200)
+
+
+def test_few_levels_of_one_factor_give_students_t():
+    values = np.array([1.0, 2.0, 4.0, 9.0])
+    half = scipy.stats.t.interval(0.95, 3, values.mean(), scipy.stats.sem(values))
+    assert mean_interval(values, [range(4)], **OPTIONS) == pytest.approx((4.0, *half))
+
+
+def test_many_levels_of_one_factor_give_the_bootstrap_t():
+    """Against resampled values, one by one."""
+    values = np.random.default_rng(0).exponential(size=12)
+    generator = np.random.default_rng(1)
+    drawn = generator.choice(values, size=(40_000, 12))
+    scores = (drawn.mean(axis=1) - values.mean()) / scipy.stats.sem(drawn, axis=1)
+    low, high = values.mean() - scipy.stats.sem(values) * np.quantile(scores, [0.975, 0.025])
+    interval = mean_interval(values, [range(12)], resamples=40_000, confidence=0.95, seed=5)
+    assert interval[1:] == pytest.approx((low, high), rel=0.03)
+
+
+def test_the_variance_of_crossed_effects_is_unbiased():
+    generator, variances = np.random.default_rng(3), []
+    for _ in range(3000):
+        table = generator.normal(size=(3, 1)) + generator.normal(size=(1, 9)) + 0.5 * generator.normal(size=(3, 9))
+        uniform = [np.full((1, n), 1 / n) for n in table.shape]
+        variances.append(bootstrap._variance_parts(table, uniform)[1].sum())
+    assert np.mean(variances) == pytest.approx(1 / 3 + 1 / 9 + 0.25 / 27, rel=0.06)
+
+
+def test_a_missing_frame_that_the_others_predict_changes_only_the_mean():
+    t, c = np.divmod(np.arange(30), 6)
+    additive = np.array([0.0, 3, 1, 7, 2])[t] + np.array([1.0, 0, 5, 2, 8, 3])[c]
+    whole = mean_interval(additive, [t, c], **OPTIONS)
+    missing = mean_interval(additive[1:], [t[1:], c[1:]], **OPTIONS)
+    assert missing.mean == pytest.approx(additive[1:].mean())
+    assert missing.high - missing.low == pytest.approx(whole.high - whole.low, rel=1e-3)
+
+
+def test_frames_without_a_grid_are_independent_frames():
+    """One camera per timestep: timestep and camera cannot be told apart."""
+    values = np.random.default_rng(0).normal(size=6)
+    assert mean_interval(values, [range(6), range(6)], **OPTIONS) == mean_interval(values, [range(6)], **OPTIONS)
+
+
+def test_an_empty_factor_changes_nothing():
+    values = np.random.default_rng(0).normal(size=6)
+    assert mean_interval(values, [[0] * 6, range(6)], **OPTIONS) == mean_interval(values, [range(6)], **OPTIONS)
+
+
+def test_neighbours_in_time_are_blocks_unless_there_are_other_subjects():
+    frames = {"subject": ["a"] * 40, "timestep": np.repeat(np.arange(20) * 3, 2), "camera": [0, 1] * 20}
+    blocks, cameras = crossed_factors(frames, "test")
+    assert np.array_equal(blocks, np.repeat(np.arange(10), 4)) and np.array_equal(cameras, [0, 1] * 20)
+    orbit = {"subject": ["a"] * 24, "timestep": [5] * 24, "camera": range(24)}
+    assert len(set(crossed_factors(orbit, "orbit")[1])) == MAX_BLOCKS
+    subjects, cameras = crossed_factors({**frames, "subject": ["a"] * 20 + ["b"] * 20}, "test")
+    assert subjects.tolist() == ["a"] * 20 + ["b"] * 20 and len(set(cameras)) == 2
 
 
 def test_a_wider_confidence_gives_a_wider_interval():

@@ -1,0 +1,124 @@
+"""The rendered frames and true images of one subject in a study, by variant, level and frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from carigs.capture import Capture
+from carigs.capture.frame_index import GroundTruth, read_frame_index
+from carigs.capture.images import read_rgb
+from carigs.errors import InputError, SettingsError
+from carigs.settings import Figures
+from evaluation.figures.sheet import Image
+
+VIEWS = 3
+"""Views of the figures with several."""
+
+
+@dataclass
+class StudyImages:
+    """What figures of a subject are made of.
+
+    Attributes:
+        subject: The capture.
+        indices: Index of the rendered frames by variant and level.
+        truths: True images by level.
+        frame: Timestep and camera of the frame in figures with one view.
+        height: Height of each image in a figure, in pixels.
+    """
+
+    subject: Capture
+    indices: Mapping[tuple[str, float], Path]
+    truths: Mapping[float, GroundTruth]
+    frame: tuple[int, int]
+    height: int
+
+    @property
+    def variants(self) -> list[str]:
+        """Variants in the order of the study."""
+        return list(dict.fromkeys(variant for variant, _ in self.indices))
+
+    @cached_property
+    def levels(self) -> list[float]:
+        """Levels that are rendered or have a truth, in ascending order."""
+        return sorted({*(level for _, level in self.indices), *self.truths})
+
+    @cached_property
+    def views(self) -> list[tuple[int, int]]:
+        """Frames of figures with several views: `frame` and others of its timestep, far from each other."""
+        timestep, camera = self.frame
+        others = sorted({f.camera for f in self.subject.split("test") if f.timestep == timestep} - {camera})
+        chosen = np.linspace(0, len(others) - 1, min(len(others), VIEWS - 1)).astype(int)
+        return [self.frame, *((timestep, others[i]) for i in chosen)]
+
+    def rendered(self, variant: str, level: float, frame: tuple[int, int] | None = None) -> Image | None:
+        """Read a rendered test frame.
+
+        Args:
+            variant: Name of the variant.
+            level: Rendered level.
+            frame: Timestep and camera; None for `self.frame`.
+
+        Returns:
+            The image; None if the variant was not rendered at the level.
+
+        Raises:
+            InputError: The index is malformed or lacks the frame.
+        """
+        if (variant, level) not in self.indices:
+            return None
+        frame = frame or self.frame
+        if frame not in (files := self._files(variant, level)):
+            problem = f"no test frame of timestep {frame[0]}, camera {frame[1]}"
+            raise InputError(problem, file=self.indices[variant, level])
+        return read_rgb(files[frame])
+
+    def true(self, level: float, frame: tuple[int, int] | None = None) -> Image | None:
+        """Read a true image.
+
+        Args:
+            level: Level of the caricature.
+            frame: Timestep and camera; None for `self.frame`.
+
+        Returns:
+            The image; None if it is not known.
+        """
+        images = self.truths[level].images if level in self.truths else {}
+        file = images.get(frame or self.frame)
+        return file and read_rgb(file)
+
+    def _files(self, variant: str, level: float) -> dict[tuple[int, int], Path]:
+        if (variant, level) not in self._known_files:
+            frames = read_frame_index(self.indices[variant, level])
+            self._known_files[variant, level] = {(f.timestep, f.camera): f.file for f in frames if f.protocol == "test"}
+        return self._known_files[variant, level]
+
+    @cached_property
+    def _known_files(self) -> dict[tuple[str, float], dict[tuple[int, int], Path]]:
+        return {}
+
+
+def strip_frame(settings: Figures, subject: Capture) -> tuple[int, int]:
+    """Choose the frame of the figures with one view.
+
+    Args:
+        settings: Camera and timestep, or None for the first of each.
+        subject: The capture.
+
+    Returns:
+        Timestep and camera.
+
+    Raises:
+        SettingsError: There is no such test frame.
+    """
+    camera = subject.validation_camera if settings.camera is None else settings.camera
+    for frame in subject.split("test"):
+        if frame.camera == camera and settings.timestep in (None, frame.timestep):
+            return frame.timestep, frame.camera
+    where = f"figures.camera={settings.camera}, figures.timestep={settings.timestep}"
+    raise SettingsError(f"{where}: there is no such test frame")
