@@ -8,7 +8,7 @@ from zlib import crc32
 from carigs.errors import CarigsWarning, SettingsError
 
 FOLDERS = ("dataset", "targets", "frames", "folder")
-OUTPUTS = ("index", "path", "avatar", "ply", "log", "records", "table", "markdown", "latex", *FOLDERS)
+OUTPUTS = ("index", "path", "avatar", "ply", "log", "records", "table", "markdown", "latex", "card", "page", *FOLDERS)
 
 
 def stub(settings, **keywords):
