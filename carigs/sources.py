@@ -35,8 +35,8 @@ def fingerprint(module: str) -> str:
 def sources(module: str) -> list[Path]:
     """Files of a module and of all modules of this project that it imports, inside functions too.
 
-    Data beside a module under its name (`weights.toml` of `weights.py`) belongs to it, and so do templates. A package's `__init__` counts
-    only if something is imported from the package itself.
+    Data and templates beside a module under its name (`weights.toml` of `weights.py`) belong to it. A package's
+    `__init__` counts only if something is imported from the package itself.
 
     Args:
         module: Name of the module.

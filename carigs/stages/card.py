@@ -112,7 +112,7 @@ def _all_seeds(made_with: Sequence[Path]) -> dict[str, int]:
 
 
 def _stage_values(costs: Costs, subjects: Sequence[str], variants: Sequence[str], gamma: str) -> list[Value]:
-    """Costs of the stages whose jobs made what the card is about; of earlier subjects and variants there may be others."""
+    """Costs of the stages, of the jobs for these subjects, variants and gamma."""
     names, stages = {*subjects, *variants}, {}
     for stage, point in costs:
         parts = [part for part in point.split(",") if not part.startswith("level=")]

@@ -125,6 +125,12 @@ def count_frames(index: Path) -> int:
 
 
 def _avatar_value(
-    measure: str, subject: str, variant: str, value: float, low: float | None = None, high: float | None = None, n: int = 1
-) -> Value:  # fmt: skip
+    measure: str,
+    subject: str,
+    variant: str,
+    value: float,
+    low: float | None = None,
+    high: float | None = None,
+    n: int = 1,
+) -> Value:
     return Value(measure, subject, variant, None, "avatar", "", "", value, low, high, n, 0, "")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sized
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -94,12 +94,12 @@ def _introduction(card: Card, images: str) -> list[str]:
         if len(card.subjects) == 1
         else "Subjects and cameras are random factors of the intervals."
     )
+    variants, levels = ", ".join(card.variants), ", ".join(f"{level:g}" for level in card.levels)
     return [
-        f"Study {card.study}: {len(card.subjects)} subject{'s' * (len(card.subjects) > 1)} ({', '.join(card.subjects)}), "
-        f"{len(card.variants)} variant{'s' * (len(card.variants) > 1)} of training ({', '.join(card.variants)}), trained "
-        f"for caricature level {card.gamma:g}, rendered at {len(card.levels)} levels "
-        f"({', '.join(f'{level:g}' for level in card.levels)}). "
-        "Level 0 is the natural face; at the highest level its curvature is exaggerated most.",
+        f"Study {card.study}: {_counted(card.subjects, 'subject')} ({', '.join(card.subjects)}), "
+        f"{_counted(card.variants, 'variant')} of training ({variants}), trained for caricature level {card.gamma:g}, "
+        f"rendered at {_counted(card.levels, 'level')} ({levels}). Level 0 is the natural face; at the highest level its "
+        "curvature is exaggerated most.",
         f"A number is a mean over n frames, with its {percent} confidence interval in brackets. {scope} Each variant was "
         "trained once: intervals do not cover the randomness of training. Costs are of one run and have no interval, "
         "but for the time of a frame, whose interval is over the renderings.",
@@ -107,6 +107,10 @@ def _introduction(card: Card, images: str) -> list[str]:
         + "; ".join(f"{name}: {text}" for name, text in card.protocols.items() if name in ("test", "val", "orbit"))
         + ".",
     ]
+
+
+def _counted(things: Sized, name: str) -> str:
+    return f"{len(things)} {name}{'s' * (len(things) != 1)}"
 
 
 def _meanings(card: Card) -> list[str]:
@@ -122,13 +126,15 @@ def _meanings(card: Card) -> list[str]:
 def _provenance(card: Card) -> list[str]:
     machine, commit = card.machine, card.commit
     known = f"{commit['id']}{', with changes that are not committed' if commit['modified'] else ''}"
+    place = machine["processor"]
+    if machine["cores"]:
+        place += f", {machine['cores']} cores, {machine['memory_gb']:g} GiB of memory, {machine['system']}"
     return [
-        f"Machine that wrote the card: {machine['processor']}, {machine['cores']} cores, {machine['memory_gb']:g} GiB of "
-        f"memory, {machine['system']}. Jobs of a cluster ran on its nodes.",
+        f"Machine that wrote the card: {place}. Jobs of a cluster ran on its nodes.",
         f"Commit: {known if commit['id'] else NO_VALUE + ', ' + commit['reason']}.",
         "Versions: " + ", ".join(f"{name} {number}" for name, number in card.versions.items()) + ".",
-        "Seeds: " + ", ".join(f"{place} = {seed}" for place, seed in card.seeds.items()) + ".",
-        f"Intervals: {card.intervals['method']}; {card.intervals['resamples']} resamples, seed {card.intervals['seed']}.",
+        "Seeds: " + ", ".join(f"{name} = {seed}" for name, seed in card.seeds.items()) + ".",
+        "Intervals: {method}; {resamples} resamples, seed {seed}.".format(**card.intervals),
     ]
 
 

@@ -1,7 +1,7 @@
 """The page of a report: one HTML file that asks for nothing from any network.
 
-Names and messages are escaped by the template. A policy in the page (Content Security Policy, W3C) allows the one script
-and style sheet by their digests, and images in the page alone.
+Names and messages are escaped by the template. A policy in the page (Content Security Policy, W3C) allows the one
+script and style sheet by their digests, and images in the page alone.
 """
 
 from __future__ import annotations
@@ -92,7 +92,10 @@ def report_page(report: Report) -> str:
         style=style,
         script=script,
         mean_of=training_chart.MEAN_OF,
-        **{name.lower(): getattr(training_chart, name) for name in ("WIDTH", "HEIGHT", "LEFT", "RIGHT", "TOP", "BOTTOM")},
+        **{
+            name.lower(): getattr(training_chart, name)
+            for name in ("WIDTH", "HEIGHT", "LEFT", "RIGHT", "TOP", "BOTTOM")
+        },
     )
 
 

@@ -160,7 +160,12 @@ def print_warnings():
 def print_results():
     """Say where tables, figures, card and report are."""
     folder = Path("results", points["study"])
-    for path in (folder / f"table/gamma={points['gamma']}.md", folder / "figures", folder / "card.md", folder / "report.html"):
+    for path in (
+        folder / f"table/gamma={points['gamma']}.md",
+        folder / "figures",
+        folder / "card.md",
+        folder / "report.html",
+    ):
         if path.exists():
             print(f"carigs: {path}", file=sys.stderr)
 
