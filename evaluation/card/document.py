@@ -51,6 +51,7 @@ def card_parts(card: Card) -> list[Part]:
         tables.by_level("Identity against the level", "identity", "How well the person is still recognised."),
         tables.frames(f"{TABLES['geometry']}, {what}", "geometry", top, "Whether the surfels follow the mesh."),
         tables.frames(f"The measures of the paper, {what}", "paper", top, "As table 1 of the paper."),
+        tables.frames(f"{TABLES['readings']}, {what}", "readings", top, ""),
         tables.frames(f"{TABLES['further']}, {what}", "further", top, ""),
         tables.avatars(),
         tables.stages(),
@@ -98,10 +99,10 @@ def _introduction(card: Card, images: str) -> list[str]:
     return [
         f"Study {card.study}: {_counted(card.subjects, 'subject')} ({', '.join(card.subjects)}), "
         f"{_counted(card.variants, 'variant')} of training ({variants}), trained for caricature level {card.gamma:g}, "
-        f"rendered at {_counted(card.levels, 'level')} ({levels}). Level 0 is the natural face; at the highest level its "
-        "curvature is exaggerated most.",
-        f"A number is a mean over n frames, with its {percent} confidence interval in brackets. {scope} Each variant was "
-        "trained once: intervals do not cover the randomness of training. Costs are of one run and have no interval, "
+        f"rendered at {_counted(card.levels, 'level')} ({levels}). Level 0 is the natural face; at the highest level "
+        "its curvature is exaggerated most.",
+        f"A number is a mean over n frames, with its {percent} confidence interval in brackets. {scope} Each variant "
+        "was trained once: intervals do not cover the randomness of training. Costs are of one run and have no interval, "
         "but for the time of a frame, whose interval is over the renderings.",
         f"Images in pixels: {images}. Split into training and held-out frames: {card.split}. Protocols: "
         + "; ".join(f"{name}: {text}" for name, text in card.protocols.items() if name in ("test", "val", "orbit"))
