@@ -31,10 +31,9 @@ def data_uri(image: Float[np.ndarray, "h w 3"] | UInt8[np.ndarray, "h w 3"], hei
     if pixels.shape[0] > height:
         width = max(round(pixels.shape[1] * height / pixels.shape[0]), 1)
         pixels = cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA)
-    try:
-        _, encoded = cv2.imencode(".webp", pixels[:, :, ::-1], [cv2.IMWRITE_WEBP_QUALITY, QUALITY])
-    except cv2.error as error:
-        raise CarigsError(f"an image of {pixels.shape[1]} x {pixels.shape[0]} pixels cannot be encoded") from error
+    encodes, encoded = cv2.imencode(".webp", pixels[:, :, ::-1], [cv2.IMWRITE_WEBP_QUALITY, QUALITY])
+    if not encodes:
+        raise CarigsError(f"an image of {pixels.shape[1]} x {pixels.shape[0]} pixels cannot be encoded as WebP")
     return "data:image/webp;base64," + base64.b64encode(encoded.tobytes()).decode()
 
 
