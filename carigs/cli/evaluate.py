@@ -40,6 +40,10 @@ def main(arguments: list[str]) -> int:
 
     Returns:
         Exit code.
+
+    Raises:
+        SettingsError: A name cannot be used, or an option is missing.
+        InputError: Renderings are missing, not asked for or of another size, or the study lacks a file.
     """
     options = _parser().parse_args(arguments)
     if not re.fullmatch(r"\w[\w-]*", options.name):

@@ -102,8 +102,8 @@ def _introduction(card: Card, images: str) -> list[str]:
         f"rendered at {_counted(card.levels, 'level')} ({levels}). Level 0 is the natural face; at the highest level "
         "its curvature is exaggerated most.",
         f"A number is a mean over n frames, with its {percent} confidence interval in brackets. {scope} Each variant "
-        "was trained once: intervals do not cover the randomness of training. Costs are of one run and have no interval; "
-        "that of the time of a frame is over the renderings.",
+        "was trained once: intervals do not cover the randomness of training. Costs are of one run and have no "
+        "interval; that of the time of a frame is over the renderings.",
         f"Images in pixels: {images}. Split into training and held-out frames: {card.split}. Protocols: "
         + "; ".join(f"{name}: {text}" for name, text in card.protocols.items() if name in ("test", "val", "orbit"))
         + ".",
