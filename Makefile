@@ -29,8 +29,6 @@ unexport PYTHONPATH VIRTUAL_ENV
 
 reproduce: .venv/installed
 	carigs run --cores $(CORES) $(HYDRA)
-	carigs run $(HYDRA) -- --quiet --report results/report.html
-	@echo "$(ROOT)results/report.html"
 
 test: .venv/installed
 	ruff check .

@@ -1,4 +1,4 @@
-"""The workflow of a study: from captures to caricature avatars, their table and figures.
+"""The workflow of a study: from captures to caricature avatars, their table, figures and report.
 
 carigs run study=ict train.iterations=2000 --cores 2                                  in any folder
 snakemake --cores 2 reproduce table                                                   the toy study, in the repository
@@ -10,11 +10,9 @@ include: "workflow/rules/common.smk"
 include: "workflow/rules/settings.smk"
 include: "workflow/rules/avatar.smk"
 include: "workflow/rules/evaluate.smk"
+include: "workflow/rules/report.smk"
 include: "workflow/rules/benchmark.smk"
 include: "workflow/rules/stress.smk"
-
-
-report: "workflow/report/workflow.rst"
 
 
 onstart:
@@ -43,6 +41,7 @@ rule reproduce:
     input:
         collect("results/{study}/table/gamma={gamma}.csv", **points),
         collect("results/{study}/figures/{subject}/gamma={gamma}", **points),
+        collect("results/{study}/report.html", **points),
 
 
 rule table:

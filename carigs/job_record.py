@@ -16,16 +16,31 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from hashlib import file_digest, sha256
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from carigs.errors import InputError
 from carigs.files import write_json
 from carigs.job_lock import job_lock
-from carigs.readers.json_files import read_json
+from carigs.readers.json_files import json_field, read_json
 
 STALE = 1_000_000_000
 """Modification time of outputs that are to be made again, in nanoseconds since 1970. (Snakemake ignores 0.)"""
 _MADE_FROM = ("settings", "code", "inputs")
+
+
+class JobCosts(NamedTuple):
+    """What a job has cost."""
+
+    seconds: float
+    """Wall time."""
+    cpu_seconds: float
+    """Processor time of all threads."""
+    peak_memory_mb: float | None
+    """Largest resident size of the process; None where the operating system does not count it."""
+
+
+Costs = Mapping[tuple[str, str], JobCosts]
+"""Costs of jobs by stage and name of the log without suffix."""
 
 
 @contextmanager
@@ -126,6 +141,30 @@ def unfinished_jobs(folder: Path, since: float) -> list[Path]:
     """
     began = {file: file.stat().st_mtime for file, record in _read_records(folder).items() if not record["finished"]}
     return [file.with_suffix(".log") for file in sorted(began, key=began.get) if began[file] >= since]
+
+
+def job_costs(folder: Path) -> dict[tuple[str, str], JobCosts]:
+    """Read what the jobs of a study have cost.
+
+    Args:
+        folder: The study's folder of logs and records, `results/{study}/log`.
+
+    Returns:
+        The costs of each finished job whose record has them, by stage and name of the log without suffix.
+
+    Raises:
+        InputError: A record is malformed.
+    """
+    found = {}
+    for file, record in _read_records(folder).items():
+        if record["finished"] and "costs" in record:
+            costs = json_field(record, "costs", dict, file=file)
+            kinds = {"seconds": float, "cpu_seconds": float, "peak_memory_mb": float}
+            if costs.get("peak_memory_mb") is None:
+                del kinds["peak_memory_mb"]
+            values = {key: json_field(costs, key, kind, file=file, where="costs") for key, kind in kinds.items()}
+            found[file.parent.name, file.stem] = JobCosts(**{"peak_memory_mb": None, **values})
+    return found
 
 
 def mark_stale(path: Path) -> None:

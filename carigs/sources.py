@@ -9,6 +9,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("carigs", "evaluation")
+DATA = (".toml", ".json", ".jinja", ".css", ".js")
+"""Suffixes of files beside a module that belong to it."""
 WITHOUT_EFFECT = ("carigs.settings", "carigs.errors")
 """Modules that fingerprints ignore: settings reach a stage as text, which is compared; errors change no result."""
 
@@ -33,8 +35,8 @@ def fingerprint(module: str) -> str:
 def sources(module: str) -> list[Path]:
     """Files of a module and of all modules of this project that it imports, inside functions too.
 
-    Data beside a module under its name (`weights.toml` of `weights.py`) belongs to it. A package's `__init__` counts
-    only if something is imported from the package itself.
+    Data and templates beside a module under its name (`weights.toml` of `weights.py`) belong to it. A package's
+    `__init__` counts only if something is imported from the package itself.
 
     Args:
         module: Name of the module.
@@ -53,7 +55,7 @@ def sources(module: str) -> list[Path]:
         name = pending.pop()
         file = None if name.startswith(WITHOUT_EFFECT) else _file(name)
         if file and file not in files:
-            files |= {file, *(data for data in file.parent.glob(f"{file.stem}.*") if data.suffix in (".toml", ".json"))}
+            files |= {file, *(data for data in file.parent.glob(f"{file.stem}.*") if data.suffix in DATA)}
             pending += _imports(file)
     return sorted(files)
 

@@ -294,7 +294,7 @@ def test_data_folder_comes_from_the_environment(monkeypatch):
         ("study.name=benchmark", ("study.name", "benchmark", "results")),
         ("study.name=stress", ("study.name", "stress", "results")),
         ("study.name=hydra", ("study.name", "hydra", "results")),
-        ("study.name=Report.html", ("study.name", "Report.html", "results")),
+        ("study.name=Stress", ("study.name", "Stress", "results")),
         (f"study.name={'n' * 300}", ("study.name", "60")),
         (f"capture.folder={'f' * 200_000}", ("200016 bytes", "conf/study")),
         ("gamma=0", ("gamma=0",)),

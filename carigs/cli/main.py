@@ -17,6 +17,7 @@ COMMANDS = {
     "run": "make a study: avatars, table and figures",
     "sweep": "make a study at several values of its settings",
     "plan": "show what a study will cost: jobs, hours, memory, disk",
+    "evaluate": "measure anybody's renderings of a study's subject",
     "check": "validate a dataset: what is wrong with it, and how to mend it",
     "fit": "fit a head model to a calibrated video with landmarks",
     "head": "bring a head model in: download or convert it",

@@ -11,7 +11,7 @@ from carigs.config.folders import known
 from carigs.errors import SettingsError
 
 RESERVED = {
-    "study": ("benchmark", "stress", "hydra", "report.html"),
+    "study": ("benchmark", "stress", "hydra"),
     "subject": ("settings", "log", "table", "figures", "embeddings"),
     "variant": ("targets", "truth"),
 }

@@ -69,6 +69,10 @@ def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[st
             work = 0.4 + 0.056 * len(job.needs)
         case "figures":
             work = 1.5 + 0.17 * len(job.needs)
+        case "card":
+            work = 1.0
+        case "report":
+            work = 1.5 + 0.02 * len(job.needs)
         case _:
             work = 10.0
     return JOB_START + work
@@ -99,7 +103,7 @@ def job_bytes(job: Job, footage: Mapping[str, Footage], overrides: Sequence[str]
             count = _rendered(job, images, settings) + settings.render.orbit_frames
         case _:
             count = 0
-    others = {"train": 30e6, "exaggerate": 7e6, "figures": 3e6}
+    others = {"train": 30e6, "exaggerate": 7e6, "figures": 3e6, "report": 2e6}
     return 1e6 * count * images.megapixels + others.get(job.rule, 1e4)
 
 

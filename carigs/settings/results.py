@@ -88,3 +88,21 @@ class Figures(Section, key="figures"):
     """Height of each image."""
     blend_error_samples: int = option(26, ge=3, le=100_000)
     """Levels at which the blend error is evaluated."""
+
+
+@dataclass
+class Card(Section, key="card"):
+    """The benchmark card."""
+
+    machine: bool = True
+    """Name processor, cores and memory of the machine. Its name and paths never appear."""
+
+
+@dataclass
+class Report(Section, key="report"):
+    """The page with card, tables and figures."""
+
+    image_height: int = option(360, unit="pixels", ge=16, le=4096)
+    """Height of the images that the slider shows; smaller if the page would become too large."""
+    max_megabytes: float = option(15.0, unit="MB", ge=0.5, le=1000)
+    """Largest size of the page. Figures are reduced, then left out, to keep to it."""

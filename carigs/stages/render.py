@@ -31,6 +31,11 @@ class View(NamedTuple):
     """Camera of the capture; for the orbit, the number of the frame."""
     sequence: str
 
+    @property
+    def file(self) -> str:
+        """Name of the image below the folder of frames."""
+        return f"{self.protocol}/{self.timestep:05d}_{self.camera:02d}.png"
+
 
 def render(
     settings: Render,
@@ -69,12 +74,12 @@ def render(
     if not 0 <= level <= gamma_path.gamma_f:
         raise SettingsError(f"level {level:g} lies outside the path's [0, {gamma_path.gamma_f:g}]")
     person.sequence.path = gamma_path
-    views, entries = list(_views(settings, subject, level)), []
+    views, entries = list(rendered_views(settings, subject, level)), []
     meter, measured = AvatarGeometry(subject, person, gamma_path, level, settings.backend), list[FrameRecord]()
     with writing_folder(frames) as part:
         for view, camera in track(views, description=f"render level {level:g}", disable=len(views) < 10):
             shown = person.render_frame(view.timestep, level, camera, backend=settings.backend)
-            file = f"{view.protocol}/{view.timestep:05d}_{view.camera:02d}.png"
+            file = view.file
             (part / file).parent.mkdir(exist_ok=True)
             write_png(part / file, shown.image.numpy())
             novel = {"view": camera_to_json(camera)} if view.protocol == "orbit" else {}
@@ -85,8 +90,20 @@ def render(
     write_frame_records(geometry, measured)
 
 
-def _views(settings: Render, subject: Capture, level: float) -> Iterator[tuple[View, Camera]]:
-    """Views of all protocols with their cameras."""
+def rendered_views(settings: Render, subject: Capture, level: float) -> Iterator[tuple[View, Camera]]:
+    """List what is rendered of an avatar at a level, for every protocol.
+
+    Args:
+        settings: Settings of the stage.
+        subject: The capture.
+        level: Exaggeration level.
+
+    Yields:
+        Views with their cameras, in rendering order.
+
+    Raises:
+        SettingsError: The capture has no timestep for the orbit.
+    """
     frames = {
         "test": spread_test_frames(subject, settings.test_timesteps),
         "val": subject.split("val") if level == 0 else (),

@@ -9,6 +9,7 @@ from carigs.settings import Tabulate
 from evaluation.metrics.catalogue import CATALOGUE
 from evaluation.tables.document import to_latex, to_markdown
 from evaluation.tables.summary import read_metrics, summarise
+from evaluation.tables.summary_file import write_summaries
 from evaluation.tables.typeset import comparison_tables
 
 
@@ -27,8 +28,7 @@ def tabulate(settings: Tabulate, *, records: list[Path], table: Path, markdown: 
     """
     summaries = summarise(read_metrics(records), settings, CATALOGUE)
     document = comparison_tables(summaries, settings, CATALOGUE)
-    with writing(table) as part:
-        summaries.to_csv(part, index=False, float_format="%.6g", lineterminator="\n")
+    write_summaries(table, summaries)
     for file, text in ((markdown, to_markdown(document)), (latex, to_latex(document))):
         with writing(file) as part:
             part.write_text(text, encoding="utf-8")

@@ -202,7 +202,10 @@ class _StudyTables:
             keys = [key for key in keys if any(self._found([key], line) for line in lines)]
             counts = {key: self._counts(key, lines) for key in keys}
             body = [
-                (key[2] + f" (n={min(n)})" * (len(n) == 1), [self._cell(key, line, len(n) > 1) for line in lines])
+                (
+                    key[2] + (f" (n={min(n)})" if len(n) == 1 else ""),
+                    [self._cell(key, line, len(n) > 1) for line in lines],
+                )
                 for key, n in counts.items()
             ]
             if body:

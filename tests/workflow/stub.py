@@ -8,7 +8,8 @@ from zlib import crc32
 from carigs.errors import CarigsWarning, SettingsError
 
 FOLDERS = ("dataset", "targets", "frames", "folder")
-OUTPUTS = ("index", "geometry", "path", "avatar", "ply", "log", "records", "table", "markdown", "latex", *FOLDERS)
+AVATAR = ("geometry", "path", "avatar", "ply", "log")
+OUTPUTS = ("index", *AVATAR, "records", "table", "markdown", "latex", "card", "page", *FOLDERS)
 
 
 def stub(settings, **keywords):

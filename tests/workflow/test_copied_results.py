@@ -9,7 +9,8 @@ from project import Project
 
 TARGETS = ("reproduce", "table")
 POINT = "results/toy/toy/gamma=0.25"
-ALTERNATING = {"train": 2, "render": 4, "metrics": 4, "figures": 2, "tabulate": 1}
+SUMMARIES = {"tabulate": 1, "card": 1, "report": 1}
+ALTERNATING = {"train": 2, "render": 4, "metrics": 4, "figures": 2, **SUMMARIES}
 pytestmark = pytest.mark.slow
 
 
@@ -31,7 +32,7 @@ def test_other_settings_make_it_again(copied):
     """Though the file of settings is there, and the avatar alone is missing."""
     (copied.root / f"{POINT}/alternating/avatar.npz").unlink()
     hydra = "train.iterations=7"
-    expected = {"settings": 4, **{rule: 2 * n for rule, n in ALTERNATING.items()}, "figures": 2, "tabulate": 1}
+    expected = {"settings": 4, **{rule: 2 * n for rule, n in ALTERNATING.items()}, "figures": 2, **SUMMARIES}
     assert copied.planned(*TARGETS, hydra=hydra) == expected
     done = copied.snakemake("--cores", "2", " ".join(TARGETS), hydra=hydra)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -48,7 +49,7 @@ def test_a_plan_with_other_settings_changes_nothing(copied):
 
 def test_other_code_makes_it_again(copied):
     copied.edit("carigs/stages/render.py", add="more = 1")
-    assert copied.planned(*TARGETS) == {"render": 8, "metrics": 8, "figures": 2, "tabulate": 1}
+    assert copied.planned(*TARGETS) == {"render": 8, "metrics": 8, "figures": 2, **SUMMARIES}
 
 
 @pytest.mark.parametrize(("kept", "notes"), [(0, True), (0.5, False)])
@@ -59,7 +60,7 @@ def test_a_damaged_settings_file_never_means_defaults(finished, kept, notes):
     if not notes:
         shutil.rmtree(finished.root / ".snakemake")
     assert finished.planned(*TARGETS) == {
-        "settings": 1, "train": 1, "render": 2, "metrics": 2, "figures": 1, "tabulate": 1
+        "settings": 1, "train": 1, "render": 2, "metrics": 2, "figures": 1, **SUMMARIES
     }  # fmt: skip
     finished.make(*TARGETS)
     assert file.read_text() == whole

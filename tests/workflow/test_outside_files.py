@@ -18,7 +18,8 @@ train: {start: start.npz}
 truth: {folder: "truth/{level}"}
 metrics: {weights: weights}
 """
-EVALUATION = {"metrics", "figures", "tabulate"}
+SUMMARIES = {"tabulate", "card", "report"}
+EVALUATION = {"metrics", "figures", *SUMMARIES}
 TRAINING = {"train", "render", *EVALUATION}
 AFTER_CAPTURE = {"exaggerate", "truth", "gtstar", *TRAINING}
 EXPECTED = {
@@ -29,7 +30,7 @@ EXPECTED = {
     "edited/00000_00.png": {"gtstar", *TRAINING},
     "start.npz": TRAINING,
     "truth/0.25/frames.json": {"truth", *EVALUATION},
-    "weights/ViT-B-32.pt": {"metrics", "tabulate"},
+    "weights/ViT-B-32.pt": {"metrics", *SUMMARIES},
 }
 
 

@@ -7,7 +7,8 @@ from collections.abc import Callable
 import pytest
 
 TARGETS = ("reproduce", "table")
-ALTERNATING = {"train": 2, "render": 4, "metrics": 4, "figures": 2, "tabulate": 1}
+SUMMARIES = {"tabulate": 1, "card": 1, "report": 1}
+ALTERNATING = {"train": 2, "render": 4, "metrics": 4, "figures": 2, **SUMMARIES}
 
 
 def append(file: str, line: str) -> Callable:
@@ -29,7 +30,7 @@ WITHOUT_EFFECT = (
     touch_everything,
 )
 EDITS = {
-    "table.confidence": (append("conf/config.yaml", "tabulate: {confidence: 0.9}"), {"settings": 1, "tabulate": 1}),
+    "table.confidence": (append("conf/config.yaml", "tabulate: {confidence: 0.9}"), {"settings": 1, **SUMMARIES}),
     "share of one variant": (
         append("conf/variant/alternating.yaml", "train: {iterations: 7}"),
         {"settings": 2, **ALTERNATING},
@@ -49,31 +50,31 @@ EDITS = {
     "one subject": (
         append("conf/subject/twin.yaml", "  toy: {seed: 2}"),
         {"settings": 1, "capture": 1, "exaggerate": 1, "gtstar": 1, "truth": 2}
-        | {"train": 2, "render": 4, "metrics": 4, "figures": 1, "tabulate": 1},
+        | {"train": 2, "render": 4, "metrics": 4, "figures": 1, **SUMMARIES},
     ),
     "code of a stage": (
         append("carigs/stages/render.py", "more = 1"),
-        {"render": 8, "metrics": 8, "figures": 2, "tabulate": 1},
+        {"render": 8, "metrics": 8, "figures": 2, **SUMMARIES},
     ),
     "code of a stage's package": (
         append("carigs/stages/tabulate.py", "from evaluation.tables import csv_files"),
-        {"tabulate": 1},
+        {**SUMMARIES},
     ),
 }
 OVERRIDES = {
     "add a level": (
         "study.levels=[0,0.2,0.25]",
-        {"truth": 2, "render": 4, "metrics": 4, "figures": 2, "tabulate": 1},
+        {"truth": 2, "render": 4, "metrics": 4, "figures": 2, **SUMMARIES},
     ),
-    "drop a variant": ("study.variants=[surfhead]", {"figures": 2, "tabulate": 1}),
-    "drop a subject": ("study.subjects=[twin]", {"tabulate": 1}),
+    "drop a variant": ("study.variants=[surfhead]", {"figures": 2, **SUMMARIES}),
+    "drop a subject": ("study.subjects=[twin]", {**SUMMARIES}),
     "level beyond gamma": ("study.levels=[0,0.25,0.5]", {}),
     "gamma": (
         "gamma=0.2",
         {"settings": 2, "exaggerate": 2, "gtstar": 2, "truth": 4}
-        | {"train": 4, "render": 8, "metrics": 8, "figures": 2, "tabulate": 1},
+        | {"train": 4, "render": 8, "metrics": 8, "figures": 2, **SUMMARIES},
     ),
-    "metrics": ("metrics.silhouette_band=3", {"settings": 2, "metrics": 8, "tabulate": 1}),
+    "metrics": ("metrics.silhouette_band=3", {"settings": 2, "metrics": 8, **SUMMARIES}),
 }
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
+import jsonschema
 import pandas as pd
 import pytest
-from project import Installed, Project, copy_project, shared_kernels
+from project import ROOT, Installed, Project, copy_project, shared_kernels
 from workflow.own_study import write_own_study
 
 OVERRIDES = ("study=small", "capture.toy.supersampling=2", "tabulate.resamples=100")
@@ -34,6 +36,16 @@ def test_a_study_ends_in_a_table_and_figures(results):
         assert word in table.lower()
     figures = {file.name for file in (results / "figures/anna/gamma=0.25").iterdir()}
     assert {"gamma_strip_alternating.png", "gamma_strip_surfhead.png", "ablation.png", "blend_error.png"} <= figures
+
+
+def test_a_study_ends_in_a_card_and_a_report(results):
+    card = json.loads((results / "card.json").read_text())
+    jsonschema.validate(card, json.loads((ROOT / "docs/card.schema.json").read_text()))
+    measured = {value["measure"] for value in card["values"] if value["value"] is not None}
+    assert {"psnr", "ssim", "surfels", "avatar_bytes", "frames_per_second", "stage_seconds"} <= measured
+    page = (results / "report.html").read_text()
+    assert page.count("data:image/webp") > 2 * 2 and "<polyline" in page
+    assert len(page) < 15e6
 
 
 def test_nothing_half_written_is_left(results):

@@ -149,7 +149,6 @@ if workflow.is_main_process:
     one_line_errors(prepare_results)(Path("results", points["study"]), overrides)
     for line in one_line_errors(settings_warnings)(overrides):
         print(f"carigs: warning: {line}", file=sys.stderr)
-    config["warnings"] = warning_lines(Path("results", points["study"], "log"))  # for the report
 
 
 def print_warnings():
@@ -159,9 +158,14 @@ def print_warnings():
 
 
 def print_results():
-    """Say where tables and figures are."""
+    """Say where tables, figures, card and report are."""
     folder = Path("results", points["study"])
-    for path in (folder / f"table/gamma={points['gamma']}.md", folder / "figures"):
+    for path in (
+        folder / f"table/gamma={points['gamma']}.md",
+        folder / "figures",
+        folder / "card.md",
+        folder / "report.html",
+    ):
         if path.exists():
             print(f"carigs: {path}", file=sys.stderr)
 

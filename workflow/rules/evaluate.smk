@@ -68,18 +68,8 @@ rule tabulate:
         settings="results/{study}/settings/tabulate/all.yaml",
         records=all_points("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/metrics.csv"),
     output:
-        table=report(
-            "results/{study}/table/gamma={gamma}.csv",
-            caption="../report/table.rst",
-            category="Table",
-            labels={"gamma": "{gamma}", "format": "all numbers"},
-        ),
-        markdown=report(
-            "results/{study}/table/gamma={gamma}.md",
-            caption="../report/table.rst",
-            category="Table",
-            labels={"gamma": "{gamma}", "format": "summary"},
-        ),
+        table="results/{study}/table/gamma={gamma}.csv",
+        markdown="results/{study}/table/gamma={gamma}.md",
         latex="results/{study}/table/gamma={gamma}.tex",
     log:
         "results/{study}/log/tabulate/gamma={gamma}.log",
@@ -110,14 +100,7 @@ rule figures:
             "results/{study}/{subject}/gamma={gamma}/truth/level={level}/frames",
         ),
     output:
-        folder=report(
-            directory("results/{study}/figures/{subject}/gamma={gamma}"),
-            patterns=["{figure}.png"],
-            caption="../report/figures.rst",
-            category="Figures",
-            subcategory="{subject}",
-            labels={"figure": "{figure}", "gamma": "{gamma}"},
-        ),
+        folder=directory("results/{study}/figures/{subject}/gamma={gamma}"),
     log:
         "results/{study}/log/figures/{subject},gamma={gamma}.log",
     conda:

@@ -1,0 +1,122 @@
+"""Stage `card`: the benchmark card of a study, as JSON and as Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from carigs.capture import Capture
+from carigs.config import load_settings, project_root
+from carigs.job_record import Costs, job_costs
+from carigs.readers.yaml_files import read_yaml_text
+from carigs.settings import Card
+from evaluation.card.card import Value, make_card, write_card
+from evaluation.card.costs import Job, avatar_values, count_frames, stage_values
+from evaluation.card.document import write_markdown
+from evaluation.card.provenance import commit, machine, seeds, versions
+from evaluation.metrics.catalogue import CATALOGUE
+from evaluation.tables.summary_file import read_summaries
+
+NOT_NAMED = {"processor": "not named (card.machine=false)", "cores": None, "memory_gb": None, "system": ""}
+"""The machine of a card that shall not name it."""
+
+
+def card(
+    settings: Card,
+    *,
+    table: Path,
+    captures: Sequence[Path],
+    avatars: Sequence[Path],
+    indices: Sequence[Path],
+    made_with: Sequence[Path],
+    subjects: Sequence[str],
+    variants: Sequence[str],
+    levels: Sequence[str],
+    gamma: str,
+    logs: str,
+    card: Path,
+    markdown: Path,
+) -> None:
+    """Write the card of a study.
+
+    Args:
+        settings: Whether the machine is named.
+        table: Summary of the study, as the stage `tabulate` writes it.
+        captures: Index of the capture of each subject.
+        avatars: Avatar of each subject and variant.
+        indices: Index of the rendered frames of each subject, variant and level.
+        made_with: Settings of the stages, `settings/{stage}/{point}.yaml`.
+        subjects: Names of the subjects.
+        variants: Names of the variants.
+        levels: Rendered levels, as in paths.
+        gamma: Level that the avatars are trained for, as in paths.
+        logs: Folder of the study's logs and records of jobs.
+        card: JSON file to write.
+        markdown: Markdown file to write.
+
+    Raises:
+        InputError: An input is malformed.
+    """
+    costs, points = job_costs(Path(logs)), [*product(subjects, variants)]
+    tabulated = load_settings("tabulate", next(file for file in made_with if file.parent.name == "tabulate"))
+    frames = {}
+    for (subject, variant, level), index in zip(product(subjects, variants, levels), indices, strict=True):
+        job = Job("render", f"{subject},gamma={gamma},{variant},level={level}")
+        frames.setdefault((subject, variant), {})[job] = count_frames(index)
+    values = []
+    for (subject, variant), avatar in zip(points, avatars, strict=True):
+        values += avatar_values(subject, variant, avatar, frames[subject, variant], costs, tabulated)
+    values += _stage_values(costs, subjects, variants, gamma)
+    images = {subject: _image_size(file) for subject, file in zip(subjects, captures, strict=True)}
+    provenance = {
+        "machine": machine() if settings.machine else NOT_NAMED,
+        "versions": versions(),
+        "commit": commit(project_root()),
+    }
+    made = make_card(
+        read_summaries(table),
+        values,
+        tabulated,
+        CATALOGUE,
+        images=images,
+        seeds=_all_seeds(made_with),
+        provenance=provenance,
+    )
+    write_card(card, made)
+    write_markdown(markdown, made)
+
+
+def _image_size(file: Path) -> list[int]:
+    """Width and height of the captured images, of the first camera."""
+    capture = Capture.load(file)
+    camera = next(iter(capture.cameras.values()))
+    return [camera.width, camera.height]
+
+
+def _all_seeds(made_with: Sequence[Path]) -> dict[str, int]:
+    """Seeds in the settings of a study; equal ones of the same stage once, under the name of the stage."""
+    found: dict[str, dict[str, int]] = {}
+    for file in made_with:
+        content: Any = yaml.safe_load(read_yaml_text(file)) or {}
+        for place, seed in seeds(content, file.parent.name):
+            found.setdefault(place, {})[file.stem] = seed
+    return {
+        place if len(set(by_point.values())) == 1 else f"{place} ({point})": seed
+        for place, by_point in found.items()
+        for point, seed in by_point.items()
+    }
+
+
+def _stage_values(costs: Costs, subjects: Sequence[str], variants: Sequence[str], gamma: str) -> list[Value]:
+    """Costs of the stages, of the jobs for these subjects, variants and gamma."""
+    names, stages = {*subjects, *variants}, {}
+    for stage, point in costs:
+        parts = [part for part in point.split(",") if not part.startswith("level=")]
+        if {part for part in parts if part != f"gamma={gamma}"} <= names:
+            stages.setdefault(stage, []).append(Job(stage, point))
+    order = ("capture", "exaggerate", "truth", "gtstar", "train", "render", "metrics", "tabulate", "figures")
+    return stage_values({stage: stages[stage] for stage in order if stage in stages}, costs)

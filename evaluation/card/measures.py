@@ -1,0 +1,32 @@
+"""What the numbers of a card are that no metric of a frame is: sizes, times and memory."""
+
+from __future__ import annotations
+
+from evaluation.tables.metric import Catalogue, Metric
+
+AVATAR_MEASURES: Catalogue = {
+    "surfels": Metric("Surfels", "neither", 0, "", "number of surfels of the avatar"),
+    "avatar_bytes": Metric("Size", "lower", 0, "bytes", "size of avatar.npz, which renders every level by itself"),
+    "frame_seconds": Metric(
+        "Time of a frame",
+        "lower",
+        4,
+        "s",
+        "time of a job of the stage render, divided by its frames: with the loading of the avatar, posing and "
+        "compression to PNG; n counts jobs, one per level",
+    ),
+    "frames_per_second": Metric(
+        "FPS", "higher", 1, "1/s", "1 / time of a frame: a batch on this machine, not the rate of a viewer"
+    ),
+}
+"""Measures of one avatar, in the order of the columns."""
+STAGE_MEASURES: Catalogue = {
+    "stage_seconds": Metric("Time", "lower", 1, "s", "wall time, summed over the jobs of the stage"),
+    "stage_cpu_seconds": Metric(
+        "CPU time", "lower", 1, "s", "processor time of all threads, summed over the jobs of the stage"
+    ),
+    "stage_peak_memory": Metric(
+        "Peak memory", "lower", 0, "MB", "largest resident memory of a job's process, over the jobs of the stage"
+    ),
+}
+"""Measures of one stage, in the order of the columns."""
