@@ -24,21 +24,24 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory) -> Path:
-    """Results of a study of the ball as far as they are needed: capture, path and the true images of level 0.25."""
+    """Results of a study of the ball as far as they are needed: capture, path and true images."""
     folder = tmp_path_factory.mktemp("work") / "results/mini"
     place = folder / "ball/gamma=0.25"
-    (place / "truth/level=0.25/frames").mkdir(parents=True)
+    place.mkdir(parents=True)
     dataset = write_ball(folder / "ball/dataset")
     read_dataset(dataset, dataset / "head_model.npz").save(folder / "ball/capture.json")
     subject = Capture.load(folder / "ball/capture.json")
     shape = neutral(subject.model, subject.parameters(0))
     straight_path(shape, subject.model.faces, 0.2 * shape, 0.25).save(place / "path.npz")
     keys = [(frame.timestep, frame.camera) for frame in subject.split("test")]
-    for frame in subject.split("test"):
-        files = ground_truth_files(frame.timestep, frame.camera)
-        write_png(place / "truth/level=0.25/frames" / files["image"], np.full((48, 40, 3), 0.4))
-        write_png(place / "truth/level=0.25/frames" / files["mask"], subject.mask(frame))
-    write_ground_truth(place / "truth/level=0.25/truth.json", 0.25, keys)
+    for level in (0, 0.25):
+        truth = place / f"truth/level={level}"
+        (truth / "frames").mkdir(parents=True)
+        for frame in subject.split("test"):
+            files = ground_truth_files(frame.timestep, frame.camera)
+            write_png(truth / "frames" / files["image"], np.full((48, 40, 3), 0.4))
+            write_png(truth / "frames" / files["mask"], subject.mask(frame))
+        write_ground_truth(truth / "truth.json", level, keys)
     return folder
 
 
@@ -65,16 +68,18 @@ def render(entries: list[dict], folder: Path) -> Path:
 
 def test_renderings_of_the_listed_views_get_a_card(options, tmp_path):
     entries = views(options, tmp_path)
-    assert {entry["protocol"] for entry in entries} == {"test", "orbit"}
+    assert {(entry["protocol"], entry["level"]) for entry in entries} == {
+        ("test", 0), ("val", 0), ("orbit", 0), ("test", 0.25), ("orbit", 0.25),
+    }  # fmt: skip
     frames = render(entries, tmp_path)
     assert main([*options, "--frames", str(frames), "--name", "mine", "-o", str(tmp_path / "card")]) == 0
     card = json.loads((tmp_path / "card/card.json").read_text())
     jsonschema.validate(card, SCHEMA)
-    values = {(v["measure"], v["protocol"], v["region"]): v for v in card["values"]}
+    values = {(v["measure"], v["protocol"], v["region"]): v for v in card["values"] if v["level"] in (0.25, None)}
     quantised = round(0.5 * 255) / 255 - round(0.4 * 255) / 255
     psnr = values["psnr", "test", "full"]
     assert psnr["value"] == pytest.approx(-20 * np.log10(quantised), abs=1e-3)
-    assert psnr["n"] == sum(entry["protocol"] == "test" for entry in entries)
+    assert psnr["n"] == sum((entry["protocol"], entry["level"]) == ("test", 0.25) for entry in entries)
     assert values["surfels", "avatar", ""]["value"] is None
     assert "another program" in values["surfels", "avatar", ""]["reason"]
     assert "mine" in (tmp_path / "card/card.md").read_text()
