@@ -129,7 +129,7 @@ class ImageMetric(NamedTuple):
 
 
 IMAGE_METRICS = {"psnr": ImageMetric(squared_error, psnr_of_errors), "ssim": ImageMetric(ssim_map, region_mean)}
-"""Every metric against the truth, by its name in the records. `evaluation.tables.typeset.COLUMNS` shows them."""
+"""Every metric against the truth, by its name in the records. `evaluation.metrics.catalogue` describes them."""
 
 
 def _blur(image: Float64[np.ndarray, "h w 3"]) -> Float64[np.ndarray, "h w 3"]:
