@@ -47,7 +47,7 @@ EnforcePartLimits=ALL
 ReturnToService=2
 SlurmdTimeout=5
 KillWait=5
-MinJobAge=300
+MinJobAge=7200
 GresTypes=gpu
 PartitionName=main Nodes=ALL Default=YES State=UP
 """
