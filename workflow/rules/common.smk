@@ -92,6 +92,11 @@ def all_points(*patterns):
     )
 
 
+def of_study(*patterns):
+    """The files of every subject, variant and level of the study at its gamma."""
+    return lambda wildcards: collect(list(patterns), **{**points, "study": wildcards.study})
+
+
 def rendered_points(wildcards):
     """Variant and level of each rendering of a subject, in the order of `all_points`."""
     return list(product(points["variant"], levels(wildcards)))

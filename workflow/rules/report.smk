@@ -1,11 +1,5 @@
 """The benchmark card of a study, and its report: one page with everything that was measured."""
 
-
-def of_study(*patterns):
-    """The files of every subject, variant and level of the study at its gamma."""
-    return lambda wildcards: collect(list(patterns), **{**points, "study": wildcards.study})
-
-
 made_with = of_study(
     "results/{study}/settings/capture/subject={subject}.yaml",
     "results/{study}/settings/exaggerate/subject={subject},gamma={gamma}.yaml",
