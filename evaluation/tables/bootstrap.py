@@ -14,6 +14,9 @@ from scipy.special import stdtrit
 MIN_LEVELS = 8
 """A factor with fewer levels is not resampled: of three, one bootstrap sample in nine holds a single one."""
 
+DEGENERATE = 1e-9
+"""Samples whose standard error is below this share of that of the values have no t: all their values are equal."""
+
 
 class Interval(NamedTuple):
     """Mean with the ends of its confidence interval, which are nan for a single value."""
@@ -78,10 +81,13 @@ def mean_interval(
         freedom = [count - 1 for count in table.shape] + [max(_residual_freedom(table.shape, missing), 1)]
         half = float(np.sqrt(np.sum(stdtrit(freedom, 1 - tail) ** 2 * parts)))
         return Interval(mean, mean - half, mean + half)
-    means, drawn_parts = _variance_parts(table, _resampled_weights(table.shape, resamples, seed))
-    errors = np.sqrt(np.maximum(drawn_parts.sum(axis=1), np.finfo(float).tiny))
-    low, high = np.quantile((means - table.mean()) / errors, [tail, 1 - tail])
     error = np.sqrt(parts.sum())
+    means, drawn_parts = _variance_parts(table, _resampled_weights(table.shape, resamples, seed))
+    errors = np.sqrt(drawn_parts.sum(axis=1))
+    varied = errors > DEGENERATE * error
+    if not varied.any():
+        return Interval(mean, mean, mean) if error == 0 else Interval(mean, float("nan"), float("nan"))
+    low, high = np.quantile((means - table.mean())[varied] / errors[varied], [tail, 1 - tail])
     return Interval(mean, float(mean - high * error), float(mean - low * error))
 
 
