@@ -180,12 +180,12 @@ def schedule(kills: int, chance: random.Random) -> list[str]:
 
 
 def outputs(project: Project) -> dict[str, bytes]:
-    """Contents of all results but logs and records, which hold times; by path."""
+    """Contents of all results but logs, records, card and report, which hold times; by path."""
     results = project.root / "results"
     return {
         str(file.relative_to(results)): file.read_bytes()
         for file in sorted(results.rglob("*"))
         if file.is_file()
         and not any(part.startswith(".") for part in file.relative_to(results).parts)
-        and not re.search(r"/log/|/log\.csv$|\.checkpoint$|\.part$", str(file))
+        and not re.search(r"/log/|/log\.csv$|/card\.(json|md)$|/report\.html$|\.checkpoint$|\.part$", str(file))
     }
