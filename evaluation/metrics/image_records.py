@@ -52,15 +52,12 @@ def image_records(
         return
     parameters = subject.parameters(next(iter(subject.parameter_files)))
     surface = surface_regions(subject.model, neutral(subject.model, parameters))
-    networks: dict = {}
     band = settings.silhouette_band
+    networks, missing = load_lpips_metrics(settings) if truths.reason is None else ({}, {})
+    for protocol, region, (metric, reason) in product(_protocols(rendered), LPIPS_REGIONS, missing.items()):
+        yield metric_record(point, protocol, (None, None), region, metric, None, reason)
     if truths.reason is not None:
         yield from _without_truth(point, rendered, settings.lpips, truths.reason)
-    else:
-        networks, missing = load_lpips_metrics(settings)
-        protocols = sorted({frame.protocol for frame in rendered} - {"orbit"})
-        for protocol, region, (metric, reason) in product(protocols, LPIPS_REGIONS, missing.items()):
-            yield metric_record(point, protocol, (None, None), region, metric, None, reason)
     followed = track(rendered, description="measuring images", disable=len(rendered) < 10)
     views = frame_views(followed, truths, subject, caricature)
     for protocol, frames in groupby(views, key=lambda view: view.rendered.protocol):
@@ -81,9 +78,14 @@ def _without_truth(
     point: StudyPoint, rendered: Sequence[RenderedImage], lpips: Sequence[str], reason: str
 ) -> Iterator[MetricRecord]:
     """Records without a value of everything that needs true images."""
-    protocols = sorted({frame.protocol for frame in rendered} - {"orbit"})
+    protocols = _protocols(rendered)
     regions = [*product(REGIONS, IMAGE_METRICS), *product(LPIPS_REGIONS, lpips), ("full", "sharpness")]
     for protocol, (region, metric) in product(protocols, regions):
         yield metric_record(point, protocol, (None, None), region, metric, None, reason)
     if "test" in protocols:
         yield metric_record(point, "test", (None, None), "full", TRUE_CONSISTENCY, None, reason)
+
+
+def _protocols(rendered: Sequence[RenderedImage]) -> list[str]:
+    """Protocols of frames of the capture's cameras."""
+    return sorted({frame.protocol for frame in rendered} - {"orbit"})

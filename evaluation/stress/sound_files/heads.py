@@ -58,8 +58,8 @@ def _footage(folder: Path) -> Capture:
 def _fetched(file: Path) -> str:
     """What `carigs head fetch` makes of a file that a server sends."""
     response = io.BytesIO(file.read_bytes())
-    response.geturl = lambda: GNM_URL  # type: ignore[attr-defined]
-    response.status, response.headers = 200, {}  # type: ignore[attr-defined]
+    response.geturl = lambda: GNM_URL
+    response.status, response.headers = 200, {}
     with patch.object(urllib.request, "urlopen", lambda *_, **__: response):
         return fetch_head(GNM_URL, file.with_name("gnm.npz"))
 
