@@ -12,8 +12,8 @@ AVATAR_MEASURES: Catalogue = {
         "lower",
         4,
         "s",
-        "time of a job of the stage render, divided by its frames: with the loading of the avatar, posing and "
-        "compression to PNG; n counts jobs, one per level",
+        "time of a job of the stage render, divided by its frames: with the loading of the avatar, posing, the metrics "
+        "of its geometry and compression to PNG; n counts jobs, one per level",
     ),
     "frames_per_second": Metric(
         "FPS", "higher", 1, "1/s", "1 / time of a frame: a batch on this machine, not the rate of a viewer"
