@@ -42,7 +42,8 @@ def prepare_results(folder: Path, overrides: Sequence[str]) -> None:
     stale = set_modification_times(folder / "log", text, lambda stage: code[stage], outside)
     for (stage, reason), count in stale.items():
         results = "1 result was" if count == 1 else f"{count} results were"
-        print(f"carigs: {folder}: {stage}: {results} {reason}; what this run needs of it is made again", file=sys.stderr)
+        again = "what this run needs of it is made again"
+        print(f"carigs: {folder}: {stage}: {results} {reason}; {again}", file=sys.stderr)
     for stage in STAGES:
         for file in (folder / "settings" / stage).glob("*.yaml"):
             present = text(stage, file.stem)
