@@ -18,6 +18,9 @@ include: "workflow/rules/stress.smk"
 onstart:
     show_progress(workflow)
     if workflow.local_exec:
+        # Snakemake adds a timer of one second after each job that ends, and selects jobs anew at each: in a long run a
+        # hundred times a second.
+        workflow.scheduler.job_rate_limiter = None
         announce_duration(workflow)
         start_fork_server()
 
