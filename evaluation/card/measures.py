@@ -7,7 +7,11 @@ from evaluation.tables.metric import Catalogue, Metric
 AVATAR_MEASURES: Catalogue = {
     "surfels": Metric("Surfels", "neither", 0, "", "number of surfels of the avatar; n counts avatars, one per seed"),
     "avatar_bytes": Metric(
-        "Size", "lower", 0, "bytes", "size of avatar.npz, which renders every level by itself; n counts avatars, one per seed"
+        "Size",
+        "lower",
+        0,
+        "bytes",
+        "size of avatar.npz, which renders every level by itself; n counts avatars, one per seed",
     ),
     "frame_seconds": Metric(
         "Time of a frame",
