@@ -313,6 +313,13 @@ def test_data_folder_comes_from_the_environment(monkeypatch):
         ("figures.camera=front", ("figures.camera", "front")),
         ("subject=toy", ("subject=toy", "study.subjects=[toy]")),
         ("variant=surfhead", ("variant=surfhead", "study.variants=[surfhead]")),
+        ("seed=3", ("seed=3", "study.seeds=[3]")),
+        ("train.seed=3", ("train.seed=3", "study.seeds=[3]")),
+        ("study.seeds=[]", ("study.seeds=[]", "one or more")),
+        ("study.seeds=[2,0,2]", ("study.seeds=[2, 0, 2]", "different")),
+        ("study.seeds=[0,-1]", ("study.seeds[1]=-1", "[0, 4294967295]")),
+        ("study.seeds=[0.5]", ("study.seeds[0]", "0.5")),
+        ("study.seeds=2", ("study.seeds",)),
         ("+train.more=1", ("+train.more=1",)),
         ("~train.seed", ("~train.seed",)),
         ("exaggerate.gamma=${gama}", ("gama",)),
@@ -338,6 +345,12 @@ def test_a_mistake_is_told_in_one_line_that_names_the_key(override, named):
     assert "\n" not in message
     for word in named:
         assert word in message
+
+
+def test_a_training_has_the_seed_of_its_path():
+    for seed in (0, 7):
+        config = compose("study.seeds=[0,7]", f"seed={seed}")
+        assert (config.train.seed, list(config.study.seeds), config.tabulate.seed) == (seed, [0, 7], 0)
 
 
 def test_overrides_are_split_like_words_of_a_shell_and_a_lost_quote_is_explained():

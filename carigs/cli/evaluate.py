@@ -84,7 +84,10 @@ def _evaluate(
         for level, some in views.items()
     }
     found = find_frames(options.frames, wanted, options.protocol)
-    records = [place / variant / f"level={level}/metrics.csv" for variant in options.compare for level in views]
+    records = [
+        place / variant / f"seed={options.seed}/level={level}/metrics.csv"
+        for variant in options.compare for level in views
+    ]  # fmt: skip
     for level, some in views.items():
         index, written = options.output / f"level={level}/frames.json", options.output / f"level={level}/metrics.csv"
         files = {key: file.relative_to(options.frames).as_posix() for key, file in found[level].items()}
@@ -108,6 +111,7 @@ def _evaluate(
             study=options.results.resolve().name,
             subject=options.subject,
             variant=options.name,
+            seed=options.seed,  # pairs them with the compared variants
             gamma=float(options.gamma),
             level=float(level),
             embeddings=str(options.output / "embeddings"),
@@ -127,6 +131,7 @@ def _evaluate(
         tabulated,
         CATALOGUE,
         images={options.subject: [camera.width, camera.height]},
+        training_seeds=[],
         seeds={"tabulate.seed": tabulated.seed},
         provenance={"machine": machine(), "versions": versions(), "commit": commit(project_root())},
     )
@@ -150,6 +155,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--compare", action="append", default=[], metavar="VARIANT", help="a variant of the study beside them"
     )
+    seed_help = "seed of the compared variants' training (default %(default)s)"
+    parser.add_argument("--seed", type=int, default=0, metavar="S", help=seed_help)
     parser.add_argument("-o", "--output", type=Path, metavar="FOLDER", help="folder to write")
     parser.add_argument("--views", type=Path, metavar="FILE", help="write what has to be rendered (JSON), and end")
     return parser

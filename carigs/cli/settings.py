@@ -42,9 +42,9 @@ def main(arguments: list[str]) -> int:
     else:
         study = compose_study(*parsed.overrides).study
         subject = parsed.subject or study.subjects[0]
-        choice = [*parsed.overrides, f"subject={subject}"]
+        choice = [*parsed.overrides, f"subject={subject}", f"seed={study.seeds[0]}"]
         settings = compose_variant(parsed.variant, *choice) if parsed.variant else compose(*choice)
         variant = f"variant {parsed.variant}" if parsed.variant else "before the changes of variants"
-        print(f"# subject {subject}, {variant}")
+        print(f"# subject {subject}, {variant}, seed {study.seeds[0]}")
         print(OmegaConf.to_yaml(settings[parsed.section] if parsed.section else settings), end="")
     return 0

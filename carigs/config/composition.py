@@ -54,6 +54,11 @@ def compose(*overrides: str) -> DictConfig:
     except (HydraException, OmegaConfBaseException, YAMLError, ValueError, OverflowError, RecursionError) as error:
         raise SettingsError(describe(error)) from error
     check_section(Config, config)
+    if config.train.seed != config.seed:
+        problem = "a training has the seed of its path"
+        raise SettingsError(
+            f"train.seed={config.train.seed}: {problem}; choose seeds by study.seeds=[{config.train.seed}]"
+        )
     config.study.variants = expand_patterns(config.study.variants)
     check_names(config)
     combine_mask_flags(config.train)
@@ -61,7 +66,7 @@ def compose(*overrides: str) -> DictConfig:
 
 
 def compose_study(*overrides: str) -> DictConfig:
-    """Compose what a user asks for; subjects and variants come from the study, so they cannot be overrides.
+    """Compose what a user asks for; subjects, variants and seeds come from the study, so they cannot be overrides.
 
     Args:
         *overrides: Hydra overrides.
@@ -70,8 +75,8 @@ def compose_study(*overrides: str) -> DictConfig:
         As `compose`.
 
     Raises:
-        SettingsError: As `compose`, and for overrides of `subject` and `variant`, added and removed keys, and overrides
-            that are too long for the command line of a job.
+        SettingsError: As `compose`, and for overrides of `subject`, `variant` and `seed`, added and removed keys, and
+            overrides that are too long for the command line of a job.
     """
     check_study_overrides(overrides)
     return compose(*overrides)

@@ -1,4 +1,4 @@
-"""Names of studies, subjects and variants, which become folders of the results."""
+"""Names of studies, subjects and variants, and seeds, which become folders of the results."""
 
 from __future__ import annotations
 
@@ -34,13 +34,14 @@ def expand_patterns(variants: list[str]) -> list[str]:
 
 
 def check_names(config: DictConfig) -> None:
-    """Check the names of a study, which depend on the files of `conf/`, and become names of folders.
+    """Check the names and seeds of a study. Names depend on the files of `conf/`, and become names of folders.
 
     Args:
         config: Composed settings.
 
     Raises:
-        SettingsError: For the first name that is unknown, repeated or cannot be a folder's.
+        SettingsError: For the first name or seed that is repeated, and the first name that is unknown or cannot be a
+            folder's.
     """
     study = config.study
     _check_name("study", "study.name", study.name)
@@ -52,6 +53,8 @@ def check_names(config: DictConfig) -> None:
             if name not in known(group):
                 raise SettingsError(f"study.{group}s: {name} is unknown; known: {', '.join(known(group))}")
             _check_name(group, f"study.{group}s", name)
+    if not study.seeds or len(set(study.seeds)) < len(study.seeds):
+        raise SettingsError(f"study.seeds={list(study.seeds)}: expected one or more different seeds")
 
 
 def _check_name(group: str, key: str, name: str) -> None:

@@ -75,15 +75,15 @@ def check_study_overrides(overrides: tuple[str, ...]) -> None:
         overrides: Hydra overrides.
 
     Raises:
-        SettingsError: For overrides of `subject` and `variant`, added and removed keys, and overrides that are too long
-            for the command line of a job.
+        SettingsError: For overrides of `subject`, `variant` and `seed`, added and removed keys, and overrides that are
+            too long for the command line of a job.
     """
     if (length := sum(len(override.encode()) + 1 for override in overrides)) > MAX_OVERRIDE_BYTES:
         problem = f"the overrides have {length} bytes, more than {MAX_OVERRIDE_BYTES}"
         raise SettingsError(f"{problem}; write them into a file conf/study/NAME.yaml")
     for override in overrides:
         key, _, value = override.partition("=")
-        if key in ("subject", "variant"):
+        if key in ("subject", "variant", "seed"):
             raise SettingsError(f"{override}: a study has several; choose them by study.{key}s=[{value}]")
         if key.startswith(("+", "~")):
             raise SettingsError(f"{override}: keys can be set, neither added nor removed")

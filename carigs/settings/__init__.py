@@ -12,7 +12,7 @@ from carigs.settings.capture import Capture, Toy, Truth
 from carigs.settings.exaggerate import DEFAULT_GAMMA, USEFUL_LEVEL, Exaggerate
 from carigs.settings.gtstar import Gtstar
 from carigs.settings.mask_flags import DEFAULT_MASK_FLAGS, MASK_FLAGS, MaskFlag
-from carigs.settings.option import Section, check_section, option
+from carigs.settings.option import MAX_SEED, Section, check_section, option
 from carigs.settings.results import Card, Figures, Metrics, Render, Report, Tabulate
 from carigs.settings.train import Density, RefineTracking, Train, combine_mask_flags
 
@@ -45,7 +45,7 @@ __all__ = [
 
 @dataclass
 class Study(Section, key="study"):
-    """A set of subjects, variants and levels that makes one table."""
+    """A set of subjects, variants, seeds and levels that makes one table."""
 
     name: str = "toy"
     """Folder of the results below `results/`: letters, digits and `._-`."""
@@ -53,16 +53,20 @@ class Study(Section, key="study"):
     """Files of `conf/subject`."""
     variants: tuple[str, ...] = ("alternating", "surfhead", "surfhead_lit", "gtstar_only", "no_mask")
     """Files of `conf/variant`; a pattern such as `*_mask` stands for all others that match."""
+    seeds: tuple[int, ...] = option((0,), ge=0, le=MAX_SEED)
+    """Seeds that every variant is trained with; tables average over them, and figures show the first."""
     levels: tuple[float, ...] = option((0.0, 0.1, 0.15, 0.2, 0.25), ge=0, le=100)
     """Levels to render; 0 and gamma are added, levels above gamma left out."""
 
 
 @dataclass
 class Config(Section, key=""):
-    """All settings: gamma, the study, and one section per stage."""
+    """All settings: gamma, the seed, the study, and one section per stage."""
 
     gamma: float = option(DEFAULT_GAMMA, ge=1e-4, le=100)
     """gamma_f, the level that is trained for."""
+    seed: int = option(0, ge=0, le=MAX_SEED)
+    """Seed of a training: set for each job from its path; a study chooses it by `study.seeds`."""
     study: Study = field(default_factory=Study)
     capture: Capture = field(default_factory=Capture)
     exaggerate: Exaggerate = field(default_factory=Exaggerate)
@@ -78,7 +82,7 @@ class Config(Section, key=""):
 
 
 STAGES: dict[str, type[Section]] = {
-    f.name: f.default_factory for f in fields(Config) if f.name not in ("gamma", "study")
+    f.name: f.default_factory for f in fields(Config) if f.name not in ("gamma", "seed", "study")
 }
 """The section of each stage of the workflow."""
 

@@ -58,7 +58,7 @@ class Train(Section, key="train"):
     iterations: int = option(1500, ge=1, le=MAX_COUNT)
     """Optimisation steps, one image each."""
     seed: int = option(0, ge=0, le=MAX_SEED)
-    """Seed of the order of images and of density control."""
+    """Seed of the order of images and of density control: always `seed`, one of `study.seeds`."""
     threads: int = option(1, ge=1, le=1024)
     """Threads of the rasterizer; the result does not depend on it."""
     gtstar_probability: float = option(0.5, ge=0, le=1)

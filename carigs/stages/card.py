@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -15,14 +15,16 @@ from carigs.job_record import Costs, job_costs
 from carigs.readers.yaml_files import read_yaml_text
 from carigs.settings import Card
 from evaluation.card.card import Value, make_card, write_card
-from evaluation.card.costs import Job, avatar_values, count_frames, stage_values
+from evaluation.card.costs import Job, Rendering, avatar_values, count_frames, stage_values
 from evaluation.card.document import write_markdown
-from evaluation.card.provenance import commit, machine, seeds, versions
+from evaluation.card.provenance import commit, find_seeds, machine, versions
 from evaluation.metrics.catalogue import CATALOGUE
 from evaluation.tables.summary_file import read_summaries
 
 NOT_NAMED = {"processor": "not named (card.machine=false)", "cores": None, "memory_gb": None, "system": ""}
 """The machine of a card that shall not name it."""
+TRAINED = ("train", "render", "metrics")
+"""Stages with a job for each seed; jobs without one are of versions of carigs before `study.seeds`."""
 
 
 def card(
@@ -35,6 +37,7 @@ def card(
     made_with: Sequence[Path],
     subjects: Sequence[str],
     variants: Sequence[str],
+    seeds: Sequence[str],
     levels: Sequence[str],
     gamma: str,
     logs: str,
@@ -47,11 +50,12 @@ def card(
         settings: Whether the machine is named.
         table: Summary of the study, as the stage `tabulate` writes it.
         captures: Index of the capture of each subject.
-        avatars: Avatar of each subject and variant.
-        indices: Index of the rendered frames of each subject, variant and level.
+        avatars: Avatar of each subject, variant and seed.
+        indices: Index of the rendered frames of each subject, variant, seed and level.
         made_with: Settings of the stages, `settings/{stage}/{point}.yaml`.
         subjects: Names of the subjects.
         variants: Names of the variants.
+        seeds: Seeds of the trainings, as in paths.
         levels: Rendered levels, as in paths.
         gamma: Level that the avatars are trained for, as in paths.
         logs: Folder of the study's logs and records of jobs.
@@ -61,16 +65,19 @@ def card(
     Raises:
         InputError: An input is malformed.
     """
-    costs, points = job_costs(Path(logs)), [*product(subjects, variants)]
+    costs = job_costs(Path(logs))
     tabulated = load_settings("tabulate", next(file for file in made_with if file.parent.name == "tabulate"))
-    frames = {}
-    for (subject, variant, level), index in zip(product(subjects, variants, levels), indices, strict=True):
-        job = Job("render", f"{subject},gamma={gamma},{variant},level={level}")
-        frames.setdefault((subject, variant), {})[job] = count_frames(index)
+    files = dict(zip(product(subjects, variants, seeds), avatars, strict=True))
+    frames: dict[tuple[str, str], list[Rendering]] = {}
+    for (subject, variant, seed, level), index in zip(product(subjects, variants, seeds, levels), indices, strict=True):
+        job = Job("render", f"{subject},gamma={gamma},{variant},seed={seed},level={level}")
+        rendering = Rendering(job, int(seed), float(level), count_frames(index))
+        frames.setdefault((subject, variant), []).append(rendering)
     values = []
-    for (subject, variant), avatar in zip(points, avatars, strict=True):
-        values += avatar_values(subject, variant, avatar, frames[subject, variant], costs, tabulated)
-    values += _stage_values(costs, subjects, variants, gamma)
+    for (subject, variant), renderings in frames.items():
+        trained = {int(seed): files[subject, variant, seed] for seed in seeds}
+        values += avatar_values(subject, variant, trained, renderings, costs, tabulated)
+    values += stage_costs(costs, {*subjects, *variants, f"gamma={gamma}", *(f"seed={seed}" for seed in seeds)})
     images = {subject: _image_size(file) for subject, file in zip(subjects, captures, strict=True)}
     provenance = {
         "machine": machine() if settings.machine else NOT_NAMED,
@@ -83,7 +90,8 @@ def card(
         tabulated,
         CATALOGUE,
         images=images,
-        seeds=_all_seeds(made_with),
+        training_seeds=[int(seed) for seed in seeds],
+        seeds=_other_seeds(made_with),
         provenance=provenance,
     )
     write_card(card, made)
@@ -97,12 +105,12 @@ def _image_size(file: Path) -> list[int]:
     return [camera.width, camera.height]
 
 
-def _all_seeds(made_with: Sequence[Path]) -> dict[str, int]:
-    """Seeds in the settings of a study; equal ones of the same stage once, under the name of the stage."""
+def _other_seeds(made_with: Sequence[Path]) -> dict[str, int]:
+    """Seeds in the settings of a study but those of trainings; equal ones of a stage once, under its name."""
     found: dict[str, dict[str, int]] = {}
-    for file in made_with:
+    for file in (file for file in made_with if file.parent.name != "train"):
         content: Any = yaml.safe_load(read_yaml_text(file)) or {}
-        for place, seed in seeds(content, file.parent.name):
+        for place, seed in find_seeds(content, file.parent.name):
             found.setdefault(place, {})[file.stem] = seed
     return {
         place if len(set(by_point.values())) == 1 else f"{place} ({point})": seed
@@ -111,12 +119,21 @@ def _all_seeds(made_with: Sequence[Path]) -> dict[str, int]:
     }
 
 
-def _stage_values(costs: Costs, subjects: Sequence[str], variants: Sequence[str], gamma: str) -> list[Value]:
-    """Costs of the stages, of the jobs for these subjects, variants and gamma."""
-    names, stages = {*subjects, *variants}, {}
+def stage_costs(costs: Costs, names: Collection[str]) -> list[Value]:
+    """Sum the costs of the stages over some of the jobs.
+
+    Args:
+        costs: Costs of jobs.
+        names: Subjects, variants, gamma and seeds of the jobs that count, as in the names of their logs.
+
+    Returns:
+        One value per stage and measure.
+    """
+    stages: dict[str, list[Job]] = {}
     for stage, point in costs:
         parts = [part for part in point.split(",") if not part.startswith("level=")]
-        if {part for part in parts if part != f"gamma={gamma}"} <= names:
+        of_training = any(part.startswith("seed=") for part in parts) or stage not in TRAINED
+        if of_training and {*parts} <= names:
             stages.setdefault(stage, []).append(Job(stage, point))
     order = ("capture", "exaggerate", "truth", "gtstar", "train", "render", "metrics", "tabulate", "figures")
     return stage_values({stage: stages[stage] for stage in order if stage in stages}, costs)

@@ -44,7 +44,7 @@ def figures(
 
     Args:
         settings: Camera, timestep and height of the images, and samples of the blend error.
-        indices: Indices of rendered frames.
+        indices: Indices of rendered frames, of one seed.
         variants: Variant of each index.
         levels: Level of each index.
         truths: Indices of true images.

@@ -32,6 +32,7 @@ def metrics(
     study: str,
     subject: str,
     variant: str,
+    seed: int,
     gamma: float,
     level: float,
     embeddings: str,
@@ -52,6 +53,7 @@ def metrics(
         study: Name of the study.
         subject: Name of the subject.
         variant: Name of the variant.
+        seed: Seed of the training.
         gamma: Level that the avatar is trained for.
         level: Level that is rendered.
         embeddings: Folder with the embeddings of images that are known already; it need not exist.
@@ -66,7 +68,7 @@ def metrics(
     """
     weights = embedding_weights(settings)
     person, rendered, truths = Capture.load(capture), read_frame_index(index, frames), read_ground_truth(truth)
-    point = StudyPoint(study, subject, variant, gamma, level, person.split_rule)
+    point = StudyPoint(study, subject, variant, seed, gamma, level, person.split_rule)
     caricature = read_subject_path(path, person.model).at(level)
     measured = read_frame_records(geometry, point)
     measured += image_records(point, rendered, truths, person, caricature, settings)

@@ -68,9 +68,9 @@ def report(
         table: Summary of the study, as the stage `tabulate` writes it.
         figures: Folder with the figures of each subject.
         captures: Index of the capture of each subject.
-        indices: Index of the rendered frames of each subject, variant and level.
+        indices: Index of the rendered frames of each subject, variant and level, of the first seed.
         truths: Index of the true images of each subject and level.
-        training: log.csv of each subject and variant.
+        training: log.csv of each subject and variant, of the first seed.
         made_with: Settings of the stages, `settings/{stage}/{point}.yaml`.
         subjects: Names of the subjects.
         variants: Names of the variants.

@@ -37,7 +37,7 @@ from evaluation.metrics.sharpness import sharpness_records
 from evaluation.tables.metric_records import MetricRecord, StudyPoint
 
 CAMERAS, TIMESTEPS, THREADS, BAND = 16, 16, 2, 2
-POINT = StudyPoint("benchmark", "toy", "noise", 0.25, 0.25, "files")
+POINT = StudyPoint("benchmark", "toy", "noise", 0, 0.25, 0.25, "files")
 SMALL = Toy(width=48, height=64, cameras=2, steps_per_sequence=1, supersampling=1, texture_size=128, hair_strands=50)
 """Only head model and parameters of this subject are used."""
 PARTS: dict[str, Callable[[list[FrameView], SurfaceRegions], Iterable[MetricRecord]]] = {

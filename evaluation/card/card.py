@@ -72,6 +72,8 @@ class Card:
     """Variant that the others are compared with."""
     subjects: list[str]
     variants: list[str]
+    training_seeds: list[int]
+    """Seeds that every variant was trained with; empty for renderings of another program."""
     levels: list[float]
     intervals: dict[str, Any]
     """Confidence, resamples and seed of the intervals."""
@@ -85,7 +87,7 @@ class Card:
     images: dict[str, list[int]]
     """Width and height of the captured images, by subject."""
     seeds: dict[str, int]
-    """Seeds by their place in the settings."""
+    """Other seeds, by their place in the settings."""
     machine: dict[str, Any]
     versions: dict[str, str]
     commit: dict[str, Any]
@@ -127,6 +129,7 @@ def make_card(
     catalogue: Catalogue,
     *,
     images: Mapping[str, Sequence[int]],
+    training_seeds: Sequence[int],
     seeds: Mapping[str, int],
     provenance: Mapping[str, Mapping[str, Any]],
 ) -> Card:
@@ -138,7 +141,8 @@ def make_card(
         settings: Settings of the stage `tabulate`.
         catalogue: The metrics of frames; values of others are left out.
         images: Width and height of the captured images, by subject.
-        seeds: Seeds by their place in the settings.
+        training_seeds: Seeds that every variant was trained with.
+        seeds: Other seeds, by their place in the settings.
         provenance: The fields machine, versions and commit of the card.
 
     Returns:
@@ -154,6 +158,7 @@ def make_card(
         reference=settings.reference,
         subjects=sorted(images),
         variants=sorted(set(summaries["variant"]), key=lambda name: (name != settings.reference, name)),
+        training_seeds=list(training_seeds),
         levels=sorted({float(level) for level in summaries["level"]}),
         intervals={
             "confidence": settings.confidence,

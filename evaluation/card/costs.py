@@ -25,19 +25,35 @@ class Job(NamedTuple):
 
     stage: str
     point: str
-    """Subject, gamma, variant and level, as in the name of the log."""
+    """Subject, gamma, variant, seed and level, as in the name of the log."""
+
+
+class Rendering(NamedTuple):
+    """The rendering of an avatar at a level."""
+
+    job: Job
+    seed: int
+    """Of the avatar's training."""
+    level: float
+    frames: int
+    """Number of its frames."""
 
 
 def avatar_values(
-    subject: str, variant: str, avatar: Path, renderings: Mapping[Job, int], costs: Costs, settings: Tabulate
+    subject: str,
+    variant: str,
+    avatars: Mapping[int, Path],
+    renderings: Sequence[Rendering],
+    costs: Costs,
+    settings: Tabulate,
 ) -> list[Value]:
-    """Size of an avatar and the time in which it was rendered.
+    """Size of the avatars of a variant and the time in which they were rendered: means over all seeds.
 
     Args:
         subject: Name of the subject.
         variant: Name of the variant.
-        avatar: Its file.
-        renderings: Number of frames of each job that rendered it.
+        avatars: Their files by seed.
+        renderings: The jobs that rendered them.
         costs: Costs of jobs.
         settings: Settings of the intervals.
 
@@ -45,22 +61,29 @@ def avatar_values(
         One value per measure of `AVATAR_MEASURES`.
 
     Raises:
-        InputError: The avatar cannot be read.
+        InputError: An avatar cannot be read.
     """
-    surfels = len(read_npz(avatar, "avatar", ["surfel_binding"])["surfel_binding"])
-    values = [_avatar_value("surfels", subject, variant, surfels)]
-    values.append(_avatar_value("avatar_bytes", subject, variant, os.path.getsize(avatar)))
-    timed = np.array([costs[job].seconds / frames for job, frames in renderings.items() if job in costs and frames])
-    if not timed.size:
+    drawn = {"resamples": settings.resamples, "confidence": settings.confidence, "seed": settings.seed}
+
+    def value(measure: str, amounts: Sequence[float], *factors: Sequence[float]) -> Value:
+        mean, low, high = mean_interval(np.array(amounts, float), factors, **drawn)
+        ends = (None, None) if np.isnan(low) else (max(low, 0.0), high)
+        return Value(measure, subject, variant, None, "avatar", "", "", mean, *ends, len(amounts), 0, "")
+
+    surfels = [len(read_npz(file, "avatar", ["surfel_binding"])["surfel_binding"]) for file in avatars.values()]
+    values = [
+        value("surfels", surfels, [*avatars]),
+        value("avatar_bytes", [os.path.getsize(file) for file in avatars.values()], [*avatars]),
+    ]
+    timed = [rendering for rendering in renderings if rendering.job in costs and rendering.frames]
+    if not timed:
         reason = NO_RECORD.format(len(renderings), len(renderings))
         return values + missing_avatar_values(subject, variant, reason, ("frame_seconds", "frames_per_second"))
-    drawn = {"resamples": settings.resamples, "confidence": settings.confidence, "seed": settings.seed}
-    mean, low, high = mean_interval(timed, [np.arange(len(timed))], **drawn)
-    ends = (None, None) if np.isnan(low) else (max(low, 0.0), high)
-    rates = (1 / high, 1 / low if low > 0 else None) if ends[1] else (None, None)
-    values.append(_avatar_value("frame_seconds", subject, variant, mean, *ends, n=len(timed)))
-    values.append(_avatar_value("frames_per_second", subject, variant, 1 / mean, *rates, n=len(timed)))
-    return values
+    seconds = [costs[rendering.job].seconds / rendering.frames for rendering in timed]
+    seeds, levels = [rendering.seed for rendering in timed], [rendering.level for rendering in timed]
+    time = value("frame_seconds", seconds, seeds, levels)
+    ends = {"low": time.high and 1 / time.high, "high": 1 / time.low if time.low else None}
+    return [*values, time, time._replace(measure="frames_per_second", value=1 / time.value, **ends)]
 
 
 def missing_avatar_values(
@@ -122,15 +145,3 @@ def count_frames(index: Path) -> int:
         InputError: The index is missing or broken.
     """
     return len(read_json(index, list))
-
-
-def _avatar_value(
-    measure: str,
-    subject: str,
-    variant: str,
-    value: float,
-    low: float | None = None,
-    high: float | None = None,
-    n: int = 1,
-) -> Value:
-    return Value(measure, subject, variant, None, "avatar", "", "", value, low, high, n, 0, "")

@@ -10,6 +10,7 @@ from carigs.files import writing
 from evaluation.card.card import Card, Value, find_values
 from evaluation.card.measures import AVATAR_MEASURES, STAGE_MEASURES
 from evaluation.tables.document import NO_VALUE, Cell, Document, Table, to_markdown
+from evaluation.tables.factors import interval_scope
 from evaluation.tables.metric import TABLES
 from evaluation.tables.metric_records import REGIONS
 from evaluation.tables.summary import ALL
@@ -90,20 +91,17 @@ def _plain(text: str) -> str:
 
 def _introduction(card: Card, images: str) -> list[str]:
     percent = f"{card.intervals['confidence']:.0%}"
-    scope = (
-        "The intervals say what other timesteps and cameras of this person would give, and nothing of other people."
-        if len(card.subjects) == 1
-        else "Subjects and cameras are random factors of the intervals."
-    )
+    trained = card.training_seeds
+    of_seeds = f", each trained with {_counted(trained, 'seed')} ({', '.join(map(str, trained))})" if trained else ""
     variants, levels = ", ".join(card.variants), ", ".join(f"{level:g}" for level in card.levels)
     return [
         f"Study {card.study}: {_counted(card.subjects, 'subject')} ({', '.join(card.subjects)}), "
-        f"{_counted(card.variants, 'variant')} of training ({variants}), trained for caricature level {card.gamma:g}, "
-        f"rendered at {_counted(card.levels, 'level')} ({levels}). Level 0 is the natural face; at the highest level "
-        "its curvature is exaggerated most.",
-        f"A number is a mean over n frames, with its {percent} confidence interval in brackets. {scope} Each variant "
-        "was trained once: intervals do not cover the randomness of training. Costs are of one run and have no "
-        "interval; that of the time of a frame is over the renderings.",
+        f"{_counted(card.variants, 'variant')} of training ({variants}){of_seeds}, "
+        f"for caricature level {card.gamma:g}, rendered at {_counted(card.levels, 'level')} ({levels}). Level 0 is the "
+        "natural face; at the highest level its curvature is exaggerated most.",
+        f"A number is a mean over n frames, with its {percent} confidence interval in brackets. "
+        f"{interval_scope(card.subjects, len(trained))} Costs of stages are of one run and have no interval; those of "
+        "avatars are over their seeds, and that of the time of a frame is over their renderings.",
         f"Images in pixels: {images}. Split into training and held-out frames: {card.split}. Protocols: "
         + "; ".join(f"{name}: {text}" for name, text in card.protocols.items() if name in ("test", "val", "orbit"))
         + ".",
@@ -134,7 +132,7 @@ def _provenance(card: Card) -> list[str]:
         f"Machine that wrote the card: {place}. Jobs of a cluster ran on its nodes.",
         f"Commit: {known if commit['id'] else NO_VALUE + ', ' + commit['reason']}.",
         "Versions: " + ", ".join(f"{name} {number}" for name, number in card.versions.items()) + ".",
-        "Seeds: " + ", ".join(f"{name} = {seed}" for name, seed in card.seeds.items()) + ".",
+        "Other seeds: " + ", ".join(f"{name} = {seed}" for name, seed in card.seeds.items()) + ".",
         "Intervals: {method}; {resamples} resamples, seed {seed}.".format(**card.intervals),
     ]
 
@@ -193,7 +191,7 @@ class _CardTables:
         return Part(heading, [text] if tables else [], tables, [])
 
     def avatars(self) -> Part:
-        """Costs of the avatars: a line per subject and variant."""
+        """Costs of the avatars: a line per subject and variant, which stands for all seeds."""
         shown = [name for name in AVATAR_MEASURES if name in self.card.measures]
         values = find_values(self.card, shown)
         lines = [

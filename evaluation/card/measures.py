@@ -5,15 +5,21 @@ from __future__ import annotations
 from evaluation.tables.metric import Catalogue, Metric
 
 AVATAR_MEASURES: Catalogue = {
-    "surfels": Metric("Surfels", "neither", 0, "", "number of surfels of the avatar"),
-    "avatar_bytes": Metric("Size", "lower", 0, "bytes", "size of avatar.npz, which renders every level by itself"),
+    "surfels": Metric("Surfels", "neither", 0, "", "number of surfels of the avatar; n counts avatars, one per seed"),
+    "avatar_bytes": Metric(
+        "Size",
+        "lower",
+        0,
+        "bytes",
+        "size of avatar.npz, which renders every level by itself; n counts avatars, one per seed",
+    ),
     "frame_seconds": Metric(
         "Time of a frame",
         "lower",
         4,
         "s",
         "time of a job of the stage render, divided by its frames: with the loading of the avatar, posing, the metrics "
-        "of its geometry and compression to PNG; n counts jobs, one per level",
+        "of its geometry and compression to PNG; n counts jobs, one per seed and level",
     ),
     "frames_per_second": Metric(
         "FPS", "higher", 1, "1/s", "1 / time of a frame: a batch on this machine, not the rate of a viewer"

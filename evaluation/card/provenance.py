@@ -63,7 +63,7 @@ def commit(root: Path) -> dict[str, Any]:
     return {"id": identity, "modified": modified, "reason": ""}
 
 
-def seeds(settings: Mapping[str, Any], at: str = "") -> Iterator[tuple[str, int]]:
+def find_seeds(settings: Mapping[str, Any], at: str = "") -> Iterator[tuple[str, int]]:
     """Find the seeds in settings.
 
     Args:
@@ -76,7 +76,7 @@ def seeds(settings: Mapping[str, Any], at: str = "") -> Iterator[tuple[str, int]
     for key, value in settings.items():
         place = f"{at}.{key}" if at else str(key)
         if isinstance(value, Mapping):
-            yield from seeds(value, place)
+            yield from find_seeds(value, place)
         elif key == "seed":
             yield place, value
 

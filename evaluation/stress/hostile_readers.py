@@ -109,7 +109,7 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     write_png(folder / "00000_00.png", np.ones((24, 32, 3)))
     write_png(folder / "00000_00_mask.png", np.ones((24, 32)))
     write_ground_truth(folder / "truth.json", 0.25, [(0, 0)])
-    record = "study,subject,variant,0.25,0.1,files,test,0,3,full,psnr,25.5,"
+    record = "study,subject,variant,0,0.25,0.1,files,test,0,3,full,psnr,25.5,"
     (folder / "metrics.csv").write_text(",".join(MetricRecord._fields) + f"\n{record}\n{record}\n")
     geometry = FrameRecord("test", None, 3, "full", "exaggeration_gain", 0.5, "")
     write_frame_records(folder / "geometry.csv", [geometry, geometry._replace(camera=2, metric="hole_rate")])
@@ -188,7 +188,10 @@ READERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "targets": (lambda file: read_targets(file, Capture.load(file.with_name("capture.json"))), "targets.json"),
     "frames": (read_frame_index, "frames.json"),
     "truth": (read_ground_truth, "truth.json"),
-    "geometry": (lambda file: read_frame_records(file, StudyPoint("s", "a", "v", 0.25, 0.1, "files")), "geometry.csv"),
+    "geometry": (
+        lambda file: read_frame_records(file, StudyPoint("s", "a", "v", 0, 0.25, 0.1, "files")),
+        "geometry.csv",
+    ),
     "metrics": (lambda file: [record.tolist() for record in read_metrics([file]).to_numpy()], "metrics.csv"),
     "subject": (lambda file: load_subject(file.parent), "subject.npz"),
     **captures.READERS,

@@ -345,7 +345,7 @@ def embeddings(dimension: int, relation: str) -> Iterator[Measure]:
     yield difference("CLIP-D of an unchanged image", clip_d(first, first, one, -one), np.zeros(3), 0.0)
 
 
-POINT = StudyPoint("study", "subject", "variant", 0.25, 0.25, "all")
+POINT = StudyPoint("study", "subject", "variant", 0, 0.25, 0.25, "all")
 
 
 def record(value: float | None) -> Iterator[Measure]:
@@ -364,7 +364,7 @@ def record(value: float | None) -> Iterator[Measure]:
 
 
 _HEADER = ",".join(MetricRecord._fields)
-_ROW = "s,a,v,0.25,0.25,all,test,0,0,full,psnr"
+_ROW = "s,a,v,0,0.25,0.25,all,test,0,0,full,psnr"
 BROKEN_RECORDS = {
     "empty file": "",
     "another header": "a,b,c\n",

@@ -3,7 +3,7 @@
 - `csv_files`: named tuples as CSV files
 - `metric_records`: one value per metric, region and frame
 - `metric`: title, direction and definition of a metric, and its table
-- `factors`: what varies at random between frames: subjects, timesteps, cameras
+- `factors`: what varies at random between frames: subjects, timesteps, cameras, trainings
 - `bootstrap`: confidence intervals of means
 - `summary`: means and paired differences over frames
 - `published`: the paper's own values

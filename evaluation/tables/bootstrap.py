@@ -1,4 +1,4 @@
-"""Confidence intervals of means over frames that share subjects, timesteps and cameras."""
+"""Confidence intervals of means over frames that share subjects, timesteps, cameras and trainings."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def mean_interval(
 ) -> Interval:
     """Mean of values and its confidence interval under crossed random factors.
 
-    Frames of one camera or timestep are not independent. The variance of the mean has a part for each factor f and one
-    for the residuals, which the analysis of variance with crossed random effects estimates:
+    Frames of one camera, timestep or training are not independent. The variance of the mean has a part for each factor
+    f and one for the residuals, which the analysis of variance with crossed random effects estimates:
 
         s_f^2 = max(A_f - R, 0)    and    R,    s^2 = sum_f s_f^2 + R,
 
@@ -56,7 +56,7 @@ def mean_interval(
 
     Args:
         values: Values of a metric, one per frame.
-        factors: For each factor (such as timestep and camera) the label of every value.
+        factors: For each factor (such as timestep, camera and seed) the label of every value.
         resamples: Number of bootstrap resamples.
         confidence: Coverage of the interval, between 0 and 1.
         seed: Seed of the resampling.

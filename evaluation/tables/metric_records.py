@@ -19,6 +19,8 @@ class StudyPoint(NamedTuple):
     study: str
     subject: str
     variant: str
+    seed: int
+    """Of the training."""
     gamma: float
     level: float
     split: str
@@ -31,6 +33,7 @@ class MetricRecord(NamedTuple):
     study: str
     subject: str
     variant: str
+    seed: int
     gamma: float
     level: float
     split: str

@@ -20,16 +20,18 @@ from evaluation.tables.metric_records import REGIONS, MetricRecord
 
 CONDITION = ["study", "gamma", "level", "protocol", "region", "metric", "variant"]
 """Columns that are the same for all frames of a mean."""
-SUMMARY = ["subject", *CONDITION, "minus", "mean", "low", "high", "n", "nulls", "reason", "split"]
+SUMMARY = ["subject", *CONDITION, "minus", "mean", "low", "high", "n", "seeds", "nulls", "reason", "split"]
 """Columns of a summary.
 
 `subject` is `ALL` for a mean over several; `minus` is the variant subtracted frame by frame, empty for a plain mean;
-`low` and `high` are the ends of the interval; `n` counts frames with a value and `nulls` records without; `reason` says
-why there are nulls. `split` is the rule that divided the captures of the study into training and held-out frames; rules
-that differ between subjects are all named.
+`low` and `high` are the ends of the interval; `n` counts rendered frames with a value, `seeds` the trainings of a
+subject that they come from, and `nulls` records without; `reason` says why there are nulls. `split` is the rule that
+divided the captures of the study into training and held-out frames; rules that differ between subjects are all named.
 """
 ALL = "(all)"
 """Stands for all subjects of a study."""
+RECORD_NUMBERS = {"seed": int, "gamma": float, "level": float, "camera": int, "timestep": int, "value": float}
+"""Columns of records that hold numbers; the others hold texts."""
 
 
 def read_metrics(files: Iterable[Path]) -> pd.DataFrame:
@@ -50,8 +52,8 @@ def read_metrics(files: Iterable[Path]) -> pd.DataFrame:
 def summarise(records: pd.DataFrame, settings: Tabulate, catalogue: Catalogue) -> pd.DataFrame:
     """Average every metric over the frames of each condition, with confidence intervals.
 
-    Means are of each subject and, if there are several, of all. Differences are paired by frame: the reference minus
-    every other variant, and the one with the best mean minus every other.
+    Means are over all seeds, of each subject and, if there are several, of all. Differences are paired by frame and
+    seed: the reference minus every other variant, and the one with the best mean minus every other.
 
     Args:
         records: Metric records, as of `read_metrics`.
@@ -62,7 +64,7 @@ def summarise(records: pd.DataFrame, settings: Tabulate, catalogue: Catalogue) -
         One line per mean or difference, with the columns `SUMMARY`, sorted by them.
 
     Raises:
-        CarigsError: Two records hold the same metric of the same frame.
+        CarigsError: Two records hold the same metric of the same frame and training.
     """
     _check_unique(records)
     subjects = sorted(set(records["subject"]))
@@ -83,13 +85,13 @@ def summarise(records: pd.DataFrame, settings: Tabulate, catalogue: Catalogue) -
 def _check_unique(records: pd.DataFrame) -> None:
     measured = records[records["value"].notna()]
     for record in measured[measured.duplicated(CONDITION + FRAME)].itertuples():
-        frame = f"subject {record.subject}, timestep {record.timestep:g}, camera {record.camera:g}"
+        frame = f"subject {record.subject}, timestep {record.timestep:g}, camera {record.camera:g}, seed {record.seed}"
         what = f"{record.variant}, level {record.level:g}: {record.metric} of {record.region}"
         raise CarigsError(f"{what} is given twice for {frame}")
 
 
 def _summaries(records: pd.DataFrame, settings: Tabulate, catalogue: Catalogue) -> dict[tuple, tuple]:
-    """Mean, ends of the interval, n, nulls and reason by condition and `minus`."""
+    """Mean, ends of the interval, n, seeds, nulls and reason by condition and `minus`."""
     measured = records.dropna(subset="value").fillna({"timestep": -1, "camera": -1})
     frames = measured.pivot(index=[*CONDITION[:-1], *FRAME], columns="variant", values="value")
     means: dict[tuple, tuple] = {}
@@ -97,11 +99,12 @@ def _summaries(records: pd.DataFrame, settings: Tabulate, catalogue: Catalogue) 
         for names, values in _comparisons(group, settings.reference, catalogue.get(shared[-1])):
             values = values.dropna()
             if len(values):
-                means[(*shared, *names)] = (*_mean(values, settings, shared[3]), len(values))
+                seeds = len(set(values.index.get_level_values("seed")))
+                means[(*shared, *names)] = (*_mean(values, settings, shared[3]), len(values), seeds)
     unmeasured = records[records["value"].isna()].groupby(CONDITION)["reason"]
     reasons = {(*condition, ""): (len(group), "; ".join(sorted(set(group)))) for condition, group in unmeasured}
     keys = means.keys() | reasons.keys()
-    return {key: (*means.get(key, (np.nan, np.nan, np.nan, 0)), *reasons.get(key, (0, ""))) for key in keys}
+    return {key: (*means.get(key, (np.nan, np.nan, np.nan, 0, 0)), *reasons.get(key, (0, ""))) for key in keys}
 
 
 def _comparisons(
@@ -155,7 +158,7 @@ def _read(file: Path) -> pd.DataFrame:
         if len(cells) != len(header):
             raise InputError(f"{len(cells)} cells, expected {len(header)}", file=file, field=f"line {number}")
     table = pd.DataFrame(lines, columns=header, dtype=object)
-    for column, parse in (("gamma", float), ("level", float), ("camera", int), ("timestep", int), ("value", float)):
+    for column, parse in RECORD_NUMBERS.items():
         empty = "" if column in ("camera", "timestep", "value") else None
         table[column] = [np.nan if cell == empty else _number(cell, parse, file, f"line {number}, {column}")
                          for number, cell in enumerate(table[column], start=2)]  # fmt: skip

@@ -12,7 +12,7 @@ from carigs.files import writing
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 from evaluation.tables.summary import SUMMARY
 
-NUMBERS = ("gamma", "level", "mean", "low", "high", "n", "nulls")
+NUMBERS = ("gamma", "level", "mean", "low", "high", "n", "seeds", "nulls")
 """Columns of `SUMMARY` that hold numbers; the others hold texts."""
 
 

@@ -10,6 +10,7 @@ import pandas as pd
 from carigs.settings import Tabulate
 from evaluation.tables.bootstrap import MIN_LEVELS
 from evaluation.tables.document import NO_VALUE, Cell, Document, Table
+from evaluation.tables.factors import interval_scope
 from evaluation.tables.metric import TABLES, Catalogue, Metric
 from evaluation.tables.metric_records import REGIONS
 from evaluation.tables.published import CAVEAT, PUBLISHED
@@ -47,24 +48,14 @@ def comparison_tables(summaries: pd.DataFrame, settings: Tabulate, catalogue: Ca
 
 
 def _explanation(summaries: pd.DataFrame, settings: Tabulate) -> list[str]:
-    subjects = sorted(set(summaries["subject"]) - {ALL})
-    if len(subjects) == 1:
-        scope = (
-            f"One subject ({subjects[0]}): timesteps, in blocks of neighbours, and cameras are random factors. The "
-            "intervals say what other timesteps and cameras of this person would give, and nothing of other people."
-        )
-    else:
-        scope = (
-            f"{len(subjects)} subjects: subjects and cameras are random factors; the timesteps of a subject are part "
-            "of the spread between subjects. Intervals of one subject say nothing of other people."
-        )
     return [
         f"Means over frames with {settings.confidence:.0%} confidence intervals of crossed random effects: bootstrap-t "
-        f"of {settings.resamples} resamples, or Student's t where a factor has fewer than {MIN_LEVELS} levels. {scope} "
-        "Each variant was trained once: the intervals do not cover the randomness of training.",
+        f"of {settings.resamples} resamples, or Student's t where a factor has fewer than {MIN_LEVELS} levels. "
+        f"{interval_scope(sorted(set(summaries['subject']) - {ALL}), int(summaries['seeds'].max()))}",
         "↑: higher is better, ↓: lower is better, no arrow: values cannot be ranked by themselves. Bold: the best "
-        "value, if the interval of its difference to every other variant, paired by frame, excludes 0 (not corrected "
-        "for the number of comparisons). In brackets in a heading: unit, frames, and n, the number of frames.",
+        "value, if the interval of its difference to every other variant, paired by frame and seed, excludes 0 (not "
+        "corrected for the number of comparisons). In brackets in a heading: unit, frames, n, the number of rendered "
+        "frames, and the number of seeds, if there are several.",
         f"Split: {'; '.join(sorted(set(summaries['split'])))}.",
     ]
 
@@ -153,12 +144,12 @@ class _StudyTables:
     def _found(self, keys: Iterable[Key], line: Line) -> bool:
         return any((*key, *line[1:]) in self.cells for key in keys)
 
-    def _counts(self, key: Key, lines: Iterable[Line]) -> set[int]:
-        """The numbers of frames of a column."""
-        return {s.n for line in lines if (s := self.cells.get((*key, *line[1:]))) and s.n}
+    def _counts(self, key: Key, lines: Iterable[Line]) -> set[str]:
+        """The numbers of frames and seeds of a column."""
+        return {_count(s) for line in lines if (s := self.cells.get((*key, *line[1:]))) and s.n}
 
-    def _heading(self, key: Key, counts: set[int]) -> str:
-        metric, n = self.catalogue[key[0]], f"n={min(counts)}" if len(counts) == 1 else ""
+    def _heading(self, key: Key, counts: set[str]) -> str:
+        metric, n = self.catalogue[key[0]], min(counts) if len(counts) == 1 else ""
         details = ", ".join(filter(None, (metric.unit, key[1], n)))
         return f"{metric.title}{ARROWS[metric.better]} ({details})"
 
@@ -171,7 +162,7 @@ class _StudyTables:
             return Cell(NO_VALUE, note=self.document.note(summary.reason))
         pattern = f"{{:{'+' if summary.minus else ''}.{metric.digits}f}}"
         interval = "" if pd.isna(summary.low) else f"[{pattern}, {pattern}]".format(summary.low, summary.high)
-        note = f"n={summary.n}" if with_count else ""
+        note = _count(summary) if with_count else ""
         return Cell(
             pattern.format(summary.mean), interval, note, not summary.minus and self._is_best(key, line, metric)
         )
@@ -203,7 +194,7 @@ class _StudyTables:
             counts = {key: self._counts(key, lines) for key in keys}
             body = [
                 (
-                    key[2] + (f" (n={min(n)})" if len(n) == 1 else ""),
+                    key[2] + (f" ({min(n)})" if len(n) == 1 else ""),
                     [self._cell(key, line, len(n) > 1) for line in lines],
                 )
                 for key, n in counts.items()
@@ -211,6 +202,11 @@ class _StudyTables:
             if body:
                 header = [f"{line[0]}{ARROWS[metric.better]} ({metric.unit}, test)" for line in lines]
                 self.document.tables.append(Table(f"{self.title}, level {level:g}: {what}", header, [("", body)]))
+
+
+def _count(summary: Any) -> str:
+    """Number of frames behind a mean, and of seeds if there are several."""
+    return f"n={summary.n}" + (f", {summary.seeds} seeds" if summary.seeds > 1 else "")
 
 
 def _is_better(difference: Any, metric: Metric) -> bool:

@@ -54,8 +54,8 @@ def test_the_start_imports_neither_torch_nor_snakemake(command):
     [
         (["gamma=0.1,0.2", "study=ict"], [["gamma=0.1", "study=ict"], ["gamma=0.2", "study=ict"]]),
         (
-            ["gamma=0.1,0.2", "train.seed=range(2)"],
-            [[f"gamma={gamma}", f"train.seed={seed}"] for gamma in (0.1, 0.2) for seed in (0, 1)],
+            ["gamma=0.1,0.2", "capture.toy.seed=range(2)"],
+            [[f"gamma={gamma}", f"capture.toy.seed={seed}"] for gamma in (0.1, 0.2) for seed in (0, 1)],
         ),
         (["study.variants=[surfhead,no_mask]"], [["study.variants=[surfhead,no_mask]"]]),
         ([], [[]]),
@@ -66,7 +66,8 @@ def test_a_sweep_has_every_combination(overrides, points):
 
 
 @pytest.mark.parametrize(
-    "overrides", [["train.seed=range(1000000000000)"], ["train.seed=range(1000)", "gamma=range(0.1,0.2,0.001)"]]
+    "overrides",
+    [["train.iterations=range(1000000000000)"], ["train.iterations=range(1000)", "gamma=range(0.1,0.2,0.001)"]],
 )
 def test_a_sweep_without_end_is_refused(overrides):
     with pytest.raises(SettingsError, match="at most 10000 combinations"):
@@ -187,7 +188,7 @@ def test_settings_are_shown_as_a_whole_or_by_section(capsys):
     assert (shown["gamma"], shown["exaggerate"]["gamma"]) == (0.2, 0.2)
     assert main(["settings", "--section", "train", "variant=surfhead"]) == 1
     assert "study.variants" in capsys.readouterr().err
-    assert settings.main(["--section", "train", "train.seed=4"]) == 0
+    assert settings.main(["--section", "train", "study.seeds=[4]"]) == 0
     assert yaml.safe_load(capsys.readouterr().out)["seed"] == 4
 
 
@@ -202,7 +203,7 @@ def test_settings_are_those_of_a_subject_of_the_study_and_say_which(capsys, monk
 
 
 def test_settings_are_shown_as_a_variant_has_them(capsys):
-    assert settings.main(["--variant", "surfhead", "--section", "train", "train.seed=4"]) == 0
+    assert settings.main(["--variant", "surfhead", "--section", "train", "study.seeds=[4]"]) == 0
     shown = yaml.safe_load(capsys.readouterr().out)
     assert (shown["gtstar_probability"], shown["seed"]) == (0.0, 4)
     assert main(["settings", "--variant", "surfhaed"]) == 1

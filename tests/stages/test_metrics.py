@@ -74,7 +74,7 @@ def scene(tmp_path):
         "unedited_index": tmp_path / "frames.json", "capture": tmp_path / "capture.json",
         "path": tmp_path / "path.npz", "truth": tmp_path / "truth/truth.json", "records": tmp_path / "rows.csv",
         "embeddings": str(tmp_path / "embeddings"),
-        "study": "s", "subject": "ball", "variant": "v", "gamma": 0.25, "level": 0.25,
+        "study": "s", "subject": "ball", "variant": "v", "seed": 0, "gamma": 0.25, "level": 0.25,
     }  # fmt: skip
 
 

@@ -49,6 +49,28 @@ def test_targets_are_made_once_for_each_level_and_all_variants_that_share_them(s
 
 
 @pytest.mark.slow
+def test_seeds_multiply_what_depends_on_the_training_and_nothing_else(stubbed):
+    """Trainings, their settings, renderings and metrics."""
+    trainings = 4
+    once, twice = (stubbed.planned(hydra=f"study.seeds={seeds}") for seeds in ("[0]", "[0,7]"))
+    doubled = {rule: 2 * once[rule] for rule in ("train", "render", "metrics")}
+    assert twice == {**once, **doubled, "settings": once["settings"] + trainings}
+
+
+@pytest.mark.slow
+def test_a_seed_more_is_a_training_more_and_figures_show_the_first(finished):
+    planned = finished.planned(*TARGETS, hydra="study.seeds=[0,7]")
+    assert planned == {"settings": 4, "train": 4, "render": 8, "metrics": 8, "tabulate": 1, "card": 1, "report": 1}
+    finished.make("table", hydra="study.seeds=[0,7]")
+    place = finished.root / "results/toy/toy/gamma=0.25/surfhead"
+    assert "seed=7" in (place / "seed=7/avatar.npz").read_text()
+    metrics = (finished.root / "results/toy/log/metrics/toy,gamma=0.25,surfhead,seed=7,level=0.log").read_text()
+    assert "seed: 7" in metrics.splitlines()
+    records = (finished.root / "results/toy/log/tabulate/gamma=0.25.log").read_text()
+    assert len(re.findall(r"seed=0/level", records)) == len(re.findall(r"seed=7/level", records)) == 8
+
+
+@pytest.mark.slow
 def test_the_papers_study_can_be_planned_without_its_data(stubbed):
     planned = stubbed.planned(hydra="study=paper")
     assert (planned["capture"], planned["train"], planned["render"]) == (10, 40, 200)
@@ -64,12 +86,14 @@ def test_the_papers_study_can_be_planned_without_its_data(stubbed):
         (("--config", "hydra=capture.source=folder"), ("capture.folder must be set",)),
         (("--config", "hydra=train.density.max_surfels=0"), ("train.density.max_surfels=0", "[1, 10000000]")),
         (("--config", "hydra=train.mask_flags=[freckles]"), ("freckles", "occluded")),
+        (("--config", "hydra=study.seeds=[1,1]"), ("study.seeds=[1, 1]", "different")),
         (("--config", "hdyra=study=toy"), ("hdyra", "hydra")),
         (("--config", "hydra=metrics.edit_prompt='A nose'"), ("metrics.edit_prompt", "quot")),
         (("results/toy/nobody/capture.json",), ("subject=nobody", "toy")),
-        (("results/toy/toy/gamma=0.25/surfhaed/avatar.npz",), ("variant=surfhaed", "surfhead")),
-        (("results/toy/toy/gamma=0.25/surfhead/level=0.3/frames.json",), ("level=0.3", "0.25")),
-        (("results/toy/toy/gamma=0.250/surfhead/avatar.npz",), ("gamma=0.250",)),
+        (("results/toy/toy/gamma=0.25/surfhaed/seed=0/avatar.npz",), ("variant=surfhaed", "surfhead")),
+        (("results/toy/toy/gamma=0.25/surfhead/seed=0/level=0.3/frames.json",), ("level=0.3", "0.25")),
+        (("results/toy/toy/gamma=0.25/surfhead/seed=9999999999/avatar.npz",), ("seed=9999999999", "[0, 4294967295]")),
+        (("results/toy/toy/gamma=0.250/surfhead/seed=0/avatar.npz",), ("gamma=0.250",)),
         (("results/paper/toy/capture.json",), ("study=paper", "toy")),
     ],
 )
@@ -136,10 +160,10 @@ def test_a_job_is_tried_again_with_twice_the_memory(stubbed, tmp_path):
 
 @pytest.mark.slow
 def test_a_stage_gets_its_settings_files_and_wildcards(made):
-    log = (made.root / "results/toy/log/metrics/twin,gamma=0.25,surfhead,level=0.25.log").read_text()
+    log = (made.root / "results/toy/log/metrics/twin,gamma=0.25,surfhead,seed=0,level=0.25.log").read_text()
     point = "results/toy/twin/gamma=0.25"
     for line in (
-        f"frames: PosixPath('{point}/surfhead/level=0.25/frames')",
+        f"frames: PosixPath('{point}/surfhead/seed=0/level=0.25/frames')",
         f"truth: PosixPath('{point}/truth/level=0.25/truth.json')",
         "subject: 'twin'",
         "variant: 'surfhead'",
@@ -149,13 +173,13 @@ def test_a_stage_gets_its_settings_files_and_wildcards(made):
         assert line in log.splitlines()
     assert "watch" not in log
     assert "code" not in log
-    assert "targets: None" in (made.root / "results/toy/log/train/twin,gamma=0.25,surfhead.log").read_text()
+    assert "targets: None" in (made.root / "results/toy/log/train/twin,gamma=0.25,surfhead,seed=0.log").read_text()
 
 
 @pytest.mark.slow
 def test_figures_know_which_image_is_which(made):
     log = (made.root / "results/toy/log/figures/twin,gamma=0.25.log").read_text()
-    indices = re.findall(r"/(\w+)/level=([\d.]+)/frames.json", log)
+    indices = re.findall(r"/(\w+)/seed=0/level=([\d.]+)/frames.json", log)
     assert indices == [("alternating", "0"), ("alternating", "0.25"), ("surfhead", "0"), ("surfhead", "0.25")]
     assert "variants: ['alternating', 'alternating', 'surfhead', 'surfhead']" in log
     assert "levels: [0.0, 0.25, 0.0, 0.25]" in log
@@ -238,7 +262,7 @@ def test_a_point_of_a_sweep_that_fails_does_not_keep_the_others_from_running(fin
 def test_all_settings_can_be_shown(stubbed):
     shown = yaml.safe_load(stubbed.command("carigs", "settings", "gamma=0.2").stdout)
     assert shown["gamma"] == 0.2
-    assert set(shown) == {"gamma", "study"} | {
+    assert set(shown) == {"gamma", "seed", "study"} | {
         "capture", "exaggerate", "gtstar", "train", "render", "truth", "metrics", "tabulate", "figures",
         "card", "report",
     }  # fmt: skip

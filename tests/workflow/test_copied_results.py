@@ -30,14 +30,14 @@ def test_a_copy_is_up_to_date(copied):
 
 def test_other_settings_make_it_again(copied):
     """Though the file of settings is there, and the avatar alone is missing."""
-    (copied.root / f"{POINT}/alternating/avatar.npz").unlink()
+    (copied.root / f"{POINT}/alternating/seed=0/avatar.npz").unlink()
     hydra = "train.iterations=7"
     expected = {"settings": 4, **{rule: 2 * n for rule, n in ALTERNATING.items()}, "figures": 2, **SUMMARIES}
     assert copied.planned(*TARGETS, hydra=hydra) == expected
     done = copied.snakemake("--cores", "2", " ".join(TARGETS), hydra=hydra)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "carigs: results/toy: train: 4 results were made with other settings" in done.stderr
-    for file in (copied.root / "results/toy").glob("*/gamma=0.25/*/avatar.npz"):
+    for file in (copied.root / "results/toy").glob("*/gamma=0.25/*/seed=0/avatar.npz"):
         assert "iterations=7" in file.read_text()
     assert copied.planned(*TARGETS, hydra=hydra) == {}
 
@@ -54,7 +54,7 @@ def test_other_code_makes_it_again(copied):
 
 @pytest.mark.parametrize(("kept", "notes"), [(0, True), (0.5, False)])
 def test_a_damaged_settings_file_never_means_defaults(finished, kept, notes):
-    file = finished.root / "results/toy/settings/train/subject=toy,variant=alternating.yaml"
+    file = finished.root / "results/toy/settings/train/subject=toy,variant=alternating,seed=0.yaml"
     whole = file.read_text()
     file.write_text(whole[: int(len(whole) * kept)])
     if not notes:

@@ -70,18 +70,18 @@ rule gtstar:
 
 rule train:
     input:
-        settings="results/{study}/settings/train/subject={subject},variant={variant}.yaml",
+        settings="results/{study}/settings/train/subject={subject},variant={variant},seed={seed}.yaml",
         capture="results/{study}/{subject}/capture.json",
         watch="results/{study}/{subject}/dataset",
         watch_targets=targets("results/{study}/{subject}/gamma={gamma}/targets/{maker}/level={level}/images"),
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
         targets=targets("results/{study}/{subject}/gamma={gamma}/targets/{maker}/level={level}/targets.json"),
     output:
-        avatar="results/{study}/{subject}/gamma={gamma}/{variant}/avatar.npz",
-        ply="results/{study}/{subject}/gamma={gamma}/{variant}/avatar.ply",
-        log="results/{study}/{subject}/gamma={gamma}/{variant}/log.csv",
+        avatar="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/avatar.npz",
+        ply="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/avatar.ply",
+        log="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/log.csv",
     log:
-        "results/{study}/log/train/{subject},gamma={gamma},{variant}.log",
+        "results/{study}/log/train/{subject},gamma={gamma},{variant},seed={seed}.log",
     conda:
         "../../environment.yml"
     threads: lambda wildcards: section("train", wildcards, "subject", "variant").threads
@@ -97,16 +97,16 @@ rule train:
 rule render:
     input:
         settings="results/{study}/settings/render/subject={subject}.yaml",
-        avatar="results/{study}/{subject}/gamma={gamma}/{variant}/avatar.npz",
+        avatar="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/avatar.npz",
         capture="results/{study}/{subject}/capture.json",
         watch="results/{study}/{subject}/dataset",
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
     output:
-        frames=directory("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames"),
-        index="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json",
-        geometry="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/geometry.csv",
+        frames=directory("results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/frames"),
+        index="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/frames.json",
+        geometry="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/geometry.csv",
     log:
-        "results/{study}/log/render/{subject},gamma={gamma},{variant},level={level}.log",
+        "results/{study}/log/render/{subject},gamma={gamma},{variant},seed={seed},level={level}.log",
     conda:
         "../../environment.yml"
     threads: lambda wildcards: section("render", wildcards, "subject").threads

@@ -1,7 +1,7 @@
 """The composed study, and functions that give rules their settings and inputs.
 
 Hydra composes values; Snakemake plans files and their order. Every wildcard is a Hydra override (`subject=`, `variant=`,
-`gamma=`), so a path names a configuration. Each job leaves a record of the settings, code and inputs that made its outputs
+`seed=`, `gamma=`), so a path names a configuration. Each job leaves a record of the settings, code and inputs that made its outputs
 (carigs/job_record.py), so that results can be copied without `.snakemake/`.
 """
 
@@ -85,20 +85,20 @@ def level(wildcards):
     return float(wildcards.level)
 
 
-def all_points(*patterns):
-    """The files of every subject, variant and level of the study, but for the wildcards that the output fixes."""
+def all_points(*patterns, **fixed):
+    """The files of every subject, variant, seed and level of the study, but for `fixed` and the output's wildcards."""
     return lambda wildcards: collect(
-        list(patterns), **{**points, **dict(wildcards.items()), "level": levels(wildcards)}
+        list(patterns), **{**points, **fixed, **dict(wildcards.items()), "level": levels(wildcards)}
     )
 
 
-def of_study(*patterns):
-    """The files of every subject, variant and level of the study at its gamma."""
-    return lambda wildcards: collect(list(patterns), **{**points, "study": wildcards.study})
+def of_study(*patterns, **fixed):
+    """The files of every subject, variant, seed and level of the study at its gamma, but for `fixed` wildcards."""
+    return lambda wildcards: collect(list(patterns), **{**points, **fixed, "study": wildcards.study})
 
 
 def rendered_points(wildcards):
-    """Variant and level of each rendering of a subject, in the order of `all_points`."""
+    """Variant and level of each rendering of a subject and seed, in the order of `all_points`."""
     return list(product(points["variant"], levels(wildcards)))
 
 
@@ -143,9 +143,11 @@ points = dict(
     study=composed.study.name,
     subject=list(composed.study.subjects),
     variant=list(composed.study.variants),
+    seed=[f"{seed}" for seed in composed.study.seeds],
     gamma=f"{composed.gamma:g}",
     level=rendered_levels(composed),
 )
+first_seed = points["seed"][0]  # of what figures show
 for subject, variant in product(points["subject"], points["variant"]):
     # Checked here, because Snakemake ignores errors of input functions where the output exists.
     one_line_errors(compose_variant)(variant, *overrides, f"subject={subject}")
@@ -197,7 +199,8 @@ wildcard_constraints:
     study=r"[\w.-]+",
     stage="|".join(STAGES),
     subject=r"[\w-]+",
-    variant=r"(?!truth/)[\w-]+",
+    variant=r"[\w-]+",
     # Numbers have one form: 0.25, not 0.250.
+    seed=r"0|[1-9]\d*",
     gamma=r"(0|[1-9]\d*)(\.\d*[1-9])?",
     level=r"(0|[1-9]\d*)(\.\d*[1-9])?",

@@ -29,11 +29,11 @@ rule truth:
 rule metrics:
     input:
         settings="results/{study}/settings/metrics/subject={subject}.yaml",
-        frames="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames",
-        index="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json",
-        geometry="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/geometry.csv",
-        unedited_frames="results/{study}/{subject}/gamma={gamma}/{variant}/level=0/frames",
-        unedited_index="results/{study}/{subject}/gamma={gamma}/{variant}/level=0/frames.json",
+        frames="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/frames",
+        index="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/frames.json",
+        geometry="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/geometry.csv",
+        unedited_frames="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level=0/frames",
+        unedited_index="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level=0/frames.json",
         capture="results/{study}/{subject}/capture.json",
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
         truth="results/{study}/{subject}/gamma={gamma}/truth/level={level}/truth.json",
@@ -42,9 +42,9 @@ rule metrics:
             "results/{study}/{subject}/gamma={gamma}/truth/level={level}/frames",
         ],
     output:
-        records="results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/metrics.csv",
+        records="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/metrics.csv",
     log:
-        "results/{study}/log/metrics/{subject},gamma={gamma},{variant},level={level}.log",
+        "results/{study}/log/metrics/{subject},gamma={gamma},{variant},seed={seed},level={level}.log",
     conda:
         "../../environment.yml"
     threads: lambda wildcards: section("metrics", wildcards, "subject").threads
@@ -56,6 +56,7 @@ rule metrics:
         study="{study}",
         subject="{subject}",
         variant="{variant}",
+        seed=lambda wildcards: int(wildcards.seed),
         gamma=lambda wildcards: float(wildcards.gamma),
         level=level,
         embeddings="results/{study}/embeddings",
@@ -66,7 +67,7 @@ rule metrics:
 rule tabulate:
     input:
         settings="results/{study}/settings/tabulate/all.yaml",
-        records=all_points("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/metrics.csv"),
+        records=all_points("results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/metrics.csv"),
     output:
         table="results/{study}/table/gamma={gamma}.csv",
         markdown="results/{study}/table/gamma={gamma}.md",
@@ -88,16 +89,19 @@ rule figures:
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
         # Renders the local edits; studies without the method have none.
         avatar=(
-            "results/{study}/{subject}/gamma={gamma}/alternating/avatar.npz"
+            f"results/{{study}}/{{subject}}/gamma={{gamma}}/alternating/seed={first_seed}/avatar.npz"
             if "alternating" in points["variant"]
             else []
         ),
-        indices=all_points("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json"),
+        indices=all_points(
+            "results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/frames.json", seed=first_seed
+        ),
         truths=all_points("results/{study}/{subject}/gamma={gamma}/truth/level={level}/truth.json"),
         watch=all_points(
             "results/{study}/{subject}/dataset",
-            "results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames",
+            "results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/frames",
             "results/{study}/{subject}/gamma={gamma}/truth/level={level}/frames",
+            seed=first_seed,
         ),
     output:
         folder=directory("results/{study}/figures/{subject}/gamma={gamma}"),

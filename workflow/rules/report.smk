@@ -3,7 +3,7 @@
 made_with = of_study(
     "results/{study}/settings/capture/subject={subject}.yaml",
     "results/{study}/settings/exaggerate/subject={subject},gamma={gamma}.yaml",
-    "results/{study}/settings/train/subject={subject},variant={variant}.yaml",
+    "results/{study}/settings/train/subject={subject},variant={variant},seed={seed}.yaml",
     "results/{study}/settings/render/subject={subject}.yaml",
     "results/{study}/settings/truth/subject={subject}.yaml",
     "results/{study}/settings/metrics/subject={subject}.yaml",
@@ -17,8 +17,8 @@ rule card:
         settings="results/{study}/settings/card/all.yaml",
         table=f"results/{{study}}/table/gamma={points['gamma']}.csv",
         captures=of_study("results/{study}/{subject}/capture.json"),
-        avatars=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/avatar.npz"),
-        indices=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json"),
+        avatars=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/avatar.npz"),
+        indices=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/frames.json"),
         made_with=made_with,
     output:
         card="results/{study}/card.json",
@@ -31,6 +31,7 @@ rule card:
         code=fingerprint("carigs.stages.card"),
         subjects=points["subject"],
         variants=points["variant"],
+        seeds=points["seed"],
         levels=points["level"],
         gamma=points["gamma"],
         logs="results/{study}/log",
@@ -45,13 +46,16 @@ rule report:
         table=f"results/{{study}}/table/gamma={points['gamma']}.csv",
         figures=of_study("results/{study}/figures/{subject}/gamma={gamma}"),
         captures=of_study("results/{study}/{subject}/capture.json"),
-        indices=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json"),
+        indices=of_study(
+            "results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/frames.json", seed=first_seed
+        ),
         truths=of_study("results/{study}/{subject}/gamma={gamma}/truth/level={level}/truth.json"),
-        training=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/log.csv"),
+        training=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/log.csv", seed=first_seed),
         made_with=made_with,
         watch=of_study(
-            "results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames",
+            "results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/frames",
             "results/{study}/{subject}/gamma={gamma}/truth/level={level}/frames",
+            seed=first_seed,
         ),
     output:
         page="results/{study}/report.html",

@@ -59,11 +59,12 @@ def wrong_overrides() -> Iterator[Case]:
     for text in (
         "hydra.searchpath=[pkg://antigravity]", "+hydra.searchpath=[file:///]", "hydra/launcher=basic",
         "hydra.run.dir=elsewhere",
-        "~train", "+x=1", "++train.seed=1", "=1", "", "train", "train={}", "train=null", "train.seed", "seed=1", "@x=1",
+        "~train", "+x=1", "++train.iterations=1", "=1", "", "train", "train={}", "train=null", "train.seed=1",
+        "train.seed", "seed=1", "@x=1", "study.seeds=[1,1]", "study.seeds=[-1]",
         "subject@y=toy", "study=../../../etc/passwd", "study=/etc/passwd", "exaggerate=[robust,paper]", "\0=1", "a=\0",
-        "train.seed=1,2", "train.seed=range(9)", "train.seed=choice(1,2)", "study=${oc.env:HOME}",
-        "train.seed=int('1')",
-        "capture={source:folder}", "capture.source=folder", "train.seed=json_str('1')", "gamma=0.1 gamma=0.2",
+        "train.iterations=1,2", "train.iterations=range(9)", "train.iterations=choice(1,2)", "study=${oc.env:HOME}",
+        "train.iterations=int('1')",
+        "capture={source:folder}", "capture.source=folder", "train.iterations=json_str('1')", "gamma=0.1 gamma=0.2",
     ):  # fmt: skip
-        allowed = text in ("train={}", "exaggerate=[robust,paper]", "train.seed=int('1')")
+        allowed = text in ("train={}", "exaggerate=[robust,paper]", "train.iterations=int('1')")
         yield Case(text[:40], "override", text.encode(), must_fail=not allowed)

@@ -13,14 +13,15 @@ import jsonschema
 import numpy as np
 import pandas as pd
 import pytest
+import scipy.stats
 
 from carigs.errors import InputError
 from carigs.job_record import JobCosts
 from carigs.settings import Tabulate
 from evaluation.card.card import make_card, read_card, write_card
-from evaluation.card.costs import Job, avatar_values, stage_values
+from evaluation.card.costs import Job, Rendering, avatar_values, stage_values
 from evaluation.card.document import card_parts, write_markdown
-from evaluation.card.provenance import commit, machine, seeds, versions
+from evaluation.card.provenance import commit, find_seeds, machine, versions
 from evaluation.metrics.catalogue import CATALOGUE
 from evaluation.tables.metric_records import MetricRecord
 from evaluation.tables.summary import summarise
@@ -37,7 +38,7 @@ def records(subjects=("anna",)) -> pd.DataFrame:
     points = product(subjects, ("ours", "base"), (0.0, 0.25), range(3), range(4))
     lines = []
     for subject, variant, level, camera, timestep in points:
-        point = ("study", subject, variant, 0.25, level, "files", "test", camera, timestep, "full")
+        point = ("study", subject, variant, 0, 0.25, level, "files", "test", camera, timestep, "full")
         value = 30.0 - 40 * level + (variant == "base") + 0.01 * camera
         lines.append(MetricRecord(*point, "psnr", value, ""))
         lines.append(MetricRecord(*point, "clip_i_cos", None, REASON))
@@ -47,7 +48,14 @@ def records(subjects=("anna",)) -> pd.DataFrame:
 def card_of(summaries: pd.DataFrame, costs=(), subjects=("anna",)):
     images = {subject: [40, 48] for subject in subjects}
     return make_card(
-        summaries, costs, SETTINGS, CATALOGUE, images=images, seeds={"train.seed": 3}, provenance=PROVENANCE
+        summaries,
+        costs,
+        SETTINGS,
+        CATALOGUE,
+        images=images,
+        training_seeds=[0],
+        seeds={"tabulate.seed": 3},
+        provenance=PROVENANCE,
     )
 
 
@@ -111,6 +119,14 @@ def test_every_measure_is_explained_with_its_direction(summaries):
     assert any(item.startswith("Identity: ") for item in missing)
 
 
+def test_a_card_says_how_often_a_variant_was_trained(summaries):
+    for training_seeds, said in (([3], "1 seed (3)"), ([0, 5], "2 seeds (0, 5)")):
+        card = replace(card_of(summaries), training_seeds=training_seeds)
+        first, second, *_ = card_parts(card)[0].paragraphs
+        assert f"each trained with {said}" in first
+        assert ("randomness of training" in second) == (len(training_seeds) == 1)
+
+
 def test_with_several_subjects_tables_show_the_mean_of_all():
     several = ("anna", "bert")
     card = card_of(summarise(records(several), SETTINGS, CATALOGUE), subjects=several)
@@ -147,16 +163,32 @@ def test_another_file_is_no_card(summaries, change, tmp_path):
 
 def test_the_time_of_a_frame_is_that_of_the_jobs_over_their_frames(tmp_path):
     np.savez(tmp_path / "avatar.npz", surfel_binding=np.zeros(7, np.int32))
-    renderings = {Job("render", str(i)): 10 for i in range(4)}
-    costs = {job: JobCosts(2.0, 1.0, 100.0) for job in renderings}
-    found = {v.measure: v for v in avatar_values("anna", "ours", tmp_path / "avatar.npz", renderings, costs, SETTINGS)}
+    renderings = [Rendering(Job("render", str(i)), 0, i / 4, 10) for i in range(4)]
+    costs = {rendering.job: JobCosts(2.0, 1.0, 100.0) for rendering in renderings}
+    avatars = {0: tmp_path / "avatar.npz"}
+    found = {v.measure: v for v in avatar_values("anna", "ours", avatars, renderings, costs, SETTINGS)}
     assert found["surfels"].value == 7
     assert found["avatar_bytes"].value == (tmp_path / "avatar.npz").stat().st_size
     frame, rate = found["frame_seconds"], found["frames_per_second"]
     assert (frame.value, frame.low, frame.high, frame.n) == (pytest.approx(0.2), *[pytest.approx(0.2)] * 2, 4)
     assert rate.value == pytest.approx(5)
-    unknown = avatar_values("anna", "ours", tmp_path / "avatar.npz", renderings, {}, SETTINGS)
+    unknown = avatar_values("anna", "ours", avatars, renderings, {}, SETTINGS)
     assert [(v.value is None, bool(v.reason)) for v in unknown] == [(False, False)] * 2 + [(True, True)] * 2
+
+
+def test_the_costs_of_a_variant_are_means_over_its_seeds(tmp_path):
+    avatars = {seed: tmp_path / f"{seed}.npz" for seed in (0, 1)}
+    for seed, file in avatars.items():
+        np.savez(file, surfel_binding=np.zeros(7 + 2 * seed, np.int32))
+    renderings = [Rendering(Job("render", f"{s},{i}"), s, i / 4, 10) for s in avatars for i in range(4)]
+    costs = {rendering.job: JobCosts(2.0 + rendering.seed, 1.0, None) for rendering in renderings}
+    found = {v.measure: v for v in avatar_values("anna", "ours", avatars, renderings, costs, SETTINGS)}
+    surfels, frame, rate = (found[name] for name in ("surfels", "frame_seconds", "frames_per_second"))
+    assert (surfels.value, surfels.n, frame.n) == (8, 2, 8)
+    half = scipy.stats.t.ppf(0.975, 1)  # of 7 and 9: the standard error is 1; a count is not negative
+    assert (surfels.low, surfels.high) == (0, pytest.approx(8 + half))
+    assert frame.value == pytest.approx(0.25) and frame.high == pytest.approx(0.25 + 0.05 * half)
+    assert (rate.value, rate.low, rate.high) == (pytest.approx(4), pytest.approx(1 / frame.high), None)
 
 
 def test_costs_of_a_stage_are_sums_and_the_largest_memory():
@@ -168,7 +200,7 @@ def test_costs_of_a_stage_are_sums_and_the_largest_memory():
 
 
 def test_seeds_are_found_at_any_depth():
-    assert dict(seeds({"toy": {"seed": 4, "width": 3}, "seed": 1}, "capture")) == {
+    assert dict(find_seeds({"toy": {"seed": 4, "width": 3}, "seed": 1}, "capture")) == {
         "capture.toy.seed": 4,
         "capture.seed": 1,
     }

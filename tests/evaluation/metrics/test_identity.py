@@ -26,7 +26,7 @@ from evaluation.metrics.identity import (
 )
 from evaluation.tables.metric_records import StudyPoint
 
-POINT = StudyPoint("s", "ball", "v", 0.25, 0.25, "files")
+POINT = StudyPoint("s", "ball", "v", 0, 0.25, 0.25, "files")
 PLACES = {36: (-0.04, 0.03), 39: (-0.015, 0.03), 42: (0.015, 0.03), 45: (0.04, 0.03), 33: (0.0, -0.015)}
 
 

@@ -56,10 +56,12 @@ def test_what_depends_on_the_camera_alone_is_resampled_by_camera():
     assert often.high - often.low == pytest.approx(once.high - once.low, rel=0.1)
 
 
-def simulated_frames(generator, subjects, timesteps, cameras, *, memory=0.0):
-    """Frames with mean 5 and effects of subject, timestep of the subject, and camera, and noise.
+def simulated_frames(generator, subjects, timesteps, cameras, seeds=1, *, training=0.0, memory=0.0):
+    """Frames with mean 5 and effects of subject, timestep of the subject, camera, training and frame, and noise.
 
-    `memory` is the correlation of the effects of neighbouring timesteps (autoregressive process of order 1).
+    `memory` is the correlation of the effects of neighbouring timesteps (autoregressive process of order 1), `training`
+    the standard deviation of the effects of trainings, each of one subject and seed. They differ a little between
+    timesteps and between cameras.
     """
     of_time = generator.normal(size=(subjects, timesteps, 1))
     for t in range(1, timesteps):
@@ -67,16 +69,20 @@ def simulated_frames(generator, subjects, timesteps, cameras, *, memory=0.0):
     of_subject, of_camera = generator.normal(size=(subjects, 1, 1)), generator.normal(size=(1, 1, cameras))
     values = 5 + of_time + of_camera + (of_subject if subjects > 1 else 0)
     values = values + 0.5 * generator.normal(size=(subjects, timesteps, cameras))
-    subject, timestep, camera = np.indices(values.shape).reshape(3, -1)
-    return values.ravel(), {"subject": subject, "timestep": timestep, "camera": camera}
+    if seeds > 1 or training:
+        values = values[..., None] + 0.5 * generator.normal(size=(subjects, timesteps, cameras, seeds))
+        for share, shape in ((1.0, (1, 1)), (0.3, (timesteps, 1)), (0.3, (1, cameras))):
+            values = values + share * training * generator.normal(size=(subjects, *shape, seeds))
+    subject, timestep, camera, seed = np.indices((subjects, timesteps, cameras, seeds)).reshape(4, -1)
+    return values.ravel(), {"subject": subject, "timestep": timestep, "camera": camera, "seed": seed}
 
 
-def coverage(trials, *design, resamples=2000, **options):
+def coverage(trials, *design, resamples=2000, factors_of=crossed_factors, **options):
     """Share of intervals that hold the true mean, in percent."""
     generator, hits = np.random.default_rng(7), 0
     for _ in range(trials):
         values, frames = simulated_frames(generator, *design, **options)
-        factors = crossed_factors(frames, "test")
+        factors = factors_of(frames, "test")
         interval = mean_interval(values, factors, resamples=resamples, confidence=0.95, seed=0)
         hits += interval.low <= 5 <= interval.high
     return 100 * hits / trials
@@ -95,6 +101,47 @@ def test_intervals_cover_the_true_mean_about_as_often_as_they_say():
 )
 def test_intervals_of_clustered_frames_cover_the_true_mean_in_93_to_97_percent(design, memory):
     assert 93 <= coverage(2000, *design, memory=memory) <= 97
+
+
+@pytest.mark.parametrize("design", [(1, 3, 9, 2), (1, 12, 9, 3), (1, 3, 9, 8), (10, 2, 9, 3)])
+def test_intervals_over_several_seeds_cover_the_mean_over_trainings(design):
+    """Few seeds give Student's t of few degrees of freedom, which covers more than it says."""
+    assert 91 <= coverage(200, *design, resamples=400, training=1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("design", "training", "most"),
+    [
+        ((1, 3, 9, 2), 0.3, 99.5),
+        ((1, 20, 16, 2), 1.0, 99.5),
+        ((1, 20, 16, 5), 1.0, 98.5),
+        ((1, 20, 16, 10), 1.0, 97),
+        ((10, 16, 16, 3), 1.0, 97),
+    ],
+)
+def test_intervals_over_several_seeds_cover_at_least_93_percent(design, training, most):
+    assert 93 <= coverage(2000, *design, resamples=1000, training=training) <= most
+
+
+def test_trainings_are_not_independent_frames():
+    """Without seeds as a factor, as if each of three trainings had other timesteps and cameras."""
+    assert coverage(200, 1, 3, 9, 3, training=3.0, factors_of=lambda *frames: crossed_factors(*frames)[:2]) < 80
+
+
+def test_within_several_subjects_seeds_add_nothing_to_the_spread():
+    """As a crossed factor they would count twice: trainings are part of the spread between subjects."""
+    generator = np.random.default_rng(7)
+    _, frames = simulated_frames(generator, 3, 2, 4, 2)
+    assert [len(set(factor)) for factor in crossed_factors(frames, "test")] == [3, 4]
+
+
+def test_a_single_seed_changes_no_interval():
+    generator = np.random.default_rng(7)
+    for design in ((1, 3, 9), (1, 12, 9), (3, 2, 9)):
+        values, frames = simulated_frames(generator, *design)
+        factors = crossed_factors(frames, "test")
+        assert mean_interval(values, factors, **OPTIONS) == mean_interval(values, factors[:2], **OPTIONS)
 
 
 def test_frames_of_one_camera_are_not_independent():
@@ -154,10 +201,11 @@ def test_an_empty_factor_changes_nothing():
 
 
 def test_neighbours_in_time_are_blocks_unless_there_are_other_subjects():
-    frames = {"subject": ["a"] * 40, "timestep": np.repeat(np.arange(20) * 3, 2), "camera": [0, 1] * 20}
-    blocks, cameras = crossed_factors(frames, "test")
+    seed = {"seed": [0] * 40}
+    frames = {"subject": ["a"] * 40, "timestep": np.repeat(np.arange(20) * 3, 2), "camera": [0, 1] * 20, **seed}
+    blocks, cameras, _ = crossed_factors(frames, "test")
     assert np.array_equal(blocks, np.repeat(np.arange(10), 4)) and np.array_equal(cameras, [0, 1] * 20)
-    orbit = {"subject": ["a"] * 24, "timestep": [5] * 24, "camera": range(24)}
+    orbit = {"subject": ["a"] * 24, "timestep": [5] * 24, "camera": range(24), "seed": [0] * 24}
     assert len(set(crossed_factors(orbit, "orbit")[1])) == MAX_BLOCKS
     subjects, cameras = crossed_factors({**frames, "subject": ["a"] * 20 + ["b"] * 20}, "test")
     assert subjects.tolist() == ["a"] * 20 + ["b"] * 20 and len(set(cameras)) == 2

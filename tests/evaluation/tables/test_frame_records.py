@@ -6,7 +6,7 @@ from carigs.errors import InputError
 from evaluation.tables.frame_records import FrameRecord, read_frame_records, write_frame_records
 from evaluation.tables.metric_records import MetricRecord, StudyPoint
 
-POINT = StudyPoint("study", "anna", "surfhead", 0.25, 0.1, "files")
+POINT = StudyPoint("study", "anna", "surfhead", 0, 0.25, 0.1, "files")
 RECORDS = [
     FrameRecord("test", 3, 7, "full", "depth_error", 1.25, ""),
     FrameRecord("test", None, 7, "face", "exaggeration_gain", -0.5, ""),

@@ -1,6 +1,7 @@
 """From metric records to tables: means, pairing, stability of bytes, errors in one line."""
 
 import csv
+from itertools import product
 
 import numpy as np
 import pandas as pd
@@ -16,15 +17,15 @@ from evaluation.tables.summary import read_metrics, summarise
 SETTINGS = Tabulate(resamples=200)
 
 
-def study_records(variants=("alternating", "surfhead"), levels=(0.0, 0.25)) -> list[MetricRecord]:
-    """A variant's PSNR is that of its frame (wide spread) plus a constant gain (none)."""
+def study_records(variants=("alternating", "surfhead"), levels=(0.0, 0.25), seeds=(0,)) -> list[MetricRecord]:
+    """A variant's PSNR is that of its frame and training (wide spread) plus a constant gain (none)."""
     generator = np.random.default_rng(0)
     frames = {(c, t): generator.normal(30, 5) for c in range(4) for t in range(3)}
     records = []
-    for variant in variants:
+    for variant, seed in product(variants, seeds):
         for level in levels:
-            point = StudyPoint("toy", "toy", variant, 0.25, level, "EXP-2")
-            gain = 1.5 if variant == "alternating" else 0.0
+            point = StudyPoint("toy", "toy", variant, seed, 0.25, level, "EXP-2")
+            gain = 7.0 * seed + (1.5 if variant == "alternating" else 0.0)
             for region in ("full", "hair"):
                 records += [
                     metric_record(point, "test", frame, region, "psnr", value + gain) for frame, value in frames.items()
@@ -60,6 +61,32 @@ def test_a_difference_that_is_the_same_in_every_frame_has_no_uncertainty():
     for summary in differences:
         assert (summary.variant, summary.n) == ("alternating", 12)
         assert (summary.mean, summary.low, summary.high) == pytest.approx((1.5, 1.5, 1.5), abs=1e-9)
+
+
+def test_differences_pair_a_seed_with_itself():
+    """Trainings of different seeds are 7 dB apart."""
+    differences = [s for s in summaries(study_records(seeds=(0, 4))) if s.minus == "surfhead" and s.metric == "psnr"]
+    assert len(differences) == 4
+    for summary in differences:
+        assert (summary.n, summary.seeds) == (24, 2)
+        assert (summary.mean, summary.low, summary.high) == pytest.approx((1.5, 1.5, 1.5), abs=1e-9)
+
+
+def test_only_trainings_of_both_variants_are_paired():
+    records = [r for r in study_records(seeds=(0, 4)) if (r.variant, r.seed) != ("surfhead", 4)]
+    (summary,) = [s for s in summaries(records) if s.minus and (s.level, s.region) == (0.25, "full")]
+    assert (summary.n, summary.seeds) == (12, 1) and summary.mean == pytest.approx(1.5)
+
+
+def test_the_mean_over_seeds_is_the_mean_of_their_means():
+    both, *each = (
+        [s for s in summaries(study_records(seeds=seeds)) if s.metric == "psnr" and not s.minus]
+        for seeds in ((0, 4), (0,), (4,))
+    )
+    assert len(both) == 8
+    for mean, first, second in zip(both, *each, strict=True):
+        assert mean.mean == pytest.approx((first.mean + second.mean) / 2)
+        assert mean.high - mean.low > first.high - first.low  # one more factor
 
 
 def test_only_frames_of_both_variants_are_paired():
@@ -123,7 +150,9 @@ def test_records_survive_the_disk(tmp_path):
 
 
 def test_an_infinite_value_becomes_null_with_a_reason():
-    record = metric_record(StudyPoint("a", "b", "c", 0.25, 0.0, "files"), "test", (0, 0), "full", "psnr", float("inf"))
+    record = metric_record(
+        StudyPoint("a", "b", "c", 0, 0.25, 0.0, "files"), "test", (0, 0), "full", "psnr", float("inf")
+    )
     assert record.value is None and "infinite" in record.reason
 
 
@@ -133,7 +162,7 @@ def test_the_same_measurement_twice_is_an_error():
         summaries([*records, records[0]])
 
 
-GOOD = "toy,toy,surfhead,0.25,0,EXP-2,test,1,2,full,psnr,30.5,"
+GOOD = "toy,toy,surfhead,0,0.25,0,EXP-2,test,1,2,full,psnr,30.5,"
 
 
 @pytest.mark.parametrize(
@@ -143,6 +172,7 @@ GOOD = "toy,toy,surfhead,0.25,0,EXP-2,test,1,2,full,psnr,30.5,"
         (GOOD.replace("30.5", "nan"), "line 2, value"),
         (GOOD.replace("30.5", ""), "line 2, value"),
         (GOOD.replace("0.25", "x"), "line 2, gamma"),
+        (GOOD.replace(",0,0.25", ",0.5,0.25"), "line 2, seed"),
         (GOOD.replace(",1,", ",1.5,"), "line 2, camera"),
         (GOOD + ",", "line 2"),
         ("toy", "line 2"),

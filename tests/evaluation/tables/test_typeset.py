@@ -24,12 +24,13 @@ METRICS = {
 }
 
 
-def records(values, *, subjects=("anna",), metric="up", frames=12, protocol="test"):
-    """Values of the frames of each variant; every second frame is `spread` off."""
+def records(values, *, subjects=("anna",), seeds=(0,), metric="up", frames=12, protocol="test"):
+    """Values of the frames of each variant and seed; every second frame is `spread` off."""
     return [
-        metric_record(StudyPoint("s", subject, variant, 0.25, 0.25, "files"), protocol, (frame % 4, frame // 4),
+        metric_record(StudyPoint("s", subject, variant, seed, 0.25, 0.25, "files"), protocol, (frame % 4, frame // 4),
                       "full", metric, value + 0.1 * i + spread * (-1) ** frame)
         for i, subject in enumerate(subjects) for variant, (value, spread) in values.items() for frame in range(frames)
+        for seed in seeds
     ]  # fmt: skip
 
 
@@ -107,11 +108,24 @@ def test_one_subject_is_said_to_be_one():
     assert "One subject (anna)" in scope and "nothing of other people" in scope
 
 
+def test_the_number_of_seeds_stands_with_the_tables():
+    document = tables(records({"a": (2.0, 0.1), "alternating": (1.5, 0.1)}, seeds=(0, 1, 5)))
+    assert document.tables[0].header[0] == "Up ↑ (test, n=36, 3 seeds)"
+    (scope, *_) = document.explanation
+    assert "trained with 3 seeds" in scope and "cameras and seeds are random factors" in scope
+
+
+def test_a_single_training_is_said_to_be_one():
+    for subjects in (("anna",), ("anna", "ben")):
+        (scope, *_) = tables(records({"a": (2.0, 0.1)}, subjects=subjects)).explanation
+        assert "trained once" in scope and "randomness of training" in scope
+
+
 def test_footnotes_hold_no_path_of_the_machine():
     reason = (
         "no clip weights (a.pt) in /home/me/w, /root/.cache/hub; get them from https://host.org/a/b.pt, licence MIT"
     )
-    point = StudyPoint("s", "anna", "a", 0.25, 0.25, "files")
+    point = StudyPoint("s", "anna", "a", 0, 0.25, 0.25, "files")
     document = tables([metric_record(point, "test", (None, None), "full", "up", None, reason)])
     assert document.notes[0] == "(a) no clip weights (a.pt); get them from https://host.org/a/b.pt, licence MIT"
     assert cells(document, TABLE_1, "a")[0] == Cell("—", note="(a)")
