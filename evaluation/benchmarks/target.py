@@ -159,19 +159,20 @@ def _target(
     return make_target(image, matte, *ends, subject.model, face_flags, settings, subject.background)
 
 
-def write_subject(folder: Path, toy: Toy) -> None:
+def write_subject(folder: Path, toy: Toy, exaggerate: Exaggerate | None = None) -> None:
     """Write a capture of the procedural subject and its path, as the stages `capture` and `exaggerate` do.
 
     Args:
         folder: Folder for `capture.json`, `path.npz` and the dataset.
         toy: Settings of the subject.
+        exaggerate: Settings of the path; None for the defaults.
     """
     write_capture(folder / "dataset", toy)
     read_dataset(folder / "dataset", folder / "dataset/head_model.npz").save(folder / "capture.json")
     subject = Capture.load(folder / "capture.json")
     parameters = [subject.parameters(t) for t in dict.fromkeys(frame.timestep for frame in subject.frames)]
     vertices = neutral(subject.model, parameters[0])
-    path = subject_gamma_path(subject.model, vertices, Exaggerate(), parameters)
+    path = subject_gamma_path(subject.model, vertices, exaggerate or Exaggerate(), parameters)
     add_teeth(path, vertices, subject.model.faces).save(folder / "path.npz")
 
 
