@@ -8,8 +8,8 @@ from carigs.config.folders import CONF, GROUPS
 
 _HEADER = """## Presets
 
-Files of `conf/` that come with carigs. `study=`, `preset=` and `exaggerate=` are chosen on the command line; subjects and
-variants by `study.subjects` and `study.variants`.
+Files of `conf/` that come with carigs. `study=`, `preset=` and `exaggerate=` are chosen on the command line; subjects
+and variants by `study.subjects` and `study.variants`.
 """
 _MEANINGS = {
     "study": "subjects, variants, levels and settings that make one table",

@@ -22,7 +22,7 @@ from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
 from carigs.toy import load_subject, render_subject
-from evaluation.benchmarks.target import write_subject
+from evaluation.benchmarks.toy_frames import write_subject
 from evaluation.metrics.image_quality import psnr_of_errors, squared_error
 from evaluation.metrics.regions import image_regions, surface_regions
 

@@ -1,12 +1,12 @@
 """Time and error of trainings on the toy: one setting at a time around its default, and the presets.
 
-A case is a line of overrides of the study `toy`. Each trains the variant `alternating` once, on one thread; series other
-than that of the number of steps have `STEPS` of them. Density control ends after two thirds of the steps, as in the
-study. Cases with equal settings are trained once.
+A case is a line of overrides of the study `toy`. Each trains the variant `alternating` once, on one thread. Series
+change one setting of the preset `balanced`, the study itself; those of the number of steps end density control after
+two thirds of them, as the study does. Cases with equal settings are trained once.
 
 Time: CPU seconds of the training, including reading images and the first colours. Error: PSNR by region, mean over the
-test frames, against captured frames at level 0 and the true caricature at gamma; in images of the study's size, whatever
-the size of the training images.
+test frames, against captured frames at level 0 and the true caricature at gamma. Rendered images have the study's size,
+whatever the size of the training images.
 
 Example:
     python -m evaluation.benchmarks.training_trade_offs results/benchmark/training.csv
@@ -38,16 +38,14 @@ from evaluation.benchmarks.toy_training import (
 from evaluation.command_line import csv_parser, run
 
 STUDY = ("study=toy", "subject=toy", "variant=alternating")
-STEPS = 1500
-"""Steps of the series that change another setting than their number."""
-ITERATIONS = (375, 750, 1500, 3000, 6000)
 SERIES = (
+    *(f"train.iterations={steps} train.density.stop={2 * steps // 3}" for steps in (375, 750, 1500, 6000)),
     *(f"train.sh_degree={degree}" for degree in (1, 2, 3)),
     *(f"train.surfels_per_face={count}" for count in (2, 4)),
     *(f"train.density.gradient_threshold={threshold:g}" for threshold in (0.00005, 0.0001, 0.0004, 0.0008)),
     *(f"capture.toy.width={13 * k} capture.toy.height={17 * k}" for k in (8, 12, 24)),
 )
-"""Overrides of the other series. Defaults are left out: they are the training of `STEPS` steps without overrides."""
+"""Overrides of each case. The defaults are left out: they are the preset `balanced`."""
 WARM_UP_STEPS = 8
 """Steps of a training before the measured one, in which kernels are loaded or compiled."""
 
@@ -73,34 +71,13 @@ class Result(NamedTuple):
     """The same at gamma."""
 
 
-def schedule(steps: int) -> str:
-    """Overrides for a number of steps.
-
-    Args:
-        steps: Steps of the training.
-
-    Returns:
-        Overrides, separated by blanks.
-    """
-    return f"train.iterations={steps} train.density.stop={2 * steps // 3}"
-
-
-def list_cases(
-    iterations: Sequence[int] = ITERATIONS, steps: int = STEPS, series: Sequence[str] = SERIES
-) -> list[str]:
+def list_cases() -> list[str]:
     """List what is trained.
 
-    Args:
-        iterations: Numbers of steps.
-        steps: Steps of the other series.
-        series: Their overrides.
-
     Returns:
-        The numbers of steps, the other series, and the presets.
+        The presets, and `SERIES`.
     """
-    numbers = sorted({*iterations, steps})
-    presets = (f"preset={name}" for name in known("preset"))
-    return [*map(schedule, numbers), *(f"{schedule(steps)} {changes}" for changes in series), *presets]
+    return [*(f"preset={name}" for name in known("preset")), *SERIES]
 
 
 def case_settings(case: str, *overrides: str) -> CaseSettings:
@@ -203,14 +180,13 @@ def measure(cases: Sequence[str], folder: Path, *overrides: str) -> Iterator[Mea
 def main() -> None:
     """Run the benchmark from the command line; all settings are checked before work starts."""
     parser = csv_parser(__doc__)
-    parser.add_argument("--iterations", type=int, nargs="+", default=ITERATIONS, metavar="N", help="numbers of steps")
-    parser.add_argument("--steps", type=int, default=STEPS, metavar="N", help="of the other series (%(default)s)")
-    parser.add_argument("--cases", nargs="+", metavar="OVERRIDES", help="train these instead")
-    parser.add_argument("--overrides", nargs="*", default=[], metavar="OVERRIDE", help="of all cases")
+    parser.add_argument("--cases", nargs="+", default=list_cases(), metavar="OVERRIDES", help="what to train")
+    parser.add_argument(
+        "--overrides", nargs="*", default=[], metavar="OVERRIDE", help="of all cases; those of a case win"
+    )
     arguments = parser.parse_args()
-    cases = arguments.cases or list_cases(arguments.iterations, arguments.steps)
     with TemporaryDirectory() as folder:
-        write_measurements(arguments.rows, measure(cases, Path(folder), *arguments.overrides))
+        write_measurements(arguments.rows, measure(arguments.cases, Path(folder), *arguments.overrides))
 
 
 if __name__ == "__main__":
