@@ -1,18 +1,39 @@
-"""Values of presets relative to those of the study: `${times:0.5}` is half of what the key has without the preset."""
+"""Values of presets relative to those of the study.
+
+`${times:0.5}` is half of what the key has without the preset, `${at_least:2}` that value or 2.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
 from omegaconf import DictConfig, Node, OmegaConf
 
+Relation = Callable[[float, float], float]
+
+
+def times(factor: float, value: float) -> float:
+    """Multiply; whole numbers stay whole.
+
+    Args:
+        factor: Factor of the preset.
+        value: Value of the study.
+
+    Returns:
+        The product, rounded if the value is an integer.
+    """
+    return round(factor * value) if isinstance(value, int) else factor * value
+
+
+RELATIONS: Mapping[str, Relation] = {"times": times, "at_least": max}
+
 
 @contextmanager
 def relative_to(compose_without: Callable[[], DictConfig]) -> Iterator[None]:
-    """Define OmegaConf's resolver `times` for the settings that are resolved in the block.
+    """Define OmegaConf's resolvers `times` and `at_least` for the settings that are resolved in the block.
 
     Args:
         compose_without: Composes the same settings without the preset; called at most once.
@@ -21,22 +42,31 @@ def relative_to(compose_without: Callable[[], DictConfig]) -> Iterator[None]:
         Nothing.
 
     Raises:
-        ValueError: Something that stays without the preset uses `times`, too.
+        ValueError: Something that stays without the preset uses them, too.
     """
     compose_once = cache(compose_without)
 
-    def times(factor: float, *, _node_: Node) -> Any:
-        OmegaConf.register_new_resolver("times", _refuse, replace=True)
-        value = OmegaConf.select(compose_once(), _node_._get_full_key(None))
-        OmegaConf.register_new_resolver("times", times, replace=True)
-        return round(factor * value) if isinstance(value, int) else factor * value
+    def resolver(relation: Relation) -> Callable[..., Any]:
+        def resolve(operand: float, *, _node_: Node) -> float:
+            _register(lambda _: _refuse)  # what the study has must not be relative itself
+            value = OmegaConf.select(compose_once(), _node_._get_full_key(None))
+            _register(resolver)
+            return relation(operand, value)
 
-    OmegaConf.register_new_resolver("times", times, replace=True)
+        return resolve
+
+    _register(resolver)
     try:
         yield
     finally:
-        OmegaConf.clear_resolver("times")
+        for name in RELATIONS:
+            OmegaConf.clear_resolver(name)
 
 
-def _refuse(factor: float) -> Any:
-    raise ValueError(f"${{times:{factor:g}}}: only a preset can multiply what the study has")
+def _register(resolver: Callable[[Relation], Callable[..., Any]]) -> None:
+    for name, relation in RELATIONS.items():
+        OmegaConf.register_new_resolver(name, resolver(relation), replace=True)
+
+
+def _refuse(operand: float) -> float:
+    raise ValueError("only a preset can be relative to what the study has")
