@@ -49,12 +49,12 @@ class Curve:
     @cached_property
     def seconds(self) -> Float[np.ndarray, " n"]:
         """Time of each choice."""
-        return np.array([choice.seconds for choice in self.choices])
+        return np.array([choice.seconds for choice in self.choices], np.float64)
 
     @cached_property
     def decibels(self) -> Float[np.ndarray, " n"]:
         """Error of each choice in dB: minus PSNR, or 20 log10."""
-        errors = np.array([choice.error for choice in self.choices])
+        errors = np.array([choice.error for choice in self.choices], np.float64)
         return -errors if self.is_psnr else 20 * np.log10(np.maximum(errors, max(self.needed, 1e-300)))
 
     @property
@@ -101,13 +101,7 @@ def make_curve(
 
     Returns:
         The curve.
-
-    Raises:
-        InputError: The default was not measured.
     """
-    if default not in (choice.label for choice in choices):
-        measured = ", ".join(choice.label for choice in choices) or "nothing"
-        raise InputError(f"{name}: the default {default} was not measured; measured: {measured}")
     return Curve(name, tuple(sorted(choices, key=lambda choice: choice.seconds)), default, is_psnr, needed)
 
 
@@ -130,6 +124,32 @@ class Knob:
     """What else a reader must know."""
     reasons: Mapping[str, str] = field(default_factory=dict)
     """Why the default lies off the knee, by its position (`BELOW`, `ABOVE`)."""
+
+    def read(self, tables: Mapping[str, pd.DataFrame]) -> list[Curve]:
+        """Read the curves.
+
+        Args:
+            tables: Records by benchmark.
+
+        Returns:
+            The curves.
+
+        Raises:
+            InputError: Records are missing, such as those of another version, or that of the default.
+        """
+        file, missing = f"{self.table}.csv", "its records are missing; run the benchmark again"
+        try:
+            curves = self.curves(tables[self.table])
+        except (KeyError, IndexError, StopIteration) as error:
+            raise InputError(missing, file=file, field=self.setting) from error
+        if not curves:
+            raise InputError(missing, file=file, field=self.setting)
+        for curve in curves:
+            labels = [choice.label for choice in curve.choices]
+            if curve.default not in labels:
+                problem = f"the default {curve.default} was not measured; measured: {', '.join(labels) or 'nothing'}"
+                raise InputError(problem, file=file, field=self.setting)
+        return curves
 
 
 def short_labels(curves: Sequence[Curve]) -> dict[str, str]:

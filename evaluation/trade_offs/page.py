@@ -86,7 +86,7 @@ def write_page(file: Path, tables: Mapping[str, pd.DataFrame]) -> None:
     """
     lines = [INTRODUCTION, *_presets(tables["training"])]
     for stage, members in groupby(knobs(), key=lambda knob: knob.stage):
-        shown = [(knob, knob.curves(tables[knob.table])) for knob in members]
+        shown = [(knob, knob.read(tables)) for knob in members]
         figure = file.parent / "images" / f"trade_offs_{stage}.png"
         figure.parent.mkdir(parents=True, exist_ok=True)
         draw_trade_offs(figure, shown)

@@ -2,7 +2,6 @@
 
 import pytest
 
-from carigs.errors import InputError
 from evaluation.trade_offs.curve import ABOVE, BELOW, ON, Choice, make_curve, short_labels
 from evaluation.trade_offs.knee import GAIN, TOLERANCE
 
@@ -40,11 +39,6 @@ def test_errors_below_what_is_needed_are_equal():
     assert make_curve("path", choices, "4", needed=1e-4).position == ON
     assert make_curve("path", choices, "4").position == BELOW
     assert make_curve("path", [Choice("exact", 1, 0.0)], "exact").position == ON
-
-
-def test_a_default_that_was_not_measured_is_an_error():
-    with pytest.raises(InputError, match="the default d was not measured; measured: a, b, c"):
-        make_curve("PSNR", STEEP_THEN_FLAT, "d")
 
 
 def test_long_names_have_numbers_in_figures():

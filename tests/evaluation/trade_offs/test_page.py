@@ -65,7 +65,7 @@ def tables():
 
 def described(tables, setting):
     knob = next(knob for knob in knobs() if knob.setting == setting)
-    return "\n".join(page.describe(knob, knob.curves(tables[knob.table])))
+    return "\n".join(page.describe(knob, knob.read(tables)))
 
 
 def test_the_page_has_every_setting_with_its_default_and_its_figures(tables, tmp_path):
@@ -106,10 +106,27 @@ def test_a_reason_is_printed_only_where_the_data_say_so(tables):
 
 
 def test_a_default_off_the_knee_without_a_reason_is_said(tables):
-    tables["target"].loc[tables["target"].case.str.startswith("perspective, 8x8"), "value"] = 1e-3
+    target = tables["target"]
+    target.loc[target.case.str.startswith("perspective, 8x8") & (target.unit == "1"), "value"] = 1e-3
     assert "Why below the knee: no reason is on record; reconsider the default." in described(
         tables, "gtstar.supersampling"
     )
+
+
+def test_a_default_that_was_not_measured_is_named_with_its_file(tables):
+    tables["target"] = tables["target"][~tables["target"].case.str.startswith("perspective, 4x4")]
+    with pytest.raises(InputError, match=r"target\.csv: gtstar\.supersampling: the default 4 .*measured: 1, 2, 8"):
+        described(tables, "gtstar.supersampling")
+
+
+@pytest.mark.parametrize("knob", list(knobs()), ids=lambda knob: knob.setting)
+def test_records_of_another_version_are_named(knob, tables):
+    """A file that is complete but for the times, or empty."""
+    table = tables[knob.table]
+    times = table.quantity.str.contains("CPU|training|one level$|visibility, warp")
+    for kept in (table[~times], table[:0]):
+        with pytest.raises(InputError, match=rf"{knob.table}\.csv: {knob.setting}: "):
+            knob.read({knob.table: kept})
 
 
 def test_records_that_are_no_benchmark_are_named(tmp_path):
