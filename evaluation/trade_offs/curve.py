@@ -149,6 +149,8 @@ class Knob:
             if curve.default not in labels:
                 problem = f"the default {curve.default} was not measured; measured: {', '.join(labels) or 'nothing'}"
                 raise InputError(problem, file=file, field=self.setting)
+            if len(labels) < 2:  # the default would be the knee of nothing
+                raise InputError(f"only the default {curve.default} was measured", file=file, field=self.setting)
         return curves
 
 

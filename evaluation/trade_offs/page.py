@@ -85,8 +85,9 @@ def write_page(file: Path, tables: Mapping[str, pd.DataFrame]) -> None:
         tables: Records of the benchmarks `surface`, `target` and `training`.
     """
     lines = [INTRODUCTION, *_presets(tables["training"])]
-    for stage, members in groupby(knobs(), key=lambda knob: knob.stage):
-        shown = [(knob, knob.read(tables)) for knob in members]
+    read = [(knob, knob.read(tables)) for knob in knobs()]  # errors come before a figure is written
+    for stage, members in groupby(read, key=lambda entry: entry[0].stage):
+        shown = list(members)
         figure = file.parent / "images" / f"trade_offs_{stage}.png"
         figure.parent.mkdir(parents=True, exist_ok=True)
         draw_trade_offs(figure, shown)

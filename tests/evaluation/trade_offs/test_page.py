@@ -119,6 +119,13 @@ def test_a_default_that_was_not_measured_is_named_with_its_file(tables):
         described(tables, "gtstar.supersampling")
 
 
+def test_a_default_alone_is_no_curve_and_nothing_is_written(tables, tmp_path):
+    tables["training"] = tables["training"][~tables["training"].case.str.startswith("capture.toy")]
+    with pytest.raises(InputError, match=r"training\.csv: capture\.toy.*only the default 208x272 was measured"):
+        page.write_page(tmp_path / "benchmarks.md", tables)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("knob", list(knobs()), ids=lambda knob: knob.setting)
 def test_records_of_another_version_are_named(knob, tables):
     """A file that is complete but for the times, or empty."""
