@@ -1,7 +1,7 @@
 # make reproduce   set-up, the study, its table, figures and report: on a machine with nothing but Python and make
 # make test        every check that needs neither a GPU nor network weights
 # make chaos       a study under 106 kills and other disturbances: half an hour
-# make bench       what the parts cost: results/benchmark; leave the machine alone meanwhile
+# make bench       what the parts cost: results/benchmark and docs/benchmarks.md; leave the machine alone meanwhile
 # make lock        the lock and the bill of materials again, after an edit of pyproject.toml
 # make cluster     the tests of docs/clusters.md, in an environment with executors for clusters and an S3 server
 # make audit       known vulnerabilities of what is locked; skipped where their list cannot be reached
@@ -42,6 +42,8 @@ chaos: .venv/installed
 
 bench: .venv/installed
 	snakemake --cores 1 -- benchmark
+	cp results/benchmark/benchmarks.md docs/
+	cp results/benchmark/images/*.png docs/images/
 
 lock: .venv/installed
 	uv pip compile --quiet --no-header --universal --python-version 3.11 --generate-hashes --extra dev --extra diffusion pyproject.toml --output-file requirements.lock

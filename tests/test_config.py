@@ -89,6 +89,52 @@ def test_default_presets_are_the_defaults(stage, preset, tmp_path):
     assert settings == STAGES[stage]()
 
 
+@many_compositions
+@pytest.mark.parametrize("study", known("study"))
+def test_presets_are_relative_to_the_study(study):
+    own = compose(f"study={study}")
+    assert compose(f"study={study}", "preset=balanced") == own
+    for preset, factor in (("fast", 0.5), ("best", 2)):
+        changed = compose(f"study={study}", f"preset={preset}")
+        assert changed.train.iterations == factor * own.train.iterations
+        assert changed.train.density.stop == factor * own.train.density.stop
+        assert changed.train.sh_degree >= own.train.sh_degree
+        for key in OPTIONS:
+            if not key.startswith("train."):
+                assert OmegaConf.select(changed, key) == OmegaConf.select(own, key)
+
+
+@many_compositions
+@pytest.mark.parametrize("preset", known("preset"))
+def test_a_preset_and_a_variant_change_different_settings(preset):
+    """Each keeps its changes, in any order."""
+    for variant in known("variant"):
+        alone, both = compose(f"variant={variant}"), compose(f"preset={preset}", f"variant={variant}")
+        assert compose(f"variant={variant}", f"preset={preset}") == both == compose_variant(variant, f"preset={preset}")
+        changed, default = compose(f"preset={preset}"), compose()
+        for key in OPTIONS:
+            before, value = (OmegaConf.select(config, key) for config in (default, alone))
+            expected = value if value != before else OmegaConf.select(changed, key)
+            assert OmegaConf.select(both, key) == expected
+
+
+@pytest.mark.parametrize("overrides", [("preset=best", "train.iterations=7"), ("train.iterations=7", "preset=best")])
+def test_a_key_on_the_command_line_wins_over_a_preset(overrides):
+    train = compose_study(*overrides, "train.sh_degree=1").train
+    assert (train.iterations, train.sh_degree, train.density.stop) == (7, 1, 2 * compose().train.density.stop)
+
+
+def test_a_preset_keeps_a_study_that_has_more():
+    assert compose("study=paper", "preset=best").train.sh_degree == compose("study=paper").train.sh_degree == 3
+    assert compose("study=toy", "preset=best").train.sh_degree == 2
+
+
+def test_what_is_relative_outside_of_a_preset_is_refused():
+    with pytest.raises(SettingsError, match=r"train\.seed: .*only a preset"):
+        compose("preset=fast", "train.seed=${times:2}")
+    assert compose("preset=fast").train.iterations == compose().train.iterations // 2  # and leaves nothing behind
+
+
 def test_presets_of_the_paper_are_literal(tmp_path):
     """The paper's weight is |K|^gamma, its path the linear blend of two solves."""
     settings = load("exaggerate", "study=paper", folder=tmp_path)
@@ -280,6 +326,8 @@ def test_data_folder_comes_from_the_environment(monkeypatch):
     [
         ("study=tyo", ("study=tyo", "paper, toy")),
         ("exaggerate=thick", ("exaggerate=thick", "paper, relative_to_mean")),
+        ("preset=slow", ("preset=slow", "balanced, best, fast")),
+        ("train.iterations=${times:2}", ("train.iterations", "only a preset")),
         ("study.subjects=[nobody]", ("study.subjects", "nobody", "toy")),
         ("study.variants=[surfhaed]", ("study.variants", "surfhaed", "surfhead")),
         ("study.variants=[]", ("study.variants",)),
@@ -439,7 +487,7 @@ def test_subjects_of_ones_own_are_found_in_the_current_directory(tmp_path, monke
     compose.cache_clear()
 
 
-@pytest.mark.parametrize("group", ["subject", "study", "variant"])
+@pytest.mark.parametrize("group", ["subject", "study", "variant", "preset"])
 def test_a_file_without_its_package_is_told_what_its_first_line_is(group, tmp_path, monkeypatch):
     file = tmp_path / f"conf/{group}/anna.yaml"
     file.parent.mkdir(parents=True)

@@ -16,6 +16,7 @@ from carigs.config.folders import check_package, conf_folders
 from carigs.config.hydra_errors import describe
 from carigs.config.names import check_names, expand_patterns
 from carigs.config.overrides import check_overrides, check_study_overrides
+from carigs.config.relative import relative_to
 from carigs.errors import SettingsError
 from carigs.readers.yaml_files import check_yaml
 from carigs.settings import Config, combine_mask_flags
@@ -50,7 +51,8 @@ def compose(*overrides: str) -> DictConfig:
     try:
         with initialize_config_dir(str(conf), version_base="1.3"):
             config = hydra_compose("config", [*search, *overrides])
-            OmegaConf.resolve(config)
+            with relative_to(lambda: hydra_compose("config", [*search, *overrides, "preset=balanced"])):
+                OmegaConf.resolve(config)
     except (HydraException, OmegaConfBaseException, YAMLError, ValueError, OverflowError, RecursionError) as error:
         raise SettingsError(describe(error)) from error
     check_section(Config, config)

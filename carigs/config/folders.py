@@ -19,7 +19,7 @@ def project_root() -> Path:
 
 
 CONF = project_root() / "conf"
-GROUPS = ("study", "subject", "variant", "exaggerate")
+GROUPS = ("study", "preset", "subject", "variant", "exaggerate")
 """Configuration groups: folders of `conf/`, one file per choice."""
 
 
@@ -44,7 +44,7 @@ def conf_folders() -> list[Path]:
 
 
 def check_package(file: Path) -> None:
-    """Refuse a subject, study or variant whose keys Hydra would put below the name of the group.
+    """Refuse a study, preset, subject or variant whose keys Hydra would put below the name of the group.
 
     Args:
         file: File of a configuration group, which has passed `check_yaml`.
@@ -52,7 +52,7 @@ def check_package(file: Path) -> None:
     Raises:
         InputError: If there is no comment with Hydra's `@package`.
     """
-    if file.parent.name in ("study", "subject", "variant") and "@package" not in file.read_text("utf-8"):
+    if file.parent.name in ("study", "preset", "subject", "variant") and "@package" not in file.read_text("utf-8"):
         raise InputError("its first line must be `# @package _global_`", file=file)
 
 

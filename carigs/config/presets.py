@@ -8,11 +8,12 @@ from carigs.config.folders import CONF, GROUPS
 
 _HEADER = """## Presets
 
-Files of `conf/` that come with carigs. `study=` and `exaggerate=` are chosen on the command line; subjects and variants
-by `study.subjects` and `study.variants`.
+Files of `conf/` that come with carigs. `study=`, `preset=` and `exaggerate=` are chosen on the command line; subjects
+and variants by `study.subjects` and `study.variants`.
 """
 _MEANINGS = {
     "study": "subjects, variants, levels and settings that make one table",
+    "preset": "time against quality, for any study",
     "subject": "one person's capture",
     "variant": "how an avatar is trained",
     "exaggerate": "how the caricature is solved",

@@ -11,7 +11,7 @@ from carigs.capture import Capture
 from carigs.gtstar.frame_views import TimestepViews, load_views
 from carigs.gtstar.mask_flags import MaskFlag
 from carigs.head import pose
-from carigs.light.fitting import Observation, fit_light, observe_skin
+from carigs.light.fitting import DIRECTIONS, Observation, fit_light, observe_skin
 from carigs.light.shading import Shading
 from carigs.settings import Gtstar
 
@@ -29,6 +29,7 @@ def fit_capture_shading(
     face_flags: UInt16[np.ndarray, " f"],
     map_timesteps: Callable = map,
     cache: dict[int, TimestepViews] | None = None,
+    num_directions: int = DIRECTIONS,
 ) -> Shading | None:
     """Fit the light of a capture.
 
@@ -38,6 +39,7 @@ def fit_capture_shading(
         face_flags: Flags of the triangles; those without any are skin.
         map_timesteps: `map`, or that of an executor; the result does not depend on it.
         cache: Receives the views of the timesteps, up to `CACHE_BYTES`, so that they need not be loaded again.
+        num_directions: Number of directions of the light.
 
     Returns:
         The shading, or None if nothing is relit.
@@ -59,7 +61,7 @@ def fit_capture_shading(
         pairs = [(view.image, view.natural) for view in views.views.values()]
         return observe_skin(pairs, views.vertices, model.faces, skin)
 
-    directions, light = fit_light(list(map_timesteps(observe, fitted)), model.faces, map_timesteps)
+    directions, light = fit_light(list(map_timesteps(observe, fitted)), model.faces, map_timesteps, num_directions)
     kept = (face_flags & np.uint16(KEPT.value)) > 0
     return Shading(directions, light, settings.relight_strength, settings.relight_limit, kept)
 

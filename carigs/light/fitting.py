@@ -23,7 +23,7 @@ from carigs.raster import Visibility
 from carigs.raster.vertex_colours import sample_colours, visible_vertices
 
 CANDIDATES = 256  # directions of the coarse fit
-BRIGHTEST = 64  # directions of the final fit
+DIRECTIONS = 64  # the brightest of them, which the final fit and all shading use
 VERTEX_STRIDE = 4  # of the vertices that the fit uses
 COARSE_TIMESTEPS = 3
 COARSE_ROUNDS, ROUNDS = 2, 30  # of light, then albedo; convergence is slow because each can explain most of the other
@@ -71,7 +71,10 @@ def observe_skin(
 
 
 def fit_light(
-    observations: list[Observation], faces: Int[np.ndarray, "f 3"], map_timesteps: Callable = map
+    observations: list[Observation],
+    faces: Int[np.ndarray, "f 3"],
+    map_timesteps: Callable = map,
+    num_directions: int = DIRECTIONS,
 ) -> tuple[Float64[np.ndarray, "d 3"], Float64[np.ndarray, "k 3"]]:
     """Fit the light of a capture by alternating least squares; the light of each direction is not negative.
 
@@ -82,6 +85,7 @@ def fit_light(
         observations: Colours of the skin at several timesteps.
         faces: Vertex indices of the triangles.
         map_timesteps: `map`, or that of an executor; the result does not depend on it.
+        num_directions: Number d of directions of the result, at most `CANDIDATES`.
 
     Returns:
         The brightest directions (d, 3), and the light from each as rows of (d + 1, 3), the last one for light that the
@@ -89,7 +93,7 @@ def fit_light(
     """
     observations = [o for o in observations if (o.weight[::VERTEX_STRIDE] > 0).any()]
     if not observations:
-        return fibonacci_sphere(BRIGHTEST), np.zeros((BRIGHTEST + 1, 3))
+        return fibonacci_sphere(num_directions), np.zeros((num_directions + 1, 3))
 
     def fit(
         subset: list[Observation], directions: Float64[np.ndarray, "d 3"], rounds: int
@@ -101,7 +105,7 @@ def fit_light(
     candidates = fibonacci_sphere(CANDIDATES)
     with threadpool_limits(1, "blas"):  # the order of additions would depend on the number of BLAS threads
         light = fit(observations[:: max(1, len(observations) // COARSE_TIMESTEPS)], candidates, COARSE_ROUNDS)
-        directions = candidates[np.sort(np.argsort(-light[:-1].sum(axis=1))[:BRIGHTEST])]
+        directions = candidates[np.sort(np.argsort(-light[:-1].sum(axis=1))[:num_directions])]
         return directions, fit(observations, directions, ROUNDS)
 
 

@@ -89,7 +89,7 @@ def plot_target(file: Path, measurements: Sequence[Measurement]) -> None:
             if option := WARP.fullmatch(case):
                 axes.plot(
                     *values.loc[case, ["visibility, warp and masks", "99th percentile of the error"]],
-                    "os^"[int(option["samples"]).bit_length() - 1],
+                    "os^D"[int(option["samples"]).bit_length() - 1],
                     color="tab:blue" if option["warp"] == "perspective" else "0.6",
                     fillstyle="full" if option["antialias"] == "on" else "none", label=case,
                 )  # fmt: skip

@@ -23,6 +23,7 @@ from carigs.mesh.ambient_occlusion import ambient_occlusion
 from carigs.readers.meshes import read_mesh
 from carigs.settings import Exaggerate
 from evaluation.benchmarks import surface_accuracy as accuracy
+from evaluation.benchmarks.curvature_accuracy import measure_curvature
 from evaluation.benchmarks.plots import plot_surface
 from evaluation.benchmarks.posing import measure_posing
 from evaluation.benchmarks.surface_solvers import measure_fill_in, measure_solvers
@@ -88,7 +89,7 @@ def measurements(heads: Mapping[str, Mesh], typical: str, model: HeadModel | Non
     """
     yield from measure_posing()
     yield from accuracy.measure_sphere_law(range(2, 7))
-    yield from accuracy.measure_curvature(range(2, 6))
+    yield from measure_curvature(range(2, 6))
     for name, mesh in heads.items():
         yield from measure_head(name, mesh)
     for name in accuracy.PRESETS:

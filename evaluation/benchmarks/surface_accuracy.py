@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-import igl
 import numpy as np
 import trimesh
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from omegaconf import OmegaConf
 
 from carigs.config import compose
@@ -16,9 +16,7 @@ from carigs.exaggeration import Exaggerator, GammaPath, transfer_blendshapes
 from carigs.exaggeration.blend_bound import blend_bounds
 from carigs.exaggeration.blendshape_transfer import TRANSFER_FACTORS
 from carigs.head import HeadModel, HeadParameters, neutral
-from carigs.mesh.cotan_laplacian import CotanLaplacian, mixed_voronoi_areas
-from carigs.mesh.curvature import angle_defects, diffuse_heat
-from carigs.mesh.triangle_mesh import boundary_vertices, diagonal, size
+from carigs.mesh.triangle_mesh import diagonal
 from carigs.settings import Exaggerate
 from evaluation.benchmarks.timing import Measurement, median_time
 
@@ -63,70 +61,15 @@ def measure_sphere_law(subdivisions: range) -> Iterator[Measurement]:
         coarser = error
 
 
-def measure_curvature(refinements: range) -> Iterator[Measurement]:
-    """Measure the relative rms error of estimators of Gaussian curvature on surfaces with a known one.
-
-    Args:
-        refinements: Finenesses of the meshes.
-
-    Yields:
-        Errors; the reference is the error of the previous mesh.
-    """
-    coarser: dict[tuple[str, str], float] = {}
-    for n in refinements:
-        for surface, (vertices, faces, truth) in _surfaces(n).items():
-            areas = mixed_voronoi_areas(vertices, faces)
-            for name, estimate in _estimates(vertices, faces, areas).items():
-                error = np.sqrt(np.average((estimate - truth) ** 2, weights=areas))
-                error = float(error / np.sqrt(np.average(truth**2, weights=areas)))
-                case = f"{surface}, {len(vertices)} vertices"
-                yield Measurement(case, f"error of K: {name}", "1", error, coarser.get((surface, name)))
-                coarser[surface, name] = error
-
-
-def _surfaces(n: int) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Vertices, faces and true K at refinement n."""
-    ball = trimesh.creation.icosphere(subdivisions=n)
-    axes = np.array([1.0, 0.7, 1.4])
-    points = np.asarray(ball.vertices) * axes
-    # K = 1 / (a b c sum (x/a^2)^2)^2
-    ellipsoid = 1 / (axes.prod() ** 2 * ((points / axes**2) ** 2).sum(axis=1) ** 2)
-    surfaces = {"ellipsoid": (points, np.asarray(ball.faces), ellipsoid)}
-    around, across = 16 * 2 ** (n - 1), 8 * 2 ** (n - 1)
-    ring = trimesh.creation.torus(1.0, 0.4, major_sections=around, minor_sections=across)
-    x, y, z = np.asarray(ring.vertices).T
-    angles = np.stack([np.arctan2(y, x), np.arctan2(z, np.hypot(x, y) - 1.0)], axis=1)
-    noise = np.random.default_rng(0).uniform(-0.2, 0.2, angles.shape) * 2 * np.pi / np.array([around, across])
-    for name, (u, v) in {"torus": angles.T, "torus shaken by 20 % of an edge": (angles + noise).T}.items():
-        reach = 1 + 0.4 * np.cos(v)
-        points = np.stack([reach * np.cos(u), reach * np.sin(u), 0.4 * np.sin(v)], axis=1)
-        surfaces[name] = points, np.asarray(ring.faces), np.cos(v) / (0.4 * reach)
-    return surfaces
-
-
-def _estimates(
-    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], areas: Float[np.ndarray, " v"]
-) -> dict[str, Float[np.ndarray, " v"]]:
-    defects = angle_defects(vertices, faces, boundary_vertices(faces, len(vertices)))
-    thirds = np.bincount(faces.ravel(), np.repeat(igl.doublearea(vertices, faces) / 6, 3), len(vertices))
-    stiffness = CotanLaplacian(vertices, faces).stiffness()
-    estimates = {"angle defect, mixed Voronoi": defects / areas, "angle defect, barycentric": defects / thirds}
-    for share in (0.005, 0.02):
-        time = (share * size(vertices, faces)) ** 2
-        estimates[f"the first, heat {100 * share:g} %"] = diffuse_heat(defects / areas, areas, stiffness, time)
-    _, _, highest, lowest, *_ = igl.principal_curvature(vertices, faces)
-    return {**estimates, "quadric fit (libigl)": highest * lowest}
-
-
 def measure_paths(case: str, solver: Exaggerator) -> Iterator[Measurement]:
-    """Measure the error of paths of 2 to 8 Lobatto nodes against exact solutions, and the time of one level.
+    """Measure the error of paths of 2 to 8 Lobatto nodes against exact solutions, and their times.
 
     Args:
         case: Name of the head.
         solver: Its solver.
 
     Yields:
-        Records; references are those of two nodes, the paper's linear blend.
+        Records; references are those of two nodes, the paper's linear blend. Last the nodes of the default path.
     """
     levels, extent = np.linspace(0, GAMMA, 26), diagonal(solver.vertices)
     exact = solver.solve_many(levels)
@@ -136,9 +79,12 @@ def measure_paths(case: str, solver: Exaggerator) -> Iterator[Measurement]:
         path = GammaPath(nodes, solver.solve_many(nodes).astype(np.float32), solver.faces, solver.vertices)
         error = path_error(path, levels, exact) / extent
         query = median_time(lambda path=path: path.displacement(0.1), 200)
+        solve = median_time(lambda nodes=nodes: solver.solve_many(nodes), 3, time.process_time)
         yield Measurement(case, f"largest error of a path of {count} nodes", "diagonal", error, blend and blend[0])
         yield Measurement(case, f"one level of a path of {count} nodes", "s", query, blend and blend[1])
-        blend = blend or (error, query)
+        yield Measurement(case, f"CPU: solve a path of {count} nodes", "s", solve, blend and blend[2])
+        blend = blend or (error, query, solve)
+    yield Measurement(case, "nodes of the default path", "1", len(solver.path(GAMMA).levels))
 
 
 def path_error(path: GammaPath, levels: Float[np.ndarray, " n"], exact: Float[np.ndarray, "n v 3"]) -> float:

@@ -36,7 +36,8 @@ def measure_solvers(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "
         faces: Vertex indices of the triangles.
 
     Yields:
-        CPU seconds of all threads; references are those of the first solver, which carigs uses.
+        CPU seconds of all threads; references are those of the first solver, which carigs uses. And the norm of the
+        residual over that of the right-hand side.
     """
     too_slow: set[str] = set()
     for _ in range(SIZES):
@@ -47,9 +48,11 @@ def measure_solvers(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "
         for name, make in _solvers(matrix, mass).items():
             if name in too_slow or len(vertices) > MOST_VERTICES.get(name, np.inf):
                 continue
-            times = _times(make, right_hand_sides)
+            times, residual = _times(make, matrix, right_hand_sides)
+            case = f"{len(vertices)} vertices, {name}"
             for quantity, value in times.items():
-                yield Measurement(f"{len(vertices)} vertices, {name}", quantity, "s", value, first.get(quantity))
+                yield Measurement(case, quantity, "s", value, first.get(quantity))
+            yield Measurement(case, "relative residual of one level", "1", residual)
             first = first or times
             if times["one level"] > MAX_FIRST_LEVEL:
                 too_slow.add(name)
@@ -105,16 +108,22 @@ def _solvers(matrix: csc_array, mass: np.ndarray) -> Mapping[str, Callable[[], S
     }
 
 
-def _times(make: Callable[[], Solve], right_hand_sides: Float[np.ndarray, "n c"]) -> dict[str, float]:
-    """CPU seconds to factorise, and with that for one level (3 columns) and for all of them."""
+def _times(
+    make: Callable[[], Solve], matrix: csc_array, right_hand_sides: Float[np.ndarray, "n c"]
+) -> tuple[dict[str, float], float]:
+    """CPU seconds to factorise, and with that for one level (3 columns) and for all of them; relative residual."""
     start = time.process_time()
     solve = make()
     factorised = time.process_time() - start
-    one = elapsed(lambda: solve(right_hand_sides[:, :3]), time.process_time)
+    right, start = right_hand_sides[:, :3], time.process_time()
+    solution = solve(right)
+    one = time.process_time() - start
+    residual = float(np.linalg.norm(matrix @ solution - right) / np.linalg.norm(right))
     every = len(LEVELS) * one
     if every <= MAX_ALL_LEVELS:
         every = elapsed(lambda: solve(right_hand_sides), time.process_time)
-    return {"factorise": factorised, "one level": factorised + one, "32 levels": factorised + every}
+    times = {"factorise": factorised, "one level": factorised + one, "32 levels": factorised + every}
+    return times, residual
 
 
 def _right_hand_sides(

@@ -8,17 +8,37 @@ heads = sorted(map(str, Path(environ["CARIGS_DATA"]).glob("meshes/*.obj"))) if "
 
 localrules:
     benchmark,
+    benchmark_page,
 
 
 rule benchmark:
     input:
+        "results/benchmark/benchmarks.md",
         "results/benchmark/capture_index.csv",
         "results/benchmark/image_metric_cost.csv",
         "results/benchmark/metric_cost.csv",
         "results/benchmark/splat.csv",
-        "results/benchmark/surface.csv",
-        "results/benchmark/target.csv",
         f"results/benchmark/quality_{points['study']}_{points['subject'][0]}.csv",
+
+
+rule benchmark_page:
+    input:
+        rows=expand("results/benchmark/{part}.csv", part=("surface", "target", "training")),
+    output:
+        page="results/benchmark/benchmarks.md",
+        figures=expand(
+            "results/benchmark/images/trade_offs_{stage}.{type}",
+            stage=("exaggerate", "gtstar", "train"),
+            type=("png", "pdf"),
+        ),
+    log:
+        "results/benchmark/log/benchmarks.log",
+    conda:
+        "../../environment.yml"
+    params:
+        code=fingerprint("evaluation.trade_offs.page"),
+    shell:
+        "python -m evaluation.trade_offs.page {output.page:q} {input.rows:q} > {log:q} 2>&1"
 
 
 rule benchmark_quality:
@@ -145,3 +165,24 @@ rule benchmark_target:
         code=fingerprint("evaluation.benchmarks.target"),
     shell:
         "python -m evaluation.benchmarks.target {output.rows:q} > {log:q} 2>&1"
+
+
+rule benchmark_training:
+    output:
+        rows="results/benchmark/training.csv",
+    log:
+        "results/benchmark/log/training.log",
+    conda:
+        "../../environment.yml"
+    threads: 64  # Snakemake lowers it to --cores
+    resources:
+        mem_mb=4000,
+    params:
+        code=fingerprint("evaluation.benchmarks.training_trade_offs"),
+        settings=lambda wildcards: [
+            settings_text(stage, "study=toy", "variant=alternating", f"preset={preset}")
+            for stage in ("capture", "exaggerate", "gtstar", "train")
+            for preset in ("fast", "balanced", "best")
+        ],
+    shell:
+        "python -m evaluation.benchmarks.training_trade_offs {output.rows:q} > {log:q} 2>&1"

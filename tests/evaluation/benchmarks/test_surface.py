@@ -10,11 +10,11 @@ from carigs.errors import InputError
 from carigs.exaggeration import Exaggerator
 from carigs.settings import Exaggerate
 from evaluation.benchmarks import surface_solvers
+from evaluation.benchmarks.curvature_accuracy import measure_curvature
 from evaluation.benchmarks.plots import plot_surface
 from evaluation.benchmarks.surface import measure_set_up, read_heads
 from evaluation.benchmarks.surface_accuracy import (
     measure_blend_bounds,
-    measure_curvature,
     measure_paths,
     measure_sphere_law,
 )

@@ -7,6 +7,7 @@ import pytest
 
 from carigs.capture.images import read_rgb
 from carigs.settings import Toy
+from evaluation.benchmarks.relighting import DIRECTIONS
 from evaluation.benchmarks.target import OPTIONS, benchmark
 
 TINY = Toy(width=48, height=64, cameras=2, steps_per_sequence=1, supersampling=1, texture_size=128, hair_strands=50)
@@ -19,7 +20,7 @@ def test_every_option_is_measured_and_drawn(tmp_path):
     with (tmp_path / "target.csv").open(newline="") as stream:
         records = list(csv.DictReader(stream))
     cases = {record["case"] for record in records}
-    assert len(cases) == 1 + len(OPTIONS) + 4
+    assert len(cases) == 1 + len(OPTIONS) + 4 + len(DIRECTIONS)
     values = {(record["case"], record["quantity"]): float(record["value"]) for record in records}
     assert len(values) == len(records)
     assert np.isfinite(list(values.values())).all() and min(values.values()) >= 0
