@@ -16,11 +16,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from hashlib import file_digest, sha256
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from carigs.errors import InputError
 from carigs.files import write_json
 from carigs.job_lock import job_lock
+from carigs.lap_times import forget_times, mean_times
 from carigs.readers.json_files import json_field, read_json
 
 STALE = 1_000_000_000
@@ -37,6 +39,8 @@ class JobCosts(NamedTuple):
     """Processor time of all threads."""
     peak_memory_mb: float | None
     """Largest resident size of the process; None where the operating system does not count it."""
+    steps: Mapping[str, float] = MappingProxyType({})
+    """Mean wall time of the steps that the stage measures (`carigs.lap_times`)."""
 
 
 Costs = Mapping[tuple[str, str], JobCosts]
@@ -55,7 +59,8 @@ def recorded_job(
     """Hold the lock of a job while it runs, and record at its end what made its outputs.
 
     The record has the name of the log and the suffix `.json`. It lists the outputs alone until the job is complete.
-    Then it also says what the job has cost: wall time, CPU time, and the largest resident size of its process.
+    Then it also says what the job has cost: wall time, CPU time, the largest resident size of its process, and the mean
+    time of the steps that the stage measures.
 
     Args:
         log: Log file of the job, `results/{study}/log/{stage}/{point}.log`.
@@ -81,12 +86,14 @@ def recorded_job(
             "inputs": {str(path): made[str(path)] for path in inputs if str(path) in made},
             "outside": dict(outside),
         }
+        forget_times()
         started = _costs()
         yield
         seconds, cpu_seconds = (after - before for after, before in zip(_costs(), started, strict=True))
         digests = {str(output): content_digest(output) for output in outputs}
         finished = time.time_ns()
         costs = {"seconds": seconds, "cpu_seconds": cpu_seconds, "peak_memory_mb": _peak_memory_mb()}
+        costs["steps"] = mean_times()
         write_json(file, {"finished": finished, **record, "outputs": digests, "costs": costs})
         _set_time(file, finished)
 
@@ -163,7 +170,9 @@ def job_costs(folder: Path) -> dict[tuple[str, str], JobCosts]:
             if costs.get("peak_memory_mb") is None:
                 del kinds["peak_memory_mb"]
             values = {key: json_field(costs, key, kind, file=file, where="costs") for key, kind in kinds.items()}
-            found[file.parent.name, file.stem] = JobCosts(**{"peak_memory_mb": None, **values})
+            steps = json_field(costs, "steps", dict, file=file, where="costs") if "steps" in costs else {}
+            steps = {step: json_field(steps, step, float, file=file, where="costs.steps") for step in steps}
+            found[file.parent.name, file.stem] = JobCosts(**{"peak_memory_mb": None, **values}, steps=steps)
     return found
 
 

@@ -10,12 +10,14 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from carigs.errors import CarigsError, InputError
 from carigs.job_lock import job_lock, remove_free_locks
-from carigs.job_record import STALE, is_stale, recorded_job, set_modification_times, unfinished_jobs
+from carigs.job_record import STALE, is_stale, job_costs, recorded_job, set_modification_times, unfinished_jobs
+from carigs.lap_times import timed
 from carigs.processes import this_process
 
 
@@ -204,3 +206,18 @@ def test_jobs_that_failed_since_a_time_are_listed_in_order(study):
     assert unfinished_jobs(study / "log", start) == [study / "log/render/a.log", study / "log/metrics/a.log"]
     assert unfinished_jobs(study / "log", start + 1.5) == [study / "log/metrics/a.log"]
     assert unfinished_jobs(study / "nothing", start) == []
+
+
+def test_times_of_steps_are_those_of_the_job_alone_and_leave_out_the_first(tmp_path, monkeypatch):
+    settings = tmp_path / "settings/render/all.yaml"
+    settings.parent.mkdir(parents=True)
+    settings.write_text("")
+    clock = iter([0, 50, 100, 120, 200, 201, 300, 303])  # begin and end of each step
+    monkeypatch.setattr("carigs.lap_times.time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    with timed("frame"):  # before the job
+        pass
+    with recorded_job(tmp_path / "log/render/all.log", settings, "code", [], [], {}):
+        for _ in range(3):
+            with timed("frame"):
+                pass
+    assert job_costs(tmp_path / "log")["render", "all"].steps == {"frame": 2}

@@ -15,7 +15,7 @@ from carigs.job_record import Costs, job_costs
 from carigs.readers.yaml_files import read_yaml_text
 from carigs.settings import Card
 from evaluation.card.card import Value, make_card, write_card
-from evaluation.card.costs import Job, Rendering, avatar_values, count_frames, stage_values
+from evaluation.card.costs import Job, Rendering, avatar_values, stage_values
 from evaluation.card.document import write_markdown
 from evaluation.card.provenance import commit, find_seeds, machine, versions
 from evaluation.metrics.catalogue import CATALOGUE
@@ -33,7 +33,6 @@ def card(
     table: Path,
     captures: Sequence[Path],
     avatars: Sequence[Path],
-    indices: Sequence[Path],
     made_with: Sequence[Path],
     subjects: Sequence[str],
     variants: Sequence[str],
@@ -51,7 +50,6 @@ def card(
         table: Summary of the study, as the stage `tabulate` writes it.
         captures: Index of the capture of each subject.
         avatars: Avatar of each subject, variant and seed.
-        indices: Index of the rendered frames of each subject, variant, seed and level.
         made_with: Settings of the stages, `settings/{stage}/{point}.yaml`.
         subjects: Names of the subjects.
         variants: Names of the variants.
@@ -68,14 +66,15 @@ def card(
     costs = job_costs(Path(logs))
     tabulated = load_settings("tabulate", next(file for file in made_with if file.parent.name == "tabulate"))
     files = dict(zip(product(subjects, variants, seeds), avatars, strict=True))
-    frames: dict[tuple[str, str], list[Rendering]] = {}
-    for (subject, variant, seed, level), index in zip(product(subjects, variants, seeds, levels), indices, strict=True):
-        job = Job("render", f"{subject},gamma={gamma},{variant},seed={seed},level={level}")
-        rendering = Rendering(job, int(seed), float(level), count_frames(index))
-        frames.setdefault((subject, variant), []).append(rendering)
     values = []
-    for (subject, variant), renderings in frames.items():
+    for subject, variant in product(subjects, variants):
         trained = {int(seed): files[subject, variant, seed] for seed in seeds}
+        renderings = [
+            Rendering(
+                Job("render", f"{subject},gamma={gamma},{variant},seed={seed},level={level}"), int(seed), float(level)
+            )
+            for seed, level in product(seeds, levels)
+        ]
         values += avatar_values(subject, variant, trained, renderings, costs, tabulated)
     values += stage_costs(costs, {*subjects, *variants, f"gamma={gamma}", *(f"seed={seed}" for seed in seeds)})
     images = {subject: _image_size(file) for subject, file in zip(subjects, captures, strict=True)}

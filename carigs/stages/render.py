@@ -17,7 +17,9 @@ from carigs.capture.orbit import orbit_cameras
 from carigs.errors import SettingsError
 from carigs.files import writing_folder
 from carigs.head import read_subject_path
+from carigs.lap_times import timed
 from carigs.settings import Render
+from evaluation.card.costs import FRAME
 from evaluation.tables.frame_records import FrameRecord, write_frame_records
 
 
@@ -78,7 +80,8 @@ def render(
     meter, measured = AvatarGeometry(subject, person, gamma_path, level, settings.backend), list[FrameRecord]()
     with writing_folder(frames) as part:
         for view, camera in track(views, description=f"render level {level:g}", disable=len(views) < 10):
-            shown = person.render_frame(view.timestep, level, camera, backend=settings.backend)
+            with timed(FRAME):
+                shown = person.render_frame(view.timestep, level, camera, backend=settings.backend)
             file = view.file
             (part / file).parent.mkdir(exist_ok=True)
             write_png(part / file, shown.image.numpy())

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from carigs.job_record import Costs
-from carigs.readers.json_files import read_json
 from carigs.readers.npz import read_npz
 from carigs.settings import Tabulate
 from evaluation.card.card import Value
@@ -18,6 +17,9 @@ from evaluation.card.measures import AVATAR_MEASURES, STAGE_MEASURES
 from evaluation.tables.bootstrap import mean_interval
 
 NO_RECORD = "no record of the costs of {} of {} jobs"
+
+FRAME = "frame"
+"""The step of the stage `render` whose mean time is that of a frame."""
 
 
 class Job(NamedTuple):
@@ -35,8 +37,6 @@ class Rendering(NamedTuple):
     seed: int
     """Of the avatar's training."""
     level: float
-    frames: int
-    """Number of its frames."""
 
 
 def avatar_values(
@@ -75,11 +75,11 @@ def avatar_values(
         value("surfels", surfels, [*avatars]),
         value("avatar_bytes", [os.path.getsize(file) for file in avatars.values()], [*avatars]),
     ]
-    timed = [rendering for rendering in renderings if rendering.job in costs and rendering.frames]
+    timed = [rendering for rendering in renderings if rendering.job in costs and FRAME in costs[rendering.job].steps]
     if not timed:
         reason = NO_RECORD.format(len(renderings), len(renderings))
         return values + missing_avatar_values(subject, variant, reason, ("frame_seconds", "frames_per_second"))
-    seconds = [costs[rendering.job].seconds / rendering.frames for rendering in timed]
+    seconds = [costs[rendering.job].steps[FRAME] for rendering in timed]
     seeds, levels = [rendering.seed for rendering in timed], [rendering.level for rendering in timed]
     time = value("frame_seconds", seconds, seeds, levels)
     ends = {"low": time.high and 1 / time.high, "high": 1 / time.low if time.low else None}
@@ -130,18 +130,3 @@ def stage_values(stages: Mapping[str, Sequence[Job]], costs: Costs) -> list[Valu
                 Value(measure, "", "", None, "stage", stage, "", amount, None, None, len(known), missing, why)
             )
     return values
-
-
-def count_frames(index: Path) -> int:
-    """Count the frames of an index.
-
-    Args:
-        index: Index of rendered frames, which need not be there.
-
-    Returns:
-        Their number.
-
-    Raises:
-        InputError: The index is missing or broken.
-    """
-    return len(read_json(index, list))

@@ -18,11 +18,11 @@ AVATAR_MEASURES: Catalogue = {
         "lower",
         4,
         "s",
-        "time of a job of the stage render, divided by its frames: with the loading of the avatar, posing, the metrics "
-        "of its geometry and compression to PNG; n counts jobs, one per seed and level",
+        "mean time of posing, shading, skinning and rasterising a frame of the stage render at its resolution, but for "
+        "the first, which loads compiled kernels; n counts jobs, one per seed and level",
     ),
     "frames_per_second": Metric(
-        "FPS", "higher", 1, "1/s", "1 / time of a frame: a batch on this machine, not the rate of a viewer"
+        "FPS", "higher", 1, "1/s", "1 / time of a frame, without loading, metrics and compression to PNG"
     ),
 }
 """Measures of one avatar, in the order of the columns."""

@@ -18,7 +18,6 @@ rule card:
         table=f"results/{{study}}/table/gamma={points['gamma']}.csv",
         captures=of_study("results/{study}/{subject}/capture.json"),
         avatars=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/avatar.npz"),
-        indices=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/frames.json"),
         made_with=made_with,
     output:
         card="results/{study}/card.json",

@@ -19,7 +19,7 @@ from carigs.errors import InputError
 from carigs.job_record import JobCosts
 from carigs.settings import Tabulate
 from evaluation.card.card import make_card, read_card, write_card
-from evaluation.card.costs import Job, Rendering, avatar_values, stage_values
+from evaluation.card.costs import FRAME, Job, Rendering, avatar_values, stage_values
 from evaluation.card.document import card_parts, write_markdown
 from evaluation.card.provenance import commit, find_seeds, machine, versions
 from evaluation.metrics.catalogue import CATALOGUE
@@ -161,10 +161,10 @@ def test_another_file_is_no_card(summaries, change, tmp_path):
         read_card(tmp_path / "card.json")
 
 
-def test_the_time_of_a_frame_is_that_of_the_jobs_over_their_frames(tmp_path):
+def test_the_time_of_a_frame_is_the_mean_of_what_the_jobs_measured(tmp_path):
     np.savez(tmp_path / "avatar.npz", surfel_binding=np.zeros(7, np.int32))
-    renderings = [Rendering(Job("render", str(i)), 0, i / 4, 10) for i in range(4)]
-    costs = {rendering.job: JobCosts(2.0, 1.0, 100.0) for rendering in renderings}
+    renderings = [Rendering(Job("render", str(i)), 0, i / 4) for i in range(4)]
+    costs = {rendering.job: JobCosts(2.0, 1.0, 100.0, {FRAME: 0.2}) for rendering in renderings}
     avatars = {0: tmp_path / "avatar.npz"}
     found = {v.measure: v for v in avatar_values("anna", "ours", avatars, renderings, costs, SETTINGS)}
     assert found["surfels"].value == 7
@@ -180,8 +180,8 @@ def test_the_costs_of_a_variant_are_means_over_its_seeds(tmp_path):
     avatars = {seed: tmp_path / f"{seed}.npz" for seed in (0, 1)}
     for seed, file in avatars.items():
         np.savez(file, surfel_binding=np.zeros(7 + 2 * seed, np.int32))
-    renderings = [Rendering(Job("render", f"{s},{i}"), s, i / 4, 10) for s in avatars for i in range(4)]
-    costs = {rendering.job: JobCosts(2.0 + rendering.seed, 1.0, None) for rendering in renderings}
+    renderings = [Rendering(Job("render", f"{s},{i}"), s, i / 4) for s in avatars for i in range(4)]
+    costs = {rendering.job: JobCosts(9.0, 1.0, None, {FRAME: 0.2 + 0.1 * rendering.seed}) for rendering in renderings}
     found = {v.measure: v for v in avatar_values("anna", "ours", avatars, renderings, costs, SETTINGS)}
     surfels, frame, rate = (found[name] for name in ("surfels", "frame_seconds", "frames_per_second"))
     assert (surfels.value, surfels.n, frame.n) == (8, 2, 8)
