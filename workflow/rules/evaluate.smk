@@ -87,9 +87,9 @@ rule figures:
         capture="results/{study}/{subject}/capture.json",
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
         # Renders the local edits; studies without the method have none.
-        avatar=(
+        avatar=lambda wildcards: (
             "results/{study}/{subject}/gamma={gamma}/alternating/avatar.npz"
-            if "alternating" in points["variant"]
+            if "alternating" in points(wildcards.study)["variant"]
             else []
         ),
         indices=all_points("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json"),

@@ -12,10 +12,15 @@ made_with = of_study(
 )
 
 
+def study_table_file(wildcards):
+    """The table of the study's gamma."""
+    return "results/{study}/table/gamma={gamma}.csv".format(**points(wildcards.study))
+
+
 rule card:
     input:
         settings="results/{study}/settings/card/all.yaml",
-        table=f"results/{{study}}/table/gamma={points['gamma']}.csv",
+        table=study_table_file,
         captures=of_study("results/{study}/{subject}/capture.json"),
         avatars=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/avatar.npz"),
         indices=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json"),
@@ -29,10 +34,10 @@ rule card:
         "../../environment.yml"
     params:
         code=fingerprint("carigs.stages.card"),
-        subjects=points["subject"],
-        variants=points["variant"],
-        levels=points["level"],
-        gamma=points["gamma"],
+        subjects=lambda wildcards: points(wildcards.study)["subject"],
+        variants=lambda wildcards: points(wildcards.study)["variant"],
+        levels=lambda wildcards: points(wildcards.study)["level"],
+        gamma=lambda wildcards: points(wildcards.study)["gamma"],
         logs="results/{study}/log",
     script:
         "../scripts/stage.py"
@@ -42,7 +47,7 @@ rule report:
     input:
         settings="results/{study}/settings/report/all.yaml",
         card="results/{study}/card.json",
-        table=f"results/{{study}}/table/gamma={points['gamma']}.csv",
+        table=study_table_file,
         figures=of_study("results/{study}/figures/{subject}/gamma={gamma}"),
         captures=of_study("results/{study}/{subject}/capture.json"),
         indices=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json"),
@@ -61,9 +66,9 @@ rule report:
         "../../environment.yml"
     params:
         code=fingerprint("carigs.stages.report"),
-        subjects=points["subject"],
-        variants=points["variant"],
-        levels=points["level"],
+        subjects=lambda wildcards: points(wildcards.study)["subject"],
+        variants=lambda wildcards: points(wildcards.study)["variant"],
+        levels=lambda wildcards: points(wildcards.study)["level"],
         logs="results/{study}/log",
     script:
         "../scripts/stage.py"
