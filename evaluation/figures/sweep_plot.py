@@ -19,7 +19,7 @@ PANEL_WIDTH, PANEL_HEIGHT = 1.7, 1.7
 """Least width of a panel, and its height, in inches."""
 COLUMNS = 3
 """Panels side by side where each measure has one."""
-DASHES = ("-", "--", ":", "-.")
+DASHES = ("-", "--")
 MAX_CURVES = len(PALETTE) * len(DASHES)
 """Curves of a panel that can be told apart."""
 LOG_RATIO = 20.0
