@@ -6,6 +6,7 @@ import argparse
 import json
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import replace
 
 from carigs.cli.parser import study_parser
 from carigs.config import project_root, read_sweep, snakemake_config, split_sweep, study_table
@@ -118,9 +119,11 @@ def _text(plan: Plan) -> str:
 
 def _footage_lines(footage: Mapping[tuple[str, str], Footage]) -> list[str]:
     """The images of the subjects, one line for subjects with the same."""
-    lines = []
-    for images in dict.fromkeys(footage.values()):
-        names = list(dict.fromkeys(subject for (_, subject), other in footage.items() if other == images))
+    lines, different = [], {}
+    for (_, subject), images in footage.items():  # the combinations of a sweep mostly have the same
+        different.setdefault((subject, replace(images, source="")), images)
+    for images in dict.fromkeys(different.values()):
+        names = [subject for (subject, _), other in different.items() if other == images]
         shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
         size = f"{images.megapixels:.3g} megapixels"
         lines.append(

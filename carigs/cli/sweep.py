@@ -33,6 +33,9 @@ def main(arguments: list[str]) -> int:
 
     Returns:
         Exit code: 1 if a combination failed.
+
+    Raises:
+        SettingsError: For wrong overrides, before Snakemake starts, and if no key has several values.
     """
     options = parse_run(run_parser("sweep", DESCRIPTION, EXAMPLES), arguments)
     overrides, swept = split_sweep(options.overrides)

@@ -15,7 +15,7 @@ from evaluation.figures.style import MARKERS, PALETTE, TEXT_WIDTH
 from evaluation.tables.metric import Metric
 from evaluation.tables.typeset import ARROWS
 
-PANEL_WIDTH, PANEL_HEIGHT = 1.7, 1.7
+PANEL_WIDTH, PANEL_HEIGHT = 1.7, 1.4
 """Least width of a panel, and its height, in inches."""
 COLUMNS = 3
 """Panels side by side where each measure has one."""
@@ -67,9 +67,10 @@ def plot_sweep(file: Path, table: pd.DataFrame, keys: Sequence[str], shown: Mapp
             for curve, label in enumerate(names[:MAX_CURVES]):
                 _draw_curve(axes, lines[curves[lines.index] == label], name, axis, curve, len(names))
             _mark_values(axes, axis)
-            axes.set(
-                title=variant if number < columns else "", xlabel=keys[0] if number + columns >= len(panels) else ""
-            )
+            lowest = number + columns >= len(panels)
+            axes.tick_params(labelbottom=lowest)
+            axes.set_xlabel(keys[0] if lowest else "")
+            axes.set_title(variant if number < columns else "")
             if number % columns == 0 or len(keys) == 1:
                 axes.set_ylabel(_label(shown[name]))
         for axes in grid[len(panels) :]:
@@ -111,9 +112,14 @@ def _draw_curve(axes: Any, lines: pd.DataFrame, name: str, axis: _Axis, curve: i
     beside = 0.0 if axis.is_numeric else 0.6 * ((curve + 0.5) / count - 0.5)
     places = lines.iloc[:, 0].map(axis.places) + beside
     order = np.argsort(places.to_numpy(), kind="stable")
+    x = places.to_numpy()[order]
     values, low, high = (lines[f"{name}{part}"].to_numpy(float)[order] for part in ("", "_low", "_high"))
-    ends = np.maximum([values - low, high - values], 0.0)  # nan where there is no interval
-    axes.errorbar(places.to_numpy()[order], values, ends, capsize=2, elinewidth=0.7, **_style(curve, axis))
+    style = _style(curve, axis)
+    axes.plot(x, values, **style)
+    known = ~np.isnan(low + high)
+    if known.any():
+        ends = np.maximum([values - low, high - values], 0.0)[:, known]
+        axes.errorbar(x[known], values[known], ends, fmt="none", ecolor=style["color"], elinewidth=0.7, capsize=2)
 
 
 def _mark_values(axes: Any, axis: _Axis) -> None:

@@ -199,9 +199,8 @@ if workflow.is_main_process:
 
 
 def print_warnings():
-    """Repeat the warnings of the settings and of the study's jobs, those of earlier runs too."""
-    folders = dict.fromkeys([*studies, *([swept.study] if swept else [])])
-    logged = [line for study in folders for line in warning_lines(Path("results", study, "log"))]
+    """Repeat the warnings of the settings and of the studies' jobs, those of earlier runs too."""
+    logged = warning_lines(Path("results", study, "log") for study in studies)
     for line in [*all_settings_warnings(), *logged]:
         print(f"carigs: warning: {line}", file=sys.stderr)
 
