@@ -38,9 +38,8 @@ def check_study(combinations: Sequence[Sequence[str]]) -> None:
             shared = settings if overrides is last else compose_variant(variant, *last, point)
             for stage in STAGES.keys() - {"exaggerate"}:
                 if settings[stage] != shared[stage]:
-                    raise SettingsError(
-                        f"gamma has several values and {stage} depends on it; sweep over keys of {stage}"
-                    )
+                    problem = f"gamma has several values, and settings of {stage} depend on it"
+                    raise SettingsError(f"{problem}: run one study per gamma, each with a study.name of its own")
 
 
 def prepare_results(folder: Path, overrides: Sequence[str], stages: Collection[str] = tuple(STAGES)) -> None:
