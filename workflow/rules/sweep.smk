@@ -7,7 +7,7 @@ if swept:
 
     rule sweep:
         input:
-            settings=f"results/{swept.combinations[0].study}/settings/sweep/all.yaml",
+            settings="results/{study}/settings/sweep/all.yaml".format(study=swept.combinations[0].study),
             tables=lambda wildcards: [
                 f"results/{combination.study}/table/gamma={gamma_text(combination.overrides)}.csv"
                 for combination in swept.combinations
