@@ -258,7 +258,7 @@ def test_a_sweep_that_is_made_is_not_made_again_and_a_new_value_adds_its_own_job
     shutil.copytree(stubbed.root, project.root, symlinks=True)
     sweep(project, "train.iterations=10,20", "train.seed=1,2", "--cores", "2")
     folders = {f"toy+train.iterations={steps},train.seed={seed}" for steps in (10, 20) for seed in (1, 2)}
-    assert {folder.name for folder in (project.root / "results").iterdir()} == {"toy", *folders}
+    assert {folder.name for folder in (project.root / "results").glob("toy*")} == {"toy", *folders}
     # The values in another order, and the keys: the studies are the same, the table has another order.
     assert "Nothing to be done" in sweep(project, "train.iterations=10,20", "train.seed=1,2", "--dry-run").stdout
     planned = sweep(project, "train.seed=2,1", "train.iterations=20,10", "--dry-run").stdout
@@ -324,8 +324,9 @@ def test_all_settings_can_be_shown(stubbed):
 
 
 @pytest.mark.slow
-def test_the_workflow_has_no_lint(stubbed):
-    done = stubbed.command("snakemake", "--lint")
+@pytest.mark.parametrize("config", ["hydra=", "sweep=gamma=0.1,0.2"])
+def test_the_workflow_has_no_lint(stubbed, config):
+    done = stubbed.command("snakemake", "--lint", "--config", config)
     assert done.returncode == 0, done.stdout + done.stderr
 
 

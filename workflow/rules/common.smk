@@ -124,6 +124,11 @@ def of_study(*patterns):
     return lambda wildcards: collect(list(patterns), **points(wildcards.study))
 
 
+def table_of_study(wildcards):
+    """The table of the study's gamma."""
+    return "results/{study}/table/gamma={gamma}.csv".format(**points(wildcards.study))
+
+
 def of_all_studies(*patterns):
     """The files of every study at each of its gammas."""
 

@@ -12,15 +12,10 @@ made_with = of_study(
 )
 
 
-def study_table_file(wildcards):
-    """The table of the study's gamma."""
-    return "results/{study}/table/gamma={gamma}.csv".format(**points(wildcards.study))
-
-
 rule card:
     input:
         settings="results/{study}/settings/card/all.yaml",
-        table=study_table_file,
+        table=table_of_study,
         captures=of_study("results/{study}/{subject}/capture.json"),
         avatars=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/avatar.npz"),
         indices=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json"),
@@ -47,7 +42,7 @@ rule report:
     input:
         settings="results/{study}/settings/report/all.yaml",
         card="results/{study}/card.json",
-        table=study_table_file,
+        table=table_of_study,
         figures=of_study("results/{study}/figures/{subject}/gamma={gamma}"),
         captures=of_study("results/{study}/{subject}/capture.json"),
         indices=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/level={level}/frames.json"),
