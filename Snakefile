@@ -3,6 +3,7 @@
 carigs run study=ict train.iterations=2000 --cores 2                                  in any folder
 snakemake --cores 2 reproduce table                                                   the toy study, in the repository
 snakemake --cores 2 --config hydra="study=ict train.iterations=2000" reproduce table  Hydra overrides, split on blanks
+snakemake --cores 2 --config hydra="study=ict" sweep="gamma=0.1,0.2" -- sweep         overrides with several values
 """
 
 
@@ -11,6 +12,7 @@ include: "workflow/rules/settings.smk"
 include: "workflow/rules/avatar.smk"
 include: "workflow/rules/evaluate.smk"
 include: "workflow/rules/report.smk"
+include: "workflow/rules/sweep.smk"
 include: "workflow/rules/benchmark.smk"
 include: "workflow/rules/stress.smk"
 
@@ -42,11 +44,13 @@ localrules:
 rule reproduce:
     default_target: True
     input:
-        collect("results/{study}/table/gamma={gamma}.csv", **points),
-        collect("results/{study}/figures/{subject}/gamma={gamma}", **points),
-        collect("results/{study}/report.html", **points),
+        of_all_studies(
+            "results/{study}/table/gamma={gamma}.csv",
+            "results/{study}/figures/{subject}/gamma={gamma}",
+            "results/{study}/report.html",
+        ),
 
 
 rule table:
     input:
-        collect("results/{study}/table/gamma={gamma}.csv", **points),
+        of_all_studies("results/{study}/table/gamma={gamma}.csv"),

@@ -52,17 +52,20 @@ def logged_warnings(folder: Path) -> dict[str, list[Path]]:
     return found
 
 
-def warning_lines(folder: Path) -> list[str]:
-    """The warnings of a study for its user, one line each.
+def warning_lines(folders: Iterable[Path]) -> list[str]:
+    """The warnings of studies for their user, one line each.
 
     Args:
-        folder: As for `logged_warnings`.
+        folders: As for `logged_warnings`.
 
     Returns:
         Each different warning with the first log file that has it.
     """
-    lines = []
-    for warning, (first, *others) in logged_warnings(folder).items():
+    lines, found = [], {}
+    for folder in folders:
+        for warning, files in logged_warnings(folder).items():
+            found.setdefault(warning, []).extend(files)
+    for warning, (first, *others) in found.items():
         also = f" and {len(others)} more" if others else ""
         lines.append(f"{warning} ({first}{also})")
     return lines

@@ -344,7 +344,7 @@ def test_data_folder_comes_from_the_environment(monkeypatch):
         ("study.name=hydra", ("study.name", "hydra", "results")),
         ("study.name=Stress", ("study.name", "Stress", "results")),
         (f"study.name={'n' * 300}", ("study.name", "60")),
-        (f"capture.folder={'f' * 200_000}", ("200016 bytes", "conf/study")),
+        (f"capture.folder={'f' * 200_000}", ("capture.folder=ff", "200015 characters")),
         ("gamma=0", ("gamma=0",)),
         ("gamma=nan", ("gamma=nan",)),
         ("gamma=lots", ("gamma", "lots")),
@@ -405,6 +405,13 @@ def test_overrides_are_split_like_words_of_a_shell_and_a_lost_quote_is_explained
     assert split_overrides("study=ict metrics.edit_prompt='A nose' ") == ("study=ict", "metrics.edit_prompt=A nose")
     with pytest.raises(SettingsError, match=r"^hydra=metrics\.edit_prompt='A nose: .*type a blank after it"):
         split_overrides("metrics.edit_prompt='A nose")
+
+
+def test_a_line_of_overrides_can_be_in_a_file(tmp_path):
+    (tmp_path / "overrides.txt").write_text("study=ict metrics.edit_prompt='A nose'\n")
+    assert split_overrides(f"@{tmp_path}/overrides.txt") == ("study=ict", "metrics.edit_prompt=A nose")
+    with pytest.raises(InputError, match=r"nowhere\.txt"):
+        split_overrides(f"@{tmp_path}/nowhere.txt")
 
 
 def wrong_values(f: Field) -> list[str]:

@@ -27,11 +27,14 @@ def test_every_warning_is_repeated_once_with_its_log(tmp_path):
         file = tmp_path / stage / f"{name}.log"
         file.parent.mkdir(exist_ok=True)
         file.write_text("\n".join(lines))
-    assert warning_lines(tmp_path) == [
+    assert warning_lines([tmp_path]) == [
         f"dark images ({tmp_path}/capture/toy.log)",
         f"no weights ({tmp_path}/metrics/a.log and 1 more)",
     ]
-    assert warning_lines(tmp_path / "nothing") == []
+    assert warning_lines([tmp_path / "nothing"]) == []
+    # Of two studies with the same warnings each is one line.
+    dark, weights = warning_lines([tmp_path, tmp_path])
+    assert dark.endswith("toy.log and 1 more)") and weights.endswith("a.log and 3 more)")
 
 
 @pytest.mark.parametrize(

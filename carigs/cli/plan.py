@@ -6,9 +6,10 @@ import argparse
 import json
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import replace
 
 from carigs.cli.parser import study_parser
-from carigs.config import compose_study, join_overrides, project_root
+from carigs.config import project_root, read_sweep, snakemake_config, split_sweep, study_table
 from carigs.planning.footage import Footage
 from carigs.planning.job_graph import study_jobs
 from carigs.planning.schedule import critical_path
@@ -24,6 +25,7 @@ EXAMPLES = """examples:
   carigs plan study=paper --nodes 8 --cores 16
   carigs plan study=ict --remaining             only what has not been made yet
   carigs plan study=paper --json
+  carigs plan gamma=0.1,0.2                     a sweep
 """
 
 
@@ -45,10 +47,13 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--remaining", action="store_true", help="leave out what is made already")
     parser.add_argument("--json", action="store_true", help="print JSON")
     options = parser.parse_intermixed_args(arguments)
-    line, snakefile = join_overrides(options.overrides), str(project_root() / "Snakefile")
-    compose_study(*options.overrides)
-    jobs = study_jobs(line, snakefile, ["reproduce", "table"], options.cores, from_scratch=not options.remaining)
-    plan = plan_study(jobs, options.overrides, options.nodes, options.cores, options.memory)
+    overrides, swept = split_sweep(options.overrides)
+    studies = study_table(overrides, read_sweep(overrides, swept) if swept else None)
+    config, snakefile = snakemake_config(overrides, swept), str(project_root() / "Snakefile")
+    targets = ["sweep"] if swept else ["reproduce", "table"]
+    jobs = study_jobs(config, snakefile, targets, options.cores, from_scratch=not options.remaining)
+    by_study = {study: combinations[-1] for study, combinations in studies.items()}
+    plan = plan_study(jobs, by_study, options.nodes, options.cores, options.memory)
     print(json.dumps(_summary(plan), indent=1) if options.json else _text(plan))
     return 0
 
@@ -112,11 +117,13 @@ def _text(plan: Plan) -> str:
     return "\n".join(lines)
 
 
-def _footage_lines(footage: Mapping[str, Footage]) -> list[str]:
+def _footage_lines(footage: Mapping[tuple[str, str], Footage]) -> list[str]:
     """The images of the subjects, one line for subjects with the same."""
-    lines = []
-    for images in dict.fromkeys(footage.values()):
-        names = [name for name, other in footage.items() if other == images]
+    lines, different = [], {}
+    for (_, subject), images in footage.items():  # the combinations of a sweep mostly have the same
+        different.setdefault((subject, replace(images, source="")), images)
+    for images in dict.fromkeys(different.values()):
+        names = [subject for (subject, _), other in different.items() if other == images]
         shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
         size = f"{images.megapixels:.3g} megapixels"
         lines.append(

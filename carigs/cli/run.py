@@ -7,11 +7,11 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from carigs.cli.parser import study_parser
-from carigs.config import compose, compose_study, join_overrides, project_root
+from carigs.config import compose, compose_study, project_root, snakemake_config
 from carigs.job_record import unfinished_jobs
 from carigs.run_summary import error_lines
 
@@ -23,6 +23,8 @@ EXAMPLES = """examples:
   carigs run -- --keep-going                            options of Snakemake after --
   carigs run -- --verbose                               with all that Snakemake says
 """
+MAX_ERRORS = 20
+"""Errors that are repeated after a run; each is in its log."""
 
 
 def run_parser(command: str, description: str, examples: str) -> argparse.ArgumentParser:
@@ -42,7 +44,7 @@ def run_parser(command: str, description: str, examples: str) -> argparse.Argume
     parser.add_argument("-n", "--dry-run", action="store_true", help="print what would be made, make nothing")
     parser.add_argument("--plan", action="store_true", help="print how long it will take on this machine, make nothing")
     parser.add_argument("--profile", metavar="FOLDER", help="workflow profile of Snakemake, such as slurm")
-    parser.add_argument("--target", action="append", metavar="T", help="rule or file (default: reproduce and table)")
+    parser.add_argument("--target", action="append", metavar="T", help="rule or file (default: all results)")
     return parser
 
 
@@ -62,42 +64,62 @@ def parse_run(parser: argparse.ArgumentParser, arguments: list[str]) -> argparse
     return options
 
 
-def make_study(overrides: Sequence[str], options: argparse.Namespace) -> bool:
-    """Run Snakemake on the composed study; results are written to `results/` in the current directory.
+def check_subjects(overrides: Sequence[str]) -> str:
+    """Compose a study and its subjects.
+
+    Args:
+        overrides: Hydra overrides.
+
+    Returns:
+        Name of the study.
+
+    Raises:
+        SettingsError: For wrong overrides.
+    """
+    study = compose_study(*overrides).study
+    for subject in study.subjects:
+        compose(*overrides, f"subject={subject}")
+    return study.name
+
+
+def make_studies(
+    overrides: Sequence[str], swept: Sequence[str], studies: Collection[str], options: argparse.Namespace
+) -> tuple[bool, list[Path]]:
+    """Run Snakemake on composed studies; results are written to `results/` in the current directory.
 
     After a failure the errors of the jobs are the last lines on stderr.
 
     Args:
         overrides: Hydra overrides.
+        swept: Hydra overrides with several values, if the run is a sweep.
+        studies: Folders of the results below `results/`.
         options: As returned by `parse_run`.
 
     Returns:
-        Whether Snakemake succeeded.
-
-    Raises:
-        SettingsError: For wrong overrides, before Snakemake starts.
+        Whether Snakemake succeeded, and the logs of the jobs that did not.
     """
-    study = compose_study(*overrides).study
-    for subject in study.subjects:
-        compose(*overrides, f"subject={subject}")
     if options.plan:
         from carigs.cli import plan  # with all that reads captures: half a second
 
-        return plan.main([*overrides, "--remaining", "--cores", options.cores or str(os.cpu_count())]) == 0
+        wanted = ["--remaining", "--cores", options.cores or str(os.cpu_count())]
+        return plan.main([*overrides, *swept, *wanted]) == 0, []
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(project_root() / "Snakefile")]
     command += ["--workflow-profile", options.profile or str(project_root() / "profiles/default")]
     # On a cluster, cores of this machine would limit the threads of jobs.
     cores = options.cores or ("" if options.profile else "all")
     command += ["--cores", cores] if cores else []
+    command += ["--keep-going"] if swept else []
     # A plan is the numbers of jobs and the reasons; Snakemake would describe each job in ten lines.
     command += ["--quiet", "rules", "host", "--dry-run"] * options.dry_run + options.snakemake
-    command += ["--config", f"hydra={join_overrides(overrides)}", "--", *(options.target or ("reproduce", "table"))]
+    targets = ["sweep"] if swept else ["reproduce", "table"]
+    command += ["--config", *snakemake_config(overrides, swept), "--", *(options.target or targets)]
     started = time.time()
-    succeeded = _exit_code(command) == 0
-    if not succeeded:
-        for line in error_lines(unfinished_jobs(Path("results", study.name, "log"), started)):
-            print(f"carigs: {line}", file=sys.stderr)
-    return succeeded
+    if _exit_code(command) == 0:
+        return True, []
+    logs = [log for study in studies for log in unfinished_jobs(Path("results", study, "log"), started)]
+    for line in error_lines(logs[:MAX_ERRORS]):
+        print(f"carigs: {line}", file=sys.stderr)
+    return False, logs
 
 
 def _exit_code(command: list[str]) -> int:
@@ -121,4 +143,6 @@ def main(arguments: list[str]) -> int:
     """
     parser = run_parser("run", "Make the avatars, the table and the figures of a study in ./results.", EXAMPLES)
     options = parse_run(parser, arguments)
-    return 0 if make_study(options.overrides, options) else 1
+    study = check_subjects(options.overrides)
+    succeeded, _ = make_studies(options.overrides, [], [study], options)
+    return 0 if succeeded else 1

@@ -1,71 +1,78 @@
-"""`carigs sweep`: make a study at every combination of values."""
+"""`carigs sweep`: make a study at every combination of values, and a table and a figure of all of them."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
-from itertools import islice, product
-from math import prod
+from collections.abc import Iterable
+from pathlib import Path
 
-from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.errors import HydraException
-
-from carigs.cli.run import make_study, parse_run, run_parser
-from carigs.config import compose_study
+from carigs.cli.run import check_subjects, make_studies, parse_run, run_parser
+from carigs.config import compose, read_sweep, split_sweep
+from carigs.config.sweep import Combination, Sweep
 from carigs.errors import SettingsError
 
+DESCRIPTION = """Make a study at every combination of values, side by side, and a table and a figure of all of them.
+
+A combination that fails does not stop the others. What is made is kept: the same command goes on.
+"""
 EXAMPLES = """examples:
   carigs sweep gamma=0.1,0.15,0.2,0.25
-  carigs sweep gamma=0.1,0.25 train.num_gtstar_levels=1,4 --cores 2       four runs
+  carigs sweep gamma=0.1,0.25 train.num_gtstar_levels=1,4 --cores 2       four combinations
+  carigs sweep "train.seed=range(5)" --dry-run
+  carigs sweep gamma=0.1,0.25 --target sweep --target reproduce           figures, card and report of each study, too
 """
-MAX_POINTS = 10_000
-
-
-def sweep_points(overrides: Sequence[str]) -> list[list[str]]:
-    """The overrides of every combination of values.
-
-    Args:
-        overrides: Hydra overrides, some with several values: `gamma=0.1,0.2` or `seed=range(3)`.
-
-    Returns:
-        Lists of overrides with one value each; the last key changes fastest.
-
-    Raises:
-        SettingsError: For an override that Hydra cannot parse, and for more than `MAX_POINTS` combinations.
-    """
-    values = [_values(override) for override in overrides]
-    if prod(map(len, values)) > MAX_POINTS:
-        raise SettingsError(f"a sweep has at most {MAX_POINTS} combinations of values")
-    return [list(point) for point in product(*values)]
-
-
-def _values(text: str) -> list[str]:
-    """The overrides with one value each of an override that may have several."""
-    try:
-        override = OverridesParser.create().parse_override(text)
-    except HydraException as error:
-        raise SettingsError(f"{text}: {str(error).splitlines()[0]}") from error
-    if not override.is_sweep_override():
-        return [text]
-    values = islice(override.sweep_string_iterator(), MAX_POINTS + 1)
-    return [f"{override.get_key_element()}={value}" for value in values]
+MAX_NAMED = 10
+"""Combinations that failed and are named."""
 
 
 def main(arguments: list[str]) -> int:
-    """Run the subcommand; a combination that fails does not stop the others.
+    """Run the subcommand.
 
     Args:
         arguments: Its command line.
 
     Returns:
         Exit code: 1 if a combination failed.
+
+    Raises:
+        SettingsError: For wrong overrides, before Snakemake starts, and if no key has several values.
     """
-    parser = run_parser("sweep", "Make a study at every combination of comma-separated values, in turn.", EXAMPLES)
-    options = parse_run(parser, arguments)
-    points = sweep_points(options.overrides)
-    for point in points:
-        compose_study(*point)
-    failed = [" ".join(point) for point in points if not make_study(point, options)]
-    if failed:
-        print(f"carigs: failed: {'; '.join(failed)}", file=sys.stderr)
-    return 1 if failed else 0
+    options = parse_run(run_parser("sweep", DESCRIPTION, EXAMPLES), arguments)
+    overrides, swept = split_sweep(options.overrides)
+    if not swept:
+        raise SettingsError("no key has several values, as in gamma=0.1,0.2; one study is made by `carigs run`")
+    sweep = read_sweep(overrides, swept)
+    for combination in _along_axes(sweep):
+        check_subjects(combination.overrides)
+    studies = dict.fromkeys([*(combination.study for combination in sweep.combinations), sweep.study])
+    succeeded, logs = make_studies(overrides, swept, studies, options)
+    if failed := [combination for combination in sweep.combinations if _concerns(combination, logs)]:
+        print(f"carigs: failed: {_names(sweep, failed)}; the others are kept for the next run", file=sys.stderr)
+    return 0 if succeeded else 1
+
+
+def _along_axes(sweep: Sweep) -> Iterable[Combination]:
+    """The combinations that differ from the first in one value at most: every value is in one of them."""
+    first = sweep.combinations[0].values
+    for combination in sweep.combinations:
+        if sum(value != other for value, other in zip(combination.values, first, strict=True)) <= 1:
+            yield combination
+
+
+def _concerns(combination: Combination, logs: Iterable[Path]) -> bool:
+    """Whether a job of a combination is among those with these logs; jobs without gamma are those of all gammas."""
+    own = [log for log in logs if log.parents[2].name == combination.study]
+    if not own:
+        return False
+    gamma = f"gamma={compose(*combination.overrides).gamma:g}"
+    return any(gamma in log.stem.split(",") or "gamma=" not in log.stem for log in own if log.parent.name != "sweep")
+
+
+def _names(sweep: Sweep, combinations: list[Combination]) -> str:
+    """Values of combinations in one line."""
+    shown = [
+        " ".join(f"{key}={value}" for key, value in zip(sweep.keys, combination.values, strict=True))
+        for combination in combinations[:MAX_NAMED]
+    ]
+    more = len(combinations) - len(shown)
+    return "; ".join(shown) + (f" and {more} more" if more else "")

@@ -77,8 +77,7 @@ def compose_study(*overrides: str) -> DictConfig:
         As `compose`.
 
     Raises:
-        SettingsError: As `compose`, and for overrides of `subject`, `variant` and `seed`, added and removed keys, and
-            overrides that are too long for the command line of a job.
+        SettingsError: As `compose`, and for overrides of `subject`, `variant` and `seed`, and added and removed keys.
     """
     check_study_overrides(overrides)
     return compose(*overrides)

@@ -5,39 +5,77 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Iterable
+from hashlib import sha256
+from pathlib import Path
 
 from carigs.errors import SettingsError
+from carigs.files import writing
+from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 
-MAX_OVERRIDE_BYTES = 30_000
-"""Of all overrides together: Linux allows 131072 bytes for the command of a job, in which they are quoted twice."""
+MAX_LINE_BYTES = 15_000
+"""Of a line of overrides: Linux allows 131072 bytes for the command of a job, in which two lines are quoted twice."""
+OVERRIDES_FOLDER = Path("results/.overrides")
+"""Folder of longer lines; no study has a name that starts with a point."""
 MAX_OVERRIDE = 10_000
 """Longest override in characters."""
 MAX_BRACKETS = 32
 """Most opening brackets of an override: the time of Hydra's parser grows quickly with their depth."""
 
 
-def split_overrides(text: str) -> tuple[str, ...]:
-    """Split a line of overrides on blanks, with the quotes of a shell.
+def split_overrides(text: str, key: str = "hydra") -> tuple[str, ...]:
+    """Split a line of overrides on blanks, with the quotes of a shell; `@FILE` stands for the text of a file.
 
     Args:
-        text: The value of Snakemake's `--config hydra=`.
+        text: The value of Snakemake's `--config hydra=` or `sweep=`.
+        key: Which of them.
 
     Returns:
         The overrides.
 
     Raises:
-        SettingsError: For an open quote.
+        SettingsError: For an open quote, and for a line that is too long for the commands of jobs.
+        InputError: For a file that cannot be read.
     """
+    if text.startswith("@"):
+        text = read_bytes(Path(text[1:]), MAX_TEXT_BYTES, "file of overrides").decode("utf-8", "replace")
+    elif (length := len(text.encode())) > MAX_LINE_BYTES:
+        problem = f"{key} has {length} bytes, more than {MAX_LINE_BYTES}"
+        raise SettingsError(f"{problem}; write it to a file, and type {key}=@FILE")
     try:
         return tuple(shlex.split(text))
     except ValueError as error:
         reason = "Snakemake removes a quote at the end of the value; type a blank after it"
-        example = "\"hydra=metrics.edit_prompt='A nose' \""
-        raise SettingsError(f"hydra={text}: {error}. {reason}, as in --config {example}") from error
+        example = f"\"{key}=metrics.edit_prompt='A nose' \""
+        raise SettingsError(f"{key}={text}: {error}. {reason}, as in --config {example}") from error
+
+
+def snakemake_config(overrides: Iterable[str], swept: Iterable[str] = ()) -> list[str]:
+    """The values of Snakemake's `--config` for a run.
+
+    Args:
+        overrides: Hydra overrides.
+        swept: Hydra overrides with several values, if the run is a sweep.
+
+    Returns:
+        `hydra=...`, and `sweep=...` of a sweep. A line that is too long for the commands of jobs is written to a file
+        in `results/.overrides`, and its name follows: `hydra=@FILE`.
+    """
+    lines = {"hydra": join_overrides(overrides), "sweep": join_overrides(swept)}
+    return [f"{key}={_on_command_line(line)}" for key, line in lines.items() if line or key == "hydra"]
+
+
+def _on_command_line(line: str) -> str:
+    content = line.encode()
+    if len(content) <= MAX_LINE_BYTES:
+        return line
+    file = OVERRIDES_FOLDER / f"{sha256(content).hexdigest()[:16]}.txt"
+    with writing(file) as part:
+        part.write_bytes(content)
+    return f"@{file.as_posix()}"
 
 
 def join_overrides(overrides: Iterable[str]) -> str:
-    """Join overrides for Snakemake's `--config hydra=`.
+    """Join overrides for Snakemake's `--config hydra=` or `sweep=`.
 
     Args:
         overrides: Hydra overrides.
@@ -69,18 +107,14 @@ def check_overrides(overrides: tuple[str, ...]) -> None:
 
 
 def check_study_overrides(overrides: tuple[str, ...]) -> None:
-    """Refuse overrides that a study cannot have, because it sets the keys itself or passes all of them on to its jobs.
+    """Refuse overrides that a study cannot have, because it sets the keys itself.
 
     Args:
         overrides: Hydra overrides.
 
     Raises:
-        SettingsError: For overrides of `subject`, `variant` and `seed`, added and removed keys, and overrides that are
-            too long for the command line of a job.
+        SettingsError: For overrides of `subject`, `variant` and `seed`, and added and removed keys.
     """
-    if (length := sum(len(override.encode()) + 1 for override in overrides)) > MAX_OVERRIDE_BYTES:
-        problem = f"the overrides have {length} bytes, more than {MAX_OVERRIDE_BYTES}"
-        raise SettingsError(f"{problem}; write them into a file conf/study/NAME.yaml")
     for override in overrides:
         key, _, value = override.partition("=")
         if key in ("subject", "variant", "seed"):

@@ -71,6 +71,8 @@ def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[st
             work = 1.5 + 0.17 * len(job.needs)
         case "card":
             work = 1.0
+        case "sweep":
+            work = 1.5 + 0.02 * len(job.needs)
         case "report":
             work = 1.5 + 0.02 * len(job.needs)
         case _:
@@ -132,18 +134,13 @@ def earlier_times(jobs: Sequence[Job], folder: Path) -> dict[int, float]:
 
 
 def all_seconds(
-    jobs: Sequence[Job],
-    footage: Mapping[str, Footage],
-    overrides: Sequence[str],
-    earlier: Mapping[int, float],
-    speed: float,
+    jobs: Sequence[Job], table: Mapping[int, float], earlier: Mapping[int, float], speed: float
 ) -> dict[int, float]:
     """Seconds of every job.
 
     Args:
         jobs: The jobs.
-        footage: Images of each subject.
-        overrides: Hydra overrides of the study.
+        table: Seconds of each by the table (`job_seconds`), by number.
         earlier: Seconds of jobs that ran before.
         speed: Seconds that this machine takes for what takes the table's machine one second.
 
@@ -151,7 +148,6 @@ def all_seconds(
         Seconds by number of the job. A job that did not run before gets the table's time, corrected by the median ratio
         of measured times to the table's for its rule; or by `speed` if no job of the rule ran.
     """
-    table = {job.number: job_seconds(job, footage, overrides) for job in jobs}
     ratios: dict[str, list[float]] = {}
     for job in jobs:
         if job.number in earlier:

@@ -9,6 +9,7 @@ import io
 import json
 import subprocess
 import sys
+from collections.abc import Sequence
 from contextlib import redirect_stdout
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
@@ -38,11 +39,11 @@ class Job:
     """Numbers of the jobs whose outputs it reads."""
 
 
-def study_jobs(overrides: str, snakefile: str, targets: list[str], cores: int, from_scratch: bool) -> list[Job]:
+def study_jobs(config: Sequence[str], snakefile: str, targets: list[str], cores: int, from_scratch: bool) -> list[Job]:
     """List the jobs of a study.
 
     Args:
-        overrides: Hydra overrides in one line, as for Snakemake's `--config hydra=`.
+        config: Values of Snakemake's `--config`, as from `carigs.config.snakemake_config`.
         snakefile: The workflow.
         targets: Rules or files to make.
         cores: Cores of a node; jobs with more threads get that many.
@@ -55,8 +56,12 @@ def study_jobs(overrides: str, snakefile: str, targets: list[str], cores: int, f
         SettingsError: If Snakemake cannot plan the study.
     """
     request = {
-        "overrides": overrides, "snakefile": snakefile, "targets": targets, "cores": cores, "from_scratch": from_scratch
-    }  # fmt: skip
+        "config": dict(value.split("=", 1) for value in config),
+        "snakefile": snakefile,
+        "targets": targets,
+        "cores": cores,
+        "from_scratch": from_scratch,
+    }
     command = [sys.executable, "-m", "carigs.planning.job_graph"]
     done = subprocess.run(command, input=json.dumps(request), capture_output=True, text=True)
     if done.returncode != 0:
@@ -77,7 +82,7 @@ def _read_jobs(request: dict[str, Any]) -> list[Job]:
     with SnakemakeApi(OutputSettings(quiet={Quietness.ALL})) as api:
         workflow = api.workflow(
             resource_settings=ResourceSettings(cores=request["cores"]),
-            config_settings=ConfigSettings(config={"hydra": request["overrides"]}),
+            config_settings=ConfigSettings(config=request["config"]),
             snakefile=Path(request["snakefile"]),
         )
         settings = DAGSettings(targets=set(request["targets"]), forceall=request["from_scratch"])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from carigs.config import compose, compose_study
-from carigs.planning.costs import REFERENCE_SPEED, all_seconds, earlier_times, job_bytes, speed_test
+from carigs.planning.costs import REFERENCE_SPEED, all_seconds, earlier_times, job_bytes, job_seconds, speed_test
 from carigs.planning.footage import Footage, subject_footage
 from carigs.planning.job_graph import Job
 from carigs.planning.schedule import Schedule, list_schedule
@@ -24,8 +24,8 @@ class Plan:
     cores: int
     """Of each node."""
     jobs: Sequence[Job]
-    footage: Mapping[str, Footage]
-    """By subject."""
+    footage: Mapping[tuple[str, str], Footage]
+    """By study and subject."""
     speed: float
     """Of this machine, relative to the one that the table of costs was measured on."""
     earlier: Mapping[int, float]
@@ -38,13 +38,17 @@ class Plan:
 
 
 def plan_study(
-    jobs: Sequence[Job], overrides: Sequence[str], nodes: int, cores: int, memory: float = float("inf")
+    jobs: Sequence[Job],
+    studies: Mapping[str, Sequence[str]],
+    nodes: int,
+    cores: int,
+    memory: float = float("inf"),
 ) -> Plan:
-    """Estimate the jobs of a study in the current directory, and simulate the run.
+    """Estimate the jobs of studies in the current directory, and simulate the run.
 
     Args:
         jobs: The jobs.
-        overrides: Hydra overrides of the study.
+        studies: Hydra overrides of each study, by its folder. Jobs of no study are taken for jobs of the first.
         nodes: Number of nodes.
         cores: Cores of each node.
         memory: Memory of each node in MB.
@@ -55,26 +59,33 @@ def plan_study(
     Raises:
         SettingsError: If a job fits on no node.
     """
-    study = compose_study(*overrides).study
     footage = {
-        subject: subject_footage(
-            compose(*overrides, f"subject={subject}").capture,
-            Path("results") / study.name / subject / "capture.json",
-        )
-        for subject in study.subjects
+        study: {
+            subject: subject_footage(
+                compose(*overrides, f"subject={subject}").capture,
+                Path("results") / study / subject / "capture.json",
+            )
+            for subject in compose_study(*overrides).study.subjects
+        }
+        for study, overrides in studies.items()
     }
+    first = next(iter(studies))
+    known = {}
+    for job in jobs:
+        study = job.wildcards.get("study", first)
+        known[job.number] = (job, footage[study], studies[study])
     earlier = earlier_times(jobs, Path(".snakemake/metadata"))
     speed = speed_test() / REFERENCE_SPEED
-    seconds = all_seconds(jobs, footage, overrides, earlier, speed)
+    seconds = all_seconds(jobs, {number: job_seconds(*job) for number, job in known.items()}, earlier, speed)
     return Plan(
         nodes=nodes,
         cores=cores,
         jobs=jobs,
-        footage=footage,
+        footage={(study, name): images for study in footage for name, images in footage[study].items()},
         speed=speed,
         earlier=earlier,
         seconds=seconds,
-        sizes={job.number: job_bytes(job, footage, overrides) for job in jobs},
+        sizes={number: job_bytes(*job) for number, job in known.items()},
         schedule=list_schedule(jobs, seconds, nodes, cores, memory),
     )
 

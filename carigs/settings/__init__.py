@@ -13,7 +13,7 @@ from carigs.settings.exaggerate import DEFAULT_GAMMA, USEFUL_LEVEL, Exaggerate
 from carigs.settings.gtstar import Gtstar
 from carigs.settings.mask_flags import DEFAULT_MASK_FLAGS, MASK_FLAGS, MaskFlag
 from carigs.settings.option import MAX_SEED, Section, check_section, option
-from carigs.settings.results import Card, Figures, Metrics, Render, Report, Tabulate
+from carigs.settings.results import Card, Figures, Metrics, Render, Report, Sweep, Tabulate
 from carigs.settings.train import Density, RefineTracking, Train, combine_mask_flags
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "Render",
     "Report",
     "Study",
+    "Sweep",
     "Tabulate",
     "Toy",
     "Train",
@@ -77,6 +78,7 @@ class Config(Section, key=""):
     metrics: Metrics = field(default_factory=Metrics)
     tabulate: Tabulate = field(default_factory=Tabulate)
     figures: Figures = field(default_factory=Figures)
+    sweep: Sweep = field(default_factory=Sweep)
     card: Card = field(default_factory=Card)
     report: Report = field(default_factory=Report)
 

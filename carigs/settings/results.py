@@ -91,6 +91,19 @@ class Figures(Section, key="figures"):
 
 
 @dataclass
+class Sweep(Section, key="sweep"):
+    """The table and the figure of a sweep."""
+
+    metrics: tuple[str, ...] = (
+        "psnr", "ssim", "lpips_vgg", "clip_d", "identity_cos", "depth_error", "silhouette_iou", "photo_consistency_l1",
+    )  # fmt: skip
+    """Metrics of the figure and of the Markdown table, of all that docs/evaluation.md lists; those without a value are
+    left out. The CSV file has all."""
+    level: float | None = option(None, ge=0, le=100)
+    """Level whose renderings are compared (null: gamma of each combination)."""
+
+
+@dataclass
 class Card(Section, key="card"):
     """The benchmark card."""
 

@@ -14,6 +14,7 @@ import yaml
 
 from carigs.cli import plan, run, settings, sweep
 from carigs.cli.main import COMMANDS, main
+from carigs.config import split_overrides
 from carigs.errors import CarigsWarning, SettingsError
 
 
@@ -47,31 +48,6 @@ def test_the_start_imports_neither_torch_nor_snakemake(command):
     )
     done = subprocess.run([sys.executable, "-c", code, *command.split()], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.parametrize(
-    ("overrides", "points"),
-    [
-        (["gamma=0.1,0.2", "study=ict"], [["gamma=0.1", "study=ict"], ["gamma=0.2", "study=ict"]]),
-        (
-            ["gamma=0.1,0.2", "capture.toy.seed=range(2)"],
-            [[f"gamma={gamma}", f"capture.toy.seed={seed}"] for gamma in (0.1, 0.2) for seed in (0, 1)],
-        ),
-        (["study.variants=[surfhead,no_mask]"], [["study.variants=[surfhead,no_mask]"]]),
-        ([], [[]]),
-    ],
-)
-def test_a_sweep_has_every_combination(overrides, points):
-    assert sweep.sweep_points(overrides) == points
-
-
-@pytest.mark.parametrize(
-    "overrides",
-    [["train.iterations=range(1000000000000)"], ["train.iterations=range(1000)", "gamma=range(0.1,0.2,0.001)"]],
-)
-def test_a_sweep_without_end_is_refused(overrides):
-    with pytest.raises(SettingsError, match="at most 10000 combinations"):
-        sweep.sweep_points(overrides)
 
 
 @pytest.fixture
@@ -148,10 +124,41 @@ def test_an_interrupt_leaves_snakemake_the_time_to_cancel_its_jobs():
     assert process.communicate(timeout=30)[0].splitlines() == ["jobs are cancelled", "end"]
 
 
-def test_a_combination_that_fails_does_not_stop_the_others(commands, capsys):
-    assert sweep.main(["gamma=0.1,0.2,0.25"]) == 1
-    assert len(commands) == 3
-    assert capsys.readouterr().err == "carigs: failed: gamma=0.2\n"
+def test_a_sweep_is_one_run_that_goes_on_after_failures(commands):
+    assert sweep.main(["gamma=0.1,0.25", "study=toy", "train.seed=1,2", "--cores", "3"]) == 0
+    (command,) = commands
+    assert command[-5:] == ["--config", "hydra=study=toy ", "sweep=gamma=0.1,0.25 train.seed=1,2 ", "--", "sweep"]
+    assert "--keep-going" in command
+
+
+def test_the_combinations_that_failed_are_named_in_one_line(monkeypatch, tmp_path, capsys):
+    """A training with its gamma fails for one combination, a capture for all with its seed."""
+    monkeypatch.chdir(tmp_path)
+
+    def fail(command):
+        for file in ("1/log/train/toy,gamma=0.1,surfhead", "2/log/capture/toy"):
+            record = tmp_path / f"results/toy+train.seed={file}.json"
+            record.parent.mkdir(parents=True)
+            record.write_text('{"finished": null, "outputs": {}}')
+        return 1
+
+    monkeypatch.setattr(run, "_exit_code", fail)
+    assert sweep.main(["gamma=0.1,0.2", "train.seed=1,2"]) == 1
+    named = "gamma=0.1 train.seed=1; gamma=0.1 train.seed=2; gamma=0.2 train.seed=2"
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[-1] == f"carigs: failed: {named}; the others are kept for the next run"
+    assert len(lines) == 3
+
+
+def test_any_number_of_overrides_reaches_snakemake(commands, monkeypatch, tmp_path):
+    """Linux allows 131072 bytes for the command of a job; it holds the overrides, quoted twice."""
+    monkeypatch.chdir(tmp_path)
+    overrides = [f"train.seed={seed}" for seed in range(5000)]
+    assert run.main(overrides) == 0
+    (line,) = (word.removeprefix("hydra=") for word in commands[0] if word.startswith("hydra="))
+    assert line.startswith("@results/") and list(split_overrides(line)) == overrides
+    with pytest.raises(SettingsError, match="hydra=@FILE"):
+        split_overrides(" ".join(overrides))
 
 
 @pytest.mark.parametrize(
@@ -161,6 +168,10 @@ def test_a_combination_that_fails_does_not_stop_the_others(commands, capsys):
         ("run", ["gamma=0.1,0.2"], "carigs sweep"),
         ("sweep", ["gamma=0.1,nan"], "gamma=nan"),
         ("sweep", ["gamma=["], "gamma=["),
+        ("sweep", ["train.seed=1,2", "train.sed=1,2"], "train.sed"),
+        ("sweep", ["train.seed=1,2", "train.iterations=3,0"], "train.iterations=0 must lie in"),
+        ("sweep", ["gamma=0.1"], "carigs run"),
+        ("sweep", ["train.seed=range(20000)"], "at most 10000 combinations"),
         ("settings", ["study=tyo"], "study=tyo"),
     ],
 )

@@ -74,8 +74,8 @@ def test_an_empty_plan_is_no_error(tmp_path, monkeypatch, capsys):
 def test_the_jobs_are_those_of_snakemake(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     snakefile = str(project_root() / "Snakefile")
-    line = "study.variants=[alternating,surfhead] study.levels=[0.25] "
-    jobs = study_jobs(line, snakefile, ["reproduce", "table"], 4, from_scratch=True)
+    config = ["hydra=study.variants=[alternating,surfhead] study.levels=[0.25] "]
+    jobs = study_jobs(config, snakefile, ["reproduce", "table"], 4, from_scratch=True)
     by_number = {each.number: each for each in jobs}
     assert [each.wildcards["variant"] for each in jobs if each.rule == "train"].count("surfhead") == 1
     assert sum(each.rule == "render" for each in jobs) == 4  # two variants at the levels 0 and 0.25
@@ -87,7 +87,7 @@ def test_the_jobs_are_those_of_snakemake(tmp_path, monkeypatch):
     assert all(order.index(n) < order.index(each.number) for each in jobs for n in each.needs)
     assert not (tmp_path / "results").exists()
     with pytest.raises(SettingsError, match="Snakemake cannot plan the study"):
-        study_jobs(line, snakefile, ["no_such_rule"], 4, from_scratch=True)
+        study_jobs(config, snakefile, ["no_such_rule"], 4, from_scratch=True)
 
 
 @pytest.mark.slow

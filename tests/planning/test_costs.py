@@ -18,6 +18,7 @@ JOBS = [
     Job(n, rule, w, threads, mb, p, local, f"{n}.log", tuple(needs))
     for n, rule, w, threads, mb, p, local, needs, _ in RUN["jobs"]
 ]
+TABLE = {job.number: job_seconds(job, TOY, ()) for job in JOBS}
 MEASURED = {row[0]: row[-1] for row in RUN["jobs"]}
 
 
@@ -26,7 +27,7 @@ def first(rule):
 
 
 def test_the_table_predicts_the_toy_study_on_the_machine_where_it_was_measured():
-    seconds = all_seconds(JOBS, TOY, (), {}, 1.0)
+    seconds = all_seconds(JOBS, TABLE, {}, 1.0)
     assert list_schedule(JOBS, seconds, 1, 2).makespan == pytest.approx(RUN["makespan"], rel=0.25)
 
 
@@ -50,7 +51,7 @@ def test_times_of_an_earlier_run_count_first_and_correct_the_others(tmp_path):
     (tmp_path / "empty").write_text("{}")
     earlier = earlier_times(JOBS, tmp_path)
     assert earlier == {trains[0].number: 250.0}
-    seconds, table = all_seconds(JOBS, TOY, (), earlier, 3.0), all_seconds(JOBS, TOY, (), {}, 1.0)
+    seconds, table = all_seconds(JOBS, TABLE, earlier, 3.0), TABLE
     assert seconds[trains[0].number] == 250
     assert seconds[trains[1].number] == pytest.approx(250 * table[trains[1].number] / table[trains[0].number])
     assert seconds[first("render").number] == pytest.approx(3 * table[first("render").number])

@@ -12,7 +12,7 @@ def train(iterations, variants=1, cores=1):
         Job(n, "train", {"subject": "toy", "variant": "surfhead"}, 1, 0.0, 0.0, False, None, ())
         for n in range(variants)
     ]
-    return plan_study(jobs, [f"train.iterations={iterations}"], 1, cores)
+    return plan_study(jobs, {"toy": [f"train.iterations={iterations}"]}, 1, cores)
 
 
 @pytest.fixture(autouse=True)
@@ -33,15 +33,24 @@ def test_a_short_run_says_nothing_and_a_long_one_how_long_it_takes():
 
 
 def test_nothing_to_do_is_not_announced():
-    assert announcement(plan_study([], [], 1, 2)) is None
+    assert announcement(plan_study([], {"toy": []}, 1, 2)) is None
 
 
 def test_data_that_are_not_here_are_said_to_be_assumed():
     jobs = [Job(0, "train", {"subject": "own", "variant": "surfhead"}, 1, 0.0, 0.0, False, None, ())]
     own = ["study=own", "capture.folder=none", "capture.head_model=none.npz", "train.iterations=100000"]
-    assert "the data are not here: within a factor of 3" in announcement(plan_study(jobs, own, 1, 2))
+    assert "the data are not here: within a factor of 3" in announcement(plan_study(jobs, {"own": own}, 1, 2))
 
 
 @pytest.mark.parametrize(("seconds", "text"), [(5, "5.0 s"), (120, "2.0 min"), (7200, "2.0 h")])
 def test_durations_are_readable(seconds, text):
     assert duration(seconds) == text
+
+
+def test_a_job_has_the_costs_of_its_own_study():
+    """Ten times the steps in one of two studies."""
+    few, many = (Job(n, "train", {"study": name, "subject": "toy", "variant": "surfhead"}, 1, 0.0, 0.0, False, None, ())
+                 for n, name in enumerate(("few", "many")))  # fmt: skip
+    studies = {"few": ["train.iterations=10000"], "many": ["train.iterations=100000"]}
+    seconds = plan_study([few, many], studies, 1, 1).seconds
+    assert 8 < seconds[1] / seconds[0] < 10

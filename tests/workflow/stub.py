@@ -9,7 +9,7 @@ from carigs.errors import CarigsWarning, SettingsError
 
 FOLDERS = ("dataset", "targets", "frames", "folder")
 AVATAR = ("geometry", "path", "avatar", "ply", "log")
-OUTPUTS = ("index", *AVATAR, "records", "table", "markdown", "latex", "card", "page", *FOLDERS)
+OUTPUTS = ("index", *AVATAR, "records", "table", "markdown", "latex", "figure", "vector", "card", "page", *FOLDERS)
 
 
 def stub(settings, **keywords):

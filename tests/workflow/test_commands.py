@@ -237,26 +237,105 @@ def test_a_run_repeats_the_warnings_of_its_jobs(finished):
     assert re.fullmatch(r".*: no weights of this network \(results/toy/log/metrics/.*\.log and 7 more\)", line)
 
 
+def sweep(project, *arguments):
+    """Run `carigs sweep` for one subject and variant at one level; fails with all that it says."""
+    small = ("study.subjects=[toy]", "study.variants=[surfhead]", "study.levels=[]")
+    done = project.command("carigs", "sweep", *arguments, *small)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done
+
+
+@pytest.mark.slow
+def test_a_sweep_is_planned_as_a_whole(stubbed):
+    """Two gammas share capture and settings; each of the four combinations has trainings and a table."""
+    swept = ("--config", "hydra=study.subjects=[toy]", "sweep=gamma=0.1,0.2 train.iterations=10,20 ", "--", "sweep")
+    done = stubbed.command("snakemake", "-n", *swept)
+    assert done.returncode == 0, done.stdout + done.stderr
+    planned = dict(re.findall(r"^(\w+) +(\d+)$", done.stdout, re.MULTILINE))
+    variants, combinations, levels = 2, 4, 2
+    expected = {
+        "capture": 2, "exaggerate": 4, "gtstar": 4, "train": combinations * variants, "tabulate": combinations,
+        "metrics": combinations * variants * levels, "sweep": 1,
+    }  # fmt: skip
+    assert {rule: int(planned[rule]) for rule in expected} == expected
+    assert not {"card", "report", "figures"} & planned.keys()
+
+
 @pytest.mark.slow
 def test_a_sweep_adds_to_what_is_there(finished):
+    """At 0.25 a subject and a variant are left out: the table is made again, and nothing else is."""
     results = finished.root / "results"
     before = {file: file.stat().st_mtime_ns for file in results.rglob("*") if file.is_file()}
-    done = finished.command("carigs", "sweep", "gamma=0.2,0.25", "study.subjects=[toy]", "study.variants=[surfhead]")
-    assert done.returncode == 0, done.stdout + done.stderr
+    done = sweep(finished, "gamma=0.2,0.25")
     assert {file.name for file in (results / "toy/table").glob("*.csv")} == {"gamma=0.2.csv", "gamma=0.25.csv"}
+    made = [f"carigs: results/toy/sweep/gamma.{suffix}" for suffix in ("md", "csv", "png", "pdf")]
+    assert done.stderr.splitlines()[-4:] == made
     touched = {file for file, time in before.items() if file.stat().st_mtime_ns != time}
-    # At 0.25 a subject and a variant are left out: table, figures, card and report are made again, and nothing else is.
-    assert all(re.search("table|tabulate|figures|card|report", str(file.relative_to(results))) for file in touched)
+    assert all(re.search("table|tabulate", str(file.relative_to(results))) for file in touched)
     assert not (finished.root / "outputs").exists()
     assert not (finished.root / "multirun").exists()
 
 
 @pytest.mark.slow
-def test_a_point_of_a_sweep_that_fails_does_not_keep_the_others_from_running(finished):
+def test_a_sweep_that_is_made_is_not_made_again_and_a_new_value_adds_its_own_jobs(stubbed, tmp_path):
+    project = Project(tmp_path / "project")
+    shutil.copytree(stubbed.root, project.root, symlinks=True)
+    sweep(project, "train.iterations=10,20", "train.seed=1,2", "--cores", "2")
+    folders = {f"toy+train.iterations={steps},train.seed={seed}" for steps in (10, 20) for seed in (1, 2)}
+    assert {folder.name for folder in (project.root / "results").glob("toy*")} == {"toy", *folders}
+    # The values in another order, and the keys: the studies are the same, the table has another order.
+    assert "Nothing to be done" in sweep(project, "train.iterations=10,20", "train.seed=1,2", "--dry-run").stdout
+    planned = sweep(project, "train.seed=2,1", "train.iterations=20,10", "--dry-run").stdout
+    assert re.search(r"^sweep +1$", planned, re.MULTILINE) and not re.search(
+        r"^(train|tabulate) ", planned, re.MULTILINE
+    )
+    planned = sweep(project, "train.iterations=10,20,30", "train.seed=1,2", "--dry-run").stdout
+    assert re.search(r"^train +2$", planned, re.MULTILINE) and re.search(r"^sweep +1$", planned, re.MULTILINE)
+    # The results of a study without a sweep are others.
+    assert not (project.root / "results/toy/toy").exists()
+
+
+@pytest.mark.slow
+def test_a_combination_that_fails_does_not_stop_the_others(finished):
     done = finished.command("carigs", "sweep", "capture.folder=broken,null", "study.subjects=[toy]")
     assert done.returncode == 1
-    assert "failed: capture.folder=broken study.subjects=[toy]" in done.stderr
-    assert (finished.root / "results/toy/table/gamma=0.25.csv").is_file()
+    line = "carigs: failed: capture.folder=broken; the others are kept for the next run"
+    assert done.stderr.splitlines()[-1] == line
+    assert (finished.root / "results/toy+capture.folder=null/table/gamma=0.25.csv").is_file()
+    assert not (finished.root / "results/toy/sweep").exists()
+    # Without it, the rest is there.
+    done = finished.command("carigs", "sweep", "capture.folder=null,null", "study.subjects=[toy]")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert [line for line in done.stderr.splitlines() if " done] " in line] == [
+        "[1 of 2 done] sweep: results/toy/sweep/capture.folder.csv"
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("swept", "named"),
+    [
+        ("train.iteration=3,4", ("train.iteration", "iterations")),
+        ("gamma=0.1,0", ("gamma=0 ", "0.0001")),
+        ("train.seed=range(20000)", ("at most 10000 combinations",)),
+        ("metrics.edit_prompt='A nose", ("sweep=", "quot")),
+    ],
+)
+def test_a_mistake_in_the_values_of_a_sweep_ends_the_dry_run_with_its_name(stubbed, swept, named):
+    done = stubbed.command("snakemake", "-n", "--config", f"sweep={swept}", "--", "sweep")
+    assert done.returncode == 1
+    assert any(all(word in line for word in named) for line in (done.stdout + done.stderr).splitlines())
+
+
+@pytest.mark.slow
+def test_any_number_of_overrides_reaches_the_jobs(stubbed, tmp_path):
+    """More than the command of a job can hold."""
+    project = Project(tmp_path / "project")
+    shutil.copytree(stubbed.root, project.root, symlinks=True)
+    done = sweep(project, *[f"train.seed={seed}" for seed in range(3000)], "train.iterations=10,20")
+    assert done.stderr.splitlines()[-1] == "carigs: results/toy/sweep/train.iterations.pdf"
+    settings = yaml.safe_load(next((project.root / "results").glob("*=20/settings/train/*.yaml")).read_text())
+    assert (settings["seed"], settings["iterations"]) == (2999, 20)
 
 
 def test_all_settings_can_be_shown(stubbed):
@@ -264,13 +343,14 @@ def test_all_settings_can_be_shown(stubbed):
     assert shown["gamma"] == 0.2
     assert set(shown) == {"gamma", "seed", "study"} | {
         "capture", "exaggerate", "gtstar", "train", "render", "truth", "metrics", "tabulate", "figures",
-        "card", "report",
+        "sweep", "card", "report",
     }  # fmt: skip
 
 
 @pytest.mark.slow
-def test_the_workflow_has_no_lint(stubbed):
-    done = stubbed.command("snakemake", "--lint")
+@pytest.mark.parametrize("config", ["hydra=", "sweep=gamma=0.1,0.2"])
+def test_the_workflow_has_no_lint(stubbed, config):
+    done = stubbed.command("snakemake", "--lint", "--config", config)
     assert done.returncode == 0, done.stdout + done.stderr
 
 

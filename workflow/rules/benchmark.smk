@@ -18,7 +18,7 @@ rule benchmark:
         "results/benchmark/image_metric_cost.csv",
         "results/benchmark/metric_cost.csv",
         "results/benchmark/splat.csv",
-        f"results/benchmark/quality_{points['study']}_{points['subject'][0]}.csv",
+        lambda _: "results/benchmark/quality_{study}_{subject[0]}.csv".format(**points(next(iter(studies)))),
 
 
 rule benchmark_page:
@@ -45,7 +45,9 @@ rule benchmark_quality:
     input:
         settings="results/{study}/settings/train/subject={subject},variant=surfhead.yaml",
         capture="results/{study}/{subject}/capture.json",
-        path=f"results/{{study}}/{{subject}}/gamma={points['gamma']}/path.npz",
+        path=lambda wildcards: (
+            f"results/{wildcards.study}/{wildcards.subject}/gamma={points(wildcards.study)['gamma']}/path.npz"
+        ),
     output:
         rows="results/benchmark/quality_{study}_{subject}.csv",
         plot="results/benchmark/quality_{study}_{subject}.png",

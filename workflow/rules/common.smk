@@ -1,4 +1,6 @@
-"""The composed study, and functions that give rules their settings and inputs.
+"""The composed studies, and functions that give rules their settings and inputs.
+
+A run has one study; a sweep has one for each combination of values but those of gamma.
 
 Hydra composes values; Snakemake plans files and their order. Every wildcard is a Hydra override (`subject=`, `variant=`,
 `seed=`, `gamma=`), so a path names a configuration. Each job leaves a record of the settings, code and inputs that made its outputs
@@ -18,10 +20,11 @@ from snakemake.settings.enums import Quietness
 from carigs.config import (
     compose,
     compose_study,
-    compose_variant,
+    read_sweep,
     rendered_levels,
     settings_text,
     split_overrides,
+    study_table,
     target_levels,
     target_maker,
 )
@@ -34,7 +37,7 @@ from carigs.run_progress import show_job_lines
 from carigs.run_summary import warning_lines
 from carigs.settings import STAGES
 from carigs.sources import fingerprint
-from carigs.study_start import prepare_results, settings_warnings
+from carigs.study_start import check_study, prepare_results, settings_warnings
 
 
 def one_line_errors(function):
@@ -49,21 +52,51 @@ def one_line_errors(function):
     return wrapped
 
 
+def overrides_of(study):
+    """The Hydra overrides of a study; `gamma=` of a path goes after them."""
+    if study not in studies:
+        known = ", ".join([*studies][:3])
+        raise WorkflowError(f"results/{study}: the study is {known}; choose by --config hydra=study={study}")
+    return studies[study][-1]
+
+
+@cache
+@one_line_errors
+def points(study):
+    """The subjects, variants, seeds and levels of a study; `first_seed` is what figures show.
+
+    With several gammas the card and the report of a study are of the last.
+    """
+    composed = compose_study(*overrides_of(study))
+    seeds = [f"{seed}" for seed in composed.study.seeds]
+    return dict(
+        study=study,
+        subject=list(composed.study.subjects),
+        variant=list(composed.study.variants),
+        seed=seeds,
+        first_seed=seeds[0],
+        gamma=gamma_text(overrides_of(study)),
+        level=rendered_levels(composed),
+    )
+
+
+@one_line_errors
+def gamma_text(overrides):
+    """The gamma of composed settings as in paths."""
+    return f"{compose(*overrides).gamma:g}"
+
+
 @one_line_errors
 def section(stage, wildcards, *names):
     """The composed settings of a stage; `names` are the wildcards that become overrides."""
-    return compose(*overrides, *(f"{name}={wildcards[name]}" for name in names))[stage]
+    return compose(*overrides_of(wildcards.study), *(f"{name}={wildcards[name]}" for name in names))[stage]
 
 
 @one_line_errors
 def settings_file_text(wildcards):
     """The text of a settings file; the wildcard `point` is the list of overrides that it depends on."""
-    if wildcards.study != points["study"]:
-        raise WorkflowError(
-            f"results/{wildcards.study}: the study is {points['study']}; choose by --config hydra=study={wildcards.study}"
-        )
     point = [override for override in wildcards.point.split(",") if override != "all"]
-    return settings_text(wildcards.stage, *overrides, *point)
+    return settings_text(wildcards.stage, *overrides_of(wildcards.study), *point)
 
 
 def settings_trigger(wildcards):
@@ -75,7 +108,7 @@ def settings_trigger(wildcards):
 @one_line_errors
 def levels(wildcards):
     """The levels at which avatars trained for the gamma of a path are rendered."""
-    return rendered_levels(compose(*overrides, f"gamma={wildcards.gamma}"))
+    return rendered_levels(compose(*overrides_of(wildcards.study), f"gamma={wildcards.gamma}"))
 
 
 def level(wildcards):
@@ -85,21 +118,38 @@ def level(wildcards):
     return float(wildcards.level)
 
 
-def all_points(*patterns, **fixed):
-    """The files of every subject, variant, seed and level of the study, but for `fixed` and the output's wildcards."""
+def all_points(*patterns):
+    """The files of every subject, variant, seed and level of the study, but for the wildcards that the output fixes."""
     return lambda wildcards: collect(
-        list(patterns), **{**points, **fixed, **dict(wildcards.items()), "level": levels(wildcards)}
+        list(patterns), **{**points(wildcards.study), **dict(wildcards.items()), "level": levels(wildcards)}
     )
 
 
-def of_study(*patterns, **fixed):
-    """The files of every subject, variant, seed and level of the study at its gamma, but for `fixed` wildcards."""
-    return lambda wildcards: collect(list(patterns), **{**points, **fixed, "study": wildcards.study})
+def of_study(*patterns):
+    """The files of every subject, variant, seed and level of the study at its gamma."""
+    return lambda wildcards: collect(list(patterns), **points(wildcards.study))
+
+
+def table_of_study(wildcards):
+    """The table of the study's gamma."""
+    return "results/{study}/table/gamma={gamma}.csv".format(**points(wildcards.study))
+
+
+def of_all_studies(*patterns):
+    """The files of every study at each of its gammas."""
+
+    def files(wildcards):
+        gammas = {study: list(map(gamma_text, studies[study])) for study in studies}
+        return [
+            file for study in studies for file in collect(list(patterns), **points(study) | {"gamma": gammas[study]})
+        ]
+
+    return files
 
 
 def rendered_points(wildcards):
     """Variant and level of each rendering of a subject and seed, in the order of `all_points`."""
-    return list(product(points["variant"], levels(wildcards)))
+    return list(product(points(wildcards.study)["variant"], levels(wildcards)))
 
 
 digest = cache(files_digest)
@@ -126,53 +176,54 @@ def targets(pattern):
 
     @one_line_errors
     def target_files(wildcards):
-        maker = target_maker(wildcards.variant, *overrides, f"subject={wildcards.subject}")
+        maker = target_maker(wildcards.variant, *overrides_of(wildcards.study), f"subject={wildcards.subject}")
         trained_levels = target_levels(section("train", wildcards, "subject", "variant"), float(wildcards.gamma))
         return collect(pattern, **{**dict(wildcards.items()), "maker": maker, "level": trained_levels})
 
     return target_files
 
 
+def all_settings_warnings():
+    """The warnings of the settings of all studies, each once."""
+    combinations = [overrides for gammas in studies.values() for overrides in gammas]
+    return list(dict.fromkeys(line for overrides in combinations for line in settings_warnings(overrides)))
+
+
 name_run_process()
-if unknown := sorted(set(config) - {"hydra"}):
+if unknown := sorted(set(config) - {"hydra", "sweep"}):
     raise WorkflowError(f"--config {unknown[0]}= is unknown; overrides go into hydra='study=ict gamma=0.2'")
 
-overrides = one_line_errors(split_overrides)(str(config.get("hydra") or ""))
-composed = one_line_errors(compose_study)(*overrides)
-points = dict(
-    study=composed.study.name,
-    subject=list(composed.study.subjects),
-    variant=list(composed.study.variants),
-    seed=[f"{seed}" for seed in composed.study.seeds],
-    gamma=f"{composed.gamma:g}",
-    level=rendered_levels(composed),
-)
-first_seed = points["seed"][0]  # of what figures show
-for subject, variant in product(points["subject"], points["variant"]):
-    # Checked here, because Snakemake ignores errors of input functions where the output exists.
-    one_line_errors(compose_variant)(variant, *overrides, f"subject={subject}")
+overrides, values = (one_line_errors(split_overrides)(str(config.get(key) or ""), key) for key in ("hydra", "sweep"))
+swept = one_line_errors(read_sweep)(overrides, values) if values else None
+studies = one_line_errors(study_table)(overrides, swept)
 
 if workflow.is_main_process:
-    one_line_errors(prepare_results)(Path("results", points["study"]), overrides)
-    for line in one_line_errors(settings_warnings)(overrides):
+    for study in studies:
+        # Checked here, because Snakemake ignores errors of input functions where the output exists.
+        one_line_errors(check_study)(studies[study])
+    for study in studies:
+        one_line_errors(prepare_results)(Path("results", study), overrides_of(study))
+    if swept and swept.study not in studies:
+        one_line_errors(prepare_results)(Path("results", swept.study), swept.combinations[0].overrides, ("sweep",))
+    for line in one_line_errors(all_settings_warnings)():
         print(f"carigs: warning: {line}", file=sys.stderr)
 
 
 def print_warnings():
-    """Repeat the warnings of the settings and of the study's jobs, those of earlier runs too."""
-    for line in [*settings_warnings(overrides), *warning_lines(Path("results", points["study"], "log"))]:
+    """Repeat the warnings of the settings and of the studies' jobs, those of earlier runs too."""
+    logged = warning_lines(Path("results", study, "log") for study in studies)
+    for line in [*all_settings_warnings(), *logged]:
         print(f"carigs: warning: {line}", file=sys.stderr)
 
 
 def print_results():
-    """Say where tables, figures, card and report are."""
-    folder = Path("results", points["study"])
-    for path in (
-        folder / f"table/gamma={points['gamma']}.md",
-        folder / "figures",
-        folder / "card.md",
-        folder / "report.html",
-    ):
+    """Say where tables, figures, card and report are; of a sweep, where its table and figure are."""
+    study = swept.study if swept else next(iter(studies))
+    if swept:
+        names = [f"sweep/{swept.name}{suffix}" for suffix in (".md", ".csv", ".png", ".pdf")]
+    else:
+        names = [f"table/gamma={points(study)['gamma']}.md", "figures", "card.md", "report.html"]
+    for path in (Path("results", study, name) for name in names):
         if path.exists():
             print(f"carigs: {path}", file=sys.stderr)
 
@@ -190,13 +241,14 @@ def announce_duration(workflow):
     from carigs.planning.study_plan import announcement, plan_study
 
     with suppress(CarigsError):  # what cannot be read ends the job that reads it
-        line = announcement(plan_study(needed_jobs(workflow), overrides, nodes=1, cores=workflow.cores))
+        by_study = {study: overrides_of(study) for study in studies}
+        line = announcement(plan_study(needed_jobs(workflow), by_study, nodes=1, cores=workflow.cores))
         if line:
             print(f"carigs: {line}", file=sys.stderr)
 
 
 wildcard_constraints:
-    study=r"[\w.-]+",
+    study=r"[\w.+=,-]+",  # with the values of a combination of a sweep
     stage="|".join(STAGES),
     subject=r"[\w-]+",
     variant=r"[\w-]+",

@@ -88,20 +88,19 @@ rule figures:
         capture="results/{study}/{subject}/capture.json",
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
         # Renders the local edits; studies without the method have none.
-        avatar=(
-            f"results/{{study}}/{{subject}}/gamma={{gamma}}/alternating/seed={first_seed}/avatar.npz"
-            if "alternating" in points["variant"]
+        avatar=lambda wildcards: (
+            all_points("results/{study}/{subject}/gamma={gamma}/alternating/seed={first_seed}/avatar.npz")(wildcards)
+            if "alternating" in points(wildcards.study)["variant"]
             else []
         ),
         indices=all_points(
-            "results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/frames.json", seed=first_seed
+            "results/{study}/{subject}/gamma={gamma}/{variant}/seed={first_seed}/level={level}/frames.json"
         ),
         truths=all_points("results/{study}/{subject}/gamma={gamma}/truth/level={level}/truth.json"),
         watch=all_points(
             "results/{study}/{subject}/dataset",
-            "results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/frames",
+            "results/{study}/{subject}/gamma={gamma}/{variant}/seed={first_seed}/level={level}/frames",
             "results/{study}/{subject}/gamma={gamma}/truth/level={level}/frames",
-            seed=first_seed,
         ),
     output:
         folder=directory("results/{study}/figures/{subject}/gamma={gamma}"),

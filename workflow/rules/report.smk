@@ -15,7 +15,7 @@ made_with = of_study(
 rule card:
     input:
         settings="results/{study}/settings/card/all.yaml",
-        table=f"results/{{study}}/table/gamma={points['gamma']}.csv",
+        table=table_of_study,
         captures=of_study("results/{study}/{subject}/capture.json"),
         avatars=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/avatar.npz"),
         made_with=made_with,
@@ -28,11 +28,11 @@ rule card:
         "../../environment.yml"
     params:
         code=fingerprint("carigs.stages.card"),
-        subjects=points["subject"],
-        variants=points["variant"],
-        seeds=points["seed"],
-        levels=points["level"],
-        gamma=points["gamma"],
+        subjects=lambda wildcards: points(wildcards.study)["subject"],
+        variants=lambda wildcards: points(wildcards.study)["variant"],
+        seeds=lambda wildcards: points(wildcards.study)["seed"],
+        levels=lambda wildcards: points(wildcards.study)["level"],
+        gamma=lambda wildcards: points(wildcards.study)["gamma"],
         logs="results/{study}/log",
     script:
         "../scripts/stage.py"
@@ -42,19 +42,18 @@ rule report:
     input:
         settings="results/{study}/settings/report/all.yaml",
         card="results/{study}/card.json",
-        table=f"results/{{study}}/table/gamma={points['gamma']}.csv",
+        table=table_of_study,
         figures=of_study("results/{study}/figures/{subject}/gamma={gamma}"),
         captures=of_study("results/{study}/{subject}/capture.json"),
         indices=of_study(
-            "results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/frames.json", seed=first_seed
+            "results/{study}/{subject}/gamma={gamma}/{variant}/seed={first_seed}/level={level}/frames.json"
         ),
         truths=of_study("results/{study}/{subject}/gamma={gamma}/truth/level={level}/truth.json"),
-        training=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/log.csv", seed=first_seed),
+        training=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/seed={first_seed}/log.csv"),
         made_with=made_with,
         watch=of_study(
-            "results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/frames",
+            "results/{study}/{subject}/gamma={gamma}/{variant}/seed={first_seed}/level={level}/frames",
             "results/{study}/{subject}/gamma={gamma}/truth/level={level}/frames",
-            seed=first_seed,
         ),
     output:
         page="results/{study}/report.html",
@@ -64,9 +63,9 @@ rule report:
         "../../environment.yml"
     params:
         code=fingerprint("carigs.stages.report"),
-        subjects=points["subject"],
-        variants=points["variant"],
-        levels=points["level"],
+        subjects=lambda wildcards: points(wildcards.study)["subject"],
+        variants=lambda wildcards: points(wildcards.study)["variant"],
+        levels=lambda wildcards: points(wildcards.study)["level"],
         logs="results/{study}/log",
     script:
         "../scripts/stage.py"
