@@ -18,7 +18,7 @@ A combination that fails does not stop the others. What is made is kept: the sam
 EXAMPLES = """examples:
   carigs sweep gamma=0.1,0.15,0.2,0.25
   carigs sweep gamma=0.1,0.25 train.num_gtstar_levels=1,4 --cores 2       four combinations
-  carigs sweep "train.seed=range(5)" --dry-run
+  carigs sweep "capture.toy.seed=range(5)" --dry-run
   carigs sweep gamma=0.1,0.25 --target sweep --target reproduce           figures, card and report of each study, too
 """
 MAX_NAMED = 10

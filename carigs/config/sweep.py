@@ -56,7 +56,7 @@ def split_sweep(overrides: Sequence[str]) -> tuple[list[str], list[str]]:
     """Separate overrides with one value from those with several.
 
     Args:
-        overrides: Hydra overrides, some with several values: `gamma=0.1,0.2` or `train.seed=range(3)`.
+        overrides: Hydra overrides, some with several values: `gamma=0.1,0.2` or `capture.toy.seed=range(3)`.
 
     Returns:
         Those with one value, and those with several.

@@ -125,9 +125,9 @@ def test_an_interrupt_leaves_snakemake_the_time_to_cancel_its_jobs():
 
 
 def test_a_sweep_is_one_run_that_goes_on_after_failures(commands):
-    assert sweep.main(["gamma=0.1,0.25", "study=toy", "train.seed=1,2", "--cores", "3"]) == 0
+    assert sweep.main(["gamma=0.1,0.25", "study=toy", "capture.toy.seed=1,2", "--cores", "3"]) == 0
     (command,) = commands
-    assert command[-5:] == ["--config", "hydra=study=toy ", "sweep=gamma=0.1,0.25 train.seed=1,2 ", "--", "sweep"]
+    assert command[-5:] == ["--config", "hydra=study=toy ", "sweep=gamma=0.1,0.25 capture.toy.seed=1,2 ", "--", "sweep"]
     assert "--keep-going" in command
 
 
@@ -137,14 +137,14 @@ def test_the_combinations_that_failed_are_named_in_one_line(monkeypatch, tmp_pat
 
     def fail(command):
         for file in ("1/log/train/toy,gamma=0.1,surfhead", "2/log/capture/toy"):
-            record = tmp_path / f"results/toy+train.seed={file}.json"
+            record = tmp_path / f"results/toy+capture.toy.seed={file}.json"
             record.parent.mkdir(parents=True)
             record.write_text('{"finished": null, "outputs": {}}')
         return 1
 
     monkeypatch.setattr(run, "_exit_code", fail)
-    assert sweep.main(["gamma=0.1,0.2", "train.seed=1,2"]) == 1
-    named = "gamma=0.1 train.seed=1; gamma=0.1 train.seed=2; gamma=0.2 train.seed=2"
+    assert sweep.main(["gamma=0.1,0.2", "capture.toy.seed=1,2"]) == 1
+    named = "gamma=0.1 capture.toy.seed=1; gamma=0.1 capture.toy.seed=2; gamma=0.2 capture.toy.seed=2"
     lines = capsys.readouterr().err.splitlines()
     assert lines[-1] == f"carigs: failed: {named}; the others are kept for the next run"
     assert len(lines) == 3
@@ -153,7 +153,7 @@ def test_the_combinations_that_failed_are_named_in_one_line(monkeypatch, tmp_pat
 def test_any_number_of_overrides_reaches_snakemake(commands, monkeypatch, tmp_path):
     """Linux allows 131072 bytes for the command of a job; it holds the overrides, quoted twice."""
     monkeypatch.chdir(tmp_path)
-    overrides = [f"train.seed={seed}" for seed in range(5000)]
+    overrides = [f"capture.toy.seed={seed}" for seed in range(5000)]
     assert run.main(overrides) == 0
     (line,) = (word.removeprefix("hydra=") for word in commands[0] if word.startswith("hydra="))
     assert line.startswith("@results/") and list(split_overrides(line)) == overrides
@@ -168,10 +168,10 @@ def test_any_number_of_overrides_reaches_snakemake(commands, monkeypatch, tmp_pa
         ("run", ["gamma=0.1,0.2"], "carigs sweep"),
         ("sweep", ["gamma=0.1,nan"], "gamma=nan"),
         ("sweep", ["gamma=["], "gamma=["),
-        ("sweep", ["train.seed=1,2", "train.sed=1,2"], "train.sed"),
-        ("sweep", ["train.seed=1,2", "train.iterations=3,0"], "train.iterations=0 must lie in"),
+        ("sweep", ["capture.toy.seed=1,2", "capture.toy.sed=1,2"], "capture.toy.sed"),
+        ("sweep", ["capture.toy.seed=1,2", "train.iterations=3,0"], "train.iterations=0 must lie in"),
         ("sweep", ["gamma=0.1"], "carigs run"),
-        ("sweep", ["train.seed=range(20000)"], "at most 10000 combinations"),
+        ("sweep", ["capture.toy.seed=range(20000)"], "at most 10000 combinations"),
         ("settings", ["study=tyo"], "study=tyo"),
     ],
 )

@@ -23,7 +23,9 @@ SCALARS = st.one_of(
     st.text(st.characters(exclude_categories=["Cs"]), max_size=20),
 )
 VALUES = SCALARS | st.lists(SCALARS, max_size=3) | st.dictionaries(st.sampled_from("ab"), SCALARS, max_size=2)
-KEYS = st.sampled_from(["train.iterations", "train.seed", "study.variants", "exaggerate", "capture.toy.supersampling"])
+KEYS = st.sampled_from(
+    ["train.iterations", "capture.toy.seed", "study.variants", "exaggerate", "capture.toy.supersampling"]
+)
 POINTS = st.dictionaries(KEYS, VALUES, min_size=1, max_size=3)
 
 
@@ -62,32 +64,34 @@ def test_folders_are_legal_on_every_file_system_and_no_study_of_a_user_has_their
 
 def test_a_folder_tells_its_values_whatever_their_order_and_form():
     names = set()
-    for swept in (["train.iterations=20", "train.seed=1,2"], ["train.iterations=20,20", "train.seed=range(1,3)"],
-                  ["train.seed=2,1", "gamma=0.1,0.2", "train.iterations=choice(20)"]):  # fmt: skip
+    for swept in (["train.iterations=20", "capture.toy.seed=1,2"], ["train.iterations=20,20", "capture.toy.seed=range(1,3)"],
+                  ["capture.toy.seed=2,1", "gamma=0.1,0.2", "train.iterations=choice(20)"]):  # fmt: skip
         names.add(frozenset(combination.study for combination in read_sweep([], swept).combinations))
-    assert names == {frozenset(f"toy+train.iterations=20,train.seed={seed}" for seed in (1, 2))}
+    assert names == {frozenset(f"toy+capture.toy.seed={seed},train.iterations=20" for seed in (1, 2))}
 
 
 def test_combinations_of_different_gammas_share_a_folder():
-    sweep = read_sweep(["study.levels=[]"], ["gamma=0.10,0.2", "train.seed=3,4"])
+    sweep = read_sweep(["study.levels=[]"], ["gamma=0.10,0.2", "capture.toy.seed=3,4"])
     table = study_table(["study.levels=[]"], sweep)
     assert table == {
-        f"toy+train.seed={seed}": [("study.levels=[]", f"gamma={gamma}", f"train.seed={seed}") for gamma in (0.1, 0.2)]
+        f"toy+capture.toy.seed={seed}": [
+            ("study.levels=[]", f"gamma={gamma}", f"capture.toy.seed={seed}") for gamma in (0.1, 0.2)
+        ]
         for seed in (3, 4)
     }
-    assert (sweep.study, sweep.keys, sweep.name) == ("toy", ("gamma", "train.seed"), "gamma,train.seed")
+    assert (sweep.study, sweep.keys, sweep.name) == ("toy", ("gamma", "capture.toy.seed"), "gamma,capture.toy.seed")
     assert {*study_table([], read_sweep([], ["gamma=0.1,0.2"]))} == {"toy"}
     assert study_table(["gamma=0.1"], None) == {"toy": [("gamma=0.1",)]}
 
 
 def test_a_sweep_has_every_combination_once_and_its_last_key_changes_fastest():
-    sweep = read_sweep(["study=ict"], ["gamma=0.1,0.2,0.10", "train.seed=range(3)"])
+    sweep = read_sweep(["study=ict"], ["gamma=0.1,0.2,0.10", "capture.toy.seed=range(3)"])
     assert [combination.values for combination in sweep.combinations] == [*product(("0.1", "0.2"), "012")]
     assert all(combination.overrides[0] == "study=ict" for combination in sweep.combinations)
 
 
 def test_of_two_overrides_for_one_key_the_later_wins():
-    sweep = read_sweep([], ["train.seed=1,2", "train.seed=3,4"])
+    sweep = read_sweep([], ["capture.toy.seed=1,2", "capture.toy.seed=3,4"])
     assert [combination.values for combination in sweep.combinations] == [("3",), ("4",)]
 
 
@@ -97,19 +101,19 @@ def test_the_study_can_be_swept_over():
 
 
 def test_overrides_with_several_values_are_told_from_lists():
-    overrides = ["study.variants=[surfhead,no_mask]", "gamma=0.1,0.2", "train.seed=range(2)", "study=ict"]
+    overrides = ["study.variants=[surfhead,no_mask]", "gamma=0.1,0.2", "capture.toy.seed=range(2)", "study=ict"]
     assert split_sweep(overrides) == ([overrides[0], overrides[3]], overrides[1:3])
 
 
 @pytest.mark.parametrize(
     ("swept", "named"),
     [
-        (["train.seed=range(1000000000000)"], "at most 10000 combinations"),
-        (["train.seed=range(1000)", "gamma=range(0.1,0.2,0.001)"], "at most 10000 combinations"),
+        (["capture.toy.seed=range(1000000000000)"], "at most 10000 combinations"),
+        (["capture.toy.seed=range(1000)", "gamma=range(0.1,0.2,0.001)"], "at most 10000 combinations"),
         (["gamma=["], "gamma=["),
         (["gamma=interval(0,1)"], "list the values, or use range"),
         (["gamma=glob(*)"], "list the values, or use range"),
-        (["train.seed=range(3,3)"], "no value"),
+        (["capture.toy.seed=range(3,3)"], "no value"),
         (["subject=a,b"], "study.subjects"),
         (["+train.sed=1,2"], "neither added nor removed"),
         (["train.sed=1,2"], "train.sed"),

@@ -3,8 +3,8 @@
 A run has one study; a sweep has one for each combination of values but those of gamma.
 
 Hydra composes values; Snakemake plans files and their order. Every wildcard is a Hydra override (`subject=`, `variant=`,
-`seed=`, `gamma=`), so a path names a configuration. Each job leaves a record of the settings, code and inputs that made its outputs
-(carigs/job_record.py), so that results can be copied without `.snakemake/`.
+`seed=`, `gamma=`), so a path names a configuration. Each job leaves a record of the settings, code and inputs that made
+its outputs (carigs/job_record.py), so that results can be copied without `.snakemake/`.
 """
 
 import sys
