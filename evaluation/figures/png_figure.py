@@ -10,6 +10,9 @@ from typing import Any
 from carigs.files import writing
 from evaluation.figures.style import PALETTE, STYLE
 
+PNG_LEVEL = 3
+"""Compression of PNG: a third of the time of the default, and a tenth more bytes."""
+
 
 @contextmanager
 def png_figure(
@@ -37,7 +40,8 @@ def png_figure(
         FigureCanvasAgg(figure)
         yield figure
         with writing(file) as part:
-            figure.savefig(part, format="png", metadata={"Software": None})
+            saved = {"metadata": {"Software": None}, "pil_kwargs": {"compress_level": PNG_LEVEL}}
+            figure.savefig(part, format="png", **saved)
         if vector:
             with writing(file.with_suffix(".pdf")) as part:
                 figure.savefig(part, format="pdf", metadata={"Creator": None, "Producer": None, "CreationDate": None})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -58,13 +59,16 @@ def write_sheet(
     below = LABEL + LEGEND_LINE * max(lines - 1, 0) if footnote or legend else 0.0
     total = TITLE + LABEL + len(rows) * cell_height + MARGIN + below
     with png_figure(file, (width, total), dpi=dpi, facecolor="white") as figure:
+        # One pair of axes in inches from the lower left corner: axes for each image take longer than the images.
+        axes = figure.add_axes((0, 0, 1, 1), xlim=(0, width), ylim=(0, total), autoscale_on=False)
+        axes.set_axis_off()
 
-        def text(x: float, y: float, label: str, size: int, **options: float) -> None:
-            figure.text(x, y, label, ha="center", va="center", fontsize=size, **options)
+        def text(x: float, y: float, label: str, size: int, **options: Any) -> None:
+            axes.text(x, y, label, **{"ha": "center", "va": "center", "fontsize": size, **options})
 
-        text(0.5, 1 - 0.5 * TITLE / total, title, LARGE)
+        text(0.5 * width, total - 0.5 * TITLE, title, LARGE)
         if footnote:
-            text(0.5, 0.5 * below / total, footnote, SMALL)
+            text(0.5 * width, 0.5 * below, footnote, SMALL)
         if legend:
             patches = [Patch(color=colour, label=name) for name, colour in legend.items()]
             figure.legend(
@@ -73,20 +77,21 @@ def write_sheet(
             )  # fmt: skip
         for i, line in enumerate(images):
             bottom = total - TITLE - LABEL - (i + 1) * cell_height
-            text((MARGIN + 0.5 * LABEL) / width, (bottom + 0.5 * cell_height) / total, rows[i], MEDIUM, rotation=90)
+            text(MARGIN + 0.5 * LABEL, bottom + 0.5 * cell_height, rows[i], MEDIUM, rotation=90)
             for j, image in enumerate(line):
                 left = MARGIN + LABEL + j * cell_width
                 if i == 0:
-                    text((left + 0.5 * cell_width) / width, (total - TITLE - 0.5 * LABEL) / total, columns[j], MEDIUM)
-                axes = figure.add_axes([left / width, bottom / total, cell_width / width, cell_height / total])
-                axes.set_axis_off()
+                    text(left + 0.5 * cell_width, total - TITLE - 0.5 * LABEL, columns[j], MEDIUM)
                 if image is None:
-                    axes.text(0.5, 0.5, "no image", ha="center", va="center", fontsize=SMALL, color="grey")
+                    text(left + 0.5 * cell_width, bottom + 0.5 * cell_height, "no image", SMALL, color="grey")
                 else:
-                    axes.imshow(_resized(image, round(pixels), height), interpolation="nearest")
+                    extent = (left, left + cell_width, bottom, bottom + cell_height)
+                    shown = _resized(image, round(pixels), height)
+                    axes.imshow(shown, interpolation="nearest", extent=extent, aspect="auto")
                 if captions and captions[i][j]:
                     box = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1}
-                    axes.text(0.02, 0.02, captions[i][j], transform=axes.transAxes, fontsize=SMALL, bbox=box)
+                    place = left + 0.02 * cell_width, bottom + 0.02 * cell_height
+                    text(*place, captions[i][j], SMALL, ha="left", va="baseline", bbox=box)
 
 
 def _resized(image: Image, width: int, height: int) -> Image:

@@ -64,8 +64,11 @@ def test_folders_are_legal_on_every_file_system_and_no_study_of_a_user_has_their
 
 def test_a_folder_tells_its_values_whatever_their_order_and_form():
     names = set()
-    for swept in (["train.iterations=20", "capture.toy.seed=1,2"], ["train.iterations=20,20", "capture.toy.seed=range(1,3)"],
-                  ["capture.toy.seed=2,1", "gamma=0.1,0.2", "train.iterations=choice(20)"]):  # fmt: skip
+    for swept in (
+        ["train.iterations=20", "capture.toy.seed=1,2"],
+        ["train.iterations=20,20", "capture.toy.seed=range(1,3)"],
+        ["capture.toy.seed=2,1", "gamma=0.1,0.2", "train.iterations=choice(20)"],
+    ):
         names.add(frozenset(combination.study for combination in read_sweep([], swept).combinations))
     assert names == {frozenset(f"toy+capture.toy.seed={seed},train.iterations=20" for seed in (1, 2))}
 
