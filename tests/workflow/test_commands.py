@@ -280,16 +280,16 @@ def test_a_sweep_adds_to_what_is_there(finished):
 def test_a_sweep_that_is_made_is_not_made_again_and_a_new_value_adds_its_own_jobs(stubbed, tmp_path):
     project = Project(tmp_path / "project")
     shutil.copytree(stubbed.root, project.root, symlinks=True)
-    sweep(project, "train.iterations=10,20", "train.seed=1,2", "--cores", "2")
-    folders = {f"toy+train.iterations={steps},train.seed={seed}" for steps in (10, 20) for seed in (1, 2)}
+    sweep(project, "train.iterations=10,20", "capture.toy.seed=1,2", "--cores", "2")
+    folders = {f"toy+capture.toy.seed={seed},train.iterations={steps}" for steps in (10, 20) for seed in (1, 2)}
     assert {folder.name for folder in (project.root / "results").glob("toy*")} == {"toy", *folders}
     # The values in another order, and the keys: the studies are the same, the table has another order.
-    assert "Nothing to be done" in sweep(project, "train.iterations=10,20", "train.seed=1,2", "--dry-run").stdout
-    planned = sweep(project, "train.seed=2,1", "train.iterations=20,10", "--dry-run").stdout
+    assert "Nothing to be done" in sweep(project, "train.iterations=10,20", "capture.toy.seed=1,2", "--dry-run").stdout
+    planned = sweep(project, "capture.toy.seed=2,1", "train.iterations=20,10", "--dry-run").stdout
     assert re.search(r"^sweep +1$", planned, re.MULTILINE) and not re.search(
         r"^(train|tabulate) ", planned, re.MULTILINE
     )
-    planned = sweep(project, "train.iterations=10,20,30", "train.seed=1,2", "--dry-run").stdout
+    planned = sweep(project, "train.iterations=10,20,30", "capture.toy.seed=1,2", "--dry-run").stdout
     assert re.search(r"^train +2$", planned, re.MULTILINE) and re.search(r"^sweep +1$", planned, re.MULTILINE)
     # The results of a study without a sweep are others.
     assert not (project.root / "results/toy/toy").exists()
@@ -317,7 +317,7 @@ def test_a_combination_that_fails_does_not_stop_the_others(finished):
     [
         ("train.iteration=3,4", ("train.iteration", "iterations")),
         ("gamma=0.1,0", ("gamma=0 ", "0.0001")),
-        ("train.seed=range(20000)", ("at most 10000 combinations",)),
+        ("capture.toy.seed=range(20000)", ("at most 10000 combinations",)),
         ("metrics.edit_prompt='A nose", ("sweep=", "quot")),
     ],
 )
@@ -332,10 +332,13 @@ def test_any_number_of_overrides_reaches_the_jobs(stubbed, tmp_path):
     """More than the command of a job can hold."""
     project = Project(tmp_path / "project")
     shutil.copytree(stubbed.root, project.root, symlinks=True)
-    done = sweep(project, *[f"train.seed={seed}" for seed in range(3000)], "train.iterations=10,20")
+    done = sweep(project, *[f"capture.toy.seed={seed}" for seed in range(3000)], "train.iterations=10,20")
     assert done.stderr.splitlines()[-1] == "carigs: results/toy/sweep/train.iterations.pdf"
-    settings = yaml.safe_load(next((project.root / "results").glob("*=20/settings/train/*.yaml")).read_text())
-    assert (settings["seed"], settings["iterations"]) == (2999, 20)
+    (folder,) = (project.root / "results").glob("*=20/settings")
+    capture, train = (
+        yaml.safe_load(next((folder / stage).glob("*.yaml")).read_text()) for stage in ("capture", "train")
+    )
+    assert (capture["toy"]["seed"], train["iterations"]) == (2999, 20)
 
 
 def test_all_settings_can_be_shown(stubbed):

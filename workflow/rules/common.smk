@@ -152,6 +152,13 @@ def rendered_points(wildcards):
     return list(product(points(wildcards.study)["variant"], levels(wildcards)))
 
 
+def avatar_of_method(wildcards):
+    """The avatar of the variant `alternating` with the first seed, if the study has the variant."""
+    known = points(wildcards.study)
+    folder = f"results/{wildcards.study}/{wildcards.subject}/gamma={wildcards.gamma}/alternating"
+    return f"{folder}/seed={known['first_seed']}/avatar.npz" if "alternating" in known["variant"] else []
+
+
 digest = cache(files_digest)
 
 

@@ -88,11 +88,7 @@ rule figures:
         capture="results/{study}/{subject}/capture.json",
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
         # Renders the local edits; studies without the method have none.
-        avatar=lambda wildcards: (
-            all_points("results/{study}/{subject}/gamma={gamma}/alternating/seed={first_seed}/avatar.npz")(wildcards)
-            if "alternating" in points(wildcards.study)["variant"]
-            else []
-        ),
+        avatar=avatar_of_method,
         indices=all_points(
             "results/{study}/{subject}/gamma={gamma}/{variant}/seed={first_seed}/level={level}/frames.json"
         ),
