@@ -597,8 +597,9 @@ def test_a_section_changes_only_with_what_its_path_names(stage):
     """Else two jobs would share a settings file that says something else to each."""
     named = settings_paths()[stage]
     texts: dict[tuple[str, ...], set[str]] = {}
-    for subject, variant, gamma in product(("toy", "ict_s1", "nersemble_074"), known("variant"), ("0.25", "0.2")):
-        values = {"subject": subject, "variant": variant, "gamma": gamma}
+    subjects, seeds, gammas = ("toy", "ict_s1", "nersemble_074"), ("0", "1"), ("0.25", "0.2")
+    for subject, variant, seed, gamma in product(subjects, known("variant"), seeds, gammas):
+        values = {"subject": subject, "variant": variant, "seed": seed, "gamma": gamma}
         overrides = [f"{name}={value}" for name, value in values.items()]
         texts.setdefault(tuple(values[name] for name in named), set()).add(settings_text(stage, *overrides))
     assert all(len(different) == 1 for different in texts.values())

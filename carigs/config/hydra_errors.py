@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from hydra.errors import MissingConfigException
+from hydra.errors import HydraException, MissingConfigException
 from omegaconf.errors import OmegaConfBaseException
 
 from carigs.config.folders import known
@@ -24,7 +24,9 @@ def describe(error: Exception) -> str:
     if isinstance(error, MissingConfigException):
         group, _, name = str(error.missing_cfg_file).rpartition("/")
         return f"{group}={name} is unknown; known: {', '.join(known(group))}"
-    text = str(error.__cause__ if isinstance(error.__cause__, OmegaConfBaseException) else error)
+    # Hydra leaves out the details. An error of OmegaConf has a cause, which lacks them, while a debugger is attached.
+    by_hydra = isinstance(error, HydraException) and isinstance(error.__cause__, OmegaConfBaseException)
+    text = str(error.__cause__ if by_hydra else error)
     detail = r"^\s*(full_key|object_type|reference_type)[:=]\s*(.*)$"
     details = dict(re.findall(detail, text, re.MULTILINE))
     problem = " ".join(re.sub(rf"{detail}|^See https.*$", "", text, flags=re.MULTILINE).split())
