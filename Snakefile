@@ -20,8 +20,9 @@ include: "workflow/rules/stress.smk"
 onstart:
     show_progress(workflow)
     if workflow.local_exec:
-        # Snakemake adds a timer of one second after each job that ends, and selects jobs anew at each: in a long run a
-        # hundred times a second.
+        # With a limit of jobs per second, Snakemake starts a timer of one second whenever it selects jobs, and selects
+        # jobs again when the timer ends. Each job that ends adds such a chain: after a hundred jobs, Snakemake selects
+        # jobs a hundred times a second. On this machine, --cores limits the jobs; --max-jobs-per-timespan has no effect.
         workflow.scheduler.job_rate_limiter = None
         announce_duration(workflow)
         start_fork_server()

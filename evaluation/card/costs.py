@@ -75,7 +75,7 @@ def avatar_values(
         value("surfels", surfels, [*avatars]),
         value("avatar_bytes", [os.path.getsize(file) for file in avatars.values()], [*avatars]),
     ]
-    timed = [rendering for rendering in renderings if rendering.job in costs and FRAME in costs[rendering.job].steps]
+    timed = [rendering for rendering in renderings if rendering.job in costs and costs[rendering.job].steps.get(FRAME)]
     if not timed:
         reason = NO_RECORD.format(len(renderings), len(renderings))
         return values + missing_avatar_values(subject, variant, reason, ("frame_seconds", "frames_per_second"))

@@ -172,8 +172,10 @@ def test_the_time_of_a_frame_is_the_mean_of_what_the_jobs_measured(tmp_path):
     frame, rate = found["frame_seconds"], found["frames_per_second"]
     assert (frame.value, frame.low, frame.high, frame.n) == (pytest.approx(0.2), *[pytest.approx(0.2)] * 2, 4)
     assert rate.value == pytest.approx(5)
-    unknown = avatar_values("anna", "ours", avatars, renderings, {}, SETTINGS)
-    assert [(v.value is None, bool(v.reason)) for v in unknown] == [(False, False)] * 2 + [(True, True)] * 2
+    stopped = {rendering.job: JobCosts(2.0, 1.0, 100.0, {FRAME: 0.0}) for rendering in renderings}
+    for without in ({}, stopped):
+        unknown = avatar_values("anna", "ours", avatars, renderings, without, SETTINGS)
+        assert [(v.value is None, bool(v.reason)) for v in unknown] == [(False, False)] * 2 + [(True, True)] * 2
 
 
 def test_the_costs_of_a_variant_are_means_over_its_seeds(tmp_path):
