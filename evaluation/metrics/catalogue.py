@@ -20,8 +20,8 @@ CATALOGUE: Catalogue = {
         "neither",
         4,
         "",
-        "equation 10, Stable Diffusion 1.5, empty prompt, t = round(linspace(20, 980, 10)), seeds 0 to 3, latents as "
-        "scaled by the configuration of the VAE; blur raises it: read it with the sharpness",
+        "equation 10, Stable Diffusion 1.5, empty prompt, t = round(linspace(20, 980, 10)), seeds 0 to 3, latents "
+        "scaled by 0.18215; blur raises it: read it with the sharpness",
         "paper",
     ),
     "sd_2.1_base": Metric("SD (2.1 base)", "neither", 4, "", "as sd_1.5 with Stable Diffusion 2.1 base", "readings"),

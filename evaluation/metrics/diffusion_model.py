@@ -34,6 +34,11 @@ class DiffusionModel:
     prediction_type: str
     """`epsilon` if the network predicts the noise, `v_prediction` if it predicts sqrt(a) eps - sqrt(1 - a) z."""
 
+    @property
+    def latent_scale(self) -> float:
+        """Factor of the latents, from the configuration of the autoencoder."""
+        return self.vae.config.scaling_factor
+
     def encode(self, image: UInt8[np.ndarray, "h w 3"], background: int = 255) -> torch.Tensor:
         """Encode an image, padded to a square and scaled to `IMAGE_SIZE`.
 
@@ -49,7 +54,7 @@ class DiffusionModel:
         pixels = Preprocessing(HALVES, HALVES, "pad_square", background, IMAGE_SIZE)(image)
         with torch.inference_mode():
             latent = self.vae.encode(pixels[None].to(self.prompt.device)).latent_dist.mode()[0]
-        return (latent - (self.vae.config.shift_factor or 0)) * self.vae.config.scaling_factor
+        return (latent - (self.vae.config.shift_factor or 0)) * self.latent_scale
 
     def predict_noise(self, noisy: torch.Tensor, timestep: int) -> torch.Tensor:
         """Predict the noise in noisy latents.

@@ -12,7 +12,7 @@ from rich.progress import track
 from carigs.capture import Capture
 from carigs.capture.frame_index import RenderedImage
 from carigs.capture.images import read_rgb8
-from carigs.errors import WeightsMissing
+from carigs.errors import InputError, WeightsMissing
 from carigs.settings import Metrics
 from evaluation.metrics.device import set_up_torch
 from evaluation.metrics.diffusion_model import load_diffusion_model
@@ -28,6 +28,9 @@ TIMESTEPS = tuple(int(t) for t in np.round(np.linspace(20, 980, 10)))
 """From 0.02 to 0.98 of 1000 steps, the range of DreamFusion (Poole et al. 2022). The paper does not state its own, and
 the score depends on it."""
 SEEDS = (0, 1, 2, 3)
+LATENT_SCALE = 0.18215
+"""Factor of the latents in Stable Diffusion 1.5 and 2.1, as the configuration of the autoencoder states it. The score
+depends on it, so tables state it, too."""
 BATCH = 8
 
 
@@ -111,6 +114,9 @@ def _scores(
     import torch
 
     model = load_diffusion_model(folder, set_up_torch(settings.threads))
+    if model.latent_scale != LATENT_SCALE:
+        problem = f"the SD score is defined for {LATENT_SCALE}, not {model.latent_scale:g}"
+        raise InputError(problem, file=folder / "vae/config.json", field="scaling_factor")
     batches = [frames[i : i + BATCH] for i in range(0, len(frames), BATCH)]
     scores = []
     for batch in track(batches, description=f"SD score, {name}", disable=len(batches) < 2):

@@ -2,14 +2,21 @@
 
 import json
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import torch
 
+from carigs.capture.frame_index import RenderedImage
+from carigs.capture.images import write_png
 from carigs.errors import InputError
+from carigs.settings import Metrics
+from evaluation.metrics import stable_diffusion
+from evaluation.metrics.catalogue import CATALOGUE
 from evaluation.metrics.diffusion_model import DiffusionModel, load_diffusion_model
-from evaluation.metrics.stable_diffusion import SEEDS, TIMESTEPS, sd_score
+from evaluation.metrics.stable_diffusion import SEEDS, TIMESTEPS, sd_records, sd_score
+from evaluation.tables.metric_records import StudyPoint
 
 SCHEDULE = np.cumprod(1 - np.linspace(0.00085**0.5, 0.012**0.5, 1000) ** 2)  # of Stable Diffusion
 LATENTS = torch.randn((3, 4, 16, 16), generator=torch.Generator().manual_seed(7))
@@ -201,3 +208,23 @@ def test_files_that_cannot_be_used_are_refused_in_one_line(copy):
     assert "conv_in.weight" in problem()
     (copy / "vae/config.json").unlink()
     assert "has no file vae/config.json" in problem()
+
+
+@pytest.mark.slow
+def test_a_model_whose_latents_have_another_scale_gives_no_score(copy, tmp_path, monkeypatch):
+    """The definition in the tables states the scale."""
+    monkeypatch.setattr(stable_diffusion, "find_weights", lambda *_, **__: copy)
+    write_png(tmp_path / "frame.png", np.random.default_rng(0).random((40, 30, 3)))
+    frames = [RenderedImage("test", 3, 1, 0, tmp_path / "frame.png")]
+    point, subject = StudyPoint("s", "anna", "v", 0, 0.25, 0.25, "files"), SimpleNamespace(background=1.0)
+
+    def records():
+        return list(sd_records(point, frames, subject, Metrics(diffusion=("sd_1.5",))))
+
+    with pytest.raises(InputError, match=r"vae/config\.json: scaling_factor: .* 0\.18215, not 0\.25"):
+        records()
+    edit(copy / "vae/config.json", scaling_factor=0.18215)
+    (record,) = records()
+    assert (record.metric, record.timestep, record.camera, record.reason) == ("sd_1.5", 3, 1, "")
+    assert np.isfinite(record.value) and record.value < 1
+    assert "0.18215" in CATALOGUE["sd_1.5"].source
