@@ -36,7 +36,7 @@ def check_study(combinations: Sequence[Sequence[str]]) -> None:
             point = f"subject={subject}"
             settings = compose_variant(variant, *overrides, point)
             shared = settings if overrides is last else compose_variant(variant, *last, point)
-            for stage in STAGES.keys() - {"exaggerate"}:
+            for stage in STAGES.keys() - {"exaggerate", "render"}:  # whose settings have gamma in their path
                 if settings[stage] != shared[stage]:
                     problem = f"gamma has several values, and settings of {stage} depend on it"
                     raise SettingsError(f"{problem}: run one study per gamma, each with a study.name of its own")

@@ -39,12 +39,24 @@ class GroundTruth:
     masks: dict[tuple[int, int], Path]
 
 
-def read_frame_index(index: Path, folder: Path | None = None) -> list[RenderedImage]:
+def level_folder(frames: Path, level: float) -> Path:
+    """Folder of the images of a level, with their index and the metrics of the avatar's geometry.
+
+    Args:
+        frames: Folder with the renderings of an avatar.
+        level: Exaggeration level.
+
+    Returns:
+        The folder.
+    """
+    return frames / f"level={level:g}"
+
+
+def read_frame_index(index: Path) -> list[RenderedImage]:
     """Read frames.json.
 
     Args:
-        index: The index.
-        folder: Folder of the images; if None, `frames/` next to the index, else the folder of the index.
+        index: The index. Names of images are relative to its folder.
 
     Returns:
         The frames, sorted by protocol and order.
@@ -56,7 +68,7 @@ def read_frame_index(index: Path, folder: Path | None = None) -> list[RenderedIm
     for i, entry in enumerate(read_json(index, list)):
         where = f"[{i}]"
         name = json_field(entry, "file", str, file=index, where=where)
-        file = _existing(folder / name if folder is not None else _next_to(index, name), index, f"{where}.file")
+        file = _existing(index.parent / name, index, f"{where}.file")
         numbers = {key: json_field(entry, key, int, file=index, where=where) for key in ("timestep", "camera", "order")}
         protocol = json_field(entry, "protocol", str, file=index, where=where)
         view = camera_from_json(entry["view"], f"{where}.view", index) if "view" in entry else None

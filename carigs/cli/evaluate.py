@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from carigs.capture import Camera, Capture
 from carigs.capture.capture_json import camera_to_json
-from carigs.capture.frame_index import write_frame_index
+from carigs.capture.frame_index import level_folder, write_frame_index
 from carigs.cli.parser import command_parser
 from carigs.config import load_settings, project_root
 from carigs.errors import InputError, SettingsError
@@ -17,6 +19,9 @@ from carigs.files import write_json
 from carigs.settings import STAGES
 from carigs.settings.option import Section
 from carigs.stages.render import View, rendered_views
+
+if TYPE_CHECKING:
+    from evaluation.card.frame_folder import Key
 
 EXAMPLES = """examples:
   carigs evaluate --results results/toy --subject toy --views views.json
@@ -52,7 +57,7 @@ def main(arguments: list[str]) -> int:
     capture = Capture.load(options.results / options.subject / "capture.json")
     # Level 0 is always needed: CLIP-C of an edit is compared with that of the unedited frames.
     levels = sorted({"0", *(options.level or _known_levels(place))}, key=float)
-    render = _settings(options, "render", f"subject={options.subject}")
+    render = _settings(options, "render", f"subject={options.subject},gamma={options.gamma}")
     views = {level: list(rendered_views(render, capture, float(level))) for level in levels}
     if options.views:
         write_json(options.views, [_view_json(level, *view) for level, some in views.items() for view in some])
@@ -76,7 +81,6 @@ def _evaluate(
     from evaluation.card.frame_folder import Wanted, find_frames
     from evaluation.card.provenance import commit, machine, versions
     from evaluation.metrics.catalogue import CATALOGUE
-    from evaluation.tables.frame_records import FrameRecord, write_frame_records
     from evaluation.tables.summary_file import read_summaries
 
     wanted = {
@@ -84,40 +88,24 @@ def _evaluate(
         for level, some in views.items()
     }
     found = find_frames(options.frames, wanted, options.protocol)
-    records = [
-        place / variant / f"seed={options.seed}/level={level}/metrics.csv"
-        for variant in options.compare for level in views
-    ]  # fmt: skip
-    for level, some in views.items():
-        index, written = options.output / f"level={level}/frames.json", options.output / f"level={level}/metrics.csv"
-        files = {key: file.relative_to(options.frames).as_posix() for key, file in found[level].items()}
-        write_frame_index(index, [_entry(v, camera, files[v[:3]]) for v, camera in some if v[:3] in files])
-        unknown = [name for name, metric in CATALOGUE.items() if metric.table == "geometry"]
-        geometry = [
-            FrameRecord(v.protocol, v.camera, v.timestep, "full", name, None, NO_AVATAR)
-            for v, _ in some if v.protocol == "test" and v[:3] in files for name in unknown
-        ]  # fmt: skip
-        write_frame_records(index.with_name("geometry.csv"), geometry)
-        metrics(
-            _settings(options, "metrics", f"subject={options.subject}"),
-            frames=options.frames,
-            index=index,
-            geometry=index.with_name("geometry.csv"),
-            unedited_frames=options.frames,
-            unedited_index=options.output / "level=0/frames.json",
-            capture=options.results / options.subject / "capture.json",
-            path=place / "path.npz",
-            truth=place / f"truth/level={level}/truth.json",
-            study=options.results.resolve().name,
-            subject=options.subject,
-            variant=options.name,
-            seed=options.seed,  # pairs them with the compared variants
-            gamma=float(options.gamma),
-            level=float(level),
-            embeddings=str(options.output / "embeddings"),
-            records=written,
-        )
-        records.append(written)
+    frames, written = options.output / "frames", options.output / "metrics.csv"
+    _write_indices(frames, views, found)
+    metrics(
+        _settings(options, "metrics", f"subject={options.subject}"),
+        frames=frames,
+        capture=options.results / options.subject / "capture.json",
+        path=place / "path.npz",
+        truths=[place / f"truth/level={level}/truth.json" for level in views],
+        study=options.results.resolve().name,
+        subject=options.subject,
+        variant=options.name,
+        seed=options.seed,  # pairs them with the compared variants
+        gamma=float(options.gamma),
+        levels=[float(level) for level in views],
+        embeddings=str(options.output / "embeddings"),
+        records=written,
+    )
+    records = [*(place / variant / f"seed={options.seed}/metrics.csv" for variant in options.compare), written]
     tabulated = _settings(options, "tabulate", "all")
     if tabulated.reference not in options.compare:
         tabulated = replace(tabulated, reference=options.name)
@@ -176,10 +164,25 @@ def _settings(options: argparse.Namespace, stage: str, point: str) -> Section:
     return load_settings(stage, file) if file.is_file() else STAGES[stage]()
 
 
-def _entry(view: View, camera: Camera, file: str) -> dict[str, object]:
-    """Entry of an index of frames."""
-    novel = {"view": camera_to_json(camera)} if view.protocol == "orbit" else {}
-    return {**view._asdict(), "file": file, **novel}
+def _write_indices(
+    folder: Path, views: Mapping[str, list[tuple[View, Camera]]], found: Mapping[str, Mapping[Key, Path]]
+) -> None:
+    """Write for each level what the stage `render` writes beside its images; the images stay where they are."""
+    from evaluation.metrics.catalogue import CATALOGUE
+    from evaluation.tables.frame_records import FrameRecord, write_frame_records
+
+    unknown = [name for name, metric in CATALOGUE.items() if metric.table == "geometry"]
+    for level, some in views.items():
+        entries, geometry = [], []
+        for view, camera in some:
+            if file := found[level].get(view[:3]):
+                novel = {"view": camera_to_json(camera)} if view.protocol == "orbit" else {}
+                entries.append({**view._asdict(), "file": file.resolve().as_posix(), **novel})
+                if view.protocol == "test":
+                    key = (view.protocol, view.camera, view.timestep)
+                    geometry += [FrameRecord(*key, "full", name, None, NO_AVATAR) for name in unknown]
+        write_frame_index(level_folder(folder, float(level)) / "frames.json", entries)
+        write_frame_records(level_folder(folder, float(level)) / "geometry.csv", geometry)
 
 
 def _view_json(level: str, view: View, camera: Camera) -> dict[str, object]:

@@ -14,6 +14,7 @@ from yaml import YAMLError
 
 from carigs.config.folders import check_package, conf_folders
 from carigs.config.hydra_errors import describe
+from carigs.config.levels import rendered_levels
 from carigs.config.names import check_names, expand_patterns
 from carigs.config.overrides import check_overrides, check_study_overrides
 from carigs.config.relative import relative_to
@@ -36,7 +37,7 @@ def compose(*overrides: str) -> DictConfig:
         *overrides: Hydra overrides; of two for one key the later wins.
 
     Returns:
-        All settings, interpolations resolved and `mask_flags` combined.
+        All settings, interpolations resolved, `mask_flags` combined, and `render.levels` without those above gamma.
 
     Raises:
         SettingsError: For unknown keys and choices, wrong types and values out of range, in one line.
@@ -61,6 +62,9 @@ def compose(*overrides: str) -> DictConfig:
         raise SettingsError(
             f"train.seed={config.train.seed}: {problem}; choose seeds by study.seeds=[{config.train.seed}]"
         )
+    if config.render.levels != config.study.levels:
+        raise SettingsError(f"render.levels={config.render.levels}: choose levels by study.levels")
+    config.render.levels = [*map(float, rendered_levels(config))]
     config.study.variants = expand_patterns(config.study.variants)
     check_names(config)
     combine_mask_flags(config.train)

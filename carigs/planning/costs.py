@@ -57,18 +57,18 @@ def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[st
             step = (0.0126 + 0.26 * images.megapixels) * (1 + 0.15 * settings.train.sh_degree)
             work = 3.0 + settings.train.iterations * step / job.threads**0.8
         case "render":
-            count = _rendered(job, images, settings) + settings.render.orbit_frames
+            count = _rendered(images, settings, orbit=settings.render.orbit_frames)
             work = 0.5 + 0.77 * images.megapixels * count / job.threads**0.8
         case "truth":
             work = 0.3
             if settings.capture.source == "toy" and job.wildcards["level"] != "0":
                 work += 1.2 * images.megapixels * images.test
         case "metrics":
-            work = 0.3 + 0.76 * images.megapixels * _rendered(job, images, settings)
+            work = 0.3 + 0.76 * images.megapixels * _rendered(images, settings, orbit=0)
         case "tabulate":
-            work = 0.4 + 0.056 * len(job.needs)
+            work = 1.0 + 0.28 * len(job.needs)
         case "figures":
-            work = 1.5 + 0.17 * len(job.needs)
+            work = 5.0 + 0.17 * len(job.needs)
         case "card":
             work = 1.0
         case "sweep":
@@ -102,7 +102,7 @@ def job_bytes(job: Job, footage: Mapping[str, Footage], overrides: Sequence[str]
         case "truth":
             count = 0.6 * images.test if is_toy or settings.truth.folder else 0
         case "render":
-            count = _rendered(job, images, settings) + settings.render.orbit_frames
+            count = _rendered(images, settings, orbit=settings.render.orbit_frames)
         case _:
             count = 0
     others = {"train": 30e6, "exaggerate": 7e6, "figures": 3e6, "report": 2e6}
@@ -178,11 +178,14 @@ def speed_test() -> float:
     return min(times)
 
 
-def _rendered(job: Job, images: Footage, settings: DictConfig) -> int:
-    return images.rendered(float(job.wildcards["level"]), settings.render.test_timesteps)
+def _rendered(images: Footage, settings: DictConfig, orbit: int) -> int:
+    """Images of all levels, with `orbit` frames of the orbit at each."""
+    timesteps = settings.render.test_timesteps
+    return sum(images.rendered(level, timesteps) + orbit for level in settings.render.levels)
 
 
 def _settings(job: Job, overrides: Sequence[str]) -> DictConfig:
     """The composed settings of a job."""
-    names = [f"{name}={job.wildcards[name]}" for name in ("subject", "variant") if name in job.wildcards]
-    return compose(*overrides, *names)
+    # Of the wildcards, those that settings of the stage depend on: the levels to render depend on gamma.
+    names = ("subject", "gamma") if job.rule in ("render", "metrics") else ("subject", "variant")
+    return compose(*overrides, *(f"{name}={job.wildcards[name]}" for name in names if name in job.wildcards))

@@ -11,6 +11,8 @@ from carigs.settings.option import MAX_COUNT, MAX_SEED, Section, option
 class Render(Section, key="render"):
     """Images of the trained avatar."""
 
+    levels: tuple[float, ...] = option((0.0, 0.1, 0.15, 0.2, 0.25), ge=0, le=100)
+    """Levels to render, in ascending order: set from `study.levels` and `gamma`."""
     threads: int = option(1, ge=1, le=1024)
     """Threads of the rasterizer; the result does not depend on it."""
     test_timesteps: int | None = option(None, ge=1, le=MAX_COUNT)

@@ -24,7 +24,7 @@ from evaluation.tables.summary_file import read_summaries
 NOT_NAMED = {"processor": "not named (card.machine=false)", "cores": None, "memory_gb": None, "system": ""}
 """The machine of a card that shall not name it."""
 TRAINED = ("train", "render", "metrics")
-"""Stages with a job for each seed; jobs without one are of versions of carigs before `study.seeds`."""
+"""Stages with one job for each seed; jobs without a seed, or of one level, are of earlier versions of carigs."""
 
 
 def card(
@@ -70,9 +70,7 @@ def card(
     for subject, variant in product(subjects, variants):
         trained = {int(seed): files[subject, variant, seed] for seed in seeds}
         renderings = [
-            Rendering(
-                Job("render", f"{subject},gamma={gamma},{variant},seed={seed},level={level}"), int(seed), float(level)
-            )
+            Rendering(Job("render", f"{subject},gamma={gamma},{variant},seed={seed}"), int(seed), float(level))
             for seed, level in product(seeds, levels)
         ]
         values += avatar_values(subject, variant, trained, renderings, costs, tabulated)
@@ -130,9 +128,10 @@ def stage_costs(costs: Costs, names: Collection[str]) -> list[Value]:
     """
     stages: dict[str, list[Job]] = {}
     for stage, point in costs:
-        parts = [part for part in point.split(",") if not part.startswith("level=")]
-        of_training = any(part.startswith("seed=") for part in parts) or stage not in TRAINED
-        if of_training and {*parts} <= names:
+        parts = point.split(",")
+        keys = {part.partition("=")[0] for part in parts}
+        is_current = stage not in TRAINED or ("seed" in keys and "level" not in keys)
+        if is_current and {part for part in parts if not part.startswith("level=")} <= names:
             stages.setdefault(stage, []).append(Job(stage, point))
     order = ("capture", "exaggerate", "truth", "gtstar", "train", "render", "metrics", "tabulate", "figures")
     return stage_values({stage: stages[stage] for stage in order if stage in stages}, costs)

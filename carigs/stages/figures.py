@@ -26,11 +26,10 @@ from evaluation.tables.csv_files import write_csv
 def figures(
     settings: Figures,
     *,
-    indices: Sequence[Path],
+    frames: Sequence[Path],
     variants: Sequence[str],
     levels: Sequence[float],
     truths: Sequence[Path],
-    truth_levels: Sequence[float],
     capture: Path,
     path: Path,
     avatar: Path | None,
@@ -44,11 +43,10 @@ def figures(
 
     Args:
         settings: Camera, timestep and height of the images, and samples of the blend error.
-        indices: Indices of rendered frames, of one seed.
-        variants: Variant of each index.
-        levels: Level of each index.
-        truths: Indices of true images.
-        truth_levels: Level of each of `truths`.
+        frames: Folders of renderings, as the stage `render` writes them, of one seed.
+        variants: Variant of each folder.
+        levels: Rendered levels.
+        truths: Index of the true images of each level.
         capture: Index of the capture.
         path: Caricature path of the subject.
         avatar: The avatar for local edits, of the variant `alternating`; None if the study lacks it.
@@ -62,11 +60,9 @@ def figures(
     """
     subject, warp = Capture.load(capture), Gtstar(**gtstar)
     gamma_path = read_subject_path(path, subject.model)
-    known = {level: read_ground_truth(file) for level, file in zip(truth_levels, truths, strict=True)}
-    points = zip(variants, levels, strict=True)
-    images = StudyImages(
-        subject, dict(zip(points, indices, strict=True)), known, strip_frame(settings, subject), settings.image_height
-    )
+    known = {level: read_ground_truth(file) for level, file in zip(levels, truths, strict=True)}
+    rendered = dict(zip(variants, frames, strict=True))
+    images = StudyImages(subject, rendered, known, strip_frame(settings, subject), settings.image_height)
     solver = _solver(subject, gamma_path)
     with writing_folder(folder) as part:
         for variant in images.variants:

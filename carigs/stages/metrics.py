@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 from carigs.capture import Capture
-from carigs.capture.frame_index import read_frame_index, read_ground_truth
+from carigs.capture.frame_index import RenderedImage, level_folder, read_frame_index, read_ground_truth
 from carigs.errors import CarigsWarning
 from carigs.head import read_subject_path
 from carigs.settings import Metrics
+from evaluation.metrics.embedding_cache import EmbeddingCache
+from evaluation.metrics.embedding_networks import EmbeddingNetworks
 from evaluation.metrics.embeddings import embedding_records, embedding_weights
 from evaluation.metrics.identity import identity_records
 from evaluation.metrics.image_records import image_records
@@ -22,19 +25,15 @@ def metrics(
     settings: Metrics,
     *,
     frames: Path,
-    index: Path,
-    geometry: Path,
-    unedited_frames: Path,
-    unedited_index: Path,
     capture: Path,
     path: Path,
-    truth: Path,
+    truths: Sequence[Path],
     study: str,
     subject: str,
     variant: str,
     seed: int,
     gamma: float,
-    level: float,
+    levels: Sequence[float],
     embeddings: str,
     records: Path,
 ) -> None:
@@ -42,20 +41,17 @@ def metrics(
 
     Args:
         settings: Networks, prompts, and the silhouette region.
-        frames: Folder of rendered frames.
-        index: Index of the rendered frames.
-        geometry: Metrics of the avatar's geometry, measured while it was rendered.
-        unedited_frames: Folder of the frames rendered at level 0.
-        unedited_index: Their index.
+        frames: Folder with the renderings of all levels, and the metrics of the avatar's geometry, as the stage
+            `render` writes it.
         capture: Index of the capture.
         path: Caricature path of the subject.
-        truth: Index of the true images.
+        truths: Index of the true images of each level.
         study: Name of the study.
         subject: Name of the subject.
         variant: Name of the variant.
         seed: Seed of the training.
         gamma: Level that the avatar is trained for.
-        level: Level that is rendered.
+        levels: Rendered levels; the frames of level 0 are needed in any case.
         embeddings: Folder with the embeddings of images that are known already; it need not exist.
         records: CSV file to write; a metric that cannot be computed has an empty value and a reason.
 
@@ -67,18 +63,25 @@ def metrics(
         WeightsMissing: Network weights are missing and `settings.strict` is set.
     """
     weights = embedding_weights(settings)
-    person, rendered, truths = Capture.load(capture), read_frame_index(index, frames), read_ground_truth(truth)
-    point = StudyPoint(study, subject, variant, seed, gamma, level, person.split_rule)
-    caricature = read_subject_path(path, person.model).at(level)
-    measured = read_frame_records(geometry, point)
-    measured += image_records(point, rendered, truths, person, caricature, settings)
-    unedited = read_frame_index(unedited_index, unedited_frames)
-    measured += embedding_records(point, rendered, unedited, person, settings, weights, Path(embeddings))
-    measured += sd_records(point, rendered, person, settings)
-    if settings.identity:
-        measured += identity_records(point, rendered, person, caricature, settings)
+    person = Capture.load(capture)
+    gamma_path, unedited = read_subject_path(path, person.model), _rendered(frames, 0.0)
+    networks = EmbeddingNetworks(settings, person.background, EmbeddingCache(Path(embeddings)))
+    measured: list[MetricRecord] = []
+    for level, truth in zip(levels, truths, strict=True):
+        point = StudyPoint(study, subject, variant, seed, gamma, level, person.split_rule)
+        rendered, caricature = _rendered(frames, level), gamma_path.at(level)
+        measured += read_frame_records(level_folder(frames, level) / "geometry.csv", point)
+        measured += image_records(point, rendered, read_ground_truth(truth), person, caricature, settings)
+        measured += embedding_records(point, rendered, unedited, person, networks, weights)
+        measured += sd_records(point, rendered, person, settings)
+        if settings.identity:
+            measured += identity_records(point, rendered, person, caricature, settings)
     write_metrics(records, measured)
     _warn_of_empty_metrics(measured)
+
+
+def _rendered(frames: Path, level: float) -> list[RenderedImage]:
+    return read_frame_index(level_folder(frames, level) / "frames.json")
 
 
 def _warn_of_empty_metrics(records: list[MetricRecord]) -> None:

@@ -1,26 +1,34 @@
-"""Stage `render`: images of the trained avatar at one level, for every protocol, and metrics of its geometry."""
+"""Stage `render`: images of the trained avatar at every level and for every protocol, and metrics of its geometry."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
+from dataclasses import asdict
+from hashlib import sha256
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from rich.progress import track
 
 from carigs.capture import Camera, Capture, Frame
 from carigs.capture.capture_json import camera_to_json
-from carigs.capture.frame_index import write_frame_index
+from carigs.capture.frame_index import level_folder, write_frame_index
 from carigs.capture.images import write_png
 from carigs.capture.orbit import orbit_cameras
 from carigs.errors import SettingsError
-from carigs.files import writing_folder
+from carigs.exaggeration import GammaPath
+from carigs.files import resuming_folder
 from carigs.head import read_subject_path
+from carigs.job_record import content_digest
 from carigs.lap_times import timed
 from carigs.settings import Render
-from evaluation.card.costs import FRAME
+from evaluation.card.costs import frame_step
 from evaluation.tables.frame_records import FrameRecord, write_frame_records
+
+if TYPE_CHECKING:
+    from carigs.splat.avatar import Avatar
 
 
 class View(NamedTuple):
@@ -45,52 +53,71 @@ def render(
     avatar: Path,
     capture: Path,
     path: Path,
-    level: float,
+    made_by: str,
     frames: Path,
-    index: Path,
-    geometry: Path,
 ) -> None:
     """Render the avatar for the protocols test, val and orbit.
+
+    One job renders all levels, because the libraries, the kernels and the avatar take longer to load than a small scene
+    to render. If the job is killed, the next one goes on with the levels that are missing.
 
     Args:
         settings: Settings of the stage.
         avatar: Input: the trained avatar.
         capture: Input: the index of the capture.
         path: Input: the exaggeration path, which replaces the avatar's copy.
-        level: Exaggeration level.
-        frames: Output: folder of PNG images.
-        index: Output: protocol, timestep, camera and file of each image, in rendering order.
-        geometry: Output: CSV of metrics that need the avatar's depth, normals, opacity and surfels.
+        made_by: Fingerprint of this code: levels that other code has rendered are rendered again.
+        frames: Output: for each level a folder (`level_folder`) of PNG images below `test/`, `val/` and `orbit/`, with
+            frames.json, their protocols, timesteps and cameras in rendering order, and geometry.csv, the metrics that
+            need the avatar's depth, normals, opacity and surfels.
 
     Raises:
-        SettingsError: If the level lies outside the path.
+        SettingsError: If a level lies outside the path.
     """
     from carigs.simd.threads import use_threads
 
     use_threads(settings.threads)
     from carigs.splat.avatar import load_avatar
-    from evaluation.metrics.avatar_geometry import AvatarGeometry
 
     subject, person = Capture.load(capture), load_avatar(avatar)
     gamma_path = read_subject_path(path, person.sequence.head)
-    if not 0 <= level <= gamma_path.gamma_f:
-        raise SettingsError(f"level {level:g} lies outside the path's [0, {gamma_path.gamma_f:g}]")
+    for level in settings.levels:
+        if not 0 <= level <= gamma_path.gamma_f:
+            raise SettingsError(f"level {level:g} lies outside the path's [0, {gamma_path.gamma_f:g}]")
     person.sequence.path = gamma_path
+    with resuming_folder(frames, _resume_key(settings, made_by, avatar, capture, path)) as (part, _):
+        for level in settings.levels:
+            _render_level(settings, subject, person, gamma_path, level, level_folder(part, level))
+
+
+def _render_level(
+    settings: Render, subject: Capture, person: Avatar, path: GammaPath, level: float, folder: Path
+) -> None:
+    """Render one level, unless its index, which is written last, is there."""
+    from evaluation.metrics.avatar_geometry import AvatarGeometry
+
+    if (folder / "frames.json").is_file():
+        return
     views, entries = list(rendered_views(settings, subject, level)), []
-    meter, measured = AvatarGeometry(subject, person, gamma_path, level, settings.backend), list[FrameRecord]()
-    with writing_folder(frames) as part:
-        for view, camera in track(views, description=f"render level {level:g}", disable=len(views) < 10):
-            with timed(FRAME):
-                shown = person.render_frame(view.timestep, level, camera, backend=settings.backend)
-            file = view.file
-            (part / file).parent.mkdir(exist_ok=True)
-            write_png(part / file, shown.image.numpy())
-            novel = {"view": camera_to_json(camera)} if view.protocol == "orbit" else {}
-            entries.append({**view._asdict(), "file": file, **novel})
-            if view.protocol == "test":  # tables show no others
-                measured += meter.records(view.timestep, view.camera, camera, shown.world)
-    write_frame_index(index, entries)
-    write_frame_records(geometry, measured)
+    meter, measured = AvatarGeometry(subject, person, path, level, settings.backend), list[FrameRecord]()
+    for view, camera in track(views, description=f"render level {level:g}", disable=len(views) < 10):
+        with timed(frame_step(level)):
+            shown = person.render_frame(view.timestep, level, camera, backend=settings.backend)
+        file = view.file
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        write_png(folder / file, shown.image.numpy())
+        novel = {"view": camera_to_json(camera)} if view.protocol == "orbit" else {}
+        entries.append({**view._asdict(), "file": file, **novel})
+        if view.protocol == "test":  # tables show no others
+            measured += meter.records(view.timestep, view.camera, camera, shown.world)
+    write_frame_records(folder / "geometry.csv", measured)
+    write_frame_index(folder / "frames.json", entries)
+
+
+def _resume_key(settings: Render, made_by: str, *inputs: Path) -> str:
+    """Digest of everything that renderings depend on."""
+    made_with = {key: value for key, value in asdict(settings).items() if key != "threads"}
+    return sha256(json.dumps([made_with, made_by, *map(content_digest, inputs)]).encode()).hexdigest()
 
 
 def rendered_views(settings: Render, subject: Capture, level: float) -> Iterator[tuple[View, Camera]]:

@@ -50,7 +50,7 @@ def report(
     table: Path,
     figures: Sequence[Path],
     captures: Sequence[Path],
-    indices: Sequence[Path],
+    frames: Sequence[Path],
     truths: Sequence[Path],
     training: Sequence[Path],
     made_with: Sequence[Path],
@@ -68,7 +68,7 @@ def report(
         table: Summary of the study, as the stage `tabulate` writes it.
         figures: Folder with the figures of each subject.
         captures: Index of the capture of each subject.
-        indices: Index of the rendered frames of each subject, variant and level, of the first seed.
+        frames: Folder of the renderings of each subject and variant, of the first seed.
         truths: Index of the true images of each subject and level.
         training: log.csv of each subject and variant, of the first seed.
         made_with: Settings of the stages, `settings/{stage}/{point}.yaml`.
@@ -83,7 +83,7 @@ def report(
         CarigsError: The page cannot be made as small as `settings.max_megabytes`.
     """
     made, used = read_card(card), {(file.parent.name, file.stem): file for file in made_with}
-    by_level = {point: file for point, file in zip(product(subjects, variants, levels), indices, strict=True)}
+    rendered = {point: folder for point, folder in zip(product(subjects, variants), frames, strict=True)}
     true = {point: file for point, file in zip(product(subjects, levels), truths, strict=True)}
     trained = {point: file for point, file in zip(product(subjects, variants), training, strict=True)}
     images = {}
@@ -91,7 +91,7 @@ def report(
         person = Capture.load(capture)
         images[subject] = StudyImages(
             person,
-            {(v, float(level)): by_level[subject, v, level] for v, level in product(variants, levels)},
+            {variant: rendered[subject, variant] for variant in variants},
             {float(level): read_ground_truth(true[subject, level]) for level in levels},
             strip_frame(load_settings("figures", used["figures", f"subject={subject}"]), person),
             settings.image_height,

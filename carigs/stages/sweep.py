@@ -22,6 +22,7 @@ def sweep(
     tables: Sequence[Path],
     swept_keys: Sequence[str],
     swept_values: Sequence[Sequence[str]],
+    seeds: Sequence[Sequence[str]],
     table: Path,
     markdown: Path,
     figure: Path,
@@ -34,6 +35,7 @@ def sweep(
         tables: Summary of each combination, `results/{study}/table/gamma={gamma}.csv` of the stage `tabulate`.
         swept_keys: Keys with several values.
         swept_values: Text of the value of each key, for each combination.
+        seeds: Seeds of the trainings of each combination, as in paths.
         table: CSV file to write.
         markdown: Markdown file to write.
         figure: PNG file to write.
@@ -49,8 +51,8 @@ def sweep(
     folders = [file.parents[1] for file in tables]
     costs = {folder: job_costs(folder / "log") for folder in dict.fromkeys(folders)}
     combinations = (
-        Combination(tuple(texts), folder.as_posix(), read_summaries(file), costs[folder])
-        for texts, folder, file in zip(swept_values, folders, tables, strict=True)
+        Combination(tuple(texts), tuple(own), folder.as_posix(), read_summaries(file), costs[folder])
+        for texts, own, folder, file in zip(swept_values, seeds, folders, tables, strict=True)
     )
     found = sweep_table(swept_keys, combinations, settings.level, CATALOGUE)
     shown = measures(found, settings.metrics, CATALOGUE)

@@ -18,8 +18,17 @@ from evaluation.tables.bootstrap import mean_interval
 
 NO_RECORD = "no record of the costs of {} of {} jobs"
 
-FRAME = "frame"
-"""The step of the stage `render` whose mean time is that of a frame."""
+
+def frame_step(level: float) -> str:
+    """Name of the step of the stage `render` whose mean time is that of a frame.
+
+    Args:
+        level: Exaggeration level of the frame.
+
+    Returns:
+        The name in the job's record.
+    """
+    return f"frame level={level:g}"
 
 
 class Job(NamedTuple):
@@ -27,7 +36,7 @@ class Job(NamedTuple):
 
     stage: str
     point: str
-    """Subject, gamma, variant, seed and level, as in the name of the log."""
+    """Subject, gamma, variant and seed, as in the name of the log."""
 
 
 class Rendering(NamedTuple):
@@ -75,11 +84,12 @@ def avatar_values(
         value("surfels", surfels, [*avatars]),
         value("avatar_bytes", [os.path.getsize(file) for file in avatars.values()], [*avatars]),
     ]
-    timed = [rendering for rendering in renderings if rendering.job in costs and costs[rendering.job].steps.get(FRAME)]
+    timed = [r for r in renderings if r.job in costs and costs[r.job].steps.get(frame_step(r.level))]
     if not timed:
-        reason = NO_RECORD.format(len(renderings), len(renderings))
+        jobs = len({rendering.job for rendering in renderings})
+        reason = NO_RECORD.format(jobs, jobs)
         return values + missing_avatar_values(subject, variant, reason, ("frame_seconds", "frames_per_second"))
-    seconds = [costs[rendering.job].steps[FRAME] for rendering in timed]
+    seconds = [costs[rendering.job].steps[frame_step(rendering.level)] for rendering in timed]
     seeds, levels = [rendering.seed for rendering in timed], [rendering.level for rendering in timed]
     time = value("frame_seconds", seconds, seeds, levels)
     ends = {"low": time.high and 1 / time.high, "high": 1 / time.low if time.low else None}

@@ -201,7 +201,7 @@ class _CardTables:
             for variant in self.card.variants
         ]  # fmt: skip
         tables = [Table("Avatars", self._headings(shown), [("", lines)])] if shown else []
-        text = "The time of a frame includes loading, posing and writing; it is not the rate of a viewer."
+        text = "The time of a frame includes posing and shading, which a viewer does once for all views of a pose."
         return Part("Avatars: size and speed", [text] if tables else [], tables, [])
 
     def stages(self) -> Part:

@@ -32,8 +32,8 @@ def find_frames(
 ) -> dict[str, dict[Key, Path]]:
     """Find the images of all levels, and everything that is wrong with them.
 
-    The frames of a level are PNG files `level={level}/{protocol}/{timestep:05d}_{camera:02d}.png`, or below
-    `level={level}/frames`; or files that an index `level={level}/frames.json` lists.
+    The frames of a level are PNG files `level={level}/{protocol}/{timestep:05d}_{camera:02d}.png`, or files that an
+    index `level={level}/frames.json` lists.
 
     Args:
         folder: Folder with a folder per level.
@@ -81,9 +81,8 @@ def find_frames(
 
 def _named(place: Path, frames: Iterable[Wanted], problems: dict[str, list[str]]) -> dict[Key, Path]:
     """Images by their names."""
-    root = place / "frames" if (place / "frames").is_dir() else place
     names = {frame.name: frame.key for frame in frames}
-    files = {file.relative_to(root).as_posix(): file for file in sorted(root.rglob("*.png"))}
+    files = {file.relative_to(place).as_posix(): file for file in sorted(place.rglob("*.png"))}
     problems["not asked for"] += [f"{place.name}/{name}" for name in files.keys() - names.keys()]
     return {key: files[name] for name, key in names.items() if name in files}
 
@@ -91,7 +90,6 @@ def _named(place: Path, frames: Iterable[Wanted], problems: dict[str, list[str]]
 def _listed(place: Path) -> dict[Key, Path]:
     """Images by the index of a level."""
     index, files = place / "frames.json", {}
-    root = place / "frames" if (place / "frames").is_dir() else place
     for i, entry in enumerate(read_json(index, list)):
         where = f"[{i}]"
         numbers = (json_field(entry, name, int, file=index, where=where) for name in ("timestep", "camera"))
@@ -99,7 +97,7 @@ def _listed(place: Path) -> dict[Key, Path]:
         if key in files:
             raise InputError("this frame is listed twice", file=index, field=where)
         name = json_field(entry, "file", str, file=index, where=where)
-        files[key] = root / file_inside(name, index, f"{where}.file")
+        files[key] = place / file_inside(name, index, f"{where}.file")
     return files
 
 

@@ -19,7 +19,7 @@ AVATAR_MEASURES: Catalogue = {
         4,
         "s",
         "mean time of posing, shading, skinning and rasterising a frame of the stage render at its resolution, but for "
-        "the first, which loads compiled kernels; n counts jobs, one per seed and level",
+        "the first, which loads compiled kernels; n counts the levels of each training",
     ),
     "frames_per_second": Metric(
         "FPS", "higher", 1, "1/s", "1 / time of a frame, without loading, metrics and compression to PNG"

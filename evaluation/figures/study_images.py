@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from carigs.capture import Capture
-from carigs.capture.frame_index import GroundTruth, read_frame_index
+from carigs.capture.frame_index import GroundTruth, level_folder, read_frame_index
 from carigs.capture.images import read_rgb
 from carigs.errors import InputError, SettingsError
 from carigs.settings import Figures
@@ -26,14 +26,14 @@ class StudyImages:
 
     Attributes:
         subject: The capture.
-        indices: Index of the rendered frames by variant and level.
+        frames: Folder of the renderings by variant, of the levels of `truths`.
         truths: True images by level.
         frame: Timestep and camera of the frame in figures with one view.
         height: Height of each image in a figure, in pixels.
     """
 
     subject: Capture
-    indices: Mapping[tuple[str, float], Path]
+    frames: Mapping[str, Path]
     truths: Mapping[float, GroundTruth]
     frame: tuple[int, int]
     height: int
@@ -41,12 +41,12 @@ class StudyImages:
     @property
     def variants(self) -> list[str]:
         """Variants in the order of the study."""
-        return list(dict.fromkeys(variant for variant, _ in self.indices))
+        return [*self.frames]
 
     @cached_property
     def levels(self) -> list[float]:
-        """Levels that are rendered or have a truth, in ascending order."""
-        return sorted({*(level for _, level in self.indices), *self.truths})
+        """Levels in ascending order."""
+        return sorted(self.truths)
 
     @cached_property
     def views(self) -> list[tuple[int, int]]:
@@ -56,7 +56,7 @@ class StudyImages:
         chosen = np.linspace(0, len(others) - 1, min(len(others), VIEWS - 1)).astype(int)
         return [self.frame, *((timestep, others[i]) for i in chosen)]
 
-    def rendered(self, variant: str, level: float, frame: tuple[int, int] | None = None) -> Image | None:
+    def rendered(self, variant: str, level: float, frame: tuple[int, int] | None = None) -> Image:
         """Read a rendered test frame.
 
         Args:
@@ -65,17 +65,15 @@ class StudyImages:
             frame: Timestep and camera; None for `self.frame`.
 
         Returns:
-            The image; None if the variant was not rendered at the level.
+            The image.
 
         Raises:
             InputError: The index is malformed or lacks the frame.
         """
-        if (variant, level) not in self.indices:
-            return None
         frame = frame or self.frame
-        if frame not in (files := self._files(variant, level)):
-            problem = f"no test frame of timestep {frame[0]}, camera {frame[1]}"
-            raise InputError(problem, file=self.indices[variant, level])
+        index = level_folder(self.frames[variant], level) / "frames.json"
+        if frame not in (files := self._files(index)):
+            raise InputError(f"no test frame of timestep {frame[0]}, camera {frame[1]}", file=index)
         return read_rgb(files[frame])
 
     def true(self, level: float, frame: tuple[int, int] | None = None) -> Image | None:
@@ -92,14 +90,14 @@ class StudyImages:
         file = images.get(frame or self.frame)
         return file and read_rgb(file)
 
-    def _files(self, variant: str, level: float) -> dict[tuple[int, int], Path]:
-        if (variant, level) not in self._known_files:
-            frames = read_frame_index(self.indices[variant, level])
-            self._known_files[variant, level] = {(f.timestep, f.camera): f.file for f in frames if f.protocol == "test"}
-        return self._known_files[variant, level]
+    def _files(self, index: Path) -> dict[tuple[int, int], Path]:
+        if index not in self._known_files:
+            frames = read_frame_index(index)
+            self._known_files[index] = {(f.timestep, f.camera): f.file for f in frames if f.protocol == "test"}
+        return self._known_files[index]
 
     @cached_property
-    def _known_files(self) -> dict[tuple[str, float], dict[tuple[int, int], Path]]:
+    def _known_files(self) -> dict[Path, dict[tuple[int, int], Path]]:
         return {}
 
 

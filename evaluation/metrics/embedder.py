@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from jaxtyping import Float, Shaped
+from jaxtyping import Float, Shaped, UInt8
 from rich.progress import track
 
 from carigs.capture.images import read_rgb8
@@ -36,7 +36,8 @@ class Embedder:
     cache: EmbeddingCache
     background: float = 1.0
     """Grey value in [0, 1] on which images with an alpha channel are composited."""
-    _digests: dict[Path, str] = field(default_factory=dict)
+    pixels: dict[Path, str] = field(default_factory=dict)
+    """Digest of the pixels of each known image on the background; networks of the same images can share it."""
 
     def __call__(self, files: Sequence[Path], output: str) -> Float[np.ndarray, "n d"]:
         """Embed image files.
@@ -51,13 +52,10 @@ class Embedder:
         Raises:
             InputError: A file is missing or not an image.
         """
-        digests = [self._digest(file) for file in files]
-        found = {digest: self.cache.get(f"{self.name}/{output}", digest) for digest in dict.fromkeys(digests)}
-        missing = {digest: file for digest, file in zip(digests, files, strict=True) if found[digest] is None}
-        for batch in _batches(list(missing.values())):
-            for file, vector in zip(batch, self._embed(batch)[output], strict=True):
-                found[self._digest(file)] = vector
-        vectors = np.stack([found[digest] for digest in digests]).astype(np.float64)
+        found: dict[Path, Shaped[np.ndarray, " d"]] = {}
+        for batch in _batches(list(dict.fromkeys(files))):
+            found |= self._batch(batch, output)
+        vectors = np.stack([found[file] for file in files]).astype(np.float64)
         return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
     def fill(self, files: Sequence[Path], output: str) -> None:
@@ -71,21 +69,35 @@ class Embedder:
         for batch in track(batches, description=f"embedding ({self.name})", disable=len(batches) < 10):
             self(batch, output)
 
-    def _digest(self, file: Path) -> str:
-        if file not in self._digests:
-            self._digests[file] = digest_of(self.identity, repr(self.prepare), read_rgb8(file, self.background))
-        return self._digests[file]
+    def _batch(self, files: Sequence[Path], output: str) -> dict[Path, Shaped[np.ndarray, " d"]]:
+        """Embeddings of different files. An image is decoded once, for its digest and for the network."""
+        images: dict[Path, UInt8[np.ndarray, "h w 3"]] = {}
 
-    def _embed(self, files: Sequence[Path]) -> dict[str, Shaped[np.ndarray, "n d"]]:
+        def image(file: Path) -> UInt8[np.ndarray, "h w 3"]:
+            if file not in images:
+                images[file] = read_rgb8(file, self.background)
+            return images[file]
+
+        for file in files:
+            if file not in self.pixels:
+                self.pixels[file] = digest_of(image(file))
+        keys = {file: digest_of(self.identity, repr(self.prepare), self.pixels[file]) for file in files}
+        found = {key: self.cache.get(f"{self.name}/{output}", key) for key in dict.fromkeys(keys.values())}
+        missing = {key: file for file, key in keys.items() if found[key] is None}
+        if missing:
+            embedded = self._embed([image(file) for file in missing.values()])
+            for name, vectors in embedded.items():
+                for key, vector in zip(missing, vectors, strict=True):
+                    self.cache.put(f"{self.name}/{name}", key, vector)
+            found |= zip(missing, embedded[output], strict=True)
+        return {file: found[key] for file, key in keys.items()}
+
+    def _embed(self, images: Sequence[UInt8[np.ndarray, "h w 3"]]) -> dict[str, Shaped[np.ndarray, "n d"]]:
         import torch
 
         with torch.inference_mode():
-            images = torch.stack([self.prepare(read_rgb8(file, self.background)) for file in files])
-            outputs = {name: vectors.numpy() for name, vectors in self.forward(images).items()}
-        for name, vectors in outputs.items():
-            for file, vector in zip(files, vectors, strict=True):
-                self.cache.put(f"{self.name}/{name}", self._digest(file), vector)
-        return outputs
+            outputs = self.forward(torch.stack([self.prepare(image) for image in images]))
+            return {name: vectors.numpy() for name, vectors in outputs.items()}
 
 
 def _batches(files: Sequence[Path]) -> list[Sequence[Path]]:

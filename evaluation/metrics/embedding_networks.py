@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -32,12 +32,14 @@ Scores = dict[tuple[str, str], list[tuple[RenderedImage, float]]]
 
 @dataclass
 class EmbeddingNetworks:
-    """What the networks of a study share. A network is loaded when an image is not in the cache."""
+    """What the networks of a study share. A network is loaded, once, when an image is not in the cache."""
 
     settings: Metrics
     background: float
     """Grey value in [0, 1] behind the person."""
     cache: EmbeddingCache
+    _loaded: dict[tuple, torch.nn.Module] = field(default_factory=dict)
+    _pixels: dict[Path, str] = field(default_factory=dict)
 
     def clip_scores(self, file: Path, sequences: Sequences) -> Scores:
         """CLIP-I and CLIP-D of the test frames, and CLIP-C of all sequences.
@@ -52,7 +54,7 @@ class EmbeddingNetworks:
         Raises:
             InputError: The weights cannot be read or do not fit the network.
         """
-        model = cache(lambda: self._load(clip.load_clip, file))
+        model = partial(self._network, clip.load_clip, file)
         embed = self._embedder("clip", file, lambda images: {"image": model().encode_image(images)}, clip.STATISTICS)
         prompts = (self.settings.source_prompt, self.settings.edit_prompt)
         texts = np.stack([self._text(embed, prompt, model) for prompt in prompts])
@@ -84,7 +86,7 @@ class EmbeddingNetworks:
         Raises:
             InputError: The weights cannot be read or do not fit the network.
         """
-        model = cache(lambda: self._load(dino.load_dino, file, dino.MODELS[name]))
+        model = partial(self._network, dino.load_dino, file, dino.MODELS[name])
 
         def forward(images: torch.Tensor) -> dict[str, torch.Tensor]:
             if "patch_l11" not in outputs:
@@ -109,7 +111,7 @@ class EmbeddingNetworks:
         code = [fingerprint(module.__name__) for module in (preprocessing, clip, dino)]
         identity = digest_of(file_checksum(file), *code)
         prepare = preprocessing.Preprocessing(*statistics, self.settings.crop, round(255 * self.background))
-        return Embedder(name, identity, forward, prepare, self.cache, self.background)
+        return Embedder(name, identity, forward, prepare, self.cache, self.background, self._pixels)
 
     def _text(self, embed: Embedder, prompt: str, model: Callable[[], torch.nn.Module]) -> Float[np.ndarray, " d"]:
         digest = digest_of(embed.identity, prompt)
@@ -119,11 +121,13 @@ class EmbeddingNetworks:
             self.cache.put(f"{embed.name}/text", digest, vector)
         return vector
 
-    def _load(self, load: Callable[..., torch.nn.Module], *arguments: Path | str) -> torch.nn.Module:
-        import torch
+    def _network(self, load: Callable[..., torch.nn.Module], *arguments: Path | str) -> torch.nn.Module:
+        if (load, *arguments) not in self._loaded:
+            import torch
 
-        torch.set_num_threads(self.settings.threads)
-        return load(*arguments)
+            torch.set_num_threads(self.settings.threads)
+            self._loaded[load, *arguments] = load(*arguments)
+        return self._loaded[load, *arguments]
 
 
 def frame_scores(
@@ -169,5 +173,6 @@ def consistency_scores(
 
 
 def _files(sequences: list[list]) -> list[Path]:
-    """All images of sequences of pairs."""
-    return [file for sequence in sequences for frame, original in sequence for file in (frame.file, original)]
+    """All images of sequences of pairs, rendered frames first: the originals may be known from another level."""
+    pairs = [pair for sequence in sequences for pair in sequence]
+    return [*(frame.file for frame, _ in pairs), *(original for _, original in pairs)]

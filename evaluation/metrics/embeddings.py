@@ -11,7 +11,6 @@ from carigs.capture.frame_index import RenderedImage
 from carigs.errors import WeightsMissing
 from carigs.settings import Metrics
 from evaluation.metrics import clip
-from evaluation.metrics.embedding_cache import EmbeddingCache
 from evaluation.metrics.embedding_networks import EmbeddingNetworks, Scores
 from evaluation.metrics.frame_sequences import frame_sequences
 from evaluation.metrics.weights import find_weights, registered, work_offline
@@ -63,9 +62,8 @@ def embedding_records(
     rendered: list[RenderedImage],
     unedited: list[RenderedImage],
     subject: Capture,
-    settings: Metrics,
+    networks: EmbeddingNetworks,
     weights: Mapping[str, Path | WeightsMissing],
-    folder: Path,
 ) -> Iterator[MetricRecord]:
     """Compute the metrics of the networks in `settings.embeddings`.
 
@@ -77,9 +75,8 @@ def embedding_records(
         rendered: Rendered frames.
         unedited: The same frames rendered at level 0.
         subject: The capture, with the original frames.
-        settings: Settings of the stage `metrics`.
+        networks: The networks, which levels share so that each is loaded once, with their settings.
         weights: Of `embedding_weights`.
-        folder: Cache of embeddings, shared by all variants and levels.
 
     Yields:
         One record per frame and metric; one without a value for a metric that cannot be computed.
@@ -88,8 +85,7 @@ def embedding_records(
         InputError: The original of a rendered frame is missing, or weights cannot be read or do not fit their network.
     """
     sequences = frame_sequences(rendered, unedited, subject)
-    networks = EmbeddingNetworks(settings, subject.background, EmbeddingCache(folder))
-    for name, outputs in _networks(settings).items():
+    for name, outputs in _networks(networks.settings).items():
         file, scores = weights[name], Scores()
         reason = "too few frames were rendered"
         if isinstance(file, WeightsMissing):

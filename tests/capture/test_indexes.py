@@ -26,15 +26,16 @@ def test_rendered_frames_round_trip_in_order(tmp_path):
         name = f"{protocol}_{timestep}.png"
         (frames / name).touch()
         entries.append({"protocol": protocol, "timestep": timestep, "camera": 1, "sequence": "EXP-2", "file": name})
-    write_frame_index(tmp_path / "frames.json", entries)
-    rendered = read_frame_index(tmp_path / "frames.json")
+    index = frames / "frames.json"
+    write_frame_index(index, entries)
+    rendered = read_frame_index(index)
     assert [(r.protocol, r.timestep, r.camera, r.order) for r in rendered] == [
         ("orbit", 3, 1, 1), ("test", 3, 1, 0), ("test", 2, 1, 2),
     ]  # fmt: skip
     assert all(image.file.is_file() for image in rendered)
     (frames / "test_2.png").unlink()
     with pytest.raises(InputError, match=r"frames\.json: \[2\]\.file: no such image"):
-        read_frame_index(tmp_path / "frames.json")
+        read_frame_index(index)
 
 
 def test_ground_truth_round_trips(tmp_path):

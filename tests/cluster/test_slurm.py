@@ -85,7 +85,7 @@ def test_nothing_half_written_is_left(disturbed):
 
 
 def test_a_job_gets_a_gpu(disturbed, slurm, project):
-    index = f"results/{NAME}/{NAME}/gamma=0.25/alternating/seed=0/level=0/frames.json"
+    index = f"results/{NAME}/{NAME}/gamma=0.25/alternating/seed=0/frames"
     run = start(project, disturbed, index, "--forcerun", "render", "--set-resources", "render:gres=gpu:1")
     output, errors = run.communicate(timeout=SECONDS)
     assert run.returncode == 0, output + errors

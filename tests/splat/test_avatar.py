@@ -15,9 +15,10 @@ from carigs.capture.orbit import nearest_point_to_axes, orbit_cameras
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.head import neutral, read_subject_path
+from carigs.job_record import content_digest
 from carigs.light import Shading, fibonacci_sphere
 from carigs.settings import Render, Train
-from carigs.splat.avatar import load_avatar, save_avatar
+from carigs.splat.avatar import Avatar, load_avatar, save_avatar
 from carigs.splat.surfels.ply import read_ply
 from carigs.splat.surfels.surfels import to_arrays
 from carigs.stages.render import render
@@ -25,6 +26,9 @@ from carigs.stages.train import train
 from evaluation.metrics.avatar_geometry import AvatarGeometry
 from evaluation.tables.frame_records import read_frame_records
 from evaluation.tables.metric_records import StudyPoint
+
+INPUTS = {"avatar": "avatar.npz", "capture": "capture.json", "path": "path.npz"}
+"""Files of `trained` that the stage `render` reads, by its keywords."""
 
 
 @pytest.fixture(scope="module")
@@ -116,32 +120,65 @@ def test_colours_follow_the_light_and_the_file_keeps_it(trained, tmp_path):
     assert np.abs(again.render(0, 0.25, camera) - plain_image).max() > 0.01
 
 
-def outputs(folder):
-    """Output files of the stage `render`."""
-    return dict(frames=folder / "frames", index=folder / "frames.json", geometry=folder / "geometry.csv")
+@pytest.fixture
+def files(trained, tmp_path):
+    """Keywords of the stage `render`."""
+    inputs = {name: trained / file for name, file in INPUTS.items()}
+    return {**inputs, "made_by": "0123", "frames": tmp_path / "frames"}
 
 
-def test_render_writes_every_protocol_and_its_index(trained, tmp_path):
-    inputs = dict(avatar=trained / "avatar.npz", capture=trained / "capture.json", path=trained / "path.npz")
-    render(Render(orbit_frames=3), **inputs, level=0.0, **outputs(tmp_path))
-    entries = json.loads((tmp_path / "frames.json").read_text())
+def test_render_writes_every_protocol_and_its_index(files):
+    natural, exaggerated = files["frames"] / "level=0", files["frames"] / "level=0.1"
+    render(Render(levels=(0.0, 0.1), orbit_frames=3), **files)
+    entries = json.loads((natural / "frames.json").read_text())
     assert [e["protocol"] for e in entries] == ["test"] * 3 + ["val"] * 3 + ["orbit"] * 3
     assert [e["order"] for e in entries] == list(range(9))
     assert entries[0] == {
         "protocol": "test", "timestep": 3, "camera": 0, "sequence": "EXP-2", "file": "test/00003_00.png", "order": 0
     }  # fmt: skip
     for entry in entries:
-        assert read_rgb(tmp_path / "frames" / entry["file"]).shape == (SIZE[1], SIZE[0], 3)
-    render(Render(orbit_frames=0), **inputs, level=0.1, **outputs(tmp_path))
-    entries = json.loads((tmp_path / "frames.json").read_text())
+        assert read_rgb(natural / entry["file"]).shape == (SIZE[1], SIZE[0], 3)
+    entries = json.loads((exaggerated / "frames.json").read_text())
+    assert [e["protocol"] for e in entries] == ["test"] * 3 + ["orbit"] * 3
+    render(Render(levels=(0.1,), orbit_frames=0), **files)
+    entries = json.loads((exaggerated / "frames.json").read_text())
     assert [e["protocol"] for e in entries] == ["test"] * 3
-    assert not (tmp_path / "frames/orbit").exists()
+    assert not natural.exists() and not (exaggerated / "orbit").exists()
 
 
-def test_the_cameras_of_the_orbit_are_those_of_its_index(trained, tmp_path):
-    inputs = dict(avatar=trained / "avatar.npz", capture=trained / "capture.json", path=trained / "path.npz")
-    render(Render(orbit_frames=3, orbit_degrees=40), **inputs, level=0.0, **outputs(tmp_path))
-    rendered = read_frame_index(tmp_path / "frames.json")
+def test_a_killed_rendering_goes_on_with_the_levels_that_are_missing(files, monkeypatch):
+    """The same images as of a run that was not killed; after a change of code, all of them again."""
+    settings, killed = Render(levels=(0.0, 0.1, 0.25), orbit_frames=2), {**files, "frames": files["frames"] / "killed"}
+    render(settings, **{**files, "frames": files["frames"] / "whole"})
+    rendered = []
+
+    def count_frames(self, timestep, level, camera, **keywords):
+        if len(rendered) == 10:  # level 0 has 8 frames with those of the held-out camera
+            raise KeyboardInterrupt
+        rendered.append(level)
+        return whole(self, timestep, level, camera, **keywords)
+
+    whole = Avatar.render_frame
+    monkeypatch.setattr(Avatar, "render_frame", count_frames)
+    with pytest.raises(KeyboardInterrupt):
+        render(settings, **killed)
+    assert not killed["frames"].exists() and rendered[-2:] == [0.1, 0.1]
+    rendered[:] = []
+    render(settings, **killed)
+    assert rendered == [0.1] * 5 + [0.25] * 5
+    assert content_digest(killed["frames"]) == content_digest(files["frames"] / "whole")
+    rendered[:] = []
+    with pytest.raises(KeyboardInterrupt):
+        render(settings, **killed)
+    rendered[:] = []
+    with pytest.raises(KeyboardInterrupt):
+        render(settings, **{**killed, "made_by": "4567"})
+    assert rendered[0] == 0.0
+
+
+def test_the_cameras_of_the_orbit_are_those_of_its_index(trained, files):
+    render(Render(levels=(0.0,), orbit_frames=3, orbit_degrees=40), **files)
+    rendered = read_frame_index(files["frames"] / "level=0/frames.json")
     expected = orbit_cameras(Capture.load(trained / "capture.json"), 3, 40)
     found = {image.camera: image.view for image in rendered if image.protocol == "orbit"}
     for i, camera in enumerate(expected):
@@ -150,11 +187,10 @@ def test_the_cameras_of_the_orbit_are_those_of_its_index(trained, tmp_path):
     assert all(image.view is None for image in rendered if image.protocol != "orbit")
 
 
-def test_every_frame_has_its_geometry_and_every_exaggerated_timestep_its_gain(trained, tmp_path):
-    inputs = dict(avatar=trained / "avatar.npz", capture=trained / "capture.json", path=trained / "path.npz")
+def test_every_frame_has_its_geometry_and_every_exaggerated_timestep_its_gain(files):
     point = StudyPoint("s", "ball", "v", 0, 0.25, 0.25, "files")
-    render(Render(orbit_frames=2), **inputs, level=0.25, **outputs(tmp_path))
-    records = read_frame_records(tmp_path / "geometry.csv", point)
+    render(Render(levels=(0.25,), orbit_frames=2), **files)
+    records = read_frame_records(files["frames"] / "level=0.25/geometry.csv", point)
     by_metric = {}
     for record in records:
         assert record[: len(point)] == point and record.value is not None
@@ -183,13 +219,12 @@ def test_an_avatar_that_does_not_follow_its_level_has_no_gain(trained, tmp_path)
     assert values["silhouette_iou", "full"] < 0.9  # the mesh is 20 % wider
 
 
-def test_levels_beyond_the_path_and_unknown_timesteps_are_refused(trained, tmp_path):
-    inputs = dict(avatar=trained / "avatar.npz", capture=trained / "capture.json", path=trained / "path.npz")
+def test_levels_beyond_the_path_and_unknown_timesteps_are_refused(files):
     with pytest.raises(SettingsError, match=r"level 0\.3 lies outside"):
-        render(Render(), **inputs, level=0.3, **outputs(tmp_path))
+        render(Render(levels=(0.0, 0.3)), **files)
     with pytest.raises(SettingsError, match="orbit_timestep=77"):
-        render(Render(orbit_timestep=77), **inputs, level=0.0, **outputs(tmp_path))
-    assert not any(tmp_path.iterdir())
+        render(Render(levels=(0.0,), orbit_timestep=77), **files)
+    assert not files["frames"].exists()
 
 
 @pytest.mark.parametrize(

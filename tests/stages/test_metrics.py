@@ -47,11 +47,12 @@ def scene(tmp_path):
     shape = neutral(subject.model, subject.parameters(0))
     straight_path(shape, subject.model.faces, 0.2 * shape, 0.25).save(tmp_path / "path.npz")
     frames, truths, random = [], [], np.random.default_rng(0)
-    for name in ("frames", "truth/frames"):
-        (tmp_path / name).mkdir(parents=True)
+    shown = tmp_path / "frames/level=0.25"
+    for folder in (shown, tmp_path / "truth/frames"):
+        folder.mkdir(parents=True)
     for frame in (*subject.split("test"), *subject.split("val")[:1]):
         image = random.integers(60, 140, (48, 40, 3)) / 255
-        write_png(tmp_path / "frames" / f"{frame.name}.png", image + DIFFERENCE)
+        write_png(shown / f"{frame.name}.png", image + DIFFERENCE)
         write_png(tmp_path / "truth/frames" / f"{frame.name}.png", image)
         write_png(tmp_path / "truth/frames" / f"{frame.name}_mask.png", subject.mask(frame))
         key = {"timestep": frame.timestep, "camera": frame.camera}
@@ -60,22 +61,29 @@ def scene(tmp_path):
         )
         truths.append({**key, "image": f"{frame.name}.png", "mask": f"{frame.name}_mask.png"})
     for i, camera in enumerate(orbit_cameras(subject, 3, 20)):
-        write_png(tmp_path / "frames" / f"orbit{i}.png", np.full((48, 40, 3), i / 3))
+        write_png(shown / f"orbit{i}.png", np.full((48, 40, 3), i / 3))
         entry = {"timestep": 3, "camera": i, "protocol": "orbit", "file": f"orbit{i}.png", "order": 9 + i}
         frames.append({**entry, "view": camera_to_json(camera)})
     geometry = FrameRecord("test", 0, 3, "full", "hole_rate", 0.125, "")
-    write_frame_records(tmp_path / "geometry.csv", [geometry])
-    (tmp_path / "frames.json").write_text(json.dumps(frames))
-    shutil.copytree(tmp_path / "frames", tmp_path / "unedited")
+    write_frame_records(shown / "geometry.csv", [geometry])
+    (shown / "frames.json").write_text(json.dumps(frames))
+    shutil.copytree(shown, shown.with_name("level=0"))
     (tmp_path / "truth/truth.json").write_text(json.dumps({"level": 0.25, "reason": None, "frames": truths}))
     return {
-        "frames": tmp_path / "frames", "index": tmp_path / "frames.json",
-        "geometry": tmp_path / "geometry.csv", "unedited_frames": tmp_path / "unedited",
-        "unedited_index": tmp_path / "frames.json", "capture": tmp_path / "capture.json",
-        "path": tmp_path / "path.npz", "truth": tmp_path / "truth/truth.json", "records": tmp_path / "rows.csv",
+        "frames": tmp_path / "frames", "capture": tmp_path / "capture.json", "path": tmp_path / "path.npz",
+        "truths": [tmp_path / "truth/truth.json"], "records": tmp_path / "rows.csv",
         "embeddings": str(tmp_path / "embeddings"),
-        "study": "s", "subject": "ball", "variant": "v", "seed": 0, "gamma": 0.25, "level": 0.25,
+        "study": "s", "subject": "ball", "variant": "v", "seed": 0, "gamma": 0.25, "levels": [0.25],
     }  # fmt: skip
+
+
+def shown(scene, level=0.25):
+    """Folder of the rendered frames of a level."""
+    return scene["frames"] / f"level={level:g}"
+
+
+def index(scene):
+    return shown(scene) / "frames.json"
 
 
 def measured(scene, lpips=(), **settings):
@@ -123,7 +131,7 @@ def paint(scene, protocol, level):
     """Replace the rendered frames of a protocol by images of a ball whose colours are fixed to its surface."""
     subject = Capture.load(scene["capture"])
     caricature = read_subject_path(scene["path"], subject.model).at(level)
-    for image in read_frame_index(scene["index"], scene["frames"]):
+    for image in read_frame_index(index(scene)):
         if image.protocol == protocol:
             vertices = pose(subject.model, subject.parameters(image.timestep), caricature)
             camera = image.view or subject.cameras[image.camera]
@@ -166,19 +174,20 @@ def test_a_constant_does_not_change_the_sharpness_and_half_the_contrast_is_a_qua
     np.testing.assert_allclose(full(), [1] * 4, rtol=1e-6)
     subject = Capture.load(scene["capture"])
     for frame in (*subject.split("test"), *subject.split("val")[:1]):
-        truth = np.rint(255 * read_rgb(scene["truth"].parent / f"frames/{frame.name}.png"))
-        write_png(scene["truth"].parent / f"frames/{frame.name}.png", 2 * (truth // 2) / 255)  # even: halves are exact
-        write_png(scene["frames"] / f"{frame.name}.png", (truth // 2) / 255)
+        file = scene["truths"][0].parent / f"frames/{frame.name}.png"
+        truth = np.rint(255 * read_rgb(file))
+        write_png(file, 2 * (truth // 2) / 255)  # even: halves are exact
+        write_png(shown(scene) / f"{frame.name}.png", (truth // 2) / 255)
     np.testing.assert_allclose(full(), 0.25, rtol=1e-6)
 
 
 def test_without_a_truth_sharpness_is_measured_against_the_frames(scene):
-    edit(scene["truth"], lambda content: content.update(reason="no true caricature here", frames=[]))
+    edit(scene["truths"][0], lambda content: content.update(reason="no true caricature here", frames=[]))
     subject = Capture.load(scene["capture"])
     for frame in subject.split("test"):
-        write_png(scene["frames"] / f"{frame.name}.png", subject.image(frame))
+        write_png(shown(scene, 0.0) / f"{frame.name}.png", subject.image(frame))
     with pytest.warns(CarigsWarning, match="sharpness, photo_consistency_l1_truth: no true caricature here"):
-        rows = measured({**scene, "level": 0.0}, embeddings=())
+        rows = measured({**scene, "levels": [0.0]}, embeddings=())
     values = {row.camera: row.value for row in rows
               if (row.protocol, row.metric, row.region) == ("test", "sharpness_to_frame", "full")}  # fmt: skip
     assert values == {camera: 1 for camera in range(3)}
@@ -186,7 +195,7 @@ def test_without_a_truth_sharpness_is_measured_against_the_frames(scene):
 
 def test_an_error_in_one_region_is_not_seen_in_others(scene):
     before = {(r.region, r.camera): r.value for r in measured(scene, embeddings=()) if r.metric == "psnr"}
-    for file in scene["frames"].glob("0*.png"):
+    for file in shown(scene).glob("0*.png"):
         image = read_rgb(file)
         image[47:] = 0  # below the ball
         write_png(file, image)
@@ -198,22 +207,22 @@ def test_an_error_in_one_region_is_not_seen_in_others(scene):
 def test_regions_are_those_of_the_caricature_not_of_the_natural_head(scene):
     # At level 0.25 the ball is 20 % larger.  A ring outside the natural ball is head at that level only.
     edit(
-        scene["truth"],
+        scene["truths"][0],
         lambda c: [c["frames"].__setitem__(i, {**f, "mask": "none.png"}) for i, f in enumerate(c["frames"])],
     )
-    write_png(scene["truth"].parent / "frames/none.png", np.zeros((48, 40)))
-    for file in scene["frames"].glob("0*.png"):
+    write_png(scene["truths"][0].parent / "frames/none.png", np.zeros((48, 40)))
+    for file in scene["frames"].glob("*/0*.png"):
         image = read_rgb(file)
         image[24, 20 - 17] = image[24, 20 + 17] = 0  # the natural ball's radius is about 15 pixels, the other's 18
         write_png(file, image)
     exact = -20 * np.log10(20 / 255)
-    at = {level: {(r.region, r.camera): r.value for r in measured({**scene, "level": level}, embeddings=())
+    at = {level: {(r.region, r.camera): r.value for r in measured({**scene, "levels": [level]}, embeddings=())
                   if r.metric == "psnr"} for level in (0.0, 0.25)}  # fmt: skip
     assert at[0.0]["head", 1] == pytest.approx(exact) and at[0.25]["head", 1] < exact - 0.1
 
 
 def test_without_a_truth_every_metric_is_null_with_its_reason(scene):
-    edit(scene["truth"], lambda content: content.update(reason="no true caricature here", frames=[]))
+    edit(scene["truths"][0], lambda content: content.update(reason="no true caricature here", frames=[]))
     with pytest.warns(CarigsWarning, match="no value of psnr, .*: no true caricature here"):
         rows = [row for row in measured(scene, embeddings=()) if row.metric in IMAGE_METRICS]
     assert {(row.region, row.metric) for row in rows if row.protocol == "test"} == {
@@ -223,7 +232,7 @@ def test_without_a_truth_every_metric_is_null_with_its_reason(scene):
 
 
 def test_a_frame_without_a_true_image_is_null_and_the_others_count(scene):
-    edit(scene["truth"], lambda content: content["frames"].pop(0))
+    edit(scene["truths"][0], lambda content: content["frames"].pop(0))
     rows = [row for row in measured(scene, embeddings=()) if (row.region, row.metric) == ("full", "psnr")]
     assert [row.reason for row in rows if pd.isna(row.value)] == ["no true image of this frame"] and len(rows) == 4
 
@@ -251,8 +260,13 @@ from pathlib import Path
 from carigs.settings import Metrics
 from carigs.stages.metrics import metrics
 settings = Metrics(lpips=("lpips_vgg",), diffusion=("sd_1.5",), identity=True)
-metrics(settings, **{{key: Path(value) if isinstance(value, str) and "/" in value else value
-                      for key, value in json.loads({json.dumps(json.dumps(scene, default=str))}).items()}})
+keywords = json.loads({json.dumps(json.dumps(scene, default=str))})
+for key, value in keywords.items():
+    if key == "truths":
+        keywords[key] = [Path(file) for file in value]
+    elif isinstance(value, str) and "/" in value:
+        keywords[key] = Path(value)
+metrics(settings, **keywords)
 networks = {{"torch", "torchvision", "torchmetrics", "open_clip", "timm", "diffusers", "transformers", "dlib"}}
 assert not (networks | {{"huggingface_hub", "pandas"}}) & set(sys.modules)
 """
@@ -291,7 +305,7 @@ def tiny_networks(tmp_path, monkeypatch):
 def test_with_weights_every_frame_has_its_scores(scene, tiny_networks):
     subject = Capture.load(scene["capture"])
     for frame in subject.split("test"):  # a model that does nothing: the renders are the frames themselves
-        write_png(scene["frames"] / f"{frame.name}.png", subject.image(frame))
+        write_png(shown(scene) / f"{frame.name}.png", subject.image(frame))
     rows = [row for row in measured(scene) if row.metric in NAMES]
     found = {key: [row.value for row in rows if (row.protocol, row.metric) == key]
              for key in {(row.protocol, row.metric) for row in rows}}  # fmt: skip
@@ -331,12 +345,11 @@ def test_consistency_of_test_frames_follows_the_timesteps_of_each_camera(scene, 
     frames = [{"timestep": t, "camera": c} for t in sorted({f.timestep for f in subject.frames}) for c in (2, 0)]
     entries = []
     for i, key in enumerate(frames):
-        write_png(scene["frames"] / f"{i}.png", np.full((48, 40, 3), 0.1 * key["timestep"] + 0.05 * key["camera"]))
+        write_png(shown(scene) / f"{i}.png", np.full((48, 40, 3), 0.1 * key["timestep"] + 0.05 * key["camera"]))
         entries.append({**key, "protocol": "test", "file": f"{i}.png", "order": i})
-    scene["index"].write_text(json.dumps(entries))
-    scene["unedited_index"] = scene["index"]
-    shutil.rmtree(scene["unedited_frames"])
-    scene["unedited_frames"] = scene["frames"]
+    index(scene).write_text(json.dumps(entries))
+    shutil.rmtree(shown(scene, 0.0))
+    shutil.copytree(shown(scene), shown(scene, 0.0))
     rows = [row for row in measured(scene, embeddings=("clip",)) if row.metric == "clip_c_adjacent"]
     steps = sorted({entry["timestep"] for entry in entries})
     found = [(row.camera, row.timestep) for row in rows if row.protocol == "test"]
@@ -344,9 +357,8 @@ def test_consistency_of_test_frames_follows_the_timesteps_of_each_camera(scene, 
     assert [row.reason for row in rows if row.protocol == "orbit"] == ["too few frames were rendered"]
 
 
-def test_an_orbit_without_level_0_is_refused(scene, tiny_networks, tmp_path):
-    scene["unedited_index"] = tmp_path / "level_0.json"
-    scene["unedited_index"].write_text("[]")
+def test_an_orbit_without_level_0_is_refused(scene, tiny_networks):
+    (shown(scene, 0.0) / "frames.json").write_text("[]")
     with pytest.raises(InputError, match=r"orbit0\.png: this frame of the orbit was not rendered at level 0"):
         measured(scene)
 
@@ -406,7 +418,7 @@ def test_lpips_without_weights_or_truth_is_null_with_its_reason(scene):
     assert all(pd.isna(row.value) and "licence" in row.reason for row in rows) and len(rows) == 8
     with pytest.raises(WeightsMissing, match="alexnet"):
         measured(scene, LPIPS, embeddings=(), strict=True)
-    edit(scene["truth"], lambda content: content.update(reason="no true caricature here", frames=[]))
+    edit(scene["truths"][0], lambda content: content.update(reason="no true caricature here", frames=[]))
     with pytest.warns(CarigsWarning):
         rows = [row for row in measured(scene, LPIPS, embeddings=()) if row.metric in LPIPS]
     assert {row.reason for row in rows} == {"no true caricature here"} and len(rows) == 8
@@ -444,19 +456,19 @@ def test_broken_inputs_are_named_and_leave_nothing_behind(scene):
             metrics(Metrics(lpips=()), **scene)
         assert not scene["records"].exists()
 
-    some = next(scene["frames"].glob("0*.png"))
+    some = next(shown(scene).glob("0*.png"))
     good = some.read_bytes()
     write_png(some, np.zeros((10, 10, 3)))
     refuses(r"\.png: 10 x 10 pixels, its camera has 40 x 48")
     some.unlink()
     refuses(r"frames\.json: \[\d\]\.file: no such image")
     some.write_bytes(good)
-    edit(scene["index"], lambda content: content[0].update(timestep=77))
+    edit(index(scene), lambda content: content[0].update(timestep=77))
     refuses(r"\.png: the capture has no frame of timestep 77, camera 0")
-    edit(scene["index"], lambda content: content[-1].update(view={"fx": 1.0}))
+    edit(index(scene), lambda content: content[-1].update(view={"fx": 1.0}))
     refuses(r"frames\.json: \[6\]\.view\.\w+: this key is missing")
-    edit(scene["index"], lambda content: content[1].pop("camera"))
+    edit(index(scene), lambda content: content[1].pop("camera"))
     refuses(r"frames\.json: \[1\]\.camera: this key is missing")
-    scene["truth"].write_text("[]")
-    scene["index"].write_text("[]")
+    scene["truths"][0].write_text("[]")
+    index(scene).write_text("[]")
     refuses(r"truth\.json: frames: this key is missing")

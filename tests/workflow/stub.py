@@ -8,7 +8,7 @@ from zlib import crc32
 from carigs.errors import CarigsWarning, SettingsError
 
 FOLDERS = ("dataset", "targets", "frames", "folder")
-AVATAR = ("geometry", "path", "avatar", "ply", "log")
+AVATAR = ("path", "avatar", "ply", "log")
 OUTPUTS = ("index", *AVATAR, "records", "table", "markdown", "latex", "figure", "vector", "card", "page", *FOLDERS)
 
 
@@ -28,7 +28,7 @@ def stub(settings, **keywords):
         assert name in OUTPUTS, f"the input {name}={value} is missing"
         if name in FOLDERS:
             value.mkdir(parents=True)
-            (value / "ablation.png").write_bytes(b"")
+            (value / "ablation.png").write_text(repr((settings, sorted(keywords.items()))))
         else:
             # An index names files: it stays the same when their contents change.
             value.write_text("the same list" if name == "index" else repr((settings, sorted(keywords.items()))))

@@ -17,7 +17,7 @@ TARGETS = ("reproduce", "table")
 
 @pytest.mark.slow
 def test_a_bare_checkout_can_be_planned(stubbed):
-    """One settings file per stage and point, one training per variant, one rendering per variant and level."""
+    """One settings file per stage and point, one training per variant, one rendering per training."""
     subjects, variants, levels = 2, 2, 2
     assert stubbed.planned() == {
         "settings": 3 + 7 * subjects + variants * subjects,
@@ -26,8 +26,8 @@ def test_a_bare_checkout_can_be_planned(stubbed):
         "gtstar": subjects,
         "train": subjects * variants,
         "truth": subjects * levels,
-        "render": subjects * variants * levels,
-        "metrics": subjects * variants * levels,
+        "render": subjects * variants,
+        "metrics": subjects * variants,
         "figures": subjects,
         "tabulate": 1,
         "card": 1,
@@ -60,20 +60,20 @@ def test_seeds_multiply_what_depends_on_the_training_and_nothing_else(stubbed):
 @pytest.mark.slow
 def test_a_seed_more_is_a_training_more_and_figures_show_the_first(finished):
     planned = finished.planned(*TARGETS, hydra="study.seeds=[0,7]")
-    assert planned == {"settings": 4, "train": 4, "render": 8, "metrics": 8, "tabulate": 1, "card": 1, "report": 1}
+    assert planned == {"settings": 4, "train": 4, "render": 4, "metrics": 4, "tabulate": 1, "card": 1, "report": 1}
     finished.make("table", hydra="study.seeds=[0,7]")
     place = finished.root / "results/toy/toy/gamma=0.25/surfhead"
     assert "seed=7" in (place / "seed=7/avatar.npz").read_text()
-    metrics = (finished.root / "results/toy/log/metrics/toy,gamma=0.25,surfhead,seed=7,level=0.log").read_text()
+    metrics = (finished.root / "results/toy/log/metrics/toy,gamma=0.25,surfhead,seed=7.log").read_text()
     assert "seed: 7" in metrics.splitlines()
     records = (finished.root / "results/toy/log/tabulate/gamma=0.25.log").read_text()
-    assert len(re.findall(r"seed=0/level", records)) == len(re.findall(r"seed=7/level", records)) == 8
+    assert len(re.findall(r"seed=0/metrics", records)) == len(re.findall(r"seed=7/metrics", records)) == 4
 
 
 @pytest.mark.slow
 def test_the_papers_study_can_be_planned_without_its_data(stubbed):
     planned = stubbed.planned(hydra="study=paper")
-    assert (planned["capture"], planned["train"], planned["render"]) == (10, 40, 200)
+    assert (planned["capture"], planned["train"], planned["render"]) == (10, 40, 40)
 
 
 @pytest.mark.slow
@@ -91,7 +91,7 @@ def test_the_papers_study_can_be_planned_without_its_data(stubbed):
         (("--config", "hydra=metrics.edit_prompt='A nose'"), ("metrics.edit_prompt", "quot")),
         (("results/toy/nobody/capture.json",), ("subject=nobody", "toy")),
         (("results/toy/toy/gamma=0.25/surfhaed/seed=0/avatar.npz",), ("variant=surfhaed", "surfhead")),
-        (("results/toy/toy/gamma=0.25/surfhead/seed=0/level=0.3/frames.json",), ("level=0.3", "0.25")),
+        (("results/toy/toy/gamma=0.25/truth/level=0.3/truth.json",), ("level=0.3", "0.25")),
         (("results/toy/toy/gamma=0.25/surfhead/seed=9999999999/avatar.npz",), ("seed=9999999999", "[0, 4294967295]")),
         (("results/toy/toy/gamma=0.250/surfhead/seed=0/avatar.npz",), ("gamma=0.250",)),
         (("results/paper/toy/capture.json",), ("study=paper", "toy")),
@@ -160,15 +160,16 @@ def test_a_job_is_tried_again_with_twice_the_memory(stubbed, tmp_path):
 
 @pytest.mark.slow
 def test_a_stage_gets_its_settings_files_and_wildcards(made):
-    log = (made.root / "results/toy/log/metrics/twin,gamma=0.25,surfhead,seed=0,level=0.25.log").read_text()
+    log = (made.root / "results/toy/log/metrics/twin,gamma=0.25,surfhead,seed=0.log").read_text()
     point = "results/toy/twin/gamma=0.25"
+    truths = (f"PosixPath('{point}/truth/level={level}/truth.json')" for level in ("0", "0.25"))
     for line in (
-        f"frames: PosixPath('{point}/surfhead/seed=0/level=0.25/frames')",
-        f"truth: PosixPath('{point}/truth/level=0.25/truth.json')",
+        f"frames: PosixPath('{point}/surfhead/seed=0/frames')",
+        f"truths: [{', '.join(truths)}]",
         "subject: 'twin'",
         "variant: 'surfhead'",
         "gamma: 0.25",
-        "level: 0.25",
+        "levels: [0.0, 0.25]",
     ):
         assert line in log.splitlines()
     assert "watch" not in log
@@ -179,11 +180,9 @@ def test_a_stage_gets_its_settings_files_and_wildcards(made):
 @pytest.mark.slow
 def test_figures_know_which_image_is_which(made):
     log = (made.root / "results/toy/log/figures/twin,gamma=0.25.log").read_text()
-    indices = re.findall(r"/(\w+)/seed=0/level=([\d.]+)/frames.json", log)
-    assert indices == [("alternating", "0"), ("alternating", "0.25"), ("surfhead", "0"), ("surfhead", "0.25")]
-    assert "variants: ['alternating', 'alternating', 'surfhead', 'surfhead']" in log
-    assert "levels: [0.0, 0.25, 0.0, 0.25]" in log
-    assert "truth_levels: [0.0, 0.25]" in log
+    assert re.findall(r"/(\w+)/seed=0/frames", log) == ["alternating", "surfhead"]
+    assert re.findall(r"/truth/level=([\d.]+)/truth.json", log) == ["0", "0.25"]
+    assert "variants: ['alternating', 'surfhead']" in log and "levels: [0.0, 0.25]" in log
 
 
 @pytest.mark.slow
@@ -234,7 +233,7 @@ def test_a_run_repeats_the_warnings_of_its_jobs(finished):
     done = finished.snakemake("--cores", "1", "table")
     assert done.returncode == 0, done.stdout + done.stderr
     (line,) = {line for line in done.stderr.splitlines() if line.startswith("carigs: warning: ")}
-    assert re.fullmatch(r".*: no weights of this network \(results/toy/log/metrics/.*\.log and 7 more\)", line)
+    assert re.fullmatch(r".*: no weights of this network \(results/toy/log/metrics/.*\.log and 3 more\)", line)
 
 
 def sweep(project, *arguments):
@@ -252,10 +251,10 @@ def test_a_sweep_is_planned_as_a_whole(stubbed):
     done = stubbed.command("snakemake", "-n", *swept)
     assert done.returncode == 0, done.stdout + done.stderr
     planned = dict(re.findall(r"^(\w+) +(\d+)$", done.stdout, re.MULTILINE))
-    variants, combinations, levels = 2, 4, 2
+    variants, combinations = 2, 4
     expected = {
         "capture": 2, "exaggerate": 4, "gtstar": 4, "train": combinations * variants, "tabulate": combinations,
-        "metrics": combinations * variants * levels, "sweep": 1,
+        "metrics": combinations * variants, "sweep": 1,
     }  # fmt: skip
     assert {rule: int(planned[rule]) for rule in expected} == expected
     assert not {"card", "report", "figures"} & planned.keys()

@@ -96,17 +96,15 @@ rule train:
 
 rule render:
     input:
-        settings="results/{study}/settings/render/subject={subject}.yaml",
+        settings="results/{study}/settings/render/subject={subject},gamma={gamma}.yaml",
         avatar="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/avatar.npz",
         capture="results/{study}/{subject}/capture.json",
         watch="results/{study}/{subject}/dataset",
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
     output:
-        frames=directory("results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/frames"),
-        index="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/frames.json",
-        geometry="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/geometry.csv",
+        frames=directory("results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/frames"),
     log:
-        "results/{study}/log/render/{subject},gamma={gamma},{variant},seed={seed},level={level}.log",
+        "results/{study}/log/render/{subject},gamma={gamma},{variant},seed={seed}.log",
     conda:
         "../../environment.yml"
     threads: lambda wildcards: section("render", wildcards, "subject").threads
@@ -114,6 +112,6 @@ rule render:
         mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
         code=fingerprint("carigs.stages.render"),
-        level=level,
+        made_by=fingerprint("carigs.stages.render"),  # for the stage; `code` goes into the record of the job
     script:
         "../scripts/stage.py"

@@ -10,7 +10,6 @@ its outputs (carigs/job_record.py), so that results can be copied without `.snak
 import sys
 from contextlib import suppress
 from functools import cache
-from itertools import product
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
@@ -145,11 +144,6 @@ def of_all_studies(*patterns):
         ]
 
     return files
-
-
-def rendered_points(wildcards):
-    """Variant and level of each rendering of a subject and seed, in the order of `all_points`."""
-    return list(product(points(wildcards.study)["variant"], levels(wildcards)))
 
 
 def avatar_of_method(wildcards):

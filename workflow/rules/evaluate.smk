@@ -29,22 +29,18 @@ rule truth:
 rule metrics:
     input:
         settings="results/{study}/settings/metrics/subject={subject}.yaml",
-        frames="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/frames",
-        index="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/frames.json",
-        geometry="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/geometry.csv",
-        unedited_frames="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level=0/frames",
-        unedited_index="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level=0/frames.json",
+        frames="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/frames",
         capture="results/{study}/{subject}/capture.json",
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
-        truth="results/{study}/{subject}/gamma={gamma}/truth/level={level}/truth.json",
-        watch=[
+        truths=all_points("results/{study}/{subject}/gamma={gamma}/truth/level={level}/truth.json"),
+        watch=all_points(
             "results/{study}/{subject}/dataset",
             "results/{study}/{subject}/gamma={gamma}/truth/level={level}/frames",
-        ],
+        ),
     output:
-        records="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/metrics.csv",
+        records="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/metrics.csv",
     log:
-        "results/{study}/log/metrics/{subject},gamma={gamma},{variant},seed={seed},level={level}.log",
+        "results/{study}/log/metrics/{subject},gamma={gamma},{variant},seed={seed}.log",
     conda:
         "../../environment.yml"
     threads: lambda wildcards: section("metrics", wildcards, "subject").threads
@@ -58,7 +54,7 @@ rule metrics:
         variant="{variant}",
         seed=lambda wildcards: int(wildcards.seed),
         gamma=lambda wildcards: float(wildcards.gamma),
-        level=level,
+        levels=lambda wildcards: [float(level) for level in levels(wildcards)],
         embeddings="results/{study}/embeddings",
     script:
         "../scripts/stage.py"
@@ -67,7 +63,7 @@ rule metrics:
 rule tabulate:
     input:
         settings="results/{study}/settings/tabulate/all.yaml",
-        records=all_points("results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/level={level}/metrics.csv"),
+        records=all_points("results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/metrics.csv"),
     output:
         table="results/{study}/table/gamma={gamma}.csv",
         markdown="results/{study}/table/gamma={gamma}.md",
@@ -89,13 +85,10 @@ rule figures:
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
         # Renders the local edits; studies without the method have none.
         avatar=avatar_of_method,
-        indices=all_points(
-            "results/{study}/{subject}/gamma={gamma}/{variant}/seed={first_seed}/level={level}/frames.json"
-        ),
+        frames=all_points("results/{study}/{subject}/gamma={gamma}/{variant}/seed={first_seed}/frames"),
         truths=all_points("results/{study}/{subject}/gamma={gamma}/truth/level={level}/truth.json"),
         watch=all_points(
             "results/{study}/{subject}/dataset",
-            "results/{study}/{subject}/gamma={gamma}/{variant}/seed={first_seed}/level={level}/frames",
             "results/{study}/{subject}/gamma={gamma}/truth/level={level}/frames",
         ),
     output:
@@ -108,8 +101,7 @@ rule figures:
         code=fingerprint("carigs.stages.figures"),
         gtstar=lambda wildcards: OmegaConf.to_container(section("gtstar", wildcards, "subject")),
         mask_flags=lambda wildcards: list(section("train", wildcards, "subject").mask_flags),
-        variants=lambda wildcards: [variant for variant, _ in rendered_points(wildcards)],
-        levels=lambda wildcards: [float(level) for _, level in rendered_points(wildcards)],
-        truth_levels=lambda wildcards: [float(level) for level in levels(wildcards)],
+        variants=lambda wildcards: points(wildcards.study)["variant"],
+        levels=lambda wildcards: [float(level) for level in levels(wildcards)],
     script:
         "../scripts/stage.py"

@@ -4,7 +4,7 @@ made_with = of_study(
     "results/{study}/settings/capture/subject={subject}.yaml",
     "results/{study}/settings/exaggerate/subject={subject},gamma={gamma}.yaml",
     "results/{study}/settings/train/subject={subject},variant={variant},seed={seed}.yaml",
-    "results/{study}/settings/render/subject={subject}.yaml",
+    "results/{study}/settings/render/subject={subject},gamma={gamma}.yaml",
     "results/{study}/settings/truth/subject={subject}.yaml",
     "results/{study}/settings/metrics/subject={subject}.yaml",
     "results/{study}/settings/tabulate/all.yaml",
@@ -45,16 +45,11 @@ rule report:
         table=table_of_study,
         figures=of_study("results/{study}/figures/{subject}/gamma={gamma}"),
         captures=of_study("results/{study}/{subject}/capture.json"),
-        indices=of_study(
-            "results/{study}/{subject}/gamma={gamma}/{variant}/seed={first_seed}/level={level}/frames.json"
-        ),
+        frames=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/seed={first_seed}/frames"),
         truths=of_study("results/{study}/{subject}/gamma={gamma}/truth/level={level}/truth.json"),
         training=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/seed={first_seed}/log.csv"),
         made_with=made_with,
-        watch=of_study(
-            "results/{study}/{subject}/gamma={gamma}/{variant}/seed={first_seed}/level={level}/frames",
-            "results/{study}/{subject}/gamma={gamma}/truth/level={level}/frames",
-        ),
+        watch=of_study("results/{study}/{subject}/gamma={gamma}/truth/level={level}/frames"),
     output:
         page="results/{study}/report.html",
     log:

@@ -25,5 +25,6 @@ if swept:
             code=fingerprint("carigs.stages.sweep"),
             swept_keys=list(swept.keys),
             swept_values=[list(combination.values) for combination in swept.combinations],
+            seeds=[points(combination.study)["seed"] for combination in swept.combinations],
         script:
             "../scripts/stage.py"

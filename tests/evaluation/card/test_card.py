@@ -19,7 +19,7 @@ from carigs.errors import InputError
 from carigs.job_record import JobCosts
 from carigs.settings import Tabulate
 from evaluation.card.card import make_card, read_card, write_card
-from evaluation.card.costs import FRAME, Job, Rendering, avatar_values, stage_values
+from evaluation.card.costs import Job, Rendering, avatar_values, frame_step, stage_values
 from evaluation.card.document import card_parts, write_markdown
 from evaluation.card.provenance import commit, find_seeds, machine, versions
 from evaluation.metrics.catalogue import CATALOGUE
@@ -163,8 +163,9 @@ def test_another_file_is_no_card(summaries, change, tmp_path):
 
 def test_the_time_of_a_frame_is_the_mean_of_what_the_jobs_measured(tmp_path):
     np.savez(tmp_path / "avatar.npz", surfel_binding=np.zeros(7, np.int32))
-    renderings = [Rendering(Job("render", str(i)), 0, i / 4) for i in range(4)]
-    costs = {rendering.job: JobCosts(2.0, 1.0, 100.0, {FRAME: 0.2}) for rendering in renderings}
+    job, levels = Job("render", "anna"), [i / 4 for i in range(4)]
+    renderings = [Rendering(job, 0, level) for level in levels]
+    costs = {job: JobCosts(2.0, 1.0, 100.0, {frame_step(level): 0.2 for level in levels})}
     avatars = {0: tmp_path / "avatar.npz"}
     found = {v.measure: v for v in avatar_values("anna", "ours", avatars, renderings, costs, SETTINGS)}
     assert found["surfels"].value == 7
@@ -172,7 +173,7 @@ def test_the_time_of_a_frame_is_the_mean_of_what_the_jobs_measured(tmp_path):
     frame, rate = found["frame_seconds"], found["frames_per_second"]
     assert (frame.value, frame.low, frame.high, frame.n) == (pytest.approx(0.2), *[pytest.approx(0.2)] * 2, 4)
     assert rate.value == pytest.approx(5)
-    stopped = {rendering.job: JobCosts(2.0, 1.0, 100.0, {FRAME: 0.0}) for rendering in renderings}
+    stopped = {job: JobCosts(2.0, 1.0, 100.0, {frame_step(level): 0.0 for level in levels})}
     for without in ({}, stopped):
         unknown = avatar_values("anna", "ours", avatars, renderings, without, SETTINGS)
         assert [(v.value is None, bool(v.reason)) for v in unknown] == [(False, False)] * 2 + [(True, True)] * 2
@@ -182,8 +183,10 @@ def test_the_costs_of_a_variant_are_means_over_its_seeds(tmp_path):
     avatars = {seed: tmp_path / f"{seed}.npz" for seed in (0, 1)}
     for seed, file in avatars.items():
         np.savez(file, surfel_binding=np.zeros(7 + 2 * seed, np.int32))
-    renderings = [Rendering(Job("render", f"{s},{i}"), s, i / 4) for s in avatars for i in range(4)]
-    costs = {rendering.job: JobCosts(9.0, 1.0, None, {FRAME: 0.2 + 0.1 * rendering.seed}) for rendering in renderings}
+    jobs, levels = {seed: Job("render", str(seed)) for seed in avatars}, [i / 4 for i in range(4)]
+    renderings = [Rendering(jobs[seed], seed, level) for seed in avatars for level in levels]
+    steps = {seed: {frame_step(level): 0.2 + 0.1 * seed for level in levels} for seed in avatars}
+    costs = {jobs[seed]: JobCosts(9.0, 1.0, None, steps[seed]) for seed in avatars}
     found = {v.measure: v for v in avatar_values("anna", "ours", avatars, renderings, costs, SETTINGS)}
     surfels, frame, rate = (found[name] for name in ("surfels", "frame_seconds", "frames_per_second"))
     assert (surfels.value, surfels.n, frame.n) == (8, 2, 8)

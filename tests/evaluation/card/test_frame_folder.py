@@ -18,11 +18,11 @@ WANTED = {
 ALL = ("test", "orbit")
 
 
-@pytest.fixture(params=["", "frames"])
-def renderings(tmp_path, request):
+@pytest.fixture
+def renderings(tmp_path):
     for level, frames in WANTED.items():
         for frame in frames:
-            file = tmp_path / f"level={level}" / request.param / frame.name
+            file = tmp_path / f"level={level}" / frame.name
             file.parent.mkdir(parents=True, exist_ok=True)
             write_png(file, np.ones((4, 5, 3)))
     return tmp_path

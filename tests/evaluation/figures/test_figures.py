@@ -94,20 +94,18 @@ def study(tmp_path_factory):
     Exaggerator(shape, subject.model.faces, settings).path(0.25).save(folder / "path.npz")
     straight_path(shape, subject.model.faces, 0.1 * shape, 0.25).save(folder / "given.npz")
     test = subject.split("test")
-    keywords = {"indices": [], "variants": [], "levels": [], "truths": [], "truth_levels": [0.0, 0.25]}
-    for i, variant in enumerate(("alternating", "surfhead")):
-        for level in (0.0, 0.25):
-            place = folder / f"{variant}/{level}"
-            (place / "frames/test").mkdir(parents=True)
+    keywords = {"frames": [], "variants": ["alternating", "surfhead"], "truths": [], "levels": [0.0, 0.25]}
+    for i, variant in enumerate(keywords["variants"]):
+        keywords["frames"].append(folder / variant)
+        for level in keywords["levels"]:
+            place = folder / f"{variant}/level={level:g}"
+            (place / "test").mkdir(parents=True)
             entries = []
             for frame in test:
-                write_png(place / f"frames/test/{frame.name}.png", np.full((48, 40, 3), i / 2 + level))
+                write_png(place / f"test/{frame.name}.png", np.full((48, 40, 3), i / 2 + level))
                 entries.append({"protocol": "test", "timestep": frame.timestep, "camera": frame.camera,
                                 "file": f"test/{frame.name}.png", "order": len(entries)})  # fmt: skip
             (place / "frames.json").write_text(json.dumps(entries))
-            keywords["indices"].append(place / "frames.json")
-            keywords["variants"].append(variant)
-            keywords["levels"].append(level)
     for level, reason in ((0.0, None), (0.25, "unknown")):
         place = folder / f"truth/{level}"
         (place / "frames").mkdir(parents=True)
@@ -194,10 +192,11 @@ def test_a_frame_that_does_not_exist_is_an_error(study, tmp_path):
     folder, keywords = study
     with pytest.raises(SettingsError, match=r"figures\.camera=99"):
         figures(Figures(camera=99), **keywords, path=folder / "given.npz", folder=folder / "none")
-    (tmp_path / "frames.json").write_text("[]")
+    for level in ("0", "0.25"):
+        (tmp_path / f"level={level}").mkdir()
+        (tmp_path / f"level={level}/frames.json").write_text("[]")
     with pytest.raises(InputError, match=r"frames\.json: no test frame of timestep 3, camera 1"):
-        figures(Figures(), **{**keywords, "indices": [tmp_path / "frames.json"] * 4}, path=folder / "given.npz",
-                folder=folder / "none")  # fmt: skip
+        figures(Figures(), **{**keywords, "frames": [tmp_path] * 2}, path=folder / "given.npz", folder=folder / "none")
     assert not (folder / "none").exists()
 
 
@@ -227,8 +226,8 @@ def sheets(monkeypatch):
 def coded(study, variants):
     subject = Capture.load(study[1]["capture"])
     frame = next(f for f in subject.split("test") if f.camera == 1)
-    points = {(variant, level): None for variant in variants for level in (0.0, 0.1, 0.25)}
-    return CodedImages(subject, points, {}, (frame.timestep, 1), 96)
+    truths = dict.fromkeys((0.0, 0.1, 0.25))
+    return CodedImages(subject, dict.fromkeys(variants), truths, (frame.timestep, 1), 96)
 
 
 def test_every_image_of_a_comparison_is_the_one_of_its_variant_level_and_view(study, sheets, tmp_path):

@@ -49,7 +49,7 @@ def embed(tmp_path, passes):
 
 def again(embed, **changes):
     """The embedder of another process with the same cache."""
-    return replace(embed, _digests={}, **changes)
+    return replace(embed, pixels={}, **changes)
 
 
 def test_embeddings_have_length_one_and_do_not_depend_on_the_batch(embed, frames, tmp_path):
