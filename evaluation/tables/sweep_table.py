@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -38,6 +39,8 @@ class Combination(NamedTuple):
 
     values: tuple[str, ...]
     """Text of the value of each key."""
+    seeds: tuple[str, ...]
+    """Seeds of its trainings, as in paths."""
     results: str
     """Folder of its study."""
     summaries: pd.DataFrame
@@ -89,13 +92,14 @@ def _rows(
             if line.metric in catalogue and line.protocol == catalogue[line.metric].protocol:
                 numbers = (line.mean, line.low, line.high, line.n)
                 row |= {f"{line.metric}{part}": number for part, number in zip(PARTS, numbers, strict=True)}
-        yield row | _training_costs(combination.costs, {*subjects} - {ALL}, variant, f"gamma={gamma:g}")
+        own = product([subject for subject in subjects if subject != ALL], combination.seeds)
+        points = [f"{subject},gamma={gamma:g},{variant},seed={seed}" for subject, seed in own]
+        yield row | _training_costs(combination.costs, points)
 
 
-def _training_costs(costs: Costs, subjects: set[str], variant: str, gamma: str) -> dict[str, float]:
-    """The columns `COSTS` of a variant, over its avatars."""
-    parts = {job: {*job[1].split(",")} for job in costs if job[0] == "train"}
-    found = [costs[job] for job, names in parts.items() if {variant, gamma} <= names and names & subjects]
+def _training_costs(costs: Costs, points: Iterable[str]) -> dict[str, float]:
+    """The columns `COSTS` of a variant, over its avatars, by the names of the logs of their trainings."""
+    found = [costs["train", point] for point in points if ("train", point) in costs]
     memory = [cost.peak_memory_mb for cost in found if cost.peak_memory_mb is not None]
     seconds = [cost.cpu_seconds for cost in found]
     return {
