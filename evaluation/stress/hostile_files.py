@@ -103,7 +103,12 @@ def work() -> None:
         everything = list(cases(contents))
         virtual = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (virtual + (8 << 30), resource.RLIM_INFINITY))
-        sys.addaudithook(lambda event, arguments: called.append(event) if _is_hostile(event, arguments) else None)
+
+        def note(event: str, arguments: tuple[Any, ...]) -> None:
+            if _is_hostile(event, arguments):
+                called.append(f"{event} {arguments[0]!r}" if arguments else event)
+
+        sys.addaudithook(note)
         results = os.fdopen(os.dup(1), "w", buffering=1)
         os.dup2(2, 1)
         print(json.dumps({"cases": len(everything)}), file=results)
