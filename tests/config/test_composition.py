@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 from dataclasses import Field, fields
 from itertools import product
 from pathlib import Path
@@ -21,22 +20,17 @@ from carigs.config import (
     GROUPS,
     compose,
     compose_study,
-    compose_variant,
-    folders,
     join_overrides,
     known,
     left_out_levels,
     load_settings,
-    presets,
     rendered_levels,
     settings_text,
     split_overrides,
     target_levels,
-    target_maker,
 )
 from carigs.errors import InputError, SettingsError
-from carigs.gtstar import MaskFlag
-from carigs.settings import DEFAULT_MASK_FLAGS, MASK_FLAGS, STAGES, Config, Train, reference
+from carigs.settings import STAGES, Config, reference
 from carigs.settings.option import option_of, walk
 from evaluation.metrics.embeddings import EMBEDDINGS
 from evaluation.metrics.lpips import LPIPS_METRICS
@@ -49,28 +43,16 @@ METRIC_CHOICES = {
     "diffusion": tuple(MODELS),
     "crop": CROPS,
 }
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 RULES = ROOT / "workflow/rules"
 OPTIONS = {key: f for key, _, f in walk(Config)}
 many_compositions = pytest.mark.no_cover
 """Hydra takes twice as long while coverage is measured; other tests run the same lines."""
 
 
-@pytest.fixture(autouse=True)
-def data_folder(monkeypatch):
-    """The subject `ict_s1` lies in the folder CARIGS_DATA; nothing is read from it here."""
-    monkeypatch.setenv("CARIGS_DATA", "/data")
-
-
-def load(stage: str, *overrides: str, folder: Path):
-    file = folder / f"{stage}.yaml"
-    file.write_text(settings_text(stage, *overrides))
-    return load_settings(stage, file)
-
-
 @pytest.mark.parametrize("stage", STAGES)
-def test_frozen_settings_come_back_as_they_were_composed(stage, tmp_path):
-    settings = load(stage, folder=tmp_path)
+def test_frozen_settings_come_back_as_they_were_composed(stage, load):
+    settings = load(stage)
     assert isinstance(settings, STAGES[stage])
     assert OmegaConf.structured(settings) == compose()[stage]
     for field in fields(settings):
@@ -81,73 +63,6 @@ def test_frozen_settings_come_back_as_they_were_composed(stage, tmp_path):
 @pytest.mark.parametrize("name", known("study"))
 def test_a_study_is_named_like_its_file(name):
     assert compose_study(f"study={name}").study.name == name
-
-
-@pytest.mark.parametrize(("stage", "preset"), [("exaggerate", "exaggerate=robust"), ("gtstar", "variant=no_mask")])
-def test_default_presets_are_the_defaults(stage, preset, tmp_path):
-    settings = load(stage, preset, folder=tmp_path)
-    assert settings == STAGES[stage]()
-
-
-@many_compositions
-@pytest.mark.parametrize("study", known("study"))
-def test_presets_are_relative_to_the_study(study):
-    own = compose(f"study={study}")
-    assert compose(f"study={study}", "preset=balanced") == own
-    for preset, factor in (("fast", 0.5), ("best", 2)):
-        changed = compose(f"study={study}", f"preset={preset}")
-        assert changed.train.iterations == factor * own.train.iterations
-        assert changed.train.density.stop == factor * own.train.density.stop
-        assert changed.train.sh_degree >= own.train.sh_degree
-        for key in OPTIONS:
-            if not key.startswith("train."):
-                assert OmegaConf.select(changed, key) == OmegaConf.select(own, key)
-
-
-@many_compositions
-@pytest.mark.parametrize("preset", known("preset"))
-def test_a_preset_and_a_variant_change_different_settings(preset):
-    """Each keeps its changes, in any order."""
-    for variant in known("variant"):
-        alone, both = compose(f"variant={variant}"), compose(f"preset={preset}", f"variant={variant}")
-        assert compose(f"variant={variant}", f"preset={preset}") == both == compose_variant(variant, f"preset={preset}")
-        changed, default = compose(f"preset={preset}"), compose()
-        for key in OPTIONS:
-            before, value = (OmegaConf.select(config, key) for config in (default, alone))
-            expected = value if value != before else OmegaConf.select(changed, key)
-            assert OmegaConf.select(both, key) == expected
-
-
-@pytest.mark.parametrize("overrides", [("preset=best", "train.iterations=7"), ("train.iterations=7", "preset=best")])
-def test_a_key_on_the_command_line_wins_over_a_preset(overrides):
-    train = compose_study(*overrides, "train.sh_degree=1").train
-    assert (train.iterations, train.sh_degree, train.density.stop) == (7, 1, 2 * compose().train.density.stop)
-
-
-def test_a_preset_keeps_a_study_that_has_more():
-    assert compose("study=paper", "preset=best").train.sh_degree == compose("study=paper").train.sh_degree == 3
-    assert compose("study=toy", "preset=best").train.sh_degree == 2
-
-
-def test_what_is_relative_outside_of_a_preset_is_refused():
-    with pytest.raises(SettingsError, match=r"train\.seed: .*only a preset"):
-        compose("preset=fast", "train.seed=${times:2}")
-    assert compose("preset=fast").train.iterations == compose().train.iterations // 2  # and leaves nothing behind
-
-
-def test_presets_of_the_paper_are_literal(tmp_path):
-    """The paper's weight is |K|^gamma, its path the linear blend of two solves."""
-    settings = load("exaggerate", "study=paper", folder=tmp_path)
-    assert (settings.path_nodes, settings.region_constraint, settings.curvature_source) == (2, "literal", "template")
-    assert (settings.gap_stiffness, settings.cavity_stiffness) == (0, 0)
-    assert (
-        settings.curvature_smoothing,
-        settings.normalize_weights,
-        settings.limit_cavities,
-        settings.rigid_components,
-    ) == (0, False, False, False)
-    assert compose("study=paper").train.iterations == 120_000
-    assert len(compose("study=paper").study.subjects) == 10
 
 
 def paper_table() -> dict[str, object]:
@@ -171,109 +86,17 @@ def test_the_table_of_the_paper_has_every_key_that_its_study_changes():
     assert changed - data <= {*paper_table()}
 
 
-def test_regions_are_the_head_models_names_and_numbers(tmp_path):
-    settings = load("exaggerate", "exaggerate.regions={nose:0.4,ears:0}", folder=tmp_path)
+def test_regions_are_the_head_models_names_and_numbers(load):
+    settings = load("exaggerate", "exaggerate.regions={nose:0.4,ears:0}")
     assert settings.regions == {"nose": 0.4, "ears": 0.0}
     with pytest.raises(SettingsError, match=r"exaggerate\.regions\.nose"):
         compose("exaggerate.regions={nose:long}")
     assert compose().exaggerate.regions == {}
 
 
-@many_compositions
-def test_variants_differ_in_supervision_masks_levels_and_light_only():
-    trained = {name: OmegaConf.to_object(compose(f"variant={name}").train) for name in known("variant")}
-    ours, reasons = trained["alternating"], {reason.name.lower() for reason in MaskFlag}
-    assert [trained[name].gtstar_probability for name in ("surfhead", "gtstar_only", "no_mask")] == [0.0, 1.0, 0.35]
-    assert list(trained["no_mask"].mask_flags) == []
-    assert [name for name, t in trained.items() if not t.relight_surfels] == ["surfhead"]
-    assert {*ours.mask_flags} == {*DEFAULT_MASK_FLAGS}
-    in_studies = {name for study in known("study") for name in compose(f"study={study}").study.variants}
-    for t in (trained[name] for name in in_studies):
-        assert {*t.mask_flags} <= reasons
-        for name in ("gtstar_probability", "mask_flags", "relight_surfels", "num_gtstar_levels"):
-            setattr(t, name, getattr(ours, name))
-        assert t == ours
-
-
-@pytest.mark.parametrize("name", known("variant"))
-def test_every_variant_can_be_composed(name):
-    """And changes something of `gtstar` or `train`, unless it is the method itself."""
-    config, ours = compose_variant(name), compose()
-    assert name == "alternating" or (config.gtstar, config.train) != (ours.gtstar, ours.train)
-
-
-@many_compositions
-def test_the_study_of_masks_turns_every_default_reason_off_and_every_other_one_on_in_turn():
-    ours = set(DEFAULT_MASK_FLAGS)
-    changed = [
-        ours ^ set(compose("study=ablation", f"variant={name}").train.mask_flags)
-        for name in compose("study=ablation").study.variants
-    ]
-    assert {reason for reasons in changed if len(reasons) == 1 for reason in reasons} == {
-        reason.name.lower() for reason in MaskFlag
-    }
-
-
-@pytest.mark.parametrize(
-    ("variant", "changes"),
-    [
-        *((f"no_{flag}_mask", {flag}) for flag in ("grazing", "hair", "mouth", "newly_visible", "occluded")),
-        *((f"no_{flag}_mask", {flag}) for flag in ("outside_image", "outside_mesh")),
-        *((f"{flag}_mask", {flag}) for flag in ("stretched", "lids", "brows", "ears", "eyeballs")),
-        ("no_visibility_mask", {"newly_visible", "occluded", "grazing"}),
-        ("no_mask", set(DEFAULT_MASK_FLAGS)),
-        ("alternating", set()),
-    ],
-)
-def test_variants_add_and_remove_mask_flags(variant, changes):
-    """Removed flags leave the others in their order; added ones come last."""
-    expected = [flag for flag in DEFAULT_MASK_FLAGS if flag not in changes]
-    expected += [flag for flag in MASK_FLAGS if flag in changes and flag not in DEFAULT_MASK_FLAGS]
-    assert compose(f"variant={variant}").train.mask_flags == expected
-
-
-def test_flags_of_a_variant_are_changes_of_the_studys_list():
-    train = compose("train.mask_flags=[hair,lids]", "variant=no_hair_mask").train
-    assert (train.mask_flags, train.add_mask_flags, train.remove_mask_flags) == (["lids"], [], [])
-    assert Train(add_mask_flags=("ears",), remove_mask_flags=("hair",)).mask_flags == (
-        *(flag for flag in DEFAULT_MASK_FLAGS if flag != "hair"),
-        "ears",
-    )
-
-
-def test_mask_flags_of_the_settings_are_those_of_the_method():
-    assert {*MASK_FLAGS} == {flag.name.lower() for flag in MaskFlag}
-
-
 def test_choices_of_the_metrics_are_those_of_the_evaluation():
     choices = {name: option_of(OPTIONS[f"metrics.{name}"]).choices for name in METRIC_CHOICES}
     assert choices == METRIC_CHOICES
-
-
-def test_targets_are_made_once_for_all_variants_with_the_same_settings():
-    makers = {name: target_maker(name, "study=ablation") for name in known("variant")}
-    assert {"alternating", "affine", "no_relight", "relight_targets"} <= {*makers.values()}
-    assert len({*makers.values()}) == len({str(compose(f"variant={name}").gtstar) for name in makers})
-    for name, maker in makers.items():
-        assert compose(f"variant={name}").gtstar == compose(f"variant={maker}").gtstar
-    # What a user sets for all does not keep them apart.
-    assert target_maker("affine", "gtstar.warp=affine") == "alternating"
-
-
-@pytest.mark.parametrize("name", known("variant"))
-def test_a_variant_has_targets_and_training_of_its_own_alone(name):
-    assert compose_variant(name) == compose(f"variant={name}")
-
-
-def test_what_a_variant_changes_in_vain_is_named(tmp_path, monkeypatch):
-    conf = tmp_path / "conf"
-    shutil.copytree(CONF, conf)
-    (conf / "variant/sharp.yaml").write_text("# @package _global_\nrender: {orbit_frames: 3}\n")
-    monkeypatch.setattr(folders, "CONF", conf)
-    compose.cache_clear()
-    with pytest.raises(SettingsError, match=r"variant/sharp\.yaml: render\.orbit_frames is shared; .*gtstar and train"):
-        compose_variant("sharp")
-    compose.cache_clear()
 
 
 @pytest.mark.parametrize(
@@ -544,26 +367,6 @@ def test_the_reference_is_current(option, file, capsys):
     """Else: carigs settings --reference > docs/configuration.md, and --schema > docs/configuration.schema.json."""
     assert show_settings([option]) == 0
     assert capsys.readouterr().out == (ROOT / "docs" / file).read_text("utf-8")
-
-
-@pytest.mark.parametrize(
-    ("text", "purpose"),
-    [
-        ("# @package _global_\n# One person: anna. The\n# second.\ncapture: {}\n# last\n", "One person: anna"),
-        ("# Two lines\n# of text:\n#   carigs run\n", "Two lines of text"),
-        ("# @package _global_\n# For v. 2\n", "For v"),
-        ("capture: {}\n# Too late.\n", ""),
-        ("", ""),
-    ],
-)
-def test_the_purpose_of_a_preset_is_the_first_sentence_of_its_comment(text, purpose):
-    assert presets.purpose(text) == purpose
-
-
-@pytest.mark.parametrize("group", GROUPS)
-def test_every_preset_says_what_it_is_for(group):
-    for name in known(group):
-        assert presets.purpose((CONF / group / f"{name}.yaml").read_text("utf-8")), name
 
 
 def test_every_setting_has_a_meaning():
