@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import UInt16
+from jaxtyping import Bool, UInt16
 
 from carigs.capture import Capture
 from carigs.gtstar.frame_views import TimestepViews, load_views
@@ -30,6 +30,7 @@ def fit_capture_shading(
     map_timesteps: Callable = map,
     cache: dict[int, TimestepViews] | None = None,
     num_directions: int = DIRECTIONS,
+    clean: Bool[np.ndarray, " f"] | None = None,
 ) -> Shading | None:
     """Fit the light of a capture.
 
@@ -40,6 +41,7 @@ def fit_capture_shading(
         map_timesteps: `map`, or that of an executor; the result does not depend on it.
         cache: Receives the views of the timesteps, up to `CACHE_BYTES`, so that they need not be loaded again.
         num_directions: Number of directions of the light.
+        clean: Triangles that nothing covers (`FoundHair.clean`); None for all.
 
     Returns:
         The shading, or None if nothing is relit.
@@ -49,6 +51,8 @@ def fit_capture_shading(
     model, frames = capture.model, capture.split("train")
     skin = np.ones(len(model.v_template), bool)
     skin[model.faces[face_flags > 0]] = False
+    if clean is not None:
+        skin[model.faces[~clean]] = False
     timesteps = sorted({frame.timestep for frame in frames})
     fitted = sorted({timesteps[i] for i in np.linspace(0, len(timesteps) - 1, TIMESTEPS).astype(int)})
     groups = {timestep: [frame for frame in frames if frame.timestep == timestep] for timestep in fitted}

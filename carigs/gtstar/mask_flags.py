@@ -13,18 +13,15 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-import cv2
 import numpy as np
-from jaxtyping import Float32, UInt16
+from jaxtyping import Bool, Float32, UInt16
 
 from carigs.errors import SettingsError
 from carigs.head import HeadModel
 from carigs.raster import Visibility
 from carigs.raster.bit_masks import BitMask, greater, or_into_image, pixels_of_faces
+from carigs.raster.open_mouth import between_lips
 from carigs.settings import Gtstar, MaskFlag
-
-INNER_LIPS = slice(60, 68)
-"""Landmarks of the inner lips in the 68-point scheme of iBUG."""
 
 
 def flags_from_names(names: Iterable[str]) -> MaskFlag:
@@ -48,7 +45,9 @@ def flags_from_names(names: Iterable[str]) -> MaskFlag:
     return flags
 
 
-def face_mask_flags(model: HeadModel, settings: Gtstar) -> UInt16[np.ndarray, " f"]:
+def face_mask_flags(
+    model: HeadModel, settings: Gtstar, covered: Bool[np.ndarray, " f"] | None = None
+) -> UInt16[np.ndarray, " f"]:
     """Flags that hold for a triangle in every frame, from the regions of the head model.
 
     They mask pixels and also freeze the surfels of these triangles while targets supervise. Among them are the mask of
@@ -57,6 +56,7 @@ def face_mask_flags(model: HeadModel, settings: Gtstar) -> UInt16[np.ndarray, " 
     Args:
         model: The head model.
         settings: Names of the regions for each flag.
+        covered: Triangles that something covers (`FoundHair.covered`); none if None. The scalp has its own flag.
 
     Returns:
         Bits of `MaskFlag`.
@@ -71,6 +71,8 @@ def face_mask_flags(model: HeadModel, settings: Gtstar) -> UInt16[np.ndarray, " 
         (MaskFlag.EYEBALLS, settings.eyeball_regions),
     ):
         flags[model.face_region(*regions)] |= flag.value
+    if covered is not None:
+        flags[covered & ((flags & MaskFlag.HAIR.value) == 0)] |= MaskFlag.COVERED.value
     return flags
 
 
@@ -158,18 +160,4 @@ def _scalp(visibility: Visibility, face_flags: UInt16[np.ndarray, " f"]) -> BitM
 
 def _flag_mouth(flags: UInt16[np.ndarray, "h w"], visibility: Visibility, model: HeadModel) -> None:
     """Flag the pixels of the mesh within the outline of the inner lips."""
-    if model.landmarks68 is None:
-        return
-    lips = model.landmarks68[INNER_LIPS].interpolate(visibility.camera_points)
-    if not (lips[:, 2] > 0).all():
-        return
-    fx, fy, cx, cy = visibility.camera.intrinsics
-    pixels = lips[:, :2] / lips[:, 2:] * (fx, fy) + (cx, cy)
-    outline = np.rint(pixels - 0.5).astype(np.int32)
-    low = np.clip(outline.min(axis=0), 0, flags.shape[::-1])
-    high = np.clip(outline.max(axis=0) + 1, low, flags.shape[::-1])
-    box = slice(low[1], high[1]), slice(low[0], high[0])
-    inside = np.zeros(flags[box].shape, np.uint8)
-    if inside.size:
-        cv2.fillPoly(inside, [outline - low], 1)
-        flags[box] |= np.uint16(MaskFlag.MOUTH.value) * (inside.view(bool) & (visibility.face[box] >= 0))
+    flags[between_lips(visibility, model)] |= np.uint16(MaskFlag.MOUTH.value)

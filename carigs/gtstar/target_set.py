@@ -22,6 +22,7 @@ from carigs.gtstar.capture_shading import fit_capture_shading
 from carigs.gtstar.frame_views import TimestepViews, input_files
 from carigs.gtstar.mask_flags import MaskFlag, face_mask_flags
 from carigs.gtstar.provider import TargetResult, provide_targets
+from carigs.hair import FoundHair
 from carigs.light.shading import load_shading, save_shading
 from carigs.readers.json_files import read_json
 from carigs.settings import Gtstar
@@ -36,7 +37,12 @@ class TargetEntries(NamedTuple):
 
 
 def make_target_set(
-    settings: Gtstar, capture: Capture, exaggerated: Caricature, folder: Path, records: Path
+    settings: Gtstar,
+    capture: Capture,
+    exaggerated: Caricature,
+    folder: Path,
+    records: Path,
+    hair: FoundHair | None = None,
 ) -> TargetEntries:
     """Make the targets of all training frames of a level.
 
@@ -46,11 +52,13 @@ def make_target_set(
         exaggerated: The caricature of the level.
         folder: Receives colours and mask flags of every frame, the flags of the triangles, and the light for training.
         records: Folder for what is complete; timesteps that an earlier run has recorded there are not made again.
+        hair: What covers the head; None if nothing does.
 
     Returns:
         One entry for every training frame, in their order: in the list of targets or in that of skipped frames.
     """
-    face_flags, frames = face_mask_flags(capture.model, settings), capture.split("train")
+    covered, clean = (None, None) if hair is None else (hair.covered, hair.clean)
+    face_flags, frames = face_mask_flags(capture.model, settings, covered), capture.split("train")
     np.save(folder / FACE_FLAGS, face_flags)
     cache: dict[int, TimestepViews] = {}
 
@@ -70,7 +78,7 @@ def make_target_set(
     with ThreadPoolExecutor(settings.threads) as pool, Progress(disable=len(frames) < 100) as progress:
         shading = load_shading(records / SHADING, len(capture.model.faces))
         if shading is None:
-            shading = fit_capture_shading(settings, capture, face_flags, pool.map, cache)
+            shading = fit_capture_shading(settings, capture, face_flags, pool.map, cache, clean=clean)
             if shading is not None:
                 with writing(records / SHADING) as part:
                     save_shading(part, shading)
@@ -87,21 +95,22 @@ def make_target_set(
     return entries
 
 
-def resume_key(settings: Gtstar, capture: Capture, exaggerated: Caricature, index: Path) -> str:
+def resume_key(settings: Gtstar, capture: Capture, exaggerated: Caricature, *inputs: Path) -> str:
     """Digest of everything that a target set depends on: code, settings, capture, caricature and input files.
 
     Args:
         settings: Settings of the stage.
         capture: The capture.
         exaggerated: The caricature of the level.
-        index: The index of the capture.
+        *inputs: The index of the capture, and other files.
 
     Returns:
         Hexadecimal digest.
     """
     digest = hashlib.sha256(fingerprint("carigs.gtstar.target_set").encode())
     digest.update(json.dumps({k: v for k, v in asdict(settings).items() if k != "threads"}).encode())
-    digest.update(hashlib.sha256(index.read_bytes()).digest())
+    for file in inputs:
+        digest.update(hashlib.sha256(file.read_bytes()).digest())
     for array in vars(exaggerated).values():
         digest.update(b"none" if array is None else np.ascontiguousarray(array).tobytes())
     for file in input_files(settings, capture):

@@ -50,6 +50,8 @@ def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[st
                 work = 2.0 + 0.15 * samples
         case "exaggerate":
             work = 2.1 if settings.exaggerate.source == "file" or settings.capture.source == "toy" else 5.0
+        case "hair":
+            work = 4.0 + 6.0 / job.threads  # 144 frames at most, at a resolution that is limited
         case "gtstar":
             work = 1.5 + 1.1 * images.megapixels * images.train / job.threads
         case "train":

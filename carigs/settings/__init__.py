@@ -11,6 +11,7 @@ from typing import Any
 from carigs.settings.capture import Capture, Toy, Truth
 from carigs.settings.exaggerate import DEFAULT_GAMMA, USEFUL_LEVEL, Exaggerate
 from carigs.settings.gtstar import Gtstar
+from carigs.settings.hair import Hair
 from carigs.settings.mask_flags import DEFAULT_MASK_FLAGS, MASK_FLAGS, MaskFlag
 from carigs.settings.option import MAX_SEED, Section, check_section, option
 from carigs.settings.results import Card, Figures, Metrics, Render, Report, Sweep, Tabulate
@@ -28,6 +29,7 @@ __all__ = [
     "Exaggerate",
     "Figures",
     "Gtstar",
+    "Hair",
     "MaskFlag",
     "Metrics",
     "RefineTracking",
@@ -70,6 +72,7 @@ class Config(Section, key=""):
     """Seed of a training: set for each job from its path; a study chooses it by `study.seeds`."""
     study: Study = field(default_factory=Study)
     capture: Capture = field(default_factory=Capture)
+    hair: Hair = field(default_factory=Hair)
     exaggerate: Exaggerate = field(default_factory=Exaggerate)
     gtstar: Gtstar = field(default_factory=Gtstar)
     train: Train = field(default_factory=Train)

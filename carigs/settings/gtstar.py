@@ -48,7 +48,8 @@ class Gtstar(Section, key="gtstar"):
     background_margin: int = option(1, unit="pixels", ge=0, le=1000)
     """Margin around mesh and foreground in which background does not count as known."""
     hair_regions: tuple[str, ...] = ("scalp",)
-    """Regions of the head model with hair; names that the model lacks are ignored, here and below."""
+    """Regions of the flag `hair`: `hair.regions`, unless set here. Names that the model lacks are ignored, here and
+    below."""
     mouth_regions: tuple[str, ...] = ("lip_inside",)
     """Regions inside the mouth; everything seen between the lips is added."""
     lid_regions: tuple[str, ...] = ("left_eyelid", "right_eyelid")

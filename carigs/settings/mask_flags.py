@@ -32,9 +32,20 @@ class MaskFlag(IntFlag):
     """Triangles of `gtstar.ear_regions`."""
     EYEBALLS = 2048
     """Triangles of `gtstar.eyeball_regions`."""
+    COVERED = 4096
+    """Something covers the triangle in the frames: hair that hangs over the skin, a collar, a hand."""
 
 
 MASK_FLAGS = tuple(flag.name.lower() for flag in MaskFlag)
 """Names of all flags, as in `train.mask_flags`."""
-DEFAULT_MASK_FLAGS = ("newly_visible", "occluded", "grazing", "outside_image", "outside_mesh", "hair", "mouth")
+DEFAULT_MASK_FLAGS = (
+    "newly_visible",
+    "occluded",
+    "grazing",
+    "outside_image",
+    "outside_mesh",
+    "hair",
+    "mouth",
+    "covered",
+)
 """Flags that exclude pixels unless a variant changes them."""

@@ -92,11 +92,9 @@ class Train(Section, key="train"):
     initial_colour_frames: int = option(32, ge=1, le=MAX_COUNT)
     """Training frames from which the initial colours are sampled."""
     hair_regions: tuple[str, ...] = ("scalp",)
-    """Regions of the head model with hair: `gtstar.hair_regions`, unless set here."""
+    """Regions of the head model that carry hair: `hair.regions`, unless set here."""
     hair_layers: int = option(6, ge=0, le=1000)
-    """Additional surfels on each hair triangle, spread along its normal."""
-    hair_length: float | None = option(0.012, unit="metres", ge=0, le=1)
-    """Height above the scalp over which they are spread (null: measured from the mattes)."""
+    """Surfels inside the hair, over the number of triangles of these regions."""
     ssim_weight: float = option(0.2, ge=0, le=1)
     """Weight w of the loss (1 - w) L1 + w (1 - SSIM)."""
     position_lr: float = option(0.03, unit="triangle units", ge=0, le=10)

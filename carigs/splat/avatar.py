@@ -21,6 +21,7 @@ from carigs.splat.avatar_head import head_of, head_to_arrays, parameters_of, par
 from carigs.splat.render import SKINNINGS, RenderedFrame, render, skin
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.skinning import SkinnedSurfels
+from carigs.splat.rig.smooth_motion import SmoothMotion
 from carigs.splat.surfels.ply import UNRENDERED
 from carigs.splat.surfels.surfels import Surfels, checked_surfels, to_arrays
 
@@ -120,6 +121,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
             **parameters_to_arrays(avatar.sequence.parameters),
             **{f"unrendered_{name}": value for name, value in avatar.unrendered.items()},
             **({} if shading is None else {f"shading_{name}": value for name, value in asdict(shading).items()}),
+            **({} if avatar.sequence.smooth is None else {"hair_faces": avatar.sequence.smooth.faces}),
             path_levels=path.levels,
             path_displacements=path.displacements,
             path_neutral=path.neutral,
@@ -151,6 +153,10 @@ def load_avatar(file: Path) -> Avatar:
     path = GammaPath.from_arrays(arrays, head.faces, file, "path_")
     check_subject_path(path, head, file, "path_")
     sequence = HeadSequence(head, parameters_of(arrays, head, file), path)
+    if "hair_faces" in arrays:
+        inside = np.zeros(len(head.faces), bool)
+        inside[checked_array(arrays, "hair_faces", (None,), np.int64, below=len(head.faces), file=file)] = True
+        sequence.smooth = SmoothMotion(sequence.rig, inside)
     if "shading_light" in arrays:
         sequence.shading = shading_of(arrays, len(head.faces), file, "shading_")
     background = float(checked_array(arrays, "background", (), np.float64, file=file))

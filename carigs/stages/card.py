@@ -133,5 +133,5 @@ def stage_costs(costs: Costs, names: Collection[str]) -> list[Value]:
         is_current = stage not in TRAINED or ("seed" in keys and "level" not in keys)
         if is_current and {part for part in parts if not part.startswith("level=")} <= names:
             stages.setdefault(stage, []).append(Job(stage, point))
-    order = ("capture", "exaggerate", "truth", "gtstar", "train", "render", "metrics", "tabulate", "figures")
+    order = ("capture", "hair", "exaggerate", "truth", "gtstar", "train", "render", "metrics", "tabulate", "figures")
     return stage_values({stage: stages[stage] for stage in order if stage in stages}, costs)

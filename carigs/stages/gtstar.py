@@ -11,18 +11,22 @@ from carigs.errors import CarigsWarning, InputError
 from carigs.files import resuming_folder
 from carigs.gtstar.provider import check_settings
 from carigs.gtstar.target_set import TargetEntries, make_target_set, resume_key
+from carigs.hair import load_hair
 from carigs.head import read_subject_path
 from carigs.settings import Gtstar
 from evaluation.figures.target_sheet import target_sheet
 
 
-def gtstar(settings: Gtstar, *, capture: Path, path: Path, level: float, targets: Path, index: Path) -> None:
+def gtstar(
+    settings: Gtstar, *, capture: Path, path: Path, hair: Path | None = None, level: float, targets: Path, index: Path
+) -> None:
     """Write the targets of a level and their index; an interrupted run is resumed, with the same result.
 
     Args:
         settings: Settings of the stage.
         capture: Input: the index of the capture.
         path: Input: the exaggeration path.
+        hair: Input: what covers the head (`carigs.hair`); None if nothing does.
         level: Exaggeration level.
         targets: Output: folder of colours, mask flags of pixels and triangles, and a contact sheet.
         index: Output: per frame its registration error, its weight, the share of each mask flag, or why it is skipped.
@@ -35,9 +39,11 @@ def gtstar(settings: Gtstar, *, capture: Path, path: Path, level: float, targets
     """
     check_settings(settings)
     subject = Capture.load(capture)
+    found = None if hair is None else load_hair(hair, len(subject.model.faces))
     exaggerated = read_subject_path(path, subject.model).at(level)
-    with resuming_folder(targets, resume_key(settings, subject, exaggerated, capture)) as (folder, records):
-        entries = make_target_set(settings, subject, exaggerated, folder, records)
+    key = resume_key(settings, subject, exaggerated, capture, *([hair] if hair else []))
+    with resuming_folder(targets, key) as (folder, records):
+        entries = make_target_set(settings, subject, exaggerated, folder, records, found)
         _report(entries, len(subject.split("train")))
         if not entries.targets:
             raise InputError(f"no frame can be used; the first: {entries.skipped[0]['why']}", file=capture)

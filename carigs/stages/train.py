@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from carigs.capture import Capture
@@ -19,6 +18,7 @@ def train(
     *,
     capture: Path,
     path: Path,
+    hair: Path | None = None,
     targets: Sequence[Path] | None,
     avatar: Path,
     ply: Path,
@@ -30,6 +30,7 @@ def train(
         settings: Settings of the stage.
         capture: Input: the index of the capture.
         path: Input: the exaggeration path.
+        hair: Input: where hair is (`carigs.hair`); None if there is none.
         targets: Input: the indexes of GT* frames, one per level. May be None if `gtstar_probability` is 0 and colours
             do not follow the light.
         avatar: Output: the trained avatar.
@@ -47,11 +48,12 @@ def train(
 
     use_threads(settings.threads)
     from carigs.capture.target_index import SHADING, read_targets
+    from carigs.hair import load_hair
     from carigs.light.shading import load_shading
     from carigs.splat.avatar import Avatar, save_avatar
     from carigs.splat.rig.head_sequence import head_sequence
     from carigs.splat.surfels.ply import write_ply
-    from carigs.splat.training.hair_length import measured_hair_length
+    from carigs.splat.training.hair_surfels import prepare_hair
     from carigs.splat.training.supervision import Supervision
     from carigs.splat.training.trainer import COLUMNS, train_surfels
 
@@ -62,12 +64,13 @@ def train(
     if sets and settings.relight_surfels:
         sequence.shading = load_shading(sets[-1].folder / SHADING, len(subject.model.faces))  # one light for all levels
     supervision = Supervision(subject, sets if settings.gtstar_probability > 0 else (), settings.mask_flags)
-    if settings.hair_length is None:
-        length = measured_hair_length(subject, subject.model.face_region(*settings.hair_regions))
-        print(f"train: hair stands off by {1e3 * length:.0f} mm")
-        settings = replace(settings, hair_length=length)
+    start = None
+    if hair is not None:
+        scalp = subject.model.face_region(*settings.hair_regions)
+        found = load_hair(hair, len(subject.model.faces))
+        start = prepare_hair(found, scalp, sequence, settings.hair_layers, settings.seed)
     checkpoint = avatar.with_suffix(".checkpoint")
-    surfels, rows = train_surfels(settings, sequence, supervision, checkpoint)
+    surfels, rows = train_surfels(settings, sequence, supervision, checkpoint, hair=start)
     trained = Avatar(surfels, sequence, settings.rig, settings.rotate_harmonics, subject.background)
     with writing(log) as part, part.open("w", newline="") as stream:
         csv.writer(stream).writerows([COLUMNS, *rows])

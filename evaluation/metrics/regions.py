@@ -26,20 +26,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import cv2
-import igl
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from carigs.capture import Camera
 from carigs.head import HeadModel, SurfacePoints
+from carigs.head.facial_regions import brow_faces, lid_faces
 from carigs.raster import Fragments
 
 MESH_REGIONS = ("full", "face", "skin")
 """Regions of metrics that compare with the mesh alone. Hair stands off the mesh; face and skin do not."""
-BROWS = range(17, 27)
-BROW_LINES = [(i, i + 1) for i in (0, 1, 2, 3, 5, 6, 7, 8)]
-"""Segments of both brows, as places in `BROWS`."""
-EYE_CORNERS = (36, 45)
 OUTER_LIPS = range(48, 60)
 MOUTH_CORNERS = (48, 54)
 
@@ -83,12 +79,9 @@ def surface_regions(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Surf
     if "mouth" in faces:
         faces["mouth"] |= model.face_region("lip_inside")
     if "eyes" in faces:
-        lids = model.face_region("left_eyelid", "right_eyelid")
-        faces["eyes"] |= lids if lids.any() else _lids(model, neutral)
-    if "brows" in model.regions:
-        faces["brow"] = model.face_region("brows")
-    elif model.landmarks68 is not None:
-        faces["brow"] = _brow_band(model, neutral)
+        faces["eyes"] |= lid_faces(model, neutral)
+    if (brows := brow_faces(model, neutral)) is not None:
+        faces["brow"] = brows
     else:
         missing["brow"] = "the head model has neither a region brows nor landmarks"
     if "hair" in missing:
@@ -158,30 +151,6 @@ def image_regions(
     if "head_hm" not in surface.missing:
         regions["head_hm"] = (regions["head"] | regions["silhouette"]) & ~regions["hair"] & ~regions["mouth"]
     return regions
-
-
-def _lids(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.ndarray, " f"]:
-    """Triangles of the eye regions close to an eyeball; found by distance, hence also on closed eyes."""
-    near = np.zeros(len(neutral), bool)
-    for side in ("left", "right"):
-        ball = neutral[model.vertex_region(f"{side}_eyeball")]
-        if not len(ball):  # a region may be empty
-            continue
-        low, high = ball.min(axis=0), ball.max(axis=0)
-        radius = 0.5 * float((high - low).max())
-        distance = np.linalg.norm(neutral - 0.5 * (low + high), axis=1)
-        near |= model.vertex_region(f"{side}_eye_region", "eye_region") & (distance < 1.25 * radius)
-    return near[model.faces].all(axis=1)
-
-
-def _brow_band(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.ndarray, " f"]:
-    landmarks = model.landmarks68.interpolate(neutral)
-    corners = landmarks[list(EYE_CORNERS)]
-    width = 0.1 * float(np.linalg.norm(corners[1] - corners[0]))
-    lines = np.array(BROW_LINES)
-    squared = igl.point_mesh_squared_distance(np.asarray(neutral, np.float64), landmarks[list(BROWS)], lines)[0]
-    near = (squared < width**2) & ~model.vertex_region("left_eyeball", "right_eyeball")
-    return near[model.faces].all(axis=1)
 
 
 def _above_neck(surface: SurfaceRegions, vertices: np.ndarray, camera: Camera) -> Bool[np.ndarray, "h 1"]:

@@ -9,7 +9,20 @@ from carigs.errors import CarigsWarning, SettingsError
 
 FOLDERS = ("dataset", "targets", "frames", "folder")
 AVATAR = ("path", "avatar", "ply", "log")
-OUTPUTS = ("index", *AVATAR, "records", "table", "markdown", "latex", "figure", "vector", "card", "page", *FOLDERS)
+OUTPUTS = (
+    "index",
+    *AVATAR,
+    "records",
+    "table",
+    "markdown",
+    "latex",
+    "figure",
+    "vector",
+    "card",
+    "page",
+    "found",
+    *FOLDERS,
+)
 
 
 def stub(settings, **keywords):

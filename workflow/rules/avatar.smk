@@ -23,6 +23,26 @@ rule capture:
         "../scripts/stage.py"
 
 
+rule hair:
+    input:
+        settings="results/{study}/settings/hair/subject={subject}.yaml",
+        capture="results/{study}/{subject}/capture.json",
+        watch="results/{study}/{subject}/dataset",
+    output:
+        found="results/{study}/{subject}/hair.npz",
+    log:
+        "results/{study}/log/hair/{subject}.log",
+    conda:
+        "../../environment.yml"
+    threads: lambda wildcards: section("hair", wildcards, "subject").threads
+    resources:
+        mem_mb=lambda wildcards, attempt: 4000 * attempt,
+    params:
+        code=fingerprint("carigs.stages.hair"),
+    script:
+        "../scripts/stage.py"
+
+
 rule exaggerate:
     input:
         settings="results/{study}/settings/exaggerate/subject={subject},gamma={gamma}.yaml",
@@ -49,6 +69,7 @@ rule gtstar:
         capture="results/{study}/{subject}/capture.json",
         watch="results/{study}/{subject}/dataset",
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
+        hair="results/{study}/{subject}/hair.npz",
     output:
         targets=directory("results/{study}/{subject}/gamma={gamma}/targets/{variant}/level={level}/images"),
         index="results/{study}/{subject}/gamma={gamma}/targets/{variant}/level={level}/targets.json",
@@ -75,6 +96,7 @@ rule train:
         watch="results/{study}/{subject}/dataset",
         watch_targets=targets("results/{study}/{subject}/gamma={gamma}/targets/{maker}/level={level}/images"),
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
+        hair="results/{study}/{subject}/hair.npz",
         targets=targets("results/{study}/{subject}/gamma={gamma}/targets/{maker}/level={level}/targets.json"),
     output:
         avatar="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/avatar.npz",

@@ -18,6 +18,7 @@ from carigs.light.shading import Shading
 from carigs.light.transfer import Transfer
 from carigs.splat.rig.face_motion import FaceMotion
 from carigs.splat.rig.rig import Rig, build_rig, face_motion
+from carigs.splat.rig.smooth_motion import SmoothMotion
 
 
 @dataclass
@@ -30,6 +31,7 @@ class HeadSequence:
         path: Caricatures of the head at every level.
         megabytes: Budget of the cached motions.
         shading: How colours follow the light on the posed surface; they do not change if None.
+        smooth: Averages the motion of the triangles that carry hair; None if none do.
         rig: Rig of the canonical mesh.
     """
 
@@ -38,6 +40,7 @@ class HeadSequence:
     path: GammaPath
     megabytes: int = 512
     shading: Shading | None = None
+    smooth: SmoothMotion | None = None
     rig: Rig = field(init=False)
 
     def __post_init__(self) -> None:
@@ -109,7 +112,9 @@ class HeadSequence:
         """
         key = (timestep, float(level))
         if key not in self._motions:
-            motion = self._motions[key] = face_motion(self.rig, self.posed(timestep, level))
+            motion = self._motions[key] = face_motion(
+                self.rig, self.posed(timestep, level), self.smooth and self.smooth.apply
+            )
             while len(self._motions) > max(self.megabytes * 2**20 // max(motion.records.nbytes, 1), 1):
                 self._motions.popitem(last=False)
         self._motions.move_to_end(key)

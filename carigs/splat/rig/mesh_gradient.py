@@ -20,16 +20,21 @@ from carigs.splat.rig import jacobian_blend_backward as backward
 from carigs.splat.rig.face_motion import CENTRE, RELATIVE_ROTATION, ROTATION, STRETCH, FaceMotion
 from carigs.splat.rig.rig import Rig, motion_records, polar_decomposition
 from carigs.splat.rig.skinning_arguments import has_gradient, read3, read6, read9, read_blend, surfel_gradient
+from carigs.splat.rig.smooth_motion import SmoothMotion
 
 
-def differentiable_face_motion(rig: Rig, posed: Float[torch.Tensor, "v 3"]) -> FaceMotion:
+def differentiable_face_motion(
+    rig: Rig, posed: Float[torch.Tensor, "v 3"], smooth: SmoothMotion | None = None
+) -> FaceMotion:
     """Motion of every triangle as `rig.face_motion`, differentiable with respect to the posed vertices.
 
-    Degenerate triangles, which move with their neighbours, pass on the gradient of their centre only.
+    Degenerate triangles, which move with their neighbours, pass on the gradient of their centre only. So do triangles
+    whose motion is an average: their gradient is approximate.
 
     Args:
         rig: Canonical mesh.
         posed: Posed vertices in metres, float64.
+        smooth: Averages the motion of triangles that carry hair.
 
     Returns:
         The motion; its records are a float32 tensor.
@@ -37,14 +42,17 @@ def differentiable_face_motion(rig: Rig, posed: Float[torch.Tensor, "v 3"]) -> F
     Raises:
         MeshError: If a vertex is not finite.
     """
-    return FaceMotion(_FaceMotion.apply(posed, rig))
+    return FaceMotion(_FaceMotion.apply(posed, rig, smooth))
 
 
 class _FaceMotion(torch.autograd.Function):
     @staticmethod
-    def forward(ctx, posed, rig):
+    def forward(ctx, posed, rig, smooth):
         vertices = np.ascontiguousarray(posed.detach().numpy())
         centre, rotation, stretch, valid = polar_decomposition(rig, vertices)
+        if smooth is not None:
+            smooth.apply(rotation, stretch)
+            valid[smooth.faces] = False
         ctx.inputs = rig, vertices, rotation, stretch, valid
         return torch.from_numpy(motion_records(rig, centre, rotation, stretch, np.float32))
 
@@ -52,7 +60,7 @@ class _FaceMotion(torch.autograd.Function):
     @torch.autograd.function.once_differentiable
     def backward(ctx, g_records):
         gradient = vertices_gradient(g_records.double().contiguous().numpy(), *ctx.inputs)
-        return torch.from_numpy(gradient), None
+        return torch.from_numpy(gradient), None, None
 
 
 @scalar_or_simd

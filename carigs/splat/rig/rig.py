@@ -8,6 +8,7 @@ Popovic 2004), split into rotation and stretch by the polar decomposition. Gradi
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -102,7 +103,7 @@ def edge_neighbours(faces: Int[np.ndarray, "f 3"]) -> Int32[np.ndarray, "f 3"]:
     return across.reshape(n, 3).astype(np.int32)
 
 
-def face_motion(rig: Rig, posed: Float[np.ndarray, "v 3"]) -> FaceMotion:
+def face_motion(rig: Rig, posed: Float[np.ndarray, "v 3"], average: Callable[..., None] | None = None) -> FaceMotion:
     """Motion of every triangle: Jacobian J = E(posed) E(canonical)^-1 in its polar decomposition.
 
     E = [v1 - v0, v2 - v0, normal sqrt(2 area)] (Sumner and Popovic 2004). Triangles that are degenerate in either mesh
@@ -112,6 +113,7 @@ def face_motion(rig: Rig, posed: Float[np.ndarray, "v 3"]) -> FaceMotion:
     Args:
         rig: Canonical mesh.
         posed: Posed vertices in metres.
+        average: Changes rotations and stretches in place, as `SmoothMotion.apply`.
 
     Returns:
         The motion of every triangle.
@@ -120,6 +122,8 @@ def face_motion(rig: Rig, posed: Float[np.ndarray, "v 3"]) -> FaceMotion:
         MeshError: If a vertex is not finite.
     """
     centre, rotation, stretch, _ = polar_decomposition(rig, posed)
+    if average is not None:
+        average(rotation, stretch)
     return FaceMotion(motion_records(rig, centre, rotation, stretch))
 
 

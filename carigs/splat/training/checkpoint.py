@@ -19,6 +19,7 @@ from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.surfels import Surfels, checked_surfels, to_arrays
 from carigs.splat.training.adam import Adam
 from carigs.splat.training.density import GradientStatistics
+from carigs.splat.training.hair_surfels import HairSurfels
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.tracking_refinement import TrackingRefinement
 
@@ -48,13 +49,16 @@ class TrainingState:
     refinement: TrackingRefinement | None = None
 
 
-def run_digest(settings: Train, sequence: HeadSequence, supervision: Supervision) -> str:
+def run_digest(
+    settings: Train, sequence: HeadSequence, supervision: Supervision, hair: HairSurfels | None = None
+) -> str:
     """Digest of the inputs of a run; a checkpoint of other settings, meshes or images is ignored.
 
     Args:
         settings: Settings of the stage.
         sequence: The subject.
         supervision: Training frames and targets.
+        hair: Where hair is.
 
     Returns:
         SHA-256 in hexadecimal digits.
@@ -68,6 +72,8 @@ def run_digest(settings: Train, sequence: HeadSequence, supervision: Supervision
         digest.update(b"" if array is None else array.tobytes())
     if sequence.shading is not None:
         digest.update(b"".join(np.asarray(value).tobytes() for value in asdict(sequence.shading).values()))
+    if hair is not None:
+        digest.update(b"".join(np.ascontiguousarray(value).tobytes() for value in (*hair.points, hair.covered)))
     digest.update(json.dumps([(target.level, target.weight) for target in supervision.targets]).encode())
     for file in (*supervision.files(), *([Path(settings.start)] if settings.start else ())):
         status = file.stat()

@@ -1,13 +1,14 @@
-"""Initial surfels: an avatar's, or discs on triangles and in layers above hair, coloured from the training images."""
+"""Initial surfels: an avatar's, or discs on triangles and inside the hair, coloured from the training images."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from carigs.errors import InputError, SettingsError
+from carigs.hair import HairPoints
 from carigs.raster import rasterize_mesh
 from carigs.settings import Train
 from carigs.splat.avatar import load_avatar
@@ -15,16 +16,19 @@ from carigs.splat.colour.spherical_harmonics import num_coefficients
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.rig import Rig
 from carigs.splat.surfels.surfels import Surfels, flat_discs, from_arrays, to_arrays
+from carigs.splat.training.hair_surfels import HairSurfels
 from carigs.splat.training.supervision import Example, Supervision
 
 OCCLUSION_TOLERANCE = 0.003
 """Metres that a surfel's centre may lie behind the mesh and still count as visible."""
+HAIR_SCALE, HAIR_SCALE_LIMITS = 0.4, (0.0005, 0.003)
+"""Standard deviation of surfels inside the hair over the distance of their neighbours, and its limits in metres."""
 
 
 def initial_surfels(
-    settings: Train, supervision: Supervision, performance: HeadSequence, hair: Bool[np.ndarray, " f"]
+    settings: Train, supervision: Supervision, performance: HeadSequence, hair: HairSurfels | None = None
 ) -> Surfels:
-    """Take the surfels of the avatar `settings.start`, or initialize surfels on every face and above hair faces.
+    """Take the surfels of the avatar `settings.start`, or initialize surfels on every face and inside the hair.
 
     Initial colours are means over `settings.initial_colour_frames` training images: GT* targets if they alone supervise
     the run (`gtstar_probability` 1), otherwise captured frames.
@@ -33,7 +37,7 @@ def initial_surfels(
         settings: Settings of the training.
         supervision: Training images.
         performance: Posed meshes per timestep and level.
-        hair: Faces that carry hair.
+        hair: Where hair is; None if there is none.
 
     Returns:
         Surfels, sorted by triangle.
@@ -44,12 +48,12 @@ def initial_surfels(
     """
     if settings.start is not None:
         return surfels_of_avatar(Path(settings.start), performance, settings.sh_degree)
-    binding, position, scale = place(settings, performance.rig, hair)
+    binding, position, scale = place(settings, performance.rig, None if hair is None else hair.points)
     targets_only = settings.gtstar_probability >= 1
     count = len(supervision.targets if targets_only else supervision.frames)
     indices = np.unique(np.linspace(0, count - 1, settings.initial_colour_frames).astype(int))
     views = [supervision.weighted_example(targets_only, int(i)) for i in indices]
-    rgb = observed_colours(binding, position, performance, views)
+    rgb = observed_colours(binding, position, performance, views, hair)
     return flat_discs(binding, position, scale, settings.initial_opacity, rgb, settings.sh_degree)
 
 
@@ -80,23 +84,21 @@ def surfels_of_avatar(file: Path, performance: HeadSequence, sh_degree: int) -> 
 
 
 def place(
-    settings: Train, rig: Rig, hair: Bool[np.ndarray, " f"]
+    settings: Train, rig: Rig, hair: HairPoints | None = None
 ) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
-    """Positions of the initial surfels.
+    """Positions of the initial surfels: on every face, and at the points of the hair.
 
-    Each face gets `surfels_per_face` surfels, spread by the low-discrepancy sequence R2 (Roberts 2018). Each hair face
-    gets `hair_layers` more at random positions of the prism above it, up to `hair_length` along the normal.
+    Each face gets `surfels_per_face` surfels, spread by the low-discrepancy sequence R2 (Roberts 2018).
 
     Args:
         settings: Settings of the training.
         rig: Rig of the canonical mesh.
-        hair: Faces that carry hair.
+        hair: Points inside the hair.
 
     Returns:
         Triangle, position in the triangle's frame, and standard deviation of each surfel, in units of k.
     """
-    per_face, layers = settings.surfels_per_face, settings.hair_layers
-    f = len(rig.faces)
+    per_face, f = settings.surfels_per_face, len(rig.faces)
     g = 1.324717957244746  # plastic number: g^3 = g + 1
     spread = (0.5 + np.arange(1, per_face + 1)[:, None] * np.array([1 / g, 1 / g**2])) % 1
     if per_face == 1:
@@ -104,16 +106,13 @@ def place(
     binding = np.repeat(np.arange(f), per_face)
     position = _in_triangle(rig, binding, np.tile(spread, (f, 1)))
     scale = np.full(len(binding), settings.initial_scale / np.sqrt(per_face))
-    rng = np.random.default_rng([settings.seed, 1])
-    strands = np.repeat(np.flatnonzero(hair), layers)
-    above = _in_triangle(rig, strands, rng.random((len(strands), 2)))
-    height = np.tile((np.arange(layers) + 1) / max(layers, 1), int(hair.sum())) * settings.hair_length
-    above[:, 2] = height / np.maximum(rig.scale[strands], 1e-9)
-    return (
-        np.concatenate([binding, strands]),
-        np.concatenate([position, above]),
-        np.concatenate([scale, np.full(len(strands), settings.initial_scale)]),
-    )
+    if hair is None:
+        return binding, position, scale
+    offset = hair.position - rig.vertices[rig.faces[hair.face]].mean(axis=1)
+    k = np.maximum(rig.scale[hair.face], 1e-9)
+    local = np.einsum("nji,nj->ni", rig.frame[hair.face], offset) / k[:, None] ** 2  # frame = k R
+    size = np.clip(HAIR_SCALE * hair.spacing, *HAIR_SCALE_LIMITS) / k
+    return np.append(binding, hair.face), np.concatenate([position, local]), np.append(scale, size)
 
 
 def _in_triangle(
@@ -134,16 +133,19 @@ def observed_colours(
     position: Float[np.ndarray, "n 3"],
     performance: HeadSequence,
     views: list[tuple[Example, Float[np.ndarray, "h w"]]],
+    hair: HairSurfels | None = None,
 ) -> Float[np.ndarray, "n 3"]:
     """Mean colour of each surfel over the views that see its centre, weighted by the cosine of the viewing angle.
 
-    Surfels that no view sees take the mean colour of their face, or else of the nearest faces with a colour.
+    Surfels that no view sees take the mean colour of their face, or else of the nearest faces with a colour. So do
+    surfels on covered triangles, whose pixels show what covers them.
 
     Args:
         binding: Triangle of each surfel.
         position: Centres in the triangles' frames, in units of k.
         performance: Posed meshes per timestep and level.
         views: Images with the weights of their pixels.
+        hair: Where hair is.
 
     Returns:
         RGB in [0.02, 0.98].
@@ -167,7 +169,12 @@ def observed_colours(
         total += w[:, None] * example.image[row, column]
         weight += w
     face_total = np.stack([np.bincount(binding, total[:, c], len(rig.faces)) for c in range(3)], axis=1)
-    face = _fill(face_total, np.bincount(binding, weight, len(rig.faces)), rig.neighbours)
+    face_weight = np.bincount(binding, weight, len(rig.faces))
+    face = _fill(face_total, face_weight, rig.neighbours)
+    if hair is not None:
+        skin_weight = np.where(hair.scalp | hair.covered, 0, face_weight)
+        face[hair.covered] = _fill(face_total, skin_weight, rig.neighbours)[hair.covered]
+        weight = np.where(hair.covered[binding], 0, weight)
     return np.where(weight[:, None] > 0, total / np.maximum(weight, 1e-12)[:, None], face[binding]).clip(0.02, 0.98)
 
 

@@ -145,7 +145,9 @@ class TrackingRefinement:
         """
         for _, row in self.parameters[timestep].attributes():
             row.grad = None
-        return differentiable_face_motion(self.sequence.rig, self.head.pose(self.parameters[timestep]))
+        return differentiable_face_motion(
+            self.sequence.rig, self.head.pose(self.parameters[timestep]), self.sequence.smooth
+        )
 
     def step(self, timestep: int, settings: RefineTracking) -> None:
         """Update the parameters of a timestep by the gradients of the last backward pass.

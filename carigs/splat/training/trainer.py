@@ -19,6 +19,7 @@ from carigs.splat.surfels.surfels import Surfels
 from carigs.splat.training.adam import Adam
 from carigs.splat.training.checkpoint import TrainingState, load_checkpoint, run_digest, save_checkpoint
 from carigs.splat.training.density import GradientStatistics, densify_and_prune, reset_opacity, scene_extent
+from carigs.splat.training.hair_surfels import HairSurfels
 from carigs.splat.training.initialization import initial_surfels
 from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.progress import progress
@@ -39,6 +40,7 @@ def train_surfels(
     supervision: Supervision,
     checkpoint: Path,
     on_step: Callable[[TrainingState], None] | None = None,
+    hair: HairSurfels | None = None,
 ) -> tuple[Surfels, list[tuple]]:
     """Train the surfels of a subject.
 
@@ -58,12 +60,12 @@ def train_surfels(
         supervision: Training frames and targets.
         checkpoint: File of the state; the run continues from it if it is of the same inputs.
         on_step: Called with the state after every step.
+        hair: Where hair is; None if the head has none.
 
     Returns:
         The trained surfels, and the rows of the log (`COLUMNS`).
     """
-    hair = sequence.head.face_region(*settings.hair_regions)
-    digest = run_digest(settings, sequence, supervision)
+    digest = run_digest(settings, sequence, supervision, hair)
     refinement = None
     if settings.refine_tracking.enabled and settings.gtstar_probability < 1:
         refinement = TrackingRefinement(sequence, sorted({frame.timestep for frame in supervision.frames}))
@@ -93,10 +95,10 @@ class _Run:
 
     def __init__(self, settings: Train, sequence: HeadSequence, supervision: Supervision, hair, state) -> None:
         self.settings, self.sequence, self.supervision, self.state = settings, sequence, supervision, state
-        rig = sequence.rig
+        self.hair = hair
         # Surfels of hair start away from their triangles.
-        hair_limit = np.where(hair, settings.hair_length / np.maximum(rig.scale, 1e-9), 0)
-        self.position_limit = settings.position_limit + hair_limit
+        hair_limits = 0.0 if hair is None else hair.position_limits(sequence.rig)
+        self.position_limit = np.zeros(len(sequence.rig.faces)) + settings.position_limit + hair_limits
         self.extent = scene_extent(supervision.capture.cameras)
         probability = settings.gtstar_probability if supervision.targets else 0.0
         frames, targets = supervision.frames, supervision.targets
@@ -123,7 +125,11 @@ class _Run:
         frozen = None if example.frozen is None else example.frozen[state.surfels.binding]
         if settings.density.every and (not gtstar or self.only_targets):
             state.statistics.add(screen, example.camera)
+        if self.hair is not None:
+            self.hair.keep_colours_of_covered_skin(state.surfels)
         state.adam.step(state.surfels, learning_rates(settings, i), frozen)
+        if self.hair is not None:
+            self.hair.keep_on_covered_skin(state.surfels)
         if state.refinement is not None and not gtstar:
             state.refinement.step(example.timestep, settings.refine_tracking)
         self._control_density(i + 1)

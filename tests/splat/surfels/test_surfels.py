@@ -8,6 +8,7 @@ import torch
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from carigs.hair import HairPoints
 from carigs.settings import Train
 from carigs.splat.colour.appearance import seen_colour
 from carigs.splat.colour.spherical_harmonics import SH_BASE, num_coefficients
@@ -236,24 +237,25 @@ def test_gradients_of_the_colour_are_those_of_finite_differences_in_vectors_too(
         torch.testing.assert_close(a.grad.double(), b.grad, rtol=1e-4, atol=1e-4)
 
 
-def test_first_surfels_lie_in_their_triangles_and_hair_stands_on_them(ball):
+def test_first_surfels_lie_in_their_triangles_and_those_of_hair_at_its_points(ball):
     vertices, faces = ball
     rig = build_rig(vertices, faces)
-    hair = vertices[faces][:, :, 1].min(axis=1) > 0.05
-    settings = Train(surfels_per_face=4, hair_layers=3, hair_length=0.012)
-    binding, position, scale = place(settings, rig, hair)
-    assert len(binding) == 4 * len(faces) + 3 * hair.sum()
-    assert (scale > 0).all()
+    rng = np.random.default_rng(0)
+    hair = HairPoints(rng.integers(0, len(faces), 50), 0.2 * rng.normal(size=(50, 3)), np.full(50, 0.004))
+    binding, position, scale = place(Train(surfels_per_face=4), rig, hair)
+    assert len(binding) == 4 * len(faces) + 50
+    np.testing.assert_array_equal(binding[4 * len(faces) :], hair.face)
+    np.testing.assert_allclose(scale[4 * len(faces) :] * rig.scale[hair.face], 0.0016)
     point = np.einsum("nij,nj->ni", rig.frame[binding], position)  # relative to the centroid, in metres
     corners = vertices[faces[binding]] - vertices[faces[binding]].mean(axis=1, keepdims=True)
     normal = rig.frame[binding, :, 2] / rig.scale[binding, None]
     height = np.einsum("nc,nc->n", point, normal)
     on_skin = np.arange(len(binding)) < 4 * len(faces)
     np.testing.assert_allclose(height[on_skin], 0, atol=1e-7)
-    np.testing.assert_allclose(np.unique(height[~on_skin].round(6)), [0.004, 0.008, 0.012])
-    foot = point - height[:, None] * normal
+    centre = vertices[faces[binding]].mean(axis=1)
+    np.testing.assert_allclose((centre + point)[~on_skin], hair.position, atol=1e-6)
     solved = np.linalg.solve(np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], normal], 2),
-                             (foot - corners[:, 0])[..., None])[:, :2, 0]  # fmt: skip
+                             (point - corners[:, 0])[..., None])[on_skin, :2, 0]  # fmt: skip
     assert solved.min() > -1e-5
     assert solved.sum(axis=1).max() < 1 + 1e-5
 

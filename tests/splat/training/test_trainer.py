@@ -31,7 +31,6 @@ LEVELS = (0.1, 0.25)
 SETTINGS = Train(
     iterations=30,
     hair_layers=2,
-    hair_length=0.01,
     log_every=5,
     density=Density(start=10, stop=28, every=6, gradient_threshold=1e-5, max_surfels=2200),
 )

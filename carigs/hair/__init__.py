@@ -1,0 +1,10 @@
+"""Hair: which triangles of the head it covers, the space that it fills, and points inside it.
+
+- `find_hair`, `load_hair`, `FoundHair`: the hair of a capture
+- `place_in_hair`: points inside it, for surfels
+"""
+
+from carigs.hair.found_hair import FoundHair, find_hair, load_hair
+from carigs.hair.placement import HairPoints, place_in_hair
+
+__all__ = ["FoundHair", "HairPoints", "find_hair", "load_hair", "place_in_hair"]

@@ -1,0 +1,170 @@
+"""Triangles of a head that something covers in the frames: hair that hangs over the skin, a collar, a hand.
+
+What lies on the mesh has the same colour in all views, up to its shading, which is smooth. What stands off it has a
+parallax: each view shows other strands over the same point. So a pixel's difference from the median colour of its
+point, without its low frequencies, is the noise of the camera on bare skin, and has the contrast of strands where hair
+covers it. The texture of a triangle is a high quantile of this difference over views and over the triangles around it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from carigs.hair import surface_cells
+from carigs.hair.views import View, pixel_size
+
+MIN_COSINE = 0.25
+"""Least cosine between the normal of a triangle and the view."""
+OPAQUE = 250 / 255
+"""Least opacity of the matte."""
+DEPTH_JUMP = 0.005
+"""Metres by which a neighbouring pixel may lie off the plane of a triangle."""
+CELL_SIZE = 0.002
+"""Metres: larger triangles are divided."""
+MIN_SAMPLES = 20
+"""Pixels of a cell, over all views, below which it takes the median of the triangles around it."""
+BLUR = 0.0015
+"""Standard deviation in metres of the low frequencies, at least 1.5 pixels."""
+QUANTILE = 0.75
+"""Of the differences on a triangle."""
+CLEAN_QUANTILE = 0.1
+"""Of the textures of all triangles of the face and neck: noise of bare skin."""
+LARGEST = 0.25
+"""Texture at which its histogram ends."""
+BINS = 256
+SOLID_SHARE, COLOUR_LIMIT = 0.5, 0.2
+"""Texture over its limit, and difference from the colour of clean skin, of a triangle covered by hair without single
+strands."""
+RING = 0.01
+"""Metres around a doubtful region."""
+
+
+class Covering(NamedTuple):
+    """What covers the triangles of a head."""
+
+    texture: Float[np.ndarray, " f"]
+    """Contrast of what moves against the triangle, without the noise of the images; 0 where no view sees it."""
+    colour: Float[np.ndarray, "f 3"]
+    """Median colour over the views; nan where no view sees the triangle."""
+    covered: Bool[np.ndarray, " f"]
+
+
+def covered_faces(
+    views: Sequence[View],
+    faces: Int[np.ndarray, "f 3"],
+    vertices: Float[np.ndarray, "v 3"],
+    scalp: Bool[np.ndarray, " f"],
+    left_out: Bool[np.ndarray, " f"],
+    doubtful: Sequence[Bool[np.ndarray, " f"]],
+    limit: float = 0.03,
+) -> Covering:
+    """Find the triangles that something covers.
+
+    Args:
+        views: Frames of several timesteps and cameras.
+        faces: Vertex indices of the triangles.
+        vertices: Vertices of the subject's neutral head, in metres.
+        scalp: Triangles that usually carry hair: the noise of skin is not measured there.
+        left_out: Triangles that are not looked at and count as bare: eyeballs, which shine, and the inside of the
+            mouth.
+        doubtful: Regions with a texture of their own, such as brows: covered only if most of the skin around them is.
+        limit: Texture of a covered triangle.
+
+    Returns:
+        Texture, colour, and whether a triangle is covered.
+    """
+    first, parts, count = _divide(vertices, faces)
+    component = _components(faces, len(vertices))
+    cells = [_cells(view, ~left_out, component, first, parts) for view in views]
+    colours = np.zeros((count, 3, surface_cells.BINS), np.uint32)
+    for view, shown in zip(views, cells, strict=True):
+        surface_cells.add_colours(colours, shown, view.image)
+    face_of_cell = np.repeat(np.arange(len(faces)), parts**2)
+    colour = _face_medians(colours, face_of_cell, faces, len(vertices))
+    median = colour[face_of_cell]
+    enough = colours[:, 0].sum(axis=1) >= MIN_SAMPLES
+    for k in range(3):
+        median[enough, k] = surface_cells.quantiles(colours[enough, k], 0.5)
+    differences = np.zeros((len(faces), BINS), np.uint32)
+    for view, shown in zip(views, cells, strict=True):
+        difference, used = surface_cells.residuals(shown, view.image, median)
+        sigma = max(1.5, BLUR / pixel_size(view.visibility))
+        low, weight = (cv2.GaussianBlur(image, (0, 0), sigma) for image in (difference, used))
+        high = np.abs(difference - low / np.maximum(weight, 1e-6))
+        surface_cells.add_values(differences, view.visibility.face, used, high, LARGEST)
+    spread = LARGEST * surface_cells.quantiles(_pooled(differences, faces, len(vertices)), QUANTILE)
+    skin = np.isfinite(spread) & ~np.logical_or.reduce([scalp, left_out, *doubtful])
+    noise = np.quantile(spread[skin], CLEAN_QUANTILE) if skin.any() else 0.0
+    texture = np.sqrt(np.maximum(np.nan_to_num(spread) ** 2 - noise**2, 0))
+    texture[left_out] = 0
+    covered, clean = texture > limit, skin & (texture < SOLID_SHARE * limit)
+    if clean.any():
+        off = np.abs(colour - np.median(colour[clean], axis=0)).mean(axis=1)
+        covered |= (texture > SOLID_SHARE * limit) & (np.nan_to_num(off) > COLOUR_LIMIT)
+    covered &= ~left_out
+    centres = vertices[faces].mean(axis=1)
+    for region in doubtful:
+        ring = _ring(centres, region) & skin
+        covered[region] &= bool(ring.any() and covered[ring].mean() > 0.5)
+    return Covering(texture, colour, covered)
+
+
+def _ring(centres: Float[np.ndarray, "f 3"], region: Bool[np.ndarray, " f"]) -> Bool[np.ndarray, " f"]:
+    """Triangles around a region."""
+    if not region.any():
+        return np.zeros(len(centres), bool)
+    return ~region & (cKDTree(centres[region]).query(centres, distance_upper_bound=RING)[0] < RING)
+
+
+def _divide(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> tuple[np.ndarray, np.ndarray, int]:
+    """First cell of each face, divisions of its edges, and the number of all cells."""
+    corners = vertices[faces]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    parts = np.clip(np.ceil(longest / CELL_SIZE), 1, 16).astype(np.int32)
+    first = np.concatenate([[0], np.cumsum(parts.astype(np.int64) ** 2)])
+    return first[:-1].astype(np.int32), parts, int(first[-1])
+
+
+def _components(faces: Int[np.ndarray, "f 3"], v: int) -> Int[np.ndarray, " f"]:
+    edges = coo_array((np.ones(2 * len(faces)), (faces[:, :2].ravel("F"), faces[:, 1:].ravel("F"))), shape=(v, v))
+    return connected_components(edges, directed=False)[1][faces[:, 0]].astype(np.int32)
+
+
+def _cells(view: View, usable: Bool[np.ndarray, " f"], component, first, parts) -> Int[np.ndarray, "h w"]:
+    seen = view.visibility
+    points = seen.camera_points[seen.faces]
+    normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    centre = points.mean(axis=1)
+    length = np.linalg.norm(normal, axis=1) * np.linalg.norm(centre, axis=1)
+    facing = -np.einsum("fk,fk->f", normal, centre) > MIN_COSINE * length
+    return surface_cells.cell_image(
+        seen.face, seen.fragments.barycentric, seen.inverse_depth, seen.depth_planes,
+        np.where(view.between_lips, np.float32(0), view.foreground),
+        usable & facing & ~seen.back_facing, component, first, parts, OPAQUE, DEPTH_JUMP,
+    )  # fmt: skip
+
+
+def _face_medians(colours, face_of_cell, faces, v) -> Float[np.ndarray, "f 3"]:
+    """Median colour of each triangle and those that share a corner with it."""
+    result = np.empty((len(faces), 3))
+    for k in range(3):
+        of_face = np.zeros((len(faces), surface_cells.BINS), np.uint32)
+        np.add.at(of_face, face_of_cell, colours[:, k])
+        result[:, k] = surface_cells.quantiles(_pooled(of_face, faces, v), 0.5)
+    return result
+
+
+def _pooled(histograms: np.ndarray, faces: Int[np.ndarray, "f 3"], v: int) -> np.ndarray:
+    """Histogram of each triangle plus those that share a corner, once for each corner."""
+    of_vertex = np.zeros((v, histograms.shape[1]), np.uint32)
+    for corner in faces.T:
+        np.add.at(of_vertex, corner, histograms)
+    return sum(of_vertex[corner] for corner in faces.T)

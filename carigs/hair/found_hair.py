@@ -1,0 +1,135 @@
+"""The hair of a subject: the triangles that it covers and the space that it fills, as a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32
+
+from carigs.capture import Capture
+from carigs.errors import InputError
+from carigs.files import writing
+from carigs.hair.covered_faces import covered_faces
+from carigs.hair.placement import visible_shares
+from carigs.hair.views import read_views
+from carigs.hair.volume import HairVolume, carve_hair
+from carigs.head import neutral
+from carigs.head.facial_regions import brow_faces, lid_faces
+from carigs.readers.arrays import checked_array
+from carigs.readers.npz import read_npz
+from carigs.settings import Hair
+
+CLEAN_TEXTURE = 0.015
+"""Texture of a triangle, see `Covering`, up to which its colours are those of the skin."""
+HAIRY_SHARE = 0.1
+"""Of the scalp that something covers, above which a head is not bald."""
+VIEW_STRIDE = 4
+"""Of the views in which the visible part of the hair is found; so that all cameras are among them."""
+
+
+@dataclass(frozen=True)
+class FoundHair:
+    """What the frames of a capture show of the hair."""
+
+    texture: Float32[np.ndarray, " f"]
+    """Contrast of what moves against each triangle, see `Covering`."""
+    covered: Bool[np.ndarray, " f"]
+    """Whether something covers the triangle."""
+    volume: HairVolume
+    visible: Float32[np.ndarray, " n"]
+    """Share of the views that see each voxel of the volume."""
+
+    @property
+    def clean(self) -> Bool[np.ndarray, " f"]:
+        """Triangles whose colours are those of the skin."""
+        return self.texture < CLEAN_TEXTURE
+
+    def has_hair(self, scalp: Bool[np.ndarray, " f"]) -> bool:
+        """Whether the head has hair that stands off the scalp.
+
+        Args:
+            scalp: Triangles that usually carry hair.
+
+        Returns:
+            False for a bald head.
+        """
+        return bool(len(self.volume.centres) and (self.covered & scalp).sum() > HAIRY_SHARE * scalp.sum())
+
+    def description(self, scalp: Bool[np.ndarray, " f"]) -> str:
+        """What was found, in one line.
+
+        Args:
+            scalp: Triangles that usually carry hair.
+
+        Returns:
+            The line.
+        """
+        litres = 1000 * float(self.volume.opacity.sum()) * self.volume.size**3
+        skin = self.covered[~scalp].mean() if not scalp.all() else 0.0
+        return f"hair: fills {litres:.2f} litres; {100 * skin:.1f} % of the triangles beside the scalp are covered"
+
+    def save(self, file: Path) -> None:
+        """Write the file.
+
+        Args:
+            file: File to write (.npz).
+        """
+        arrays = {"texture": self.texture, "covered": self.covered, "visible": self.visible}
+        arrays |= {"centres": self.volume.centres, "opacity": self.volume.opacity, "size": np.array(self.volume.size)}
+        with writing(file) as part, part.open("wb") as stream:
+            np.savez_compressed(stream, **arrays)
+
+
+def find_hair(settings: Hair, capture: Capture, map_timesteps: Callable[..., Iterable] = map) -> FoundHair:
+    """Find the hair in the training frames of a capture.
+
+    Args:
+        settings: Regions of the head, and the limit of the texture.
+        capture: The capture.
+        map_timesteps: `map`, or that of an executor; the result does not depend on it.
+
+    Returns:
+        The hair.
+
+    Raises:
+        InputError: If no training frame can be read.
+    """
+    model, frames = capture.model, capture.split("train")
+    views = read_views(capture, map_timesteps)
+    if not views:
+        raise InputError("no training frame can be read", file=capture.root)
+    canonical = neutral(model, capture.parameters(frames[0].timestep))
+    scalp, eyeballs = model.face_region(*settings.regions), model.face_region(*settings.eyeball_regions)
+    mouth, brows = model.face_region(*settings.mouth_regions), brow_faces(model, canonical)
+    doubtful = [lid_faces(model, canonical), model.face_region("lips"), *([] if brows is None else [brows])]
+    covering = covered_faces(views, model.faces, canonical, scalp, eyeballs | mouth, doubtful, settings.texture_limit)
+    volume = carve_hair(views, covering, scalp, canonical, model.faces, settings.texture_limit)
+    visible = visible_shares(volume, views[::VIEW_STRIDE], canonical, np.unique(model.faces[scalp]))
+    return FoundHair(covering.texture.astype(np.float32), covering.covered, volume, visible.astype(np.float32))
+
+
+def load_hair(file: Path, num_faces: int) -> FoundHair:
+    """Read what `FoundHair.save` wrote.
+
+    Args:
+        file: The file.
+        num_faces: Triangles of the head.
+
+    Returns:
+        The hair.
+
+    Raises:
+        InputError: The file is missing or malformed, or of another head.
+    """
+    arrays = read_npz(file, "hair")
+
+    def take(name: str, shape: tuple[int | None, ...], dtype: type = np.float32) -> Float[np.ndarray, "..."]:
+        return checked_array(arrays, name, shape, dtype, file=file)
+
+    centres = take("centres", (None, 3))
+    n, size = len(centres), float(take("size", (), np.float64))
+    volume = HairVolume(centres, take("opacity", (n,)), size)
+    return FoundHair(take("texture", (num_faces,)), take("covered", (num_faces,), bool), volume, take("visible", (n,)))

@@ -1,0 +1,115 @@
+"""The frames that the hair of a capture is found in, at the resolution of strands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Float32, Int
+
+from carigs.capture import Camera, Capture, Frame
+from carigs.errors import InputError
+from carigs.head import pose
+from carigs.raster import Visibility, compute_visibility
+from carigs.raster.open_mouth import between_lips
+
+TIMESTEPS, CAMERAS = 9, 16
+"""Most timesteps, and most cameras at each, evenly spread."""
+PIXEL = 0.001
+"""Size of a pixel on the head in metres: frames with smaller pixels are scaled down. Tufts of strands are about this
+wide, and the textures of captures of different resolution can be compared."""
+
+
+class View(NamedTuple):
+    """A frame, and what its camera sees of the tracked mesh."""
+
+    image: Float32[np.ndarray, "h w 3"]
+    foreground: Float32[np.ndarray, "h w"]
+    """Matte in [0, 1]."""
+    visibility: Visibility
+    between_lips: Bool[np.ndarray, "h w"]
+    """Pixels of the open mouth, which are not looked at: teeth move against the mesh."""
+
+
+def read_views(capture: Capture, map_timesteps: Callable[..., Iterable] = map) -> list[View]:
+    """Read training frames of several timesteps and cameras.
+
+    Args:
+        capture: The capture.
+        map_timesteps: `map`, or that of an executor; the result does not depend on it.
+
+    Returns:
+        The frames that can be read.
+    """
+    frames = capture.split("train")
+    timesteps = _spread(sorted({frame.timestep for frame in frames}), TIMESTEPS)
+    groups = [_spread([frame for frame in frames if frame.timestep == timestep], CAMERAS) for timestep in timesteps]
+    return [view for views in map_timesteps(lambda group: _read(capture, group), groups) for view in views]
+
+
+def scalp_motion(
+    canonical: Float[np.ndarray, "v 3"], seen: Visibility, carrier: Int[np.ndarray, " c"]
+) -> Float[np.ndarray, "3 4"]:
+    """Rotation and translation from the neutral head to camera axes that fit the scalp best (Kabsch 1976).
+
+    Args:
+        canonical: Vertices of the neutral head in metres.
+        seen: The camera's view of the posed head.
+        carrier: Vertices of the scalp.
+
+    Returns:
+        Camera axes from the axes of the neutral head.
+    """
+    source, target = canonical[carrier], seen.camera_points[carrier]
+    a, b = source.mean(axis=0), target.mean(axis=0)
+    left, _, right = np.linalg.svd((target - b).T @ (source - a))
+    left[:, 2] *= np.sign(np.linalg.det(left @ right))
+    rotation = left @ right
+    return np.concatenate([rotation, (b - rotation @ a)[:, None]], axis=1)
+
+
+def pixel_size(seen: Visibility) -> float:
+    """Size of a pixel at the middle depth of the head.
+
+    Args:
+        seen: What the camera sees of the head.
+
+    Returns:
+        Metres.
+    """
+    depth = max(float(np.median(seen.camera_points[:, 2])), 1e-3)
+    return depth / float(np.sqrt(seen.camera.fx * seen.camera.fy))
+
+
+def _spread(items: list, count: int) -> list:
+    return [items[i] for i in sorted({int(i) for i in np.linspace(0, len(items) - 1, min(count, len(items)))})]
+
+
+def _read(capture: Capture, frames: list[Frame]) -> list[View]:
+    """Views of the frames of one timestep."""
+    vertices, views = pose(capture.model, capture.parameters(frames[0].timestep)), []
+    for frame in frames:
+        camera = capture.camera(frame)
+        try:
+            image, foreground = capture.image(frame), capture.foreground(frame)
+        except InputError:
+            continue  # the stage `gtstar` names it
+        if image.shape[:2] != (camera.height, camera.width) or foreground.shape != image.shape[:2]:
+            continue
+        image, foreground, camera = _at_resolution(image, foreground, camera, vertices)
+        seen = compute_visibility(vertices, capture.model.faces, camera)
+        views.append(View(image, foreground, seen, between_lips(seen, capture.model)))
+    return views
+
+
+def _at_resolution(image: np.ndarray, foreground: np.ndarray, camera: Camera, vertices: np.ndarray):
+    """Scale a frame down to pixels of `PIXEL`."""
+    depth = float(np.median(camera.to_camera(vertices)[:, 2]))
+    factor = depth / (PIXEL * float(np.sqrt(camera.fx * camera.fy)))
+    if not factor < 0.8:  # slightly smaller pixels are left as they are
+        return image, foreground, camera
+    scaled = camera.scaled(factor)
+    size = scaled.width, scaled.height
+    return *(cv2.resize(each, size, interpolation=cv2.INTER_AREA) for each in (image, foreground)), scaled

@@ -1,0 +1,69 @@
+"""Smooth motion of the triangles that carry hair: strands that reach far from the head move together, as a solid.
+
+The rotation of one triangle, extended to a point ten centimetres away, moves the point by centimetres where
+neighbouring triangles turn by a few degrees. So the rotations of the triangles of the scalp are averaged over their
+neighbourhood, and strands keep their length and width.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int
+from scipy.spatial.distance import cdist
+
+from carigs.splat.rig.rig import Rig
+
+RADIUS = 0.03
+"""Standard deviation of the average in metres."""
+ANCHORS = 48
+"""Most places whose rotation is averaged; triangles interpolate between them."""
+
+
+class SmoothMotion:
+    """Rotations of triangles, averaged over their neighbourhood on the canonical mesh.
+
+    Attributes:
+        faces: Indices of the triangles.
+    """
+
+    def __init__(self, rig: Rig, inside: Bool[np.ndarray, " f"]) -> None:
+        """Prepare the weights.
+
+        Args:
+            rig: The canonical mesh.
+            inside: Triangles whose rotation is averaged.
+        """
+        self.faces: Int[np.ndarray, " h"] = np.flatnonzero(inside)
+        corners = rig.vertices[rig.faces[self.faces]]
+        centres, edges = corners.mean(axis=1), corners[:, 1:] - corners[:, :1]
+        area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+        anchors = centres[_spread(centres, ANCHORS)]
+        weight = np.exp(-0.5 * (cdist(centres, anchors) / RADIUS) ** 2) + 1e-12
+        gather = weight * area[:, None]
+        self._gather = gather / np.maximum(gather.sum(axis=0), 1e-30)  # triangles to anchors
+        self._scatter = weight / weight.sum(axis=1, keepdims=True)  # anchors to triangles
+
+    def apply(self, rotation: Float64[np.ndarray, "f 3 3"], stretch: Float64[np.ndarray, "f 3 3"]) -> None:
+        """Replace the rotations of the triangles by averages, and their stretches by the identity, in place.
+
+        Args:
+            rotation: Rotation of every triangle of the mesh.
+            stretch: Symmetric stretch of every triangle of the mesh.
+        """
+        if len(self.faces) == 0:
+            return
+        mean = self._scatter @ (self._gather.T @ rotation[self.faces].reshape(-1, 9))
+        left, _, right = np.linalg.svd(mean.reshape(-1, 3, 3))
+        left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]  # the nearest rotation
+        rotation[self.faces], stretch[self.faces] = left @ right, np.eye(3)
+
+
+def _spread(points: Float64[np.ndarray, "n 3"], count: int) -> list[int]:
+    """Farthest-point sampling (Gonzalez 1985)."""
+    if len(points) == 0:
+        return []
+    chosen, distance = [0], np.full(len(points), np.inf)
+    while len(chosen) < min(count, len(points)):
+        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
+        chosen.append(int(distance.argmax()))
+    return chosen

@@ -1,0 +1,91 @@
+"""What a training knows of the hair: points for surfels, and the skin below that no image shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from carigs.hair import FoundHair, HairPoints, place_in_hair
+from carigs.splat.rig.head_sequence import HeadSequence
+from carigs.splat.rig.rig import Rig
+from carigs.splat.rig.smooth_motion import SmoothMotion
+from carigs.splat.surfels.surfels import Surfels
+
+COVERED_POSITION, COVERED_SCALE = 1.0, 0.8
+"""Largest distance from its triangle, and largest standard deviation, of a surfel on covered skin, in units of k."""
+
+
+@dataclass(frozen=True)
+class HairSurfels:
+    """Hair in a training."""
+
+    points: HairPoints
+    """Where surfels of the hair start, and the triangles of the scalp that carry them."""
+    scalp: Bool[np.ndarray, " f"]
+    """Triangles with hair."""
+    covered: Bool[np.ndarray, " f"]
+    """Triangles of the skin that something covers."""
+
+    def position_limits(self, rig: Rig) -> Float[np.ndarray, " f"]:
+        """How far the surfels of each triangle start from it.
+
+        Args:
+            rig: The canonical mesh.
+
+        Returns:
+            Largest distances from the centres of the triangles, in units of k.
+        """
+        centres, limits = rig.vertices[rig.faces[self.points.face]].mean(axis=1), np.zeros(len(rig.faces))
+        np.maximum.at(limits, self.points.face, np.linalg.norm(self.points.position - centres, axis=1))
+        return limits / np.maximum(rig.scale, 1e-9)
+
+    def keep_colours_of_covered_skin(self, surfels: Surfels) -> None:
+        """Set the gradients of the colours of covered skin to zero: images show what covers it.
+
+        Args:
+            surfels: The surfels, with gradients.
+        """
+        inside = self.covered[surfels.binding]
+        for values in (surfels.colour, surfels.harmonics):
+            if values.grad is not None:
+                values.grad.numpy()[inside] = 0
+
+    def keep_on_covered_skin(self, surfels: Surfels) -> None:
+        """Keep the surfels of covered skin on their triangles, in place.
+
+        They would explain the hair in front of them, and carry it along where the caricature moves the skin.
+
+        Args:
+            surfels: The surfels.
+        """
+        inside = self.covered[surfels.binding]
+        position, log_scale = surfels.position.detach().numpy(), surfels.log_scale.detach().numpy()
+        distance = np.linalg.norm(position[inside], axis=1, keepdims=True)
+        position[inside] *= np.minimum(1, COVERED_POSITION / np.maximum(distance, 1e-9)).astype(np.float32)
+        log_scale[inside] = np.minimum(log_scale[inside], np.float32(np.log(COVERED_SCALE)))
+
+
+def prepare_hair(
+    found: FoundHair, scalp: Bool[np.ndarray, " f"], sequence: HeadSequence, layers: int, seed: int
+) -> HairSurfels | None:
+    """Draw points inside the hair, and let the scalp move smoothly.
+
+    Args:
+        found: The hair.
+        scalp: Triangles that usually carry hair.
+        sequence: The subject; receives the smooth motion.
+        layers: Number of points over the number of triangles of the scalp.
+        seed: Of the points.
+
+    Returns:
+        The hair; None if the head has none.
+    """
+    count = layers * int(scalp.sum())
+    if count == 0 or not found.has_hair(scalp):
+        return None
+    rng = np.random.default_rng([seed, 1])
+    points = place_in_hair(found.volume, found.visible, scalp, sequence.rig.vertices, sequence.rig.faces, count, rng)
+    sequence.smooth = SmoothMotion(sequence.rig, scalp)
+    return HairSurfels(points, scalp, found.covered & ~scalp)

@@ -1,0 +1,94 @@
+"""Which triangles does something cover?"""
+
+import numpy as np
+import pytest
+from hair.hairy_ball import CAP, RADIUS, ball, views
+
+from carigs.hair import surface_cells
+from carigs.hair.covered_faces import covered_faces
+from carigs.raster import compute_visibility
+
+
+def find(seen, left_out=None, doubtful=()):
+    vertices, faces = ball()
+    none = np.zeros(len(faces), bool)
+    return covered_faces(list(seen), faces, vertices, none, none if left_out is None else left_out, doubtful)
+
+
+def heights():
+    vertices, faces = ball()
+    return vertices[faces].mean(axis=1)[:, 1] / RADIUS
+
+
+@pytest.mark.parametrize("change", [{}, {"dots": True}, {"noise": 0.03}, {"brightness": 0.7}])
+def test_the_cap_is_covered_and_the_rest_is_not(change):
+    """Also if the skin has freckles, the images are noisy, or dark."""
+    covered, height = find(views(**change)).covered, heights()
+    # Strands hang over the rim in views from above, and views from below look under them.
+    assert covered[(height > CAP + 0.15) & (height < 0.75)].mean() > 0.97
+    seen = (height > -0.5) & (height < CAP - 0.3)
+    assert covered[seen].mean() < 0.02
+
+
+@pytest.mark.parametrize(("change", "lost"), [({}, 0.001), ({"noise": 0.05}, 0.005), ({"dots": True}, 0.05)])
+def test_a_bald_ball_is_not_covered(change, lost):
+    """Freckles of the size of a pixel are blurred differently in each view, which loses some skin."""
+    found = find(views(hair=False, **change))
+    assert found.covered.mean() < lost
+    assert np.isfinite(found.texture).all()
+
+
+def test_noise_does_not_change_the_texture():
+    height = heights()
+    cap = (height > CAP + 0.15) & (height < 0.75)
+    plain, noisy = (np.median(find(views(noise=noise)).texture[cap]) for noise in (0, 0.03))
+    assert noisy == pytest.approx(plain, rel=0.15)
+
+
+def test_what_is_left_out_is_never_covered_and_doubtful_regions_follow_the_skin_around_them():
+    height = heights()
+    inside, below = (height > 0.5) & (height < 0.6), (height > -0.2) & (height < -0.1)
+    found = find(views(), left_out=inside)
+    assert not found.covered[inside].any() and (found.texture[inside] == 0).all()
+    seen = list(views())
+    for view in seen:  # a band with a texture of its own
+        band = below[np.maximum(view.visibility.face, 0)] & (view.visibility.face >= 0)
+        view.image[band] *= np.random.default_rng(1).uniform(0.4, 1, (int(band.sum()), 1)).astype(np.float32)
+    assert find(seen).covered[below].mean() > 0.9
+    found = find(seen, doubtful=[inside, below])
+    assert not found.covered[below].any()
+    assert found.covered[inside].mean() > 0.9
+
+
+def test_images_without_the_mesh_tell_nothing():
+    found = find([])
+    assert not found.covered.any() and not found.texture.any() and np.isnan(found.colour).all()
+
+
+def test_quantiles_of_histograms_are_those_of_the_values():
+    rng = np.random.default_rng(0)
+    values = rng.random((5, 4000)) ** np.arange(1, 6)[:, None]
+    histograms = np.stack([np.histogram(row, 64, (0, 1))[0] for row in values]).astype(np.uint32)
+    for share in (0.1, 0.5, 0.75):
+        np.testing.assert_allclose(
+            surface_cells.quantiles(histograms, share), np.quantile(values, share, axis=1), atol=1 / 64
+        )
+    assert np.isnan(surface_cells.quantiles(np.zeros((1, 64), np.uint32), 0.5)).all()
+
+
+def test_cells_divide_triangles_into_parts_of_equal_area():
+    """Over a large triangle that fills the image, each of its n^2 cells has about as many pixels."""
+    from carigs.capture import Camera
+
+    corners = np.array([[-2.0, -2, 1], [2, -2, 1], [0, 2, 1]])
+    faces = np.array([[0, 2, 1]])
+    camera = Camera(np.eye(4), 100.0, 100.0, 200.0, 200.0, 400, 400)
+    seen, n = compute_visibility(corners, faces, camera), 4
+    ones = np.ones(1, np.int32)
+    cells = surface_cells.cell_image(
+        seen.face, seen.fragments.barycentric, seen.inverse_depth, seen.depth_planes,
+        np.ones(seen.face.shape, np.float32), np.ones(1, bool), 0 * ones, 0 * ones, n * ones, 0.5, 0.01,
+    )  # fmt: skip
+    count = np.bincount(cells[cells >= 0], minlength=n * n)
+    assert len(count) == n * n
+    np.testing.assert_allclose(count, (cells >= 0).sum() / n**2, rtol=0.1)

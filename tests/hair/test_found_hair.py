@@ -1,0 +1,89 @@
+"""The hair of a capture, and its file."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from miniature import write_ball
+
+from carigs.capture import read_dataset
+from carigs.capture.images import write_png
+from carigs.errors import InputError
+from carigs.hair import FoundHair, find_hair, load_hair
+from carigs.hair.views import PIXEL, pixel_size, read_views
+from carigs.hair.volume import HairVolume
+from carigs.settings import Hair
+from carigs.stages.hair import hair
+
+
+@pytest.fixture(scope="module")
+def subject(tmp_path_factory):
+    folder = write_ball(tmp_path_factory.mktemp("ball"))
+    capture = read_dataset(folder, folder / "head_model.npz")
+    capture.save(folder / "capture.json")
+    return capture, folder
+
+
+def test_a_ball_without_hair_is_bald(subject, tmp_path, capsys):
+    capture, folder = subject
+    hair(Hair(threads=1), capture=folder / "capture.json", found=tmp_path / "hair.npz")
+    found = load_hair(tmp_path / "hair.npz", len(capture.model.faces))
+    scalp = capture.model.face_region("scalp")
+    assert not found.covered.any() and not found.has_hair(scalp)
+    assert found.clean.mean() > 0.9
+    assert "0.0 % of the triangles beside the scalp are covered" in capsys.readouterr().out
+
+
+def test_threads_do_not_change_the_result(subject, tmp_path):
+    _, folder = subject
+    for threads in (1, 3):
+        hair(Hair(threads=threads), capture=folder / "capture.json", found=tmp_path / f"{threads}.npz")
+    assert (tmp_path / "1.npz").read_bytes() == (tmp_path / "3.npz").read_bytes()
+
+
+def test_the_file_holds_what_was_found_and_is_checked(tmp_path):
+    rng = np.random.default_rng(0)
+    volume = HairVolume(rng.normal(size=(5, 3)).astype(np.float32), rng.random(5, np.float32), 0.004)
+    found = FoundHair(rng.random(7, np.float32), rng.random(7) > 0.5, volume, rng.random(5, np.float32))
+    file = tmp_path / "hair.npz"
+    found.save(file)
+    again = load_hair(file, 7)
+    np.testing.assert_array_equal(again.texture, found.texture)
+    np.testing.assert_array_equal(again.covered, found.covered)
+    np.testing.assert_array_equal(again.volume.centres, volume.centres)
+    assert again.volume.size == volume.size
+    with pytest.raises(InputError, match=r"hair\.npz: texture"):
+        load_hair(file, 8)
+    replace(found, visible=np.full(5, np.nan, np.float32)).save(file)
+    with pytest.raises(InputError, match=r"hair\.npz: visible"):
+        load_hair(file, 7)
+    file.write_bytes(b"no archive")
+    with pytest.raises(InputError, match=r"hair\.npz"):
+        load_hair(file, 7)
+
+
+def test_frames_that_cannot_be_read_are_left_out(tmp_path):
+    folder = write_ball(tmp_path / "ball")
+    capture = read_dataset(folder, folder / "head_model.npz")
+    train = capture.split("train")
+    (folder / train[0].image).write_bytes(b"broken")
+    write_png(folder / train[1].image, np.ones((4, 4, 3)))  # of another size than its camera
+    assert len(read_views(capture)) == len(train) - 2
+    for frame in train:
+        (folder / frame.image).unlink()
+    with pytest.raises(InputError, match="no training frame can be read"):
+        find_hair(Hair(), capture)
+
+
+def test_large_frames_are_scaled_to_the_pixels_of_strands(tmp_path):
+    from miniature import ball_cameras
+
+    large = {number: camera.scaled(12) for number, camera in ball_cameras().items()}
+    folder = write_ball(tmp_path / "ball", timesteps=2, cameras=large)
+    views = read_views(read_dataset(folder, folder / "head_model.npz"))
+    for view in views:
+        assert pixel_size(view.visibility) == pytest.approx(PIXEL, rel=0.02)
+        camera = view.visibility.camera
+        assert view.image.shape == (camera.height, camera.width, 3)
+        on_mesh = view.visibility.face >= 0
+        assert ((view.foreground > 0.5) == on_mesh).mean() > 0.98  # the smaller camera sees the same

@@ -1,0 +1,89 @@
+"""Surfels of hair hang on the scalp; those of covered skin stay on it and keep their colours."""
+
+import numpy as np
+import pytest
+from miniature import write_ball
+
+from carigs.capture import read_dataset
+from carigs.exaggeration.gamma_path import straight_path
+from carigs.hair import FoundHair
+from carigs.hair.volume import HairVolume
+from carigs.head import neutral
+from carigs.settings import Density, Train
+from carigs.splat.avatar import Avatar, load_avatar, save_avatar
+from carigs.splat.colour.spherical_harmonics import SH_BASE
+from carigs.splat.rig.head_sequence import head_sequence
+from carigs.splat.training.hair_surfels import COVERED_POSITION, COVERED_SCALE, prepare_hair
+from carigs.splat.training.initialization import initial_surfels
+from carigs.splat.training.supervision import Supervision
+from carigs.splat.training.trainer import train_surfels
+
+SETTINGS = Train(iterations=12, gtstar_probability=0.0, hair_layers=3, sh_degree=1, density=Density(every=0))
+
+
+@pytest.fixture
+def subject(tmp_path):
+    """The ball with a layer of hair 3 cm above its scalp, which covers a band of the skin below the scalp."""
+    folder = write_ball(tmp_path / "ball")
+    capture = read_dataset(folder, folder / "head_model.npz")
+    rest, faces = neutral(capture.model, capture.parameters(0)), capture.model.faces
+    sequence = head_sequence(capture, straight_path(rest, faces, rest * [0.3, 0, 0], 0.25))
+    scalp, height = capture.model.face_region("scalp"), rest[faces].mean(axis=1)[:, 1]
+    covered = scalp | (height > 0.03)
+    centres = (1.3 * rest[rest[:, 1] > 0.04]).astype(np.float32)
+    ones = np.ones(len(centres), np.float32)
+    found = FoundHair(np.where(covered, 0.1, 0).astype(np.float32), covered, HairVolume(centres, ones, 0.004), ones)
+    return capture, sequence, found, scalp
+
+
+def test_points_are_drawn_by_the_seed_and_a_bald_head_has_none(subject):
+    _, sequence, found, scalp = subject
+    hair = prepare_hair(found, scalp, sequence, 3, seed=0)
+    assert len(hair.points.face) == 3 * scalp.sum() and scalp[hair.points.face].all()
+    np.testing.assert_array_equal(hair.covered, found.covered & ~scalp)
+    same, other = (prepare_hair(found, scalp, sequence, 3, seed=seed).points.position for seed in (0, 1))
+    np.testing.assert_array_equal(same, hair.points.position)
+    assert not np.array_equal(other, hair.points.position)
+    sequence.smooth = None
+    assert prepare_hair(found, scalp, sequence, 0, seed=0) is None and sequence.smooth is None
+    bald = FoundHair(found.texture, found.covered & ~scalp, found.volume, found.visible)
+    assert prepare_hair(bald, scalp, sequence, 3, seed=0) is None
+    limits = hair.position_limits(sequence.rig)
+    assert (limits[~scalp] == 0).all() and limits[np.unique(hair.points.face)].min() > 0
+
+
+def test_covered_skin_starts_with_the_colour_of_the_skin_around_it_and_keeps_it(subject, tmp_path):
+    capture, sequence, found, scalp = subject
+    hair = prepare_hair(found, scalp, sequence, 3, seed=0)
+    supervision = Supervision(capture)
+    start = initial_surfels(SETTINGS, supervision, sequence, hair)
+    plain = initial_surfels(SETTINGS, supervision, sequence, None)
+    n = len(plain)
+    assert len(start) == n + len(hair.points.face)
+    colours = start.colour.detach().numpy()
+    hidden = hair.covered[start.binding]
+    # The green of the ball is 0.5 + 4 y: the band takes that of the skin below it, at a height of 0.03 m.
+    front = hair.covered & (sequence.rig.vertices[sequence.rig.faces].mean(axis=1)[:, 2] > 0.06)
+    own, green = (0.5 + SH_BASE * each.colour.detach().numpy()[front[each.binding], 1] for each in (plain, start))
+    assert np.ptp(own) > 0.08 and np.abs(own - 0.62).max() > 0.1
+    np.testing.assert_allclose(green, 0.62, atol=0.05)
+    trained, _ = train_surfels(SETTINGS, sequence, supervision, tmp_path / "checkpoint", hair=hair)
+    np.testing.assert_array_equal(trained.colour.detach().numpy()[hidden], colours[hidden])
+    assert not np.array_equal(trained.colour.detach().numpy()[~hidden], colours[~hidden])
+    inside = hair.covered[trained.binding]
+    assert np.linalg.norm(trained.position.detach().numpy()[inside], axis=1).max() <= COVERED_POSITION + 1e-5
+    assert np.exp(trained.log_scale.detach().numpy()[inside]).max() <= COVERED_SCALE + 1e-5
+
+
+def test_an_avatar_keeps_the_motion_of_its_hair(subject, tmp_path):
+    capture, sequence, found, scalp = subject
+    hair = prepare_hair(found, scalp, sequence, 3, seed=0)
+    surfels = initial_surfels(SETTINGS, Supervision(capture), sequence, hair)
+    avatar, file = Avatar(surfels, sequence), tmp_path / "avatar.npz"
+    save_avatar(file, avatar)
+    again, camera = load_avatar(file), capture.cameras[1]
+    image = avatar.render(1, 0.25, camera)
+    np.testing.assert_allclose(again.render(1, 0.25, camera), image, atol=1e-5)
+    again.sequence.smooth = None
+    again.sequence._motions.clear()
+    assert np.abs(again.render(1, 0.25, camera) - image).max() > 0.01
