@@ -15,7 +15,8 @@ ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs/paper.md"
 CODE = re.compile(r"`((?:carigs|evaluation|workflow)/[\w/]+\.(?:py|smk))(?::([\w.]+))?`")
 TEST = re.compile(r"`(tests/[\w/]+\.py)::(\w+)`")
-SETTING = re.compile(r"`((?:capture|exaggerate|gtstar|train|render|truth|metrics|tabulate|figures|study)\.[\w.]+)`")
+STAGES = "capture|hair|exaggerate|gtstar|train|render|truth|metrics|tabulate|figures|study"
+SETTING = re.compile(rf"`((?:{STAGES})\.[\w.]+)`")
 MAPS = ("Equations", "Masks", "Training schedule", "Metrics", "Figures and tables", "Settings")
 
 

@@ -20,8 +20,9 @@ def test_a_bare_checkout_can_be_planned(stubbed):
     """One settings file per stage and point, one training per variant, one rendering per training."""
     subjects, variants, levels = 2, 2, 2
     assert stubbed.planned() == {
-        "settings": 3 + 7 * subjects + variants * subjects,
+        "settings": 3 + 8 * subjects + variants * subjects,
         "capture": subjects,
+        "hair": subjects,
         "exaggerate": subjects,
         "gtstar": subjects,
         "train": subjects * variants,
@@ -152,7 +153,7 @@ def test_a_job_is_tried_again_with_twice_the_memory(stubbed, tmp_path):
     for rule, megabytes in re.findall(started, done.stdout + done.stderr, re.MULTILINE):
         requests.setdefault(rule, set()).add(int(megabytes))
     small, large = {4000, 8000}, {6000, 12000}
-    assert requests == dict.fromkeys(("capture", "exaggerate", "gtstar", "truth", "render"), small) | {
+    assert requests == dict.fromkeys(("capture", "hair", "exaggerate", "gtstar", "truth", "render"), small) | {
         "train": large,
         "metrics": large,
     }
@@ -190,7 +191,7 @@ def test_a_killed_run_goes_on_where_it_was(stubbed, tmp_path):
     project = Project(tmp_path / "project")
     shutil.copytree(stubbed.root, project.root, symlinks=True)
     hydra = "study.subjects=[toy] study.variants=[surfhead]"
-    project.make("results/toy/toy/capture.json", hydra=hydra)
+    project.make("results/toy/toy/capture.json", "results/toy/toy/hair.npz", hydra=hydra)
     dataset = (project.root / "results/toy/toy/capture.json").stat().st_mtime_ns
     (project.root / "hold").touch()
     running = project.start("snakemake", "--cores", "1", "--config", f"hydra={hydra}", "--", "table")
@@ -253,8 +254,8 @@ def test_a_sweep_is_planned_as_a_whole(stubbed):
     planned = dict(re.findall(r"^(\w+) +(\d+)$", done.stdout, re.MULTILINE))
     variants, combinations = 2, 4
     expected = {
-        "capture": 2, "exaggerate": 4, "gtstar": 4, "train": combinations * variants, "tabulate": combinations,
-        "metrics": combinations * variants, "sweep": 1,
+        "capture": 2, "hair": 2, "exaggerate": 4, "gtstar": 4, "train": combinations * variants,
+        "metrics": combinations * variants, "tabulate": combinations, "sweep": 1,
     }  # fmt: skip
     assert {rule: int(planned[rule]) for rule in expected} == expected
     assert not {"card", "report", "figures"} & planned.keys()
@@ -344,7 +345,7 @@ def test_all_settings_can_be_shown(stubbed):
     shown = yaml.safe_load(stubbed.command("carigs", "settings", "gamma=0.2").stdout)
     assert shown["gamma"] == 0.2
     assert set(shown) == {"gamma", "seed", "study"} | {
-        "capture", "exaggerate", "gtstar", "train", "render", "truth", "metrics", "tabulate", "figures",
+        "capture", "hair", "exaggerate", "gtstar", "train", "render", "truth", "metrics", "tabulate", "figures",
         "sweep", "card", "report",
     }  # fmt: skip
 

@@ -23,8 +23,8 @@ EVALUATION = {"metrics", "figures", *SUMMARIES}
 TRAINING = {"train", "render", *EVALUATION}
 AFTER_CAPTURE = {"exaggerate", "truth", "gtstar", *TRAINING}
 EXPECTED = {
-    "anna/transforms_train.json": {"capture", *AFTER_CAPTURE},
-    "flame.pkl": {"capture", *AFTER_CAPTURE},
+    "anna/transforms_train.json": {"capture", "hair", *AFTER_CAPTURE},
+    "flame.pkl": {"capture", "hair", *AFTER_CAPTURE},
     "sculpt/0.25.obj": AFTER_CAPTURE,
     "sculpt/0.5.obj": set(),  # of another gamma
     "edited/00000_00.png": {"gtstar", *TRAINING},

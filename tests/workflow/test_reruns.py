@@ -49,7 +49,7 @@ EDITS = {
     ),
     "one subject": (
         append("conf/subject/twin.yaml", "  toy: {seed: 2}"),
-        {"settings": 1, "capture": 1, "exaggerate": 1, "gtstar": 1, "truth": 2}
+        {"settings": 1, "capture": 1, "hair": 1, "exaggerate": 1, "gtstar": 1, "truth": 2}
         | {"train": 2, "render": 2, "metrics": 2, "figures": 1, **SUMMARIES},
     ),
     "code of a stage": (
