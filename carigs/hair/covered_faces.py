@@ -43,6 +43,10 @@ BINS = 256
 SOLID_SHARE, COLOUR_LIMIT = 0.5, 0.2
 """Texture over its limit, and difference from the colour of clean skin, of a triangle covered by hair without single
 strands."""
+HIDDEN_COLOUR = 0.1
+"""Difference from the colour of clean skin of a triangle that most views do not see."""
+SPECK = 3e-4
+"""Square metres."""
 RING = 0.01
 """Metres around a doubtful region."""
 
@@ -55,6 +59,8 @@ class Covering(NamedTuple):
     colour: Float[np.ndarray, "f 3"]
     """Median colour over the views; nan where no view sees the triangle."""
     covered: Bool[np.ndarray, " f"]
+    hidden: Bool[np.ndarray, " f"]
+    """The covered triangles whose median colour is not that of clean skin: most views show what covers them."""
 
 
 def covered_faces(
@@ -106,15 +112,31 @@ def covered_faces(
     texture = np.sqrt(np.maximum(np.nan_to_num(spread) ** 2 - noise**2, 0))
     texture[left_out] = 0
     covered, clean = texture > limit, skin & (texture < SOLID_SHARE * limit)
+    off = np.zeros(len(faces))
     if clean.any():
-        off = np.abs(colour - np.median(colour[clean], axis=0)).mean(axis=1)
-        covered |= (texture > SOLID_SHARE * limit) & (np.nan_to_num(off) > COLOUR_LIMIT)
+        off = np.nan_to_num(np.abs(colour - np.median(colour[clean], axis=0)).mean(axis=1))
+        covered |= (texture > SOLID_SHARE * limit) & (off > COLOUR_LIMIT)
     covered &= ~left_out
     centres = vertices[faces].mean(axis=1)
     for region in doubtful:
         ring = _ring(centres, region) & skin
         covered[region] &= bool(ring.any() and covered[ring].mean() > 0.5)
-    return Covering(texture, colour, covered)
+    covered = _without_specks(covered, vertices, faces)
+    return Covering(texture, colour, covered, covered & (off > HIDDEN_COLOUR))
+
+
+def _without_specks(
+    covered: Bool[np.ndarray, " f"], vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
+) -> Bool[np.ndarray, " f"]:
+    """Leave out connected parts of less than `SPECK`: edges of nostrils and folds, which the tracking misses."""
+    found = np.flatnonzero(covered)
+    part = _components(faces[found], len(vertices))
+    corners = vertices[faces[found]]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.bincount(part, 0.5 * np.linalg.norm(normals, axis=1))
+    result = covered.copy()
+    result[found[area[part] < SPECK]] = False
+    return result
 
 
 def _ring(centres: Float[np.ndarray, "f 3"], region: Bool[np.ndarray, " f"]) -> Bool[np.ndarray, " f"]:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32
+from scipy.spatial import cKDTree
 
 from carigs.capture import Capture
 from carigs.errors import InputError
@@ -22,8 +23,9 @@ from carigs.readers.arrays import checked_array
 from carigs.readers.npz import read_npz
 from carigs.settings import Hair
 
-CLEAN_TEXTURE = 0.015
-"""Texture of a triangle, see `Covering`, up to which its colours are those of the skin."""
+CLEAN_TEXTURE, FRINGE = 0.015, 0.02
+"""Texture of a triangle, see `Covering`, up to which its colours are those of the skin if it is less than this distance
+in metres from a covered one."""
 HAIRY_SHARE = 0.1
 """Of the scalp that something covers, above which a head is not bald."""
 VIEW_STRIDE = 4
@@ -38,14 +40,28 @@ class FoundHair:
     """Contrast of what moves against each triangle, see `Covering`."""
     covered: Bool[np.ndarray, " f"]
     """Whether something covers the triangle."""
+    hidden: Bool[np.ndarray, " f"]
+    """Whether it does so in most views."""
     volume: HairVolume
     visible: Float32[np.ndarray, " n"]
     """Share of the views that see each voxel of the volume."""
 
-    @property
-    def clean(self) -> Bool[np.ndarray, " f"]:
-        """Triangles whose colours are those of the skin."""
-        return self.texture < CLEAN_TEXTURE
+    def clean(self, centres: Float[np.ndarray, "f 3"]) -> Bool[np.ndarray, " f"]:
+        """Find the triangles whose colours are those of the skin.
+
+        Single strands over the border of what is covered change the mean colour, too. Elsewhere a little texture is
+        that of the skin: pores, or edges that the tracking misses by a pixel.
+
+        Args:
+            centres: Centres of the triangles on the neutral head, in metres.
+
+        Returns:
+            The triangles that nothing covers, without those near covered ones that have a texture.
+        """
+        if not self.covered.any():
+            return ~self.covered
+        distance, _ = cKDTree(centres[self.covered]).query(centres, distance_upper_bound=FRINGE)
+        return ~self.covered & ~((self.texture > CLEAN_TEXTURE) & (distance < FRINGE))
 
     def has_hair(self, scalp: Bool[np.ndarray, " f"]) -> bool:
         """Whether the head has hair that stands off the scalp.
@@ -77,7 +93,7 @@ class FoundHair:
         Args:
             file: File to write (.npz).
         """
-        arrays = {"texture": self.texture, "covered": self.covered, "visible": self.visible}
+        arrays = {"texture": self.texture, "covered": self.covered, "hidden": self.hidden, "visible": self.visible}
         arrays |= {"centres": self.volume.centres, "opacity": self.volume.opacity, "size": np.array(self.volume.size)}
         with writing(file) as part, part.open("wb") as stream:
             np.savez_compressed(stream, **arrays)
@@ -104,11 +120,14 @@ def find_hair(settings: Hair, capture: Capture, map_timesteps: Callable[..., Ite
     canonical = neutral(model, capture.parameters(frames[0].timestep))
     scalp, eyeballs = model.face_region(*settings.regions), model.face_region(*settings.eyeball_regions)
     mouth, brows = model.face_region(*settings.mouth_regions), brow_faces(model, canonical)
-    doubtful = [lid_faces(model, canonical), model.face_region("lips"), *([] if brows is None else [brows])]
+    edges = [lid_faces(model, canonical), model.face_region("nose"), model.face_region("lips")]
+    doubtful = edges if brows is None else [*edges, brows]
     covering = covered_faces(views, model.faces, canonical, scalp, eyeballs | mouth, doubtful, settings.texture_limit)
     volume = carve_hair(views, covering, scalp, canonical, model.faces, settings.texture_limit)
     visible = visible_shares(volume, views[::VIEW_STRIDE], canonical, np.unique(model.faces[scalp]))
-    return FoundHair(covering.texture.astype(np.float32), covering.covered, volume, visible.astype(np.float32))
+    return FoundHair(
+        covering.texture.astype(np.float32), covering.covered, covering.hidden, volume, visible.astype(np.float32)
+    )  # fmt: skip
 
 
 def load_hair(file: Path, num_faces: int) -> FoundHair:
@@ -132,4 +151,5 @@ def load_hair(file: Path, num_faces: int) -> FoundHair:
     centres = take("centres", (None, 3))
     n, size = len(centres), float(take("size", (), np.float64))
     volume = HairVolume(centres, take("opacity", (n,)), size)
-    return FoundHair(take("texture", (num_faces,)), take("covered", (num_faces,), bool), volume, take("visible", (n,)))
+    covered, hidden = (take(name, (num_faces,), bool) for name in ("covered", "hidden"))
+    return FoundHair(take("texture", (num_faces,)), covered, hidden, volume, take("visible", (n,)))

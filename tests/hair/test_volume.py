@@ -47,7 +47,7 @@ def test_hair_is_found_between_the_skin_and_the_strands_and_nowhere_else(volume)
 
 def test_a_bald_head_has_no_hair(cap):
     vertices, faces = ball()
-    bald = Covering(np.zeros(len(faces)), np.full((len(faces), 3), 0.5), np.zeros(len(faces), bool))
+    bald = Covering(np.zeros(len(faces)), np.full((len(faces), 3), 0.5), *2 * [np.zeros(len(faces), bool)])
     found = carve_hair(list(views(hair=False)), bald, cap, vertices, faces)
     assert found.opacity.sum() < 20  # the blur of the outline
 

@@ -73,7 +73,9 @@ def run_digest(
     if sequence.shading is not None:
         digest.update(b"".join(np.asarray(value).tobytes() for value in asdict(sequence.shading).values()))
     if hair is not None:
-        digest.update(b"".join(np.ascontiguousarray(value).tobytes() for value in (*hair.points, hair.covered)))
+        digest.update(
+            b"".join(np.ascontiguousarray(value).tobytes() for value in (*hair.points, hair.covered, hair.hidden))
+        )
     digest.update(json.dumps([(target.level, target.weight) for target in supervision.targets]).encode())
     for file in (*supervision.files(), *([Path(settings.start)] if settings.start else ())):
         status = file.stat()

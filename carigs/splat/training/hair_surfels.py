@@ -27,6 +27,8 @@ class HairSurfels:
     """Triangles with hair."""
     covered: Bool[np.ndarray, " f"]
     """Triangles of the skin that something covers."""
+    hidden: Bool[np.ndarray, " f"]
+    """Those of them that most views do not see."""
 
     def position_limits(self, rig: Rig) -> Float[np.ndarray, " f"]:
         """How far the surfels of each triangle start from it.
@@ -41,13 +43,13 @@ class HairSurfels:
         np.maximum.at(limits, self.points.face, np.linalg.norm(self.points.position - centres, axis=1))
         return limits / np.maximum(rig.scale, 1e-9)
 
-    def keep_colours_of_covered_skin(self, surfels: Surfels) -> None:
-        """Set the gradients of the colours of covered skin to zero: images show what covers it.
+    def keep_colours_of_hidden_skin(self, surfels: Surfels) -> None:
+        """Set the gradients of the colours of hidden skin to zero: images show what covers it.
 
         Args:
             surfels: The surfels, with gradients.
         """
-        inside = self.covered[surfels.binding]
+        inside = self.hidden[surfels.binding]
         for values in (surfels.colour, surfels.harmonics):
             if values.grad is not None:
                 values.grad.numpy()[inside] = 0
@@ -88,4 +90,4 @@ def prepare_hair(
     rng = np.random.default_rng([seed, 1])
     points = place_in_hair(found.volume, found.visible, scalp, sequence.rig.vertices, sequence.rig.faces, count, rng)
     sequence.smooth = SmoothMotion(sequence.rig, scalp)
-    return HairSurfels(points, scalp, found.covered & ~scalp)
+    return HairSurfels(points, scalp, found.covered & ~scalp, found.hidden & ~scalp)

@@ -138,7 +138,7 @@ def observed_colours(
     """Mean colour of each surfel over the views that see its centre, weighted by the cosine of the viewing angle.
 
     Surfels that no view sees take the mean colour of their face, or else of the nearest faces with a colour. So do
-    surfels on covered triangles, whose pixels show what covers them.
+    surfels on hidden triangles, whose pixels show what covers them.
 
     Args:
         binding: Triangle of each surfel.
@@ -173,8 +173,8 @@ def observed_colours(
     face = _fill(face_total, face_weight, rig.neighbours)
     if hair is not None:
         skin_weight = np.where(hair.scalp | hair.covered, 0, face_weight)
-        face[hair.covered] = _fill(face_total, skin_weight, rig.neighbours)[hair.covered]
-        weight = np.where(hair.covered[binding], 0, weight)
+        face[hair.hidden] = _fill(face_total, skin_weight, rig.neighbours)[hair.hidden]
+        weight = np.where(hair.hidden[binding], 0, weight)
     return np.where(weight[:, None] > 0, total / np.maximum(weight, 1e-12)[:, None], face[binding]).clip(0.02, 0.98)
 
 

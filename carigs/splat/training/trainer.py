@@ -126,7 +126,7 @@ class _Run:
         if settings.density.every and (not gtstar or self.only_targets):
             state.statistics.add(screen, example.camera)
         if self.hair is not None:
-            self.hair.keep_colours_of_covered_skin(state.surfels)
+            self.hair.keep_colours_of_hidden_skin(state.surfels)
         state.adam.step(state.surfels, learning_rates(settings, i), frozen)
         if self.hair is not None:
             self.hair.keep_on_covered_skin(state.surfels)

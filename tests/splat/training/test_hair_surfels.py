@@ -32,7 +32,9 @@ def subject(tmp_path):
     covered = scalp | (height > 0.03)
     centres = (1.3 * rest[rest[:, 1] > 0.04]).astype(np.float32)
     ones = np.ones(len(centres), np.float32)
-    found = FoundHair(np.where(covered, 0.1, 0).astype(np.float32), covered, HairVolume(centres, ones, 0.004), ones)
+    found = FoundHair(
+        np.where(covered, 0.1, 0).astype(np.float32), covered, covered, HairVolume(centres, ones, 0.004), ones
+    )
     return capture, sequence, found, scalp
 
 
@@ -46,7 +48,7 @@ def test_points_are_drawn_by_the_seed_and_a_bald_head_has_none(subject):
     assert not np.array_equal(other, hair.points.position)
     sequence.smooth = None
     assert prepare_hair(found, scalp, sequence, 0, seed=0) is None and sequence.smooth is None
-    bald = FoundHair(found.texture, found.covered & ~scalp, found.volume, found.visible)
+    bald = FoundHair(found.texture, found.covered & ~scalp, found.hidden & ~scalp, found.volume, found.visible)
     assert prepare_hair(bald, scalp, sequence, 3, seed=0) is None
     limits = hair.position_limits(sequence.rig)
     assert (limits[~scalp] == 0).all() and limits[np.unique(hair.points.face)].min() > 0
