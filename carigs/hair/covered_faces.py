@@ -45,7 +45,7 @@ SOLID_SHARE, COLOUR_LIMIT = 0.5, 0.2
 strands."""
 HIDDEN_COLOUR = 0.1
 """Difference from the colour of clean skin of a triangle that most views do not see."""
-SPECK = 3e-4
+SPECK = 8e-4
 """Square metres."""
 RING = 0.01
 """Metres around a doubtful region."""

@@ -120,7 +120,7 @@ def find_hair(settings: Hair, capture: Capture, map_timesteps: Callable[..., Ite
     canonical = neutral(model, capture.parameters(frames[0].timestep))
     scalp, eyeballs = model.face_region(*settings.regions), model.face_region(*settings.eyeball_regions)
     mouth, brows = model.face_region(*settings.mouth_regions), brow_faces(model, canonical)
-    edges = [lid_faces(model, canonical), model.face_region("nose"), model.face_region("lips")]
+    edges = [lid_faces(model, canonical), model.face_region("lips")]
     doubtful = edges if brows is None else [*edges, brows]
     covering = covered_faces(views, model.faces, canonical, scalp, eyeballs | mouth, doubtful, settings.texture_limit)
     volume = carve_hair(views, covering, scalp, canonical, model.faces, settings.texture_limit)

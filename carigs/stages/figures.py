@@ -12,6 +12,7 @@ from carigs.capture import Capture
 from carigs.capture.frame_index import GroundTruth, read_ground_truth
 from carigs.exaggeration import Exaggerator, GammaPath
 from carigs.files import writing_folder
+from carigs.hair import load_hair
 from carigs.head import read_subject_path, subject_exaggerator
 from carigs.head.teeth import without_teeth
 from carigs.settings import Exaggerate, Figures, Gtstar
@@ -32,6 +33,7 @@ def figures(
     truths: Sequence[Path],
     capture: Path,
     path: Path,
+    hair: Path | None = None,
     avatar: Path | None,
     gtstar: Mapping[str, Any],
     mask_flags: Sequence[str],
@@ -49,6 +51,7 @@ def figures(
         truths: Index of the true images of each level.
         capture: Index of the capture.
         path: Caricature path of the subject.
+        hair: What covers the head, for the masks of the misregistration; None if nothing does.
         avatar: The avatar for local edits, of the variant `alternating`; None if the study lacks it.
         gtstar: Settings of the stage `gtstar`, for the targets of the misregistration.
         mask_flags: Flags whose pixels the training leaves out (`train.mask_flags`).
@@ -74,7 +77,7 @@ def figures(
             "hair_mask": strips.hair_mask(part / "hair_mask.png", images, gamma_path, warp.hair_regions),
             "local_edits": _local_edits(part, images, gamma_path, solver, avatar),
             "blend_error": _blend_error(part, without_teeth(gamma_path), solver, settings.blend_error_samples),
-            "misregistration": _misregistration(part, subject, gamma_path, known, warp, mask_flags),
+            "misregistration": _misregistration(part, subject, gamma_path, known, warp, mask_flags, hair),
         }
         lines = [f"{name}: {reason}\n" for name, reason in reasons.items() if reason]
         if lines:
@@ -140,10 +143,12 @@ def _misregistration(
     known: Mapping[float, GroundTruth],
     warp: Gtstar,
     mask_flags: Sequence[str],
+    hair: Path | None,
 ) -> str | None:
     if not any(level > 0 and truth.images for level, truth in known.items()):
         return "no true caricature is known"
-    records = list(misregistrations(subject, path, known, warp, mask_flags))
+    covered = None if hair is None else load_hair(hair, len(subject.model.faces)).covered
+    records = list(misregistrations(subject, path, known, warp, mask_flags, covered))
     write_csv(folder / "misregistration.csv", records, Misregistration)
     plot_misregistrations(folder / "misregistration.png", records)
     return None

@@ -13,12 +13,14 @@ from carigs.capture import Camera, Capture, Frame
 from carigs.capture.target_index import SHADING, TargetSet, read_targets, write_targets
 from carigs.exaggeration import GammaPath
 from carigs.gtstar.target_set import make_target_set
+from carigs.hair import FoundHair, find_hair
 from carigs.head import neutral, pose
 from carigs.light.shading import load_shading
 from carigs.raster import rasterize_mesh
-from carigs.settings import Exaggerate, Gtstar, Toy, Train
+from carigs.settings import Exaggerate, Gtstar, Hair, Toy, Train
 from carigs.splat.avatar import Avatar
 from carigs.splat.rig.head_sequence import head_sequence
+from carigs.splat.training.hair_surfels import prepare_hair
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
 from carigs.toy import load_subject, render_subject
@@ -35,6 +37,7 @@ class TrainingInputs(NamedTuple):
 
     capture: Capture
     path: GammaPath
+    hair: FoundHair
     targets: TargetSet
 
 
@@ -48,7 +51,7 @@ class HeldOutView(NamedTuple):
 
 
 def make_inputs(folder: Path, toy: Toy, exaggerate: Exaggerate, gtstar: Gtstar) -> TrainingInputs:
-    """Make capture, path and GT* targets at gamma, as the stages do.
+    """Make capture, path, hair and GT* targets at gamma, as the stages do.
 
     Args:
         folder: Empty folder to write to.
@@ -64,9 +67,10 @@ def make_inputs(folder: Path, toy: Toy, exaggerate: Exaggerate, gtstar: Gtstar) 
     images, records, index = folder / "targets", folder / "records", folder / "targets.json"
     images.mkdir()
     records.mkdir()
-    entries = make_target_set(gtstar, capture, path.at(path.gamma_f), images, records)
+    hair = find_hair(Hair(regions=gtstar.hair_regions), capture)
+    entries = make_target_set(gtstar, capture, path.at(path.gamma_f), images, records, hair)
     write_targets(index, path.gamma_f, images, *entries)
-    return TrainingInputs(capture, path, read_targets(index, capture))
+    return TrainingInputs(capture, path, hair, read_targets(index, capture))
 
 
 def train_avatar(inputs: TrainingInputs, settings: Train, checkpoint: Path) -> Avatar:
@@ -80,12 +84,14 @@ def train_avatar(inputs: TrainingInputs, settings: Train, checkpoint: Path) -> A
     Returns:
         The avatar.
     """
-    capture, path, targets = inputs
+    capture, path, found, targets = inputs
     sequence, light = head_sequence(capture, path), targets.folder / SHADING
     if settings.relight_surfels and light.is_file():
         sequence.shading = load_shading(light, len(capture.model.faces))
     supervision = Supervision(capture, [targets], settings.mask_flags)
-    surfels, _ = train_surfels(settings, sequence, supervision, checkpoint)
+    scalp = capture.model.face_region(*settings.hair_regions)
+    hair = prepare_hair(found, scalp, sequence, settings.hair_layers, settings.seed)
+    surfels, _ = train_surfels(settings, sequence, supervision, checkpoint, hair=hair)
     return Avatar(surfels, sequence, settings.rig, settings.rotate_harmonics, capture.background)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Bool
 
 from carigs.capture import Capture
 from carigs.capture.frame_index import GroundTruth
@@ -49,6 +50,7 @@ def misregistrations(
     truths: Mapping[float, GroundTruth],
     settings: Gtstar,
     mask_flags: Sequence[str],
+    covered: Bool[np.ndarray, " f"] | None = None,
     cameras: int = 3,
 ) -> Iterator[Misregistration]:
     """Warp test frames to every level that has a truth, and compare; the targets are not relit.
@@ -59,13 +61,14 @@ def misregistrations(
         truths: True images, by level.
         settings: Settings of the warp and its masks (stage `gtstar`).
         mask_flags: Names of the flags whose pixels the training leaves out (`train.mask_flags`).
+        covered: Triangles that something covers; none if None.
         cameras: Number of cameras: the first ones that have true images.
 
     Yields:
         One record per level and region.
     """
     model, excluded = subject.model, np.uint16(flags_from_names(mask_flags).value)
-    face_flags = face_mask_flags(model, settings)
+    face_flags = face_mask_flags(model, settings, covered)
     for level, truth in truths.items():
         frames = [f for f in subject.split("test") if (f.timestep, f.camera) in truth.images]
         shown_cameras = sorted({f.camera for f in frames})[:cameras]

@@ -83,6 +83,7 @@ rule figures:
         settings="results/{study}/settings/figures/subject={subject}.yaml",
         capture="results/{study}/{subject}/capture.json",
         path="results/{study}/{subject}/gamma={gamma}/path.npz",
+        hair="results/{study}/{subject}/hair.npz",
         # Renders the local edits; studies without the method have none.
         avatar=avatar_of_method,
         frames=all_points("results/{study}/{subject}/gamma={gamma}/{variant}/seed={first_seed}/frames"),
