@@ -23,7 +23,6 @@ from carigs.gtstar.frame_views import TimestepViews, input_files
 from carigs.gtstar.mask_flags import MaskFlag, face_mask_flags
 from carigs.gtstar.provider import TargetResult, provide_targets
 from carigs.hair import FoundHair
-from carigs.head import neutral
 from carigs.light.shading import load_shading, save_shading
 from carigs.readers.json_files import read_json
 from carigs.settings import Gtstar
@@ -58,10 +57,7 @@ def make_target_set(
     Returns:
         One entry for every training frame, in their order: in the list of targets or in that of skipped frames.
     """
-    covered = clean = None
-    if hair is not None:
-        rest = neutral(capture.model, capture.parameters(capture.split("train")[0].timestep))
-        covered, clean = hair.covered, hair.clean(rest[capture.model.faces].mean(axis=1))
+    covered, clean = (None, None) if hair is None else (hair.covered, hair.clean)
     face_flags, frames = face_mask_flags(capture.model, settings, covered), capture.split("train")
     np.save(folder / FACE_FLAGS, face_flags)
     cache: dict[int, TimestepViews] = {}

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32
-from scipy.spatial import cKDTree
+from jaxtyping import Bool, Float32
 
 from carigs.capture import Capture
 from carigs.errors import InputError
@@ -19,13 +18,13 @@ from carigs.hair.views import read_views
 from carigs.hair.volume import HairVolume, carve_hair
 from carigs.head import neutral
 from carigs.head.facial_regions import brow_faces, lid_faces
+from carigs.head.posing import LARGEST_COORDINATE
 from carigs.readers.arrays import checked_array
 from carigs.readers.npz import read_npz
 from carigs.settings import Hair
 
-CLEAN_TEXTURE, FRINGE = 0.015, 0.02
-"""Texture of a triangle, see `Covering`, up to which its colours are those of the skin if it is less than this distance
-in metres from a covered one."""
+CLEAN_TEXTURE = 0.015
+"""Texture of a triangle, see `Covering`, up to which its colours are those of the skin."""
 HAIRY_SHARE = 0.1
 """Of the scalp that something covers, above which a head is not bald."""
 VIEW_STRIDE = 4
@@ -46,22 +45,10 @@ class FoundHair:
     visible: Float32[np.ndarray, " n"]
     """Share of the views that see each voxel of the volume."""
 
-    def clean(self, centres: Float[np.ndarray, "f 3"]) -> Bool[np.ndarray, " f"]:
-        """Find the triangles whose colours are those of the skin.
-
-        Single strands over the border of what is covered change the mean colour, too. Elsewhere a little texture is
-        that of the skin: pores, or edges that the tracking misses by a pixel.
-
-        Args:
-            centres: Centres of the triangles on the neutral head, in metres.
-
-        Returns:
-            The triangles that nothing covers, without those near covered ones that have a texture.
-        """
-        if not self.covered.any():
-            return ~self.covered
-        distance, _ = cKDTree(centres[self.covered]).query(centres, distance_upper_bound=FRINGE)
-        return ~self.covered & ~((self.texture > CLEAN_TEXTURE) & (distance < FRINGE))
+    @property
+    def clean(self) -> Bool[np.ndarray, " f"]:
+        """Triangles whose colours are those of the skin: not even single strands move over them."""
+        return ~self.covered & (self.texture < CLEAN_TEXTURE)
 
     def has_hair(self, scalp: Bool[np.ndarray, " f"]) -> bool:
         """Whether the head has hair that stands off the scalp.
@@ -94,7 +81,7 @@ class FoundHair:
             file: File to write (.npz).
         """
         arrays = {"texture": self.texture, "covered": self.covered, "hidden": self.hidden, "visible": self.visible}
-        arrays |= {"centres": self.volume.centres, "opacity": self.volume.opacity, "size": np.array(self.volume.size)}
+        arrays |= {"centres": self.volume.centres, "opacity": self.volume.opacity, "size": np.float32(self.volume.size)}
         with writing(file) as part, part.open("wb") as stream:
             np.savez_compressed(stream, **arrays)
 
@@ -145,11 +132,14 @@ def load_hair(file: Path, num_faces: int) -> FoundHair:
     """
     arrays = read_npz(file, "hair")
 
-    def take(name: str, shape: tuple[int | None, ...], dtype: type = np.float32) -> Float[np.ndarray, "..."]:
-        return checked_array(arrays, name, shape, dtype, file=file)
+    def take(name: str, shape: tuple[int | None, ...], low: float, high: float) -> Float32[np.ndarray, "..."]:
+        values = checked_array(arrays, name, shape, np.float32, file=file)
+        if values.size and not low <= values.min() <= values.max() <= high:
+            raise InputError(f"expected values in [{low:g}, {high:g}]", file=file, field=name)
+        return values
 
-    centres = take("centres", (None, 3))
-    n, size = len(centres), float(take("size", (), np.float64))
-    volume = HairVolume(centres, take("opacity", (n,)), size)
-    covered, hidden = (take(name, (num_faces,), bool) for name in ("covered", "hidden"))
-    return FoundHair(take("texture", (num_faces,)), covered, hidden, volume, take("visible", (n,)))
+    covered, hidden = (checked_array(arrays, name, (num_faces,), bool, file=file) for name in ("covered", "hidden"))
+    centres = take("centres", (None, 3), -LARGEST_COORDINATE, LARGEST_COORDINATE)
+    opacity, visible = (take(name, (len(centres),), 0, 1) for name in ("opacity", "visible"))
+    volume = HairVolume(centres, opacity, float(take("size", (), 1e-6, 1)))
+    return FoundHair(take("texture", (num_faces,), 0, 1), covered, hidden, volume, visible)

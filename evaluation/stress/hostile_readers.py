@@ -23,6 +23,8 @@ from carigs.capture.target_index import FACE_FLAGS, read_targets, write_targets
 from carigs.config import compose, compose_study, load_settings, settings_text
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.files import write_json
+from carigs.hair import FoundHair, load_hair
+from carigs.hair.volume import HairVolume
 from carigs.head import HeadModel, HeadParameters, flame_joints, neutral, pose, read_subject_path
 from carigs.light import Shading, fibonacci_sphere
 from carigs.light.shading import load_shading, save_shading
@@ -36,6 +38,7 @@ from carigs.readers.weights import read_weights
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar
 from carigs.splat.formats.flame_param import read_flame_param
 from carigs.splat.rig.head_sequence import HeadSequence
+from carigs.splat.rig.smooth_motion import SmoothMotion
 from carigs.splat.surfels.ply import read_ply, write_ply
 from carigs.splat.surfels.surfels import flat_discs
 from carigs.toy import load_subject
@@ -94,8 +97,13 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     (folder / "train.yaml").write_text(settings_text("train"))
     path.save(folder / "path.npz")
     save_shading(folder / "shading.npz", shading)
+    covered = np.arange(len(FACES)) < 5
+    volume = HairVolume(VERTICES.astype(np.float32), np.full(len(VERTICES), 0.5, np.float32), 0.004)
+    visible = np.ones(len(VERTICES), np.float32)
+    FoundHair(0.1 * covered.astype(np.float32), covered, covered, volume, visible).save(folder / "hair.npz")
     sequence = HeadSequence(model, {0: parameters}, path)
     sequence.shading = shading
+    sequence.smooth = SmoothMotion(sequence.rig, np.where(np.arange(len(FACES)) < 9, 0.04, 0.0))
     save_avatar(folder / "avatar.npz", Avatar(surfels, sequence))
     frame = Frame(0, 0, "EXP-1", "train", "a.png", "a.png", "parameters.npz", 0)
     capture = Capture(folder, folder / "head_model.npz", (frame,), (CAMERA,), 1.0)
@@ -177,6 +185,7 @@ READERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "settings": (lambda file: load_settings("train", file), "train.yaml"),
     "path": (lambda file: read_subject_path(file, head_model()).at(0.1), "path.npz"),
     "shading": (lambda file: load_shading(file, len(FACES)), "shading.npz"),
+    "hair": (lambda file: load_hair(file, len(FACES)), "hair.npz"),
     "texture coordinates": (read_obj_uvs, "uvs.obj"),
     "head model": (_posed, "head_model.npz"),
     "gnm": (_posed, "gnm_head.npz"),
