@@ -26,8 +26,6 @@ from carigs.splat.surfels.ply import UNRENDERED
 from carigs.splat.surfels.surfels import Surfels, checked_surfels, to_arrays
 
 FORMAT = "carigs-avatar-3"
-MAX_REACH = 10.0
-"""Metres that hair may reach."""
 
 
 @dataclass
@@ -123,7 +121,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
             **parameters_to_arrays(avatar.sequence.parameters),
             **{f"unrendered_{name}": value for name, value in avatar.unrendered.items()},
             **({} if shading is None else {f"shading_{name}": value for name, value in asdict(shading).items()}),
-            **({} if avatar.sequence.smooth is None else {"hair_reach": avatar.sequence.smooth.reach}),
+            **({} if avatar.sequence.smooth is None else {"hair_faces": avatar.sequence.smooth.faces}),
             path_levels=path.levels,
             path_displacements=path.displacements,
             path_neutral=path.neutral,
@@ -155,11 +153,10 @@ def load_avatar(file: Path) -> Avatar:
     path = GammaPath.from_arrays(arrays, head.faces, file, "path_")
     check_subject_path(path, head, file, "path_")
     sequence = HeadSequence(head, parameters_of(arrays, head, file), path)
-    if "hair_reach" in arrays:
-        reach = checked_array(arrays, "hair_reach", (len(head.faces),), np.float64, file=file)
-        if not 0 <= reach.min() <= reach.max() <= MAX_REACH:
-            raise InputError(f"expected metres in [0, {MAX_REACH:g}]", file=file, field="hair_reach")
-        sequence.smooth = SmoothMotion(sequence.rig, reach)
+    if "hair_faces" in arrays:
+        inside = np.zeros(len(head.faces), bool)
+        inside[checked_array(arrays, "hair_faces", (None,), np.int64, below=len(head.faces), file=file)] = True
+        sequence.smooth = SmoothMotion(sequence.rig, inside)
     if "shading_light" in arrays:
         sequence.shading = shading_of(arrays, len(head.faces), file, "shading_")
     background = float(checked_array(arrays, "background", (), np.float64, file=file))

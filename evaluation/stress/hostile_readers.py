@@ -103,7 +103,7 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     FoundHair(0.1 * covered.astype(np.float32), covered, covered, volume, visible).save(folder / "hair.npz")
     sequence = HeadSequence(model, {0: parameters}, path)
     sequence.shading = shading
-    sequence.smooth = SmoothMotion(sequence.rig, np.where(np.arange(len(FACES)) < 9, 0.04, 0.0))
+    sequence.smooth = SmoothMotion(sequence.rig, np.arange(len(FACES)) < 9)
     save_avatar(folder / "avatar.npz", Avatar(surfels, sequence))
     frame = Frame(0, 0, "EXP-1", "train", "a.png", "a.png", "parameters.npz", 0)
     capture = Capture(folder, folder / "head_model.npz", (frame,), (CAMERA,), 1.0)

@@ -1,43 +1,39 @@
 """Smooth motion of the triangles that carry hair: strands that reach far from the head move together, as a solid.
 
 The rotation of one triangle, extended to a point ten centimetres away, moves the point by centimetres where
-neighbouring triangles turn by a few degrees. So where hair is long, the rotations of the triangles of the scalp are
-averaged over their neighbourhood, and strands keep their length and width. Short hair moves with the skin.
+neighbouring triangles turn by a few degrees. So the rotations of the triangles of the scalp are averaged over their
+neighbourhood, and strands keep their length and width.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float, Float64
+from jaxtyping import Bool, Float64, Int
 from scipy.spatial.distance import cdist
 
-from carigs.mesh.smoothstep import smoothstep
 from carigs.splat.rig.rig import Rig
 
 RADIUS = 0.03
 """Standard deviation of the average in metres."""
 ANCHORS = 48
 """Most places whose rotation is averaged; triangles interpolate between them."""
-SHORT, LONG = 0.02, 0.05
-"""Reach of hair in metres up to which triangles keep their motion, and from which on it is the average."""
 
 
 class SmoothMotion:
     """Rotations of triangles, averaged over their neighbourhood on the canonical mesh.
 
     Attributes:
-        reach: How far hair stands off each triangle, in metres; 0 for triangles without hair (f,).
-        faces: Indices of the triangles with hair.
+        faces: Indices of the triangles.
     """
 
-    def __init__(self, rig: Rig, reach: Float[np.ndarray, " f"]) -> None:
+    def __init__(self, rig: Rig, inside: Bool[np.ndarray, " f"]) -> None:
         """Prepare the weights.
 
         Args:
             rig: The canonical mesh.
-            reach: How far hair stands off each triangle, in metres; 0 for triangles without hair.
+            inside: Triangles whose rotation is averaged.
         """
-        self.reach, self.faces = reach, np.flatnonzero(reach > 0)
+        self.faces: Int[np.ndarray, " h"] = np.flatnonzero(inside)
         corners = rig.vertices[rig.faces[self.faces]]
         centres, edges = corners.mean(axis=1), corners[:, 1:] - corners[:, :1]
         area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
@@ -46,11 +42,9 @@ class SmoothMotion:
         gather = weight * area[:, None]
         self._gather = gather / np.maximum(gather.sum(axis=0), 1e-30)  # triangles to anchors
         self._scatter = weight / weight.sum(axis=1, keepdims=True)  # anchors to triangles
-        around = np.where(weight > np.exp(-0.5), reach[self.faces, None], 0).max(axis=0, initial=0)
-        self._share = smoothstep(self._scatter @ around, SHORT, LONG)[:, None, None]
 
     def apply(self, rotation: Float64[np.ndarray, "f 3 3"], stretch: Float64[np.ndarray, "f 3 3"]) -> None:
-        """Replace rotations by averages, and stretches by the identity, where hair is long, in place.
+        """Replace the rotations of the triangles by averages, and their stretches by the identity, in place.
 
         Args:
             rotation: Rotation of every triangle of the mesh.
@@ -58,12 +52,10 @@ class SmoothMotion:
         """
         if len(self.faces) == 0:
             return
-        own = rotation[self.faces]
-        mean = self._scatter @ (self._gather.T @ own.reshape(-1, 9))
-        left, _, right = np.linalg.svd(own + self._share * (mean.reshape(-1, 3, 3) - own))
+        mean = self._scatter @ (self._gather.T @ rotation[self.faces].reshape(-1, 9))
+        left, _, right = np.linalg.svd(mean.reshape(-1, 3, 3))
         left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]  # the nearest rotation
-        rotation[self.faces] = left @ right
-        stretch[self.faces] += self._share * (np.eye(3) - stretch[self.faces])
+        rotation[self.faces], stretch[self.faces] = left @ right, np.eye(3)
 
 
 def _spread(points: Float64[np.ndarray, "n 3"], count: int) -> list[int]:

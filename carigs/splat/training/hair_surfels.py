@@ -89,6 +89,5 @@ def prepare_hair(
         return None
     rng = np.random.default_rng([seed, 1])
     points = place_in_hair(found.volume, found.visible, scalp, sequence.rig.vertices, sequence.rig.faces, count, rng)
-    hair = HairSurfels(points, scalp, found.covered & ~scalp, found.hidden & ~scalp)
-    sequence.smooth = SmoothMotion(sequence.rig, hair.position_limits(sequence.rig) * sequence.rig.scale)
-    return hair
+    sequence.smooth = SmoothMotion(sequence.rig, scalp)
+    return HairSurfels(points, scalp, found.covered & ~scalp, found.hidden & ~scalp)

@@ -21,7 +21,7 @@ def test_a_rigid_motion_stays_exact(scalp):
     rig, inside = scalp
     turn = Rotation.from_rotvec([0.4, -0.2, 0.7])
     posed = turn.apply(rig.vertices) + np.array([0.1, 0.2, -0.3])
-    plain, smooth = face_motion(rig, posed), face_motion(rig, posed, SmoothMotion(rig, 0.1 * inside).apply)
+    plain, smooth = face_motion(rig, posed), face_motion(rig, posed, SmoothMotion(rig, inside).apply)
     np.testing.assert_allclose(smooth.records, plain.records, atol=2e-6)
 
 
@@ -32,7 +32,7 @@ def test_rotations_are_averaged_and_all_else_is_kept(scalp):
     posed = rig.vertices * (1 + bumps / 0.1)
     _, rotation, stretch, _ = polar_decomposition(rig, posed)
     moved = rotation.copy(), stretch.copy()
-    SmoothMotion(rig, 0.1 * inside).apply(*moved)
+    SmoothMotion(rig, inside).apply(*moved)
 
     def degrees(rotations):
         return np.degrees(Rotation.from_matrix(rotations).magnitude())
@@ -48,7 +48,7 @@ def test_neighbours_carry_a_distant_point_to_nearly_the_same_place(scalp):
     rig, inside = scalp
     rng = np.random.default_rng(1)
     posed = rig.vertices + 0.0003 * rng.standard_normal(rig.vertices.shape)
-    smooth = SmoothMotion(rig, 0.1 * inside)
+    smooth = SmoothMotion(rig, inside)
     top = smooth.faces
     top = top[np.linalg.norm(rig.vertices[rig.faces[top]].mean(axis=1) - [0, 0.1, 0], axis=1) < 0.015]
     spreads = []
@@ -59,16 +59,9 @@ def test_neighbours_carry_a_distant_point_to_nearly_the_same_place(scalp):
     assert spreads[1] < 0.002 < 0.01 < spreads[0]
 
 
-def test_short_hair_moves_with_the_skin(scalp):
-    rig, inside = scalp
-    posed = rig.vertices * [1.1, 1.3, 0.9]
-    short = face_motion(rig, posed, SmoothMotion(rig, 0.01 * inside).apply)
-    np.testing.assert_allclose(short.records, face_motion(rig, posed).records, atol=1e-5)
-
-
 def test_an_empty_scalp_changes_nothing(scalp):
     rig, inside = scalp
-    smooth = SmoothMotion(rig, 0.0 * inside)
+    smooth = SmoothMotion(rig, np.zeros_like(inside))
     np.testing.assert_array_equal(
         face_motion(rig, rig.vertices, smooth.apply).records, face_motion(rig, rig.vertices).records
     )
