@@ -121,7 +121,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
             **parameters_to_arrays(avatar.sequence.parameters),
             **{f"unrendered_{name}": value for name, value in avatar.unrendered.items()},
             **({} if shading is None else {f"shading_{name}": value for name, value in asdict(shading).items()}),
-            **({} if avatar.sequence.smooth is None else {"hair_faces": avatar.sequence.smooth.faces}),
+            **({} if avatar.sequence.smooth is None else {"hair_faces": avatar.sequence.smooth.inside}),
             path_levels=path.levels,
             path_displacements=path.displacements,
             path_neutral=path.neutral,
@@ -154,8 +154,7 @@ def load_avatar(file: Path) -> Avatar:
     check_subject_path(path, head, file, "path_")
     sequence = HeadSequence(head, parameters_of(arrays, head, file), path)
     if "hair_faces" in arrays:
-        inside = np.zeros(len(head.faces), bool)
-        inside[checked_array(arrays, "hair_faces", (None,), np.int64, below=len(head.faces), file=file)] = True
+        inside = checked_array(arrays, "hair_faces", (len(head.faces),), bool, file=file)
         sequence.smooth = SmoothMotion(sequence.rig, inside)
     if "shading_light" in arrays:
         sequence.shading = shading_of(arrays, len(head.faces), file, "shading_")

@@ -8,7 +8,7 @@ neighbourhood, and strands keep their length and width.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int
+from jaxtyping import Bool, Float64
 from scipy.spatial.distance import cdist
 
 from carigs.splat.rig.rig import Rig
@@ -23,7 +23,8 @@ class SmoothMotion:
     """Rotations of triangles, averaged over their neighbourhood on the canonical mesh.
 
     Attributes:
-        faces: Indices of the triangles.
+        inside: The triangles whose rotation is averaged (f,).
+        faces: Their indices.
     """
 
     def __init__(self, rig: Rig, inside: Bool[np.ndarray, " f"]) -> None:
@@ -33,7 +34,7 @@ class SmoothMotion:
             rig: The canonical mesh.
             inside: Triangles whose rotation is averaged.
         """
-        self.faces: Int[np.ndarray, " h"] = np.flatnonzero(inside)
+        self.inside, self.faces = inside, np.flatnonzero(inside)
         corners = rig.vertices[rig.faces[self.faces]]
         centres, edges = corners.mean(axis=1), corners[:, 1:] - corners[:, :1]
         area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
