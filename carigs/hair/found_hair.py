@@ -59,7 +59,8 @@ class FoundHair:
         Returns:
             False for a bald head.
         """
-        return bool(len(self.volume.centres) and (self.covered & scalp).sum() > HAIRY_SHARE * scalp.sum())
+        is_seen = (self.volume.opacity * self.visible).any()
+        return bool(is_seen and (self.covered & scalp).sum() > HAIRY_SHARE * scalp.sum())
 
     def description(self, scalp: Bool[np.ndarray, " f"]) -> str:
         """What was found, in one line.

@@ -44,7 +44,7 @@ def visible_shares(
         Shares in [0, 1].
     """
     seen = np.zeros(len(volume.centres))
-    for view in views:
+    for view in views if len(seen) else ():
         camera, transform = view.visibility.camera, scalp_motion(canonical, view.visibility, carrier)
         x, y, z = (volume.centres.astype(np.float64) @ transform[:, :3].T + transform[:, 3]).T
         step = max(volume.size / pixel_size(view.visibility), 1.0)  # pixels of a voxel

@@ -17,6 +17,8 @@ from carigs.raster.open_mouth import between_lips
 
 TIMESTEPS, CAMERAS = 9, 16
 """Most timesteps, and most cameras at each, evenly spread."""
+MIN_DEPTH = 0.05
+"""Metres from the camera to the middle of the head; nearer cameras are inside of it, or look away from it."""
 PIXEL = 0.001
 """Size of a pixel on the head in metres: frames with smaller pixels are scaled down. Tufts of strands are about this
 wide, and the textures of captures of different resolution can be compared."""
@@ -97,6 +99,8 @@ def _read(capture: Capture, frames: list[Frame]) -> list[View]:
         except InputError:
             continue  # the stage `gtstar` names it
         if image.shape[:2] != (camera.height, camera.width) or foreground.shape != image.shape[:2]:
+            continue
+        if not np.median(camera.to_camera(vertices)[:, 2]) > MIN_DEPTH:
             continue
         image, foreground, camera = _at_resolution(image, foreground, camera, vertices)
         seen = compute_visibility(vertices, capture.model.faces, camera)

@@ -71,6 +71,8 @@ def carve_hair(
         Its voxels; none if nothing stands off the mesh.
     """
     carrier = np.unique(faces[scalp])
+    if len(carrier) == 0:  # a head model without the region
+        return HairVolume(np.zeros((0, 3), np.float32), np.zeros(0, np.float32), COARSE / DIVISIONS)
     cover = np.where(covering.covered, 1, np.minimum(covering.texture / max(limit, 1e-9), 1)).astype(np.float32)
     prepared = []
     for view in views:

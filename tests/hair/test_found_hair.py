@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from miniature import write_ball
+from miniature import ball_cameras, write_ball
 
 from carigs.capture import read_dataset
 from carigs.capture.images import write_png
@@ -78,9 +78,22 @@ def test_frames_that_cannot_be_read_are_left_out(tmp_path):
         find_hair(Hair(), capture)
 
 
-def test_large_frames_are_scaled_to_the_pixels_of_strands(tmp_path):
-    from miniature import ball_cameras
+def test_a_head_without_the_region_of_the_scalp_has_no_hair(subject):
+    capture, _ = subject
+    found = find_hair(Hair(regions=("none",)), capture)
+    assert len(found.volume.centres) == 0 and not found.has_hair(np.zeros(len(capture.model.faces), bool))
 
+
+def test_cameras_that_look_away_are_left_out(tmp_path):
+    cameras = ball_cameras()
+    behind = np.diag([-1.0, 1, -1, 1])  # half a turn around the vertical axis
+    cameras[0] = replace(cameras[0], camera_from_world=behind @ cameras[0].camera_from_world)
+    folder = write_ball(tmp_path / "ball", cameras=cameras)
+    capture = read_dataset(folder, folder / "head_model.npz")
+    assert len(read_views(capture)) == len([frame for frame in capture.split("train") if frame.camera != 0])
+
+
+def test_large_frames_are_scaled_to_the_pixels_of_strands(tmp_path):
     large = {number: camera.scaled(12) for number, camera in ball_cameras().items()}
     folder = write_ball(tmp_path / "ball", timesteps=2, cameras=large)
     views = read_views(read_dataset(folder, folder / "head_model.npz"))
