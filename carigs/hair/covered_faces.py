@@ -46,9 +46,9 @@ strands."""
 HIDDEN_COLOUR = 0.1
 """Difference from the colour of clean skin of a triangle that most views do not see."""
 SPECK = 8e-4
-"""Square metres."""
+"""Square metres: a smaller connected part does not count as covered."""
 RING = 0.01
-"""Metres around a doubtful region."""
+"""Metres around a doubtful region in which the skin decides whether it is covered."""
 
 
 class Covering(NamedTuple):

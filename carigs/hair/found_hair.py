@@ -26,9 +26,9 @@ from carigs.settings import Hair
 CLEAN_TEXTURE = 0.015
 """Texture of a triangle, see `Covering`, up to which its colours are those of the skin."""
 HAIRY_SHARE = 0.1
-"""Of the scalp that something covers, above which a head is not bald."""
+"""A head is bald if something covers at most this share of its scalp."""
 VIEW_STRIDE = 4
-"""Of the views in which the visible part of the hair is found; so that all cameras are among them."""
+"""Every fourth view is used to find the voxels that are visible; neighbouring views see nearly the same ones."""
 
 
 @dataclass(frozen=True)
