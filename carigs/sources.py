@@ -29,7 +29,7 @@ def fingerprint(module: str) -> str:
     Raises:
         ModuleNotFoundError: The project has no such module.
     """
-    return sha256("\n".join(map(_content, sources(module))).encode()).hexdigest()[:16]
+    return sha256("\n".join(map(_digest, sources(module))).encode()).hexdigest()[:16]
 
 
 def sources(module: str) -> list[Path]:
@@ -47,16 +47,16 @@ def sources(module: str) -> list[Path]:
     Raises:
         ModuleNotFoundError: The project has no such module.
     """
-    if _file(module) is None:
+    file = _file(module)
+    if file is None:
         raise ModuleNotFoundError(f"carigs and evaluation have no module {module}")
     files: set[Path] = set()
-    pending = [module]
+    pending = [file]
     while pending:
-        name = pending.pop()
-        file = None if name.startswith(WITHOUT_EFFECT) else _file(name)
-        if file and file not in files:
-            files |= {file, *(data for data in file.parent.glob(f"{file.stem}.*") if data.suffix in DATA)}
-            pending += _imports(file)
+        file = pending.pop()
+        if file not in files:
+            files |= {file, *_data(file)}
+            pending += _imported(file)
     return sorted(files)
 
 
@@ -67,22 +67,26 @@ def _file(module: str) -> Path | None:
     return next((file for file in files if module.split(".")[0] in PACKAGES and file.is_file()), None)
 
 
+# A workflow asks for the fingerprints of thirty modules, which share most of their sources.
 @cache
-def _content(file: Path) -> str:
-    return ast.dump(_parsed(file)) if file.suffix == ".py" else file.read_text("utf-8")
-
-
-@cache
-def _parsed(file: Path) -> ast.Module:
-    return ast.parse(file.read_bytes())
+def _digest(file: Path) -> str:
+    content = ast.dump(ast.parse(file.read_bytes())) if file.suffix == ".py" else file.read_text("utf-8")
+    return sha256(content.encode()).hexdigest()
 
 
 @cache
-def _imports(file: Path) -> tuple[str, ...]:
+def _data(file: Path) -> tuple[Path, ...]:
+    return tuple(data for data in file.parent.glob(f"{file.stem}.*") if data.suffix in DATA)
+
+
+@cache
+def _imported(file: Path) -> tuple[Path, ...]:
+    """Modules of this project that a module imports."""
     names: list[str] = []
-    for node in ast.walk(_parsed(file)):
+    for node in ast.walk(ast.parse(file.read_bytes())):
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):  # relative imports are not used
             names += [node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)]
-    return tuple(names)
+    files = [_file(name) for name in names if name.startswith(PACKAGES) and not name.startswith(WITHOUT_EFFECT)]
+    return tuple(file for file in files if file)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
-from carigs.simd.kernels import kernel
+from carigs.simd.kernels import INLINE, kernel
 
 ROW, COLUMN = np.divmod(np.arange(16, dtype=np.float32), 4) + np.float32(0.5)
 """Centres of the pixels of a tile."""
@@ -12,35 +13,59 @@ INFINITY = np.float32(np.inf)
 
 
 @kernel
-def shadowed_cosine(result, points, faces, lifted, cosine, side, tolerance):
-    """Write the cosine of each vertex times its visibility from the light.
+def shadowed_cosines(transfer, points, normals, faces, axes, side, scale, bias, tolerance):
+    """Write each vertex's cosine times its visibility from each light, and the share of the cosines that is hidden.
 
     Visibility is filtered over the four nearest shadow-map pixels with bilinear weights (percentage-closer filtering,
     Reeves et al. 1987).
 
     Args:
-        result: Output (v,).
-        points: Vertices (v, 3) in the axes of the map: x and y in map pixels in [0, side], and the distance in metres
-            from a plane in front of the light.
+        transfer: Output (d + 1, v): a row for each light, and the share in the last one.
+        points: Vertices (v, 3), in metres from the middle of the maps.
+        normals: Unit normals (v, 3).
         faces: Vertex indices (f, 3).
-        lifted: The points (v, 3) that are looked up, slightly off the surface, in the same axes.
-        cosine: Cosine between normal and light (v,).
-        side: Width and height of the map in pixels.
+        axes: Rotation to the axes of each light's map (d, 3, 3); the third axis points away from the light.
+        side: Width and height of a map in pixels.
+        scale: Pixels per metre.
+        bias: Metres that vertices are lifted along their normals before they are looked up.
         tolerance: Points that lie more than this behind the map, in metres, are in shadow.
     """
-    nearest = _shadow_map(points, faces, side)
-    for i in range(points.shape[0]):
-        result[i] = 0.0
-        if cosine[i] <= 0.0:
-            continue
-        x, y = min(max(lifted[i, 0] - 0.5, 0.0), side - 1.001), min(max(lifted[i, 1] - 0.5, 0.0), side - 1.001)
-        x0, y0 = int(x), int(y)
-        lit = 0.0
-        for j in range(2):
-            for k in range(2):
-                if lifted[i, 2] - tolerance < nearest[(y0 + j) >> 2, (x0 + k) >> 2, (y0 + j) % 4 * 4 + (x0 + k) % 4]:
-                    lit += (x - x0 if k else 1.0 - x + x0) * (y - y0 if j else 1.0 - y + y0)
-        result[i] = cosine[i] * lit
+    count, half = points.shape[0], np.float32(0.5) * np.float32(side)
+    mapped, total = np.empty((count, 3), np.float32), np.zeros(count, np.float32)
+    cosine, hidden = np.empty(count, np.float32), transfer[axes.shape[0]]
+    hidden[:] = 0.0
+    for d in range(axes.shape[0]):
+        right, down, away = axes[d, 0], axes[d, 1], axes[d, 2]
+        for i in range(count):
+            mapped[i, 0] = _dot(right, points[i]) * scale + half
+            mapped[i, 1] = _dot(down, points[i]) * scale + half
+            mapped[i, 2] = _dot(away, points[i])
+            cosine[i] = max(-_dot(away, normals[i]), np.float32(0.0))
+        nearest = _shadow_map(mapped, faces, side)
+        for i in range(count):
+            transfer[d, i] = 0.0
+            if cosine[i] <= 0.0:
+                continue
+            x = mapped[i, 0] + scale * bias * _dot(right, normals[i]) - np.float32(0.5)
+            y = mapped[i, 1] + scale * bias * _dot(down, normals[i]) - np.float32(0.5)
+            depth = mapped[i, 2] - bias * cosine[i] - tolerance
+            x, y = min(max(x, np.float32(0.0)), side - 1.001), min(max(y, np.float32(0.0)), side - 1.001)
+            x0, y0 = int(x), int(y)
+            lit = 0.0
+            for j in range(2):
+                for k in range(2):
+                    if depth < nearest[(y0 + j) >> 2, (x0 + k) >> 2, (y0 + j) % 4 * 4 + (x0 + k) % 4]:
+                        lit += (x - x0 if k else 1.0 - x + x0) * (y - y0 if j else 1.0 - y + y0)
+            transfer[d, i] = cosine[i] * lit
+            hidden[i] += cosine[i] * (1.0 - lit)
+            total[i] += cosine[i]
+    for i in range(count):
+        hidden[i] /= max(total[i], np.float32(1e-9))
+
+
+@njit(**INLINE)
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel

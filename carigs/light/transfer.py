@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from carigs.errors import MeshError
-from carigs.light.shadow_map import shadowed_cosine
+from carigs.light.shadow_map import shadowed_cosines
 from carigs.mesh.triangle_mesh import vertex_normals
 
 SHADOW_MAP_SIDE = 160  # pixels
@@ -42,17 +42,21 @@ def light_transfer(
     radius = 1.02 * float(np.linalg.norm(vertices - middle, axis=1).max())
     if not 1e-9 < radius < 1e9:  # the pixels of the shadow map would not be finite, either
         raise MeshError(f"a surface of {radius:g} m cannot be lit: all vertices lie in one place, or are far apart")
-    cosines = np.maximum(directions @ normals.T, 0).astype(np.float32)
-    transfer = np.zeros((len(directions) + 1, len(vertices)), np.float32)
-    points = np.concatenate([vertices - middle, vertices - middle + SHADOW_BIAS * normals]).astype(np.float32)
-    scale = 0.5 * SHADOW_MAP_SIDE / radius
-    centre = np.float32([0.5 * SHADOW_MAP_SIDE, 0.5 * SHADOW_MAP_SIDE, 0])
-    for d, direction in enumerate(directions):
-        map_from_world = _map_from_world(tuple(direction)) * np.array([[scale], [scale], [1]])
-        surface, lifted = np.split(points @ map_from_world.T.astype(np.float32) + centre, 2)
-        shadowed_cosine(transfer[d], surface, faces, lifted, cosines[d], SHADOW_MAP_SIDE, SHADOW_TOLERANCE)
-    transfer[-1] = 1 - transfer[:-1].sum(axis=0) / np.maximum(cosines.sum(axis=0), 1e-9)
-    transfer[:-1] *= 4 / len(directions)
+    transfer = np.empty((len(directions) + 1, len(vertices)), np.float32)
+    axes = np.array([_map_from_world(tuple(direction)) for direction in directions], np.float32).reshape(-1, 3, 3)
+    scale = np.float32(0.5 * SHADOW_MAP_SIDE / radius)
+    shadowed_cosines(
+        transfer,
+        (vertices - middle).astype(np.float32),
+        normals.astype(np.float32),
+        faces,
+        axes,
+        SHADOW_MAP_SIDE,
+        scale,
+        np.float32(SHADOW_BIAS),
+        np.float32(SHADOW_TOLERANCE),
+    )
+    transfer[:-1] *= 4 / max(len(directions), 1)
     return transfer.T
 
 

@@ -48,7 +48,8 @@ class Correspondence(NamedTuple):
         rows = np.array_split(self.pixels - np.float32(0.5), -(-len(self.pixels) // 32_000))
         colours = other.astype(np.float32)
         sampled = [cv2.remap(colours, part[:, None], None, cv2.INTER_LINEAR)[:, 0] for part in rows]
-        return np.abs(image[self.seen] - np.concatenate(sampled)).mean(axis=1) / np.float32(255)
+        red, green, blue = np.abs(image[self.seen] - np.concatenate(sampled)).T
+        return (red + green + blue) / np.float32(3 * 255)
 
 
 def correspondence(view: Visibility, other: Visibility) -> Correspondence:
@@ -64,23 +65,22 @@ def correspondence(view: Visibility, other: Visibility) -> Correspondence:
     rows, columns = np.nonzero(well_seen(view))
     fx, fy, cx, cy = view.camera.intrinsics
     depth = 1 / view.inverse_depth[rows, columns].astype(np.float64)
-    points = np.stack([(columns + 0.5 - cx) / fx * depth, (rows + 0.5 - cy) / fy * depth, depth], axis=1)
+    points = np.stack([(columns + 0.5 - cx) / fx * depth, (rows + 0.5 - cy) / fy * depth, depth])
     other_from_view = other.camera.camera_from_world @ view.camera.world_from_camera
-    x, y, z = np.einsum("ij,nj->in", other_from_view[:3, :3], points) + other_from_view[:3, 3:]
+    x, y, z = other_from_view[:3, :3] @ points + other_from_view[:3, 3:]
     fx, fy, cx, cy = other.camera.intrinsics
     with np.errstate(divide="ignore", invalid="ignore"):
-        pixels = np.stack([fx * x / z + cx, fy * y / z + cy], axis=1)
-    inside = (z > 0) & (pixels >= 0.5).all(axis=1)
-    inside &= (pixels < np.array([other.camera.width, other.camera.height]) - 0.5).all(axis=1)
-    column, row = np.where(inside[:, None], pixels, 0).astype(int).T
+        u, v = fx * x / z + cx, fy * y / z + cy
+    inside = (z > 0) & (u >= 0.5) & (v >= 0.5) & (u < other.camera.width - 0.5) & (v < other.camera.height - 0.5)
+    rows, columns, u, v, z = (values[inside] for values in (rows, columns, u, v, z))
+    column, row = u.astype(int), v.astype(int)
     # The plane of the face there, at the point's own position: exact also between pixel centres.
-    planes = other.depth_planes[other.face[row, column]]
-    inverse_depth = np.einsum("nk,nk->n", planes[:, :2], pixels) + planes[:, 2]
-    inside &= well_seen(other)[row, column]
-    inside &= np.abs(inverse_depth * z - 1) < DEPTH_TOLERANCE * inverse_depth
+    slope_u, slope_v, constant = other.depth_planes[other.face[row, column]].T
+    inverse_depth = slope_u * u + slope_v * v + constant
+    same = well_seen(other)[row, column] & (np.abs(inverse_depth * z - 1) < DEPTH_TOLERANCE * inverse_depth)
     seen = np.zeros(view.face.shape, bool)
-    seen[rows[inside], columns[inside]] = True
-    return Correspondence(seen, pixels[inside].astype(np.float32))
+    seen[rows[same], columns[same]] = True
+    return Correspondence(seen, np.stack([u[same], v[same]], axis=1).astype(np.float32))
 
 
 def well_seen(visibility: Visibility) -> Bool[np.ndarray, "h w"]:

@@ -12,7 +12,7 @@ from jaxtyping import Float, Float32
 
 from carigs.capture import Capture
 from carigs.errors import InputError
-from carigs.exaggeration import GammaPath
+from carigs.exaggeration import Caricature, GammaPath
 from carigs.head import HeadModel, HeadParameters, pose, subject_model
 from carigs.light.shading import Shading
 from carigs.light.transfer import Transfer
@@ -48,6 +48,7 @@ class HeadSequence:
         self._motions: OrderedDict[tuple[int, float], FaceMotion] = OrderedDict()
         self._shades: dict[tuple[int, float], Float32[np.ndarray, "f 3"]] = {}
         self._tracked = dict(self.parameters)
+        self._last_caricature: tuple[GammaPath | None, float, Caricature | None] = (None, 0.0, None)
 
     def set_parameters(self, timestep: int, parameters: HeadParameters) -> None:
         """Replace the parameters of a timestep and drop its cached motions.
@@ -73,7 +74,15 @@ class HeadSequence:
         return self._pose(self.parameters[timestep], level)
 
     def _pose(self, parameters: HeadParameters, level: float) -> Float[np.ndarray, "v 3"]:
-        return pose(self.head, parameters, self.path.at(level) if level else None)
+        return pose(self.head, parameters, self._caricature(level) if level else None)
+
+    def _caricature(self, level: float) -> Caricature:
+        """The path at a level; the last one is kept, because to interpolate blendshapes takes longer than to pose."""
+        path, last_level, caricature = self._last_caricature
+        if path is not self.path or last_level != level:
+            caricature = self.path.at(level)
+            self._last_caricature = (self.path, level, caricature)
+        return caricature
 
     def shade(self, timestep: int, level: float) -> Float32[np.ndarray, "f 3"] | None:
         """Factor on the colours of every triangle: shading of the posed surface relative to the canonical one.
