@@ -25,6 +25,9 @@ class Toy(Section, key="capture.toy"):
     """Samples per pixel along each axis."""
     texture_size: int = option(768, unit="texels", ge=128, le=8192)
     """Square root of the number of texels of the skin."""
+    hair: str = option("short", choices=("short", "long"))
+    """Hair of the scalp: `short` (the style of the seed), or `long`: a fringe over the forehead, hair over ears and
+    nape."""
     hair_strands: int = option(6000, ge=1, le=1_000_000)
     """Number of hair strands on the scalp."""
 

@@ -15,7 +15,6 @@ from carigs.head import HeadParameters, pose
 from carigs.mesh import vertex_normals
 from carigs.raster import rasterize_mesh
 from carigs.toy.look.ambient_visibility import distant_camera
-from carigs.toy.look.hair import triangle_frames
 from carigs.toy.look.hair_rendering import ribbon_faces, strand_ribbons
 from carigs.toy.look.lighting import StudioLight
 from carigs.toy.look.shading import LINEAR_FROM_SRGB, SRGB_FROM_LINEAR, ambient_by_channel, shade, shadow_bounds
@@ -95,8 +94,7 @@ def pose_subject(
     hair_faces = ribbon_faces(*strands.local.shape[:2], len(head) + len(teeth))
     faces = np.concatenate([head_faces, subject.teeth_faces + np.int32(len(head)), hair_faces])
     roots = np.einsum("si,sij->sj", strands.barycentric, head[head_faces[strands.face]])
-    axes = triangle_frames(head, head_faces)[strands.face]
-    hair = (strands, to_linear(strands.colour), roots, axes, METRES_PER_MILLIMETRE)
+    hair = (strands, to_linear(strands.colour), roots, subject.strand_frames(head), METRES_PER_MILLIMETRE)
     # A camera at the key light that sees the whole head with its hair.
     middle = 0.5 * (head.min(axis=0) + head.max(axis=0))
     radius = np.linalg.norm(head - middle, axis=1).max() + 0.03

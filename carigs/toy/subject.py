@@ -19,8 +19,9 @@ from carigs.readers.npz import read_npz
 from carigs.settings import Toy
 from carigs.toy.look.ambient_visibility import ambient_visibility
 from carigs.toy.look.atlas import Atlas, allocate_texels, texel_count, texel_points
-from carigs.toy.look.hair import Strands, grow_hair
+from carigs.toy.look.hair import grow_hair
 from carigs.toy.look.procedural_texture import eyeball_texture, skin_texture
+from carigs.toy.look.strands import Strands, smooth_frames, triangle_frames
 from carigs.toy.look.teeth import attach_teeth, build_teeth
 from carigs.toy.rig.attributes import Attributes, sample_attributes
 from carigs.toy.rig.head_model import METRES_PER_MILLIMETRE, head_model
@@ -28,6 +29,8 @@ from carigs.toy.rig.regions import height_above_hairline
 from carigs.toy.shape.anatomy import EYE_CENTRE, EYE_Z
 from carigs.toy.shape.template import Template, build_template
 
+LONG_HAIR_RADIUS = 0.03
+"""Metres over which the rotations of the triangles that carry long strands are averaged."""
 _CHUNK = 1 << 15  # texels
 _KEYS = {"ambient_visibility": "exposure"}  # keys in the file that differ from the field's name
 _GROUPS = {"atlas": Atlas, "strands": Strands}  # fields whose arrays have a key each
@@ -44,6 +47,8 @@ class Subject:
     """Samples per pixel and axis."""
     atlas: Atlas
     strands: Strands
+    long_hair: bool
+    """Whether the rotations of the triangles that carry strands are averaged."""
     ambient_visibility: Float32[np.ndarray, " v"]
     """Ambient visibility of each vertex on the neutral face, in [0, 1]."""
     teeth: Float32[np.ndarray, "t 3"]
@@ -58,6 +63,20 @@ class Subject:
     def model_with_teeth(self) -> HeadModel:
         """The head model with the teeth appended to its vertices."""
         return attach_teeth(self.model, self.teeth, self.upper_teeth)
+
+    def strand_frames(self, vertices: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "s 3 3"]:
+        """Frames of the strands on a posed head.
+
+        Args:
+            vertices: World points in metres.
+
+        Returns:
+            Axes as rows.
+        """
+        faces, roots = self.model.faces, self.strands.face
+        if self.long_hair:
+            return smooth_frames(self.model.v_template, vertices, faces, roots, LONG_HAIR_RADIUS)
+        return triangle_frames(vertices, faces)[roots]
 
     def save(self, file: Path) -> None:
         """Write everything except the head model, which has its own file.
@@ -92,7 +111,8 @@ def make_subject(settings: Toy) -> Subject:
         shape=attributes.shape,
         supersampling=settings.supersampling,
         atlas=_texture(template, attributes, settings.texture_size**2),
-        strands=grow_hair(template, attributes, settings.hair_strands),
+        strands=grow_hair(template, attributes, settings.hair_strands, long=settings.hair == "long"),
+        long_hair=settings.hair == "long",
         ambient_visibility=_ambient_visibility(model, attributes),
         teeth=(teeth * METRES_PER_MILLIMETRE).astype(np.float32),
         teeth_faces=teeth_faces.astype(np.int32),
@@ -147,6 +167,7 @@ def load_subject(folder: Path) -> Subject:
         supersampling=supersampling,
         atlas=atlas,
         strands=strands,
+        long_hair=bool(take("long_hair", dtype=bool)),
         ambient_visibility=take("exposure", v),
         teeth=teeth,
         teeth_faces=take("teeth_faces", None, 3, dtype=np.int32, below=t),

@@ -14,9 +14,9 @@ from carigs.exaggeration import Caricature
 from carigs.head import HeadParameters, flame_joints, neutral
 from carigs.settings import Toy
 from carigs.toy import Subject, load_subject, make_subject, render_subject
-from carigs.toy.look.hair import triangle_frames
 from carigs.toy.look.hair_rendering import ribbon_faces, strand_ribbons
 from carigs.toy.look.lighting import StudioLight
+from carigs.toy.look.strands import triangle_frames
 from carigs.toy.scene import frontal_camera, studio_cameras
 
 SETTINGS = Toy(width=96, height=128, cameras=3, supersampling=2, texture_size=200, hair_strands=800)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Float32, Int32
 
-from carigs.toy.look.hair import Strands
 from carigs.toy.look.lighting import KEY_COLOUR, StudioLight
+from carigs.toy.look.strands import Strands
 
 
 def ribbon_faces(strands: int, knots: int, first: int) -> Int32[np.ndarray, "f 3"]:
