@@ -2,9 +2,19 @@
 
 - `find_hair`, `load_hair`, `FoundHair`: the hair of a capture
 - `place_in_hair`: points inside it, for surfels
+- `space_above_skin`: where no hair can be
 """
 
+from carigs.hair.bare_skin import SpaceAboveSkin, space_above_skin
 from carigs.hair.found_hair import FoundHair, find_hair, load_hair
 from carigs.hair.placement import HairPoints, place_in_hair
 
-__all__ = ["FoundHair", "HairPoints", "find_hair", "load_hair", "place_in_hair"]
+__all__ = [
+    "FoundHair",
+    "HairPoints",
+    "SpaceAboveSkin",
+    "find_hair",
+    "load_hair",
+    "place_in_hair",
+    "space_above_skin",
+]

@@ -16,7 +16,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from carigs.hair import surface_cells
 from carigs.hair.views import View, pixel_size
@@ -47,8 +46,6 @@ HIDDEN_COLOUR = 0.1
 """Difference from the colour of clean skin of a triangle that most views do not see."""
 SPECK = 8e-4
 """Square metres: a smaller connected part does not count as covered."""
-RING = 0.01
-"""Metres around a doubtful region in which the skin decides whether it is covered."""
 
 
 class Covering(NamedTuple):
@@ -69,7 +66,7 @@ def covered_faces(
     vertices: Float[np.ndarray, "v 3"],
     scalp: Bool[np.ndarray, " f"],
     left_out: Bool[np.ndarray, " f"],
-    doubtful: Sequence[Bool[np.ndarray, " f"]],
+    features: Bool[np.ndarray, " f"],
     limit: float = 0.03,
 ) -> Covering:
     """Find the triangles that something covers.
@@ -81,7 +78,8 @@ def covered_faces(
         scalp: Triangles that usually carry hair: the noise of skin is not measured there.
         left_out: Triangles that are not looked at and count as bare: eyeballs, which shine, and the inside of the
             mouth.
-        doubtful: Regions with a texture of their own, such as brows: covered only if most of the skin around them is.
+        features: Triangles with a texture of their own, such as brows and lids: never covered, because strands in
+            front of them cannot be told from it, and eyes without any target move wrongly.
         limit: Texture of a covered triangle.
 
     Returns:
@@ -107,7 +105,7 @@ def covered_faces(
         high = np.abs(difference - low / np.maximum(weight, 1e-6))
         surface_cells.add_values(differences, view.visibility.face, used, high, LARGEST)
     spread = LARGEST * surface_cells.quantiles(_pooled(differences, faces, len(vertices)), QUANTILE)
-    skin = np.isfinite(spread) & ~np.logical_or.reduce([scalp, left_out, *doubtful])
+    skin = np.isfinite(spread) & ~(scalp | left_out | features)
     noise = np.quantile(spread[skin], CLEAN_QUANTILE) if skin.any() else 0.0
     texture = np.sqrt(np.maximum(np.nan_to_num(spread) ** 2 - noise**2, 0))
     texture[left_out] = 0
@@ -116,11 +114,7 @@ def covered_faces(
     if clean.any():
         off = np.nan_to_num(np.abs(colour - np.median(colour[clean], axis=0)).mean(axis=1))
         covered |= (texture > SOLID_SHARE * limit) & (off > COLOUR_LIMIT)
-    covered &= ~left_out
-    centres = vertices[faces].mean(axis=1)
-    for region in doubtful:
-        ring = _ring(centres, region) & skin
-        covered[region] &= bool(ring.any() and covered[ring].mean() > 0.5)
+    covered &= ~(left_out | features)
     covered = _without_specks(covered, vertices, faces)
     return Covering(texture, colour, covered, covered & (off > HIDDEN_COLOUR))
 
@@ -137,13 +131,6 @@ def _without_specks(
     result = covered.copy()
     result[found[area[part] < SPECK]] = False
     return result
-
-
-def _ring(centres: Float[np.ndarray, "f 3"], region: Bool[np.ndarray, " f"]) -> Bool[np.ndarray, " f"]:
-    """Triangles around a region."""
-    if not region.any():
-        return np.zeros(len(centres), bool)
-    return ~region & (cKDTree(centres[region]).query(centres, distance_upper_bound=RING)[0] < RING)
 
 
 def _divide(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> tuple[np.ndarray, np.ndarray, int]:

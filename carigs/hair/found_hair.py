@@ -108,9 +108,10 @@ def find_hair(settings: Hair, capture: Capture, map_timesteps: Callable[..., Ite
     canonical = neutral(model, capture.parameters(frames[0].timestep))
     scalp, eyeballs = model.face_region(*settings.regions), model.face_region(*settings.eyeball_regions)
     mouth, brows = model.face_region(*settings.mouth_regions), brow_faces(model, canonical)
-    edges = [lid_faces(model, canonical), model.face_region("lips")]
-    doubtful = edges if brows is None else [*edges, brows]
-    covering = covered_faces(views, model.faces, canonical, scalp, eyeballs | mouth, doubtful, settings.texture_limit)
+    features = lid_faces(model, canonical) | model.face_region("lips")
+    if brows is not None:
+        features |= brows
+    covering = covered_faces(views, model.faces, canonical, scalp, eyeballs | mouth, features, settings.texture_limit)
     volume = carve_hair(views, covering, scalp, canonical, model.faces, settings.texture_limit)
     visible = visible_shares(volume, views[::VIEW_STRIDE], canonical, np.unique(model.faces[scalp]))
     return FoundHair(

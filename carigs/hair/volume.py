@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
 from carigs.hair import carving
+from carigs.hair.bare_skin import NEAR_SKIN
 from carigs.hair.covered_faces import Covering
 from carigs.hair.views import View, pixel_size, scalp_motion
 
@@ -32,8 +33,6 @@ MIN_SHARE = 0.2
 """Least share of the views that look at a point without the head in between."""
 MIN_OPACITY = 0.1
 """Opacity of a voxel with hair."""
-NEAR_SKIN = 0.01
-"""Metres above bare skin up to which there is no hair: the blur of outlines, and errors of tracking, look like it."""
 HALF_DIAGONAL = 0.87
 """Of a cube with edges of length 1."""
 

@@ -139,6 +139,7 @@ def _subject(random: np.random.Generator) -> dict[str, np.ndarray]:
         "strands.colour": np.ones((4, 3), np.float32), "strands.shade": np.ones((4, 8), np.float32),
         "teeth": random.random((6, 3)).astype(np.float32), "teeth_faces": np.arange(6, dtype=np.int32).reshape(2, 3),
         "teeth_colours": np.ones((6, 3), np.float32), "upper_teeth": np.array(3),
+        "long_hair": np.array(False),
     }  # fmt: skip
 
 

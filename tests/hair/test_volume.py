@@ -25,7 +25,7 @@ def cap():
 def volume(seen, cap):
     vertices, faces = ball()
     none = np.zeros(len(faces), bool)
-    covering = covered_faces(seen, faces, vertices, cap, none, ())
+    covering = covered_faces(seen, faces, vertices, cap, none, none)
     return carve_hair(seen, covering, cap, vertices, faces)
 
 
@@ -70,7 +70,7 @@ def test_hair_follows_the_scalp_when_the_head_moves(seen, cap, volume):
         camera = replace(camera, camera_from_world=camera.camera_from_world @ np.linalg.inv(motion))
         posed = vertices @ motion[:3, :3].T + motion[:3, 3]
         moved.append(view._replace(visibility=compute_visibility(posed, faces, camera)))
-    covering = covered_faces(moved, faces, vertices, cap, none, ())
+    covering = covered_faces(moved, faces, vertices, cap, none, none)
     again = carve_hair(moved, covering, cap, vertices, faces)
     assert len(again.centres) == pytest.approx(len(volume.centres), rel=0.02)
     assert again.opacity.sum() == pytest.approx(volume.opacity.sum(), rel=0.02)

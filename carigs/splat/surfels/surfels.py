@@ -146,7 +146,7 @@ def flat_discs(
     binding: Int[np.ndarray, " n"],
     position: Float[np.ndarray, "n 3"],
     scale: Float[np.ndarray, " n"],
-    opacity: float,
+    opacity: float | Float[np.ndarray, " n"],
     rgb: Float[np.ndarray, "n 3"],
     sh_degree: int = 0,
 ) -> Surfels:
@@ -156,7 +156,7 @@ def flat_discs(
         binding: Triangle of each surfel.
         position: Centres in the triangles' frames, in units of k.
         scale: Standard deviations in units of k.
-        opacity: Opacity of all surfels, after the sigmoid.
+        opacity: Opacities after the sigmoid: one each, or one for all.
         rgb: Colours.
         sh_degree: Degree of the spherical harmonics; degrees 1 and higher start at zero.
 
@@ -169,7 +169,7 @@ def flat_discs(
         position=position,
         rotation=np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
         log_scale=np.log(np.repeat(np.asarray(scale)[:, None], 2, axis=1)),
-        opacity=np.full(n, np.log(opacity / (1 - opacity))),
+        opacity=np.broadcast_to(np.log(opacity / (1 - opacity)), n),
         colour=(rgb - 0.5) / SH_BASE,
         harmonics=np.zeros((n, num_coefficients(sh_degree), 3)),
         blend=initial_blend(n),

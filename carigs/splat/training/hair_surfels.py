@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from carigs.hair import FoundHair, HairPoints, place_in_hair
+from carigs.hair import FoundHair, HairPoints, SpaceAboveSkin, place_in_hair, space_above_skin
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.rig import Rig
 from carigs.splat.rig.smooth_motion import SmoothMotion
@@ -15,6 +15,10 @@ from carigs.splat.surfels.surfels import Surfels
 
 COVERED_POSITION, COVERED_SCALE = 1.0, 0.8
 """Largest distance from its triangle, and largest standard deviation, of a surfel on covered skin, in units of k."""
+HIDDEN_OPACITY = 0.95
+"""Opacity of hidden skin: where the caricature moves it out of the hair, it is seen."""
+FADING_STEPS, FADING = 50, 1.0
+"""Steps after which surfels of hair over bare skin lose this much of the logit of their opacity."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,8 @@ class HairSurfels:
     """Triangles of the skin that something covers."""
     hidden: Bool[np.ndarray, " f"]
     """Those of them that most views do not see."""
+    above_skin: SpaceAboveSkin
+    """Space without hair."""
 
     def position_limits(self, rig: Rig) -> Float[np.ndarray, " f"]:
         """How far the surfels of each triangle start from it.
@@ -43,14 +49,14 @@ class HairSurfels:
         np.maximum.at(limits, self.points.face, np.linalg.norm(self.points.position - centres, axis=1))
         return limits / np.maximum(rig.scale, 1e-9)
 
-    def keep_colours_of_hidden_skin(self, surfels: Surfels) -> None:
-        """Set the gradients of the colours of hidden skin to zero: images show what covers it.
+    def keep_hidden_skin(self, surfels: Surfels) -> None:
+        """Set the gradients of colours and opacities of hidden skin to zero: images show what covers it.
 
         Args:
             surfels: The surfels, with gradients.
         """
         inside = self.hidden[surfels.binding]
-        for values in (surfels.colour, surfels.harmonics):
+        for values in (surfels.colour, surfels.harmonics, surfels.opacity):
             if values.grad is not None:
                 values.grad.numpy()[inside] = 0
 
@@ -67,6 +73,21 @@ class HairSurfels:
         distance = np.linalg.norm(position[inside], axis=1, keepdims=True)
         position[inside] *= np.minimum(1, COVERED_POSITION / np.maximum(distance, 1e-9)).astype(np.float32)
         log_scale[inside] = np.minimum(log_scale[inside], np.float32(np.log(COVERED_SCALE)))
+
+    def fade_over_bare_skin(self, surfels: Surfels, rig: Rig) -> None:
+        """Make surfels of hair more transparent where there is no hair, in place.
+
+        At level 0 they could take the place of the skin below; on the caricature they would not move with it.
+
+        Args:
+            surfels: The surfels.
+            rig: The canonical mesh.
+        """
+        mine = np.flatnonzero(self.scalp[surfels.binding])
+        face, local = surfels.binding[mine], surfels.position.detach().numpy()[mine].astype(np.float64)
+        centre = rig.vertices[rig.faces[face]].mean(axis=1)
+        position = centre + np.einsum("nij,nj->ni", rig.frame[face], local)
+        surfels.opacity.detach().numpy()[mine[self.above_skin.contains(position)]] -= np.float32(FADING)
 
 
 def prepare_hair(
@@ -90,4 +111,6 @@ def prepare_hair(
     rng = np.random.default_rng([seed, 1])
     points = place_in_hair(found.volume, found.visible, scalp, sequence.rig.vertices, sequence.rig.faces, count, rng)
     sequence.smooth = SmoothMotion(sequence.rig, scalp)
-    return HairSurfels(points, scalp, found.covered & ~scalp, found.hidden & ~scalp)
+    bare = ~(found.covered | scalp)
+    above_skin = space_above_skin(sequence.rig.vertices, sequence.rig.faces, bare)
+    return HairSurfels(points, scalp, found.covered & ~scalp, found.hidden & ~scalp, above_skin)

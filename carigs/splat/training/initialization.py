@@ -16,7 +16,7 @@ from carigs.splat.colour.spherical_harmonics import num_coefficients
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.rig import Rig
 from carigs.splat.surfels.surfels import Surfels, flat_discs, from_arrays, to_arrays
-from carigs.splat.training.hair_surfels import HairSurfels
+from carigs.splat.training.hair_surfels import HIDDEN_OPACITY, HairSurfels
 from carigs.splat.training.supervision import Example, Supervision
 
 OCCLUSION_TOLERANCE = 0.003
@@ -54,7 +54,10 @@ def initial_surfels(
     indices = np.unique(np.linspace(0, count - 1, settings.initial_colour_frames).astype(int))
     views = [supervision.weighted_example(targets_only, int(i)) for i in indices]
     rgb = observed_colours(binding, position, performance, views, hair)
-    return flat_discs(binding, position, scale, settings.initial_opacity, rgb, settings.sh_degree)
+    opacity = np.full(len(binding), settings.initial_opacity)
+    if hair is not None:
+        opacity[hair.hidden[binding]] = HIDDEN_OPACITY
+    return flat_discs(binding, position, scale, opacity, rgb, settings.sh_degree)
 
 
 def surfels_of_avatar(file: Path, performance: HeadSequence, sh_degree: int) -> Surfels:

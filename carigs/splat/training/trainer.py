@@ -19,7 +19,7 @@ from carigs.splat.surfels.surfels import Surfels
 from carigs.splat.training.adam import Adam
 from carigs.splat.training.checkpoint import TrainingState, load_checkpoint, run_digest, save_checkpoint
 from carigs.splat.training.density import GradientStatistics, densify_and_prune, reset_opacity, scene_extent
-from carigs.splat.training.hair_surfels import HairSurfels
+from carigs.splat.training.hair_surfels import FADING_STEPS, HairSurfels
 from carigs.splat.training.initialization import initial_surfels
 from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.progress import progress
@@ -126,10 +126,12 @@ class _Run:
         if settings.density.every and (not gtstar or self.only_targets):
             state.statistics.add(screen, example.camera)
         if self.hair is not None:
-            self.hair.keep_colours_of_hidden_skin(state.surfels)
+            self.hair.keep_hidden_skin(state.surfels)
         state.adam.step(state.surfels, learning_rates(settings, i), frozen)
         if self.hair is not None:
             self.hair.keep_on_covered_skin(state.surfels)
+            if i % FADING_STEPS == 0:
+                self.hair.fade_over_bare_skin(state.surfels, self.sequence.rig)
         if state.refinement is not None and not gtstar:
             state.refinement.step(example.timestep, settings.refine_tracking)
         self._control_density(i + 1)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import torch
 from miniature import write_ball
 
 from carigs.capture import read_dataset
@@ -13,7 +14,7 @@ from carigs.settings import Density, Train
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar
 from carigs.splat.colour.spherical_harmonics import SH_BASE
 from carigs.splat.rig.head_sequence import head_sequence
-from carigs.splat.training.hair_surfels import COVERED_POSITION, COVERED_SCALE, prepare_hair
+from carigs.splat.training.hair_surfels import COVERED_POSITION, COVERED_SCALE, FADING, HIDDEN_OPACITY, prepare_hair
 from carigs.splat.training.initialization import initial_surfels
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
@@ -72,9 +73,30 @@ def test_covered_skin_starts_with_the_colour_of_the_skin_around_it_and_keeps_it(
     trained, _ = train_surfels(SETTINGS, sequence, supervision, tmp_path / "checkpoint", hair=hair)
     np.testing.assert_array_equal(trained.colour.detach().numpy()[hidden], colours[hidden])
     assert not np.array_equal(trained.colour.detach().numpy()[~hidden], colours[~hidden])
+    for each in (start, trained):
+        np.testing.assert_allclose(torch.sigmoid(each.opacity).detach().numpy()[hidden], HIDDEN_OPACITY, atol=1e-6)
     inside = hair.covered[trained.binding]
     assert np.linalg.norm(trained.position.detach().numpy()[inside], axis=1).max() <= COVERED_POSITION + 1e-5
     assert np.exp(trained.log_scale.detach().numpy()[inside]).max() <= COVERED_SCALE + 1e-5
+
+
+def test_hair_over_bare_skin_fades_and_other_surfels_do_not(subject):
+    capture, sequence, found, scalp = subject
+    hair, rig = prepare_hair(found, scalp, sequence, 3, seed=0), sequence.rig
+    surfels = initial_surfels(SETTINGS, Supervision(capture), sequence, hair)
+    before = surfels.opacity.detach().numpy().copy()
+    hair.fade_over_bare_skin(surfels, rig)
+    np.testing.assert_array_equal(surfels.opacity.detach().numpy(), before)  # hair starts where hair is
+    # The first surfel of the hair goes 4 mm above a bare triangle.
+    mine = int(np.flatnonzero(scalp[surfels.binding])[0])
+    face, bare = surfels.binding[mine], int(np.flatnonzero(~(scalp | found.covered))[50])
+    centres = rig.vertices[rig.faces].mean(axis=1)
+    goal = centres[bare] + 0.004 * rig.frame[bare, :, 2] / np.linalg.norm(rig.frame[bare, :, 2])
+    local = np.linalg.solve(rig.frame[face], goal - centres[face])
+    surfels.position.detach().numpy()[mine] = local
+    hair.fade_over_bare_skin(surfels, rig)
+    change = surfels.opacity.detach().numpy() - before
+    assert change[mine] == pytest.approx(-FADING) and np.count_nonzero(change) == 1
 
 
 def test_an_avatar_keeps_the_motion_of_its_hair(subject, tmp_path):
