@@ -128,12 +128,13 @@ def add_target_mask_flags(
     face_flags: UInt16[np.ndarray, " f"],
     model: HeadModel,
     settings: Gtstar,
+    carried: BitMask | None = None,
 ) -> None:
     """Add the flags that depend on the caricature's outline: hair, outside of the mesh, and the open mouth.
 
     A pixel off the caricature's mesh is background if the frame shows background there, and also if it shows skin,
     because the skin has moved away. It is unknown in a ring around the mesh, and where hair may be: within the length
-    of the hair around the scalp and around the hair in the frame.
+    of the hair around the scalp and around the hair in the frame, and where the scalp of the caricature carries it.
 
     Args:
         flags: Flags of the target's pixels, changed in place.
@@ -143,11 +144,14 @@ def add_target_mask_flags(
         face_flags: Flags of the triangles (`face_mask_flags`).
         model: The head model.
         settings: Widths of the ring and of the band around hair.
+        carried: Where the scalp of the caricature carries the hair.
     """
     on_mesh, scalp = caricature.on_mesh, _scalp(caricature, face_flags)
     unknown = greater(foreground, 0).dilated(settings.background_margin) - on_mesh
     if unknown:
         unknown &= (hair.mask | scalp).dilated(hair.length + settings.hair_dilation)
+    if carried is not None:
+        unknown |= carried - on_mesh
     outside = (unknown | on_mesh.dilated(settings.background_margin)) - on_mesh
     or_into_image(flags, (scalp.dilated(settings.hair_dilation) & on_mesh).words, MaskFlag.HAIR.value)
     or_into_image(flags, outside.words, MaskFlag.OUTSIDE_MESH.value)

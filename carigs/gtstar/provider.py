@@ -15,6 +15,7 @@ from carigs.exaggeration import Caricature
 from carigs.gtstar.frame_views import TimestepViews, load_views
 from carigs.gtstar.registration import RegistrationError, registration_errors
 from carigs.gtstar.target import Target, make_target
+from carigs.hair import CarriedHair
 from carigs.head import pose
 from carigs.light import Shading, relight
 from carigs.raster import compute_visibility
@@ -41,6 +42,7 @@ def provide_targets(
     shading: Shading | None,
     frames: list[Frame],
     views: TimestepViews | None = None,
+    carried_hair: CarriedHair | None = None,
 ) -> list[TargetResult]:
     """Make the targets of the frames of one timestep.
 
@@ -57,6 +59,7 @@ def provide_targets(
         shading: Light for relighting; None keeps the colours of the frame.
         frames: Frames of one timestep.
         views: Their images and the visibility of the tracked mesh, if they have been loaded.
+        carried_hair: The hair of the subject, if it is known.
 
     Returns:
         One result per frame, in order. Frames that cannot be used are skipped with a reason.
@@ -84,7 +87,9 @@ def provide_targets(
             return TargetResult(frame, None, error, skip_reason=reason)
         image, foreground, natural = views.views[frame]
         caricature = compute_visibility(caricature_vertices, model.faces, natural.camera) if warped else natural
-        target = make_target(image, foreground, natural, caricature, model, face_flags, settings, capture.background)
+        target = make_target(
+            image, foreground, natural, caricature, model, face_flags, settings, capture.background, carried_hair
+        )
         if not target.front_visible:
             reason = "the camera sees no front of the mesh: behind it or inside"
             return TargetResult(frame, None, error, skip_reason=reason)

@@ -9,8 +9,10 @@ from jaxtyping import Float32, UInt16
 
 from carigs.gtstar.mask_flags import add_target_mask_flags, find_hair, frame_mask_flags
 from carigs.gtstar.warp import warp_frame
+from carigs.hair import CarriedHair
 from carigs.head import HeadModel
 from carigs.raster import Visibility
+from carigs.raster.bit_masks import greater
 from carigs.settings import Gtstar
 
 
@@ -36,6 +38,7 @@ def make_target(
     face_flags: UInt16[np.ndarray, " f"],
     settings: Gtstar,
     background: float = 1.0,
+    carried_hair: CarriedHair | None = None,
 ) -> Target:
     """Warp a frame to its caricature, and flag the pixels that cannot be trusted.
 
@@ -48,6 +51,7 @@ def make_target(
         face_flags: Flags of the triangles (`face_mask_flags`).
         settings: Settings of the stage.
         background: Grey value that the image was composited on.
+        carried_hair: The hair of the subject; None if only what the frame shows of it is known.
 
     Returns:
         Colours and mask flags.
@@ -55,7 +59,11 @@ def make_target(
     hair = find_hair(natural, foreground, face_flags)
     frame_flags = frame_mask_flags(natural, hair, model, settings)
     colour, flags = warp_frame(image, natural, caricature, face_flags, frame_flags, settings, background)
-    add_target_mask_flags(flags, caricature, hair, foreground, face_flags, model, settings)
+    carried = None
+    if carried_hair is not None:
+        shown = carried_hair.pixels(natural, caricature).astype(np.float32)
+        carried = greater(shown, 0.5).dilated(carried_hair.radius(natural))
+    add_target_mask_flags(flags, caricature, hair, foreground, face_flags, model, settings, carried)
     return Target(colour, flags, caricature, all(_sees_front(seen) for seen in (natural, caricature)))
 
 

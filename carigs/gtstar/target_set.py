@@ -22,7 +22,8 @@ from carigs.gtstar.capture_shading import fit_capture_shading
 from carigs.gtstar.frame_views import TimestepViews, input_files
 from carigs.gtstar.mask_flags import MaskFlag, face_mask_flags
 from carigs.gtstar.provider import TargetResult, provide_targets
-from carigs.hair import FoundHair
+from carigs.hair import CarriedHair, FoundHair
+from carigs.head import neutral
 from carigs.light.shading import load_shading, save_shading
 from carigs.readers.json_files import read_json
 from carigs.settings import Gtstar
@@ -57,8 +58,13 @@ def make_target_set(
     Returns:
         One entry for every training frame, in their order: in the list of targets or in that of skipped frames.
     """
-    covered, clean = (None, None) if hair is None else (hair.covered, hair.clean)
-    face_flags, frames = face_mask_flags(capture.model, settings, covered), capture.split("train")
+    model, frames = capture.model, capture.split("train")
+    covered = clean = carried_hair = None
+    if hair is not None:
+        covered, clean = hair.covered, hair.clean
+        canonical = neutral(model, capture.parameters(frames[0].timestep))
+        carried_hair = CarriedHair(hair, model.face_region(*settings.hair_regions), canonical, model.faces)
+    face_flags = face_mask_flags(model, settings, covered)
     np.save(folder / FACE_FLAGS, face_flags)
     cache: dict[int, TimestepViews] = {}
 
@@ -69,7 +75,8 @@ def make_target_set(
         if record.is_file():
             return read_json(record), True
         views = cache.pop(timestep, None)
-        entries = _write(folder, provide_targets(settings, capture, face_flags, exaggerated, shading, group, views))
+        targets = provide_targets(settings, capture, face_flags, exaggerated, shading, group, views, carried_hair)
+        entries = _write(folder, targets)
         write_json(record, entries)
         return entries, False
 

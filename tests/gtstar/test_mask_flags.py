@@ -133,6 +133,31 @@ def test_hair_may_be_anywhere_within_its_length():
     assert not outside[True][~dilated((foreground > 0) | tuft)].any()
 
 
+def test_where_the_scalp_carries_hair_is_no_background():
+    """The caricature moves the ball to the right, and a tuft with it, over plain background."""
+
+    class Tuft:
+        def pixels(self, natural, caricature):
+            shown = np.zeros(caricature.face.shape, bool)
+            row = np.argwhere(caricature.face >= 0)[0, 0] - 4
+            shown[row, int(np.argwhere(caricature.face >= 0)[:, 1].mean())] = True
+            return shown
+
+        def radius(self, seen):
+            return 1
+
+    model, camera = ball_model(), ball_cameras()[1]
+    ends = [compute_visibility(vertices, model.faces, camera) for vertices in (ball(), ball() + np.array([0.03, 0, 0]))]
+    foreground, flags = (ends[0].face >= 0).astype(np.float32), face_mask_flags(model, Gtstar())
+    with_tuft, without = (
+        make_target(picture(camera), foreground, *ends, model, flags, Gtstar(), 1.0, hair).mask_flags
+        for hair in (Tuft(), None)
+    )
+    changed = with_tuft != without
+    assert 5 <= changed.sum() <= 9 and (with_tuft[changed] == MaskFlag.OUTSIDE_MESH.value).all()
+    assert changed[Tuft().pixels(*ends)].all()
+
+
 def dilated(mask: np.ndarray) -> np.ndarray:
     """The mask and its four neighbours in each pixel's direction."""
     grown, padded = mask.copy(), np.pad(mask, 1)
