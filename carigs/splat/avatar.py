@@ -108,7 +108,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
         file: File to write (.npz).
         avatar: The avatar.
     """
-    path, shading = avatar.sequence.path, avatar.sequence.shading
+    path, shading, smooth = avatar.sequence.path, avatar.sequence.shading, avatar.sequence.smooth
     with writing(file) as part:
         np.savez(
             part,
@@ -121,7 +121,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
             **parameters_to_arrays(avatar.sequence.parameters),
             **{f"unrendered_{name}": value for name, value in avatar.unrendered.items()},
             **({} if shading is None else {f"shading_{name}": value for name, value in asdict(shading).items()}),
-            **({} if avatar.sequence.smooth is None else {"hair_faces": avatar.sequence.smooth.inside}),
+            **({} if smooth is None else {"hair_faces": smooth.inside, "hair_grows": smooth.grows}),
             path_levels=path.levels,
             path_displacements=path.displacements,
             path_neutral=path.neutral,
@@ -155,7 +155,8 @@ def load_avatar(file: Path) -> Avatar:
     sequence = HeadSequence(head, parameters_of(arrays, head, file), path)
     if "hair_faces" in arrays:
         inside = checked_array(arrays, "hair_faces", (len(head.faces),), bool, file=file)
-        sequence.smooth = SmoothMotion(sequence.rig, inside)
+        grows = bool(checked_array(arrays, "hair_grows", (), bool, file=file))
+        sequence.smooth = SmoothMotion(sequence.rig, inside, grows)
     if "shading_light" in arrays:
         sequence.shading = shading_of(arrays, len(head.faces), file, "shading_")
     background = float(checked_array(arrays, "background", (), np.float64, file=file))

@@ -2,7 +2,7 @@
 
 The rotation of one triangle, extended to a point ten centimetres away, moves the point by centimetres where
 neighbouring triangles turn by a few degrees. So the rotations of the triangles of the scalp are averaged over their
-neighbourhood, and strands keep their length and width.
+neighbourhood. Strands keep their length and width, or grow with the scalp, by the average of its stretch.
 """
 
 from __future__ import annotations
@@ -25,16 +25,18 @@ class SmoothMotion:
     Attributes:
         inside: The triangles whose rotation is averaged (f,).
         faces: Their indices.
+        grows: Whether hair grows with the scalp.
     """
 
-    def __init__(self, rig: Rig, inside: Bool[np.ndarray, " f"]) -> None:
+    def __init__(self, rig: Rig, inside: Bool[np.ndarray, " f"], grows: bool = False) -> None:
         """Prepare the weights.
 
         Args:
             rig: The canonical mesh.
             inside: Triangles whose rotation is averaged.
+            grows: Whether hair grows with the scalp; otherwise it keeps its length.
         """
-        self.inside, self.faces = inside, np.flatnonzero(inside)
+        self.inside, self.faces, self.grows = inside, np.flatnonzero(inside), grows
         corners = rig.vertices[rig.faces[self.faces]]
         centres, edges = corners.mean(axis=1), corners[:, 1:] - corners[:, :1]
         area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
@@ -45,7 +47,10 @@ class SmoothMotion:
         self._scatter = weight / weight.sum(axis=1, keepdims=True)  # anchors to triangles
 
     def apply(self, rotation: Float64[np.ndarray, "f 3 3"], stretch: Float64[np.ndarray, "f 3 3"]) -> None:
-        """Replace the rotations of the triangles by averages, and their stretches by the identity, in place.
+        """Replace the rotations of the triangles by averages, and their stretches by one factor, in place.
+
+        The factor is 1, or, if hair grows, the geometric mean of the stretches over all directions and the
+        neighbourhood.
 
         Args:
             rotation: Rotation of every triangle of the mesh.
@@ -56,7 +61,11 @@ class SmoothMotion:
         mean = self._scatter @ (self._gather.T @ rotation[self.faces].reshape(-1, 9))
         left, _, right = np.linalg.svd(mean.reshape(-1, 3, 3))
         left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]  # the nearest rotation
-        rotation[self.faces], stretch[self.faces] = left @ right, np.eye(3)
+        factor = np.ones(len(self.faces))
+        if self.grows:
+            volume = np.maximum(np.linalg.det(stretch[self.faces]), 1e-9)
+            factor = np.exp(self._scatter @ (self._gather.T @ np.log(volume)) / 3)
+        rotation[self.faces], stretch[self.faces] = left @ right, factor[:, None, None] * np.eye(3)
 
 
 def _spread(points: Float64[np.ndarray, "n 3"], count: int) -> list[int]:

@@ -43,6 +43,15 @@ def test_rotations_are_averaged_and_all_else_is_kept(scalp):
         np.testing.assert_array_equal(after[~inside], before[~inside])
 
 
+def test_hair_grows_with_the_scalp_if_it_is_asked_to(scalp):
+    """A head that grows by a quarter in all directions: so does the hair; otherwise it keeps its length."""
+    rig, inside = scalp
+    for grows, factor in ((True, 1.25), (False, 1.0)):
+        smooth = SmoothMotion(rig, inside, grows)
+        jacobian = face_motion(rig, 1.25 * rig.vertices, smooth.apply).jacobian[inside]
+        np.testing.assert_allclose(jacobian, np.broadcast_to(factor * np.eye(3), jacobian.shape), atol=1e-5)
+
+
 def test_neighbours_carry_a_distant_point_to_nearly_the_same_place(scalp):
     """Ten centimetres above the scalp, where the motions of single triangles differ by centimetres."""
     rig, inside = scalp
