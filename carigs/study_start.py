@@ -111,7 +111,7 @@ def settings_warnings(overrides: Sequence[str]) -> list[str]:
     missing: dict[tuple[str, Path], list[str]] = {}
     for subject, variant in product(config.study.subjects, config.study.variants):
         settings = compose(*overrides, f"subject={subject}", f"variant={variant}")
-        for stage in ("capture", "exaggerate", "gtstar", "train"):
+        for stage in ("capture", "exaggerate", "hair", "gtstar", "train"):
             for key, path in outside_files(stage, settings[stage]).items():
                 if not path.exists():
                     missing.setdefault((key, path), []).append(subject)

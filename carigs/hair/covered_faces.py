@@ -18,6 +18,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from carigs.hair import surface_cells
+from carigs.hair.labels import labelled_as_covered
 from carigs.hair.views import View, pixel_size
 
 MIN_COSINE = 0.25
@@ -43,7 +44,7 @@ SOLID_SHARE, COLOUR_LIMIT = 0.5, 0.2
 """Texture over its limit, and difference from the colour of clean skin, of a triangle covered by hair without single
 strands."""
 HIDDEN_COLOUR = 0.1
-"""Difference from the colour of clean skin of a triangle that most views do not see."""
+"""Difference from the median colour of clean skin of a triangle that most views do not see."""
 SPECK = 8e-4
 """Square metres: a smaller connected part does not count as covered."""
 
@@ -58,6 +59,8 @@ class Covering(NamedTuple):
     covered: Bool[np.ndarray, " f"]
     hidden: Bool[np.ndarray, " f"]
     """The covered triangles whose median colour is not that of clean skin: most views show what covers them."""
+    skin: Bool[np.ndarray, " f"]
+    """Triangles of clean skin with its usual colour: the others probably have it, too."""
 
 
 def covered_faces(
@@ -78,8 +81,8 @@ def covered_faces(
         scalp: Triangles that usually carry hair: the noise of skin is not measured there.
         left_out: Triangles that are not looked at and count as bare: eyeballs, which shine, and the inside of the
             mouth.
-        features: Triangles with a texture of their own, such as brows and lids: never covered, because strands in
-            front of them cannot be told from it, and eyes without any target move wrongly.
+        features: Triangles with a texture of their own, such as brows and lids: covered only if labels say so,
+            because strands in front of them cannot be told from it, and eyes without any target move wrongly.
         limit: Texture of a covered triangle.
 
     Returns:
@@ -116,7 +119,34 @@ def covered_faces(
         covered |= (texture > SOLID_SHARE * limit) & (off > COLOUR_LIMIT)
     covered &= ~(left_out | features)
     covered = _without_specks(covered, vertices, faces)
-    return Covering(texture, colour, covered, covered & (off > HIDDEN_COLOUR))
+    labels = [(view.visibility.face, view.covering) for view in views if view.covering is not None]
+    covered |= labelled_as_covered(labels, len(faces)) & ~left_out
+    hidden = covered & (off > HIDDEN_COLOUR)
+    unseen = np.isnan(spread) & ~(left_out | features)
+    for state in (covered, hidden):
+        state[unseen] = _as_around(state, ~unseen & ~left_out, faces, len(vertices))[unseen]
+    return Covering(texture, colour, covered, hidden, clean & (off < HIDDEN_COLOUR))
+
+
+def _as_around(
+    state: Bool[np.ndarray, " f"], known: Bool[np.ndarray, " f"], faces: Int[np.ndarray, "f 3"], v: int
+) -> Bool[np.ndarray, " f"]:
+    """Spread the state of known triangles to the others, ring by ring: that of most neighbours.
+
+    Folds below hair, such as those of an ear, are seen by no view; they are covered as what is around them.
+    """
+    result, known = state & known, known.copy()
+    while True:
+        total, count = np.zeros(v), np.zeros(v)
+        for corner in faces.T:
+            np.add.at(total, corner[known], result[known])
+            np.add.at(count, corner[known], 1)
+        around, votes = count[faces].sum(axis=1), total[faces].sum(axis=1)
+        new = ~known & (around > 0)
+        if not new.any():
+            return result
+        result[new] = votes[new] > 0.5 * around[new]
+        known |= new
 
 
 def _without_specks(

@@ -13,8 +13,10 @@ from carigs.capture import Capture
 from carigs.errors import InputError
 from carigs.files import writing
 from carigs.hair.covered_faces import covered_faces
-from carigs.hair.placement import visible_shares
+from carigs.hair.labels import CLASS_ORDERS, read_covering
+from carigs.hair.strands import Strands, strand_directions
 from carigs.hair.views import read_views
+from carigs.hair.visible_voxels import visible_shares
 from carigs.hair.volume import HairVolume, carve_hair
 from carigs.head import neutral
 from carigs.head.facial_regions import brow_faces, lid_faces
@@ -41,9 +43,12 @@ class FoundHair:
     """Whether something covers the triangle."""
     hidden: Bool[np.ndarray, " f"]
     """Whether it does so in most views."""
+    skin: Bool[np.ndarray, " f"]
+    """Whether the triangle shows bare skin of the usual colour."""
     volume: HairVolume
     visible: Float32[np.ndarray, " n"]
     """Share of the views that see each voxel of the volume."""
+    strands: Strands
 
     @property
     def clean(self) -> Bool[np.ndarray, " f"]:
@@ -81,8 +86,14 @@ class FoundHair:
         Args:
             file: File to write (.npz).
         """
-        arrays = {"texture": self.texture, "covered": self.covered, "hidden": self.hidden, "visible": self.visible}
-        arrays |= {"centres": self.volume.centres, "opacity": self.volume.opacity, "size": np.float32(self.volume.size)}
+        arrays = {"texture": self.texture, "covered": self.covered, "hidden": self.hidden, "skin": self.skin}
+        arrays |= {
+            "visible": self.visible,
+            "centres": self.volume.centres,
+            "opacity": self.volume.opacity,
+            "size": np.float32(self.volume.size),
+        }
+        arrays |= {f"strand_{name}": values for name, values in self.strands._asdict().items()}
         with writing(file) as part, part.open("wb") as stream:
             np.savez_compressed(stream, **arrays)
 
@@ -99,12 +110,17 @@ def find_hair(settings: Hair, capture: Capture, map_timesteps: Callable[..., Ite
         The hair.
 
     Raises:
-        InputError: If no training frame can be read.
+        InputError: If no training frame can be read, or no labels where a folder of labels is set.
     """
-    model, frames = capture.model, capture.split("train")
-    views = read_views(capture, map_timesteps)
+    model, frames, read_labels = capture.model, capture.split("train"), None
+    if settings.labels is not None:
+        folder, classes = Path(settings.labels), settings.label_classes or CLASS_ORDERS[settings.label_order]
+        read_labels = lambda frame, size: read_covering(folder / f"{frame.name}.png", classes, size)  # noqa: E731
+    views = read_views(capture, map_timesteps, read_labels)
     if not views:
         raise InputError("no training frame can be read", file=capture.root)
+    if settings.labels is not None and all(view.covering is None for view in views):
+        raise InputError(f"no labels of training frames, such as {frames[0].name}.png", file=settings.labels)
     canonical = neutral(model, capture.parameters(frames[0].timestep))
     scalp, eyeballs = model.face_region(*settings.regions), model.face_region(*settings.eyeball_regions)
     mouth, brows = model.face_region(*settings.mouth_regions), brow_faces(model, canonical)
@@ -113,10 +129,12 @@ def find_hair(settings: Hair, capture: Capture, map_timesteps: Callable[..., Ite
         features |= brows
     covering = covered_faces(views, model.faces, canonical, scalp, eyeballs | mouth, features, settings.texture_limit)
     volume = carve_hair(views, covering, scalp, canonical, model.faces, settings.texture_limit)
-    visible = visible_shares(volume, views[::VIEW_STRIDE], canonical, np.unique(model.faces[scalp]))
+    some, carrier = views[::VIEW_STRIDE], np.unique(model.faces[scalp])
+    visible = visible_shares(volume, some, canonical, carrier).astype(np.float32)
+    strands = strand_directions(volume, some, canonical, carrier)
     return FoundHair(
-        covering.texture.astype(np.float32), covering.covered, covering.hidden, volume, visible.astype(np.float32)
-    )  # fmt: skip
+        covering.texture.astype(np.float32), covering.covered, covering.hidden, covering.skin, volume, visible, strands
+    )
 
 
 def load_hair(file: Path, num_faces: int) -> FoundHair:
@@ -140,8 +158,13 @@ def load_hair(file: Path, num_faces: int) -> FoundHair:
             raise InputError(f"expected values in [{low:g}, {high:g}]", file=file, field=name)
         return values
 
-    covered, hidden = (checked_array(arrays, name, (num_faces,), bool, file=file) for name in ("covered", "hidden"))
+    names = ("covered", "hidden", "skin")
+    covered, hidden, skin = (checked_array(arrays, name, (num_faces,), bool, file=file) for name in names)
     centres = take("centres", (None, 3), -LARGEST_COORDINATE, LARGEST_COORDINATE)
     opacity, visible = (take(name, (len(centres),), 0, 1) for name in ("opacity", "visible"))
     volume = HairVolume(centres, opacity, float(take("size", (), 1e-6, 1)))
-    return FoundHair(take("texture", (num_faces,), 0, 1), covered, hidden, volume, visible)
+    direction, facing = (take(f"strand_{name}", (len(centres), 3), -1.001, 1.001) for name in ("direction", "facing"))
+    if not np.allclose(np.linalg.norm(direction, axis=1), 1, atol=1e-3):
+        raise InputError("expected unit vectors", file=file, field="strand_direction")
+    strands = Strands(direction, take("strand_confidence", (len(centres),), 0, 1), facing)
+    return FoundHair(take("texture", (num_faces,), 0, 1), covered, hidden, skin, volume, visible, strands)

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import igl
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from carigs.hair.views import View, pixel_size, scalp_motion
+from carigs.hair.strands import Strands
 from carigs.hair.volume import HairVolume
 
-DENSE = 0.5
-"""Opacity from which on a voxel hides those behind it."""
-VISIBLE_DEPTH = 2.0
-"""Depth behind the first dense voxel up to which hair counts as visible, in voxels."""
+MAX_ELONGATION = 6.0
+"""Length over width of the first surfels where views agree on the direction of the strands."""
+LEAST_SINE = 0.05
+"""Of the angle between a strand and the direction to the cameras."""
 
 
 class HairPoints(NamedTuple):
@@ -27,44 +26,16 @@ class HairPoints(NamedTuple):
     """In metres, in the axes of the canonical head."""
     spacing: Float[np.ndarray, " n"]
     """Distance to neighbouring points in metres."""
-
-
-def visible_shares(
-    volume: HairVolume, views: Sequence[View], canonical: Float[np.ndarray, "v 3"], carrier: Int[np.ndarray, " c"]
-) -> Float[np.ndarray, " n"]:
-    """Share of the views in which each voxel is not hidden by denser hair or the head.
-
-    Args:
-        volume: The hair.
-        views: Frames.
-        canonical: Vertices of the neutral head in metres.
-        carrier: Vertices of the scalp.
-
-    Returns:
-        Shares in [0, 1].
-    """
-    seen = np.zeros(len(volume.centres))
-    for view in views if len(seen) else ():
-        camera, transform = view.visibility.camera, scalp_motion(canonical, view.visibility, carrier)
-        x, y, z = (volume.centres.astype(np.float64) @ transform[:, :3].T + transform[:, 3]).T
-        step = max(volume.size / pixel_size(view.visibility), 1.0)  # pixels of a voxel
-        u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
-        inside = (z > 0) & (u >= 0) & (v >= 0) & (u < camera.width) & (v < camera.height)
-        column, row = np.where(inside, u, 0).astype(int), np.where(inside, v, 0).astype(int)
-        front = (z + volume.size) * view.visibility.inverse_depth[row, column] <= 1
-        i, j = (np.where(inside, w, 0) / step for w in (u, v))
-        width = int(camera.width / step) + 1
-        cell = j.astype(int) * width + i.astype(int)
-        nearest = np.full((int(camera.height / step) + 1) * width, np.inf)
-        dense = inside & front & (volume.opacity >= DENSE)
-        np.minimum.at(nearest, cell[dense], z[dense])
-        seen += inside & front & (z <= nearest[cell] + VISIBLE_DEPTH * volume.size)
-    return seen / max(len(views), 1)
+    axes: Float[np.ndarray, "n 3 2"]
+    """Unit vectors along the strand, and across it, facing the cameras."""
+    elongation: Float[np.ndarray, " n"]
+    """Length over width of a surfel that stands for a piece of the strand."""
 
 
 def place_in_hair(
     volume: HairVolume,
     visible: Float[np.ndarray, " n"],
+    strands: Strands,
     scalp: Bool[np.ndarray, " f"],
     canonical: Float[np.ndarray, "v 3"],
     faces: Int[np.ndarray, "f 3"],
@@ -76,6 +47,7 @@ def place_in_hair(
     Args:
         volume: The hair.
         visible: Share of the views that see each voxel.
+        strands: Directions in the voxels.
         scalp: Triangles that carry hair.
         canonical: Vertices of the neutral head in metres.
         faces: Vertex indices of the triangles.
@@ -96,4 +68,11 @@ def place_in_hair(
     _, nearest, _ = igl.point_mesh_squared_distance(
         np.asarray(position, np.float64), np.asarray(canonical, np.float64), np.asarray(faces[carrying], np.int64)
     )
-    return HairPoints(carrying[nearest], position, spacing)
+    along, facing = strands.direction[chosen], strands.facing[chosen]
+    across = np.cross(facing, along)
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    lying = length[:, 0] > LEAST_SINE  # otherwise the strand points at the cameras: any direction across it will do
+    across[~lying] = np.cross(along[~lying], np.eye(3)[np.abs(along[~lying]).argmin(axis=1)])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    elongation = 1 + (MAX_ELONGATION - 1) * strands.confidence[chosen]
+    return HairPoints(carrying[nearest], position, spacing, np.stack([along, across], axis=2), elongation)

@@ -33,14 +33,21 @@ class View(NamedTuple):
     visibility: Visibility
     between_lips: Bool[np.ndarray, "h w"]
     """Pixels of the open mouth, which are not looked at: teeth move against the mesh."""
+    covering: Bool[np.ndarray, "h w"] | None = None
+    """Pixels that semantic labels call hair, or something else that covers the head; None without labels."""
 
 
-def read_views(capture: Capture, map_timesteps: Callable[..., Iterable] = map) -> list[View]:
+def read_views(
+    capture: Capture,
+    map_timesteps: Callable[..., Iterable] = map,
+    read_labels: Callable[[Frame, tuple[int, int]], np.ndarray | None] | None = None,
+) -> list[View]:
     """Read training frames of several timesteps and cameras.
 
     Args:
         capture: The capture.
         map_timesteps: `map`, or that of an executor; the result does not depend on it.
+        read_labels: Returns the pixels of a frame, of a height and width, that labels call covering.
 
     Returns:
         The frames that can be read.
@@ -48,7 +55,7 @@ def read_views(capture: Capture, map_timesteps: Callable[..., Iterable] = map) -
     frames = capture.split("train")
     timesteps = _spread(sorted({frame.timestep for frame in frames}), TIMESTEPS)
     groups = [_spread([frame for frame in frames if frame.timestep == timestep], CAMERAS) for timestep in timesteps]
-    return [view for views in map_timesteps(lambda group: _read(capture, group), groups) for view in views]
+    return [view for views in map_timesteps(lambda group: _read(capture, group, read_labels), groups) for view in views]
 
 
 def scalp_motion(
@@ -89,7 +96,7 @@ def _spread(items: list, count: int) -> list:
     return [items[i] for i in sorted({int(i) for i in np.linspace(0, len(items) - 1, min(count, len(items)))})]
 
 
-def _read(capture: Capture, frames: list[Frame]) -> list[View]:
+def _read(capture: Capture, frames: list[Frame], read_labels: Callable | None) -> list[View]:
     """Views of the frames of one timestep."""
     vertices, views = pose(capture.model, capture.parameters(frames[0].timestep)), []
     for frame in frames:
@@ -104,7 +111,8 @@ def _read(capture: Capture, frames: list[Frame]) -> list[View]:
             continue
         image, foreground, camera = _at_resolution(image, foreground, camera, vertices)
         seen = compute_visibility(vertices, capture.model.faces, camera)
-        views.append(View(image, foreground, seen, between_lips(seen, capture.model)))
+        covering = None if read_labels is None else read_labels(frame, image.shape[:2])
+        views.append(View(image, foreground, seen, between_lips(seen, capture.model), covering))
     return views
 
 

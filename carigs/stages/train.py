@@ -68,7 +68,7 @@ def train(
     if hair is not None:
         scalp = subject.model.face_region(*settings.hair_regions)
         found = load_hair(hair, len(subject.model.faces))
-        start = prepare_hair(found, scalp, sequence, settings.hair_layers, settings.seed)
+        start = prepare_hair(found, scalp, sequence, settings)
     checkpoint = avatar.with_suffix(".checkpoint")
     surfels, rows = train_surfels(settings, sequence, supervision, checkpoint, hair=start)
     trained = Avatar(surfels, sequence, settings.rig, settings.rotate_harmonics, subject.background)

@@ -90,7 +90,7 @@ def train_avatar(inputs: TrainingInputs, settings: Train, checkpoint: Path) -> A
         sequence.shading = load_shading(light, len(capture.model.faces))
     supervision = Supervision(capture, [targets], settings.mask_flags)
     scalp = capture.model.face_region(*settings.hair_regions)
-    hair = prepare_hair(found, scalp, sequence, settings.hair_layers, settings.seed)
+    hair = prepare_hair(found, scalp, sequence, settings)
     surfels, _ = train_surfels(settings, sequence, supervision, checkpoint, hair=hair)
     return Avatar(surfels, sequence, settings.rig, settings.rotate_harmonics, capture.background)
 

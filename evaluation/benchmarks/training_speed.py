@@ -164,7 +164,7 @@ def measure_skinning(subdivisions: int, repeats: int) -> Iterator[Measurement]:
     sequence = moving_head(subdivisions)
     rig, head = sequence.rig, sequence.head
     motion = face_motion(rig, pose(head, sequence.parameters[2]))
-    binding, position, scale = place(SETTINGS, rig)
+    binding, position, scale, _ = place(SETTINGS, rig)
     surfels = flat_discs(binding, position, scale, 0.5, np.full((len(binding), 3), 0.5), sh_degree=3)
     doubles = {name: value.detach().double().requires_grad_(True) for name, value in surfels.attributes()}
     shade, eye = np.ones((len(rig.faces), 3), np.float32), np.array([0.0, 0.0, 1.0])

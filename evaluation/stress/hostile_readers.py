@@ -24,6 +24,7 @@ from carigs.config import compose, compose_study, load_settings, settings_text
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.files import write_json
 from carigs.hair import FoundHair, load_hair
+from carigs.hair.strands import Strands
 from carigs.hair.volume import HairVolume
 from carigs.head import HeadModel, HeadParameters, flame_joints, neutral, pose, read_subject_path
 from carigs.light import Shading, fibonacci_sphere
@@ -100,7 +101,10 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     covered = np.arange(len(FACES)) < 5
     volume = HairVolume(VERTICES.astype(np.float32), np.full(len(VERTICES), 0.5, np.float32), 0.004)
     visible = np.ones(len(VERTICES), np.float32)
-    FoundHair(0.1 * covered.astype(np.float32), covered, covered, volume, visible).save(folder / "hair.npz")
+    upwards = np.tile(np.float32([0, 1, 0]), (len(VERTICES), 1))
+    strands = Strands(upwards, visible, -upwards)
+    texture = 0.1 * covered.astype(np.float32)
+    FoundHair(texture, covered, covered, ~covered, volume, visible, strands).save(folder / "hair.npz")
     sequence = HeadSequence(model, {0: parameters}, path)
     sequence.shading = shading
     sequence.smooth = SmoothMotion(sequence.rig, np.arange(len(FACES)) < 9)

@@ -28,7 +28,7 @@ def cameras(count=18):
 
 def first_hit(camera, radius):
     """Point and validity of the first intersection of each pixel's ray with a sphere around the origin."""
-    column, row = np.meshgrid(np.arange(SIZE) + 0.5, np.arange(SIZE) + 0.5)
+    column, row = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
     rays = np.stack([(column - camera.cx) / camera.fx, (row - camera.cy) / camera.fy, np.ones_like(row)], axis=-1)
     rays = rays @ camera.camera_from_world[:3, :3]
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
@@ -56,11 +56,12 @@ def strands(point):
     return np.sin(azimuth * 2 * np.pi * RADIUS / 0.003) > 0
 
 
-def views(hair=True, dots=False, noise=0.0, count=18, brightness=1.0):
+def views(hair=True, dots=False, noise=0.0, count=18, brightness=1.0, scale=1.0):
     """Images, mattes and the visibility of the ball without its hair."""
     vertices, faces = ball()
     rng = np.random.default_rng(0)
     for camera in cameras(count):
+        camera = camera.scaled(scale)
         point, on_ball = first_hit(camera, RADIUS)
         colour = skin_colour(point)
         if dots:

@@ -5,7 +5,7 @@ import pytest
 from hair.hairy_ball import CAP, RADIUS, ball, views
 
 from carigs.hair import surface_cells
-from carigs.hair.covered_faces import covered_faces
+from carigs.hair.covered_faces import _as_around, covered_faces
 from carigs.raster import compute_visibility
 
 
@@ -55,6 +55,19 @@ def test_what_is_left_out_and_features_of_the_face_are_never_covered():
     found = find(views(), features=inside)
     assert not found.covered[inside].any() and not found.hidden[inside].any()
     assert found.texture[inside].mean() > 0.03  # the light is not fitted to them
+
+
+def test_triangles_that_no_view_sees_are_as_those_around_them():
+    """Folds of an ear below hair are covered; those of an ear without hair are not."""
+    vertices, faces = ball()
+    height = heights()
+    covered = height > CAP
+    centres = vertices[faces].mean(axis=1) / RADIUS
+    unseen = (np.abs(centres[:, 0]) < 0.3) & (centres[:, 2] > 0) & (np.abs(height - CAP) > 0.1)
+    spread = _as_around(covered & ~unseen, ~unseen, faces, len(vertices))
+    np.testing.assert_array_equal(spread, covered)
+    nothing = np.zeros(len(faces), bool)
+    assert not _as_around(covered, nothing, faces, len(vertices)).any()
 
 
 def test_images_without_the_mesh_tell_nothing():

@@ -10,6 +10,7 @@ from carigs.capture import read_dataset
 from carigs.capture.images import write_png
 from carigs.errors import InputError
 from carigs.hair import FoundHair, find_hair, load_hair
+from carigs.hair.strands import Strands
 from carigs.hair.views import PIXEL, pixel_size, read_views
 from carigs.hair.volume import HairVolume
 from carigs.settings import Hair
@@ -44,21 +45,28 @@ def test_threads_do_not_change_the_result(subject, tmp_path):
 def test_the_file_holds_what_was_found_and_is_checked(tmp_path):
     rng = np.random.default_rng(0)
     volume = HairVolume(rng.normal(size=(5, 3)).astype(np.float32), rng.random(5, np.float32), 0.004)
-    found = FoundHair(
-        rng.random(7, np.float32), rng.random(7) > 0.5, rng.random(7) > 0.7, volume, rng.random(5, np.float32)
-    )
+    unit = np.eye(3, dtype=np.float32)[rng.integers(0, 3, 5)]
+    strands = Strands(unit, rng.random(5, np.float32), -unit)
+    covered, hidden, skin = rng.random((3, 7)) > 0.5
+    found = FoundHair(rng.random(7, np.float32), covered, hidden, skin, volume, rng.random(5, np.float32), strands)
     file = tmp_path / "hair.npz"
     found.save(file)
     again = load_hair(file, 7)
     np.testing.assert_array_equal(again.texture, found.texture)
     np.testing.assert_array_equal(again.covered, found.covered)
     np.testing.assert_array_equal(again.hidden, found.hidden)
+    np.testing.assert_array_equal(again.skin, found.skin)
+    for values, expected in zip(again.strands, strands, strict=True):
+        np.testing.assert_array_equal(values, expected)
     np.testing.assert_array_equal(again.volume.centres, volume.centres)
     assert again.volume.size == np.float32(volume.size)
     with pytest.raises(InputError, match=r"hair\.npz: covered"):
         load_hair(file, 8)
     replace(found, visible=np.full(5, np.nan, np.float32)).save(file)
     with pytest.raises(InputError, match=r"hair\.npz: visible"):
+        load_hair(file, 7)
+    replace(found, strands=strands._replace(direction=0.5 * unit)).save(file)
+    with pytest.raises(InputError, match=r"hair\.npz: strand_direction: expected unit vectors"):
         load_hair(file, 7)
     file.write_bytes(b"no archive")
     with pytest.raises(InputError, match=r"hair\.npz"):

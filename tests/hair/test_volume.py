@@ -6,7 +6,8 @@ from hair.hairy_ball import CAP, RADIUS, STANDOFF, ball, views
 
 from carigs.hair import place_in_hair
 from carigs.hair.covered_faces import Covering, covered_faces
-from carigs.hair.placement import visible_shares
+from carigs.hair.strands import strand_directions
+from carigs.hair.visible_voxels import visible_shares
 from carigs.hair.volume import carve_hair
 
 
@@ -47,7 +48,7 @@ def test_hair_is_found_between_the_skin_and_the_strands_and_nowhere_else(volume)
 
 def test_a_bald_head_has_no_hair(cap):
     vertices, faces = ball()
-    bald = Covering(np.zeros(len(faces)), np.full((len(faces), 3), 0.5), *2 * [np.zeros(len(faces), bool)])
+    bald = Covering(np.zeros(len(faces)), np.full((len(faces), 3), 0.5), *3 * [np.zeros(len(faces), bool)])
     found = carve_hair(list(views(hair=False)), bald, cap, vertices, faces)
     assert found.opacity.sum() < 20  # the blur of the outline
 
@@ -84,7 +85,8 @@ def test_points_lie_in_the_hair_where_it_is_seen_on_the_nearest_triangle_of_the_
     outer = (volume.opacity > 0.5) & (radius > RADIUS + STANDOFF - volume.size)
     inner = (volume.opacity > 0.5) & (radius < RADIUS + 0.5 * volume.size)
     assert np.median(visible[outer]) > np.median(visible[inner])
-    points = place_in_hair(volume, visible, cap, vertices, faces, 3000, np.random.default_rng(0))
+    strands = strand_directions(volume, seen, vertices, np.unique(faces[cap]))
+    points = place_in_hair(volume, visible, strands, cap, vertices, faces, 3000, np.random.default_rng(0))
     assert len(points.face) == 3000 and cap[points.face].all() and (points.spacing > 0).all()
     offset = np.abs(points.position[:, None] - volume.centres[None, volume.opacity > 0]).max(axis=2).min(axis=1)
     assert offset.max() <= volume.size / 2 + 1e-6
@@ -94,5 +96,5 @@ def test_points_lie_in_the_hair_where_it_is_seen_on_the_nearest_triangle_of_the_
     direction = points.position / np.linalg.norm(points.position, axis=1, keepdims=True)
     over = direction[:, 1] > CAP + 0.1
     assert np.degrees(np.arccos(np.einsum("nc,nc->n", normal, direction)[over].clip(-1, 1))).max() < 6
-    again = place_in_hair(volume, visible, cap, vertices, faces, 3000, np.random.default_rng(0))
+    again = place_in_hair(volume, visible, strands, cap, vertices, faces, 3000, np.random.default_rng(0))
     np.testing.assert_array_equal(points.position, again.position)

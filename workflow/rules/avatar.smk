@@ -39,6 +39,7 @@ rule hair:
         mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
         code=fingerprint("carigs.stages.hair"),
+        outside=outside("hair", "subject"),
     script:
         "../scripts/stage.py"
 

@@ -145,30 +145,33 @@ def to_arrays(surfels: Surfels) -> dict[str, np.ndarray]:
 def flat_discs(
     binding: Int[np.ndarray, " n"],
     position: Float[np.ndarray, "n 3"],
-    scale: Float[np.ndarray, " n"],
+    scale: Float[np.ndarray, " n"] | Float[np.ndarray, "n 2"],
     opacity: float | Float[np.ndarray, " n"],
     rgb: Float[np.ndarray, "n 3"],
     sh_degree: int = 0,
+    rotation: Float[np.ndarray, "n 4"] | None = None,
 ) -> Surfels:
-    """Make round discs in the planes of their triangles, with SurFhead's initial blend weights.
+    """Make discs with SurFhead's initial blend weights, in the planes of their triangles unless a rotation is given.
 
     Args:
         binding: Triangle of each surfel.
         position: Centres in the triangles' frames, in units of k.
-        scale: Standard deviations in units of k.
+        scale: Standard deviations in units of k, one for round discs or one along each axis.
         opacity: Opacities after the sigmoid: one each, or one for all.
         rgb: Colours.
         sh_degree: Degree of the spherical harmonics; degrees 1 and higher start at zero.
+        rotation: Quaternions (w, x, y, z).
 
     Returns:
         Surfels, sorted by triangle.
     """
     n = len(binding)
+    scale = np.asarray(scale)
     return from_arrays(
         np.asarray(binding),
         position=position,
-        rotation=np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
-        log_scale=np.log(np.repeat(np.asarray(scale)[:, None], 2, axis=1)),
+        rotation=np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)) if rotation is None else rotation,
+        log_scale=np.log(np.broadcast_to(scale if scale.ndim == 2 else scale[:, None], (n, 2))),
         opacity=np.broadcast_to(np.log(opacity / (1 - opacity)), n),
         colour=(rgb - 0.5) / SH_BASE,
         harmonics=np.zeros((n, num_coefficients(sh_degree), 3)),

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from carigs.hair import FoundHair, HairPoints, SpaceAboveSkin, place_in_hair, space_above_skin
+from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.rig import Rig
 from carigs.splat.rig.smooth_motion import SmoothMotion
@@ -33,6 +34,8 @@ class HairSurfels:
     """Triangles of the skin that something covers."""
     hidden: Bool[np.ndarray, " f"]
     """Those of them that most views do not see."""
+    skin: Bool[np.ndarray, " f"]
+    """Triangles that show bare skin of the usual colour."""
     above_skin: SpaceAboveSkin
     """Space without hair."""
 
@@ -91,7 +94,7 @@ class HairSurfels:
 
 
 def prepare_hair(
-    found: FoundHair, scalp: Bool[np.ndarray, " f"], sequence: HeadSequence, layers: int, seed: int
+    found: FoundHair, scalp: Bool[np.ndarray, " f"], sequence: HeadSequence, settings: Train
 ) -> HairSurfels | None:
     """Draw points inside the hair, and let the scalp move smoothly.
 
@@ -99,18 +102,19 @@ def prepare_hair(
         found: The hair.
         scalp: Triangles that usually carry hair.
         sequence: The subject; receives the smooth motion.
-        layers: Number of points over the number of triangles of the scalp.
-        seed: Of the points.
+        settings: Number of points over the number of triangles of the scalp (`hair_layers`), whether hair grows with
+            the scalp (`hair_grows`), and the seed of the points.
 
     Returns:
         The hair; None if the head has none.
     """
-    count = layers * int(scalp.sum())
+    count = settings.hair_layers * int(scalp.sum())
     if count == 0 or not found.has_hair(scalp):
         return None
-    rng = np.random.default_rng([seed, 1])
-    points = place_in_hair(found.volume, found.visible, scalp, sequence.rig.vertices, sequence.rig.faces, count, rng)
-    sequence.smooth = SmoothMotion(sequence.rig, scalp)
+    rng = np.random.default_rng([settings.seed, 1])
+    vertices, faces = sequence.rig.vertices, sequence.rig.faces
+    points = place_in_hair(found.volume, found.visible, found.strands, scalp, vertices, faces, count, rng)
+    sequence.smooth = SmoothMotion(sequence.rig, scalp, settings.hair_grows)
     bare = ~(found.covered | scalp)
-    above_skin = space_above_skin(sequence.rig.vertices, sequence.rig.faces, bare)
-    return HairSurfels(points, scalp, found.covered & ~scalp, found.hidden & ~scalp, above_skin)
+    above_skin = space_above_skin(vertices, faces, bare)
+    return HairSurfels(points, scalp, found.covered & ~scalp, found.hidden & ~scalp, found.skin & ~scalp, above_skin)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.spatial.transform import Rotation
 
 from carigs.errors import InputError, SettingsError
 from carigs.hair import HairPoints
@@ -48,7 +50,8 @@ def initial_surfels(
     """
     if settings.start is not None:
         return surfels_of_avatar(Path(settings.start), performance, settings.sh_degree)
-    binding, position, scale = place(settings, performance.rig, None if hair is None else hair.points)
+    placed = place(settings, performance.rig, None if hair is None else hair.points)
+    binding, position = placed.binding, placed.position
     targets_only = settings.gtstar_probability >= 1
     count = len(supervision.targets if targets_only else supervision.frames)
     indices = np.unique(np.linspace(0, count - 1, settings.initial_colour_frames).astype(int))
@@ -57,7 +60,7 @@ def initial_surfels(
     opacity = np.full(len(binding), settings.initial_opacity)
     if hair is not None:
         opacity[hair.hidden[binding]] = HIDDEN_OPACITY
-    return flat_discs(binding, position, scale, opacity, rgb, settings.sh_degree)
+    return flat_discs(*placed[:3], opacity, rgb, settings.sh_degree, placed.rotation)
 
 
 def surfels_of_avatar(file: Path, performance: HeadSequence, sh_degree: int) -> Surfels:
@@ -86,9 +89,20 @@ def surfels_of_avatar(file: Path, performance: HeadSequence, sh_degree: int) -> 
     return from_arrays(harmonics=harmonics, **arrays)
 
 
-def place(
-    settings: Train, rig: Rig, hair: HairPoints | None = None
-) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
+class Placement(NamedTuple):
+    """Where surfels start, in the frames of their triangles."""
+
+    binding: Int[np.ndarray, " n"]
+    """Triangles."""
+    position: Float[np.ndarray, "n 3"]
+    """Centres in units of k."""
+    scale: Float[np.ndarray, "n 2"]
+    """Standard deviations along both axes in units of k."""
+    rotation: Float[np.ndarray, "n 4"]
+    """Quaternions (w, x, y, z)."""
+
+
+def place(settings: Train, rig: Rig, hair: HairPoints | None = None) -> Placement:
     """Positions of the initial surfels: on every face, and at the points of the hair.
 
     Each face gets `surfels_per_face` surfels, spread by the low-discrepancy sequence R2 (Roberts 2018).
@@ -99,7 +113,7 @@ def place(
         hair: Points inside the hair.
 
     Returns:
-        Triangle, position in the triangle's frame, and standard deviation of each surfel, in units of k.
+        Where they are.
     """
     per_face, f = settings.surfels_per_face, len(rig.faces)
     g = 1.324717957244746  # plastic number: g^3 = g + 1
@@ -108,14 +122,22 @@ def place(
         spread = np.array([[1 / 3, 1 / 3]])
     binding = np.repeat(np.arange(f), per_face)
     position = _in_triangle(rig, binding, np.tile(spread, (f, 1)))
-    scale = np.full(len(binding), settings.initial_scale / np.sqrt(per_face))
+    scale = np.full((len(binding), 2), settings.initial_scale / np.sqrt(per_face))
+    rotation = np.tile([1.0, 0.0, 0.0, 0.0], (len(binding), 1))
     if hair is None:
-        return binding, position, scale
+        return Placement(binding, position, scale, rotation)
     offset = hair.position - rig.vertices[rig.faces[hair.face]].mean(axis=1)
-    k = np.maximum(rig.scale[hair.face], 1e-9)
-    local = np.einsum("nji,nj->ni", rig.frame[hair.face], offset) / k[:, None] ** 2  # frame = k R
-    size = np.clip(HAIR_SCALE * hair.spacing, *HAIR_SCALE_LIMITS) / k
-    return np.append(binding, hair.face), np.concatenate([position, local]), np.append(scale, size)
+    k = np.maximum(rig.scale[hair.face], 1e-9)[:, None]
+    to_local = rig.frame[hair.face].swapaxes(1, 2)  # frame = k R
+    local = np.einsum("nij,nj->ni", to_local, offset) / k**2
+    axes = np.einsum("nij,njk->nik", to_local, hair.axes) / k[:, None]
+    axes = np.concatenate([axes, np.cross(axes[..., 0], axes[..., 1])[..., None]], axis=2)
+    size = np.clip(HAIR_SCALE * hair.spacing, *HAIR_SCALE_LIMITS)[:, None] / k
+    size = size * np.sqrt(hair.elongation)[:, None] ** [1, -1]
+    return Placement(
+        np.append(binding, hair.face), np.concatenate([position, local]), np.concatenate([scale, size]),
+        np.concatenate([rotation, Rotation.from_matrix(axes).as_quat(scalar_first=True)]),
+    )  # fmt: skip
 
 
 def _in_triangle(
@@ -175,7 +197,7 @@ def observed_colours(
     face_weight = np.bincount(binding, weight, len(rig.faces))
     face = _fill(face_total, face_weight, rig.neighbours)
     if hair is not None:
-        skin_weight = np.where(hair.scalp | hair.covered, 0, face_weight)
+        skin_weight = np.where(hair.skin, face_weight, 0)
         face[hair.hidden] = _fill(face_total, skin_weight, rig.neighbours)[hair.hidden]
         weight = np.where(hair.hidden[binding], 0, weight)
     return np.where(weight[:, None] > 0, total / np.maximum(weight, 1e-12)[:, None], face[binding]).clip(0.02, 0.98)

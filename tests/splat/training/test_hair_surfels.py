@@ -1,13 +1,18 @@
 """Surfels of hair hang on the scalp; those of covered skin stay on it and keep their colours."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 from miniature import write_ball
+from scipy.spatial.transform import Rotation
 
 from carigs.capture import read_dataset
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.hair import FoundHair
+from carigs.hair.placement import MAX_ELONGATION
+from carigs.hair.strands import Strands
 from carigs.hair.volume import HairVolume
 from carigs.head import neutral
 from carigs.settings import Density, Train
@@ -33,31 +38,58 @@ def subject(tmp_path):
     covered = scalp | (height > 0.03)
     centres = (1.3 * rest[rest[:, 1] > 0.04]).astype(np.float32)
     ones = np.ones(len(centres), np.float32)
+    outwards = centres / np.linalg.norm(centres, axis=1, keepdims=True)
+    down = np.array([0, -1, 1e-3]) + outwards * (outwards[:, 1:2] - 1e-3 * outwards[:, 2:])
+    strands = Strands((down / np.linalg.norm(down, axis=1, keepdims=True)).astype(np.float32), 0.5 * ones, outwards)
     found = FoundHair(
-        np.where(covered, 0.1, 0).astype(np.float32), covered, covered, HairVolume(centres, ones, 0.004), ones
-    )
+        np.where(covered, 0.1, 0).astype(np.float32), covered, covered, ~covered,
+        HairVolume(centres, ones, 0.004), ones, strands,
+    )  # fmt: skip
     return capture, sequence, found, scalp
 
 
 def test_points_are_drawn_by_the_seed_and_a_bald_head_has_none(subject):
     _, sequence, found, scalp = subject
-    hair = prepare_hair(found, scalp, sequence, 3, seed=0)
+    hair = prepare_hair(found, scalp, sequence, SETTINGS)
     assert len(hair.points.face) == 3 * scalp.sum() and scalp[hair.points.face].all()
     np.testing.assert_array_equal(hair.covered, found.covered & ~scalp)
-    same, other = (prepare_hair(found, scalp, sequence, 3, seed=seed).points.position for seed in (0, 1))
+    same, other = (
+        prepare_hair(found, scalp, sequence, replace(SETTINGS, seed=seed)).points.position for seed in (0, 1)
+    )
     np.testing.assert_array_equal(same, hair.points.position)
     assert not np.array_equal(other, hair.points.position)
     sequence.smooth = None
-    assert prepare_hair(found, scalp, sequence, 0, seed=0) is None and sequence.smooth is None
-    bald = FoundHair(found.texture, found.covered & ~scalp, found.hidden & ~scalp, found.volume, found.visible)
-    assert prepare_hair(bald, scalp, sequence, 3, seed=0) is None
+    assert prepare_hair(found, scalp, sequence, replace(SETTINGS, hair_layers=0)) is None and sequence.smooth is None
+    bald = replace(found, covered=found.covered & ~scalp, hidden=found.hidden & ~scalp)
+    assert prepare_hair(bald, scalp, sequence, SETTINGS) is None
     limits = hair.position_limits(sequence.rig)
     assert (limits[~scalp] == 0).all() and limits[np.unique(hair.points.face)].min() > 0
 
 
+def test_first_surfels_lie_along_the_strands(subject):
+    capture, sequence, found, scalp = subject
+    hair = prepare_hair(found, scalp, sequence, SETTINGS)
+    start, rig = initial_surfels(SETTINGS, Supervision(capture), sequence, hair), sequence.rig
+    scale = start.log_scale.detach().exp().numpy()
+    mine = scale[:, 0] > 1.5 * scale[:, 1]
+    assert mine.sum() == len(hair.points.face) and scalp[start.binding[mine]].all()
+    np.testing.assert_allclose((scale[:, 0] / scale[:, 1])[mine], 1 + 0.5 * (MAX_ELONGATION - 1), rtol=1e-4)
+    face, local = start.binding[mine], start.position.detach().numpy()[mine]
+    turn = Rotation.from_quat(start.rotation.detach().numpy()[mine], scalar_first=True).as_matrix()
+    frame = rig.frame[face] / rig.scale[face, None, None]  # = R
+    along, across = (np.einsum("nij,nj->ni", frame, turn[:, :, k]) for k in (0, 1))
+    position = rig.vertices[rig.faces[face]].mean(axis=1) + np.einsum("nij,nj->ni", rig.frame[face], local) * 1.0
+    outwards = position / np.linalg.norm(position, axis=1, keepdims=True)
+    assert np.abs(np.einsum("nc,nc->n", along, outwards)).max() < 0.2  # the strands hang down along a sphere
+    assert np.median(np.abs(along[:, 1])) > 0.5
+    # Their discs face outwards.
+    normal = np.cross(along, across)
+    assert np.abs(np.einsum("nc,nc->n", normal, outwards)).min() > 0.9
+
+
 def test_covered_skin_starts_with_the_colour_of_the_skin_around_it_and_keeps_it(subject, tmp_path):
     capture, sequence, found, scalp = subject
-    hair = prepare_hair(found, scalp, sequence, 3, seed=0)
+    hair = prepare_hair(found, scalp, sequence, SETTINGS)
     supervision = Supervision(capture)
     start = initial_surfels(SETTINGS, supervision, sequence, hair)
     plain = initial_surfels(SETTINGS, supervision, sequence, None)
@@ -82,7 +114,7 @@ def test_covered_skin_starts_with_the_colour_of_the_skin_around_it_and_keeps_it(
 
 def test_hair_over_bare_skin_fades_and_other_surfels_do_not(subject):
     capture, sequence, found, scalp = subject
-    hair, rig = prepare_hair(found, scalp, sequence, 3, seed=0), sequence.rig
+    hair, rig = prepare_hair(found, scalp, sequence, SETTINGS), sequence.rig
     surfels = initial_surfels(SETTINGS, Supervision(capture), sequence, hair)
     before = surfels.opacity.detach().numpy().copy()
     hair.fade_over_bare_skin(surfels, rig)
@@ -101,7 +133,7 @@ def test_hair_over_bare_skin_fades_and_other_surfels_do_not(subject):
 
 def test_an_avatar_keeps_the_motion_of_its_hair(subject, tmp_path):
     capture, sequence, found, scalp = subject
-    hair = prepare_hair(found, scalp, sequence, 3, seed=0)
+    hair = prepare_hair(found, scalp, sequence, SETTINGS)
     surfels = initial_surfels(SETTINGS, Supervision(capture), sequence, hair)
     avatar, file = Avatar(surfels, sequence), tmp_path / "avatar.npz"
     save_avatar(file, avatar)
