@@ -155,7 +155,7 @@ def load_avatar(file: Path) -> Avatar:
     sequence = HeadSequence(head, parameters_of(arrays, head, file), path)
     if "hair_faces" in arrays:
         inside = checked_array(arrays, "hair_faces", (len(head.faces),), bool, file=file)
-        grows = bool(checked_array(arrays, "hair_grows", (), bool, file=file))
+        grows = "hair_grows" in arrays and bool(checked_array(arrays, "hair_grows", (), bool, file=file))
         sequence.smooth = SmoothMotion(sequence.rig, inside, grows)
     if "shading_light" in arrays:
         sequence.shading = shading_of(arrays, len(head.faces), file, "shading_")

@@ -6,13 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float64
+from jaxtyping import Float, Float32, Float64
 from scipy.spatial.transform import Rotation
 
 from carigs.splat.avatar import Avatar
 from carigs.splat.colour.harmonics_rotation import rotate_harmonics
 from carigs.splat.colour.spherical_harmonics import SH_BASE
 from carigs.splat.rig.blended_rotation import blended_rotations
+from carigs.splat.rig.face_motion import FaceMotion
 from carigs.splat.rig.similarity_motion import similarity_motion
 from carigs.splat.rig.skinning import jacobian_blend_skinning
 from carigs.splat.surfels.surfels import to_arrays
@@ -42,10 +43,6 @@ class WorldSplats(NamedTuple):
 def bake(avatar: Avatar, timestep: int, level: float) -> WorldSplats:
     """Carry the surfels of an avatar to world coordinates, as `Avatar.render` does.
 
-    The tangents of a skinned disc are the columns of L = J_b k_c R_c r s, which are not orthogonal where the triangle
-    shears. With the thin singular value decomposition L = A diag(s) V^T the disc of axes A and scales s has the
-    covariance L L^T and the same normal. The light on the triangle multiplies all coefficients of the colour.
-
     Args:
         avatar: The avatar.
         timestep: Timestep of the capture.
@@ -54,8 +51,26 @@ def bake(avatar: Avatar, timestep: int, level: float) -> WorldSplats:
     Returns:
         The splats, in the order of the surfels.
     """
+    sequence = avatar.sequence
+    return bake_motion(avatar, sequence.motion(timestep, level), sequence.shade(timestep, level))
+
+
+def bake_motion(avatar: Avatar, motion: FaceMotion, shade: Float32[np.ndarray, "f 3"] | None) -> WorldSplats:
+    """Carry the surfels of an avatar to any posed mesh, in world coordinates.
+
+    The tangents of a skinned disc are the columns of L = J_b k_c R_c r s, which are not orthogonal where the triangle
+    shears. With the thin singular value decomposition L = A diag(s) V^T the disc of axes A and scales s has the
+    covariance L L^T and the same normal. The light on the triangle multiplies all coefficients of the colour.
+
+    Args:
+        avatar: The avatar.
+        motion: Motion of the triangles to the posed mesh.
+        shade: Factor on the colours of every triangle; None for 1.
+
+    Returns:
+        The splats, in the order of the surfels.
+    """
     surfels, sequence = avatar.surfels, avatar.sequence
-    motion = sequence.motion(timestep, level)
     if avatar.skinning == "similarity":
         motion = similarity_motion(sequence.rig, motion)
     blend = avatar.skinning == "jbs"
@@ -65,7 +80,6 @@ def bake(avatar: Avatar, timestep: int, level: float) -> WorldSplats:
     harmonics = arrays["harmonics"]
     if harmonics.shape[1] and avatar.rotate_harmonics:
         harmonics = rotate_harmonics(harmonics, blended_rotations(surfels, motion, blend=blend))
-    shade = sequence.shade(timestep, level)
     factor = np.ones((len(surfels), 3)) if shade is None else shade[surfels.binding].astype(np.float64)
     axes, scale = disc_axes(skinned.tangent_u.double().numpy(), skinned.tangent_v.double().numpy())
     return WorldSplats(

@@ -101,9 +101,22 @@ class HeadSequence:
             return None
         key = (timestep, float(level))
         if key not in self._shades:
-            after = self.shading.transfer(self._pose(self._tracked[timestep], level), self.rig.faces)
-            self._shades[key] = self.shading.face_factors(self._canonical_transfer, after, self.rig.faces)
+            self._shades[key] = self.shade_of(self._pose(self._tracked[timestep], level))
         return self._shades[key]
+
+    def shade_of(self, posed: Float[np.ndarray, "v 3"]) -> Float32[np.ndarray, "f 3"] | None:
+        """Factor on the colours of every triangle of any posed mesh.
+
+        Args:
+            posed: World vertices in metres.
+
+        Returns:
+            Factors on sRGB values, or None if colours do not follow the light.
+        """
+        if self.shading is None:
+            return None
+        after = self.shading.transfer(posed, self.rig.faces)
+        return self.shading.face_factors(self._canonical_transfer, after, self.rig.faces)
 
     @cached_property
     def _canonical_transfer(self) -> Transfer:
@@ -121,13 +134,22 @@ class HeadSequence:
         """
         key = (timestep, float(level))
         if key not in self._motions:
-            motion = self._motions[key] = face_motion(
-                self.rig, self.posed(timestep, level), self.smooth and self.smooth.apply
-            )
+            motion = self._motions[key] = self.motion_of(self.posed(timestep, level))
             while len(self._motions) > max(self.megabytes * 2**20 // max(motion.records.nbytes, 1), 1):
                 self._motions.popitem(last=False)
         self._motions.move_to_end(key)
         return self._motions[key]
+
+    def motion_of(self, posed: Float[np.ndarray, "v 3"]) -> FaceMotion:
+        """Motion of every triangle from the canonical to any posed mesh.
+
+        Args:
+            posed: World vertices in metres.
+
+        Returns:
+            The motion.
+        """
+        return face_motion(self.rig, posed, self.smooth and self.smooth.apply)
 
 
 def head_sequence(capture: Capture, path: GammaPath) -> HeadSequence:
