@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from carigs.cli.parser import command_parser
+from carigs.cli.parser import command_parser, region_level
 from carigs.config import compose, known
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration.exaggerator import Exaggerator
@@ -205,18 +205,6 @@ def _region_field(clean: CleanMesh, file: Path, name: str) -> Float[np.ndarray, 
         raise InputError(str(error), file=file, field=name) from error
 
 
-def _region_level(text: str) -> tuple[str, float]:
-    """Parse NAME=LEVEL."""
-    name, _, level = text.partition("=")
-    try:
-        value = float(level)
-    except ValueError:
-        value = np.nan
-    if not name or not np.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text}: expected NAME=LEVEL, as nose=0.4")
-    return name, value
-
-
 def main(arguments: list[str]) -> int:
     """Run the subcommand.
 
@@ -231,7 +219,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument(
         "--gamma", type=float, default=DEFAULT_GAMMA, help="level; 0 is the mesh itself (default %(default)s)"
     )
-    region = {"type": _region_level, "action": "append", "default": [], "metavar": "NAME=LEVEL"}
+    region = {"type": region_level, "action": "append", "default": [], "metavar": "NAME=LEVEL"}
     parser.add_argument("--region", dest="region_levels", help="level of a region", **region)
     parser.add_argument(
         "--regions", type=Path, metavar="FILE", help="names of regions: FLAME_masks.pkl, a head model, .npz or .json"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from pathlib import Path
 
 
@@ -23,6 +24,28 @@ def command_parser(command: str, description: str, examples: str) -> argparse.Ar
         epilog=examples,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+
+
+def region_level(text: str) -> tuple[str, float]:
+    """Parse NAME=LEVEL, the type of options such as `--region`.
+
+    Args:
+        text: The text.
+
+    Returns:
+        Name and level.
+
+    Raises:
+        argparse.ArgumentTypeError: If it is something else.
+    """
+    name, _, level = text.partition("=")
+    try:
+        value = float(level)
+    except ValueError:
+        value = math.nan
+    if not name or not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text}: expected NAME=LEVEL, as nose=0.4")
+    return name, value
 
 
 def add_capture_options(parser: argparse.ArgumentParser) -> None:
