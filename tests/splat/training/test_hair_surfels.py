@@ -131,15 +131,20 @@ def test_hair_over_bare_skin_fades_and_other_surfels_do_not(subject):
     assert change[mine] == pytest.approx(-FADING) and np.count_nonzero(change) == 1
 
 
-def test_an_avatar_keeps_the_motion_of_its_hair(subject, tmp_path):
+@pytest.mark.parametrize("grows", [False, True])
+def test_an_avatar_keeps_the_motion_of_its_hair(subject, tmp_path, grows):
     capture, sequence, found, scalp = subject
-    hair = prepare_hair(found, scalp, sequence, SETTINGS)
+    hair = prepare_hair(found, scalp, sequence, replace(SETTINGS, hair_grows=grows))
     surfels = initial_surfels(SETTINGS, Supervision(capture), sequence, hair)
     avatar, file = Avatar(surfels, sequence), tmp_path / "avatar.npz"
     save_avatar(file, avatar)
     again, camera = load_avatar(file), capture.cameras[1]
     image = avatar.render(1, 0.25, camera)
     np.testing.assert_allclose(again.render(1, 0.25, camera), image, atol=1e-5)
+    with np.load(file) as arrays:  # as avatars of before were written
+        np.savez(tmp_path / "older.npz", **{name: arrays[name] for name in arrays if name != "hair_grows"})
+    older = load_avatar(tmp_path / "older.npz").render(1, 0.25, camera)
+    assert np.allclose(older, image, atol=1e-5) != grows
     again.sequence.smooth = None
     again.sequence._motions.clear()
     assert np.abs(again.render(1, 0.25, camera) - image).max() > 0.01
