@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float32
 
-from carigs.capture import Capture
+from carigs.capture import Capture, Frame
 from carigs.errors import InputError
 from carigs.files import writing
 from carigs.hair.covered_faces import covered_faces
@@ -112,11 +112,8 @@ def find_hair(settings: Hair, capture: Capture, map_timesteps: Callable[..., Ite
     Raises:
         InputError: If no training frame can be read, or no labels where a folder of labels is set.
     """
-    model, frames, read_labels = capture.model, capture.split("train"), None
-    if settings.labels is not None:
-        folder, classes = Path(settings.labels), settings.label_classes or CLASS_ORDERS[settings.label_order]
-        read_labels = lambda frame, size: read_covering(folder / f"{frame.name}.png", classes, size)  # noqa: E731
-    views = read_views(capture, map_timesteps, read_labels)
+    model, frames = capture.model, capture.split("train")
+    views = read_views(capture, map_timesteps, _label_reader(settings))
     if not views:
         raise InputError("no training frame can be read", file=capture.root)
     if settings.labels is not None and all(view.covering is None for view in views):
@@ -135,6 +132,14 @@ def find_hair(settings: Hair, capture: Capture, map_timesteps: Callable[..., Ite
     return FoundHair(
         covering.texture.astype(np.float32), covering.covered, covering.hidden, covering.skin, volume, visible, strands
     )
+
+
+def _label_reader(settings: Hair) -> Callable[[Frame, tuple[int, int]], np.ndarray | None] | None:
+    """What reads the pixels of a frame that labels call covering; None without labels."""
+    if settings.labels is None:
+        return None
+    folder, classes = Path(settings.labels), settings.label_classes or CLASS_ORDERS[settings.label_order]
+    return lambda frame, size: read_covering(folder / f"{frame.name}.png", classes, size)
 
 
 def load_hair(file: Path, num_faces: int) -> FoundHair:
