@@ -241,11 +241,20 @@ def test_first_surfels_lie_in_their_triangles_and_those_of_hair_at_its_points(ba
     vertices, faces = ball
     rig = build_rig(vertices, faces)
     rng = np.random.default_rng(0)
-    hair = HairPoints(rng.integers(0, len(faces), 50), 0.2 * rng.normal(size=(50, 3)), np.full(50, 0.004))
-    binding, position, scale = place(Train(surfels_per_face=4), rig, hair)
+    axes = np.linalg.qr(rng.normal(size=(50, 3, 2)))[0]
+    elongation = rng.uniform(1, 6, 50)
+    hair = HairPoints(
+        rng.integers(0, len(faces), 50), 0.2 * rng.normal(size=(50, 3)), np.full(50, 0.004), axes, elongation
+    )
+    binding, position, scale, rotation = place(Train(surfels_per_face=4), rig, hair)
     assert len(binding) == 4 * len(faces) + 50
     np.testing.assert_array_equal(binding[4 * len(faces) :], hair.face)
-    np.testing.assert_allclose(scale[4 * len(faces) :] * rig.scale[hair.face], 0.0016)
+    size = scale[4 * len(faces) :] * rig.scale[hair.face, None]
+    np.testing.assert_allclose(size[:, 0] * size[:, 1], 0.0016**2)  # a disc of 0.4 spacings, stretched at equal area
+    np.testing.assert_allclose(size[:, 0] / size[:, 1], elongation)
+    local = Rotation.from_quat(rotation[4 * len(faces) :], scalar_first=True).as_matrix()
+    turned = rig.frame[hair.face] @ local[..., :2] / rig.scale[hair.face, None, None]
+    np.testing.assert_allclose(turned, axes, atol=1e-6)
     point = np.einsum("nij,nj->ni", rig.frame[binding], position)  # relative to the centroid, in metres
     corners = vertices[faces[binding]] - vertices[faces[binding]].mean(axis=1, keepdims=True)
     normal = rig.frame[binding, :, 2] / rig.scale[binding, None]
