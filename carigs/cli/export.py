@@ -35,14 +35,7 @@ def export(task: argparse.Namespace) -> None:
         SettingsError: For values out of range.
     """
     from carigs.library import load, orbit
-    from carigs.library.clips import (
-        ANIMATIONS,
-        VIDEOS,
-        captured_sequence,
-        gamma_sweep,
-        turntable,
-        write_clip,
-    )  # fmt: skip
+    from carigs.library.clips import ANIMATIONS, VIDEOS, captured_sequence, gamma_sweep, turntable, write_clip
 
     if task.output.suffix not in VIDEOS + ANIMATIONS:  # before the avatar is read
         raise InputError(f"a clip is one of {', '.join(VIDEOS + ANIMATIONS)}", file=task.output)
@@ -59,8 +52,11 @@ def export(task: argparse.Namespace) -> None:
     elif task.sweep == "orbit":
         images = turntable(avatar, orbit(avatar, count, degrees=task.degrees, **around), level=level, **still)
     else:
+        if task.timestep is not None:
+            raise SettingsError("--timestep: --sweep sequence shows all timesteps")
+        del still["timestep"]
         count = len(avatar.timesteps)
-        images = captured_sequence(avatar, *orbit(avatar, 1, **around), level=level, regions=still["regions"])
+        images = captured_sequence(avatar, *orbit(avatar, 1, **around), level=level, **still)
     written = write_clip(task.output, track(images, task.output.name, total=count, transient=True), task.fps)
     print(f"{task.output}: {written} images, {written / task.fps:.1f} s, {task.output.stat().st_size / 1e6:.1f} MB")
 

@@ -97,8 +97,7 @@ def _smoothed(volume: HairVolume, tensor: Float[np.ndarray, "n 3 3"]) -> Float[n
     """Average over the neighbouring voxels, weighted by a Gaussian."""
     if len(tensor) == 0:
         return tensor
-    cell = np.round(volume.centres / volume.size).astype(int)
-    cell = tuple((cell - cell.min(axis=0)).T)
+    cell = tuple(np.round((volume.centres - volume.centres.min(axis=0)) / volume.size).astype(int).T)
     grid, result = np.zeros([int(index.max()) + 1 for index in cell], np.float32), np.empty_like(tensor)
     for i, j in zip(*np.triu_indices(3), strict=True):
         grid[cell] = tensor[:, i, j]

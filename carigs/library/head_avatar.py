@@ -13,7 +13,7 @@ from jaxtyping import Float, Float32, Int
 
 from carigs.capture import Camera
 from carigs.errors import SettingsError
-from carigs.exaggeration import Caricature, GammaPath, RegionPaths
+from carigs.exaggeration import Caricature, Exaggerator, GammaPath, RegionPaths
 from carigs.head import HeadParameters, pose, subject_exaggerator
 from carigs.head.teeth import add_teeth
 from carigs.settings import Exaggerate
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from carigs.splat.formats.world_splats import WorldSplats
     from carigs.splat.rig.face_motion import FaceMotion
 
+DEFAULT_LEVEL = 0.25
+"""End of the paths of regions if the avatar has no other level than 0."""
 Vector = Sequence[float] | Float[np.ndarray, "3"]
 
 
@@ -220,13 +222,9 @@ class HeadAvatar:
         return {}
 
     @cached_property
-    def _exaggerator(self):
+    def _exaggerator(self) -> Exaggerator:
         sequence = self.avatar.sequence
         return subject_exaggerator(sequence.head, sequence.head.v_template.astype(np.float64), Exaggerate())
-
-
-DEFAULT_LEVEL = 0.25
-"""End of the paths of regions if the avatar has no other level than 0."""
 
 
 @dataclass(frozen=True)
@@ -251,17 +249,7 @@ class PosedHead:
         Returns:
             RGB in [0, 1], over the background of the avatar.
         """
-        import torch
-
-        from carigs.splat.render import render
-
-        avatar = self.avatar
-        with torch.no_grad():
-            image = render(
-                avatar.surfels, avatar.sequence.rig, self.motion, camera, skinning=avatar.skinning,
-                rotate_harmonics=avatar.rotate_harmonics, background=avatar.background, shade=self.shade,
-                backend=backend,
-            ).image  # fmt: skip
+        image = self.avatar.render_motion(self.motion, self.shade, camera, backend=backend).image
         return image.numpy().clip(0, 1)
 
     def surfels(self) -> WorldSplats:

@@ -39,7 +39,8 @@ def orbit(
         The cameras.
 
     Raises:
-        SettingsError: If the count, the size or the distance is not positive.
+        SettingsError: If the count, the size or the distance is not positive, an angle is not finite, or the elevation
+            is not between -90 and 90 degrees.
 
     Example:
         >>> import carigs
@@ -49,6 +50,11 @@ def orbit(
     height, width = (size, size) if isinstance(size, int) else size
     if count < 1 or height < 1 or width < 1 or not (distance is None or 0 < distance < np.inf):
         raise SettingsError(f"orbit: count={count}, size={size}, distance={distance}: they must be positive")
+    if not (abs(elevation) < 90 and np.isfinite([degrees, azimuth]).all()):  # from above, no direction is up
+        raise SettingsError(
+            f"orbit: degrees={degrees}, azimuth={azimuth}, elevation={elevation}: "
+            "expected angles, and an elevation between -90 and 90"
+        )
     vertices = avatar.pose().vertices
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     middle, extent = 0.5 * (low + high), float((high - low).max())

@@ -19,6 +19,7 @@ from carigs.readers.arrays import checked_array
 from carigs.readers.npz import read_npz
 from carigs.splat.avatar_head import head_of, head_to_arrays, parameters_of, parameters_to_arrays
 from carigs.splat.render import SKINNINGS, RenderedFrame, render, skin
+from carigs.splat.rig.face_motion import FaceMotion
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.skinning import SkinnedSurfels
 from carigs.splat.rig.smooth_motion import SmoothMotion
@@ -76,11 +77,27 @@ class Avatar:
         Returns:
             The image, not clamped, and the surfels in world coordinates; without gradients.
         """
+        motion, shade = self.sequence.motion(timestep, level), self.sequence.shade(timestep, level)
+        return self.render_motion(motion, shade, camera, backend=backend)
+
+    def render_motion(
+        self, motion: FaceMotion, shade: Float32[np.ndarray, "f 3"] | None, camera: Camera, *, backend: str = "cpu"
+    ) -> RenderedFrame:
+        """Render the head in any pose.
+
+        Args:
+            motion: Motion of the triangles to the posed mesh.
+            shade: Factor on the colours of every triangle; None for 1.
+            camera: View.
+            backend: Rasteriser, see `carigs.splat.rasterizer.rasterize.rasterize`.
+
+        Returns:
+            The image, not clamped, and the surfels in world coordinates; without gradients.
+        """
         with torch.no_grad():
             return render(
-                self.surfels, self.sequence.rig, self.sequence.motion(timestep, level), camera, skinning=self.skinning,
-                rotate_harmonics=self.rotate_harmonics, background=self.background,
-                shade=self.sequence.shade(timestep, level), backend=backend,
+                self.surfels, self.sequence.rig, motion, camera, skinning=self.skinning,
+                rotate_harmonics=self.rotate_harmonics, background=self.background, shade=shade, backend=backend,
             )  # fmt: skip
 
     def skinned(self, timestep: int, level: float) -> SkinnedSurfels:

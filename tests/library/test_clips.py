@@ -107,6 +107,9 @@ def test_the_command_writes_a_clip(file, tmp_path, capsys, options, count):
         (["clip.gif", "--size", "100000"], "--size 100000"),
         (["clip.gif", "--region", "beak=0.2"], "there is no beak"),
         (["clip.gif", "--timestep", "9"], "timestep=9"),
+        (["clip.gif", "--sweep", "sequence", "--timestep", "1"], "--sweep sequence shows all timesteps"),
+        (["clip.gif", "--elevation", "90"], "elevation=90"),
+        (["clip.gif", "--level", "nan"], "finite"),
     ],
 )
 def test_mistakes_are_one_line(file, tmp_path, monkeypatch, capsys, arguments, problem):

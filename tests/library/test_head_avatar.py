@@ -124,6 +124,9 @@ def test_the_orbit_sees_the_whole_head_from_all_sides(avatar):
     for wrong in ({"count": 0}, {"size": 0}, {"distance": -1.0}, {"distance": np.nan}):
         with pytest.raises(SettingsError, match="must be positive"):
             carigs.orbit(avatar, **wrong)
+    for wrong in ({"elevation": 90.0}, {"azimuth": np.inf}, {"degrees": np.nan}):
+        with pytest.raises(SettingsError, match="expected angles"):
+            carigs.orbit(avatar, **wrong)
 
 
 def test_exaggerate_is_the_solver_on_any_mesh():
