@@ -22,8 +22,9 @@ from carigs.splat.rasterizer.torch_projection import ScreenSurfels
 
 MAX_ELEMENTS = 1 << 20
 """Most meetings of a surfel and a pixel in a group of tiles; each takes about 200 bytes in the backward pass."""
-CHANNELS = {"colour": slice(0, 3), "depth": 3, "normal": slice(4, 7), "alpha": 7, "distortion": 8}
+CHANNELS = {"colour": slice(0, 3), "alpha": 3, "depth": 4, "normal": slice(5, 8), "distortion": 8}
 """Channels of the composited image."""
+COLOUR_CHANNELS, ALL_CHANNELS = 4, 9
 
 
 class Group(NamedTuple):
@@ -42,8 +43,14 @@ class Group(NamedTuple):
 
 
 def composite(
-    surfels: ScreenSurfels, lists: TileLists, width: int, height: int, alpha_cap: float, screen: Screen
-) -> Float[Tensor, "h w 9"]:
+    surfels: ScreenSurfels,
+    lists: TileLists,
+    width: int,
+    height: int,
+    alpha_cap: float,
+    geometry: bool,
+    screen: Screen,
+) -> Float[Tensor, "h w channels"]:
     """Composite the surfels of all tiles, see `forward`.
 
     Args:
@@ -52,39 +59,40 @@ def composite(
         width: Image width in pixels.
         height: Image height in pixels.
         alpha_cap: Upper limit of a surfel's alpha.
+        geometry: Whether to compute depth, normal and distortion.
         screen: Receives the gradient with respect to the projected centres in the backward pass.
 
     Returns:
         An image with the channels `CHANNELS`, over black, differentiable with respect to centres and records.
     """
-    return _Composite.apply(surfels.centre, surfels.record, lists, width, height, alpha_cap, screen)
+    return _Composite.apply(surfels.centre, surfels.record, lists, width, height, alpha_cap, geometry, screen)
 
 
 class _Composite(torch.autograd.Function):
     @staticmethod
-    def forward(ctx, centre, record, lists, width, height, cap, screen):
+    def forward(ctx, centre, record, lists, width, height, cap, geometry, screen):
         ctx.save_for_backward(centre, record)
-        ctx.constants = lists, width, height, cap, screen
-        image = record.new_zeros((height, width, 9))
+        ctx.constants = lists, width, cap, geometry, screen
+        image = record.new_zeros((height, width, ALL_CHANNELS if geometry else COLOUR_CHANNELS))
         for group in _groups(lists, width):
-            _scatter(image, group, _composite(_rows(centre, record, group), group, cap))
+            _scatter(image, group, _composite(_rows(centre, record, group), group, cap, geometry))
         return image
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, upstream):
         centre, record = ctx.saved_tensors
-        lists, width, _, cap, screen = ctx.constants
+        lists, width, cap, geometry, screen = ctx.constants
         slots = record.new_zeros((len(lists.slot), record.shape[1] + 2))
         for group in _groups(lists, width):
             rows = _rows(centre, record, group).requires_grad_(True)
             with torch.enable_grad():
-                image = _composite(rows, group, cap)
+                image = _composite(rows, group, cap, geometry)
             (gradient,) = torch.autograd.grad(image, rows, _gather(upstream, group))
             slots[group.slot[group.used]] += gradient[group.used]
         total = sum_slots(slots, lists, len(record))
         screen.gradient = -total[:, :2]  # rows hold offsets from the projected centre
-        return -total[:, :2].to(centre.dtype), total[:, 2:], None, None, None, None, None
+        return -total[:, :2].to(centre.dtype), total[:, 2:], *[None] * 6
 
 
 def _groups(lists: TileLists, width: int) -> Iterator[Group]:
@@ -114,7 +122,7 @@ def _rows(centre, record, group: Group) -> Float[Tensor, "t k 19"]:
     return torch.cat([offset, record.detach()[group.surfel]], dim=2)
 
 
-def _composite(rows: Float[Tensor, "t k 19"], group: Group, cap: float) -> Float[Tensor, "t p 9"]:
+def _composite(rows: Float[Tensor, "t k 19"], group: Group, cap: float, geometry: bool) -> Float[Tensor, "t p c"]:
     x, y, u0, u1, v0, v1, det, a3, b3, low_x, low_y, log2_opacity = rows[..., :12, None].unbind(dim=2)
     features = rows[..., 12:]
     dx, dy = x + group.pixel[:, 0], y + group.pixel[:, 1]
@@ -134,12 +142,15 @@ def _composite(rows: Float[Tensor, "t k 19"], group: Group, cap: float) -> Float
     alpha = torch.where(counts, alpha, 0.0)
     after = (1 - alpha).cumprod(dim=1)
     before = torch.cat([torch.ones_like(after[:, :1]), after[:, :-1]], dim=1)
-    w, depth = before * alpha, features[..., 3, None]
-    sums = torch.einsum("tkp,tkc->tpc", w, features)
-    weighted = w * depth
-    in_front = weighted.cumsum(dim=1) - weighted
-    distortion = 2 * (weighted * (1 - before) - w * in_front).sum(dim=1)
-    return torch.cat([sums, (1 - after[:, -1])[..., None], distortion[..., None]], dim=2)
+    w = before * alpha
+    colour = torch.einsum("tkp,tkc->tpc", w, features[..., :3])
+    images = [colour, (1 - after[:, -1])[..., None]]
+    if geometry:
+        weighted = w * features[..., 3, None]
+        in_front = weighted.cumsum(dim=1) - weighted
+        distortion = 2 * (weighted * (1 - before) - w * in_front).sum(dim=1)
+        images += [torch.einsum("tkp,tkc->tpc", w, features[..., 3:]), distortion[..., None]]
+    return torch.cat(images, dim=2)
 
 
 def _positions(group: Group, image: Tensor):
@@ -148,12 +159,12 @@ def _positions(group: Group, image: Tensor):
     return x, y, (x < image.shape[1]) & (y < image.shape[0])
 
 
-def _scatter(image: Float[Tensor, "h w 9"], group: Group, values: Float[Tensor, "t p 9"]) -> None:
+def _scatter(image: Float[Tensor, "h w c"], group: Group, values: Float[Tensor, "t p c"]) -> None:
     x, y, inside = _positions(group, image)
     image[y[inside], x[inside]] = values[inside]
 
 
-def _gather(image: Float[Tensor, "h w 9"], group: Group) -> Float[Tensor, "t p 9"]:
+def _gather(image: Float[Tensor, "h w c"], group: Group) -> Float[Tensor, "t p c"]:
     """The group's pixels; 0 outside the image."""
     x, y, inside = _positions(group, image)
     found = image[y.clamp_max(image.shape[0] - 1), x.clamp_max(image.shape[1] - 1)]

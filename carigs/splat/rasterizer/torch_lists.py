@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-TILE_SIZE = 16
+TILE_SIZE = 8
 """Pixels along a tile's side."""
 
 

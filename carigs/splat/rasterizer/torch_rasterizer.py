@@ -43,7 +43,8 @@ def rasterize_torch(
     depth = projected.record[:, 13].detach()
     lists = tile_lists(depth, projected.box, projected.visible, camera.width, camera.height)
     screen = Screen(visible=projected.visible)
-    image = composite(projected, lists, camera.width, camera.height, alpha_cap, screen)
+    geometry = any(name not in ("colour", "alpha") for name in outputs)
+    image = composite(projected, lists, camera.width, camera.height, alpha_cap, geometry, screen)
     images = {name: image[..., CHANNELS[name]] for name in outputs}
     if "colour" in images:
         images["colour"] = images["colour"] + background
