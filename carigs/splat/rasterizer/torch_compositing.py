@@ -1,8 +1,8 @@
 """Front-to-back compositing in plain PyTorch, on any device: the twin of `forward` and, by autograd, of `backward`.
 
-The tiles are taken in groups, and within a group all surfels meet all pixels of their tile at once. A group has at most
-`MAX_ELEMENTS` such meetings: memory is bounded, whatever the number of surfels and pixels. The backward pass computes
-each group again instead of keeping it.
+The tiles are taken in groups, and within a group all surfels meet all pixels of their tile at once. The number of such
+meetings in a group is limited: so is memory, whatever the number of surfels and pixels. The backward pass computes each
+group again instead of keeping it.
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ from carigs.splat.rasterizer.records import TRANSMITTANCE_THRESHOLD
 from carigs.splat.rasterizer.torch_lists import TILE_SIZE, TileLists, sum_slots
 from carigs.splat.rasterizer.torch_projection import ScreenSurfels
 
-MAX_ELEMENTS = 1 << 20
-"""Most meetings of a surfel and a pixel in a group of tiles; each takes about 200 bytes in the backward pass."""
+MAX_ELEMENTS, MAX_ELEMENTS_ON_GPU = 1 << 18, 1 << 20
+"""Most meetings of a surfel and a pixel in a group of tiles; each takes about 270 bytes in the backward pass. A CPU is
+fastest while they stay in its caches, a GPU where groups are large."""
 CHANNELS = {"colour": slice(0, 3), "alpha": 3, "depth": 4, "normal": slice(5, 8), "distortion": 8}
 """Channels of the composited image."""
 COLOUR_CHANNELS, ALL_CHANNELS = 4, 9
@@ -98,6 +99,7 @@ class _Composite(torch.autograd.Function):
 def _groups(lists: TileLists, width: int) -> Iterator[Group]:
     """Tiles of similar length together, longest first; the pixels of very long ones apart."""
     device, across = lists.surfel.device, -(-width // TILE_SIZE)
+    most = MAX_ELEMENTS if device.type == "cpu" else MAX_ELEMENTS_ON_GPU
     order = torch.argsort(lists.count, descending=True, stable=True)
     counts = lists.count[order].tolist()
     at = torch.arange(TILE_SIZE * TILE_SIZE, device=device)
@@ -105,13 +107,13 @@ def _groups(lists: TileLists, width: int) -> Iterator[Group]:
     first = 0
     while first < len(counts) and counts[first] > 0:
         k = counts[first]
-        stop = min(first + max(MAX_ELEMENTS // (k * len(pixel)), 1), len(counts))
+        stop = min(first + max(most // (k * len(pixel)), 1), len(counts))
         tile = order[first:stop]
         place = torch.arange(k, device=device)
         used = place < lists.count[tile][:, None]
         pair = torch.where(used, lists.start[tile][:, None] + place, 0)
         origin = TILE_SIZE * torch.stack([tile % across, tile // across], dim=1)
-        for part in pixel.split(max(MAX_ELEMENTS // k, 1)):
+        for part in pixel.split(max(most // k, 1)):
             yield Group(lists.surfel[pair], lists.slot[pair], used, origin, part)
         first = stop
 

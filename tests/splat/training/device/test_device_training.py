@@ -2,16 +2,21 @@
 
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import gsplat_on_cpu
 import numpy as np
 import pytest
 import torch
 from miniature import write_ball
+from torch.utils._python_dispatch import TorchDispatchMode
 
 from carigs.capture import read_dataset
+from carigs.capture.images import write_bits
+from carigs.capture.target_index import TargetFrame, TargetSet
 from carigs.errors import SettingsError
 from carigs.exaggeration.gamma_path import straight_path
+from carigs.gtstar import MaskFlag
 from carigs.head import neutral
 from carigs.settings import Density, RefineTracking, Train
 from carigs.splat.avatar import Avatar
@@ -147,3 +152,76 @@ def test_the_step_of_backend_cuda_with_the_reference_of_gsplat(subject, tmp_path
     assert rows[-1][3] == pytest.approx(expected_rows[-1][3], rel=1e-3)
     assert rows[-1][4] == pytest.approx(expected_rows[-1][4], abs=0.02)
     assert len(found) == len(expected)
+
+
+READS = {"aten::_local_scalar_dense", "aten::nonzero", "aten::masked_select", "aten::is_nonzero", "aten::equal"}
+"""Operations after which the host waits for the device."""
+
+
+class NoReads(TorchDispatchMode):
+    """Refuses operations that read from the device; a mask as an index is one, too."""
+
+    def __torch_dispatch__(self, func, types, args=(), kwargs=None):
+        name = func.name().partition(".")[0]
+        masks = args[1] if name in ("aten::index", "aten::index_put", "aten::index_put_") else ()
+        assert name not in READS and not any(m is not None and m.dtype == torch.bool for m in masks), func
+        return func(*args, **(kwargs or {}))
+
+
+def blurred(means2d, ray_transforms, colors, opacities, normals, densify, width, height, *lists, distloss):
+    """Images that depend on everything, instead of gsplat's: a mean over all surfels in every pixel."""
+    mean = (means2d.mean(), ray_transforms.mean(), opacities.mean(), normals[..., 2].mean())
+    ones = torch.ones(1, height, width, 1) * (1 + 1e-3 * sum(mean))
+    return colors.mean(dim=1) * ones, ones, normals.mean(dim=1) * ones, ones, ones
+
+
+def frames_as_targets(capture, folder):
+    """The frames as targets of level 0.25, half masked; the first thirty triangles are masked in all of them."""
+    frames, masks = capture.split("train"), np.zeros((48, 40), np.uint16)
+    masks[:24] = MaskFlag.HAIR.value
+    write_bits(folder / "masks.png", masks)
+    targets = [TargetFrame(frame, 0.25, capture.root / frame.image, folder / "masks.png", 0.5) for frame in frames]
+    flags = np.where(np.arange(len(capture.model.faces)) < 30, MaskFlag.HAIR.value, 0).astype(np.uint16)
+    return TargetSet(0.25, folder, tuple(targets), flags)
+
+
+@pytest.mark.parametrize("gtstar", [0.0, 1.0])
+def test_a_step_with_gsplat_reads_nothing_back(subject, tmp_path, monkeypatch, gtstar):
+    """No `.item()`, no `.numpy()`, no `.cpu()`, no boolean index in all that a step does around gsplat's kernels."""
+    with NoReads(), pytest.raises(AssertionError):
+        torch.ones(3)[torch.tensor([True, False, True])]
+    functions = SimpleNamespace(
+        isect_tiles=lambda *_: (None, None, None),
+        isect_offset_encode=lambda pairs, images, across, down: torch.zeros(images, down, across),
+        rasterize_to_pixels_2dgs=blurred,
+    )
+    device = torch.device("cpu")
+    monkeypatch.setattr(
+        device_step, "open_device", lambda settings: (device, partial(rasterize_gsplat, functions, device=device))
+    )
+    update, steps = device_step.DeviceStep.update, []
+
+    def watched(self, *arguments):
+        def refuse(*_):
+            raise AssertionError("read from the device")
+
+        with NoReads(), pytest.MonkeyPatch.context() as patch:
+            for name in ("numpy", "cpu", "tolist", "item", "__float__", "__bool__"):
+                patch.setattr(torch.Tensor, name, refuse)
+            steps.append(update(self, *arguments))
+        return steps[-1]
+
+    monkeypatch.setattr(device_step.DeviceStep, "update", watched)
+    capture, path = subject
+    supervision = Supervision(capture)
+    if gtstar:
+        supervision = Supervision(capture, [frames_as_targets(capture, tmp_path)])
+    settings = replace(SETTINGS, backend="cuda", iterations=4, regularize_from=1, gtstar_probability=gtstar,
+                       density=Density(start=3, stop=4, every=3, gradient_threshold=1e9))  # fmt: skip
+    before = to_arrays(trainer.initial_surfels(settings, supervision, head_sequence(capture, path), None))
+    surfels, _ = train_surfels(settings, head_sequence(capture, path), supervision, tmp_path / "c")
+    assert len(steps) == 4
+    frozen = before["binding"] < 30 if gtstar else np.zeros(len(before["binding"]), bool)
+    after = to_arrays(surfels)
+    assert (after["colour"][frozen] == before["colour"][frozen]).all()
+    assert (after["colour"][~frozen] != before["colour"][~frozen]).any()
