@@ -10,7 +10,7 @@ import torch
 from surfel_clouds import CAMERA, FRONTAL, ODD, cloud, degenerate_cloud, layers, relative, tensors, upstream
 
 from carigs.errors import CarigsError, SettingsError
-from carigs.splat.rasterizer import torch_compositing
+from carigs.splat.rasterizer import torch_compositing, torch_projection
 from carigs.splat.rasterizer.rasterize import OUTPUTS, WorldSurfels, rasterize
 from evaluation.stress.surfel_reference import render
 
@@ -81,6 +81,19 @@ def test_the_torch_backend_computes_the_same_in_small_groups(monkeypatch):
     for found, expected in zip(results[1][0], results[0][0], strict=True):
         torch.testing.assert_close(found, expected, rtol=1e-6, atol=1e-6)
     assert max(relative(a, b.double()) for a, b in zip(results[1][1], results[0][1], strict=True)) < 1e-5
+
+
+def test_the_torch_backend_without_float64(monkeypatch):
+    """As on Apple's GPUs: pixel positions have the spacing of float32."""
+    monkeypatch.setattr(torch_projection, "wide", lambda device: torch.float32)
+    single, double = tensors(cloud(200, 0), grad=True), tensors(cloud(200, 0), torch.float64, grad=True)
+    found, expected = rasterize(WorldSurfels(*single), CAMERA, backend="torch"), render(double, CAMERA)
+    clear = expected.pop("margin") > 1e-3
+    for name in OUTPUTS:
+        torch.testing.assert_close(getattr(found, name)[clear].double(), expected[name][clear], rtol=0, atol=1e-4)
+    upstream(found, clear, 5).backward()
+    upstream(expected, clear, 5).backward()
+    assert max(relative(a.grad, b.grad) for a, b in zip(single, double, strict=True)) < 1e-3
 
 
 def test_surfels_behind_opaque_layers_get_no_gradient():

@@ -29,7 +29,7 @@ class HairRules:
         self._scalp, self._covered, self._hidden = (
             torch.from_numpy(faces).to(device) for faces in (hair.scalp, hair.covered, hair.hidden)
         )
-        self._low = torch.from_numpy(hair.above_skin.low).to(device, self._type)
+        self._low = torch.from_numpy(hair.above_skin.low).to(self._type).to(device)
         self._inside = torch.from_numpy(hair.above_skin.inside).to(device)
         self._size = torch.tensor(self._inside.shape, device=device)
 

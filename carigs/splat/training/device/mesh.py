@@ -37,5 +37,5 @@ def device_mesh(rig: Rig, device: torch.device) -> DeviceMesh:
     return DeviceMesh(
         torch.from_numpy(rig.frame.copy()).to(device),
         torch.from_numpy(rig.neighbours).long().to(device),
-        torch.from_numpy(centre).to(device, wide(device)),
+        torch.from_numpy(centre).to(wide(device)).to(device),
     )

@@ -22,7 +22,7 @@ class DeviceStatistics(GradientStatistics):
 
     def __init__(self, start: GradientStatistics, device: torch.device) -> None:
         self._total, self._views = (
-            torch.from_numpy(values).to(device, wide(device)) for values in (start.total, start.views)
+            torch.from_numpy(values).to(wide(device)).to(device) for values in (start.total, start.views)
         )
 
     def add(self, screen: Screen, camera: Camera) -> None:
@@ -33,7 +33,7 @@ class DeviceStatistics(GradientStatistics):
             camera: The view.
         """
         x, y = screen.gradient.to(self._total.dtype).unbind(dim=1)
-        length = torch.hypot(x * (camera.width / 2), y * (camera.height / 2))
+        length = ((x * (camera.width / 2)).square() + (y * (camera.height / 2)).square()).sqrt()
         self._total += torch.where(screen.visible, length, torch.zeros_like(length))
         self._views += screen.visible
 

@@ -169,4 +169,4 @@ class DeviceStep:
         records = self._examples.copied(self.inputs.sequence.motion(frame.timestep, level).records)
         colour = torch.zeros(len(surfels), 3, device=self.device, requires_grad=True)
         image = self._render(surfels, records, camera, None, ("colour",), colour).colour
-        return torch.autograd.grad(image[..., 0].sum(), colour)[0][:, 0].double().cpu().numpy()
+        return torch.autograd.grad(image[..., 0].sum(), colour)[0][:, 0].cpu().double().numpy()

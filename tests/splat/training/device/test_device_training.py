@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from types import SimpleNamespace
 
 import gsplat_on_cpu
@@ -80,6 +81,30 @@ def test_ends_as_the_numba_step(subject, tmp_path, dense):
     frame, sequence = capture.split("val")[0], head_sequence(capture, path)
     images = [Avatar(s, sequence).render(frame.timestep, 0.0, capture.camera(frame)) for s in (expected, found)]
     assert np.abs(images[0] - images[1]).mean() < (5e-3 if dense else 1e-3)
+
+
+def test_targets_are_trained_as_by_the_numba_step(subject, tmp_path):
+    """Masked and weighted targets on the caricature, in another light, by turns with real frames."""
+    capture, path = subject
+    supervision = Supervision(capture, [frames_as_targets(capture, tmp_path)])
+    rows = []
+    for backend in ("cpu", "torch"):
+        settings = replace(SETTINGS, backend=backend, gtstar_probability=0.5, density=Density(every=0), log_every=1)
+        sequence = head_sequence(capture, path)
+        shade = np.random.default_rng(0).uniform(0.7, 1.3, (len(sequence.rig.faces), 3)).astype(np.float32)
+        sequence.shade = lambda timestep, level, shade=shade: shade if level else None
+        states = []
+
+        def keep(state, states=states):
+            states.append(to_arrays(state.surfels)["colour"][state.surfels.binding < 30].copy())
+
+        rows.append(train_surfels(settings, sequence, supervision, tmp_path / "c", keep)[1])
+        # Surfels of masked triangles change in steps with real frames alone.
+        changed = [not np.array_equal(a, b) for a, b in pairwise(states)]
+        assert changed == [row[2] == 0 for row in rows[-1][1:]]
+    assert {row[2] for row in rows[0]} == {0, 1}
+    for row, other in zip(*rows, strict=True):
+        assert row[3] == pytest.approx(other[3], rel=1e-3)
 
 
 def test_equal_settings_give_equal_bytes(subject, tmp_path):
