@@ -118,7 +118,7 @@ def _groups(lists: TileLists, width: int) -> Iterator[Group]:
         first = stop
 
 
-def _rows(centre, record, group: Group) -> Float[Tensor, "t k 19"]:
+def _rows(centre: Float[Tensor, "n 2"], record: Float[Tensor, "n 17"], group: Group) -> Float[Tensor, "t k 19"]:
     """Offset of each tile's first pixel centre from the projected centre, and the record, in float32."""
     offset = (group.origin[:, None, :] + 0.5 - centre.detach()[group.surfel]).float()
     return torch.cat([offset, record.detach()[group.surfel]], dim=2)
@@ -155,7 +155,9 @@ def _composite(rows: Float[Tensor, "t k 19"], group: Group, cap: float, geometry
     return torch.cat(images, dim=2)
 
 
-def _positions(group: Group, image: Tensor):
+def _positions(
+    group: Group, image: Float[Tensor, "h w c"]
+) -> tuple[Int[Tensor, "t p"], Int[Tensor, "t p"], Bool[Tensor, "t p"]]:
     """Columns and rows of the group's pixels, and whether they are in the image."""
     x, y = (group.origin[:, None, :] + group.pixel).unbind(dim=2)
     return x, y, (x < image.shape[1]) & (y < image.shape[0])

@@ -167,7 +167,16 @@ def project(surfels: WorldSurfels, camera: Camera) -> ScreenSurfels:
     return ScreenSurfels(centre, torch.stack(numbers, dim=1).float(), box, visible)
 
 
-def _pixel_range(centre, lowpass, a, b, p, q, rho2, size):
+def _pixel_range(
+    centre: Float[Tensor, " n"],
+    lowpass: Float[Tensor, " n"],
+    a: Float[Tensor, " n"],
+    b: Float[Tensor, " n"],
+    p: Float[Tensor, " n"],
+    q: Float[Tensor, " n"],
+    rho2: Float[Tensor, " n"],
+    size: int,
+) -> tuple[Float[Tensor, " n"], Float[Tensor, " n"]]:
     """Half-open range of the pixels whose centres lie in the visible extent along one axis (`projection._extent`)."""
     e = rho2 * (p * p + q * q) - 1
     middle = rho2 * (a * p + b * q) / e

@@ -17,11 +17,8 @@ from carigs.splat.training.density import GradientStatistics
 from carigs.splat.training.hair_surfels import FADING_STEPS
 from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.regularizers import add_threshold_loss, normal_consistency_loss
-from carigs.splat.training.step_inputs import StepInputs, StepResult
 from carigs.splat.training.supervision import Example
-
-PREFETCHED = 4
-"""Steps whose images are decoded ahead."""
+from carigs.splat.training.training_step import StepInputs, StepResult
 
 
 class NumbaStep:
@@ -60,11 +57,10 @@ class NumbaStep:
         Returns:
             Loss and images.
         """
-        inputs, settings, supervision = self.inputs, self.inputs.settings, self.inputs.supervision
+        inputs, settings = self.inputs, self.inputs.settings
         gtstar, index = inputs.scheduled(i)
-        example = supervision.example(gtstar, index)
-        for k in range(i + 1, min(i + 1 + PREFETCHED, settings.iterations)):
-            supervision.prefetch(*inputs.scheduled(k))
+        example = inputs.supervision.example(gtstar, index)
+        inputs.decode_ahead(i)
         for _, value in state.surfels.attributes():
             value.grad = None
         rendered, loss = self._loss(state, example, i)

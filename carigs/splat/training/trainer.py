@@ -21,9 +21,9 @@ from carigs.splat.training.initialization import initial_surfels
 from carigs.splat.training.numba_step import NumbaStep
 from carigs.splat.training.progress import progress
 from carigs.splat.training.schedule import draw_schedule
-from carigs.splat.training.step_inputs import StepInputs, StepResult
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.tracking_refinement import TrackingRefinement
+from carigs.splat.training.training_step import StepInputs, StepResult, TrainingStep
 
 DEVICE_BACKENDS = ("torch", "cuda")
 """Backends whose whole step is on a device."""
@@ -150,7 +150,7 @@ class _Run:
         state.losses.clear()
 
 
-def _step_of(inputs: StepInputs):
+def _step_of(inputs: StepInputs) -> TrainingStep:
     """The step of the backend."""
     if inputs.settings.backend not in DEVICE_BACKENDS:
         return NumbaStep(inputs)

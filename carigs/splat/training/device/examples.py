@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from carigs.capture import Camera
-from carigs.splat.training.step_inputs import StepInputs
+from carigs.splat.training.training_step import StepInputs
 
 
 class DeviceExample(NamedTuple):

@@ -29,9 +29,8 @@ from carigs.splat.training.device.skinning import skin
 from carigs.splat.training.device.statistics import DeviceStatistics
 from carigs.splat.training.device.threshold_loss import threshold_loss
 from carigs.splat.training.hair_surfels import FADING_STEPS
-from carigs.splat.training.numba_step import PREFETCHED
 from carigs.splat.training.regularizers import normal_consistency_loss
-from carigs.splat.training.step_inputs import StepInputs, StepResult
+from carigs.splat.training.training_step import StepInputs, StepResult
 
 
 class DeviceStep:
@@ -85,8 +84,7 @@ class DeviceStep:
         inputs, settings, surfels = self.inputs, self.inputs.settings, state.surfels
         gtstar, _ = inputs.scheduled(i)
         example = self._examples.take(i)
-        for k in range(i + 1, min(i + 1 + PREFETCHED, settings.iterations)):
-            inputs.supervision.prefetch(*inputs.scheduled(k))
+        inputs.decode_ahead(i)
         for _, value in surfels.attributes():
             value.grad = None
         binding = self._binding(surfels)
@@ -133,7 +131,15 @@ class DeviceStep:
             return state.refinement.motion(example.timestep).records.to(self.device)
         return self._examples.copied(self.inputs.sequence.motion(example.timestep, example.level).records)
 
-    def _render(self, surfels, records, camera: Camera, shade, outputs, colour=None) -> Rendering:
+    def _render(
+        self,
+        surfels: Surfels,
+        records: Float[Tensor, "f 32"],
+        camera: Camera,
+        shade: Float[Tensor, "f 3"] | None,
+        outputs: tuple[str, ...],
+        colour: Float[Tensor, "n 3"] | None = None,
+    ) -> Rendering:
         """Render the surfels, with their own colours or others."""
         settings, binding = self.inputs.settings, self._binding(surfels)
         eye = camera.centre if surfels.sh_degree > 0 else None

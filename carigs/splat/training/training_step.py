@@ -1,20 +1,27 @@
-"""What a training step works on, apart from its state."""
+"""What a training step is: its inputs, its result, and what the trainer asks of it on any backend."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from carigs.capture import Frame
 from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence
+from carigs.splat.surfels.surfels import Surfels
+from carigs.splat.training.checkpoint import TrainingState
 from carigs.splat.training.hair_surfels import HairSurfels
 from carigs.splat.training.schedule import Schedule
 from carigs.splat.training.supervision import Supervision
+
+PREFETCHED = 4
+"""Steps whose images are decoded ahead."""
 
 
 class StepResult(NamedTuple):
@@ -84,3 +91,54 @@ class StepInputs:
         """
         on = i >= self.settings.regularize_from
         return on and self.settings.distortion_weight > 0, on and self.settings.normal_weight > 0
+
+    def decode_ahead(self, i: int) -> None:
+        """Begin to decode the images of the steps after one.
+
+        Args:
+            i: The step.
+        """
+        for k in range(i + 1, min(i + 1 + PREFETCHED, self.settings.iterations)):
+            self.supervision.prefetch(*self.scheduled(k))
+
+
+class TrainingStep(Protocol):
+    """A step of the training on one backend: everything but density control, which the trainer does on the host."""
+
+    def place(self, state: TrainingState) -> None:
+        """Bring a state to where the step works on it.
+
+        Args:
+            state: The state of the run, on the host; changed in place.
+        """
+
+    def start_statistics(self, state: TrainingState) -> None:
+        """Go on after density control: forget the gradients before it.
+
+        Args:
+            state: The state of the run, with surfels on the host; changed in place.
+        """
+
+    def update(self, state: TrainingState, i: int, rates: Mapping[str, float]) -> StepResult:
+        """Render, compare, update.
+
+        Args:
+            state: The state of the run; changed in place.
+            i: The step.
+            rates: Learning rate of every attribute.
+
+        Returns:
+            Loss and images.
+        """
+
+    def contribution(self, surfels: Surfels, frame: Frame, level: float) -> Float[np.ndarray, " n"]:
+        """Contribution of every surfel to a frame, see `render.contribution`.
+
+        Args:
+            surfels: The surfels, where the step works on them.
+            frame: The view.
+            level: Exaggeration of the mesh.
+
+        Returns:
+            Sums in pixels.
+        """
