@@ -320,4 +320,5 @@ def test_cuda_agrees_with_cpu(arrays):
     for name in OUTPUTS:
         torch.testing.assert_close(getattr(images[0], name)[clear], getattr(images[1], name)[clear], rtol=0, atol=1e-3)
     errors = [relative(b.grad, a.grad.double()) for a, b in zip(*leaves, strict=True)]
+    errors.append(relative(images[1].screen.gradient, images[0].screen.gradient.double()))
     assert max(errors) < 1e-2, errors

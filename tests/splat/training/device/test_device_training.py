@@ -196,7 +196,7 @@ class NoReads(TorchDispatchMode):
 def blurred(means2d, ray_transforms, colors, opacities, normals, densify, width, height, *lists, distloss):
     """Images that depend on everything, instead of gsplat's: a mean over all surfels in every pixel."""
     mean = (means2d.mean(), ray_transforms.mean(), opacities.mean(), normals[..., 2].mean())
-    ones = torch.ones(1, height, width, 1) * (1 + 1e-3 * sum(mean))
+    ones = torch.ones(1, height, width, 1, device=means2d.device) * (1 + 1e-3 * sum(mean))
     return colors.mean(dim=1) * ones, ones, normals.mean(dim=1) * ones, ones, ones
 
 
@@ -250,3 +250,43 @@ def test_a_step_with_gsplat_reads_nothing_back(subject, tmp_path, monkeypatch, g
     after = to_arrays(surfels)
     assert (after["colour"][frozen] == before["colour"][frozen]).all()
     assert (after["colour"][~frozen] != before["colour"][~frozen]).any()
+
+
+gpu = [pytest.mark.gpu, pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")]
+
+
+@pytest.mark.parametrize("backend", [pytest.param(name, marks=gpu) for name in ("torch", "cuda")])
+def test_a_gpu_ends_as_the_numba_step(subject, tmp_path, backend):
+    """Opacities stay below the caps on alpha of both rasterizers."""
+    if backend == "cuda":
+        pytest.importorskip("gsplat")
+    changes = {"density": Density(every=0), "device": "cuda"}
+    (_, expected), (_, rows) = (run(subject, tmp_path / "c", backend=name, **changes) for name in ("cpu", backend))
+    for row, other in zip(rows, expected, strict=True):
+        assert row[3] == pytest.approx(other[3], rel=1e-2)
+        assert row[4] == pytest.approx(other[4], abs=0.1)
+
+
+@pytest.mark.gpu
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
+def test_a_step_on_a_gpu_never_waits(subject, tmp_path, monkeypatch):
+    """Around gsplat's kernels, which wait themselves: CUDA says so."""
+    device = torch.device("cuda")
+    functions = SimpleNamespace(
+        isect_tiles=lambda *_: (None, None, None),
+        isect_offset_encode=lambda pairs, images, across, down: torch.zeros(images, down, across, device=device),
+        rasterize_to_pixels_2dgs=blurred,
+    )
+    opened = device, partial(rasterize_gsplat, functions, device=device)
+    monkeypatch.setattr(device_step, "open_device", lambda settings: opened)
+    update = device_step.DeviceStep.update
+
+    def watched(self, state, i, rates):
+        torch.cuda.set_sync_debug_mode("error" if i else "default")  # the first step allocates
+        try:
+            return update(self, state, i, rates)
+        finally:
+            torch.cuda.set_sync_debug_mode("default")
+
+    monkeypatch.setattr(device_step.DeviceStep, "update", watched)
+    run(subject, tmp_path / "c", backend="cuda", iterations=4, density=Density(every=0))
