@@ -55,7 +55,8 @@ def skin(
         stretch = weight[:, :1] * stretch + (weight[:, 1:, None] * around).sum(dim=1)
         turn = own[:, RELATIVE_ROTATION : RELATIVE_ROTATION + 9].reshape(-1, 3, 3)
         rotation = rotation @ rotation_matrix((weight[:, 1:, None] * turn).sum(dim=1))
-    local = stretch[:, SYMMETRIC].reshape(-1, 3, 3) @ mesh.frame[binding]
+    numbers = stretch.unbind(dim=1)
+    local = torch.stack([numbers[k] for k in SYMMETRIC], dim=1).reshape(-1, 3, 3) @ mesh.frame[binding]
     axes = disc_axes(surfels.rotation) * surfels.log_scale.exp()[:, None, :]
     columns = rotation @ (local @ torch.cat([surfels.position[:, :, None], axes], dim=2))
     centre = columns[:, :, 0] + own[:, CENTRE:ROTATION]
