@@ -97,6 +97,7 @@ class _Run:
         frames, targets = supervision.frames, supervision.targets
         schedule = draw_schedule(settings.iterations, len(frames), len(targets), probability, settings.seed)
         self.inputs = StepInputs(settings, sequence, supervision, hair, schedule)
+        self.only_targets = self.inputs.only_targets
         self.work = _step_of(self.inputs)
         self.work.place(state)
         self.shown: dict[str, float] = {}
@@ -117,7 +118,7 @@ class _Run:
         if density.every and density.start <= done < density.stop and done % density.every == 0:
             rng = np.random.default_rng([self.settings.seed, 2, done])
             views = [(frame, 0.0) for frame in self.supervision.frames]
-            if self.inputs.only_targets:
+            if self.only_targets:
                 views = [(target.frame, target.level) for target in self.supervision.targets]
             views = [views[i] for i in rng.choice(len(views), min(density.importance_views, len(views)), replace=False)]
             state.surfels = densify_and_prune(
@@ -130,8 +131,11 @@ class _Run:
 
     def _importance(self, views: Sequence[tuple[Frame, float]]) -> Float[np.ndarray, " n"]:
         """Contribution of every surfel to some frames, each at its level."""
-        surfels = self.state.surfels
-        return sum((self.work.contribution(surfels, *view) for view in views), np.zeros(len(surfels)))
+        return np.sum([self._contribution(*view) for view in views], axis=0)
+
+    def _contribution(self, frame: Frame, level: float) -> Float[np.ndarray, " n"]:
+        """Contribution of every surfel to a frame."""
+        return self.work.contribution(self.state.surfels, frame, level)
 
     def _log(self, result: StepResult, gtstar: bool) -> None:
         state = self.state
