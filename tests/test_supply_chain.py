@@ -44,6 +44,7 @@ READ_BY_HAND = {
     "conda-inject": "MIT",  # LICENSE in its repository
     "cuda-toolkit": "LicenseRef-NVIDIA-Proprietary",  # requirements alone; it holds no files
     "docutils": "BSD-2-Clause AND PSF-2.0 AND CC0-1.0",  # COPYING.rst; the GPL is of an Emacs mode
+    "gsplat": "Apache-2.0",
     "matplotlib": "PSF-2.0",
     "nvidia-cusparselt-cu13": "LicenseRef-NVIDIA-Proprietary",
     "nvidia-nvtx": "Apache-2.0",

@@ -23,8 +23,8 @@ class Render(Section, key="render"):
     """Timestep shown on the orbit (null: the first test timestep)."""
     orbit_degrees: float = option(60.0, unit="degrees", gt=0, le=360)
     """Range of azimuth of the orbit."""
-    backend: str = option("cpu", choices=("cpu", "scalar", "cuda"))
-    """Rasterizer: `cpu`, `scalar` (plain loops, the reference), or `cuda` (gsplat)."""
+    backend: str = option("cpu", choices=("cpu", "scalar", "torch", "cuda"))
+    """Rasterizer: `cpu`, `scalar` (plain loops, the reference), `torch` (plain PyTorch, slow), or `cuda` (gsplat)."""
 
 
 @dataclass

@@ -135,8 +135,11 @@ class Train(Section, key="train"):
     """Time between two checkpoints."""
     log_every: int = option(20, ge=1, le=MAX_COUNT)
     """Steps between two rows of the log."""
-    backend: str = option("cpu", choices=("cpu", "scalar", "cuda"))
-    """Rasterizer: `cpu`, `scalar` (plain loops, the reference), or `cuda` (gsplat)."""
+    backend: str = option("cpu", choices=("cpu", "scalar", "torch", "cuda"))
+    """`cpu`: Numba kernels. `scalar`: their rasterizer in plain loops, the reference. `torch`: the whole step in plain
+    PyTorch on any device, slow. `cuda`: the whole step on a GPU, with the rasterizer of gsplat. See docs/gpu.md."""
+    device: str = option("auto", choices=("auto", "cpu", "cuda", "mps"))
+    """Device of backend `torch`; `auto`: a GPU if torch finds one, else the CPU."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

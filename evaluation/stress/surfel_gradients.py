@@ -112,7 +112,7 @@ def defined(
     return Drawn([image.detach() for image in images], gradients), clear
 
 
-def agreement(arrays: Arrays, camera: Camera = CAMERA) -> Iterator[Measure]:
+def agreement(arrays: Arrays, camera: Camera = CAMERA, backend: str = "cpu") -> Iterator[Measure]:
     """Compare the kernels with the reference.
 
     Where the image of a surfel is thinner than the float32 spacing of pixel positions, differences count beyond the
@@ -121,12 +121,13 @@ def agreement(arrays: Arrays, camera: Camera = CAMERA) -> Iterator[Measure]:
     Args:
         arrays: Fields of the surfels.
         camera: The camera.
+        backend: Backend of the rasterizer.
 
     Yields:
         Errors of images and gradients.
     """
     expected, clear = defined(arrays, camera)
-    found = measured(arrays, camera, clear)
+    found = measured(arrays, camera, clear, backend)
     yield violations("numbers that are not finite", ~np.concatenate([v.isfinite().ravel() for v in found.values()]))
     slack = Drawn(*([torch.zeros_like(value) for value in values] for values in expected))
     measures = list(_errors(found, expected, slack))

@@ -1,4 +1,4 @@
-"""The `cuda` backend: projection in torch, tiles and compositing by gsplat's 2D Gaussian kernels (>= 1.5).
+"""The `cuda` backend: projection in torch, tiles and compositing by gsplat's 2D Gaussian kernels (1.5.3).
 
 gsplat's `rasterization_2dgs` takes rotations and scales. Tangents that are not orthogonal have those only after a
 decomposition that is singular for round surfels. gsplat's tile kernels take any homography; the projection is therefore
@@ -10,7 +10,7 @@ and sums have no fixed order, so that results differ in the last digits from run
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -18,13 +18,7 @@ from torch import Tensor
 
 from carigs.errors import SettingsError
 from carigs.splat.rasterizer.interface import Rendering, Screen, WorldSurfels
-from carigs.splat.rasterizer.records import (
-    ALPHA_THRESHOLD,
-    CAMERA_PLANE_MARGIN,
-    MAX_SQUARED_LENGTH,
-    MIN_AREA,
-    NEAR_PLANE,
-)
+from carigs.splat.rasterizer.torch_projection import facing_normal, to_camera, transformed
 
 if TYPE_CHECKING:
     from carigs.capture.camera import Camera
@@ -34,20 +28,24 @@ TILE_SIZE = 16
 
 
 class GsplatSurfels(NamedTuple):
-    """The m surfels that are not culled, as gsplat's tile kernels take them."""
+    """Surfels as gsplat's tile kernels take them; those that are culled have radius 0."""
 
     kept: Bool[Tensor, " n"]
-    """Surfels that are not culled; they follow, in order, in the other fields."""
-    homography: Float[Tensor, "m 3 3"]
+    """Surfels that are not culled."""
+    homography: Float[Tensor, "n 3 3"]
     """From disc coordinates (s, t, 1) to homogeneous pixel coordinates."""
-    lowpass_centre: Float[Tensor, "m 2"]
+    lowpass_centre: Float[Tensor, "n 2"]
     """Centre of the box of the projected unit circle in pixels (gsplat: means2d)."""
-    radius: Int[Tensor, "m 2"]
+    radius: Int[Tensor, "n 2"]
     """Half sides in pixels of a box around `lowpass_centre` that contains all alphas of 1/255 or more."""
-    depth: Float[Tensor, " m"]
+    depth: Float[Tensor, " n"]
     """Depth of the centres in metres."""
-    normal: Float[Tensor, "m 3"]
+    normal: Float[Tensor, "n 3"]
     """Unit normals in camera axes that face the camera."""
+    opacity: Float[Tensor, " n"]
+    """In [0, 1]."""
+    colour: Float[Tensor, "n 3"]
+    """RGB."""
 
 
 def disc_homographies(surfels: WorldSurfels, camera: Camera) -> GsplatSurfels:
@@ -58,44 +56,28 @@ def disc_homographies(surfels: WorldSurfels, camera: Camera) -> GsplatSurfels:
         camera: Pinhole camera.
 
     Returns:
-        The surfels that are not culled, differentiable except for `kept` and `radius`.
+        The surfels in float32, differentiable except for `kept` and `radius`.
     """
-    device = surfels.centre.device
-    camera_from_world = torch.as_tensor(camera.camera_from_world, dtype=torch.float32, device=device)
-    rotation = camera_from_world[:3, :3]
-    intrinsics = torch.tensor(
-        [[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]], dtype=torch.float32, device=device
-    )
-    centre = surfels.centre @ rotation.T + camera_from_world[:3, 3]
-    axes = torch.stack([surfels.tangent_u @ rotation.T, surfels.tangent_v @ rotation.T, centre], dim=2)
+    discs = to_camera(surfels, camera)
+    intrinsics = (camera.fx, 0.0, camera.cx), (0.0, camera.fy, camera.cy), (0.0, 0.0, 1.0)
+    columns = [transformed(axis, intrinsics) for axis in (discs.tangent_u, discs.tangent_v, discs.centre)]
+    homography = torch.stack(columns, dim=2)
+    lowpass_centre, _ = _circle_box(homography, torch.ones_like(discs.opacity))
     with torch.no_grad():
-        # In float64: in float32 the products of very small scales underflow.
-        area = torch.linalg.cross(axes[:, :, 0].double(), axes[:, :, 1].double()).norm(dim=1)
-        finite = (surfels.opacity + surfels.colour.sum(1)).isfinite()
-        finite &= axes.double().square().sum((1, 2)) < MAX_SQUARED_LENGTH
-        rho2 = 2 * torch.log(255 * surfels.opacity)
-        squared = (axes[:, 2, :2] / centre[:, 2:]).square().sum(1)
-        in_front = (rho2 * squared - 1 < CAMERA_PLANE_MARGIN) & (squared - 1 < CAMERA_PLANE_MARGIN)
-        kept = finite & (centre[:, 2] > NEAR_PLANE) & (surfels.opacity >= ALPHA_THRESHOLD)
-        kept &= (area > MIN_AREA) & in_front
-    axes, rho2 = axes[kept], rho2[kept]
-    homography = intrinsics @ axes
-    lowpass_centre, _ = _circle_box(homography, torch.ones_like(rho2))
-    with torch.no_grad():
+        rho2 = 2 * torch.log(255 * discs.opacity)
         visible_centre, half = _circle_box(homography, rho2)
         reach = torch.maximum((visible_centre - lowpass_centre).abs() + half, (rho2 / 2).sqrt()[:, None])
-        size = torch.tensor([camera.width, camera.height], device=device)
-        outside = (lowpass_centre + reach < 0) | (lowpass_centre - reach > size)
-        radius = torch.where(outside.any(1, keepdim=True), 0, reach.ceil()).int()
-    normal = torch.linalg.cross(axes[:, :, 0], axes[:, :, 1])
-    normal = torch.nn.functional.normalize(normal, dim=1, eps=MIN_AREA)
-    sign = torch.where((normal * axes[:, :, 2]).sum(1, keepdim=True) > 0, -1.0, 1.0)
-    return GsplatSurfels(kept, homography, lowpass_centre, radius, axes[:, 2, 2], normal * sign)
+        low, high = lowpass_centre - reach, lowpass_centre + reach
+        drawn = discs.kept & (high >= 0).all(dim=1) & (low[:, 0] <= camera.width) & (low[:, 1] <= camera.height)
+        radius = torch.where(drawn[:, None], reach.ceil(), 0).int()
+    numbers = (homography, lowpass_centre, discs.centre[:, 2], facing_normal(discs), discs.opacity, discs.colour)
+    homography, lowpass_centre, depth, normal, opacity, colour = (value.float() for value in numbers)
+    return GsplatSurfels(discs.kept, homography, lowpass_centre, radius, depth, normal, opacity, colour)
 
 
 def _circle_box(
-    homography: Float[Tensor, "m 3 3"], squared_radius: Float[Tensor, " m"]
-) -> tuple[Float[Tensor, "m 2"], Float[Tensor, "m 2"]]:
+    homography: Float[Tensor, "n 3 3"], squared_radius: Float[Tensor, " n"]
+) -> tuple[Float[Tensor, "n 2"], Float[Tensor, "n 2"]]:
     """Centre and half sides of the box of the projected circle s^2 + t^2 = r^2.
 
     The conic touches the vertical line x where x^2 C_ww - 2 x C_xw + C_xx = 0 with C = H diag(r^2, r^2, -1) H^T.
@@ -125,37 +107,58 @@ def rasterize_cuda(
     Raises:
         SettingsError: If there is no CUDA device or gsplat is not installed.
     """
-    gsplat = _gsplat()
-    device = surfels.centre.device
-    fields = ("centre", "tangent_u", "tangent_v", "opacity", "colour")
-    surfels = WorldSurfels(*(getattr(surfels, name).to("cuda") for name in fields))
-    discs = disc_homographies(surfels, camera)
-    count, index = len(surfels.centre), torch.nonzero(discs.kept)[:, 0]
-    visible = torch.zeros(count, dtype=torch.bool, device="cuda")
-    visible[index] = (discs.radius > 0).all(1)
-    screen = Screen(visible=visible.to(device))
+    return rasterize_gsplat(load_gsplat(), surfels, camera, outputs, background, torch.device("cuda"))
+
+
+def rasterize_gsplat(
+    gsplat: Any,
+    surfels: WorldSurfels,
+    camera: Camera,
+    outputs: tuple[str, ...],
+    background: float,
+    device: torch.device,
+) -> Rendering:
+    """Render surfels with functions of gsplat.
+
+    Surfels that are on the device already stay there: nothing here waits for it. gsplat itself reads the number of its
+    tile pairs back.
+
+    Args:
+        gsplat: The package, or its functions for another device.
+        surfels: Surfels in world space, on any device.
+        camera: Pinhole camera.
+        outputs: Names of the images to compute.
+        background: Grey value behind the surfels.
+        device: Where to compute.
+
+    Returns:
+        The requested images on the surfels' device.
+    """
+    home, fields = surfels.centre.device, ("centre", "tangent_u", "tangent_v", "opacity", "colour")
+    discs = disc_homographies(WorldSurfels(*(getattr(surfels, name).to(device) for name in fields)), camera)
+    screen = Screen(visible=(discs.radius > 0).all(dim=1).to(home))
+    # A shift of the surfels' images. The gradient with respect to it is that with respect to the projected centres;
+    # gsplat's own (`densify`) leaves the low-pass filter out, and reads sums that other threads still add to.
+    shift = torch.zeros_like(discs.lowpass_centre, requires_grad=True)
+    shift.register_hook(lambda gradient: setattr(screen, "gradient", gradient.to(home)))
+    rows = discs.homography
+    homography = torch.cat([rows[:, :2] + shift[:, :, None] * rows[:, 2:], rows[:, 2:]], dim=1)
+    lowpass_centre = discs.lowpass_centre + shift
 
     tiles = -(-camera.width // TILE_SIZE), -(-camera.height // TILE_SIZE)
     _, pairs, order = gsplat.isect_tiles(
         discs.lowpass_centre[None].detach(), discs.radius[None], discs.depth[None].detach(), TILE_SIZE, *tiles
     )
     offsets = gsplat.isect_offset_encode(pairs, 1, *tiles).reshape(1, tiles[1], tiles[0])
-    # gsplat returns the gradient of the projected centres as that of this tensor.
-    densify = torch.zeros_like(discs.lowpass_centre[None], requires_grad=True)
-
-    def keep_gradient(gradient: Tensor) -> None:
-        screen.gradient = torch.zeros((count, 2), device="cuda").index_copy(0, index, gradient[0]).to(device)
-
-    densify.register_hook(keep_gradient)
     # gsplat computes the distortion of the last channel.
-    features = torch.cat([surfels.colour[index] - background, discs.depth[:, None]], dim=1)
+    features = torch.cat([discs.colour - background, discs.depth[:, None]], dim=1)
     image, alpha, normal, distortion, _ = gsplat.rasterize_to_pixels_2dgs(
-        discs.lowpass_centre[None],
-        discs.homography[None],
+        lowpass_centre[None],
+        homography[None],
         features[None],
-        surfels.opacity[index][None],
+        discs.opacity[None],
         discs.normal[None],
-        densify,
+        torch.zeros_like(lowpass_centre[None]),
         camera.width,
         camera.height,
         TILE_SIZE,
@@ -170,10 +173,18 @@ def rasterize_cuda(
         "normal": normal[0],
         "distortion": distortion[0, ..., 0],
     }
-    return Rendering(**{name: images[name].to(device) for name in outputs}, screen=screen)
+    return Rendering(**{name: images[name].to(home) for name in outputs}, screen=screen)
 
 
-def _gsplat():
+def load_gsplat() -> Any:
+    """Import gsplat.
+
+    Returns:
+        The package.
+
+    Raises:
+        SettingsError: If there is no CUDA device or gsplat is not installed.
+    """
     if not torch.cuda.is_available():
         raise SettingsError("backend cuda: torch sees no CUDA device here; use backend cpu")
     try:

@@ -1,7 +1,8 @@
-"""Differentiable rasterization of 2D Gaussian surfels: one function, three backends.
+"""Differentiable rasterization of 2D Gaussian surfels: one function, four backends.
 
 - `cpu`: Numba, sixteen surfels or pixels at a time.
 - `scalar`: the same algorithm in plain Numba loops, the readable reference; several times slower.
+- `torch`: the same algorithm in plain PyTorch on the device of the surfels; slower still on a CPU.
 - `cuda`: gsplat.
 """
 
@@ -20,6 +21,7 @@ from carigs.splat.rasterizer import backward, backward_simd, binning, forward, f
 from carigs.splat.rasterizer.cuda import rasterize_cuda
 from carigs.splat.rasterizer.interface import OUTPUTS, Rendering, Screen, WorldSurfels
 from carigs.splat.rasterizer.records import PLANE, RECORD_COLUMN, Compositing, Pinhole, SurfelArrays
+from carigs.splat.rasterizer.torch_rasterizer import rasterize_torch
 
 if TYPE_CHECKING:
     from carigs.capture.camera import Camera
@@ -58,7 +60,7 @@ def rasterize(
     Args:
         surfels: Surfels in world space, float32.
         camera: Pinhole camera.
-        backend: `cpu`, `scalar` or `cuda`.
+        backend: `cpu`, `scalar`, `torch` or `cuda`.
         outputs: Names of the images to compute, of OUTPUTS. Without depth, normal and distortion rendering is cheaper.
         background: Grey value behind the surfels.
         alpha_cap: Upper limit of a surfel's alpha (2DGS and gsplat's main branch: 0.99); `cuda` uses gsplat's own.
@@ -83,8 +85,10 @@ def rasterize(
     _check(surfels)
     if backend == "cuda":
         return rasterize_cuda(surfels, camera, outputs, background)
+    if backend == "torch":
+        return rasterize_torch(surfels, camera, outputs, background, alpha_cap)
     if backend not in _KERNELS:
-        raise SettingsError(f"rasterize: unknown backend {backend!r}; known: {', '.join(_KERNELS)}, cuda")
+        raise SettingsError(f"rasterize: unknown backend {backend!r}; known: {', '.join(_KERNELS)}, torch, cuda")
     screen, names = Screen(), tuple(name for name in OUTPUTS if name in outputs)
     compositing = Compositing(int(camera.width), int(camera.height), np.float32(alpha_cap), np.float32(background))
     tensors = (getattr(surfels, name) for name in FIELDS)

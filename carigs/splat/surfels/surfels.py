@@ -137,9 +137,9 @@ def to_arrays(surfels: Surfels) -> dict[str, np.ndarray]:
         surfels: Surfels.
 
     Returns:
-        Views of the tensors, and the binding.
+        Views of the tensors, or copies of those that are on a device, and the binding.
     """
-    return {name: value.detach().numpy() for name, value in surfels.attributes()} | {"binding": surfels.binding}
+    return {name: value.detach().cpu().numpy() for name, value in surfels.attributes()} | {"binding": surfels.binding}
 
 
 def flat_discs(

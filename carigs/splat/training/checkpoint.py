@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
+from torch import Tensor
 
 from carigs.errors import InputError
 from carigs.files import writing
@@ -34,7 +35,7 @@ class TrainingState:
         adam: Their optimiser.
         statistics: Gradients since the last density control.
         log: Rows of the log.
-        losses: Losses since the last row.
+        losses: Losses since the last row; tensors on a device if the step computes there.
         seconds: Training time, earlier runs included.
         refinement: Refinement of the tracked head parameters, if enabled.
     """
@@ -44,7 +45,7 @@ class TrainingState:
     adam: Adam
     statistics: GradientStatistics
     log: list[tuple] = field(default_factory=list)
-    losses: list[float] = field(default_factory=list)
+    losses: list[float | Tensor] = field(default_factory=list)
     seconds: float = 0.0
     refinement: TrackingRefinement | None = None
 
@@ -99,7 +100,7 @@ def save_checkpoint(file: Path, state: TrainingState, digest: str) -> None:
             steps=state.adam.steps,
             seconds=state.seconds,
             rows=json.dumps(state.log),
-            losses=np.array(state.losses),
+            losses=np.array([float(loss) for loss in state.losses]),
             total=state.statistics.total,
             views=state.statistics.views,
             **to_arrays(state.surfels),

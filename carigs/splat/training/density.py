@@ -149,9 +149,7 @@ def reset_opacity(surfels: Surfels, adam: Adam, highest: float = 0.01) -> None:
         adam: Their optimiser; the moments of the opacities are set to zero.
         highest: Largest opacity afterwards.
     """
-    logit = np.float32(np.log(highest / (1 - highest)))
-    values = surfels.opacity.detach().numpy()
-    np.minimum(values, logit, out=values)
+    surfels.opacity.detach().clamp_(max=float(np.log(highest / (1 - highest))))
     adam.first["opacity"][:] = 0
     adam.second["opacity"][:] = 0
 

@@ -67,8 +67,8 @@ def normal_consistency_loss(
         Mean over the inner pixels.
     """
     z = depth / alpha.clamp_min(1e-6)
-    x = (torch.arange(camera.width) + 0.5 - camera.cx) / camera.fx
-    y = (torch.arange(camera.height) + 0.5 - camera.cy) / camera.fy
+    x = (torch.arange(camera.width, device=z.device) + 0.5 - camera.cx) / camera.fx
+    y = (torch.arange(camera.height, device=z.device) + 0.5 - camera.cy) / camera.fy
     points = torch.stack([x[None, :] * z, y[:, None] * z, z], dim=2)
     across = points[1:-1, 2:] - points[1:-1, :-2]
     down = points[2:, 1:-1] - points[:-2, 1:-1]

@@ -35,7 +35,7 @@ class Example(NamedTuple):
     timestep: int
     camera: Camera
     level: float
-    image: Float32[np.ndarray, "h w 3"]
+    image: Float32[np.ndarray, "h w 3"] | UInt8[np.ndarray, "h w 3"]
     valid: Bool[np.ndarray, "h w"] | None
     frozen: Bool[np.ndarray, " f"] | None = None
     weight: float = 1.0
@@ -96,18 +96,31 @@ class Supervision:
         Raises:
             InputError: If an image is missing or of another size than its camera.
         """
+        stored = self.stored_example(gtstar, index)
+        return stored._replace(image=np.divide(stored.image, np.float32(255), dtype=np.float32))
+
+    def stored_example(self, gtstar: bool, index: int) -> Example:
+        """Read a training example as `example`, with its image in bytes, as it is stored.
+
+        Args:
+            gtstar: As in `example`.
+            index: As in `example`.
+
+        Returns:
+            The example; its image has values from 0 to 255 (uint8).
+        """
         if not gtstar:
             frame = self.frames[index]
             camera = self.capture.camera(frame)
             image = self._images.get(self.capture.root / frame.image, self._read_planes)
-            return Example(frame.timestep, camera, 0.0, _as_float(image, camera, frame.image), None)
+            return Example(frame.timestep, camera, 0.0, _of_size(image, camera, frame.image), None)
         frame, level, file, flags, weight = self.targets[index]
         camera = self.capture.camera(frame)
         image, valid = self._images.get(file, self._read_planes), None
         if self.mask_flags:
             valid = (_of_size(self._images.get(flags, read_bits), camera, flags) & self._excluded) == 0
         return Example(
-            frame.timestep, camera, level, _as_float(image, camera, file), valid, self._frozen.get(level), weight
+            frame.timestep, camera, level, _of_size(image, camera, file), valid, self._frozen.get(level), weight
         )
 
     def prefetch(self, gtstar: bool, index: int) -> None:
@@ -143,10 +156,6 @@ class Supervision:
     def _read_planes(self, file: Path) -> UInt8[np.ndarray, "h w 3"]:
         """Read an image with its channels as planes in memory, as the loss needs them."""
         return np.ascontiguousarray(read_rgb8(file, self.capture.background).transpose(2, 0, 1)).transpose(1, 2, 0)
-
-
-def _as_float(pixels: UInt8[np.ndarray, "h w 3"], camera: Camera, file: object) -> Float32[np.ndarray, "h w 3"]:
-    return np.divide(_of_size(pixels, camera, file), np.float32(255), dtype=np.float32)
 
 
 def _of_size(pixels: np.ndarray, camera: Camera, file: object) -> np.ndarray:

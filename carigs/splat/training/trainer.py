@@ -7,29 +7,26 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
-import torch
 from jaxtyping import Float
-from torch import Tensor
 
 from carigs.capture import Frame
 from carigs.settings import Train
-from carigs.splat.render import RenderedFrame, contribution, render
 from carigs.splat.rig.head_sequence import HeadSequence
-from carigs.splat.surfels.surfels import Surfels
+from carigs.splat.surfels.surfels import Surfels, from_arrays, to_arrays
 from carigs.splat.training.adam import Adam
 from carigs.splat.training.checkpoint import TrainingState, load_checkpoint, run_digest, save_checkpoint
 from carigs.splat.training.density import GradientStatistics, densify_and_prune, reset_opacity, scene_extent
-from carigs.splat.training.hair_surfels import FADING_STEPS, HairSurfels
+from carigs.splat.training.hair_surfels import HairSurfels
 from carigs.splat.training.initialization import initial_surfels
-from carigs.splat.training.photometric_loss import photometric_loss
+from carigs.splat.training.numba_step import NumbaStep
 from carigs.splat.training.progress import progress
-from carigs.splat.training.regularizers import add_threshold_loss, normal_consistency_loss
 from carigs.splat.training.schedule import draw_schedule
-from carigs.splat.training.supervision import Example, Supervision
+from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.tracking_refinement import TrackingRefinement
+from carigs.splat.training.training_step import StepInputs, StepResult, TrainingStep
 
-PREFETCHED = 4
-"""Steps whose images are decoded ahead."""
+DEVICE_BACKENDS = ("torch", "cuda")
+"""Backends whose whole step is on a device."""
 COLUMNS = ("iteration", "seconds", "caricature", "loss", "psnr", "surfels")
 """Columns of the log: the mean loss since the row before, and the PSNR (dB, valid pixels) of the row's own step."""
 
@@ -78,16 +75,16 @@ def train_surfels(
     earlier = state.seconds
     with progress("train", settings.iterations, state.iteration) as report:
         while state.iteration < settings.iterations:
-            loss = run.step()
+            run.step()
             now = time.perf_counter()
             state.seconds = earlier + now - started
-            report(state.iteration, loss=loss, surfels=len(state.surfels))
+            report(state.iteration, **run.shown, surfels=len(state.surfels))
             if on_step is not None:
                 on_step(state)
             if now - saved > settings.checkpoint_seconds and state.iteration < settings.iterations:
                 save_checkpoint(checkpoint, state, digest)
                 saved = time.perf_counter()
-    return state.surfels, state.log
+    return from_arrays(**to_arrays(state.surfels)), state.log
 
 
 class _Run:
@@ -95,73 +92,26 @@ class _Run:
 
     def __init__(self, settings: Train, sequence: HeadSequence, supervision: Supervision, hair, state) -> None:
         self.settings, self.sequence, self.supervision, self.state = settings, sequence, supervision, state
-        self.hair = hair
-        # Surfels of hair start away from their triangles.
-        hair_limits = 0.0 if hair is None else hair.position_limits(sequence.rig)
-        self.position_limit = np.zeros(len(sequence.rig.faces)) + settings.position_limit + hair_limits
         self.extent = scene_extent(supervision.capture.cameras)
         probability = settings.gtstar_probability if supervision.targets else 0.0
         frames, targets = supervision.frames, supervision.targets
-        self.schedule = draw_schedule(settings.iterations, len(frames), len(targets), probability, settings.seed)
-        self.only_targets = bool(self.schedule.gtstar.all())
+        schedule = draw_schedule(settings.iterations, len(frames), len(targets), probability, settings.seed)
+        self.inputs = StepInputs(settings, sequence, supervision, hair, schedule)
+        self.only_targets = self.inputs.only_targets
+        self.work = _step_of(self.inputs)
+        self.work.place(state)
+        self.shown: dict[str, float] = {}
 
-    def step(self) -> float:
-        """Render, compare, update; returns the loss."""
-        state, settings = self.state, self.settings
-        i = state.iteration
-        gtstar = bool(self.schedule.gtstar[i])
-        example = self.supervision.example(gtstar, int(self.schedule.index[i]))
-        for k in range(i + 1, min(i + 1 + PREFETCHED, settings.iterations)):
-            self.supervision.prefetch(bool(self.schedule.gtstar[k]), int(self.schedule.index[k]))
-        for _, value in state.surfels.attributes():
-            value.grad = None
-        rendered, loss = self._loss(example, i)
-        loss.backward()
-        screen = rendered.rendering.screen
-        value = float(loss.detach()) + add_threshold_loss(
-            state.surfels, screen.visible.numpy(), self.position_limit[state.surfels.binding],
-            settings.position_weight, settings.scale_limit, settings.scale_weight,
-        )  # fmt: skip
-        frozen = None if example.frozen is None else example.frozen[state.surfels.binding]
-        if settings.density.every and (not gtstar or self.only_targets):
-            state.statistics.add(screen, example.camera)
-        if self.hair is not None:
-            self.hair.keep_hidden_skin(state.surfels)
-        state.adam.step(state.surfels, learning_rates(settings, i), frozen)
-        if self.hair is not None:
-            self.hair.keep_on_covered_skin(state.surfels)
-            if i % FADING_STEPS == 0:
-                self.hair.fade_over_bare_skin(state.surfels, self.sequence.rig)
+    def step(self) -> None:
+        """Render, compare, update; then what is done once in a while."""
+        state, settings, i = self.state, self.settings, self.state.iteration
+        result = self.work.update(state, i, learning_rates(settings, i))
+        gtstar, index = self.inputs.scheduled(i)
         if state.refinement is not None and not gtstar:
-            state.refinement.step(example.timestep, settings.refine_tracking)
+            state.refinement.step(self.supervision.frames[index].timestep, settings.refine_tracking)
         self._control_density(i + 1)
         state.iteration = i + 1
-        self._log(value, rendered, example, gtstar)
-        return value
-
-    def _loss(self, example: Example, i: int) -> tuple[RenderedFrame, Float[Tensor, ""]]:
-        settings = self.settings
-        regularized = i >= settings.regularize_from
-        distortion, normals = regularized and settings.distortion_weight > 0, regularized and settings.normal_weight > 0
-        if self.state.refinement is not None and example.level == 0:
-            motion = self.state.refinement.motion(example.timestep)
-        else:
-            motion = self.sequence.motion(example.timestep, example.level)
-        rendered = render(
-            self.state.surfels, self.sequence.rig, motion, example.camera, skinning=settings.rig,
-            rotate_harmonics=settings.rotate_harmonics, background=self.supervision.capture.background,
-            shade=self.sequence.shade(example.timestep, example.level), backend=settings.backend,
-            outputs=("distortion",) * distortion + ("alpha", "depth", "normal") * normals,
-        )  # fmt: skip
-        valid = None if example.valid is None else torch.from_numpy(example.valid)
-        loss = photometric_loss(rendered.image, torch.from_numpy(example.image), settings.ssim_weight, valid)
-        rendering = rendered.rendering
-        if distortion:
-            loss = loss + settings.distortion_weight * rendering.distortion.mean()
-        if normals:
-            consistency = normal_consistency_loss(rendering.normal, rendering.depth, rendering.alpha, example.camera)
-            loss = loss + settings.normal_weight * consistency
-        return rendered, example.weight * loss
+        self._log(result, gtstar)
 
     def _control_density(self, done: int) -> None:
         state, density = self.state, self.settings.density
@@ -175,31 +125,42 @@ class _Run:
                 state.surfels, state.adam, state.statistics.mean(), self.sequence.rig, self.extent, density, rng,
                 lambda: self._importance(views),
             )  # fmt: skip
-            state.statistics = GradientStatistics(len(state.surfels))
+            self.work.start_statistics(state)
         if density.reset_every and done % density.reset_every == 0 and done < density.stop:
             reset_opacity(state.surfels, state.adam)
 
     def _importance(self, views: Sequence[tuple[Frame, float]]) -> Float[np.ndarray, " n"]:
         """Contribution of every surfel to some frames, each at its level."""
-        settings, surfels, total = self.settings, self.state.surfels, np.zeros(len(self.state.surfels))
-        for frame, level in views:
-            camera, motion = self.supervision.capture.camera(frame), self.sequence.motion(frame.timestep, level)
-            total += contribution(
-                surfels, self.sequence.rig, motion, camera, skinning=settings.rig, backend=settings.backend
-            )
-        return total
+        return np.sum([self._contribution(*view) for view in views], axis=0)
 
-    def _log(self, loss: float, rendered: RenderedFrame, example: Example, gtstar: bool) -> None:
+    def _contribution(self, frame: Frame, level: float) -> Float[np.ndarray, " n"]:
+        """Contribution of every surfel to a frame."""
+        return self.work.contribution(self.state.surfels, frame, level)
+
+    def _log(self, result: StepResult, gtstar: bool) -> None:
         state = self.state
-        state.losses.append(loss)
+        state.losses.append(result.loss)
+        if isinstance(result.loss, float):
+            self.shown["loss"] = result.loss
         if state.iteration % self.settings.log_every and state.iteration < self.settings.iterations:
             return
-        error = (rendered.image.detach().numpy().clip(0, 1) - example.image) ** 2
-        mean = float((error if example.valid is None else error[example.valid]).mean(dtype=np.float64))
+        image, target = (values.detach().cpu().numpy() for values in (result.image, result.target))
+        error = (image.clip(0, 1) - target) ** 2
+        mean = float((error if result.valid is None else error[result.valid.cpu().numpy()]).mean(dtype=np.float64))
         psnr = -10 * np.log10(max(mean, 1e-12))
-        row = (state.iteration, round(state.seconds, 2), int(gtstar), float(np.mean(state.losses)), float(psnr))
+        self.shown["loss"] = loss = float(np.mean([float(loss) for loss in state.losses]))
+        row = (state.iteration, round(state.seconds, 2), int(gtstar), loss, float(psnr))
         state.log.append((*row, len(state.surfels)))
         state.losses.clear()
+
+
+def _step_of(inputs: StepInputs) -> TrainingStep:
+    """The step of the backend."""
+    if inputs.settings.backend not in DEVICE_BACKENDS:
+        return NumbaStep(inputs)
+    from carigs.splat.training.device.step import DeviceStep
+
+    return DeviceStep(inputs)
 
 
 def learning_rates(settings: Train, iteration: int) -> dict[str, float]:

@@ -7,77 +7,15 @@ import numba
 import numpy as np
 import pytest
 import torch
+from surfel_clouds import CAMERA, FRONTAL, ODD, cloud, degenerate_cloud, layers, relative, tensors, upstream
 
-from carigs.capture import Camera, look_at
 from carigs.errors import CarigsError, SettingsError
+from carigs.splat.rasterizer import torch_compositing, torch_projection
 from carigs.splat.rasterizer.rasterize import OUTPUTS, WorldSurfels, rasterize
 from evaluation.stress.surfel_reference import render
 
-CAMERA = Camera(look_at(np.array([0.3, 0.4, 2.0]), np.zeros(3)), fx=90, fy=85, cx=31.2, cy=24.9, width=64, height=48)
-ODD = Camera(look_at(np.array([-0.9, 0.2, 1.6]), np.zeros(3)), fx=70, fy=74, cx=36.7, cy=21.3, width=71, height=45)
-FRONTAL = Camera(look_at(np.array([0.0, 0.0, 2.0]), np.zeros(3)), fx=80, fy=80, cx=24, cy=20, width=48, height=40)
 
-
-def cloud(count, seed, size=0.08, opacity=(0.02, 1.0), extent=0.5):
-    """Arrays of surfels with skewed axes, anywhere in a cube around the origin."""
-    random = np.random.default_rng(seed)
-    axes = np.linalg.qr(random.normal(size=(count, 3, 3)))[0]
-    scale = size * np.exp(random.normal(0, 0.6, (count, 2)))
-    u = axes[:, :, 0] * scale[:, :1]
-    v = axes[:, :, 1] * scale[:, 1:] + 0.4 * u * random.normal(size=(count, 1))
-    centre = random.uniform(-extent, extent, (count, 3))
-    return [centre, u, v, random.uniform(*opacity, count), random.uniform(0, 1, (count, 3))]
-
-
-def degenerate_cloud():
-    """A cloud with every kind of degenerate surfel, seen by FRONTAL (depth = 2 - z)."""
-    centre, u, v, opacity, colour = cloud(120, 7)
-    centre[:10] = [0.0, 0.0, 2.5]  # behind the camera
-    u[10:14] *= 1e-4  # very thin and very small
-    u[14:18], v[14:18] = u[14:18] * 1e-5, v[14:18] * 1e-5
-    u[18:20] *= 40  # reaches the camera's plane, or covers everything
-    u[20:24], v[20:24] = [0, 0, 0.1], centre[20:24] * 0.1 + [0, 0, -0.2]  # the disc's plane contains the camera
-    opacity[24:28] = 0
-    opacity[28:44] = 1
-    centre[44:64, 2] = 0.125  # equal depths
-    u[64:66] = 0  # no area
-    v[66:68] = 2 * u[66:68]
-    u[68:72], v[68:72] = [3, 0, 0], [0, 3, 0]  # covers the image
-    opacity[72:74] = 0.0045  # just visible
-    return [centre, u, v, opacity, colour]
-
-
-def layers(count, seed):
-    """Nearly opaque discs, one behind the other, that cover FRONTAL's image: every pixel is complete after a few."""
-    random = np.random.default_rng(seed)
-    centre = np.column_stack([np.zeros((count, 2)), random.uniform(-0.5, 0.5, count)])
-    u, v = random.normal(0, 0.1, (2, count, 3)) * [1, 1, 0] + [[[2, 0, 0]], [[0, 2, 0]]]
-    return [centre, u, v, random.uniform(0.6, 1, count), random.uniform(0, 1, (count, 3))]
-
-
-def tensors(arrays, dtype=torch.float32, grad=False):
-    # Through float32, so that both precisions see the same numbers.
-    return [torch.tensor(np.asarray(a, np.float32)).to(dtype).requires_grad_(grad) for a in arrays]
-
-
-def upstream(images, mask, seed):
-    """A random linear functional of the images, with weight zero where `mask` is false."""
-    generator = torch.Generator().manual_seed(seed)
-    total = 0
-    for name in OUTPUTS:
-        weight = torch.randn(mask.shape + ((3,) if name in ("colour", "normal") else ()), generator=generator)
-        image = images[name] if isinstance(images, dict) else getattr(images, name)
-        if image is not None:
-            weight = weight * (mask if weight.ndim == 2 else mask[..., None])
-            total = total + (image * weight).sum()
-    return total
-
-
-def relative(a, b):
-    return ((a.double() - b).norm() / b.norm()).item()
-
-
-@pytest.mark.parametrize("background", [0.0, 0.7])
+@pytest.mark.parametrize(("backend", "background"), [("cpu", 0.0), ("cpu", 0.7), ("torch", 0.7)])
 @pytest.mark.parametrize(
     ("arrays", "camera", "outputs", "cap"),
     [
@@ -91,9 +29,11 @@ def relative(a, b):
     ],
     ids=["cloud", "small", "opaque", "colour", "colour alone", "degenerate", "layers"],
 )
-def test_agrees_with_the_dense_reference(arrays, camera, outputs, cap, background):
+def test_agrees_with_the_dense_reference(arrays, camera, outputs, cap, backend, background):
     single, double = tensors(arrays, grad=True), tensors(arrays, torch.float64, grad=True)
-    rendered = rasterize(WorldSurfels(*single), camera, outputs=outputs, background=background, alpha_cap=cap)
+    rendered = rasterize(
+        WorldSurfels(*single), camera, backend=backend, outputs=outputs, background=background, alpha_cap=cap
+    )
     expected = render(double, camera, alpha_cap=cap)
     expected["colour"] = expected["colour"] + background * (1 - expected["alpha"])[..., None]
     # Within 1e-4 of a threshold, float32 may fall on the other side.
@@ -107,13 +47,14 @@ def test_agrees_with_the_dense_reference(arrays, camera, outputs, cap, backgroun
     assert max(errors) < 1e-4, errors
 
 
-def test_scalar_and_vector_kernels_agree():
+@pytest.mark.parametrize("other", ["scalar", "torch"])
+def test_backends_agree(other):
     """In every branch."""
     for arrays, camera in ((degenerate_cloud(), FRONTAL), (layers(70, 7), FRONTAL), (cloud(300, 17, size=0.03), ODD)):
-        fast, scalar = tensors(arrays, grad=True), tensors(arrays, grad=True)
+        leaves = [tensors(arrays, grad=True) for _ in range(2)]
         images = [
             rasterize(WorldSurfels(*t), camera, backend=b, background=0.4)
-            for t, b in ((fast, "cpu"), (scalar, "scalar"))
+            for t, b in zip(leaves, ("cpu", other), strict=True)
         ]
         # Where rounding at a threshold changes the set of contributing surfels, alpha jumps by 1/255.
         same = (images[0].alpha - images[1].alpha).abs() < 1e-5
@@ -123,7 +64,36 @@ def test_scalar_and_vector_kernels_agree():
             torch.testing.assert_close(first, second, rtol=0, atol=1e-5)
         for image in images:
             upstream(image, same, 8).backward()
-        assert max(relative(a.grad, b.grad.double()) for a, b in zip(fast, scalar, strict=True)) < 1e-4
+        assert torch.equal(images[0].screen.visible, images[1].screen.visible)
+        gradients = [[*(t.grad for t in t5), i.screen.gradient] for t5, i in zip(leaves, images, strict=True)]
+        assert max(relative(a, b.double()) for a, b in zip(*gradients, strict=True)) < 1e-4
+
+
+def test_the_torch_backend_computes_the_same_in_small_groups(monkeypatch):
+    """With one pixel of a tile at a time, where a list is long."""
+    results = []
+    for elements in (torch_compositing.MAX_ELEMENTS, 100):
+        monkeypatch.setattr(torch_compositing, "MAX_ELEMENTS", elements)
+        leaves = tensors(cloud(120, 5), grad=True)
+        image = rasterize(WorldSurfels(*leaves), FRONTAL, backend="torch")
+        upstream(image, torch.ones(40, 48), 3).backward()
+        results.append(([getattr(image, name).detach() for name in OUTPUTS], [t.grad for t in leaves]))
+    for found, expected in zip(results[1][0], results[0][0], strict=True):
+        torch.testing.assert_close(found, expected, rtol=1e-6, atol=1e-6)
+    assert max(relative(a, b.double()) for a, b in zip(results[1][1], results[0][1], strict=True)) < 1e-5
+
+
+def test_the_torch_backend_without_float64(monkeypatch):
+    """As on Apple's GPUs: pixel positions have the spacing of float32."""
+    monkeypatch.setattr(torch_projection, "wide", lambda device: torch.float32)
+    single, double = tensors(cloud(200, 0), grad=True), tensors(cloud(200, 0), torch.float64, grad=True)
+    found, expected = rasterize(WorldSurfels(*single), CAMERA, backend="torch"), render(double, CAMERA)
+    clear = expected.pop("margin") > 1e-3
+    for name in OUTPUTS:
+        torch.testing.assert_close(getattr(found, name)[clear].double(), expected[name][clear], rtol=0, atol=1e-4)
+    upstream(found, clear, 5).backward()
+    upstream(expected, clear, 5).backward()
+    assert max(relative(a.grad, b.grad) for a, b in zip(single, double, strict=True)) < 1e-3
 
 
 def test_surfels_behind_opaque_layers_get_no_gradient():
@@ -136,7 +106,8 @@ def test_surfels_behind_opaque_layers_get_no_gradient():
     assert all((t.grad[np.argsort(-arrays[0][:, 2])[:3]] != 0).any() for t in surfels)
 
 
-def test_invalid_surfels_are_culled():
+@pytest.mark.parametrize("backend", ["cpu", "torch"])
+def test_invalid_surfels_are_culled(backend):
     good = cloud(30, 4)
     bad = cloud(30, 5)
     for k, (array, value) in enumerate(((0, np.nan), (0, np.inf), (1, np.nan), (2, -np.inf), (3, np.nan), (4, np.nan))):
@@ -147,8 +118,8 @@ def test_invalid_surfels_are_culled():
     bad[3][24:27] = 0
     bad[3][27:] = -1
     both = tensors([np.concatenate(pair) for pair in zip(good, bad, strict=True)], grad=True)
-    alone = rasterize(WorldSurfels(*tensors(good)), CAMERA)
-    together = rasterize(WorldSurfels(*both), CAMERA)
+    alone = rasterize(WorldSurfels(*tensors(good)), CAMERA, backend=backend)
+    together = rasterize(WorldSurfels(*both), CAMERA, backend=backend)
     for name in OUTPUTS:
         assert torch.equal(getattr(alone, name), getattr(together, name))
     assert not together.screen.visible[30:].any()
@@ -158,9 +129,10 @@ def test_invalid_surfels_are_culled():
         assert tensor.grad.isfinite().all()
 
 
-def test_no_surfels_give_an_empty_image():
+@pytest.mark.parametrize("backend", ["cpu", "torch"])
+def test_no_surfels_give_an_empty_image(backend):
     empty = WorldSurfels(*(t[:0] for t in tensors(cloud(1, 0))))
-    rendered = rasterize(empty, ODD)
+    rendered = rasterize(empty, ODD, backend=backend)
     assert all(not getattr(rendered, name).any() for name in OUTPUTS)
     assert rendered.colour.shape == (45, 71, 3)
 
@@ -348,4 +320,5 @@ def test_cuda_agrees_with_cpu(arrays):
     for name in OUTPUTS:
         torch.testing.assert_close(getattr(images[0], name)[clear], getattr(images[1], name)[clear], rtol=0, atol=1e-3)
     errors = [relative(b.grad, a.grad.double()) for a, b in zip(*leaves, strict=True)]
+    errors.append(relative(images[1].screen.gradient, images[0].screen.gradient.double()))
     assert max(errors) < 1e-2, errors

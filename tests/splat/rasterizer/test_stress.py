@@ -34,6 +34,12 @@ def test_extreme_scenes_are_drawn_and_differentiated_as_defined(kinds, seed):
     assert [measure for measure in agreement(scene(kinds, seed)) if not measure.holds] == []
 
 
+@given(any_kinds, seeds)
+@settings(max_examples=15)
+def test_the_torch_backend_draws_extreme_scenes_as_defined(kinds, seed):
+    assert [measure for measure in agreement(scene(kinds, seed), backend="torch") if not measure.holds] == []
+
+
 @pytest.mark.xfail(
     strict=True,
     reason="the backward's S = Q - sum w q cancels: behind layers with transmittance T the relative error is ~1e-7 / T",

@@ -87,7 +87,8 @@ def test_first_surfels_lie_along_the_strands(subject):
     assert np.abs(np.einsum("nc,nc->n", normal, outwards)).min() > 0.9
 
 
-def test_covered_skin_starts_with_the_colour_of_the_skin_around_it_and_keeps_it(subject, tmp_path):
+@pytest.mark.parametrize("backend", ["cpu", "torch"])
+def test_covered_skin_starts_with_the_colour_of_the_skin_around_it_and_keeps_it(subject, tmp_path, backend):
     capture, sequence, found, scalp = subject
     hair = prepare_hair(found, scalp, sequence, SETTINGS)
     supervision = Supervision(capture)
@@ -102,7 +103,8 @@ def test_covered_skin_starts_with_the_colour_of_the_skin_around_it_and_keeps_it(
     own, green = (0.5 + SH_BASE * each.colour.detach().numpy()[front[each.binding], 1] for each in (plain, start))
     assert np.ptp(own) > 0.08 and np.abs(own - 0.62).max() > 0.1
     np.testing.assert_allclose(green, 0.62, atol=0.05)
-    trained, _ = train_surfels(SETTINGS, sequence, supervision, tmp_path / "checkpoint", hair=hair)
+    settings = replace(SETTINGS, backend=backend, device="cpu")
+    trained, _ = train_surfels(settings, sequence, supervision, tmp_path / "checkpoint", hair=hair)
     np.testing.assert_array_equal(trained.colour.detach().numpy()[hidden], colours[hidden])
     assert not np.array_equal(trained.colour.detach().numpy()[~hidden], colours[~hidden])
     for each in (start, trained):

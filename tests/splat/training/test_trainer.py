@@ -20,7 +20,7 @@ from carigs.settings import DEFAULT_MASK_FLAGS, Density, Train
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar
 from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.surfels.surfels import to_arrays
-from carigs.splat.training import trainer
+from carigs.splat.training import numba_step, trainer
 from carigs.splat.training.adam import Adam
 from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.schedule import draw_schedule
@@ -151,7 +151,7 @@ def test_a_killed_run_resumes_to_the_same_bytes(subject, tmp_path, monkeypatch):
     surfels, rows = run(subject, tmp_path / "none")
     assert len({row[5] for row in rows}) > 1  # density control was at work
     steps = 0
-    photometric_loss = trainer.photometric_loss
+    photometric_loss = numba_step.photometric_loss
 
     def killed(*arguments):
         nonlocal steps
@@ -160,7 +160,7 @@ def test_a_killed_run_resumes_to_the_same_bytes(subject, tmp_path, monkeypatch):
             raise KeyboardInterrupt
         return photometric_loss(*arguments)
 
-    monkeypatch.setattr(trainer, "photometric_loss", killed)
+    monkeypatch.setattr(numba_step, "photometric_loss", killed)
     with pytest.raises(KeyboardInterrupt):
         run(subject, tmp_path / "state", checkpoint_seconds=0.0)
     resumed, resumed_rows = run(subject, tmp_path / "state")

@@ -1,0 +1,178 @@
+"""The training step in plain PyTorch on a device, with a rasterizer for it.
+
+Between two rows of the log the host gives orders and reads nothing back, except where density control or a checkpoint
+needs the state, and where tracking refinement updates the mesh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from carigs.capture import Camera, Frame
+from carigs.splat.rasterizer.interface import Rendering, WorldSurfels
+from carigs.splat.surfels.surfels import Surfels
+from carigs.splat.training.checkpoint import TrainingState
+from carigs.splat.training.density import GradientStatistics
+from carigs.splat.training.device.colour import seen_colour
+from carigs.splat.training.device.device import open_device
+from carigs.splat.training.device.examples import DeviceExample, DeviceExamples
+from carigs.splat.training.device.hair_rules import HairRules
+from carigs.splat.training.device.mesh import device_mesh
+from carigs.splat.training.device.photometric_loss import photometric_loss
+from carigs.splat.training.device.placement import place_state, place_surfels
+from carigs.splat.training.device.skinning import skin
+from carigs.splat.training.device.statistics import DeviceStatistics
+from carigs.splat.training.device.threshold_loss import threshold_loss
+from carigs.splat.training.hair_surfels import FADING_STEPS
+from carigs.splat.training.regularizers import normal_consistency_loss
+from carigs.splat.training.training_step import StepInputs, StepResult
+
+
+class DeviceStep:
+    """Render, compare, update: on a device.
+
+    Args:
+        inputs: What is trained.
+
+    Raises:
+        SettingsError: If the device of the settings is not available.
+    """
+
+    def __init__(self, inputs: StepInputs) -> None:
+        self.inputs = inputs
+        self.device, self._rasterize = open_device(inputs.settings)
+        self._mesh = device_mesh(inputs.sequence.rig, self.device)
+        self._limit = torch.from_numpy(inputs.position_limit).float().to(self.device)
+        self._hair = None if inputs.hair is None else HairRules(inputs.hair, self._mesh, self.device)
+        self._examples: DeviceExamples | None = None
+        self._bound: tuple[np.ndarray | None, Tensor | None] = (None, None)
+
+    def place(self, state: TrainingState) -> None:
+        """Move a state to the device.
+
+        Args:
+            state: The state of the run, on the host; changed in place.
+        """
+        place_state(state, self.device)
+        self._examples = DeviceExamples(self.inputs, self.device, state.refinement is not None)
+
+    def start_statistics(self, state: TrainingState) -> None:
+        """Forget the gradients since the last density control, whose surfels are on the host.
+
+        Args:
+            state: The state of the run, after it.
+        """
+        state.surfels = place_surfels(state.surfels, self.device)
+        state.statistics = DeviceStatistics(GradientStatistics(len(state.surfels)), self.device)
+
+    def update(self, state: TrainingState, i: int, rates: Mapping[str, float]) -> StepResult:
+        """Do one step: everything but density control.
+
+        Args:
+            state: The state of the run, changed in place.
+            i: The step.
+            rates: Learning rate of every attribute.
+
+        Returns:
+            Loss and images, on the device.
+        """
+        inputs, settings, surfels = self.inputs, self.inputs.settings, state.surfels
+        gtstar, _ = inputs.scheduled(i)
+        example = self._examples.take(i)
+        inputs.decode_ahead(i)
+        for _, value in surfels.attributes():
+            value.grad = None
+        binding = self._binding(surfels)
+        rendering, loss = self._loss(state, example, i)
+        screen = rendering.screen
+        loss = loss + threshold_loss(
+            surfels, screen.visible, self._limit[binding], settings.position_weight, settings.scale_limit,
+            settings.scale_weight,
+        )  # fmt: skip
+        self._examples.prefetch(i + 1)  # while the device renders
+        loss.backward()
+        # Numbers of surfels that no image shows may be anything: their gradients are 0, not 0 times infinity.
+        for _, value in surfels.attributes():
+            if value.grad is not None:
+                value.grad.masked_fill_(~screen.visible.reshape(-1, *(1,) * (value.ndim - 1)), 0)
+        if settings.density.every and (not gtstar or inputs.only_targets):
+            state.statistics.add(screen, example.camera)
+        if self._hair is not None:
+            self._hair.keep_hidden_skin(surfels, binding)
+        state.adam.step(surfels, rates, None if example.frozen is None else example.frozen[binding])
+        if self._hair is not None:
+            self._hair.keep_on_covered_skin(surfels, binding)
+            if i % FADING_STEPS == 0:
+                self._hair.fade_over_bare_skin(surfels, binding)
+        return StepResult(loss.detach(), rendering.colour.detach(), example.image, example.valid)
+
+    def _loss(self, state: TrainingState, example: DeviceExample, i: int) -> tuple[Rendering, Float[Tensor, ""]]:
+        settings, records = self.inputs.settings, example.records
+        distortion, normals = self.inputs.regularizers(i)
+        if records is None:
+            records = self._current_motion(state, example)
+        names = ("colour", *("distortion",) * distortion, *("alpha", "depth", "normal") * normals)
+        rendering = self._render(state.surfels, records, example.camera, example.shade, names)
+        loss = photometric_loss(rendering.colour, example.image, settings.ssim_weight, example.valid)
+        if distortion:
+            loss = loss + settings.distortion_weight * rendering.distortion.mean()
+        if normals:
+            consistency = normal_consistency_loss(rendering.normal, rendering.depth, rendering.alpha, example.camera)
+            loss = loss + settings.normal_weight * consistency
+        return rendering, example.weight * loss
+
+    def _current_motion(self, state: TrainingState, example: DeviceExample) -> Float[Tensor, "f 32"]:
+        if example.level == 0:
+            return state.refinement.motion(example.timestep).records.to(self.device)
+        return self._examples.copied(self.inputs.sequence.motion(example.timestep, example.level).records)
+
+    def _render(
+        self,
+        surfels: Surfels,
+        records: Float[Tensor, "f 32"],
+        camera: Camera,
+        shade: Float[Tensor, "f 3"] | None,
+        outputs: tuple[str, ...],
+        colour: Float[Tensor, "n 3"] | None = None,
+    ) -> Rendering:
+        """Render the surfels, with their own colours or others."""
+        settings, binding = self.inputs.settings, self._binding(surfels)
+        eye = camera.centre if surfels.sh_degree > 0 else None
+        skinned = skin(
+            surfels, binding, self._mesh, records, blend=settings.rig == "jbs", eye=eye,
+            rotate_directions=settings.rotate_harmonics,
+        )  # fmt: skip
+        background = 0.0
+        if colour is None:
+            factor = None if shade is None else shade[binding]
+            colour = seen_colour(surfels.colour, surfels.harmonics, skinned.direction, factor)
+            background = self.inputs.supervision.capture.background
+        return self._rasterize(WorldSurfels(*skinned[:4], colour), camera, outputs=outputs, background=background)
+
+    def _binding(self, surfels: Surfels) -> Tensor:
+        """Triangle of each surfel, on the device."""
+        if self._bound[0] is not surfels.binding:
+            self._bound = surfels.binding, torch.from_numpy(surfels.binding).long().to(self.device)
+        return self._bound[1]
+
+    def contribution(self, surfels: Surfels, frame: Frame, level: float) -> Float[np.ndarray, " n"]:
+        """Contribution of every surfel to a frame, see `render.contribution`.
+
+        Args:
+            surfels: The surfels, on the device.
+            frame: The view.
+            level: Exaggeration of the mesh.
+
+        Returns:
+            Sums in pixels, on the host.
+        """
+        camera = self.inputs.supervision.capture.camera(frame)
+        records = self._examples.copied(self.inputs.sequence.motion(frame.timestep, level).records)
+        colour = torch.zeros(len(surfels), 3, device=self.device, requires_grad=True)
+        image = self._render(surfels, records, camera, None, ("colour",), colour).colour
+        return torch.autograd.grad(image[..., 0].sum(), colour)[0][:, 0].cpu().double().numpy()

@@ -1,0 +1,144 @@
+"""What a training step is: its inputs, its result, and what the trainer asks of it on any backend."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from carigs.capture import Frame
+from carigs.settings import Train
+from carigs.splat.rig.head_sequence import HeadSequence
+from carigs.splat.surfels.surfels import Surfels
+from carigs.splat.training.checkpoint import TrainingState
+from carigs.splat.training.hair_surfels import HairSurfels
+from carigs.splat.training.schedule import Schedule
+from carigs.splat.training.supervision import Supervision
+
+PREFETCHED = 4
+"""Steps whose images are decoded ahead."""
+
+
+class StepResult(NamedTuple):
+    """What a step leaves for the log.
+
+    Attributes:
+        loss: The loss; a tensor where to read it would wait for a device.
+        image: The rendered image.
+        target: What it was compared with.
+        valid: Pixels that supervised; all if None.
+    """
+
+    loss: float | Float[Tensor, ""]
+    image: Float[Tensor, "h w 3"]
+    target: Float[Tensor, "h w 3"]
+    valid: Bool[Tensor, "h w"] | None
+
+
+@dataclass
+class StepInputs:
+    """Inputs of all steps of a training.
+
+    Attributes:
+        settings: Settings of the stage.
+        sequence: The subject.
+        supervision: Training frames and targets.
+        hair: Where hair is; None if the head has none.
+        schedule: The example of every step.
+    """
+
+    settings: Train
+    sequence: HeadSequence
+    supervision: Supervision
+    hair: HairSurfels | None
+    schedule: Schedule
+
+    @cached_property
+    def position_limit(self) -> Float[np.ndarray, " f"]:
+        """Distance from each triangle up to which positions are not penalised: surfels of hair start away from it."""
+        hair = 0.0 if self.hair is None else self.hair.position_limits(self.sequence.rig)
+        return np.zeros(len(self.sequence.rig.faces)) + self.settings.position_limit + hair
+
+    @cached_property
+    def only_targets(self) -> bool:
+        """Whether no step takes a real frame."""
+        return bool(self.schedule.gtstar.all())
+
+    def scheduled(self, i: int) -> tuple[bool, int]:
+        """The example of a step.
+
+        Args:
+            i: The step.
+
+        Returns:
+            Whether it is a GT* target, and its index.
+        """
+        return bool(self.schedule.gtstar[i]), int(self.schedule.index[i])
+
+    def regularizers(self, i: int) -> tuple[bool, bool]:
+        """Which regularizers of the images are in the loss of a step.
+
+        Args:
+            i: The step.
+
+        Returns:
+            Whether distortion and normal consistency are.
+        """
+        on = i >= self.settings.regularize_from
+        return on and self.settings.distortion_weight > 0, on and self.settings.normal_weight > 0
+
+    def decode_ahead(self, i: int) -> None:
+        """Begin to decode the images of the steps after one.
+
+        Args:
+            i: The step.
+        """
+        for k in range(i + 1, min(i + 1 + PREFETCHED, self.settings.iterations)):
+            self.supervision.prefetch(*self.scheduled(k))
+
+
+class TrainingStep(Protocol):
+    """A step of the training on one backend: everything but density control, which the trainer does on the host."""
+
+    def place(self, state: TrainingState) -> None:
+        """Bring a state to where the step works on it.
+
+        Args:
+            state: The state of the run, on the host; changed in place.
+        """
+
+    def start_statistics(self, state: TrainingState) -> None:
+        """Go on after density control: forget the gradients before it.
+
+        Args:
+            state: The state of the run, with surfels on the host; changed in place.
+        """
+
+    def update(self, state: TrainingState, i: int, rates: Mapping[str, float]) -> StepResult:
+        """Render, compare, update.
+
+        Args:
+            state: The state of the run; changed in place.
+            i: The step.
+            rates: Learning rate of every attribute.
+
+        Returns:
+            Loss and images.
+        """
+
+    def contribution(self, surfels: Surfels, frame: Frame, level: float) -> Float[np.ndarray, " n"]:
+        """Contribution of every surfel to a frame, see `render.contribution`.
+
+        Args:
+            surfels: The surfels, where the step works on them.
+            frame: The view.
+            level: Exaggeration of the mesh.
+
+        Returns:
+            Sums in pixels.
+        """
