@@ -63,3 +63,16 @@ def lid_faces(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.nd
         distance = np.linalg.norm(neutral - 0.5 * (low + high), axis=1)
         near |= model.vertex_region(f"{side}_eye_region", "eye_region") & (distance < 1.25 * radius)
     return near[model.faces].all(axis=1)
+
+
+def eye_faces(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.ndarray, " f"]:
+    """Find the triangles of eyeballs and lids.
+
+    Args:
+        model: Head model.
+        neutral: Vertices of the subject's neutral head in metres.
+
+    Returns:
+        Eyeballs and `lid_faces`.
+    """
+    return model.face_region("left_eyeball", "right_eyeball") | lid_faces(model, neutral)

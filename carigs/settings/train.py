@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import Any
 
+from carigs.errors import SettingsError
 from carigs.settings.mask_flags import DEFAULT_MASK_FLAGS, MASK_FLAGS
 from carigs.settings.option import MAX_COUNT, MAX_SEED, Section, option
 
+BUDGET_UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0}
+"""Seconds."""
 _FLAGS = "names of `carigs.settings.MaskFlag`"
 
 
@@ -57,6 +61,10 @@ class Train(Section, key="train"):
 
     iterations: int = option(1500, ge=1, le=MAX_COUNT)
     """Optimisation steps, one image each."""
+    budget: str | None = None
+    """CPU time of the steps instead of their number, such as `60s`, `5min` or `1h`: steps are measured on this machine
+    before the first, and what else is given in steps (density control, regularizers) is scaled with their number. On a
+    GPU it is wall time."""
     seed: int = option(0, ge=0, le=MAX_SEED)
     """Seed of the order of images and of density control: always `seed`, one of `study.seeds`."""
     threads: int = option(1, ge=1, le=1024)
@@ -87,8 +95,12 @@ class Train(Section, key="train"):
     """Initial surfels on each triangle."""
     initial_scale: float = option(0.5, unit="triangle units", gt=0, le=100)
     """Initial standard deviation of the discs, divided by the square root of `surfels_per_face`."""
-    initial_opacity: float = option(0.3, gt=0, lt=1)
-    """Initial opacity."""
+    initial_opacity: float = option(0.9, gt=0, lt=1)
+    """Initial opacity of the surfels on triangles."""
+    initial_eye_opacity: float = option(0.3, gt=0, lt=1)
+    """Initial opacity of the surfels on lids and eyeballs, which hide each other."""
+    initial_hair_opacity: float = option(0.2, gt=0, lt=1)
+    """Initial opacity of the surfels inside the hair."""
     initial_colour_frames: int = option(32, ge=1, le=MAX_COUNT)
     """Training frames from which the initial colours are sampled."""
     hair_regions: tuple[str, ...] = ("scalp",)
@@ -109,6 +121,8 @@ class Train(Section, key="train"):
     """Initial learning rate of opacity logits."""
     colour_lr: float = option(0.01, ge=0, le=10)
     """Initial learning rate of colour coefficients of degree 0."""
+    harmonics_lr_factor: float = option(0.25, ge=0, le=100)
+    """Learning rate of the other colour coefficients over `colour_lr`."""
     blend_lr: float = option(0.001, ge=0, le=10)
     """Initial learning rate of the skinning weights of `jbs`."""
     final_lr_factor: float = option(0.1, gt=0, le=1)
@@ -144,6 +158,27 @@ class Train(Section, key="train"):
     def __post_init__(self) -> None:
         super().__post_init__()
         combine_mask_flags(self)
+        budget_seconds(self.budget)
+
+
+def budget_seconds(budget: str | None) -> float | None:
+    """Read a budget.
+
+    Args:
+        budget: A positive number with the unit s, min or h, such as `60s`.
+
+    Returns:
+        Seconds; None if there is no budget.
+
+    Raises:
+        SettingsError: It is something else.
+    """
+    if budget is None:
+        return None
+    match = re.fullmatch(r"([0-9]{1,9}(?:\.[0-9]{1,9})?) ?(s|min|h)", budget)
+    if match is None or float(match[1]) == 0:
+        raise SettingsError(f"train.budget={budget[:60]} must be a positive number with s, min or h, such as 60s")
+    return float(match[1]) * BUDGET_UNITS[match[2]]
 
 
 def combine_mask_flags(train: Any) -> None:

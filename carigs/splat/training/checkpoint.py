@@ -31,6 +31,7 @@ class TrainingState:
 
     Attributes:
         iteration: Number of steps done.
+        iterations: Number of all steps.
         surfels: The surfels.
         adam: Their optimiser.
         statistics: Gradients since the last density control.
@@ -41,6 +42,7 @@ class TrainingState:
     """
 
     iteration: int
+    iterations: int
     surfels: Surfels
     adam: Adam
     statistics: GradientStatistics
@@ -97,6 +99,7 @@ def save_checkpoint(file: Path, state: TrainingState, digest: str) -> None:
             stream,
             key=digest,
             iteration=state.iteration,
+            iterations=state.iterations,
             steps=state.adam.steps,
             seconds=state.seconds,
             rows=json.dumps(state.log),
@@ -138,6 +141,7 @@ def load_checkpoint(
         seconds = float(arrays["seconds"])
         if refinement is not None:
             refinement.restore(arrays)
-        return TrainingState(int(arrays["iteration"]), surfels, adam, statistics, log, losses, seconds, refinement)
+        done, steps = int(arrays["iteration"]), int(arrays["iterations"])
+        return TrainingState(done, steps, surfels, adam, statistics, log, losses, seconds, refinement)
     except (InputError, ValueError, KeyError, TypeError):
         return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,11 @@ from jaxtyping import Float
 
 from carigs.capture import Frame
 from carigs.settings import Train
+from carigs.settings.train import budget_seconds
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.surfels import Surfels, from_arrays, to_arrays
 from carigs.splat.training.adam import Adam
+from carigs.splat.training.budget import LEAST_STEPS, TRIAL_STEPS, seconds_per_step, with_iterations
 from carigs.splat.training.checkpoint import TrainingState, load_checkpoint, run_digest, save_checkpoint
 from carigs.splat.training.density import GradientStatistics, densify_and_prune, reset_opacity, scene_extent
 from carigs.splat.training.hair_surfels import HairSurfels
@@ -27,6 +30,8 @@ from carigs.splat.training.training_step import StepInputs, StepResult, Training
 
 DEVICE_BACKENDS = ("torch", "cuda")
 """Backends whose whole step is on a device."""
+REFINEMENT_FACTOR = 2.0
+"""Time of a step that refines the tracking, over one that does not."""
 COLUMNS = ("iteration", "seconds", "caricature", "loss", "psnr", "surfels")
 """Columns of the log: the mean loss since the row before, and the PSNR (dB, valid pixels) of the row's own step."""
 
@@ -69,7 +74,11 @@ def train_surfels(
     state = load_checkpoint(checkpoint, digest, len(sequence.rig.faces), refinement)
     if state is None:
         surfels = initial_surfels(settings, supervision, sequence, hair)
-        state = TrainingState(0, surfels, Adam(surfels), GradientStatistics(len(surfels)), refinement=refinement)
+        if (budget := budget_seconds(settings.budget)) is not None:
+            settings = with_iterations(settings, _steps_within(budget, settings, sequence, supervision, hair, surfels))
+        state = _first_state(settings.iterations, surfels, refinement)
+    elif settings.budget is not None:
+        settings = with_iterations(settings, state.iterations)
     run = _Run(settings, sequence, supervision, hair, state)
     started = saved = time.perf_counter()
     earlier = state.seconds
@@ -85,6 +94,23 @@ def train_surfels(
                 save_checkpoint(checkpoint, state, digest)
                 saved = time.perf_counter()
     return from_arrays(**to_arrays(state.surfels)), state.log
+
+
+def _first_state(iterations: int, surfels: Surfels, refinement: TrackingRefinement | None = None) -> TrainingState:
+    statistics = GradientStatistics(len(surfels))
+    return TrainingState(0, iterations, surfels, Adam(surfels), statistics, refinement=refinement)
+
+
+def _steps_within(
+    seconds: float, settings: Train, sequence: HeadSequence, supervision: Supervision, hair, surfels: Surfels
+) -> int:
+    """Number of steps that fit into a time: some are tried on a copy of the surfels."""
+    trial = with_iterations(settings, TRIAL_STEPS)
+    trial = replace(trial, density=replace(trial.density, every=0, reset_every=0))
+    run = _Run(trial, sequence, supervision, hair, _first_state(TRIAL_STEPS, from_arrays(**to_arrays(surfels))))
+    clock = time.perf_counter if settings.backend in DEVICE_BACKENDS else time.process_time
+    step = seconds_per_step(run.step, clock) * (REFINEMENT_FACTOR if settings.refine_tracking.enabled else 1.0)
+    return max(LEAST_STEPS, int(seconds / step))
 
 
 class _Run:
@@ -182,6 +208,6 @@ def learning_rates(settings: Train, iteration: int) -> dict[str, float]:
         "log_scale": settings.scale_lr * decay,
         "opacity": settings.opacity_lr * decay,
         "colour": settings.colour_lr * decay,
-        "harmonics": settings.colour_lr / 20 * decay,
+        "harmonics": settings.colour_lr * settings.harmonics_lr_factor * decay,
         "blend": settings.blend_lr * decay,
     }

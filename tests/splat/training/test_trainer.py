@@ -22,6 +22,7 @@ from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.surfels.surfels import to_arrays
 from carigs.splat.training import numba_step, trainer
 from carigs.splat.training.adam import Adam
+from carigs.splat.training.budget import with_iterations
 from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.schedule import draw_schedule
 from carigs.splat.training.supervision import Supervision
@@ -88,7 +89,7 @@ def without_clock(rows):
 
 
 def test_training_reduces_the_loss(subject, tmp_path, capsys):
-    _, rows = run(subject, tmp_path / "c", gtstar_probability=0.0, iterations=60)
+    _, rows = run(subject, tmp_path / "c", gtstar_probability=0.0, iterations=60, initial_opacity=0.3)
     psnr = [row[4] for row in rows]
     assert psnr[-1] > psnr[0] + 2
     assert rows[-1][3] < 0.7 * rows[0][3]
@@ -167,6 +168,27 @@ def test_a_killed_run_resumes_to_the_same_bytes(subject, tmp_path, monkeypatch):
     assert steps < 18 + 15  # it did not start again
     assert as_bytes(resumed) == as_bytes(surfels)
     assert without_clock(resumed_rows) == without_clock(rows)
+
+
+def test_a_run_within_a_budget_is_the_run_of_as_many_steps(subject, tmp_path, monkeypatch):
+    """Killed and resumed, it keeps the number of steps that was measured at its start."""
+    monkeypatch.setattr(trainer, "seconds_per_step", lambda step, clock: [step() for _ in range(8)] and 0.5)
+    changes = {"checkpoint_seconds": 0.0, "gtstar_probability": 0.5}
+
+    def stop(state):
+        if state.iteration == 25:
+            raise KeyboardInterrupt
+
+    supervision, settings = supervise(subject, 0.25), replace(SETTINGS, **changes, budget="30s")
+    with pytest.raises(KeyboardInterrupt):
+        train_surfels(settings, subject[1], supervision, tmp_path / "killed", stop)
+    monkeypatch.setattr(trainer, "seconds_per_step", lambda step, clock: pytest.fail("measured again"))
+    surfels, rows = train_surfels(settings, subject[1], supervision, tmp_path / "killed")
+    steps = with_iterations(settings, 60)  # 30 s of steps that take 0.5 s
+    expected, whole = train_surfels(steps, subject[1], supervision, tmp_path / "whole")
+    assert as_bytes(surfels) == as_bytes(expected)
+    assert without_clock(rows) == without_clock(whole)
+    assert rows[-1][0] == 60
 
 
 def test_a_checkpoint_of_another_run_is_ignored(subject, tmp_path, monkeypatch):
