@@ -27,6 +27,7 @@ def report(name: str = "anna", noise: int = 0, figures: bool = True) -> Report:
         gamma=0.25,
         card=[Part("What was measured", [name], [table], [name]), Part(name, [name], [], [])],
         strips=[Strip(name, levels)],
+        avatars={name: "anna/avatar.html"},
         charts={},
         figures=[Figure(name, name, uri)] * figures,
         tables=Document([name], [table], {name: 0}, [name]),

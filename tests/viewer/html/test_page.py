@@ -1,0 +1,190 @@
+"""The page of an avatar in headless Chromium: its images are those of our rasteriser, and it asks for nothing."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from avatars import ball_avatar
+from chromium import CHROMIUM, WEBGL, Browser, decoded
+
+import carigs
+from carigs.capture import Camera, look_at
+from carigs.errors import SettingsError
+from carigs.library import HeadAvatar
+from carigs.splat.rig.smooth_motion import SmoothMotion
+
+SIZE = 160
+VIEWS = ([0.15, 0.1, 0.6], [-0.5, -0.2, 0.3], [0.1, 0.4, -0.5])
+"""Places of the camera in metres; it looks at the middle of the ball."""
+
+browser_test = [
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (apt-get install chromium)"),
+]
+
+
+def camera(place) -> Camera:
+    half = SIZE / 2
+    return Camera(look_at(np.array(place), np.zeros(3)), 1.6 * SIZE, 1.5 * SIZE, half - 3, half + 5, SIZE, SIZE)
+
+
+def psnr(a: np.ndarray, b: np.ndarray) -> float:
+    return float(-10 * np.log10(np.mean((a - b) ** 2)))
+
+
+def avatar_of(**options) -> HeadAvatar:
+    return HeadAvatar(ball_avatar(**options))
+
+
+def hairy(grows: bool) -> HeadAvatar:
+    avatar = avatar_of(sh_degree=1)
+    sequence = avatar.avatar.sequence
+    scalp = sequence.head.face_region("scalp")
+    sequence.smooth = SmoothMotion(sequence.rig, scalp, grows)
+    return avatar
+
+
+class Shown:
+    """A page in a browser, and the avatar that it shows."""
+
+    def __init__(self, browser: Browser, avatar: HeadAvatar, file: Path, width: int = 900, **options) -> None:
+        self.browser, self.avatar = browser, avatar
+        carigs.write_html(avatar, file, **options)
+        browser.open(file, width, 600)
+        browser.value("carigs.ready")
+
+    def image(self, view: Camera, **state) -> np.ndarray:
+        """The page's image of a camera."""
+        rows = view.camera_from_world[:3].ravel().tolist()
+        numbers = {name: getattr(view, name) for name in ("fx", "fy", "cx", "cy", "width", "height")}
+        wanted = json.dumps({**state, "camera": {"rows": rows, **numbers}})
+        return decoded(self.browser.value(f"carigs.image({wanted})").partition(",")[2]) / 255
+
+    def error(self, view: Camera, **state) -> float:
+        """PSNR of the page against our rasteriser in dB."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # levels beyond the path
+            ours = self.avatar.render(view, **state)
+        assert np.ptp(ours, axis=(0, 1)).min() > 0.3
+        return psnr(self.image(view, **state), np.rint(255 * ours) / 255)
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory) -> Iterator[Browser]:
+    browser = Browser(tmp_path_factory.mktemp("profile"), WEBGL)
+    yield browser
+    browser.close()
+
+
+@pytest.fixture(scope="module")
+def shown(browser, tmp_path_factory) -> Shown:
+    return Shown(
+        browser, avatar_of(sh_degree=2), tmp_path_factory.mktemp("page") / "ball.html", regions=["face", "neck"]
+    )
+
+
+class TestInTheBrowser:
+    pytestmark = browser_test
+
+    @pytest.mark.parametrize("view", VIEWS)
+    @pytest.mark.parametrize("level", [0.0, 0.11, 0.25])
+    def test_images_are_those_of_the_rasteriser(self, shown, level, view):
+        assert shown.error(camera(view), level=level, timestep=0) > 40
+
+    @pytest.mark.parametrize("state", [
+        {"level": 0.2, "timestep": 2},
+        {"level": 0.29, "timestep": 1},
+        {"level": 0.0, "timestep": 1, "regions": {"face": 0.25}},
+        {"level": 0.15, "timestep": 2, "regions": {"face": 0.1, "neck": 0.2}},
+    ])  # fmt: skip
+    def test_timesteps_and_regions_too(self, shown, state):
+        assert shown.error(camera(VIEWS[0]), **state) > 38
+
+    @pytest.mark.parametrize("options", [
+        {"sh_degree": 0}, {"sh_degree": 3}, {"rotate_harmonics": False}, {"lit": False},
+        {"skinning": "jacobian", "sh_degree": 0}, {"skinning": "similarity", "sh_degree": 1},
+    ])  # fmt: skip
+    def test_every_kind_of_avatar(self, browser, tmp_path, options):
+        page = Shown(browser, avatar_of(**options), tmp_path / "other.html", regions=[])
+        assert page.error(camera(VIEWS[0]), level=0.2, timestep=2) > 40
+        assert not browser.problems()
+
+    @pytest.mark.parametrize("grows", [False, True])
+    def test_hair_moves_as_a_solid(self, browser, tmp_path, grows):
+        page = Shown(browser, hairy(grows), tmp_path / "hair.html", regions=[])
+        assert page.error(camera(VIEWS[0]), level=0.25, timestep=1) > 40
+
+    def test_nothing_is_asked_for_and_nothing_fails(self, browser, tmp_path):
+        page = Shown(browser, avatar_of(sh_degree=0), tmp_path / "alone.html", title="<script>alert(1)</script> & co")
+        assert browser.schemes() <= {"file", "data", "blob"}
+        assert not browser.problems()
+        assert not browser.named("Page.javascriptDialogOpening")
+        assert browser.value("document.title") == "<script>alert(1)</script> & co"
+        assert page.browser.value("document.getElementById('message').hidden")
+
+    def test_the_slider_changes_the_window(self, shown):
+        def difference(level):
+            shown.browser.value(f"carigs.set({{level: {level}}})")
+            return shown.browser.pixels().astype(float)
+
+        natural, caricature = difference(0), difference(0.25)
+        again = difference(0)
+        assert np.abs(natural - again).max() <= 1
+        assert np.abs(natural - caricature).max() > 50
+
+    def test_the_controls_follow_the_keyboard(self, shown):
+        shown.browser.value("carigs.set({level: 0.1})")
+        shown.browser.value("document.querySelector('#level input').focus()")
+        for _ in range(3):
+            shown.browser.press("ArrowRight")
+        assert shown.browser.value("carigs.state.level") == pytest.approx(0.1 + 3 * 0.0025)
+
+    @pytest.mark.parametrize("width", [1400, 390])
+    def test_the_page_fits_its_window(self, shown, width):
+        browser = shown.browser
+        browser.call("Emulation.setDeviceMetricsOverride", width=width, height=780, deviceScaleFactor=1, mobile=False)
+        browser.value("carigs.set({})")
+        assert browser.value("document.documentElement.scrollWidth") <= width
+        assert browser.value("document.getElementById('view').clientHeight") > 300
+
+    def test_without_webgl_there_is_a_picture(self, tmp_path_factory, tmp_path):
+        carigs.write_html(avatar_of(sh_degree=0), tmp_path / "plain.html", regions=[])
+        browser = Browser(tmp_path_factory.mktemp("plain"), "--disable-gpu --disable-3d-apis")
+        try:
+            browser.open(tmp_path / "plain.html", 900, 600)
+            browser.value("carigs.ready")
+            assert "WebGL" in browser.value("document.getElementById('message').textContent")
+            assert not browser.value("document.getElementById('message').hidden")
+            assert browser.value("document.getElementById('poster').naturalWidth") == 512
+            assert np.ptp(browser.pixels()[:, :500], axis=(0, 1)).min() > 100
+        finally:
+            browser.close()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"timesteps": [0, 9]}, "timestep 9"),
+        ({"timesteps": []}, "no timestep"),
+        ({"regions": ["wing"]}, "wing"),
+        ({"fps": 0.0}, "fps=0"),
+        ({"level": float("nan")}, "level=nan"),
+    ],
+)
+def test_what_the_avatar_does_not_have_is_refused(tmp_path, options, words):
+    with pytest.raises(SettingsError, match=words):
+        carigs.write_html(avatar_of(sh_degree=0), tmp_path / "page.html", **options)
+    assert not list(tmp_path.iterdir())
+
+
+def test_equal_avatars_give_equal_bytes(tmp_path):
+    pages = []
+    for name in ("a", "b"):
+        carigs.write_html(avatar_of(sh_degree=1), tmp_path / f"{name}.html", title="page")
+        pages.append((tmp_path / f"{name}.html").read_bytes())
+    assert pages[0] == pages[1]
