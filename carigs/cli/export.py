@@ -3,7 +3,7 @@
 OUT.html shows the avatar in any browser, with sliders for its exaggeration, without a server or a network. Its
 options are --slider, --timesteps, --level and --fps; the others are those of clips.
 
-OUT of a clip is .mp4 or .webm (VP9, for browsers and players), .webp or .gif. The sweep is what changes in the clip: the
+OUT of a clip is .mp4 or .webm (VP9, for browsers and players), .webp or .gif. The sweep is what changes in it: the
 exaggeration grows and falls (gamma), the camera goes around the head (orbit), or the head moves as it was captured
 (sequence).
 """

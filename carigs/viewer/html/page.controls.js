@@ -27,17 +27,17 @@ function makeControls(viewer) {
   const { header, state } = viewer, gamma = header.levels[header.levels.length - 1];
   const range = { min: Math.min(0, 1.2 * gamma), max: Math.max(0, 1.2 * gamma), step: Math.abs(gamma) / 100 };
   const text = (level) => level.toFixed(3).replace(/(\.\d\d)0$/, "$1");
-  const level = slider(find("level"), "Exaggeration", { ...range, value: state.level, text }, (value) => viewer.set({ level: value }));
+  const level = slider(find("level"), "Exaggeration", { ...range, value: state.level, text }, (value) => viewer.move({ level: value }));
   const regions = header.regions.map((region, i) => {
     const end = region.levels[region.levels.length - 1];
     const ends = { min: Math.min(0, 1.2 * end), max: Math.max(0, 1.2 * end), step: Math.abs(end) / 100, value: 0, text };
-    return slider(find("regions"), region.name.replace(/_/g, " "), ends, (value) => viewer.set({ regions: { [region.name]: value } }));
+    return slider(find("regions"), region.name.replace(/_/g, " "), ends, (value) => viewer.move({ regions: { [region.name]: value } }));
   });
   find("local").hidden = regions.length === 0;
   if (matchMedia("(min-width: 50rem)").matches) find("local").open = true;
   const last = header.timesteps.length - 1;
   const clip = slider(find("time"), "Timestep", { min: 0, max: last, step: 1, value: 0, text: (i) => header.timesteps[i] },
-    (value) => { viewer.pause(); viewer.set({ timestep: header.timesteps[value] }); });
+    (value) => { viewer.pause(); viewer.move({ timestep: header.timesteps[value] }); });
   find("clip").hidden = last === 0;
   viewer.onChange = () => {
     level.set(state.level);
@@ -56,10 +56,10 @@ function makeControls(viewer) {
 /** Turn with one pointer, zoom with two, the wheel or + and -; arrows turn, too. */
 function makePointers(viewer, canvas) {
   const pointers = new Map(), { orbit } = viewer.state;
-  const turn = (dx, dy) => viewer.set({
+  const turn = (dx, dy) => viewer.move({
     azimuth: orbit.azimuth - dx, elevation: Math.min(Math.max(orbit.elevation + dy, -85), 85),
   });
-  const zoom = (factor) => viewer.set({ zoom: Math.min(Math.max(orbit.zoom * factor, 0.3), 12) });
+  const zoom = (factor) => viewer.move({ zoom: Math.min(Math.max(orbit.zoom * factor, 0.3), 12) });
   const spread = () => {
     const [a, b] = [...pointers.values()];
     return Math.hypot(a.x - b.x, a.y - b.y);

@@ -19,6 +19,7 @@ class Viewer {
     this.answers = new Map();
     this.spare = null;  // a buffer that goes to and fro
     this.number = 0;
+    this.moved = -Infinity;
     this.quality = 1;  // pixels drawn over those of the window, along a side
     this.times = {};
     this.drawn = Promise.resolve();
@@ -44,9 +45,19 @@ class Viewer {
 
   /** Change the state {level, regions, timestep, azimuth, elevation, zoom}; resolves when it is drawn. */
   set(change) {
+    this.moved = -Infinity;
+    return this.change(change);
+  }
+
+  /** The same while a slider or a pointer moves: slow computers draw fewer pixels, and all of them a little later. */
+  move(change) {
+    this.moved = performance.now();
+    return this.change(change);
+  }
+
+  change(change) {
     this.state = Object.assign(this.state, this.changed(change));
     for (const name of ["azimuth", "elevation", "zoom"]) if (change[name] !== undefined) this.state.orbit[name] = Number(change[name]);
-    this.moved = performance.now();
     this.onChange();
     return this.redraw();
   }
@@ -122,7 +133,7 @@ class Viewer {
     const step = async () => {
       if (!this.playing) return;
       const place = Math.floor(((performance.now() - start) * this.header.fps) / 1000) % count;
-      if (place !== this.state.place) await this.set({ timestep: this.header.timesteps[place] });
+      if (place !== this.state.place) await this.move({ timestep: this.header.timesteps[place] });
       requestAnimationFrame(step);
     };
     step();

@@ -23,13 +23,12 @@ def round_trip(*arrays) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("delta", [False, True])
-@pytest.mark.parametrize("largest", [1, 300, 70_000, 2_000_000_000])
-def test_whole_numbers_come_back(shape, delta, largest):
-    numbers = np.random.default_rng(0).integers(-largest // 2 if delta else 0, largest // 2, shape)
-    signed = numbers - numbers.mean().astype(int) if numbers.size else numbers
-    back = round_trip(pack_integers("a", numbers, delta=delta), pack_integers("b", signed, delta=delta))
-    np.testing.assert_array_equal(back["a"], numbers.reshape(len(numbers), -1) if numbers.size else back["a"])
-    np.testing.assert_array_equal(back["b"], signed.reshape(len(numbers), -1) if numbers.size else back["b"])
+@pytest.mark.parametrize("low", [0, -1])
+@pytest.mark.parametrize("largest", [1, 300, 70_000, 500_000_000])
+def test_whole_numbers_come_back(shape, delta, low, largest):
+    numbers = np.random.default_rng(0).integers(low * largest, largest + 1, shape)
+    back = round_trip(pack_integers("a", numbers, delta=delta))["a"]
+    np.testing.assert_array_equal(back, numbers.reshape(back.shape))
 
 
 @given(st.lists(st.floats(-100, 100), min_size=1, max_size=30), st.floats(1e-3, 10))

@@ -24,6 +24,7 @@ VIEWS = ([0.15, 0.1, 0.6], [-0.5, -0.2, 0.3], [0.1, 0.4, -0.5])
 
 browser_test = [
     pytest.mark.browser,
+    pytest.mark.slow,
     pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (apt-get install chromium)"),
 ]
 
