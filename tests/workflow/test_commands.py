@@ -20,12 +20,13 @@ def test_a_bare_checkout_can_be_planned(stubbed):
     """One settings file per stage and point, one training per variant, one rendering per training."""
     subjects, variants, levels = 2, 2, 2
     assert stubbed.planned() == {
-        "settings": 3 + 8 * subjects + variants * subjects,
+        "settings": 3 + 9 * subjects + variants * subjects,
         "capture": subjects,
         "hair": subjects,
         "exaggerate": subjects,
         "gtstar": subjects,
         "train": subjects * variants,
+        "html": subjects,
         "truth": subjects * levels,
         "render": subjects * variants,
         "metrics": subjects * variants,
@@ -345,8 +346,8 @@ def test_all_settings_can_be_shown(stubbed):
     shown = yaml.safe_load(stubbed.command("carigs", "settings", "gamma=0.2").stdout)
     assert shown["gamma"] == 0.2
     assert set(shown) == {"gamma", "seed", "study"} | {
-        "capture", "hair", "exaggerate", "gtstar", "train", "render", "truth", "metrics", "tabulate", "figures",
-        "sweep", "card", "report",
+        "capture", "hair", "exaggerate", "gtstar", "train", "render", "html", "truth", "metrics", "tabulate",
+        "figures", "sweep", "card", "report",
     }  # fmt: skip
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from urllib.parse import unquote
 
 import jsonschema
 import pandas as pd
@@ -45,6 +46,8 @@ def test_a_study_ends_in_a_card_and_a_report(results):
     assert {"psnr", "ssim", "surfels", "avatar_bytes", "frames_per_second", "stage_seconds"} <= measured
     page = (results / "report.html").read_text()
     assert page.count("data:image/webp") > 2 * 2 and "<polyline" in page
+    avatar = "anna/gamma%3D0.25/alternating/seed%3D0/avatar.html"
+    assert f'href="{avatar}"' in page and (results / unquote(avatar)).stat().st_size > 1e5
     assert len(page) < 15e6
 
 
