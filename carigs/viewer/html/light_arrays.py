@@ -1,8 +1,8 @@
 """How the light on the triangles changes over the clip and with the caricature, for the page.
 
-Shadows have no closed form in the level, so that the factors on the colours are stored at a few levels and interpolated
-linearly. The page has them for every timestep at every one of `LEVELS` levels, and for every region at the first
-timestep: the change of a region adds to the rest.
+Shadows have no closed form in the level, and to compute them takes a good part of a second. The page has the factors on
+the colours of every timestep at level 0 and at the highest, and interpolates linearly between. What the interpolation
+lacks at the levels between, and what each region changes, is computed at the first timestep alone and added.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.viewer.html.low_rank import low_rank
 from carigs.viewer.html.packed_arrays import PackedArray, pack_exact, pack_integers, pack_steps
 
-LEVELS = 4
-"""Number of levels at which the light is computed, from 0 to the highest."""
+LEVELS = 5
+"""Number of levels at which the light is computed at the first timestep, from 0 to the highest."""
 TOLERANCE = 0.006
 """Root mean square error of the factors."""
 STEP = 0.004
@@ -41,11 +41,15 @@ def light_arrays(
     if sequence.shading is None:
         return {"lightLevels": []}, []
     levels = np.linspace(0, sequence.path.gamma_f, LEVELS)
-    factors = np.array(
-        [_factors(sequence, t, sequence.path.at(g) if g else None) for g in levels.tolist() for t in timesteps]
-    )
-    mean = factors.mean(axis=0)
-    found = low_rank(factors - mean, TOLERANCE, STEP)
+    highest = sequence.path.at(sequence.path.gamma_f)
+    ends = np.array([[_factors(sequence, t, caricature) for t in timesteps] for caricature in (None, highest)])
+    mean = ends.mean(axis=(0, 1))
+    lacking = [
+        _factors(sequence, timesteps[0], sequence.path.at(levels[k])) - (ends[0, 0] + share * (ends[1, 0] - ends[0, 0]))
+        for k, share in enumerate(np.linspace(0, 1, LEVELS).tolist())
+        if 0 < k < LEVELS - 1
+    ]
+    found = low_rank(np.concatenate([*(ends - mean), lacking]), TOLERANCE, STEP)
     arrays = [
         pack_steps("light_mean", mean, STEP / 4),
         pack_exact("light_coefficients", found.coefficients),
@@ -53,7 +57,7 @@ def light_arrays(
     ]
     for i, region in enumerate(regions.values()):
         caricature = Caricature(region.displacements[-1].astype(np.float64))
-        change = _factors(sequence, timesteps[0], caricature) - factors[0]
+        change = _factors(sequence, timesteps[0], caricature) - ends[0, 0]
         arrays.append(pack_steps(f"light_region{i}", change, STEP))
     return {"lightLevels": levels.tolist()}, arrays
 

@@ -129,17 +129,20 @@ class Head {
     return transforms;
   }
 
-  /** Factors on the colours of the triangles (3 f), interpolated linearly between levels. */
+  /** Factors on the colours of the triangles (3 f): the sums of `light_arrays.py`. */
   lit(place, level, regionLevels) {
     const { light, shade, header } = this;
     if (!light) return shade;
-    const levels = header.lightLevels, last = levels.length - 1, frames = header.timesteps.length;
-    const position = Math.min(Math.max((level / levels[last]) * last, 0), last);
-    const below = Math.min(Math.floor(position), last - 1), share = position - below;
+    const last = header.lightLevels.length - 1, frames = header.timesteps.length, rank = light.basis.length;
+    const share = Math.min(Math.max(level / header.lightLevels[last], 0), 1), below = Math.min(Math.floor(share * last), last - 1);
+    const rows = [[place, 1 - share], [frames + place, share]];
+    for (const [node, weight] of [[below, below + 1 - share * last], [below + 1, share * last - below]]) {
+      if (node > 0 && node < last) rows.push([2 * frames + node - 1, weight]);
+    }
     shade.set(light.mean);
     light.basis.forEach((basis, r) => {
-      const rank = light.basis.length, at = (below * frames + place) * rank + r;
-      const factor = (1 - share) * light.coefficients[at] + share * light.coefficients[at + frames * rank];
+      let factor = 0;
+      for (const [row, weight] of rows) factor += weight * light.coefficients[row * rank + r];
       if (factor !== 0) for (let i = 0; i < shade.length; i++) shade[i] += factor * basis[i];
     });
     light.regions.forEach((change, i) => {
