@@ -46,7 +46,7 @@ def export(task: argparse.Namespace) -> None:
     from carigs.library.clips import ANIMATIONS, VIDEOS, captured_sequence, gamma_sweep, turntable, write_clip
 
     if task.output.suffix not in VIDEOS + ANIMATIONS:  # before the avatar is read
-        raise InputError(f"expected .html or one of {', '.join(VIDEOS + ANIMATIONS)}", file=task.output)
+        raise InputError(f"a clip is one of {', '.join(VIDEOS + ANIMATIONS)}, a page is .html", file=task.output)
     if task.sliders or task.timesteps is not None:
         raise SettingsError(f"{'--slider' if task.sliders else '--timesteps'}: only OUT.html takes it")
     if not 1 <= task.seconds * task.fps <= MAX_IMAGES:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from avatars import ball_avatar
-from chromium import CHROMIUM, WEBGL, Browser, decoded
+from chromium import CHROMIUM, WEBGL, Browser
+from viewer.html.shown import Shown
 
 import carigs
 from carigs.capture import Camera, look_at
@@ -34,10 +33,6 @@ def camera(place) -> Camera:
     return Camera(look_at(np.array(place), np.zeros(3)), 1.6 * SIZE, 1.5 * SIZE, half - 3, half + 5, SIZE, SIZE)
 
 
-def psnr(a: np.ndarray, b: np.ndarray) -> float:
-    return float(-10 * np.log10(np.mean((a - b) ** 2)))
-
-
 def avatar_of(**options) -> HeadAvatar:
     return HeadAvatar(ball_avatar(**options))
 
@@ -50,29 +45,9 @@ def hairy(grows: bool) -> HeadAvatar:
     return avatar
 
 
-class Shown:
-    """A page in a browser, and the avatar that it shows."""
-
-    def __init__(self, browser: Browser, avatar: HeadAvatar, file: Path, width: int = 900, **options) -> None:
-        self.browser, self.avatar = browser, avatar
-        carigs.write_html(avatar, file, **options)
-        browser.open(file, width, 600)
-        browser.value("carigs.ready")
-
-    def image(self, view: Camera, **state) -> np.ndarray:
-        """The page's image of a camera."""
-        rows = view.camera_from_world[:3].ravel().tolist()
-        numbers = {name: getattr(view, name) for name in ("fx", "fy", "cx", "cy", "width", "height")}
-        wanted = json.dumps({**state, "camera": {"rows": rows, **numbers}})
-        return decoded(self.browser.value(f"carigs.image({wanted})").partition(",")[2]) / 255
-
-    def error(self, view: Camera, **state) -> float:
-        """PSNR of the page against our rasteriser in dB."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # levels beyond the path
-            ours = self.avatar.render(view, **state)
-        assert np.ptp(ours, axis=(0, 1)).min() > 0.3
-        return psnr(self.image(view, **state), np.rint(255 * ours) / 255)
+def written(browser: Browser, avatar: HeadAvatar, file: Path, **options) -> Shown:
+    carigs.write_html(avatar, file, **options)
+    return Shown(browser, avatar, file)
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +59,7 @@ def browser(tmp_path_factory) -> Iterator[Browser]:
 
 @pytest.fixture(scope="module")
 def shown(browser, tmp_path_factory) -> Shown:
-    return Shown(
+    return written(
         browser, avatar_of(sh_degree=2), tmp_path_factory.mktemp("page") / "ball.html", regions=["face", "neck"]
     )
 
@@ -111,26 +86,26 @@ class TestInTheBrowser:
         {"skinning": "jacobian", "sh_degree": 0}, {"skinning": "similarity", "sh_degree": 1},
     ])  # fmt: skip
     def test_every_kind_of_avatar(self, browser, tmp_path, options):
-        page = Shown(browser, avatar_of(**options), tmp_path / "other.html", regions=[])
+        page = written(browser, avatar_of(**options), tmp_path / "other.html", regions=[])
         assert page.error(camera(VIEWS[0]), level=0.2, timestep=2) > 40
         assert not browser.problems()
 
     @pytest.mark.parametrize("grows", [False, True])
     def test_hair_moves_as_a_solid(self, browser, tmp_path, grows):
-        page = Shown(browser, hairy(grows), tmp_path / "hair.html", regions=[])
+        page = written(browser, hairy(grows), tmp_path / "hair.html", regions=[])
         assert page.error(camera(VIEWS[0]), level=0.25, timestep=1) > 40
 
     def test_nothing_is_asked_for_and_nothing_fails(self, browser, tmp_path):
-        page = Shown(browser, avatar_of(sh_degree=0), tmp_path / "alone.html", title="<script>alert(1)</script> & co")
+        page = written(browser, avatar_of(sh_degree=0), tmp_path / "alone.html", title="<script>alert(1)</script> & co")
         assert browser.schemes() <= {"file", "data", "blob"}
         assert not browser.problems()
         assert not browser.named("Page.javascriptDialogOpening")
         assert browser.value("document.title") == "<script>alert(1)</script> & co"
-        assert page.browser.value("document.getElementById('message').hidden")
+        assert page.value("document.getElementById('message').hidden")
 
     def test_the_slider_changes_the_window(self, shown):
         def difference(level):
-            shown.browser.value(f"carigs.set({{level: {level}}})")
+            shown.value(f"carigs.set({{level: {level}}})")
             return shown.browser.pixels().astype(float)
 
         natural, caricature = difference(0), difference(0.25)
@@ -139,17 +114,18 @@ class TestInTheBrowser:
         assert np.abs(natural - caricature).max() > 50
 
     def test_the_controls_follow_the_keyboard(self, shown):
-        shown.browser.value("carigs.set({level: 0.1})")
-        shown.browser.value("document.querySelector('#level input').focus()")
+        shown.value("carigs.set({level: 0.1})")
+        shown.value("document.querySelector('#level input').focus()")
         for _ in range(3):
             shown.browser.press("ArrowRight")
-        assert shown.browser.value("carigs.state.level") == pytest.approx(0.1 + 3 * 0.0025)
+        assert shown.value("carigs.state.level") == pytest.approx(0.1 + 3 * 0.0025)
 
     @pytest.mark.parametrize("width", [1400, 390])
     def test_the_page_fits_its_window(self, shown, width):
         browser = shown.browser
+        shown.value("0")
         browser.call("Emulation.setDeviceMetricsOverride", width=width, height=780, deviceScaleFactor=1, mobile=False)
-        browser.value("carigs.set({})")
+        shown.value("carigs.set({})")
         assert browser.value("document.documentElement.scrollWidth") <= width
         assert browser.value("document.getElementById('view').clientHeight") > 300
 
