@@ -25,12 +25,14 @@ def low_rank(rows: Float[np.ndarray, "n m"], tolerance: float, step: float) -> L
     Args:
         rows: The rows, fewer than columns.
         tolerance: Largest root mean square error of the sums before they are rounded.
-        step: Twice the largest error that the rounding of one row of the basis causes.
+        step: Twice the largest error that the rounding of one row of the basis causes; larger where whole numbers of 31
+            bits could not hold the rows.
 
     Returns:
         The approximation. On one machine it does not depend on the number of threads.
     """
     rows = np.asarray(rows, np.float64)
+    step = max(step, float(np.abs(rows).max(initial=0)) * len(rows) ** 0.5 / 2**30)
     with threadpool_limits(1):
         energy, left = np.linalg.eigh(rows @ rows.T)
         energy, left = np.maximum(energy[::-1], 0), left[:, ::-1]

@@ -32,7 +32,7 @@ class Head {
     this.rest = new Float64Array(this.template.length);
     this.posed = new Float64Array(this.template.length);
     this.shade = new Float32Array(3 * header.faces).fill(1);
-    this.stepsOfWeights();
+    this.normaliseWeights();
   }
 
   sums(data, name) {
@@ -44,12 +44,12 @@ class Head {
   }
 
   /** Weights were rounded: they shall sum to 1. */
-  stepsOfWeights() {
+  normaliseWeights() {
     const { weights } = this, count = this.header.joints;
     for (let v = 0; v < weights.length; v += count) {
       let sum = 0;
       for (let j = 0; j < count; j++) sum += weights[v + j];
-      for (let j = 0; j < count; j++) weights[v + j] /= sum;
+      if (sum > 0) for (let j = 0; j < count; j++) weights[v + j] /= sum;
     }
   }
 

@@ -88,7 +88,7 @@ class Viewer {
     const moving = this.playing || performance.now() - this.moved < 250, quality = moving ? this.quality : 1;
     const camera = orbitCamera(this.state.orbit, this.header, width, height);
     const found = await this.surfels(this.state, camera);
-    await new Promise(requestAnimationFrame);
+    await nextFrame();
     const start = performance.now();
     this.show(found);
     if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
@@ -158,6 +158,14 @@ class Viewer {
     link.download = `${document.title}.png`;
     link.click();
   }
+}
+
+/** Until the window is painted next; in a hidden window, which is not painted, a moment. */
+function nextFrame() {
+  return new Promise((resolve) => {
+    requestAnimationFrame(resolve);
+    setTimeout(resolve, 250);
+  });
 }
 
 /** Say why nothing is shown; the picture stays. */

@@ -29,7 +29,9 @@ class Shown:
 
     def value(self, expression: str):
         """The value of an expression in the page."""
-        self.browser.session = self.session
+        if self.browser.session != self.session:
+            self.browser.session = self.session
+            self.browser.call("Page.bringToFront")
         return self.browser.value(expression)
 
     def image(self, view: Camera, **state) -> np.ndarray:

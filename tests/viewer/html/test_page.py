@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -119,6 +120,33 @@ class TestInTheBrowser:
         for _ in range(3):
             shown.browser.press("ArrowRight")
         assert shown.value("carigs.state.level") == pytest.approx(0.1 + 3 * 0.0025)
+
+    def test_mouse_and_fingers_turn_and_zoom(self, shown):
+        shown.value("carigs.set({azimuth: 0, elevation: 0, zoom: 1})")
+        mouse = {"button": "left", "buttons": 1, "clickCount": 1}
+        for kind, x in (("mousePressed", 200), ("mouseMoved", 260), ("mouseReleased", 260)):
+            shown.browser.call("Input.dispatchMouseEvent", type=kind, x=x, y=200, **mouse)
+        assert shown.value("carigs.state.orbit.azimuth") < -10
+        assert shown.value("carigs.state.orbit.elevation") == 0
+        shown.browser.call("Input.dispatchMouseEvent", type="mouseWheel", x=200, y=200, deltaX=0, deltaY=-200)
+        assert shown.value("carigs.state.orbit.zoom") > 1.2
+        shown.value("carigs.set({zoom: 1})")
+        for kind, spread in (("touchStart", 50), ("touchMove", 100), ("touchEnd", None)):
+            fingers = [] if spread is None else [{"x": 200 + side * spread, "y": 200, "id": side} for side in (0, 1)]
+            shown.browser.call("Input.dispatchTouchEvent", type=kind, touchPoints=fingers)
+        assert shown.value("carigs.state.orbit.zoom") == pytest.approx(2, rel=0.05)
+        shown.value("carigs.set({azimuth: 0, zoom: 1})")
+
+    def test_the_clip_plays_until_it_is_paused(self, shown):
+        shown.value("carigs.reset()")
+        shown.value("document.getElementById('play').click()")
+        places, stop = set(), time.monotonic() + 20
+        while len(places) < 3 and time.monotonic() < stop:
+            places.add(shown.value("carigs.state.place"))
+        assert places == {0, 1, 2}
+        shown.value("document.getElementById('play').click()")
+        assert not shown.value("carigs.playing")
+        assert shown.value("document.getElementById('play').textContent") == "Play"
 
     @pytest.mark.parametrize("width", [1400, 390])
     def test_the_page_fits_its_window(self, shown, width):
