@@ -43,11 +43,11 @@ function makeControls(viewer) {
     level.set(state.level);
     state.regions.forEach((value, i) => regions[i].set(value));
     clip.set(state.place);
-    find("hint").hidden = Math.abs(state.level) <= Math.abs(gamma) * 1.0001;
+    find("hint").classList.toggle("unseen", Math.abs(state.level) <= Math.abs(gamma) * 1.0001);
     find("play").setAttribute("aria-pressed", viewer.playing);
     find("play").textContent = viewer.playing ? "Pause" : "Play";
   };
-  find("hint").textContent = `Beyond ${text(gamma)}, the highest level that this avatar was trained for.`;
+  find("hint").textContent = `Extrapolated: trained up to ${text(gamma)}.`;
   find("play").addEventListener("click", () => (viewer.playing ? viewer.pause() : viewer.play()));
   find("reset").addEventListener("click", () => viewer.reset());
   find("save").addEventListener("click", () => viewer.save());
