@@ -154,7 +154,7 @@ def test_a_job_is_tried_again_with_twice_the_memory(stubbed, tmp_path):
     for rule, megabytes in re.findall(started, done.stdout + done.stderr, re.MULTILINE):
         requests.setdefault(rule, set()).add(int(megabytes))
     small, large = {4000, 8000}, {6000, 12000}
-    assert requests == dict.fromkeys(("capture", "hair", "exaggerate", "gtstar", "truth", "render"), small) | {
+    assert requests == dict.fromkeys(("capture", "hair", "exaggerate", "gtstar", "html", "truth", "render"), small) | {
         "train": large,
         "metrics": large,
     }
