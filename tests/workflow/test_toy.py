@@ -105,7 +105,8 @@ def test_an_installed_package_makes_a_study_in_the_current_directory(carigs, els
 
 
 @pytest.mark.parametrize(
-    "pattern", ["table/*", "figures/**/*.*", "**/path.npz", "**/avatar.npz", "**/metrics.csv", "**/*.png"]
+    "pattern",
+    ["table/*", "figures/**/*.*", "**/path.npz", "**/avatar.npz", "**/avatar.html", "**/metrics.csv", "**/*.png"],
 )
 def test_the_same_settings_give_the_same_bytes_at_any_number_of_threads(results, elsewhere, pattern):
     files = {file.relative_to(results) for file in results.glob(pattern) if file.is_file()}
