@@ -9,7 +9,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("carigs", "evaluation")
-DATA = (".toml", ".json", ".jinja", ".css", ".js")
+DATA = (".toml", ".json", ".jinja", ".css", ".js", ".vert", ".frag")
 """Suffixes of files beside a module that belong to it."""
 WITHOUT_EFFECT = ("carigs.settings", "carigs.errors")
 """Modules that fingerprints ignore: settings reach a stage as text, which is compared; errors change no result."""

@@ -12,6 +12,8 @@ from evaluation.tables.document import Cell, Document, Table
 HOSTILE = "</script><script>alert(1)</script><img src=x onerror=alert(2)>'\"&{{ 7 * 7 }}"
 COLOURS = {"0": (1.0, 0.0, 0.0), "0.1": (0.0, 1.0, 0.0), "0.25": (0.0, 0.0, 1.0)}
 
+AVATAR_PAGE = "anna/gamma%3D0.25/avatar.html"
+
 
 def plain(colour, size=(48, 40)) -> np.ndarray:
     return np.broadcast_to(np.array(colour), (*size, 3)).copy()
@@ -27,6 +29,7 @@ def report(name: str = "anna", noise: int = 0, figures: bool = True) -> Report:
         gamma=0.25,
         card=[Part("What was measured", [name], [table], [name]), Part(name, [name], [], [])],
         strips=[Strip(name, levels)],
+        avatars={name: AVATAR_PAGE},
         charts={},
         figures=[Figure(name, name, uri)] * figures,
         tables=Document([name], [table], {name: 0}, [name]),

@@ -22,7 +22,7 @@ COMMANDS = {
     "fit": "fit a head model to a calibrated video with landmarks",
     "head": "bring a head model in: download or convert it",
     "convert": "read and write avatars, meshes and captures of other programs",
-    "export": "write a clip of an avatar",
+    "export": "write a clip of an avatar, or the avatar as one HTML file",
     "mesh": "exaggerate a mesh",
     "weights": "list, verify or download the network weights of the metrics",
     "settings": "show the settings of a study, or the reference of all settings",

@@ -108,6 +108,29 @@ def pose_frames(
     Raises:
         MeshError: As for `pose`.
     """
+    vertices, joints, rotations = unposed_frames(model, frames, caricature)
+    posed = _skin(model, vertices, _joint_transforms(rotations, joints, model.parents))
+    posed += np.array([parameters.translation for parameters in frames])[:, None]
+    return _in_range(posed, "posed")
+
+
+def unposed_frames(
+    model: HeadModel, frames: Sequence[HeadParameters], caricature: Caricature | None = None
+) -> tuple[Float[np.ndarray, "t v 3"], Float[np.ndarray, "t j 3"], Float[np.ndarray, "t j 3 3"]]:
+    """What `pose_frames` skins: heads with blendshapes, offsets and pose correctives, before the joints turn.
+
+    Args:
+        model: The head model.
+        frames: One or more frames, of one or more subjects.
+        caricature: Change of the neutral and the blendshapes at a level; None for the natural head.
+
+    Returns:
+        Vertices of every frame in the rest frame (metres), the positions of its joints there, and the rotations of its
+        joints relative to their parents.
+
+    Raises:
+        MeshError: If the parameters have other sizes than the model.
+    """
     for parameters in frames:
         _check_sizes(model, parameters)
     # The frames of a subject share the sum of the identity blendshapes.
@@ -130,9 +153,7 @@ def pose_frames(
             offset = sum(offsets)
             shaped[t] += offset
             joints[t] += regressor @ offset
-    posed = _skin(model, shaped + corrective, _joint_transforms(rotations, joints, model.parents))
-    posed += np.array([parameters.translation for parameters in frames])[:, None]
-    return _in_range(posed, "posed")
+    return shaped + corrective, joints, rotations
 
 
 def active_blendshapes(

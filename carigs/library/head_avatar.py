@@ -204,13 +204,25 @@ class HeadAvatar:
                 raise SettingsError(f"regions: there is no {name}; this head has {', '.join(self.regions)}")
         if not moving:
             return whole
-        local = RegionPaths({name: self._region_path(name) for name in moving}).displacement(moving)
+        local = RegionPaths({name: self.region_path(name) for name in moving}).displacement(moving)
         if whole is None:
             return Caricature(np.asarray(local, np.float64))
         return replace(whole, displacement=whole.displacement + local)
 
-    def _region_path(self, name: str) -> GammaPath:
-        """Path of one region, with the rest of the head held."""
+    def region_path(self, name: str) -> GammaPath:
+        """Path of one region, with the rest of the head held; its displacements add to those of the head.
+
+        Args:
+            name: One of `regions`.
+
+        Returns:
+            The path to the level `gamma`. The first call for a region solves for it.
+
+        Raises:
+            SettingsError: If there is no such region, or it cannot be exaggerated alone.
+        """
+        if name not in self.regions:
+            raise SettingsError(f"regions: there is no {name}; this head has {', '.join(self.regions)}")
         if name not in self._region_paths:
             path = self.avatar.sequence.path
             skin = self._exaggerator.region_paths(self.gamma or DEFAULT_LEVEL, [name]).paths[name]

@@ -61,6 +61,8 @@ def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[st
         case "render":
             count = _rendered(images, settings, orbit=settings.render.orbit_frames)
             work = 0.5 + 0.77 * images.megapixels * count / job.threads**0.8
+        case "html":
+            work = 8.0
         case "truth":
             work = 0.3
             if settings.capture.source == "toy" and job.wildcards["level"] != "0":
@@ -107,7 +109,7 @@ def job_bytes(job: Job, footage: Mapping[str, Footage], overrides: Sequence[str]
             count = _rendered(images, settings, orbit=settings.render.orbit_frames)
         case _:
             count = 0
-    others = {"train": 30e6, "exaggerate": 7e6, "figures": 3e6, "report": 2e6}
+    others = {"train": 30e6, "exaggerate": 7e6, "figures": 3e6, "html": 4e6, "report": 2e6}
     return 1e6 * count * images.megapixels + others.get(job.rule, 1e4)
 
 

@@ -14,7 +14,7 @@ from carigs.settings.gtstar import Gtstar
 from carigs.settings.hair import Hair
 from carigs.settings.mask_flags import DEFAULT_MASK_FLAGS, MASK_FLAGS, MaskFlag
 from carigs.settings.option import MAX_SEED, Section, check_section, option
-from carigs.settings.results import Card, Figures, Metrics, Render, Report, Sweep, Tabulate
+from carigs.settings.results import Card, Figures, Html, Metrics, Render, Report, Sweep, Tabulate
 from carigs.settings.train import Density, RefineTracking, Train, combine_mask_flags
 
 __all__ = [
@@ -30,6 +30,7 @@ __all__ = [
     "Figures",
     "Gtstar",
     "Hair",
+    "Html",
     "MaskFlag",
     "Metrics",
     "RefineTracking",
@@ -77,6 +78,7 @@ class Config(Section, key=""):
     gtstar: Gtstar = field(default_factory=Gtstar)
     train: Train = field(default_factory=Train)
     render: Render = field(default_factory=Render)
+    html: Html = field(default_factory=Html)
     truth: Truth = field(default_factory=Truth)
     metrics: Metrics = field(default_factory=Metrics)
     tabulate: Tabulate = field(default_factory=Tabulate)

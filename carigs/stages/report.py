@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 
@@ -53,6 +55,7 @@ def report(
     frames: Sequence[Path],
     truths: Sequence[Path],
     training: Sequence[Path],
+    avatars: Sequence[Path],
     made_with: Sequence[Path],
     subjects: Sequence[str],
     variants: Sequence[str],
@@ -71,6 +74,8 @@ def report(
         frames: Folder of the renderings of each subject and variant, of the first seed.
         truths: Index of the true images of each subject and level.
         training: log.csv of each subject and variant, of the first seed.
+        avatars: HTML file of each subject's avatar, of the variant `alternating` and the first seed; empty if the study
+            lacks the variant.
         made_with: Settings of the stages, `settings/{stage}/{point}.yaml`.
         subjects: Names of the subjects.
         variants: Names of the variants.
@@ -102,6 +107,7 @@ def report(
         gamma=made.gamma,
         card=card_parts(made),
         strips=[],
+        avatars={s: _address(file, page.parent) for s, file in zip(subjects, avatars, strict=bool(avatars))},
         charts={subject: chart for subject, chart in charts.items() if chart},
         figures=[],
         tables=comparison_tables(read_summaries(table), load_settings("tabulate", used["tabulate", "all"]), CATALOGUE),
@@ -118,6 +124,11 @@ def report(
     text = html.page_within(settings.max_megabytes * 1e6, fill)
     with writing(page) as part:
         part.write_text(text, encoding="utf-8")
+
+
+def _address(file: Path, folder: Path) -> str:
+    """A file as a link in a page of the folder."""
+    return quote(Path(os.path.relpath(file, folder)).as_posix())
 
 
 def _strip(subject: str, images: StudyImages, height: int) -> html.Strip:

@@ -57,6 +57,8 @@ class Report:
     gamma: float
     card: Sequence[Part]
     strips: Sequence[Strip]
+    avatars: Mapping[str, str]
+    """Address of the page of each subject's avatar, relative to the report."""
     charts: Mapping[str, Chart]
     """Training of each subject."""
     figures: Sequence[Figure]

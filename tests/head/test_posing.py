@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from carigs.errors import InputError
 from carigs.exaggeration import Caricature
 from carigs.head import HeadModel, HeadParameters, flame_joints, neutral, pose
-from carigs.head.posing import active_blendshapes, rotation_matrices
+from carigs.head.posing import active_blendshapes, rotation_matrices, unposed_frames
 
 vector = st.tuples(*[st.floats(-3, 3)] * 3).map(np.array)
 
@@ -192,3 +192,15 @@ def test_broken_parameters_are_named(tmp_path, key, value, says):
         np.savez(tmp_path / "00001.npz", **broken(dict(archive), key, value))
     with pytest.raises(InputError, match=f"00001.npz: {says}"):
         HeadParameters.load(tmp_path / "00001.npz", model)
+
+
+def test_a_head_whose_joints_do_not_turn_is_posed_as_it_is_before():
+    """It is only moved; and the joints of a turned head are those before they turn."""
+    model, parameters = random_model(), random_parameters(3)
+    still = replace(parameters, rotation=np.zeros(3), joints=np.zeros((4, 3)))
+    caricature = Caricature(0.01 * np.random.default_rng(4).normal(size=(30, 3)))
+    vertices, joints, rotations = unposed_frames(model, [still, parameters], caricature)
+    np.testing.assert_allclose(pose(model, still, caricature), vertices[0] + still.translation, atol=1e-6)
+    np.testing.assert_allclose(joints[0], joints[1], atol=1e-12)
+    np.testing.assert_allclose(rotations[0], np.tile(np.eye(3), (5, 1, 1)), atol=1e-12)
+    np.testing.assert_allclose(rotations[1, 0], rotation_matrices(parameters.rotation), atol=1e-12)

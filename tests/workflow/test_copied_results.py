@@ -10,7 +10,7 @@ from project import Project
 TARGETS = ("reproduce", "table")
 POINT = "results/toy/toy/gamma=0.25"
 SUMMARIES = {"tabulate": 1, "card": 1, "report": 1}
-ALTERNATING = {"train": 2, "render": 2, "metrics": 2, "figures": 2, **SUMMARIES}
+ALTERNATING = {"train": 2, "html": 2, "render": 2, "metrics": 2, "figures": 2, **SUMMARIES}
 pytestmark = pytest.mark.slow
 
 
@@ -32,7 +32,7 @@ def test_other_settings_make_it_again(copied):
     """Though the file of settings is there, and the avatar alone is missing."""
     (copied.root / f"{POINT}/alternating/seed=0/avatar.npz").unlink()
     hydra = "train.iterations=7"
-    expected = {"settings": 4, **{rule: 2 * n for rule, n in ALTERNATING.items()}, "figures": 2, **SUMMARIES}
+    expected = {"settings": 4, **{rule: 2 * n for rule, n in ALTERNATING.items()}, "html": 2, "figures": 2, **SUMMARIES}
     assert copied.planned(*TARGETS, hydra=hydra) == expected
     done = copied.snakemake("--cores", "2", " ".join(TARGETS), hydra=hydra)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -60,7 +60,7 @@ def test_a_damaged_settings_file_never_means_defaults(finished, kept, notes):
     if not notes:
         shutil.rmtree(finished.root / ".snakemake")
     assert finished.planned(*TARGETS) == {
-        "settings": 1, "train": 1, "render": 1, "metrics": 1, "figures": 1, **SUMMARIES
+        "settings": 1, "train": 1, "html": 1, "render": 1, "metrics": 1, "figures": 1, **SUMMARIES
     }  # fmt: skip
     finished.make(*TARGETS)
     assert file.read_text() == whole

@@ -20,7 +20,7 @@ metrics: {weights: weights}
 """
 SUMMARIES = {"tabulate", "card", "report"}
 EVALUATION = {"metrics", "figures", *SUMMARIES}
-TRAINING = {"train", "render", *EVALUATION}
+TRAINING = {"train", "html", "render", *EVALUATION}
 AFTER_CAPTURE = {"exaggerate", "truth", "gtstar", *TRAINING}
 EXPECTED = {
     "anna/transforms_train.json": {"capture", "hair", *AFTER_CAPTURE},

@@ -8,7 +8,7 @@ import pytest
 
 TARGETS = ("reproduce", "table")
 SUMMARIES = {"tabulate": 1, "card": 1, "report": 1}
-ALTERNATING = {"train": 2, "render": 2, "metrics": 2, "figures": 2, **SUMMARIES}
+ALTERNATING = {"train": 2, "html": 2, "render": 2, "metrics": 2, "figures": 2, **SUMMARIES}
 
 
 def append(file: str, line: str) -> Callable:
@@ -50,7 +50,7 @@ EDITS = {
     "one subject": (
         append("conf/subject/twin.yaml", "  toy: {seed: 2}"),
         {"settings": 1, "capture": 1, "hair": 1, "exaggerate": 1, "gtstar": 1, "truth": 2}
-        | {"train": 2, "render": 2, "metrics": 2, "figures": 1, **SUMMARIES},
+        | {"train": 2, "html": 1, "render": 2, "metrics": 2, "figures": 1, **SUMMARIES},
     ),
     "code of a stage": (
         append("carigs/stages/render.py", "more = 1"),
@@ -72,7 +72,7 @@ OVERRIDES = {
     "gamma": (
         "gamma=0.2",
         {"settings": 4, "exaggerate": 2, "gtstar": 2, "truth": 4}
-        | {"train": 4, "render": 4, "metrics": 4, "figures": 2, **SUMMARIES},
+        | {"train": 4, "html": 2, "render": 4, "metrics": 4, "figures": 2, **SUMMARIES},
     ),
     "metrics": ("metrics.silhouette_band=3", {"settings": 2, "metrics": 4, **SUMMARIES}),
 }

@@ -5,12 +5,18 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from urllib.parse import unquote
 
 import jsonschema
+import numpy as np
 import pandas as pd
 import pytest
+from chromium import CHROMIUM, WEBGL, Browser
 from project import ROOT, Installed, Project, copy_project, shared_kernels
+from viewer.html.shown import Shown
 from workflow.own_study import write_own_study
+
+import carigs
 
 OVERRIDES = ("study=small", "capture.toy.supersampling=2", "tabulate.resamples=100")
 pytestmark = pytest.mark.slow
@@ -45,7 +51,33 @@ def test_a_study_ends_in_a_card_and_a_report(results):
     assert {"psnr", "ssim", "surfels", "avatar_bytes", "frames_per_second", "stage_seconds"} <= measured
     page = (results / "report.html").read_text()
     assert page.count("data:image/webp") > 2 * 2 and "<polyline" in page
+    avatar = "anna/gamma%3D0.25/alternating/seed%3D0/avatar.html"
+    assert f'href="{avatar}"' in page and (results / unquote(avatar)).stat().st_size > 1e5
     assert len(page) < 15e6
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (apt-get install chromium)")
+def test_the_page_of_the_avatar_renders_as_our_rasteriser_and_its_nose_grows(results, tmp_path):
+    """Of the profile, which faces to the left, what lies before the natural head is the grown nose."""
+    folder = results / "anna/gamma=0.25/alternating/seed=0"
+    avatar, browser = carigs.load(folder / "avatar.npz"), Browser(tmp_path, WEBGL)
+    try:
+        page, profiles = Shown(browser, avatar, folder / "avatar.html"), []
+        for azimuth in (0, 40, 90):
+            (camera,) = carigs.orbit(avatar, 1, azimuth=azimuth, size=200)
+            for level in (0.0, 0.15, 0.25):
+                assert page.error(camera, level=level, timestep=avatar.timesteps[0]) > 35
+                profiles.append((page.image(camera, level=level) < 0.9).any(axis=2))
+        assert not browser.problems()
+        assert browser.schemes() <= {"file", "data", "blob"}
+        assert (folder / "avatar.html").stat().st_size < 6e6
+    finally:
+        browser.close()
+    nose = avatar.mesh()[0][avatar.avatar.sequence.head.regions["nose"]]
+    row = round(camera.project(nose[np.argmax(nose[:, 2])][None])[0][0, 1])
+    ends = [np.flatnonzero(profile[row - 8 : row + 8].any(axis=0))[0] for profile in profiles[-3:]]
+    assert ends[0] > ends[1] > ends[2]
 
 
 def test_nothing_half_written_is_left(results):
@@ -73,7 +105,8 @@ def test_an_installed_package_makes_a_study_in_the_current_directory(carigs, els
 
 
 @pytest.mark.parametrize(
-    "pattern", ["table/*", "figures/**/*.*", "**/path.npz", "**/avatar.npz", "**/metrics.csv", "**/*.png"]
+    "pattern",
+    ["table/*", "figures/**/*.*", "**/path.npz", "**/avatar.npz", "**/avatar.html", "**/metrics.csv", "**/*.png"],
 )
 def test_the_same_settings_give_the_same_bytes_at_any_number_of_threads(results, elsewhere, pattern):
     files = {file.relative_to(results) for file in results.glob(pattern) if file.is_file()}

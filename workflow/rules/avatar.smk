@@ -117,6 +117,25 @@ rule train:
         "../scripts/stage.py"
 
 
+rule html:
+    input:
+        settings="results/{study}/settings/html/subject={subject}.yaml",
+        avatar="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/avatar.npz",
+    output:
+        page="results/{study}/{subject}/gamma={gamma}/{variant}/seed={seed}/avatar.html",
+    log:
+        "results/{study}/log/html/{subject},gamma={gamma},{variant},seed={seed}.log",
+    conda:
+        "../../environment.yml"
+    resources:
+        mem_mb=lambda wildcards, attempt: 4000 * attempt,
+    params:
+        code=fingerprint("carigs.stages.html"),
+        title="{study}: {subject}, {variant}",
+    script:
+        "../scripts/stage.py"
+
+
 rule render:
     input:
         settings="results/{study}/settings/render/subject={subject},gamma={gamma}.yaml",

@@ -153,6 +153,13 @@ def avatar_of_method(wildcards):
     return f"{folder}/seed={known['first_seed']}/avatar.npz" if "alternating" in known["variant"] else []
 
 
+def pages_of_method(wildcards):
+    """The HTML file of each subject's avatar of the variant `alternating` with the first seed, if the study has it."""
+    known = points(wildcards.study)
+    pattern = "results/{study}/{subject}/gamma={gamma}/alternating/seed={first_seed}/avatar.html"
+    return collect(pattern, **known) if "alternating" in known["variant"] else []
+
+
 digest = cache(files_digest)
 
 

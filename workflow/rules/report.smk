@@ -48,6 +48,7 @@ rule report:
         frames=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/seed={first_seed}/frames"),
         truths=of_study("results/{study}/{subject}/gamma={gamma}/truth/level={level}/truth.json"),
         training=of_study("results/{study}/{subject}/gamma={gamma}/{variant}/seed={first_seed}/log.csv"),
+        avatars=pages_of_method,
         made_with=made_with,
         watch=of_study("results/{study}/{subject}/gamma={gamma}/truth/level={level}/frames"),
     output:

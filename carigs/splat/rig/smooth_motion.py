@@ -26,6 +26,7 @@ class SmoothMotion:
         inside: The triangles whose rotation is averaged (f,).
         faces: Their indices.
         grows: Whether hair grows with the scalp.
+        anchors: The triangles, as places in `faces`, whose rotation is averaged; the others interpolate.
     """
 
     def __init__(self, rig: Rig, inside: Bool[np.ndarray, " f"], grows: bool = False) -> None:
@@ -40,8 +41,8 @@ class SmoothMotion:
         corners = rig.vertices[rig.faces[self.faces]]
         centres, edges = corners.mean(axis=1), corners[:, 1:] - corners[:, :1]
         area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
-        anchors = centres[_spread(centres, ANCHORS)]
-        weight = np.exp(-0.5 * (cdist(centres, anchors) / RADIUS) ** 2) + 1e-12
+        self.anchors = _spread(centres, ANCHORS)
+        weight = np.exp(-0.5 * (cdist(centres, centres[self.anchors]) / RADIUS) ** 2) + 1e-12
         gather = weight * area[:, None]
         self._gather = gather / np.maximum(gather.sum(axis=0), 1e-30)  # triangles to anchors
         self._scatter = weight / weight.sum(axis=1, keepdims=True)  # anchors to triangles

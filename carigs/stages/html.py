@@ -1,0 +1,25 @@
+"""Stage `html`: the avatar as one HTML file, which needs neither a server nor a network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from carigs.library import load
+from carigs.settings import Html
+from carigs.viewer.html.page import write_html
+
+
+def html(settings: Html, *, avatar: Path, title: str, page: Path) -> None:
+    """Write the page of an avatar.
+
+    Args:
+        settings: Length of the clip.
+        avatar: The trained avatar.
+        title: Title of the page.
+        page: HTML file to write.
+
+    Raises:
+        InputError: The avatar is malformed.
+    """
+    head = load(avatar)
+    write_html(head, page, timesteps=head.timesteps[: settings.timesteps], title=title, fps=settings.fps)
