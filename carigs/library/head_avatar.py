@@ -204,16 +204,23 @@ class HeadAvatar:
                 raise SettingsError(f"regions: there is no {name}; this head has {', '.join(self.regions)}")
         if not moving:
             return whole
-        local = RegionPaths({name: self._region_path(name) for name in moving}).displacement(moving)
+        local = RegionPaths({name: self.region_path(name) for name in moving}).displacement(moving)
         if whole is None:
             return Caricature(np.asarray(local, np.float64))
         return replace(whole, displacement=whole.displacement + local)
 
-    def _region_path(self, name: str) -> GammaPath:
-        """Path of one region, with the rest of the head held."""
+    def region_path(self, name: str) -> GammaPath:
+        """Path of one region, with the rest of the head held; its displacements add to those of the whole head.
+
+        Args:
+            name: One of `regions`. The first call for a region solves, which takes about a second.
+
+        Returns:
+            The path, up to the level `gamma`.
+        """
         if name not in self._region_paths:
             path = self.avatar.sequence.path
-            skin = self._exaggerator.region_paths(self.gamma or DEFAULT_LEVEL, [name]).paths[name]
+            skin = self.exaggerator.region_paths(self.gamma or DEFAULT_LEVEL, [name]).paths[name]
             self._region_paths[name] = add_teeth(skin, path.neutral, path.faces)
         return self._region_paths[name]
 
@@ -222,7 +229,8 @@ class HeadAvatar:
         return {}
 
     @cached_property
-    def _exaggerator(self) -> Exaggerator:
+    def exaggerator(self) -> Exaggerator:
+        """The equation of the caricatures of the neutral head, without teeth."""
         sequence = self.avatar.sequence
         return subject_exaggerator(sequence.head, sequence.head.v_template.astype(np.float64), Exaggerate())
 
