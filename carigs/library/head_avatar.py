@@ -210,17 +210,22 @@ class HeadAvatar:
         return replace(whole, displacement=whole.displacement + local)
 
     def region_path(self, name: str) -> GammaPath:
-        """Path of one region, with the rest of the head held; its displacements add to those of the whole head.
+        """Path of one region, with the rest of the head held; its displacements add to those of the head.
 
         Args:
-            name: One of `regions`. The first call for a region solves, which takes about a second.
+            name: One of `regions`.
 
         Returns:
-            The path, up to the level `gamma`.
+            The path to the level `gamma`. The first call for a region solves for it.
+
+        Raises:
+            SettingsError: If there is no such region, or it cannot be exaggerated alone.
         """
+        if name not in self.regions:
+            raise SettingsError(f"regions: there is no {name}; this head has {', '.join(self.regions)}")
         if name not in self._region_paths:
             path = self.avatar.sequence.path
-            skin = self.exaggerator.region_paths(self.gamma or DEFAULT_LEVEL, [name]).paths[name]
+            skin = self._exaggerator.region_paths(self.gamma or DEFAULT_LEVEL, [name]).paths[name]
             self._region_paths[name] = add_teeth(skin, path.neutral, path.faces)
         return self._region_paths[name]
 
@@ -229,8 +234,7 @@ class HeadAvatar:
         return {}
 
     @cached_property
-    def exaggerator(self) -> Exaggerator:
-        """The equation of the caricatures of the neutral head, without teeth."""
+    def _exaggerator(self) -> Exaggerator:
         sequence = self.avatar.sequence
         return subject_exaggerator(sequence.head, sequence.head.v_template.astype(np.float64), Exaggerate())
 

@@ -9,8 +9,9 @@ from matplotlib import colormaps
 
 from carigs.capture import Camera
 from carigs.gtstar.mask_flags import face_mask_flags
+from carigs.head import subject_exaggerator
 from carigs.library import HeadAvatar
-from carigs.settings import Gtstar, MaskFlag
+from carigs.settings import Exaggerate, Gtstar, MaskFlag
 
 FLAG_COLOURS = {
     MaskFlag.HAIR: (0.20, 0.40, 0.90),
@@ -35,15 +36,16 @@ def curvature_colours(avatar: HeadAvatar) -> Float32[np.ndarray, "f 3"]:
     It is ln |K| at the vertices as the exaggeration uses it, where the 2nd to the 98th percentile span the colour map.
 
     Args:
-        avatar: The avatar. The first call factorises the equation of its caricatures, which takes about a second.
+        avatar: The avatar. Its equation is assembled and factorised, which takes about a second.
 
     Returns:
         RGB in [0, 1] of every triangle; those of the teeth are grey.
     """
-    equation = avatar.exaggerator
+    head = avatar.avatar.sequence.head
+    equation = subject_exaggerator(head, head.v_template.astype(np.float64), Exaggerate())
     curvature = equation.face_mean(equation.log_curvature)
     low, high = np.percentile(curvature, [2, 98])
-    colours = np.full((len(avatar.avatar.sequence.head.faces), 3), GREY, np.float32)
+    colours = np.full((len(head.faces), 3), GREY, np.float32)
     colours[: len(curvature)] = colormaps["turbo"]((curvature - low) / max(high - low, 1e-12))[:, :3]
     return colours
 
