@@ -12,7 +12,7 @@ from websockets.sync.client import connect
 
 CAMERA = {
     "type": "ViewerCameraMessage",
-    "wxyz": (0.0, 0.0, 1.0, 0.0),  # looks along -z, y up
+    "wxyz": (0.0, 1.0, 0.0, 0.0),  # looks along -z, y up
     "position": (0.0, 0.0, 10.0),
     "fov": 0.6,
     "near": 0.1,

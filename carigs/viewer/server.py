@@ -96,7 +96,8 @@ class Viewer:
     def _prepare_page(self) -> None:
         server = self._server
         server.scene.set_up_direction("+y")
-        server.gui.configure_theme(control_layout="fixed", show_logo=False, show_share_button=False)
+        server.gui.configure_theme(show_logo=False, show_share_button=False)
+        server.gui.main_panel.dock_right()
         camera = self.subject.first_camera()
         _, position, fov = page_pose(camera)
         vertices = self.subject.avatar.pose().vertices

@@ -17,8 +17,8 @@ from carigs.viewer.scene import HeadScene
 from carigs.viewer.state import State, controls_of
 
 HOSTILE = (
-    "../out", "/etc/passwd", "a/b", "..", ".hidden", "", "a\0b", "con:x", "a\\..\\b", "x" * 65, "a b", "é", "a\n", "$(x)", "~",
-    None, 3,
+    "../out", "/etc/passwd", "a/b", "..", ".hidden", "", "a\0b", "con:x", "a\\..\\b", "x" * 65, "a b", "é", "a\n",
+    "$(x)", "~", None, 3,
 )  # fmt: skip
 
 

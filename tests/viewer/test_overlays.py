@@ -1,5 +1,6 @@
 """What is laid over a head."""
 
+import cv2
 import numpy as np
 import pytest
 from avatars import CAMERA, ball_avatar
@@ -25,7 +26,8 @@ def test_the_lines_lie_on_the_mesh(avatar):
     drawn = (image != 200).any(axis=2)
     on_mesh = compute_visibility(vertices, faces, camera).face >= 0
     assert 0.1 < drawn[on_mesh].mean() < 0.9
-    assert (drawn & ~on_mesh).sum() < 0.03 * drawn.sum()  # lines are a pixel wide
+    near_mesh = cv2.dilate(on_mesh.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0  # lines have a width
+    assert not (drawn & ~near_mesh).any()
     assert (image[drawn].astype(int) @ [-1, 2, -1]).mean() > 50 and LINE[1] > 200  # green
 
 

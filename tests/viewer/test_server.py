@@ -72,8 +72,8 @@ def test_still_images_are_those_of_the_rasteriser(viewer):
     for level in (0.0, 0.1, 0.25):
         for wxyz, position in (
             (CAMERA["wxyz"], CAMERA["position"]),
-            ((0.0, 0.259, 0.966, 0.0), (-5.0, 0.0, 8.66)),
-            ((0.0, 0.0, 0.966, 0.259), (0.0, 5.0, 8.66)),
+            ((0.0, 0.966, 0.0, 0.259), (-5.0, 0.0, 8.66)),
+            ((0.259, 0.966, 0.0, 0.0), (0.0, 5.0, 8.66)),
         ):
             client.move(labels["gamma"], level)
             client.send({**CAMERA, "wxyz": wxyz, "position": position})
@@ -101,8 +101,8 @@ def test_clients_have_their_own_values(viewer):
 
 
 MALFORMED = (
-    b"", b"\xc1", os.urandom(300), "text", b"\x80", b"\x81\xa4type\xa1x", b"\x81\xa4type\xb0GuiUpdateMessage", b"\x91" * 40_000,
-    b"x" * (server.MAX_MESSAGE + 1),
+    b"", b"\xc1", os.urandom(300), "text", b"\x80", b"\x81\xa4type\xa1x", b"\x81\xa4type\xb0GuiUpdateMessage",
+    b"\x91" * 40_000, b"x" * (server.MAX_MESSAGE + 1),
 )  # fmt: skip
 
 

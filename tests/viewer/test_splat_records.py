@@ -32,6 +32,17 @@ def test_records_hold_centre_covariance_and_colour():
     np.testing.assert_allclose(rgba[:, 3] / 255, given.opacity.numpy(), atol=0.5 / 255 + 1e-6)
 
 
+def test_covariances_are_rounded_as_numpy_rounds():
+    for size in (1e-6, 3e-5, 1e-3, 0.1):  # below, at and above the smallest normal number in half precision
+        given = surfels(400, size)
+        given.tangent_v[:] = 0
+        u = SCENE_SCALE * given.tangent_u.numpy()
+        product = (np.float32(SCENE_SCALE) ** 2 * (given.tangent_u[:, :1] * given.tangent_u).numpy()).astype(np.float16)
+        found = covariances(splat_records(given))[:, 0]
+        np.testing.assert_array_equal(found.astype(np.float16), product)
+        assert np.isfinite(u).all()
+
+
 def test_what_is_not_finite_is_transparent():
     given = surfels(4)
     given.centre[0, 1], given.tangent_u[1, 0], given.tangent_v[2, 2] = np.nan, np.inf, 1e9

@@ -100,7 +100,7 @@ def test_the_sliders_are_added_to_the_captured_frame(avatar):
     for name, value in {"frame": 2, "expression:0": 0.3, "expression:1": -1.0, "jaw:x": 10, "eyes:y": -20}.items():
         state.set(name, value, 0.0)
     captured, found = avatar.avatar.sequence.parameters[2], parameters_of(avatar, state.values)
-    np.testing.assert_allclose(found.expression[:3], captured.expression[:3] + [0.3, -1.0, 0.0])
+    np.testing.assert_allclose(found.expression[:3], captured.expression[:3] + np.array([0.3, -1.0, 0.0]))
     turned = captured.joints.copy()
     turned[avatar.joints.index("jaw"), 0] += np.radians(10)
     turned[[avatar.joints.index("left_eye"), avatar.joints.index("right_eye")], 1] -= np.radians(20)

@@ -11,6 +11,8 @@ import numpy as np
 from jaxtyping import Bool, Float64
 from scipy.spatial.distance import cdist
 
+from carigs.simd import matrix3
+from carigs.simd.kernels import kernel
 from carigs.splat.rig.rig import Rig
 
 RADIUS = 0.03
@@ -59,13 +61,33 @@ class SmoothMotion:
         if len(self.faces) == 0:
             return
         mean = self._scatter @ (self._gather.T @ rotation[self.faces].reshape(-1, 9))
-        left, _, right = np.linalg.svd(mean.reshape(-1, 3, 3))
-        left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]  # the nearest rotation
+        nearest = _nearest_rotations(mean.reshape(-1, 3, 3))
         factor = np.ones(len(self.faces))
         if self.grows:
             volume = np.maximum(np.linalg.det(stretch[self.faces]), 1e-9)
             factor = np.exp(self._scatter @ (self._gather.T @ np.log(volume)) / 3)
-        rotation[self.faces], stretch[self.faces] = left @ right, factor[:, None, None] * np.eye(3)
+        rotation[self.faces], stretch[self.faces] = nearest, factor[:, None, None] * np.eye(3)
+
+
+def _nearest_rotations(matrices: Float64[np.ndarray, "n 3 3"]) -> Float64[np.ndarray, "n 3 3"]:
+    """The rotation nearest to each matrix: U of its polar decomposition, or by the SVD if its determinant is small."""
+    rotations, is_proper = np.empty_like(matrices), np.empty(len(matrices), bool)
+    _polar_rotations(matrices, rotations, is_proper)
+    if not is_proper.all():
+        left, _, right = np.linalg.svd(matrices[~is_proper])
+        left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
+        rotations[~is_proper] = left @ right
+    return rotations
+
+
+@kernel
+def _polar_rotations(matrices, rotations, is_proper):
+    """Polar rotations of means of rotations, which are near to rotations unless the neighbourhood turns by far."""
+    for i in range(len(matrices)):
+        m = matrix3.load(matrices, i)
+        is_proper[i] = matrix3.dot(m[0:3], matrix3.cross(m[3:6], m[6:9])) > 0.01
+        if is_proper[i]:
+            matrix3.store(rotations, i, matrix3.polar_rotation(m))
 
 
 def _spread(points: Float64[np.ndarray, "n 3"], count: int) -> list[int]:
