@@ -150,6 +150,8 @@ class Viewer:
                     with self.subject.lock:
                         next_step = panel.session.step(time.monotonic())
                 except Exception as error:
+                    if number not in self._server.get_clients():  # it has left meanwhile
+                        continue
                     next_step = None
                     text = str(error) if isinstance(error, CarigsError) else one_line(error) or "internal error"
                     if not isinstance(error, CarigsError):
