@@ -7,11 +7,12 @@ forward the port: ssh -L 8080:localhost:8080 MACHINE. docs/viewer.md describes t
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 from pathlib import Path
 
 from carigs.cli.parser import command_parser
-from carigs.errors import InputError, SettingsError
+from carigs.errors import CarigsError, InputError, SettingsError
 
 EXAMPLES = """examples:
   carigs view avatar.npz
@@ -52,11 +53,12 @@ def view(task: argparse.Namespace) -> None:
     viewer = Viewer(Subject(avatar, second, capture, task.truth), task.exports, task.host, task.port)
     try:
         print(f"open {viewer.address} in a browser; Ctrl-C ends the viewer", flush=True)
-        for scene in viewer.subject.scenes:
-            quiet = not sys.stderr.isatty()
-            for name in track(avatar.regions, "solving regions", transient=True, disable=quiet):
+        regions = [control.label for control in viewer.subject.controls if control.group == "regions"]
+        for name in track(regions, "solving regions", transient=True, disable=not sys.stderr.isatty()):
+            for scene in viewer.subject.scenes:
                 if name in scene.avatar.regions:
-                    scene.solve_region(name)
+                    with contextlib.suppress(CarigsError):  # the page says so when its slider is moved
+                        scene.solve_region(name)
         viewer.wait()
     except KeyboardInterrupt:
         print("ended")

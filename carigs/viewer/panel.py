@@ -21,6 +21,8 @@ JPEG_QUALITY = 85
 """Of images while something moves; still ones are PNG."""
 FRUSTUM_SIZE = 0.03
 """Length of the pyramids of cameras in metres."""
+LINE_WIDTH = 1.5
+"""Of the pyramids in pixels."""
 FREE = "free"
 """Name of the view that the mouse turns."""
 HELP = {
@@ -160,7 +162,7 @@ class Panel:
             self._camera = gui.add_dropdown("camera", cameras, visible=len(cameras) > 1)
             self._camera.on_update(self._guard(lambda: self._choose_camera(self._camera.value)))
             if self._subject.capture is not None:
-                shown = gui.add_checkbox("show cameras", True)
+                shown = gui.add_checkbox("show cameras", False)
                 shown.on_update(self._guard(lambda: self._show_frustums(bool(shown.value))))
                 self._captured = gui.add_image(np.zeros((4, 4, 3), np.uint8), label="captured", visible=False)
 
@@ -193,7 +195,8 @@ class Panel:
             wxyz, position, fov = page_pose(camera)
             frustum = self._client.scene.add_camera_frustum(
                 f"/cameras/{number}", fov, camera.width / camera.height, scale=FRUSTUM_SIZE * SCENE_SCALE,
-                color=(70, 110, 160), wxyz=wxyz, position=position,
+                thickness=LINE_WIDTH, thickness_units="screen",
+                color=(70, 110, 160), wxyz=wxyz, position=position, visible=False,
             )  # fmt: skip
             frustum.on_click(self._guard(lambda number=number: self._choose_camera(str(number))))
             self._frustums.append(frustum)

@@ -12,6 +12,7 @@ import numpy as np
 from carigs.errors import SettingsError
 from carigs.head import HeadParameters
 from carigs.library import HeadAvatar
+from carigs.mesh.triangle_mesh import components, face_areas
 
 BEYOND = 1.5
 """End of the sliders of levels over the highest level of the avatar."""
@@ -57,7 +58,7 @@ def controls_of(avatar: HeadAvatar) -> tuple[Control, ...]:
     low, high = sorted((0.0, BEYOND * avatar.gamma))
     step = abs(avatar.gamma) / 100
     controls = [Control("level", "gamma", "exaggeration", low, high, step)]
-    controls += [Control(f"region:{name}", name, "regions", low, high, step) for name in avatar.regions]
+    controls += [Control(f"region:{name}", name, "regions", low, high, step) for name in _skin_regions(avatar)]
     controls.append(Control("frame", "timestep", "time", 0, len(avatar.timesteps) - 1, 1))
     named = len(avatar.avatar.sequence.head.expression_names)
     for i, name in enumerate(avatar.expressions[:EXPRESSIONS]):
@@ -69,6 +70,15 @@ def controls_of(avatar: HeadAvatar) -> tuple[Control, ...]:
         end = JOINT_DEGREES[joint]
         controls += [Control(f"{joint}:{axis}", f"{joint} {axis}", "joints", -end, end, 1.0) for axis in axes]
     return tuple(controls)
+
+
+def _skin_regions(avatar: HeadAvatar) -> list[str]:
+    """Regions with a vertex of the skin, the largest component; eyeballs and teeth follow it and have no path."""
+    head = avatar.avatar.sequence.head
+    labels = components(head.faces, len(head.v_template))
+    areas = np.bincount(labels[head.faces[:, 0]], face_areas(head.v_template.astype(np.float64), head.faces))
+    is_skin = labels == areas.argmax()
+    return [name for name in avatar.regions if is_skin[head.vertex_region(name)].any()]
 
 
 class State:
