@@ -41,7 +41,7 @@ def page(viewer, tmp_path_factory):
     for domain in ("Network", "Page", "Log", "Runtime"):
         browser.call(f"{domain}.enable")
     browser.call("Emulation.setDeviceMetricsOverride", width=WIDTH, height=HEIGHT, deviceScaleFactor=1, mobile=False)
-    browser.call("Page.navigate", url=f"http://127.0.0.1:{viewer.port}/")
+    browser.call("Page.navigate", url=f"http://127.0.0.1:{viewer.port}/?fixedDpr=1")  # not coarser
     until(lambda: browser.value(f"{SLIDERS}.length") and viewer.num_clients == 1)
     browser.value("document.querySelector('.mantine-Notification-closeButton')?.click()")  # "software WebGL"
     yield browser
@@ -62,15 +62,12 @@ def session_of(viewer):
 
 
 def move_gamma(page, viewer, level):
-    """Move the slider by arrow keys, as a hand would."""
+    """Write a level into the field beside the slider."""
+    page.value(f"{SLIDERS}[0].scrollIntoView()")
+    field = f"{SLIDERS}[0].closest('.mantine-Flex-root').querySelector('input[inputmode]')"
+    page.value(f"{field}.focus(), {field}.select()")
+    page.call("Input.insertText", text=f"{level:g}")
     session = session_of(viewer)
-    control = session.state.controls["level"]
-    steps = round(level / control.step) - round(session.state.values["level"] / control.step)
-    page.value(f"{SLIDERS}[0].focus()")
-    key, code = ("ArrowRight", 39) if steps > 0 else ("ArrowLeft", 37)
-    for _ in range(abs(steps)):
-        for kind in ("rawKeyDown", "keyUp"):
-            page.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code)
     until(lambda: abs(session.state.values["level"] - level) < 1e-6)
 
 
@@ -90,7 +87,8 @@ def canvas(page, view):
 
 
 def psnr(image, expected):
-    return -10 * np.log10(np.square(image - expected).mean())
+    """Without the columns on which the panel throws its shadow."""
+    return -10 * np.log10(np.square(image - expected)[:, :-12].mean())
 
 
 def expected_image(viewer):
