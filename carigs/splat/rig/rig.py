@@ -171,10 +171,7 @@ def motion_records(
         One record per triangle.
     """
     records = np.zeros((len(rig.faces), RECORD_SIZE), dtype)
-    records[:, STRETCH:CENTRE] = stretch[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
-    records[:, CENTRE:ROTATION] = centre
-    records[:, ROTATION:RELATIVE_ROTATION] = rotation.reshape(-1, 9)
-    records[:, RELATIVE_ROTATION : RELATIVE_ROTATION + 9] = _relative_rotations(rotation, rig.neighbours).reshape(-1, 9)
+    _write_motion_records(centre, rotation, stretch, rig.neighbours, records)
     return records
 
 
@@ -265,17 +262,29 @@ def _polar_decompositions(posed, faces, inverse_edges):
 
 
 @scalar_or_simd
-def _relative_rotation(f, rotation, neighbours, vectors):
+def _motion_record(f, centre, rotation, stretch, neighbours, records):
+    """The record of a triangle. Vectors between two triangles differ by the sign: the lower index writes both."""
+    k = 0
+    for i in range(3):
+        records[f, CENTRE + i] = centre[f, i]
+        for j in range(3):
+            records[f, ROTATION + 3 * i + j] = rotation[f, i, j]
+            if j >= i:
+                records[f, STRETCH + k] = stretch[f, i, j]
+                k += 1
     own = matrix3.transpose(matrix3.load(rotation, f))
     for s in range(3):
-        g, vector = neighbours[f, s], (0.0, 0.0, 0.0)
-        if g != f:
+        g = neighbours[f, s]
+        if g > f:
             vector = matrix3.rotation_vector(matrix3.product(own, matrix3.load(rotation, g)))
-        write_row(vectors[f], s, vector)
+            for c in range(3):
+                records[f, RELATIVE_ROTATION + 3 * s + c] = vector[c]
+            for t in range(3):
+                if neighbours[g, t] == f:
+                    for c in range(3):
+                        records[g, RELATIVE_ROTATION + 3 * t + c] = -vector[c]
 
 
 @kernel
-def _relative_rotations(rotation, neighbours):
-    vectors = np.empty((len(rotation), 3, 3))
-    parallel_for(_relative_rotation, len(rotation), (rotation, neighbours, vectors))
-    return vectors
+def _write_motion_records(centre, rotation, stretch, neighbours, records):
+    parallel_for(_motion_record, len(records), (centre, rotation, stretch, neighbours, records))
