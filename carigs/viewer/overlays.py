@@ -90,7 +90,7 @@ def draw_mesh(
     lines = np.rint(16 * (corners[shown] - 0.5)).astype(np.int32)
     layer = image.copy()
     cv2.polylines(layer, list(lines), True, LINE, 1, cv2.LINE_AA, 4)
-    cv2.addWeighted(layer, 0.6, image, 0.4, 0, image)
+    cv2.addWeighted(layer, 0.45, image, 0.55, 0, image)
 
 
 def error_image(

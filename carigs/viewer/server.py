@@ -91,7 +91,8 @@ class Viewer:
         self._stopping.set()
         self._wake.set()
         self._thread.join(timeout=10)
-        self._server.stop()
+        with contextlib.redirect_stdout(io.StringIO()):  # viser's remark
+            self._server.stop()
 
     def _prepare_page(self) -> None:
         server = self._server
