@@ -2,9 +2,11 @@
 
 - `state`: the controls, their values, undo
 - `scene`: surfels of an avatar for values of the controls
-- `splat_records`, `exact_mode`, `overlays`: what the browser shows
+- `splat_records`, `exact_mode`, `overlays`, `comparison`: what the browser shows
 - `exports`: files that the page asks for
-- `session`, `panel`, `server`: one client, its controls on the page, and the server
+- `subject`: the avatars, their capture, and the truth
+- `options`, `page`, `session`: what one client looks at, its page, and what it must be shown next
+- `panel`, `server`: the page in viser, and the server
 
 Modules are imported directly: only `panel` and `server` import viser, which the extra `viewer` installs.
 """

@@ -173,11 +173,7 @@ def pixels(image: Float[np.ndarray, "h w 3"]) -> np.ndarray:
 
 
 class Resolution:
-    """Height of the image while something moves, from the time that the last images took.
-
-    The time of an image is taken as a + b pixels, where the part a (skinning) is measured and b follows the last
-    images.
-    """
+    """Height of the image while something moves, from the time per pixel that the last images took."""
 
     def __init__(self, budget: float = BUDGET) -> None:
         """Start small.
@@ -188,12 +184,11 @@ class Resolution:
         self.budget = budget
         self._seconds_per_pixel: float | None = None
 
-    def height(self, window: View, fixed: float = 0.0) -> int:
+    def height(self, window: View) -> int:
         """Height of the next image.
 
         Args:
             window: The window.
-            fixed: Seconds of the budget that do not depend on the number of pixels.
 
         Returns:
             Height in pixels, at most that of the window.
@@ -201,8 +196,7 @@ class Resolution:
         largest = full_height(window)
         if self._seconds_per_pixel is None:
             return min(275, largest)
-        pixels = max(self.budget - fixed, 0.2 * self.budget) / self._seconds_per_pixel
-        height = int(np.sqrt(pixels * window.height / window.width))
+        height = int(np.sqrt(self.budget / self._seconds_per_pixel * window.height / window.width))
         return min(max(height, min(SMALLEST, largest)), largest)
 
     def measured(self, seconds: float, width: int, height: int) -> None:

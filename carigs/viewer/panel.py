@@ -13,7 +13,8 @@ from jaxtyping import Float, Float32, UInt8, UInt32
 from carigs.errors import CarigsError
 from carigs.viewer.exact_mode import View, page_pose, pixels
 from carigs.viewer.exports import FORMATS
-from carigs.viewer.session import MODES, OVERLAYS, SPLITS, Session
+from carigs.viewer.options import MODES, OVERLAYS, SPLITS
+from carigs.viewer.session import Session
 from carigs.viewer.splat_records import RECORD_SIZE, SCENE_SCALE
 from carigs.viewer.subject import Subject
 
@@ -67,7 +68,11 @@ class Panel:
     # What the session shows.
 
     def show_splats(self, records: UInt32[np.ndarray, "n 8"] | None) -> None:
-        """Show splats, or none."""
+        """Show splats.
+
+        Args:
+            records: Records of `splat_records`; None for none.
+        """
         if records is None:
             if self._splats is not None:
                 self._splats.visible = False
@@ -81,14 +86,23 @@ class Panel:
         self._splats.visible = True
 
     def show_image(self, image: UInt8[np.ndarray, "h w 3"] | None, lossless: bool) -> None:
-        """Show an image behind the scene, or none."""
+        """Show an image behind the scene.
+
+        Args:
+            image: RGB from 0 to 255; None for none.
+            lossless: Whether its pixels must arrive as they are.
+        """
         self._client.scene.set_background_image(
             image, format="png" if lossless else "jpeg", jpeg_quality=None if lossless else JPEG_QUALITY
         )
         self._client.flush()
 
     def show_mesh(self, vertices: Float[np.ndarray, "v 3"] | None) -> None:
-        """Show the mesh in units of the page, or none."""
+        """Show the mesh.
+
+        Args:
+            vertices: Positions in units of the page; None to hide it.
+        """
         if vertices is None:
             if self._mesh is not None:
                 self._mesh.visible = False
@@ -103,7 +117,11 @@ class Panel:
         self._mesh.visible = True
 
     def show_captured(self, image: Float32[np.ndarray, "h w 3"] | None) -> None:
-        """Show a captured image beside ours, or none."""
+        """Show a captured image beside ours.
+
+        Args:
+            image: RGB in [0, 1]; None for none.
+        """
         if self._captured is None:
             return
         self._captured.visible = image is not None
@@ -111,7 +129,11 @@ class Panel:
             self._captured.image = pixels(image[:: max(image.shape[0] // 400, 1), :: max(image.shape[0] // 400, 1)])
 
     def show_status(self, text: str) -> None:
-        """Show a line of text."""
+        """Show the status line.
+
+        Args:
+            text: The line.
+        """
         self._status.content = text
 
     def show_state(self) -> None:

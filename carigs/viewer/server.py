@@ -13,10 +13,11 @@ from urllib.parse import urlsplit
 import viser
 
 from carigs.errors import CarigsError, SettingsError, one_line
-from carigs.viewer.exact_mode import page_pose
+from carigs.viewer.exact_mode import exact_image, page_pose
 from carigs.viewer.exports import Export, ExportFolder, write_export
 from carigs.viewer.panel import Panel
-from carigs.viewer.splat_records import SCENE_SCALE
+from carigs.viewer.splat_records import SCENE_SCALE, splat_records
+from carigs.viewer.state import State
 from carigs.viewer.subject import Subject
 
 MAX_CLIENTS = 64
@@ -141,6 +142,7 @@ class Viewer:
 
     def _compute(self) -> None:
         """Serve the sessions in turn, one step each."""
+        self._warm_up()
         while not self._stopping.is_set():
             due = None
             for number, panel in list(self._panels.items()):
@@ -163,6 +165,15 @@ class Viewer:
                     due = next_step if due is None else min(due, next_step)
             self._wake.wait(None if due is None else max(due - time.monotonic(), 0.0))
             self._wake.clear()
+
+    def _warm_up(self) -> None:
+        """Load the kernels before the first client comes."""
+        camera = self.subject.first_camera().scaled(0.1)
+        with self.subject.lock:
+            values = State(self.subject.controls).values
+            world = self.subject.scenes[0].surfels(values, camera.centre)
+            splat_records(world)
+            exact_image(world, camera, 1.0)
 
     def _export(self, panel: Panel, format: str, name: str, height: float) -> None:
         """Write a file in a thread of its own; one at a time for a client, and one for all.

@@ -4,32 +4,21 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Float32, UInt8, UInt32
 
 from carigs.capture import Camera
 from carigs.errors import SettingsError
-from carigs.viewer.exact_mode import (
-    Resolution,
-    View,
-    cropped,
-    exact_image,
-    fitted,
-    full_height,
-    pixels,
-    split_image,
-)
-from carigs.viewer.overlays import draw_mesh, error_image, fit_into
+from carigs.viewer.comparison import composed_image
+from carigs.viewer.exact_mode import Resolution, View, fitted, full_height
+from carigs.viewer.options import Options
+from carigs.viewer.page import Page
 from carigs.viewer.splat_records import SCENE_SCALE, splat_records
-from carigs.viewer.state import State, Values, without_exaggeration
+from carigs.viewer.state import State, Values
 from carigs.viewer.subject import Subject
 
-MODES = ("splats", "exact")
-OVERLAYS = ("none", "mesh", "curvature", "mask flags", "error")
-SPLITS = ("off", "natural head", "stored values", "second avatar", "captured image")
 SETTLE_SECONDS = 0.25
 """Time without a change after which the full image is shown."""
 BASE_FPS = 24.0
@@ -38,57 +27,6 @@ FADED = 0.35
 """Factor on opacities that lets the browser's mesh shine through the splats."""
 STATUS_SECONDS = 0.25
 """Time between changes of the status line."""
-
-
-class Page(Protocol):
-    """What a session shows on its page."""
-
-    def show_splats(self, records: UInt32[np.ndarray, "n 8"] | None) -> None:
-        """Show splats, or none."""
-
-    def show_image(self, image: UInt8[np.ndarray, "h w 3"] | None, lossless: bool) -> None:
-        """Show an image behind the scene, or none."""
-
-    def show_mesh(self, vertices: Float[np.ndarray, "v 3"] | None) -> None:
-        """Show the mesh in units of the page, or none."""
-
-    def show_captured(self, image: Float32[np.ndarray, "h w 3"] | None) -> None:
-        """Show a captured image beside ours, or none."""
-
-    def show_status(self, text: str) -> None:
-        """Show a line of text."""
-
-    def show_state(self) -> None:
-        """Set the controls of the page to the values and options of the session."""
-
-
-@dataclass(frozen=True)
-class Options:
-    """What a client looks at and how; not part of undo."""
-
-    mode: str = "splats"
-    overlay: str = "none"
-    split: str = "off"
-    divider: float = 0.5
-    """Column of the divider over the width of the image."""
-    camera: int | None = None
-    """Camera of the capture that the client looks through."""
-    playing: bool = False
-    speed: float = 1.0
-
-    def __post_init__(self) -> None:
-        for name, known in (("mode", MODES), ("overlay", OVERLAYS), ("split", SPLITS)):
-            if getattr(self, name) not in known:
-                raise SettingsError(f"{name}: one of {', '.join(known)}")
-        for name, low, high in (("divider", 0.0, 1.0), ("speed", 0.05, 8.0)):
-            value = getattr(self, name)
-            if not isinstance(value, int | float) or not low <= value <= high:
-                raise SettingsError(f"{name}: expected a number from {low:g} to {high:g}")
-
-    @property
-    def is_exact(self) -> bool:
-        """Whether the server renders: the browser can neither split the view nor compare it with an image."""
-        return self.mode == "exact" or self.split != "off" or self.overlay == "error"
 
 
 class Session:
@@ -116,7 +54,7 @@ class Session:
         self._changed, self._settled, self._settle_at = False, True, 0.0
         self._next_frame, self._arrived = 0.0, False
         self._sent: Any = None
-        self._resolution, self._skin_seconds = Resolution(), 0.0
+        self._resolution = Resolution()
         self._frame_times: list[float] = []
         self._status_at, self._captured_key = 0.0, None
 
@@ -288,78 +226,17 @@ class Session:
         if self._sent is None or self._sent[0] != "exact":
             self.page.show_splats(None)
             self.page.show_mesh(None)
-        height = full_height(view) if settled else self._resolution.height(view, self._skin_seconds)
-        camera = view.camera(height)
+        camera = view.camera(full_height(view) if settled else self._resolution.height(view))
         rig = None if options.camera is None else self.subject.camera_at(options.camera, values)
         if rig is not None:
             camera = fitted(rig, camera.width, camera.height)
         started = time.perf_counter()
-        image, note = self._compose(values, options, camera, settled)
-        if options.overlay == "mesh":
-            scene = self.subject.scenes[0]
-            draw_mesh(image, scene.vertices(values), scene.avatar.avatar.sequence.head.faces, camera)
+        image, note = composed_image(self.subject, values, self.stored, options, camera, settled=settled)
         self.page.show_image(image, lossless=settled)
         if not settled:
-            self._resolution.measured(
-                max(time.perf_counter() - started - self._skin_seconds, 1e-4), camera.width, camera.height
-            )
+            self._resolution.measured(time.perf_counter() - started, camera.width, camera.height)
         self._sent = key
         return f"exact, {camera.width} x {camera.height}{note}"
-
-    def _compose(
-        self, values: Values, options: Options, camera: Camera, settled: bool
-    ) -> tuple[UInt8[np.ndarray, "h w 3"], str]:
-        """The image, of one variant or of two with a divider, and a remark for the status line."""
-        column = round(options.divider * camera.width)
-        right = self._right(values, options, camera, column, settled)
-        if right is None:
-            image = self._render(0, values, options, camera, settled)
-        else:
-            left = [self._render(0, values, options, cropped(camera, 0, column), settled)] if column else []
-            image = split_image(*left, right) if left and right.shape[1] else (left or [right])[0]
-        if options.overlay != "error":
-            return pixels(image), ""
-        truth = None if options.camera is None else self.subject.truth(options.camera, values)
-        if truth is None:
-            return pixels(image), ", no truth: choose a camera and a level that it has"
-        colours, psnr = error_image(image, fit_into(truth, camera.width, camera.height, self._background))
-        return pixels(colours), f", PSNR {psnr:.2f} dB"
-
-    def _right(
-        self, values: Values, options: Options, camera: Camera, column: int, settled: bool
-    ) -> Float32[np.ndarray, "h w 3"] | None:
-        """The part of the image right of the divider; None if the view is not split."""
-        if options.split == "off" or options.overlay == "error":
-            return None
-        if options.split == "captured image":
-            captured = None if options.camera is None else self.subject.captured(options.camera, values)
-            if captured is None:
-                return None
-            return fit_into(captured, camera.width, camera.height, self._background)[:, column:]
-        scene, other = 0, values
-        if options.split == "natural head":
-            other = without_exaggeration(values)
-        elif options.split == "stored values":
-            other = {**self.stored, "frame": values["frame"]}
-        else:
-            scene = 1
-        if column == camera.width:
-            return np.empty((camera.height, 0, 3), np.float32)
-        return self._render(scene, other, options, cropped(camera, column, camera.width), settled)
-
-    def _render(
-        self, number: int, values: Values, options: Options, camera: Camera, settled: bool
-    ) -> Float32[np.ndarray, "h w 3"]:
-        scene, started = self.subject.scenes[number], time.perf_counter()
-        colours = self.subject.face_colours(options.overlay, number)
-        world = scene.surfels(values, camera.centre, settled=settled, face_colours=colours)
-        if not settled:
-            self._skin_seconds = 0.5 * self._skin_seconds + 0.5 * (time.perf_counter() - started)
-        return exact_image(world, camera, scene.avatar.avatar.background)
-
-    @property
-    def _background(self) -> float:
-        return self.subject.avatar.avatar.background
 
     def _show_captured(self, values: Values, options: Options) -> None:
         key = None if options.camera is None else (options.camera, values["frame"])

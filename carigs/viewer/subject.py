@@ -70,7 +70,11 @@ class Subject:
         return {} if self.capture is None else self.capture.cameras
 
     def first_camera(self) -> Camera:
-        """Where a client begins: in front of the head."""
+        """Where a client begins.
+
+        Returns:
+            A camera in front of the head.
+        """
         return orbit(self.avatar, 1, size=720)[0]
 
     def face_colours(self, overlay: str, scene: int = 0) -> Float32[np.ndarray, "f 3"] | None:
