@@ -49,3 +49,10 @@ class Page(Protocol):
 
     def show_state(self) -> None:
         """Set the controls of the page to the values and options of the session."""
+
+    def show_frame(self, frame: int) -> None:
+        """Move the slider of the timestep while the capture is played.
+
+        Args:
+            frame: Position of the timestep.
+        """

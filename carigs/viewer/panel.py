@@ -144,6 +144,14 @@ class Panel:
         self._camera.value = FREE if options.camera is None else str(options.camera)
         self._show_hint()
 
+    def show_frame(self, frame: int) -> None:
+        """Move the slider of the timestep while the capture is played.
+
+        Args:
+            frame: Position of the timestep.
+        """
+        self._sliders["frame"].value = frame
+
     # Building.
 
     def _build(self) -> None:

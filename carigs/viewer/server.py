@@ -7,6 +7,7 @@ import io
 import logging
 import threading
 import time
+import warnings
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -62,6 +63,8 @@ class Viewer:
         # A hostile message ends its connection with an error, which is no concern of the terminal.
         for name in ("websockets", "websockets.server", "asyncio"):
             logging.getLogger(name).setLevel(logging.CRITICAL)
+        # What is computed for a page that is closed meanwhile.
+        warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
         with contextlib.redirect_stdout(io.StringIO()):  # viser's table of addresses
             self._server = _Server(host, port, label="carigs", verbose=False)
         self.host, self.port = host, self._server.get_port()

@@ -26,7 +26,7 @@ BASE_FPS = 24.0
 FADED = 0.35
 """Factor on opacities that lets the browser's mesh shine through the splats."""
 STATUS_SECONDS = 0.25
-"""Time between changes of the status line."""
+"""Time between changes of the status line, and of the slider of the timestep while playing."""
 
 
 class Session:
@@ -251,6 +251,8 @@ class Session:
         if not settled and now < self._status_at:
             return
         self._status_at = now + STATUS_SECONDS
+        if self.options.playing:
+            self.page.show_frame(int(self.state.values["frame"]))
         count = len(self._frame_times) - 1
         fps = count / max(now - self._frame_times[0], 1e-3)
         rate = f", {fps:.0f} images/s" if count > 2 and not settled else ""

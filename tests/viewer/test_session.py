@@ -38,6 +38,9 @@ class Page:
     def show_state(self):
         self.states += 1
 
+    def show_frame(self, frame):
+        self.frame = frame
+
 
 def subject(second=False, sh_degree=3):
     other = Avatar(random_surfels(300, 320, seed=5), ball_sequence(lit=False))
@@ -136,6 +139,7 @@ def test_playing_shows_one_timestep_after_the_other(two):
     assert frames == [1, 2, 0, 1, 2, 0, 1] and now == pytest.approx(10 + 7 / 12)
     session.step(now + 2.5 / 12)  # late by two timesteps: they are left out
     assert session.state.values["frame"] == (1 + 3) % 3
+    assert session.page.frame in range(3)  # of the slider
     session.set_options(playing=False)
     assert not session.state.undo()
 
