@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import Any
+from typing import Any, ClassVar
 
 import msgspec
 import viser
@@ -25,11 +25,18 @@ CAMERA = {
 
 
 class Client:
-    """Keeps the messages that it was sent."""
+    """Keeps the messages that it was sent.
+
+    Attributes:
+        opened: All clients that were opened.
+    """
+
+    opened: ClassVar[list[Client]] = []
 
     def __init__(self, port: int, *, camera: dict[str, Any] | None = None, **options: Any) -> None:
         protocol = f"viser-v{viser.__version__}"
         self.socket = connect(f"ws://127.0.0.1:{port}", subprotocols=[protocol], max_size=None, **options)
+        self.opened.append(self)
         self.messages: list[dict[str, Any]] = []
         self.buffers: list[list[bytes]] = []
         self.send(CAMERA if camera is None else camera)

@@ -6,7 +6,7 @@
 - `exports`: files that the page asks for
 - `subject`: the avatars, their capture, and the truth
 - `options`, `page`, `session`: what one client looks at, its page, and what it must be shown next
-- `panel`, `server`: the page in viser, and the server
+- `panel`, `server`, `admission`: the page in viser, the server, and what it takes from clients
 
-Modules are imported directly: only `panel` and `server` import viser, which the extra `viewer` installs.
+Modules are imported directly: only the last three import viser, which the extra `viewer` installs.
 """

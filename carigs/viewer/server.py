@@ -9,11 +9,12 @@ import threading
 import time
 import warnings
 from pathlib import Path
-from urllib.parse import urlsplit
+from typing import Any
 
 import viser
 
 from carigs.errors import CarigsError, SettingsError, one_line
+from carigs.viewer.admission import admit, forget_shared_handlers
 from carigs.viewer.exact_mode import exact_image, page_pose
 from carigs.viewer.exports import Export, ExportFolder, write_export
 from carigs.viewer.panel import Panel
@@ -21,21 +22,10 @@ from carigs.viewer.splat_records import SCENE_SCALE, splat_records
 from carigs.viewer.state import State
 from carigs.viewer.subject import Subject
 
-MAX_CLIENTS = 64
-"""Connections at a time; further ones are closed."""
-MAX_MESSAGE = 1 << 16
-"""Bytes of a message from a client: a browser sends a camera or the value of a control."""
 MAX_DOWNLOAD = 64 << 20
 """Bytes of an export that is also offered for download."""
 LOCAL = ("127.0.0.1", "localhost", "::1")
 log = logging.getLogger(__name__)
-
-
-class _Server(viser.ViserServer):
-    """viser without its tunnel: any client could open the server to the internet by a message."""
-
-    def request_share_url(self, verbose: bool = True) -> str | None:
-        return None
 
 
 class Viewer:
@@ -66,12 +56,13 @@ class Viewer:
         # What is computed for a page that is closed meanwhile.
         warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
         with contextlib.redirect_stdout(io.StringIO()):  # viser's table of addresses
-            self._server = _Server(host, port, label="carigs", verbose=False)
+            self._server = viser.ViserServer(host, port, label="carigs", verbose=False)
         self.host, self.port = host, self._server.get_port()
+        forget_shared_handlers(self._server._websock_server)
         self._server._websock_server.on_client_connect(self._admit)
         self._prepare_page()
         self._server.on_client_connect(self._connected)
-        self._server.on_client_disconnect(self._disconnected)
+        self._server._websock_server.on_client_disconnect(self._disconnected)
         self._thread = threading.Thread(target=self._compute, name="viewer", daemon=True)
         self._thread.start()
 
@@ -112,51 +103,48 @@ class Viewer:
         )
         server.initial_camera.up = (0.0, 1.0, 0.0)
 
-    async def _admit(self, connection: object) -> None:
-        """Close connections that are too many or come from other pages; limit the size of messages of the others.
-
-        viser has no setting for either. A page of any site may open a connection to this server in the browser of its
-        user; browsers then name the site in the header Origin.
-        """
-        connections = self._server._websock_server._live_connections
-        socket = connections.get(connection.client_id)
-        if socket is None:
-            return
-        socket.protocol.max_message_size = MAX_MESSAGE
-        origin, host = socket.request.headers.get("Origin"), socket.request.headers.get("Host", "")
-        if origin is not None and urlsplit(origin).netloc != host:
-            await socket.close(1008, "this page belongs to another site")
-        elif len(connections) > MAX_CLIENTS:
-            await socket.close(1013, "too many clients")
+    async def _admit(self, connection: Any) -> None:
+        await admit(self._server._websock_server, connection)
 
     def _connected(self, client: viser.ClientHandle) -> None:
         try:
             panel = Panel(client, self.subject, self._wake.set)
         except Exception as error:
-            if client.client_id in self._server.get_clients():  # else it has left meanwhile
+            if self._is_open(client.client_id):  # else it was closed meanwhile
                 log.warning("a client could not be shown its page", exc_info=error)
             return
         panel.on_export = self._export
         self._panels[client.client_id] = panel
         self._wake.set()
 
-    async def _disconnected(self, client: viser.ClientHandle) -> None:
-        self._panels.pop(client.client_id, None)
+    async def _disconnected(self, connection: Any) -> None:
+        self._wake.set()
+
+    def _is_open(self, number: int) -> bool:
+        return number in self._server._websock_server._live_connections
+
+    def _forget_departed(self) -> None:
+        """Drop the pages that were closed.
+
+        viser itself never drops a client that closes its connection while its first message is handled.
+        """
+        for pages in (self._panels, self._server._connected_clients):
+            for number in list(pages):
+                if not self._is_open(number):
+                    pages.pop(number, None)
 
     def _compute(self) -> None:
         """Serve the sessions in turn, one step each."""
         self._warm_up()
         while not self._stopping.is_set():
             due = None
+            self._forget_departed()
             for number, panel in list(self._panels.items()):
-                if number not in self._server.get_clients():
-                    self._panels.pop(number, None)
-                    continue
                 try:
                     with self.subject.lock:
                         next_step = panel.session.step(time.monotonic())
                 except Exception as error:
-                    if number not in self._server.get_clients():  # it has left meanwhile
+                    if not self._is_open(number):  # closed meanwhile
                         continue
                     next_step = None
                     text = str(error) if isinstance(error, CarigsError) else one_line(error) or "internal error"
@@ -194,7 +182,7 @@ class Viewer:
 
     def _write(self, panel: Panel, client: viser.ClientHandle, export: Export) -> None:
         def show(count: int) -> None:
-            if self._stopping.is_set() or client.client_id not in self._server.get_clients():
+            if self._stopping.is_set() or not self._is_open(client.client_id):
                 raise SettingsError("the page was closed")
             if count > 1:
                 panel.show_status(f"{export.format}: {count} images")

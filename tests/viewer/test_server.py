@@ -14,7 +14,7 @@ from viewer_client import CAMERA, Client
 from websockets.exceptions import ConnectionClosed
 
 from carigs.library import HeadAvatar
-from carigs.viewer import server
+from carigs.viewer import admission
 from carigs.viewer.exact_mode import View, exact_image
 from carigs.viewer.scene import HeadScene
 from carigs.viewer.server import Viewer
@@ -31,15 +31,27 @@ def viewer(tmp_path_factory):
     viewer.stop()
 
 
+@pytest.fixture(autouse=True)
+def nobody_stays(viewer):
+    """Every test begins and ends without clients: none is kept after it has left."""
+    yield
+    for client in Client.opened:
+        client.close()
+    Client.opened.clear()
+    until(lambda: viewer.num_clients == 0)
+    assert not viewer._server._connected_clients
+
+
 def decoded(png):
     return cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)[:, :, ::-1] / 255
 
 
 def until(condition, seconds=20.0):
     end = time.monotonic() + seconds
-    while not condition():
+    while not (result := condition()):
         assert time.monotonic() < end
         time.sleep(0.02)
+    return result
 
 
 def status(client, text):
@@ -96,13 +108,11 @@ def test_clients_have_their_own_values(viewer):
     until(lambda: sorted(p.session.state.values["level"] for p in viewer._panels.values())[-1] == 0.2)
     assert sorted(p.session.state.values["level"] for p in viewer._panels.values()) == [0.0, 0.2]
     one.close()
-    other.close()
-    until(lambda: viewer.num_clients == 0)
 
 
 MALFORMED = (
     b"", b"\xc1", os.urandom(300), "text", b"\x80", b"\x81\xa4type\xa1x", b"\x81\xa4type\xb0GuiUpdateMessage",
-    b"\x91" * 40_000, b"x" * (server.MAX_MESSAGE + 1),
+    b"\x91" * 40_000, b"x" * (admission.MAX_MESSAGE + 1),
 )  # fmt: skip
 
 
@@ -139,7 +149,40 @@ def test_values_of_wrong_types_change_nothing(viewer):
     other.move(other.control("gamma"), 0.2)
     other.wait_for(lambda m: m["type"] == "SceneNodeUpdateMessage" and "buffer" in m["updates"])
     assert viewer._server._share_tunnel is None
-    other.close()
+
+
+def test_messages_that_fill_the_memory_are_ignored(viewer):
+    client, buffer = Client(viewer.port), viewer._server._websock_server._broadcast_buffer
+    name, (panel,) = client.control("name"), until(lambda: list(viewer._panels.values()))
+    kept = len(buffer.message_from_id)
+    for i in range(50):
+        client.send({"type": "GuiFormDirtyMessage", "uuid": f"{i}" * 1000})
+        client.send({"type": "FileTransferStartUpload", "source_component_uuid": name, "transfer_uuid": str(i),
+                     "filename": "x", "mime_type": "x", "part_count": 10**9, "size_bytes": 10**12})  # fmt: skip
+        client.send({"type": "FileTransferPart", "source_component_uuid": name, "transfer_uuid": str(i),
+                     "part_index": i, "content": b"x" * 10_000})  # fmt: skip
+    client.move(name, "x" * 101)
+    client.send({"type": "GuiUpdateMessage", "uuid": name, "updates": {"value": "x", "update_cb": []}})
+    client.move(name, "taken")
+    until(lambda: panel._name.value == "taken")
+    assert len(buffer.message_from_id) == kept
+    assert not panel._client.gui._current_file_upload_states and panel._name._impl.update_cb == []
+
+
+def test_clients_that_leave_at_once_are_forgotten(viewer):
+    for _ in range(40):
+        Client(viewer.port).close()
+    client = Client(viewer.port)
+    client.control("gamma")
+    until(lambda: viewer.num_clients == 1 and len(viewer._server._connected_clients) == 1)
+
+
+def test_a_flood_of_values_ends_in_the_last_one(viewer):
+    client = Client(viewer.port)
+    gamma, (panel,) = client.control("gamma"), until(lambda: list(viewer._panels.values()))
+    for i in range(5000):
+        client.move(gamma, 0.25 * (i % 100) / 99)
+    until(lambda: panel.session.state.values["level"] == 0.25)
 
 
 def test_exports_land_in_their_folder_and_nowhere_else(viewer):
@@ -202,17 +245,13 @@ def test_fifty_clients_and_one_that_stops_reading(viewer):
     assert psutil.Process().memory_info().rss - before < 400 << 20
     for client in clients:
         client.socket.close_socket() if client is silent else client.close()
-    until(lambda: viewer.num_clients == 0)
 
 
 def test_more_clients_than_a_server_takes(viewer, monkeypatch):
-    monkeypatch.setattr(server, "MAX_CLIENTS", 2)
+    monkeypatch.setattr(admission, "MAX_CLIENTS", 2)
     clients = [Client(viewer.port) for _ in range(2)]
     with pytest.raises(ConnectionClosed, match="too many"):
         late = Client(viewer.port)
         for _ in range(200):
             late.receive(5.0)
     clients[0].control("gamma")
-    for client in clients:
-        client.close()
-    until(lambda: viewer.num_clients == 0)
