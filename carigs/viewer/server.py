@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import viser
+from threadpoolctl import threadpool_limits
 
 from carigs.errors import CarigsError, SettingsError, one_line
 from carigs.viewer.admission import admit, forget_shared_handlers
@@ -135,7 +136,11 @@ class Viewer:
 
     def _compute(self) -> None:
         """Serve the sessions in turn, one step each."""
-        self._warm_up()
+        with threadpool_limits(1, "blas"):  # products are small: threads that wait for more cost more than they do
+            self._warm_up()
+            self._serve()
+
+    def _serve(self) -> None:
         while not self._stopping.is_set():
             due = None
             self._forget_departed()
