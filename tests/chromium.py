@@ -84,7 +84,7 @@ class Browser:
 
     def press(self, key: str) -> None:
         """Press a key."""
-        code = {"ArrowLeft": 37, "Home": 36, "End": 35}[key]
+        code = {"ArrowLeft": 37, "ArrowRight": 39, "Home": 36, "End": 35}[key]
         for kind in ("rawKeyDown", "keyUp"):
             self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code)
 
