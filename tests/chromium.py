@@ -31,7 +31,7 @@ class Browser:
         read_commands, self.commands = os.pipe()
         self.messages, write_messages = os.pipe()
         options = [*OPTIONS.split(), *options.split(), f"--user-data-dir={profile}"]
-        options.append("--host-resolver-rules=MAP * ~NOTFOUND")
+        options.append("--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1")
         command = f'exec 3<&{read_commands} 4>&{write_messages}; exec "$@"'
         self.process = subprocess.Popen(
             ["bash", "-c", command, "bash", CHROMIUM, *options],

@@ -23,6 +23,7 @@ COMMANDS = {
     "head": "bring a head model in: download or convert it",
     "convert": "read and write avatars, meshes and captures of other programs",
     "export": "write a clip of an avatar, or the avatar as one HTML file",
+    "view": "show an avatar in the browser, with sliders",
     "mesh": "exaggerate a mesh",
     "weights": "list, verify or download the network weights of the metrics",
     "settings": "show the settings of a study, or the reference of all settings",

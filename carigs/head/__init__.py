@@ -12,7 +12,7 @@
 
 from carigs.head.model import HeadModel
 from carigs.head.parameters import HeadParameters, flame_joints
-from carigs.head.posing import neutral, pose, pose_frames, subject_model
+from carigs.head.posing import neutral, pose, pose_frames, posed_changes, subject_model
 from carigs.head.subject_caricature import subject_exaggerator, subject_gamma_path
 from carigs.head.subject_path import check_subject_path, read_subject_path
 from carigs.head.surface_points import SurfacePoints
@@ -26,6 +26,7 @@ __all__ = [
     "neutral",
     "pose",
     "pose_frames",
+    "posed_changes",
     "read_subject_path",
     "subject_exaggerator",
     "subject_gamma_path",

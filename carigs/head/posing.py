@@ -156,6 +156,35 @@ def unposed_frames(
     return shaped + corrective, joints, rotations
 
 
+def posed_changes(
+    model: HeadModel, parameters: HeadParameters, caricatures: Sequence[Caricature]
+) -> Float[np.ndarray, "k v 3"]:
+    """Change of the posed head by each of several caricatures: pose(..., caricature) - pose(...) up to rounding.
+
+    With given rotations, linear blend skinning is affine in the change of the rest shape, joints included. So the
+    posed head of a sum of weighted caricatures is that of the natural head plus the same sum of these changes.
+
+    Args:
+        model: The head model.
+        parameters: One frame.
+        caricatures: Changes of the neutral and the blendshapes.
+
+    Returns:
+        Change of every vertex by each caricature, in metres.
+
+    Raises:
+        MeshError: If the parameters have other sizes than the model.
+    """
+    _check_sizes(model, parameters)
+    rotations = rotation_matrices(_rotation_vectors(parameters)[None])
+    features = _pose_features(model, rotations)[0]
+    shaped = np.array([c.displacement + c.blendshape_change(parameters.expression) for c in caricatures], np.float64)
+    corrective = np.array([c.blendshape_change(features, first=model.num_expressions) for c in caricatures])
+    joints = np.stack([model.joint_regressor.astype(np.float64) @ offset for offset in shaped])
+    rotations = np.repeat(rotations, len(caricatures), axis=0)
+    return _skin(model, shaped + corrective, _joint_transforms(rotations, joints, model.parents))
+
+
 def active_blendshapes(
     model: HeadModel, parameters: Iterable[HeadParameters]
 ) -> tuple[Float[np.ndarray, "b v 3"], Int[np.ndarray, " b"]]:

@@ -14,8 +14,8 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from carigs.simd.ir_values import FLOAT, LONG, generate
-from carigs.simd.vectors import WIDTH, Vector, lanes
+from carigs.simd.ir_values import DOUBLE, FLOAT, LONG, generate
+from carigs.simd.vectors import WIDE, WIDTH, Vector, lanes, wide
 
 
 def flattened(group: tuple) -> tuple:
@@ -84,6 +84,37 @@ def store(typingctx, array, index, value):
     if not isinstance(value, Vector):
         return None
     return types.void(array, types.intp, value), generate(lambda array, index, value: array.store(index, value))
+
+
+@intrinsic
+def load_wide(typingctx, array, index):
+    """Eight consecutive elements in double precision.
+
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+        array: Flat array of float64.
+        index: Index of the first element.
+
+    Returns:
+        A wide vector.
+    """
+    return wide(array, types.intp), generate(lambda array, index: array.load(index, WIDE, DOUBLE))
+
+
+@intrinsic
+def store_wide(typingctx, array, index, value):
+    """Write eight consecutive elements in double precision.
+
+    Args:
+        typingctx: Supplied by Numba; callers leave it out.
+        array: Flat array of float64.
+        index: Index of the first element.
+        value: A wide vector.
+
+    Returns:
+        None; `array` is changed.
+    """
+    return types.void(array, types.intp, wide), generate(lambda array, index, value: array.store(index, value))
 
 
 # Between four rows of four (memory) and lanes (columns first): its own inverse.

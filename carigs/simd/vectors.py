@@ -180,3 +180,6 @@ def _overload_and(a, b):
 
 
 _ANDS = {v: binary_intrinsic(v, v, operator.and_) for v in (mask, wide_mask)}
+
+any_wide = unary_intrinsic(wide_mask, types.boolean, lambda a: a.new(a.any()))
+"""Whether a mask of wide vectors is set anywhere."""

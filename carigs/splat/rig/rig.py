@@ -13,15 +13,19 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int, Int32
+from numba import njit
 
 from carigs.errors import MeshError
 from carigs.simd import matrix3
-from carigs.simd.kernels import kernel, parallel_for
+from carigs.simd.kernels import INLINE_ALLOC, kernel, parallel_for
+from carigs.simd.polar_wide import BLOCK, load_matrix, polar_rotations, store_matrix
 from carigs.simd.tuples import add, divide, multiply, subtract, write_row
-from carigs.simd.vectors import scalar_or_simd
+from carigs.simd.vectors import WIDE, scalar_or_simd
 from carigs.splat.rig.face_motion import CENTRE, RECORD_SIZE, RELATIVE_ROTATION, ROTATION, STRETCH, FaceMotion
 from carigs.splat.rig.skinning_arguments import read3
 
+PART_SIZE = 512
+"""Triangles of one task of a parallel loop."""
 FRAME_SIZE = 16
 """Numbers of a frame's record: nine, and padding."""
 DEGENERATE = 1e-6
@@ -171,10 +175,7 @@ def motion_records(
         One record per triangle.
     """
     records = np.zeros((len(rig.faces), RECORD_SIZE), dtype)
-    records[:, STRETCH:CENTRE] = stretch[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
-    records[:, CENTRE:ROTATION] = centre
-    records[:, ROTATION:RELATIVE_ROTATION] = rotation.reshape(-1, 9)
-    records[:, RELATIVE_ROTATION : RELATIVE_ROTATION + 9] = _relative_rotations(rotation, rig.neighbours).reshape(-1, 9)
+    _write_motion_records(centre, rotation, stretch, rig.neighbours, records)
     return records
 
 
@@ -237,22 +238,29 @@ def _frames(vertices, faces):
     return scale, frame, inverse
 
 
-@scalar_or_simd
-def _polar_decomposition(f, posed, faces, inverse_edges, centre, rotation, stretch, valid):
-    i, j, k = read3(faces, f)
-    write_row(centre, f, divide(add(add(read3(posed, i), read3(posed, j)), read3(posed, k)), 3))
-    e, posed_valid = _edges(posed, faces, f)
-    inverse = matrix3.load(inverse_edges, f)
-    # det E = (2 area)^1.5 > 0 in both meshes: a triangle in space has no mirror image, so U is a proper rotation.
-    valid[f] = posed_valid and (inverse[0] != 0.0 or inverse[1] != 0.0 or inverse[2] != 0.0)
-    u = p = matrix3.IDENTITY
-    if valid[f]:
-        jacobian = matrix3.product(e, inverse)
-        u = matrix3.polar_rotation(jacobian)
-        p = matrix3.product(matrix3.transpose(u), jacobian)
-    matrix3.store(rotation, f, u)
-    xy, xz, yz = 0.5 * (p[1] + p[3]), 0.5 * (p[2] + p[6]), 0.5 * (p[5] + p[7])
-    matrix3.store(stretch, f, (p[0], xy, xz, xy, p[4], yz, xz, yz, p[8]))
+@njit(**INLINE_ALLOC)
+def _polar_decompositions_part(part, posed, faces, inverse_edges, centre, rotation, stretch, valid):
+    """Decompositions of the triangles of a part, `WIDE` at a time; the last ones fill up with the last triangle."""
+    end, block = min((part + 1) * PART_SIZE, len(faces)), np.empty(BLOCK)
+    for first in range(part * PART_SIZE, end, WIDE):
+        for r in range(WIDE):
+            f = min(first + r, end - 1)
+            i, j, k = read3(faces, f)
+            write_row(centre, f, divide(add(add(read3(posed, i), read3(posed, j)), read3(posed, k)), 3))
+            e, posed_valid = _edges(posed, faces, f)
+            inverse = matrix3.load(inverse_edges, f)
+            # det E = (2 area)^1.5 > 0 in both meshes: a triangle in space has no mirror image, U is a rotation.
+            valid[f] = posed_valid and (inverse[0] != 0.0 or inverse[1] != 0.0 or inverse[2] != 0.0)
+            jacobian = matrix3.product(e, inverse) if valid[f] else matrix3.IDENTITY
+            matrix3.store(stretch, f, jacobian)
+            store_matrix(block, r, jacobian)
+        polar_rotations(block)
+        for r in range(min(WIDE, end - first)):
+            f, u = first + r, load_matrix(block, r)
+            p = matrix3.product(matrix3.transpose(u), matrix3.load(stretch, f))
+            xy, xz, yz = 0.5 * (p[1] + p[3]), 0.5 * (p[2] + p[6]), 0.5 * (p[5] + p[7])
+            matrix3.store(rotation, f, u)
+            matrix3.store(stretch, f, (p[0], xy, xz, xy, p[4], yz, xz, yz, p[8]))
 
 
 @kernel
@@ -260,22 +268,35 @@ def _polar_decompositions(posed, faces, inverse_edges):
     n = len(faces)
     centre, rotation, stretch = np.empty((n, 3)), np.empty((n, 3, 3)), np.empty((n, 3, 3))
     valid = np.empty(n, np.bool_)
-    parallel_for(_polar_decomposition, n, (posed, faces, inverse_edges, centre, rotation, stretch, valid))
+    arguments = (posed, faces, inverse_edges, centre, rotation, stretch, valid)
+    parallel_for(_polar_decompositions_part, (n + PART_SIZE - 1) // PART_SIZE, arguments)
     return centre, rotation, stretch, valid
 
 
 @scalar_or_simd
-def _relative_rotation(f, rotation, neighbours, vectors):
+def _motion_record(f, centre, rotation, stretch, neighbours, records):
+    """The record of a triangle. Vectors between two triangles differ by the sign: the lower index writes both."""
+    k = 0
+    for i in range(3):
+        records[f, CENTRE + i] = centre[f, i]
+        for j in range(3):
+            records[f, ROTATION + 3 * i + j] = rotation[f, i, j]
+            if j >= i:
+                records[f, STRETCH + k] = stretch[f, i, j]
+                k += 1
     own = matrix3.transpose(matrix3.load(rotation, f))
     for s in range(3):
-        g, vector = neighbours[f, s], (0.0, 0.0, 0.0)
-        if g != f:
+        g = neighbours[f, s]
+        if g > f:
             vector = matrix3.rotation_vector(matrix3.product(own, matrix3.load(rotation, g)))
-        write_row(vectors[f], s, vector)
+            for c in range(3):
+                records[f, RELATIVE_ROTATION + 3 * s + c] = vector[c]
+            for t in range(3):
+                if neighbours[g, t] == f:
+                    for c in range(3):
+                        records[g, RELATIVE_ROTATION + 3 * t + c] = -vector[c]
 
 
 @kernel
-def _relative_rotations(rotation, neighbours):
-    vectors = np.empty((len(rotation), 3, 3))
-    parallel_for(_relative_rotation, len(rotation), (rotation, neighbours, vectors))
-    return vectors
+def _write_motion_records(centre, rotation, stretch, neighbours, records):
+    parallel_for(_motion_record, len(records), (centre, rotation, stretch, neighbours, records))

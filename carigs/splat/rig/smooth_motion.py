@@ -11,6 +11,10 @@ import numpy as np
 from jaxtyping import Bool, Float64
 from scipy.spatial.distance import cdist
 
+from carigs.simd import matrix3
+from carigs.simd.kernels import kernel
+from carigs.simd.polar_wide import BLOCK, load_matrix, polar_rotations, store_matrix
+from carigs.simd.vectors import WIDE
 from carigs.splat.rig.rig import Rig
 
 RADIUS = 0.03
@@ -60,13 +64,48 @@ class SmoothMotion:
         if len(self.faces) == 0:
             return
         mean = self._scatter @ (self._gather.T @ rotation[self.faces].reshape(-1, 9))
-        left, _, right = np.linalg.svd(mean.reshape(-1, 3, 3))
-        left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]  # the nearest rotation
+        nearest = _nearest_rotations(mean.reshape(-1, 3, 3))
         factor = np.ones(len(self.faces))
         if self.grows:
-            volume = np.maximum(np.linalg.det(stretch[self.faces]), 1e-9)
+            volume = np.maximum(_volumes(stretch, self.faces), 1e-9)
             factor = np.exp(self._scatter @ (self._gather.T @ np.log(volume)) / 3)
-        rotation[self.faces], stretch[self.faces] = left @ right, factor[:, None, None] * np.eye(3)
+        rotation[self.faces], stretch[self.faces] = nearest, factor[:, None, None] * np.eye(3)
+
+
+def _nearest_rotations(matrices: Float64[np.ndarray, "n 3 3"]) -> Float64[np.ndarray, "n 3 3"]:
+    """The rotation nearest to each matrix: U of its polar decomposition, or by the SVD if its determinant is small."""
+    rotations, is_proper = np.empty_like(matrices), np.empty(len(matrices), bool)
+    _polar_rotations(matrices, rotations, is_proper)
+    if not is_proper.all():
+        left, _, right = np.linalg.svd(matrices[~is_proper])
+        left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
+        rotations[~is_proper] = left @ right
+    return rotations
+
+
+@kernel
+def _polar_rotations(matrices, rotations, is_proper):
+    """Polar rotations of means of rotations, which are near to rotations unless the neighbourhood turns by far."""
+    count, block = len(matrices), np.empty(BLOCK)
+    for first in range(0, count, WIDE):
+        for r in range(WIDE):
+            i = min(first + r, count - 1)
+            m = matrix3.load(matrices, i)
+            is_proper[i] = matrix3.dot(m[0:3], matrix3.cross(m[3:6], m[6:9])) > 0.01
+            store_matrix(block, r, m if is_proper[i] else matrix3.IDENTITY)
+        polar_rotations(block)
+        for r in range(min(WIDE, count - first)):
+            matrix3.store(rotations, first + r, load_matrix(block, r))
+
+
+@kernel
+def _volumes(stretches, faces):
+    """Determinants of the stretches of some triangles."""
+    volumes = np.empty(len(faces))
+    for n in range(len(faces)):
+        m = matrix3.load(stretches, faces[n])
+        volumes[n] = matrix3.dot(m[0:3], matrix3.cross(m[3:6], m[6:9]))
+    return volumes
 
 
 def _spread(points: Float64[np.ndarray, "n 3"], count: int) -> list[int]:
