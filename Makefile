@@ -46,7 +46,7 @@ bench: .venv/installed
 	cp results/benchmark/images/*.png docs/images/
 
 lock: .venv/installed
-	uv pip compile --quiet --no-header --universal --python-version 3.11 --generate-hashes --extra dev --extra diffusion --extra cuda pyproject.toml --output-file requirements.lock
+	uv pip compile --quiet --no-header --universal --python-version 3.11 --generate-hashes --extra dev --extra diffusion --extra cuda --extra viewer pyproject.toml --output-file requirements.lock
 	$(MAKE) .venv/installed
 	uv tool run --quiet --from $(CYCLONEDX) cyclonedx-py environment --pyproject pyproject.toml --output-reproducible \
 		--output-format JSON --output-file sbom.cdx.json .venv/bin/python
