@@ -65,14 +65,16 @@ def lid_faces(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.nd
     return near[model.faces].all(axis=1)
 
 
-def eye_faces(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.ndarray, " f"]:
-    """Find the triangles of eyeballs and lids.
+def eye_and_brow_faces(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.ndarray, " f"]:
+    """Find the triangles of eyeballs, lids and brows.
 
     Args:
         model: Head model.
         neutral: Vertices of the subject's neutral head in metres.
 
     Returns:
-        Eyeballs and `lid_faces`.
+        Eyeballs, `lid_faces` and, if the model tells where they are, `brow_faces`.
     """
-    return model.face_region("left_eyeball", "right_eyeball") | lid_faces(model, neutral)
+    found = model.face_region("left_eyeball", "right_eyeball") | lid_faces(model, neutral)
+    brows = brow_faces(model, neutral)
+    return found if brows is None else found | brows

@@ -97,8 +97,9 @@ class Train(Section, key="train"):
     """Initial standard deviation of the discs, divided by the square root of `surfels_per_face`."""
     initial_opacity: float = option(0.9, gt=0, lt=1)
     """Initial opacity of the surfels on triangles."""
-    initial_eye_opacity: float = option(0.3, gt=0, lt=1)
-    """Initial opacity of the surfels on lids and eyeballs, which hide each other."""
+    initial_feature_opacity: float = option(0.3, gt=0, lt=1)
+    """Initial opacity of the surfels on eyeballs and lids, which hide each other, and on brows, whose details are finer
+    than the triangles."""
     initial_hair_opacity: float = option(0.2, gt=0, lt=1)
     """Initial opacity of the surfels inside the hair."""
     initial_colour_frames: int = option(32, ge=1, le=MAX_COUNT)

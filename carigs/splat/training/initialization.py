@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from carigs.errors import InputError, SettingsError
 from carigs.hair import HairPoints
-from carigs.head.facial_regions import eye_faces
+from carigs.head.facial_regions import eye_and_brow_faces
 from carigs.raster import rasterize_mesh
 from carigs.settings import Train
 from carigs.splat.avatar import load_avatar
@@ -58,8 +58,8 @@ def initial_surfels(
     indices = np.unique(np.linspace(0, count - 1, settings.initial_colour_frames).astype(int))
     views = [supervision.weighted_example(targets_only, int(i)) for i in indices]
     rgb = observed_colours(binding, position, performance, views, hair)
-    eyes = eye_faces(performance.head, performance.head.v_template)
-    opacity = np.where(eyes[binding], settings.initial_eye_opacity, settings.initial_opacity)
+    features = eye_and_brow_faces(performance.head, performance.head.v_template)
+    opacity = np.where(features[binding], settings.initial_feature_opacity, settings.initial_opacity)
     if hair is not None:
         opacity[hair.hidden[binding]] = HIDDEN_OPACITY
         opacity[-len(hair.points.face) :] = settings.initial_hair_opacity
