@@ -19,6 +19,7 @@ from carigs.errors import InputError
 from carigs.planning.footage import Footage
 from carigs.planning.job_graph import Job
 from carigs.readers.json_files import read_json
+from carigs.settings.train import budget_seconds
 
 JOB_START = 0.3
 """Seconds from the decision to start a job to its first step: fork or interpreter, imports, settings."""
@@ -57,7 +58,8 @@ def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[st
         case "train":
             # A step costs a part for the surfels and a part for the pixels; harmonics make the surfels dearer.
             step = (0.0126 + 0.26 * images.megapixels) * (1 + 0.15 * settings.train.sh_degree)
-            work = 3.0 + settings.train.iterations * step / job.threads**0.8
+            steps = budget_seconds(settings.train.budget) or settings.train.iterations * step
+            work = 3.0 + steps / job.threads**0.8
         case "render":
             count = _rendered(images, settings, orbit=settings.render.orbit_frames)
             work = 0.5 + 0.77 * images.megapixels * count / job.threads**0.8

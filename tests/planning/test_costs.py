@@ -41,6 +41,13 @@ def test_costs_grow_with_steps_and_pixels():
         assert job_bytes(first(rule), large, ()) == pytest.approx(4 * job_bytes(first(rule), TOY, ()), rel=0.05)
 
 
+def test_a_budget_of_a_training_is_its_time():
+    train = first("train")
+    short, long = (job_seconds(train, TOY, (f"train.budget={n}min", "train.threads=1")) for n in (1, 3))
+    assert long - short == pytest.approx(120)
+    assert job_seconds(train, TOY, ("train.budget=1min", "train.iterations=9", "train.threads=1")) == short
+
+
 def test_times_of_an_earlier_run_count_first_and_correct_the_others(tmp_path):
     trains = [job for job in JOBS if job.rule == "train"]
     record = {"log": [trains[0].log], "starttime": 100.0, "endtime": 350.0}
