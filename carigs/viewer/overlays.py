@@ -8,20 +8,12 @@ from jaxtyping import Float, Float32, Float64, Int, UInt8
 from matplotlib import colormaps
 
 from carigs.capture import Camera
+from carigs.gtstar.flag_colours import FLAG_COLOURS
 from carigs.gtstar.mask_flags import face_mask_flags
 from carigs.head import subject_exaggerator
 from carigs.library import HeadAvatar
-from carigs.settings import Exaggerate, Gtstar, MaskFlag
+from carigs.settings import Exaggerate, Gtstar
 
-FLAG_COLOURS = {
-    MaskFlag.HAIR: (0.20, 0.40, 0.90),
-    MaskFlag.MOUTH: (0.85, 0.20, 0.60),
-    MaskFlag.LIDS: (0.10, 0.75, 0.75),
-    MaskFlag.BROWS: (0.50, 0.25, 0.75),
-    MaskFlag.EARS: (0.20, 0.65, 0.30),
-    MaskFlag.EYEBALLS: (0.00, 0.90, 0.95),
-}
-"""Colours of the flags that hold for triangles: those of the contact sheets of targets."""
 GREY = 0.75
 """Of triangles without a flag or a curvature."""
 LINE = (40, 230, 50)

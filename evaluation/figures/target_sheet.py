@@ -8,34 +8,18 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float32, UInt16
-from matplotlib.colors import hsv_to_rgb
 
 from carigs.capture import Capture
 from carigs.capture.images import read_bits, read_rgb
 from carigs.exaggeration import Caricature
 from carigs.gtstar import MaskFlag, flags_from_names
+from carigs.gtstar.flag_colours import FLAG_COLOURS
 from carigs.settings import DEFAULT_MASK_FLAGS
 from evaluation.figures.sheet import write_sheet
 from evaluation.figures.strips import ERROR_SCALE, error_map
 
 ROWS, HEIGHT = 5, 300
 """Number of frames on the sheet, and the height of each image in pixels."""
-COLOURS = {
-    MaskFlag.NEWLY_VISIBLE: (0.90, 0.10, 0.10),
-    MaskFlag.OCCLUDED: (1.00, 0.50, 0.05),
-    MaskFlag.GRAZING: (1.00, 0.85, 0.10),
-    MaskFlag.STRETCHED: (0.75, 0.75, 0.20),
-    MaskFlag.OUTSIDE_IMAGE: (0.20, 0.20, 0.20),
-    MaskFlag.OUTSIDE_MESH: (0.55, 0.55, 0.55),
-    MaskFlag.HAIR: (0.20, 0.40, 0.90),
-    MaskFlag.MOUTH: (0.85, 0.20, 0.60),
-    MaskFlag.LIDS: (0.10, 0.75, 0.75),
-    MaskFlag.BROWS: (0.50, 0.25, 0.75),
-    MaskFlag.EARS: (0.20, 0.65, 0.30),
-    MaskFlag.EYEBALLS: (0.00, 0.90, 0.95),
-}
-# Flags without a colour above get one from their bit: hues a golden ratio apart.
-COLOURS |= {f: hsv_to_rgb((0.618 * f.bit_length() % 1, 0.6, 0.8)) for f in MaskFlag if f not in COLOURS}
 
 
 def target_sheet(file: Path, subject: Capture, targets: Sequence[dict[str, Any]], exaggerated: Caricature) -> None:
@@ -68,7 +52,7 @@ def target_sheet(file: Path, subject: Capture, targets: Sequence[dict[str, Any]]
     columns, title = ["frame", "target", "mask flags"], "Targets"
     if is_toy:
         columns, title = [*columns, "truth", "error"], f"Targets (error: black 0 to yellow {ERROR_SCALE:g})"
-    legend = {flag.name.lower().replace("_", " "): colour for flag, colour in COLOURS.items()}
+    legend = {flag.name.lower().replace("_", " "): colour for flag, colour in FLAG_COLOURS.items()}
     if shown:
         write_sheet(
             file, images, rows=[frame.name for frame in shown], height=HEIGHT, legend=legend,
@@ -91,7 +75,7 @@ def flag_overlay(
     """
     total, count = np.zeros(target.shape), np.zeros((*mask_flags.shape, 1))
     masked = (mask_flags & np.uint16(excluded.value)) > 0
-    for flag, colour in COLOURS.items():
+    for flag, colour in FLAG_COLOURS.items():
         holds = (mask_flags & np.uint16(flag.value)) > 0
         if flag not in excluded:
             holds &= ~masked
