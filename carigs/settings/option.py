@@ -6,6 +6,7 @@ The meaning of a field is the docstring below it.
 from __future__ import annotations
 
 import operator
+import re
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import Field, dataclass, field, fields
@@ -38,6 +39,10 @@ class Option:
     """Allowed words; of each element where the field is a sequence."""
     choices_name: str = ""
     """What the choices are, for the reference; they are listed there if this is empty."""
+    pattern: str = ""
+    """Regular expression that a text must match as a whole."""
+    pattern_name: str = ""
+    """What such a text is."""
     required_when: tuple[str, str] | None = None
     """Another field of the section, and its value that makes this field necessary."""
     is_path: bool = False
@@ -51,6 +56,8 @@ class Option:
         """
         if self.choices:
             return ", ".join(self.choices[:-1]) + f" or {self.choices[-1]}"
+        if self.pattern:
+            return f"be {self.pattern_name}"
         low, high = (b if a is None else a for a, b in ((self.ge, self.gt), (self.le, self.lt)))
         text = ""
         if low is not None and high is not None:
@@ -71,6 +78,8 @@ class Option:
         """
         if self.choices:
             return "" if value in self.choices else f"is unknown; choose {self.allowed()}"
+        if self.pattern and value is not None:
+            return "" if re.fullmatch(self.pattern, str(value)) else f"must {self.allowed()}"
         if isinstance(value, bool) or not isinstance(value, int | float):
             return "" if isinstance(value, bool | str | None) else "must be one value"
         if not abs(value) <= sys.float_info.max:  # also refuses NaN, and whole numbers of hundreds of digits

@@ -148,6 +148,8 @@ def _schema_type(hint: Any, meta: Option) -> dict[str, Any]:
         return {"type": "object", "additionalProperties": _schema_type(get_args(hint)[1], meta)}
     bounds = {"minimum": meta.ge, "exclusiveMinimum": meta.gt, "maximum": meta.le, "exclusiveMaximum": meta.lt}
     schema: dict[str, Any] = {"type": _TYPES[hint]} | {name: b for name, b in bounds.items() if b is not None}
+    if meta.pattern:
+        schema["pattern"] = f"^(?:{meta.pattern})$"
     if meta.choices and not meta.choices_name:
         schema["enum"] = list(meta.choices)
     if meta.excluded is not None:

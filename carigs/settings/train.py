@@ -6,12 +6,11 @@ import re
 from dataclasses import dataclass, field
 from typing import Any
 
-from carigs.errors import SettingsError
 from carigs.settings.mask_flags import DEFAULT_MASK_FLAGS, MASK_FLAGS
 from carigs.settings.option import MAX_COUNT, MAX_SEED, Section, option
 
-BUDGET_UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0}
-"""Seconds."""
+BUDGET, BUDGET_UNITS = r"([1-9][0-9]{0,8}(?:\.[0-9]{1,9})?) ?(s|min|h)", {"s": 1.0, "min": 60.0, "h": 3600.0}
+"""A time from 1 of its unit on, and the seconds of the units."""
 _FLAGS = "names of `carigs.settings.MaskFlag`"
 
 
@@ -61,7 +60,7 @@ class Train(Section, key="train"):
 
     iterations: int = option(1500, ge=1, le=MAX_COUNT)
     """Optimisation steps, one image each."""
-    budget: str | None = None
+    budget: str | None = option(None, pattern=BUDGET, pattern_name="a number with s, min or h, such as 60s")
     """CPU time of the steps instead of their number, such as `60s`, `5min` or `1h`: steps are measured on this machine
     before the first, and what else is given in steps (density control, regularizers) is scaled with their number. On a
     GPU it is wall time."""
@@ -159,27 +158,19 @@ class Train(Section, key="train"):
     def __post_init__(self) -> None:
         super().__post_init__()
         combine_mask_flags(self)
-        budget_seconds(self.budget)
 
 
 def budget_seconds(budget: str | None) -> float | None:
     """Read a budget.
 
     Args:
-        budget: A positive number with the unit s, min or h, such as `60s`.
+        budget: `Train.budget`.
 
     Returns:
         Seconds; None if there is no budget.
-
-    Raises:
-        SettingsError: It is something else.
     """
-    if budget is None:
-        return None
-    match = re.fullmatch(r"([0-9]{1,9}(?:\.[0-9]{1,9})?) ?(s|min|h)", budget)
-    if match is None or float(match[1]) == 0:
-        raise SettingsError(f"train.budget={budget[:60]} must be a positive number with s, min or h, such as 60s")
-    return float(match[1]) * BUDGET_UNITS[match[2]]
+    match = re.fullmatch(BUDGET, budget or "")
+    return float(match[1]) * BUDGET_UNITS[match[2]] if match else None
 
 
 def combine_mask_flags(train: Any) -> None:

@@ -15,10 +15,11 @@ def test_units():
 
 
 @pytest.mark.parametrize(
-    "text", ["60", "0s", "-5s", "1e3s", "nan s", "s", "60 s ", "6_0s", "\N{ARABIC-INDIC DIGIT SIX}s", "9" * 12 + "s"]
+    "text",
+    ["60", "0s", "0.5s", "-5s", "1e3s", "nan s", "s", "60 s ", "6_0s", "\N{ARABIC-INDIC DIGIT SIX}s", "9" * 12 + "s"],
 )
 def test_other_texts_are_refused(text):
-    with pytest.raises(SettingsError, match=r"train\.budget=.*such as 60s"):
+    with pytest.raises(SettingsError, match=r"train\.budget=.* must be a number with s, min or h, such as 60s"):
         Train(budget=text)
 
 
