@@ -94,7 +94,7 @@ class Train(Section, key="train"):
     """Initial surfels on each triangle."""
     initial_scale: float = option(0.5, unit="triangle units", gt=0, le=100)
     """Initial standard deviation of the discs, divided by the square root of `surfels_per_face`."""
-    initial_opacity: float = option(0.9, gt=0, lt=1)
+    initial_opacity: float = option(0.6, gt=0, lt=1)
     """Initial opacity of the surfels on triangles."""
     initial_feature_opacity: float = option(0.3, gt=0, lt=1)
     """Initial opacity of the surfels on eyeballs and lids, which hide each other, and on brows, whose details are finer
