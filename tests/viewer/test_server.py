@@ -189,7 +189,7 @@ def test_exports_land_in_their_folder_and_nowhere_else(viewer):
     client, folder = Client(viewer.port), viewer.exports.folder
     labels = client.controls("format", "name", "height", "export")
     client.move(labels["height"], 128)
-    for name in ("../escaped", "/tmp/escaped", "a/../../escaped", ".."):
+    for name in ("../escaped", "/escaped", "a/../../escaped", ".."):
         client.move(labels["name"], name)
         client.move(labels["export"], True)
     status(client, "name of an export")
