@@ -98,13 +98,12 @@ def _check_views(
 ) -> list[Finding]:
     findings: list[Finding] = []
     pixels, samples, foregrounds, head = {}, {}, {}, head_faces(capture.model)
-    for views in pose_views(capture, frames, findings, errors):
-        for view in views:
-            image, matte = read_frame(capture, view.frame)
-            if matte is not None:
-                findings += matte_findings(capture, view, matte, head)
-                foregrounds[view.frame] = outlines(image, matte, capture.background)
-            pixels[view.frame] = view.pixels
-            samples[view.frame] = sample(image, view.pixels)
+    for view in pose_views(capture, frames, findings, errors):
+        image, matte = read_frame(capture, view.frame)
+        if matte is not None:
+            findings += matte_findings(capture, view, matte, head)
+            foregrounds[view.frame] = outlines(image, matte, capture.background)
+        pixels[view.frame] = view.pixels
+        samples[view.frame] = sample(image, view.pixels)
     findings += exchanged_mattes(capture, foregrounds)
     return findings + compare_frames(capture, frames, pixels, samples)

@@ -42,8 +42,10 @@ def pose_views(
     frames: Mapping[int, Mapping[int, Frame]],
     findings: list[Finding],
     errors: list[InputError] | None = None,
-) -> Iterator[list[View]]:
+) -> Iterator[View]:
     """Pose the mesh and project it into the cameras, one timestep after the other.
+
+    One view at a time is held: together, those of a timestep would be most of what the stage needs.
 
     Args:
         capture: The capture.
@@ -52,7 +54,7 @@ def pose_views(
         errors: Receives the errors of timesteps, which are left out then; None to raise the first.
 
     Yields:
-        The views of a timestep.
+        The views of the frames in which the head is seen.
 
     Raises:
         InputError: If no camera sees the head of a timestep, or a camera is inside it, or the mesh is torn.
@@ -70,7 +72,7 @@ def pose_views(
                 raise InputError(f"{OUT_OF_SIGHT}; {AXES_HINT}", file=file, field="translation")
         if not any(seen.values()):
             continue
-        normals, views = vertex_normals(vertices, model.faces), []
+        normals = vertex_normals(vertices, model.faces)
         for c, frame in cameras.items():
             if not seen[c]:
                 continue
@@ -81,8 +83,7 @@ def pose_views(
             visible = visible_vertices(visibility, vertices, normals)
             pixels = np.full((len(vertices), 2), np.nan, np.float32)
             pixels[visible.index] = visible.pixels
-            views.append(View(frame, visibility, pixels[some]))
-        yield views
+            yield View(frame, visibility, pixels[some])
     for c, count in sorted(blind.items()):
         if 0 < sum(c in cameras for cameras in frames.values()) == count:
             details = "see its transform_matrix, fl_x and cx"
