@@ -3,10 +3,10 @@
 - `find_hair`, `load_hair`, `FoundHair`: the hair of a capture
 - `place_in_hair`: points inside it, for surfels
 - `CarriedHair`: where it is on a caricature
-- `space_above_skin`: where no hair can be
+- `SpaceAboveSkin`: where no hair can be
 """
 
-from carigs.hair.bare_skin import SpaceAboveSkin, space_above_skin
+from carigs.hair.bare_skin import SpaceAboveSkin
 from carigs.hair.carried_hair import CarriedHair
 from carigs.hair.found_hair import FoundHair, find_hair, load_hair
 from carigs.hair.placement import HairPoints, place_in_hair
@@ -19,5 +19,4 @@ __all__ = [
     "find_hair",
     "load_hair",
     "place_in_hair",
-    "space_above_skin",
 ]

@@ -31,24 +31,24 @@ def shadowed_cosines(transfer, points, normals, faces, axes, side, scale, bias, 
         tolerance: Points that lie more than this behind the map, in metres, are in shadow.
     """
     count, half = points.shape[0], np.float32(0.5) * np.float32(side)
-    mapped, total = np.empty((count, 3), np.float32), np.zeros(count, np.float32)
-    cosine, hidden = np.empty(count, np.float32), transfer[axes.shape[0]]
+    x_map, y_map, z_map = np.empty(count, np.float32), np.empty(count, np.float32), np.empty(count, np.float32)
+    total, cosine, hidden = np.zeros(count, np.float32), np.empty(count, np.float32), transfer[axes.shape[0]]
     hidden[:] = 0.0
     for d in range(axes.shape[0]):
         right, down, away = axes[d, 0], axes[d, 1], axes[d, 2]
         for i in range(count):
-            mapped[i, 0] = _dot(right, points[i]) * scale + half
-            mapped[i, 1] = _dot(down, points[i]) * scale + half
-            mapped[i, 2] = _dot(away, points[i])
+            x_map[i] = _dot(right, points[i]) * scale + half
+            y_map[i] = _dot(down, points[i]) * scale + half
+            z_map[i] = _dot(away, points[i])
             cosine[i] = max(-_dot(away, normals[i]), np.float32(0.0))
-        nearest = _shadow_map(mapped, faces, side)
+        nearest = _shadow_map(x_map, y_map, z_map, faces, side)
         for i in range(count):
             transfer[d, i] = 0.0
             if cosine[i] <= 0.0:
                 continue
-            x = mapped[i, 0] + scale * bias * _dot(right, normals[i]) - np.float32(0.5)
-            y = mapped[i, 1] + scale * bias * _dot(down, normals[i]) - np.float32(0.5)
-            depth = mapped[i, 2] - bias * cosine[i] - tolerance
+            x = x_map[i] + scale * bias * _dot(right, normals[i]) - np.float32(0.5)
+            y = y_map[i] + scale * bias * _dot(down, normals[i]) - np.float32(0.5)
+            depth = z_map[i] - bias * cosine[i] - tolerance
             x, y = min(max(x, np.float32(0.0)), side - 1.001), min(max(y, np.float32(0.0)), side - 1.001)
             x0, y0 = int(x), int(y)
             lit = 0.0
@@ -69,36 +69,44 @@ def _dot(a, b):
 
 
 @kernel
-def _shadow_map(points, faces, side):
+def _shadow_map(x, y, z, faces, side):
     """Least third coordinate over the triangles at each pixel centre, in tiles of 4 x 4 pixels (y, x, 16).
 
     A triangle covers a few pixels. To test all sixteen of a tile at once is faster than to visit those of its box.
     """
-    tiles, half = (side + 3) // 4, np.float32(0.5)
+    tiles, half, zero, end = (side + 3) // 4, np.float32(0.5), np.float32(0.0), np.float32(side)
     nearest = np.full((tiles, tiles, 16), INFINITY, np.float32)
-    for f in range(faces.shape[0]):
+    count = faces.shape[0]
+    left, right = np.empty(count, np.int32), np.empty(count, np.int32)
+    top, bottom = np.empty(count, np.int32), np.empty(count, np.int32)
+    for f in range(count):  # without branches, so that the compiler makes vectors of it
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        ax, ay, az = points[i, 0], points[i, 1], points[i, 2]
-        ux, uy, vx, vy = points[j, 0] - ax, points[j, 1] - ay, points[k, 0] - ax, points[k, 1] - ay
+        left[f] = np.int32(min(max(min(x[i], x[j], x[k]) + half, zero), end))
+        right[f] = np.int32(min(max(max(x[i], x[j], x[k]) + half, zero), end))
+        top[f] = np.int32(min(max(min(y[i], y[j], y[k]) + half, zero), end))
+        bottom[f] = np.int32(min(max(max(y[i], y[j], y[k]) + half, zero), end))
+    drawn, n = np.empty(count, np.int32), 0
+    for f in range(count):
+        drawn[n] = f
+        n += (left[f] < right[f]) & (top[f] < bottom[f])
+    for f in drawn[:n]:
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, ay, az = x[i], y[i], z[i]
+        ux, uy, vx, vy = x[j] - ax, y[j] - ay, x[k] - ax, y[k] - ay
         area = ux * vy - uy * vx
-        if area < 0.0:  # heads are open at the neck: back faces cast shadows, too
-            ux, uy, vx, vy, j, k, area = vx, vy, ux, uy, k, j, -area
         if area == 0.0:
             continue
-        left, right = max(int(ax + min(ux, vx, 0.0) + half), 0), min(int(ax + max(ux, vx, 0.0) + half), side)
-        top, bottom = max(int(ay + min(uy, vy, 0.0) + half), 0), min(int(ay + max(uy, vy, 0.0) + half), side)
-        if left >= right or top >= bottom:
-            continue
-        uz, vz = (points[j, 2] - az) / area, (points[k, 2] - az) / area
-        for y in range(top >> 2, (bottom + 3) >> 2):
-            for x in range(left >> 2, (right + 3) >> 2):
-                x_tile, y_tile = np.float32(4 * x) - ax, np.float32(4 * y) - ay
-                for pixel in range(16):  # without branches, so that the compiler makes vectors of it
+        sign = np.float32(np.sign(area))
+        uz, vz, size = (z[j] - az) / area, (z[k] - az) / area, abs(area)
+        for row in range(top[f] >> 2, (bottom[f] + 3) >> 2):
+            for column in range(left[f] >> 2, (right[f] + 3) >> 2):
+                x_tile, y_tile = np.float32(4 * column) - ax, np.float32(4 * row) - ay
+                for pixel in range(16):
                     px, py = x_tile + COLUMN[pixel], y_tile + ROW[pixel]
                     of_j, of_k = px * vy - py * vx, py * ux - px * uy  # times the area
-                    inside = (of_j >= 0.0) & (of_k >= 0.0) & (of_j + of_k <= area)
+                    inside = (sign * of_j >= 0.0) & (sign * of_k >= 0.0) & (sign * (of_j + of_k) <= size)
                     depth = az + of_j * uz + of_k * vz if inside else INFINITY
-                    nearest[y, x, pixel] = min(nearest[y, x, pixel], depth)
+                    nearest[row, column, pixel] = min(nearest[row, column, pixel], depth)
     return nearest
 
 

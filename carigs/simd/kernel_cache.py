@@ -111,10 +111,22 @@ def kernel_lock(name: str) -> Iterator[None]:
         yield
 
 
+def kernels_are_compiled(folder: Path) -> bool:
+    """Whether a cache has the kernel of forward compositing, and then most likely all that a training needs.
+
+    Args:
+        folder: Folder of compiled kernels.
+
+    Returns:
+        False for an empty cache.
+    """
+    return any(folder.rglob("forward_simd.*.nbi"))
+
+
 def announce_compilation() -> None:
     """Print one line to stderr if the rasteriser's kernels are not cached: the first step will seem to hang."""
     import numba
 
     folder = Path(numba.config.CACHE_DIR)
-    if not any(folder.rglob("forward_simd.*.nbi")):
+    if not kernels_are_compiled(folder):
         print(f"carigs: compiling kernels into {folder} (once, 15 to 60 seconds)", file=sys.stderr)

@@ -3,13 +3,13 @@
 import numpy as np
 from hair.hairy_ball import RADIUS, ball
 
-from carigs.hair.bare_skin import CELL, NEAR_SKIN, space_above_skin
+from carigs.hair.bare_skin import CELL, NEAR_SKIN, SpaceAboveSkin
 
 
 def test_it_is_the_shell_around_the_bare_part_of_a_ball():
     vertices, faces = ball()
     height = vertices[faces].mean(axis=1)[:, 1]
-    space = space_above_skin(vertices, faces, height < 0)
+    space = SpaceAboveSkin(vertices, faces, height < 0)
     rng = np.random.default_rng(0)
     direction = rng.standard_normal((20000, 3))
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
@@ -24,6 +24,17 @@ def test_it_is_the_shell_around_the_bare_part_of_a_ball():
     assert not space.contains(np.full((1, 3), 1e6)).any()
 
 
+def test_cells_that_were_asked_for_are_those_of_the_grid():
+    vertices, faces = ball()
+    bare = vertices[faces].mean(axis=1)[:, 1] < 0
+    asked, whole = SpaceAboveSkin(vertices, faces, bare), SpaceAboveSkin(vertices, faces, bare).grid()
+    cells = np.argwhere(np.ones(whole.shape, bool))[::7]
+    found = asked.contains(asked.low + (cells + 0.5) * CELL)
+    assert found.any() and not found.all()
+    np.testing.assert_array_equal(found, whole[tuple(cells.T)])
+    np.testing.assert_array_equal(asked.grid(), whole)
+
+
 def test_a_head_without_bare_skin_has_no_such_space():
     vertices, faces = ball()
-    assert not space_above_skin(vertices, faces, np.zeros(len(faces), bool)).contains(vertices).any()
+    assert not SpaceAboveSkin(vertices, faces, np.zeros(len(faces), bool)).contains(vertices).any()

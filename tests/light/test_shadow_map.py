@@ -12,7 +12,7 @@ def test_every_pixel_holds_the_nearest_triangle():
     points = (centres + random.normal(size=(300, 3, 3)) * random.choice([0.3, 2, 15], (300, 1, 1))).reshape(-1, 3)
     points = points.astype(np.float32)
     faces = np.arange(900).reshape(300, 3).astype(np.int32)
-    tiles = _shadow_map(points, faces, side)
+    tiles = _shadow_map(*points.T.copy(), faces, side)
     count = len(tiles)
     depth = tiles.reshape(count, count, 4, 4).transpose(0, 2, 1, 3).reshape(4 * count, 4 * count)[:side, :side]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from carigs.hair import FoundHair, HairPoints, SpaceAboveSkin, place_in_hair, space_above_skin
+from carigs.hair import FoundHair, HairPoints, SpaceAboveSkin, place_in_hair
 from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.rig import Rig
@@ -116,5 +116,5 @@ def prepare_hair(
     points = place_in_hair(found.volume, found.visible, found.strands, scalp, vertices, faces, count, rng)
     sequence.smooth = SmoothMotion(sequence.rig, scalp, settings.hair_grows)
     bare = ~(found.covered | scalp)
-    above_skin = space_above_skin(vertices, faces, bare)
+    above_skin = SpaceAboveSkin(vertices, faces, bare)
     return HairSurfels(points, scalp, found.covered & ~scalp, found.hidden & ~scalp, found.skin & ~scalp, above_skin)

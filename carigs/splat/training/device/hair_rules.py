@@ -30,7 +30,7 @@ class HairRules:
             torch.from_numpy(faces).to(device) for faces in (hair.scalp, hair.covered, hair.hidden)
         )
         self._low = torch.from_numpy(hair.above_skin.low).to(self._type).to(device)
-        self._inside = torch.from_numpy(hair.above_skin.inside).to(device)
+        self._inside = torch.from_numpy(hair.above_skin.grid()).to(device)
         self._size = torch.tensor(self._inside.shape, device=device)
 
     def keep_hidden_skin(self, surfels: Surfels, binding: Int[Tensor, " n"]) -> None:

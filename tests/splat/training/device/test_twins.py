@@ -9,7 +9,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from carigs.capture import Camera, look_at
-from carigs.hair import space_above_skin
+from carigs.hair import SpaceAboveSkin
 from carigs.splat.colour.appearance import seen_colour
 from carigs.splat.rasterizer.interface import Screen
 from carigs.splat.rig.rig import build_rig, face_motion
@@ -217,7 +217,7 @@ def test_rules_for_hair(rig):
     rng, f = np.random.default_rng(8), len(rig.faces)
     height = rig.vertices[rig.faces].mean(axis=1)[:, 1]
     scalp, covered = height > 0.06, (height > 0.02) & (height <= 0.06)
-    space = space_above_skin(rig.vertices, rig.faces, ~(scalp | covered))
+    space = SpaceAboveSkin(rig.vertices, rig.faces, ~(scalp | covered))
     hair = HairSurfels(None, scalp, covered, covered & (rng.random(f) < 0.5), ~(scalp | covered), space)
     surfels = random_surfels(rig, 9, degree=1)
     surfels.position.data *= 3  # so that some of the scalp's reach over bare skin
