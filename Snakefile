@@ -26,6 +26,7 @@ onstart:
         workflow.scheduler.job_rate_limiter = None
         announce_duration(workflow)
         start_fork_server()
+        compile_ahead(workflow)
 
 
 onsuccess:

@@ -13,6 +13,8 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 # Several test processes share the cores: threads that wait for work must not spin.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
+# Runs share the kernels of this checkout.
+os.environ.setdefault("CARIGS_COMPILE_AHEAD", "0")
 # A shell starts background jobs with SIGINT ignored. Programs that tests interrupt would inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)

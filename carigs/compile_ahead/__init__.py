@@ -1,5 +1,6 @@
 """Compilation of the kernels of later stages while the first stages of a run work.
 
 - `ball_capture`: the capture of a ball, which takes no time to write and to train on
-- `compilation`: the stages of a study, run on it in a process beside the jobs
+- `compilation`: the stages of a study, run on it
+- `process`: the process that does so beside the jobs of a run
 """

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
-import warnings
 from collections.abc import Sequence
-from contextlib import redirect_stderr, redirect_stdout
 from itertools import product
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from omegaconf import DictConfig, OmegaConf
 
@@ -18,7 +16,7 @@ from carigs.config import compose_study, compose_variant
 from carigs.run_process import end_with_run_process
 from carigs.settings import STAGES
 from carigs.settings.option import Section
-from carigs.simd.kernel_cache import kernels_are_compiled, use_kernel_cache
+from carigs.simd.kernel_cache import kernel_lock, kernels_are_compiled, use_kernel_cache
 
 NUM_STEPS = 4
 """Of a training."""
@@ -29,13 +27,14 @@ def compile_for(study: Sequence[str], folder: Path) -> None:
 
     Args:
         study: Hydra overrides of the study.
-        folder: Empty folder for the capture and the results, which mean nothing.
+        folder: Folder to create, for the capture and the results, which mean nothing.
     """
     names = compose_study(*study).study
     index = write_ball_capture(folder / "ball")
     for subject, variant in product(names.subjects, names.variants):
         settings = compose_variant(variant, *study, f"subject={subject}")
-        _run_stages(settings, index, folder / f"{subject},{variant}")
+        if settings.train.backend == "cpu":
+            _run_stages(settings, index, folder / f"{subject},{variant}")
 
 
 def _run_stages(settings: DictConfig, index: Path, folder: Path) -> None:
@@ -74,16 +73,18 @@ def _section(settings: DictConfig, stage: str, **changes: object) -> Section:
 
 
 def main() -> None:
-    """Compile with the lowest priority, quietly, and end with the run: `python -m ... OVERRIDE ...`."""
+    """Compile for a study, whose Hydra overrides are the arguments, unless it was done before; end with the run."""
     end_with_run_process()
-    if kernels_are_compiled(use_kernel_cache()):
-        return
     if hasattr(os, "nice"):
         os.nice(19)
-    with TemporaryDirectory(prefix="carigs-") as folder, open(os.devnull, "w") as nowhere:
-        with redirect_stdout(nowhere), redirect_stderr(nowhere):
-            warnings.simplefilter("ignore")
-            compile_for(sys.argv[1:], Path(folder))
+    folder = use_kernel_cache() / "compile_ahead"  # a killed process leaves it behind, where the next one finds it
+    with kernel_lock("compile_ahead"):
+        if not kernels_are_compiled(use_kernel_cache()):
+            shutil.rmtree(folder, ignore_errors=True)
+            try:
+                compile_for(sys.argv[1:], folder)
+            finally:
+                shutil.rmtree(folder, ignore_errors=True)
 
 
 if __name__ == "__main__":

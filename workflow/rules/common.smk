@@ -16,6 +16,7 @@ from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 from snakemake.settings.enums import Quietness
 
+from carigs.compile_ahead.process import start_compiling
 from carigs.config import (
     compose,
     compose_study,
@@ -253,6 +254,15 @@ def announce_duration(workflow):
         line = announcement(plan_study(needed_jobs(workflow), by_study, nodes=1, cores=workflow.cores))
         if line:
             print(f"carigs: {line}", file=sys.stderr)
+
+
+def compile_ahead(workflow):
+    """Compile kernels of the first study that trains while the first jobs work, if the cache has none."""
+    from carigs.planning.job_graph import needed_jobs
+
+    trained = [job.wildcards["study"] for job in needed_jobs(workflow) if job.rule == "train"]
+    if trained:
+        start_compiling(overrides_of(trained[0]))
 
 
 wildcard_constraints:
