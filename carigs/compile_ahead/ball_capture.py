@@ -1,4 +1,4 @@
-"""The capture of a ball: a head model, images, mattes and parameters that every stage accepts, in a hundred kilobytes."""
+"""The capture of a ball: a head model, images, mattes and parameters that every stage accepts, in 100 kB."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _model() -> HeadModel:
     v = len(ball.vertices)
     weights = np.zeros((v, 5), np.float32)
     weights[:, 0] = 1
-    x, y, z = ball.vertices.T
+    _, y, z = ball.vertices.T
     shapedirs = np.zeros((v, 3, 400), np.float32)
     shapedirs[:, :, 0] = 0.1 * ball.vertices
     shapedirs[:, 1, 300] = -0.02 * (y < -0.03)
