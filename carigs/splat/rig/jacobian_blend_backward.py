@@ -104,6 +104,45 @@ def motion_gradient(blend, h, y, torque):
 
 
 @scalar_or_simd
+def rotation_gradient(blend, h, y):
+    """Backward pass to the rows of the own triangle's rotation U, by the uses of Q = U exp(w) in skinning.
+
+    Args:
+        blend: Result of `blend_motion`.
+        h: Fourth result of `skin_surfel_gradient`.
+        y: Fifth result of `skin_surfel_gradient`.
+
+    Returns:
+        Three rows of three numbers.
+    """
+    _v, w, p, (a, b, _c), q = blend
+    py = (matrix3.apply_symmetric(p, y[0]), matrix3.apply_symmetric(p, y[1]), matrix3.apply_symmetric(p, y[2]))
+    g = (matrix3.apply(q, h[0]), matrix3.apply(q, h[1]), matrix3.apply(q, h[2]))
+    return (
+        turned_row(w, a, b, add(add(multiply(g[0][0], py[0]), multiply(g[1][0], py[1])), multiply(g[2][0], py[2]))),
+        turned_row(w, a, b, add(add(multiply(g[0][1], py[0]), multiply(g[1][1], py[1])), multiply(g[2][1], py[2]))),
+        turned_row(w, a, b, add(add(multiply(g[0][2], py[0]), multiply(g[1][2], py[1])), multiply(g[2][2], py[2]))),
+    )
+
+
+@scalar_or_simd
+def turned_row(w, a, b, row):
+    """Row of a gradient with respect to U from that with respect to Q = U exp(w): exp(w) times the row.
+
+    Args:
+        w: Rotation vector.
+        a: First of `matrix3.rodrigues_coefficients(w)`.
+        b: Second of them.
+        row: Three numbers.
+
+    Returns:
+        Three numbers.
+    """
+    once = matrix3.cross(w, row)
+    return add(row, add(multiply(a, once), multiply(b, matrix3.cross(w, once))))
+
+
+@scalar_or_simd
 def _stretch_gradient(h, y):
     (hx, hu, hv), (x, u, v) = h, y
     return (

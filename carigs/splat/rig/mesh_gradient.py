@@ -17,7 +17,7 @@ from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.tuples import add, divide, multiply, subtract, write_row
 from carigs.simd.vectors import scalar_or_simd
 from carigs.splat.rig import jacobian_blend_backward as backward
-from carigs.splat.rig.face_motion import CENTRE, RELATIVE_ROTATION, ROTATION, STRETCH, FaceMotion
+from carigs.splat.rig.face_motion import CENTRE, RECORD_SIZE, RELATIVE_ROTATION, ROTATION, STRETCH, FaceMotion
 from carigs.splat.rig.rig import Rig, motion_records, polar_decomposition
 from carigs.splat.rig.skinning_arguments import has_gradient, read3, read6, read9, read_blend, surfel_gradient
 from carigs.splat.rig.smooth_motion import SmoothMotion
@@ -63,58 +63,71 @@ class _FaceMotion(torch.autograd.Function):
         return torch.from_numpy(gradient), None, None
 
 
-@scalar_or_simd
-def _surfel_gradient(i, inputs, centre, upstream, weights, parts):
-    """Write what surfel i adds to its triangle's record; the stretch and the rotations still lack its blend weights."""
-    if not has_gradient(i, upstream):
-        return
-    _faces, _t, frame, _sigmoids, _inverse_sum, blend = read_blend(i, inputs)
-    v, w, p, (a, b, _c), q = blend
-    (_dx, _dq, _ds, h, y), (gx, torque, view) = surfel_gradient(i, inputs, centre, upstream, frame, blend)
-    dw, dp = backward.motion_gradient(blend, h, y, torque)
-    # Gradient with respect to the matrix Q = U exp(w), by its uses: Q P y for three vectors y, and Q^T n.
-    e = matrix3.product_exp(matrix3.IDENTITY, w, a, b)
-    py = (matrix3.apply_symmetric(p, y[0]), matrix3.apply_symmetric(p, y[1]), matrix3.apply_symmetric(p, y[2]))
-    g0, g1, g2 = matrix3.apply(q, h[0]), matrix3.apply(q, h[1]), matrix3.apply(q, h[2])
-    for r in range(3):
-        dq = add(add(multiply(g0[r], py[0]), multiply(g1[r], py[1])), multiply(g2[r], py[2]))
-        if inputs.rotate_directions and len(upstream.direction) > 0:
-            dq = add(dq, multiply(view[r], read3(upstream.direction, i)))
-        write_row(parts, i, matrix3.apply(e, dq), ROTATION + 3 * r)
-    write_row(parts, i, dp, STRETCH)
-    write_row(parts, i, gx, CENTRE)
-    write_row(parts, i, dw, RELATIVE_ROTATION)
-    write_row(weights, i, v)
-
-
 @kernel
-def record_gradients(inputs, centre, upstream):
-    """Gradient with respect to the records of the motion.
+def motion_parts(inputs, centre, upstream, parts):
+    """Write what each surfel adds to the gradients of records, as `skinning_simd.motion_parts`.
 
     Args:
         inputs: `SkinningInputs`.
         centre: World centres that skinning wrote.
         upstream: `SkinnedArrays` of gradients with respect to what skinning wrote.
+        parts: `MotionParts` to write.
+    """
+    for i in range(len(inputs.binding)):
+        if not has_gradient(i, upstream):
+            parts.weights[i], parts.stretch_rows[i], parts.stretch_rest[i], parts.centre[i] = 0.0, 0.0, 0.0, 0.0
+            parts.rotation_x[i], parts.rotation_y[i], parts.rotation_z[i], parts.turn[i] = 0.0, 0.0, 0.0, 0.0
+            continue
+        _faces, _t, frame, _sigmoids, _inverse_sum, blend = read_blend(i, inputs)
+        v, w, _p, (a, b, _c), _q = blend
+        (_dx, _dq, _ds, h, y), (gx, torque, view) = surfel_gradient(i, inputs, centre, upstream, frame, blend)
+        dw, dp = backward.motion_gradient(blend, h, y, torque)
+        rows = backward.rotation_gradient(blend, h, y)
+        if inputs.rotate_directions and len(upstream.direction) > 0:
+            seen = backward.turned_row(w, a, b, read3(upstream.direction, i))
+            rows = (
+                add(rows[0], multiply(view[0], seen)),
+                add(rows[1], multiply(view[1], seen)),
+                add(rows[2], multiply(view[2], seen)),
+            )
+        write_row(parts.weights, i, v)
+        write_row(parts.stretch_rows, i, (dp[0], dp[1], dp[2]))
+        write_row(parts.stretch_rest, i, (dp[3], dp[4], dp[5]))
+        write_row(parts.centre, i, gx)
+        write_row(parts.rotation_x, i, rows[0])
+        write_row(parts.rotation_y, i, rows[1])
+        write_row(parts.rotation_z, i, rows[2])
+        write_row(parts.turn, i, dw)
+
+
+@kernel
+def sum_of_parts(binding, neighbours, parts):
+    """Gradient with respect to the records of the motion, summed in the order of the surfels.
+
+    Args:
+        binding: Triangle of each surfel (n,).
+        neighbours: Neighbours of each triangle (f, 3).
+        parts: `MotionParts`.
 
     Returns:
         Array (f, 32) float64.
     """
-    n = len(inputs.binding)
-    weights, parts = np.zeros((n, 4)), np.zeros((n, RELATIVE_ROTATION + 3))
-    parallel_for(_surfel_gradient, n, (inputs, centre, upstream, weights, parts))
-    total = np.zeros(inputs.records.shape)
-    for i in range(n):
-        f = inputs.binding[i]
-        for k in range(6):
-            total[f, STRETCH + k] += weights[i, 0] * parts[i, STRETCH + k]
-        for k in range(CENTRE, RELATIVE_ROTATION):
-            total[f, k] += parts[i, k]
+    total = np.zeros((len(neighbours), RECORD_SIZE))
+    for i in range(len(binding)):
+        f = binding[i]
+        for k in range(3):
+            total[f, STRETCH + k] += parts.weights[i, 0] * parts.stretch_rows[i, k]
+            total[f, STRETCH + 3 + k] += parts.weights[i, 0] * parts.stretch_rest[i, k]
+            total[f, CENTRE + k] += parts.centre[i, k]
+            total[f, ROTATION + k] += parts.rotation_x[i, k]
+            total[f, ROTATION + 3 + k] += parts.rotation_y[i, k]
+            total[f, ROTATION + 6 + k] += parts.rotation_z[i, k]
         for s in range(3):
-            other, weight = inputs.neighbours[f, s], weights[i, 1 + s]
-            for k in range(6):
-                total[other, STRETCH + k] += weight * parts[i, STRETCH + k]
+            other, weight = neighbours[f, s], parts.weights[i, 1 + s]
             for k in range(3):
-                total[f, RELATIVE_ROTATION + 3 * s + k] += weight * parts[i, RELATIVE_ROTATION + k]
+                total[other, STRETCH + k] += weight * parts.stretch_rows[i, k]
+                total[other, STRETCH + 3 + k] += weight * parts.stretch_rest[i, k]
+                total[f, RELATIVE_ROTATION + 3 * s + k] += weight * parts.turn[i, k]
     return total
 
 
@@ -208,13 +221,25 @@ def _torques(g_records, neighbours, rotation):
             other = neighbours[f, s]
             if other == f:
                 continue
-            relative = matrix3.rotation_vector(matrix3.product(matrix3.transpose(u), matrix3.load(rotation, other)))
             g = read3(g_records, f, RELATIVE_ROTATION + 3 * s)
+            if g == (0.0, 0.0, 0.0):  # the view does not show its surfels
+                continue
+            relative = matrix3.rotation_vector(matrix3.product(matrix3.transpose(u), matrix3.load(rotation, other)))
             pull = matrix3.apply(u, _logarithm_gradient(relative, g))
             for k in range(3):
                 torque[other, k] += pull[k]
                 torque[f, k] -= pull[k]
     return torque
+
+
+@kernel
+def _sum_at_vertices(faces, corners, count):
+    total = np.zeros((count, 3))
+    for f in range(len(faces)):
+        for corner in range(3):
+            for k in range(3):
+                total[faces[f, corner], k] += corners[f, corner, k]
+    return total
 
 
 def vertices_gradient(
@@ -240,6 +265,4 @@ def vertices_gradient(
     """
     torque = _torques(g_records, rig.neighbours, rotation)
     corners = _corner_gradients(g_records, torque, rig.faces, rig.inverse_edges, posed, rotation, stretch, valid)
-    gradient = np.zeros(posed.shape)
-    np.add.at(gradient, rig.faces.reshape(-1), corners.reshape(-1, 3))
-    return gradient
+    return _sum_at_vertices(rig.faces, corners, len(posed))

@@ -21,12 +21,12 @@ from carigs.simd.tuples import write_row
 from carigs.simd.vectors import WIDTH
 from carigs.splat.rig import jacobian_blend as jbs
 from carigs.splat.rig import jacobian_blend_backward as backward
-from carigs.splat.rig import skinning_simd
+from carigs.splat.rig import mesh_gradient, skinning_simd
 from carigs.splat.rig.face_motion import FaceMotion
-from carigs.splat.rig.mesh_gradient import record_gradients
 from carigs.splat.rig.rig import Rig
 from carigs.splat.rig.skinning_arguments import (
     AttributeGradients,
+    MotionParts,
     SkinnedArrays,
     SkinningInputs,
     has_gradient,
@@ -131,9 +131,20 @@ class _Skinning(torch.autograd.Function):
             skin_scalar_backward(ctx.inputs, ctx.centre, upstream, gradients)
         d_records = None
         if ctx.needs_input_grad[5]:
-            d_records = record_gradients(ctx.inputs, ctx.centre, upstream).astype(ctx.inputs.records.dtype)
-            d_records = torch.from_numpy(d_records)
+            d_records = _record_gradients(ctx.inputs, ctx.centre, upstream, ctx.vectors)
         return *(torch.from_numpy(g) for g in gradients), d_records, None, None, None, None
+
+
+def _record_gradients(inputs: SkinningInputs, centre, upstream: SkinnedArrays, vectors: bool) -> Tensor:
+    """Gradient with respect to the records of the motion."""
+    n, dtype = len(centre), centre.dtype
+    parts = MotionParts(*(np.empty((n, columns), dtype) for columns in (4, 3, 3, 3, 3, 3, 3, 3)))
+    if vectors:
+        skinning_simd.motion_parts(n, flattened(inputs), centre.reshape(-1), flattened(upstream), flattened(parts))
+    else:
+        mesh_gradient.motion_parts(inputs, centre, upstream, parts)
+    total = mesh_gradient.sum_of_parts(inputs.binding, inputs.neighbours, parts)
+    return torch.from_numpy(total.astype(inputs.records.dtype))
 
 
 @numba.njit(cache=True, error_model="numpy")

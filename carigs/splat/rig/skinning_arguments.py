@@ -67,6 +67,30 @@ class AttributeGradients(NamedTuple):
     blend: Float[np.ndarray, "n 4"]
 
 
+class MotionParts(NamedTuple):
+    """What each surfel adds to the gradients of its triangle's record and of its neighbours'.
+
+    Attributes:
+        weights: Blend weights: own triangle, then its neighbours.
+        stretch_rows: Gradient with respect to the blended stretch: xx, xy, xz.
+        stretch_rest: yy, yz, zz.
+        centre: Gradient with respect to the centre of the own triangle.
+        rotation_x: First row of the gradient with respect to the own triangle's rotation.
+        rotation_y: Second row.
+        rotation_z: Third row.
+        turn: Gradient with respect to the blended rotation vector.
+    """
+
+    weights: Float[np.ndarray, "n 4"]
+    stretch_rows: Float[np.ndarray, "n 3"]
+    stretch_rest: Float[np.ndarray, "n 3"]
+    centre: Float[np.ndarray, "n 3"]
+    rotation_x: Float[np.ndarray, "n 3"]
+    rotation_y: Float[np.ndarray, "n 3"]
+    rotation_z: Float[np.ndarray, "n 3"]
+    turn: Float[np.ndarray, "n 3"]
+
+
 read3, read4, read6, read9 = (read_row(count) for count in (3, 4, 6, 9))
 """Read 3, 4, 6 or 9 numbers of a row (array, row, first column or nothing)."""
 

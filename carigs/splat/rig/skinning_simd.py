@@ -6,7 +6,7 @@ import numpy as np
 
 from carigs.simd.kernels import kernel
 from carigs.simd.memory import align_stack, gather_rows, load, load2, load3, load4, store, store2, store3, store4
-from carigs.simd.tuples import componentwise
+from carigs.simd.tuples import add, componentwise, multiply
 from carigs.simd.vector_loops import parallel_for_vectors
 from carigs.simd.vector_math import absolute, exp, select
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
@@ -96,6 +96,41 @@ def _skin_backward(i, inputs, centre, upstream, gradients, around):
     store4(gradients.blend, 4 * i, _select(unchanged, zero, db))
 
 
+@simd_inline
+def _motion_parts(i, inputs, centre, upstream, parts, around):
+    align_stack()
+    up_x, up_u, up_v = load3(upstream.centre, 3 * i), load3(upstream.tangent_u, 3 * i), load3(upstream.tangent_v, 3 * i)
+    zero = broadcast(np.float32(0))
+    has_eye, nothing = len(upstream.direction) > 0, (zero, zero, zero)
+    up_d, torque, view = nothing, nothing, nothing
+    if has_eye:
+        up_d = load3(upstream.direction, 3 * i)
+    unchanged = _size(up_x) + _size(up_u) + _size(up_v) + _size(up_d) + absolute(load(upstream.opacity, i)) <= zero
+    _faces, _t, frame, _sigmoids, _inverse_sum, blend = _gather_blend(i, inputs, around)
+    v, w, _p, (a, b, _c), _q = blend
+    axes, scale = jbs.disc_axes(load4(inputs.quaternion, 4 * i)), _exp(load2(inputs.log_scale, 2 * i))
+    if has_eye:
+        x = load3(centre, 3 * i)
+        up_x, torque, view = backward.view_direction_gradient(
+            blend[4], x, inputs.eye, inputs.rotate_directions, up_d, up_x
+        )
+        if not inputs.rotate_directions:
+            view = nothing
+    _dx, _dq, _ds, h, y = backward.skin_surfel_gradient(
+        blend, frame, load3(inputs.position, 3 * i), axes, scale, (up_x, up_u, up_v)
+    )
+    dw, dp = backward.motion_gradient(blend, h, y, torque)
+    rows, seen = backward.rotation_gradient(blend, h, y), backward.turned_row(w, a, b, up_d)
+    store4(parts.weights, 4 * i, _select(unchanged, zero, v))
+    store3(parts.stretch_rows, 3 * i, _select(unchanged, zero, (dp[0], dp[1], dp[2])))
+    store3(parts.stretch_rest, 3 * i, _select(unchanged, zero, (dp[3], dp[4], dp[5])))
+    store3(parts.centre, 3 * i, _select(unchanged, zero, up_x))
+    store3(parts.rotation_x, 3 * i, _select(unchanged, zero, add(rows[0], multiply(view[0], seen))))
+    store3(parts.rotation_y, 3 * i, _select(unchanged, zero, add(rows[1], multiply(view[1], seen))))
+    store3(parts.rotation_z, 3 * i, _select(unchanged, zero, add(rows[2], multiply(view[2], seen))))
+    store3(parts.turn, 3 * i, _select(unchanged, zero, dw))
+
+
 @simd_inline_alloc
 def _around():
     return (np.empty(3 * WIDTH, np.int32),)
@@ -125,3 +160,17 @@ def skin_backward(count, inputs, centre, upstream, gradients):
         gradients: `AttributeGradients` of flat arrays to write.
     """
     parallel_for_vectors(_skin_backward, count, (inputs, centre, upstream, gradients), _around)
+
+
+@kernel
+def motion_parts(count, inputs, centre, upstream, parts):
+    """Write what each surfel adds to the gradients of the records, as `mesh_gradient.motion_parts`, on flat arrays.
+
+    Args:
+        count: Number of surfels, at least sixteen.
+        inputs: `SkinningInputs` of flat float32 arrays.
+        centre: World centres that `skin` wrote, flat.
+        upstream: `SkinnedArrays` of gradients, flat.
+        parts: `MotionParts` of flat arrays to write.
+    """
+    parallel_for_vectors(_motion_parts, count, (inputs, centre, upstream, parts), _around)

@@ -92,7 +92,7 @@ class DifferentiableHead:
         if parameters.offset is not None:
             shaped = shaped + parameters.offset
             joints = joints + self.joint_regressor @ parameters.offset
-        local = torch.linalg.matrix_exp(_cross_matrices(torch.cat([value["rotation"], value["joints"]]).reshape(-1, 3)))
+        local = _rotation_matrices(torch.cat([value["rotation"], value["joints"]]).reshape(-1, 3))
         corrected = shaped
         if self.has_posedirs:
             last = local[len(local) - self.posedirs.shape[2] // 9 :]
@@ -105,19 +105,22 @@ class DifferentiableHead:
             position.append(position[parent] + rotation[parent] @ (joints[j] - joints[parent]))
         rotation, position = torch.stack(rotation), torch.stack(position)
         translation = position - torch.einsum("jik,jk->ji", rotation, joints)
-        blended = (self.weights @ rotation.reshape(-1, 9)).reshape(-1, 3, 3)
-        posed = (blended @ corrected[:, :, None])[:, :, 0] + self.weights @ translation
-        return posed + value["translation"]
+        by_joint = (corrected @ rotation.reshape(-1, 3).T).reshape(len(corrected), -1, 3) + translation
+        return (self.weights[:, :, None] * by_joint).sum(dim=1) + value["translation"]
 
 
 def _tensor(array: np.ndarray) -> Tensor:
     return torch.from_numpy(np.ascontiguousarray(array, np.float64))
 
 
-def _cross_matrices(vectors: Float64[Tensor, "n 3"]) -> Float64[Tensor, "n 3 3"]:
+def _rotation_matrices(vectors: Float64[Tensor, "n 3"]) -> Float64[Tensor, "n 3 3"]:
+    """Rodrigues' formula; the square root is differentiable at zero, too."""
     x, y, z = vectors.T
     zero = torch.zeros_like(x)
-    return torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], dim=1).reshape(-1, 3, 3)
+    cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], dim=1).reshape(-1, 3, 3)
+    angle = torch.sqrt((vectors**2).sum(dim=1) + 1e-30)[:, None, None]
+    sine, versine = torch.sinc(angle / torch.pi), 0.5 * torch.sinc(angle / (2 * torch.pi)) ** 2
+    return torch.eye(3, dtype=vectors.dtype) + sine * cross + versine * (cross @ cross)
 
 
 class TrackingRefinement:
