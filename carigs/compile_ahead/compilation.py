@@ -6,7 +6,6 @@ import os
 import shutil
 import sys
 from collections.abc import Sequence
-from itertools import product
 from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
@@ -31,10 +30,10 @@ def compile_for(study: Sequence[str], folder: Path) -> None:
     """
     names = compose_study(*study).study
     index = write_ball_capture(folder / "ball")
-    for subject, variant in product(names.subjects, names.variants):
-        settings = compose_variant(variant, *study, f"subject={subject}")
+    for variant in names.variants:  # subjects need the same kernels
+        settings = compose_variant(variant, *study, f"subject={names.subjects[0]}")
         if settings.train.backend == "cpu":
-            _run_stages(settings, index, folder / f"{subject},{variant}")
+            _run_stages(settings, index, folder / variant)
 
 
 def _run_stages(settings: DictConfig, index: Path, folder: Path) -> None:
@@ -55,7 +54,7 @@ def _run_stages(settings: DictConfig, index: Path, folder: Path) -> None:
         targets=folder / "targets", index=targets,
     )  # fmt: skip
     density = {} if not settings.train.density.every else {"start": 1, "every": 1, "stop": NUM_STEPS}
-    short = {"iterations": NUM_STEPS, "budget": None, "regularize_from": 1, "density": density}
+    short = {"iterations": NUM_STEPS, "budget": None, "start": None, "regularize_from": 1, "density": density}
     avatar = folder / "avatar.npz"
     train(
         _section(settings, "train", threads=1, **short), **with_path, hair=folder / "hair.npz", targets=[targets],
