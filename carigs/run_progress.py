@@ -38,4 +38,4 @@ class _JobLines(logging.Handler):
         if event == "progress":
             self.done, self.jobs = record.done, record.total
         elif event == "job_info" and record.rule_name not in self.small_rules:
-            print(f"[{self.done} of {self.jobs} done] {record.rule_name}: {record.output[0]}", file=sys.stderr)
+            print(f"[{self.done} of {self.jobs} done] starting {record.rule_name}: {record.output[0]}", file=sys.stderr)

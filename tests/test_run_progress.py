@@ -19,7 +19,7 @@ def test_jobs_have_a_line_and_errors_stay(capsys, tmp_path):
     logger.info(None, extra={"event": "progress", "done": 1, "total": 3})
     logger.info("started", extra={"event": "job_info", "rule_name": "train", "output": ["a.npz", "b"]})
     logger.error("Error in rule train")
-    assert capsys.readouterr().err.splitlines() == ["[1 of 3 done] train: a.npz"]
+    assert capsys.readouterr().err.splitlines() == ["[1 of 3 done] starting train: a.npz"]
     assert terminal.getvalue().splitlines() == ["Error in rule train"]
     for handler in logger.handlers:
         handler.close()

@@ -308,7 +308,7 @@ def test_a_combination_that_fails_does_not_stop_the_others(finished):
     done = finished.command("carigs", "sweep", "capture.folder=null,null", "study.subjects=[toy]")
     assert done.returncode == 0, done.stdout + done.stderr
     assert [line for line in done.stderr.splitlines() if " done] " in line] == [
-        "[1 of 2 done] sweep: results/toy/sweep/capture.folder.csv"
+        "[1 of 2 done] starting sweep: results/toy/sweep/capture.folder.csv"
     ]
 
 
