@@ -219,9 +219,9 @@ def test_a_run_prints_a_line_per_job_and_where_the_results_are(finished):
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = [line for line in done.stderr.splitlines() if " done] " in line]
     assert [re.sub(r"^\[.*\] ", "", line) for line in jobs] == [
-        "tabulate: results/toy/table/gamma=0.25.csv",
-        "card: results/toy/card.json",
-        "report: results/toy/report.html",
+        "starting tabulate: results/toy/table/gamma=0.25.csv",
+        "starting card: results/toy/card.json",
+        "starting report: results/toy/report.html",
     ]
     places = ("table/gamma=0.25.md", "figures", "card.md", "report.html")
     assert done.stderr.splitlines()[-4:] == [f"carigs: results/toy/{place}" for place in places]
