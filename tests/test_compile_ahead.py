@@ -14,7 +14,7 @@ from carigs.compile_ahead.ball_capture import RADIUS, write_ball_capture
 
 
 def compiled(cache: Path) -> set[str]:
-    """Kernels in a cache, each with the number of its version for a signature."""
+    """Files with machine code in a cache: one for each kernel and signature."""
     return {file.relative_to(cache).as_posix() for file in cache.rglob("*.nbc")}
 
 

@@ -13,11 +13,11 @@ from carigs.capture.images import write_png
 from carigs.head import HeadModel, HeadParameters
 
 RADIUS = 0.1
-"""Of the ball, in metres."""
+"""Radius of the ball in metres."""
 SIZE = 48
 """Width and height of the images in pixels."""
 NUM_TIMESTEPS = 3
-"""The last one is for tests."""
+"""Number of timesteps; the last one is in the split `test`."""
 
 
 def write_ball_capture(folder: Path) -> Path:

@@ -18,7 +18,7 @@ from carigs.settings.option import Section
 from carigs.simd.kernel_cache import kernel_lock, kernels_are_compiled, use_kernel_cache
 
 NUM_STEPS = 4
-"""Of a training."""
+"""Steps of each training."""
 
 
 def compile_for(study: Sequence[str], folder: Path) -> None:
@@ -76,10 +76,11 @@ def main() -> None:
     end_with_run_process()
     if hasattr(os, "nice"):
         os.nice(19)
-    folder = use_kernel_cache() / "compile_ahead"  # a killed process leaves it behind, where the next one finds it
+    cache = use_kernel_cache()
+    folder = cache / "compile_ahead"
     with kernel_lock("compile_ahead"):
-        if not kernels_are_compiled(use_kernel_cache()):
-            shutil.rmtree(folder, ignore_errors=True)
+        shutil.rmtree(folder, ignore_errors=True)  # of a process that was killed
+        if not kernels_are_compiled(cache):
             try:
                 compile_for(sys.argv[1:], folder)
             finally:

@@ -12,6 +12,7 @@ NEAR_SKIN = 0.01
 CELL = 0.002
 """Edge of a cell in metres."""
 UNKNOWN, OUTSIDE, INSIDE = 0, 1, 2
+"""States of a cell; unknown ones have not been computed."""
 
 
 class SpaceAboveSkin:

@@ -75,7 +75,7 @@ def motion_parts(inputs, centre, upstream, parts):
     """
     for i in range(len(inputs.binding)):
         if not has_gradient(i, upstream):
-            parts.weights[i], parts.stretch_rows[i], parts.stretch_rest[i], parts.centre[i] = 0.0, 0.0, 0.0, 0.0
+            parts.weights[i], parts.stretch_x[i], parts.stretch_yz[i], parts.centre[i] = 0.0, 0.0, 0.0, 0.0
             parts.rotation_x[i], parts.rotation_y[i], parts.rotation_z[i], parts.turn[i] = 0.0, 0.0, 0.0, 0.0
             continue
         _faces, _t, frame, _sigmoids, _inverse_sum, blend = read_blend(i, inputs)
@@ -91,8 +91,8 @@ def motion_parts(inputs, centre, upstream, parts):
                 add(rows[2], multiply(view[2], seen)),
             )
         write_row(parts.weights, i, v)
-        write_row(parts.stretch_rows, i, (dp[0], dp[1], dp[2]))
-        write_row(parts.stretch_rest, i, (dp[3], dp[4], dp[5]))
+        write_row(parts.stretch_x, i, (dp[0], dp[1], dp[2]))
+        write_row(parts.stretch_yz, i, (dp[3], dp[4], dp[5]))
         write_row(parts.centre, i, gx)
         write_row(parts.rotation_x, i, rows[0])
         write_row(parts.rotation_y, i, rows[1])
@@ -116,8 +116,8 @@ def sum_of_parts(binding, neighbours, parts):
     for i in range(len(binding)):
         f = binding[i]
         for k in range(3):
-            total[f, STRETCH + k] += parts.weights[i, 0] * parts.stretch_rows[i, k]
-            total[f, STRETCH + 3 + k] += parts.weights[i, 0] * parts.stretch_rest[i, k]
+            total[f, STRETCH + k] += parts.weights[i, 0] * parts.stretch_x[i, k]
+            total[f, STRETCH + 3 + k] += parts.weights[i, 0] * parts.stretch_yz[i, k]
             total[f, CENTRE + k] += parts.centre[i, k]
             total[f, ROTATION + k] += parts.rotation_x[i, k]
             total[f, ROTATION + 3 + k] += parts.rotation_y[i, k]
@@ -125,8 +125,8 @@ def sum_of_parts(binding, neighbours, parts):
         for s in range(3):
             other, weight = neighbours[f, s], parts.weights[i, 1 + s]
             for k in range(3):
-                total[other, STRETCH + k] += weight * parts.stretch_rows[i, k]
-                total[other, STRETCH + 3 + k] += weight * parts.stretch_rest[i, k]
+                total[other, STRETCH + k] += weight * parts.stretch_x[i, k]
+                total[other, STRETCH + 3 + k] += weight * parts.stretch_yz[i, k]
                 total[f, RELATIVE_ROTATION + 3 * s + k] += weight * parts.turn[i, k]
     return total
 

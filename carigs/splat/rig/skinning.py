@@ -135,7 +135,9 @@ class _Skinning(torch.autograd.Function):
         return *(torch.from_numpy(g) for g in gradients), d_records, None, None, None, None
 
 
-def _record_gradients(inputs: SkinningInputs, centre, upstream: SkinnedArrays, vectors: bool) -> Tensor:
+def _record_gradients(
+    inputs: SkinningInputs, centre: Float[np.ndarray, "n 3"], upstream: SkinnedArrays, vectors: bool
+) -> Float[Tensor, "f 32"]:
     """Gradient with respect to the records of the motion."""
     n, dtype = len(centre), centre.dtype
     parts = MotionParts(*(np.empty((n, columns), dtype) for columns in (4, 3, 3, 3, 3, 3, 3, 3)))

@@ -72,18 +72,18 @@ class MotionParts(NamedTuple):
 
     Attributes:
         weights: Blend weights: own triangle, then its neighbours.
-        stretch_rows: Gradient with respect to the blended stretch: xx, xy, xz.
-        stretch_rest: yy, yz, zz.
+        stretch_x: Gradient with respect to the numbers xx, xy, xz of the blended stretch.
+        stretch_yz: The same for yy, yz, zz.
         centre: Gradient with respect to the centre of the own triangle.
         rotation_x: First row of the gradient with respect to the own triangle's rotation.
-        rotation_y: Second row.
-        rotation_z: Third row.
+        rotation_y: Second row of it.
+        rotation_z: Third row of it.
         turn: Gradient with respect to the blended rotation vector.
     """
 
     weights: Float[np.ndarray, "n 4"]
-    stretch_rows: Float[np.ndarray, "n 3"]
-    stretch_rest: Float[np.ndarray, "n 3"]
+    stretch_x: Float[np.ndarray, "n 3"]
+    stretch_yz: Float[np.ndarray, "n 3"]
     centre: Float[np.ndarray, "n 3"]
     rotation_x: Float[np.ndarray, "n 3"]
     rotation_y: Float[np.ndarray, "n 3"]

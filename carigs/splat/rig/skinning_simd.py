@@ -66,39 +66,14 @@ def _skin(i, inputs, skinned, around):
 
 
 @simd_inline
-def _skin_backward(i, inputs, centre, upstream, gradients, around):
-    align_stack()
-    up_x, up_u, up_v = load3(upstream.centre, 3 * i), load3(upstream.tangent_u, 3 * i), load3(upstream.tangent_v, 3 * i)
-    up_opacity, zero = load(upstream.opacity, i), broadcast(np.float32(0))
-    has_eye, up_d, torque = len(upstream.direction) > 0, (zero, zero, zero), (zero, zero, zero)
-    if has_eye:
-        up_d = load3(upstream.direction, 3 * i)
-    unchanged = _size(up_x) + _size(up_u) + _size(up_v) + _size(up_d) + absolute(up_opacity) <= zero
-    faces, _t, frame, sigmoids, inverse_sum, blend = _gather_blend(i, inputs, around)
-    axes, scale = jbs.disc_axes(load4(inputs.quaternion, 4 * i)), _exp(load2(inputs.log_scale, 2 * i))
-    if has_eye:
-        x = load3(centre, 3 * i)
-        up_x, torque, _n = backward.view_direction_gradient(
-            blend[4], x, inputs.eye, inputs.rotate_directions, up_d, up_x
-        )
-    dx, dq, ds, h, y = backward.skin_surfel_gradient(
-        blend, frame, load3(inputs.position, 3 * i), axes, scale, (up_x, up_u, up_v)
-    )
-    store3(gradients.position, 3 * i, _select(unchanged, zero, dx))
-    store4(gradients.quaternion, 4 * i, _select(unchanged, zero, dq))
-    store2(gradients.log_scale, 2 * i, _select(unchanged, zero, ds))
-    opacity = jbs.sigmoid(load(inputs.logit, i))
-    store(gradients.logit, i, select(unchanged, zero, up_opacity * opacity * (1 - opacity)))
-    db = (zero, zero, zero, zero)
-    if inputs.blended:
-        d_w, d_p = backward.motion_gradient(blend, h, y, torque)
-        db = backward.blend_gradient(sigmoids, inverse_sum, d_w, d_p, faces)
-    store4(gradients.blend, 4 * i, _select(unchanged, zero, db))
+def _surfel_gradient(i, inputs, centre, upstream, around):
+    """As `skinning_arguments.surfel_gradient`, for sixteen surfels.
 
-
-@simd_inline
-def _motion_parts(i, inputs, centre, upstream, parts, around):
-    align_stack()
+    Returns:
+        Mask of the surfels without a gradient; of `_gather_blend` the triangles, sigmoids, their inverse sum and the
+        blended motion; the result of `skin_surfel_gradient`; that of `view_direction_gradient` and the gradient with
+        respect to the direction.
+    """
     up_x, up_u, up_v = load3(upstream.centre, 3 * i), load3(upstream.tangent_u, 3 * i), load3(upstream.tangent_v, 3 * i)
     zero = broadcast(np.float32(0))
     has_eye, nothing = len(upstream.direction) > 0, (zero, zero, zero)
@@ -106,28 +81,55 @@ def _motion_parts(i, inputs, centre, upstream, parts, around):
     if has_eye:
         up_d = load3(upstream.direction, 3 * i)
     unchanged = _size(up_x) + _size(up_u) + _size(up_v) + _size(up_d) + absolute(load(upstream.opacity, i)) <= zero
-    _faces, _t, frame, _sigmoids, _inverse_sum, blend = _gather_blend(i, inputs, around)
-    v, w, _p, (a, b, _c), _q = blend
+    faces, _t, frame, sigmoids, inverse_sum, blend = _gather_blend(i, inputs, around)
     axes, scale = jbs.disc_axes(load4(inputs.quaternion, 4 * i)), _exp(load2(inputs.log_scale, 2 * i))
     if has_eye:
-        x = load3(centre, 3 * i)
         up_x, torque, view = backward.view_direction_gradient(
-            blend[4], x, inputs.eye, inputs.rotate_directions, up_d, up_x
+            blend[4], load3(centre, 3 * i), inputs.eye, inputs.rotate_directions, up_d, up_x
         )
-        if not inputs.rotate_directions:
-            view = nothing
-    _dx, _dq, _ds, h, y = backward.skin_surfel_gradient(
+    own = backward.skin_surfel_gradient(
         blend, frame, load3(inputs.position, 3 * i), axes, scale, (up_x, up_u, up_v)
-    )
+    )  # fmt: skip
+    return unchanged, (faces, sigmoids, inverse_sum, blend), own, (up_x, torque, view, up_d)
+
+
+@simd_inline
+def _skin_backward(i, inputs, centre, upstream, gradients, around):
+    align_stack()
+    unchanged, around_it, own, seen = _surfel_gradient(i, inputs, centre, upstream, around)
+    faces, sigmoids, inverse_sum, blend = around_it
+    dx, dq, ds, h, y = own
+    zero, opacity = broadcast(np.float32(0)), jbs.sigmoid(load(inputs.logit, i))
+    store3(gradients.position, 3 * i, _select(unchanged, zero, dx))
+    store4(gradients.quaternion, 4 * i, _select(unchanged, zero, dq))
+    store2(gradients.log_scale, 2 * i, _select(unchanged, zero, ds))
+    logit = load(upstream.opacity, i) * opacity * (1 - opacity)
+    store(gradients.logit, i, select(unchanged, zero, logit))
+    db = (zero, zero, zero, zero)
+    if inputs.blended:
+        d_w, d_p = backward.motion_gradient(blend, h, y, seen[1])
+        db = backward.blend_gradient(sigmoids, inverse_sum, d_w, d_p, faces)
+    store4(gradients.blend, 4 * i, _select(unchanged, zero, db))
+
+
+@simd_inline
+def _motion_parts(i, inputs, centre, upstream, parts, around):
+    align_stack()
+    unchanged, around_it, own, seen = _surfel_gradient(i, inputs, centre, upstream, around)
+    blend, (_dx, _dq, _ds, h, y), (up_x, torque, view, up_d) = around_it[3], own, seen
+    v, w, _p, (a, b, _c), _q = blend
+    zero = broadcast(np.float32(0))
     dw, dp = backward.motion_gradient(blend, h, y, torque)
-    rows, seen = backward.rotation_gradient(blend, h, y), backward.turned_row(w, a, b, up_d)
+    rows, turned = backward.rotation_gradient(blend, h, y), (zero, zero, zero)
+    if inputs.rotate_directions:
+        turned = backward.turned_row(w, a, b, up_d)
     store4(parts.weights, 4 * i, _select(unchanged, zero, v))
-    store3(parts.stretch_rows, 3 * i, _select(unchanged, zero, (dp[0], dp[1], dp[2])))
-    store3(parts.stretch_rest, 3 * i, _select(unchanged, zero, (dp[3], dp[4], dp[5])))
+    store3(parts.stretch_x, 3 * i, _select(unchanged, zero, (dp[0], dp[1], dp[2])))
+    store3(parts.stretch_yz, 3 * i, _select(unchanged, zero, (dp[3], dp[4], dp[5])))
     store3(parts.centre, 3 * i, _select(unchanged, zero, up_x))
-    store3(parts.rotation_x, 3 * i, _select(unchanged, zero, add(rows[0], multiply(view[0], seen))))
-    store3(parts.rotation_y, 3 * i, _select(unchanged, zero, add(rows[1], multiply(view[1], seen))))
-    store3(parts.rotation_z, 3 * i, _select(unchanged, zero, add(rows[2], multiply(view[2], seen))))
+    store3(parts.rotation_x, 3 * i, _select(unchanged, zero, add(rows[0], multiply(view[0], turned))))
+    store3(parts.rotation_y, 3 * i, _select(unchanged, zero, add(rows[1], multiply(view[1], turned))))
+    store3(parts.rotation_z, 3 * i, _select(unchanged, zero, add(rows[2], multiply(view[2], turned))))
     store3(parts.turn, 3 * i, _select(unchanged, zero, dw))
 
 

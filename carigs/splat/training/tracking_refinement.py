@@ -114,11 +114,11 @@ def _tensor(array: np.ndarray) -> Tensor:
 
 
 def _rotation_matrices(vectors: Float64[Tensor, "n 3"]) -> Float64[Tensor, "n 3 3"]:
-    """Rodrigues' formula; the square root is differentiable at zero, too."""
+    """Rodrigues' formula for vectors of any length; the series of `device.skinning.rotation_matrix` end at pi."""
     x, y, z = vectors.T
     zero = torch.zeros_like(x)
     cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], dim=1).reshape(-1, 3, 3)
-    angle = torch.sqrt((vectors**2).sum(dim=1) + 1e-30)[:, None, None]
+    angle = torch.sqrt((vectors**2).sum(dim=1) + 1e-30)[:, None, None]  # a square root of 0 has no gradient
     sine, versine = torch.sinc(angle / torch.pi), 0.5 * torch.sinc(angle / (2 * torch.pi)) ** 2
     return torch.eye(3, dtype=vectors.dtype) + sine * cross + versine * (cross @ cross)
 
