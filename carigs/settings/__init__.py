@@ -15,7 +15,7 @@ from carigs.settings.hair import Hair
 from carigs.settings.mask_flags import DEFAULT_MASK_FLAGS, MASK_FLAGS, MaskFlag
 from carigs.settings.option import MAX_SEED, Section, check_section, option
 from carigs.settings.results import Card, Figures, Html, Metrics, Render, Report, Sweep, Tabulate
-from carigs.settings.train import Density, RefineTracking, Train, combine_mask_flags
+from carigs.settings.train import Density, Plateau, RefineTracking, Train, combine_mask_flags
 
 __all__ = [
     "DEFAULT_MASK_FLAGS",
@@ -33,6 +33,7 @@ __all__ = [
     "Html",
     "MaskFlag",
     "Metrics",
+    "Plateau",
     "RefineTracking",
     "Render",
     "Report",

@@ -55,6 +55,22 @@ class RefineTracking(Section, key="train.refine_tracking"):
 
 
 @dataclass
+class Plateau(Section, key="train.plateau"):
+    """Early end of a training whose images of held-out frames (the split `val`) no longer improve."""
+
+    every: int = option(0, ge=0, le=MAX_COUNT)
+    """Steps between two measurements of these images, after density control; 0: the training does all its steps, as
+    tables that compare variants need."""
+    frames: int = option(8, ge=1, le=MAX_COUNT)
+    """Held-out frames that are measured."""
+    min_gain: float = option(0.03, unit="dB", ge=0, le=1000)
+    """The training ends early where the PSNR of the last quarter of the steps done exceeds that of the quarter before
+    by less than this."""
+    cooldown: float = option(0.25, gt=0, le=1000)
+    """Steps that then follow, over those done: the learning rates fall to their last values within them."""
+
+
+@dataclass
 class Train(Section, key="train"):
     """Optimisation of the surfels."""
 
@@ -144,6 +160,7 @@ class Train(Section, key="train"):
     regularize_from: int = option(500, ge=0, le=MAX_COUNT)
     """First step with the distortion and normal regularizers."""
     density: Density = field(default_factory=Density)
+    plateau: Plateau = field(default_factory=Plateau)
     refine_tracking: RefineTracking = field(default_factory=RefineTracking)
     checkpoint_seconds: float = option(60.0, unit="seconds", ge=0, le=1e9)
     """Time between two checkpoints."""

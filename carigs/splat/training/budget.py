@@ -53,5 +53,6 @@ def with_iterations(settings: Train, iterations: int) -> Train:
         reset_every=scaled(density.reset_every),
     )  # fmt: skip
     return replace(
-        settings, iterations=iterations, budget=None, density=density, regularize_from=scaled(settings.regularize_from)
-    )
+        settings, iterations=iterations, budget=None, density=density, regularize_from=scaled(settings.regularize_from),
+        plateau=replace(settings.plateau, every=scaled(settings.plateau.every)),
+    )  # fmt: skip

@@ -21,6 +21,7 @@ from carigs.splat.surfels.surfels import Surfels, checked_surfels, to_arrays
 from carigs.splat.training.adam import Adam
 from carigs.splat.training.density import GradientStatistics
 from carigs.splat.training.hair_surfels import HairSurfels
+from carigs.splat.training.plateau import Ending, validation_frames
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.tracking_refinement import TrackingRefinement
 
@@ -31,10 +32,12 @@ class TrainingState:
 
     Attributes:
         iteration: Number of steps done.
-        iterations: Number of all steps.
+        iterations: Number of steps of the settings, or that fit into their budget.
+        ending: Where the training ends.
         surfels: The surfels.
         adam: Their optimiser.
         statistics: Gradients since the last density control.
+        validation: Numbers of steps, and the PSNR (dB) of the held-out frames after them.
         log: Rows of the log.
         losses: Losses since the last row; tensors on a device if the step computes there.
         seconds: Training time, earlier runs included.
@@ -43,9 +46,11 @@ class TrainingState:
 
     iteration: int
     iterations: int
+    ending: Ending
     surfels: Surfels
     adam: Adam
     statistics: GradientStatistics
+    validation: list[tuple[int, float]] = field(default_factory=list)
     log: list[tuple] = field(default_factory=list)
     losses: list[float | Tensor] = field(default_factory=list)
     seconds: float = 0.0
@@ -80,10 +85,22 @@ def run_digest(
             b"".join(np.ascontiguousarray(value).tobytes() for value in (*hair.points, hair.covered, hair.hidden))
         )
     digest.update(json.dumps([(target.level, target.weight) for target in supervision.targets]).encode())
-    for file in (*supervision.files(), *([Path(settings.start)] if settings.start else ())):
+    for file in (
+        *supervision.files(),
+        *_validation_files(settings, supervision),
+        *([Path(settings.start)] if settings.start else ()),
+    ):
         status = file.stat()
         digest.update(f"{file.name} {status.st_size} {status.st_mtime_ns}".encode())
     return digest.hexdigest()
+
+
+def _validation_files(settings: Train, supervision: Supervision) -> list[Path]:
+    """Images that decide where the training ends."""
+    if not settings.plateau.every:
+        return []
+    capture = supervision.capture
+    return [capture.root / frame.image for frame in validation_frames(capture, settings.plateau.frames)]
 
 
 def save_checkpoint(file: Path, state: TrainingState, digest: str) -> None:
@@ -100,6 +117,8 @@ def save_checkpoint(file: Path, state: TrainingState, digest: str) -> None:
             key=digest,
             iteration=state.iteration,
             iterations=state.iterations,
+            ending=json.dumps(state.ending),
+            validation=json.dumps(state.validation),
             steps=state.adam.steps,
             seconds=state.seconds,
             rows=json.dumps(state.log),
@@ -137,11 +156,17 @@ def load_checkpoint(
             expected = getattr(statistics, name)
             setattr(statistics, name, checked_array(arrays, name, expected.shape, expected.dtype, file=file))
         log = [tuple(row) for row in parse_json(str(arrays["rows"]), file, "rows")]
+        validation = [
+            (int(step), float(psnr)) for step, psnr in parse_json(str(arrays["validation"]), file, "validation")
+        ]
+        ending = Ending(*parse_json(str(arrays["ending"]), file, "ending"))
         losses = checked_array(arrays, "losses", (None,), np.float64, file=file).tolist()
         seconds = float(arrays["seconds"])
         if refinement is not None:
             refinement.restore(arrays)
         done, steps = int(arrays["iteration"]), int(arrays["iterations"])
-        return TrainingState(done, steps, surfels, adam, statistics, log, losses, seconds, refinement)
+        return TrainingState(
+            done, steps, ending, surfels, adam, statistics, validation, log, losses, seconds, refinement
+        )
     except (InputError, ValueError, KeyError, TypeError):
         return None

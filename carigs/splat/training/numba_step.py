@@ -106,6 +106,25 @@ class NumbaStep:
             loss = loss + settings.normal_weight * consistency
         return rendered, example.weight * loss
 
+    def image(self, surfels: Surfels, frame: Frame) -> Float[np.ndarray, "h w 3"]:
+        """Render a frame at level 0.
+
+        Args:
+            surfels: The surfels.
+            frame: The view.
+
+        Returns:
+            RGB, not clamped.
+        """
+        settings, sequence = self.inputs.settings, self.inputs.sequence
+        with torch.no_grad():
+            return render(
+                surfels, sequence.rig, sequence.motion(frame.timestep, 0.0),
+                self.inputs.supervision.capture.camera(frame), skinning=settings.rig,
+                rotate_harmonics=settings.rotate_harmonics, background=self.inputs.supervision.capture.background,
+                shade=sequence.shade(frame.timestep, 0.0), backend=settings.backend,
+            ).image.numpy()  # fmt: skip
+
     def contribution(self, surfels: Surfels, frame: Frame, level: float) -> Float[np.ndarray, " n"]:
         """Contribution of every surfel to a frame, see `render.contribution`.
 

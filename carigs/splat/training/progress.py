@@ -23,7 +23,8 @@ def progress(name: str, total: int, done: int = 0, every_seconds: float = 10.0) 
         every_seconds: Interval of the lines where stderr is no terminal.
 
     Yields:
-        Function to call after every step with the number of steps done; figures to show are keywords.
+        Function to call after every step with the number of steps done, and with their total if it has become another
+        one; figures to show are keywords.
 
     Example:
         >>> with progress("train", 100) as report:
@@ -43,8 +44,9 @@ def progress(name: str, total: int, done: int = 0, every_seconds: float = 10.0) 
             parts = [f"{rate:.1f} it/s", *parts, *([f"{(total - now) / rate:.0f} s left"] if now < total else [])]
         return "  ".join(parts)
 
-    def report_line(now: int, **figures: float) -> None:
-        nonlocal last
+    def report_line(now: int, new_total: int = total, **figures: float) -> None:
+        nonlocal last, total
+        total = new_total
         shown, clock = text(now, figures), time.perf_counter()
         if clock - last >= every_seconds or now >= total:
             last = clock
@@ -59,4 +61,10 @@ def progress(name: str, total: int, done: int = 0, every_seconds: float = 10.0) 
     columns = (TextColumn(name), BarColumn(), MofNCompleteColumn(), TextColumn("{task.fields[text]}"))
     with Progress(*columns, console=Console(stderr=True)) as bars:
         task = bars.add_task(name, total=total, completed=done, text="")
-        yield lambda now, **figures: bars.update(task, completed=now, text=text(now, figures))
+
+        def report_bar(now: int, new_total: int = total, **figures: float) -> None:
+            nonlocal total
+            total = new_total
+            bars.update(task, completed=now, total=total, text=text(now, figures))
+
+        yield report_bar

@@ -22,6 +22,7 @@ from carigs.splat.training.density import GradientStatistics, densify_and_prune,
 from carigs.splat.training.hair_surfels import HairSurfels
 from carigs.splat.training.initialization import initial_surfels
 from carigs.splat.training.numba_step import NumbaStep
+from carigs.splat.training.plateau import Ending, ending_after, measures_after, validation_frames
 from carigs.splat.training.progress import progress
 from carigs.splat.training.schedule import draw_schedule
 from carigs.splat.training.supervision import Supervision
@@ -32,8 +33,9 @@ DEVICE_BACKENDS = ("torch", "cuda")
 """Backends whose whole step is on a device."""
 REFINEMENT_FACTOR = 2.0
 """Time of a step that refines the tracking, over one that does not."""
-COLUMNS = ("iteration", "seconds", "caricature", "loss", "psnr", "surfels")
-"""Columns of the log: the mean loss since the row before, and the PSNR (dB, valid pixels) of the row's own step."""
+COLUMNS = ("iteration", "seconds", "caricature", "loss", "psnr", "surfels", "validation_psnr")
+"""Columns of the log: the mean loss since the row before, the PSNR (dB, valid pixels) of the row's own step, and the
+PSNR of held-out frames, if it was measured since the row before."""
 
 
 def train_surfels(
@@ -54,7 +56,8 @@ def train_surfels(
     with the weight w of the target (1 for real frames), see `photometric_loss`, `normal_consistency_loss` and
     `add_threshold_loss`. Surfels on masked triangles are frozen in GT* steps (freezing: see `Supervision` and
     `Adam.step`). Steps, density control and their random draws depend on the settings and the iteration only: a run
-    that was interrupted ends in the same bytes as one that was not.
+    that was interrupted ends in the same bytes as one that was not. Where held-out frames no longer improve, the run
+    ends early: see `plateau`.
 
     Args:
         settings: Settings of the stage.
@@ -82,15 +85,15 @@ def train_surfels(
     run = _Run(settings, sequence, supervision, hair, state)
     started = saved = time.perf_counter()
     earlier = state.seconds
-    with progress("train", settings.iterations, state.iteration) as report:
-        while state.iteration < settings.iterations:
+    with progress("train", state.ending.last, state.iteration) as report:
+        while state.iteration < state.ending.last:
             run.step()
             now = time.perf_counter()
             state.seconds = earlier + now - started
-            report(state.iteration, **run.shown, surfels=len(state.surfels))
+            report(state.iteration, state.ending.last, **run.shown, surfels=len(state.surfels))
             if on_step is not None:
                 on_step(state)
-            if now - saved > settings.checkpoint_seconds and state.iteration < settings.iterations:
+            if now - saved > settings.checkpoint_seconds and state.iteration < state.ending.last:
                 save_checkpoint(checkpoint, state, digest)
                 saved = time.perf_counter()
     return from_arrays(**to_arrays(state.surfels)), state.log
@@ -98,7 +101,8 @@ def train_surfels(
 
 def _first_state(iterations: int, surfels: Surfels, refinement: TrackingRefinement | None = None) -> TrainingState:
     statistics = GradientStatistics(len(surfels))
-    return TrainingState(0, iterations, surfels, Adam(surfels), statistics, refinement=refinement)
+    ending = Ending(None, iterations)
+    return TrainingState(0, iterations, ending, surfels, Adam(surfels), statistics, refinement=refinement)
 
 
 def _steps_within(
@@ -106,7 +110,8 @@ def _steps_within(
 ) -> int:
     """Number of steps that fit into a time: some are tried on a copy of the surfels."""
     trial = with_iterations(settings, TRIAL_STEPS)
-    trial = replace(trial, density=replace(trial.density, every=0, reset_every=0))
+    without = {"density": replace(trial.density, every=0, reset_every=0), "plateau": replace(trial.plateau, every=0)}
+    trial = replace(trial, **without)
     run = _Run(trial, sequence, supervision, hair, _first_state(TRIAL_STEPS, from_arrays(**to_arrays(surfels))))
     clock = time.perf_counter if settings.backend in DEVICE_BACKENDS else time.process_time
     step = seconds_per_step(run.step, clock) * (REFINEMENT_FACTOR if settings.refine_tracking.enabled else 1.0)
@@ -126,17 +131,20 @@ class _Run:
         self.only_targets = self.inputs.only_targets
         self.work = _step_of(self.inputs)
         self.work.place(state)
+        # Without real frames in the training, those that are held out do not say how far it is.
+        self.validation = [] if self.only_targets else validation_frames(supervision.capture, settings.plateau.frames)
         self.shown: dict[str, float] = {}
 
     def step(self) -> None:
         """Render, compare, update; then what is done once in a while."""
         state, settings, i = self.state, self.settings, self.state.iteration
-        result = self.work.update(state, i, learning_rates(settings, i))
+        result = self.work.update(state, i, learning_rates(settings, state.ending.progress(i, settings.iterations)))
         gtstar, index = self.inputs.scheduled(i)
         if state.refinement is not None and not gtstar:
             state.refinement.step(self.supervision.frames[index].timestep, settings.refine_tracking)
         self._control_density(i + 1)
         state.iteration = i + 1
+        self._validate()
         self._log(result, gtstar)
 
     def _control_density(self, done: int) -> None:
@@ -155,6 +163,20 @@ class _Run:
         if density.reset_every and done % density.reset_every == 0 and done < density.stop:
             reset_opacity(state.surfels, state.adam)
 
+    def _validate(self) -> None:
+        """Measure the quality of held-out frames, where that is due; it may move the end of the training."""
+        state = self.state
+        if not self.validation or state.ending.levelled_at is not None:
+            return
+        if measures_after(self.settings, state.iteration):
+            capture, errors = self.supervision.capture, []
+            for frame in self.validation:
+                image = self.work.image(state.surfels, frame).clip(0, 1)
+                errors.append(float(np.square(image - capture.image(frame)).mean(dtype=np.float64)))
+            psnr = float(np.mean(-10 * np.log10(np.maximum(errors, 1e-12))))
+            state.validation.append((state.iteration, psnr))
+            state.ending = ending_after(self.settings, state.validation)
+
     def _importance(self, views: Sequence[tuple[Frame, float]]) -> Float[np.ndarray, " n"]:
         """Contribution of every surfel to some frames, each at its level."""
         return np.sum([self._contribution(*view) for view in views], axis=0)
@@ -168,7 +190,7 @@ class _Run:
         state.losses.append(result.loss)
         if isinstance(result.loss, float):
             self.shown["loss"] = result.loss
-        if state.iteration % self.settings.log_every and state.iteration < self.settings.iterations:
+        if state.iteration % self.settings.log_every and state.iteration < state.ending.last:
             return
         image, target = (values.detach().cpu().numpy() for values in (result.image, result.target))
         error = (image.clip(0, 1) - target) ** 2
@@ -176,7 +198,9 @@ class _Run:
         psnr = -10 * np.log10(max(mean, 1e-12))
         self.shown["loss"] = loss = float(np.mean([float(loss) for loss in state.losses]))
         row = (state.iteration, round(state.seconds, 2), int(gtstar), loss, float(psnr))
-        state.log.append((*row, len(state.surfels)))
+        since = state.log[-1][0] if state.log else 0
+        measured = [psnr for step, psnr in state.validation if step > since]
+        state.log.append((*row, len(state.surfels), measured[-1] if measured else None))
         state.losses.clear()
 
 
@@ -189,18 +213,17 @@ def _step_of(inputs: StepInputs) -> TrainingStep:
     return DeviceStep(inputs)
 
 
-def learning_rates(settings: Train, iteration: int) -> dict[str, float]:
-    """Learning rate of every attribute at an iteration, decayed log-linearly.
+def learning_rates(settings: Train, progress: float) -> dict[str, float]:
+    """Learning rate of every attribute, decayed log-linearly.
 
     Args:
-        settings: `*_lr` are the rates at the first iteration; `final_lr_factor` (of positions:
+        settings: `*_lr` are the rates of the first step; `final_lr_factor` (of positions:
             `position_final_lr_factor`) is the factor reached at the last one.
-        iteration: Index from 0.
+        progress: 0 at the first step, 1 at the last one.
 
     Returns:
         Learning rate by the name of the attribute.
     """
-    progress = iteration / max(settings.iterations - 1, 1)
     decay = settings.final_lr_factor**progress
     return {
         "position": settings.position_lr * settings.position_final_lr_factor**progress,

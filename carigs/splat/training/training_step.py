@@ -131,6 +131,17 @@ class TrainingStep(Protocol):
             Loss and images.
         """
 
+    def image(self, surfels: Surfels, frame: Frame) -> Float[np.ndarray, "h w 3"]:
+        """Render a frame at level 0.
+
+        Args:
+            surfels: The surfels, where the step works on them.
+            frame: The view.
+
+        Returns:
+            RGB, not clamped, on the host.
+        """
+
     def contribution(self, surfels: Surfels, frame: Frame, level: float) -> Float[np.ndarray, " n"]:
         """Contribution of every surfel to a frame, see `render.contribution`.
 

@@ -111,7 +111,7 @@ def test_a_training_that_starts_from_an_avatar_begins_with_its_loss(subject, sta
     """Real frames and targets: the loss of the first step is that of the image that the avatar renders."""
     settings = {"start": str(start), "iterations": 1, "gtstar_probability": gtstar, "sh_degree": degree}
     without = {"position_weight": 0.0, "scale_weight": 0.0}
-    _, ((_, _, caricature, loss, psnr, surfels),) = run(subject, tmp_path / "c", **settings, **without)
+    _, ((_, _, caricature, loss, psnr, surfels, _),) = run(subject, tmp_path / "c", **settings, **without)
     supervision, avatar = supervise(subject, 0.25), load_avatar(start)
     count = len(supervision.targets if gtstar else supervision.frames)
     schedule = draw_schedule(1, len(supervision.frames), len(supervision.targets), gtstar, SETTINGS.seed)
@@ -208,7 +208,7 @@ def _killing_after(steps):
 
     @contextmanager
     def progress(*_):
-        def report(done, **_):
+        def report(done, *_, **__):
             if done > steps:
                 raise KeyboardInterrupt
 
@@ -334,9 +334,9 @@ def test_an_index_that_is_broken_or_of_another_capture_is_named(subject, tmp_pat
 
 def test_learning_rates_decay_to_the_final_factor():
     settings = Train(iterations=100)
-    first, last = learning_rates(settings, 0), learning_rates(settings, 99)
+    first, last = learning_rates(settings, 0.0), learning_rates(settings, 1.0)
     assert first["position"] == settings.position_lr
     assert last["position"] == pytest.approx(settings.position_lr * settings.position_final_lr_factor)
     assert last["colour"] == pytest.approx(settings.colour_lr * settings.final_lr_factor)
-    middle = learning_rates(Train(iterations=101), 50)["opacity"]
+    middle = learning_rates(Train(), 0.5)["opacity"]
     assert middle**2 == pytest.approx(first["opacity"] * last["opacity"])

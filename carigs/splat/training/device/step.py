@@ -160,6 +160,23 @@ class DeviceStep:
             self._bound = surfels.binding, torch.from_numpy(surfels.binding).long().to(self.device)
         return self._bound[1]
 
+    def image(self, surfels: Surfels, frame: Frame) -> Float[np.ndarray, "h w 3"]:
+        """Render a frame at level 0.
+
+        Args:
+            surfels: The surfels, on the device.
+            frame: The view.
+
+        Returns:
+            RGB, not clamped, on the host.
+        """
+        sequence, camera = self.inputs.sequence, self.inputs.supervision.capture.camera(frame)
+        records, shade = map(
+            self._examples.copied, (sequence.motion(frame.timestep, 0.0).records, sequence.shade(frame.timestep, 0.0))
+        )
+        with torch.no_grad():
+            return self._render(surfels, records, camera, shade, ("colour",)).colour.cpu().numpy()
+
     def contribution(self, surfels: Surfels, frame: Frame, level: float) -> Float[np.ndarray, " n"]:
         """Contribution of every surfel to a frame, see `render.contribution`.
 

@@ -19,7 +19,7 @@ from carigs.errors import SettingsError
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.gtstar import MaskFlag
 from carigs.head import neutral
-from carigs.settings import Density, RefineTracking, Train
+from carigs.settings import Density, Plateau, RefineTracking, Train
 from carigs.splat.avatar import Avatar
 from carigs.splat.rasterizer.cuda import rasterize_gsplat
 from carigs.splat.rig.head_sequence import head_sequence
@@ -82,6 +82,14 @@ def test_ends_as_the_numba_step(subject, tmp_path, dense):
     frame, sequence = capture.split("val")[0], head_sequence(capture, path)
     images = [Avatar(s, sequence).render(frame.timestep, 0.0, capture.camera(frame)) for s in (expected, found)]
     assert np.abs(images[0] - images[1]).mean() < (5e-3 if dense else 1e-3)
+
+
+def test_held_out_frames_have_the_quality_of_the_numba_step(subject, tmp_path):
+    plateau = Plateau(every=5, frames=2, min_gain=0.0)
+    changes = {"iterations": 16, "log_every": 5, "density": Density(every=0), "plateau": plateau}
+    expected, found = (run(subject, tmp_path / "c", backend=backend, **changes)[1] for backend in ("cpu", "torch"))
+    assert [row[6] is None for row in found] == [False, False, True, True]
+    assert [row[6] for row in found[:2]] == pytest.approx([row[6] for row in expected[:2]], abs=0.02)
 
 
 def test_targets_are_trained_as_by_the_numba_step(subject, tmp_path):
