@@ -46,6 +46,8 @@ class RefineTracking(Section, key="train.refine_tracking"):
 
     enabled: bool = False
     """Optimise pose and expression of the training frames along with the surfels."""
+    every: int = option(1, ge=1, le=1000)
+    """Steps from one that may refine to the next; the steps between them take the head as it is."""
     translation_lr: float = option(2e-5, unit="metres", ge=0, lt=1)
     """Learning rate of the translation."""
     rotation_lr: float = option(2e-4, unit="radians", ge=0, lt=1)

@@ -86,7 +86,7 @@ class NumbaStep:
     def _loss(self, state: TrainingState, example: Example, i: int) -> tuple[RenderedFrame, Float[Tensor, ""]]:
         inputs, settings, sequence = self.inputs, self.inputs.settings, self.inputs.sequence
         distortion, normals = inputs.regularizers(i)
-        if state.refinement is not None and example.level == 0:
+        if inputs.refines_tracking(i):
             motion = state.refinement.motion(example.timestep)
         else:
             motion = sequence.motion(example.timestep, example.level)

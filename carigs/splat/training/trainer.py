@@ -31,7 +31,7 @@ from carigs.splat.training.training_step import StepInputs, StepResult, Training
 
 DEVICE_BACKENDS = ("torch", "cuda")
 """Backends whose whole step is on a device."""
-REFINEMENT_FACTOR = 2.0
+REFINEMENT_FACTOR = 1.6
 """Time of a step that refines the tracking, over one that does not."""
 COLUMNS = ("iteration", "seconds", "caricature", "loss", "psnr", "surfels", "validation_psnr")
 """Columns of the log: the mean loss since the row before, the PSNR (dB, valid pixels) of the row's own step, and the
@@ -110,11 +110,15 @@ def _steps_within(
 ) -> int:
     """Number of steps that fit into a time: some are tried on a copy of the surfels."""
     trial = with_iterations(settings, TRIAL_STEPS)
-    without = {"density": replace(trial.density, every=0, reset_every=0), "plateau": replace(trial.plateau, every=0)}
-    trial = replace(trial, **without)
+    trial = replace(
+        trial, density=replace(trial.density, every=0, reset_every=0), plateau=replace(trial.plateau, every=0),
+        refine_tracking=replace(trial.refine_tracking, enabled=False),
+    )  # fmt: skip
     run = _Run(trial, sequence, supervision, hair, _first_state(TRIAL_STEPS, from_arrays(**to_arrays(surfels))))
     clock = time.perf_counter if settings.backend in DEVICE_BACKENDS else time.process_time
-    step = seconds_per_step(run.step, clock) * (REFINEMENT_FACTOR if settings.refine_tracking.enabled else 1.0)
+    step = seconds_per_step(run.step, clock)
+    if settings.refine_tracking.enabled:
+        step *= 1 + (REFINEMENT_FACTOR - 1) / settings.refine_tracking.every
     return max(LEAST_STEPS, int(seconds / step))
 
 
@@ -140,7 +144,7 @@ class _Run:
         state, settings, i = self.state, self.settings, self.state.iteration
         result = self.work.update(state, i, learning_rates(settings, state.ending.progress(i, settings.iterations)))
         gtstar, index = self.inputs.scheduled(i)
-        if state.refinement is not None and not gtstar:
+        if self.inputs.refines_tracking(i):
             state.refinement.step(self.supervision.frames[index].timestep, settings.refine_tracking)
         self._control_density(i + 1)
         state.iteration = i + 1

@@ -80,6 +80,18 @@ class StepInputs:
         """
         return bool(self.schedule.gtstar[i]), int(self.schedule.index[i])
 
+    def refines_tracking(self, i: int) -> bool:
+        """Whether a step changes the tracked head parameters of its timestep.
+
+        Args:
+            i: The step.
+
+        Returns:
+            Whether it does: in every `train.refine_tracking.every`-th step, if its example is a real frame.
+        """
+        refinement = self.settings.refine_tracking
+        return refinement.enabled and i % refinement.every == 0 and not self.scheduled(i)[0]
+
     def regularizers(self, i: int) -> tuple[bool, bool]:
         """Which regularizers of the images are in the loss of a step.
 

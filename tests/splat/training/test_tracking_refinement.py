@@ -1,6 +1,7 @@
 """Refinement of the tracked head: its pose in PyTorch, the gradient, and what training makes of it."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -135,3 +136,18 @@ def test_timesteps_without_training_frames_are_not_refined(capture, sequence):
     refinement = TrackingRefinement(sequence, trained)
     assert sorted(refinement.parameters) == trained
     assert set(sequence.parameters) - set(trained)
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_only_every_nth_step_refines(capture, sequence, tmp_path, every):
+    """The parameters change in these steps and in no other."""
+    values = [[sequence.parameters[t].translation for t in sequence.parameters]]
+
+    def look(state):
+        values.append([sequence.parameters[t].translation for t in sequence.parameters])
+
+    refinement = replace(SETTINGS.refine_tracking, every=every)
+    settings = replace(SETTINGS, iterations=12, refine_tracking=refinement)
+    train_surfels(settings, sequence, Supervision(capture), tmp_path / "c", look)
+    changed = [not np.array_equal(before, after) for before, after in pairwise(values)]
+    assert changed == [i % every == 0 for i in range(12)]

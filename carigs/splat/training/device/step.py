@@ -115,7 +115,7 @@ class DeviceStep:
         settings, records = self.inputs.settings, example.records
         distortion, normals = self.inputs.regularizers(i)
         if records is None:
-            records = self._current_motion(state, example)
+            records = self._current_motion(state, example, i)
         names = ("colour", *("distortion",) * distortion, *("alpha", "depth", "normal") * normals)
         rendering = self._render(state.surfels, records, example.camera, example.shade, names)
         loss = photometric_loss(rendering.colour, example.image, settings.ssim_weight, example.valid)
@@ -126,8 +126,8 @@ class DeviceStep:
             loss = loss + settings.normal_weight * consistency
         return rendering, example.weight * loss
 
-    def _current_motion(self, state: TrainingState, example: DeviceExample) -> Float[Tensor, "f 32"]:
-        if example.level == 0:
+    def _current_motion(self, state: TrainingState, example: DeviceExample, i: int) -> Float[Tensor, "f 32"]:
+        if self.inputs.refines_tracking(i):
             return state.refinement.motion(example.timestep).records.to(self.device)
         return self._examples.copied(self.inputs.sequence.motion(example.timestep, example.level).records)
 
