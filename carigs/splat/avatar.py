@@ -22,7 +22,7 @@ from carigs.splat.render import SKINNINGS, RenderedFrame, render, skin
 from carigs.splat.rig.face_motion import FaceMotion
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.skinning import SkinnedSurfels
-from carigs.splat.rig.smooth_motion import SmoothMotion
+from carigs.splat.rig.smooth_motion import smooth_motion_of
 from carigs.splat.surfels.ply import UNRENDERED
 from carigs.splat.surfels.surfels import Surfels, checked_surfels, to_arrays
 
@@ -138,7 +138,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
             **parameters_to_arrays(avatar.sequence.parameters),
             **{f"unrendered_{name}": value for name, value in avatar.unrendered.items()},
             **({} if shading is None else {f"shading_{name}": value for name, value in asdict(shading).items()}),
-            **({} if smooth is None else {"hair_faces": smooth.inside, "hair_grows": smooth.grows}),
+            **({} if smooth is None else smooth.as_arrays()),
             path_levels=path.levels,
             path_displacements=path.displacements,
             path_neutral=path.neutral,
@@ -171,9 +171,7 @@ def load_avatar(file: Path) -> Avatar:
     check_subject_path(path, head, file, "path_")
     sequence = HeadSequence(head, parameters_of(arrays, head, file), path)
     if "hair_faces" in arrays:
-        inside = checked_array(arrays, "hair_faces", (len(head.faces),), bool, file=file)
-        grows = "hair_grows" in arrays and bool(checked_array(arrays, "hair_grows", (), bool, file=file))
-        sequence.smooth = SmoothMotion(sequence.rig, inside, grows)
+        sequence.smooth = smooth_motion_of(arrays, sequence.rig, file)
     if "shading_light" in arrays:
         sequence.shading = shading_of(arrays, len(head.faces), file, "shading_")
     background = float(checked_array(arrays, "background", (), np.float64, file=file))

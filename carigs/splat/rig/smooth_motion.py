@@ -2,15 +2,22 @@
 
 The rotation of one triangle, extended to a point ten centimetres away, moves the point by centimetres where
 neighbouring triangles turn by a few degrees. So the rotations of the triangles of the scalp are averaged over their
-neighbourhood. Strands keep their length and width, or grow with the scalp, by the average of its stretch.
+neighbourhood, the more the farther their hair reaches: short hair turns with the skin that it stands on. Strands keep
+their length and width, or grow with the scalp, by the average of its stretch.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
 import numpy as np
-from jaxtyping import Bool, Float64
+from jaxtyping import Bool, Float, Float64
 from scipy.spatial.distance import cdist
 
+from carigs.errors import InputError
+from carigs.readers.arrays import checked_array
 from carigs.simd import matrix3
 from carigs.simd.kernels import kernel
 from carigs.simd.polar_wide import BLOCK, load_matrix, polar_rotations, store_matrix
@@ -21,6 +28,20 @@ RADIUS = 0.03
 """Standard deviation of the average in metres."""
 ANCHORS = 48
 """Most places whose rotation is averaged; triangles interpolate between them."""
+LONG_HAIR = 0.03
+"""Reach of hair in metres from which on its rotation is the average alone."""
+
+
+def share_of_average(reach: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """Share of the average in the rotation of triangles.
+
+    Args:
+        reach: How far their hair reaches, in metres.
+
+    Returns:
+        (reach / `LONG_HAIR`)^2, at most 1.
+    """
+    return np.minimum(np.asarray(reach) / LONG_HAIR, 1.0) ** 2
 
 
 class SmoothMotion:
@@ -30,18 +51,27 @@ class SmoothMotion:
         inside: The triangles whose rotation is averaged (f,).
         faces: Their indices.
         grows: Whether hair grows with the scalp.
+        share: Share of the average in the rotation of every triangle of the mesh (f,); the rest is the own rotation.
         anchors: The triangles, as places in `faces`, whose rotation is averaged; the others interpolate.
     """
 
-    def __init__(self, rig: Rig, inside: Bool[np.ndarray, " f"], grows: bool = False) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        inside: Bool[np.ndarray, " f"],
+        grows: bool = False,
+        share: Float[np.ndarray, " f"] | None = None,
+    ) -> None:
         """Prepare the weights.
 
         Args:
             rig: The canonical mesh.
             inside: Triangles whose rotation is averaged.
             grows: Whether hair grows with the scalp; otherwise it keeps its length.
+            share: Share of the average in the rotation of every triangle of the mesh, in [0, 1]; 1 if None.
         """
         self.inside, self.faces, self.grows = inside, np.flatnonzero(inside), grows
+        self.share = np.where(inside, np.float32(1) if share is None else share, 0).astype(np.float32)
         corners = rig.vertices[rig.faces[self.faces]]
         centres, edges = corners.mean(axis=1), corners[:, 1:] - corners[:, :1]
         area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
@@ -50,6 +80,14 @@ class SmoothMotion:
         gather = weight * area[:, None]
         self._gather = gather / np.maximum(gather.sum(axis=0), 1e-30)  # triangles to anchors
         self._scatter = weight / weight.sum(axis=1, keepdims=True)  # anchors to triangles
+
+    def as_arrays(self) -> dict[str, np.ndarray]:
+        """What the smooth motion is made of, for a file.
+
+        Returns:
+            Arrays by name.
+        """
+        return {"hair_faces": self.inside, "hair_grows": np.array(self.grows), "hair_share": self.share}
 
     def apply(self, rotation: Float64[np.ndarray, "f 3 3"], stretch: Float64[np.ndarray, "f 3 3"]) -> None:
         """Replace the rotations of the triangles by averages, and their stretches by one factor, in place.
@@ -63,13 +101,38 @@ class SmoothMotion:
         """
         if len(self.faces) == 0:
             return
-        mean = self._scatter @ (self._gather.T @ rotation[self.faces].reshape(-1, 9))
+        own = rotation[self.faces].reshape(-1, 9)
+        mean = own + self.share[self.faces, None].astype(np.float64) * (self._scatter @ (self._gather.T @ own) - own)
         nearest = _nearest_rotations(mean.reshape(-1, 3, 3))
         factor = np.ones(len(self.faces))
         if self.grows:
             volume = np.maximum(_volumes(stretch, self.faces), 1e-9)
             factor = np.exp(self._scatter @ (self._gather.T @ np.log(volume)) / 3)
         rotation[self.faces], stretch[self.faces] = nearest, factor[:, None, None] * np.eye(3)
+
+
+def smooth_motion_of(arrays: Mapping[str, Any], rig: Rig, file: Path) -> SmoothMotion:
+    """Read what `SmoothMotion.as_arrays` gave.
+
+    Args:
+        arrays: The arrays, from a file.
+        rig: The canonical mesh.
+        file: The file, for messages.
+
+    Returns:
+        The smooth motion; of a file without shares, that of the average alone.
+
+    Raises:
+        InputError: If an array is missing, has another shape or type, or holds a share that is not in [0, 1].
+    """
+    count, share = len(rig.faces), None
+    inside = checked_array(arrays, "hair_faces", (count,), bool, file=file)
+    grows = "hair_grows" in arrays and bool(checked_array(arrays, "hair_grows", (), bool, file=file))
+    if "hair_share" in arrays:
+        share = checked_array(arrays, "hair_share", (count,), np.float32, file=file)
+        if not ((share >= 0) & (share <= 1)).all():
+            raise InputError("expected numbers in [0, 1]", file=file, field="hair_share")
+    return SmoothMotion(rig, inside, grows, share)
 
 
 def _nearest_rotations(matrices: Float64[np.ndarray, "n 3 3"]) -> Float64[np.ndarray, "n 3 3"]:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from carigs.hair import FoundHair, HairPoints, SpaceAboveSkin, place_in_hair
+from carigs.hair import FoundHair, HairPoints, SpaceAboveSkin, hair_reach, place_in_hair
 from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.rig import Rig
-from carigs.splat.rig.smooth_motion import SmoothMotion
+from carigs.splat.rig.smooth_motion import SmoothMotion, share_of_average
 from carigs.splat.surfels.surfels import Surfels
 
 COVERED_POSITION, COVERED_SCALE = 1.0, 0.8
@@ -114,7 +114,8 @@ def prepare_hair(
     rng = np.random.default_rng([settings.seed, 1])
     vertices, faces = sequence.rig.vertices, sequence.rig.faces
     points = place_in_hair(found.volume, found.visible, found.strands, scalp, vertices, faces, count, rng)
-    sequence.smooth = SmoothMotion(sequence.rig, scalp, settings.hair_grows)
+    share = share_of_average(hair_reach(points, scalp, vertices, faces))
+    sequence.smooth = SmoothMotion(sequence.rig, scalp, settings.hair_grows, share)
     bare = ~(found.covered | scalp)
     above_skin = SpaceAboveSkin(vertices, faces, bare)
     return HairSurfels(points, scalp, found.covered & ~scalp, found.hidden & ~scalp, found.skin & ~scalp, above_skin)

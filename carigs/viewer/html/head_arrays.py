@@ -26,7 +26,7 @@ TOLERANCE = 2e-6
 """Root mean square error of the vertices in metres, before they are rounded."""
 STEP = 2e-6
 """Metres."""
-WEIGHT_STEP = 1 / 65535
+WEIGHT_STEP = SHARE_STEP = 1 / 65535
 
 
 def head_arrays(
@@ -63,7 +63,11 @@ def head_arrays(
         arrays += _sums(f"region{i}", region.displacements[1:], np.array(moved))
     if sequence.smooth is not None and len(sequence.smooth.faces):
         smooth = sequence.smooth
-        arrays += [pack_integers("hair", smooth.faces, delta=True), pack_integers("anchors", np.array(smooth.anchors))]
+        arrays += [
+            pack_integers("hair", smooth.faces, delta=True),
+            pack_integers("anchors", np.array(smooth.anchors)),
+            pack_steps("hair_share", smooth.share[smooth.faces], SHARE_STEP),
+        ]
     header = {
         "vertices": len(head.v_template),
         "faces": len(head.faces),

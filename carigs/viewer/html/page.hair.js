@@ -37,6 +37,7 @@ class Hair {
     this.faces = Int32Array.from(data.rows("hair"));
     const anchors = Int32Array.from(data.rows("anchors")), count = this.faces.length, a = anchors.length;
     this.grows = header.hairGrows;
+    this.share = Float64Array.from(data.rows("hair_share"));
     const centres = new Float64Array(3 * count), area = new Float64Array(count);
     for (let n = 0; n < count; n++) {
       const f = this.faces[n];
@@ -65,7 +66,8 @@ class Hair {
   }
 
   smooth(rotation, stretch) {
-    const { faces, gather, scatter, anchors, grows } = this, means = new Float64Array(10 * anchors), mean = new Float64Array(9);
+    const { faces, share, gather, scatter, anchors, grows } = this;
+    const means = new Float64Array(10 * anchors), mean = new Float64Array(9);
     for (let n = 0; n < faces.length; n++) {
       const u = 9 * faces[n], volume = grows ? Math.log(Math.max(determinant(stretch, 6 * faces[n]), 1e-9)) : 0;
       const a = rotation[u], b = rotation[u + 1], c = rotation[u + 2], d = rotation[u + 3], e = rotation[u + 4];
@@ -89,6 +91,7 @@ class Hair {
       }
       mean[0] = a; mean[1] = b; mean[2] = c; mean[3] = d; mean[4] = e; mean[5] = f; mean[6] = g; mean[7] = h; mean[8] = i;
       const u = 9 * faces[n], p = 6 * faces[n], factor = grows ? Math.exp(volume / 3) : 1;
+      for (let k = 0; k < 9; k++) mean[k] = rotation[u + k] + share[n] * (mean[k] - rotation[u + k]);
       if (polarRotation(mean)) for (let k = 0; k < 9; k++) rotation[u + k] = mean[k];
       stretch[p] = stretch[p + 3] = stretch[p + 5] = factor;
       stretch[p + 1] = stretch[p + 2] = stretch[p + 4] = 0;

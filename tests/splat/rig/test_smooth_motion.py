@@ -5,8 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 from surfaces import sphere
 
+from carigs.errors import InputError
 from carigs.splat.rig.rig import build_rig, face_motion, polar_decomposition
-from carigs.splat.rig.smooth_motion import SmoothMotion
+from carigs.splat.rig.smooth_motion import SmoothMotion, share_of_average, smooth_motion_of
 
 
 @pytest.fixture
@@ -66,6 +67,45 @@ def test_neighbours_carry_a_distant_point_to_nearly_the_same_place(scalp):
         place = motion.centre[top] + np.einsum("fij,fj->fi", motion.jacobian[top], offset)
         spreads.append(float(np.linalg.norm(place - place.mean(axis=0), axis=1).max()))
     assert spreads[1] < 0.002 < 0.01 < spreads[0]
+
+
+def test_a_share_of_the_average_turns_between_the_own_rotation_and_the_average(scalp):
+    """Without a share the own rotation stays; half of it lies halfway, whatever the triangle's direction."""
+    rig, inside = scalp
+    posed = rig.vertices * (1 + 0.004 * np.random.default_rng(0).standard_normal((len(rig.vertices), 1)))
+    _, own, stretch, _ = polar_decomposition(rig, posed)
+
+    def turned(value):
+        rotation = own.copy()
+        SmoothMotion(rig, inside, share=np.full(len(inside), value)).apply(rotation, stretch.copy())
+        return Rotation.from_matrix(rotation[inside])
+
+    before, half, average = (turned(value) for value in (0.0, 0.5, 1.0))
+    np.testing.assert_allclose(before.as_matrix(), own[inside], atol=1e-12)
+    np.testing.assert_allclose((half * before.inv()).as_rotvec(), (average * half.inv()).as_rotvec(), atol=2e-3)
+    assert np.median((average * before.inv()).magnitude()) > 0.02
+
+
+def test_long_hair_follows_the_average_and_short_hair_the_skin():
+    share = share_of_average(np.array([0.0, 0.003, 0.015, 0.03, 0.3]))
+    np.testing.assert_allclose(share, [0, 0.01, 0.25, 1, 1])
+
+
+def test_the_smooth_motion_of_a_file_is_the_one_that_was_written(scalp, tmp_path):
+    rig, inside = scalp
+    share = np.random.default_rng(1).random(len(inside))
+    written = SmoothMotion(rig, inside, True, share)
+    posed = rig.vertices * (1 + 0.004 * np.random.default_rng(0).standard_normal((len(rig.vertices), 1)))
+    read = smooth_motion_of(written.as_arrays(), rig, tmp_path / "avatar.npz")
+    np.testing.assert_array_equal(
+        face_motion(rig, posed, read.apply).records, face_motion(rig, posed, written.apply).records
+    )
+    old = {name: array for name, array in written.as_arrays().items() if name != "hair_share"}
+    assert (smooth_motion_of(old, rig, tmp_path / "avatar.npz").share == inside).all()
+    for value in (-0.1, 1.5, np.nan):
+        broken = {**old, "hair_share": np.full(len(inside), value)}
+        with pytest.raises(InputError, match=r"avatar\.npz.*hair_share"):
+            smooth_motion_of(broken, rig, tmp_path / "avatar.npz")
 
 
 def test_an_empty_scalp_changes_nothing(scalp):

@@ -42,7 +42,8 @@ def hairy(grows: bool) -> HeadAvatar:
     avatar = avatar_of(sh_degree=1)
     sequence = avatar.avatar.sequence
     scalp = sequence.head.face_region("scalp")
-    sequence.smooth = SmoothMotion(sequence.rig, scalp, grows)
+    share = np.linspace(0, 1, len(scalp))
+    sequence.smooth = SmoothMotion(sequence.rig, scalp, grows, share)
     return avatar
 
 
