@@ -46,13 +46,13 @@ class RefineTracking(Section, key="train.refine_tracking"):
 
     enabled: bool = False
     """Optimise pose and expression of the training frames along with the surfels."""
-    every: int = option(1, ge=1, le=1000)
-    """Steps from one that may refine to the next; the steps between them take the head as it is."""
-    translation_lr: float = option(2e-5, unit="metres", ge=0, lt=1)
+    until: float = option(0.5, ge=0, le=1)
+    """Share of the training's steps that refine; the surfels of the others settle on a head that stays."""
+    translation_lr: float = option(6e-5, unit="metres", ge=0, lt=1)
     """Learning rate of the translation."""
-    rotation_lr: float = option(2e-4, unit="radians", ge=0, lt=1)
+    rotation_lr: float = option(6e-4, unit="radians", ge=0, lt=1)
     """Learning rate of head, neck, jaw and eye rotations."""
-    expression_lr: float = option(1e-3, ge=0, lt=1)
+    expression_lr: float = option(3e-3, ge=0, lt=1)
     """Learning rate of the expression coefficients."""
 
 

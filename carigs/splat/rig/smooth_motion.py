@@ -28,8 +28,8 @@ RADIUS = 0.03
 """Standard deviation of the average in metres."""
 ANCHORS = 48
 """Most places whose rotation is averaged; triangles interpolate between them."""
-LONG_HAIR = 0.03
-"""Reach of hair in metres from which on its rotation is the average alone."""
+SHORT_HAIR, LONG_HAIR = 0.015, 0.03
+"""Reach of hair in metres up to which it turns with its own triangle, and from which on with the average alone."""
 
 
 def share_of_average(reach: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
@@ -39,9 +39,9 @@ def share_of_average(reach: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         reach: How far their hair reaches, in metres.
 
     Returns:
-        (reach / `LONG_HAIR`)^2, at most 1.
+        0 up to `SHORT_HAIR`, 1 from `LONG_HAIR` on, linear in between.
     """
-    return np.minimum(np.asarray(reach) / LONG_HAIR, 1.0) ** 2
+    return np.clip((np.asarray(reach) - SHORT_HAIR) / (LONG_HAIR - SHORT_HAIR), 0.0, 1.0)
 
 
 class SmoothMotion:

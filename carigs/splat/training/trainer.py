@@ -118,7 +118,7 @@ def _steps_within(
     clock = time.perf_counter if settings.backend in DEVICE_BACKENDS else time.process_time
     step = seconds_per_step(run.step, clock)
     if settings.refine_tracking.enabled:
-        step *= 1 + (REFINEMENT_FACTOR - 1) / settings.refine_tracking.every
+        step *= 1 + (REFINEMENT_FACTOR - 1) * settings.refine_tracking.until
     return max(LEAST_STEPS, int(seconds / step))
 
 

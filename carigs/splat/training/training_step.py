@@ -87,10 +87,11 @@ class StepInputs:
             i: The step.
 
         Returns:
-            Whether it does: in every `train.refine_tracking.every`-th step, if its example is a real frame.
+            Whether it does: before `train.refine_tracking.until`, if its example is a real frame.
         """
         refinement = self.settings.refine_tracking
-        return refinement.enabled and i % refinement.every == 0 and not self.scheduled(i)[0]
+        early = i < refinement.until * self.settings.iterations
+        return refinement.enabled and early and not self.scheduled(i)[0]
 
     def regularizers(self, i: int) -> tuple[bool, bool]:
         """Which regularizers of the images are in the loss of a step.

@@ -36,8 +36,9 @@ def test_gradient_of_the_vertices_is_that_of_finite_differences(ball, by):
         centre, rotation, stretch, _ = polar_decomposition(rig, vertices)
         return float((weights * motion_records(rig, centre, rotation, stretch, np.float64)).sum())
 
-    _, rotation, stretch, sound = polar_decomposition(rig, posed)
-    gradient = vertices_gradient(weights, rig, posed, rotation, stretch, sound)
+    centre, rotation, stretch, sound = polar_decomposition(rig, posed)
+    records = motion_records(rig, centre, rotation, stretch, np.float64)
+    gradient = vertices_gradient(weights, rig, posed, rotation, stretch, sound, records)
     for _ in range(10):
         step = rng.normal(size=posed.shape)
         h = 1e-7 / np.abs(step).max()

@@ -87,8 +87,8 @@ def test_a_share_of_the_average_turns_between_the_own_rotation_and_the_average(s
 
 
 def test_long_hair_follows_the_average_and_short_hair_the_skin():
-    share = share_of_average(np.array([0.0, 0.003, 0.015, 0.03, 0.3]))
-    np.testing.assert_allclose(share, [0, 0.01, 0.25, 1, 1])
+    share = share_of_average(np.array([0.0, 0.015, 0.0225, 0.03, 0.3]))
+    np.testing.assert_allclose(share, [0, 0, 0.5, 1, 1])
 
 
 def test_the_smooth_motion_of_a_file_is_the_one_that_was_written(scalp, tmp_path):

@@ -138,16 +138,16 @@ def test_timesteps_without_training_frames_are_not_refined(capture, sequence):
     assert set(sequence.parameters) - set(trained)
 
 
-@pytest.mark.parametrize("every", [1, 3])
-def test_only_every_nth_step_refines(capture, sequence, tmp_path, every):
+@pytest.mark.parametrize("until", [0.0, 0.5, 1.0])
+def test_only_the_first_steps_refine(capture, sequence, tmp_path, until):
     """The parameters change in these steps and in no other."""
     values = [[sequence.parameters[t].translation for t in sequence.parameters]]
 
     def look(state):
         values.append([sequence.parameters[t].translation for t in sequence.parameters])
 
-    refinement = replace(SETTINGS.refine_tracking, every=every)
+    refinement = replace(SETTINGS.refine_tracking, until=until)
     settings = replace(SETTINGS, iterations=12, refine_tracking=refinement)
     train_surfels(settings, sequence, Supervision(capture), tmp_path / "c", look)
     changed = [not np.array_equal(before, after) for before, after in pairwise(values)]
-    assert changed == [i % every == 0 for i in range(12)]
+    assert changed == [i < 12 * until for i in range(12)]
