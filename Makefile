@@ -5,6 +5,7 @@
 # make lock        the lock and the bill of materials again, after an edit of pyproject.toml
 # make cluster     the tests of docs/clusters.md, in an environment with executors for clusters and an S3 server
 # make audit       known vulnerabilities of what is locked; skipped where their list cannot be reached
+# make docs        the documentation as a site: site/index.html, in an environment with MkDocs
 #
 # make reproduce CORES=8 HYDRA="study=ict"      another study; any Hydra overrides
 
@@ -17,6 +18,8 @@ CYCLONEDX := cyclonedx-bom==7.5.0
 PIP_AUDIT := pip-audit==2.10.1
 CLUSTER := snakemake-executor-plugin-kubernetes==0.5.1 snakemake-executor-plugin-slurm==2.8.0 \
 	snakemake-storage-plugin-s3==0.3.6 moto[server]==5.2.5
+DOCS := mkdocs==1.6.1 mkdocs-material==9.8.2 mkdocs-autorefs==1.4.5 mkdocstrings==1.0.8 mkdocstrings-python==2.0.11 \
+	griffelib==2.4.1 Markdown==3.11.3 pymdown-extensions==13.1.2 Pygments==2.21.0
 CORES ?= 2
 HYDRA ?=
 
@@ -24,7 +27,7 @@ ROOT := $(dir $(abspath $(lastword $(MAKEFILE_LIST))))
 export PATH := $(ROOT).venv/bin:$(PATH)
 unexport PYTHONPATH VIRTUAL_ENV
 
-.PHONY: reproduce test chaos bench lock cluster audit
+.PHONY: reproduce test chaos bench lock cluster audit docs
 .DEFAULT_GOAL := reproduce
 
 reproduce: .venv/installed
@@ -71,6 +74,16 @@ audit: .venv/installed
 	else \
 		echo "audit skipped: $(VULNERABILITIES) cannot be read"; \
 	fi
+
+# Without carigs and what it needs: docstrings are read, never run.
+docs: .venv/docs/installed
+	NO_MKDOCS_2_WARNING=1 .venv/docs/bin/mkdocs build --quiet --strict
+
+.venv/docs/installed: Makefile
+	@test -n "$(PYTHON)" || { echo "the site needs Python 3.11 or 3.12 (make PYTHON=... names one)"; exit 1; }
+	$(PYTHON) -m venv --clear .venv/docs
+	.venv/docs/bin/python -m pip install --quiet $(DOCS)
+	touch $@
 
 # Hashes are checked; bytecode is compiled once, because some machines never write it.
 .venv/installed: requirements.lock pyproject.toml
