@@ -4,7 +4,8 @@
 - CONTRIBUTING.md and CHANGELOG.md become pages. `<!-- site: section "TITLE" of FILE -->` inserts a section of a file.
 - A link to a file outside docs/ becomes a link to its page or its entry in the API reference; else to the repository,
   if pyproject.toml states its address; else it is shown as plain text with the path.
-- Inline code such as `carigs/mesh/curvature.py:gaussian_curvature` becomes a link to the API reference.
+- Inline code such as `carigs/mesh/curvature.py:gaussian_curvature` becomes a link to the API reference, with the name
+  alone. A link whose text is the name of a page's file gets the title of the page.
 
 The sources stay plain Markdown, in which links lead to files.
 """
@@ -122,22 +123,41 @@ def rewrite(markdown: str, source: str, page: str) -> str:
             return f"[{text}][{name}]"
         else:
             return _outside(text, file)
+        if text == posixpath.basename(path) or text == file:
+            text = title(file)
         to = posixpath.relpath(to, posixpath.dirname(page) or ".")
         return f"[{text}]({to}{'#' + anchor if anchor else ''})"
 
     def code(match: re.Match[str]) -> str:
         name = api_name(match[1] + (match[2] or ""), match[3])
-        return f"[{match[0]}][{name}]" if name else match[0]
+        shown = f"`{match[3]}`" if match[3] else match[0]
+        return f"[{shown}][{name}]" if name else match[0]
 
     return _outside_fences(markdown, lambda text: CODE.sub(code, LINK.sub(link, text)))
 
 
-def section(file: str, title: str) -> str:
+@cache
+def title(file: str) -> str:
+    """Title of a Markdown file.
+
+    Args:
+        file: Path in the repository.
+
+    Returns:
+        Its first heading, or the name of the file if it has none.
+    """
+    path = ROOT / file
+    text = path.read_text("utf-8") if path.suffix == ".md" and path.is_file() else ""
+    found = re.search(r"^# (.+)$", text, re.MULTILINE)
+    return found[1] if found else path.name
+
+
+def section(file: str, heading: str) -> str:
     """Take a section out of a Markdown file.
 
     Args:
         file: Path in the repository.
-        title: Heading of the section.
+        heading: Heading of the section.
 
     Returns:
         Its text without the heading.
@@ -146,9 +166,9 @@ def section(file: str, title: str) -> str:
         ValueError: If there is no such section.
     """
     lines = (ROOT / file).read_text("utf-8").splitlines()
-    starts = [i for i, line in enumerate(lines) if re.fullmatch(rf"#+ {re.escape(title)}", line)]
+    starts = [i for i, line in enumerate(lines) if re.fullmatch(rf"#+ {re.escape(heading)}", line)]
     if not starts:
-        raise ValueError(f"{file} has no section {title!r}")
+        raise ValueError(f"{file} has no section {heading!r}")
     level = len(lines[starts[0]].split(" ")[0])
     end = next((i for i in range(starts[0] + 1, len(lines)) if re.match(rf"#{{1,{level}}} ", lines[i])), len(lines))
     return "\n".join(lines[starts[0] + 1 : end]).strip()
