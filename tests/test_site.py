@@ -174,7 +174,7 @@ def test_every_internal_link_and_anchor_leads_somewhere(site):
     broken = []
     for name, page in site.pages.items():
         for link in page.links:
-            if urlsplit(link).scheme or link == "#":
+            if urlsplit(link).scheme:
                 continue
             file, anchor = site.resolve(name, link)
             if not (site.folder / file).is_file() or (
