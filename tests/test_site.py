@@ -49,6 +49,11 @@ FACTS = {
 }
 """Words that a reader of the paper looks for, and how the row of the map of the paper begins."""
 
+OTHER_PROGRAMS = (
+    "KEY: Key 'NAME' not in 'SECTION'; known: ...", "Directory cannot be locked", "FILE: No space left on device",
+)  # fmt: skip
+"""Messages of OmegaConf, Snakemake and the operating system."""
+
 
 def site_hooks():
     """The hooks of MkDocs as a module."""
@@ -113,6 +118,28 @@ def test_the_map_of_the_paper_names_a_function_for_each_fact(row):
     (line,) = [line for line in (DOCS / "paper.md").read_text("utf-8").splitlines() if line.startswith(f"| {row}")]
     names = re.findall(r"`((?:carigs|evaluation)/[\w/]+\.py):([\w.]+)`", line)
     assert any(HOOKS.api_name(file, name).endswith(f".{name}") for file, name in names)
+
+
+def messages() -> list[str]:
+    """The messages of the page on troubleshooting that carigs itself prints."""
+    lines = (DOCS / "troubleshooting.md").read_text("utf-8").splitlines()
+    cells = [line.split(" | ")[0] for line in lines if line.startswith("| `")]
+    return [message for cell in cells for message in re.findall(r"`([^`]+)`", cell) if message not in OTHER_PROGRAMS]
+
+
+@pytest.fixture(scope="module")
+def sources():
+    """All code, with texts that are continued on the next line in one piece."""
+    text = "\n".join(file.read_text("utf-8") for top in HOOKS.PACKAGES for file in sorted((ROOT / top).rglob("*.py")))
+    return re.sub(r'"\s*\n\s*f?"', "", text)
+
+
+@pytest.mark.parametrize("message", messages())
+def test_a_message_of_the_troubleshooting_page_is_in_the_code(message, sources):
+    words = max(re.split(r"\.\.\.|\b[A-Z]+s?\b", message), key=len).strip(" =:;,()").split()
+    length = min(3, len(words))
+    runs = [" ".join(words[i : i + length]) for i in range(len(words) - length + 1)]
+    assert any(run in sources for run in runs)
 
 
 class Page(HTMLParser):
