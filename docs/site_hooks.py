@@ -4,8 +4,9 @@
 - CONTRIBUTING.md and CHANGELOG.md become pages. `<!-- site: section "TITLE" of FILE -->` inserts a section of a file.
 - A link to a file outside docs/ becomes a link to its page or its entry in the API reference; else to the repository,
   if pyproject.toml states its address; else it is shown as plain text with the path.
-- Inline code such as `carigs/mesh/curvature.py:gaussian_curvature` becomes a link to the API reference, with the name
-  alone. A link whose text is the name of a page's file gets the title of the page.
+- A dotted name such as `carigs.mesh.curvature` becomes a link to the API reference.
+- Inline code such as `carigs/mesh/curvature.py:gaussian_curvature` becomes one, too, with the name alone.
+- A link whose text is the name of a page's file gets the title of the page.
 
 The sources stay plain Markdown, in which links lead to files.
 """
@@ -33,6 +34,8 @@ SEARCH_BOOST = {"notebook/": 0.2, "api/": 0.5}
 
 FENCE = re.compile(r"^( *)(```+|~~~+).*?^\1\2[ \t]*$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"(?<!!)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
+ORDERED = re.compile(r"^   (?=\S)", re.MULTILINE)
+NAME = re.compile(r'(?<!">)<code>((?:carigs|evaluation)(?:\.\w+)+)</code>(?!</a>)')
 CODE = re.compile(r"(?<![`\[])`((?:carigs|evaluation)/[\w/]*?)(?:(\.py)(?::([A-Za-z_][\w.]*))?|/)`(?!`|\])")
 SECTION = re.compile(r'<!-- site: section "([^"]+)" of (\S+) -->')
 
@@ -97,6 +100,21 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
     return SECTION.sub(insert, text)
 
 
+def on_page_content(html: str, page: Any, config: Any, files: Any) -> str:
+    """Turn dotted names, such as `carigs.mesh.curvature`, into links to the API reference.
+
+    Args:
+        html: Content of a page.
+        page: The page.
+        config: Configuration of MkDocs.
+        files: Files of the site.
+
+    Returns:
+        The content. Names without an entry in the reference stay as they are.
+    """
+    return NAME.sub(r'<autoref identifier="\1" optional><code>\1</code></autoref>', html)
+
+
 def rewrite(markdown: str, source: str, page: str) -> str:
     """Rewrite the links of a text for the site.
 
@@ -106,7 +124,8 @@ def rewrite(markdown: str, source: str, page: str) -> str:
         page: Page of the site that it is shown on.
 
     Returns:
-        The text with links that work in the site. Fenced code is not changed.
+        The text with links that work in the site, and paragraphs of numbered items indented as Python-Markdown needs
+        it. Fenced code is not changed.
     """
 
     def link(match: re.Match[str]) -> str:
@@ -133,7 +152,7 @@ def rewrite(markdown: str, source: str, page: str) -> str:
         shown = f"`{match[3]}`" if match[3] else match[0]
         return f"[{shown}][{name}]" if name else match[0]
 
-    return _outside_fences(markdown, lambda text: CODE.sub(code, LINK.sub(link, text)))
+    return _outside_fences(markdown, lambda text: CODE.sub(code, LINK.sub(link, ORDERED.sub(" " * 4, text))))
 
 
 @cache
