@@ -34,7 +34,8 @@ SEARCH_BOOST = {"notebook/": 0.2, "api/": 0.5}
 
 FENCE = re.compile(r"^( *)(```+|~~~+).*?^\1\2[ \t]*$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"(?<!!)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^)\s]+)\)")
-ORDERED = re.compile(r"^   (?=\S)", re.MULTILINE)
+CONTINUED = re.compile(r"^   (?=\S)", re.MULTILINE)
+NEXT_ITEM = re.compile(r"^(    \S.*\n)(?=\d+\. )", re.MULTILINE)
 NAME = re.compile(r'(?<!">)<code>((?:carigs|evaluation)(?:\.\w+)+)</code>(?!</a>)')
 CODE = re.compile(r"(?<![`\[])`((?:carigs|evaluation)/[\w/]*?)(?:(\.py)(?::([A-Za-z_][\w.]*))?|/)`(?!`|\])")
 SECTION = re.compile(r'<!-- site: section "([^"]+)" of (\S+) -->')
@@ -124,7 +125,7 @@ def rewrite(markdown: str, source: str, page: str) -> str:
         page: Page of the site that it is shown on.
 
     Returns:
-        The text with links that work in the site, and paragraphs of numbered items indented as Python-Markdown needs
+        The text with links that work in the site, and numbered items indented and separated as Python-Markdown needs
         it. Fenced code is not changed.
     """
 
@@ -152,7 +153,10 @@ def rewrite(markdown: str, source: str, page: str) -> str:
         shown = f"`{match[3]}`" if match[3] else match[0]
         return f"[{shown}][{name}]" if name else match[0]
 
-    return _outside_fences(markdown, lambda text: CODE.sub(code, LINK.sub(link, ORDERED.sub(" " * 4, text))))
+    def lists(text: str) -> str:
+        return NEXT_ITEM.sub("\\1\n", CONTINUED.sub(" " * 4, text))
+
+    return _outside_fences(markdown, lambda text: CODE.sub(code, LINK.sub(link, lists(text))))
 
 
 @cache

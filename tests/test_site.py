@@ -106,9 +106,9 @@ def test_a_link_to_another_file_is_its_path_or_leads_to_the_repository(monkeypat
     assert HOOKS.rewrite(link, "docs/a.md", "a.md") == f"[profile]({address})"
 
 
-def test_what_belongs_to_a_numbered_item_is_indented_by_four():
+def test_a_numbered_item_is_indented_by_four_and_ends_before_a_blank_line():
     text = "1. a\n\n   | b |\n   |---|\n2. c\n"
-    assert HOOKS.rewrite(text, "docs/a.md", "a.md") == "1. a\n\n    | b |\n    |---|\n2. c\n"
+    assert HOOKS.rewrite(text, "docs/a.md", "a.md") == "1. a\n\n    | b |\n    |---|\n\n2. c\n"
 
 
 def test_a_section_ends_with_the_next_heading_and_must_exist():
