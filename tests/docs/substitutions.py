@@ -1,0 +1,65 @@
+"""What a block of the documents is changed to before it is run, so that the documents keep what a user types."""
+
+from __future__ import annotations
+
+import re
+
+STUDY = {
+    "study.variants": "[alternating]",
+    "study.levels": "[0,0.25]",
+    "capture.toy.width": "104",
+    "capture.toy.height": "136",
+    "capture.toy.cameras": "4",
+    "capture.toy.steps_per_sequence": "1",
+    "capture.toy.supersampling": "1",
+    "capture.toy.texture_size": "256",
+    "capture.toy.hair_strands": "1000",
+    "train.iterations": "20",
+    "render.orbit_frames": "1",
+    "figures.blend_error_samples": "3",
+    "tabulate.resamples": "20",
+}
+"""Settings of the miniature studies. One that the line of a document has is left out."""
+
+SUBSTITUTIONS = (
+    # what a user types, what runs here: the reason
+    (r"/data/flame2023\.pkl", "{data}/flame2023.npz"),  # FLAME asks for a registration: the ball's head model
+    (r"/data\b", "{data}"),  # the captures of `captures.py`
+    (r"train\.iterations=\d+,[\d,]+", "train.iterations=20,30"),  # minutes of training
+    (r"train\.iterations=\d+(?![\d,])", "train.iterations=20"),
+    (r"carigs (run|sweep)\b", r"carigs \1 {study}"),  # a small toy, one variant, two levels
+    (r"carigs export\b(?!.*\.html)", "carigs export --size 48 --seconds 0.2"),  # seconds of rendering
+)
+"""Pairs of a regular expression and its replacement, applied one after the other. `{data}` is a folder, `{study}` the
+settings of `STUDY`."""
+
+ONLY_PLANNED = (
+    # document, command: why it is a dry run here
+    ("README.md", "carigs run study=own"),  # docs/tutorials/own-capture.md runs the same command
+    ("docs/tutorials/toy.md", "carigs run gamma=0.35"),  # the same stages as the run before
+)
+"""Commands whose jobs are planned and not made, to save time."""
+
+
+def substituted(script: str, document: str, data: str) -> str:
+    """The script that is run in place of one of a document.
+
+    Args:
+        script: Text of the block.
+        document: Path of the document below the root.
+        data: Folder with the captures, which the documents call `/data`.
+
+    Returns:
+        The script.
+    """
+    return "".join(_substituted_line(line, document, data) for line in script.splitlines(True))
+
+
+def _substituted_line(line: str, document: str, data: str) -> str:
+    for where, command in ONLY_PLANNED:
+        if where == document and line.startswith(command):
+            line = line.replace("carigs run", "carigs run --dry-run", 1)
+    study = " ".join(f"{key}={value}" for key, value in STUDY.items() if f"{key}=" not in line)
+    for pattern, replacement in SUBSTITUTIONS:
+        line = re.sub(pattern, replacement.replace("{data}", data).replace("{study}", study), line)
+    return line
