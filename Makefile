@@ -2,6 +2,7 @@
 # make test        every check that needs neither a GPU nor network weights
 # make chaos       a study under 106 kills and other disturbances: half an hour
 # make bench       what the parts cost: results/benchmark and docs/benchmarks.md; leave the machine alone meanwhile
+# make gallery     every picture of the documents whose data are there; trains the toy, and ict_s1 with CARIGS_DATA
 # make lock        the lock and the bill of materials again, after an edit of pyproject.toml
 # make cluster     the tests of docs/clusters.md, in an environment with executors for clusters and an S3 server
 # make audit       known vulnerabilities of what is locked; skipped where their list cannot be reached
@@ -47,6 +48,10 @@ bench: .venv/installed
 	snakemake --cores 1 -- benchmark
 	cp results/benchmark/benchmarks.md docs/
 	cp results/benchmark/images/*.png docs/images/
+
+.PHONY: gallery
+gallery: .venv/installed
+	python -m evaluation.figures.make_gallery docs/images/commands.toml $(PICTURES)
 
 lock: .venv/installed
 	uv pip compile --quiet --no-header --universal --python-version 3.11 --generate-hashes --extra dev --extra diffusion --extra cuda --extra viewer pyproject.toml --output-file requirements.lock
