@@ -57,7 +57,11 @@ def test_commands_run_once_and_pictures_without_their_data_are_left(tmp_path, mo
     ]
     assert make_pictures(pictures)
     assert (tmp_path / "runs").read_text() == "run\n"
-    assert [Image.open(file).size for file in ("a.webp", "b.png")] == [(20, 10), (40, 20)]
+    sizes = []
+    for file in ("a.webp", "b.png"):
+        with Image.open(file) as image:
+            sizes.append(image.size)
+    assert sizes == [(20, 10), (40, 20)]
     assert not (tmp_path / "c.png").exists()
     lines = capsys.readouterr().out.splitlines()
     assert lines[:2] == ["a.webp: made", "b.png: made"]
@@ -83,5 +87,7 @@ def test_a_wrong_entry_names_the_list(entry, tmp_path):
 def test_a_converted_picture_keeps_its_colours(tmp_path):
     Image.new("RGBA", (30, 30), (255, 0, 0, 255)).save(tmp_path / "red.png")
     convert(tmp_path / "red.png", tmp_path / "red.webp", 10)
-    red, green, blue = Image.open(tmp_path / "red.webp").convert("RGB").getpixel((5, 5))
+    with Image.open(tmp_path / "red.webp") as image:
+        red, green, blue = image.convert("RGB").getpixel((5, 5))
+        assert image.size == (10, 10)
     assert red > 240 and max(green, blue) < 15
