@@ -11,7 +11,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import pytest
 from docs.blocks import DOCUMENTS, LANGUAGES, ROOT, SHELL, Block, command_lines, parse_blocks, read_blocks
 from docs.captures import write_captures, write_mesh_with_regions
@@ -29,6 +28,7 @@ COMMAND_LINES = [
     for words in command_lines(block.script)
     if words[0] in ("carigs", "snakemake")
 ]
+RESULT = re.compile(r"results/[^\s:]+")
 KEPT = 'export -p > "$STATE/variables"; pwd > "$STATE/folder"'
 """End of each script: the next one starts with the variables and in the folder that this one left."""
 
@@ -60,7 +60,6 @@ class Reader:
         document = name_of(block.document)
         if block.language == "python":
             exec(compile(block.text, str(block), "exec"), self.names)
-            plt.close("all")
             return
         script = substituted(block.script, document, str(self.data))
         programs = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
@@ -82,6 +81,27 @@ def test_the_blocks_of_a_document_run_one_after_the_other(document, tmp_path, mo
         if block.language in (*SHELL, "python") and block.reason is None:
             monkeypatch.chdir(reader.folder)
             reader.run(block)
+    shown = [RESULT.findall(block.text) for block in read_blocks(document) if block.language == "text"]
+    promised = {name for names in shown for name in names if "..." not in name}
+    assert sorted(name for name in promised if not (reader.folder / name).exists()) == []
+
+
+def test_a_reader_stays_in_one_terminal_and_sees_what_fails(tmp_path, monkeypatch):
+    def block(language: str, text: str) -> Block:
+        return Block(ROOT / "README.md", 1, language, text, None)
+
+    reader = Reader(tmp_path)
+    reader.run(block("sh", "export A='1 2'\nmkdir place && cd place\n"))
+    reader.run(block("console", "$ test \"$A\" = '1 2'\nan output\n$ touch here\n"))
+    assert (tmp_path / "home/place/here").exists()
+    monkeypatch.chdir(reader.folder)
+    reader.run(block("python", "from pathlib import Path\nplace = Path('here')\n"))
+    reader.run(block("python", "assert place.exists()\n"))
+    for text in ("false\ntrue\n", "false | true\n", "carigs walk\n", 'test "$B"\n'):
+        with pytest.raises(AssertionError, match=r"README\.md:1"):
+            reader.run(block("sh", text))
+    with pytest.raises(NameError):
+        reader.run(block("python", "elsewhere"))
 
 
 def test_every_document_has_blocks_that_run():
