@@ -125,7 +125,14 @@ def convert(source: Path, target: Path, width: int | None) -> None:
 
 
 def main() -> bool:
-    """Make the pictures; a true result is a failure."""
+    """Make the pictures.
+
+    Returns:
+        Whether a command failed.
+
+    Raises:
+        InputError: If no picture has a given name.
+    """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("list", type=Path, help="the list of pictures")
     parser.add_argument("names", nargs="*", metavar="NAME", help="names of pictures (default: all)")
