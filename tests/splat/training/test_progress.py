@@ -5,7 +5,7 @@ import re
 import pytest
 
 from carigs.splat.training import progress as module
-from carigs.splat.training.progress import progress
+from carigs.splat.training.progress import RecentRate, progress
 
 
 @pytest.fixture
@@ -44,3 +44,22 @@ def test_a_short_loop_has_no_rate(clock, capsys):
             clock[0] += 0.1
             report(step, loss=1.0)
     assert capsys.readouterr().err == "train 3/3  loss 1\n"
+
+
+@pytest.mark.parametrize("later", [0.05, 0.2], ids=["faster", "slower"])
+def test_the_time_left_follows_steps_that_become_faster_or_slower(later, clock, capsys):
+    """The first fortieth of the steps takes 0.1 s each, the others another time: within 20 % after a tenth of them."""
+    with progress("train", 4000, every_seconds=0.0) as report:
+        for step in range(1, 4001):
+            clock[0] += 0.1 if step <= 100 else later
+            report(step)
+    lines = capsys.readouterr().err.splitlines()
+    left = float(re.fullmatch(r"train 400/4000  [\d.]+ it/s  (\d+) s left", lines[399]).group(1))
+    assert left == pytest.approx(3600 * later, rel=0.2)
+
+
+def test_few_times_are_kept():
+    rate = RecentRate()
+    for step in range(100_000):
+        rate.add(step * 0.01, step)
+    assert len(rate._kept) < 2100  # 500 s at four a second
