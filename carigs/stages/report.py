@@ -36,6 +36,7 @@ CAPTIONS = {
     "ablation": "all variants of the study at every level",
     "renderings": "the baseline at the highest level, and the method from level 0 to it (figure 5 of the paper)",
     "alternation": "supervision by original frames, by GT* frames, and by both in turn (figures 10 to 12 of the paper)",
+    "hair": "hair at level 0 and at the highest level beside the truth, enlarged",
     "hair_mask": "hair that is masked in GT* frames, and hair that is not (figure 7 of the paper)",
     "local_edits": "one region exaggerated at a time (figure 4 of the paper)",
     "blend_error": "distance between the interpolated and the exactly solved surface by level, in bounding-box "

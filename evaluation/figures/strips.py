@@ -23,6 +23,7 @@ SUPERVISION = {"original only": BASELINE, "GT* only": "gtstar_only", "alternatin
 """Variants of the ablation of alternating supervision, by their name in the paper."""
 NO_HAIR_MASK = ("no_hair_mask", "no_mask")
 """Variants without a mask on hair; the first one of the study is drawn."""
+NO_HAIR = "no hair of the head model is in view"
 
 
 def gamma_strip(file: Path, images: StudyImages, variant: str) -> None:
@@ -109,19 +110,58 @@ def hair_mask(file: Path, images: StudyImages, path: GammaPath, hair_regions: Se
     without = next((variant for variant in NO_HAIR_MASK if variant in images.variants), None)
     if METHOD not in images.variants or without is None:
         return f"it needs the variants {METHOD} and {' or '.join(NO_HAIR_MASK)}"
-    end, subject = images.levels[-1], images.subject
+    end = images.levels[-1]
     rows: dict[str, list[Image | None]] = {"masked": [], without: [], "truth": []}
     for view in images.views:
-        vertices = pose(subject.model, subject.parameters(view[0]), path.at(end))
-        window = hair_window(subject.model, vertices, subject.camera(subject.frame_at[view]), hair_regions)
+        window = _hair_window(images, path, hair_regions, end, view)
         if window is None:
-            return "no hair of the head model is in view"
+            return NO_HAIR
         whole = images.rendered(METHOD, end, view), images.rendered(without, end, view), images.true(end, view)
         for row, image in zip(rows.values(), whole, strict=True):
             row.append(None if image is None else image[window])
     columns = [f"camera {camera}" for _, camera in images.views]
     _write_rows(file, images, rows, columns, f"Hair mask, γ = {end:g}")
     return None
+
+
+def hair(file: Path, images: StudyImages, path: GammaPath, hair_regions: Sequence[str]) -> str | None:
+    """Draw the hair at level 0 and at gamma_f beside the truth, enlarged: outline, fringe and ears.
+
+    Args:
+        file: PNG file to write.
+        images: Images of the subject.
+        path: Caricature path of the subject.
+        hair_regions: Regions of the head model with hair.
+
+    Returns:
+        Why it is left out, if it is.
+    """
+    if METHOD not in images.variants:
+        return f"the study lacks the variant {METHOD}"
+    ends, rows = (images.levels[0], images.levels[-1]), {}
+    for view in images.views:
+        row: list[Image | None] = []
+        for level in ends:
+            window = _hair_window(images, path, hair_regions, level, view)
+            if window is None:
+                return NO_HAIR
+            truth = images.true(level, view)
+            row += [images.rendered(METHOD, level, view)[window], None if truth is None else truth[window]]
+        rows[f"camera {view[1]}"] = row
+    columns = [f"{name}, γ = {level:g}" for level in ends for name in (METHOD, "truth")]
+    known = [j for j in range(len(columns)) if any(row[j] is not None for row in rows.values())]
+    shown = {name: [row[j] for j in known] for name, row in rows.items()}
+    _write_rows(file, images, shown, [columns[j] for j in known], "Hair")
+    return None
+
+
+def _hair_window(
+    images: StudyImages, path: GammaPath, hair_regions: Sequence[str], level: float, view: tuple[int, int]
+) -> tuple[slice, slice] | None:
+    """Rows and columns of a view that show the hair at a level; None if none is in view."""
+    subject = images.subject
+    vertices = pose(subject.model, subject.parameters(view[0]), path.at(level))
+    return hair_window(subject.model, vertices, subject.camera(subject.frame_at[view]), hair_regions)
 
 
 def error_map(image: Image | None, truth: Image | None) -> Image | None:

@@ -22,7 +22,7 @@ from evaluation.figures.blend_error import BlendError, blend_errors
 from evaluation.figures.hair import PROPORTIONS, hair_window
 from evaluation.figures.misregistration import MAX_MASKED, REGIONS, misregistrations
 from evaluation.figures.sheet import write_sheet
-from evaluation.figures.study_images import StudyImages
+from evaluation.figures.study_images import StudyImages, strip_frame
 from evaluation.tables.csv_files import write_csv
 
 
@@ -131,7 +131,7 @@ def test_a_given_caricature_gets_its_strips_and_says_why_there_is_nothing_solved
     figures(Figures(image_height=96), **keywords, path=folder / "given.npz", folder=folder / "given")
     reasons = left_out(folder / "given")
     drawn = {file.stem for file in (folder / "given").glob("*.png")}
-    assert drawn == {"gamma_strip_alternating", "gamma_strip_surfhead", "ablation", "renderings"}
+    assert drawn == {"gamma_strip_alternating", "gamma_strip_surfhead", "ablation", "renderings", "hair"}
     assert set(reasons) == {"alternation", "hair_mask", "local_edits", "blend_error", "misregistration"}
     assert "gtstar_only" in reasons["alternation"] and "no_hair_mask" in reasons["hair_mask"]
     assert "from a file" in reasons["blend_error"]
@@ -139,6 +139,20 @@ def test_a_given_caricature_gets_its_strips_and_says_why_there_is_nothing_solved
     assert (
         read_rgb(folder / "given/ablation.png").shape[1] == read_rgb(folder / "given/gamma_strip_surfhead.png").shape[1]
     )
+
+
+def test_the_hair_is_shown_at_both_levels_without_a_column_for_an_unknown_truth(study):
+    """Renderings are black at level 0 and dark grey at 0.25, whose truth is not known."""
+    folder, keywords = study
+    figures(Figures(image_height=96), **keywords, path=folder / "given.npz", folder=folder / "hair")
+    sheet = read_rgb(folder / "hair/hair.png")
+    subject = Capture.load(folder / "capture.json")
+    views = StudyImages(subject, {}, {}, strip_frame(Figures(), subject), 96).views
+    cells = len(views) * 96 * round(96 * PROPORTIONS)
+    grey, black = ((np.abs(sheet - value).max(axis=2) < 0.003) for value in (0.25, 0.0))
+    assert grey.sum() == pytest.approx(cells, rel=0.05) and black.sum() == pytest.approx(cells, rel=0.1)
+    columns = [np.nonzero(shown)[1].mean() for shown in (black, grey)]
+    assert columns[1] - columns[0] == pytest.approx(2 * 96 * PROPORTIONS, rel=0.1)  # the truth at level 0 is between
 
 
 def test_figures_are_the_same_bytes_again(study):
