@@ -1,0 +1,156 @@
+"""Tables of figures name the commit that they were measured at, and no later commit moves them."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+from docs.blocks import ROOT
+
+pytestmark = pytest.mark.docs
+MEASUREMENTS = {
+    "toy": ["accb12e"],
+    "ict_s1": ["accb12e"],
+    "ict_s7": ["19f591b"],
+    "long_hair": ["19f591b"],
+    "tracking": ["5d2981b"],
+    "hair_stage": ["2b71f39"],
+    "gtstar": ["df35219"],
+    "light": ["c74b82e"],
+    "exaggeration": [],
+    "fitting": [],
+    "check": ["6232e15"],
+    "kernels": ["6ba7be7"],
+    "metrics": ["d691ad4"],
+    "jobs": ["a7c9c32"],
+    "viewer": ["8414454"],
+    "html": ["cc059ed"],
+    "device": ["8c539a2"],
+    "identity": [],
+    "plans": [],
+    "regions": [],
+}
+"""What tables are measured on, with the commits that moved it before commits said so themselves, in their last line."""
+TRAILER = re.compile(r"^Moves-figures: *(.+)$", re.MULTILINE)
+MEASURED = re.compile(r"Measured at commit `([0-9a-f]{7,40})` \(((?:`\w+`(?:, )?)+)\)")
+GENERATED = {
+    "docs/benchmarks.md": ["toy", "exaggeration", "gtstar", "light"],
+    "docs/results/ict/card.md": ["ict_s1"],
+}
+"""What commands wrote that state the commit themselves, as `COMMIT`, and what it was measured on."""
+COMMIT = re.compile(r"^(?:- )?Commit: ([0-9a-f]{40})\.$", re.MULTILINE)
+WITHOUT_FIGURES = {
+    "docs/configuration.md": "ranges of settings",
+    "docs/weights.md": "sizes of files",
+    "docs/paper.md": "settings, and figures of the paper",
+    "docs/results/ict/table.md": "its card states the commit",
+}
+DOCUMENTS = [
+    document
+    for document in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+    if "notebook" not in document.parts and document.relative_to(ROOT).as_posix() not in {*GENERATED, *WITHOUT_FIGURES}
+]
+NUMBER = re.compile(r"[-+−<≤]?\s*\d+\.\d+")
+MANY = 6
+"""Cells with a decimal fraction that make a table one of figures."""
+
+
+def sections(document: Path) -> Iterator[tuple[str, str]]:
+    """The text before the first heading of the second level, and the sections below such headings."""
+    heading = document.name
+    lines: list[str] = []
+    for line in document.read_text("utf-8").splitlines():
+        if line.startswith("## "):
+            yield heading, "\n".join(lines)
+            heading, lines = line[3:], []
+        lines.append(line)
+    yield heading, "\n".join(lines)
+
+
+def has_figures(section: str) -> bool:
+    """Whether a table of the section has many decimal fractions."""
+    cells = [cell for line in section.splitlines() if line.startswith("|") for cell in line.split("|")]
+    return sum(bool(NUMBER.search(cell)) for cell in cells) >= MANY
+
+
+def git(*arguments: str) -> str:
+    done = subprocess.run(["git", "-C", str(ROOT), *arguments], capture_output=True, text=True, check=False)
+    return done.stdout.strip() if done.returncode == 0 else ""
+
+
+@cache
+def history() -> dict[str, int]:
+    """Each commit of the whole history, the oldest first, and its place; empty without the history."""
+    if git("rev-parse", "--is-shallow-repository") != "false":
+        return {}
+    return {commit: i for i, commit in enumerate(git("rev-list", "--reverse", "--topo-order", "HEAD").split())}
+
+
+def full_name(commit: str) -> str:
+    """The full name of a commit of the history, or an empty text."""
+    return next((name for name in history() if name.startswith(commit)), "")
+
+
+@cache
+def moves() -> dict[str, list[str]]:
+    """The commits that moved each measurement."""
+    moved = {name: [full_name(commit) for commit in commits] for name, commits in MEASUREMENTS.items()}
+    for entry in git("log", "--format=%H%n%B%x00").split("\0"):
+        commit, _, message = entry.strip().partition("\n")
+        for names in TRAILER.findall(message):
+            for name in names.split(","):
+                moved.setdefault(name.strip(), []).append(commit)
+    return moved
+
+
+def tables() -> list[tuple[str, str, str, list[str]]]:
+    """Document, section, commit and measurements of each note."""
+    generated = [
+        (document, "", commit, names)
+        for document, names in GENERATED.items()
+        for commit in COMMIT.findall((ROOT / document).read_text("utf-8"))
+    ]
+    return generated + [
+        (document.relative_to(ROOT).as_posix(), heading, commit, re.findall(r"`(\w+)`", names))
+        for document in DOCUMENTS
+        for heading, section in sections(document)
+        for commit, names in MEASURED.findall(section)
+    ]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda file: file.relative_to(ROOT).as_posix())
+def test_tables_of_figures_name_their_commit(document):
+    bare = [heading for heading, section in sections(document) if has_figures(section) and not MEASURED.search(section)]
+    assert bare == []
+
+
+def test_the_notes_are_written_as_the_tests_read_them():
+    written = sum(document.read_text("utf-8").count("Measured at commit") for document in DOCUMENTS)
+    assert len(tables()) - len(GENERATED) == written > 5
+    assert {document for document, *_ in tables()} >= GENERATED.keys()
+    assert {name for *_, names in tables() for name in names} <= MEASUREMENTS.keys()
+
+
+@pytest.mark.skipif(not history(), reason="needs the whole history of the repository")
+def test_commits_that_move_figures_name_known_measurements():
+    assert moves().keys() <= MEASUREMENTS.keys()
+    assert all(all(commits) for commits in moves().values()), "a commit of MEASUREMENTS is not in the history"
+
+
+@pytest.mark.skipif(not history(), reason="needs the whole history of the repository")
+@pytest.mark.parametrize(("document", "heading", "commit", "names"), tables())
+def test_no_later_commit_moves_a_table(document, heading, commit, names):
+    measured = full_name(commit)
+    assert measured, f"{commit} is not a commit of the history"
+    later = {moved[:7]: name for name in names for moved in moves()[name] if not is_ancestor(moved, measured)}
+    assert later == {}, f"{document}, {heading}: measure again"
+
+
+def is_ancestor(commit: str, other: str) -> bool:
+    """Whether a commit is another one or comes before it."""
+    arguments = ["git", "-C", str(ROOT), "merge-base", "--is-ancestor", commit, other]
+    return subprocess.run(arguments, check=False).returncode == 0
