@@ -1,7 +1,7 @@
 """The page of the trade-offs, docs/benchmarks.md, and its figures, from the records of the benchmarks.
 
 Example:
-    python -m evaluation.trade_offs.page results/benchmark/benchmarks.md results/benchmark/{surface,target,training}.csv
+    python -m evaluation.trade_offs.page benchmarks.md results/benchmark/{surface,target,training,splat}.csv
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from evaluation.command_line import run
 from evaluation.tables.document import NO_VALUE, Cell, Document, Table, to_markdown
 from evaluation.tables.metric_records import REGIONS
 from evaluation.trade_offs.curve import ON, Curve, Knob, short_labels
+from evaluation.trade_offs.engine import describe_engine
 from evaluation.trade_offs.figure import draw_trade_offs
 from evaluation.trade_offs.knee import GAIN, TOLERANCE
 from evaluation.trade_offs.knobs import knobs
@@ -82,9 +83,9 @@ def write_page(file: Path, tables: Mapping[str, pd.DataFrame]) -> None:
 
     Args:
         file: Markdown file to write.
-        tables: Records of the benchmarks `surface`, `target` and `training`.
+        tables: Records of the benchmarks `surface`, `target`, `training` and `splat`.
     """
-    lines = [INTRODUCTION, *_presets(tables["training"])]
+    lines = [INTRODUCTION, *_presets(tables["training"]), *describe_engine(tables["splat"])]
     read = [(knob, knob.read(tables)) for knob in knobs()]  # errors come before a figure is written
     for stage, members in groupby(read, key=lambda entry: entry[0].stage):
         shown = list(members)
@@ -201,7 +202,9 @@ def main() -> None:
     """Write the page from the command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("page", type=Path, help="Markdown file to write; figures go into `images` beside it")
-    parser.add_argument("rows", type=Path, nargs="+", help="CSV files of the benchmarks surface, target and training")
+    parser.add_argument(
+        "rows", type=Path, nargs="+", help="CSV files of the benchmarks surface, target, training and splat"
+    )
     arguments = parser.parse_args()
     write_page(arguments.page, read_tables(arguments.rows))
 

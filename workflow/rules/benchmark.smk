@@ -17,13 +17,12 @@ rule benchmark:
         "results/benchmark/capture_index.csv",
         "results/benchmark/image_metric_cost.csv",
         "results/benchmark/metric_cost.csv",
-        "results/benchmark/splat.csv",
         lambda _: "results/benchmark/quality_{study}_{subject[0]}.csv".format(**points(next(iter(studies)))),
 
 
 rule benchmark_page:
     input:
-        rows=expand("results/benchmark/{part}.csv", part=("surface", "target", "training")),
+        rows=expand("results/benchmark/{part}.csv", part=("surface", "target", "training", "splat")),
     output:
         page="results/benchmark/benchmarks.md",
         figures=expand(
