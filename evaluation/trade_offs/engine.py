@@ -27,6 +27,7 @@ def describe_engine(table: pd.DataFrame) -> Iterator[str]:
     yield "## Surfel engine\n"
     yield "`python -m evaluation.benchmarks.splat`: surfels on an ellipsoid that covers half of the image, in random"
     yield "order; in the scene `dense` discs are twice as large, `geometry` also renders depth, normals and distortion."
+    yield "`all kernels` is the sum of the kernels; `with torch around them` is a call through PyTorch's autograd."
     yield "Medians of turns in one process: the vector kernels (`train.backend=cpu`), and the plain loops of the"
     yield "backend `scalar`, or for L1 + SSIM PyTorch. The ratio says how many times as fast the first are; higher is"
     yield "better. Times of one thread are CPU times.\n"
