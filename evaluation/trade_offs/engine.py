@@ -30,7 +30,8 @@ def describe_engine(table: pd.DataFrame) -> Iterator[str]:
     yield "`all kernels` is the sum of the kernels; `with torch around them` is a call through PyTorch's autograd."
     yield "Medians of turns in one process: the vector kernels (`train.backend=cpu`), and the plain loops of the"
     yield "backend `scalar`, or for L1 + SSIM PyTorch. The ratio says how many times as fast the first are; higher is"
-    yield "better. Times of one thread are CPU times.\n"
+    yield "better. Kernels, skinning and colours have CPU times of one thread; `forward and backward`, renderings,"
+    yield "training steps and L1 + SSIM have times on the clock.\n"
     compared = table[table.unit.isin(TIMES) & table.reference.notna()]
     lines = [
         (
