@@ -101,12 +101,17 @@ def test_still_images_are_those_of_the_rasteriser(viewer):
 
 
 def test_clients_have_their_own_values(viewer):
+    def levels():
+        return sorted(p.session.state.values["level"] for p in viewer._panels.values())
+
     one, other = Client(viewer.port), Client(viewer.port)
-    gamma = one.control("gamma")
+    gamma, others_gamma = one.control("gamma"), other.control("gamma")
     one.move(gamma, 0.2)
+    until(lambda: 0.2 in levels())
     other.move(gamma, 0.1)  # of another client: no effect
-    until(lambda: sorted(p.session.state.values["level"] for p in viewer._panels.values())[-1] == 0.2)
-    assert sorted(p.session.state.values["level"] for p in viewer._panels.values()) == [0.0, 0.2]
+    other.move(others_gamma, 0.15)
+    until(lambda: 0.15 in levels())
+    assert levels() == [0.15, 0.2]
     one.close()
 
 
