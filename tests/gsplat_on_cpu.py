@@ -7,10 +7,10 @@ takes the package nerfacc. Both are written here, over the same tile lists. It h
 import sys
 from contextlib import contextmanager
 from types import ModuleType, SimpleNamespace
-from unittest.mock import patch
 
 import numpy as np
 import torch
+from pytest import MonkeyPatch
 
 CAP, THRESHOLD, END = 0.999, 1 / 255, 1e-4
 """Cap and threshold of alpha, and the transmittance at which a pixel is complete, in gsplat 1.5.3."""
@@ -38,10 +38,9 @@ def functions():
 
     nerfacc = ModuleType("nerfacc")
     nerfacc.render_weight_from_alpha, nerfacc.accumulate_along_rays = ray_weights, ray_sums
-    with (
-        patch.dict(sys.modules, {"nerfacc": nerfacc}),
-        patch.object(_wrapper, "rasterize_to_indices_in_range_2dgs", pixel_surfels),
-    ):
+    with MonkeyPatch.context() as patch:  # not `patch.dict`, which would also forget modules imported meanwhile
+        patch.setitem(sys.modules, "nerfacc", nerfacc)
+        patch.setattr(_wrapper, "rasterize_to_indices_in_range_2dgs", pixel_surfels)
         yield SimpleNamespace(
             isect_tiles=isect_tiles,
             isect_offset_encode=_torch_impl._isect_offset_encode,
