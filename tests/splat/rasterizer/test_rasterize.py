@@ -302,6 +302,23 @@ def test_disc_homographies_map_points_of_the_disc():
         assert (reach <= projected.radius[i].numpy() + 1e-2).all() or (projected.radius[i] == 0).all()
 
 
+@pytest.mark.parametrize("angle", np.linspace(0, np.pi, 13))
+def test_thin_surfels_across_tiles_are_drawn_as_by_plain_loops(angle):
+    """To the last pixel: wherever alpha is 1/255 or more."""
+    camera = replace(FRONTAL, fx=300, fy=300, cx=63.3, cy=58.7, width=127, height=120)
+    along = np.array([np.cos(angle), np.sin(angle), 0.3])
+    across = np.cross(along, [0.2, -0.4, 1.0])
+    for thickness in (1e-3, 6e-3, 0.03):
+        arrays = [[[0.01, -0.02, 0.1]], [0.12 * along], [thickness * across], [0.97], [[0.2, 0.5, 0.9]]]
+        arrays = [np.repeat(a, 16, 0) for a in arrays]
+        arrays[3][1:] = 0  # the vector kernels take sixteen
+        images = [rasterize(WorldSurfels(*tensors(arrays)), camera, backend=b).alpha for b in ("cpu", "scalar")]
+        differs = (images[0] - images[1]).abs() > 1e-5
+        # A pixel exactly at the threshold may fall on either side.
+        assert differs.sum() <= 1 and (images[1][differs] < 1.01 / 255).all()
+        assert (images[1] > 0).sum() > 50
+
+
 @pytest.mark.gpu
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
 @pytest.mark.parametrize(
