@@ -66,7 +66,7 @@ class _FaceMotion(torch.autograd.Function):
 
 @kernel
 def motion_parts(inputs, centre, upstream, parts):
-    """Write what each surfel adds to the gradients of records, as `skinning_simd.motion_parts`.
+    """Write what each surfel adds to the gradients of records, as `skinning_simd.skin_and_motion_backward`.
 
     Args:
         inputs: `SkinningInputs`.

@@ -124,29 +124,38 @@ class _Skinning(torch.autograd.Function):
         n = len(upstream.centre)
         shapes = ((n, 3), (n, 4), (n, 2), (n,), (n, 4))
         gradients = AttributeGradients(*(np.empty(shape, upstream.centre.dtype) for shape in shapes))
-        if ctx.vectors:
-            centre = ctx.centre.reshape(-1)
-            skinning_simd.skin_backward(n, flattened(ctx.inputs), centre, flattened(upstream), flattened(gradients))
-        else:
-            skin_scalar_backward(ctx.inputs, ctx.centre, upstream, gradients)
-        d_records = None
+        parts = None
         if ctx.needs_input_grad[5]:
-            d_records = _record_gradients(ctx.inputs, ctx.centre, upstream, ctx.vectors)
+            parts = MotionParts(
+                *(np.empty((n, columns), upstream.centre.dtype) for columns in (4, 3, 3, 3, 3, 3, 3, 3))
+            )
+        _backward(ctx.inputs, ctx.centre, upstream, gradients, parts, ctx.vectors)
+        d_records = None
+        if parts is not None:
+            total = mesh_gradient.sum_of_parts(ctx.inputs.binding, ctx.inputs.neighbours, parts)
+            d_records = torch.from_numpy(total.astype(ctx.inputs.records.dtype))
         return *(torch.from_numpy(g) for g in gradients), d_records, None, None, None, None
 
 
-def _record_gradients(
-    inputs: SkinningInputs, centre: Float[np.ndarray, "n 3"], upstream: SkinnedArrays, vectors: bool
-) -> Float[Tensor, "f 32"]:
-    """Gradient with respect to the records of the motion."""
-    n, dtype = len(centre), centre.dtype
-    parts = MotionParts(*(np.empty((n, columns), dtype) for columns in (4, 3, 3, 3, 3, 3, 3, 3)))
-    if vectors:
-        skinning_simd.motion_parts(n, flattened(inputs), centre.reshape(-1), flattened(upstream), flattened(parts))
+def _backward(
+    inputs: SkinningInputs,
+    centre: Float[np.ndarray, "n 3"],
+    upstream: SkinnedArrays,
+    gradients: AttributeGradients,
+    parts: MotionParts | None,
+    vectors: bool,
+) -> None:
+    """Write the gradients of the surfels and, unless it is None, what each adds to those of the motion's records."""
+    if not vectors:
+        skin_scalar_backward(inputs, centre, upstream, gradients)
+        if parts is not None:
+            mesh_gradient.motion_parts(inputs, centre, upstream, parts)
+        return
+    arguments = (len(centre), flattened(inputs), centre.reshape(-1), flattened(upstream), flattened(gradients))
+    if parts is None:
+        skinning_simd.skin_backward(*arguments)
     else:
-        mesh_gradient.motion_parts(inputs, centre, upstream, parts)
-    total = mesh_gradient.sum_of_parts(inputs.binding, inputs.neighbours, parts)
-    return torch.from_numpy(total.astype(inputs.records.dtype))
+        skinning_simd.skin_and_motion_backward(*arguments, flattened(parts))
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -94,9 +94,7 @@ def _surfel_gradient(i, inputs, centre, upstream, around):
 
 
 @simd_inline
-def _skin_backward(i, inputs, centre, upstream, gradients, around):
-    align_stack()
-    unchanged, around_it, own, seen = _surfel_gradient(i, inputs, centre, upstream, around)
+def _store_gradients(i, inputs, upstream, gradients, unchanged, around_it, own, torque):
     faces, sigmoids, inverse_sum, blend = around_it
     dx, dq, ds, h, y = own
     zero, opacity = broadcast(np.float32(0)), jbs.sigmoid(load(inputs.logit, i))
@@ -107,16 +105,14 @@ def _skin_backward(i, inputs, centre, upstream, gradients, around):
     store(gradients.logit, i, select(unchanged, zero, logit))
     db = (zero, zero, zero, zero)
     if inputs.blended:
-        d_w, d_p = backward.motion_gradient(blend, h, y, seen[1])
+        d_w, d_p = backward.motion_gradient(blend, h, y, torque)
         db = backward.blend_gradient(sigmoids, inverse_sum, d_w, d_p, faces)
     store4(gradients.blend, 4 * i, _select(unchanged, zero, db))
 
 
 @simd_inline
-def _motion_parts(i, inputs, centre, upstream, parts, around):
-    align_stack()
-    unchanged, around_it, own, seen = _surfel_gradient(i, inputs, centre, upstream, around)
-    blend, (_dx, _dq, _ds, h, y), (up_x, torque, view, up_d) = around_it[3], own, seen
+def _store_motion_parts(i, inputs, parts, unchanged, blend, own, seen):
+    (_dx, _dq, _ds, h, y), (up_x, torque, view, up_d) = own, seen
     v, w, _p, (a, b, _c), _q = blend
     zero = broadcast(np.float32(0))
     dw, dp = backward.motion_gradient(blend, h, y, torque)
@@ -131,6 +127,21 @@ def _motion_parts(i, inputs, centre, upstream, parts, around):
     store3(parts.rotation_y, 3 * i, _select(unchanged, zero, add(rows[1], multiply(view[1], turned))))
     store3(parts.rotation_z, 3 * i, _select(unchanged, zero, add(rows[2], multiply(view[2], turned))))
     store3(parts.turn, 3 * i, _select(unchanged, zero, dw))
+
+
+@simd_inline
+def _skin_backward(i, inputs, centre, upstream, gradients, around):
+    align_stack()
+    unchanged, around_it, own, seen = _surfel_gradient(i, inputs, centre, upstream, around)
+    _store_gradients(i, inputs, upstream, gradients, unchanged, around_it, own, seen[1])
+
+
+@simd_inline
+def _skin_and_motion_backward(i, inputs, centre, upstream, gradients, parts, around):
+    align_stack()
+    unchanged, around_it, own, seen = _surfel_gradient(i, inputs, centre, upstream, around)
+    _store_gradients(i, inputs, upstream, gradients, unchanged, around_it, own, seen[1])
+    _store_motion_parts(i, inputs, parts, unchanged, around_it[3], own, seen)
 
 
 @simd_inline_alloc
@@ -165,14 +176,15 @@ def skin_backward(count, inputs, centre, upstream, gradients):
 
 
 @kernel
-def motion_parts(count, inputs, centre, upstream, parts):
-    """Write what each surfel adds to the gradients of the records, as `mesh_gradient.motion_parts`, on flat arrays.
+def skin_and_motion_backward(count, inputs, centre, upstream, gradients, parts):
+    """`skin_backward`, and what each surfel adds to the gradients of the records, as `mesh_gradient.motion_parts`.
 
     Args:
         count: Number of surfels, at least sixteen.
         inputs: `SkinningInputs` of flat float32 arrays.
         centre: World centres that `skin` wrote, flat.
         upstream: `SkinnedArrays` of gradients, flat.
+        gradients: `AttributeGradients` of flat arrays to write.
         parts: `MotionParts` of flat arrays to write.
     """
-    parallel_for_vectors(_motion_parts, count, (inputs, centre, upstream, parts), _around)
+    parallel_for_vectors(_skin_and_motion_backward, count, (inputs, centre, upstream, gradients, parts), _around)

@@ -19,6 +19,7 @@ from carigs.head import HeadModel, HeadParameters
 from carigs.settings import RefineTracking
 from carigs.splat.rig.face_motion import FaceMotion
 from carigs.splat.rig.head_sequence import HeadSequence
+from carigs.splat.rig.linear_blend import linear_blend_skinning
 from carigs.splat.rig.mesh_gradient import differentiable_face_motion
 from carigs.splat.training.adam import Adam
 
@@ -67,13 +68,13 @@ class DifferentiableHead:
         self.used = np.flatnonzero(model.expression_basis.any(axis=(0, 1)))
         """Expression coefficients that move anything."""
         columns = model.num_identity + self.used
-        self.template, self.expressions, self.joint_template, self.joint_basis = map(
+        self.template, self.joint_template, self.joint_basis, self.joint_regressor, self.weights = map(
             _tensor,
-            (model.v_template, model.shapedirs[:, :, columns], model.joint_template, model.joint_basis[:, :, columns]),
-        )
-        self.posedirs, self.joint_regressor, self.weights = map(
-            _tensor, (model.posedirs, model.joint_regressor, model.weights)
-        )
+            (model.v_template, model.joint_template, model.joint_basis[:, :, columns], model.joint_regressor,
+             model.weights),
+        )  # fmt: skip
+        # One row for each blendshape: products with the rows of (v, 3, b) take twice as long.
+        self.expressions, self.posedirs = map(_rows, (model.shapedirs[:, :, columns], model.posedirs))
         self.parents = model.parents
         self.has_posedirs = bool(model.posedirs.any())
 
@@ -87,7 +88,7 @@ class DifferentiableHead:
             World vertices in metres.
         """
         value = {name: row[0].double() for name, row in parameters.attributes()}
-        shaped = self.template + self.expressions @ value["expression"]
+        shaped = self.template + (self.expressions.T @ value["expression"]).reshape(-1, 3)
         joints = self.joint_template + self.joint_basis @ value["expression"]
         if parameters.offset is not None:
             shaped = shaped + parameters.offset
@@ -95,8 +96,8 @@ class DifferentiableHead:
         local = _rotation_matrices(torch.cat([value["rotation"], value["joints"]]).reshape(-1, 3))
         corrected = shaped
         if self.has_posedirs:
-            last = local[len(local) - self.posedirs.shape[2] // 9 :]
-            corrected = shaped + self.posedirs @ (last - torch.eye(3, dtype=torch.float64)).reshape(-1)
+            last = local[len(local) - len(self.posedirs) // 9 :] - torch.eye(3, dtype=torch.float64)
+            corrected = shaped + (self.posedirs.T @ last.reshape(-1)).reshape(-1, 3)
         # World from joint along the kinematic chain, less the joints' positions at rest.
         rotation, position = [local[0]], [joints[0]]
         for j in range(1, len(joints)):
@@ -105,12 +106,16 @@ class DifferentiableHead:
             position.append(position[parent] + rotation[parent] @ (joints[j] - joints[parent]))
         rotation, position = torch.stack(rotation), torch.stack(position)
         translation = position - torch.einsum("jik,jk->ji", rotation, joints)
-        by_joint = (corrected @ rotation.reshape(-1, 3).T).reshape(len(corrected), -1, 3) + translation
-        return (self.weights[:, :, None] * by_joint).sum(dim=1) + value["translation"]
+        transforms = torch.cat([rotation, translation[:, :, None]], dim=2)
+        return linear_blend_skinning(corrected, transforms, self.weights) + value["translation"]
 
 
 def _tensor(array: np.ndarray) -> Tensor:
     return torch.from_numpy(np.ascontiguousarray(array, np.float64))
+
+
+def _rows(blendshapes: np.ndarray) -> Tensor:
+    return _tensor(blendshapes.reshape(-1, blendshapes.shape[2]).T)
 
 
 def _rotation_matrices(vectors: Float64[Tensor, "n 3"]) -> Float64[Tensor, "n 3 3"]:
