@@ -49,6 +49,7 @@ class HeadSequence:
         self._shades: dict[tuple[int, float], Float32[np.ndarray, "f 3"]] = {}
         self._tracked = dict(self.parameters)
         self._last_caricature: tuple[GammaPath | None, float, Caricature | None] = (None, 0.0, None)
+        self._last_pose: tuple[GammaPath | None, HeadParameters | None, float, np.ndarray | None] = (None, None, 0, None)
 
     def set_parameters(self, timestep: int, parameters: HeadParameters) -> None:
         """Replace the parameters of a timestep and drop its cached motions.
@@ -74,7 +75,12 @@ class HeadSequence:
         return self._pose(self.parameters[timestep], level)
 
     def _pose(self, parameters: HeadParameters, level: float) -> Float[np.ndarray, "v 3"]:
-        return pose(self.head, parameters, self._caricature(level) if level else None)
+        """The posed mesh; the last one is kept, because motion and shading of a frame follow each other."""
+        path, last, last_level, posed = self._last_pose
+        if path is not self.path or last is not parameters or last_level != level:
+            posed = pose(self.head, parameters, self._caricature(level) if level else None)
+            self._last_pose = (self.path, parameters, level, posed)
+        return posed
 
     def _caricature(self, level: float) -> Caricature:
         """The path at a level; the last one is kept, because to interpolate blendshapes takes longer than to pose."""
