@@ -36,6 +36,7 @@ def test_presets_are_relative_to_the_study(study):
                 assert OmegaConf.select(changed, key) == OmegaConf.select(own, key)
 
 
+@pytest.mark.slow
 @many_compositions
 @pytest.mark.parametrize("preset", known("preset"))
 def test_a_preset_and_a_variant_change_different_settings(preset):
