@@ -34,6 +34,7 @@ TRAILER = re.compile(r"^Moves-figures: *(.+)$", re.MULTILINE)
 MEASURED = re.compile(r"Measured at commit `([0-9a-f]{7,40})` \(((?:`\w+`(?:, )?)+)\)")
 GENERATED = {
     "docs/benchmarks.md": ["toy", "exaggeration", "gtstar", "light", "kernels"],
+    "docs/results/toy/card.md": ["toy"],
     "docs/results/ict/card.md": ["ict_s1"],
 }
 """What commands wrote that state the commit themselves, as `COMMIT`, and what it was measured on."""
@@ -42,6 +43,7 @@ WITHOUT_FIGURES = {
     "docs/configuration.md": "ranges of settings",
     "docs/weights.md": "sizes of files",
     "docs/paper.md": "settings, and figures of the paper",
+    "docs/results/toy/table.md": "its card states the commit",
     "docs/results/ict/table.md": "its card states the commit",
 }
 DOCUMENTS = [
