@@ -115,7 +115,7 @@ def _tensor(array: np.ndarray) -> Tensor:
 
 
 def _rows(blendshapes: np.ndarray) -> Tensor:
-    return _tensor(blendshapes.reshape(-1, blendshapes.shape[2]).T)
+    return _tensor(blendshapes.reshape(3 * len(blendshapes), blendshapes.shape[2]).T)
 
 
 def _rotation_matrices(vectors: Float64[Tensor, "n 3"]) -> Float64[Tensor, "n 3 3"]:
