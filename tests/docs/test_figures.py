@@ -36,6 +36,7 @@ GENERATED = {
     "docs/benchmarks.md": ["toy", "exaggeration", "gtstar", "light", "kernels"],
     "docs/results/toy/card.md": ["toy"],
     "docs/results/ict/card.md": ["ict_s1"],
+    "docs/results/ict_s7/card.md": ["ict_s7"],
 }
 """What commands wrote that state the commit themselves, as `COMMIT`, and what it was measured on."""
 COMMIT = re.compile(r"^(?:- )?Commit: ([0-9a-f]{40})\.$", re.MULTILINE)
@@ -45,6 +46,7 @@ WITHOUT_FIGURES = {
     "docs/paper.md": "settings, and figures of the paper",
     "docs/results/toy/table.md": "its card states the commit",
     "docs/results/ict/table.md": "its card states the commit",
+    "docs/results/ict_s7/table.md": "its card states the commit",
 }
 DOCUMENTS = [
     document
