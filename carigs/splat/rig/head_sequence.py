@@ -49,12 +49,7 @@ class HeadSequence:
         self._shades: dict[tuple[int, float], Float32[np.ndarray, "f 3"]] = {}
         self._tracked = dict(self.parameters)
         self._last_caricature: tuple[GammaPath | None, float, Caricature | None] = (None, 0.0, None)
-        self._last_pose: tuple[GammaPath | None, HeadParameters | None, float, np.ndarray | None] = (
-            None,
-            None,
-            0,
-            None,
-        )
+        self._last_pose: tuple[object, object, float, np.ndarray | None] = (None, None, 0.0, None)
 
     def set_parameters(self, timestep: int, parameters: HeadParameters) -> None:
         """Replace the parameters of a timestep and drop its cached motions.
