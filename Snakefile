@@ -25,7 +25,7 @@ onstart:
         # jobs a hundred times a second. On this machine, --cores limits the jobs; --max-jobs-per-timespan has no effect.
         workflow.scheduler.job_rate_limiter = None
         announce_duration(workflow)
-        start_fork_server()
+        start_fork_server(workflow.cores)
         compile_ahead(workflow)
 
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import atexit
 import gc
 import json
+import mmap
 import os
 import selectors
 import signal
@@ -28,13 +29,23 @@ from carigs.run_process import end_with_run_process, name_run_process, run_proce
 
 FORK_SERVER = "CARIGS_FORK_SERVER"
 """Environment variable with the name of the server's socket."""
+CORES = "CARIGS_CORES"
+"""Environment variable with the number of cores that the jobs of a run share."""
 SECONDS_BETWEEN_CHECKS = 0.5
 NUM_STREAMS = 3
 """Standard input, output and error of a job are those of the process that asks for it."""
 
 
-def start_fork_server() -> None:
-    """Start a server for the jobs of this process; it ends soon after this process. Only Linux has one."""
+_running = mmap.mmap(-1, 4)
+"""Number of jobs that run now, in the server; its forks share this page."""
+
+
+def start_fork_server(cores: int) -> None:
+    """Start a server for the jobs of this process; it ends soon after this process. Only Linux has one.
+
+    Args:
+        cores: Number of cores that the jobs share.
+    """
     if not hasattr(os, "pidfd_open"):
         return
     name_run_process()
@@ -46,12 +57,26 @@ def start_fork_server() -> None:
         command = [sys.executable, "-c", f"from carigs.fork_server import _serve; _serve({listener.fileno()})"]
         server = subprocess.Popen(command, pass_fds=[listener.fileno()], stdin=subprocess.DEVNULL)
     atexit.register(_end, server)
-    os.environ[FORK_SERVER] = address
+    os.environ[FORK_SERVER], os.environ[CORES] = address, str(cores)
 
 
 def _end(server: subprocess.Popen) -> None:
     server.terminate()
     server.wait()
+
+
+def share_of_cores() -> int:
+    """Cores of the run for each of the jobs that run now.
+
+    Returns:
+        Number of cores; 1 in a process that is not a fork of a server.
+    """
+    jobs = int.from_bytes(_running[:], sys.byteorder)
+    return max(int(os.environ.get(CORES, 1)) // jobs, 1) if jobs else 1
+
+
+def _count_jobs(change: int) -> None:
+    _running[:] = (int.from_bytes(_running[:], sys.byteorder) + change).to_bytes(4, sys.byteorder)
 
 
 def run_in_fork(function: str, arguments: dict[str, Any]) -> int:
@@ -133,6 +158,7 @@ def _start(accepting: socket.socket, selector: selectors.BaseSelector) -> None:
         return
     modules = os.memfd_create("modules")
     gc.freeze()  # a collection in the fork then writes to none of the pages that both share
+    _count_jobs(+1)
     pid = os.fork()
     if pid == 0:
         for key in list(selector.get_map().values()):
@@ -200,6 +226,7 @@ def _limit_threads(count: str) -> None:
 def _finish(job: _Job, selector: selectors.BaseSelector) -> None:
     """Tell the client the exit code, and import what the job has imported, for the jobs to come."""
     _, status = os.waitpid(job.pid, 0)
+    _count_jobs(-1)
     selector.unregister(job.pidfd)
     os.close(job.pidfd)
     with suppress(KeyError):

@@ -12,7 +12,7 @@ import time
 import psutil
 import pytest
 
-from carigs.fork_server import FORK_SERVER
+from carigs.fork_server import CORES, FORK_SERVER, share_of_cores
 from carigs.run_process import RUN_PROCESS
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="only Linux has a fork server")
@@ -20,7 +20,7 @@ pytestmark = pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="only Linu
 RUN = """
 import subprocess, sys
 from carigs.fork_server import FORK_SERVER, start_fork_server
-start_fork_server()
+start_fork_server(6)  # cores
 import os
 print(os.environ[FORK_SERVER], flush=True)
 sys.stdin.read()
@@ -47,6 +47,11 @@ def folder_of_kernels():
     from numba.core import config
     config.reload_config()
     print(config.CACHE_DIR, flush=True)
+    return 0
+
+def cores():
+    from carigs.fork_server import share_of_cores
+    print(share_of_cores(), flush=True)
     return 0
 
 def fail():
@@ -77,7 +82,7 @@ def environment(tmp_path_factory):
     run = subprocess.Popen(
         [sys.executable, "-c", RUN], env=clean, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )
-    yield {**clean, FORK_SERVER: run.stdout.readline().strip()}
+    yield {**clean, FORK_SERVER: run.stdout.readline().strip(), CORES: "6"}
     run.communicate()
 
 
@@ -94,13 +99,15 @@ def done(environment, function, arguments=None, **options):
     return process.returncode, output, errors, process.pid
 
 
-def gone(pid, seconds=10.0):
+def until(condition, seconds=10.0):
     end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE:
-            return True
+    while not (true := condition()) and time.monotonic() < end:
         time.sleep(0.05)
-    return False
+    return true
+
+
+def gone(pid):
+    return until(lambda: not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE)
 
 
 def test_a_job_has_the_arguments_streams_folder_and_environment_of_its_client(environment, tmp_path):
@@ -129,6 +136,21 @@ def test_exit_codes(environment):
     assert code == 256 - signal.SIGKILL and "memory" in errors
     code, _, errors, _ = done(environment, "fail")
     assert code == 1 and errors.endswith("RuntimeError: a mistake\n")
+
+
+def test_the_jobs_that_run_share_the_cores(environment):
+    assert share_of_cores() == 1  # this process is not a job
+    assert done(environment, "cores")[1] == "6\n"
+    waiting = client(environment, "wait")
+    waiting.stdout.readline()
+    assert done(environment, "cores")[1] == "3\n"
+    job = client(environment, "wait")
+    job.stdout.readline()
+    assert done(environment, "cores")[1] == "2\n"
+    for process in (waiting, job):
+        process.kill()
+        process.communicate()
+    assert until(lambda: done(environment, "cores")[1] == "6\n")
 
 
 def test_a_job_ends_with_its_client(environment):

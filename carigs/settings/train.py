@@ -85,7 +85,8 @@ class Train(Section, key="train"):
     seed: int = option(0, ge=0, le=MAX_SEED)
     """Seed of the order of images and of density control: always `seed`, one of `study.seeds`."""
     threads: int = option(1, ge=1, le=1024)
-    """Threads of the rasterizer; the result does not depend on it."""
+    """Threads of the rasterizer, and cores that the scheduler reserves. On one machine a training also uses cores of
+    the run that no other job uses. The result does not depend on either."""
     gtstar_probability: float = option(0.5, ge=0, le=1)
     """Probability that a step is supervised by a GT* frame: 0 uses real frames only, 1 GT* frames only."""
     num_gtstar_levels: int = option(1, ge=1, le=64)

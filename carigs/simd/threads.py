@@ -5,9 +5,12 @@ from __future__ import annotations
 import torch  # isort: skip
 import numba
 
+from carigs.fork_server import share_of_cores
 from carigs.simd.kernel_cache import announce_compilation
 
 numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
+MOST_THREADS = 8
+"""Most threads that idle cores add up to: the kernels of small images have too little work for more."""
 
 
 def use_threads(count: int) -> None:
@@ -20,3 +23,14 @@ def use_threads(count: int) -> None:
     # Numba first: when it starts its threads, it sets OpenMP's number to all of them, for torch too.
     numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
     torch.set_num_threads(count)
+
+
+def use_idle_cores(least: int) -> None:
+    """Give Numba the cores of the run that no other job uses; a long job calls this again and again.
+
+    Args:
+        least: Number of threads that the job has in any case.
+    """
+    count = min(max(least, min(share_of_cores(), MOST_THREADS)), numba.config.NUMBA_NUM_THREADS)
+    if count != numba.get_num_threads():
+        numba.set_num_threads(count)

@@ -44,7 +44,7 @@ def train(
     if settings.gtstar_probability > 0 and not targets:
         raise SettingsError(f"train.gtstar_probability={settings.gtstar_probability} needs targets, and there are none")
     # torch before numba's threads start: both then share one pool.
-    from carigs.simd.threads import use_threads
+    from carigs.simd.threads import use_idle_cores, use_threads
 
     use_threads(settings.threads)
     from carigs.capture.target_index import SHADING, read_targets
@@ -70,7 +70,9 @@ def train(
         found = load_hair(hair, len(subject.model.faces))
         start = prepare_hair(found, scalp, sequence, settings)
     checkpoint = avatar.with_suffix(".checkpoint")
-    surfels, rows = train_surfels(settings, sequence, supervision, checkpoint, hair=start)
+    surfels, rows = train_surfels(
+        settings, sequence, supervision, checkpoint, lambda _: use_idle_cores(settings.threads), start
+    )
     trained = Avatar(surfels, sequence, settings.rig, settings.rotate_harmonics, subject.background)
     with writing(log) as part, part.open("w", newline="") as stream:
         csv.writer(stream).writerows([COLUMNS, *rows])
