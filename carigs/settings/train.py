@@ -87,8 +87,12 @@ class Train(Section, key="train"):
     threads: int = option(1, ge=1, le=1024)
     """Threads of the rasterizer, and cores that the scheduler reserves. On one machine a training also uses cores of
     the run that no other job uses. The result does not depend on either."""
-    gtstar_probability: float = option(0.5, ge=0, le=1)
-    """Probability that a step is supervised by a GT* frame: 0 uses real frames only, 1 GT* frames only."""
+    gtstar_probability: float = option(0.45, ge=0, le=1)
+    """Probability that a step is supervised by a GT* frame, on average over the steps: 0 uses real frames only, 1 GT*
+    frames only."""
+    gtstar_fall: float = option(0.55, ge=-1, le=1)
+    """How far it falls during the training: from p (1 + fall) to p (1 - fall) for a mean p up to 0.5. Real frames at
+    the end are better for the face, GT* frames at the end for the outline."""
     num_gtstar_levels: int = option(1, ge=1, le=64)
     """Number of levels with GT* frames, evenly spaced up to gamma (1: gamma alone)."""
     mask_flags: tuple[str, ...] = option(DEFAULT_MASK_FLAGS, choices=MASK_FLAGS, choices_name=_FLAGS)
@@ -144,8 +148,11 @@ class Train(Section, key="train"):
     """Learning rate of the other colour coefficients over `colour_lr`."""
     blend_lr: float = option(0.001, ge=0, le=10)
     """Initial learning rate of the skinning weights of `jbs`."""
+    lr_decay: str = option("exponential", choices=("exponential", "cosine"))
+    """How learning rates fall: log-linearly, or along half a period of the cosine (Loshchilov and Hutter 2017). The
+    cosine is better for less than about 2000 steps without density control, and worse otherwise."""
     final_lr_factor: float = option(0.1, gt=0, le=1)
-    """Ratio of last to first learning rate; in between they fall log-linearly."""
+    """Ratio of last to first learning rate."""
     position_final_lr_factor: float = option(0.01, gt=0, le=1)
     """The same for positions."""
     position_limit: float = option(1.0, unit="triangle units", ge=0, le=1e6)

@@ -130,7 +130,9 @@ class _Run:
         self.extent = scene_extent(supervision.capture.cameras)
         probability = settings.gtstar_probability if supervision.targets else 0.0
         frames, targets = supervision.frames, supervision.targets
-        schedule = draw_schedule(settings.iterations, len(frames), len(targets), probability, settings.seed)
+        schedule = draw_schedule(
+            settings.iterations, len(frames), len(targets), probability, settings.seed, fall=settings.gtstar_fall
+        )
         self.inputs = StepInputs(settings, sequence, supervision, hair, schedule)
         self.only_targets = self.inputs.only_targets
         self.work = _step_of(self.inputs)
@@ -218,7 +220,7 @@ def _step_of(inputs: StepInputs) -> TrainingStep:
 
 
 def learning_rates(settings: Train, progress: float) -> dict[str, float]:
-    """Learning rate of every attribute, decayed log-linearly.
+    """Learning rate of every attribute, decayed as `settings.lr_decay` says.
 
     Args:
         settings: `*_lr` are the rates of the first step; `final_lr_factor` (of positions:
@@ -228,9 +230,12 @@ def learning_rates(settings: Train, progress: float) -> dict[str, float]:
     Returns:
         Learning rate by the name of the attribute.
     """
-    decay = settings.final_lr_factor**progress
+    decay, position_decay = (
+        _decay(settings.lr_decay, final, progress)
+        for final in (settings.final_lr_factor, settings.position_final_lr_factor)
+    )
     return {
-        "position": settings.position_lr * settings.position_final_lr_factor**progress,
+        "position": settings.position_lr * position_decay,
         "rotation": settings.rotation_lr * decay,
         "log_scale": settings.scale_lr * decay,
         "opacity": settings.opacity_lr * decay,
@@ -238,3 +243,9 @@ def learning_rates(settings: Train, progress: float) -> dict[str, float]:
         "harmonics": settings.colour_lr * settings.harmonics_lr_factor * decay,
         "blend": settings.blend_lr * decay,
     }
+
+
+def _decay(shape: str, final: float, progress: float) -> float:
+    if shape == "cosine":
+        return final + (1 - final) * 0.5 * (1 + float(np.cos(np.pi * progress)))
+    return final**progress

@@ -337,11 +337,17 @@ def test_an_index_that_is_broken_or_of_another_capture_is_named(subject, tmp_pat
         read_targets(tmp_path / "targets.json", subject[0])
 
 
-def test_learning_rates_decay_to_the_final_factor():
-    settings = Train(iterations=100)
+@pytest.mark.parametrize("shape", ["exponential", "cosine"])
+def test_learning_rates_decay_to_the_final_factor(shape):
+    settings = Train(iterations=100, lr_decay=shape)
     first, last = learning_rates(settings, 0.0), learning_rates(settings, 1.0)
     assert first["position"] == settings.position_lr
     assert last["position"] == pytest.approx(settings.position_lr * settings.position_final_lr_factor)
     assert last["colour"] == pytest.approx(settings.colour_lr * settings.final_lr_factor)
-    middle = learning_rates(Train(), 0.5)["opacity"]
-    assert middle**2 == pytest.approx(first["opacity"] * last["opacity"])
+    rates = np.array([learning_rates(settings, p)["opacity"] for p in np.linspace(0, 1, 101)])
+    assert (np.diff(rates) < 0).all()
+    if shape == "exponential":
+        np.testing.assert_allclose(rates[1:] / rates[:-1], rates[1] / rates[0])
+    else:  # point-symmetric about the middle, flat at both ends
+        np.testing.assert_allclose(rates + rates[::-1], first["opacity"] + last["opacity"])
+        assert rates[0] - rates[1] < 0.05 * (rates[50] - rates[51])
