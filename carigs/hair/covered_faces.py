@@ -14,7 +14,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from carigs.hair import surface_cells
@@ -94,9 +94,8 @@ def covered_faces(
     colours = np.zeros((count, 3, surface_cells.BINS), np.uint32)
     for view, shown in zip(views, cells, strict=True):
         surface_cells.add_colours(colours, shown, view.image)
-    face_of_cell = np.repeat(np.arange(len(faces)), parts**2)
-    colour = _face_medians(colours, face_of_cell, faces, len(vertices))
-    median = colour[face_of_cell]
+    colour = _face_medians(colours, first, faces, len(vertices))
+    median = np.repeat(colour, parts**2, axis=0)
     enough = colours[:, 0].sum(axis=1) >= MIN_SAMPLES
     for k in range(3):
         median[enough, k] = surface_cells.quantiles(colours[enough, k], 0.5)
@@ -191,19 +190,18 @@ def _cells(view: View, usable: Bool[np.ndarray, " f"], component, first, parts) 
     )  # fmt: skip
 
 
-def _face_medians(colours, face_of_cell, faces, v) -> Float[np.ndarray, "f 3"]:
+def _face_medians(colours, first, faces, v) -> Float[np.ndarray, "f 3"]:
     """Median colour of each triangle and those that share a corner with it."""
-    result = np.empty((len(faces), 3))
-    for k in range(3):
-        of_face = np.zeros((len(faces), surface_cells.BINS), np.uint32)
-        np.add.at(of_face, face_of_cell, colours[:, k])
-        result[:, k] = surface_cells.quantiles(_pooled(of_face, faces, v), 0.5)
-    return result
+    count = len(colours)  # the cells of a triangle follow each other
+    cell_of_face = csr_array((np.ones(count, np.uint32), np.arange(count), np.append(first, count)))
+    of_face = cell_of_face @ colours.reshape(count, -1)
+    medians = [surface_cells.quantiles(_pooled(part, faces, v), 0.5) for part in np.split(of_face, 3, axis=1)]
+    return np.stack(medians, axis=1)
 
 
 def _pooled(histograms: np.ndarray, faces: Int[np.ndarray, "f 3"], v: int) -> np.ndarray:
     """Histogram of each triangle plus those that share a corner, once for each corner."""
-    of_vertex = np.zeros((v, histograms.shape[1]), np.uint32)
-    for corner in faces.T:
-        np.add.at(of_vertex, corner, histograms)
+    ones = np.ones(faces.size, np.uint32)
+    corner_of_vertex = csr_array((ones, (faces.ravel(), np.repeat(np.arange(len(faces)), 3))), shape=(v, len(faces)))
+    of_vertex = corner_of_vertex @ histograms
     return sum(of_vertex[corner] for corner in faces.T)
