@@ -1,7 +1,7 @@
 """Directions of the strands that the stage `hair` has found, drawn over a frame of each subject.
 
 Example:
-    python -m evaluation.figures.strand_directions strands.png toy_long=results/toy/toy_long ict_s7=results/ict/ict_s7
+    python -m evaluation.figures.strand_directions strands.png toy=results/toy/toy ict_s7=results/ict/ict_s7
 """
 
 from __future__ import annotations
