@@ -150,7 +150,7 @@ class Train(Section, key="train"):
     """Initial learning rate of the skinning weights of `jbs`."""
     lr_decay: str = option("exponential", choices=("exponential", "cosine"))
     """How learning rates fall: log-linearly, or along half a period of the cosine (Loshchilov and Hutter 2017). The
-    cosine is better for less than about 2000 steps without density control, and worse otherwise."""
+    cosine is better for up to about 2000 steps and for noisy images, and worse where density control is on."""
     final_lr_factor: float = option(0.1, gt=0, le=1)
     """Ratio of last to first learning rate."""
     position_final_lr_factor: float = option(0.01, gt=0, le=1)
