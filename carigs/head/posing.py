@@ -109,7 +109,7 @@ def pose_frames(
         MeshError: As for `pose`.
     """
     vertices, joints, rotations = unposed_frames(model, frames, caricature)
-    posed = _skin(model, vertices, _joint_transforms(rotations, joints, model.parents))
+    posed = _skin(model, vertices, joint_transforms(rotations, joints, model.parents))
     posed += np.array([parameters.translation for parameters in frames])[:, None]
     return _in_range(posed, "posed")
 
@@ -182,7 +182,7 @@ def posed_changes(
     corrective = np.array([c.blendshape_change(features, first=model.num_expressions) for c in caricatures])
     joints = np.stack([model.joint_regressor.astype(np.float64) @ offset for offset in shaped])
     rotations = np.repeat(rotations, len(caricatures), axis=0)
-    return _skin(model, shaped + corrective, _joint_transforms(rotations, joints, model.parents))
+    return _skin(model, shaped + corrective, joint_transforms(rotations, joints, model.parents))
 
 
 def active_blendshapes(
@@ -224,6 +224,30 @@ def rotation_matrices(rotation_vectors: Float[np.ndarray, "*n 3"]) -> Float[np.n
     # sin(a)/a and (1 - cos a)/a^2 by sinc, which is smooth at 0.
     first, second = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
     return np.eye(3) + first * cross + second * cross @ cross
+
+
+def joint_transforms(
+    rotations: Float[np.ndarray, "t j 3 3"], joints: Float[np.ndarray, "t j 3"], parents: Int[np.ndarray, " j"]
+) -> Float[np.ndarray, "t j 3 4"]:
+    """Rigid transforms of the joints along their kinematic chain.
+
+    Args:
+        rotations: Rotations of the joints relative to their parents.
+        joints: Positions of the joints at rest, in metres.
+        parents: Parent of every joint, before it in the order; -1 for the root.
+
+    Returns:
+        world_from_rest [R | t] of every joint.
+    """
+    world_from_rest = np.zeros((*joints.shape, 4))
+    for j, parent in enumerate(parents):
+        rotation, position = rotations[:, j], joints[:, j, :, None]
+        if parent >= 0:
+            above = world_from_rest[:, parent]
+            rotation, position = above[:, :, :3] @ rotation, above[:, :, :3] @ position + above[:, :, 3:]
+        world_from_rest[:, j, :, :3] = rotation
+        world_from_rest[:, j, :, 3:] = position - rotation @ joints[:, j, :, None]
+    return world_from_rest
 
 
 def _check_sizes(model: HeadModel, parameters: HeadParameters) -> None:
@@ -268,21 +292,6 @@ def _pose_features(model: HeadModel, rotations: Float[np.ndarray, "t j 3 3"]) ->
     corrected = model.posedirs.shape[2] // 9
     last = rotations[:, rotations.shape[1] - corrected :]
     return (last - np.eye(3)).reshape(len(rotations), -1)
-
-
-def _joint_transforms(
-    rotations: Float[np.ndarray, "t j 3 3"], joints: Float[np.ndarray, "t j 3"], parents: Int[np.ndarray, " j"]
-) -> Float[np.ndarray, "t j 3 4"]:
-    """Rigid transforms world_from_rest [R | t] of the joints, along the kinematic chain."""
-    world_from_rest = np.zeros((*joints.shape, 4))
-    for j, parent in enumerate(parents):
-        rotation, position = rotations[:, j], joints[:, j, :, None]
-        if parent >= 0:
-            above = world_from_rest[:, parent]
-            rotation, position = above[:, :, :3] @ rotation, above[:, :, :3] @ position + above[:, :, 3:]
-        world_from_rest[:, j, :, :3] = rotation
-        world_from_rest[:, j, :, 3:] = position - rotation @ joints[:, j, :, None]
-    return world_from_rest
 
 
 def _skin(

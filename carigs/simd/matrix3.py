@@ -140,8 +140,12 @@ def rotation_vector(r):
         w, x, y, z = r[3] - r[1], r[2] + r[6], r[7] + r[5], zz
     if w < 0:
         w, x, y, z = -w, -x, -y, -z
-    length = math.sqrt(x * x + y * y + z * z)
-    factor = 2.0 / w if length < 1e-9 * w else 2.0 * math.atan2(length, w) / length
+    square = x * x + y * y + z * z
+    if square < _SMALL_SQUARE * w * w:
+        factor = 2.0 / w * _series(square / (w * w), _ARCTANGENT)
+    else:
+        length = math.sqrt(square)
+        factor = 2.0 * math.atan2(length, w) / length
     return factor * x, factor * y, factor * z
 
 
@@ -218,6 +222,9 @@ def dot(a, b):
 # 1/1! - q/3! + q^2/5! .., 1/2! - q/4! .., 1/3! - q/5! ..: the first term left out is below 1e-13 for angles up to pi.
 _TERMS = 12
 _A, _B, _C = (tuple((-1) ** k / math.factorial(2 * k + n) for k in range(_TERMS)) for n in (1, 2, 3))
+# atan(t) / t in the square of t; below this square the first term left out is smaller than rounding.
+_ARCTANGENT = tuple((-1) ** k / (2 * k + 1) for k in range(_TERMS))
+_SMALL_SQUARE = 0.05
 
 
 @scalar_or_simd

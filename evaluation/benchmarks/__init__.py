@@ -8,6 +8,7 @@ Programs, each with a CSV file and a plot (`make bench` runs all):
 - `training_trade_offs`: time and PSNR of trainings on the toy over settings and presets (no plot); `toy_training`:
   one training and its PSNR
 - `splat`: the surfel engine beside its scalar reference and torch; `training_speed`: whole training steps
+- `refined_step`: a training step that refines the tracking beside one that does not (no plot)
 - `quality`: PSNR against seconds of training
 - `image_metric_cost`: metrics of rendered images that need no network
 - `metric_cost`: metrics that need networks (no plot)

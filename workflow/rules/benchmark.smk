@@ -3,6 +3,8 @@
 from os import environ
 from pathlib import Path
 
+# Benchmarks that need no input and have no plot.
+parts = ("capture_index", "image_metric_cost", "metric_cost", "refined_step")
 heads = sorted(map(str, Path(environ["CARIGS_DATA"]).glob("meshes/*.obj"))) if "CARIGS_DATA" in environ else []
 
 
@@ -14,9 +16,7 @@ localrules:
 rule benchmark:
     input:
         "results/benchmark/benchmarks.md",
-        "results/benchmark/capture_index.csv",
-        "results/benchmark/image_metric_cost.csv",
-        "results/benchmark/metric_cost.csv",
+        expand("results/benchmark/{part}.csv", part=parts),
         lambda _: "results/benchmark/quality_{study}_{subject[0]}.csv".format(**points(next(iter(studies)))),
 
 
@@ -64,52 +64,22 @@ rule benchmark_quality:
         " > {log:q} 2>&1"
 
 
-rule benchmark_capture_index:
+rule benchmark_part:
     output:
-        rows="results/benchmark/capture_index.csv",
+        rows="results/benchmark/{part}.csv",
     log:
-        "results/benchmark/log/capture_index.log",
-    conda:
-        "../../environment.yml"
-    threads: 64  # Snakemake lowers it to --cores
-    resources:
-        mem_mb=2000,
-    params:
-        code=fingerprint("evaluation.benchmarks.capture_index"),
-    shell:
-        "python -m evaluation.benchmarks.capture_index {output.rows:q} > {log:q} 2>&1"
-
-
-rule benchmark_image_metric_cost:
-    output:
-        rows="results/benchmark/image_metric_cost.csv",
-    log:
-        "results/benchmark/log/image_metric_cost.log",
+        "results/benchmark/log/{part}.log",
+    wildcard_constraints:
+        part="|".join(parts),
     conda:
         "../../environment.yml"
     threads: 64  # Snakemake lowers it to --cores
     resources:
         mem_mb=4000,
     params:
-        code=fingerprint("evaluation.benchmarks.image_metric_cost"),
+        code=lambda wildcards: fingerprint(f"evaluation.benchmarks.{wildcards.part}"),
     shell:
-        "python -m evaluation.benchmarks.image_metric_cost {output.rows:q} > {log:q} 2>&1"
-
-
-rule benchmark_metric_cost:
-    output:
-        rows="results/benchmark/metric_cost.csv",
-    log:
-        "results/benchmark/log/metric_cost.log",
-    conda:
-        "../../environment.yml"
-    threads: 64  # Snakemake lowers it to --cores
-    resources:
-        mem_mb=4000,
-    params:
-        code=fingerprint("evaluation.benchmarks.metric_cost"),
-    shell:
-        "python -m evaluation.benchmarks.metric_cost {output.rows:q} > {log:q} 2>&1"
+        "python -m evaluation.benchmarks.{wildcards.part} {output.rows:q} > {log:q} 2>&1"
 
 
 rule benchmark_splat:

@@ -5,5 +5,6 @@
 - `head_sequence`: `HeadSequence`, `head_sequence`: posed meshes and motions at any timestep and level
 - `skinning`: `jacobian_blend_skinning`, surfels to world coordinates (paper equation 6); loops: `skinning_simd`
 - `jacobian_blend`, `jacobian_blend_backward`: its formulas; `skinning_arguments`: the arguments of its kernels
-- `mesh_gradient`: `differentiable_face_motion`, gradients with respect to the posed mesh
+- `joint_chain`, `linear_blend`, `mesh_gradient`: joints, posed vertices and motion with their gradients, for tracking
+  refinement
 """

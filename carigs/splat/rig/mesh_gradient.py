@@ -60,7 +60,7 @@ class _FaceMotion(torch.autograd.Function):
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, g_records):
-        gradient = vertices_gradient(g_records.double().contiguous().numpy(), *ctx.inputs)
+        gradient = vertices_gradient(g_records.contiguous().numpy(), *ctx.inputs)
         return torch.from_numpy(gradient), None, None
 
 
@@ -186,10 +186,11 @@ def _corner_gradient(f, g_records, torque, faces, inverse_edges, posed, rotation
     for corner in range(3):
         for k in range(3):
             corners[f, corner, k] = g_records[f, CENTRE + k] / 3
-    if not valid[f]:
+    turn, g = read3(torque, f), read6(g_records, f, STRETCH)
+    if not valid[f] or (turn == (0.0, 0.0, 0.0) and g == (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)):  # or not in view
         return
-    u, p, g = matrix3.load(rotation, f), matrix3.load(stretch, f), read6(g_records, f, STRETCH)
-    to_jacobian = _jacobian_gradient(u, p, read3(torque, f), g)
+    u, p = matrix3.load(rotation, f), matrix3.load(stretch, f)
+    to_jacobian = _jacobian_gradient(u, p, turn, g)
     to_edges = matrix3.product(to_jacobian, matrix3.transpose(matrix3.load(inverse_edges, f)))
     i, j, k = read3(faces, f)
     origin = read3(posed, i)
@@ -202,7 +203,7 @@ def _corner_gradient(f, g_records, torque, faces, inverse_edges, posed, rotation
 
 @kernel
 def _corner_gradients(g_records, torque, faces, inverse_edges, posed, rotation, stretch, valid):
-    corners = np.zeros((len(faces), 3, 3))
+    corners = np.empty((len(faces), 3, 3))
     parallel_for(
         _corner_gradient, len(faces),
         (g_records, torque, faces, inverse_edges, posed, rotation, stretch, valid, corners),

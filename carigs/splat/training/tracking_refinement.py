@@ -19,6 +19,7 @@ from carigs.head import HeadModel, HeadParameters
 from carigs.settings import RefineTracking
 from carigs.splat.rig.face_motion import FaceMotion
 from carigs.splat.rig.head_sequence import HeadSequence
+from carigs.splat.rig.joint_chain import joint_chain
 from carigs.splat.rig.linear_blend import linear_blend_skinning
 from carigs.splat.rig.mesh_gradient import differentiable_face_motion
 from carigs.splat.training.adam import Adam
@@ -93,21 +94,12 @@ class DifferentiableHead:
         if parameters.offset is not None:
             shaped = shaped + parameters.offset
             joints = joints + self.joint_regressor @ parameters.offset
-        local = _rotation_matrices(torch.cat([value["rotation"], value["joints"]]).reshape(-1, 3))
-        corrected = shaped
+        vectors = torch.cat([value["rotation"], value["joints"]]).reshape(-1, 3)
+        local, transforms = joint_chain(vectors, joints, self.parents)
         if self.has_posedirs:
             last = local[len(local) - len(self.posedirs) // 9 :] - torch.eye(3, dtype=torch.float64)
-            corrected = shaped + (self.posedirs.T @ last.reshape(-1)).reshape(-1, 3)
-        # World from joint along the kinematic chain, less the joints' positions at rest.
-        rotation, position = [local[0]], [joints[0]]
-        for j in range(1, len(joints)):
-            parent = self.parents[j]
-            rotation.append(rotation[parent] @ local[j])
-            position.append(position[parent] + rotation[parent] @ (joints[j] - joints[parent]))
-        rotation, position = torch.stack(rotation), torch.stack(position)
-        translation = position - torch.einsum("jik,jk->ji", rotation, joints)
-        transforms = torch.cat([rotation, translation[:, :, None]], dim=2)
-        return linear_blend_skinning(corrected, transforms, self.weights) + value["translation"]
+            shaped = shaped + (self.posedirs.T @ last.reshape(-1)).reshape(-1, 3)
+        return linear_blend_skinning(shaped, transforms, self.weights) + value["translation"]
 
 
 def _tensor(array: np.ndarray) -> Tensor:
@@ -116,16 +108,6 @@ def _tensor(array: np.ndarray) -> Tensor:
 
 def _rows(blendshapes: np.ndarray) -> Tensor:
     return _tensor(blendshapes.reshape(3 * len(blendshapes), blendshapes.shape[2]).T)
-
-
-def _rotation_matrices(vectors: Float64[Tensor, "n 3"]) -> Float64[Tensor, "n 3 3"]:
-    """Rodrigues' formula for vectors of any length; the series of `device.skinning.rotation_matrix` end at pi."""
-    x, y, z = vectors.T
-    zero = torch.zeros_like(x)
-    cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], dim=1).reshape(-1, 3, 3)
-    angle = torch.sqrt((vectors**2).sum(dim=1) + 1e-30)[:, None, None]  # a square root of 0 has no gradient
-    sine, versine = torch.sinc(angle / torch.pi), 0.5 * torch.sinc(angle / (2 * torch.pi)) ** 2
-    return torch.eye(3, dtype=vectors.dtype) + sine * cross + versine * (cross @ cross)
 
 
 class TrackingRefinement:

@@ -31,7 +31,7 @@ from carigs.splat.training.training_step import StepInputs, StepResult, Training
 
 DEVICE_BACKENDS = ("torch", "cuda")
 """Backends whose whole step is on a device."""
-REFINEMENT_FACTOR = 1.6
+REFINEMENT_FACTOR = 1.4
 """Time of a step that refines the tracking, over one that does not."""
 COLUMNS = ("iteration", "seconds", "caricature", "loss", "psnr", "surfels", "validation_psnr")
 """Columns of the log: the mean loss since the row before, the PSNR (dB, valid pixels) of the row's own step, and the
