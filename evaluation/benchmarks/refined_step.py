@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
+from unittest.mock import patch
 
 from carigs.capture import Capture
 from carigs.exaggeration import GammaPath
@@ -20,34 +21,44 @@ from carigs.splat.training.checkpoint import TrainingState
 from carigs.splat.training.hair_surfels import prepare_hair
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
+from carigs.splat.training.training_step import StepInputs
 from evaluation.benchmarks.kernel_timing import num_threads
 from evaluation.benchmarks.timing import Measurement, wall_seconds, write_measurements
 from evaluation.benchmarks.toy_frames import write_subject
 from evaluation.command_line import csv_parser, run
 
 SETTINGS = Train(
-    iterations=600,
+    iterations=2000,
     gtstar_probability=0.0,
     density=Density(every=0),
-    refine_tracking=RefineTracking(enabled=True, until=0.5),
+    refine_tracking=RefineTracking(enabled=True),
 )
-"""The first half of the steps refines."""
-RUNS = 4
-WARM_UP = 50
-"""First steps of each half that are not counted: images are read, buffers are allocated."""
+BLOCK = 100
+"""Number of consecutive steps of one kind. The first step with a frame whose head was refined poses it again."""
 
 
-class HalvesTimer:
-    """Observer of a training that times each step.
+class TurnsTimer:
+    """Observer of a training whose blocks of steps refine and do not refine, by turns.
 
     Args:
-        half: Number of steps in the first half.
+        block: Number of steps of a block.
     """
 
-    def __init__(self, half: int) -> None:
-        self.half, self.started = half, wall_seconds()
-        self.refined: list[float] = []
-        self.plain: list[float] = []
+    def __init__(self, block: int) -> None:
+        self.block, self.started = block, wall_seconds()
+        self.seconds: dict[bool, list[float]] = {True: [], False: []}
+        """Time of each step, of those that refine and of the others."""
+
+    def refines(self, i: int) -> bool:
+        """Whether a step refines.
+
+        Args:
+            i: The step.
+
+        Returns:
+            Whether its block does.
+        """
+        return (i // self.block) % 2 == 1
 
     def __call__(self, state: TrainingState) -> None:
         """Take the time of a step.
@@ -55,56 +66,57 @@ class HalvesTimer:
         Args:
             state: State of the training after the step.
         """
-        times = self.refined if state.iteration <= self.half else self.plain
-        times.append(wall_seconds() - self.started)
+        self.seconds[self.refines(state.iteration - 1)].append(wall_seconds() - self.started)
         self.started = wall_seconds()
 
+    def median(self, refines: bool) -> float:
+        """Median time of a step, without the first block: images are read, buffers are allocated.
 
-def measure(folder: Path, toy: Toy, settings: Train, runs: int, warm_up: int) -> Iterator[Measurement]:
-    """Measure with one thread; steps of both kinds alternate in runs of the same training.
+        Args:
+            refines: Kind of the steps.
+
+        Returns:
+            Wall seconds.
+        """
+        return median(self.seconds[refines][self.block :])
+
+
+def measure(folder: Path, toy: Toy, settings: Train, block: int) -> Iterator[Measurement]:
+    """Measure with one thread.
 
     Args:
         folder: Empty folder for the capture.
         toy: Settings of the subject.
-        settings: Settings of the training; half of its steps refine.
-        runs: Number of trainings.
-        warm_up: First steps of each half that are not counted.
+        settings: Settings of the training, at least four blocks of steps.
+        block: Number of consecutive steps of one kind.
 
     Yields:
-        Median times of all trainings, and their ratio.
+        Median times, and their ratio.
     """
     write_subject(folder, toy)
     capture, path = Capture.load(folder / "capture.json"), GammaPath.load(folder / "path.npz")
     found, scalp = find_hair(Hair(), capture), capture.model.face_region(*settings.hair_regions)
-    refined, plain, ratios, case = [], [], [], ""
-    for _ in range(runs):
-        sequence, timer = head_sequence(capture, path), HalvesTimer(settings.iterations // 2)
-        hair, supervision = prepare_hair(found, scalp, sequence, settings), Supervision(capture)
-        with num_threads(1), TemporaryDirectory() as checkpoints:
-            surfels, _ = train_surfels(settings, sequence, supervision, Path(checkpoints) / "c", timer, hair)
-        refined += timer.refined[warm_up:]
-        plain += timer.plain[warm_up:]
-        ratios.append(median(timer.refined[warm_up:]) / median(timer.plain[warm_up:]))
-        case = f"{len(surfels)} surfels, {len(capture.model.faces)} triangles, 1 thread"
-    yield Measurement(case, "step that refines", "ms", 1e3 * median(refined), 1e3 * median(plain))
-    yield Measurement(case, "refines / does not", "1", median(refined) / median(plain))
-    yield Measurement(case, "refines / does not, largest of the trainings", "1", max(ratios))
+    sequence, timer = head_sequence(capture, path), TurnsTimer(block)
+    hair, supervision = prepare_hair(found, scalp, sequence, settings), Supervision(capture)
+    with num_threads(1), patch.object(StepInputs, "refines_tracking", lambda _, i: timer.refines(i)):
+        surfels, _ = train_surfels(settings, sequence, supervision, folder / "checkpoint", timer, hair)
+    case = f"{len(surfels)} surfels, {len(capture.model.faces)} triangles, 1 thread"
+    refined, plain = timer.median(True), timer.median(False)
+    yield Measurement(case, "step that refines", "ms", 1e3 * refined, 1e3 * plain)
+    yield Measurement(case, "refines / does not", "1", refined / plain)
 
 
-def benchmark(
-    file: Path, toy: Toy | None = None, settings: Train = SETTINGS, runs: int = RUNS, warm_up: int = WARM_UP
-) -> None:
+def benchmark(file: Path, toy: Toy | None = None, settings: Train = SETTINGS, block: int = BLOCK) -> None:
     """Measure, and write the records.
 
     Args:
         file: CSV file to write.
         toy: Settings of the subject; None for the defaults.
         settings: Settings of the training.
-        runs: Number of trainings.
-        warm_up: First steps of each half that are not counted.
+        block: Number of consecutive steps of one kind.
     """
     with TemporaryDirectory() as folder:
-        write_measurements(file, measure(Path(folder), toy or Toy(), settings, runs, warm_up))
+        write_measurements(file, measure(Path(folder), toy or Toy(), settings, block))
 
 
 def main() -> None:

@@ -13,10 +13,9 @@ SMALL = Toy(width=48, height=64, cameras=4, steps_per_sequence=1, supersampling=
 
 @pytest.mark.slow
 def test_both_kinds_of_steps_are_timed(tmp_path):
-    benchmark(tmp_path / "step.csv", SMALL, replace(SETTINGS, iterations=24), runs=2, warm_up=4)
+    benchmark(tmp_path / "step.csv", SMALL, replace(SETTINGS, iterations=24), block=4)
     with (tmp_path / "step.csv").open(newline="") as stream:
-        times, ratio, largest = csv.DictReader(stream)
+        times, ratio = csv.DictReader(stream)
     refined, plain = float(times["value"]), float(times["reference"])
     assert refined > 0 and plain > 0
     assert float(ratio["value"]) == pytest.approx(refined / plain)
-    assert float(largest["value"]) > 0
