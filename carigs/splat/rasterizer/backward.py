@@ -48,7 +48,6 @@ def composite_backward(
     compositing: records.Compositing,
     image: Float32[np.ndarray, "planes h w"],
     upstream: Float32[np.ndarray, "upstream_planes h w"],
-    geometry: bool,
     workers: int,
 ) -> Float32[np.ndarray, "pairs 20"]:
     """Gradient of `forward.composite` (scalar reference).
@@ -60,9 +59,8 @@ def composite_backward(
         lists: Depth-sorted surfels of every tile.
         compositing: Image size and constants.
         image: Planes that `composite` returned.
-        upstream: Gradients of the loss with respect to those planes, the first one with respect to alpha = 1 - T; or
-            with respect to the colours alone (3 planes).
-        geometry: Whether `upstream` has planes for depth, normal and distortion.
+        upstream: Gradients of the loss with respect to the first planes, as many as `records` names, the first one with
+            respect to alpha = 1 - T; or with respect to the colours alone (3 planes).
         workers: Number of threads that share the tiles.
 
     Returns:
@@ -72,9 +70,10 @@ def composite_backward(
     surfel_of, slot_of, start, order = lists.surfel, lists.slot, lists.start, lists.order
     width, height, cap, background = compositing
     first = PLANE.red if len(upstream) == 3 else PLANE.transmittance  # plane of the image that upstream begins with
+    num_planes = first + len(upstream)
+    geometry, distortion = num_planes > PLANE.depth, num_planes > PLANE.distortion
     slots = np.empty((surfel_of.size, records.GRADIENT_SIZE), np.float32)
     across = -(-width // TILE_SIZE)
-    num_planes = records.NUM_PLANES if geometry else records.NUM_COLOUR_PLANES
     for worker in numba.prange(workers):
         # Per pixel: upstream gradients, T (negative where complete), S, D_i, and the totals A and D.
         v = np.empty((num_planes, TILE_SIZE, TILE_SIZE), np.float32)
@@ -96,7 +95,7 @@ def composite_backward(
                         v[plane, b, a] = upstream[plane - first, y, x]
                         behind = background if plane < PLANE.depth else ZERO
                         total += v[plane, b, a] * (image[plane, y, x] - behind)
-                    if geometry:
+                    if distortion:
                         total += upstream[PLANE.distortion, y, x] * image[PLANE.distortion, y, x]
                         depth_in_front[b, a] = ZERO
                         a_total[b, a] = ONE - image[PLANE.transmittance, y, x]
@@ -144,16 +143,18 @@ def composite_backward(
                         q = v[PLANE.transmittance, b, a] + matrix3.dot(v_colour, colour)
                         g_colour = add(g_colour, multiply(w, v_colour))
                         if geometry:
-                            in_front = ONE - before
-                            v_depth, v_distortion = v[PLANE.depth, b, a], v[PLANE.distortion, b, a]
+                            v_depth = v[PLANE.depth, b, a]
                             v_normal = (v[PLANE.normal_x, b, a], v[PLANE.normal_y, b, a], v[PLANE.normal_z, b, a])
                             q += v_depth * surfel.depth + matrix3.dot(v_normal, normal)
+                            g_depth += w * v_depth
+                            g_normal = add(g_normal, multiply(w, v_normal))
+                        if distortion:
+                            in_front, v_distortion = ONE - before, v[PLANE.distortion, b, a]
                             q += v_distortion * _distortion_gradient(
                                 surfel.depth, in_front, depth_in_front[b, a], a_total[b, a], d_total[b, a]
                             )
                             depth_in_front[b, a] += w * surfel.depth
-                            g_depth += w * (v_depth + TWO * v_distortion * (TWO * in_front + w - a_total[b, a]))
-                            g_normal = add(g_normal, multiply(w, v_normal))
+                            g_depth += w * TWO * v_distortion * (TWO * in_front + w - a_total[b, a])
                         behind = remainder[b, a] - w * q
                         remainder[b, a] = behind
                         if uncapped > cap:

@@ -26,11 +26,20 @@ from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
 from carigs.splat.rasterizer import surfel_blocks, tile_buffer
 from carigs.splat.rasterizer.binning import TILE_SIZE, TileLists
 from carigs.splat.rasterizer.forward import HALF_LOG2E, ONE, TWO, ZERO
-from carigs.splat.rasterizer.records import GRADIENT_COLUMN, GRADIENT_SIZE, PLANE, Compositing, ProjectedSurfels
+from carigs.splat.rasterizer.records import (
+    GRADIENT_COLUMN,
+    GRADIENT_SIZE,
+    NUM_COLOUR_PLANES,
+    NUM_GEOMETRY_PLANES,
+    NUM_PLANES,
+    PLANE,
+    Compositing,
+    ProjectedSurfels,
+)
 from carigs.splat.rasterizer.tile_buffer import PLANE_SIZE, STRIDE
 
-# Starts of the planes in the buffer: T, the remainder S_i, upstream gradients of alpha, colour and (with geometry)
-# depth, normal, distortion; then D_i and the totals A and D of the distortion.
+# Starts of the planes in the buffer: T, the remainder S_i, upstream gradients of alpha, colour, depth, normal and
+# distortion as far as there are any; then D_i and, for the distortion, the totals A and D.
 STARTS = tuple(plane * PLANE_SIZE for plane in range(14))
 REMAINDER, ALPHA = STARTS[1:3]
 COLOUR, DEPTH, NORMAL = STARTS[3:6], STARTS[6], STARTS[7:10]
@@ -40,13 +49,15 @@ _load, _select = componentwise(load), componentwise(select)
 _store_scalar, _reduce_add = componentwise(store_scalar), componentwise(reduce_add)
 
 
-def _tile_worker(geometry: bool):
+def _tile_worker(num_planes: int):
     """The function that each thread runs: it differentiates one tile after the other until none is left.
 
     Args:
-        geometry: Whether there are gradients with respect to depth, normal and distortion besides the colour.
+        num_planes: Number of planes of the image that have a gradient.
     """
-    size_of_state = (TOTAL_DEPTH if geometry else DEPTH) + PLANE_SIZE  # without geometry DEPTH is scratch space
+    geometry, distortion = num_planes > PLANE.depth, num_planes > PLANE.distortion
+    scratch = ALPHA + num_planes * PLANE_SIZE  # with distortion this is D_i
+    size_of_state = (TOTAL_DEPTH if distortion else scratch) + PLANE_SIZE
 
     @simd_inline
     def fill(state, image, upstream, height, width, left, top, background):
@@ -56,7 +67,6 @@ def _tile_worker(geometry: bool):
         tile_buffer.prefetch_tile(image, pixel, width, height, down)
         tile_buffer.prefetch_tile(upstream, pixel, width, height, down)
         tile_buffer.clear(state, 0, size_of_state)
-        scratch = DEPTH_IN_FRONT if geometry else DEPTH
         first = 1 if upstream.size == 3 * size else 0  # plane of the image that upstream begins with
         for plane in range(first, first + upstream.size // size):  # not a constant: LLVM would unroll the loop
             gradient = ALPHA + plane * PLANE_SIZE
@@ -68,7 +78,7 @@ def _tile_worker(geometry: bool):
             elif plane < PLANE.depth:
                 tile_buffer.subtract(state, scratch, background, ONE)
             tile_buffer.multiply_add(state, REMAINDER, gradient, scratch)
-            if geometry:
+            if distortion:
                 if plane == 0:
                     tile_buffer.copy_plane(state, TOTAL_ALPHA, scratch)
                 if plane == PLANE.depth:
@@ -136,13 +146,15 @@ def _tile_worker(geometry: bool):
                             q = q + v_depth * surfel.depth + v[0] * surfel.normal_x + v[1] * surfel.normal_y
                             q = q + v[2] * surfel.normal_z
                             g_normal = add(g_normal, multiply(w, v))
+                            g_depth += w * v_depth
+                        if distortion:
                             v_spread = load(state, at + DISTORTION) * TWO
                             front = load(state, at + DEPTH_IN_FRONT)
                             total_alpha = load(state, at + TOTAL_ALPHA)
                             in_front = ONE - before
                             change = (surfel.depth * in_front - front) * TWO - surfel.depth * total_alpha
                             q += v_spread * (change + load(state, at + TOTAL_DEPTH))
-                            g_depth += w * (v_depth + v_spread * (in_front * TWO + w - total_alpha))
+                            g_depth += w * v_spread * (in_front * TWO + w - total_alpha)
                             store(state, at + DEPTH_IN_FRONT, front + w * surfel.depth)
                         behind = load(state, at + REMAINDER) - w * q
                         store(state, at + REMAINDER, behind)
@@ -168,7 +180,9 @@ def _tile_worker(geometry: bool):
     return differentiate_tiles
 
 
-_differentiate_tiles_colour, _differentiate_tiles_geometry = _tile_worker(geometry=False), _tile_worker(geometry=True)
+_differentiate_tiles_colour = _tile_worker(NUM_COLOUR_PLANES)
+_differentiate_tiles_geometry = _tile_worker(NUM_GEOMETRY_PLANES)
+_differentiate_tiles_distortion = _tile_worker(NUM_PLANES)
 
 
 # As in `forward_simd`: Numba's cache does not recognize closures over compiled functions.
@@ -182,13 +196,26 @@ def _backward_geometry(workers, *arguments):
     parallel_for(_differentiate_tiles_geometry, workers, arguments)
 
 
+@kernel
+def _backward_distortion(workers, *arguments):
+    parallel_for(_differentiate_tiles_distortion, workers, arguments)
+
+
+_KERNELS = {
+    3: _backward_colour,
+    NUM_COLOUR_PLANES: _backward_colour,
+    NUM_GEOMETRY_PLANES: _backward_geometry,
+    NUM_PLANES: _backward_distortion,
+}
+"""Kernels by the number of planes that have a gradient."""
+
+
 def composite_backward(
     projected: ProjectedSurfels,
     lists: TileLists,
     compositing: Compositing,
     image: Float32[np.ndarray, "planes h w"],
     upstream: Float32[np.ndarray, "upstream_planes h w"],
-    geometry: bool,
     workers: int,
 ) -> Float32[np.ndarray, "pairs 20"]:
     """Gradient of `forward_simd.composite`: as `backward.composite_backward`, to rounding.
@@ -198,9 +225,8 @@ def composite_backward(
         lists: Depth-sorted surfels of every tile.
         compositing: Image size and constants.
         image: Planes that `composite` returned.
-        upstream: Gradients of the loss with respect to those planes, the first one with respect to alpha = 1 - T; or
-            with respect to the colours alone (3 planes).
-        geometry: Whether `upstream` has planes for depth, normal and distortion.
+        upstream: Gradients of the loss with respect to the first planes, as many as `records` names, the first one with
+            respect to alpha = 1 - T; or with respect to the colours alone (3 planes).
         workers: Number of threads; the result does not depend on it.
 
     Returns:
@@ -208,9 +234,6 @@ def composite_backward(
     """
     size = lists.surfel.size * GRADIENT_SIZE
     slots = np.empty(size + WIDTH, np.float32)
-    run = _backward_geometry if geometry else _backward_colour
-    run(
-        workers, flattened(projected), lists, compositing, image.reshape(-1), upstream.reshape(-1), slots,
-        np.zeros(1, np.int64),
-    )  # fmt: skip
+    arguments = flattened(projected), lists, compositing, image.reshape(-1), upstream.reshape(-1), slots
+    _KERNELS[len(upstream)](workers, *arguments, np.zeros(1, np.int64))
     return slots[:size].reshape(-1, GRADIENT_SIZE)

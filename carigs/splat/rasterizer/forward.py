@@ -77,7 +77,7 @@ def composite(
     projected: records.ProjectedSurfels,
     lists: TileLists,
     compositing: records.Compositing,
-    geometry: bool,
+    num_planes: int,
     workers: int,
 ) -> Float32[np.ndarray, "planes h w"]:
     """Composite the surfels of all tiles (scalar reference).
@@ -86,16 +86,15 @@ def composite(
         projected: Records and pixel boxes; colours are relative to the background.
         lists: Depth-sorted surfels of every tile.
         compositing: Image size and constants.
-        geometry: Whether to compute depth, normal and distortion.
+        num_planes: Number of planes to compute: one of those in `records`.
         workers: Number of threads that share the tiles.
 
     Returns:
-        Planes of the image: T, r, g, b and, with `geometry`, depth, normal x, y, z, distortion.
+        The first planes of the image: T, r, g, b; depth, normal x, y, z; distortion.
     """
     record, box, _ = projected
     surfel_of, start, order = lists.surfel, lists.start, lists.order
     width, height, cap, background = compositing
-    num_planes = records.NUM_PLANES if geometry else records.NUM_COLOUR_PLANES
     image = np.empty((num_planes, height, width), np.float32)
     across = -(-width // TILE_SIZE)
     for worker in numba.prange(workers):
@@ -138,10 +137,11 @@ def composite(
                         state[PLANE.red, b, a] += w * surfel.red
                         state[PLANE.green, b, a] += w * surfel.green
                         state[PLANE.blue, b, a] += w * surfel.blue
-                        if geometry:
+                        if num_planes > PLANE.distortion:
                             # The depth plane before this surfel is D_i.
                             in_front = surfel.depth * (ONE - before) - state[PLANE.depth, b, a]
                             state[PLANE.distortion, b, a] += TWO * w * in_front
+                        if num_planes > PLANE.depth:
                             state[PLANE.depth, b, a] += w * surfel.depth
                             state[PLANE.normal_x, b, a] += w * surfel.normal_x
                             state[PLANE.normal_y, b, a] += w * surfel.normal_y

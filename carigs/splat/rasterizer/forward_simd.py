@@ -11,26 +11,34 @@ import numpy as np
 from jaxtyping import Float32
 
 from carigs.simd.kernels import kernel, parallel_for
-from carigs.simd.memory import align_stack, atomic_add, flattened, load, load_scalar, store
+from carigs.simd.memory import align_stack, atomic_add, flattened, load, load_scalar
 from carigs.simd.vector_math import block_columns, block_rows, minimum
 from carigs.simd.vectors import WIDTH, simd_inline_alloc
 from carigs.splat.rasterizer import surfel_blocks, tile_buffer
 from carigs.splat.rasterizer.binning import TILE_SIZE, TileLists
 from carigs.splat.rasterizer.forward import HALF_LOG2E, ONE, TWO, ZERO
-from carigs.splat.rasterizer.records import NUM_COLOUR_PLANES, NUM_PLANES, PLANE, Compositing, Planes, ProjectedSurfels
+from carigs.splat.rasterizer.records import (
+    NUM_COLOUR_PLANES,
+    NUM_GEOMETRY_PLANES,
+    NUM_PLANES,
+    PLANE,
+    Compositing,
+    Planes,
+    ProjectedSurfels,
+)
 from carigs.splat.rasterizer.tile_buffer import PLANE_SIZE, STRIDE
 
 START = Planes(*(plane * PLANE_SIZE for plane in PLANE))
 """Start of each plane in the buffer."""
 
 
-def _tile_worker(geometry: bool):
+def _tile_worker(num_planes: int):
     """The function that each thread runs: it composites one tile after the other until none is left.
 
     Args:
-        geometry: Whether it computes depth, normal and distortion besides the colour.
+        num_planes: Number of planes that it computes.
     """
-    num_planes = NUM_PLANES if geometry else NUM_COLOUR_PLANES
+    geometry, distortion = num_planes > PLANE.depth, num_planes > PLANE.distortion
 
     @simd_inline_alloc
     def composite_tiles(_worker, projected, lists, compositing, image, next_tile):
@@ -66,15 +74,15 @@ def _tile_worker(geometry: bool):
                         tile_buffer.add_to_plane(state, at + START.red, w * surfel.red)
                         tile_buffer.add_to_plane(state, at + START.green, w * surfel.green)
                         tile_buffer.add_to_plane(state, at + START.blue, w * surfel.blue)
+                        if distortion:
+                            # The depth plane before this surfel is D_i.
+                            spread = w * (surfel.depth * (ONE - before) - load(state, at + START.depth)) * TWO
+                            tile_buffer.add_to_plane(state, at + START.distortion, spread)
                         if geometry:
-                            # The depth plane before this surfel is D_i of the distortion.
-                            front = load(state, at + START.depth)
-                            spread = w * (surfel.depth * (ONE - before) - front) * TWO
-                            store(state, at + START.depth, front + w * surfel.depth)
+                            tile_buffer.add_to_plane(state, at + START.depth, w * surfel.depth)
                             tile_buffer.add_to_plane(state, at + START.normal_x, w * surfel.normal_x)
                             tile_buffer.add_to_plane(state, at + START.normal_y, w * surfel.normal_y)
                             tile_buffer.add_to_plane(state, at + START.normal_z, w * surfel.normal_z)
-                            tile_buffer.add_to_plane(state, at + START.distortion, spread)
             for plane in range(image.size // (width * height)):  # not a constant: LLVM would unroll the loop
                 tile_buffer.write_plane(
                     image, (plane * height + top) * width + left, width, min(TILE_SIZE, width - left),
@@ -85,10 +93,12 @@ def _tile_worker(geometry: bool):
     return composite_tiles
 
 
-_composite_tiles_colour, _composite_tiles_geometry = _tile_worker(geometry=False), _tile_worker(geometry=True)
+_composite_tiles_colour = _tile_worker(NUM_COLOUR_PLANES)
+_composite_tiles_geometry = _tile_worker(NUM_GEOMETRY_PLANES)
+_composite_tiles_distortion = _tile_worker(NUM_PLANES)
 
 
-# Two kernels that refer to their tasks by global names: Numba would compile a closure over compiled functions in every
+# Kernels that refer to their tasks by global names: Numba would compile a closure over compiled functions in every
 # process, because its cache does not recognize it.
 @kernel
 def _composite_colour(workers, *arguments):
@@ -100,8 +110,20 @@ def _composite_geometry(workers, *arguments):
     parallel_for(_composite_tiles_geometry, workers, arguments)
 
 
+@kernel
+def _composite_distortion(workers, *arguments):
+    parallel_for(_composite_tiles_distortion, workers, arguments)
+
+
+_KERNELS = {
+    NUM_COLOUR_PLANES: _composite_colour,
+    NUM_GEOMETRY_PLANES: _composite_geometry,
+    NUM_PLANES: _composite_distortion,
+}
+
+
 def composite(
-    projected: ProjectedSurfels, lists: TileLists, compositing: Compositing, geometry: bool, workers: int
+    projected: ProjectedSurfels, lists: TileLists, compositing: Compositing, num_planes: int, workers: int
 ) -> Float32[np.ndarray, "planes h w"]:
     """Composite the surfels of all tiles: as `forward.composite`, to rounding.
 
@@ -109,14 +131,13 @@ def composite(
         projected: Records and pixel boxes; colours are relative to the background.
         lists: Depth-sorted surfels of every tile.
         compositing: Image size and constants.
-        geometry: Whether to compute depth, normal and distortion.
+        num_planes: Number of planes to compute: one of those in `records`.
         workers: Number of threads; the result does not depend on it.
 
     Returns:
-        Planes of the image: T, r, g, b and, with `geometry`, depth, normal x, y, z, distortion.
+        The first planes of the image: T, r, g, b; depth, normal x, y, z; distortion.
     """
-    num_planes = NUM_PLANES if geometry else NUM_COLOUR_PLANES
     image = np.empty((num_planes, compositing.height, compositing.width), np.float32)
-    run = _composite_geometry if geometry else _composite_colour
-    run(workers, flattened(projected), lists, compositing, image.reshape(-1), np.zeros(1, np.int64))
+    arguments = flattened(projected), lists, compositing, image.reshape(-1), np.zeros(1, np.int64)
+    _KERNELS[num_planes](workers, *arguments)
     return image

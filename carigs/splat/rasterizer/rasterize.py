@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 # Before numba starts its threads: both then share one OpenMP pool instead of competing for the cores.
@@ -20,7 +21,15 @@ from carigs.simd.vectors import WIDTH
 from carigs.splat.rasterizer import backward, backward_simd, binning, forward, forward_simd, projection, projection_simd
 from carigs.splat.rasterizer.cuda import rasterize_cuda
 from carigs.splat.rasterizer.interface import OUTPUTS, Rendering, Screen, WorldSurfels
-from carigs.splat.rasterizer.records import PLANE, RECORD_COLUMN, Compositing, Pinhole, SurfelArrays
+from carigs.splat.rasterizer.records import (
+    NUM_COLOUR_PLANES,
+    NUM_GEOMETRY_PLANES,
+    NUM_PLANES,
+    RECORD_COLUMN,
+    Compositing,
+    Pinhole,
+    SurfelArrays,
+)
 from carigs.splat.rasterizer.torch_rasterizer import rasterize_torch
 
 if TYPE_CHECKING:
@@ -61,7 +70,8 @@ def rasterize(
         surfels: Surfels in world space, float32.
         camera: Pinhole camera.
         backend: `cpu`, `scalar`, `torch` or `cuda`.
-        outputs: Names of the images to compute, of OUTPUTS. Without depth, normal and distortion rendering is cheaper.
+        outputs: Names of the images to compute, of OUTPUTS. Rendering is cheaper without distortion,
+            and cheaper still without depth and normal.
         background: Grey value behind the surfels.
         alpha_cap: Upper limit of a surfel's alpha (2DGS and gsplat's main branch: 0.99); `cuda` uses gsplat's own.
 
@@ -113,6 +123,18 @@ def _pinhole(camera: Camera) -> Pinhole:
 _PLANES = {"colour": slice(1, 4), "alpha": 0, "depth": 4, "normal": slice(5, 8), "distortion": 8}
 """Planes of the kernels' images; plane 0 of an image holds the transmittance, of its gradient that of alpha."""
 
+_OUTPUTS_OF_PLANES = {
+    NUM_COLOUR_PLANES: ("alpha", "colour"),
+    NUM_GEOMETRY_PLANES: ("alpha", "colour", "depth", "normal"),
+    NUM_PLANES: OUTPUTS,
+}
+"""Outputs by the number of planes that hold them."""
+
+
+def _num_planes(names: Iterable[str]) -> int:
+    """The smallest number of planes that hold some outputs."""
+    return min(count for count, outputs in _OUTPUTS_OF_PLANES.items() if set(names) <= set(outputs))
+
 
 class _Rasterize(torch.autograd.Function):
     """Autograd function around the kernels. The images are views of one array of planes: nothing is copied."""
@@ -131,8 +153,7 @@ class _Rasterize(torch.autograd.Function):
         lists = binning.tile_lists(
             depth, projected.box, projected.num_tiles, compositing.width, compositing.height, workers
         )
-        geometry = any(name not in ("colour", "alpha") for name in names)
-        image = composite(projected, lists, compositing, geometry, workers)
+        image = composite(projected, lists, compositing, _num_planes(names), workers)
         screen.visible = torch.from_numpy(projected.num_tiles > 0)
         ctx.set_materialize_grads(False)
         ctx.surfels, ctx.camera, ctx.compositing, ctx.names, ctx.screen = surfels, camera, compositing, names, screen
@@ -151,17 +172,15 @@ class _Rasterize(torch.autograd.Function):
             for name, g in zip(ctx.names, image_gradients, strict=True)
             if g is not None
         }
-        # Depth, normal and distortion that no loss term uses are left out of the backward pass, too.
-        geometry = any(name not in ("colour", "alpha") for name in gradients)
         if list(gradients) == ["colour"]:
             upstream = gradients["colour"].contiguous()
         else:
-            num_planes = len(PLANE) if geometry else PLANE.depth
-            upstream = torch.zeros((num_planes, *ctx.image.shape[1:]))
-            for name, gradient in gradients.items():
-                upstream[_PLANES[name]] = gradient
+            # Depth, normal and distortion that no loss term uses are left out of the backward pass, too.
+            upstream = torch.empty((_num_planes(gradients), *ctx.image.shape[1:]))
+            for name in _OUTPUTS_OF_PLANES[len(upstream)]:
+                upstream[_PLANES[name]] = gradients.get(name, 0)
         slots = ctx.composite_backward(
-            ctx.projected, ctx.lists, ctx.compositing, ctx.image, upstream.numpy(), geometry, numba.get_num_threads()
+            ctx.projected, ctx.lists, ctx.compositing, ctx.image, upstream.numpy(), numba.get_num_threads()
         )
         *surfel_gradients, projected_centre = ctx.project_backward(slots, ctx.lists.first_slot, ctx.surfels, ctx.camera)
         ctx.screen.gradient = torch.from_numpy(projected_centre)

@@ -39,8 +39,9 @@ columns  fields                   content
 19       -                        unused
 =======  =======================  ======================================================================================
 
-An **image** consists of planes, numbered by `PLANE`: the transmittance T, the colour and, with geometry, depth, normal
-and distortion. In the gradient of an image the first plane is the derivative with respect to alpha = 1 - T.
+An **image** consists of planes, numbered by `PLANE`: the transmittance T, the colour, depth and normal, the distortion.
+Planes that nobody asks for are left out from the end. In the gradient of an image the first plane is the derivative
+with respect to alpha = 1 - T.
 """
 
 from __future__ import annotations
@@ -65,7 +66,8 @@ RECORD_COLUMN, GRADIENT_COLUMN = SurfelRecord(*range(19)), GradientSlot(*range(1
 RECORD_SIZE = GRADIENT_SIZE = 20
 Planes = namedtuple("Planes", "transmittance red green blue depth normal_x normal_y normal_z distortion")
 PLANE = Planes(*range(9))
-NUM_PLANES, NUM_COLOUR_PLANES = len(PLANE), PLANE.depth
+NUM_COLOUR_PLANES, NUM_GEOMETRY_PLANES, NUM_PLANES = PLANE.depth, PLANE.distortion, len(PLANE)
+"""Planes of an image of colours; with depth and normal; with the distortion, too."""
 
 NEAR_PLANE = 0.01
 """Metres. Surfels with a centre nearer to the camera are culled (as in gsplat)."""
