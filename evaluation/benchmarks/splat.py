@@ -183,7 +183,12 @@ def measurements(sizes: Sizes) -> Iterator[Measurement]:
     """
     camera = portrait(*sizes.image)
     geometry = (*COLOURS, "depth", "normal")
-    scenes = ("normal", 1.0, COLOURS), ("dense", 2.0, COLOURS), ("geometry", 1.0, geometry), ("distortion", 1.0, OUTPUTS)
+    scenes = (
+        ("normal", 1.0, COLOURS),
+        ("dense", 2.0, COLOURS),
+        ("geometry", 1.0, geometry),
+        ("distortion", 1.0, OUTPUTS),
+    )
     for name, spread, outputs in scenes:
         yield from measure_kernels(name, ellipsoid(sizes.surfels, spread=spread), camera, outputs, sizes.repeats)
     yield from measure_loss(*sizes.image, sizes.repeats)
