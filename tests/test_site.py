@@ -13,9 +13,10 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-import chromium
 import pytest
 import yaml
+
+from evaluation.screenshots.chromium import CHROMIUM, Browser
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -260,9 +261,9 @@ def test_the_search_index_has_every_fact_of_the_paper(site, fact):
 
 @pytest.fixture(scope="session")
 def browser(tmp_path_factory):
-    if chromium.CHROMIUM is None:
+    if CHROMIUM is None:
         pytest.skip("no Chromium")
-    started = chromium.Browser(tmp_path_factory.mktemp("profile"))
+    started = Browser(tmp_path_factory.mktemp("profile"))
     yield started
     started.close()
 
@@ -273,7 +274,7 @@ def browser(tmp_path_factory):
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("page", PAGES)
 def test_a_page_fits_its_window_and_shows_its_images(site, browser, page, width):
-    browser.open(site.folder / page, width, 900)
+    browser.open((site.folder / page).as_uri(), width, 900)
     assert browser.value("document.documentElement.scrollWidth") <= browser.value("window.innerWidth")
     broken = "[...document.images].filter(image => image.complete && !image.naturalWidth).map(image => image.src)"
     assert browser.value(broken) == []
@@ -285,7 +286,7 @@ def test_a_page_fits_its_window_and_shows_its_images(site, browser, page, width)
 @pytest.mark.slow
 @pytest.mark.browser
 def test_the_search_works_without_a_server(site, browser):
-    browser.open(site.folder / "index.html", 1400, 900)
+    browser.open((site.folder / "index.html").as_uri(), 1400, 900)
     browser.value(
         "(() => { const field = document.querySelector('input.md-search__input'); field.focus();"
         " field.value = 'visibility mask'; field.dispatchEvent(new Event('input', {bubbles: true}));"

@@ -9,13 +9,14 @@ import pytest
 from avatars import ball_avatar
 
 pytest.importorskip("viser")
-from chromium import CHROMIUM, WEBGL, Browser
 
 from carigs.library import HeadAvatar
 from carigs.viewer.exact_mode import exact_image, page_pose
 from carigs.viewer.scene import HeadScene
 from carigs.viewer.server import Viewer
 from carigs.viewer.subject import Subject
+from evaluation.screenshots.chromium import CHROMIUM, WEBGL, Browser
+from evaluation.screenshots.pages import choose, enter_level
 
 pytestmark = [
     pytest.mark.browser,
@@ -36,12 +37,7 @@ def viewer(tmp_path_factory):
 @pytest.fixture(scope="module")
 def page(viewer, tmp_path_factory):
     browser = Browser(tmp_path_factory.mktemp("profile"), WEBGL)
-    target = browser.call("Target.createTarget", url="about:blank")["targetId"]
-    browser.session = browser.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
-    for domain in ("Network", "Page", "Log", "Runtime"):
-        browser.call(f"{domain}.enable")
-    browser.call("Emulation.setDeviceMetricsOverride", width=WIDTH, height=HEIGHT, deviceScaleFactor=1, mobile=False)
-    browser.call("Page.navigate", url=f"http://127.0.0.1:{viewer.port}/?fixedDpr=1")  # not coarser
+    browser.open(f"http://127.0.0.1:{viewer.port}/?fixedDpr=1", WIDTH, HEIGHT)  # fixedDpr: not coarser
     until(lambda: browser.value(f"{SLIDERS}.length") and viewer.num_clients == 1)
     browser.value("document.querySelector('.mantine-Notification-closeButton')?.click()")  # "software WebGL"
     yield browser
@@ -63,23 +59,9 @@ def session_of(viewer):
 
 def move_gamma(page, viewer, level):
     """Write a level into the field beside the slider."""
-    page.value(f"{SLIDERS}[0].scrollIntoView()")
-    field = f"{SLIDERS}[0].closest('.mantine-Flex-root').querySelector('input[inputmode]')"
-    page.value(f"{field}.focus(), {field}.select()")
-    page.call("Input.insertText", text=f"{level:g}")
+    enter_level(page, level)
     session = session_of(viewer)
     until(lambda: abs(session.state.values["level"] - level) < 1e-6)
-
-
-def choose(page, label, option):
-    """Choose an option of a dropdown."""
-    page.value(
-        f"[...document.querySelectorAll('label')].find(l => l.textContent === '{label}')"
-        ".closest('div').parentElement.querySelector('input').click()"
-    )
-    found = f"[...document.querySelectorAll('[role=option]')].find(o => o.textContent === '{option}')"
-    until(lambda: page.value(f"!!{found}"))
-    page.value(f"{found}.click()")
 
 
 def canvas(page, view):

@@ -11,12 +11,12 @@ import jsonschema
 import numpy as np
 import pandas as pd
 import pytest
-from chromium import CHROMIUM, WEBGL, Browser
 from project import ROOT, Installed, Project, copy_project, shared_kernels
 from viewer.html.shown import Shown
 from workflow.own_study import write_own_study
 
 import carigs
+from evaluation.screenshots.chromium import CHROMIUM, WEBGL, Browser
 
 OVERRIDES = ("study=small", "capture.toy.supersampling=2", "tabulate.resamples=100")
 pytestmark = pytest.mark.slow

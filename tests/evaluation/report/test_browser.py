@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from chromium import CHROMIUM, Browser
 from report_pages import COLOURS, HOSTILE, report
 
 from evaluation.report.page import report_page
+from evaluation.screenshots.chromium import CHROMIUM, Browser
 
 pytestmark = [
     pytest.mark.browser,
@@ -29,7 +29,7 @@ def browser(tmp_path_factory) -> Iterator[Browser]:
 def opened(browser, tmp_path_factory) -> Browser:
     page = tmp_path_factory.mktemp("page") / "report.html"
     page.write_text(report_page(report(HOSTILE)), encoding="utf-8")
-    browser.open(page, 1200, 900)
+    browser.open(page.as_uri(), 1200, 900)
     return browser
 
 

@@ -7,10 +7,10 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-from chromium import Browser, decoded
 
 from carigs.capture import Camera
 from carigs.library import HeadAvatar
+from evaluation.screenshots.chromium import Browser, decoded
 
 
 def psnr(a: np.ndarray, b: np.ndarray) -> float:
@@ -23,7 +23,7 @@ class Shown:
 
     def __init__(self, browser: Browser, avatar: HeadAvatar, file: Path) -> None:
         self.browser, self.avatar = browser, avatar
-        browser.open(file, 900, 600)
+        browser.open(file.as_uri(), 900, 600)
         self.session = browser.session
         self.value("carigs.ready")
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from avatars import ball_avatar
-from chromium import CHROMIUM, WEBGL, Browser
 from viewer.html.shown import Shown
 
 import carigs
@@ -17,6 +16,7 @@ from carigs.capture import Camera, look_at
 from carigs.errors import SettingsError
 from carigs.library import HeadAvatar
 from carigs.splat.rig.smooth_motion import SmoothMotion
+from evaluation.screenshots.chromium import CHROMIUM, WEBGL, Browser
 
 SIZE = 160
 VIEWS = ([0.15, 0.1, 0.6], [-0.5, -0.2, 0.3], [0.1, 0.4, -0.5])
@@ -162,7 +162,7 @@ class TestInTheBrowser:
         carigs.write_html(avatar_of(sh_degree=0), tmp_path / "plain.html", regions=[])
         browser = Browser(tmp_path_factory.mktemp("plain"), "--disable-gpu --disable-3d-apis")
         try:
-            browser.open(tmp_path / "plain.html", 900, 600)
+            browser.open((tmp_path / "plain.html").as_uri(), 900, 600)
             browser.value("carigs.ready")
             assert "WebGL" in browser.value("document.getElementById('message').textContent")
             assert not browser.value("document.getElementById('message').hidden")
