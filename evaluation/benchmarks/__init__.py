@@ -5,6 +5,7 @@ Programs, each with a CSV file and a plot (`make bench` runs all):
 - `surface`: the exaggeration; its parts are `surface_solvers` (linear solvers), `curvature_accuracy` (estimators of
   curvature) and `surface_accuracy` (other errors)
 - `target`: GT* targets over the options of the warp; `relighting`: over the directions of the fitted light
+- `trusted_pixels`: error of the pixels that GT* frames trust, for a subject of a study (no plot)
 - `training_trade_offs`: time and PSNR of trainings on the toy over settings and presets (no plot); `toy_training`:
   one training and its PSNR
 - `splat`: the surfel engine beside its scalar reference and torch; `training_speed`: whole training steps
