@@ -124,7 +124,7 @@ def measure(folder: Path) -> Iterator[Measurement]:
         folder: Results of the subject at its gamma: `results/STUDY/SUBJECT/gamma=GAMMA`.
 
     Yields:
-        PSNR of the kept pixels, share of the pixels that is kept, and share of the wrong ones that is left out. The
+        PSNR of the kept pixels (nan if there are none), share of the pixels that is kept, and share of the wrong ones that is left out. The
         references are those of targets as if nothing covered the head.
 
     Raises:
@@ -143,9 +143,8 @@ def measure(folder: Path) -> Iterator[Measurement]:
     for region in (region for region in regions if region in found):
         case = f"{folder.parent.name}, {region}"
         before, after = bare[region], found[region]
-        if after.kept.any() and before.kept.any():
-            values = (psnr_of_errors(pixels.squared_error[pixels.kept]) for pixels in (after, before))
-            yield Measurement(case, "PSNR of kept pixels", "dB", *values)
+        values = (psnr_of_errors(pixels.squared_error[pixels.kept]) for pixels in (after, before))
+        yield Measurement(case, "PSNR of kept pixels", "dB", *values)
         yield Measurement(case, "share that is kept", "1", after.kept.mean(), before.kept.mean())
         if after.wrong.any() and before.wrong.any():
             caught = (1 - pixels.kept[pixels.wrong].mean() for pixels in (after, before))
