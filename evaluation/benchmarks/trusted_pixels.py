@@ -124,8 +124,8 @@ def measure(folder: Path) -> Iterator[Measurement]:
         folder: Results of the subject at its gamma: `results/STUDY/SUBJECT/gamma=GAMMA`.
 
     Yields:
-        PSNR of the kept pixels (nan if there are none), share of the pixels that is kept, and share of the wrong ones that is left out. The
-        references are those of targets as if nothing covered the head.
+        PSNR of the kept pixels (nan if there are none), share of the pixels that is kept, and share of the wrong ones
+        that is left out. The references are those of targets as if nothing covered the head.
 
     Raises:
         InputError: If there are no true caricatures.
