@@ -18,6 +18,7 @@ from jaxtyping import Bool, Float32, UInt16
 
 from carigs.errors import SettingsError
 from carigs.head import HeadModel
+from carigs.head.facial_regions import brow_faces
 from carigs.raster import Visibility
 from carigs.raster.bit_masks import BitMask, greater, or_into_image, pixels_of_faces
 from carigs.raster.open_mouth import between_lips
@@ -66,11 +67,13 @@ def face_mask_flags(
         (MaskFlag.HAIR, settings.hair_regions),
         (MaskFlag.MOUTH, settings.mouth_regions),
         (MaskFlag.LIDS, settings.lid_regions),
-        (MaskFlag.BROWS, settings.brow_regions),
         (MaskFlag.EARS, settings.ear_regions),
         (MaskFlag.EYEBALLS, settings.eyeball_regions),
     ):
         flags[model.face_region(*regions)] |= flag.value
+    brows = brow_faces(model, model.v_template)
+    if brows is not None:
+        flags[brows] |= MaskFlag.BROWS.value
     if covered is not None:
         flags[covered & ((flags & MaskFlag.HAIR.value) == 0)] |= MaskFlag.COVERED.value
     return flags

@@ -54,8 +54,6 @@ class Gtstar(Section, key="gtstar"):
     """Regions inside the mouth; everything seen between the lips is added."""
     lid_regions: tuple[str, ...] = ("left_eyelid", "right_eyelid")
     """Regions of the flag `lids`."""
-    brow_regions: tuple[str, ...] = ("brows",)
-    """Regions of the flag `brows`."""
     ear_regions: tuple[str, ...] = ("left_ear", "right_ear")
     """Regions of the flag `ears`."""
     eyeball_regions: tuple[str, ...] = ("left_eyeball", "right_eyeball")

@@ -27,7 +27,7 @@ class MaskFlag(IntFlag):
     LIDS = 256
     """Triangles of `gtstar.lid_regions`."""
     BROWS = 512
-    """Triangles of `gtstar.brow_regions`."""
+    """Triangles of the brows: the head model's region `brows`, or those near its landmarks of the brows."""
     EARS = 1024
     """Triangles of `gtstar.ear_regions`."""
     EYEBALLS = 2048
@@ -46,6 +46,7 @@ DEFAULT_MASK_FLAGS = (
     "outside_mesh",
     "hair",
     "mouth",
+    "brows",
     "covered",
 )
 """Flags that exclude pixels unless a variant changes them."""

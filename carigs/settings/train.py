@@ -131,7 +131,7 @@ class Train(Section, key="train"):
     hair_layers: int = option(6, ge=0, le=1000)
     """Surfels inside the hair, over the number of triangles of these regions."""
     hair_grows: bool = False
-    """Whether hair grows with the scalp of a caricature; otherwise strands keep their length and width."""
+    """Whether hair and brows grow with the skin of a caricature; otherwise strands keep their length and width."""
     ssim_weight: float = option(0.2, ge=0, le=1)
     """Weight w of the loss (1 - w) L1 + w (1 - SSIM)."""
     position_lr: float = option(0.03, unit="triangle units", ge=0, le=10)

@@ -126,6 +126,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
         avatar: The avatar.
     """
     path, shading, smooth = avatar.sequence.path, avatar.sequence.shading, avatar.sequence.smooth
+    keeps_size = avatar.sequence.rig.keeps_size
     with writing(file) as part:
         np.savez(
             part,
@@ -139,6 +140,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
             **{f"unrendered_{name}": value for name, value in avatar.unrendered.items()},
             **({} if shading is None else {f"shading_{name}": value for name, value in asdict(shading).items()}),
             **({} if smooth is None else smooth.as_arrays()),
+            **({"keeps_size": keeps_size} if keeps_size.any() else {}),
             path_levels=path.levels,
             path_displacements=path.displacements,
             path_neutral=path.neutral,
@@ -170,6 +172,9 @@ def load_avatar(file: Path) -> Avatar:
     path = GammaPath.from_arrays(arrays, head.faces, file, "path_")
     check_subject_path(path, head, file, "path_")
     sequence = HeadSequence(head, parameters_of(arrays, head, file), path)
+    if "keeps_size" in arrays:
+        keeps_size = checked_array(arrays, "keeps_size", (len(head.faces),), bool, file=file)
+        sequence.rig = sequence.rig.with_kept_size(keeps_size)
     if "hair_faces" in arrays:
         sequence.smooth = smooth_motion_of(arrays, sequence.rig, file)
     if "shading_light" in arrays:

@@ -53,7 +53,7 @@ def train(
     from carigs.splat.avatar import Avatar, save_avatar
     from carigs.splat.rig.head_sequence import head_sequence
     from carigs.splat.surfels.ply import write_ply
-    from carigs.splat.training.hair_surfels import prepare_hair
+    from carigs.splat.training.hair_surfels import keep_size_of_brows, prepare_hair
     from carigs.splat.training.supervision import Supervision
     from carigs.splat.training.trainer import COLUMNS, train_surfels
 
@@ -65,6 +65,7 @@ def train(
         sequence.shading = load_shading(sets[-1].folder / SHADING, len(subject.model.faces))  # one light for all levels
     supervision = Supervision(subject, sets if settings.gtstar_probability > 0 else (), settings.mask_flags)
     start = None
+    keep_size_of_brows(sequence, settings)
     if hair is not None:
         scalp = subject.model.face_region(*settings.hair_regions)
         found = load_hair(hair, len(subject.model.faces))

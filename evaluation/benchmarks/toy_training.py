@@ -20,7 +20,7 @@ from carigs.raster import rasterize_mesh
 from carigs.settings import Exaggerate, Gtstar, Hair, Toy, Train
 from carigs.splat.avatar import Avatar
 from carigs.splat.rig.head_sequence import head_sequence
-from carigs.splat.training.hair_surfels import prepare_hair
+from carigs.splat.training.hair_surfels import keep_size_of_brows, prepare_hair
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
 from carigs.toy import load_subject, render_subject
@@ -90,6 +90,7 @@ def train_avatar(inputs: TrainingInputs, settings: Train, checkpoint: Path) -> A
         sequence.shading = load_shading(light, len(capture.model.faces))
     supervision = Supervision(capture, [targets], settings.mask_flags)
     scalp = capture.model.face_region(*settings.hair_regions)
+    keep_size_of_brows(sequence, settings)
     hair = prepare_hair(found, scalp, sequence, settings)
     surfels, _ = train_surfels(settings, sequence, supervision, checkpoint, hair=hair)
     return Avatar(surfels, sequence, settings.rig, settings.rotate_harmonics, capture.background)

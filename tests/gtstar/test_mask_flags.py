@@ -228,3 +228,12 @@ def test_a_triangle_that_turns_over_is_newly_visible_either_way(sign):
     on_mesh = target.caricature.face >= 0
     assert on_mesh.any()
     assert ((target.mask_flags[on_mesh] & MaskFlag.NEWLY_VISIBLE.value) > 0).all()
+
+
+def test_brows_are_flagged_where_the_model_says_where_they_are():
+    model = ball_model()
+    assert not (face_mask_flags(model, Gtstar()) & MaskFlag.BROWS.value).any()
+    with_brows = replace(model, regions={**model.regions, "brows": np.flatnonzero(model.v_template[:, 2] > 0.06)})
+    flagged = (face_mask_flags(with_brows, Gtstar()) & MaskFlag.BROWS.value) > 0
+    np.testing.assert_array_equal(flagged, with_brows.face_region("brows"))
+    assert flagged.any()

@@ -13,6 +13,10 @@ the head turns by pi. With the canonical frame K = k_c R_c of the triangle (`Rig
     centre = J_b K mu + T,    tangents = J_b K r s
 
 mu is the local position, r the two axes of the disc, s its standard deviations, T the centre of the posed triangle.
+Surfels of triangles that keep the size of what grows on them (`Rig.keeps_size`) do not stretch: their tangents are
+Q K r s, while their centres move as those of the others. With k = 1 there, and 0 elsewhere,
+
+    tangents = Q P_t K r s,    P_t = k I + (1 - k) P_b
 
 All arguments are tuples of numbers: scalars, or vectors of `carigs.simd`. The backward passes are in
 `jacobian_blend_backward`. Names in the functions:
@@ -21,7 +25,7 @@ All arguments are tuples of numbers: scalars, or vectors of `carigs.simd`. The b
                        neighbours' rotation vectors log(U^T U_i) one after the other (nine numbers)
     sigmoids, inverse_sum    sigmoids of the blend logits and one over their sum: v_i = inverse_sum * sigmoids[i]
     blend              result of `blend_motion`: v, the rotation vector w = sum v_i log(U^T U_i), P_b, the terms of the
-                       exponential, Q
+                       exponential, Q, and of the tangents P_t and 1 - k
     axes               result of `disc_axes`
 """
 
@@ -69,7 +73,7 @@ def blend_weights(logits):
 
 
 @scalar_or_simd
-def blend_motion(sigmoids, inverse_sum, faces, rotation):
+def blend_motion(sigmoids, inverse_sum, faces, rotation, kept):
     """Blend the motions of a triangle and its neighbours (paper equation 6, see the head of this module).
 
     Args:
@@ -77,17 +81,21 @@ def blend_motion(sigmoids, inverse_sum, faces, rotation):
         inverse_sum: One over their sum.
         faces: Stretches and relative rotation vectors, see above.
         rotation: U of the own triangle.
+        kept: k of the own triangle.
 
     Returns:
         The weights v, the rotation vector w = sum v_i log(U^T U_i) in radians, P_b = sum v_i P_i, the terms of exp(w)
-        (`matrix3.rodrigues_coefficients`), and Q = U exp(w).
+        (`matrix3.rodrigues_coefficients`), Q = U exp(w), and the pair of P_t and 1 - k.
     """
     own, one, two, three, turn = faces
     v = multiply(inverse_sum, sigmoids)
     w = matrix3.apply_transposed(turn, v[1:4])
     p = add(add(add(multiply(v[0], own), multiply(v[1], one)), multiply(v[2], two)), multiply(v[3], three))
     terms = matrix3.rodrigues_coefficients(w)
-    return v, w, p, terms, matrix3.product_exp(rotation, w, terms[0], terms[1])
+    follows = 1.0 - kept
+    xx, xy, xz, yy, yz, zz = multiply(follows, p)
+    tangent = (xx + kept, xy, xz, yy + kept, yz, zz + kept)
+    return v, w, p, terms, matrix3.product_exp(rotation, w, terms[0], terms[1]), (tangent, follows)
 
 
 @scalar_or_simd
@@ -114,7 +122,7 @@ def disc_axes(quaternion):
 
 @scalar_or_simd
 def skin_surfel(blend, frame, centre, position, axes, scale):
-    """Carry one surfel to the posed mesh: J_b K mu + T and J_b K r S (paper equation 6).
+    """Carry one surfel to the posed mesh: J_b K mu + T and Q P_t K r s (paper equation 6).
 
     Args:
         blend: Result of `blend_motion`.
@@ -127,10 +135,10 @@ def skin_surfel(blend, frame, centre, position, axes, scale):
     Returns:
         Centre and the two tangents in world coordinates (metres).
     """
-    _v, _w, p, _terms, q = blend
+    _v, _w, p, _terms, q, (tangent, _follows) = blend
     x = matrix3.apply(q, matrix3.apply_symmetric(p, matrix3.apply(frame, position)))
-    u = matrix3.apply(q, matrix3.apply_symmetric(p, matrix3.apply(frame, multiply(scale[0], axes[0]))))
-    v = matrix3.apply(q, matrix3.apply_symmetric(p, matrix3.apply(frame, multiply(scale[1], axes[1]))))
+    u = matrix3.apply(q, matrix3.apply_symmetric(tangent, matrix3.apply(frame, multiply(scale[0], axes[0]))))
+    v = matrix3.apply(q, matrix3.apply_symmetric(tangent, matrix3.apply(frame, multiply(scale[1], axes[1]))))
     return add(x, centre), u, v
 
 

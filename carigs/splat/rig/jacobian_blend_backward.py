@@ -22,11 +22,11 @@ def skin_surfel_gradient(blend, frame, position, axes, scale, gradients):
 
     Returns:
         Gradients with respect to position, quaternion and logarithmic scales; and two triples of vectors for
-        `motion_gradient`. `skin_surfel` computes Q P_b y for the three vectors y = K mu, K r_1 and K r_2, the last two
-        times a standard deviation. The first triple, h, holds the gradients with respect to P_b y, with these factors;
+        `motion_gradient`. `skin_surfel` computes Q P_b y for y = K mu, and Q P_t y for y = K r_1 and K r_2, these two
+        times a standard deviation. The first triple, h, holds the gradients with respect to P y, with these factors;
         the second one holds y, without them.
     """
-    _v, _w, p, _terms, q = blend
+    _v, _w, p, _terms, q, (tangent, _follows) = blend
     first, second, unit, inverse_length = axes
     hx, hu, hv = (
         matrix3.apply_transposed(q, gradients[0]),
@@ -34,8 +34,8 @@ def skin_surfel_gradient(blend, frame, position, axes, scale, gradients):
         matrix3.apply_transposed(q, multiply(scale[1], gradients[2])),
     )
     d_position = matrix3.apply_transposed(frame, matrix3.apply_symmetric(p, hx))
-    du = matrix3.apply_transposed(frame, matrix3.apply_symmetric(p, hu))
-    dv = matrix3.apply_transposed(frame, matrix3.apply_symmetric(p, hv))
+    du = matrix3.apply_transposed(frame, matrix3.apply_symmetric(tangent, hu))
+    dv = matrix3.apply_transposed(frame, matrix3.apply_symmetric(tangent, hv))
     d_scale = (matrix3.dot(first, du), matrix3.dot(second, dv))
     y = matrix3.apply(frame, position), matrix3.apply(frame, first), matrix3.apply(frame, second)
     return d_position, _quaternion_gradient(unit, inverse_length, du, dv), d_scale, (hx, hu, hv), y
@@ -86,21 +86,21 @@ def motion_gradient(blend, h, y, torque):
 
     Args:
         blend: Result of `blend_motion`.
-        h: Gradients with respect to the three vectors P_b y: fourth result of `skin_surfel_gradient`.
+        h: Gradients with respect to the three vectors P y: fourth result of `skin_surfel_gradient`.
         y: The three vectors K mu, K r_1 and K r_2 in the axes of the canonical mesh: its fifth result.
         torque: Gradient with respect to dw by other ways (`view_direction_gradient`).
 
     Returns:
         Gradients with respect to the rotation vector w and to the six numbers of P_b.
     """
-    _v, w, p, (_a, b, c), _q = blend
+    _v, w, p, (_a, b, c), _q, (tangent, follows) = blend
     first = matrix3.cross(matrix3.apply_symmetric(p, y[0]), h[0])
-    second = matrix3.cross(matrix3.apply_symmetric(p, y[1]), h[1])
-    third = matrix3.cross(matrix3.apply_symmetric(p, y[2]), h[2])
+    second = matrix3.cross(matrix3.apply_symmetric(tangent, y[1]), h[1])
+    third = matrix3.cross(matrix3.apply_symmetric(tangent, y[2]), h[2])
     torque = add(torque, add(add(first, second), third))
     once = matrix3.cross(w, torque)
     twice = matrix3.cross(w, once)
-    return add(add(torque, multiply(b, once)), multiply(c, twice)), _stretch_gradient(h, y)
+    return add(add(torque, multiply(b, once)), multiply(c, twice)), _stretch_gradient(h, y, follows)
 
 
 @scalar_or_simd
@@ -115,8 +115,10 @@ def rotation_gradient(blend, h, y):
     Returns:
         Three rows of three numbers.
     """
-    _v, w, p, (a, b, _c), q = blend
-    py = (matrix3.apply_symmetric(p, y[0]), matrix3.apply_symmetric(p, y[1]), matrix3.apply_symmetric(p, y[2]))
+    _v, w, p, (a, b, _c), q, (tangent, _follows) = blend
+    py = (
+        matrix3.apply_symmetric(p, y[0]), matrix3.apply_symmetric(tangent, y[1]), matrix3.apply_symmetric(tangent, y[2])
+    )  # fmt: skip
     g = (matrix3.apply(q, h[0]), matrix3.apply(q, h[1]), matrix3.apply(q, h[2]))
     return (
         turned_row(w, a, b, add(add(multiply(g[0][0], py[0]), multiply(g[1][0], py[1])), multiply(g[2][0], py[2]))),
@@ -143,8 +145,8 @@ def turned_row(w, a, b, row):
 
 
 @scalar_or_simd
-def _stretch_gradient(h, y):
-    (hx, hu, hv), (x, u, v) = h, y
+def _stretch_gradient(h, y, follows):
+    hx, hu, hv, (x, u, v) = h[0], multiply(follows, h[1]), multiply(follows, h[2]), y
     return (
         hx[0] * x[0] + hu[0] * u[0] + hv[0] * v[0],
         hx[0] * x[1] + hx[1] * x[0] + hu[0] * u[1] + hu[1] * u[0] + hv[0] * v[1] + hv[1] * v[0],

@@ -80,7 +80,7 @@ def motion_parts(inputs, centre, upstream, parts):
             parts.rotation_x[i], parts.rotation_y[i], parts.rotation_z[i], parts.turn[i] = 0.0, 0.0, 0.0, 0.0
             continue
         _faces, _t, frame, _sigmoids, _inverse_sum, blend = read_blend(i, inputs)
-        v, w, _p, (a, b, _c), _q = blend
+        v, w, _p, (a, b, _c), _q, _tangent = blend
         (_dx, _dq, _ds, h, y), (gx, torque, view) = surfel_gradient(i, inputs, centre, upstream, frame, blend)
         dw, dp = backward.motion_gradient(blend, h, y, torque)
         rows = backward.rotation_gradient(blend, h, y)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int, Int32
@@ -22,12 +22,12 @@ from carigs.simd.polar_wide import BLOCK, load_matrix, polar_rotations, store_ma
 from carigs.simd.tuples import add, divide, multiply, subtract, write_row
 from carigs.simd.vectors import WIDE, scalar_or_simd
 from carigs.splat.rig.face_motion import CENTRE, RECORD_SIZE, RELATIVE_ROTATION, ROTATION, STRETCH, FaceMotion
-from carigs.splat.rig.skinning_arguments import read3
+from carigs.splat.rig.skinning_arguments import KEPT, read3
 
 PART_SIZE = 512
 """Triangles of one task of a parallel loop."""
 FRAME_SIZE = 16
-"""Numbers of a frame's record: nine, and padding."""
+"""Numbers of a frame's record: nine, whether surfels keep their size (`KEPT`), and padding."""
 DEGENERATE = 1e-6
 """A triangle is degenerate if twice its area is at most this fraction of its longest edge squared."""
 
@@ -41,7 +41,7 @@ class Rig:
         faces: Vertex indices of the triangles.
         neighbours: Index of the triangle across each edge (01, 12, 20); the own index where there is none.
         scale: k_c = (base + height) / 2 in metres: the unit of triangle-local lengths.
-        frame_records: `frame` row by row, then padding: what a kernel reads at once.
+        frame_records: `frame` row by row, `keeps_size`, then padding: what a kernel reads at once.
         inverse_edges: E^-1 with E = [v1 - v0, v2 - v0, normal sqrt(2 area)]; zeros for a degenerate triangle.
     """
 
@@ -56,6 +56,24 @@ class Rig:
     def frame(self) -> Float32[np.ndarray, "f 3 3"]:
         """k_c R_c with R_c = [edge, towards the third corner, normal]: canonical from triangle-local."""
         return self.frame_records[:, :9].reshape(-1, 3, 3)
+
+    @property
+    def keeps_size(self) -> Bool[np.ndarray, " f"]:
+        """Triangles whose surfels are as large on every posed mesh as on the canonical one: what grows there does."""
+        return self.frame_records[:, KEPT] > 0
+
+    def with_kept_size(self, inside: Bool[np.ndarray, " f"]) -> Rig:
+        """The same rig with other triangles whose surfels keep their size.
+
+        Args:
+            inside: The triangles.
+
+        Returns:
+            A new rig.
+        """
+        records = self.frame_records.copy()
+        records[:, KEPT] = inside
+        return replace(self, frame_records=records)
 
 
 def build_rig(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Rig:

@@ -14,6 +14,9 @@ from carigs.splat.rig import jacobian_blend_backward as backward
 from carigs.splat.rig.face_motion import CENTRE, RELATIVE_ROTATION, ROTATION, STRETCH
 from carigs.splat.rig.jacobian_blend import blend_motion, blend_weights, disc_axes
 
+KEPT = 9
+"""Column of `Rig.frame_records` that says whether surfels of the triangle keep their size."""
+
 
 class SkinningInputs(NamedTuple):
     """Inputs of Jacobian blend skinning; the scalar kernels take the arrays as they are, the vector kernels flat ones.
@@ -131,7 +134,7 @@ def read_blend(i, inputs):
     sigmoids, inverse_sum = (1.0, 0.0, 0.0, 0.0), 1.0
     if inputs.blended:
         sigmoids, inverse_sum = blend_weights(read4(inputs.blend, i))
-    blend = blend_motion(sigmoids, inverse_sum, faces, read9(records, f, ROTATION))
+    blend = blend_motion(sigmoids, inverse_sum, faces, read9(records, f, ROTATION), inputs.frames[f, KEPT])
     return faces, read3(records, f, CENTRE), read9(inputs.frames, f), sigmoids, inverse_sum, blend
 
 

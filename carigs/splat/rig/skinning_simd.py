@@ -27,10 +27,10 @@ def _gather_blend(i, inputs, around):
     one = gather_rows(inputs.records, around, 0, RECORD_SIZE, 0)
     two = gather_rows(inputs.records, around, WIDTH, RECORD_SIZE, 0)
     three = gather_rows(inputs.records, around, 2 * WIDTH, RECORD_SIZE, 0)
-    # Numba takes slices of tuples as numbers only: the columns STRETCH, CENTRE, ROTATION and RELATIVE_ROTATION.
+    # Numba takes slices of tuples as numbers only: the columns STRETCH, CENTRE, ROTATION and RELATIVE_ROTATION; KEPT.
     faces = (first[0:6], one[0:6], two[0:6], three[0:6], last[2:11])
     sigmoids, inverse_sum = _weights(i, inputs)
-    blend = jbs.blend_motion(sigmoids, inverse_sum, faces, first[9:16] + last[0:2])
+    blend = jbs.blend_motion(sigmoids, inverse_sum, faces, first[9:16] + last[0:2], frame[9])
     return faces, first[6:9], frame[0:9], sigmoids, inverse_sum, blend
 
 
@@ -113,7 +113,7 @@ def _store_gradients(i, inputs, upstream, gradients, unchanged, around_it, own, 
 @simd_inline
 def _store_motion_parts(i, inputs, parts, unchanged, blend, own, seen):
     (_dx, _dq, _ds, h, y), (up_x, torque, view, up_d) = own, seen
-    v, w, _p, (a, b, _c), _q = blend
+    v, w, _p, (a, b, _c), _q, _tangent = blend
     zero = broadcast(np.float32(0))
     dw, dp = backward.motion_gradient(blend, h, y, torque)
     rows, turned = backward.rotation_gradient(blend, h, y), (zero, zero, zero)

@@ -75,7 +75,7 @@ def run_digest(
     # The number of threads and the interval of checkpoints do not change the result.
     relevant = {k: v for k, v in asdict(settings).items() if k not in ("threads", "checkpoint_seconds")}
     digest.update(json.dumps(relevant, sort_keys=True).encode())
-    digest.update(sequence.rig.vertices.tobytes() + sequence.rig.faces.tobytes())
+    digest.update(sequence.rig.vertices.tobytes() + sequence.rig.faces.tobytes() + sequence.rig.keeps_size.tobytes())
     for array in (sequence.path.displacements, sequence.path.columns, sequence.path.changes):
         digest.update(b"" if array is None else array.tobytes())
     if sequence.shading is not None:

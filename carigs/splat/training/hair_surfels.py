@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from carigs.hair import FoundHair, HairPoints, SpaceAboveSkin, hair_reach, place_in_hair
+from carigs.head.facial_regions import brow_faces
 from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.rig import Rig
@@ -91,6 +92,20 @@ class HairSurfels:
         centre = rig.vertices[rig.faces[face]].mean(axis=1)
         position = centre + np.einsum("nij,nj->ni", rig.frame[face], local)
         surfels.opacity.detach().numpy()[mine[self.above_skin.contains(position)]] -= np.float32(FADING)
+
+
+def keep_size_of_brows(sequence: HeadSequence, settings: Train) -> None:
+    """Let the surfels of the brows keep their size, unless hair grows: brows are hair, and stretch with no skin.
+
+    Their roots move with the skin. Nothing changes where the head model does not say where its brows are.
+
+    Args:
+        sequence: The subject; its rig changes.
+        settings: Whether hair grows (`hair_grows`).
+    """
+    brows = brow_faces(sequence.head, sequence.head.v_template)
+    if brows is not None and not settings.hair_grows:
+        sequence.rig = sequence.rig.with_kept_size(brows)
 
 
 def prepare_hair(

@@ -68,6 +68,8 @@ def head_arrays(
             pack_integers("anchors", np.array(smooth.anchors)),
             pack_steps("hair_share", smooth.share[smooth.faces], SHARE_STEP),
         ]
+    if sequence.rig.keeps_size.any():
+        arrays.append(pack_integers("kept", np.flatnonzero(sequence.rig.keeps_size), delta=True))
     header = {
         "vertices": len(head.v_template),
         "faces": len(head.faces),

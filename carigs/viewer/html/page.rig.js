@@ -77,6 +77,8 @@ class Rig {
     this.rotation = new Float64Array(9 * count);  // row by row
     this.stretch = new Float64Array(6 * count);  // xx, xy, xz, yy, yz, zz
     this.turn = new Float64Array(9 * count);  // rotation vectors log(U^T U_neighbour), one for each side
+    this.kept = new Uint8Array(count);  // triangles whose surfels keep their size: `Rig.keeps_size`
+    if (data.has("kept")) for (const f of data.rows("kept")) this.kept[f] = 1;
     this.hair = data.has("hair") ? new Hair(this, data, header, points) : null;
   }
 

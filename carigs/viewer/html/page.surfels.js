@@ -67,7 +67,7 @@ class Surfels {
     return local;
   }
 
-  /** Carry the surfels to the posed mesh: J_b = U exp(sum v_i log(U^T U_i)) sum v_i P_i. */
+  /** Carry the surfels to the posed mesh: J_b = U exp(sum v_i log(U^T U_i)) sum v_i P_i; without P_i for kept sizes. */
   skin() {
     const { rig, first, blend, local, world, turns } = this, { stretch, rotation, turn, centre, neighbours } = rig;
     const q = this.rotation;
@@ -77,7 +77,7 @@ class Surfels {
       const p = 6 * f, u = 9 * f, one = 6 * neighbours[3 * f], two = 6 * neighbours[3 * f + 1], three = 6 * neighbours[3 * f + 2];
       const u0 = rotation[u], u1 = rotation[u + 1], u2 = rotation[u + 2], u3 = rotation[u + 3], u4 = rotation[u + 4];
       const u5 = rotation[u + 5], u6 = rotation[u + 6], u7 = rotation[u + 7], u8 = rotation[u + 8];
-      const tx = centre[3 * f], ty = centre[3 * f + 1], tz = centre[3 * f + 2];
+      const tx = centre[3 * f], ty = centre[3 * f + 1], tz = centre[3 * f + 2], kept = rig.kept[f];
       for (let i = start; i < stop; i++) {
         const v1 = blend[3 * i], v2 = blend[3 * i + 1], v3 = blend[3 * i + 2], v0 = 1 - v1 - v2 - v3;
         const pxx = v0 * stretch[p] + v1 * stretch[one] + v2 * stretch[two] + v3 * stretch[three];
@@ -108,7 +108,8 @@ class Surfels {
         const o = 9 * i;
         for (let k = o; k < o + 9; k += 3) {
           const lx = local[k], ly = local[k + 1], lz = local[k + 2];
-          const sx = pxx * lx + pxy * ly + pxz * lz, sy = pxy * lx + pyy * ly + pyz * lz, sz = pxz * lx + pyz * ly + pzz * lz;
+          let sx = pxx * lx + pxy * ly + pxz * lz, sy = pxy * lx + pyy * ly + pyz * lz, sz = pxz * lx + pyz * ly + pzz * lz;
+          if (kept && k > o) { sx = lx; sy = ly; sz = lz; }  // tangents that do not stretch
           world[k] = q0 * sx + q1 * sy + q2 * sz;
           world[k + 1] = q3 * sx + q4 * sy + q5 * sz;
           world[k + 2] = q6 * sx + q7 * sy + q8 * sz;

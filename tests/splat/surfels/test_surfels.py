@@ -116,12 +116,30 @@ def test_blending_follows_the_formula(ball):
     np.testing.assert_allclose(world.direction.detach().numpy(), seen, atol=3e-6)
 
 
+def test_surfels_that_keep_their_size_turn_and_move_without_stretch(ball):
+    """With the own motion alone: tangents U K r s, centres as those of other surfels."""
+    vertices, faces = ball
+    free, inside = build_rig(vertices, faces), np.arange(len(faces)) % 2 == 0
+    kept, surfels = free.with_kept_size(inside), random_surfels(200, len(faces))
+    np.testing.assert_array_equal(kept.keeps_size, inside)
+    motion = face_motion(kept, bent(vertices))
+    world, other = (jacobian_blend_skinning(surfels, rig, motion, blend=False) for rig in (kept, free))
+    rest = jacobian_blend_skinning(surfels, kept, face_motion(kept, vertices), blend=False)
+    torch.testing.assert_close(world.centre, other.centre, rtol=0, atol=0)
+    mine = inside[surfels.binding]
+    turn = motion.rotation[surfels.binding]
+    for name in ("tangent_u", "tangent_v"):
+        found, before, stretched = (getattr(each, name).detach().numpy() for each in (world, rest, other))
+        np.testing.assert_allclose(found[mine], np.einsum("nij,nj->ni", turn, before)[mine], atol=1e-6)
+        np.testing.assert_array_equal(found[~mine], stretched[~mine])
+
+
 @pytest.mark.parametrize("blend", [True, False])
 @pytest.mark.parametrize("rotate", [True, False])
 def test_gradients_are_those_of_finite_differences(ball, blend, rotate):
     """Gradients with respect to the surfels and to each number of the motion of the triangles."""
     vertices, faces = ball
-    rig = build_rig(vertices, faces)
+    rig = build_rig(vertices, faces).with_kept_size(np.arange(len(faces)) % 2 == 0)
     rows = torch.from_numpy(face_motion(rig, bent(vertices)).records).double().requires_grad_(True)
     surfels = random_surfels(5, len(faces))
     names = [name for name in ATTRIBUTES if name not in ("colour", "harmonics")]
@@ -144,7 +162,7 @@ def test_gradients_are_those_of_finite_differences(ball, blend, rotate):
 def test_sixteen_at_a_time_is_the_same_as_one_by_one(ball, blend, rotate):
     """Vector code computes float32, scalar code float64. 1001 is not a multiple of 16."""
     vertices, faces = ball
-    rig = build_rig(vertices, faces)
+    rig = build_rig(vertices, faces).with_kept_size(np.arange(len(faces)) % 2 == 0)
     records = torch.from_numpy(face_motion(rig, bent(vertices)).records)
     surfels = random_surfels(1001, len(faces))
     doubled = Surfels(

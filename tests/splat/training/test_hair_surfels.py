@@ -9,6 +9,7 @@ from miniature import write_ball
 from scipy.spatial.transform import Rotation
 
 from carigs.capture import read_dataset
+from carigs.errors import InputError
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.hair import FoundHair
 from carigs.hair.placement import MAX_ELONGATION
@@ -19,7 +20,14 @@ from carigs.settings import Density, Train
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar
 from carigs.splat.colour.spherical_harmonics import SH_BASE
 from carigs.splat.rig.head_sequence import head_sequence
-from carigs.splat.training.hair_surfels import COVERED_POSITION, COVERED_SCALE, FADING, HIDDEN_OPACITY, prepare_hair
+from carigs.splat.training.hair_surfels import (
+    COVERED_POSITION,
+    COVERED_SCALE,
+    FADING,
+    HIDDEN_OPACITY,
+    keep_size_of_brows,
+    prepare_hair,
+)
 from carigs.splat.training.initialization import initial_surfels
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
@@ -150,3 +158,35 @@ def test_an_avatar_keeps_the_motion_of_its_hair(subject, tmp_path, grows):
     again.sequence.smooth = None
     again.sequence._motions.clear()
     assert np.abs(again.render(1, 0.25, camera) - image).max() > 0.01
+
+
+def with_brows(sequence):
+    """The same subject with a head model that says where its brows are: on the front of the ball."""
+    _, y, z = sequence.head.v_template.T
+    vertices = np.flatnonzero((z > 0.03) & (np.abs(y) < 0.05))
+    assert len(vertices)
+    sequence.head = replace(sequence.head, regions={**sequence.head.regions, "brows": vertices})
+    return sequence
+
+
+def test_brows_keep_their_size_unless_hair_grows(subject, tmp_path):
+    capture, sequence, _, _ = subject
+    keep_size_of_brows(sequence, SETTINGS)
+    assert not sequence.rig.keeps_size.any()  # the model does not say where the brows are
+    with_brows(sequence)
+    keep_size_of_brows(sequence, replace(SETTINGS, hair_grows=True))
+    assert not sequence.rig.keeps_size.any()
+    surfels, camera = initial_surfels(SETTINGS, Supervision(capture), sequence, None), capture.cameras[1]
+    stretched = Avatar(surfels, sequence).render(1, 0.25, camera)
+    keep_size_of_brows(sequence, SETTINGS)
+    np.testing.assert_array_equal(sequence.rig.keeps_size, sequence.head.face_region("brows"))
+    image = Avatar(surfels, sequence).render(1, 0.25, camera)
+    assert np.abs(image - stretched).max() > 0.01
+    save_avatar(tmp_path / "avatar.npz", Avatar(surfels, sequence))
+    again = load_avatar(tmp_path / "avatar.npz")
+    np.testing.assert_array_equal(again.sequence.rig.keeps_size, sequence.rig.keeps_size)
+    np.testing.assert_allclose(again.render(1, 0.25, camera), image, atol=1e-5)
+    with np.load(tmp_path / "avatar.npz") as arrays:
+        np.savez(tmp_path / "short.npz", **{**arrays, "keeps_size": arrays["keeps_size"][:-1]})
+    with pytest.raises(InputError, match="keeps_size"):
+        load_avatar(tmp_path / "short.npz")

@@ -44,6 +44,7 @@ def hairy(grows: bool) -> HeadAvatar:
     scalp = sequence.head.face_region("scalp")
     share = np.linspace(0, 1, len(scalp))
     sequence.smooth = SmoothMotion(sequence.rig, scalp, grows, share)
+    sequence.rig = sequence.rig.with_kept_size(~scalp & (np.arange(len(scalp)) % 2 == 0))
     return avatar
 
 

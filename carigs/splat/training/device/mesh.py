@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
@@ -17,6 +18,8 @@ class DeviceMesh(NamedTuple):
 
     frame: Float[Tensor, "f 3 3"]
     """`Rig.frame`."""
+    kept: Float[Tensor, " f"]
+    """1 where surfels keep their size (`Rig.keeps_size`), else 0."""
     neighbours: Int[Tensor, "f 3"]
     """`Rig.neighbours`."""
     centre: Float[Tensor, "f 3"]
@@ -36,6 +39,7 @@ def device_mesh(rig: Rig, device: torch.device) -> DeviceMesh:
     centre = rig.vertices[rig.faces].mean(axis=1)
     return DeviceMesh(
         torch.from_numpy(rig.frame.copy()).to(device),
+        torch.from_numpy(rig.keeps_size.astype(np.float32)).to(device),
         torch.from_numpy(rig.neighbours).long().to(device),
         torch.from_numpy(centre).to(wide(device)).to(device),
     )

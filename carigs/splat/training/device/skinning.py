@@ -56,9 +56,11 @@ def skin(
         turn = own[:, RELATIVE_ROTATION : RELATIVE_ROTATION + 9].reshape(-1, 3, 3)
         rotation = rotation @ rotation_matrix((weight[:, 1:, None] * turn).sum(dim=1))
     numbers = stretch.unbind(dim=1)
-    local = torch.stack([numbers[k] for k in SYMMETRIC], dim=1).reshape(-1, 3, 3) @ mesh.frame[binding]
-    axes = disc_axes(surfels.rotation) * surfels.log_scale.exp()[:, None, :]
-    columns = rotation @ (local @ torch.cat([surfels.position[:, :, None], axes], dim=2))
+    stretch, frame = torch.stack([numbers[k] for k in SYMMETRIC], dim=1).reshape(-1, 3, 3), mesh.frame[binding]
+    axes = frame @ (disc_axes(surfels.rotation) * surfels.log_scale.exp()[:, None, :])
+    kept = mesh.kept[binding][:, None, None]
+    centre = stretch @ (frame @ surfels.position[:, :, None])
+    columns = rotation @ torch.cat([centre, kept * axes + (1 - kept) * (stretch @ axes)], dim=2)
     centre = columns[:, :, 0] + own[:, CENTRE:ROTATION]
     direction = None
     if eye is not None:
