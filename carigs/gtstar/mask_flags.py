@@ -73,7 +73,10 @@ def face_mask_flags(
         flags[model.face_region(*regions)] |= flag.value
     brows = brow_faces(model, model.v_template)
     if brows is not None:
-        flags[brows] |= MaskFlag.BROWS.value
+        # With the triangles around them: their strands stand off the skin, and some cameras show them over those.
+        inside = np.zeros(len(model.v_template), bool)
+        inside[model.faces[brows]] = True
+        flags[inside[model.faces].any(axis=1)] |= MaskFlag.BROWS.value
     if covered is not None:
         flags[covered & ((flags & MaskFlag.HAIR.value) == 0)] |= MaskFlag.COVERED.value
     return flags

@@ -27,7 +27,8 @@ class MaskFlag(IntFlag):
     LIDS = 256
     """Triangles of `gtstar.lid_regions`."""
     BROWS = 512
-    """Triangles of the brows: the head model's region `brows`, or those near its landmarks of the brows."""
+    """Triangles of the brows, which are the head model's region `brows`, or near its landmarks of the brows, and those
+    that share a vertex with them."""
     EARS = 1024
     """Triangles of `gtstar.ear_regions`."""
     EYEBALLS = 2048
