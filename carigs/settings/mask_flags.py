@@ -27,8 +27,8 @@ class MaskFlag(IntFlag):
     LIDS = 256
     """Triangles of `gtstar.lid_regions`."""
     BROWS = 512
-    """Triangles of the brows, which are the head model's region `brows`, or near its landmarks of the brows, and those
-    that share a vertex with them."""
+    """Triangles of the region `brows`, or near the landmarks of the brows where the head model has no such region; and
+    triangles that share a vertex with these."""
     EARS = 1024
     """Triangles of `gtstar.ear_regions`."""
     EYEBALLS = 2048

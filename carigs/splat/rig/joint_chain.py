@@ -22,7 +22,7 @@ def joint_chain(
 ) -> tuple[Float64[Tensor, "j 3 3"], Float64[Tensor, "j 3 4"]]:
     """Rotations of joints and their transforms from the rest frame to the world.
 
-    Written with its gradient: the dozens of products of single matrices would take PyTorch ten times as long.
+    Written with its gradient: in PyTorch it would be dozens of operations on single matrices, each with its overhead.
 
     Args:
         rotation_vectors: Rotation of every joint relative to its parent, in radians.

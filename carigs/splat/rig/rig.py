@@ -59,7 +59,7 @@ class Rig:
 
     @property
     def keeps_size(self) -> Bool[np.ndarray, " f"]:
-        """Triangles whose surfels are as large on every posed mesh as on the canonical one: what grows there does."""
+        """Triangles whose surfels are as large on every posed mesh as on the canonical one, such as those of brows."""
         return self.frame_records[:, KEPT] > 0
 
     def with_kept_size(self, inside: Bool[np.ndarray, " f"]) -> Rig:

@@ -74,8 +74,8 @@ def jacobian_blend_skinning(
 
     with two differences: the rotations are blended relative to that of the own triangle, U exp(sum_i v_i log(U^T U_i)),
     which does not jump where the head turns by pi; and mu, r, s are given in the canonical frame k_c R_c of the
-    triangle, so that k_c R_c stands between J_b and each of them. Where `Rig.keeps_size` says so, the rotation of J_b
-    takes its place for the two axes of the disc.
+    triangle, so that k_c R_c stands between J_b and each of them. On the triangles of `Rig.keeps_size` the two axes of
+    the disc do not stretch: the rotation of J_b alone acts on them.
 
     Differentiable with respect to the surfels, and with respect to the motion if its records are a tensor.
 

@@ -27,7 +27,8 @@ def _gather_blend(i, inputs, around):
     one = gather_rows(inputs.records, around, 0, RECORD_SIZE, 0)
     two = gather_rows(inputs.records, around, WIDTH, RECORD_SIZE, 0)
     three = gather_rows(inputs.records, around, 2 * WIDTH, RECORD_SIZE, 0)
-    # Numba takes slices of tuples as numbers only: the columns STRETCH, CENTRE, ROTATION and RELATIVE_ROTATION; KEPT.
+    # Numba takes slices of tuples as numbers only: the columns STRETCH, CENTRE, ROTATION and RELATIVE_ROTATION
+    # of the records, and KEPT of the frames.
     faces = (first[0:6], one[0:6], two[0:6], three[0:6], last[2:11])
     sigmoids, inverse_sum = _weights(i, inputs)
     blend = jbs.blend_motion(sigmoids, inverse_sum, faces, first[9:16] + last[0:2], frame[9])

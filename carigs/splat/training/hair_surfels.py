@@ -95,9 +95,9 @@ class HairSurfels:
 
 
 def keep_size_of_brows(sequence: HeadSequence, settings: Train) -> None:
-    """Let the surfels of the brows keep their size, unless hair grows: brows are hair, and stretch with no skin.
+    """Let the surfels of the brows keep their size, unless hair grows: brows are hair, which does not stretch.
 
-    Their roots move with the skin. Nothing changes where the head model does not say where its brows are.
+    Their centres move with the skin. Nothing changes where the head model does not say where its brows are.
 
     Args:
         sequence: The subject; its rig changes.
