@@ -18,4 +18,5 @@ def test_both_kinds_of_steps_are_timed(tmp_path):
         times, ratio = csv.DictReader(stream)
     refined, plain = float(times["value"]), float(times["reference"])
     assert refined > 0 and plain > 0
-    assert float(ratio["value"]) == pytest.approx(refined / plain)
+    rounding = 3 * 5e-6  # the file holds each of the three numbers with six digits
+    assert float(ratio["value"]) == pytest.approx(refined / plain, rel=rounding)
