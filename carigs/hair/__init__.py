@@ -10,13 +10,12 @@
 from carigs.hair.bare_skin import SpaceAboveSkin
 from carigs.hair.carried_hair import CarriedHair
 from carigs.hair.found_hair import FoundHair, find_hair, load_hair
-from carigs.hair.placement import HairPoints, place_in_hair
+from carigs.hair.placement import place_in_hair
 from carigs.hair.reach import hair_reach
 
 __all__ = [
     "CarriedHair",
     "FoundHair",
-    "HairPoints",
     "SpaceAboveSkin",
     "find_hair",
     "hair_reach",

@@ -2,34 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-import igl
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from carigs.hair.strands import Strands
 from carigs.hair.volume import HairVolume
+from carigs.mesh.carried_points import CarriedPoints, nearest_triangles
 
 MAX_ELONGATION = 6.0
 """Length over width of the first surfels where views agree on the direction of the strands."""
 LEAST_SINE = 0.05
 """Of the angle between a strand and the direction to the cameras."""
-
-
-class HairPoints(NamedTuple):
-    """Points inside the hair."""
-
-    face: Int[np.ndarray, " n"]
-    """Triangle of the scalp that carries each point: the nearest."""
-    position: Float[np.ndarray, "n 3"]
-    """In metres, in the axes of the canonical head."""
-    spacing: Float[np.ndarray, " n"]
-    """Distance to neighbouring points in metres."""
-    axes: Float[np.ndarray, "n 3 2"]
-    """Unit vectors along the strand, and across it, facing the cameras."""
-    elongation: Float[np.ndarray, " n"]
-    """Length over width of a surfel that stands for a piece of the strand."""
 
 
 def place_in_hair(
@@ -41,7 +24,7 @@ def place_in_hair(
     faces: Int[np.ndarray, "f 3"],
     count: int,
     rng: np.random.Generator,
-) -> HairPoints:
+) -> CarriedPoints:
     """Draw points of the hair, more where it is dense and more views see it.
 
     Args:
@@ -55,7 +38,7 @@ def place_in_hair(
         rng: Draws them.
 
     Returns:
-        The points.
+        The points, each carried by the nearest triangle of the scalp, with axes along the strand and across it.
     """
     weight = volume.opacity * np.sqrt(visible)
     weight = weight / weight.sum()
@@ -64,10 +47,7 @@ def place_in_hair(
     chosen = np.minimum(chosen, len(weight) - 1)
     position = volume.centres[chosen] + volume.size * (rng.random((count, 3)) - 0.5)
     spacing = volume.size / np.cbrt(np.maximum(count * weight[chosen], 1e-6))
-    carrying = np.flatnonzero(scalp)
-    _, nearest, _ = igl.point_mesh_squared_distance(
-        np.asarray(position, np.float64), np.asarray(canonical, np.float64), np.asarray(faces[carrying], np.int64)
-    )
+    face = nearest_triangles(position, np.flatnonzero(scalp), canonical, faces)
     along, facing = strands.direction[chosen], strands.facing[chosen]
     across = np.cross(facing, along)
     length = np.linalg.norm(across, axis=1, keepdims=True)
@@ -75,4 +55,4 @@ def place_in_hair(
     across[~lying] = np.cross(along[~lying], np.eye(3)[np.abs(along[~lying]).argmin(axis=1)])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     elongation = 1 + (MAX_ELONGATION - 1) * strands.confidence[chosen]
-    return HairPoints(carrying[nearest], position, spacing, np.stack([along, across], axis=2), elongation)
+    return CarriedPoints(face, position, spacing, np.stack([along, across], axis=2), elongation)

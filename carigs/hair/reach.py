@@ -6,14 +6,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
-from carigs.hair.placement import HairPoints
+from carigs.mesh.carried_points import CarriedPoints
 
 NEIGHBOURS = 64
 """Points of the hair whose mean distance is the reach at a triangle."""
 
 
 def hair_reach(
-    points: HairPoints,
+    points: CarriedPoints,
     scalp: Bool[np.ndarray, " f"],
     vertices: Float[np.ndarray, "v 3"],
     faces: Int[np.ndarray, "f 3"],

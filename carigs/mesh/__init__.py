@@ -4,6 +4,7 @@
 - `check_mesh`: raise a typed error for a mesh that cannot be used
 - `CotanLaplacian`: the discrete Laplace-Beltrami operator
 - `vertex_normals`, `smoothstep`: used by several rooms
+- `carigs.mesh.carried_points`: points beside a mesh, carried by its triangles
 - `carigs.mesh.curvature`: Gaussian curvature
 - `carigs.mesh.linear_solver`: factorised systems, and the Poisson equation
 - `carigs.mesh.regions`: named parts of a surface as smooth fields

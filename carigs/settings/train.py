@@ -123,13 +123,16 @@ class Train(Section, key="train"):
     """Initial opacity of the surfels on eyeballs and lids, which hide each other, and on brows, whose details are finer
     than the triangles."""
     initial_hair_opacity: float = option(0.2, gt=0, lt=1)
-    """Initial opacity of the surfels inside the hair."""
+    """Initial opacity of the surfels inside hair and mouth."""
     initial_colour_frames: int = option(32, ge=1, le=MAX_COUNT)
     """Training frames from which the initial colours are sampled."""
     hair_regions: tuple[str, ...] = ("scalp",)
     """Regions of the head model that carry hair: `hair.regions`, unless set here."""
     hair_layers: int = option(6, ge=0, le=1000)
     """Surfels inside the hair, over the number of triangles of these regions."""
+    mouth_surfels: int = option(3000, ge=0, le=1_000_000)
+    """Surfels inside the mouth, which move with skull and jaw, if frames show it open and the head model has a space
+    behind the lips."""
     hair_grows: bool = False
     """Whether hair and brows grow with the skin of a caricature; otherwise strands keep their length and width."""
     ssim_weight: float = option(0.2, ge=0, le=1)

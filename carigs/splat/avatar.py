@@ -21,6 +21,7 @@ from carigs.splat.avatar_head import head_of, head_to_arrays, parameters_of, par
 from carigs.splat.render import SKINNINGS, RenderedFrame, render, skin
 from carigs.splat.rig.face_motion import FaceMotion
 from carigs.splat.rig.head_sequence import HeadSequence
+from carigs.splat.rig.jaw_motion import jaw_motion_of
 from carigs.splat.rig.skinning import SkinnedSurfels
 from carigs.splat.rig.smooth_motion import smooth_motion_of
 from carigs.splat.surfels.ply import UNRENDERED
@@ -126,7 +127,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
         avatar: The avatar.
     """
     path, shading, smooth = avatar.sequence.path, avatar.sequence.shading, avatar.sequence.smooth
-    keeps_size = avatar.sequence.rig.keeps_size
+    keeps_size, jaws = avatar.sequence.rig.keeps_size, avatar.sequence.jaws
     with writing(file) as part:
         np.savez(
             part,
@@ -140,6 +141,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
             **{f"unrendered_{name}": value for name, value in avatar.unrendered.items()},
             **({} if shading is None else {f"shading_{name}": value for name, value in asdict(shading).items()}),
             **({} if smooth is None else smooth.as_arrays()),
+            **({} if jaws is None else jaws.as_arrays()),
             **({"keeps_size": keeps_size} if keeps_size.any() else {}),
             path_levels=path.levels,
             path_displacements=path.displacements,
@@ -177,6 +179,8 @@ def load_avatar(file: Path) -> Avatar:
         sequence.rig = sequence.rig.with_kept_size(keeps_size)
     if "hair_faces" in arrays:
         sequence.smooth = smooth_motion_of(arrays, sequence.rig, file)
+    if "jaw_faces" in arrays:
+        sequence.jaws = jaw_motion_of(arrays, sequence.rig, file)
     if "shading_light" in arrays:
         sequence.shading = shading_of(arrays, len(head.faces), file, "shading_")
     background = float(checked_array(arrays, "background", (), np.float64, file=file))

@@ -54,6 +54,7 @@ def train(
     from carigs.splat.rig.head_sequence import head_sequence
     from carigs.splat.surfels.ply import write_ply
     from carigs.splat.training.hair_surfels import keep_size_of_brows, prepare_hair
+    from carigs.splat.training.mouth_surfels import prepare_mouth
     from carigs.splat.training.supervision import Supervision
     from carigs.splat.training.trainer import COLUMNS, train_surfels
 
@@ -70,9 +71,10 @@ def train(
         scalp = subject.model.face_region(*settings.hair_regions)
         found = load_hair(hair, len(subject.model.faces))
         start = prepare_hair(found, scalp, sequence, settings)
+    mouth = prepare_mouth(subject, sequence, settings)
     checkpoint = avatar.with_suffix(".checkpoint")
     surfels, rows = train_surfels(
-        settings, sequence, supervision, checkpoint, lambda _: use_idle_cores(settings.threads), start
+        settings, sequence, supervision, checkpoint, lambda _: use_idle_cores(settings.threads), start, mouth
     )
     trained = Avatar(surfels, sequence, settings.rig, settings.rotate_harmonics, subject.background)
     with writing(log) as part, part.open("w", newline="") as stream:

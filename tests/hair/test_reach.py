@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from surfaces import sphere
 
-from carigs.hair import HairPoints, hair_reach
+from carigs.hair import hair_reach
+from carigs.mesh.carried_points import CarriedPoints
 
 
-def hair_of(position, face) -> HairPoints:
+def hair_of(position, face) -> CarriedPoints:
     n = len(face)
-    return HairPoints(face, position, np.full(n, 0.002), np.zeros((n, 3, 2)), np.ones(n))
+    return CarriedPoints(face, position, np.full(n, 0.002), np.zeros((n, 3, 2)), np.ones(n))
 
 
 @pytest.mark.parametrize("length", [0.002, 0.03])

@@ -17,6 +17,7 @@ from carigs.head import HeadModel, HeadParameters, pose, subject_model
 from carigs.light.shading import Shading
 from carigs.light.transfer import Transfer
 from carigs.splat.rig.face_motion import FaceMotion
+from carigs.splat.rig.jaw_motion import JawMotion
 from carigs.splat.rig.rig import Rig, build_rig, face_motion
 from carigs.splat.rig.smooth_motion import SmoothMotion
 
@@ -32,6 +33,7 @@ class HeadSequence:
         megabytes: Budget of the cached motions.
         shading: How colours follow the light on the posed surface; they do not change if None.
         smooth: Averages the motion of the triangles that carry hair; None if none do.
+        jaws: Moves the triangles that carry teeth as solids; None if none do.
         rig: Rig of the canonical mesh.
     """
 
@@ -41,6 +43,7 @@ class HeadSequence:
     megabytes: int = 512
     shading: Shading | None = None
     smooth: SmoothMotion | None = None
+    jaws: JawMotion | None = None
     rig: Rig = field(init=False)
 
     def __post_init__(self) -> None:
@@ -155,7 +158,7 @@ class HeadSequence:
         Returns:
             The motion.
         """
-        return face_motion(self.rig, posed, self.smooth and self.smooth.apply)
+        return face_motion(self.rig, posed, self.smooth and self.smooth.apply, self.jaws and self.jaws.apply)
 
 
 def head_sequence(capture: Capture, path: GammaPath) -> HeadSequence:

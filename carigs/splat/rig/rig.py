@@ -125,7 +125,12 @@ def edge_neighbours(faces: Int[np.ndarray, "f 3"]) -> Int32[np.ndarray, "f 3"]:
     return across.reshape(n, 3).astype(np.int32)
 
 
-def face_motion(rig: Rig, posed: Float[np.ndarray, "v 3"], average: Callable[..., None] | None = None) -> FaceMotion:
+def face_motion(
+    rig: Rig,
+    posed: Float[np.ndarray, "v 3"],
+    average: Callable[..., None] | None = None,
+    solidify: Callable[..., None] | None = None,
+) -> FaceMotion:
     """Motion of every triangle: Jacobian J = E(posed) E(canonical)^-1 in its polar decomposition.
 
     E = [v1 - v0, v2 - v0, normal sqrt(2 area)] (Sumner and Popovic 2004). Triangles that are degenerate in either mesh
@@ -136,6 +141,7 @@ def face_motion(rig: Rig, posed: Float[np.ndarray, "v 3"], average: Callable[...
         rig: Canonical mesh.
         posed: Posed vertices in metres.
         average: Changes rotations and stretches in place, as `SmoothMotion.apply`.
+        solidify: Then changes centres, rotations and stretches in place, as `JawMotion.apply`.
 
     Returns:
         The motion of every triangle.
@@ -146,6 +152,8 @@ def face_motion(rig: Rig, posed: Float[np.ndarray, "v 3"], average: Callable[...
     centre, rotation, stretch, _ = polar_decomposition(rig, posed)
     if average is not None:
         average(rotation, stretch)
+    if solidify is not None:
+        solidify(centre, rotation, stretch)
     return FaceMotion(motion_records(rig, centre, rotation, stretch))
 
 

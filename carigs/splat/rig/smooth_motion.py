@@ -103,7 +103,7 @@ class SmoothMotion:
             return
         own = rotation[self.faces].reshape(-1, 9)
         mean = own + self.share[self.faces, None].astype(np.float64) * (self._scatter @ (self._gather.T @ own) - own)
-        nearest = _nearest_rotations(mean.reshape(-1, 3, 3))
+        nearest = nearest_rotations(mean.reshape(-1, 3, 3))
         factor = np.ones(len(self.faces))
         if self.grows:
             volume = np.maximum(_volumes(stretch, self.faces), 1e-9)
@@ -135,8 +135,15 @@ def smooth_motion_of(arrays: Mapping[str, Any], rig: Rig, file: Path) -> SmoothM
     return SmoothMotion(rig, inside, grows, share)
 
 
-def _nearest_rotations(matrices: Float64[np.ndarray, "n 3 3"]) -> Float64[np.ndarray, "n 3 3"]:
-    """The rotation nearest to each matrix: U of its polar decomposition, or by the SVD if its determinant is small."""
+def nearest_rotations(matrices: Float64[np.ndarray, "n 3 3"]) -> Float64[np.ndarray, "n 3 3"]:
+    """Rotation nearest to each matrix: U of its polar decomposition, or by the SVD if its determinant is small.
+
+    Args:
+        matrices: Means of rotations.
+
+    Returns:
+        The rotations.
+    """
     rotations, is_proper = np.empty_like(matrices), np.empty(len(matrices), bool)
     _polar_rotations(matrices, rotations, is_proper)
     if not is_proper.all():

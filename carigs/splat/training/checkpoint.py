@@ -12,6 +12,7 @@ from torch import Tensor
 
 from carigs.errors import InputError
 from carigs.files import writing
+from carigs.mesh.carried_points import CarriedPoints
 from carigs.readers.arrays import checked_array
 from carigs.readers.json_files import parse_json
 from carigs.readers.npz import read_npz
@@ -58,7 +59,11 @@ class TrainingState:
 
 
 def run_digest(
-    settings: Train, sequence: HeadSequence, supervision: Supervision, hair: HairSurfels | None = None
+    settings: Train,
+    sequence: HeadSequence,
+    supervision: Supervision,
+    hair: HairSurfels | None = None,
+    mouth: CarriedPoints | None = None,
 ) -> str:
     """Digest of the inputs of a run; a checkpoint of other settings, meshes or images is ignored.
 
@@ -67,6 +72,7 @@ def run_digest(
         sequence: The subject.
         supervision: Training frames and targets.
         hair: Where hair is.
+        mouth: Points inside the mouth.
 
     Returns:
         SHA-256 in hexadecimal digits.
@@ -81,9 +87,10 @@ def run_digest(
     if sequence.shading is not None:
         digest.update(b"".join(np.asarray(value).tobytes() for value in asdict(sequence.shading).values()))
     if hair is not None:
-        digest.update(
-            b"".join(np.ascontiguousarray(value).tobytes() for value in (*hair.points, hair.covered, hair.hidden))
-        )
+        arrays = (*hair.points, hair.covered, hair.hidden)
+        digest.update(b"".join(np.ascontiguousarray(value).tobytes() for value in arrays))
+    if mouth is not None:
+        digest.update(b"".join(np.ascontiguousarray(value).tobytes() for value in mouth))
     digest.update(json.dumps([(target.level, target.weight) for target in supervision.targets]).encode())
     for file in (
         *supervision.files(),

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
-from carigs.hair import FoundHair, HairPoints, SpaceAboveSkin, hair_reach, place_in_hair
+from carigs.hair import FoundHair, SpaceAboveSkin, hair_reach, place_in_hair
 from carigs.head.facial_regions import brow_faces
+from carigs.mesh.carried_points import CarriedPoints
 from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.rig import Rig
@@ -27,7 +28,7 @@ FADING_STEPS, FADING = 50, 1.0
 class HairSurfels:
     """Hair in a training."""
 
-    points: HairPoints
+    points: CarriedPoints
     """Where surfels of the hair start, and the triangles of the scalp that carry them."""
     scalp: Bool[np.ndarray, " f"]
     """Triangles with hair."""
@@ -39,19 +40,6 @@ class HairSurfels:
     """Triangles that show bare skin of the usual colour."""
     above_skin: SpaceAboveSkin
     """Space without hair."""
-
-    def position_limits(self, rig: Rig) -> Float[np.ndarray, " f"]:
-        """How far the surfels of each triangle start from it.
-
-        Args:
-            rig: The canonical mesh.
-
-        Returns:
-            Largest distances from the centres of the triangles, in units of k.
-        """
-        centres, limits = rig.vertices[rig.faces[self.points.face]].mean(axis=1), np.zeros(len(rig.faces))
-        np.maximum.at(limits, self.points.face, np.linalg.norm(self.points.position - centres, axis=1))
-        return limits / np.maximum(rig.scale, 1e-9)
 
     def keep_hidden_skin(self, surfels: Surfels) -> None:
         """Set the gradients of colours and opacities of hidden skin to zero: images show what covers it.

@@ -1,7 +1,8 @@
-"""Initial surfels: an avatar's, or discs on triangles and inside the hair, coloured from the training images."""
+"""Initial surfels: an avatar's, or discs on triangles and inside hair and mouth, coloured from the training images."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,8 +11,8 @@ from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
 from carigs.errors import InputError, SettingsError
-from carigs.hair import HairPoints
 from carigs.head.facial_regions import eye_and_brow_faces
+from carigs.mesh.carried_points import CarriedPoints
 from carigs.raster import rasterize_mesh
 from carigs.settings import Train
 from carigs.splat.avatar import load_avatar
@@ -24,14 +25,18 @@ from carigs.splat.training.supervision import Example, Supervision
 
 OCCLUSION_TOLERANCE = 0.003
 """Metres that a surfel's centre may lie behind the mesh and still count as visible."""
-HAIR_SCALE, HAIR_SCALE_LIMITS = 0.4, (0.0005, 0.003)
-"""Standard deviation of surfels inside the hair over the distance of their neighbours, and its limits in metres."""
+SPACE_SCALE, SPACE_SCALE_LIMITS = 0.4, (0.0005, 0.003)
+"""Standard deviation of surfels beside the mesh over the distance of their neighbours, and its limits in metres."""
 
 
 def initial_surfels(
-    settings: Train, supervision: Supervision, performance: HeadSequence, hair: HairSurfels | None = None
+    settings: Train,
+    supervision: Supervision,
+    performance: HeadSequence,
+    hair: HairSurfels | None = None,
+    mouth: CarriedPoints | None = None,
 ) -> Surfels:
-    """Take the surfels of the avatar `settings.start`, or initialize surfels on every face and inside the hair.
+    """Take the surfels of the avatar `settings.start`, or initialize surfels on every face and inside hair and mouth.
 
     Initial colours are means over `settings.initial_colour_frames` training images: GT* targets if they alone supervise
     the run (`gtstar_probability` 1), otherwise captured frames.
@@ -41,6 +46,7 @@ def initial_surfels(
         supervision: Training images.
         performance: Posed meshes per timestep and level.
         hair: Where hair is; None if there is none.
+        mouth: Points inside the mouth; None if it stays empty.
 
     Returns:
         Surfels, sorted by triangle.
@@ -51,7 +57,8 @@ def initial_surfels(
     """
     if settings.start is not None:
         return surfels_of_avatar(Path(settings.start), performance, settings.sh_degree)
-    placed = place(settings, performance.rig, None if hair is None else hair.points)
+    beside = [points for points in (None if hair is None else hair.points, mouth) if points is not None]
+    placed = place(settings, performance.rig, beside)
     binding, position = placed.binding, placed.position
     targets_only = settings.gtstar_probability >= 1
     count = len(supervision.targets if targets_only else supervision.frames)
@@ -62,7 +69,7 @@ def initial_surfels(
     opacity = np.where(features[binding], settings.initial_feature_opacity, settings.initial_opacity)
     if hair is not None:
         opacity[hair.hidden[binding]] = HIDDEN_OPACITY
-        opacity[-len(hair.points.face) :] = settings.initial_hair_opacity
+    opacity[len(opacity) - sum(len(points.face) for points in beside) :] = settings.initial_hair_opacity
     return flat_discs(*placed[:3], opacity, rgb, settings.sh_degree, placed.rotation)
 
 
@@ -105,15 +112,15 @@ class Placement(NamedTuple):
     """Quaternions (w, x, y, z)."""
 
 
-def place(settings: Train, rig: Rig, hair: HairPoints | None = None) -> Placement:
-    """Positions of the initial surfels: on every face, and at the points of the hair.
+def place(settings: Train, rig: Rig, beside: Sequence[CarriedPoints] = ()) -> Placement:
+    """Positions of the initial surfels: on every face, and at points beside the mesh, which come last.
 
     Each face gets `surfels_per_face` surfels, spread by the low-discrepancy sequence R2 (Roberts 2018).
 
     Args:
         settings: Settings of the training.
         rig: Rig of the canonical mesh.
-        hair: Points inside the hair.
+        beside: Points inside hair and mouth.
 
     Returns:
         Where they are.
@@ -127,20 +134,38 @@ def place(settings: Train, rig: Rig, hair: HairPoints | None = None) -> Placemen
     position = _in_triangle(rig, binding, np.tile(spread, (f, 1)))
     scale = np.full((len(binding), 2), settings.initial_scale / np.sqrt(per_face))
     rotation = np.tile([1.0, 0.0, 0.0, 0.0], (len(binding), 1))
-    if hair is None:
-        return Placement(binding, position, scale, rotation)
-    offset = hair.position - rig.vertices[rig.faces[hair.face]].mean(axis=1)
-    k = np.maximum(rig.scale[hair.face], 1e-9)[:, None]
-    to_local = rig.frame[hair.face].swapaxes(1, 2)  # frame = k R
+    parts = [Placement(binding, position, scale, rotation), *(_beside(rig, points) for points in beside)]
+    return Placement(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+
+
+def _beside(rig: Rig, points: CarriedPoints) -> Placement:
+    """Discs at points beside the mesh, in the frames of the triangles that carry them."""
+    offset = points.position - rig.vertices[rig.faces[points.face]].mean(axis=1)
+    k = np.maximum(rig.scale[points.face], 1e-9)[:, None]
+    to_local = rig.frame[points.face].swapaxes(1, 2)  # frame = k R
     local = np.einsum("nij,nj->ni", to_local, offset) / k**2
-    axes = np.einsum("nij,njk->nik", to_local, hair.axes) / k[:, None]
+    axes = np.einsum("nij,njk->nik", to_local, points.axes) / k[:, None]
     axes = np.concatenate([axes, np.cross(axes[..., 0], axes[..., 1])[..., None]], axis=2)
-    size = np.clip(HAIR_SCALE * hair.spacing, *HAIR_SCALE_LIMITS)[:, None] / k
-    size = size * np.sqrt(hair.elongation)[:, None] ** [1, -1]
-    return Placement(
-        np.append(binding, hair.face), np.concatenate([position, local]), np.concatenate([scale, size]),
-        np.concatenate([rotation, Rotation.from_matrix(axes).as_quat(scalar_first=True)]),
-    )  # fmt: skip
+    size = np.clip(SPACE_SCALE * points.spacing, *SPACE_SCALE_LIMITS)[:, None] / k
+    size = size * np.sqrt(points.elongation)[:, None] ** [1, -1]
+    return Placement(points.face, local, size, Rotation.from_matrix(axes).as_quat(scalar_first=True))
+
+
+def start_distances(rig: Rig, beside: Sequence[CarriedPoints]) -> Float[np.ndarray, " f"]:
+    """How far the surfels of each triangle start from it.
+
+    Args:
+        rig: The canonical mesh.
+        beside: Points inside hair and mouth.
+
+    Returns:
+        Largest distances from the centres of the triangles, in units of k.
+    """
+    distances = np.zeros(len(rig.faces))
+    for points in beside:
+        centres = rig.vertices[rig.faces[points.face]].mean(axis=1)
+        np.maximum.at(distances, points.face, np.linalg.norm(points.position - centres, axis=1))
+    return distances / np.maximum(rig.scale, 1e-9)
 
 
 def _in_triangle(

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.capture import Frame
+from carigs.mesh.carried_points import CarriedPoints
 from carigs.settings import Train
 from carigs.settings.train import budget_seconds
 from carigs.splat.rig.head_sequence import HeadSequence
@@ -27,7 +28,7 @@ from carigs.splat.training.progress import progress
 from carigs.splat.training.schedule import draw_schedule
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.tracking_refinement import TrackingRefinement
-from carigs.splat.training.training_step import StepInputs, StepResult, TrainingStep
+from carigs.splat.training.training_step import StepInputs, StepResult, Subject, TrainingStep
 
 DEVICE_BACKENDS = ("torch", "cuda")
 """Backends whose whole step is on a device."""
@@ -45,6 +46,7 @@ def train_surfels(
     checkpoint: Path,
     on_step: Callable[[TrainingState], None] | None = None,
     hair: HairSurfels | None = None,
+    mouth: CarriedPoints | None = None,
 ) -> tuple[Surfels, list[tuple]]:
     """Train the surfels of a subject.
 
@@ -66,23 +68,25 @@ def train_surfels(
         checkpoint: File of the state; the run continues from it if it is of the same inputs.
         on_step: Called with the state after every step.
         hair: Where hair is; None if the head has none.
+        mouth: Points inside the mouth; None if it stays empty.
 
     Returns:
         The trained surfels, and the rows of the log (`COLUMNS`).
     """
-    digest = run_digest(settings, sequence, supervision, hair)
+    subject = Subject(sequence, supervision, hair, mouth)
+    digest = run_digest(settings, *subject)
     refinement = None
     if settings.refine_tracking.enabled and settings.gtstar_probability < 1:
         refinement = TrackingRefinement(sequence, sorted({frame.timestep for frame in supervision.frames}))
     state = load_checkpoint(checkpoint, digest, len(sequence.rig.faces), refinement)
     if state is None:
-        surfels = initial_surfels(settings, supervision, sequence, hair)
+        surfels = initial_surfels(settings, supervision, sequence, hair, mouth)
         if (budget := budget_seconds(settings.budget)) is not None:
-            settings = with_iterations(settings, _steps_within(budget, settings, sequence, supervision, hair, surfels))
+            settings = with_iterations(settings, _steps_within(budget, settings, subject, surfels))
         state = _first_state(settings.iterations, surfels, refinement)
     elif settings.budget is not None:
         settings = with_iterations(settings, state.iterations)
-    run = _Run(settings, sequence, supervision, hair, state)
+    run = _Run(settings, subject, state)
     started = saved = time.perf_counter()
     earlier = state.seconds
     with progress("train", state.ending.last, state.iteration) as report:
@@ -105,16 +109,14 @@ def _first_state(iterations: int, surfels: Surfels, refinement: TrackingRefineme
     return TrainingState(0, iterations, ending, surfels, Adam(surfels), statistics, refinement=refinement)
 
 
-def _steps_within(
-    seconds: float, settings: Train, sequence: HeadSequence, supervision: Supervision, hair, surfels: Surfels
-) -> int:
+def _steps_within(seconds: float, settings: Train, subject: Subject, surfels: Surfels) -> int:
     """Number of steps that fit into a time: some are tried on a copy of the surfels."""
     trial = with_iterations(settings, TRIAL_STEPS)
     trial = replace(
         trial, density=replace(trial.density, every=0, reset_every=0), plateau=replace(trial.plateau, every=0),
         refine_tracking=replace(trial.refine_tracking, enabled=False),
     )  # fmt: skip
-    run = _Run(trial, sequence, supervision, hair, _first_state(TRIAL_STEPS, from_arrays(**to_arrays(surfels))))
+    run = _Run(trial, subject, _first_state(TRIAL_STEPS, from_arrays(**to_arrays(surfels))))
     clock = time.perf_counter if settings.backend in DEVICE_BACKENDS else time.process_time
     step = seconds_per_step(run.step, clock)
     if settings.refine_tracking.enabled:
@@ -125,20 +127,23 @@ def _steps_within(
 class _Run:
     """The steps of a run, on a `TrainingState`."""
 
-    def __init__(self, settings: Train, sequence: HeadSequence, supervision: Supervision, hair, state) -> None:
-        self.settings, self.sequence, self.supervision, self.state = settings, sequence, supervision, state
-        self.extent = scene_extent(supervision.capture.cameras)
-        probability = settings.gtstar_probability if supervision.targets else 0.0
-        frames, targets = supervision.frames, supervision.targets
+    def __init__(self, settings: Train, subject: Subject, state: TrainingState) -> None:
+        self.settings, self.state = settings, state
+        self.sequence, self.supervision = subject.sequence, subject.supervision
+        self.extent = scene_extent(self.supervision.capture.cameras)
+        frames, targets = self.supervision.frames, self.supervision.targets
+        probability = settings.gtstar_probability if targets else 0.0
         schedule = draw_schedule(
             settings.iterations, len(frames), len(targets), probability, settings.seed, fall=settings.gtstar_fall
         )
-        self.inputs = StepInputs(settings, sequence, supervision, hair, schedule)
+        self.inputs = StepInputs(settings, *subject, schedule)
         self.only_targets = self.inputs.only_targets
         self.work = _step_of(self.inputs)
         self.work.place(state)
         # Without real frames in the training, those that are held out do not say how far it is.
-        self.validation = [] if self.only_targets else validation_frames(supervision.capture, settings.plateau.frames)
+        self.validation = (
+            [] if self.only_targets else validation_frames(self.supervision.capture, settings.plateau.frames)
+        )
         self.shown: dict[str, float] = {}
 
     def step(self) -> None:

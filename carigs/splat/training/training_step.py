@@ -12,11 +12,13 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from carigs.capture import Frame
+from carigs.mesh.carried_points import CarriedPoints
 from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.surfels import Surfels
 from carigs.splat.training.checkpoint import TrainingState
 from carigs.splat.training.hair_surfels import HairSurfels
+from carigs.splat.training.initialization import start_distances
 from carigs.splat.training.schedule import Schedule
 from carigs.splat.training.supervision import Supervision
 
@@ -40,6 +42,18 @@ class StepResult(NamedTuple):
     valid: Bool[Tensor, "h w"] | None
 
 
+class Subject(NamedTuple):
+    """What a training is about."""
+
+    sequence: HeadSequence
+    supervision: Supervision
+    """Training frames and targets."""
+    hair: HairSurfels | None
+    """Where hair is; None if the head has none."""
+    mouth: CarriedPoints | None
+    """Where surfels inside the mouth start; None if there are none."""
+
+
 @dataclass
 class StepInputs:
     """Inputs of all steps of a training.
@@ -49,6 +63,7 @@ class StepInputs:
         sequence: The subject.
         supervision: Training frames and targets.
         hair: Where hair is; None if the head has none.
+        mouth: Where surfels inside the mouth started; None if there are none.
         schedule: The example of every step.
     """
 
@@ -56,13 +71,17 @@ class StepInputs:
     sequence: HeadSequence
     supervision: Supervision
     hair: HairSurfels | None
+    mouth: CarriedPoints | None
     schedule: Schedule
 
     @cached_property
     def position_limit(self) -> Float[np.ndarray, " f"]:
-        """Distance from each triangle up to which positions are not penalised: surfels of hair start away from it."""
-        hair = 0.0 if self.hair is None else self.hair.position_limits(self.sequence.rig)
-        return np.zeros(len(self.sequence.rig.faces)) + self.settings.position_limit + hair
+        """Distance from each triangle up to which positions are not penalised.
+
+        Surfels of hair and mouth start away from their triangles.
+        """
+        beside = [points for points in (self.hair and self.hair.points, self.mouth) if points is not None]
+        return self.settings.position_limit + start_distances(self.sequence.rig, beside)
 
     @cached_property
     def only_targets(self) -> bool:

@@ -8,7 +8,7 @@ import torch
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from carigs.hair import HairPoints
+from carigs.mesh.carried_points import CarriedPoints
 from carigs.settings import Train
 from carigs.splat.colour.appearance import seen_colour
 from carigs.splat.colour.spherical_harmonics import SH_BASE, num_coefficients
@@ -267,10 +267,10 @@ def test_first_surfels_lie_in_their_triangles_and_those_of_hair_at_its_points(ba
     rng = np.random.default_rng(0)
     axes = np.linalg.qr(rng.normal(size=(50, 3, 2)))[0]
     elongation = rng.uniform(1, 6, 50)
-    hair = HairPoints(
+    hair = CarriedPoints(
         rng.integers(0, len(faces), 50), 0.2 * rng.normal(size=(50, 3)), np.full(50, 0.004), axes, elongation
     )
-    binding, position, scale, rotation = place(Train(surfels_per_face=4), rig, hair)
+    binding, position, scale, rotation = place(Train(surfels_per_face=4), rig, [hair])
     assert len(binding) == 4 * len(faces) + 50
     np.testing.assert_array_equal(binding[4 * len(faces) :], hair.face)
     size = scale[4 * len(faces) :] * rig.scale[hair.face, None]

@@ -28,7 +28,7 @@ from carigs.splat.training.hair_surfels import (
     keep_size_of_brows,
     prepare_hair,
 )
-from carigs.splat.training.initialization import initial_surfels
+from carigs.splat.training.initialization import initial_surfels, start_distances
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
 
@@ -70,8 +70,8 @@ def test_points_are_drawn_by_the_seed_and_a_bald_head_has_none(subject):
     assert prepare_hair(found, scalp, sequence, replace(SETTINGS, hair_layers=0)) is None and sequence.smooth is None
     bald = replace(found, covered=found.covered & ~scalp, hidden=found.hidden & ~scalp)
     assert prepare_hair(bald, scalp, sequence, SETTINGS) is None
-    limits = hair.position_limits(sequence.rig)
-    assert (limits[~scalp] == 0).all() and limits[np.unique(hair.points.face)].min() > 0
+    distances = start_distances(sequence.rig, [hair.points])
+    assert (distances[~scalp] == 0).all() and distances[np.unique(hair.points.face)].min() > 0
 
 
 def test_first_surfels_lie_along_the_strands(subject):

@@ -1,0 +1,15 @@
+"""The inside of the mouth: which triangles the two jaws move, and points that cameras see between the lips.
+
+Head models without teeth end at a bag behind the lips, which stretches with them. Teeth do not: the upper ones stay
+with the skull, the lower ones move with the jaw.
+
+- `find_jaws`, `Jaw`: triangles that move with the skull and with the jaw
+- `place_in_mouth`: points between them, for surfels
+- `lip_line`, `LipLine`: where the mouth opens
+"""
+
+from carigs.mouth.jaws import Jaw, find_jaws
+from carigs.mouth.lip_line import LipLine, lip_line
+from carigs.mouth.placement import place_in_mouth
+
+__all__ = ["Jaw", "LipLine", "find_jaws", "lip_line", "place_in_mouth"]
