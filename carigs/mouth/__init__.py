@@ -4,12 +4,13 @@ Head models without teeth end at a bag behind the lips, which stretches with the
 with the skull, the lower ones move with the jaw.
 
 - `find_jaws`, `Jaw`: triangles that move with the skull and with the jaw
+- `has_teeth`: whether a model has its own teeth
 - `place_in_mouth`: points between them, for surfels
 - `lip_line`, `LipLine`: where the mouth opens
 """
 
-from carigs.mouth.jaws import Jaw, find_jaws
+from carigs.mouth.jaws import Jaw, find_jaws, has_teeth
 from carigs.mouth.lip_line import LipLine, lip_line
 from carigs.mouth.placement import place_in_mouth
 
-__all__ = ["Jaw", "LipLine", "find_jaws", "lip_line", "place_in_mouth"]
+__all__ = ["Jaw", "LipLine", "find_jaws", "has_teeth", "lip_line", "place_in_mouth"]

@@ -40,6 +40,22 @@ class Jaw(IntEnum):
     """The jaw."""
 
 
+TEETH = {Jaw.UPPER: "teeth_upper", Jaw.LOWER: "teeth_lower"}
+"""Regions of a model with teeth."""
+
+
+def has_teeth(model: HeadModel) -> bool:
+    """Whether a model has teeth, such as FLAME.
+
+    Args:
+        model: Head model.
+
+    Returns:
+        Whether the regions `TEETH` have triangles.
+    """
+    return all(model.face_region(region).any() for region in TEETH.values())
+
+
 def find_jaws(
     model: HeadModel, neutral: Float[np.ndarray, "v 3"], posed: Sequence[Float[np.ndarray, "v 3"]], line: LipLine
 ) -> UInt8[np.ndarray, " f"] | None:
@@ -52,14 +68,13 @@ def find_jaws(
         line: Where the lips meet.
 
     Returns:
-        A `Jaw` for every triangle: the model's teeth if it has the regions `teeth_upper` and `teeth_lower`; None if a
-        side is not found or does not move as a solid, as where the model has no inside of the mouth.
+        A `Jaw` for every triangle: the model's teeth if it has some; None if a side is not found or does not move as a
+        solid, as where the model has no inside of the mouth.
     """
     jaws = np.zeros(len(model.faces), np.uint8)
-    regions = (("teeth_upper", Jaw.UPPER), ("teeth_lower", Jaw.LOWER))
-    if all(len(model.regions.get(name, ())) for name, _ in regions):
-        for name, jaw in regions:
-            jaws[model.face_region(name)] = jaw
+    if has_teeth(model):
+        for jaw, region in TEETH.items():
+            jaws[model.face_region(region)] = jaw
         return jaws
     hit, elevation = _seen_from_within(neutral, model.faces, line)
     for jaw, side in ((Jaw.UPPER, elevation > STEEPNESS), (Jaw.LOWER, elevation < -STEEPNESS)):

@@ -6,14 +6,16 @@ import numpy as np
 
 from carigs.capture import Capture
 from carigs.mesh.carried_points import CarriedPoints
-from carigs.mouth import find_jaws, lip_line, place_in_mouth
+from carigs.mouth import find_jaws, has_teeth, lip_line, place_in_mouth
 from carigs.mouth.lip_line import lip_gap
 from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.jaw_motion import JawMotion
 
+POSES = 200
+"""Most timesteps whose meshes are looked at, evenly spread."""
 TIMESTEPS, CAMERAS = 8, 16
-"""Most timesteps whose frames are looked at, those with the widest open mouth, and most cameras of each."""
+"""Most of them whose frames are looked at, those with the widest open mouth, and most cameras of each."""
 OPEN = 0.05
 """Least distance of the inner lips, in widths of the mouth."""
 
@@ -37,7 +39,7 @@ def prepare_mouth(capture: Capture, sequence: HeadSequence, settings: Train) -> 
     cameras: dict[int, list] = {}
     for frame in capture.split("train"):
         cameras.setdefault(frame.timestep, []).append(capture.camera(frame))
-    posed = {timestep: sequence.posed(timestep, 0.0) for timestep in sorted(cameras)}
+    posed = {timestep: sequence.posed(timestep, 0.0) for timestep in _spread(sorted(cameras), POSES)}
     gap = {timestep: lip_gap(head, vertices) for timestep, vertices in posed.items()}
     widest = sorted((t for t in posed if gap[t] > OPEN * line.width), key=lambda t: -gap[t])[:TIMESTEPS]
     jaws = find_jaws(head, neutral, list(posed.values()), line) if widest else None
@@ -48,7 +50,7 @@ def prepare_mouth(capture: Capture, sequence: HeadSequence, settings: Train) -> 
     points = place_in_mouth(head, neutral, views, line, jaws, settings.mouth_surfels, rng)
     if not len(points.face):
         return None
-    if "teeth_upper" not in head.regions:
+    if not has_teeth(head):
         sequence.jaws = JawMotion(sequence.rig, jaws)
     return points
 
