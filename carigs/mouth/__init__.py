@@ -6,11 +6,11 @@ with the skull, the lower ones move with the jaw.
 - `find_jaws`, `Jaw`: triangles that move with the skull and with the jaw
 - `has_teeth`: whether a model has its own teeth
 - `place_in_mouth`: points between them, for surfels
-- `lip_line`, `LipLine`: where the mouth opens
+- `lip_line`, `LipLine`, `lip_gap`: where the mouth opens, and how far
 """
 
 from carigs.mouth.jaws import Jaw, find_jaws, has_teeth
-from carigs.mouth.lip_line import LipLine, lip_line
+from carigs.mouth.lip_line import LipLine, lip_gap, lip_line
 from carigs.mouth.placement import place_in_mouth
 
-__all__ = ["Jaw", "LipLine", "find_jaws", "has_teeth", "lip_line", "place_in_mouth"]
+__all__ = ["Jaw", "LipLine", "find_jaws", "has_teeth", "lip_gap", "lip_line", "place_in_mouth"]

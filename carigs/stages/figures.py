@@ -75,6 +75,7 @@ def figures(
             "renderings": strips.renderings(part / "renderings.png", images),
             "alternation": strips.alternation(part / "alternation.png", images),
             "hair": strips.hair(part / "hair.png", images, gamma_path, warp.hair_regions),
+            "mouth": strips.mouth(part / "mouth.png", images, gamma_path),
             "hair_mask": strips.hair_mask(part / "hair_mask.png", images, gamma_path, warp.hair_regions),
             "local_edits": _local_edits(part, images, gamma_path, solver, avatar),
             "blend_error": _blend_error(part, without_teeth(gamma_path), solver, settings.blend_error_samples),

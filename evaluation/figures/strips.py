@@ -12,7 +12,8 @@ import numpy as np
 
 from carigs.exaggeration import GammaPath
 from carigs.head import pose
-from evaluation.figures.hair import hair_window
+from carigs.mouth import lip_gap, lip_line
+from evaluation.figures.region_window import region_window
 from evaluation.figures.sheet import Image, write_sheet
 from evaluation.figures.study_images import StudyImages
 
@@ -24,6 +25,7 @@ SUPERVISION = {"original only": BASELINE, "GT* only": "gtstar_only", "alternatin
 NO_HAIR_MASK = ("no_hair_mask", "no_mask")
 """Variants without a mask on hair; the first one of the study is drawn."""
 NO_HAIR = "no hair of the head model is in view"
+LIPS = ("lips",)
 
 
 def gamma_strip(file: Path, images: StudyImages, variant: str) -> None:
@@ -113,7 +115,7 @@ def hair_mask(file: Path, images: StudyImages, path: GammaPath, hair_regions: Se
     end = images.levels[-1]
     rows: dict[str, list[Image | None]] = {"masked": [], without: [], "truth": []}
     for view in images.views:
-        window = _hair_window(images, path, hair_regions, end, view)
+        window = _window(images, path, hair_regions, end, view)
         if window is None:
             return NO_HAIR
         whole = images.rendered(METHOD, end, view), images.rendered(without, end, view), images.true(end, view)
@@ -138,30 +140,68 @@ def hair(file: Path, images: StudyImages, path: GammaPath, hair_regions: Sequenc
     """
     if METHOD not in images.variants:
         return f"the study lacks the variant {METHOD}"
-    ends, rows = (images.levels[0], images.levels[-1]), {}
-    for view in images.views:
-        row: list[Image | None] = []
-        for level in ends:
-            window = _hair_window(images, path, hair_regions, level, view)
-            if window is None:
-                return NO_HAIR
-            truth = images.true(level, view)
-            row += [images.rendered(METHOD, level, view)[window], None if truth is None else truth[window]]
-        rows[f"camera {view[1]}"] = row
-    columns = [f"{name}, γ = {level:g}" for level in ends for name in (METHOD, "truth")]
-    known = [j for j in range(len(columns)) if any(row[j] is not None for row in rows.values())]
-    shown = {name: [row[j] for j in known] for name, row in rows.items()}
-    _write_rows(file, images, shown, [columns[j] for j in known], "Hair")
+    windows = [
+        {view: _window(images, path, hair_regions, level, view) for view in images.views}
+        for level in (images.levels[0], images.levels[-1])
+    ]
+    if any(window is None for shown in windows for window in shown.values()):
+        return NO_HAIR
+    _write_beside_truth(file, images, windows, "Hair")
     return None
 
 
-def _hair_window(
-    images: StudyImages, path: GammaPath, hair_regions: Sequence[str], level: float, view: tuple[int, int]
+def mouth(file: Path, images: StudyImages, path: GammaPath) -> str | None:
+    """Draw the widest open mouth of the test frames at level 0 and at gamma_f beside the truth, enlarged.
+
+    Args:
+        file: PNG file to write.
+        images: Images of the subject.
+        path: Caricature path of the subject.
+
+    Returns:
+        Why it is left out, if it is.
+    """
+    if METHOD not in images.variants:
+        return f"the study lacks the variant {METHOD}"
+    subject = images.subject
+    if lip_line(subject.model, path.neutral) is None:
+        return "the head model has no landmarks of the lips"
+    timesteps = sorted({frame.timestep for frame in subject.split("test")})
+    gaps = {t: lip_gap(subject.model, pose(subject.model, subject.parameters(t))) for t in timesteps}
+    widest = max(timesteps, key=lambda t: gaps[t])
+    views = [(widest, camera) for _, camera in images.views if (widest, camera) in subject.frame_at]
+    ends = images.levels[0], images.levels[-1]
+    windows = [{view: _window(images, path, LIPS, level, view) for view in views} for level in ends]
+    seen = [view for view in views if all(shown[view] is not None for shown in windows)]
+    if not seen:
+        return "no lips of the head model are in view"
+    _write_beside_truth(file, images, [{view: shown[view] for view in seen} for shown in windows], "Open mouth")
+    return None
+
+
+def _write_beside_truth(
+    file: Path, images: StudyImages, windows: Sequence[Mapping[tuple[int, int], tuple[slice, slice]]], title: str
+) -> None:
+    """Write parts of the method's images at level 0 and gamma_f, each beside the truth if that is known."""
+    ends = images.levels[0], images.levels[-1]
+    rows: dict[str, list[Image | None]] = {f"camera {camera}": [] for _, camera in windows[0]}
+    for level, shown in zip(ends, windows, strict=True):
+        for (view, window), row in zip(shown.items(), rows.values(), strict=True):
+            truth = images.true(level, view)
+            row += [images.rendered(METHOD, level, view)[window], None if truth is None else truth[window]]
+    columns = [f"{name}, γ = {level:g}" for level in ends for name in (METHOD, "truth")]
+    known = [j for j in range(len(columns)) if any(row[j] is not None for row in rows.values())]
+    shown = {name: [row[j] for j in known] for name, row in rows.items()}
+    _write_rows(file, images, shown, [columns[j] for j in known], title)
+
+
+def _window(
+    images: StudyImages, path: GammaPath, regions: Sequence[str], level: float, view: tuple[int, int]
 ) -> tuple[slice, slice] | None:
-    """Rows and columns of a view that show the hair at a level; None if none is in view."""
+    """Rows and columns of a view that show some regions at a level; None if they are not in view."""
     subject = images.subject
     vertices = pose(subject.model, subject.parameters(view[0]), path.at(level))
-    return hair_window(subject.model, vertices, subject.camera(subject.frame_at[view]), hair_regions)
+    return region_window(subject.model, vertices, subject.camera(subject.frame_at[view]), regions)
 
 
 def error_map(image: Image | None, truth: Image | None) -> Image | None:

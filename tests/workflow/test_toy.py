@@ -41,7 +41,13 @@ def test_a_study_ends_in_a_table_and_figures(results):
     for word in ("alternating", "surfhead", "psnr"):
         assert word in table.lower()
     figures = {file.name for file in (results / "figures/anna/gamma=0.25").iterdir()}
-    assert {"gamma_strip_alternating.png", "gamma_strip_surfhead.png", "ablation.png", "blend_error.png"} <= figures
+    assert {
+        "gamma_strip_alternating.png",
+        "gamma_strip_surfhead.png",
+        "ablation.png",
+        "blend_error.png",
+        "mouth.png",
+    } <= figures
 
 
 def test_a_study_ends_in_a_card_and_a_report(results):

@@ -6,8 +6,7 @@ import numpy as np
 
 from carigs.capture import Capture
 from carigs.mesh.carried_points import CarriedPoints
-from carigs.mouth import find_jaws, has_teeth, lip_line, place_in_mouth
-from carigs.mouth.lip_line import lip_gap
+from carigs.mouth import find_jaws, has_teeth, lip_gap, lip_line, place_in_mouth
 from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.jaw_motion import JawMotion

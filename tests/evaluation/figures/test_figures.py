@@ -19,8 +19,8 @@ from carigs.settings import DEFAULT_MASK_FLAGS, Exaggerate, Figures, Gtstar
 from carigs.stages.figures import figures
 from evaluation.figures import strips
 from evaluation.figures.blend_error import BlendError, blend_errors
-from evaluation.figures.hair import PROPORTIONS, hair_window
 from evaluation.figures.misregistration import MAX_MASKED, REGIONS, misregistrations
+from evaluation.figures.region_window import PROPORTIONS, region_window
 from evaluation.figures.sheet import write_sheet
 from evaluation.figures.study_images import StudyImages, strip_frame
 from evaluation.tables.csv_files import write_csv
@@ -132,7 +132,7 @@ def test_a_given_caricature_gets_its_strips_and_says_why_there_is_nothing_solved
     reasons = left_out(folder / "given")
     drawn = {file.stem for file in (folder / "given").glob("*.png")}
     assert drawn == {"gamma_strip_alternating", "gamma_strip_surfhead", "ablation", "renderings", "hair"}
-    assert set(reasons) == {"alternation", "hair_mask", "local_edits", "blend_error", "misregistration"}
+    assert set(reasons) == {"alternation", "mouth", "hair_mask", "local_edits", "blend_error", "misregistration"}
     assert "gtstar_only" in reasons["alternation"] and "no_hair_mask" in reasons["hair_mask"]
     assert "from a file" in reasons["blend_error"]
     # alternating | surfhead | truth against alternating | truth | error
@@ -271,8 +271,8 @@ def test_the_window_of_the_hair_holds_it(centre, radius):
     up = np.argmax(np.ptp(model.v_template, axis=0) * [0, 1, 0])
     hair = replace(model, regions={"scalp": np.flatnonzero(model.v_template[:, up] >= 0)})
     camera = Camera(look_at(np.array([0.0, 0.0, 1.0]), np.zeros(3)), 300, 300, 60, 60, 120, 120)
-    rows, columns = hair_window(hair, vertices, camera, ["scalp", "beard"])
+    rows, columns = region_window(hair, vertices, camera, ["scalp", "beard"])
     assert (columns.stop - columns.start) / (rows.stop - rows.start) == pytest.approx(PROPORTIONS, rel=0.05)
     pixels, _ = camera.project(vertices[hair.regions["scalp"]])
     assert (pixels >= [columns.start, rows.start]).all() and (pixels <= [columns.stop, rows.stop]).all()
-    assert hair_window(hair, vertices, camera, ["beard"]) is None
+    assert region_window(hair, vertices, camera, ["beard"]) is None

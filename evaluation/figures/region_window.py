@@ -1,4 +1,4 @@
-"""The part of an image that shows the hair."""
+"""The part of an image that shows some regions of the head, such as hair or lips."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from carigs.raster import compute_visibility
 PROPORTIONS = 4 / 3
 """Width of the part divided by its height."""
 BORDER = 0.15
-"""What is shown around the mesh of the hair, as a share of its extent: hair sticks out of the mesh."""
+"""What is shown around the regions, as a share of their extent: hair sticks out of the mesh."""
 
 
-def hair_window(
+def region_window(
     model: HeadModel, vertices: Float[np.ndarray, "v 3"], camera: Camera, regions: Sequence[str]
 ) -> tuple[slice, slice] | None:
-    """Find the part of an image that shows the hair.
+    """Find the part of an image that shows some regions.
 
     Args:
         model: Head model.
         vertices: Posed vertices in world coordinates, in metres.
         camera: View.
-        regions: Regions of the head model with hair.
+        regions: Regions of the head model.
 
     Returns:
-        Rows and columns, of the same proportions for every view; None if no hair is in view.
+        Rows and columns, of the same proportions for every view; None if they are not in view.
     """
     face = compute_visibility(vertices, model.faces, camera).face
     rows, columns = np.nonzero((face >= 0) & model.face_region(*regions)[face])
