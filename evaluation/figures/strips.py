@@ -151,7 +151,7 @@ def hair(file: Path, images: StudyImages, path: GammaPath, hair_regions: Sequenc
 
 
 def mouth(file: Path, images: StudyImages, path: GammaPath) -> str | None:
-    """Draw the widest open mouth of the test frames at level 0 and at gamma_f beside the truth, enlarged.
+    """Draw the widest open mouth of the rendered test frames at level 0 and at gamma_f beside the truth, enlarged.
 
     Args:
         file: PNG file to write.
@@ -166,11 +166,12 @@ def mouth(file: Path, images: StudyImages, path: GammaPath) -> str | None:
     subject = images.subject
     if lip_line(subject.model, path.neutral) is None:
         return "the head model has no landmarks of the lips"
-    timesteps = sorted({frame.timestep for frame in subject.split("test")})
+    ends = images.levels[0], images.levels[-1]
+    rendered = set.intersection(*(images.rendered_frames(METHOD, level) for level in ends))
+    timesteps = sorted({timestep for timestep, _ in rendered})
     gaps = {t: lip_gap(subject.model, pose(subject.model, subject.parameters(t))) for t in timesteps}
     widest = max(timesteps, key=lambda t: gaps[t])
-    views = [(widest, camera) for _, camera in images.views if (widest, camera) in subject.frame_at]
-    ends = images.levels[0], images.levels[-1]
+    views = [(widest, camera) for _, camera in images.views if (widest, camera) in rendered]
     windows = [{view: _window(images, path, LIPS, level, view) for view in views} for level in ends]
     seen = [view for view in views if all(shown[view] is not None for shown in windows)]
     if not seen:

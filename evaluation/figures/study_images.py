@@ -76,6 +76,18 @@ class StudyImages:
             raise InputError(f"no test frame of timestep {frame[0]}, camera {frame[1]}", file=index)
         return read_rgb(files[frame])
 
+    def rendered_frames(self, variant: str, level: float) -> set[tuple[int, int]]:
+        """Test frames that were rendered: a study may leave out timesteps.
+
+        Args:
+            variant: Name of the variant.
+            level: Rendered level.
+
+        Returns:
+            Timesteps and cameras.
+        """
+        return set(self._files(level_folder(self.frames[variant], level) / "frames.json"))
+
     def true(self, level: float, frame: tuple[int, int] | None = None) -> Image | None:
         """Read a true image.
 

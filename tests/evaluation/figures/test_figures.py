@@ -155,6 +155,26 @@ def test_the_hair_is_shown_at_both_levels_without_a_column_for_an_unknown_truth(
     assert columns[1] - columns[0] == pytest.approx(2 * 96 * PROPORTIONS, rel=0.1)  # the truth at level 0 is between
 
 
+def test_the_open_mouth_is_looked_for_among_rendered_frames(study, tmp_path, monkeypatch):
+    """A study may render some test timesteps only; here the mouth is open wider at those that it leaves out."""
+    folder, keywords = study
+    subject = Capture.load(folder / "capture.json")
+    shown = subject.split("test")[0]
+    subject = replace(subject, frames=tuple(replace(frame, split="test") for frame in subject.frames))
+    assert len({frame.timestep for frame in subject.split("test")}) > 1
+    monkeypatch.setattr(strips, "lip_line", lambda *_: True)
+    monkeypatch.setattr(Capture, "parameters", lambda _, timestep: timestep)
+    monkeypatch.setattr(strips, "pose", lambda _, timestep: timestep)
+    monkeypatch.setattr(strips, "lip_gap", lambda _, timestep: float(timestep != shown.timestep))
+    monkeypatch.setattr(strips, "_window", lambda *_: (slice(0, 24), slice(0, 32)))
+    truths = {level: read_ground_truth(file) for level, file in zip((0.0, 0.25), keywords["truths"], strict=True)}
+    images = StudyImages(
+        subject, {"alternating": folder / "alternating"}, truths, (shown.timestep, shown.camera), height=96
+    )
+    assert strips.mouth(tmp_path / "mouth.png", images, GammaPath.load(folder / "given.npz")) is None
+    assert (tmp_path / "mouth.png").exists()
+
+
 def test_figures_are_the_same_bytes_again(study):
     folder, keywords = study
     for name in ("a", "b"):
