@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Int
 
 from carigs.hair.strands import Strands
 from carigs.hair.volume import HairVolume
-from carigs.mesh.carried_points import CarriedPoints, nearest_triangles
+from carigs.mesh.carried_points import CarriedPoints, draw_points, nearest_triangles
 
 MAX_ELONGATION = 6.0
 """Length over width of the first surfels where views agree on the direction of the strands."""
@@ -41,12 +41,7 @@ def place_in_hair(
         The points, each carried by the nearest triangle of the scalp, with axes along the strand and across it.
     """
     weight = volume.opacity * np.sqrt(visible)
-    weight = weight / weight.sum()
-    # Systematic sampling: the number of points in a voxel differs from its expectation by less than 1.
-    chosen = np.searchsorted(np.cumsum(weight), (np.arange(count) + rng.random()) / count)
-    chosen = np.minimum(chosen, len(weight) - 1)
-    position = volume.centres[chosen] + volume.size * (rng.random((count, 3)) - 0.5)
-    spacing = volume.size / np.cbrt(np.maximum(count * weight[chosen], 1e-6))
+    chosen, position, spacing = draw_points(volume.centres, volume.size, weight, count, rng)
     face = nearest_triangles(position, np.flatnonzero(scalp), canonical, faces)
     along, facing = strands.direction[chosen], strands.facing[chosen]
     across = np.cross(facing, along)

@@ -45,3 +45,31 @@ def nearest_triangles(
         np.asarray(points, np.float64), np.asarray(vertices, np.float64), np.asarray(faces[carriers], np.int64)
     )
     return carriers[nearest]
+
+
+def draw_points(
+    centres: Float[np.ndarray, "c 3"],
+    size: float,
+    weight: Float[np.ndarray, " c"],
+    count: int,
+    rng: np.random.Generator,
+) -> tuple[Int[np.ndarray, " n"], Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
+    """Draw points in cells of a grid, in proportion to the weights of the cells.
+
+    Sampling is systematic: the number of points in a cell differs from its expectation by less than 1.
+
+    Args:
+        centres: Centres of the cells in metres.
+        size: Edge of a cell in metres.
+        weight: Weight of each cell, 0 or larger; not all are 0.
+        count: Number of points.
+        rng: Draws them.
+
+    Returns:
+        Cell of each point, its position, and its distance to neighbouring points in metres.
+    """
+    weight = weight / weight.sum()
+    cell = np.searchsorted(np.cumsum(weight), (np.arange(count) + rng.random()) / count)
+    cell = np.minimum(cell, np.flatnonzero(weight)[-1])
+    position = centres[cell] + size * (rng.random((count, 3)) - 0.5)
+    return cell, position, size / np.cbrt(np.maximum(count * weight[cell], 1e-6))

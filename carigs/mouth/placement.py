@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from carigs.capture import Camera
 from carigs.fitting.rigid_alignment import rigid_alignment
 from carigs.head import HeadModel
-from carigs.mesh.carried_points import CarriedPoints, nearest_triangles
+from carigs.mesh.carried_points import CarriedPoints, draw_points, nearest_triangles
 from carigs.mesh.triangle_mesh import barycenters
 from carigs.mouth.jaws import Jaw
 from carigs.mouth.lip_line import LipLine
@@ -58,16 +58,10 @@ def place_in_mouth(
     weight = np.sqrt(share * (share > SEEN))
     if not weight.any():
         return CarriedPoints(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3, 2)), np.zeros(0))
-    weight /= weight.sum()
-    # Systematic sampling: the number of points near a candidate differs from its expectation by less than 1.
-    chosen = np.searchsorted(np.cumsum(weight), (np.arange(count) + rng.random()) / count)
-    chosen = np.minimum(chosen, np.flatnonzero(weight)[-1])
-    size = STEP * line.width
-    position = points[chosen] + size * (rng.random((count, 3)) - 0.5)
+    chosen, position, spacing = draw_points(points, STEP * line.width, weight, count, rng)
     face = np.zeros(count, np.int64)
     for jaw, mine in ((Jaw.UPPER, upper[chosen]), (Jaw.LOWER, ~upper[chosen])):
         face[mine] = nearest_triangles(position[mine], np.flatnonzero(jaws == jaw), neutral, model.faces)
-    spacing = size / np.cbrt(np.maximum(count * weight[chosen], 1e-6))
     return CarriedPoints(face, position, spacing, np.tile(np.eye(3)[:, :2], (count, 1, 1)), np.ones(count))
 
 
