@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
 from carigs.capture import Camera, Capture, Frame
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.errors import InputError
 from carigs.head import pose
 from carigs.raster import Visibility, compute_visibility
@@ -53,8 +54,10 @@ def read_views(
         The frames that can be read.
     """
     frames = capture.split("train")
-    timesteps = _spread(sorted({frame.timestep for frame in frames}), TIMESTEPS)
-    groups = [_spread([frame for frame in frames if frame.timestep == timestep], CAMERAS) for timestep in timesteps]
+    timesteps = evenly_spread(sorted({frame.timestep for frame in frames}), TIMESTEPS)
+    groups = [
+        evenly_spread([frame for frame in frames if frame.timestep == timestep], CAMERAS) for timestep in timesteps
+    ]
     return [view for views in map_timesteps(lambda group: _read(capture, group, read_labels), groups) for view in views]
 
 
@@ -90,10 +93,6 @@ def pixel_size(seen: Visibility) -> float:
     """
     depth = max(float(np.median(seen.camera_points[:, 2])), 1e-3)
     return depth / float(np.sqrt(seen.camera.fx * seen.camera.fy))
-
-
-def _spread(items: list, count: int) -> list:
-    return [items[i] for i in sorted({int(i) for i in np.linspace(0, len(items) - 1, min(count, len(items)))})]
 
 
 def _read(capture: Capture, frames: list[Frame], read_labels: Callable | None) -> list[View]:

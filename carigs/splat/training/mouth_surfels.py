@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from carigs.capture import Capture
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.mesh.carried_points import CarriedPoints
 from carigs.mouth import find_jaws, has_teeth, lip_gap, lip_line, place_in_mouth
 from carigs.settings import Train
@@ -38,13 +39,13 @@ def prepare_mouth(capture: Capture, sequence: HeadSequence, settings: Train) -> 
     cameras: dict[int, list] = {}
     for frame in capture.split("train"):
         cameras.setdefault(frame.timestep, []).append(capture.camera(frame))
-    posed = {timestep: sequence.posed(timestep, 0.0) for timestep in _spread(sorted(cameras), POSES)}
+    posed = {timestep: sequence.posed(timestep, 0.0) for timestep in evenly_spread(sorted(cameras), POSES)}
     gap = {timestep: lip_gap(head, vertices) for timestep, vertices in posed.items()}
     widest = sorted((t for t in posed if gap[t] > OPEN * line.width), key=lambda t: -gap[t])[:TIMESTEPS]
     jaws = find_jaws(head, neutral, list(posed.values()), line) if widest else None
     if jaws is None:
         return None
-    views = [(posed[t], _spread(cameras[t], CAMERAS)) for t in widest]
+    views = [(posed[t], evenly_spread(cameras[t], CAMERAS)) for t in widest]
     rng = np.random.default_rng([settings.seed, 3])
     points = place_in_mouth(head, neutral, views, line, jaws, settings.mouth_surfels, rng)
     if not len(points.face):
@@ -52,7 +53,3 @@ def prepare_mouth(capture: Capture, sequence: HeadSequence, settings: Train) -> 
     if not has_teeth(head):
         sequence.jaws = JawMotion(sequence.rig, jaws)
     return points
-
-
-def _spread(items: list, count: int) -> list:
-    return [items[i] for i in sorted({int(i) for i in np.linspace(0, len(items) - 1, min(count, len(items)))})]
