@@ -47,36 +47,21 @@ def train(
     from carigs.simd.threads import use_idle_cores, use_threads
 
     use_threads(settings.threads)
-    from carigs.capture.target_index import SHADING, read_targets
+    from carigs.capture.target_index import read_targets
     from carigs.hair import load_hair
-    from carigs.light.shading import load_shading
     from carigs.splat.avatar import Avatar, save_avatar
-    from carigs.splat.rig.head_sequence import head_sequence
     from carigs.splat.surfels.ply import write_ply
-    from carigs.splat.training.hair_surfels import keep_size_of_brows, prepare_hair
-    from carigs.splat.training.mouth_surfels import prepare_mouth
-    from carigs.splat.training.supervision import Supervision
+    from carigs.splat.training.subject import prepare_subject
     from carigs.splat.training.trainer import COLUMNS, train_surfels
 
-    subject = Capture.load(capture)
-    gamma_path = read_subject_path(path, subject.model)
-    sequence = head_sequence(subject, gamma_path)
-    sets = [read_targets(index, subject) for index in targets or ()]
-    if sets and settings.relight_surfels:
-        sequence.shading = load_shading(sets[-1].folder / SHADING, len(subject.model.faces))  # one light for all levels
-    supervision = Supervision(subject, sets if settings.gtstar_probability > 0 else (), settings.mask_flags)
-    start = None
-    keep_size_of_brows(sequence, settings)
-    if hair is not None:
-        scalp = subject.model.face_region(*settings.hair_regions)
-        found = load_hair(hair, len(subject.model.faces))
-        start = prepare_hair(found, scalp, sequence, settings)
-    mouth = prepare_mouth(subject, sequence, settings)
+    person = Capture.load(capture)
+    found = None if hair is None else load_hair(hair, len(person.model.faces))
+    gamma_path = read_subject_path(path, person.model)
+    sets = [read_targets(index, person) for index in targets or ()]
+    subject = prepare_subject(person, gamma_path, settings, found, sets)
     checkpoint = avatar.with_suffix(".checkpoint")
-    surfels, rows = train_surfels(
-        settings, sequence, supervision, checkpoint, lambda _: use_idle_cores(settings.threads), start, mouth
-    )
-    trained = Avatar(surfels, sequence, settings.rig, settings.rotate_harmonics, subject.background)
+    surfels, rows = train_surfels(settings, subject, checkpoint, lambda _: use_idle_cores(settings.threads))
+    trained = Avatar(surfels, subject.sequence, settings.rig, settings.rotate_harmonics, person.background)
     with writing(log) as part, part.open("w", newline="") as stream:
         csv.writer(stream).writerows([COLUMNS, *rows])
     write_ply(ply, surfels)

@@ -25,6 +25,7 @@ from carigs.simd.threads import use_threads
 from carigs.splat.avatar import Avatar
 from carigs.splat.rig.head_sequence import HeadSequence, head_sequence
 from carigs.splat.training.checkpoint import TrainingState
+from carigs.splat.training.subject import Subject
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
 from evaluation.benchmarks.plots import plot_quality
@@ -119,7 +120,7 @@ def evaluate_runs(
         run = replace(settings, iterations=iterations, gtstar_probability=0.0, density=density)
         monitor, supervision = QualityMonitor(run, sequence, capture), Supervision(capture)
         with TemporaryDirectory() as folder:
-            train_surfels(run, sequence, supervision, Path(folder) / "checkpoint", monitor)
+            train_surfels(run, Subject(sequence, supervision), Path(folder) / "checkpoint", monitor)
         yield from monitor.evaluations
 
 

@@ -16,10 +16,8 @@ from carigs.capture import Capture
 from carigs.exaggeration import GammaPath
 from carigs.hair import find_hair
 from carigs.settings import Density, Hair, RefineTracking, Toy, Train
-from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.training.checkpoint import TrainingState
-from carigs.splat.training.hair_surfels import prepare_hair
-from carigs.splat.training.supervision import Supervision
+from carigs.splat.training.subject import prepare_subject
 from carigs.splat.training.trainer import train_surfels
 from carigs.splat.training.training_step import StepInputs
 from evaluation.benchmarks.kernel_timing import num_threads
@@ -95,11 +93,9 @@ def measure(folder: Path, toy: Toy, settings: Train, block: int) -> Iterator[Mea
     """
     write_subject(folder, toy)
     capture, path = Capture.load(folder / "capture.json"), GammaPath.load(folder / "path.npz")
-    found, scalp = find_hair(Hair(), capture), capture.model.face_region(*settings.hair_regions)
-    sequence, timer = head_sequence(capture, path), TurnsTimer(block)
-    hair, supervision = prepare_hair(found, scalp, sequence, settings), Supervision(capture)
+    subject, timer = prepare_subject(capture, path, settings, find_hair(Hair(), capture)), TurnsTimer(block)
     with num_threads(1), patch.object(StepInputs, "refines_tracking", lambda _, i: timer.refines(i)):
-        surfels, _ = train_surfels(settings, sequence, supervision, folder / "checkpoint", timer, hair)
+        surfels, _ = train_surfels(settings, subject, folder / "checkpoint", timer)
     case = f"{len(surfels)} surfels, {len(capture.model.faces)} triangles, 1 thread"
     refined, plain = timer.median(True), timer.median(False)
     yield Measurement(case, "step that refines", "ms", 1e3 * refined, 1e3 * plain)

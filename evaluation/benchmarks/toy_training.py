@@ -10,18 +10,15 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from carigs.capture import Camera, Capture, Frame
-from carigs.capture.target_index import SHADING, TargetSet, read_targets, write_targets
+from carigs.capture.target_index import TargetSet, read_targets, write_targets
 from carigs.exaggeration import GammaPath
 from carigs.gtstar.target_set import make_target_set
 from carigs.hair import FoundHair, find_hair
 from carigs.head import neutral, pose
-from carigs.light.shading import load_shading
 from carigs.raster import rasterize_mesh
 from carigs.settings import Exaggerate, Gtstar, Hair, Toy, Train
 from carigs.splat.avatar import Avatar
-from carigs.splat.rig.head_sequence import head_sequence
-from carigs.splat.training.hair_surfels import keep_size_of_brows, prepare_hair
-from carigs.splat.training.supervision import Supervision
+from carigs.splat.training.subject import prepare_subject
 from carigs.splat.training.trainer import train_surfels
 from carigs.toy import load_subject, render_subject
 from evaluation.benchmarks.toy_frames import write_subject
@@ -84,16 +81,10 @@ def train_avatar(inputs: TrainingInputs, settings: Train, checkpoint: Path) -> A
     Returns:
         The avatar.
     """
-    capture, path, found, targets = inputs
-    sequence, light = head_sequence(capture, path), targets.folder / SHADING
-    if settings.relight_surfels and light.is_file():
-        sequence.shading = load_shading(light, len(capture.model.faces))
-    supervision = Supervision(capture, [targets], settings.mask_flags)
-    scalp = capture.model.face_region(*settings.hair_regions)
-    keep_size_of_brows(sequence, settings)
-    hair = prepare_hair(found, scalp, sequence, settings)
-    surfels, _ = train_surfels(settings, sequence, supervision, checkpoint, hair=hair)
-    return Avatar(surfels, sequence, settings.rig, settings.rotate_harmonics, capture.background)
+    capture, path, hair, targets = inputs
+    subject = prepare_subject(capture, path, settings, hair, [targets])
+    surfels, _ = train_surfels(settings, subject, checkpoint)
+    return Avatar(surfels, subject.sequence, settings.rig, settings.rotate_harmonics, capture.background)
 
 
 def held_out_views(inputs: TrainingInputs, level: float) -> list[HeldOutView]:

@@ -30,6 +30,7 @@ from carigs.splat.surfels.surfels import Surfels, flat_discs
 from carigs.splat.training.checkpoint import TrainingState
 from carigs.splat.training.initialization import place
 from carigs.splat.training.photometric_loss import photometric_loss
+from carigs.splat.training.subject import Subject
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
 from evaluation.benchmarks import timing
@@ -224,7 +225,8 @@ def _steps(settings: Train, sequence: HeadSequence, supervision: Supervision, tu
     timer = StepTimer()
     settings = replace(settings, iterations=2 * turns * BLOCK)
     with num_threads(1):
-        surfels, _ = train_surfels(settings, sequence, supervision, supervision.capture.root / "checkpoint", timer)
+        checkpoint = supervision.capture.root / "checkpoint"
+        surfels, _ = train_surfels(settings, Subject(sequence, supervision), checkpoint, timer)
     return surfels, timer
 
 

@@ -11,24 +11,21 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.capture import Frame
-from carigs.mesh.carried_points import CarriedPoints
 from carigs.settings import Train
 from carigs.settings.train import budget_seconds
-from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.surfels import Surfels, from_arrays, to_arrays
 from carigs.splat.training.adam import Adam
 from carigs.splat.training.budget import LEAST_STEPS, TRIAL_STEPS, seconds_per_step, with_iterations
 from carigs.splat.training.checkpoint import TrainingState, load_checkpoint, run_digest, save_checkpoint
 from carigs.splat.training.density import GradientStatistics, densify_and_prune, reset_opacity, scene_extent
-from carigs.splat.training.hair_surfels import HairSurfels
 from carigs.splat.training.initialization import initial_surfels
 from carigs.splat.training.numba_step import NumbaStep
 from carigs.splat.training.plateau import Ending, ending_after, measures_after, validation_frames
 from carigs.splat.training.progress import progress
 from carigs.splat.training.schedule import draw_schedule
-from carigs.splat.training.supervision import Supervision
+from carigs.splat.training.subject import Subject
 from carigs.splat.training.tracking_refinement import TrackingRefinement
-from carigs.splat.training.training_step import StepInputs, StepResult, Subject, TrainingStep
+from carigs.splat.training.training_step import StepInputs, StepResult, TrainingStep
 
 DEVICE_BACKENDS = ("torch", "cuda")
 """Backends whose whole step is on a device."""
@@ -40,13 +37,7 @@ PSNR of held-out frames, if it was measured since the row before."""
 
 
 def train_surfels(
-    settings: Train,
-    sequence: HeadSequence,
-    supervision: Supervision,
-    checkpoint: Path,
-    on_step: Callable[[TrainingState], None] | None = None,
-    hair: HairSurfels | None = None,
-    mouth: CarriedPoints | None = None,
+    settings: Train, subject: Subject, checkpoint: Path, on_step: Callable[[TrainingState], None] | None = None
 ) -> tuple[Surfels, list[tuple]]:
     """Train the surfels of a subject.
 
@@ -63,24 +54,21 @@ def train_surfels(
 
     Args:
         settings: Settings of the stage.
-        sequence: The subject; its parameters change if `settings.refine_tracking` is enabled.
-        supervision: Training frames and targets.
+        subject: What it is about; the parameters of its head change if `settings.refine_tracking` is enabled.
         checkpoint: File of the state; the run continues from it if it is of the same inputs.
         on_step: Called with the state after every step.
-        hair: Where hair is; None if the head has none.
-        mouth: Points inside the mouth; None if it stays empty.
 
     Returns:
         The trained surfels, and the rows of the log (`COLUMNS`).
     """
-    subject = Subject(sequence, supervision, hair, mouth)
     digest = run_digest(settings, *subject)
     refinement = None
     if settings.refine_tracking.enabled and settings.gtstar_probability < 1:
-        refinement = TrackingRefinement(sequence, sorted({frame.timestep for frame in supervision.frames}))
-    state = load_checkpoint(checkpoint, digest, len(sequence.rig.faces), refinement)
+        timesteps = sorted({frame.timestep for frame in subject.supervision.frames})
+        refinement = TrackingRefinement(subject.sequence, timesteps)
+    state = load_checkpoint(checkpoint, digest, len(subject.sequence.rig.faces), refinement)
     if state is None:
-        surfels = initial_surfels(settings, supervision, sequence, hair, mouth)
+        surfels = initial_surfels(settings, subject.supervision, subject.sequence, subject.hair, subject.mouth)
         if (budget := budget_seconds(settings.budget)) is not None:
             settings = with_iterations(settings, _steps_within(budget, settings, subject, surfels))
         state = _first_state(settings.iterations, surfels, refinement)

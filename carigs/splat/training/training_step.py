@@ -42,18 +42,6 @@ class StepResult(NamedTuple):
     valid: Bool[Tensor, "h w"] | None
 
 
-class Subject(NamedTuple):
-    """What a training is about."""
-
-    sequence: HeadSequence
-    supervision: Supervision
-    """Training frames and targets."""
-    hair: HairSurfels | None
-    """Where hair is; None if the head has none."""
-    mouth: CarriedPoints | None
-    """Where surfels inside the mouth start; None if there are none."""
-
-
 @dataclass
 class StepInputs:
     """Inputs of all steps of a training.

@@ -1,0 +1,59 @@
+"""What a training is about: how the head moves, its images, its hair, and the inside of its mouth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from carigs.capture import Capture
+from carigs.capture.target_index import SHADING, TargetSet
+from carigs.exaggeration import GammaPath
+from carigs.hair import FoundHair
+from carigs.light.shading import load_shading
+from carigs.mesh.carried_points import CarriedPoints
+from carigs.settings import Train
+from carigs.splat.rig.head_sequence import HeadSequence, head_sequence
+from carigs.splat.training.hair_surfels import HairSurfels, keep_size_of_brows, prepare_hair
+from carigs.splat.training.mouth_surfels import prepare_mouth
+from carigs.splat.training.supervision import Supervision
+
+
+class Subject(NamedTuple):
+    """What a training is about."""
+
+    sequence: HeadSequence
+    supervision: Supervision
+    """Training frames and targets."""
+    hair: HairSurfels | None = None
+    """Where hair is; None if the head has none."""
+    mouth: CarriedPoints | None = None
+    """Where surfels inside the mouth start; None if there are none."""
+
+
+def prepare_subject(
+    capture: Capture,
+    path: GammaPath,
+    settings: Train,
+    hair: FoundHair | None = None,
+    targets: Sequence[TargetSet] = (),
+) -> Subject:
+    """Prepare a training: its images, the motion and the light of the head, and the points where surfels start.
+
+    Args:
+        capture: The capture.
+        path: Caricatures of its head.
+        settings: Settings of the stage.
+        hair: Where hair is; None if there is none.
+        targets: GT* frames, one set per level. The light of all levels is that of the last set.
+
+    Returns:
+        The subject.
+    """
+    sequence = head_sequence(capture, path)
+    if targets and settings.relight_surfels:
+        sequence.shading = load_shading(targets[-1].folder / SHADING, len(capture.model.faces))
+    supervision = Supervision(capture, targets if settings.gtstar_probability > 0 else (), settings.mask_flags)
+    keep_size_of_brows(sequence, settings)
+    scalp = capture.model.face_region(*settings.hair_regions)
+    hair_surfels = None if hair is None else prepare_hair(hair, scalp, sequence, settings)
+    return Subject(sequence, supervision, hair_surfels, prepare_mouth(capture, sequence, settings))
