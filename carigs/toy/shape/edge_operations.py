@@ -8,8 +8,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
-from carigs.simd.kernels import kernel
+from carigs.simd.kernels import INLINE, kernel
 from carigs.simd.matrix3 import cross, dot
 
 MAX_DEGREE = 40  # faces around a vertex
@@ -65,23 +66,23 @@ def editable_mesh(vertices: np.ndarray, faces: np.ndarray, border: np.ndarray, s
     )
 
 
-@kernel
+@njit(**INLINE)
 def _difference(points, a, b):
     return points[a, 0] - points[b, 0], points[a, 1] - points[b, 1], points[a, 2] - points[b, 2]
 
 
-@kernel
+@njit(**INLINE)
 def _distance(points, a, b):
     d = _difference(points, a, b)
     return np.sqrt(dot(d, d))
 
 
-@kernel
+@njit(**INLINE)
 def _corners(mesh, f):
     return mesh.faces[f, 0], mesh.faces[f, 1], mesh.faces[f, 2]
 
 
-@kernel
+@njit(**INLINE)
 def _edge_faces(mesh, a, b):
     """Number of faces at edge (a, b), and (face, third corner) of the first two; twice the same on a border."""
     count, sides = 0, ((-1, -1), (-1, -1))
@@ -94,26 +95,46 @@ def _edge_faces(mesh, a, b):
     return count, sides
 
 
-@kernel
+@njit(**INLINE)
 def _unlink(mesh, v, f):
-    ring = mesh.ring[v, : mesh.degree[v]]
-    ring[np.argmax(ring == f)] = ring[-1]
-    mesh.degree[v] -= 1
+    ring, last, k = mesh.ring, mesh.degree[v] - 1, 0
+    while ring[v, k] != f:
+        k += 1
+    ring[v, k] = ring[v, last]
+    mesh.degree[v] = last
 
 
-@kernel
+@njit(**INLINE)
 def _link(mesh, v, f):
     mesh.ring[v, mesh.degree[v]] = f
     mesh.degree[v] += 1
 
 
-@kernel
+@njit(**INLINE)
+def _replace(mesh, f, old, new):
+    """Put a vertex in the place of another one in a face."""
+    for k in range(3):
+        if mesh.faces[f, k] == old:
+            mesh.faces[f, k] = new
+
+
+@njit(**INLINE)
+def _point(points, v):
+    return points[v, 0], points[v, 1], points[v, 2]
+
+
+@njit(**INLINE)
+def _place(points, v, position):
+    points[v, 0], points[v, 1], points[v, 2] = position
+
+
+@njit(**INLINE)
 def _normal(points, a, b, c):
     """Normal of a triangle, not normalised: twice its area long."""
     return cross(_difference(points, b, a), _difference(points, c, a))
 
 
-@kernel
+@njit(**INLINE)
 def _aligned(n, m, min_cosine):
     norm = np.sqrt(dot(n, n) * dot(m, m))
     return dot(n, m) > min_cosine * norm and norm > 0.0
@@ -148,13 +169,16 @@ def split_long_edges(mesh, n_vertices, n_faces):
                 continue
             m = n_vertices
             n_vertices += 1
-            points[m] = 0.5 * (points[a] + points[b])
+            for k in range(3):
+                points[m, k] = 0.5 * (points[a, k] + points[b, k])
             size[m] = 0.5 * (size[a] + size[b])
             border[m] = border[a] & border[b] if count == 1 else 0
             for side in range(count):
                 g, third = sides[side]
-                faces[n_faces] = np.where(faces[g] == a, m, faces[g])
-                faces[g] = np.where(faces[g] == b, m, faces[g])
+                for k in range(3):
+                    faces[n_faces, k] = faces[g, k]
+                _replace(mesh, n_faces, a, m)
+                _replace(mesh, g, b, m)
                 _unlink(mesh, b, g)
                 _link(mesh, m, g)
                 for v in (b, m, third):
@@ -163,20 +187,20 @@ def split_long_edges(mesh, n_vertices, n_faces):
     return n_vertices, n_faces
 
 
-@kernel
+@njit(**INLINE)
 def _can_move(mesh, v, other, target):
     """Whether the faces of `v` without `other` keep their orientation and stay small when `v` moves to `target`."""
     points = mesh.points
-    old = points[v].copy()
+    old = _point(points, v)
     for f in mesh.ring[v, : mesh.degree[v]]:
         p, q, r = _corners(mesh, f)
         if other in (p, q, r):
             continue
         before = _normal(points, p, q, r)
-        points[v] = target
+        _place(points, v, target)
         after = _normal(points, p, q, r)
         longest = max(_distance(points, p, q), _distance(points, q, r), _distance(points, r, p))
-        points[v] = old
+        _place(points, v, old)
         if not (_aligned(before, after, 0.7) and longest < 4.0 / 3.0 * mesh.size[v]):
             return False
     return True
@@ -226,10 +250,11 @@ def collapse_short_edges(mesh, n_faces):
                         valid = valid and _edge_faces(mesh, b, v)[0] == 1 and count == 1
             if not valid or common != count:
                 continue
-            target = points[a] + (0.5 if border[a] == border[b] else 0.0) * (points[b] - points[a])
+            share, p, d = 0.5 if border[a] == border[b] else 0.0, _point(points, a), _difference(points, b, a)
+            target = (p[0] + share * d[0], p[1] + share * d[1], p[2] + share * d[2])
             if not (_can_move(mesh, a, b, target) and _can_move(mesh, b, a, target)):
                 continue
-            points[a] = target
+            _place(points, a, target)
             size[a] = 0.5 * (size[a] + size[b])
             for side in range(count):
                 g = sides[side][0]
@@ -237,7 +262,7 @@ def collapse_short_edges(mesh, n_faces):
                     _unlink(mesh, v, g)
                 faces[g] = -1
             for g in ring[b, : degree[b]]:
-                faces[g] = np.where(faces[g] == b, a, faces[g])
+                _replace(mesh, g, b, a)
                 _link(mesh, a, g)
             degree[b] = 0
 
@@ -293,26 +318,33 @@ def relax_vertices(mesh, n_vertices):
     for v in range(n_vertices):
         if degree[v] == 0 or border[v] == 3:
             continue
-        step = np.zeros(3)
+        x = y = z = 0.0
         if border[v] == 0:
-            normal = np.zeros(3)
+            n = (0.0, 0.0, 0.0)
             total = 0.0
             for f in ring[v, : degree[v]]:
                 p, q, r = _corners(mesh, f)
-                n = _normal(points, p, q, r)
-                weight = np.sqrt(dot(n, n)) / ((size[p] + size[q] + size[r]) / 3.0) ** 2
+                m = _normal(points, p, q, r)
+                weight = np.sqrt(dot(m, m)) / ((size[p] + size[q] + size[r]) / 3.0) ** 2
                 total += weight
-                normal += np.array(n)
-                step += weight * (points[p] + points[q] + points[r]) / 3.0
-            normal /= np.sqrt((normal**2).sum()) + 1e-30
-            step = step / total - points[v]
-            step -= normal * (step * normal).sum()
+                n = (n[0] + m[0], n[1] + m[1], n[2] + m[2])
+                x += weight * (points[p, 0] + points[q, 0] + points[r, 0]) / 3.0
+                y += weight * (points[p, 1] + points[q, 1] + points[r, 1]) / 3.0
+                z += weight * (points[p, 2] + points[q, 2] + points[r, 2]) / 3.0
+            x, y, z = x / total - points[v, 0], y / total - points[v, 1], z / total - points[v, 2]
+            norm = np.sqrt(dot(n, n)) + 1e-30
+            n = (n[0] / norm, n[1] / norm, n[2] / norm)
+            outward = dot((x, y, z), n)
+            x, y, z = x - n[0] * outward, y - n[1] * outward, z - n[2] * outward
         else:
             ends = 0
             for f in ring[v, : degree[v]]:
                 for w in _corners(mesh, f):
                     if w != v and (border[w] & border[v]) != 0 and _edge_faces(mesh, v, w)[0] == 1:
-                        step += points[w] - points[v]
+                        d = _difference(points, w, v)
+                        x, y, z = x + d[0], y + d[1], z + d[2]
                         ends += 1
-            step /= max(ends, 1)
-        points[v] += 0.7 * step
+            x, y, z = x / max(ends, 1), y / max(ends, 1), z / max(ends, 1)
+        points[v, 0] += 0.7 * x
+        points[v, 1] += 0.7 * y
+        points[v, 2] += 0.7 * z
