@@ -11,6 +11,7 @@ from chaos.miniature_study import HYDRA, copy_miniature_study
 from carigs.capture import Capture
 from carigs.compile_ahead import process
 from carigs.compile_ahead.ball_capture import RADIUS, write_ball_capture
+from carigs.compile_ahead.compilation import PARTS
 
 
 def compiled(cache: Path) -> set[str]:
@@ -22,13 +23,18 @@ def compiled(cache: Path) -> set[str]:
 def test_jobs_of_a_study_compile_nothing_that_was_not_compiled_ahead(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     project = copy_miniature_study(tmp_path / "project")
-    ahead = project.command("carigs.compile_ahead.compilation", HYDRA)
+    ahead = project.command("carigs.compile_ahead.compilation", "stages", HYDRA)
     assert ahead.returncode == 0, ahead.stderr
     before = compiled(tmp_path / "cache")
     assert not [*(tmp_path / "cache").rglob("capture.json")]  # nothing else stays behind
     assert any("forward_simd" in name for name in before)
     project.make("reproduce", hydra=HYDRA)
     assert compiled(tmp_path / "cache") == before
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "second"))
+    ahead = project.command("carigs.compile_ahead.compilation", "training", HYDRA)
+    assert ahead.returncode == 0, ahead.stderr
+    kernels = compiled(tmp_path / "second")
+    assert any("backward_simd" in name for name in kernels) and kernels < before  # no work that the jobs do not need
 
 
 def test_a_capture_of_a_ball_has_all_splits_and_shows_the_ball(tmp_path):
@@ -55,5 +61,5 @@ def test_a_variable_and_a_single_processor_switch_it_off(monkeypatch, value, cpu
         monkeypatch.setenv(process.COMPILE_AHEAD, value)
     process.start_compiling(["study=toy", "train.iterations=12"])
     assert [command[1:] for command in started] == [
-        ["-m", "carigs.compile_ahead.compilation", "study=toy", "train.iterations=12"]
+        ["-m", "carigs.compile_ahead.compilation", part, "study=toy", "train.iterations=12"] for part in PARTS
     ] * starts

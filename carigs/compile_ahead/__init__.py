@@ -2,5 +2,5 @@
 
 - `ball_capture`: the capture of a ball, which takes no time to write and to train on
 - `compilation`: the stages of a study, run on it
-- `process`: the process that does so beside the jobs of a run
+- `process`: the processes that do so beside the jobs of a run
 """

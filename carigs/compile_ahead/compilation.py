@@ -1,11 +1,16 @@
-"""The stages of a study on the capture of a ball: all kernels that its jobs will need are compiled on the way."""
+"""The stages of a study on the capture of a ball: all kernels that its jobs will need are compiled on the way.
+
+Numba compiles one kernel at a time in a process. So a second process trains on the real frames of the ball, which needs
+no other stage, and compiles the kernels of the training meanwhile. Each kernel is compiled by the process that needs it
+first; the other one waits for it (`carigs.simd.kernels.kernel`).
+"""
 
 from __future__ import annotations
 
 import os
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from omegaconf import DictConfig, OmegaConf
@@ -21,49 +26,90 @@ NUM_STEPS = 4
 """Steps of each training."""
 
 
-def compile_for(study: Sequence[str], folder: Path) -> None:
+def compile_stages(study: Sequence[str], folder: Path) -> None:
     """Compile the kernels of all variants of a study from GT* frames to renderings.
 
     Args:
         study: Hydra overrides of the study.
         folder: Folder to create, for the capture and the results, which mean nothing.
     """
-    names = compose_study(*study).study
     index = write_ball_capture(folder / "ball")
-    for variant in names.variants:  # subjects need the same kernels
-        settings = compose_variant(variant, *study, f"subject={names.subjects[0]}")
-        if settings.train.backend == "cpu":
-            _run_stages(settings, index, folder / variant)
+    for variant, settings in _variants(study).items():
+        _run_stages(settings, index, folder / variant)
+
+
+def compile_training(study: Sequence[str], folder: Path) -> None:
+    """Compile the kernels of a training, but for those that hair and GT* frames need in addition.
+
+    Args:
+        study: Hydra overrides of the study.
+        folder: Folder to create, for the capture and the results, which mean nothing.
+    """
+    index = write_ball_capture(folder / "ball")
+    for variant, settings in _variants(study).items():
+        paths = {"capture": index, "path": folder / variant / "path.npz"}
+        _exaggerate(settings, paths)
+        alone = {"gtstar_probability": 0.0, "relight_surfels": False}
+        _train(settings, paths, folder / variant, hair=None, targets=None, **alone)
+
+
+PARTS = {"stages": compile_stages, "training": compile_training}
+"""What a process compiles, by name."""
+
+
+def _variants(study: Sequence[str]) -> dict[str, DictConfig]:
+    """Settings of the variants that train on the host, by name; all subjects need the same kernels."""
+    names = compose_study(*study).study
+    settings = {name: compose_variant(name, *study, f"subject={names.subjects[0]}") for name in names.variants}
+    return {name: of_variant for name, of_variant in settings.items() if of_variant.train.backend == "cpu"}
 
 
 def _run_stages(settings: DictConfig, index: Path, folder: Path) -> None:
-    from carigs.stages.exaggerate import exaggerate
     from carigs.stages.gtstar import gtstar
     from carigs.stages.hair import hair
     from carigs.stages.render import render
-    from carigs.stages.train import train
 
-    folder.mkdir()
-    gamma = settings.gamma
-    with_path = {"capture": index, "path": folder / "path.npz"}
-    exaggerate(_section(settings, "exaggerate", source="poisson", regions={}), **with_path)
-    hair(_section(settings, "hair", threads=1, labels=None), capture=index, found=folder / "hair.npz")
-    targets = folder / "targets.json"
+    gamma, found, targets = settings.gamma, folder / "hair.npz", folder / "targets.json"
+    paths = {"capture": index, "path": folder / "path.npz"}
+    _exaggerate(settings, paths)
+    hair(_section(settings, "hair", threads=1, labels=None), capture=index, found=found)
     gtstar(
-        _section(settings, "gtstar", threads=1), **with_path, hair=folder / "hair.npz", level=gamma,
+        _section(settings, "gtstar", threads=1), **paths, hair=found, level=gamma,
         targets=folder / "targets", index=targets,
     )  # fmt: skip
+    avatar = _train(settings, paths, folder, hair=found, targets=[targets])
+    render(
+        _section(settings, "render", threads=1, orbit_frames=0, levels=[0.0, gamma]),
+        avatar=avatar, **paths, made_by="", frames=folder / "frames",
+    )  # fmt: skip
+
+
+def _exaggerate(settings: DictConfig, paths: Mapping[str, Path]) -> None:
+    from carigs.stages.exaggerate import exaggerate
+
+    paths["path"].parent.mkdir()
+    exaggerate(_section(settings, "exaggerate", source="poisson", regions={}), **paths)
+
+
+def _train(
+    settings: DictConfig,
+    paths: Mapping[str, Path],
+    folder: Path,
+    hair: Path | None,
+    targets: Sequence[Path] | None,
+    **changes: object,
+) -> Path:
+    """Train for a few steps; return the avatar's file."""
+    from carigs.stages.train import train
+
     density = {} if not settings.train.density.every else {"start": 1, "every": 1, "stop": NUM_STEPS}
     short = {"iterations": NUM_STEPS, "budget": None, "start": None, "regularize_from": 1, "density": density}
     avatar = folder / "avatar.npz"
     train(
-        _section(settings, "train", threads=1, **short), **with_path, hair=folder / "hair.npz", targets=[targets],
+        _section(settings, "train", threads=1, **short, **changes), **paths, hair=hair, targets=targets,
         avatar=avatar, ply=folder / "avatar.ply", log=folder / "log.csv",
     )  # fmt: skip
-    render(
-        _section(settings, "render", threads=1, orbit_frames=0, levels=[0.0, gamma]),
-        avatar=avatar, **with_path, made_by="", frames=folder / "frames",
-    )  # fmt: skip
+    return avatar
 
 
 def _section(settings: DictConfig, stage: str, **changes: object) -> Section:
@@ -72,17 +118,21 @@ def _section(settings: DictConfig, stage: str, **changes: object) -> Section:
 
 
 def main() -> None:
-    """Compile for a study, whose Hydra overrides are the arguments, unless it was done before; end with the run."""
+    """Compile a part for a study, unless it was done before; end with the run.
+
+    The arguments are the name of the part and the Hydra overrides of the study.
+    """
     end_with_run_process()
     if hasattr(os, "nice"):
         os.nice(19)
+    part, *study = sys.argv[1:]
     cache = use_kernel_cache()
-    folder = cache / "compile_ahead"
-    with kernel_lock("compile_ahead"):
+    folder = cache / f"compile_ahead_{part}"
+    with kernel_lock(folder.name):
         shutil.rmtree(folder, ignore_errors=True)  # of a process that was killed
         if not kernels_are_compiled(cache):
             try:
-                compile_for(sys.argv[1:], folder)
+                PARTS[part](study, folder)
             finally:
                 shutil.rmtree(folder, ignore_errors=True)
 
