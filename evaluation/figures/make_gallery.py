@@ -31,11 +31,10 @@ class Picture:
     """A picture of the documents; docs/images/commands.toml explains the fields."""
 
     file: str
-    command: str = ""
+    command: str
     made: str = ""
     width: int | None = None
     needs: tuple[str, ...] = ()
-    by_hand: str = ""
 
     @property
     def lacks(self) -> list[str]:
@@ -53,17 +52,14 @@ def read_pictures(file: Path) -> list[Picture]:
         The pictures, in the order of the file.
 
     Raises:
-        InputError: If an entry has unknown fields, or not one of command and by_hand.
+        InputError: If an entry has unknown fields, or no command.
     """
     pictures = []
     for entry in tomllib.loads(file.read_text("utf-8"))["picture"]:
         try:
-            picture = Picture(**{**entry, "needs": tuple(entry.get("needs", ()))})
+            pictures.append(Picture(**{**entry, "needs": tuple(entry.get("needs", ()))}))
         except TypeError as error:
             raise InputError(f"a picture is wrong: {error}", file=file) from None
-        if bool(picture.command) == bool(picture.by_hand):
-            raise InputError(f"{picture.file}: expected either command or by_hand", file=file)
-        pictures.append(picture)
     return pictures
 
 
@@ -71,7 +67,7 @@ def make_pictures(pictures: Sequence[Picture]) -> bool:
     """Run the commands in the current directory, each once, and print what becomes of each picture.
 
     Args:
-        pictures: What to make. One that is made by hand, or whose data are not there, is left as it is.
+        pictures: What to make. One whose data are not there is left as it is.
 
     Returns:
         Whether no command failed.
@@ -85,8 +81,6 @@ def make_pictures(pictures: Sequence[Picture]) -> bool:
 
 def _make(picture: Picture, scratch: str, status: dict[str, bool]) -> str:
     """Make a picture unless something is missing; `status` says which commands have succeeded."""
-    if picture.by_hand:
-        return f"left as it is; made by hand: {picture.by_hand}"
     if picture.lacks:
         return f"left as it is; missing: {', '.join(picture.lacks)}"
     names = {"file": picture.file, "scratch": scratch}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
 
 import pytest
 from docs.blocks import ROOT, command_lines
@@ -10,6 +12,7 @@ from docs.commands import parse, unknown_keys
 from PIL import Image
 
 from carigs.errors import InputError
+from evaluation.figures.data_flow import drawing, read_links, without_detours
 from evaluation.figures.make_gallery import Picture, convert, make_pictures, read_pictures
 
 pytestmark = pytest.mark.docs
@@ -33,7 +36,7 @@ def test_every_picture_is_shown_by_a_document():
     assert [picture.file for picture in PICTURES if ROOT / picture.file not in shown] == []
 
 
-@pytest.mark.parametrize("command", sorted({picture.command for picture in PICTURES if picture.command}))
+@pytest.mark.parametrize("command", sorted({picture.command for picture in PICTURES}))
 def test_the_commands_exist(command, monkeypatch):
     for program, *words in command_lines(command):
         if program == "carigs":
@@ -42,6 +45,13 @@ def test_the_commands_exist(command, monkeypatch):
             assert words[0] == "-m" and (ROOT / f"{words[1].replace('.', '/')}.py").is_file()
         else:
             assert program == "snakemake"
+
+
+def test_the_drawing_of_the_stages_is_that_of_the_present_workflow(tmp_path):
+    make = [sys.executable, "-m", "snakemake", "--quiet", "all", "--rulegraph", "--", "reproduce", "table"]
+    graph = subprocess.run(make, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    links = without_detours({("dataset", "capture"), *read_links(graph)})
+    assert (ROOT / "docs/images/data_flow.svg").read_text("utf-8") == drawing(links)
 
 
 def test_commands_run_once_and_pictures_without_their_data_are_left(tmp_path, monkeypatch, capsys):
@@ -53,7 +63,6 @@ def test_commands_run_once_and_pictures_without_their_data_are_left(tmp_path, mo
         Picture("a.webp", copy, made="{scratch}/copy.png", width=20),
         Picture("b.png", copy, made="{scratch}/copy.png", width=80, needs=("$HEADS/red.png",)),
         Picture("c.png", "cp red.png {file}", needs=("$HEADS/blue.png",)),
-        Picture("d.png", by_hand="A photograph."),
     ]
     assert make_pictures(pictures)
     assert (tmp_path / "runs").read_text() == "run\n"
@@ -65,7 +74,7 @@ def test_commands_run_once_and_pictures_without_their_data_are_left(tmp_path, mo
     assert not (tmp_path / "c.png").exists()
     lines = capsys.readouterr().out.splitlines()
     assert lines[:2] == ["a.webp: made", "b.png: made"]
-    assert "missing: $HEADS/blue.png" in lines[2] and "A photograph." in lines[3]
+    assert "missing: $HEADS/blue.png" in lines[2]
 
 
 def test_a_command_that_fails_is_told_and_leaves_the_picture(tmp_path, monkeypatch, capsys):
@@ -77,7 +86,7 @@ def test_a_command_that_fails_is_told_and_leaves_the_picture(tmp_path, monkeypat
     assert "a.png: not made; failed: false" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("entry", ['fiel = "a.png"', 'file = "a.png"', 'file = "a"\ncommand = "b"\nby_hand = "c"'])
+@pytest.mark.parametrize("entry", ['fiel = "a.png"', 'file = "a.png"', 'file = "a"\ncommand = "b"\nmaid = "c"'])
 def test_a_wrong_entry_names_the_list(entry, tmp_path):
     (tmp_path / "list.toml").write_text(f"[[picture]]\n{entry}\n")
     with pytest.raises(InputError, match=r"list\.toml"):
