@@ -26,35 +26,17 @@ NUM_STEPS = 4
 """Steps of each training."""
 
 
-def compile_stages(study: Sequence[str], folder: Path) -> None:
-    """Compile the kernels of all variants of a study from GT* frames to renderings.
+def compile_for(part: str, study: Sequence[str], folder: Path) -> None:
+    """Compile a part of the kernels of all variants of a study.
 
     Args:
+        part: `stages`, from GT* frames to renderings, or `training`, without what hair and GT* frames need in addition.
         study: Hydra overrides of the study.
         folder: Folder to create, for the capture and the results, which mean nothing.
     """
     index = write_ball_capture(folder / "ball")
     for variant, settings in _variants(study).items():
-        _run_stages(settings, index, folder / variant)
-
-
-def compile_training(study: Sequence[str], folder: Path) -> None:
-    """Compile the kernels of a training, but for those that hair and GT* frames need in addition.
-
-    Args:
-        study: Hydra overrides of the study.
-        folder: Folder to create, for the capture and the results, which mean nothing.
-    """
-    index = write_ball_capture(folder / "ball")
-    for variant, settings in _variants(study).items():
-        paths = {"capture": index, "path": folder / variant / "path.npz"}
-        _exaggerate(settings, paths)
-        alone = {"gtstar_probability": 0.0, "relight_surfels": False}
-        _train(settings, paths, folder / variant, hair=None, targets=None, **alone)
-
-
-PARTS = {"stages": compile_stages, "training": compile_training}
-"""What a process compiles, by name."""
+        PARTS[part](settings, index, folder / variant)
 
 
 def _variants(study: Sequence[str]) -> dict[str, DictConfig]:
@@ -82,6 +64,16 @@ def _run_stages(settings: DictConfig, index: Path, folder: Path) -> None:
         _section(settings, "render", threads=1, orbit_frames=0, levels=[0.0, gamma]),
         avatar=avatar, **paths, made_by="", frames=folder / "frames",
     )  # fmt: skip
+
+
+def _run_training(settings: DictConfig, index: Path, folder: Path) -> None:
+    paths = {"capture": index, "path": folder / "path.npz"}
+    _exaggerate(settings, paths)
+    _train(settings, paths, folder, hair=None, targets=None, gtstar_probability=0.0, relight_surfels=False)
+
+
+PARTS = {"stages": _run_stages, "training": _run_training}
+"""What a process runs for each variant, by name."""
 
 
 def _exaggerate(settings: DictConfig, paths: Mapping[str, Path]) -> None:
@@ -132,7 +124,7 @@ def main() -> None:
         shutil.rmtree(folder, ignore_errors=True)  # of a process that was killed
         if not kernels_are_compiled(cache):
             try:
-                PARTS[part](study, folder)
+                compile_for(part, study, folder)
             finally:
                 shutil.rmtree(folder, ignore_errors=True)
 

@@ -98,7 +98,7 @@ def _edge_faces(mesh, a, b):
 @njit(**INLINE)
 def _unlink(mesh, v, f):
     ring, last, k = mesh.ring, mesh.degree[v] - 1, 0
-    while ring[v, k] != f:
+    while k < last and ring[v, k] != f:
         k += 1
     ring[v, k] = ring[v, last]
     mesh.degree[v] = last
