@@ -67,7 +67,7 @@ def fit_capture_shading(
 
     directions, light = fit_light(list(map_timesteps(observe, fitted)), model.faces, map_timesteps, num_directions)
     kept = (face_flags & np.uint16(KEPT.value)) > 0
-    return Shading(directions, light, settings.relight_strength, settings.relight_limit, kept)
+    return Shading(directions, light, settings.relight_strength, settings.relight_limit, kept, settings.hair_extinction)
 
 
 def _view_bytes(capture: Capture, frames: list) -> int:

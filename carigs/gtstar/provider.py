@@ -72,8 +72,8 @@ def provide_targets(
         views = load_views(settings, capture, frames, natural_vertices)
     factors = None
     if shading is not None:
-        ends = views.vertices, caricature_vertices
-        factors = shading.vertex_factors(*(shading.transfer(vertices, model.faces) for vertices in ends))
+        ends, shadow = (views.vertices, caricature_vertices), carried_hair and carried_hair.shadow
+        factors = shading.vertex_factors(*(shading.transfer(vertices, model.faces, shadow) for vertices in ends))
     errors = registration_errors(
         {frame: (view.image, view.natural) for frame, view in views.views.items()}, views.vertices, model.faces
     )

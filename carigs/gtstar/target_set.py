@@ -63,7 +63,8 @@ def make_target_set(
     if hair is not None:
         covered, clean = hair.covered, hair.clean
         canonical = neutral(model, capture.parameters(frames[0].timestep))
-        carried_hair = CarriedHair(hair, model.face_region(*settings.hair_regions), canonical, model.faces)
+        scalp = model.face_region(*settings.hair_regions)
+        carried_hair = CarriedHair(hair, scalp, canonical, model.faces, settings.hair_extinction)
     face_flags = face_mask_flags(model, settings, covered)
     np.save(folder / FACE_FLAGS, face_flags)
     cache: dict[int, TimestepViews] = {}

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from carigs.hair.found_hair import FoundHair
+from carigs.hair.hair_shadow import hair_shadow
 from carigs.hair.views import pixel_size, scalp_motion
 from carigs.raster import Visibility
 
@@ -15,13 +16,14 @@ MIN_OPACITY = 0.5
 
 
 class CarriedHair:
-    """The visible voxels of the hair, each on the nearest triangle of the scalp.
+    """The visible voxels of the hair, each on the nearest triangle of the scalp, and the shadow of the hair.
 
     Args:
         found: The hair.
         scalp: Triangles that carry it.
         canonical: Vertices of the neutral head in metres.
         faces: Vertex indices of the triangles.
+        extinction: Optical thickness of a metre of opaque hair.
     """
 
     def __init__(
@@ -30,7 +32,9 @@ class CarriedHair:
         scalp: Bool[np.ndarray, " f"],
         canonical: Float[np.ndarray, "v 3"],
         faces: Int[np.ndarray, "f 3"],
+        extinction: float,
     ) -> None:
+        self.shadow = hair_shadow(found, scalp, canonical, faces, extinction)
         self.canonical, self.carrier, self.size = canonical, np.unique(faces[scalp]), found.volume.size
         kept = (found.volume.opacity >= MIN_OPACITY) & (found.visible > 0) & scalp.any()
         self.points = found.volume.centres[kept].astype(np.float64)

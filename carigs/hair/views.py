@@ -64,7 +64,7 @@ def read_views(
 def scalp_motion(
     canonical: Float[np.ndarray, "v 3"], seen: Visibility, carrier: Int[np.ndarray, " c"]
 ) -> Float[np.ndarray, "3 4"]:
-    """Rotation and translation from the neutral head to camera axes that fit the scalp best (Kabsch 1976).
+    """Rotation and translation from the neutral head to camera axes that fit the scalp best.
 
     Args:
         canonical: Vertices of the neutral head in metres.
@@ -74,12 +74,27 @@ def scalp_motion(
     Returns:
         Camera axes from the axes of the neutral head.
     """
-    source, target = canonical[carrier], seen.camera_points[carrier]
+    rotation, translation = rigid_fit(canonical[carrier], seen.camera_points[carrier])
+    return np.concatenate([rotation, translation[:, None]], axis=1)
+
+
+def rigid_fit(
+    source: Float[np.ndarray, "n 3"], target: Float[np.ndarray, "n 3"]
+) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
+    """The rigid motion that takes points nearest to others (Kabsch 1976).
+
+    Args:
+        source: Points.
+        target: Where each should go.
+
+    Returns:
+        Rotation and translation.
+    """
     a, b = source.mean(axis=0), target.mean(axis=0)
     left, _, right = np.linalg.svd((target - b).T @ (source - a))
     left[:, 2] *= np.sign(np.linalg.det(left @ right))
     rotation = left @ right
-    return np.concatenate([rotation, (b - rotation @ a)[:, None]], axis=1)
+    return rotation, b - rotation @ a
 
 
 def pixel_size(seen: Visibility) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int
 
 from carigs.errors import InputError
+from carigs.hair import HairShadow
 from carigs.light.shadow_map import multiply_irradiance
 from carigs.light.transfer import Transfer, light_transfer
 from carigs.raster import Visibility
@@ -59,18 +60,23 @@ class Shading:
     """Largest factor on linear colours; its inverse is the smallest."""
     kept: Bool[np.ndarray, " f"]
     """Triangles whose colours do not change."""
+    extinction: float = 0.0
+    """Optical thickness of a metre of opaque hair."""
 
-    def transfer(self, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Transfer:
+    def transfer(
+        self, vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], hair: HairShadow | None = None
+    ) -> Transfer:
         """Light transfer of a surface for the directions of this light.
 
         Args:
             vertices: World points in metres.
             faces: Vertex indices of the triangles.
+            hair: Hair that shades the surface, if there is any.
 
         Returns:
             See `light_transfer`.
         """
-        return light_transfer(vertices, faces, self.directions)
+        return light_transfer(vertices, faces, self.directions, hair)
 
     def vertex_factors(self, before: Transfer, after: Transfer) -> Float64[np.ndarray, "v 3"]:
         """Factor on the linear colours of every vertex.
@@ -184,4 +190,6 @@ def shading_of(arrays: Mapping[str, np.ndarray], num_faces: int, file: str | Pat
     refuse(bool((light < 0).any() or (light > 1e9).any()), "light", "expected values in [0, 1e9]")
     refuse(not 0 <= strength <= 1, "strength", f"{strength:g} is not in [0, 1]")
     refuse(not 1 <= limit <= 100, "limit", f"{limit:g} is not in [1, 100]")
-    return Shading(directions, light, strength, limit, take("kept", (num_faces,), bool))
+    extinction = float(take("extinction", ())) if f"{prefix}extinction" in arrays else 0.0
+    refuse(not 0 <= extinction <= 1000, "extinction", f"{extinction:g} is not in [0, 1000]")
+    return Shading(directions, light, strength, limit, take("kept", (num_faces,), bool), extinction)

@@ -13,7 +13,7 @@ INFINITY = np.float32(np.inf)
 
 
 @kernel
-def shadowed_cosines(transfer, points, normals, faces, axes, side, scale, bias, tolerance):
+def shadowed_cosines(transfer, points, normals, faces, axes, side, scale, bias, tolerance, cubes, thickness, width):
     """Write each vertex's cosine times its visibility from each light, and the share of the cosines that is hidden.
 
     Visibility is filtered over the four nearest shadow-map pixels with bilinear weights (percentage-closer filtering,
@@ -29,11 +29,15 @@ def shadowed_cosines(transfer, points, normals, faces, axes, side, scale, bias, 
         scale: Pixels per metre.
         bias: Metres that vertices are lifted along their normals before they are looked up.
         tolerance: Points that lie more than this behind the map, in metres, are in shadow.
+        cubes: Centres of the cubes that hair fills (n, 3), in metres from the middle of the maps.
+        thickness: Their optical thickness (n,).
+        width: Their edge in metres.
     """
     count, half = points.shape[0], np.float32(0.5) * np.float32(side)
     x_map, y_map, z_map = np.empty(count, np.float32), np.empty(count, np.float32), np.empty(count, np.float32)
     total, cosine, hidden = np.zeros(count, np.float32), np.empty(count, np.float32), transfer[axes.shape[0]]
     hidden[:] = 0.0
+    passing = np.ones((side, side), np.float32)
     for d in range(axes.shape[0]):
         right, down, away = axes[d, 0], axes[d, 1], axes[d, 2]
         for i in range(count):
@@ -42,6 +46,8 @@ def shadowed_cosines(transfer, points, normals, faces, axes, side, scale, bias, 
             z_map[i] = _dot(away, points[i])
             cosine[i] = max(-_dot(away, normals[i]), np.float32(0.0))
         nearest = _shadow_map(x_map, y_map, z_map, faces, side)
+        if len(cubes):
+            _light_through(passing, nearest, cubes, thickness, axes[d], scale, np.float32(0.5) * width * scale)
         for i in range(count):
             transfer[d, i] = 0.0
             if cosine[i] <= 0.0:
@@ -51,12 +57,14 @@ def shadowed_cosines(transfer, points, normals, faces, axes, side, scale, bias, 
             depth = z_map[i] - bias * cosine[i] - tolerance
             x, y = min(max(x, np.float32(0.0)), side - 1.001), min(max(y, np.float32(0.0)), side - 1.001)
             x0, y0 = int(x), int(y)
-            lit = 0.0
+            lit = through = 0.0
             for j in range(2):
                 for k in range(2):
                     if depth < nearest[(y0 + j) >> 2, (x0 + k) >> 2, (y0 + j) % 4 * 4 + (x0 + k) % 4]:
-                        lit += (x - x0 if k else 1.0 - x + x0) * (y - y0 if j else 1.0 - y + y0)
-            transfer[d, i] = cosine[i] * lit
+                        weight = (x - x0 if k else 1.0 - x + x0) * (y - y0 if j else 1.0 - y + y0)
+                        lit += weight
+                        through += weight * passing[y0 + j, x0 + k]
+            transfer[d, i] = cosine[i] * through
             hidden[i] += cosine[i] * (1.0 - lit)
             total[i] += cosine[i]
     for i in range(count):
@@ -66,6 +74,29 @@ def shadowed_cosines(transfer, points, normals, faces, axes, side, scale, bias, 
 @njit(**INLINE)
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@kernel
+def _light_through(passing, nearest, cubes, thickness, axes, scale, reach):
+    """Write the share of the light that passes the hair in front of the surface, at each pixel centre (side, side).
+
+    A cube is drawn as a square that faces the light, `reach` pixels to each side. Beside the surface all light passes:
+    hair behind the surface would shade its edge.
+    """
+    side, half = passing.shape[0], np.float32(0.5) * np.float32(passing.shape[0])
+    passing[:] = 0.0
+    for i in range(len(cubes)):
+        x, y = _dot(axes[0], cubes[i]) * scale + half, _dot(axes[1], cubes[i]) * scale + half
+        depth = _dot(axes[2], cubes[i])
+        left, right = max(int(np.ceil(x - reach - 0.5)), 0), min(int(np.ceil(x + reach - 0.5)), side)
+        top, bottom = max(int(np.ceil(y - reach - 0.5)), 0), min(int(np.ceil(y + reach - 0.5)), side)
+        for row in range(top, bottom):
+            for column in range(left, right):
+                if depth < nearest[row >> 2, column >> 2, row % 4 * 4 + column % 4] < INFINITY:
+                    passing[row, column] += thickness[i]
+    for row in range(side):
+        for column in range(side):
+            passing[row, column] = np.exp(-passing[row, column])
 
 
 @kernel

@@ -8,6 +8,8 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from carigs.errors import MeshError
+from carigs.hair import HairShadow
+from carigs.hair.hair_shadow import WIDTH
 from carigs.light.shadow_map import shadowed_cosines
 from carigs.mesh.triangle_mesh import vertex_normals
 
@@ -19,7 +21,10 @@ Transfer = Float32[np.ndarray, "v k"]
 
 
 def light_transfer(
-    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], directions: Float[np.ndarray, "d 3"]
+    vertices: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+    directions: Float[np.ndarray, "d 3"],
+    hair: HairShadow | None = None,
 ) -> Transfer:
     """Cosine-weighted visibility of distant light at every vertex, by one shadow map per direction (Williams 1978).
 
@@ -30,6 +35,7 @@ def light_transfer(
         vertices: World points in metres.
         faces: Vertex indices of the triangles.
         directions: Unit vectors towards the light in world axes.
+        hair: Hair that shades the surface, if there is any. The light that it holds back is lost.
 
     Returns:
         Transfer (v, d + 1), scaled so that unit light from everywhere amounts to 1 on an unoccluded surface.
@@ -45,6 +51,9 @@ def light_transfer(
     transfer = np.empty((len(directions) + 1, len(vertices)), np.float32)
     axes = np.array([_map_from_world(tuple(direction)) for direction in directions], np.float32).reshape(-1, 3, 3)
     scale = np.float32(0.5 * SHADOW_MAP_SIDE / radius)
+    cubes, thickness = np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
+    if hair is not None:
+        cubes, thickness = (hair.over(vertices) - middle).astype(np.float32), hair.thickness
     shadowed_cosines(
         transfer,
         (vertices - middle).astype(np.float32),
@@ -55,6 +64,9 @@ def light_transfer(
         scale,
         np.float32(SHADOW_BIAS),
         np.float32(SHADOW_TOLERANCE),
+        cubes,
+        thickness,
+        np.float32(WIDTH),
     )
     transfer[:-1] *= 4 / max(len(directions), 1)
     return transfer.T

@@ -43,6 +43,8 @@ class Gtstar(Section, key="gtstar"):
     """Exponent of the ratio of new to old irradiance."""
     relight_limit: float = option(2.0, ge=1, le=100)
     """Largest factor on linear colours; the smallest is its inverse."""
+    hair_extinction: float = option(30.0, unit="1/metre", ge=0, le=1000)
+    """Optical thickness of a metre of opaque hair, which shades the skin; 0: it casts no shadow."""
     hair_dilation: int = option(2, unit="pixels", ge=0, le=1000)
     """Dilation of the hair mask."""
     background_margin: int = option(1, unit="pixels", ge=0, le=1000)

@@ -13,6 +13,7 @@ from carigs.capture import Camera
 from carigs.errors import InputError
 from carigs.exaggeration import GammaPath
 from carigs.files import writing
+from carigs.hair.hair_shadow import hair_shadow_of
 from carigs.head import check_subject_path
 from carigs.light.shading import shading_of
 from carigs.readers.arrays import checked_array
@@ -127,7 +128,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
         avatar: The avatar.
     """
     path, shading, smooth = avatar.sequence.path, avatar.sequence.shading, avatar.sequence.smooth
-    keeps_size, jaws = avatar.sequence.rig.keeps_size, avatar.sequence.jaws
+    keeps_size, jaws, shadow = avatar.sequence.rig.keeps_size, avatar.sequence.jaws, avatar.sequence.hair_shadow
     with writing(file) as part:
         np.savez(
             part,
@@ -142,6 +143,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
             **({} if shading is None else {f"shading_{name}": value for name, value in asdict(shading).items()}),
             **({} if smooth is None else smooth.as_arrays()),
             **({} if jaws is None else jaws.as_arrays()),
+            **({} if shadow is None else shadow.as_arrays()),
             **({"keeps_size": keeps_size} if keeps_size.any() else {}),
             path_levels=path.levels,
             path_displacements=path.displacements,
@@ -183,6 +185,8 @@ def load_avatar(file: Path) -> Avatar:
         sequence.jaws = jaw_motion_of(arrays, sequence.rig, file)
     if "shading_light" in arrays:
         sequence.shading = shading_of(arrays, len(head.faces), file, "shading_")
+        if "hair_shadow_points" in arrays:
+            sequence.hair_shadow = hair_shadow_of(arrays, sequence.rig.vertices, file)
     background = float(checked_array(arrays, "background", (), np.float64, file=file))
     if not 0 <= background <= 1:
         raise InputError(f"{background:g} is not in [0, 1]", file=file, field="background")

@@ -114,7 +114,8 @@ def warped_pixels(
 def _carried(hair: FoundHair, capture: Capture) -> CarriedHair:
     model, settings = capture.model, Gtstar()
     canonical = neutral(model, capture.parameters(capture.split("train")[0].timestep))
-    return CarriedHair(hair, model.face_region(*settings.hair_regions), canonical, model.faces)
+    scalp = model.face_region(*settings.hair_regions)
+    return CarriedHair(hair, scalp, canonical, model.faces, settings.hair_extinction)
 
 
 def measure(folder: Path) -> Iterator[Measurement]:

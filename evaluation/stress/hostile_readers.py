@@ -23,7 +23,7 @@ from carigs.capture.target_index import FACE_FLAGS, read_targets, write_targets
 from carigs.config import compose, compose_study, load_settings, settings_text
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.files import write_json
-from carigs.hair import FoundHair, load_hair
+from carigs.hair import FoundHair, hair_shadow, load_hair
 from carigs.hair.strands import Strands
 from carigs.hair.volume import HairVolume
 from carigs.head import HeadModel, HeadParameters, flame_joints, neutral, pose, read_subject_path
@@ -104,9 +104,11 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     upwards = np.tile(np.float32([0, 1, 0]), (len(VERTICES), 1))
     strands = Strands(upwards, visible, -upwards)
     texture = 0.1 * covered.astype(np.float32)
-    FoundHair(texture, covered, covered, ~covered, volume, visible, strands).save(folder / "hair.npz")
+    hair = FoundHair(texture, covered, covered, ~covered, volume, visible, strands)
+    hair.save(folder / "hair.npz")
     sequence = HeadSequence(model, {0: parameters}, path)
     sequence.shading = shading
+    sequence.hair_shadow = hair_shadow(hair, covered, sequence.rig.vertices, sequence.rig.faces, 30.0)
     sequence.smooth = SmoothMotion(sequence.rig, np.arange(len(FACES)) < 9)
     save_avatar(folder / "avatar.npz", Avatar(surfels, sequence))
     frame = Frame(0, 0, "EXP-1", "train", "a.png", "a.png", "parameters.npz", 0)

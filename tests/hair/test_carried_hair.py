@@ -18,7 +18,7 @@ def carried(points, scalp, opacity=1.0, visible=1.0):
     found = FoundHair(
         np.zeros(len(faces), np.float32), none, none, none, volume, np.full(n, visible, np.float32), strands
     )
-    return CarriedHair(found, scalp, vertices, faces)
+    return CarriedHair(found, scalp, vertices, faces, 30.0)
 
 
 def cap():

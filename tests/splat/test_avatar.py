@@ -14,6 +14,8 @@ from carigs.capture.images import read_rgb
 from carigs.capture.orbit import nearest_point_to_axes, orbit_cameras
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration.gamma_path import straight_path
+from carigs.hair import HairShadow
+from carigs.hair.hair_shadow import WIDTH
 from carigs.head import neutral, read_subject_path
 from carigs.job_record import content_digest
 from carigs.light import Shading, fibonacci_sphere
@@ -118,6 +120,42 @@ def test_colours_follow_the_light_and_the_file_keeps_it(trained, tmp_path):
     camera = Capture.load(trained / "capture.json").cameras[1]
     np.testing.assert_array_equal(again.render(0, 0.25, camera), avatar.render(0, 0.25, camera))
     assert np.abs(again.render(0, 0.25, camera) - plain_image).max() > 0.01
+
+
+def test_skin_brightens_out_of_the_shadow_of_hair(trained, tmp_path):
+    """A slab of hair over the ball in light from above: on a caricature that sinks below its edge, and in the file."""
+    sequence = load_avatar(trained / "avatar.npz").sequence
+    vertices, faces = sequence.rig.vertices, sequence.rig.faces
+    light = np.array([[1.0, 1, 1], [0, 0, 0]])
+    sequence.shading = Shading(np.array([[0.0, 1, 0]]), light, 1.0, 100.0, np.zeros(len(faces), bool))
+    top, middle = vertices.max(axis=0), vertices.mean(axis=0)
+    points = np.stack(np.meshgrid(np.arange(-6, 7), [2], np.arange(-6, 7), indexing="ij"), -1).reshape(-1, 3) * WIDTH
+    points += np.array([middle[0], top[1], middle[2]])
+    carrier = np.flatnonzero(vertices[:, 1] > top[1] - 0.02)[:3].astype(np.int32)
+
+    def lit_by(lit):
+        sequence.hair_shadow = HairShadow(
+            points.astype(np.float32), np.full(len(points), 0.5, np.float32), np.tile(carrier, (len(points), 1)),
+            vertices.astype(np.float32), np.full(len(vertices), lit),
+        )  # fmt: skip
+        sequence.__dict__.pop("_canonical_transfer", None)
+        return sequence.shade_of(vertices)
+
+    above = (vertices[faces] - middle).mean(axis=1)
+    below = (np.abs(above[:, [0, 2]]).max(axis=1) < 5 * WIDTH) & (above[:, 1] > 0.5 * (top[1] - middle[1]))
+    np.testing.assert_allclose(lit_by(False)[below], 1, atol=1e-5)
+    np.testing.assert_allclose(lit_by(True)[below], np.exp(-0.5 / 2.2), rtol=1e-3)  # bare skin moves into the shadow
+    shaded = lit_by(False)
+    assert len(carrier) == 3 and below.sum() > 20
+    away = vertices + np.array([0, 0, 0.3])
+    away[carrier] = vertices[carrier]  # the hair stays, the head goes
+    bright = sequence.shade_of(away)
+    inner = below & ~np.isin(faces, carrier).any(axis=1)
+    assert np.median(bright[inner]) == pytest.approx(np.exp(0.5 / 2.2), rel=0.05) and (shaded[inner] < 1.01).all()
+    avatar = load_avatar(trained / "avatar.npz")
+    avatar.sequence.shading, avatar.sequence.hair_shadow = sequence.shading, sequence.hair_shadow
+    save_avatar(tmp_path / "shaded.npz", avatar)
+    np.testing.assert_array_equal(load_avatar(tmp_path / "shaded.npz").sequence.shade_of(away), bright)
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ from jaxtyping import Float, Float32
 from carigs.capture import Capture
 from carigs.errors import InputError
 from carigs.exaggeration import Caricature, GammaPath
+from carigs.hair import HairShadow
 from carigs.head import HeadModel, HeadParameters, pose, subject_model
 from carigs.light.shading import Shading
 from carigs.light.transfer import Transfer
@@ -33,6 +34,7 @@ class HeadSequence:
         megabytes: Budget of the cached motions.
         shading: How colours follow the light on the posed surface; they do not change if None.
         smooth: Averages the motion of the triangles that carry hair; None if none do.
+        hair_shadow: Hair that shades the surface, if colours follow the light; None if none does.
         jaws: Moves the triangles that carry teeth as solids; None if none do.
         rig: Rig of the canonical mesh.
     """
@@ -43,6 +45,7 @@ class HeadSequence:
     megabytes: int = 512
     shading: Shading | None = None
     smooth: SmoothMotion | None = None
+    hair_shadow: HairShadow | None = None
     jaws: JawMotion | None = None
     rig: Rig = field(init=False)
 
@@ -124,12 +127,17 @@ class HeadSequence:
         """
         if self.shading is None:
             return None
-        after = self.shading.transfer(posed, self.rig.faces)
+        after = self.shading.transfer(posed, self.rig.faces, self.hair_shadow)
         return self.shading.face_factors(self._canonical_transfer, after, self.rig.faces)
 
     @cached_property
     def _canonical_transfer(self) -> Transfer:
-        return self.shading.transfer(self.rig.vertices, self.rig.faces)
+        """Transfer of the light that the colours of the surfels were seen in."""
+        lit = self.shading.transfer(self.rig.vertices, self.rig.faces)
+        if self.hair_shadow is None:
+            return lit
+        shaded = self.shading.transfer(self.rig.vertices, self.rig.faces, self.hair_shadow)
+        return np.where(self.hair_shadow.lit[:, None], lit, shaded)
 
     def motion(self, timestep: int, level: float) -> FaceMotion:
         """Motion of every triangle from the canonical to the posed mesh.

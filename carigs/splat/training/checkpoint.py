@@ -86,6 +86,9 @@ def run_digest(
         digest.update(b"" if array is None else array.tobytes())
     if sequence.shading is not None:
         digest.update(b"".join(np.asarray(value).tobytes() for value in asdict(sequence.shading).values()))
+    if sequence.hair_shadow is not None:
+        shadow = sequence.hair_shadow.as_arrays().values()
+        digest.update(b"".join(np.ascontiguousarray(value).tobytes() for value in shadow))
     if hair is not None:
         arrays = (*hair.points, hair.covered, hair.hidden)
         digest.update(b"".join(np.ascontiguousarray(value).tobytes() for value in arrays))

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from carigs.capture import Capture
 from carigs.capture.target_index import SHADING, TargetSet
 from carigs.exaggeration import GammaPath
-from carigs.hair import FoundHair
+from carigs.hair import FoundHair, hair_shadow
 from carigs.light.shading import load_shading
 from carigs.mesh.carried_points import CarriedPoints
 from carigs.settings import Train
@@ -55,5 +55,8 @@ def prepare_subject(
     supervision = Supervision(capture, targets if settings.gtstar_probability > 0 else (), settings.mask_flags)
     keep_size_of_brows(sequence, settings)
     scalp = capture.model.face_region(*settings.hair_regions)
+    if hair is not None and sequence.shading is not None:
+        rig, extinction = sequence.rig, sequence.shading.extinction
+        sequence.hair_shadow = hair_shadow(hair, scalp, rig.vertices, rig.faces, extinction)
     hair_surfels = None if hair is None else prepare_hair(hair, scalp, sequence, settings)
     return Subject(sequence, supervision, hair_surfels, prepare_mouth(capture, sequence, settings))
