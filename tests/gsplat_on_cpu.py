@@ -80,7 +80,7 @@ def pixel_surfels(
             ray = np.cross(px * m[ids, 2] - m[ids, 0], py * m[ids, 2] - m[ids, 1])
             with np.errstate(divide="ignore", invalid="ignore"):
                 g3 = ((ray[:, :2] / ray[:, 2:]) ** 2).sum(axis=1)
-            g2 = 2 * ((centre[ids] - [px, py]) ** 2).sum(axis=1)
+            g2 = 2 * ((centre[ids] - [px, py]) ** 2).sum(axis=1)  # gsplat's low-pass filter
             alpha = np.minimum(CAP, opacity[ids] * np.exp(-0.5 * np.minimum(g3, g2)))
             kept = np.flatnonzero((ray[:, 2] != 0) & (alpha >= THRESHOLD))
             after = float(transmittances[0, y, x]) * np.cumprod(1 - alpha[kept])

@@ -118,8 +118,7 @@ def head_on_disc(scale: float, opacity: float) -> Iterator[Measure]:
     x, y = np.meshgrid(np.arange(33) + 0.5 - FLAT.cx, np.arange(27) + 0.5 - FLAT.cy)
     squared = x**2 + y**2
     sigma = FLAT.fx * float(arrays[1][0, 0]) / 2
-    # The low-pass filter is a disc with a standard deviation of 1/sqrt(2) pixels.
-    raw = float(arrays[3][0]) * np.exp(-0.5 * np.minimum(squared / sigma**2, 2 * squared))
+    raw = float(arrays[3][0]) * np.exp(-0.5 * squared / sigma**2)
     alpha = np.where(raw >= ALPHA_THRESHOLD, np.minimum(raw, CAP), 0.0)
     clear = np.abs(raw / ALPHA_THRESHOLD - 1) > 1e-4
     if float(arrays[1][0, 0]) ** 2 <= MIN_AREA:

@@ -43,7 +43,7 @@ def render(
     drawn &= torch.stack([t.reshape(len(t), -1).isfinite().all(1) for t in surfels]).all(0)
     # The visible ellipse must stay in front of the camera plane.
     squared = (u[:, 2] / mean[:, 2]) ** 2 + (v[:, 2] / mean[:, 2]) ** 2
-    drawn &= (2 * torch.log(255 * opacity) * squared - 1 < -1e-4) & (squared - 1 < -1e-4)
+    drawn &= 2 * torch.log(255 * opacity) * squared - 1 < -1e-4
     index = torch.nonzero(drawn)[:, 0]
     index = index[torch.argsort(mean[index, 2].float(), stable=True)]
 
@@ -60,13 +60,8 @@ def render(
         plane_y = y[..., None] * rows[2] - rows[1]
         zeta = torch.linalg.cross(plane_x, plane_y)
         hit = zeta[..., 2] != 0
-        g3 = torch.where(hit, (zeta[..., :2] ** 2).sum(-1) / torch.where(hit, zeta[..., 2], 1.0) ** 2, torch.inf)
-        # Middle of the box of the projected unit circle.
-        signs = torch.tensor([1.0, 1.0, -1.0], dtype=torch.float64)
-        distance = (signs * rows[2] ** 2).sum()
-        middle = (signs * rows[:2] * rows[2]).sum(1) / distance
-        g2 = 2 * ((x - middle[0]) ** 2 + (y - middle[1]) ** 2)
-        raw = opacity[i] * torch.exp(-torch.where(g3 < g2, g3, g2) / 2)
+        g = torch.where(hit, (zeta[..., :2] ** 2).sum(-1) / torch.where(hit, zeta[..., 2], 1.0) ** 2, torch.inf)
+        raw = opacity[i] * torch.exp(-g / 2)
         alpha = raw.clamp(max=alpha_cap)
         after = transmittance * (1 - alpha)
         valid = (raw >= 1 / 255) & ~ended
@@ -75,7 +70,6 @@ def render(
             for value, threshold in ((raw, 1 / 255), (raw, alpha_cap)):
                 margin = torch.where(ended, margin, torch.minimum(margin, (value / threshold - 1).abs()))
             margin = torch.where(valid, torch.minimum(margin, (after / 1e-4 - 1).abs()), margin)
-            margin = torch.where(valid, torch.minimum(margin, (g3 / g2 - 1).abs()), margin)
         weight = torch.where(valid & ~ends, transmittance * alpha, 0.0)
         facing = normal[i] / normal[i].norm()
         facing = -facing if facing @ mean[i] > 0 else facing

@@ -16,8 +16,7 @@ Features: dL/df_ic = w_i v_c; for the depth also through the distortion, d disto
 Geometry: let a = alpha dL/dalpha = dL/dln(alpha), 0 where the cap holds. Then dL/dln(opacity) = a and dL/dG = -a / 2.
 With s = zx / zz and t = zy / zz,
 
-    intersection (G3 < G2):  dL/dzx = -a s / zz,   dL/dzy = -a t / zz,   dL/dzz = a (s^2 + t^2) / zz
-    low-pass (otherwise):    dL/d(pixel - m2) = -2 a (pixel - m2)
+    dL/dzx = -a s / zz,   dL/dzy = -a t / zz,   dL/dzz = a (s^2 + t^2) / zz
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from carigs.simd import matrix3
-from carigs.simd.tuples import add, multiply, outer, subtract, write_row
+from carigs.simd.tuples import add, multiply, outer, write_row
 from carigs.simd.vectors import FASTMATH
 from carigs.splat.rasterizer import forward, records
 from carigs.splat.rasterizer.binning import TILE_SIZE, TileLists
@@ -49,7 +48,7 @@ def composite_backward(
     image: Float32[np.ndarray, "planes h w"],
     upstream: Float32[np.ndarray, "upstream_planes h w"],
     workers: int,
-) -> Float32[np.ndarray, "pairs 20"]:
+) -> Float32[np.ndarray, "pairs 17"]:
     """Gradient of `forward.composite` (scalar reference).
 
     Every slot is written once, by one worker: the result needs no atomics and does not depend on the number of threads.
@@ -112,23 +111,19 @@ def composite_backward(
                 normal = (surfel.normal_x, surfel.normal_y, surfel.normal_z)
                 # Sums over the pixels: see `records.GradientSlot`.
                 g_alpha = g_depth = ZERO
-                g_lowpass = (ZERO, ZERO)
                 g_z = g_colour = g_normal = (ZERO, ZERO, ZERO)
                 g_moments = (ZERO, ZERO, ZERO, ZERO, ZERO, ZERO)
                 for y in range(max(box[i, 2], top), min(box[i, 3], bottom)):
                     dy = surfel.dy + np.float32(y - box[i, 2])
-                    low_y = dy + surfel.lowpass_y
                     b = y - top
                     for x in range(max(box[i, 0], left), min(box[i, 1], right)):
                         dx = surfel.dx + np.float32(x - box[i, 0])
-                        low_x = dx + surfel.lowpass_x
                         s, t, iz = forward.intersect(dx, dy, surfel)
-                        g3 = s * s + t * t
-                        g2 = TWO * (low_x * low_x + low_y * low_y)
-                        exponent = forward.log2_alpha(g3, g2, surfel.log2_opacity)
+                        squared = s * s + t * t
+                        exponent = forward.log2_alpha(squared, surfel.log2_opacity)
                         a = x - left
                         before = transmittance[b, a]
-                        if exponent < LOG2_ALPHA_THRESHOLD or before <= ZERO:
+                        if not exponent >= LOG2_ALPHA_THRESHOLD or before <= ZERO:  # also NaN
                             continue
                         uncapped = np.exp2(exponent)
                         alpha = min(uncapped, cap)
@@ -161,13 +156,10 @@ def composite_backward(
                             continue
                         g = alpha * (before * q - behind / (ONE - alpha))
                         g_alpha += g
-                        if g3 < g2:
-                            c = g * iz
-                            z = (-c * s, -c * t, c * g3)
-                            g_z = add(g_z, z)
-                            g_moments = add(g_moments, outer(z, (dx, dy)))
-                        else:
-                            g_lowpass = subtract(g_lowpass, multiply(TWO * g, (low_x, low_y)))
-                columns = (*g_z, *g_moments, *g_lowpass, g_alpha, *g_colour, g_depth, *g_normal, ZERO)
+                        c = g * iz
+                        z = (-c * s, -c * t, c * squared)
+                        g_z = add(g_z, z)
+                        g_moments = add(g_moments, outer(z, (dx, dy)))
+                columns = (*g_z, *g_moments, g_alpha, *g_colour, g_depth, *g_normal)
                 write_row(slots, slot, columns)
     return slots

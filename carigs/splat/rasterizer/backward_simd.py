@@ -44,9 +44,7 @@ STARTS = tuple(plane * PLANE_SIZE for plane in range(14))
 REMAINDER, ALPHA = STARTS[1:3]
 COLOUR, DEPTH, NORMAL = STARTS[3:6], STARTS[6], STARTS[7:10]
 DISTORTION, DEPTH_IN_FRONT, TOTAL_ALPHA, TOTAL_DEPTH = STARTS[10:]
-NORMAL_COLUMNS = (GRADIENT_COLUMN.normal_x, GRADIENT_COLUMN.normal_y, GRADIENT_COLUMN.normal_z)
 _load, _select = componentwise(load), componentwise(select)
-_store_scalar, _reduce_add = componentwise(store_scalar), componentwise(reduce_add)
 
 
 def _tile_worker(num_planes: int):
@@ -123,7 +121,7 @@ def _tile_worker(num_planes: int):
                 # Sums over the pixels: see `records.GradientSlot`.
                 zero = broadcast(ZERO)
                 g_zz = g_alpha = g_depth = zero
-                g_xy = g_zz_moments = g_lowpass = (zero, zero)
+                g_xy = g_zz_moments = (zero, zero)
                 g_colour = g_normal = (zero, zero, zero)
                 g_xy_moments = (zero, zero, zero, zero)
                 for y in range(y0, y1, 4):
@@ -131,9 +129,8 @@ def _tile_worker(num_planes: int):
                     row = surfel_blocks.row_terms(surfel, dy)
                     for x in range(x0, x1, 4):
                         dx = block_columns() + (offset_x + np.float32(x - x0))
-                        s, t, iz, g3, g2 = surfel_blocks.squared_distances(surfel, row, dx)
-                        intersects = g3 < g2
-                        exponent = surfel.log2_opacity - select(intersects, g3, g2) * HALF_LOG2E
+                        s, t, iz, squared = surfel_blocks.squared_distance(surfel, row, dx)
+                        exponent = surfel.log2_opacity - squared * HALF_LOG2E
                         at = y * STRIDE + 4 * x
                         before, uncapped, alpha, w, continues = tile_buffer.attenuate(
                             state, at, exponent, compositing.alpha_cap
@@ -159,23 +156,19 @@ def _tile_worker(num_planes: int):
                         behind = load(state, at + REMAINDER) - w * q
                         store(state, at + REMAINDER, behind)
                         g = alpha * (before * q - behind / (ONE - alpha))
-                        g = select(continues & (uncapped <= compositing.alpha_cap), g, zero)
-                        g_alpha += g
                         c = g * iz
-                        zx, zy, zz = _select(intersects, (c * s, c * t, c * g3), zero)
+                        # Selected after the products: grazing rays have infinite s and t.
+                        varies = continues & (uncapped <= compositing.alpha_cap)
+                        g, zx, zy, zz = _select(varies, (g, c * s, c * t, c * squared), zero)
+                        g_alpha += g
                         g_xy = subtract(g_xy, (zx, zy))
                         g_zz += zz
                         g_xy_moments = subtract(g_xy_moments, outer((zx, zy), (dx, dy)))
                         g_zz_moments = add(g_zz_moments, multiply(zz, (dx, dy)))
-                        lowpass = select(intersects, zero, g) * TWO
-                        offset = (dx + surfel.lowpass_x, dy + surfel.lowpass_y)
-                        g_lowpass = subtract(g_lowpass, multiply(lowpass, offset))
-                # The last four columns first. No store exceeds the slot: its neighbours belong to other workers.
-                store(slots, slot + GRADIENT_SIZE - WIDTH, zero)
-                columns = (*g_xy, g_zz, *g_xy_moments, *g_zz_moments, *g_lowpass, g_alpha, *g_colour, g_depth)
+                # No store exceeds the slot: its neighbours belong to other workers.
+                columns = (*g_xy, g_zz, *g_xy_moments, *g_zz_moments, g_alpha, *g_colour, g_depth, *g_normal[:2])
                 store(slots, slot, reduce_add_each(columns))
-                if geometry:
-                    _store_scalar(slots, add(slot, NORMAL_COLUMNS), _reduce_add(g_normal))
+                store_scalar(slots, slot + GRADIENT_COLUMN.normal_z, reduce_add(g_normal[2]) if geometry else ZERO)
 
     return differentiate_tiles
 
@@ -217,7 +210,7 @@ def composite_backward(
     image: Float32[np.ndarray, "planes h w"],
     upstream: Float32[np.ndarray, "upstream_planes h w"],
     workers: int,
-) -> Float32[np.ndarray, "pairs 20"]:
+) -> Float32[np.ndarray, "pairs 17"]:
     """Gradient of `forward_simd.composite`: as `backward.composite_backward`, to rounding.
 
     Args:

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 TILE_SIZE = 16
 """Pixels along a tile's side in gsplat's kernels."""
+FAR_AWAY = 1e8
+"""Pixels; the square is finite in float32."""
 
 
 class GsplatSurfels(NamedTuple):
@@ -34,10 +36,10 @@ class GsplatSurfels(NamedTuple):
     """Surfels that are not culled."""
     homography: Float[Tensor, "n 3 3"]
     """From disc coordinates (s, t, 1) to homogeneous pixel coordinates."""
-    lowpass_centre: Float[Tensor, "n 2"]
-    """Centre of the box of the projected unit circle in pixels (gsplat: means2d)."""
+    box_centre: Float[Tensor, "n 2"]
+    """Centre in pixels of a box that contains all alphas of 1/255 or more."""
     radius: Int[Tensor, "n 2"]
-    """Half sides in pixels of a box around `lowpass_centre` that contains all alphas of 1/255 or more."""
+    """Half sides of this box in pixels."""
     depth: Float[Tensor, " n"]
     """Depth of the centres in metres."""
     normal: Float[Tensor, "n 3"]
@@ -56,23 +58,20 @@ def disc_homographies(surfels: WorldSurfels, camera: Camera) -> GsplatSurfels:
         camera: Pinhole camera.
 
     Returns:
-        The surfels in float32, differentiable except for `kept` and `radius`.
+        The surfels in float32, differentiable except for `kept` and the box.
     """
     discs = to_camera(surfels, camera)
     intrinsics = (camera.fx, 0.0, camera.cx), (0.0, camera.fy, camera.cy), (0.0, 0.0, 1.0)
     columns = [transformed(axis, intrinsics) for axis in (discs.tangent_u, discs.tangent_v, discs.centre)]
     homography = torch.stack(columns, dim=2)
-    lowpass_centre, _ = _circle_box(homography, torch.ones_like(discs.opacity))
     with torch.no_grad():
-        rho2 = 2 * torch.log(255 * discs.opacity)
-        visible_centre, half = _circle_box(homography, rho2)
-        reach = torch.maximum((visible_centre - lowpass_centre).abs() + half, (rho2 / 2).sqrt()[:, None])
-        low, high = lowpass_centre - reach, lowpass_centre + reach
+        box_centre, half = _circle_box(homography, 2 * torch.log(255 * discs.opacity))
+        low, high = box_centre - half, box_centre + half
         drawn = discs.kept & (high >= 0).all(dim=1) & (low[:, 0] <= camera.width) & (low[:, 1] <= camera.height)
-        radius = torch.where(drawn[:, None], reach.ceil(), 0).int()
-    numbers = (homography, lowpass_centre, discs.centre[:, 2], facing_normal(discs), discs.opacity, discs.colour)
-    homography, lowpass_centre, depth, normal, opacity, colour = (value.float() for value in numbers)
-    return GsplatSurfels(discs.kept, homography, lowpass_centre, radius, depth, normal, opacity, colour)
+        radius = torch.where(drawn[:, None], half.ceil(), 0).int()
+    numbers = (homography, box_centre, discs.centre[:, 2], facing_normal(discs), discs.opacity, discs.colour)
+    homography, box_centre, depth, normal, opacity, colour = (value.float() for value in numbers)
+    return GsplatSurfels(discs.kept, homography, box_centre, radius, depth, normal, opacity, colour)
 
 
 def _circle_box(
@@ -138,27 +137,28 @@ def rasterize_gsplat(
     discs = disc_homographies(WorldSurfels(*(getattr(surfels, name).to(device) for name in fields)), camera)
     screen = Screen(visible=(discs.radius > 0).all(dim=1).to(home))
     # A shift of the surfels' images. The gradient with respect to it is that with respect to the projected centres;
-    # gsplat's own (`densify`) leaves the low-pass filter out, and reads sums that other threads still add to.
-    shift = torch.zeros_like(discs.lowpass_centre, requires_grad=True)
+    # gsplat's own (`densify`) reads sums that other threads still add to.
+    shift = torch.zeros_like(discs.box_centre, requires_grad=True)
     shift.register_hook(lambda gradient: setattr(screen, "gradient", gradient.to(home)))
     rows = discs.homography
     homography = torch.cat([rows[:, :2] + shift[:, :, None] * rows[:, 2:], rows[:, 2:]], dim=1)
-    lowpass_centre = discs.lowpass_centre + shift
 
     tiles = -(-camera.width // TILE_SIZE), -(-camera.height // TILE_SIZE)
     _, pairs, order = gsplat.isect_tiles(
-        discs.lowpass_centre[None].detach(), discs.radius[None], discs.depth[None].detach(), TILE_SIZE, *tiles
+        discs.box_centre[None], discs.radius[None], discs.depth[None].detach(), TILE_SIZE, *tiles
     )
     offsets = gsplat.isect_offset_encode(pairs, 1, *tiles).reshape(1, tiles[1], tiles[0])
+    # gsplat draws a low-pass filter, too: a disc in the image, here far outside of it. The other backends have none.
+    no_lowpass = torch.full_like(discs.box_centre, FAR_AWAY)
     # gsplat computes the distortion of the last channel.
     features = torch.cat([discs.colour - background, discs.depth[:, None]], dim=1)
     image, alpha, normal, distortion, _ = gsplat.rasterize_to_pixels_2dgs(
-        lowpass_centre[None],
+        no_lowpass[None],
         homography[None],
         features[None],
         discs.opacity[None],
         discs.normal[None],
-        torch.zeros_like(lowpass_centre[None]),
+        torch.zeros_like(no_lowpass[None]),
         camera.width,
         camera.height,
         TILE_SIZE,

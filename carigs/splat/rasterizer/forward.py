@@ -2,9 +2,7 @@
 
 Per pixel, over its surfels in order of the depth Z of their centres, with transmittance T_1 = 1:
 
-    G3 = s^2 + t^2                       squared disc coordinates of the ray-splat intersection (see `projection`)
-    G2 = 2 |pixel - m2|^2                low-pass filter: a disc of standard deviation 1/sqrt(2) pixels
-    G  = min(G3, G2)
+    G = s^2 + t^2                        squared disc coordinates of the ray-splat intersection (see `projection`)
     alpha_i = min(o_i exp(-G / 2), cap)  dropped below 1/255
     w_i = T_i alpha_i,                   T_(i+1) = T_i (1 - alpha_i)
 
@@ -12,8 +10,8 @@ A pixel is complete before the surfel that would leave T <= 1e-4. Images are sum
 
     distortion = sum_i 2 w_i (Z_i A_i - D_i),   A_i = sum_(j<i) w_j = 1 - T_i,   D_i = sum_(j<i) w_j Z_j
 
-which equals sum_ij w_i w_j |Z_i - Z_j| for sorted Z (2D Gaussian Splatting, Huang et al. 2024: low-pass filter eq. 11,
-compositing eq. 12, distortion eq. 13; constants as in gsplat).
+which equals sum_ij w_i w_j |Z_i - Z_j| for sorted Z (2D Gaussian Splatting, Huang et al. 2024: compositing eq. 12,
+distortion eq. 13; constants as in gsplat).
 """
 
 from __future__ import annotations
@@ -57,18 +55,16 @@ def intersect(dx, dy, surfel):
 
 
 @numba.njit
-def log2_alpha(g3, g2, log2_opacity):
-    """log2(o exp(-G / 2)) with G = min(G3, G2).
+def log2_alpha(g, log2_opacity):
+    """log2(o exp(-G / 2)).
 
     Args:
-        g3: Squared disc coordinates of the intersection; NaN (grazing rays) gives G = G2.
-        g2: Low-pass term.
+        g: Squared disc coordinates of the intersection.
         log2_opacity: log2 of the opacity o.
 
     Returns:
-        log2 of alpha before the cap.
+        log2 of alpha before the cap; -inf or NaN for grazing rays.
     """
-    g = g3 if g3 < g2 else g2
     return log2_opacity - g * HALF_LOG2E
 
 
@@ -114,17 +110,14 @@ def composite(
                 surfel = records.SurfelRecord(*read_record(record, i))
                 for y in range(max(box[i, 2], top), min(box[i, 3], bottom)):
                     dy = surfel.dy + np.float32(y - box[i, 2])
-                    low_y = dy + surfel.lowpass_y
                     b = y - top
                     for x in range(max(box[i, 0], left), min(box[i, 1], right)):
                         dx = surfel.dx + np.float32(x - box[i, 0])
-                        low_x = dx + surfel.lowpass_x
                         s, t, _ = intersect(dx, dy, surfel)
-                        g2 = TWO * (low_x * low_x + low_y * low_y)
-                        exponent = log2_alpha(s * s + t * t, g2, surfel.log2_opacity)
+                        exponent = log2_alpha(s * s + t * t, surfel.log2_opacity)
                         a = x - left
                         before = state[PLANE.transmittance, b, a]
-                        if exponent < LOG2_ALPHA_THRESHOLD or before <= ZERO:
+                        if not exponent >= LOG2_ALPHA_THRESHOLD or before <= ZERO:  # also NaN
                             continue
                         alpha = min(np.exp2(exponent), cap)
                         w = before * alpha

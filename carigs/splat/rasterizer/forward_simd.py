@@ -12,7 +12,7 @@ from jaxtyping import Float32
 
 from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.memory import align_stack, atomic_add, flattened, load, load_scalar
-from carigs.simd.vector_math import block_columns, block_rows, minimum
+from carigs.simd.vector_math import block_columns, block_rows
 from carigs.simd.vectors import WIDTH, simd_inline_alloc
 from carigs.splat.rasterizer import surfel_blocks, tile_buffer
 from carigs.splat.rasterizer.binning import TILE_SIZE, TileLists
@@ -67,8 +67,8 @@ def _tile_worker(num_planes: int):
                     row = surfel_blocks.row_terms(surfel, block_rows() + (offset_y + np.float32(y - y0)))
                     for x in range(x0, x1, 4):
                         dx = block_columns() + (offset_x + np.float32(x - x0))
-                        _s, _t, _iz, g3, g2 = surfel_blocks.squared_distances(surfel, row, dx)
-                        exponent = surfel.log2_opacity - minimum(g3, g2) * HALF_LOG2E
+                        _s, _t, _iz, squared = surfel_blocks.squared_distance(surfel, row, dx)
+                        exponent = surfel.log2_opacity - squared * HALF_LOG2E
                         at = y * STRIDE + 4 * x
                         before, _, _, w, _ = tile_buffer.attenuate(state, at, exponent, compositing.alpha_cap)
                         tile_buffer.add_to_plane(state, at + START.red, w * surfel.red)

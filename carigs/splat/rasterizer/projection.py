@@ -18,10 +18,8 @@ This is the ray-splat intersection of 2D Gaussian Splatting (Huang et al. 2024, 
 planes in absolute pixel coordinates, which that paper uses, cancels in float32; offsets from the projected centre do
 not.
 
-The low-pass filter (eq. 11) is a disc of standard deviation 1/sqrt(2) pixels around m2 = pc + N / E1, the centre of the
-bounding box of the projected unit circle, as in gsplat:
-
-    N = (U0 p + U1 q, V0 p + V1 q),    E1 = p^2 + q^2 - 1
+The low-pass filter of that paper (eq. 11), which draws no surfel narrower than a disc of standard deviation 1/sqrt(2)
+pixels, is left out: it widens outlines, and the more the smaller the image.
 
 All arithmetic is in float64, on tuples of scalars in the loops of this module or of vectors in `projection_simd`.
 """
@@ -81,19 +79,16 @@ def _facing_normal(m, u, v):
 
 
 @scalar_or_simd
-def _extent(a, b, p, q, rho2, rho_lowpass):
-    """Range of offsets along one axis where alpha may reach 1/255, and the low-pass centre's offset.
+def _extent(a, b, p, q, rho2):
+    """Range of offsets along one axis where alpha may reach 1/255.
 
     The projected circle s^2 + t^2 = rho2 touches the line at offset c where c^2 E - 2 c rho2 N + rho2 (a^2 + b^2) = 0,
-    N = a p + b q, E = rho2 (p^2 + q^2) - 1. The range also contains the low-pass disc around N / E1.
+    N = a p + b q, E = rho2 (p^2 + q^2) - 1.
     """
-    n = a * p + b * q
-    squared = p * p + q * q
-    e = rho2 * squared - 1.0
-    middle = rho2 * n / e
+    e = rho2 * (p * p + q * q) - 1.0
+    middle = rho2 * (a * p + b * q) / e
     half = sqrt(maximum(middle * middle - rho2 * (a * a + b * b) / e, 0.0))
-    lowpass = n / (squared - 1.0)
-    return minimum(middle - half, lowpass - rho_lowpass), maximum(middle + half, lowpass + rho_lowpass), lowpass
+    return middle - half, middle + half
 
 
 @scalar_or_simd
@@ -118,31 +113,29 @@ def surfel_record(centre, tangent_u, tangent_v, opacity, colour_magnitude, camer
         camera: `Pinhole`.
 
     Returns:
-        Box (x0, x1, y0, y1); number of tiles, 0 if culled; record without the colour (columns 0-11 and 15-18).
+        Box (x0, x1, y0, y1); number of tiles, 0 if culled; record without the colour (columns 0-9 and 13-16).
     """
     m, u, v = _to_camera(camera, centre, tangent_u, tangent_v)
     xh, yh, u0, u1, v0, v1, p, q = _homography(m, u, v, camera.fx, camera.fy)
     log2_opacity = log2(opacity)
     rho2 = 2.0 * LN2 * (log2_opacity + LOG2_255)
-    squared = p * p + q * q
     normal, area, _ = _facing_normal(m, u, v)
     pcx, pcy = camera.fx * xh + camera.cx, camera.fy * yh + camera.cy
-    rho_lowpass = sqrt(0.5 * rho2)
-    low_x, high_x, lowpass_x = _extent(u0, u1, p, q, rho2, rho_lowpass)
-    low_y, high_y, lowpass_y = _extent(v0, v1, p, q, rho2, rho_lowpass)
+    low_x, high_x = _extent(u0, u1, p, q, rho2)
+    low_y, high_y = _extent(v0, v1, p, q, rho2)
     x0, x1 = _pixel_range(pcx + low_x, pcx + high_x, camera.width)
     y0, y1 = _pixel_range(pcy + low_y, pcy + high_y, camera.height)
     squared_length = matrix3.dot(m, m) + matrix3.dot(u, u) + matrix3.dot(v, v)
     visible = (squared_length < MAX_SQUARED_LENGTH) & (opacity + colour_magnitude < np.inf) & (area > MIN_AREA)
     visible = visible & (m[2] > NEAR_PLANE) & (opacity >= ALPHA_THRESHOLD)
-    visible = visible & (rho2 * squared - 1.0 < CAMERA_PLANE_MARGIN) & (squared - 1.0 < CAMERA_PLANE_MARGIN)
+    visible = visible & (rho2 * (p * p + q * q) - 1.0 < CAMERA_PLANE_MARGIN)
     visible = visible & (x1 > x0) & (y1 > y0)
     across = floor((x1 - 1.0) / TILE_WIDTH) - floor(x0 / TILE_WIDTH) + 1.0
     down = floor((y1 - 1.0) / TILE_WIDTH) - floor(y0 / TILE_WIDTH) + 1.0
     box = _select(visible, (x0, x1, y0, y1), 0.0)
     record = (
         x0 + 0.5 - pcx, y0 + 0.5 - pcy, u0, u1, v0, v1, u0 * v1 - u1 * v0, v0 * q - v1 * p, u1 * p - u0 * q,
-        -lowpass_x, -lowpass_y, log2_opacity, m[2], normal[0], normal[1], normal[2],
+        log2_opacity, m[2], normal[0], normal[1], normal[2],
     )  # fmt: skip
     return box, select(visible, across * down, 0.0), record
 
@@ -151,7 +144,7 @@ def surfel_record(centre, tangent_u, tangent_v, opacity, colour_magnitude, camer
 def _homography_gradient(g, u0, u1, v0, v1, p, q):
     """Derivatives with respect to (pc_x, pc_y, U0, U1, V0, V1, p, q) from a sum of gradient slots.
 
-    zx, zy, zz and the low-pass offset are linear in the pixel offset. The sums over pixels of their derivatives, and of
+    zx, zy and zz are linear in the pixel offset. The sums over pixels of their derivatives, and of
     those times dx and dy, therefore suffice; for example dL/dU0 = sum dL/dzy dy + dL/dzz (V1 - q dy).
     """
     a3, b3 = v0 * q - v1 * p, u1 * p - u0 * q
@@ -163,19 +156,7 @@ def _homography_gradient(g, u0, u1, v0, v1, p, q):
     d_q = g.zz_dx * v0 - g.zz_dy * u0
     d_pcx = -(g.zx * v1 - g.zy * v0 + g.zz * a3)
     d_pcy = -(-g.zx * u1 + g.zy * u0 + g.zz * b3)
-    # Low-pass centre m2 = pc + N / E1.
-    mx, my = -g.lowpass_x, -g.lowpass_y
-    e1 = p * p + q * q - 1.0
-    kx, ky = mx / e1, my / e1
-    nx, ny = u0 * p + u1 * q, v0 * p + v1 * q
-    d_e1 = -(kx * nx + ky * ny) / e1
-    d_u0 += kx * p
-    d_u1 += kx * q
-    d_v0 += ky * p
-    d_v1 += ky * q
-    d_p += kx * u0 + ky * v0 + 2.0 * p * d_e1
-    d_q += kx * u1 + ky * v1 + 2.0 * q * d_e1
-    return d_pcx + mx, d_pcy + my, d_u0, d_u1, d_v0, d_v1, d_p, d_q
+    return d_pcx, d_pcy, d_u0, d_u1, d_v0, d_v1, d_p, d_q
 
 
 @scalar_or_simd
@@ -265,13 +246,13 @@ def project_surfels(
             continue
         num_tiles[i] = int(number)
         write_row(box, i, corners)
-        write_row(record, i, (*geometry[0:12], *subtract(rgb, background), *geometry[12:16], 0.0))
+        write_row(record, i, (*geometry[0:10], *subtract(rgb, background), *geometry[10:14]))
     return records.ProjectedSurfels(record, box, num_tiles)
 
 
 @numba.njit(cache=True, parallel=True, error_model="numpy")
 def project_surfels_backward(
-    slots: Float32[np.ndarray, "pairs 20"],
+    slots: Float32[np.ndarray, "pairs 17"],
     first_slot: Int32[np.ndarray, " offsets"],
     surfels: records.SurfelArrays,
     camera: records.Pinhole,
@@ -301,7 +282,7 @@ def project_surfels_backward(
         if stop == start:
             continue
         pinhole = records.Pinhole(rotation, translation, fx, fy, cx, cy, width, height)
-        sums = (0.0,) * 19
+        sums = (0.0,) * 17
         for slot in range(start, stop):
             sums = add(sums, _read_slot(slots, slot))
         g = records.GradientSlot(*sums)

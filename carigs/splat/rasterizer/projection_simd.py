@@ -47,7 +47,7 @@ def _project(i, surfels, camera, background, projected):
     store4(projected.box, 4 * i, _to_int(_demote(box_a, box_b)))
     store(projected.num_tiles, i, to_int(demote(tiles_a, tiles_b)))
     geometry = _demote(record_a, record_b)
-    record = (*geometry[0:12], *subtract(rgb, background), *geometry[12:16], broadcast(np.float32(0)))
+    record = (*geometry[0:10], *subtract(rgb, background), *geometry[10:14])
     _store_surfel_records(projected.record, records.RECORD_SIZE * i, record)
 
 
@@ -90,7 +90,7 @@ def _project_backward(i, slots, first_slot, surfels, camera, gradients, sums, co
             second = second + load(slots, records.GRADIENT_SIZE * slot + SECOND_VECTOR)
         store(sums, records.GRADIENT_SIZE * r, first)
         store(sums, records.GRADIENT_SIZE * r + SECOND_VECTOR, second)
-    g = records.GradientSlot(*_load_slots(sums, 0)[0:19])
+    g = records.GradientSlot(*_load_slots(sums, 0))
     visible, zero = load(counts, 0) > 0.0, broadcast(np.float32(0))
     m, u = load3(surfels.centre, 3 * i), load3(surfels.tangent_u, 3 * i)
     v = load3(surfels.tangent_v, 3 * i)
@@ -115,7 +115,7 @@ def _project_backward_all(count, *arguments):
 
 
 def project_surfels_backward(
-    slots: Float32[np.ndarray, "pairs 20"],
+    slots: Float32[np.ndarray, "pairs 17"],
     first_slot: Int32[np.ndarray, " offsets"],
     surfels: records.SurfelArrays,
     camera: records.Pinhole,

@@ -12,12 +12,10 @@ columns  fields                   content
 0-1      dx, dy                   first pixel centre of the surfel's box minus the projected centre, in pixels
 2-5      u0, u1, v0, v1           homography from disc coordinates to pixel offsets
 6-8      det, a3, b3              denominator of the inverse homography: zz = det + a3 dx + b3 dy
-9-10     lowpass_x, lowpass_y     projected centre minus the centre of the low-pass filter, in pixels
-11       log2_opacity             log2 of the opacity
-12-14    red, green, blue         colour minus the background
-15       depth                    depth Z of the centre in metres
-16-18    normal_x .. normal_z     unit normal in camera axes
-19       -                        unused: a row of 20 numbers is two overlapping vectors of 16
+9        log2_opacity             log2 of the opacity
+10-12    red, green, blue         colour minus the background
+13       depth                    depth Z of the centre in metres
+14-16    normal_x .. normal_z     unit normal in camera axes
 =======  =======================  ======================================================================================
 
 A **gradient slot** holds the derivatives of the loss that one (surfel, tile) pair contributes, summed over the tile's
@@ -31,12 +29,10 @@ columns  fields                   content
 3-4      zx_dx, zx_dy             sum dL/dzx dx, sum dL/dzx dy
 5-6      zy_dx, zy_dy             sum dL/dzy dx, sum dL/dzy dy
 7-8      zz_dx, zz_dy             sum dL/dzz dx, sum dL/dzz dy
-9-10     lowpass_x, lowpass_y     derivative with respect to the offset from the low-pass centre
-11       log_opacity              derivative with respect to ln(opacity)
-12-14    red, green, blue         derivative with respect to the colour
-15       depth                    derivative with respect to the depth
-16-18    normal_x .. normal_z     derivative with respect to the normal
-19       -                        unused
+9        log_opacity              derivative with respect to ln(opacity)
+10-12    red, green, blue         derivative with respect to the colour
+13       depth                    derivative with respect to the depth
+14-16    normal_x .. normal_z     derivative with respect to the normal
 =======  =======================  ======================================================================================
 
 An **image** consists of planes, numbered by `PLANE`: the transmittance T, the colour, depth and normal, the distortion.
@@ -54,16 +50,16 @@ from jaxtyping import Float32, Int32
 
 SurfelRecord = namedtuple(
     "SurfelRecord",
-    "dx dy u0 u1 v0 v1 det a3 b3 lowpass_x lowpass_y log2_opacity red green blue depth normal_x normal_y normal_z",
+    "dx dy u0 u1 v0 v1 det a3 b3 log2_opacity red green blue depth normal_x normal_y normal_z",
 )
 GradientSlot = namedtuple(
     "GradientSlot",
-    "zx zy zz zx_dx zx_dy zy_dx zy_dy zz_dx zz_dy lowpass_x lowpass_y log_opacity red green blue depth "
-    "normal_x normal_y normal_z",
+    "zx zy zz zx_dx zx_dy zy_dx zy_dy zz_dx zz_dy log_opacity red green blue depth normal_x normal_y normal_z",
 )
-RECORD_COLUMN, GRADIENT_COLUMN = SurfelRecord(*range(19)), GradientSlot(*range(19))
+RECORD_COLUMN, GRADIENT_COLUMN = SurfelRecord(*range(17)), GradientSlot(*range(17))
 """Number of the column of each field."""
-RECORD_SIZE = GRADIENT_SIZE = 20
+RECORD_SIZE = GRADIENT_SIZE = 17
+"""A row is two overlapping vectors of 16."""
 Planes = namedtuple("Planes", "transmittance red green blue depth normal_x normal_y normal_z distortion")
 PLANE = Planes(*range(9))
 NUM_COLOUR_PLANES, NUM_GEOMETRY_PLANES, NUM_PLANES = PLANE.depth, PLANE.distortion, len(PLANE)
@@ -125,7 +121,7 @@ class SurfelGradients(NamedTuple):
 class ProjectedSurfels(NamedTuple):
     """Surfels in image space: the input of binning and compositing. Vector kernels take flattened arrays."""
 
-    record: Float32[np.ndarray, "n 20"]
+    record: Float32[np.ndarray, "n 17"]
     """See the table of the module; undefined for culled surfels."""
     box: Int32[np.ndarray, "n 4"]
     """Pixel box [x0, x1, y0, y1) that contains all alphas of 1/255 or more; zeros for culled surfels."""

@@ -8,7 +8,7 @@ from carigs.simd.memory import load_scalar, prefetch
 from carigs.simd.tuples import tuple_function
 from carigs.simd.vectors import broadcast, simd_inline
 from carigs.splat.rasterizer.binning import TILE_SIZE
-from carigs.splat.rasterizer.forward import ONE, TWO
+from carigs.splat.rasterizer.forward import ONE
 from carigs.splat.rasterizer.records import RECORD_COLUMN, RECORD_SIZE, SurfelRecord
 
 PREFETCH_DISTANCE = 8  # pairs by which records are fetched before they are needed
@@ -96,22 +96,21 @@ def block_offset(record, box, i, x, y):
 
 @simd_inline
 def row_terms(surfel, dy):
-    """Terms of `squared_distances` that are constant along a row of blocks.
+    """Terms of `squared_distance` that are constant along a row of blocks.
 
     Args:
         surfel: `SurfelRecord` of vectors.
         dy: Offsets of the pixels from the projected centre, in y.
 
     Returns:
-        Four vectors.
+        Three vectors.
     """
-    low_y = dy + surfel.lowpass_y
-    return surfel.u1 * dy, surfel.u0 * dy, surfel.det + surfel.b3 * dy, low_y * low_y
+    return surfel.u1 * dy, surfel.u0 * dy, surfel.det + surfel.b3 * dy
 
 
 @simd_inline
-def squared_distances(surfel, row, dx):
-    """Disc coordinates of the rays through the pixels of a block, and the exponents of the two filters.
+def squared_distance(surfel, row, dx):
+    """Disc coordinates of the rays through the pixels of a block.
 
     Args:
         surfel: `SurfelRecord` of vectors.
@@ -119,13 +118,12 @@ def squared_distances(surfel, row, dx):
         dx: Offsets of the pixels from the projected centre, in x.
 
     Returns:
-        s, t and 1 / zz as `forward.intersect`; G3 = s^2 + t^2 and the low-pass term G2.
+        s, t and 1 / zz as `forward.intersect`, and s^2 + t^2.
     """
-    u1_dy, u0_dy, zz_row, low = row
+    u1_dy, u0_dy, zz_row = row
     iz = ONE / (zz_row + surfel.a3 * dx)
     s, t = (surfel.v1 * dx - u1_dy) * iz, (u0_dy - surfel.v0 * dx) * iz
-    low_x = dx + surfel.lowpass_x
-    return s, t, iz, s * s + t * t, (low_x * low_x + low) * TWO
+    return s, t, iz, s * s + t * t
 
 
 @simd_inline

@@ -118,25 +118,24 @@ def _groups(lists: TileLists, width: int) -> Iterator[Group]:
         first = stop
 
 
-def _rows(centre: Float[Tensor, "n 2"], record: Float[Tensor, "n 17"], group: Group) -> Float[Tensor, "t k 19"]:
+def _rows(centre: Float[Tensor, "n 2"], record: Float[Tensor, "n 15"], group: Group) -> Float[Tensor, "t k 17"]:
     """Offset of each tile's first pixel centre from the projected centre, and the record, in float32."""
     offset = (group.origin[:, None, :] + 0.5 - centre.detach()[group.surfel]).float()
     return torch.cat([offset, record.detach()[group.surfel]], dim=2)
 
 
-def _composite(rows: Float[Tensor, "t k 19"], group: Group, cap: float, geometry: bool) -> Float[Tensor, "t p c"]:
-    x, y, u0, u1, v0, v1, det, a3, b3, low_x, low_y, log2_opacity = rows[..., :12, None].unbind(dim=2)
-    features = rows[..., 12:]
+def _composite(rows: Float[Tensor, "t k 17"], group: Group, cap: float, geometry: bool) -> Float[Tensor, "t p c"]:
+    x, y, u0, u1, v0, v1, det, a3, b3, log2_opacity = rows[..., :10, None].unbind(dim=2)
+    features = rows[..., 10:]
     dx, dy = x + group.pixel[:, 0], y + group.pixel[:, 1]
     zx, zy, zz = v1 * dx - u1 * dy, u0 * dy - v0 * dx, det + a3 * dx + b3 * dy
-    g2 = 2 * ((dx + low_x).square() + (dy + low_y).square())
     with torch.no_grad():
-        meets = (zx / zz).square() + (zy / zz).square() < g2  # false for NaN: grazing rays
+        exponent = log2_opacity - ((zx / zz).square() + (zy / zz).square()) * float(HALF_LOG2E)
+        valid = (exponent >= float(LOG2_ALPHA_THRESHOLD)) & group.used[..., None]  # false for NaN: grazing rays
     # Selected before the division: a gradient of zero times infinity would be NaN.
-    zz = torch.where(meets, zz, 1.0)
-    s, t = torch.where(meets, zx, 0.0) / zz, torch.where(meets, zy, 0.0) / zz
-    exponent = log2_opacity - torch.where(meets, s.square() + t.square(), g2) * float(HALF_LOG2E)
-    valid = (exponent >= float(LOG2_ALPHA_THRESHOLD)) & group.used[..., None]
+    zz = torch.where(valid, zz, 1.0)
+    s, t = torch.where(valid, zx, 0.0) / zz, torch.where(valid, zy, 0.0) / zz
+    exponent = log2_opacity - (s.square() + t.square()) * float(HALF_LOG2E)
     alpha = torch.exp2(torch.where(valid, exponent, 0.0)).clamp_max(cap)
     with torch.no_grad():
         # A pixel is complete before the surfel that would leave T <= 1e-4, and T never grows.

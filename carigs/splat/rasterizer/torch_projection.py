@@ -48,9 +48,8 @@ class ScreenSurfels(NamedTuple):
 
     centre: Float[Tensor, "n 2"]
     """Projected centres in pixels, in the precision of the projection."""
-    record: Float[Tensor, "n 17"]
-    """Float32: u0, u1, v0, v1, det, a3, b3, lowpass_x, lowpass_y, log2_opacity, red, green, blue, depth and the normal,
-    see `records`."""
+    record: Float[Tensor, "n 15"]
+    """Float32: u0, u1, v0, v1, det, a3, b3, log2_opacity, red, green, blue, depth and the normal, see `records`."""
     box: Int[Tensor, "n 4"]
     """Pixel box [x0, x1, y0, y1) that contains all alphas of 1/255 or more."""
     visible: Bool[Tensor, " n"]
@@ -93,7 +92,7 @@ def to_camera(surfels: WorldSurfels, camera: Camera) -> CameraSurfels:
         kept = (m.square() + u.square() + v.square()).sum(dim=1) < MAX_SQUARED_LENGTH
         kept &= (opacity + colour.abs().sum(dim=1)).isfinite() & (opacity >= ALPHA_THRESHOLD)
         kept &= (torch.linalg.cross(u, v).norm(dim=1) > MIN_AREA) & (m[:, 2] > NEAR_PLANE)
-        kept &= (rho2 * squared - 1 < CAMERA_PLANE_MARGIN) & (squared - 1 < CAMERA_PLANE_MARGIN)
+        kept &= rho2 * squared - 1 < CAMERA_PLANE_MARGIN
     m, u, v = (_or_row(kept, *pair) for pair in ((m, (0.0, 0.0, 1.0)), (u, (1e-2, 0.0, 0.0)), (v, (0.0, 1e-2, 0.0))))
     opacity, colour = torch.where(kept, opacity, 0.5), torch.where(kept[:, None], colour, 0.0)
     return CameraSurfels(m, u, v, opacity, colour, kept)
@@ -152,16 +151,14 @@ def project(surfels: WorldSurfels, camera: Camera) -> ScreenSurfels:
     u0, u1 = camera.fx * (u[:, 0] * iz - xh * p), camera.fx * (v[:, 0] * iz - xh * q)
     v0, v1 = camera.fy * (u[:, 1] * iz - yh * p), camera.fy * (v[:, 1] * iz - yh * q)
     centre = torch.stack([camera.fx * xh + camera.cx, camera.fy * yh + camera.cy], dim=1)
-    e1 = p * p + q * q - 1
-    lowpass_x, lowpass_y = -(u0 * p + u1 * q) / e1, -(v0 * p + v1 * q) / e1
     numbers = (
-        u0, u1, v0, v1, u0 * v1 - u1 * v0, v0 * q - v1 * p, u1 * p - u0 * q, lowpass_x, lowpass_y,
-        torch.log2(discs.opacity), *discs.colour.unbind(dim=1), m[:, 2], *facing_normal(discs).unbind(dim=1),
+        u0, u1, v0, v1, u0 * v1 - u1 * v0, v0 * q - v1 * p, u1 * p - u0 * q, torch.log2(discs.opacity),
+        *discs.colour.unbind(dim=1), m[:, 2], *facing_normal(discs).unbind(dim=1),
     )  # fmt: skip
     with torch.no_grad():
         rho2 = 2 * torch.log(255 * discs.opacity)
-        x0, x1 = _pixel_range(centre[:, 0], -lowpass_x, u0, u1, p, q, rho2, camera.width)
-        y0, y1 = _pixel_range(centre[:, 1], -lowpass_y, v0, v1, p, q, rho2, camera.height)
+        x0, x1 = _pixel_range(centre[:, 0], u0, u1, p, q, rho2, camera.width)
+        y0, y1 = _pixel_range(centre[:, 1], v0, v1, p, q, rho2, camera.height)
         visible = discs.kept & (x1 > x0) & (y1 > y0)
         box = torch.where(visible[:, None], torch.stack([x0, x1, y0, y1], dim=1), 0).long()
     return ScreenSurfels(centre, torch.stack(numbers, dim=1).float(), box, visible)
@@ -169,7 +166,6 @@ def project(surfels: WorldSurfels, camera: Camera) -> ScreenSurfels:
 
 def _pixel_range(
     centre: Float[Tensor, " n"],
-    lowpass: Float[Tensor, " n"],
     a: Float[Tensor, " n"],
     b: Float[Tensor, " n"],
     p: Float[Tensor, " n"],
@@ -181,8 +177,6 @@ def _pixel_range(
     e = rho2 * (p * p + q * q) - 1
     middle = rho2 * (a * p + b * q) / e
     half = (middle * middle - rho2 * (a * a + b * b) / e).clamp_min(0).sqrt()
-    reach = (0.5 * rho2).clamp_min(0).sqrt()
-    low = centre + torch.minimum(middle - half, lowpass - reach)
-    high = centre + torch.maximum(middle + half, lowpass + reach)
+    low, high = centre + middle - half, centre + middle + half
     first = (low - 0.5 - BOX_MARGIN).clamp_min(0).ceil()
     return first, (high - 0.5 + BOX_MARGIN).clamp_max(size - 1).floor() + 1

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from carigs.splat.rasterizer.interface import Rendering, Screen, WorldSurfels
+from carigs.splat.rasterizer.records import RECORD_COLUMN
 from carigs.splat.rasterizer.torch_compositing import CHANNELS, composite
 from carigs.splat.rasterizer.torch_lists import tile_lists
 from carigs.splat.rasterizer.torch_projection import project
@@ -40,7 +41,7 @@ def rasterize_torch(
         surfels.centre, surfels.tangent_u, surfels.tangent_v, surfels.opacity, surfels.colour - background
     )
     projected = project(relative, camera)
-    depth = projected.record[:, 13].detach()
+    depth = projected.record[:, RECORD_COLUMN.depth - RECORD_COLUMN.u0].detach()
     lists = tile_lists(depth, projected.box, projected.visible, camera.width, camera.height)
     screen = Screen(visible=projected.visible)
     geometry = any(name not in ("colour", "alpha") for name in outputs)

@@ -10,7 +10,7 @@ uniform vec2 focal, middle, size;  // pixels
 
 flat out vec4 homography;  // U0, U1, V0, V1
 flat out vec4 denominator;  // det, a3, b3, log2 of the opacity
-flat out vec4 places;  // projected centre and centre of the low-pass filter in pixels
+flat out vec2 place;  // projected centre in pixels
 flat out vec3 colour;
 
 const float LN2 = 0.6931471805599453, LOG2_255 = 7.994353436858858;
@@ -20,12 +20,11 @@ vec3 turned(vec3 v) {
   return vec3(dot(cameraFromWorld[0].xyz, v), dot(cameraFromWorld[1].xyz, v), dot(cameraFromWorld[2].xyz, v));
 }
 
-// Range of offsets along one axis, and the offset of the low-pass filter's centre.
-vec3 extent(float a, float b, float p, float q, float rho2) {
-  float n = a * p + b * q, squared = p * p + q * q, e = rho2 * squared - 1.0;
-  float mean = rho2 * n / e, half_ = sqrt(max(mean * mean - rho2 * (a * a + b * b) / e, 0.0));
-  float lowpass = n / (squared - 1.0), radius = sqrt(0.5 * rho2);
-  return vec3(min(mean - half_, lowpass - radius), max(mean + half_, lowpass + radius), lowpass);
+// Range of offsets along one axis.
+vec2 extent(float a, float b, float p, float q, float rho2) {
+  float e = rho2 * (p * p + q * q) - 1.0, mean = rho2 * (a * p + b * q) / e;
+  float half_ = sqrt(max(mean * mean - rho2 * (a * a + b * b) / e, 0.0));
+  return vec2(mean - half_, mean + half_);
 }
 
 void main() {
@@ -40,14 +39,14 @@ void main() {
   float iz = 1.0 / m.z, p = u.z * iz, q = v.z * iz;
   vec2 h = m.xy * iz, pu = focal * (u.xy * iz - h * p), pv = focal * (v.xy * iz - h * q);
   vec2 centre = focal * h + middle;
-  float rho2 = 2.0 * LN2 * (log2Opacity + LOG2_255), squared = p * p + q * q;
-  vec3 x = extent(pu.x, pv.x, p, q, rho2), y = extent(pu.y, pv.y, p, q, rho2);
+  float rho2 = 2.0 * LN2 * (log2Opacity + LOG2_255);
+  vec2 x = extent(pu.x, pv.x, p, q, rho2), y = extent(pu.y, pv.y, p, q, rho2);
   vec3 normal = cross(u, v);
   bool seen = m.z > NEAR_PLANE && dot(normal, normal) > 0.0
-    && rho2 * squared - 1.0 < CAMERA_PLANE_MARGIN && squared - 1.0 < CAMERA_PLANE_MARGIN;
+    && rho2 * (p * p + q * q) - 1.0 < CAMERA_PLANE_MARGIN;
   homography = vec4(pu.x, pv.x, pu.y, pv.y);
   denominator = vec4(pu.x * pv.y - pv.x * pu.y, pu.y * q - pv.y * p, pv.x * p - pu.x * q, log2Opacity);
-  places = vec4(centre, centre + vec2(x.z, y.z));
+  place = centre;
   vec2 low = max(centre + vec2(x.x, y.x) - MARGIN, vec2(-1.0)), high = min(centre + vec2(x.y, y.y) + MARGIN, size + 1.0);
   seen = seen && all(lessThan(low, high));
   vec2 pixel = vec2((corner & 1) == 0 ? low.x : high.x, (corner & 2) == 0 ? low.y : high.y);

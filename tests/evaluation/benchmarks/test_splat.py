@@ -23,21 +23,17 @@ QUANTITIES = {
 
 
 def count_by_rays(surfels, camera):
-    """Every ray against every disc in world space, the low-pass filter around the image of a sampled circle."""
+    """Every ray against every disc in world space."""
     centre, u, v = (t.detach().numpy().astype(float) for t in (surfels.centre, surfels.tangent_u, surfels.tangent_v))
     x, y = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
     ray = np.stack([(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, np.ones_like(x)], axis=2)
     ray = ray @ camera.camera_from_world[:3, :3]
-    angle = np.linspace(0, 2 * np.pi, 4000, endpoint=False)[:, None]
     transmittance, ended, pairs = np.ones(x.shape), np.zeros(x.shape, bool), 0
     for i in np.argsort(camera.project(centre)[1]):
         normal = np.cross(u[i], v[i])
         hit = camera.centre + ray * (((centre[i] - camera.centre) @ normal) / (ray @ normal))[..., None]
         on_disc = (hit - centre[i]) @ np.linalg.pinv(np.stack([u[i], v[i]], axis=1)).T
-        circle, _ = camera.project(centre[i] + np.cos(angle) * u[i] + np.sin(angle) * v[i])
-        middle = (circle.max(axis=0) + circle.min(axis=0)) / 2
-        in_image = 2 * ((x - middle[0]) ** 2 + (y - middle[1]) ** 2)
-        alpha = surfels.opacity[i].item() * np.exp(-np.minimum((on_disc**2).sum(axis=2), in_image) / 2)
+        alpha = surfels.opacity[i].item() * np.exp(-(on_disc**2).sum(axis=2) / 2)
         touched = (alpha >= 1 / 255) & ~ended
         after = transmittance * (1 - np.minimum(alpha, 0.99))
         ended |= touched & (after <= 1e-4)

@@ -81,11 +81,11 @@ def test_pixel_centres_cap_background_and_the_sign_of_normals(gsplat_render):
         assert image.colour[0, 0, 0] == 0.25
 
 
-def test_discs_smaller_than_a_pixel_are_as_wide_as_the_low_pass_filter(gsplat_render):
+def test_discs_smaller_than_a_pixel_are_not_widened(gsplat_render):
+    """gsplat's low-pass filter would draw 0.8 exp(-1) beside them."""
     alpha = gsplat_render(WorldSurfels(*tensors(disc(1e-5, 0.8))), FRONTAL, background=0.0).alpha
     assert alpha[14, 20].item() == pytest.approx(0.8, abs=1e-4)
-    assert alpha[14, 21].item() == pytest.approx(0.8 * np.exp(-1), abs=1e-4)
-    assert alpha[15, 21].item() == pytest.approx(0.8 * np.exp(-2), abs=1e-4)
+    assert alpha.count_nonzero() == 1
 
 
 def test_broken_surfels_are_not_drawn_and_get_zero_gradients(gsplat_render):

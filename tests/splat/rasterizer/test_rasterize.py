@@ -154,12 +154,25 @@ def test_a_frontal_surfel_is_a_gaussian():
     assert not image.distortion.any()
 
 
-def test_a_far_surfel_is_the_low_pass_disc():
+def test_a_surfel_smaller_than_a_pixel_shows_where_it_covers_the_centre():
+    """It lies on a corner of four pixels, or on the centre of one; nothing widens it."""
     arrays = [[[0.0, 0.0, 0.0]], [[1e-4, 0, 0]], [[0, 1e-4, 0]], [0.9], [[1.0, 1.0, 1.0]]]
-    image = rasterize(WorldSurfels(*tensors(arrays)), FRONTAL)
-    x, y = np.meshgrid(np.arange(48) + 0.5, np.arange(40) + 0.5)
-    expected = 0.9 * np.exp(-((x - 24) ** 2 + (y - 20) ** 2))
-    np.testing.assert_allclose(image.alpha, np.where(expected < 1 / 255, 0, expected), atol=1e-6)
+    assert not rasterize(WorldSurfels(*tensors(arrays)), FRONTAL).alpha.any()
+    image = rasterize(WorldSurfels(*tensors(arrays)), replace(FRONTAL, cx=24.5, cy=20.5))
+    assert image.alpha[20, 24] == pytest.approx(0.9) and np.count_nonzero(image.alpha) == 1
+
+
+def test_an_image_of_a_third_of_the_size_is_every_third_pixel():
+    """Images are samples at the pixels' centres, whatever their size."""
+    surfels = WorldSurfels(*tensors(cloud(200, 5)))
+    image, small = (
+        rasterize(surfels, replace(CAMERA, fx=k * CAMERA.fx, fy=k * CAMERA.fy, cx=k * CAMERA.cx, cy=k * CAMERA.cy,
+                                   width=k * CAMERA.width, height=k * CAMERA.height))
+        for k in (3, 1)
+    )  # fmt: skip
+    for name in ("colour", "alpha", "depth"):
+        difference = (getattr(image, name)[1::3, 1::3] - getattr(small, name)).abs()
+        assert difference.max() < 0.01 and difference.mean() < 1e-5  # alphas next to the threshold may differ
 
 
 def test_alpha_and_distortion_of_two_layers():
@@ -295,10 +308,9 @@ def test_disc_homographies_map_points_of_the_disc():
         homogeneous = (projected.homography[i] @ circle).T
         np.testing.assert_allclose(homogeneous[:, :2] / homogeneous[:, 2:], pixels, atol=1e-3)
         np.testing.assert_allclose(homogeneous[:, 2], depth, rtol=1e-5)
-        np.testing.assert_allclose(projected.lowpass_centre[i], (pixels.max(0) + pixels.min(0)) / 2, atol=1e-2)
         rho = np.sqrt(2 * np.log(255 * surfels.opacity[i].item()))
         points = surfels.centre[i] + rho * (points - surfels.centre[i])
-        reach = np.abs(CAMERA.project(points.double().numpy())[0] - projected.lowpass_centre[i].numpy()).max(0)
+        reach = np.abs(CAMERA.project(points.double().numpy())[0] - projected.box_centre[i].numpy()).max(0)
         assert (reach <= projected.radius[i].numpy() + 1e-2).all() or (projected.radius[i] == 0).all()
 
 
