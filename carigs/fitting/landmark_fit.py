@@ -13,9 +13,9 @@ from carigs.fitting.head_points import HeadPoints
 from carigs.fitting.landmark_term import LandmarkTerm
 from carigs.fitting.levenberg_marquardt import minimise
 from carigs.fitting.objective import Objective, Prior
-from carigs.fitting.rigid_alignment import rigid_alignment
 from carigs.fitting.triangulation import LEAST_POINTS, project, triangulate
 from carigs.head import HeadModel, HeadParameters, SurfacePoints
+from carigs.mesh.rigid_alignment import rigid_alignment
 
 JOINT_DEVIATION = 0.2
 """Standard deviation of the rotations of joints other than the root, in radians."""
@@ -163,7 +163,7 @@ def _align(points: HeadPoints, triangulated: Float[np.ndarray, "t p 3"]) -> Floa
     for pose, target in zip(poses, triangulated, strict=True):
         known = np.isfinite(target).all(axis=1)
         if known.sum() >= LEAST_POINTS:
-            rotation, translation = rigid_alignment(template[known], target[known], np.ones(known.sum()))
+            rotation, translation = rigid_alignment(template[known], target[known])
             pose[:3] = translation + rotation @ root - root  # the model turns about its root joint
             pose[3:] = Rotation.from_matrix(rotation).as_rotvec()
     aligned = np.flatnonzero(np.isfinite(poses[:, 0]))

@@ -18,8 +18,8 @@ from jaxtyping import Bool, Float, Float32, Int, Int32
 
 from carigs.errors import InputError
 from carigs.hair.found_hair import FoundHair
-from carigs.hair.views import rigid_fit
 from carigs.head.posing import LARGEST_COORDINATE
+from carigs.mesh.rigid_alignment import rigid_alignment
 from carigs.readers.arrays import checked_array
 
 WIDTH = 0.008
@@ -56,7 +56,7 @@ class HairShadow:
         if len(self.points) == 0:
             return np.zeros((0, 3))
         carrier = np.unique(self.corners)
-        rotation, translation = rigid_fit(self.canonical[carrier].astype(np.float64), vertices[carrier])
+        rotation, translation = rigid_alignment(self.canonical[carrier].astype(np.float64), vertices[carrier])
         rest = self.canonical[self.corners].mean(axis=1) @ rotation.T + translation
         return self.points @ rotation.T + translation + vertices[self.corners].mean(axis=1) - rest
 

@@ -13,6 +13,7 @@ from carigs.capture import Camera, Capture, Frame
 from carigs.capture.evenly_spread import evenly_spread
 from carigs.errors import InputError
 from carigs.head import pose
+from carigs.mesh.rigid_alignment import rigid_alignment
 from carigs.raster import Visibility, compute_visibility
 from carigs.raster.open_mouth import between_lips
 
@@ -74,27 +75,8 @@ def scalp_motion(
     Returns:
         Camera axes from the axes of the neutral head.
     """
-    rotation, translation = rigid_fit(canonical[carrier], seen.camera_points[carrier])
+    rotation, translation = rigid_alignment(canonical[carrier], seen.camera_points[carrier])
     return np.concatenate([rotation, translation[:, None]], axis=1)
-
-
-def rigid_fit(
-    source: Float[np.ndarray, "n 3"], target: Float[np.ndarray, "n 3"]
-) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
-    """The rigid motion that takes points nearest to others (Kabsch 1976).
-
-    Args:
-        source: Points.
-        target: Where each should go.
-
-    Returns:
-        Rotation and translation.
-    """
-    a, b = source.mean(axis=0), target.mean(axis=0)
-    left, _, right = np.linalg.svd((target - b).T @ (source - a))
-    left[:, 2] *= np.sign(np.linalg.det(left @ right))
-    rotation = left @ right
-    return rotation, b - rotation @ a
 
 
 def pixel_size(seen: Visibility) -> float:

@@ -8,6 +8,7 @@
 - `carigs.mesh.curvature`: Gaussian curvature
 - `carigs.mesh.linear_solver`: factorised systems, and the Poisson equation
 - `carigs.mesh.regions`: named parts of a surface as smooth fields
+- `carigs.mesh.rigid_alignment`: the rigid motion between two sets of points
 """
 
 from carigs.mesh.cotan_laplacian import CotanLaplacian

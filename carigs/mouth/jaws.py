@@ -13,9 +13,9 @@ from enum import IntEnum
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 
-from carigs.fitting.rigid_alignment import rigid_alignment
 from carigs.head import HeadModel
 from carigs.mesh.ray_caster import RayCaster
+from carigs.mesh.rigid_alignment import rigid_alignment
 from carigs.mesh.triangle_mesh import face_normals, size
 from carigs.mouth.lip_line import LipLine
 

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from carigs.capture import Camera
-from carigs.fitting.rigid_alignment import rigid_alignment
 from carigs.head import HeadModel
 from carigs.mesh.carried_points import CarriedPoints, draw_points, nearest_triangles
+from carigs.mesh.rigid_alignment import rigid_alignment
 from carigs.mesh.triangle_mesh import barycenters
 from carigs.mouth.jaws import Jaw
 from carigs.mouth.lip_line import LipLine
@@ -113,5 +113,5 @@ def _carried(
 ) -> Float[np.ndarray, "n 3"]:
     """Points that move with some triangles as a solid."""
     source, target = barycenters(neutral, carriers), barycenters(posed, carriers)
-    rotation, translation = rigid_alignment(source, target, np.ones(len(carriers)))
+    rotation, translation = rigid_alignment(source, target)
     return points @ rotation.T + translation

@@ -26,8 +26,7 @@ from carigs.config import load_settings
 from carigs.exaggeration import GammaPath
 from carigs.gtstar.target_set import make_target_set
 from carigs.hair import FoundHair, load_hair
-from carigs.head import neutral, pose, read_subject_path
-from carigs.raster import rasterize_mesh
+from carigs.head import neutral, read_subject_path
 from carigs.settings import Gtstar, Train
 from carigs.simd.threads import use_threads
 from carigs.splat.avatar import Avatar
@@ -35,9 +34,9 @@ from carigs.splat.training import subject as preparation
 from carigs.splat.training.subject import Subject, prepare_subject
 from carigs.splat.training.trainer import train_surfels
 from evaluation.benchmarks.timing import Measurement, write_measurements
-from evaluation.benchmarks.toy_training import BAND, HeldOutView, psnr_by_region
+from evaluation.benchmarks.toy_training import HeldOutView, held_out_view, psnr_by_region
 from evaluation.command_line import csv_parser, run
-from evaluation.metrics.regions import image_regions, surface_regions
+from evaluation.metrics.regions import surface_regions
 
 PARTS = (
     "nothing",
@@ -130,12 +129,9 @@ class StudySubject:
         truth = read_ground_truth(self.folder / f"truth/level={level:g}/truth.json")
         for frame in capture.split("test"):
             key = frame.timestep, frame.camera
-            if key not in truth.images:
-                continue
-            camera, vertices = capture.camera(frame), pose(model, capture.parameters(frame.timestep), caricature)
-            seen, foreground = rasterize_mesh(vertices, model.faces, camera), read_grey(truth.masks[key]) > 0.5
-            regions = image_regions(surface, vertices, seen, camera, foreground, band=BAND)
-            views.append(HeldOutView(frame, camera, read_rgb(truth.images[key]), regions))
+            if key in truth.images:
+                images = read_rgb(truth.images[key]), read_grey(truth.masks[key])
+                views.append(held_out_view(capture, frame, caricature, surface, *images))
         return views
 
 

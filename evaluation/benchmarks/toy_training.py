@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 
 from carigs.capture import Camera, Capture, Frame
 from carigs.capture.target_index import TargetSet, read_targets, write_targets
-from carigs.exaggeration import GammaPath
+from carigs.exaggeration import Caricature, GammaPath
 from carigs.gtstar.target_set import make_target_set
 from carigs.hair import FoundHair, find_hair
 from carigs.head import neutral, pose
@@ -23,7 +23,7 @@ from carigs.splat.training.trainer import train_surfels
 from carigs.toy import load_subject, render_subject
 from evaluation.benchmarks.toy_frames import write_subject
 from evaluation.metrics.image_quality import psnr_of_errors, squared_error
-from evaluation.metrics.regions import image_regions, surface_regions
+from evaluation.metrics.regions import SurfaceRegions, image_regions, surface_regions
 
 BAND = 2
 """Half width of the region `silhouette` in pixels, the default of `metrics.silhouette_band`."""
@@ -106,11 +106,35 @@ def held_out_views(inputs: TrainingInputs, level: float) -> list[HeldOutView]:
             truth, matte = capture.image(frame), capture.foreground(frame)
         else:
             truth, matte = render_subject(person, parameters, camera, caricature)
-        vertices = pose(model, parameters, caricature)
-        seen = rasterize_mesh(vertices, model.faces, camera)
-        regions = image_regions(surface, vertices, seen, camera, matte > 0.5, band=BAND)
-        views.append(HeldOutView(frame, camera, in_eight_bits(truth), regions))
+        views.append(held_out_view(capture, frame, caricature, surface, in_eight_bits(truth), matte))
     return views
+
+
+def held_out_view(
+    capture: Capture,
+    frame: Frame,
+    caricature: Caricature,
+    surface: SurfaceRegions,
+    truth: Float[np.ndarray, "h w 3"],
+    matte: Float[np.ndarray, "h w"],
+) -> HeldOutView:
+    """Find the regions of a test frame.
+
+    Args:
+        capture: The capture.
+        frame: The frame.
+        caricature: The head at the level of the true image.
+        surface: Regions of the subject's surface.
+        truth: The true image.
+        matte: Its foreground.
+
+    Returns:
+        The frame with its true image and regions.
+    """
+    camera, faces = capture.camera(frame), capture.model.faces
+    vertices = pose(capture.model, capture.parameters(frame.timestep), caricature)
+    seen = rasterize_mesh(vertices, faces, camera)
+    return HeldOutView(frame, camera, truth, image_regions(surface, vertices, seen, camera, matte > 0.5, band=BAND))
 
 
 def psnr_by_region(avatar: Avatar, level: float, views: Sequence[HeldOutView]) -> dict[str, float]:

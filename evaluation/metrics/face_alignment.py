@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from carigs.capture import Camera
-from carigs.fitting.rigid_alignment import rigid_alignment
+from carigs.mesh.rigid_alignment import rigid_alignment
 
 ALIGNED = (45, 42, 36, 39, 33)
 """The aligned points as iBUG landmarks: outer and inner corner of the left eye, of the right eye, base of the nose."""
@@ -83,7 +83,7 @@ def turn_from_camera(posed: Float[np.ndarray, "n 3"], rest: Float[np.ndarray, "n
     Returns:
         Degrees: 0 for a face that looks into the camera, 180 for the back of the head.
     """
-    world_from_rest, _ = rigid_alignment(rest, posed, np.ones(len(rest)))
+    world_from_rest, _ = rigid_alignment(rest, posed)
     direction, to_camera = world_from_rest[:, 2], camera.centre - posed.mean(axis=0)
     cosine = direction @ to_camera / np.linalg.norm(to_camera)
     return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))

@@ -7,8 +7,8 @@ import pytest
 from mouth.test_jaws import FRAMES, LINE, MODEL, POSED, REST
 
 from carigs.capture import Camera, look_at
-from carigs.fitting.rigid_alignment import rigid_alignment
 from carigs.mesh.ray_caster import RayCaster
+from carigs.mesh.rigid_alignment import rigid_alignment
 from carigs.mesh.triangle_mesh import barycenters, size
 from carigs.mouth import Jaw, find_jaws, place_in_mouth
 

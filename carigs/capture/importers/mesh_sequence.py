@@ -18,6 +18,7 @@ from carigs.capture.camera_checks import FARTHEST
 from carigs.capture.importers.images import timestep_of
 from carigs.errors import InputError
 from carigs.head import HeadModel, HeadParameters, pose_frames
+from carigs.mesh.rigid_alignment import rigid_alignment
 from carigs.readers.meshes import read_mesh
 
 NUM_EXPRESSIONS = 100
@@ -87,7 +88,7 @@ def track_meshes(
     template = vertices[0] - centre
     aligned, motions = np.empty_like(vertices), []
     for i, points in enumerate(vertices):
-        rotation, translation = rigid_motion(template, points)
+        rotation, translation = rigid_alignment(template, points)
         aligned[i] = (points - translation) @ rotation
         motions.append((Rotation.from_matrix(rotation).as_rotvec(), translation))
     count, v = len(vertices), vertices.shape[1]
@@ -114,21 +115,3 @@ def track_meshes(
     }
     posed = pose_frames(model, list(parameters.values()))
     return MeshTrack(model, parameters, float(np.linalg.norm(posed - vertices, axis=2).max()))
-
-
-def rigid_motion(
-    source: Float[np.ndarray, "v 3"], target: Float[np.ndarray, "v 3"]
-) -> tuple[Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
-    """The rigid motion that brings points closest to others in the least-squares sense (Kabsch 1976).
-
-    Args:
-        source: Points.
-        target: Where they should go.
-
-    Returns:
-        Rotation and translation: target is about rotation @ source + translation.
-    """
-    a, b = source.mean(axis=0), target.mean(axis=0)
-    u, _, vt = np.linalg.svd((target - b).T @ (source - a))
-    rotation = u @ np.diag([1, 1, np.sign(np.linalg.det(u @ vt))]) @ vt
-    return rotation, b - rotation @ a

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from carigs.fitting.rigid_alignment import rigid_alignment
+from carigs.mesh.rigid_alignment import rigid_alignment
 
 
 @pytest.mark.parametrize("seed", range(5))
