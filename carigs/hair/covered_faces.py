@@ -136,10 +136,8 @@ def _as_around(
     """
     result, known = state & known, known.copy()
     while True:
-        total, count = np.zeros(v), np.zeros(v)
-        for corner in faces.T:
-            np.add.at(total, corner[known], result[known])
-            np.add.at(count, corner[known], 1)
+        count = np.bincount(faces[known].ravel(), minlength=v)
+        total = np.bincount(faces[known & result].ravel(), minlength=v)
         around, votes = count[faces].sum(axis=1), total[faces].sum(axis=1)
         new = ~known & (around > 0)
         if not new.any():
@@ -178,15 +176,11 @@ def _components(faces: Int[np.ndarray, "f 3"], v: int) -> Int[np.ndarray, " f"]:
 
 def _cells(view: View, usable: Bool[np.ndarray, " f"], component, first, parts) -> Int[np.ndarray, "h w"]:
     seen = view.visibility
-    points = seen.camera_points[seen.faces]
-    normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
-    centre = points.mean(axis=1)
-    length = np.linalg.norm(normal, axis=1) * np.linalg.norm(centre, axis=1)
-    facing = -np.einsum("fk,fk->f", normal, centre) > MIN_COSINE * length
+    facing = surface_cells.facing_faces(seen.camera_points, seen.faces, MIN_COSINE)
     return surface_cells.cell_image(
         seen.face, seen.fragments.barycentric, seen.inverse_depth, seen.depth_planes,
         np.where(view.between_lips, np.float32(0), view.foreground),
-        usable & facing & ~seen.back_facing, component, first, parts, OPAQUE, DEPTH_JUMP,
+        usable & facing, component, first, parts, OPAQUE, DEPTH_JUMP,
     )  # fmt: skip
 
 

@@ -84,7 +84,7 @@ def orientation(
         Unit vector across the lines of the structure (x and y, of either sign), and coherence: 1 for parallel lines,
         0 where all directions are equal.
     """
-    grey = image.mean(axis=2)
+    grey = (image[..., 0] + image[..., 1] + image[..., 2]) / 3  # several times faster than image.mean(axis=2)
     fine = cv2.GaussianBlur(grey, (0, 0), FINE) - cv2.GaussianBlur(grey, (0, 0), COARSE)
     x, y = cv2.Scharr(fine, cv2.CV_32F, 1, 0), cv2.Scharr(fine, cv2.CV_32F, 0, 1)
     xx, yy, xy = (cv2.GaussianBlur(product, (0, 0), WINDOW) for product in (x * x, y * y, x * y))

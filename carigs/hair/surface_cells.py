@@ -14,6 +14,32 @@ BINS = 64
 
 
 @kernel
+def facing_faces(points, faces, min_cosine):
+    """Faces that a camera does not see at a grazing angle.
+
+    Args:
+        points: Vertices (v, 3) in camera axes.
+        faces: Vertex indices (f, 3).
+        min_cosine: Least cosine between the normal of a face and the direction to the camera, greater than 0.
+
+    Returns:
+        Whether each face shows the camera its front, and no less steeply (f,).
+    """
+    facing = np.zeros(faces.shape[0], np.bool_)
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        ax, ay, az = points[i, 0], points[i, 1], points[i, 2]
+        bx, by, bz = points[j, 0] - ax, points[j, 1] - ay, points[j, 2] - az
+        cx, cy, cz = points[k, 0] - ax, points[k, 1] - ay, points[k, 2] - az
+        nx, ny, nz = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+        ax, ay, az = ax + (bx + cx) / 3.0, ay + (by + cy) / 3.0, az + (bz + cz) / 3.0
+        toward = -(nx * ax + ny * ay + nz * az)
+        lengths = (nx * nx + ny * ny + nz * nz) * (ax * ax + ay * ay + az * az)
+        facing[f] = toward > 0.0 and toward * toward > min_cosine * min_cosine * lengths
+    return facing
+
+
+@kernel
 def cell_image(
     face_image, barycentric, inverse_depth, planes, matte, usable, component, first, parts, matte_limit, jump
 ):

@@ -102,3 +102,18 @@ def test_cells_divide_triangles_into_parts_of_equal_area():
     count = np.bincount(cells[cells >= 0], minlength=n * n)
     assert len(count) == n * n
     np.testing.assert_allclose(count, (cells >= 0).sum() / n**2, rtol=0.1)
+
+
+@pytest.mark.parametrize("angle", [0, 40, 74, 77, 89, 91, 106, 180])
+@pytest.mark.parametrize("middle", [(0.0, 0.0, 1.0), (0.3, -0.4, 0.5)])
+def test_a_face_faces_the_camera_up_to_a_limit_of_its_angle(angle, middle):
+    """The normal is the direction to the camera, turned by the angle; 75.5 degrees have a cosine of 0.25."""
+    middle, turned = np.array(middle), np.deg2rad(angle)
+    toward = -middle / np.linalg.norm(middle)
+    across = np.cross(toward, [0.0, 1.0, 0.0])
+    across /= np.linalg.norm(across)
+    normal = np.cos(turned) * toward + np.sin(turned) * across
+    u, v = np.cross(normal, [1.0, 0.0, 0.0]), np.cross(normal, np.cross(normal, [1.0, 0.0, 0.0]))
+    corners = middle + 0.1 * np.array([u, -0.5 * u + v, -0.5 * u - v])
+    facing = surface_cells.facing_faces(corners, np.array([[0, 1, 2], [0, 2, 1]], np.int32), 0.25)
+    assert facing.tolist() == [np.cos(turned) > 0.25, -np.cos(turned) > 0.25]
