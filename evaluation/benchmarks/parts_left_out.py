@@ -11,32 +11,23 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
 import numpy as np
 
-from carigs.capture import Capture
-from carigs.capture.frame_index import read_ground_truth
-from carigs.capture.images import read_grey, read_rgb
-from carigs.capture.target_index import TargetSet, read_targets, write_targets
-from carigs.config import load_settings
-from carigs.exaggeration import GammaPath
-from carigs.gtstar.target_set import make_target_set
-from carigs.hair import FoundHair, load_hair
-from carigs.head import neutral, read_subject_path
-from carigs.settings import Gtstar, Train
+from carigs.capture.target_index import TargetSet
+from carigs.settings import Train
 from carigs.simd.threads import use_threads
-from carigs.splat.avatar import Avatar
 from carigs.splat.training import subject as preparation
 from carigs.splat.training.subject import Subject, prepare_subject
 from carigs.splat.training.trainer import train_surfels
+from evaluation.benchmarks.study_subject import StudySubject
 from evaluation.benchmarks.timing import Measurement, write_measurements
-from evaluation.benchmarks.toy_training import HeldOutView, held_out_view, psnr_by_region
+from evaluation.benchmarks.toy_training import psnr_by_region
 from evaluation.command_line import csv_parser, run
-from evaluation.metrics.regions import surface_regions
 
 PARTS = (
     "nothing",
@@ -49,90 +40,6 @@ PARTS = (
     "surfels inside the mouth",
 )
 """What is left out. Without surfels inside the hair, there is neither smooth motion nor opaque hidden skin."""
-
-
-@dataclass(frozen=True)
-class StudySubject:
-    """A subject of a study, with the targets of the variant `alternating`."""
-
-    folder: Path
-    """`results/STUDY/SUBJECT/gamma=GAMMA`."""
-    capture: Capture
-    path: GammaPath
-    hair: FoundHair
-    train: Train
-    gtstar: Gtstar
-
-    @classmethod
-    def load(cls, folder: Path) -> StudySubject:
-        """Read what the study has written.
-
-        Args:
-            folder: Its results for the subject at a gamma.
-
-        Returns:
-            The subject.
-
-        Raises:
-            InputError: A file is missing or malformed.
-        """
-        name, settings = folder.parent.name, folder.parent.parent / "settings"
-        variant = f"subject={name},variant=alternating"
-        capture = Capture.load(folder.parent / "capture.json")
-        return cls(
-            folder,
-            capture,
-            read_subject_path(folder / "path.npz", capture.model),
-            load_hair(folder.parent / "hair.npz", len(capture.model.faces)),
-            load_settings("train", settings / "train" / f"{variant},seed=0.yaml"),
-            load_settings("gtstar", settings / "gtstar" / f"{variant}.yaml"),
-        )
-
-    def targets(self) -> TargetSet:
-        """The targets of the study.
-
-        Returns:
-            GT* frames at gamma.
-        """
-        level = f"level={self.path.gamma_f:g}"
-        return read_targets(self.folder / "targets/alternating" / level / "targets.json", self.capture)
-
-    def targets_without_shadow(self, folder: Path) -> TargetSet:
-        """Make targets in which hair casts no shadow.
-
-        Args:
-            folder: Empty folder to write to.
-
-        Returns:
-            GT* frames at gamma.
-        """
-        images, records, index = folder / "images", folder / "records", folder / "targets.json"
-        images.mkdir()
-        records.mkdir()
-        settings = replace(self.gtstar, hair_extinction=0.0)
-        caricature = self.path.at(self.path.gamma_f)
-        entries = make_target_set(settings, self.capture, caricature, images, records, self.hair)
-        write_targets(index, self.path.gamma_f, images, *entries)
-        return read_targets(index, self.capture)
-
-    def views(self, level: float) -> list[HeldOutView]:
-        """The held-out frames with a true image.
-
-        Args:
-            level: Level of exaggeration.
-
-        Returns:
-            The frames with their regions.
-        """
-        capture, model, caricature, views = self.capture, self.capture.model, self.path.at(level), []
-        surface = surface_regions(model, neutral(model, capture.parameters(capture.frames[0].timestep)))
-        truth = read_ground_truth(self.folder / f"truth/level={level:g}/truth.json")
-        for frame in capture.split("test"):
-            key = frame.timestep, frame.camera
-            if key in truth.images:
-                images = read_rgb(truth.images[key]), read_grey(truth.masks[key])
-                views.append(held_out_view(capture, frame, caricature, surface, *images))
-        return views
 
 
 def prepare_without(part: str, study: StudySubject, settings: Train, targets: TargetSet) -> tuple[Train, Subject]:
@@ -186,19 +93,17 @@ def measure(
         PSNR of every region at both levels; the mean over the frames that show it.
     """
     study = StudySubject.load(folder)
-    density = replace(study.train.density, stop=2 * steps // 3)
     views = {level: study.views(level) for level in (0.0, study.path.gamma_f)}
     use_threads(1)
     for part in parts:
         for seed in seeds:
-            common = replace(study.train, iterations=steps, density=density, threads=1, seed=seed)
+            common = replace(study.settings_for(steps), seed=seed)
             with TemporaryDirectory() as scratch:
                 shaded = part != "shadow of the hair"
                 targets = study.targets() if shaded else study.targets_without_shadow(Path(scratch))
                 settings, subject = prepare_without(part, study, common, targets)
                 surfels, _ = train_surfels(settings, subject, Path(scratch) / "checkpoint")
-            rendering = settings.rig, settings.rotate_harmonics, study.capture.background
-            avatar = Avatar(surfels, subject.sequence, *rendering)
+            avatar = study.avatar(surfels, subject, settings)
             case = f"{folder.parent.name}, {part}, seed {seed}"
             for level, frames in views.items():
                 for region, value in psnr_by_region(avatar, level, frames).items():

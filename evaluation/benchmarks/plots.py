@@ -99,20 +99,22 @@ def plot_target(file: Path, measurements: Sequence[Measurement]) -> None:
         axes.legend(fontsize=7)
 
 
-def plot_quality(file: Path, evaluations: pd.DataFrame) -> None:
-    """Plot PSNR against seconds of training, one line per run.
+def plot_quality(file: Path, measurements: Sequence[Measurement]) -> None:
+    """Plot PSNR of the full image and of the face against the CPU time of the training, a line per level.
 
     Args:
         file: PNG file to write.
-        evaluations: Records of `evaluation.benchmarks.quality`.
+        measurements: Records of `evaluation.benchmarks.quality`.
     """
+    table = pd.DataFrame(measurements).pivot(index="case", columns="quantity", values="value")
+    table = table.dropna(subset="CPU time").sort_values("CPU time")
     with png_figure(file, (7.0, 4.5)) as figure:
         axes = figure.subplots()
-        for number, (budget, runs) in enumerate(evaluations.groupby("budget")):
-            for style, (steps, run) in zip(("o-", "s--", "^:", "v-."), runs.groupby("steps"), strict=False):
-                label = f"at most {budget:,} surfels, {steps:,} steps"
-                axes.plot(run.seconds, run.psnr, style, color=f"C{number}", markersize=4, label=label)
-        axes.set(xscale="log", xlabel="seconds of training", ylabel="PSNR of test frames in dB")
+        for quantity in table.columns:
+            if match := re.fullmatch("PSNR at (level .*, )(full|face)", quantity):
+                style, colour = ("o-", "s--")[match[2] == "face"], "C1" if match[1] != "level 0, " else "C0"
+                axes.plot(table["CPU time"], table[quantity], style, color=colour, label=match[1] + match[2])
+        axes.set(xscale="log", xlabel="CPU seconds of training", ylabel="PSNR in dB")
         axes.grid(alpha=0.3, which="both")
         axes.legend(fontsize=8, frameon=False)
 

@@ -8,6 +8,11 @@ parts = ("capture_index", "image_metric_cost", "metric_cost", "refined_step")
 heads = sorted(map(str, Path(environ["CARIGS_DATA"]).glob("meshes/*.obj"))) if "CARIGS_DATA" in environ else []
 
 
+def at_gamma(*patterns):
+    """Files of a subject at the gamma of its study."""
+    return lambda wildcards: expand(patterns, **dict(wildcards.items()), gamma=points(wildcards.study)["gamma"])
+
+
 localrules:
     benchmark,
     benchmark_page,
@@ -42,10 +47,18 @@ rule benchmark_page:
 
 rule benchmark_quality:
     input:
-        settings="results/{study}/settings/train/subject={subject},variant=surfhead.yaml",
+        settings=[
+            "results/{study}/settings/train/subject={subject},variant=alternating,seed=0.yaml",
+            "results/{study}/settings/gtstar/subject={subject},variant=alternating.yaml",
+            "results/{study}/settings/hair/subject={subject}.yaml",
+        ],
         capture="results/{study}/{subject}/capture.json",
-        path=lambda wildcards: (
-            f"results/{wildcards.study}/{wildcards.subject}/gamma={points(wildcards.study)['gamma']}/path.npz"
+        hair="results/{study}/{subject}/hair.npz",
+        path=at_gamma("results/{study}/{subject}/gamma={gamma}/path.npz"),
+        targets=at_gamma("results/{study}/{subject}/gamma={gamma}/targets/alternating/level={gamma}/targets.json"),
+        truths=at_gamma(
+            "results/{study}/{subject}/gamma={gamma}/truth/level=0/truth.json",
+            "results/{study}/{subject}/gamma={gamma}/truth/level={gamma}/truth.json",
         ),
     output:
         rows="results/benchmark/quality_{study}_{subject}.csv",
@@ -56,12 +69,12 @@ rule benchmark_quality:
         "../../environment.yml"
     threads: 64  # Snakemake lowers it to --cores
     resources:
-        mem_mb=4000,
+        mem_mb=6000,
     params:
         code=fingerprint("evaluation.benchmarks.quality"),
+        folder=lambda wildcards, input: Path(input.path).parent,
     shell:
-        "python -m evaluation.benchmarks.quality {output.rows:q} {input.settings:q} {input.capture:q} {input.path:q}"
-        " > {log:q} 2>&1"
+        "python -m evaluation.benchmarks.quality {output.rows:q} {params.folder:q} > {log:q} 2>&1"
 
 
 rule benchmark_part:

@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from carigs.settings import Density, Exaggerate, Gtstar, Toy, Train
-from evaluation.benchmarks.parts_left_out import PARTS, StudySubject, prepare_without
+from carigs.settings import Density, Exaggerate, Gtstar, Hair, Toy, Train
+from evaluation.benchmarks.parts_left_out import PARTS, prepare_without
+from evaluation.benchmarks.study_subject import StudySubject
 from evaluation.benchmarks.toy_training import make_inputs
 
 pytestmark = pytest.mark.slow
@@ -26,7 +27,7 @@ SETTINGS = Train(iterations=2, density=Density(every=0))
 def prepared(tmp_path_factory):
     folder, gtstar = tmp_path_factory.mktemp("toy"), Gtstar()
     inputs = make_inputs(folder, SMALL, Exaggerate(), gtstar)
-    study = StudySubject(folder, inputs.capture, inputs.path, inputs.hair, SETTINGS, gtstar)
+    study = StudySubject(folder, inputs.capture, inputs.path, inputs.hair, SETTINGS, gtstar, Hair())
     unshaded = folder / "unshaded"
     unshaded.mkdir()
     without = study.targets_without_shadow(unshaded)

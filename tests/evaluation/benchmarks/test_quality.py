@@ -1,29 +1,50 @@
-"""The benchmark of training to quality: PSNR rises during a run, and budgets bind."""
+"""The benchmark of quality against time: longer trainings take longer and come closer, at both levels."""
 
-from dataclasses import replace
+from types import SimpleNamespace
 
 import pandas as pd
+import pytest
 
-from carigs.settings import Density, Train
+from carigs.settings import Density, Exaggerate, Gtstar, Hair, Toy, Train
 from evaluation.benchmarks.plots import plot_quality
-from evaluation.benchmarks.quality import EVALUATIONS, evaluate_runs
-from evaluation.benchmarks.synthetic_scenes import capture_images, moving_head
+from evaluation.benchmarks.quality import SHARES, measure
+from evaluation.benchmarks.study_subject import StudySubject
+from evaluation.benchmarks.toy_training import held_out_views, make_inputs
 
-SETTINGS = Train(hair_regions=(), density=Density(start=10, every=10, gradient_threshold=1e-6))
+pytestmark = pytest.mark.slow
+SMALL = Toy(width=52, height=68, cameras=4, steps_per_sequence=1, supersampling=1, texture_size=128, hair_strands=2000)
+SETTINGS = Train(iterations=96, density=Density(every=0), gtstar_probability=0.35, relight_surfels=True)
 
 
-def test_runs_learn_within_their_budgets(tmp_path):
-    sequence = moving_head(2)
-    capture = capture_images(sequence, tmp_path, 48, 64).capture
-    last = max(sequence.parameters)
-    frames = (replace(frame, split="test" if frame.timestep == last else "train") for frame in capture.frames)
-    capture = replace(capture, frames=tuple(frames))
-    table = pd.DataFrame(evaluate_runs(SETTINGS, sequence, capture, (340, 600), (64,)))
-    assert len(table) == 2 * EVALUATIONS
-    for budget, run in table.groupby("budget"):
-        assert run.seconds.is_monotonic_increasing
-        assert run.step.iloc[-1] == 64
-        assert run.psnr.iloc[-1] > run.psnr.iloc[0] + 3
-        assert 320 < run.surfels.iloc[-1] <= budget
-    plot_quality(tmp_path / "quality.png", table)
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A subject of a study, of which the index of the capture alone lies where the benchmark looks for it."""
+    inputs = make_inputs(tmp_path, SMALL, Exaggerate(), Gtstar())
+    study = StudySubject(tmp_path, inputs.capture, inputs.path, inputs.hair, SETTINGS, Gtstar(), Hair())
+    monkeypatch.setattr(StudySubject, "load", lambda _folder, _variant: study)
+    monkeypatch.setattr(StudySubject, "targets", lambda _: inputs.targets)
+    monkeypatch.setattr(StudySubject, "views", lambda _, level: held_out_views(inputs, level))
+    return tmp_path / "gamma=0.25"
+
+
+def test_longer_trainings_take_longer_and_come_closer(folder, tmp_path):
+    measurements = list(measure(folder))
+    table = pd.DataFrame(measurements).pivot(index="case", columns="quantity", values="value")
+    trainings = table.dropna(subset="CPU time")
+    steps = trainings.index.str.extract(r"(\d+) steps", expand=False).astype(int)
+    assert set(steps) == {SETTINGS.iterations * share for share in SHARES}
+    trainings = trainings.set_index(steps).sort_index()
+    assert trainings["CPU time"].is_monotonic_increasing
+    for level in ("0", "0.25"):
+        psnr = trainings[f"PSNR at level {level}, full"]
+        assert psnr.iloc[-1] > psnr.iloc[0] + 1
+    assert table["CPU time of the stage hair"].count() == 1
+    plot_quality(tmp_path / "quality.png", measurements)
     assert (tmp_path / "quality.png").stat().st_size > 1000
+
+
+def test_settings_of_another_length_are_those_of_the_study_otherwise():
+    density = Density(stop=64)
+    study = SimpleNamespace(train=Train(iterations=96, density=density, seed=3))
+    assert StudySubject.settings_for(study, 96) == Train(iterations=96, density=density, seed=3, threads=1)
+    assert StudySubject.settings_for(study, 12).density.stop == 8
