@@ -22,7 +22,7 @@ rule benchmark:
     input:
         "results/benchmark/benchmarks.md",
         expand("results/benchmark/{part}.csv", part=parts),
-        lambda _: "results/benchmark/quality_{study}_{subject[0]}.csv".format(**points(next(iter(studies)))),
+        lambda _: "results/benchmark/quality/{study}/{subject[0]}.csv".format(**points(next(iter(studies)))),
 
 
 rule benchmark_page:
@@ -61,10 +61,10 @@ rule benchmark_quality:
             "results/{study}/{subject}/gamma={gamma}/truth/level={gamma}/truth.json",
         ),
     output:
-        rows="results/benchmark/quality_{study}_{subject}.csv",
-        plot="results/benchmark/quality_{study}_{subject}.png",
+        rows="results/benchmark/quality/{study}/{subject}.csv",
+        plot="results/benchmark/quality/{study}/{subject}.png",
     log:
-        "results/benchmark/log/quality_{study}_{subject}.log",
+        "results/benchmark/log/quality/{study}/{subject}.log",
     conda:
         "../../environment.yml"
     threads: 64  # Snakemake lowers it to --cores
@@ -72,7 +72,7 @@ rule benchmark_quality:
         mem_mb=6000,
     params:
         code=fingerprint("evaluation.benchmarks.quality"),
-        folder=lambda wildcards, input: Path(input.path).parent,
+        folder=lambda wildcards, input: Path(input.path[0]).parent,
     shell:
         "python -m evaluation.benchmarks.quality {output.rows:q} {params.folder:q} > {log:q} 2>&1"
 
