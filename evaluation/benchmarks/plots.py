@@ -115,6 +115,8 @@ def plot_quality(file: Path, measurements: Sequence[Measurement]) -> None:
                 style, colour = ("o-", "s--")[match[2] == "face"], "C1" if match[1] != "level 0, " else "C0"
                 axes.plot(table["CPU time"], table[quantity], style, color=colour, label=match[1] + match[2])
         axes.set(xscale="log", xlabel="CPU seconds of training", ylabel="PSNR in dB")
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter("{x:g}")
         axes.grid(alpha=0.3, which="both")
         axes.legend(fontsize=8, frameon=False)
 
