@@ -8,11 +8,6 @@ parts = ("capture_index", "image_metric_cost", "metric_cost", "refined_step")
 heads = sorted(map(str, Path(environ["CARIGS_DATA"]).glob("meshes/*.obj"))) if "CARIGS_DATA" in environ else []
 
 
-def at_gamma(*patterns):
-    """Files of a subject at the gamma of its study."""
-    return lambda wildcards: expand(patterns, **dict(wildcards.items()), gamma=points(wildcards.study)["gamma"])
-
-
 localrules:
     benchmark,
     benchmark_page,

@@ -130,6 +130,11 @@ def of_study(*patterns):
     return lambda wildcards: collect(list(patterns), **points(wildcards.study))
 
 
+def at_gamma(*patterns):
+    """The files of a subject at the gamma of its study."""
+    return lambda wildcards: collect(list(patterns), **dict(wildcards.items()), gamma=points(wildcards.study)["gamma"])
+
+
 def table_of_study(wildcards):
     """The table of the study's gamma."""
     return "results/{study}/table/gamma={gamma}.csv".format(**points(wildcards.study))
