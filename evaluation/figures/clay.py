@@ -28,10 +28,11 @@ def clay_sheet(file: Path, meshes: Mapping[str, Float[np.ndarray, "v 3"]], faces
 
     Args:
         file: PNG file to write.
-        meshes: Vertices by label, in any unit.
+        meshes: Vertices by label, in any unit. Those that no triangle uses do not count.
         faces: Vertex indices of the triangles.
     """
-    vertices = np.concatenate(list(meshes.values()))
+    used = np.unique(faces)
+    vertices = np.concatenate([of_mesh[used] for of_mesh in meshes.values()])
     centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
     radius = float(np.linalg.norm(np.ptp(vertices, axis=0))) / 2
     rows = []
