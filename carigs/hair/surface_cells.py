@@ -15,7 +15,7 @@ BINS = 64
 
 @kernel
 def facing_faces(points, faces, min_cosine):
-    """Faces that a camera does not see at a grazing angle.
+    """Faces whose front a camera sees at an angle that is not too oblique.
 
     Args:
         points: Vertices (v, 3) in camera axes.
@@ -23,7 +23,8 @@ def facing_faces(points, faces, min_cosine):
         min_cosine: Least cosine between the normal of a face and the direction to the camera, greater than 0.
 
     Returns:
-        Whether each face shows the camera its front, and no less steeply (f,).
+        Whether the cosine between the normal of each face and the direction from its centre to the camera is larger
+        than that (f,).
     """
     facing = np.zeros(faces.shape[0], np.bool_)
     for f in range(faces.shape[0]):

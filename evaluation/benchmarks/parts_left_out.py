@@ -21,6 +21,7 @@ import numpy as np
 from carigs.capture.target_index import TargetSet
 from carigs.settings import Train
 from carigs.simd.threads import use_threads
+from carigs.splat.avatar import Avatar
 from carigs.splat.training import subject as preparation
 from carigs.splat.training.subject import Subject, prepare_subject
 from carigs.splat.training.trainer import train_surfels
@@ -103,7 +104,8 @@ def measure(
                 targets = study.targets() if shaded else study.targets_without_shadow(Path(scratch))
                 settings, subject = prepare_without(part, study, common, targets)
                 surfels, _ = train_surfels(settings, subject, Path(scratch) / "checkpoint")
-            avatar = study.avatar(surfels, subject, settings)
+            rendering = settings.rig, settings.rotate_harmonics, study.capture.background
+            avatar = Avatar(surfels, subject.sequence, *rendering)
             case = f"{folder.parent.name}, {part}, seed {seed}"
             for level, frames in views.items():
                 for region, value in psnr_by_region(avatar, level, frames).items():

@@ -16,15 +16,12 @@ from tempfile import TemporaryDirectory
 
 from carigs.capture import Capture
 from carigs.hair import find_hair
-from carigs.settings import Train
 from carigs.simd.threads import use_threads
 from carigs.splat.avatar import Avatar
-from carigs.splat.training.subject import prepare_subject
-from carigs.splat.training.trainer import train_surfels
 from evaluation.benchmarks.plots import plot_quality
 from evaluation.benchmarks.study_subject import StudySubject
 from evaluation.benchmarks.timing import Measurement, elapsed, write_measurements
-from evaluation.benchmarks.toy_training import psnr_by_region
+from evaluation.benchmarks.toy_training import TrainingInputs, psnr_by_region, train_avatar
 from evaluation.command_line import csv_parser, run
 
 SHARES = 1 / 8, 1 / 4, 1 / 2, 1
@@ -33,20 +30,10 @@ WARM_UP = 10
 """Steps of a training that is not measured: it loads the kernels."""
 
 
-def train_avatar(study: StudySubject, settings: Train) -> Avatar:
-    """Train an avatar as the stage `train` does.
-
-    Args:
-        study: The subject.
-        settings: Settings of the training.
-
-    Returns:
-        The avatar.
-    """
-    subject = prepare_subject(study.capture, study.path, settings, study.hair, [study.targets()])
+def _train(study: StudySubject, steps: int) -> Avatar:
+    inputs = TrainingInputs(study.capture, study.path, study.hair, study.targets())
     with TemporaryDirectory() as scratch:
-        surfels, _ = train_surfels(settings, subject, Path(scratch) / "checkpoint")
-    return study.avatar(surfels, subject, settings)
+        return train_avatar(inputs, study.settings_for(steps), Path(scratch) / "checkpoint")
 
 
 def measure(folder: Path, variant: str = "alternating", steps: Sequence[int] = ()) -> Iterator[Measurement]:
@@ -68,11 +55,10 @@ def measure(folder: Path, variant: str = "alternating", steps: Sequence[int] = (
         capture = Capture.load(folder.parent / "capture.json")
         hair = elapsed(lambda capture=capture: find_hair(study.hair_settings, capture), time.process_time)
     yield Measurement(folder.parent.name, "CPU time of the stage hair", "s", hair)
-    train_avatar(study, study.settings_for(WARM_UP))
+    _train(study, WARM_UP)
     for number in steps or [round(share * study.train.iterations) for share in SHARES]:
         case, start = f"{folder.parent.name}, {variant}, {number} steps", time.process_time()
-        study = StudySubject.load(folder, variant)
-        avatar = train_avatar(study, study.settings_for(number))
+        avatar = _train(StudySubject.load(folder, variant), number)
         yield Measurement(case, "CPU time", "s", time.process_time() - start)
         yield Measurement(case, "surfels", "", len(avatar.surfels))
         for level, frames in views.items():

@@ -15,9 +15,6 @@ from carigs.gtstar.target_set import make_target_set
 from carigs.hair import FoundHair, load_hair
 from carigs.head import neutral, read_subject_path
 from carigs.settings import Gtstar, Hair, Train
-from carigs.splat.avatar import Avatar
-from carigs.splat.surfels.surfels import Surfels
-from carigs.splat.training.subject import Subject
 from evaluation.benchmarks.toy_training import HeldOutView, held_out_view
 from evaluation.metrics.regions import surface_regions
 
@@ -73,19 +70,6 @@ class StudySubject:
         """
         density = replace(self.train.density, stop=2 * steps // 3)
         return replace(self.train, iterations=steps, density=density, threads=1)
-
-    def avatar(self, surfels: Surfels, subject: Subject, settings: Train) -> Avatar:
-        """What a training has made.
-
-        Args:
-            surfels: The trained surfels.
-            subject: What the training was about.
-            settings: Its settings.
-
-        Returns:
-            The avatar.
-        """
-        return Avatar(surfels, subject.sequence, settings.rig, settings.rotate_harmonics, self.capture.background)
 
     def targets(self) -> TargetSet:
         """The targets of the variant `alternating`.
