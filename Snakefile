@@ -51,6 +51,7 @@ rule reproduce:
             "results/{study}/figures/{subject}/gamma={gamma}",
             "results/{study}/report.html",
         ),
+        target_sheets,
 
 
 rule table:

@@ -17,11 +17,11 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from carigs.processes import ProcessName, is_alive, this_process
+from carigs.processes import ProcessName, is_alive, is_known, this_process
 
 DAYS_OF_STATE = 14
 """How long the state of an interrupted job is kept for the next run."""
-_PARTIAL = re.compile(r"\..+\.(?P<pid>\d+)-(?P<start>\d+)-(?P<host>[^/]*)\.part(\.\w+)?")
+_PARTIAL = re.compile(r"\..+\.(?P<pid>\d+)-(?P<start>\d+)-(?P<system>[0-9a-f]{8})-(?P<host>[^/]*)\.part(\.\w+)?")
 
 
 @contextmanager
@@ -108,15 +108,14 @@ def write_json(file: str | Path, content: Any) -> None:
 
 
 def remove_dead_partial(folder: Path) -> None:
-    """Remove what processes of this host that have ended were writing in a folder; not in the folders below it.
+    """Remove what processes that are known to have ended were writing in a folder; not in the folders below it.
 
     Args:
         folder: The folder.
     """
-    host = this_process().host
     for name in os.listdir(folder):
         process = partial_writer(name)
-        if process and process.host == host and not is_alive(process):
+        if process and is_known(process) and not is_alive(process):
             _remove(folder / name)
 
 
@@ -132,18 +131,20 @@ def remove_partial(folder: Path) -> None:
         folders[:] = [name for name in folders if not partial_writer(name)]
 
 
-def clean_results(folder: Path) -> None:
+def clean_results(folder: Path, no_job_runs: bool = False) -> None:
     """Remove what processes that have ended left in the results of a study, and states that nobody has taken up.
 
     Args:
         folder: Folder of the study; it need not exist.
+        no_job_runs: Whether the locks say that no job of the study runs, on any host. Then what unknown processes have
+            left is removed, too: those of other hosts and containers, and of the time before this system was started.
     """
-    host, oldest = this_process().host, time.time() - DAYS_OF_STATE * 24 * 3600
+    oldest = time.time() - DAYS_OF_STATE * 24 * 3600
     for directory, folders, files in os.walk(folder):
         for name in [*folders, *files]:
             path, process = Path(directory, name), partial_writer(name)
             if process:
-                dead = process.host == host and not is_alive(process)
+                dead = not is_alive(process) and (no_job_runs or is_known(process))
             else:
                 state = (name.startswith(".") and name.endswith(".part")) or name.endswith(".checkpoint")
                 dead = state and _last_change(path) < oldest
@@ -162,13 +163,15 @@ def partial_writer(name: str) -> ProcessName | None:
         The process; None for other names.
     """
     found = _PARTIAL.fullmatch(name)
-    return ProcessName(found["host"], int(found["pid"]), int(found["start"])) if found else None
+    if not found:
+        return None
+    return ProcessName(found["host"], found["system"], int(found["pid"]), int(found["start"]))
 
 
 def _temporary(path: Path, stem: str, suffix: str = "") -> Path:
-    host, pid, start = this_process()
+    host, system, pid, start = this_process()
     short = stem if len(stem.encode()) <= 100 else sha256(stem.encode()).hexdigest()[:16]
-    return path.with_name(f".{short}.{pid}-{start}-{host}.part{suffix}")
+    return path.with_name(f".{short}.{pid}-{start}-{system}-{host}.part{suffix}")
 
 
 def _replace_folder(path: Path, new: Path) -> None:

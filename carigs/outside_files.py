@@ -5,27 +5,18 @@ Names, sizes and modification times tell, without reading images.
 
 from __future__ import annotations
 
+import json
 import os
-import re
 from collections.abc import Iterator
 from dataclasses import fields
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
+from carigs.readers.file_names import BESIDE_FLAME, INDEXES, TRUE_FRAMES
 from carigs.readers.limits import MAX_TEXT_BYTES
 from carigs.settings import STAGES
 from carigs.settings.option import option_of
-
-INDEXES = ("transforms_train.json", "transforms_val.json", "transforms_test.json", "frames.json")
-"""Files that list the files of a dataset, or of true caricatures, which may lie in other folders."""
-BESIDE = (
-    "FLAME_masks.pkl", "uv_masks.npz", "head_template_mesh.obj",
-    "landmark_embedding_with_eyes.npy", "landmark_embedding.npy",
-)  # fmt: skip
-"""What `carigs.head.flame_files` reads beside a .pkl file."""
-_FOLDER = re.compile(rb'"((?:[^"\\\n]{1,4000}/)?)[^"/\\\n]{1,300}\.(?:png|jpe?g|npz)"', re.IGNORECASE)
-"""Paths of images and parameters in an index, with their folder as group."""
 
 
 def outside_files(stage: str, settings: Any, level: float | None = None) -> dict[str, Path]:
@@ -56,8 +47,8 @@ def outside_files(stage: str, settings: Any, level: float | None = None) -> dict
 def files_digest(path: str | Path) -> str:
     """Digest of the names, sizes and modification times of a file or of the files of a folder.
 
-    Of a folder with indexes (`INDEXES`) these and all files in the folders that they name count, else all files
-    directly in it. With a head model (.pkl) the files `BESIDE` it count.
+    Of a dataset, or a folder of true caricatures, the indexes and all files that they name count, else all files
+    directly in the folder but hidden ones. With a head model (.pkl) the files beside it count that are read with it.
 
     Args:
         path: The file or folder.
@@ -67,40 +58,52 @@ def files_digest(path: str | Path) -> str:
     """
     path = Path(path)
     if path.is_dir():
-        indexes = [path / name for name in INDEXES]
-        lines = {line for file in indexes for line in _entry(file)}
-        folders = {path / os.fsdecode(part) for file in indexes for part in _folders(file)} if lines else {path}
-        for folder in folders:
-            lines.update(_entries(folder))
-    else:
-        beside = [path.with_name(name) for name in BESIDE] if path.suffix == ".pkl" else []
+        indexes = [file for name in (*INDEXES.values(), TRUE_FRAMES) if (file := path / name).is_file()]
+        named = {path / name for index in indexes for name in _named_files(index)}
+        lines = {line for file in (*indexes, *named) for line in _entry(file)} if indexes else {*_entries(path)}
+    elif path.exists():
+        beside = [path.with_name(name) for name in BESIDE_FLAME] if path.suffix == ".pkl" else []
         lines = {line for file in (path, *beside) for line in _entry(file)}
-        if not path.exists():
-            return ""
+    else:
+        return ""
     return sha256("\n".join(sorted(lines)).encode("utf-8", "surrogateescape")).hexdigest()[:32]
 
 
-def _folders(index: Path) -> set[bytes]:
-    """Folders of the files that an index names."""
+def _named_files(index: Path) -> set[str]:
+    """Texts in an index that may name files, whatever their keys: the index is parsed as its readers parse it.
+
+    An index that cannot be parsed names none; the stage that reads it says why.
+    """
     try:
         if index.stat().st_size > MAX_TEXT_BYTES:
             return set()
-        return {match[1] for match in _FOLDER.finditer(index.read_bytes())}
-    except OSError:
+        values = [json.loads(index.read_bytes())]
+    except (OSError, ValueError, RecursionError):
         return set()
+    names = set()
+    while values:
+        value = values.pop()
+        if isinstance(value, dict):
+            values.extend(value.values())
+        elif isinstance(value, list):
+            values.extend(value)
+        elif isinstance(value, str) and "." in value:
+            names.add(value)
+    return names
 
 
 def _entries(folder: Path) -> Iterator[str]:
     try:
         with os.scandir(folder) as entries:
             for entry in entries:
-                if entry.is_file():
+                if entry.is_file() and not entry.name.startswith("."):
                     yield _line(entry.path, entry.stat())
     except (OSError, ValueError):
         return
 
 
 def _entry(file: Path) -> Iterator[str]:
+    """The line of a file; none if there is no such file."""
     try:
         yield _line(str(file), file.stat())
     except (OSError, ValueError):  # ValueError: a NUL character in the path

@@ -1,9 +1,11 @@
-"""Names of processes: host, process id and start. A later process with the same id has another start."""
+"""Names of processes: system, process id and start. A later process with the same id has another start."""
 
 from __future__ import annotations
 
 import os
 import socket
+from functools import cache
+from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,9 +13,12 @@ import psutil
 
 
 class ProcessName(NamedTuple):
-    """What tells a process from all others, those of other hosts and of other times."""
+    """What tells a process from all others, those of other hosts, of other containers and of other times."""
 
     host: str
+    """Name of the host. Containers and hosts may share one."""
+    system: str
+    """Digest of the boot and of the name space of process ids: `pid` means something only within it."""
     pid: int
     start: int
     """Clock ticks from the start of the system to that of the process: steps of the clock do not change it."""
@@ -37,19 +42,46 @@ def process_name(pid: int) -> ProcessName:
     Returns:
         Its name.
     """
-    return ProcessName(socket.gethostname(), pid, _start(pid) or 0)
+    return ProcessName(socket.gethostname(), _system(), pid, _start(pid) or 0)
 
 
-def is_alive(process: ProcessName) -> bool:
-    """Whether a process is on this host and has not ended.
+def is_known(process: ProcessName) -> bool:
+    """Whether this process can see whether another one is alive.
 
     Args:
         process: Its name.
 
     Returns:
-        False also for processes of other hosts, about which nothing is known.
+        False for processes of other hosts, of other containers, and of the time before this system was started.
     """
-    return process.host == socket.gethostname() and _start(process.pid) == process.start
+    return process.host == socket.gethostname() and process.system == _system()
+
+
+def is_alive(process: ProcessName) -> bool:
+    """Whether a process is known to be alive.
+
+    Args:
+        process: Its name.
+
+    Returns:
+        False also for processes that are not known (`is_known`).
+    """
+    return is_known(process) and _start(process.pid) == process.start
+
+
+@cache
+def _system() -> str:
+    """Digest of the boot and of the PID name space; of nothing where the operating system does not tell."""
+    known = []
+    for read in (
+        lambda: Path("/proc/sys/kernel/random/boot_id").read_text(),
+        lambda: os.readlink("/proc/self/ns/pid"),
+    ):
+        try:
+            known.append(read())
+        except OSError:
+            known.append("")
+    return sha256("".join(known).encode()).hexdigest()[:8]
 
 
 def _start(pid: int) -> int | None:

@@ -14,7 +14,7 @@ import time
 from carigs.processes import ProcessName, is_alive, process_name
 
 RUN_PROCESS = "CARIGS_RUN_PROCESS"
-"""Environment variable that names the process: host, process id and start."""
+"""Environment variable that names the process: the fields of its `ProcessName`, divided by blanks."""
 SECONDS_BETWEEN_CHECKS = 0.5
 
 
@@ -49,11 +49,10 @@ def end_with_run_process() -> None:
 
 def _named_process() -> ProcessName | None:
     """The process that the environment names, if it is on this host and has not ended."""
-    host, _, rest = os.environ.get(RUN_PROCESS, "").partition(" ")
-    pid, _, start = rest.partition(" ")
+    *names, pid, start = ["", "", "", *os.environ.get(RUN_PROCESS, "").split(" ")][-4:]
     if not (pid.isdecimal() and start.isdecimal()):
         return None
-    process = ProcessName(host, int(pid), int(start))
+    process = ProcessName(*names, int(pid), int(start))
     return process if is_alive(process) else None
 
 

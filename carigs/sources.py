@@ -1,11 +1,14 @@
-"""Fingerprints of modules: digests of all source files of this project that a module depends on."""
+"""What a module is made of: the source files of this project and the versions of the packages that it depends on."""
 
 from __future__ import annotations
 
 import ast
+from collections.abc import Collection
 from functools import cache
 from hashlib import sha256
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("carigs", "evaluation")
@@ -13,15 +16,38 @@ DATA = (".toml", ".json", ".jinja", ".css", ".js", ".vert", ".frag")
 """Suffixes of files beside a module that belong to it."""
 WITHOUT_EFFECT = ("carigs.settings", "carigs.errors")
 """Modules that fingerprints ignore: settings reach a stage as text, which is compared; errors change no result."""
+DISTRIBUTIONS = {
+    "PIL": "pillow",
+    "cholespy": "cholespy",
+    "cv2": "opencv-contrib-python-headless",
+    "diffusers": "diffusers",
+    "dlib": "dlib-bin",
+    "gsplat": "gsplat",
+    "igl": "libigl",
+    "matplotlib": "matplotlib",
+    "numba": "numba",
+    "numpy": "numpy",
+    "open_clip": "open_clip_torch",
+    "pandas": "pandas",
+    "scipy": "scipy",
+    "timm": "timm",
+    "torch": "torch",
+    "torchmetrics": "torchmetrics",
+    "torchvision": "torchvision",
+    "transformers": "transformers",
+    "trimesh": "trimesh",
+}
+"""Packages whose version may change a result, by the name that modules import. Optional ones choose a solver."""
 
 
-def fingerprint(module: str) -> str:
+def fingerprint(module: str, without: Collection[str] = ()) -> str:
     """Digest of a module and of all modules of this project that it imports, directly or indirectly.
 
-    Comments and layout do not count; docstrings do.
+    Comments, layout and docstrings do not count.
 
     Args:
         module: Name of the module, such as `carigs.stages.train`.
+        without: Packages of this project that do not count, such as `carigs.toy`.
 
     Returns:
         Sixteen hexadecimal digits.
@@ -29,10 +55,10 @@ def fingerprint(module: str) -> str:
     Raises:
         ModuleNotFoundError: The project has no such module.
     """
-    return sha256("\n".join(map(_digest, sources(module))).encode()).hexdigest()[:16]
+    return sha256("\n".join(map(_digest, sources(module, without))).encode()).hexdigest()[:16]
 
 
-def sources(module: str) -> list[Path]:
+def sources(module: str, without: Collection[str] = ()) -> list[Path]:
     """Files of a module and of all modules of this project that it imports, inside functions too.
 
     Data and templates beside a module under its name (`weights.toml` of `weights.py`) belong to it. A package's
@@ -40,6 +66,7 @@ def sources(module: str) -> list[Path]:
 
     Args:
         module: Name of the module.
+        without: Packages of this project that do not count.
 
     Returns:
         Sorted paths.
@@ -47,17 +74,40 @@ def sources(module: str) -> list[Path]:
     Raises:
         ModuleNotFoundError: The project has no such module.
     """
+    return sorted({file for source in _modules(module, without) for file in (source, *_data(source))})
+
+
+def package_versions(module: str, without: Collection[str] = ()) -> dict[str, str]:
+    """Versions of the packages that a module and the modules of this project that it imports depend on.
+
+    Args:
+        module: Name of the module.
+        without: Packages of this project that do not count.
+
+    Returns:
+        The version of each package of `DISTRIBUTIONS` that is imported, empty if it is not installed; by the name that
+        modules import.
+
+    Raises:
+        ModuleNotFoundError: The project has no such module.
+    """
+    names = {name for source in _modules(module, without) for name in _imports(source).packages}
+    return {name: _version(DISTRIBUTIONS[name]) for name in sorted(names & DISTRIBUTIONS.keys())}
+
+
+def _modules(module: str, without: Collection[str]) -> set[Path]:
     file = _file(module)
     if file is None:
         raise ModuleNotFoundError(f"carigs and evaluation have no module {module}")
+    left_out = {ROOT.joinpath(*name.split(".")) for name in without}
     files: set[Path] = set()
     pending = [file]
     while pending:
         file = pending.pop()
-        if file not in files:
-            files |= {file, *_data(file)}
-            pending += _imported(file)
-    return sorted(files)
+        if file not in files and left_out.isdisjoint(file.parents):
+            files.add(file)
+            pending += _imports(file).modules
+    return files
 
 
 def _file(module: str) -> Path | None:
@@ -70,8 +120,30 @@ def _file(module: str) -> Path | None:
 # A workflow asks for the fingerprints of thirty modules, which share most of their sources.
 @cache
 def _digest(file: Path) -> str:
-    content = ast.dump(ast.parse(file.read_bytes())) if file.suffix == ".py" else file.read_text("utf-8")
+    content = _code(file) if file.suffix == ".py" else file.read_text("utf-8")
     return sha256(content.encode()).hexdigest()
+
+
+def _code(file: Path) -> str:
+    """The syntax tree of a module without its docstrings."""
+    tree = ast.parse(file.read_bytes())
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            # Also the strings below fields and constants, which are their documentation.
+            node.body = [line for line in node.body if not _is_text(line)]
+    return ast.dump(tree)
+
+
+def _is_text(line: ast.stmt) -> bool:
+    return isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant) and isinstance(line.value.value, str)
+
+
+@cache
+def _version(distribution: str) -> str:
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return ""
 
 
 @cache
@@ -79,9 +151,16 @@ def _data(file: Path) -> tuple[Path, ...]:
     return tuple(data for data in file.parent.glob(f"{file.stem}.*") if data.suffix in DATA)
 
 
+class _Imports(NamedTuple):
+    modules: tuple[Path, ...]
+    """Files of this project."""
+    packages: frozenset[str]
+    """First parts of the names of all imported modules."""
+
+
 @cache
-def _imported(file: Path) -> tuple[Path, ...]:
-    """Modules of this project that a module imports."""
+def _imports(file: Path) -> _Imports:
+    """What a module imports."""
     names: list[str] = []
     for node in ast.walk(ast.parse(file.read_bytes())):
         if isinstance(node, ast.Import):
@@ -89,4 +168,4 @@ def _imported(file: Path) -> tuple[Path, ...]:
         elif isinstance(node, ast.ImportFrom):  # relative imports are not used
             names += [node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)]
     files = [_file(name) for name in names if name.startswith(PACKAGES) and not name.startswith(WITHOUT_EFFECT)]
-    return tuple(file for file in files if file)
+    return _Imports(tuple(file for file in files if file), frozenset(name.partition(".")[0] for name in names))

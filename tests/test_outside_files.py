@@ -9,8 +9,8 @@ import pytest
 from miniature import write_ball
 
 from carigs.config import compose
-from carigs.head import flame_files
-from carigs.outside_files import BESIDE, files_digest, outside_files
+from carigs.outside_files import files_digest, outside_files
+from carigs.readers.file_names import BESIDE_FLAME
 from carigs.settings import STAGES
 from carigs.settings.option import option_of
 
@@ -65,6 +65,46 @@ def test_files_of_neighbouring_sequences_count(dataset):
     assert files_digest(union) != before
 
 
+@pytest.mark.parametrize(
+    ("folder", "written"),
+    [
+        ("b\u00fcste", "b\\u00fcste"),  # as json.dumps writes it
+        ("b\u00fcste", "b\u00fcste"),
+        ("a/b", "a\\/b"),
+        ('a"b', 'a\\"b'),
+        ("\U0001f600", "\\ud83d\\ude00"),
+    ],
+)
+def test_names_count_however_json_writes_them(dataset, folder, written):
+    (dataset / folder).parent.mkdir(exist_ok=True)
+    (dataset / "images").rename(dataset / folder)
+    for index in dataset.glob("transforms_*.json"):
+        index.write_text(index.read_text().replace('"images/', f'"{written}/'), "utf-8")
+    before = files_digest(dataset)
+    os.utime(dataset / folder / "00001_02.png", ns=(0, 0))
+    assert files_digest(dataset) != before
+
+
+@pytest.mark.parametrize("suffix", [".JPG", ".webp", ".npy", ".exr"])
+def test_files_of_any_kind_count_under_any_key(dataset, suffix):
+    index = dataset / "transforms_train.json"
+    content = json.loads(index.read_text())
+    content["frames"][0]["labels"] = f"labels/one{suffix}"
+    index.write_text(json.dumps(content))
+    (dataset / "labels").mkdir()
+    before = files_digest(dataset)
+    (dataset / f"labels/one{suffix}").touch()
+    assert files_digest(dataset) != before
+
+
+@pytest.mark.parametrize("text", ["", "{", "[" * 100000, "\ud800", "3"])
+def test_an_index_that_cannot_be_parsed_counts_itself(dataset, text):
+    (dataset / "transforms_train.json").write_bytes(text.encode("utf-8", "surrogatepass"))
+    before = files_digest(dataset)
+    (dataset / "transforms_train.json").write_text("[1]")
+    assert files_digest(dataset) != before
+
+
 def test_what_is_not_there_has_no_digest(tmp_path):
     assert files_digest(tmp_path / "nothing") == files_digest("a\0b") == ""
     assert files_digest(tmp_path) != ""
@@ -80,14 +120,14 @@ def test_a_folder_without_index_is_its_files_and_not_those_below(tmp_path):
 
 
 def test_what_is_read_beside_a_head_model_counts(tmp_path):
-    assert set(BESIDE) == {flame_files.MASKS, flame_files.UV_MASKS, flame_files.UV_MESH, *flame_files.LANDMARKS}
+    masks, *_ = BESIDE_FLAME
     model = tmp_path / "flame.pkl"
-    (tmp_path / flame_files.MASKS).touch()
+    (tmp_path / masks).touch()
     assert files_digest(model) == ""
     model.touch()
     (tmp_path / "notes.txt").touch()
     with_masks = files_digest(model)
-    (tmp_path / flame_files.MASKS).unlink()
+    (tmp_path / masks).unlink()
     assert files_digest(model) != with_masks
 
 

@@ -6,11 +6,14 @@ import pytest
 
 from carigs import sources as module
 from carigs.settings import STAGES
-from carigs.sources import ROOT, fingerprint, sources
+from carigs.sources import ROOT, fingerprint, package_versions, sources
+
+UPSTREAM = ("capture", "hair", "exaggerate", "gtstar", "train")
+"""Stages whose change trains a person again."""
 
 
-def names(stage: str) -> set[str]:
-    return {str(file.relative_to(ROOT)) for file in sources(f"carigs.stages.{stage}")}
+def names(stage: str, *without: str) -> set[str]:
+    return {str(file.relative_to(ROOT)) for file in sources(f"carigs.stages.{stage}", without)}
 
 
 @pytest.mark.parametrize("stage", STAGES)
@@ -31,8 +34,25 @@ def test_detours_and_imports_inside_functions_count(stage, part):
     assert part in names(stage)
 
 
-def test_training_does_not_depend_on_how_it_is_measured():
-    assert not {name for name in names("train") if name.startswith("evaluation")}
+@pytest.mark.parametrize("stage", UPSTREAM)
+def test_training_does_not_depend_on_how_it_is_measured_and_drawn(stage):
+    assert not {name for name in names(stage) if name.startswith("evaluation")}
+
+
+@pytest.mark.parametrize("stage", UPSTREAM)
+def test_the_training_of_a_person_does_not_depend_on_the_toy(stage):
+    assert not {name for name in names(stage, "carigs.toy") if name.startswith("carigs/toy")}
+    assert names(stage, "carigs.toy") <= names(stage)
+
+
+def test_packages_are_those_that_a_stage_uses(monkeypatch):
+    assert "torch" in package_versions("carigs.stages.train") and "torch" not in package_versions("carigs.stages.hair")
+    assert "numpy" in package_versions("carigs.stages.hair")
+    assert "matplotlib" not in package_versions("carigs.stages.train")
+    monkeypatch.setattr(module, "version", lambda name: "9" if name == "cholespy" else "1")
+    module._version.cache_clear()
+    assert package_versions("carigs.stages.exaggerate")["cholespy"] == "9"  # optional: it chooses the solver
+    module._version.cache_clear()
 
 
 @pytest.fixture
@@ -53,13 +73,16 @@ def package(tmp_path, monkeypatch):
         ("two.py", "X = 2\n", True),
         ("two.json", "{}", True),
         ("two.py", "# a word\nX  =  1\n", False),
+        ("two.py", '"""A module."""\nX = 1\n"""A constant."""\n', False),
+        ("one.py", 'def run():\n    """Run it."""\n    from carigs import two\n    return two.X\n', False),
+        ("two.py", 'X = 1\nY = "a text that is used"\n', True),
         ("three.py", "X = 2\n", False),
     ],
 )
 def test_the_fingerprint_changes_with_what_the_module_does(package, file, text, changes):
     before = fingerprint("carigs.one")
     (package / file).write_text(text)
-    for cached in (module._digest, module._data, module._imported):
+    for cached in (module._digest, module._data, module._imports):
         cached.cache_clear()
     assert (fingerprint("carigs.one") != before) == changes
 

@@ -15,9 +15,10 @@ import numpy as np
 
 from carigs.capture.camera import Camera
 from carigs.capture.camera_checks import check_intrinsics, check_rigid
-from carigs.capture.frame import SPLITS, Frame
+from carigs.capture.frame import Frame
 from carigs.errors import InputError
 from carigs.readers.arrays import checked_array
+from carigs.readers.file_names import SPLITS
 from carigs.readers.json_files import json_field
 from carigs.readers.limits import MAX_IMAGE_PIXELS
 

@@ -14,10 +14,11 @@ from typing import Any
 from carigs.capture.camera import OPENCV_FROM_OPENGL, Camera
 from carigs.capture.dataset import Capture
 from carigs.capture.dataset_paths import file_inside
-from carigs.capture.frame import SPLITS, Frame
+from carigs.capture.frame import Frame
 from carigs.errors import InputError
 from carigs.files import writing_folder
 from carigs.head import HeadModel, HeadParameters
+from carigs.readers.file_names import INDEXES, SPLITS
 
 OPEN_JAW = (0.3, 0.0, 0.0)
 """Rotation of the jaw in `canonical_flame_param.npz`, as VHAP writes it."""
@@ -131,7 +132,7 @@ def write_dataset(
                     for frame in frames
                 ],
             }
-            (part / f"transforms_{split}.json").write_text(json.dumps(content, indent=1))
+            (part / INDEXES[split]).write_text(json.dumps(content, indent=1))
 
 
 def parameter_file(timestep: int) -> str:

@@ -12,10 +12,11 @@ from carigs.capture.capture_json import MAX_NUMBER
 from carigs.capture.dataset import Capture
 from carigs.capture.dataset_checks import ListedFrame, sound_frames
 from carigs.capture.dataset_paths import file_inside
-from carigs.capture.frame import SPLITS, Frame
+from carigs.capture.frame import Frame
 from carigs.capture.splits import split_frames
 from carigs.errors import InputError, collecting
 from carigs.head import HeadModel
+from carigs.readers.file_names import INDEXES, SPLITS
 from carigs.readers.json_files import json_field, read_json
 
 SEQUENCE = re.compile(r"(?:EMO|EXP|SEN)-\d[^_]*|FREE|HAIR|GLASSES")
@@ -68,7 +69,7 @@ def read_dataset(
 def _read_split(
     folder: Path, split: str, is_needed: bool, table: CameraTable, errors: list[InputError] | None
 ) -> list[ListedFrame]:
-    file, listed = folder / f"transforms_{split}.json", []
+    file, listed = folder / INDEXES[split], []
     if not is_needed and not file.exists():
         return listed
     with collecting(errors):

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from carigs.capture.frame import SPLITS, Frame
+from carigs.capture.frame import Frame
+from carigs.readers.file_names import SPLITS
 
 
 def thin_frames(frames: Sequence[Frame], stride: int = 1, max_frames: int | None = None) -> tuple[Frame, ...]:

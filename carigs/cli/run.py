@@ -12,8 +12,8 @@ from pathlib import Path
 
 from carigs.cli.parser import study_parser
 from carigs.config import compose, compose_study, project_root, snakemake_config
-from carigs.job_record import unfinished_jobs
 from carigs.run_summary import error_lines
+from carigs.runs.job_record import unfinished_jobs
 
 EXAMPLES = """examples:
   carigs run                                            the toy study, on all cores

@@ -57,12 +57,12 @@ def _run_stages(settings: DictConfig, index: Path, folder: Path) -> None:
     hair(_section(settings, "hair", threads=1, labels=None), capture=index, found=found)
     gtstar(
         _section(settings, "gtstar", threads=1), **paths, hair=found, level=gamma,
-        targets=folder / "targets", index=targets,
+        targets=folder / "targets", index=targets, resume_key="",
     )  # fmt: skip
     avatar = _train(settings, paths, folder, hair=found, targets=[targets])
     render(
         _section(settings, "render", threads=1, orbit_frames=0, levels=[0.0, gamma]),
-        avatar=avatar, **paths, made_by="", frames=folder / "frames",
+        avatar=avatar, **paths, frames=folder / "frames", resume_key="",
     )  # fmt: skip
 
 
@@ -99,7 +99,7 @@ def _train(
     avatar = folder / "avatar.npz"
     train(
         _section(settings, "train", threads=1, **short, **changes), **paths, hair=hair, targets=targets,
-        avatar=avatar, ply=folder / "avatar.ply", log=folder / "log.csv",
+        avatar=avatar, ply=folder / "avatar.ply", log=folder / "log.csv", resume_key="",
     )  # fmt: skip
     return avatar
 

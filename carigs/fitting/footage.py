@@ -17,7 +17,6 @@ from carigs.capture import Capture
 from carigs.capture.camera_table import CameraTable
 from carigs.capture.dataset_checks import ListedFrame, sound_frames
 from carigs.capture.dataset_writer import parameter_file
-from carigs.capture.frame import SPLITS
 from carigs.capture.gaussian_avatars import read_frame
 from carigs.capture.importers.calibrated_images import CALIBRATIONS, find_calibration, read_calibrated_images
 from carigs.capture.importers.cameras import read_cameras
@@ -25,6 +24,7 @@ from carigs.capture.splits import split_single_sequence
 from carigs.errors import InputError, SettingsError
 from carigs.fitting.landmark_files import Landmarks
 from carigs.fitting.triangulation import projection_matrices
+from carigs.readers.file_names import INDEXES
 from carigs.readers.json_files import json_field, read_json
 
 INDEX = "transforms.json"
@@ -61,7 +61,7 @@ def read_footage(
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError("no such folder", file=folder)
-    indexes = {split: folder / f"transforms_{split}.json" for split in SPLITS}
+    indexes = {split: folder / name for split, name in INDEXES.items()}
     indexes = {split: file for split, file in indexes.items() if file.exists()}
     if calibration is None and (indexes or (folder / INDEX).exists()):
         if metres_per_unit != 1:

@@ -61,25 +61,6 @@ def load_views(
     return TimestepViews(vertices, views, problems)
 
 
-def input_files(settings: Gtstar, capture: Capture) -> list[Path]:
-    """Files that the targets depend on, apart from the index of the capture and the exaggeration path.
-
-    Args:
-        settings: Settings of the stage.
-        capture: The capture.
-
-    Returns:
-        Paths without duplicates.
-    """
-    files = [capture.head_model]
-    for frame in capture.split("train"):
-        edited, matte = _edited_files(settings, frame)
-        files += [capture.root / frame.parameters, edited or capture.root / frame.image]
-        if matte or frame.mask is not None:
-            files.append(matte or capture.root / frame.mask)
-    return list(dict.fromkeys(files))
-
-
 def _read_images(
     settings: Gtstar, capture: Capture, frame: Frame
 ) -> tuple[Float32[np.ndarray, "h w 3"], Float32[np.ndarray, "h w"]]:

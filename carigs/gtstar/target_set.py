@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict
 from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,7 +16,7 @@ from carigs.capture.target_index import FACE_FLAGS, SHADING
 from carigs.exaggeration import Caricature
 from carigs.files import write_json, writing
 from carigs.gtstar.capture_shading import fit_capture_shading
-from carigs.gtstar.frame_views import TimestepViews, input_files
+from carigs.gtstar.frame_views import TimestepViews
 from carigs.gtstar.mask_flags import MaskFlag, face_mask_flags
 from carigs.gtstar.provider import TargetResult, provide_targets
 from carigs.hair import CarriedHair, FoundHair
@@ -27,7 +24,6 @@ from carigs.head import neutral
 from carigs.light.shading import load_shading, save_shading
 from carigs.readers.json_files import read_json
 from carigs.settings import Gtstar
-from carigs.sources import fingerprint
 
 
 class TargetEntries(NamedTuple):
@@ -101,31 +97,6 @@ def make_target_set(
     if resumed:
         print(f"GT*: {resumed} of {len(frames)} frames were made by an earlier run")
     return entries
-
-
-def resume_key(settings: Gtstar, capture: Capture, exaggerated: Caricature, *inputs: Path) -> str:
-    """Digest of everything that a target set depends on: code, settings, capture, caricature and input files.
-
-    Args:
-        settings: Settings of the stage.
-        capture: The capture.
-        exaggerated: The caricature of the level.
-        *inputs: The index of the capture, and other files.
-
-    Returns:
-        Hexadecimal digest.
-    """
-    digest = hashlib.sha256(fingerprint("carigs.gtstar.target_set").encode())
-    digest.update(json.dumps({k: v for k, v in asdict(settings).items() if k != "threads"}).encode())
-    for file in inputs:
-        digest.update(hashlib.sha256(file.read_bytes()).digest())
-    for array in vars(exaggerated).values():
-        digest.update(b"none" if array is None else np.ascontiguousarray(array).tobytes())
-    for file in input_files(settings, capture):
-        status = file.stat() if file.is_file() else None
-        size, modified = (status.st_size, status.st_mtime_ns) if status else (-1, -1)
-        digest.update(f"{file} {size} {modified}".encode())
-    return digest.hexdigest()
 
 
 def _write(folder: Path, results: list[TargetResult]) -> TargetEntries:

@@ -14,12 +14,11 @@ from carigs.head.region_geometry import FacialPoints, geometric_regions
 from carigs.head.surface_points import SurfacePoints, points_of_faces
 from carigs.head.teeth import FLAME_COUNTS, LOWER_LIP, UPPER_LIP
 from carigs.readers.arrays import checked_array
+from carigs.readers.file_names import LANDMARKS, MASKS, UV_MASKS, UV_MESH
 from carigs.readers.npz import read_npz
 from carigs.readers.obj import read_obj_uvs
 from carigs.readers.pickles import read_pickle, read_pickled_npy
 
-MASKS, UV_MASKS, UV_MESH = "FLAME_masks.pkl", "uv_masks.npz", "head_template_mesh.obj"
-LANDMARKS = ("landmark_embedding_with_eyes.npy", "landmark_embedding.npy")
 FULL_EMBEDDING = "full_lmk_faces_idx", "full_lmk_bary_coords"
 EYEBALLS = np.arange(3931, 4477), np.arange(4477, 5023)
 """Vertices; the skin comes before them."""

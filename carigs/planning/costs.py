@@ -55,6 +55,8 @@ def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[st
             work = 4.0 + 6.0 / job.threads  # 144 frames at most, at a resolution that is limited
         case "gtstar":
             work = 1.5 + 1.1 * images.megapixels * images.train / job.threads
+        case "target_sheet":
+            work = 2.0
         case "train":
             # A step costs a part for the surfels and a part for the pixels; harmonics make the surfels dearer.
             step = (0.0126 + 0.26 * images.megapixels) * (1 + 0.15 * settings.train.sh_degree)
@@ -111,7 +113,7 @@ def job_bytes(job: Job, footage: Mapping[str, Footage], overrides: Sequence[str]
             count = _rendered(images, settings, orbit=settings.render.orbit_frames)
         case _:
             count = 0
-    others = {"train": 30e6, "exaggerate": 7e6, "figures": 3e6, "html": 4e6, "report": 2e6}
+    others = {"train": 30e6, "exaggerate": 7e6, "figures": 3e6, "target_sheet": 1e6, "html": 4e6, "report": 2e6}
     return 1e6 * count * images.megapixels + others.get(job.rule, 1e4)
 
 

@@ -9,6 +9,7 @@ from omegaconf import DictConfig
 
 from carigs.capture import Capture
 from carigs.errors import InputError
+from carigs.readers.file_names import INDEXES
 from carigs.readers.json_files import read_json
 
 
@@ -78,7 +79,7 @@ def subject_footage(capture: DictConfig, index: Path) -> Footage:
 
 def _folder_footage(folder: Path, stride: int, max_frames: int | None) -> Footage:
     """Count the images of a folder in the layout of GaussianAvatars that stride and limit keep."""
-    indexes = {split: read_json(folder / f"transforms_{split}.json", dict) for split in ("train", "val", "test")}
+    indexes = {split: read_json(folder / name, dict) for split, name in INDEXES.items()}
     strided = {split: -(-len(index["frames"]) // stride) for split, index in indexes.items()}
     counts = {split: min(count, max_frames or count) for split, count in strided.items()}
     first, tested = indexes["train"], indexes["test"]["frames"]

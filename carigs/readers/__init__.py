@@ -3,6 +3,7 @@
 Nothing else in the project opens such a file. A reader checks what a file claims before anything is allocated, runs no
 code of the file, and raises `InputError` with the file and the field for whatever is wrong.
 
+- `file_names`: which files a dataset and a head model consist of
 - `limits`: what is checked before a file is opened, and limits on sizes
 - `npz`: NumPy's .npy and .npz
 - `json_files`: JSON

@@ -14,7 +14,7 @@ from carigs.settings.gtstar import Gtstar
 from carigs.settings.hair import Hair
 from carigs.settings.mask_flags import DEFAULT_MASK_FLAGS, MASK_FLAGS, MaskFlag
 from carigs.settings.option import MAX_SEED, Section, check_section, option
-from carigs.settings.results import Card, Figures, Html, Metrics, Render, Report, Sweep, Tabulate
+from carigs.settings.results import Card, Figures, Html, Metrics, Render, Report, Sweep, Tabulate, TargetSheet
 from carigs.settings.train import Density, Plateau, RefineTracking, Train, combine_mask_flags
 
 __all__ = [
@@ -40,6 +40,7 @@ __all__ = [
     "Study",
     "Sweep",
     "Tabulate",
+    "TargetSheet",
     "Toy",
     "Train",
     "Truth",
@@ -77,6 +78,7 @@ class Config(Section, key=""):
     hair: Hair = field(default_factory=Hair)
     exaggerate: Exaggerate = field(default_factory=Exaggerate)
     gtstar: Gtstar = field(default_factory=Gtstar)
+    target_sheet: TargetSheet = field(default_factory=TargetSheet)
     train: Train = field(default_factory=Train)
     render: Render = field(default_factory=Render)
     html: Html = field(default_factory=Html)

@@ -11,7 +11,7 @@ from carigs.settings.option import Section, option
 class Gtstar(Section, key="gtstar"):
     """GT* frames: every training frame warped to its caricature, and the mask flags of its pixels."""
 
-    threads: int = option(2, ge=1, le=1024)
+    threads: int = option(2, ge=1, le=1024, affects_results=False)
     """Timesteps processed in parallel; the result does not depend on it."""
     provider: str = option("lat", choices=("lat", "identity", "precomputed"))
     """Source of the GT* images. `lat`: frames warped by local affine (or perspective) transforms. `identity`: the

@@ -11,7 +11,7 @@ from carigs.settings.option import Section, option
 class Hair(Section, key="hair"):
     """What covers the head in the frames: the triangles under hair, and the space that hair fills."""
 
-    threads: int = option(2, ge=1, le=1024)
+    threads: int = option(2, ge=1, le=1024, affects_results=False)
     """Timesteps read in parallel; the result does not depend on it."""
     regions: tuple[str, ...] = ("scalp",)
     """Regions of the head model that carry hair; names that the model lacks are ignored, here and below."""

@@ -45,6 +45,8 @@ class Option:
     """What such a text is."""
     required_when: tuple[str, str] | None = None
     """Another field of the section, and its value that makes this field necessary."""
+    affects_results: bool = True
+    """Results depend on the value; if not, they stay current when it changes."""
     is_path: bool = False
     """The value names a file or folder: what was made from it is made again when it changes."""
 

@@ -13,7 +13,7 @@ class Render(Section, key="render"):
 
     levels: tuple[float, ...] = option((0.0, 0.1, 0.15, 0.2, 0.25), ge=0, le=100)
     """Levels to render, in ascending order: set from `study.levels` and `gamma`."""
-    threads: int = option(1, ge=1, le=1024)
+    threads: int = option(1, ge=1, le=1024, affects_results=False)
     """Threads of the rasterizer; the result does not depend on it."""
     test_timesteps: int | None = option(None, ge=1, le=MAX_COUNT)
     """Timesteps of the test sequence that are rendered and measured, evenly spread (null: all)."""
@@ -25,6 +25,14 @@ class Render(Section, key="render"):
     """Range of azimuth of the orbit."""
     backend: str = option("cpu", choices=("cpu", "scalar", "torch", "cuda"))
     """Rasterizer: `cpu`, `scalar` (plain loops, the reference), `torch` (plain PyTorch, slow), or `cuda` (gsplat)."""
+
+
+@dataclass
+class TargetSheet(Section, key="target_sheet"):
+    """A contact sheet of GT* targets."""
+
+    rows: int = option(5, ge=1, le=1000)
+    """Most targets that it shows, evenly spread over the training frames."""
 
 
 @dataclass
@@ -41,7 +49,7 @@ class Html(Section, key="html"):
 class Metrics(Section, key="metrics"):
     """Image and embedding metrics."""
 
-    threads: int = option(1, ge=1, le=1024)
+    threads: int = option(1, ge=1, le=1024, affects_results=False)
     """Threads of the networks; the result does not depend on it."""
     strict: bool = False
     """Missing network weights are an error instead of an empty value with its reason. A damaged file always is one."""

@@ -84,7 +84,7 @@ class Train(Section, key="train"):
     GPU it is wall time."""
     seed: int = option(0, ge=0, le=MAX_SEED)
     """Seed of the order of images and of density control: always `seed`, one of `study.seeds`."""
-    threads: int = option(1, ge=1, le=1024)
+    threads: int = option(1, ge=1, le=1024, affects_results=False)
     """Threads of the rasterizer, and cores that the scheduler reserves. On one machine a training also uses cores of
     the run that no other job uses. The result does not depend on either."""
     gtstar_probability: float = option(0.45, ge=0, le=1)
@@ -175,7 +175,7 @@ class Train(Section, key="train"):
     density: Density = field(default_factory=Density)
     plateau: Plateau = field(default_factory=Plateau)
     refine_tracking: RefineTracking = field(default_factory=RefineTracking)
-    checkpoint_seconds: float = option(60.0, unit="seconds", ge=0, le=1e9)
+    checkpoint_seconds: float = option(60.0, unit="seconds", ge=0, le=1e9, affects_results=False)
     """Time between two checkpoints."""
     log_every: int = option(20, ge=1, le=MAX_COUNT)
     """Steps between two rows of the log."""

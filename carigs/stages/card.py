@@ -11,8 +11,8 @@ import yaml
 
 from carigs.capture import Capture
 from carigs.config import load_settings, project_root
-from carigs.job_record import Costs, job_costs
 from carigs.readers.yaml_files import read_yaml_text
+from carigs.runs.job_record import Costs, job_costs
 from carigs.settings import Card
 from evaluation.card.card import Value, make_card, write_card
 from evaluation.card.costs import Job, Rendering, avatar_values, stage_values

@@ -10,15 +10,22 @@ from carigs.capture.target_index import write_targets
 from carigs.errors import CarigsWarning, InputError
 from carigs.files import resuming_folder
 from carigs.gtstar.provider import check_settings
-from carigs.gtstar.target_set import TargetEntries, make_target_set, resume_key
+from carigs.gtstar.target_set import TargetEntries, make_target_set
 from carigs.hair import load_hair
 from carigs.head import read_subject_path
 from carigs.settings import Gtstar
-from evaluation.figures.target_sheet import target_sheet
 
 
 def gtstar(
-    settings: Gtstar, *, capture: Path, path: Path, hair: Path | None = None, level: float, targets: Path, index: Path
+    settings: Gtstar,
+    *,
+    capture: Path,
+    path: Path,
+    hair: Path | None = None,
+    level: float,
+    targets: Path,
+    index: Path,
+    resume_key: str,
 ) -> None:
     """Write the targets of a level and their index; an interrupted run is resumed, with the same result.
 
@@ -28,8 +35,9 @@ def gtstar(
         path: Input: the exaggeration path.
         hair: Input: what covers the head (`carigs.hair`); None if nothing does.
         level: Exaggeration level.
-        targets: Output: folder of colours, mask flags of pixels and triangles, and a contact sheet.
+        targets: Output: folder of colours, and of mask flags of pixels and triangles.
         index: Output: per frame its registration error, its weight, the share of each mask flag, or why it is skipped.
+        resume_key: Digest of all that the outputs depend on; targets that a run with another one has left are not used.
 
     Warns:
         CarigsWarning: Frames are skipped or have a reduced weight.
@@ -41,13 +49,11 @@ def gtstar(
     subject = Capture.load(capture)
     found = None if hair is None else load_hair(hair, len(subject.model.faces))
     exaggerated = read_subject_path(path, subject.model).at(level)
-    key = resume_key(settings, subject, exaggerated, capture, *([hair] if hair else []))
-    with resuming_folder(targets, key) as (folder, records):
+    with resuming_folder(targets, resume_key) as (folder, records):
         entries = make_target_set(settings, subject, exaggerated, folder, records, found)
         _report(entries, len(subject.split("train")))
         if not entries.targets:
             raise InputError(f"no frame can be used; the first: {entries.skipped[0]['why']}", file=capture)
-        target_sheet(folder / "inspection.png", subject, entries.targets, exaggerated)
         write_targets(index, level, targets, *entries)
 
 

@@ -7,13 +7,16 @@ import sys
 import traceback
 from contextlib import redirect_stderr, redirect_stdout
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 from typing import Any, TextIO
 
 from carigs.config import load_settings
-from carigs.errors import CarigsError, exit_code, one_line
-from carigs.job_record import recorded_job
+from carigs.errors import CarigsError, InputError, exit_code, one_line
 from carigs.run_summary import warnings_as_lines
+from carigs.runs.job_record import recorded_job
+from carigs.runs.plan import settings_digest
+from carigs.runs.planned_job import PlannedJob
 
 
 class _Log:
@@ -55,53 +58,52 @@ class _Log:
         return self.terminal is not None
 
 
-def run_job(
-    stage: str,
-    settings: str,
-    files: dict[str, str | list[str]],
-    params: dict[str, Any],
-    code: str,
-    inputs: list[str],
-    outputs: list[str],
-    outside: dict[str, str],
-    log: str,
-) -> int:
+def run_job(settings: str, files: dict[str, str | list[str]], job: dict[str, Any]) -> int:
     """Call a stage; an error is one line, on the terminal and at the end of the log.
 
     A mistake of the program is printed with its traceback before that line.
 
     Args:
-        stage: Name of the module in `carigs.stages`, of its function and of its section in the settings.
-        settings: File with the section.
+        settings: File with the settings of the stage.
         files: Inputs and outputs by the stage's keywords: a file, or a list of files, which is empty for an unused
             input.
-        params: Further keywords.
-        code: Fingerprint of the stage's code.
-        inputs: All inputs of the job, for its record.
-        outputs: All outputs of the job. Messages name the first.
-        outside: Digests of the files and folders outside of the study that the settings name, for the record.
-        log: File to write.
+        job: Fields of the `PlannedJob`. Its stage is the name of the module in `carigs.stages`, of its function, and of
+            its section in the settings; messages name its first output.
 
     Returns:
         Exit code.
     """
+    planned = PlannedJob(**{**job, "inputs": tuple(job["inputs"]), "outputs": tuple(job["outputs"])})
     paths = {name: Path(file) if isinstance(file, str) else [*map(Path, file)] or None for name, file in files.items()}
     terminal = sys.stderr
     try:
-        with open(log, "w", buffering=1, encoding="utf-8") as file:
+        with open(planned.log, "w", buffering=1, encoding="utf-8") as file:
             stream = _Log(file, terminal if terminal.isatty() else None)
             try:
-                record = recorded_job(Path(log), Path(settings), code, map(Path, inputs), map(Path, outputs), outside)
-                with record, redirect_stdout(stream), redirect_stderr(stream), warnings_as_lines():
-                    function = getattr(import_module(f"carigs.stages.{stage}"), stage)
-                    function(load_settings(stage, settings), **paths, **params)
+                with (
+                    recorded_job(planned) as key,
+                    redirect_stdout(stream),
+                    redirect_stderr(stream),
+                    warnings_as_lines(),
+                ):
+                    _call(planned, Path(settings), paths, key)
             except (Exception, KeyboardInterrupt) as error:
-                print(_message(outputs[0], error), file=file)
+                print(_message(planned.outputs[0], error), file=file)
                 raise
     except (Exception, KeyboardInterrupt) as error:  # also of the log: its disk may be full, its folder read-only
-        print(_message(outputs[0], error), file=terminal)
+        print(_message(planned.outputs[0], error), file=terminal)
         return exit_code(error)
     return 0
+
+
+def _call(job: PlannedJob, settings: Path, paths: dict[str, Path | list[Path] | None], key: str) -> None:
+    """Call the function of the stage; one that can resume an unfinished job also gets the key of what it left."""
+    section = load_settings(job.stage, settings)
+    if settings_digest(job.stage, section) != job.plan["settings"]:
+        raise InputError("another run has replaced the settings that this job was planned with", file=settings)
+    function = getattr(import_module(f"carigs.stages.{job.stage}"), job.stage)
+    keys = {"resume_key": key} if "resume_key" in signature(function).parameters else {}
+    function(section, **paths, **job.params, **keys)
 
 
 def _message(output: str, error: BaseException) -> str:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
-from dataclasses import asdict
-from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -21,7 +18,6 @@ from carigs.errors import SettingsError
 from carigs.exaggeration import GammaPath
 from carigs.files import resuming_folder
 from carigs.head import read_subject_path
-from carigs.job_record import content_digest
 from carigs.lap_times import timed
 from carigs.settings import Render
 from evaluation.card.costs import frame_step
@@ -53,8 +49,8 @@ def render(
     avatar: Path,
     capture: Path,
     path: Path,
-    made_by: str,
     frames: Path,
+    resume_key: str,
 ) -> None:
     """Render the avatar for the protocols test, val and orbit.
 
@@ -66,10 +62,10 @@ def render(
         avatar: Input: the trained avatar.
         capture: Input: the index of the capture.
         path: Input: the exaggeration path, which replaces the avatar's copy.
-        made_by: Fingerprint of this code: levels that other code has rendered are rendered again.
         frames: Output: for each level a folder (`level_folder`) of PNG images below `test/`, `val/` and `orbit/`, with
             frames.json, their protocols, timesteps and cameras in rendering order, and geometry.csv, the metrics that
             need the avatar's depth, normals, opacity and surfels.
+        resume_key: Digest of all that the output depends on; levels that a run with another one has left are not used.
 
     Raises:
         SettingsError: If a level lies outside the path.
@@ -85,7 +81,7 @@ def render(
         if not 0 <= level <= gamma_path.gamma_f:
             raise SettingsError(f"level {level:g} lies outside the path's [0, {gamma_path.gamma_f:g}]")
     person.sequence.path = gamma_path
-    with resuming_folder(frames, _resume_key(settings, made_by, avatar, capture, path)) as (part, _):
+    with resuming_folder(frames, resume_key) as (part, _):
         for level in settings.levels:
             _render_level(settings, subject, person, gamma_path, level, level_folder(part, level))
 
@@ -112,12 +108,6 @@ def _render_level(
             measured += meter.records(view.timestep, view.camera, camera, shown.world)
     write_frame_records(folder / "geometry.csv", measured)
     write_frame_index(folder / "frames.json", entries)
-
-
-def _resume_key(settings: Render, made_by: str, *inputs: Path) -> str:
-    """Digest of everything that renderings depend on."""
-    made_with = {key: value for key, value in asdict(settings).items() if key != "threads"}
-    return sha256(json.dumps([made_with, made_by, *map(content_digest, inputs)]).encode()).hexdigest()
 
 
 def rendered_views(settings: Render, subject: Capture, level: float) -> Iterator[tuple[View, Camera]]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from carigs.errors import SettingsError
 from carigs.files import writing
-from carigs.job_record import job_costs
+from carigs.runs.job_record import job_costs
 from carigs.settings import Sweep
 from evaluation.figures.sweep_plot import plot_sweep
 from evaluation.metrics.catalogue import CATALOGUE

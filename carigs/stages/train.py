@@ -23,6 +23,7 @@ def train(
     avatar: Path,
     ply: Path,
     log: Path,
+    resume_key: str,
 ) -> None:
     """Train an avatar; an interrupted run is resumed from a checkpoint next to the avatar (suffix `.checkpoint`).
 
@@ -36,6 +37,7 @@ def train(
         avatar: Output: the trained avatar.
         ply: Output: its surfels in SurFhead's layout.
         log: Output: the training log (CSV).
+        resume_key: Digest of all that the outputs depend on; a checkpoint with another one is not used.
 
     Raises:
         SettingsError: GT* frames are to supervise, and there are none.
@@ -51,6 +53,7 @@ def train(
     from carigs.hair import load_hair
     from carigs.splat.avatar import Avatar, save_avatar
     from carigs.splat.surfels.ply import write_ply
+    from carigs.splat.training.checkpoint import Checkpoint
     from carigs.splat.training.subject import prepare_subject
     from carigs.splat.training.trainer import COLUMNS, train_surfels
 
@@ -59,11 +62,11 @@ def train(
     gamma_path = read_subject_path(path, person.model)
     sets = [read_targets(index, person) for index in targets or ()]
     subject = prepare_subject(person, gamma_path, settings, found, sets)
-    checkpoint = avatar.with_suffix(".checkpoint")
+    checkpoint = Checkpoint(avatar.with_suffix(".checkpoint"), resume_key)
     surfels, rows = train_surfels(settings, subject, checkpoint, lambda _: use_idle_cores(settings.threads))
     trained = Avatar(surfels, subject.sequence, settings.rig, settings.rotate_harmonics, person.background)
     with writing(log) as part, part.open("w", newline="") as stream:
         csv.writer(stream).writerows([COLUMNS, *rows])
     write_ply(ply, surfels)
     save_avatar(avatar, trained)
-    checkpoint.unlink(missing_ok=True)
+    checkpoint.file.unlink(missing_ok=True)

@@ -16,6 +16,7 @@ from carigs.errors import InputError
 from carigs.exaggeration import Caricature
 from carigs.files import writing_folder
 from carigs.head import read_subject_path
+from carigs.readers.file_names import TRUE_FRAMES
 from carigs.readers.images import read_pixels
 from carigs.readers.json_files import json_field, read_json
 from carigs.settings import Truth
@@ -83,7 +84,7 @@ def _render_toy(subject: Capture, caricature: Caricature, folder: Path) -> Keys:
 
 def _copy_supplied(subject: Capture, source: Path, folder: Path) -> Keys:
     """Copy images from a folder with an index in the format of GaussianAvatars."""
-    index = source / "frames.json"
+    index = source / TRUE_FRAMES
     for i, entry in enumerate(read_json(index, list)):
         where = f"[{i}]"
         timestep = json_field(entry, "timestep_index", int, file=index, where=where)

@@ -55,7 +55,7 @@ from carigs.stages.train import train
 capture, path = folder / "capture.json", folder / "path.npz"
 read_dataset(folder, folder / 'head_model.npz').save(capture)
 exaggerate(Exaggerate(), capture=capture, path=path)
-outputs = dict(avatar=folder / "avatar.npz", ply=folder / "avatar.ply", log=folder / "log.csv")
+outputs = dict(avatar=folder / "avatar.npz", ply=folder / "avatar.ply", log=folder / "log.csv", resume_key="")
 train(Train(iterations={iterations}, gtstar_probability=0), capture=capture, path=path, targets=None, **outputs)
 """
 

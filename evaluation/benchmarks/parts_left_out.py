@@ -103,7 +103,7 @@ def measure(
                 shaded = part != "shadow of the hair"
                 targets = study.targets() if shaded else study.targets_without_shadow(Path(scratch))
                 settings, subject = prepare_without(part, study, common, targets)
-                surfels, _ = train_surfels(settings, subject, Path(scratch) / "checkpoint")
+                surfels, _ = train_surfels(settings, subject)
             rendering = settings.rig, settings.rotate_harmonics, study.capture.background
             avatar = Avatar(surfels, subject.sequence, *rendering)
             case = f"{folder.parent.name}, {part}, seed {seed}"

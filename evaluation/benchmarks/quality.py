@@ -12,7 +12,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from carigs.capture import Capture
 from carigs.hair import find_hair
@@ -32,8 +31,7 @@ WARM_UP = 10
 
 def _train(study: StudySubject, steps: int) -> Avatar:
     inputs = TrainingInputs(study.capture, study.path, study.hair, study.targets())
-    with TemporaryDirectory() as scratch:
-        return train_avatar(inputs, study.settings_for(steps), Path(scratch) / "checkpoint")
+    return train_avatar(inputs, study.settings_for(steps))
 
 
 def measure(folder: Path, variant: str = "alternating", steps: Sequence[int] = ()) -> Iterator[Measurement]:

@@ -95,7 +95,7 @@ def measure(folder: Path, toy: Toy, settings: Train, block: int) -> Iterator[Mea
     capture, path = Capture.load(folder / "capture.json"), GammaPath.load(folder / "path.npz")
     subject, timer = prepare_subject(capture, path, settings, find_hair(Hair(), capture)), TurnsTimer(block)
     with num_threads(1), patch.object(StepInputs, "refines_tracking", lambda _, i: timer.refines(i)):
-        surfels, _ = train_surfels(settings, subject, folder / "checkpoint", timer)
+        surfels, _ = train_surfels(settings, subject, on_step=timer)
     case = f"{len(surfels)} surfels, {len(capture.model.faces)} triangles, 1 thread"
     refined, plain = timer.median(True), timer.median(False)
     yield Measurement(case, "step that refines", "ms", 1e3 * refined, 1e3 * plain)

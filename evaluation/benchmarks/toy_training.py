@@ -70,20 +70,19 @@ def make_inputs(folder: Path, toy: Toy, exaggerate: Exaggerate, gtstar: Gtstar) 
     return TrainingInputs(capture, path, hair, read_targets(index, capture))
 
 
-def train_avatar(inputs: TrainingInputs, settings: Train, checkpoint: Path) -> Avatar:
+def train_avatar(inputs: TrainingInputs, settings: Train) -> Avatar:
     """Train an avatar as the stage `train` does.
 
     Args:
         inputs: What it is trained on.
         settings: Settings of the training.
-        checkpoint: File for the state of the training.
 
     Returns:
         The avatar.
     """
     capture, path, hair, targets = inputs
     subject = prepare_subject(capture, path, settings, hair, [targets])
-    surfels, _ = train_surfels(settings, subject, checkpoint)
+    surfels, _ = train_surfels(settings, subject)
     return Avatar(surfels, subject.sequence, settings.rig, settings.rotate_harmonics, capture.background)
 
 

@@ -154,8 +154,7 @@ def measure(folder: Path, toy: Toy, steps: int, cases: list[Case]) -> Iterator[M
         if case.wrong:
             for timestep, parameters in exact.items():
                 subject.sequence.set_parameters(timestep, disturbed(parameters, rng))
-        with TemporaryDirectory() as scratch:
-            surfels, _ = train_surfels(settings, subject, Path(scratch) / "checkpoint")
+        surfels, _ = train_surfels(settings, subject)
         avatar = Avatar(surfels, subject.sequence, settings.rig, settings.rotate_harmonics, capture.background)
         yield Measurement(case.name, "distance", "mm", 1e3 * distance(subject.sequence, exact))
         for name, split in (("training frames", "train"), ("held-out frames", "test")):

@@ -225,8 +225,7 @@ def _steps(settings: Train, sequence: HeadSequence, supervision: Supervision, tu
     timer = StepTimer()
     settings = replace(settings, iterations=2 * turns * BLOCK)
     with num_threads(1):
-        checkpoint = supervision.capture.root / "checkpoint"
-        surfels, _ = train_surfels(settings, Subject(sequence, supervision), checkpoint, timer)
+        surfels, _ = train_surfels(settings, Subject(sequence, supervision), on_step=timer)
     return surfels, timer
 
 

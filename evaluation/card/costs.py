@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from carigs.job_record import Costs
 from carigs.readers.npz import read_npz
+from carigs.runs.job_record import Costs
 from carigs.settings import Tabulate
 from evaluation.card.card import Value
 from evaluation.card.measures import AVATAR_MEASURES, STAGE_MEASURES

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Float32, UInt16
 
 from carigs.capture import Capture
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.capture.images import read_bits, read_rgb
+from carigs.capture.target_index import TargetFrame
 from carigs.exaggeration import Caricature
 from carigs.gtstar import MaskFlag, flags_from_names
 from carigs.gtstar.flag_colours import FLAG_COLOURS
@@ -18,32 +19,32 @@ from carigs.settings import DEFAULT_MASK_FLAGS
 from evaluation.figures.sheet import write_sheet
 from evaluation.figures.strips import ERROR_SCALE, error_map
 
-ROWS, HEIGHT = 5, 300
-"""Number of frames on the sheet, and the height of each image in pixels."""
+HEIGHT = 300
+"""Height of each image in pixels."""
 
 
-def target_sheet(file: Path, subject: Capture, targets: Sequence[dict[str, Any]], exaggerated: Caricature) -> None:
-    """Draw some of the targets in the folder of the sheet; for the toy, beside renderings of its true caricature.
+def draw_target_sheet(
+    file: Path, subject: Capture, targets: Sequence[TargetFrame], exaggerated: Caricature, rows: int
+) -> None:
+    """Draw some of the targets; for the toy, beside renderings of its true caricature.
 
     Pixels of the default flags are solid, those of other flags tinted.
 
     Args:
         file: PNG file to write.
         subject: The capture.
-        targets: Entries of the index of the targets; nothing is drawn if none of the selected frames is among them.
+        targets: The targets.
         exaggerated: The caricature of the head.
+        rows: Most targets that are shown, evenly spread.
     """
-    frames, entries = subject.split("train"), {Path(entry["image"]).stem: entry for entry in targets}
-    selected = [frames[i] for i in dict.fromkeys(np.linspace(0, len(frames) - 1, ROWS).astype(int))]
-    shown = [frame for frame in selected if frame.name in entries]
+    shown = evenly_spread(list(targets), rows)
     if is_toy := (subject.root / "subject.npz").is_file():
         from carigs.toy import load_subject, render_subject
 
         toy = load_subject(subject.root)
     excluded, images = flags_from_names(DEFAULT_MASK_FLAGS), []
-    for frame in shown:
-        entry = entries[frame.name]
-        target, mask_flags = read_rgb(file.parent / entry["image"]), read_bits(file.parent / entry["mask_flags"])
+    for frame, _, image, flags, _ in shown:
+        target, mask_flags = read_rgb(image), read_bits(flags)
         images.append([subject.image(frame), target, flag_overlay(target, mask_flags, excluded)])
         if is_toy:
             parameters, camera = subject.parameters(frame.timestep), subject.camera(frame)
@@ -53,11 +54,10 @@ def target_sheet(file: Path, subject: Capture, targets: Sequence[dict[str, Any]]
     if is_toy:
         columns, title = [*columns, "truth", "error"], f"Targets (error: black 0 to yellow {ERROR_SCALE:g})"
     legend = {flag.name.lower().replace("_", " "): colour for flag, colour in FLAG_COLOURS.items()}
-    if shown:
-        write_sheet(
-            file, images, rows=[frame.name for frame in shown], height=HEIGHT, legend=legend,
-            columns=columns, title=title,
-        )  # fmt: skip
+    write_sheet(
+        file, images, rows=[target.frame.name for target in shown], height=HEIGHT, legend=legend,
+        columns=columns, title=title,
+    )  # fmt: skip
 
 
 def flag_overlay(

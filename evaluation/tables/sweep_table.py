@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from carigs.files import writing
-from carigs.job_record import Costs
+from carigs.runs.job_record import Costs
 from evaluation.tables.document import NO_VALUE, Cell, Document, Table
 from evaluation.tables.metric import Catalogue, Metric
 from evaluation.tables.summary import ALL

@@ -15,27 +15,37 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+import numpy as np
 import psutil
 from chaos.miniature_study import HYDRA, TARGETS
 from project import Project, environment
 
-RUN = (sys.executable, "-m", "snakemake", "--cores", "2", "--nolock", "--config", f"hydra={HYDRA}", "--", *TARGETS)
+RUN = (sys.executable, "-m", "snakemake", "--cores", "2", "--config")
 LONGEST_RUN = 600  # seconds
 KILLS = {"group": 32, "parent": 20, "worker": 24, "write": 16, "interrupt": 6, "terminate": 4, "compilation": 4}
 """How often each kind of kill happens among 106."""
 OTHERS = {"clock": 6, "two runs": 4, "file limit": 4, "full disk": 2, "read-only": 4, "memory": 2}
+EDITED = {"edit": 8, "two runs with other settings": 4}
+"""Disturbances after which the results are those of another input, until it is undone."""
+OTHER_SETTINGS = f"{HYDRA} train.position_lr=0.02"
 
 
 class Run:
     """A run of the miniature study: a process group whose output goes to a file."""
 
     def __init__(
-        self, project: Project, *, prefix: tuple[str, ...] = (), limit: Callable | None = None, **variables: str
+        self,
+        project: Project,
+        hydra: str = HYDRA,
+        *,
+        prefix: tuple[str, ...] = (),
+        limit: Callable | None = None,
+        **variables: str,
     ):
         self.project = project
         with (project.root / "output.log").open("a") as output:
             self.process = subprocess.Popen(
-                [*prefix, *RUN],
+                [*prefix, *RUN, f"hydra={hydra}", "--", *TARGETS],
                 cwd=project.root,
                 env={**os.environ, **environment(project.root), **variables},
                 stdout=output,
@@ -167,12 +177,73 @@ def _small_disk(results: Path, free: int) -> Iterator[bool]:
         kept.rename(results)
 
 
+def _replace(file: Path, change: Callable[[str], str]) -> Callable[[], None]:
+    before = file.read_bytes()
+    file.write_text(change(before.decode()))
+    assert file.read_bytes() != before, file
+    return lambda: file.write_bytes(before)
+
+
+def _edit_code(project: Project) -> Callable[[], None]:
+    """Other random numbers decide which views are trained on."""
+    file = project.root / "carigs/splat/training/schedule.py"
+    return _replace(file, lambda text: text.replace("[seed, 0]", "[seed, 7]"))
+
+
+def _edit_cameras(project: Project) -> Callable[[], None]:
+    file = project.root / "data/transforms_train.json"
+    return _replace(file, lambda text: text.replace('"fl_x": 150', '"fl_x": 150.5'))
+
+
+def _edit_head(project: Project) -> Callable[[], None]:
+    file = project.root / "data/flame_param/00000.npz"
+    before = file.read_bytes()
+    arrays = dict(np.load(file))
+    np.savez(file, **{**arrays, "translation": arrays["translation"] + 0.0005})
+    return lambda: file.write_bytes(before)
+
+
+def _edit_settings(project: Project) -> Callable[[], None]:
+    file = project.root / "conf/study/mini.yaml"
+    return _replace(
+        file, lambda text: text.replace("threads: 1, checkpoint", "threads: 1, ssim_weight: 0.3, checkpoint")
+    )
+
+
+EDITS = {"code": _edit_code, "cameras": _edit_cameras, "head parameters": _edit_head, "settings": _edit_settings}
+"""Edits of a project, each returns how it is undone."""
+
+
+@contextmanager
+def edited(project: Project, kind: str) -> Iterator[None]:
+    """The project with an edit of `EDITS`."""
+    undo = EDITS[kind](project)
+    try:
+        yield
+    finally:
+        undo()
+
+
+def two_runs_with_other_settings(project: Project, chance: random.Random) -> None:
+    """Two working folders whose results are the same folder: one run makes it at a time."""
+    second = Project(project.root.with_name("second"))
+    shutil.copytree(project.root, second.root, symlinks=True, ignore=shutil.ignore_patterns("results", ".snakemake"))
+    (project.root / "results").mkdir(exist_ok=True)
+    (second.root / "results").symlink_to(project.root / "results")
+    runs = [Run(project)]
+    time.sleep(chance.uniform(0, 4))
+    runs.append(Run(second, OTHER_SETTINGS))
+    for run in runs:
+        run.wait()
+    shutil.rmtree(second.root)
+
+
 def schedule(kills: int, chance: random.Random) -> list[str]:
     """Kinds of kills and of other disturbances in a random order; fewer than 20 kills are of the cheap kinds."""
     if kills < 20:
         return [*chance.sample(["group", "parent", "worker", "write"], min(kills, 4)), "clock"]
     share = kills / sum(KILLS.values())
-    counts = {kind: max(1, round(share * count)) for kind, count in {**KILLS, **OTHERS}.items()}
+    counts = {kind: max(1, round(share * count)) for kind, count in {**KILLS, **OTHERS, **EDITED}.items()}
     counts["group"] += max(0, kills - sum(counts[kind] for kind in KILLS))
     events = [kind for kind, count in counts.items() for _ in range(count)]
     chance.shuffle(events)

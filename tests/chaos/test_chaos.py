@@ -13,8 +13,21 @@ import time
 from collections import Counter
 
 import pytest
-from chaos.disturbances import KILLS, Run, disturb, kill, outputs, processes_of, schedule
-from chaos.miniature_study import copy_miniature_study
+from chaos.disturbances import (
+    EDITED,
+    EDITS,
+    KILLS,
+    OTHER_SETTINGS,
+    Run,
+    disturb,
+    edited,
+    kill,
+    outputs,
+    processes_of,
+    schedule,
+    two_runs_with_other_settings,
+)
+from chaos.miniature_study import HYDRA, copy_miniature_study
 from project import Project, shared_kernels
 
 SEED = int(os.environ.get("CARIGS_CHAOS_SEED", "0"))
@@ -26,16 +39,34 @@ pytestmark = [pytest.mark.chaos, pytest.mark.slow]
 def test_whatever_happens_the_results_are_the_same_bytes(tmp_path):
     project = copy_miniature_study(tmp_path / "project")
     with shared_kernels(project.root):
-        assert Run(project).wait(), (project.root / "output.log").read_text()
-        expected = outputs(project)
-        start_again(project)
         chance, counts, started = random.Random(SEED), Counter(), time.time()
-        for number, kind in enumerate(schedule(NUMBER_OF_KILLS, chance)):
-            done = kill(kind, project, chance) if kind in KILLS else disturb(kind, project, chance)
-            counts[kind if done else f"{kind}: too late or not possible"] += 1
-            print(f"{time.time() - started:.0f} s  {number}  {kind}", flush=True)
+        events = schedule(NUMBER_OF_KILLS, chance)
+        expected, of_other_settings, of_edits = undisturbed(project), {}, {}
+        if EDITED.keys() & set(events):
+            of_other_settings = undisturbed(project, OTHER_SETTINGS)
+            for kind in EDITS:
+                with edited(project, kind):
+                    of_edits[kind] = undisturbed(project)
+                    assert of_edits[kind] != expected, f"{kind} changes no result"
+        for number, kind in enumerate(events):
             where = f"seed {SEED}, disturbance {number} ({kind})"
-            check_whole(project, expected, where)
+            print(f"{time.time() - started:.0f} s  {number}  {kind}", flush=True)
+            if kind == "edit":
+                done = kill("group", project, chance)
+                edit = chance.choice([*EDITS])
+                with edited(project, edit):
+                    finish(project, of_edits[edit], f"{where}, {edit}")
+                finish(project, expected, f"{where}, undone")
+            elif kind == "two runs with other settings":
+                done = two_runs_with_other_settings(project, chance) is None
+                made = outputs(project)
+                wrong = [file for file in made if made[file] not in (expected[file], of_other_settings[file])]
+                assert not wrong, f"{where}: {wrong}"
+                finish(project, expected, where)
+            else:
+                done = kill(kind, project, chance) if kind in KILLS else disturb(kind, project, chance)
+                check_whole(project, expected, where)
+            counts[kind if done else f"{kind}: too late or not possible"] += 1
             if len(outputs(project)) == len(expected):
                 finish(project, expected, where)
                 counts["completed studies"] += 1
@@ -46,9 +77,17 @@ def test_whatever_happens_the_results_are_the_same_bytes(tmp_path):
     print(json.dumps({**counts, "seconds": round(time.time() - started)}))
 
 
+def undisturbed(project: Project, hydra: str = HYDRA) -> dict[str, bytes]:
+    """What a run makes that nothing disturbs."""
+    assert Run(project, hydra).wait(), (project.root / "output.log").read_text()
+    made = outputs(project)
+    start_again(project)
+    return made
+
+
 def start_again(project: Project) -> None:
     for name in ("results", ".snakemake"):
-        shutil.rmtree(project.root / name)
+        shutil.rmtree(project.root / name, ignore_errors=True)
 
 
 def check_whole(project: Project, expected: dict[str, bytes], where: str) -> None:

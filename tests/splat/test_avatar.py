@@ -17,8 +17,8 @@ from carigs.exaggeration.gamma_path import straight_path
 from carigs.hair import HairShadow
 from carigs.hair.hair_shadow import WIDTH
 from carigs.head import neutral, read_subject_path
-from carigs.job_record import content_digest
 from carigs.light import Shading, fibonacci_sphere
+from carigs.runs.contents import content_digest
 from carigs.settings import Render, Train
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar
 from carigs.splat.surfels.ply import read_ply
@@ -45,7 +45,7 @@ def trained(tmp_path_factory):
     train(
         Train(iterations=25, gtstar_probability=0.0, hair_layers=0),
         capture=folder / "capture.json", path=folder / "path.npz", targets=None,
-        avatar=folder / "avatar.npz", ply=folder / "avatar.ply", log=folder / "log.csv",
+        avatar=folder / "avatar.npz", ply=folder / "avatar.ply", log=folder / "log.csv", resume_key="",
     )  # fmt: skip
     return folder
 
@@ -162,7 +162,7 @@ def test_skin_brightens_out_of_the_shadow_of_hair(trained, tmp_path):
 def files(trained, tmp_path):
     """Keywords of the stage `render`."""
     inputs = {name: trained / file for name, file in INPUTS.items()}
-    return {**inputs, "made_by": "0123", "frames": tmp_path / "frames"}
+    return {**inputs, "resume_key": "0123", "frames": tmp_path / "frames"}
 
 
 def test_render_writes_every_protocol_and_its_index(files):
@@ -185,7 +185,7 @@ def test_render_writes_every_protocol_and_its_index(files):
 
 
 def test_a_killed_rendering_goes_on_with_the_levels_that_are_missing(files, monkeypatch):
-    """The same images as of a run that was not killed; after a change of code, all of them again."""
+    """The same images as of a run that was not killed; with another key, all of them again."""
     settings, killed = Render(levels=(0.0, 0.1, 0.25), orbit_frames=2), {**files, "frames": files["frames"] / "killed"}
     render(settings, **{**files, "frames": files["frames"] / "whole"})
     rendered = []
@@ -210,7 +210,7 @@ def test_a_killed_rendering_goes_on_with_the_levels_that_are_missing(files, monk
         render(settings, **killed)
     rendered[:] = []
     with pytest.raises(KeyboardInterrupt):
-        render(settings, **{**killed, "made_by": "4567"})
+        render(settings, **{**killed, "resume_key": "4567"})
     assert rendered[0] == 0.0
 
 
@@ -278,7 +278,16 @@ def test_impossible_settings_are_refused_before_any_work(tmp_path, changes, says
     nothing = tmp_path / "nothing"
     with pytest.raises(SettingsError, match=says):
         settings = Train(**{"gtstar_probability": 0.0, **changes})
-        train(settings, capture=nothing, path=nothing, targets=None, avatar=nothing, ply=nothing, log=nothing)
+        train(
+            settings,
+            capture=nothing,
+            path=nothing,
+            targets=None,
+            avatar=nothing,
+            ply=nothing,
+            log=nothing,
+            resume_key="",
+        )
 
 
 def test_broken_avatars_are_refused(trained, tmp_path):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from carigs.job_record import JobCosts
+from carigs.runs.job_record import JobCosts
 from carigs.stages.card import stage_costs
 
 NAMES = {"anna", "ours", "gamma=0.25", "seed=0", "seed=3"}

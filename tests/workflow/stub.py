@@ -21,6 +21,7 @@ OUTPUTS = (
     "card",
     "page",
     "found",
+    "sheet",
     *FOLDERS,
 )
 

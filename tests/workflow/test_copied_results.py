@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import time
+from pathlib import Path
 
 import pytest
 from project import Project
@@ -32,7 +35,7 @@ def test_other_settings_make_it_again(copied):
     """Though the file of settings is there, and the avatar alone is missing."""
     (copied.root / f"{POINT}/alternating/seed=0/avatar.npz").unlink()
     hydra = "train.iterations=7"
-    expected = {"settings": 4, **{rule: 2 * n for rule, n in ALTERNATING.items()}, "html": 2, "figures": 2, **SUMMARIES}
+    expected = {**{rule: 2 * n for rule, n in ALTERNATING.items()}, "html": 2, "figures": 2, **SUMMARIES}
     assert copied.planned(*TARGETS, hydra=hydra) == expected
     done = copied.snakemake("--cores", "2", " ".join(TARGETS), hydra=hydra)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -54,16 +57,104 @@ def test_other_code_makes_it_again(copied):
 
 @pytest.mark.parametrize(("kept", "notes"), [(0, True), (0.5, False)])
 def test_a_damaged_settings_file_never_means_defaults(finished, kept, notes):
+    """It is written again; what was made with the whole one is kept."""
     file = finished.root / "results/toy/settings/train/subject=toy,variant=alternating,seed=0.yaml"
     whole = file.read_text()
     file.write_text(whole[: int(len(whole) * kept)])
     if not notes:
         shutil.rmtree(finished.root / ".snakemake")
-    assert finished.planned(*TARGETS) == {
-        "settings": 1, "train": 1, "html": 1, "render": 1, "metrics": 1, "figures": 1, **SUMMARIES
-    }  # fmt: skip
+    assert finished.planned(*TARGETS) == {}
+    (finished.root / f"{POINT}/alternating/seed=0/avatar.npz").unlink()
     finished.make(*TARGETS)
     assert file.read_text() == whole
+
+
+def cut(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[:-1])
+
+
+def halve(file: Path) -> None:
+    """As many bytes, with other values."""
+    file.write_bytes(bytes(value // 2 for value in file.read_bytes()))
+    os.utime(file, ns=(0, file.stat().st_mtime_ns + 10**12))
+
+
+@pytest.mark.parametrize(
+    ("file", "expected"),
+    [
+        (f"{POINT}/alternating/seed=0/avatar.npz", {"train", "html", "render", "metrics", "figures", *SUMMARIES}),
+        (f"{POINT}/path.npz", {"exaggerate", "gtstar", "target_sheet", "truth"} | ALTERNATING.keys()),
+        (
+            "results/toy/toy/capture.json",
+            {"capture", "hair", "exaggerate", "gtstar", "target_sheet", "truth"} | ALTERNATING.keys(),
+        ),
+        (f"{POINT}/surfhead/seed=0/frames/ablation.png", {"render", "metrics", "figures", *SUMMARIES}),
+        ("results/toy/table/gamma=0.25.tex", {*SUMMARIES}),
+        ("results/toy/report.html", {"report"}),
+    ],
+)
+@pytest.mark.parametrize("damage", [cut, halve, lambda file: file.write_bytes(b"")], ids=["cut", "halved", "empty"])
+def test_one_damaged_file_is_made_again_and_the_rest_kept(finished, file, expected, damage):
+    """With Snakemake's notes: the file is damaged in place."""
+    damage(finished.root / file)
+    assert set(finished.planned(*TARGETS)) == expected
+
+
+def test_a_damaged_copy_is_made_again_to_the_same_bytes(copied):
+    file = copied.root / f"{POINT}/alternating/seed=0/avatar.npz"
+    whole = file.read_bytes()
+    halve(file)
+    copied.make(*TARGETS)
+    assert file.read_bytes() == whole
+    assert copied.planned(*TARGETS) == {}
+
+
+def test_a_dry_run_changes_nothing(copied):
+    """Neither contents nor modification times, even if everything is outdated and processes have left files."""
+    (copied.root / f"{POINT}/.a.1-1-00000000-nowhere.part.npz").touch()
+    (copied.root / "results/toy/log/train/left.lock").touch()
+    copied.edit("carigs/stages/train.py", add="more = 1")
+    before = states(copied)
+    assert copied.planned(*TARGETS, hydra="exaggerate.curvature_floor=0.2")["train"] == 4
+    assert states(copied) == before
+
+
+def states(project: Project) -> dict[Path, tuple[int, int, int]]:
+    found = {path: path.lstat() for path in (project.root / "results").rglob("*")}
+    return {path: (status.st_mtime_ns, status.st_size, status.st_ino) for path, status in found.items()}
+
+
+def test_two_working_folders_share_results(finished, tmp_path):
+    """The second folder has other settings: what it finds in the results of the first one is not what it asks for."""
+    second = Project(tmp_path / "second")
+    shutil.copytree(finished.root, second.root, ignore=shutil.ignore_patterns("results", ".snakemake"))
+    (second.root / "results").symlink_to(finished.root / "results")
+    assert second.planned(*TARGETS) == {}
+    avatar = finished.root / f"{POINT}/alternating/seed=0/avatar.npz"
+    second.make(f"{POINT}/alternating/seed=0/avatar.npz", hydra="train.iterations=7")
+    assert "iterations=7" in avatar.read_text()
+    assert finished.planned(*TARGETS)["train"] == 1
+    finished.make(*TARGETS)
+    assert "iterations=7" not in avatar.read_text()
+
+
+def test_two_runs_of_a_study_at_once_are_refused(finished, tmp_path):
+    """Also from another working folder, where Snakemake's own lock is not seen."""
+    second = Project(tmp_path / "second")
+    shutil.copytree(finished.root, second.root, ignore=shutil.ignore_patterns("results", ".snakemake"))
+    (second.root / "results").symlink_to(finished.root / "results")
+    (finished.root / "hold").touch()
+    (finished.root / "results/toy/report.html").unlink()
+    first = finished.start("snakemake", "--cores", "1", "reproduce")
+    lock = finished.root / "results/toy/log/run.lock"
+    while not lock.exists() and first.poll() is None:
+        time.sleep(0.1)
+    refused = second.snakemake("--cores", "1", "reproduce", hydra="train.iterations=7")
+    (finished.root / "hold").unlink()
+    assert refused.returncode != 0
+    assert "results/toy/log/run.lock: another run makes this study: process" in refused.stdout + refused.stderr
+    first.communicate()
+    assert first.returncode == 0
 
 
 def test_an_output_of_other_inputs_is_made_again(copied):

@@ -17,8 +17,7 @@ rule capture:
     resources:
         mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
-        code=fingerprint("carigs.stages.capture"),
-        outside=outside("capture", "subject"),
+        plan=plan("capture", "subject"),
     script:
         "../scripts/stage.py"
 
@@ -38,8 +37,7 @@ rule hair:
     resources:
         mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
-        code=fingerprint("carigs.stages.hair"),
-        outside=outside("hair", "subject"),
+        plan=plan("hair", "subject"),
     script:
         "../scripts/stage.py"
 
@@ -58,8 +56,7 @@ rule exaggerate:
     resources:
         mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
-        code=fingerprint("carigs.stages.exaggerate"),
-        outside=outside("exaggerate", "subject", "gamma"),
+        plan=plan("exaggerate", "subject", "gamma"),
     script:
         "../scripts/stage.py"
 
@@ -83,8 +80,30 @@ rule gtstar:
     resources:
         mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
-        code=fingerprint("carigs.stages.gtstar"),
-        outside=outside("gtstar", "subject", "variant"),
+        plan=plan("gtstar", "subject", "variant"),
+        level=level,
+    script:
+        "../scripts/stage.py"
+
+
+rule target_sheet:
+    input:
+        settings="results/{study}/settings/target_sheet/subject={subject}.yaml",
+        capture="results/{study}/{subject}/capture.json",
+        watch="results/{study}/{subject}/dataset",
+        watch_targets="results/{study}/{subject}/gamma={gamma}/targets/{variant}/level={level}/images",
+        path="results/{study}/{subject}/gamma={gamma}/path.npz",
+        index="results/{study}/{subject}/gamma={gamma}/targets/{variant}/level={level}/targets.json",
+    output:
+        sheet="results/{study}/{subject}/gamma={gamma}/targets/{variant}/level={level}/inspection.png",
+    log:
+        "results/{study}/log/target_sheet/{subject},gamma={gamma},{variant},level={level}.log",
+    conda:
+        "../../environment.yml"
+    resources:
+        mem_mb=lambda wildcards, attempt: 4000 * attempt,
+    params:
+        plan=plan("target_sheet", "subject"),
         level=level,
     script:
         "../scripts/stage.py"
@@ -111,8 +130,7 @@ rule train:
     resources:
         mem_mb=lambda wildcards, attempt: 6000 * attempt,
     params:
-        code=fingerprint("carigs.stages.train"),
-        outside=outside("train", "subject", "variant"),
+        plan=plan("train", "subject", "variant", "seed"),
     script:
         "../scripts/stage.py"
 
@@ -130,7 +148,7 @@ rule html:
     resources:
         mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
-        code=fingerprint("carigs.stages.html"),
+        plan=plan("html", "subject"),
         title="{study}: {subject}, {variant}",
     script:
         "../scripts/stage.py"
@@ -153,7 +171,6 @@ rule render:
     resources:
         mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
-        code=fingerprint("carigs.stages.render"),
-        made_by=fingerprint("carigs.stages.render"),  # for the stage; `code` goes into the record of the job
+        plan=plan("render", "subject", "gamma"),
     script:
         "../scripts/stage.py"

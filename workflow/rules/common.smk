@@ -3,13 +3,14 @@
 A run has one study; a sweep has one for each combination of values but those of gamma.
 
 Hydra composes values; Snakemake plans files and their order. Every wildcard is a Hydra override (`subject=`, `variant=`,
-`seed=`, `gamma=`), so a path names a configuration. Each job leaves a record of the settings, code and inputs that made
-its outputs (carigs/job_record.py), so that results can be copied without `.snakemake/`.
+`seed=`, `gamma=`), so a path names a configuration. Each job leaves a record of what made its outputs
+(carigs/runs/job_record.py), and by these records a run finds which results are current (carigs/runs/study_graph.py).
 """
 
 import sys
 from contextlib import suppress
 from functools import cache
+from itertools import product
 from pathlib import Path
 
 from snakemake.exceptions import WorkflowError
@@ -30,14 +31,14 @@ from carigs.config import (
 )
 from carigs.errors import CarigsError
 from carigs.fork_server import start_fork_server
-from carigs.job_record import is_stale
-from carigs.outside_files import files_digest, outside_files
 from carigs.run_process import name_run_process
 from carigs.run_progress import show_job_lines
 from carigs.run_summary import warning_lines
+from carigs.runs.plan import job_plan
+from carigs.runs.settings_checks import check_study, settings_warnings
+from carigs.runs.study_graph import use_study_graph
 from carigs.settings import STAGES
 from carigs.sources import fingerprint
-from carigs.study_start import check_study, prepare_results, settings_warnings
 
 
 def one_line_errors(function):
@@ -97,12 +98,6 @@ def settings_file_text(wildcards):
     """The text of a settings file; the wildcard `point` is the list of overrides that it depends on."""
     point = [override for override in wildcards.point.split(",") if override != "all"]
     return settings_text(wildcards.stage, *overrides_of(wildcards.study), *point)
-
-
-def settings_trigger(wildcards):
-    """The current folder: newer than a settings file that is to be written again, and without effect on others."""
-    file = Path(f"results/{wildcards.study}/settings/{wildcards.stage}/{wildcards.point}.yaml")
-    return local(".") if is_stale(file) else ancient(local("."))
 
 
 @one_line_errors
@@ -166,35 +161,44 @@ def pages_of_method(wildcards):
     return collect(pattern, **known) if "alternating" in known["variant"] else []
 
 
-digest = cache(files_digest)
+def plan(stage, *names):
+    """What a job of a stage is planned with; `names` are the wildcards that become overrides."""
+
+    @one_line_errors
+    def planned(wildcards):
+        overrides = (*overrides_of(wildcards.study), *(f"{name}={wildcards[name]}" for name in names))
+        return job_plan(stage, overrides, level(wildcards) if "level" in wildcards.keys() else None)
+
+    return planned
 
 
-def outside(stage, *names):
-    """Digests of the files that the settings of a stage name, such as a dataset: a job runs again when they change."""
-
-    def digests(wildcards):
-        at = level(wildcards) if "level" in wildcards.keys() else None
-        return {
-            str(path): digest(path) for path in outside_files(stage, section(stage, wildcards, *names), at).values()
-        }
-
-    return digests
-
-
-def targets(pattern):
-    """The file of each level whose GT* frames a variant is trained on.
+@one_line_errors
+def target_files(pattern, point):
+    """The file of each level whose GT* frames a variant is trained on; `point` has the wildcards of the training.
 
     Variants with the same section `gtstar` share GT* frames; `{maker}` in the pattern is the variant that they are stored
     under.
     """
+    overrides = (*overrides_of(point["study"]), f"subject={point['subject']}")
+    maker = target_maker(point["variant"], *overrides)
+    trained_levels = target_levels(compose(*overrides, f"variant={point['variant']}").train, float(point["gamma"]))
+    return collect(pattern, **{**point, "maker": maker, "level": trained_levels})
 
-    @one_line_errors
-    def target_files(wildcards):
-        maker = target_maker(wildcards.variant, *overrides_of(wildcards.study), f"subject={wildcards.subject}")
-        trained_levels = target_levels(section("train", wildcards, "subject", "variant"), float(wildcards.gamma))
-        return collect(pattern, **{**dict(wildcards.items()), "maker": maker, "level": trained_levels})
 
-    return target_files
+def targets(pattern):
+    """The files of the GT* frames that a training needs."""
+    return lambda wildcards: target_files(pattern, dict(wildcards.items()))
+
+
+def target_sheets(wildcards):
+    """The contact sheets of all GT* frames of all studies."""
+    pattern = "results/{study}/{subject}/gamma={gamma}/targets/{maker}/level={level}/inspection.png"
+    sheets = []
+    for study in studies:
+        known = points(study)
+        for subject, variant, gamma in product(known["subject"], known["variant"], map(gamma_text, studies[study])):
+            sheets += target_files(pattern, dict(study=study, subject=subject, variant=variant, gamma=gamma))
+    return list(dict.fromkeys(sheets))
 
 
 def all_settings_warnings():
@@ -215,10 +219,7 @@ if workflow.is_main_process:
     for study in studies:
         # Checked here, because Snakemake ignores errors of input functions where the output exists.
         one_line_errors(check_study)(studies[study])
-    for study in studies:
-        one_line_errors(prepare_results)(Path("results", study), overrides_of(study))
-    if swept and swept.study not in studies:
-        one_line_errors(prepare_results)(Path("results", swept.study), swept.combinations[0].overrides, ("sweep",))
+    use_study_graph()
     for line in one_line_errors(all_settings_warnings)():
         print(f"carigs: warning: {line}", file=sys.stderr)
 

@@ -19,8 +19,7 @@ rule truth:
     resources:
         mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
-        code=fingerprint("carigs.stages.truth"),
-        outside=outside("truth", "subject"),
+        plan=plan("truth", "subject"),
         level=level,
     script:
         "../scripts/stage.py"
@@ -47,8 +46,7 @@ rule metrics:
     resources:
         mem_mb=lambda wildcards, attempt: 6000 * attempt,
     params:
-        code=fingerprint("carigs.stages.metrics"),
-        outside=outside("metrics", "subject"),
+        plan=plan("metrics", "subject"),
         study="{study}",
         subject="{subject}",
         variant="{variant}",
@@ -73,7 +71,7 @@ rule tabulate:
     conda:
         "../../environment.yml"
     params:
-        code=fingerprint("carigs.stages.tabulate"),
+        plan=plan("tabulate"),
     script:
         "../scripts/stage.py"
 
@@ -99,7 +97,7 @@ rule figures:
     conda:
         "../../environment.yml"
     params:
-        code=fingerprint("carigs.stages.figures"),
+        plan=plan("figures", "subject"),
         gtstar=lambda wildcards: OmegaConf.to_container(section("gtstar", wildcards, "subject")),
         mask_flags=lambda wildcards: list(section("train", wildcards, "subject").mask_flags),
         variants=lambda wildcards: points(wildcards.study)["variant"],

@@ -27,7 +27,7 @@ rule card:
     conda:
         "../../environment.yml"
     params:
-        code=fingerprint("carigs.stages.card"),
+        plan=plan("card"),
         subjects=lambda wildcards: points(wildcards.study)["subject"],
         variants=lambda wildcards: points(wildcards.study)["variant"],
         seeds=lambda wildcards: points(wildcards.study)["seed"],
@@ -58,7 +58,7 @@ rule report:
     conda:
         "../../environment.yml"
     params:
-        code=fingerprint("carigs.stages.report"),
+        plan=plan("report"),
         subjects=lambda wildcards: points(wildcards.study)["subject"],
         variants=lambda wildcards: points(wildcards.study)["variant"],
         levels=lambda wildcards: points(wildcards.study)["level"],

@@ -6,8 +6,6 @@ localrules:
 
 
 rule settings:
-    input:
-        settings_trigger,
     output:
         "results/{study}/settings/{stage}/{point}.yaml",
     log:

@@ -22,7 +22,7 @@ if swept:
         conda:
             "../../environment.yml"
         params:
-            code=fingerprint("carigs.stages.sweep"),
+            plan=lambda wildcards: job_plan("sweep", swept.combinations[0].overrides),
             swept_keys=list(swept.keys),
             swept_values=[list(combination.values) for combination in swept.combinations],
             seeds=[points(combination.study)["seed"] for combination in swept.combinations],

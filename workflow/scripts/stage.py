@@ -1,31 +1,20 @@
 """Run the stage named like the rule: inputs, outputs and parameters are its keywords, its messages go to the log."""
 
 import sys
+from dataclasses import asdict
 
 from carigs.fork_server import run_in_fork
-
-WORKFLOW_ONLY = ("settings", "watch", "watch_targets", "code", "outside")
-"""Inputs and parameters of the rule that are not keywords of the stage."""
+from carigs.runs.planned_job import WORKFLOW_ONLY, planned_job
 
 
-def _job(job) -> dict:
+def _arguments(job) -> dict:
     """The arguments of `carigs.stages.job.run_job`, as JSON can hold them."""
-    files = {**job.input, **job.output}
+    files = {name: files for name, files in {**job.input, **job.output}.items() if name not in WORKFLOW_ONLY}
     return dict(
-        stage=job.rule,
-        settings=files["settings"],
-        files={
-            name: files_ if isinstance(files_, str) else [*files_]
-            for name, files_ in files.items()
-            if name not in WORKFLOW_ONLY
-        },
-        params={name: value for name, value in job.params.items() if name not in WORKFLOW_ONLY},
-        code=job.params.code,
-        inputs=[*job.input],
-        outputs=[*job.output],
-        outside=dict(job.params.get("outside", {})),
-        log=job.log[0],
+        settings=job.input.settings,
+        files={name: found if isinstance(found, str) else [*found] for name, found in files.items()},
+        job=asdict(planned_job(job)),
     )
 
 
-sys.exit(run_in_fork("carigs.stages.job:run_job", _job(snakemake)))  # noqa: F821 (Snakemake defines it)
+sys.exit(run_in_fork("carigs.stages.job:run_job", _arguments(snakemake)))  # noqa: F821 (Snakemake defines it)

@@ -2,29 +2,33 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from torch import Tensor
 
 from carigs.errors import InputError
 from carigs.files import writing
-from carigs.mesh.carried_points import CarriedPoints
 from carigs.readers.arrays import checked_array
 from carigs.readers.json_files import parse_json
 from carigs.readers.npz import read_npz
-from carigs.settings import Train
-from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.surfels import Surfels, checked_surfels, to_arrays
 from carigs.splat.training.adam import Adam
 from carigs.splat.training.density import GradientStatistics
-from carigs.splat.training.hair_surfels import HairSurfels
-from carigs.splat.training.plateau import Ending, validation_frames
-from carigs.splat.training.supervision import Supervision
+from carigs.splat.training.plateau import Ending
 from carigs.splat.training.tracking_refinement import TrackingRefinement
+
+
+class Checkpoint(NamedTuple):
+    """Where the state of a run is kept."""
+
+    file: Path
+    """An .npz file; it need not exist."""
+    key: str
+    """Digest of everything that the run depends on. A state with another key is ignored."""
 
 
 @dataclass
@@ -58,73 +62,17 @@ class TrainingState:
     refinement: TrackingRefinement | None = None
 
 
-def run_digest(
-    settings: Train,
-    sequence: HeadSequence,
-    supervision: Supervision,
-    hair: HairSurfels | None = None,
-    mouth: CarriedPoints | None = None,
-) -> str:
-    """Digest of the inputs of a run; a checkpoint of other settings, meshes or images is ignored.
-
-    Args:
-        settings: Settings of the stage.
-        sequence: The subject.
-        supervision: Training frames and targets.
-        hair: Where hair is.
-        mouth: Points inside the mouth.
-
-    Returns:
-        SHA-256 in hexadecimal digits.
-    """
-    digest = hashlib.sha256()
-    # The number of threads and the interval of checkpoints do not change the result.
-    relevant = {k: v for k, v in asdict(settings).items() if k not in ("threads", "checkpoint_seconds")}
-    digest.update(json.dumps(relevant, sort_keys=True).encode())
-    digest.update(sequence.rig.vertices.tobytes() + sequence.rig.faces.tobytes() + sequence.rig.keeps_size.tobytes())
-    for array in (sequence.path.displacements, sequence.path.columns, sequence.path.changes):
-        digest.update(b"" if array is None else array.tobytes())
-    if sequence.shading is not None:
-        digest.update(b"".join(np.asarray(value).tobytes() for value in asdict(sequence.shading).values()))
-    if sequence.hair_shadow is not None:
-        shadow = sequence.hair_shadow.as_arrays().values()
-        digest.update(b"".join(np.ascontiguousarray(value).tobytes() for value in shadow))
-    if hair is not None:
-        arrays = (*hair.points, hair.covered, hair.hidden)
-        digest.update(b"".join(np.ascontiguousarray(value).tobytes() for value in arrays))
-    if mouth is not None:
-        digest.update(b"".join(np.ascontiguousarray(value).tobytes() for value in mouth))
-    digest.update(json.dumps([(target.level, target.weight) for target in supervision.targets]).encode())
-    for file in (
-        *supervision.files(),
-        *_validation_files(settings, supervision),
-        *([Path(settings.start)] if settings.start else ()),
-    ):
-        status = file.stat()
-        digest.update(f"{file.name} {status.st_size} {status.st_mtime_ns}".encode())
-    return digest.hexdigest()
-
-
-def _validation_files(settings: Train, supervision: Supervision) -> list[Path]:
-    """Images that decide where the training ends."""
-    if not settings.plateau.every:
-        return []
-    capture = supervision.capture
-    return [capture.root / frame.image for frame in validation_frames(capture, settings.plateau.frames)]
-
-
-def save_checkpoint(file: Path, state: TrainingState, digest: str) -> None:
+def save_checkpoint(checkpoint: Checkpoint, state: TrainingState) -> None:
     """Write the state under a temporary name, then rename it.
 
     Args:
-        file: File to write (.npz).
+        checkpoint: Where the state is kept.
         state: State of the run.
-        digest: Result of `run_digest`.
     """
-    with writing(file) as part, part.open("wb") as stream:
+    with writing(checkpoint.file) as part, part.open("wb") as stream:
         np.savez(
             stream,
-            key=digest,
+            key=checkpoint.key,
             iteration=state.iteration,
             iterations=state.iterations,
             ending=json.dumps(state.ending),
@@ -142,22 +90,22 @@ def save_checkpoint(file: Path, state: TrainingState, digest: str) -> None:
 
 
 def load_checkpoint(
-    file: Path, digest: str, num_faces: int, refinement: TrackingRefinement | None = None
+    checkpoint: Checkpoint, num_faces: int, refinement: TrackingRefinement | None = None
 ) -> TrainingState | None:
     """Read the state of a run with the same inputs.
 
     Args:
-        file: File that `save_checkpoint` wrote.
-        digest: Result of `run_digest`.
+        checkpoint: Where `save_checkpoint` has written it.
         num_faces: Number of the head's triangles.
         refinement: Refinement of the tracking, set to its saved state.
 
     Returns:
-        The state; None if there is no file, if it is broken, or if it is of a run with other inputs.
+        The state; None if there is no file, if it is broken, or if it is of a run with another key.
     """
+    file = checkpoint.file
     try:
         arrays = read_npz(file)
-        if str(arrays["key"]) != digest:
+        if str(arrays["key"]) != checkpoint.key:
             return None
         surfels = checked_surfels(arrays, num_faces, file)
         adam, statistics = Adam(surfels), GradientStatistics(len(surfels))

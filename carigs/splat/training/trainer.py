@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
@@ -16,7 +15,7 @@ from carigs.settings.train import budget_seconds
 from carigs.splat.surfels.surfels import Surfels, from_arrays, to_arrays
 from carigs.splat.training.adam import Adam
 from carigs.splat.training.budget import LEAST_STEPS, TRIAL_STEPS, seconds_per_step, with_iterations
-from carigs.splat.training.checkpoint import TrainingState, load_checkpoint, run_digest, save_checkpoint
+from carigs.splat.training.checkpoint import Checkpoint, TrainingState, load_checkpoint, save_checkpoint
 from carigs.splat.training.density import GradientStatistics, densify_and_prune, reset_opacity, scene_extent
 from carigs.splat.training.initialization import initial_surfels
 from carigs.splat.training.numba_step import NumbaStep
@@ -37,7 +36,10 @@ PSNR of held-out frames, if it was measured since the row before."""
 
 
 def train_surfels(
-    settings: Train, subject: Subject, checkpoint: Path, on_step: Callable[[TrainingState], None] | None = None
+    settings: Train,
+    subject: Subject,
+    checkpoint: Checkpoint | None = None,
+    on_step: Callable[[TrainingState], None] | None = None,
 ) -> tuple[Surfels, list[tuple]]:
     """Train the surfels of a subject.
 
@@ -55,18 +57,19 @@ def train_surfels(
     Args:
         settings: Settings of the stage.
         subject: What it is about; the parameters of its head change if `settings.refine_tracking` is enabled.
-        checkpoint: File of the state; the run continues from it if it is of the same inputs.
+        checkpoint: Where the state is kept; the run continues from one with the same key. None keeps no state.
         on_step: Called with the state after every step.
 
     Returns:
         The trained surfels, and the rows of the log (`COLUMNS`).
     """
-    digest = run_digest(settings, *subject)
     refinement = None
     if settings.refine_tracking.enabled and settings.gtstar_probability < 1:
         timesteps = sorted({frame.timestep for frame in subject.supervision.frames})
         refinement = TrackingRefinement(subject.sequence, timesteps)
-    state = load_checkpoint(checkpoint, digest, len(subject.sequence.rig.faces), refinement)
+    state = None
+    if checkpoint is not None:
+        state = load_checkpoint(checkpoint, len(subject.sequence.rig.faces), refinement)
     if state is None:
         surfels = initial_surfels(settings, subject.supervision, subject.sequence, subject.hair, subject.mouth)
         if (budget := budget_seconds(settings.budget)) is not None:
@@ -85,8 +88,10 @@ def train_surfels(
             report(state.iteration, state.ending.last, **run.shown, surfels=len(state.surfels))
             if on_step is not None:
                 on_step(state)
-            if now - saved > settings.checkpoint_seconds and state.iteration < state.ending.last:
-                save_checkpoint(checkpoint, state, digest)
+            if checkpoint is None or now - saved <= settings.checkpoint_seconds:
+                continue
+            if state.iteration < state.ending.last:
+                save_checkpoint(checkpoint, state)
                 saved = time.perf_counter()
     return from_arrays(**to_arrays(state.surfels)), state.log
 

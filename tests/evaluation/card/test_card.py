@@ -16,7 +16,7 @@ import pytest
 import scipy.stats
 
 from carigs.errors import InputError
-from carigs.job_record import JobCosts
+from carigs.runs.job_record import JobCosts
 from carigs.settings import Tabulate
 from evaluation.card.card import make_card, read_card, write_card
 from evaluation.card.costs import Job, Rendering, avatar_values, frame_step, stage_values

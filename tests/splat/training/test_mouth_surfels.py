@@ -87,7 +87,7 @@ def test_first_surfels_are_transparent_and_have_the_colours_behind_the_lips(subj
 def test_an_avatar_keeps_its_jaws(subject, tmp_path):
     capture, sequence = subject
     points = prepare_mouth(capture, sequence, SETTINGS)
-    surfels, _ = train_surfels(SETTINGS, Subject(sequence, Supervision(capture), mouth=points), tmp_path / "state")
+    surfels, _ = train_surfels(SETTINGS, Subject(sequence, Supervision(capture), mouth=points))
     avatar = Avatar(surfels, sequence, SETTINGS.rig, SETTINGS.rotate_harmonics, capture.background)
     save_avatar(tmp_path / "avatar.npz", avatar)
     again, frame = load_avatar(tmp_path / "avatar.npz"), capture.split("test")[0]

@@ -15,6 +15,7 @@ from carigs.head import neutral
 from carigs.settings import Density, Plateau, Train
 from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.surfels.surfels import to_arrays
+from carigs.splat.training.checkpoint import Checkpoint
 from carigs.splat.training.plateau import Ending, ending_after, has_levelled_off, measures_after, validation_frames
 from carigs.splat.training.subject import Subject
 from carigs.splat.training.supervision import Supervision
@@ -96,7 +97,7 @@ def subject(tmp_path_factory):
 
 def run(subject, checkpoint, settings=SETTINGS, on_step=None, **changes):
     training = Subject(subject[1], Supervision(subject[0]))
-    surfels, rows = train_surfels(replace(settings, **changes), training, checkpoint, on_step)
+    surfels, rows = train_surfels(replace(settings, **changes), training, Checkpoint(checkpoint, "key"), on_step)
     return b"".join(value.tobytes() for value in to_arrays(surfels).values()), [(r[0], *r[2:]) for r in rows]
 
 

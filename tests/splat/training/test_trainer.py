@@ -24,6 +24,7 @@ from carigs.splat.surfels.surfels import to_arrays
 from carigs.splat.training import numba_step, trainer
 from carigs.splat.training.adam import Adam
 from carigs.splat.training.budget import with_iterations
+from carigs.splat.training.checkpoint import Checkpoint
 from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.schedule import draw_schedule
 from carigs.splat.training.subject import Subject
@@ -75,10 +76,10 @@ def supervise(subject, *levels, mask_flags=DEFAULT_MASK_FLAGS):
     return Supervision(capture, [read_targets(indices[level], capture) for level in levels], mask_flags)
 
 
-def run(subject, checkpoint, at=(0.25,), on_step=None, **changes):
+def run(subject, checkpoint, at=(0.25,), on_step=None, key="key", **changes):
     settings, sequence = replace(SETTINGS, **changes), subject[1]
     supervision = supervise(subject, *at, mask_flags=settings.mask_flags)
-    return train_surfels(settings, Subject(sequence, supervision), checkpoint, on_step)
+    return train_surfels(settings, Subject(sequence, supervision), Checkpoint(checkpoint, key), on_step)
 
 
 def as_bytes(surfels):
@@ -187,11 +188,11 @@ def test_a_run_within_a_budget_is_the_run_of_as_many_steps(subject, tmp_path, mo
 
     supervision, settings = supervise(subject, 0.25), replace(SETTINGS, **changes, budget="30s")
     with pytest.raises(KeyboardInterrupt):
-        train_surfels(settings, Subject(subject[1], supervision), tmp_path / "killed", stop)
+        train_surfels(settings, Subject(subject[1], supervision), Checkpoint(tmp_path / "killed", "key"), stop)
     monkeypatch.setattr(trainer, "seconds_per_step", lambda step, clock: pytest.fail("measured again"))
-    surfels, rows = train_surfels(settings, Subject(subject[1], supervision), tmp_path / "killed")
+    surfels, rows = train_surfels(settings, Subject(subject[1], supervision), Checkpoint(tmp_path / "killed", "key"))
     steps = with_iterations(settings, 60)  # 30 s of steps that take 0.5 s
-    expected, whole = train_surfels(steps, Subject(subject[1], supervision), tmp_path / "whole")
+    expected, whole = train_surfels(steps, Subject(subject[1], supervision))
     assert as_bytes(surfels) == as_bytes(expected)
     assert without_clock(rows) == without_clock(whole)
     assert rows[-1][0] == 60
@@ -201,7 +202,7 @@ def test_a_checkpoint_of_another_run_is_ignored(subject, tmp_path, monkeypatch):
     surfels, _ = run(subject, tmp_path / "none", iterations=8)
     monkeypatch.setattr(trainer, "progress", _killing_after(5))
     with pytest.raises(KeyboardInterrupt):
-        run(subject, tmp_path / "state", iterations=8, seed=1, checkpoint_seconds=0.0)
+        run(subject, tmp_path / "state", key="another", iterations=8, seed=1, checkpoint_seconds=0.0)
     monkeypatch.undo()
     assert (tmp_path / "state").is_file()
     assert as_bytes(run(subject, tmp_path / "state", iterations=8)[0]) == as_bytes(surfels)
@@ -313,7 +314,7 @@ def test_the_weight_of_a_target_scales_its_loss(subject, tmp_path):
     def trained(weight, iterations):
         targets = replace(given, targets=tuple(target._replace(weight=weight) for target in given.targets))
         shorter, supervision = replace(settings, iterations=iterations), Supervision(capture, [targets])
-        return as_bytes(train_surfels(shorter, Subject(sequence, supervision), tmp_path / "c")[0])
+        return as_bytes(train_surfels(shorter, Subject(sequence, supervision))[0])
 
     assert trained(0.0, 1) == trained(0.0, 4)
     assert trained(1.0, 1) != trained(1.0, 4)

@@ -1,21 +1,15 @@
-"""What a run does with the results of its study before it plans."""
+"""What a run says of its settings before it plans."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Collection, Sequence
-from functools import cache
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 
-from carigs.config import compose, compose_study, compose_variant, left_out_levels, rendered_levels, settings_text
+from carigs.config import compose, compose_study, compose_variant, left_out_levels, rendered_levels
 from carigs.errors import SettingsError
-from carigs.files import clean_results
-from carigs.job_lock import remove_free_locks
-from carigs.job_record import is_from_future, is_stale, mark_current, mark_stale, set_modification_times
-from carigs.outside_files import files_digest, outside_files
+from carigs.outside_files import outside_files
 from carigs.settings import STAGES, USEFUL_LEVEL
-from carigs.sources import fingerprint
 
 
 def check_study(combinations: Sequence[Sequence[str]]) -> None:
@@ -40,50 +34,6 @@ def check_study(combinations: Sequence[Sequence[str]]) -> None:
                 if settings[stage] != shared[stage]:
                     problem = f"gamma has several values, and settings of {stage} depend on it"
                     raise SettingsError(f"{problem}: run one study per gamma, each with a study.name of its own")
-
-
-def prepare_results(folder: Path, overrides: Sequence[str], stages: Collection[str] = tuple(STAGES)) -> None:
-    """Remove what killed processes left, and mark what was made with other settings, code or inputs to be made again.
-
-    Args:
-        folder: Folder of the study, `results/{study}`; it need not exist.
-        overrides: Hydra overrides of the run.
-        stages: Stages whose settings are those of the run; those of others are left as they are.
-
-    Raises:
-        InputError: The record of a job is malformed.
-    """
-
-    def text(stage: str, point: str) -> str | None:
-        if stage not in stages:
-            return None
-        try:
-            return settings_text(stage, *overrides, *(name for name in point.split(",") if name != "all"))
-        except (SettingsError, KeyError):  # a subject or variant that is no longer there
-            return None
-
-    clean_results(folder)
-    remove_free_locks(folder / "log")
-    outside = cache(files_digest)
-    stale = set_modification_times(folder / "log", text, _fingerprint, outside)
-    for (stage, reason), count in stale.items():
-        results = "1 result was" if count == 1 else f"{count} results were"
-        again = "what this run needs of it is made again"
-        print(f"carigs: {folder}: {stage}: {results} {reason}; {again}", file=sys.stderr)
-    for stage in stages:
-        for file in (folder / "settings" / stage).glob("*.yaml"):
-            present = text(stage, file.stem)
-            if present is None:
-                continue
-            if present != file.read_bytes().decode("utf-8", "replace"):
-                mark_stale(file)
-            elif is_stale(file) or is_from_future(file):
-                mark_current(file)
-
-
-@cache
-def _fingerprint(stage: str) -> str:
-    return fingerprint(f"carigs.stages.{stage}")
 
 
 def settings_warnings(overrides: Sequence[str]) -> list[str]:

@@ -1,17 +1,10 @@
 """What a run says of its settings when it starts."""
 
-import json
-from hashlib import sha256
-from pathlib import Path
-
 import pytest
 
-from carigs.config import compose, settings_text
+from carigs.config import compose
 from carigs.errors import SettingsError
-from carigs.job_record import is_stale
-from carigs.settings import STAGES
-from carigs.sources import fingerprint
-from carigs.study_start import check_study, prepare_results, settings_warnings
+from carigs.runs.settings_checks import check_study, settings_warnings
 
 
 @pytest.fixture
@@ -74,30 +67,3 @@ def test_settings_that_follow_gamma_cannot_be_shared_by_several_gammas(tmp_path,
     check_study(gammas[:1])
     check_study([[*overrides, "train.ssim_weight=0.3"] for overrides in gammas])
     compose.cache_clear()
-
-
-def record(stage, text):
-    """A result of a stage, and the record of a job that made it with these settings."""
-    result, settings = Path(f"results/toy/{stage}.out"), Path(f"results/toy/settings/{stage}/all.yaml")
-    log = Path(f"results/toy/log/{stage}/all.json")
-    for file in (result, settings, log):
-        file.parent.mkdir(parents=True, exist_ok=True)
-    result.write_text("made")
-    settings.write_text(text)
-    digests = {str(settings): sha256(text.encode()).hexdigest()[:32]}
-    made = {"finished": 1, "settings": digests, "code": fingerprint(f"carigs.stages.{stage}"), "inputs": {}}
-    log.write_text(json.dumps({**made, "outputs": {str(result): ""}}))
-    return result
-
-
-def test_a_run_leaves_the_results_of_stages_that_it_does_not_make(tmp_path, monkeypatch):
-    """A sweep over other keys writes its table into the folder of a study that it does not make."""
-    monkeypatch.chdir(tmp_path)
-    results = {stage: record(stage, "other: settings") for stage in ("tabulate", "sweep")}
-    prepare_results(Path("results/toy"), [], ["sweep"])
-    assert {stage: is_stale(file) for stage, file in results.items()} == {"tabulate": False, "sweep": True}
-    prepare_results(Path("results/toy"), [], [*STAGES])
-    assert all(map(is_stale, results.values()))
-    current = record("sweep", settings_text("sweep"))
-    prepare_results(Path("results/toy"), [], ["sweep"])
-    assert not is_stale(current)

@@ -1,0 +1,10 @@
+"""What a run of the workflow needs and the method does not: which results are current, locks, checks of the settings.
+
+- `job_record`: what made the outputs of a job, in a JSON file beside its log
+- `current_results`: which results of a study are current, by these records
+- `study_graph`: Snakemake's graph of jobs, which asks `current_results`
+- `locks`: one run of a study, and one process for each job, at a time
+- `plan`: the settings, code, packages and files that a job is planned with
+- `contents`: digests of the contents of files and folders
+- `settings_checks`: what a run says of its settings before it plans
+"""

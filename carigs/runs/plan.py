@@ -1,0 +1,76 @@
+"""What a job is planned with: its settings, the code and packages that it runs, and the files that its settings name.
+
+Snakemake compares this plan with that of an earlier run through the parameter `plan` of a rule; the record of a job
+keeps it with the results (`carigs.runs.job_record`).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+from omegaconf import OmegaConf
+
+from carigs.config import compose
+from carigs.outside_files import files_digest, outside_files
+from carigs.runs.contents import text_digest
+from carigs.runs.planned_job import Plan
+from carigs.settings import STAGES
+from carigs.settings.option import option_of, walk
+from carigs.sources import fingerprint, package_versions
+
+TOY = ("carigs.toy",)
+"""Code that draws the toy: it makes no result of other subjects."""
+
+
+def job_plan(stage: str, overrides: Sequence[str], level: float | None = None) -> Plan:
+    """Plan a job of a stage.
+
+    Args:
+        stage: Name of the stage.
+        overrides: Hydra overrides of the study and of the job, such as `subject=toy`.
+        level: Exaggeration level of the job, if it has one.
+
+    Returns:
+        The plan. Jobs of a subject depend on the files of its capture, whichever stage reads them.
+
+    Raises:
+        SettingsError: For wrong settings.
+    """
+    settings = compose(*overrides)
+    of_subject = any(override.startswith("subject=") for override in overrides)
+    named = outside_files("capture", settings.capture) if of_subject else {}
+    named |= outside_files(stage, settings[stage], level)
+    without = TOY if of_subject and settings.capture.source != "toy" else ()
+    return Plan(
+        settings=settings_digest(stage, settings[stage]),
+        code=fingerprint(f"carigs.stages.{stage}", without),
+        packages=package_versions(f"carigs.stages.{stage}", without),
+        outside={str(path): _digest(path) for path in named.values()},
+    )
+
+
+def settings_digest(stage: str, section: Any) -> str:
+    """Digest of a section, without settings that affect no result, such as numbers of threads.
+
+    Args:
+        stage: Name of the section.
+        section: The section, as its dataclass or as OmegaConf's mapping.
+
+    Returns:
+        Hexadecimal digits.
+    """
+    values = OmegaConf.to_container(section if OmegaConf.is_config(section) else OmegaConf.structured(section))
+    for key, _, field in walk(STAGES[stage]):
+        if not option_of(field).affects_results:
+            *parents, name = key.split(".")[1:]
+            within = values
+            for parent in parents:
+                within = within[parent]
+            del within[name]
+    return text_digest(json.dumps(values, sort_keys=True))
+
+
+_digest = cache(files_digest)

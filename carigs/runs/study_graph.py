@@ -1,0 +1,132 @@
+"""Snakemake's graph of jobs, in which records decide which results are current.
+
+Snakemake compares modification times, and its notes in the working folder. Both are lost when results are copied, and
+neither tells whether a file is damaged. No interface of Snakemake takes such a decision from outside, so the graph is a
+subclass. Nothing is written in a dry run. Every other run first locks its studies, removes what processes that were
+killed have left, and writes the settings files.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import snakemake.workflow
+from snakemake.dag import DAG
+from snakemake.exceptions import WorkflowError
+from snakemake.jobs import Job
+from snakemake_interface_storage_plugins.io import Mtime
+
+from carigs.errors import CarigsError, one_line
+from carigs.files import clean_results, writing
+from carigs.runs.contents import content_digest, text_digest
+from carigs.runs.current_results import outdated_jobs
+from carigs.runs.locks import lock_study, remove_free_locks
+from carigs.runs.planned_job import PlannedJob, planned_job
+
+
+def use_study_graph() -> None:
+    """Let Snakemake plan this run with `StudyGraph`."""
+    snakemake.workflow.DAG = StudyGraph
+
+
+class StudyGraph(DAG):
+    """The jobs of a run. Those whose results are not current are to be run, and modification times do not count."""
+
+    _recorded: Sequence[Job] = ()
+
+    async def check_incomplete(self) -> None:
+        """Mark results that are not current like those that a killed job has left incomplete.
+
+        Snakemake calls this when it knows all jobs, before it decides which of them to run.
+
+        Raises:
+            WorkflowError: Another run makes the same study, or its results cannot be written.
+        """
+        await super().check_incomplete()
+        jobs = [job for level in self.toposorted() for job in level if not any(f.is_storage for f in job.output)]
+        stages = {job: planned_job(job) for job in jobs if "plan" in job.params.keys()}
+        settings = [job for job in jobs if job.rule.name == "settings"]
+        runs = self.workflow.executor_plugin is not None and not self.workflow.dryrun
+        if runs:
+            try:
+                _take_over({stage.study for stage in stages.values()})
+                self._write_settings(settings)
+            except (CarigsError, OSError) as error:
+                raise WorkflowError(one_line(error)) from None
+        written = {str(job.output[0]): text_digest(job.params.text) for job in settings}
+        triggers = {trigger.name.lower().replace("_", "-") for trigger in self.workflow.rerun_triggers}
+        outdated = outdated_jobs(stages.values(), written, triggers)
+        for job, stage in stages.items():
+            if stage in outdated:
+                self.forcefiles.update(job.output)
+        current = [job for job, stage in stages.items() if stage not in outdated]
+        self._ignore_modification_times([*settings, *current], runs)
+        self._recorded = [*settings, *stages]
+        for line in _lines(outdated):
+            print(f"carigs: {line}", file=sys.stderr)
+
+    async def update_needrun(self, create_inventory: bool = False) -> None:
+        """Find the jobs to run; notes of Snakemake that are missing are no reason to say so, where there are records.
+
+        Args:
+            create_inventory: As in the class that this one extends.
+        """
+        await super().update_needrun(create_inventory)
+        for job in self._recorded:
+            self.reason(job).no_metadata = False
+
+    def _write_settings(self, jobs: list[Job]) -> None:
+        """Write the settings files that are missing, damaged, or of an earlier run.
+
+        A file that a rule makes again has all that was made from it made again, also where no result depends on the
+        change, such as that of a number of threads.
+        """
+        for job in jobs:
+            file, text = job.output[0], job.params.text
+            if content_digest(Path(file)) != text_digest(text):
+                with writing(file) as part:
+                    part.write_text(text, "utf-8")
+                self.workflow.iocache.exists_local[file] = True
+
+    def _ignore_modification_times(self, jobs: list[Job], runs: bool) -> None:
+        """Let outputs have one modification time while Snakemake plans: their contents are compared instead.
+
+        Snakemake ends a run in which an input is newer than an output that has just been made: what comes from the
+        future, because some clock was wrong, gets the present time.
+        """
+        now = time.time()
+        for job in jobs:
+            for output in filter(os.path.exists, job.output):
+                self.workflow.iocache.mtime[output] = Mtime(local=now)
+                if runs:
+                    _leave_the_future(Path(output), now)
+
+
+def _take_over(studies: set[Path]) -> None:
+    """Lock studies, and remove what killed processes have left in their results."""
+    for folder in sorted(studies):
+        lock_study(folder / "log")
+        clean_results(folder, no_job_runs=remove_free_locks(folder / "log"))
+
+
+def _leave_the_future(path: Path, now: float) -> None:
+    for file in (path, path / ".snakemake_timestamp"):  # which stands for the folder
+        try:
+            if file.stat().st_mtime > now:
+                os.utime(file, (now, now))
+        except OSError:  # not there, or not ours
+            pass
+
+
+def _lines(outdated: dict[PlannedJob, str]) -> list[str]:
+    counts = Counter((stage.study, stage.stage, reason) for stage, reason in outdated.items())
+    lines = []
+    for (study, stage, reason), count in counts.items():
+        results = "1 result was" if count == 1 else f"{count} results were"
+        lines.append(f"{study}: {stage}: {results} {reason}; what this run needs of it is made again")
+    return lines
