@@ -10,9 +10,9 @@ from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn, TransferSpeedColumn
 
 from carigs.errors import InputError
-from carigs.job_lock import job_lock
 from carigs.readers.download import download
 from carigs.readers.weights import MAX_WEIGHTS_BYTES
+from carigs.runs.locks import job_lock
 from evaluation.metrics.checksums import check_file, file_checksum, keep_checksum
 
 SECONDS_TO_WAIT = 6 * 3600.0
