@@ -10,6 +10,7 @@ import pytest
 
 from carigs.errors import InputError
 from carigs.files import clean_results, resuming_folder, write_json, writing
+from carigs.processes import this_process
 from carigs.readers.arrays import checked_array
 from carigs.readers.json_files import json_field, read_json
 from carigs.readers.npz import read_npz
@@ -89,6 +90,28 @@ def test_what_a_live_process_or_another_host_writes_is_kept(tmp_path):
         clean_results(tmp_path)
         write_json(tmp_path / "b.json", {})
         assert names(tmp_path) == {mine.name, other.name, "b.json"}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda process: process._replace(system="00000000"),  # another container, or before the system was started
+        lambda process: process._replace(host="another"),
+        lambda process: process._replace(system="00000000", pid=process.pid + 1),
+    ],
+)
+def test_what_an_unknown_process_writes_is_removed_only_when_no_job_runs(tmp_path, change):
+    """Containers of one host name count processes anew: the number of a live process of another one is dead here."""
+    with writing(tmp_path / "a.json") as mine:
+        mine.touch()
+        host, system, pid, start = change(this_process())
+        foreign = tmp_path / f".a.{pid}-{start}-{system}-{host}.part.json"
+        foreign.touch()
+        write_json(tmp_path / "b.json", {})
+        clean_results(tmp_path)
+        assert foreign.exists() and mine.exists()
+        clean_results(tmp_path, no_job_runs=True)
+        assert not foreign.exists() and mine.exists()
 
 
 def test_a_long_name_can_be_written(tmp_path):

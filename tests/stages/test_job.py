@@ -8,22 +8,29 @@ from types import SimpleNamespace
 
 import pytest
 
-from carigs.config import settings_text
+from carigs.config import compose, settings_text
 from carigs.errors import CarigsError
 from carigs.run_summary import error_lines
+from carigs.runs.plan import settings_digest
 from carigs.stages.job import run_job
+
+
+def job(log: Path, output: str | Path, **plan: str) -> dict:
+    """Fields of a job of the stage `tabulate`."""
+    planned = {"settings": settings_digest("tabulate", compose().tabulate), "code": "", "packages": {}, "outside": {}}
+    return {"log": str(log), "plan": planned | plan, "params": {}, "inputs": [], "outputs": [str(output)]}
 
 
 @pytest.mark.parametrize("target", ["/dev/full", "/nowhere/a.log"])
 def test_a_log_that_cannot_be_written_is_one_line(target, tmp_path, capsys):
     if not Path("/dev/full").exists():
         pytest.skip("only Linux has /dev/full")
-    log, outputs = tmp_path / "log/tabulate/a.log", [str(tmp_path / "table.csv")]
+    log, output = tmp_path / "log/tabulate/a.log", tmp_path / "table.csv"
     log.parent.mkdir(parents=True)
     log.symlink_to(target)
-    assert run_job("tabulate", str(tmp_path / "none.yaml"), {}, {}, "", [], outputs, {}, str(log)) == 1
+    assert run_job(str(tmp_path / "none.yaml"), {}, job(log, output)) == 1
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith(f"carigs: {outputs[0]}: ")
+    assert line.startswith(f"carigs: {output}: ")
 
 
 @pytest.mark.parametrize(
@@ -42,7 +49,32 @@ def test_the_last_line_of_the_log_is_the_error(error, words, is_traced, tmp_path
     log, settings = tmp_path / "log/tabulate/a.log", tmp_path / "all.yaml"
     log.parent.mkdir(parents=True)
     settings.write_text(settings_text("tabulate"))
-    assert run_job("tabulate", str(settings), {}, {}, "", [], ["table.csv"], {}, str(log)) == 1
+    assert run_job(str(settings), {}, job(log, "table.csv")) == 1
     (line,) = error_lines([log])
     assert line.startswith(f"table.csv: {words}")
     assert ("Traceback" in log.read_text()) == ("Traceback" in capsys.readouterr().err) == is_traced
+
+
+def test_a_job_refuses_settings_that_another_run_has_replaced(tmp_path, capsys):
+    """Where no lock holds another run back: the job would make results of settings that nobody planned."""
+    log, settings = tmp_path / "log/tabulate/a.log", tmp_path / "all.yaml"
+    log.parent.mkdir(parents=True)
+    settings.write_text(settings_text("tabulate", "tabulate.confidence=0.9"))
+    assert run_job(str(settings), {}, job(log, "table.csv")) == 1
+    assert "all.yaml: another run has replaced the settings" in capsys.readouterr().err
+
+
+def test_a_stage_that_can_resume_gets_the_key_of_the_record(tmp_path, monkeypatch):
+    """Equal jobs have one key; another version of a package is another key."""
+    keys = []
+
+    def stage(settings, resume_key):
+        keys.append(resume_key)
+
+    monkeypatch.setitem(sys.modules, "carigs.stages.tabulate", SimpleNamespace(tabulate=stage))
+    log, settings = tmp_path / "log/tabulate/a.log", tmp_path / "all.yaml"
+    log.parent.mkdir(parents=True)
+    settings.write_text(settings_text("tabulate"))
+    for plan in ({}, {}, {"packages": {"numpy": "9"}}, {"code": "other"}):
+        assert run_job(str(settings), {}, job(log, tmp_path / "table.csv", **plan)) == 0
+    assert keys[0] == keys[1] and len({*keys}) == 3
