@@ -91,7 +91,7 @@ def package_versions(module: str, without: Collection[str] = ()) -> dict[str, st
     Raises:
         ModuleNotFoundError: The project has no such module.
     """
-    names = {name for source in _modules(module, without) for name in _imports(source).packages}
+    names = {name for source in _modules(module, without) for name in _source(source).packages}
     return {name: _version(DISTRIBUTIONS[name]) for name in sorted(names & DISTRIBUTIONS.keys())}
 
 
@@ -106,7 +106,7 @@ def _modules(module: str, without: Collection[str]) -> set[Path]:
         file = pending.pop()
         if file not in files and left_out.isdisjoint(file.parents):
             files.add(file)
-            pending += _imports(file).modules
+            pending += _source(file).modules
     return files
 
 
@@ -117,21 +117,40 @@ def _file(module: str) -> Path | None:
     return next((file for file in files if module.split(".")[0] in PACKAGES and file.is_file()), None)
 
 
-# A workflow asks for the fingerprints of thirty modules, which share most of their sources.
 @cache
 def _digest(file: Path) -> str:
-    content = _code(file) if file.suffix == ".py" else file.read_text("utf-8")
-    return sha256(content.encode()).hexdigest()
+    return _source(file).digest if file.suffix == ".py" else sha256(file.read_text("utf-8").encode()).hexdigest()
 
 
-def _code(file: Path) -> str:
-    """The syntax tree of a module without its docstrings."""
-    tree = ast.parse(file.read_bytes())
+class _Source(NamedTuple):
+    """What matters of a module."""
+
+    digest: str
+    """Of its syntax tree without docstrings."""
+    modules: tuple[Path, ...]
+    """Files of this project that it imports."""
+    packages: frozenset[str]
+    """First parts of the names of all modules that it imports."""
+
+
+# A workflow asks for the fingerprints of thirty modules, which share most of their sources.
+@cache
+def _source(file: Path) -> _Source:
+    tree, names = ast.parse(file.read_bytes()), []
     for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):  # relative imports are not used
+            names += [node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)]
+        elif isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             # Also the strings below fields and constants, which are their documentation.
             node.body = [line for line in node.body if not _is_text(line)]
-    return ast.dump(tree)
+    files = [_file(name) for name in names if name.startswith(PACKAGES) and not name.startswith(WITHOUT_EFFECT)]
+    return _Source(
+        sha256(ast.dump(tree).encode()).hexdigest(),
+        tuple(file for file in files if file),
+        frozenset(name.partition(".")[0] for name in names),
+    )
 
 
 def _is_text(line: ast.stmt) -> bool:
@@ -149,23 +168,3 @@ def _version(distribution: str) -> str:
 @cache
 def _data(file: Path) -> tuple[Path, ...]:
     return tuple(data for data in file.parent.glob(f"{file.stem}.*") if data.suffix in DATA)
-
-
-class _Imports(NamedTuple):
-    modules: tuple[Path, ...]
-    """Files of this project."""
-    packages: frozenset[str]
-    """First parts of the names of all imported modules."""
-
-
-@cache
-def _imports(file: Path) -> _Imports:
-    """What a module imports."""
-    names: list[str] = []
-    for node in ast.walk(ast.parse(file.read_bytes())):
-        if isinstance(node, ast.Import):
-            names += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):  # relative imports are not used
-            names += [node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)]
-    files = [_file(name) for name in names if name.startswith(PACKAGES) and not name.startswith(WITHOUT_EFFECT)]
-    return _Imports(tuple(file for file in files if file), frozenset(name.partition(".")[0] for name in names))

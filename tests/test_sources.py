@@ -82,7 +82,7 @@ def package(tmp_path, monkeypatch):
 def test_the_fingerprint_changes_with_what_the_module_does(package, file, text, changes):
     before = fingerprint("carigs.one")
     (package / file).write_text(text)
-    for cached in (module._digest, module._data, module._imports):
+    for cached in (module._digest, module._data, module._source):
         cached.cache_clear()
     assert (fingerprint("carigs.one") != before) == changes
 

@@ -44,10 +44,11 @@ def job_plan(stage: str, overrides: Sequence[str], level: float | None = None) -
     named = outside_files("capture", settings.capture) if of_subject else {}
     named |= outside_files(stage, settings[stage], level)
     without = TOY if of_subject and settings.capture.source != "toy" else ()
+    code, packages = _code_and_packages(f"carigs.stages.{stage}", without)
     return Plan(
         settings=settings_digest(stage, settings[stage]),
-        code=fingerprint(f"carigs.stages.{stage}", without),
-        packages=package_versions(f"carigs.stages.{stage}", without),
+        code=code,
+        packages=packages,
         outside={str(path): _digest(path) for path in named.values()},
     )
 
@@ -74,3 +75,8 @@ def settings_digest(stage: str, section: Any) -> str:
 
 
 _digest = cache(files_digest)
+
+
+@cache
+def _code_and_packages(module: str, without: tuple[str, ...]) -> tuple[str, dict[str, str]]:
+    return fingerprint(module, without), package_versions(module, without)
