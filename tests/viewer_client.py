@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import time
 from typing import Any, ClassVar
 
@@ -22,6 +23,19 @@ CAMERA = {
     "look_at": (0.0, 0.0, 0.0),
     "up_direction": (0.0, 1.0, 0.0),
 }
+
+
+def answer_to(port: int, *, host: str | None, origin: str | None = None, upgrade: bool = False) -> int:
+    """Status of the answer to a request with these headers; None leaves one out."""
+    headers = {"Host": host, "Origin": origin}
+    if upgrade:
+        headers |= {"Connection": "Upgrade", "Upgrade": "websocket"}
+        headers |= {"Sec-WebSocket-Version": "13", "Sec-WebSocket-Key": "x" * 22 + "=="}
+        headers |= {"Sec-WebSocket-Protocol": f"viser-v{viser.__version__}"}
+    lines = ["GET / HTTP/1.1", *(f"{name}: {value}" for name, value in headers.items() if value is not None), "", ""]
+    with socket.create_connection(("127.0.0.1", port), timeout=10) as connection:
+        connection.sendall("\r\n".join(lines).encode("latin1"))
+        return int(connection.recv(100).split()[1])
 
 
 class Client:

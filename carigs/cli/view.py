@@ -10,9 +10,13 @@ import argparse
 import contextlib
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from carigs.cli.parser import command_parser
 from carigs.errors import CarigsError, InputError, SettingsError
+
+if TYPE_CHECKING:
+    from carigs.viewer.listening import Listener
 
 EXAMPLES = """examples:
   carigs view avatar.npz
@@ -29,10 +33,8 @@ def view(task: argparse.Namespace) -> None:
 
     Raises:
         InputError: For files that cannot be read.
-        SettingsError: If viser is not installed, or the port is not possible.
+        SettingsError: If viser is not installed, or the viewer cannot listen.
     """
-    if not 0 <= task.port <= 65535:
-        raise SettingsError(f"--port {task.port}: expected 0 to 65535")
     if task.truth is not None and task.capture is None:
         raise SettingsError("--truth needs --capture")
     if task.exports.exists() and not task.exports.is_dir():
@@ -41,6 +43,14 @@ def view(task: argparse.Namespace) -> None:
         import viser  # noqa: F401
     except ImportError as error:
         raise SettingsError("the viewer needs viser: pip install 'carigs[viewer]'") from error
+    from carigs.viewer.listening import listen
+
+    listener = listen(task.host, task.port, task.allowed_hosts)  # first: a mistake ends the command at once
+    with contextlib.closing(listener.socket):
+        _serve(task, listener)
+
+
+def _serve(task: argparse.Namespace, listener: Listener) -> None:
     from rich.progress import track
 
     from carigs.capture import Capture
@@ -50,9 +60,9 @@ def view(task: argparse.Namespace) -> None:
 
     avatar, second = load(task.avatar), None if task.second is None else load(task.second)
     capture = None if task.capture is None else Capture.load(task.capture)
-    viewer = Viewer(Subject(avatar, second, capture, task.truth), task.exports, task.host, task.port)
+    viewer = Viewer(Subject(avatar, second, capture, task.truth), task.exports, listener)
     try:
-        print(f"open {viewer.address} in a browser; Ctrl-C ends the viewer", flush=True)
+        print(f"open {listener.address} in a browser; Ctrl-C ends the viewer", flush=True)
         regions = [control.label for control in viewer.subject.controls if control.group == "regions"]
         for name in track(regions, "solving regions", transient=True, disable=not sys.stderr.isatty()):
             for scene in viewer.subject.scenes:
@@ -84,6 +94,10 @@ def main(arguments: list[str]) -> int:
         "--exports", type=Path, default=Path("exports"), metavar="FOLDER", help="where exports go (default %(default)s)"
     )
     parser.add_argument("--host", default="127.0.0.1", help="address to listen at (default %(default)s)")
-    parser.add_argument("--port", type=int, default=8080, help="the next free port is taken (default %(default)s)")
+    parser.add_argument("--port", type=int, help="port to listen at, 0 for any (default: 8080, or the next free one)")
+    parser.add_argument(
+        "--allow-host", dest="allowed_hosts", action="append", default=[], metavar="NAME",
+        help="another name by which browsers reach the viewer, such as that of a proxy",
+    )  # fmt: skip
     view(parser.parse_args(arguments))
     return 0

@@ -7,7 +7,8 @@
 - `exports`: files that the page asks for
 - `subject`: the avatars, their capture, and the truth
 - `options`, `page`, `session`: what one client looks at, its page, and what it must be shown next
-- `panel`, `server`, `admission`: the page in viser, the server, and what it takes from clients
+- `listening`, `admission`: the socket, and which requests are answered
+- `panel`, `server`, `client_messages`: the page in viser, the server, and what it takes from clients
 
 Modules are imported directly, so that no module loads more than it needs: only the last three import viser, which the
 extra `viewer` installs.

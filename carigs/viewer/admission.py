@@ -1,67 +1,145 @@
-"""What a client may send: viser trusts its clients, this server does not.
+"""Which requests the viewer answers: those for a host name that is its own, from its own page.
 
-By its messages a client of viser can open a public tunnel to the server, store uploads of any size, have the server
-repeat messages to all other clients and keep them, and set any attribute of a control. Here a connection keeps the
-handlers of three kinds of messages: its camera, the value of a control, and a click in the scene. viser has no
-settings for this, so private attributes of its version 1.1 are used; `tests/viewer/test_server.py` holds them to it.
+A page of any site may ask a server of this machine from the browser of its user. The browser names the page's site in
+the header Origin. A site whose own name was pointed at 127.0.0.1 after its page was loaded (DNS rebinding) is taken for
+the server itself by the browser; its name is then in the header Host.
 """
 
 from __future__ import annotations
 
-from typing import Any
-from urllib.parse import urlsplit
+import re
+import socket
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from http import HTTPStatus
+from ipaddress import IPv6Address, ip_address
+from typing import NamedTuple
 
-from viser import _messages as messages
+from carigs.errors import SettingsError
 
 MAX_CLIENTS = 64
-"""Connections at a time; further ones are closed."""
-MAX_MESSAGE = 1 << 14
-"""Bytes of a message from a client: a browser sends a camera, a click, or the value of a control."""
-MAX_TEXT = 100
-"""Characters of the value of a control."""
-UNDERSTOOD = (messages.ViewerCameraMessage, messages.GuiUpdateMessage, messages.SceneNodeClickMessage)
+"""Connections at a time; further ones are refused."""
+HANDSHAKE_SECONDS = 10.0
+"""Time in which a request must have arrived."""
+SILENCE_SECONDS = 60.0
+"""Time after which a connection is closed if no page has reported its camera through it."""
+LOCAL = ("localhost", "127.0.0.1", "::1")
+"""Names of this machine in the URLs of its own browsers, and of those that reach it through a forwarded port."""
+_AUTHORITY = re.compile(r"(\[[^\[\]]*\]|[^\[\]:]+)(?::([0-9]{1,5}))?")
+_ORIGIN = re.compile(r"https?://(.*)", re.IGNORECASE)
 
 
-def forget_shared_handlers(websocket_server: Any) -> None:
-    """Remove the handlers of all clients' messages that do not belong to one client.
+class Authority(NamedTuple):
+    """Host name and port of a URL."""
+
+    name: str
+    """As of `host_name`."""
+    port: int | None
+    """None: that of the protocol."""
+
+
+def host_name(text: str) -> str | None:
+    """Bring a host name or an address into the form in which equal ones are equal.
 
     Args:
-        websocket_server: viser's `WebsockServer`.
+        text: The name or the address, without a port; IPv6 with or without brackets.
+
+    Returns:
+        The name in small ASCII letters without the dot of the root, or the address as `ipaddress` writes it, without a
+        zone, and IPv4 as IPv4. None if it is neither.
     """
-    for kind in list(websocket_server._incoming_handlers):
-        websocket_server.unregister_handler(kind)
+    bare = text[1:-1] if text.startswith("[") and text.endswith("]") else text
+    try:
+        address = ip_address(bare.partition("%")[0])
+    except ValueError:
+        pass
+    else:
+        mapped = address.ipv4_mapped if isinstance(address, IPv6Address) else None
+        return str(mapped or address)
+    try:
+        name = text.removesuffix(".").encode("idna").decode("ascii").lower()
+        return str(ip_address(name)) if name.replace(".", "").isdigit() else _plain(name)
+    except ValueError:  # also of names that IDNA does not know
+        return None
 
 
-async def admit(websocket_server: Any, connection: Any) -> None:
-    """Close a connection that is one too many or comes from another page, and restrict the messages of others.
+def _plain(name: str) -> str | None:
+    return name if re.fullmatch(r"[a-z0-9_-]+(\.[a-z0-9_-]+)*", name) else None
 
-    A page of any site may open a connection to this server in the browser of its user. Browsers then name the site in
-    the header Origin.
+
+def parse_authority(text: str) -> Authority | None:
+    """Split what a URL or the header Host has.
 
     Args:
-        websocket_server: viser's `WebsockServer`.
-        connection: The connection, before its first message is read.
+        text: A name or an address, and a port behind a colon or none.
+
+    Returns:
+        Both; None if it is something else.
     """
-    socket = websocket_server._live_connections.get(connection.client_id)
-    if socket is None:
-        return
-    socket.protocol.max_message_size = MAX_MESSAGE
-    for kind in set(connection._incoming_handlers) - set(UNDERSTOOD):
-        connection.unregister_handler(kind)
-    handlers = connection._incoming_handlers.pop(messages.GuiUpdateMessage)
-
-    async def take_value(client_id: Any, message: messages.GuiUpdateMessage) -> None:
-        if set(message.updates) == {"value"} and _is_plain(message.updates["value"]):
-            for handler in handlers:
-                await handler(client_id, message)
-
-    connection.register_handler(messages.GuiUpdateMessage, take_value)
-    origin, host = socket.request.headers.get("Origin"), socket.request.headers.get("Host", "")
-    if origin is not None and urlsplit(origin).netloc != host:
-        await socket.close(1008, "this page belongs to another site")
-    elif len(websocket_server._live_connections) > MAX_CLIENTS:
-        await socket.close(1013, "too many clients")
+    match = _AUTHORITY.fullmatch(text)
+    name = None if match is None else host_name(match[1])
+    if match is None or name is None:
+        return None
+    return Authority(name, None if match[2] is None else int(match[2]))
 
 
-def _is_plain(value: Any) -> bool:
-    return isinstance(value, bool | int | float) or (isinstance(value, str) and len(value) <= MAX_TEXT)
+@dataclass(frozen=True)
+class Admission:
+    """Whom a server answers."""
+
+    names: frozenset[str]
+    """Host names and addresses that are the server's own."""
+    proxies: frozenset[str] = frozenset()
+    """Those of them that a proxy shows to browsers: it may pass another Host on than the one of its page."""
+
+    def refusal(
+        self, hosts: Sequence[str], origins: Sequence[str], local_address: str
+    ) -> tuple[HTTPStatus, str] | None:
+        """Decide on a request.
+
+        Args:
+            hosts: Headers Host of the request.
+            origins: Headers Origin.
+            local_address: Address of this machine at which the request arrived. It is a name of the server, too: an
+                address cannot be pointed at another machine, as names can.
+
+        Returns:
+            Status and text of the answer that refuses it; None to answer it.
+        """
+        host = parse_authority(hosts[0]) if len(hosts) == 1 else None
+        own = self.names | {host_name(local_address)}
+        if host is None or host.name not in own:
+            problem = "This viewer does not answer for this host name: start it with --allow-host NAME."
+            return HTTPStatus.FORBIDDEN, f"{problem}\n"
+        if not origins:  # no page of a browser
+            return None
+        match = _ORIGIN.fullmatch(origins[0]) if len(origins) == 1 else None
+        page = None if match is None else parse_authority(match[1])
+        if page is None or not (page.name in self.proxies or (page.name in own and page.port == host.port)):
+            return HTTPStatus.FORBIDDEN, "This page belongs to another site.\n"
+        return None
+
+
+def admission(host: str, *, is_local: bool, allowed: Iterable[str] = ()) -> Admission:
+    """Whom a server that listens at an address answers.
+
+    Args:
+        host: The address or name, as the user gave it.
+        is_local: Whether only this machine can reach it. If others can, the name of this machine is its own, too.
+        allowed: Further names, such as that of a proxy.
+
+    Returns:
+        The admission.
+
+    Raises:
+        SettingsError: If one of the further names is no host name.
+    """
+    proxies = set()
+    for text in allowed:
+        name = host_name(text)
+        if name is None:
+            raise SettingsError(f"--allow-host {text}: expected a host name or an address, without port and protocol")
+        proxies.add(name)
+    machine = socket.gethostname()
+    names = {*LOCAL, host_name(host), *([] if is_local else map(host_name, (machine, machine.partition(".")[0])))}
+    return Admission(frozenset(name for name in names | proxies if name is not None), frozenset(proxies))

@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import io
 import logging
 import threading
 import time
 import warnings
+from collections.abc import Iterator
+from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
 import viser
+import websockets.asyncio.server
 from threadpoolctl import threadpool_limits
 
 from carigs.errors import CarigsError, SettingsError, one_line
-from carigs.viewer.admission import admit, forget_shared_handlers
+from carigs.viewer import admission
+from carigs.viewer.client_messages import forget_shared_handlers, restrict_messages
 from carigs.viewer.exact_mode import exact_image, page_pose
 from carigs.viewer.exports import Export, ExportFolder, write_export
+from carigs.viewer.listening import Listener
 from carigs.viewer.panel import Panel
 from carigs.viewer.splat_records import SCENE_SCALE, splat_records
 from carigs.viewer.state import State
@@ -25,7 +31,6 @@ from carigs.viewer.subject import Subject
 
 MAX_DOWNLOAD = 64 << 20
 """Bytes of an export that is also offered for download."""
-LOCAL = ("127.0.0.1", "localhost", "::1")
 log = logging.getLogger(__name__)
 
 
@@ -37,14 +42,13 @@ class Viewer:
         exports: Where files go.
     """
 
-    def __init__(self, subject: Subject, exports: Path, host: str = "127.0.0.1", port: int = 8080) -> None:
+    def __init__(self, subject: Subject, exports: Path, listener: Listener) -> None:
         """Start the server.
 
         Args:
             subject: The avatars.
             exports: Folder of exports.
-            host: Address to listen at.
-            port: Port to listen at; the next free one is taken, and any for 0.
+            listener: The socket, see `carigs.viewer.listening.listen`, and whom the server answers.
         """
         self.subject, self.exports = subject, ExportFolder(exports)
         self._panels: dict[int, Panel] = {}
@@ -56,9 +60,9 @@ class Viewer:
             logging.getLogger(name).setLevel(logging.CRITICAL)
         # What is computed for a page that is closed meanwhile.
         warnings.filterwarnings("ignore", "Queued a .* on a closed connection", UserWarning)
-        with contextlib.redirect_stdout(io.StringIO()):  # viser's table of addresses
-            self._server = viser.ViserServer(host, port, label="carigs", verbose=False)
-        self.host, self.port = host, self._server.get_port()
+        self.port = listener.port
+        with _serving(listener), contextlib.redirect_stdout(io.StringIO()):  # viser's table of addresses
+            self._server = viser.ViserServer(listener.host, listener.port, label="carigs", verbose=False)
         forget_shared_handlers(self._server._websock_server)
         self._server._websock_server.on_client_connect(self._admit)
         self._prepare_page()
@@ -66,11 +70,6 @@ class Viewer:
         self._server._websock_server.on_client_disconnect(self._disconnected)
         self._thread = threading.Thread(target=self._compute, name="viewer", daemon=True)
         self._thread.start()
-
-    @property
-    def address(self) -> str:
-        """What to open in a browser."""
-        return f"http://{'localhost' if self.host in LOCAL else self.host}:{self.port}"
 
     @property
     def num_clients(self) -> int:
@@ -105,7 +104,13 @@ class Viewer:
         server.initial_camera.up = (0.0, 1.0, 0.0)
 
     async def _admit(self, connection: Any) -> None:
-        await admit(self._server._websock_server, connection)
+        socket = self._server._websock_server._live_connections[connection.client_id]
+        restrict_messages(socket, connection)
+        asyncio.get_running_loop().call_later(admission.SILENCE_SECONDS, self._end_silent, connection.client_id, socket)
+
+    def _end_silent(self, number: int, socket: Any) -> None:
+        if number not in self._server._connected_clients:  # viser puts them there with their first camera
+            self._closing = asyncio.ensure_future(socket.close(1008, "the page has not reported its camera"))
 
     def _connected(self, client: viser.ClientHandle) -> None:
         try:
@@ -205,3 +210,32 @@ class Viewer:
                 panel.show_status((str(error) if isinstance(error, CarigsError) else "the export failed")[:200])
         finally:
             self._exporting.discard(client.client_id)
+
+
+@contextlib.contextmanager
+def _serving(listener: Listener) -> Iterator[None]:
+    """Have the viser server that the block starts serve at a socket of ours, and ask `Admission` about every request.
+
+    viser takes an address and a port alone: where it cannot listen it tries a thousand ports and then waits for ever,
+    and it answers every request. So `serve`, by which it opens its socket, is replaced meanwhile. A refused request
+    never becomes a client of viser, and whatever goes wrong on the way to one, websockets closes the connection.
+    """
+    serve = websockets.asyncio.server.serve
+
+    def serve_at_socket(handler: Any, *_: Any, process_request: Any, **options: Any) -> Any:
+        def answer(connection: Any, request: Any) -> Any:
+            headers = request.headers
+            here, *_ = connection.local_address
+            refusal = listener.admission.refusal(headers.get_all("Host"), headers.get_all("Origin"), here)
+            if refusal is None and len(connection.server.connections) >= admission.MAX_CLIENTS:
+                refusal = HTTPStatus.SERVICE_UNAVAILABLE, "Too many clients.\n"
+            return process_request(connection, request) if refusal is None else connection.respond(*refusal)
+
+        limits = {"open_timeout": admission.HANDSHAKE_SECONDS}
+        return serve(handler, sock=listener.socket, process_request=answer, **limits, **options)
+
+    websockets.asyncio.server.serve = serve_at_socket
+    try:
+        yield
+    finally:
+        websockets.asyncio.server.serve = serve

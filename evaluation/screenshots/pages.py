@@ -61,11 +61,12 @@ def viewer_screenshot(browser: Browser, avatar: Path, level: float) -> UInt8[np.
         RGB of the window.
     """
     from carigs.library import load
+    from carigs.viewer.listening import listen
     from carigs.viewer.server import Viewer
     from carigs.viewer.subject import Subject
 
     with tempfile.TemporaryDirectory() as exports:
-        viewer = Viewer(Subject(load(avatar)), Path(exports), port=0)
+        viewer = Viewer(Subject(load(avatar)), Path(exports), listen(port=0))
         try:
             browser.open(f"http://127.0.0.1:{viewer.port}/?fixedDpr=1", *SIZE)
             browser.wait_for("document.querySelectorAll('[role=slider]').length > 0")

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import urllib.request
@@ -36,6 +37,11 @@ def test_without_viser_it_says_what_to_install(avatar, capsys, monkeypatch):
     ("arguments", "problem"),
     [
         (["--port", "70000"], "--port 70000"),
+        (["--port", "-1"], "--port -1"),
+        (["--host", ""], "--host"),
+        (["--host", "a b"], "--host a b"),
+        (["--host", "192.0.2.1"], "--host 192.0.2.1"),
+        (["--allow-host", "http://a/"], "--allow-host http://a/"),
         (["--truth", "truth.json"], "--truth needs --capture"),
         (["--exports", __file__], "is no folder"),
         (["--capture", "no/capture.json"], "no/capture.json"),
@@ -66,6 +72,15 @@ def test_the_viewer_listens_at_this_machine_until_it_is_interrupted(avatar, tmp_
         out, err = viewer.communicate(timeout=30)
     assert viewer.returncode == 0 and out.splitlines()[-1] == "ended" and "Traceback" not in err
     assert not (tmp_path / "out").exists()
+
+
+def test_a_taken_port_ends_it_before_the_avatar_is_read(capsys):
+    """It hung: viser tried a thousand ports, and then waited for a server that never came."""
+    pytest.importorskip("viser")
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        assert carigs(["view", "no.npz", "--port", str(taken.getsockname()[1])]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "this port is taken" in line
 
 
 def _listening(port):

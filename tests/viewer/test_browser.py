@@ -12,6 +12,7 @@ pytest.importorskip("viser")
 
 from carigs.library import HeadAvatar
 from carigs.viewer.exact_mode import exact_image, page_pose
+from carigs.viewer.listening import listen
 from carigs.viewer.scene import HeadScene
 from carigs.viewer.server import Viewer
 from carigs.viewer.subject import Subject
@@ -29,7 +30,7 @@ SLIDERS = "[...document.querySelectorAll('[role=slider]')]"
 
 @pytest.fixture(scope="module")
 def viewer(tmp_path_factory):
-    viewer = Viewer(Subject(HeadAvatar(ball_avatar(sh_degree=0))), tmp_path_factory.mktemp("exports"), port=0)
+    viewer = Viewer(Subject(HeadAvatar(ball_avatar(sh_degree=0))), tmp_path_factory.mktemp("exports"), listen(port=0))
     yield viewer
     viewer.stop()
 

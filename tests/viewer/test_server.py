@@ -10,12 +10,13 @@ import pytest
 from avatars import ball_avatar
 
 pytest.importorskip("viser")
-from viewer_client import CAMERA, Client
-from websockets.exceptions import ConnectionClosed
+from viewer_client import CAMERA, Client, answer_to
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from carigs.library import HeadAvatar
-from carigs.viewer import admission
+from carigs.viewer import admission, client_messages, server
 from carigs.viewer.exact_mode import View, exact_image
+from carigs.viewer.listening import listen
 from carigs.viewer.scene import HeadScene
 from carigs.viewer.server import Viewer
 from carigs.viewer.state import State, controls_of
@@ -26,7 +27,7 @@ WINDOW = View(CAMERA["wxyz"], CAMERA["position"], CAMERA["fov"], CAMERA["image_w
 
 @pytest.fixture(scope="module")
 def viewer(tmp_path_factory):
-    viewer = Viewer(Subject(HeadAvatar(ball_avatar())), tmp_path_factory.mktemp("viewer") / "exports", port=0)
+    viewer = Viewer(Subject(HeadAvatar(ball_avatar())), tmp_path_factory.mktemp("viewer") / "exports", listen(port=0))
     yield viewer
     viewer.stop()
 
@@ -117,7 +118,7 @@ def test_clients_have_their_own_values(viewer):
 
 MALFORMED = (
     b"", b"\xc1", os.urandom(300), "text", b"\x80", b"\x81\xa4type\xa1x", b"\x81\xa4type\xb0GuiUpdateMessage",
-    b"\x91" * 40_000, b"x" * (admission.MAX_MESSAGE + 1),
+    b"\x91" * 40_000, b"x" * (client_messages.MAX_MESSAGE + 1),
 )  # fmt: skip
 
 
@@ -221,14 +222,66 @@ def test_paths_of_the_page_do_not_leave_its_folder(viewer):
         connection.close()
 
 
-def test_pages_of_other_sites_are_turned_away(viewer):
-    with pytest.raises(ConnectionClosed, match="another site"):
-        client = Client(viewer.port, additional_headers={"Origin": "http://evil.example"})
-        for _ in range(200):
-            client.receive(5.0)
+@pytest.mark.parametrize("upgrade", [False, True], ids=["page", "socket"])
+@pytest.mark.parametrize(
+    "host", ["localhost", "LocalHost.", "127.0.0.1", "[::1]", "[0:0:0:0:0:0:0:1]", "localhost:9000", "127.0.0.1:1"]
+)
+def test_its_own_names_are_answered_at_any_port(viewer, host, upgrade):
+    """Of a tunnel through ssh, the port differs from that of the server."""
+    origin = f"http://{host}".lower()
+    assert answer_to(viewer.port, host=host, origin=origin, upgrade=upgrade) == (101 if upgrade else 200)
+
+
+@pytest.mark.parametrize("upgrade", [False, True], ids=["page", "socket"])
+@pytest.mark.parametrize(
+    "host",
+    ["evil.example", "evil.example:18080", "localhost.evil.example", "127.0.0.1.evil.example", "8.8.8.8", "[::2]",
+     "localhost@evil.example", "127.0.0.2", "0.0.0.0", "", "[", "localhost:port", None],
+)  # fmt: skip
+def test_other_names_are_turned_away(viewer, host, upgrade):
+    """A site whose name was pointed at this machine got the surfels, and could write exports (DNS rebinding)."""
+    assert answer_to(viewer.port, host=host, upgrade=upgrade) == 403
+    if host:
+        assert answer_to(viewer.port, host=host, origin=f"http://{host}", upgrade=upgrade) == 403
+
+
+@pytest.mark.parametrize(
+    "origin",
+    ["http://evil.example", "null", "", "http://[", "http://", "file://", "http://localhost:1", "http://localhost@evil.example",
+     "http://localhost evil.example", "https://localhost.evil.example"],
+)  # fmt: skip
+def test_pages_of_other_sites_are_turned_away(viewer, origin):
+    assert answer_to(viewer.port, host=f"localhost:{viewer.port}", origin=origin, upgrade=True) == 403
     friend = Client(viewer.port, additional_headers={"Origin": f"http://127.0.0.1:{viewer.port}"})
     friend.control("gamma")
     friend.close()
+
+
+def test_malformed_handshakes_keep_no_place(viewer, monkeypatch):
+    """After 64 handshakes with a broken Origin, and after any error on the way to a client, new ones must get in."""
+    monkeypatch.setattr(admission, "MAX_CLIENTS", 4)
+    for origin in ("http://[", "http://[::1", "\x80", "http://localhost:99999999"):
+        for _ in range(3):
+            assert answer_to(viewer.port, host="localhost", origin=origin, upgrade=True) == 403
+    with monkeypatch.context() as broken:
+        broken.setattr(server, "restrict_messages", None)
+        for _ in range(6):
+            with pytest.raises(ConnectionClosed):
+                Client(viewer.port).receive(5.0)
+    client = Client(viewer.port)
+    client.control("gamma")
+
+
+def test_connections_that_say_nothing_are_ended(viewer, monkeypatch):
+    monkeypatch.setattr(admission, "SILENCE_SECONDS", 0.2)
+    with pytest.raises(ConnectionClosed, match="not reported its camera"):
+        silent = Client(viewer.port, camera={"type": "GuiUpdateMessage", "uuid": "x", "updates": {"value": 1}})
+        for _ in range(200):
+            silent.receive(5.0)
+    client = Client(viewer.port)
+    client.control("gamma")
+    time.sleep(0.5)
+    client.move(client.control("divider"), 0.25)
 
 
 def test_fifty_clients_and_one_that_stops_reading(viewer):
@@ -255,8 +308,9 @@ def test_fifty_clients_and_one_that_stops_reading(viewer):
 def test_more_clients_than_a_server_takes(viewer, monkeypatch):
     monkeypatch.setattr(admission, "MAX_CLIENTS", 2)
     clients = [Client(viewer.port) for _ in range(2)]
-    with pytest.raises(ConnectionClosed, match="too many"):
-        late = Client(viewer.port)
-        for _ in range(200):
-            late.receive(5.0)
+    with pytest.raises(InvalidStatus, match="503"):
+        Client(viewer.port)
     clients[0].control("gamma")
+    clients[1].close()
+    until(lambda: viewer.num_clients == 1)
+    Client(viewer.port).control("gamma")
