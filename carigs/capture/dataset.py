@@ -18,9 +18,10 @@ from carigs.capture.images import differs_from_background, read_alpha8, read_gre
 from carigs.errors import InputError
 from carigs.files import write_json
 from carigs.head import HeadModel, HeadParameters
+from carigs.readers.formats import Format, check_format
 from carigs.readers.json_files import json_field, read_json
 
-FORMAT = "carigs-capture-2"
+FORMAT = Format("carigs-capture", 2, "run the stage capture again, as carigs run does")
 
 
 @dataclass(frozen=True)
@@ -179,7 +180,7 @@ class Capture:
             file: Path of capture.json.
         """
         content = {
-            "format": FORMAT,
+            "format": str(FORMAT),
             "root": _relative(self.root, file.parent),
             "head_model": _relative(self.head_model, file.parent),
             "background": self.background,
@@ -207,8 +208,7 @@ class Capture:
                 possible.
         """
         content = read_json(file, dict)
-        if content.get("format") != FORMAT:
-            raise InputError(f"not a {FORMAT} index; run the stage capture again", file=file, field="format")
+        check_format(content.get("format"), FORMAT, file)
 
         def field(key: str, kind: type) -> Any:
             return json_field(content, key, kind, file=file)

@@ -11,7 +11,10 @@ from carigs.capture.camera import Camera
 from carigs.capture.capture_json import camera_from_json
 from carigs.errors import InputError
 from carigs.files import write_json
+from carigs.readers.formats import Format, check_format
 from carigs.readers.json_files import json_field, read_json
+
+TRUTH = Format("carigs-truth", 1, "run the stage truth again, as carigs run does")
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,8 @@ def read_ground_truth(index: Path) -> GroundTruth:
     Raises:
         InputError: If an entry is broken or an image is missing.
     """
-    content, images, masks = read_json(index), {}, {}
+    content, images, masks = read_json(index, dict), {}, {}
+    check_format(content.get("format", "carigs-truth-1"), TRUTH, index)  # the first ones stated none
     for i, entry in enumerate(json_field(content, "frames", list, file=index)):
         where = f"frames[{i}]"
         key = tuple(json_field(entry, name, int, file=index, where=where) for name in ("timestep", "camera"))
@@ -119,7 +123,7 @@ def write_ground_truth(index: Path, level: float, names: Iterable[tuple[int, int
         reason: Why there are no images, if there are none.
     """
     frames = [{"timestep": t, "camera": c, **ground_truth_files(t, c)} for t, c in names]
-    write_json(index, {"level": level, "reason": reason, "frames": frames})
+    write_json(index, {"format": str(TRUTH), "level": level, "reason": reason, "frames": frames})
 
 
 def ground_truth_files(timestep: int, camera: int) -> dict[str, str]:

@@ -14,9 +14,11 @@ from carigs.capture.dataset import Capture
 from carigs.capture.frame import Frame
 from carigs.errors import InputError
 from carigs.files import write_json
+from carigs.readers.formats import Format, check_format
 from carigs.readers.json_files import json_field, read_json
 from carigs.readers.npz import read_npy
 
+FORMAT = Format("carigs-targets", 1, "run the stage gtstar again, as carigs run does")
 FACE_FLAGS = "faces.npy"
 SHADING = "shading.npz"
 
@@ -58,7 +60,8 @@ def read_targets(index: Path, capture: Capture) -> TargetSet:
     Raises:
         InputError: If the index is broken or belongs to another capture.
     """
-    content = read_json(index)
+    content = read_json(index, dict)
+    check_format(content.get("format", "carigs-targets-1"), FORMAT, index)  # the first ones stated none
     level = float(json_field(content, "level", float, file=index))
     if not abs(level) <= 100:
         raise InputError(f"{level:g} is not in [-100, 100]", file=index, field="level")
@@ -97,6 +100,7 @@ def write_targets(
         skipped: Per frame without a target its timestep, camera and the reason (`why`).
     """
     content = {"level": level, "folder": relpath(folder, index.parent), "targets": targets, "left_out": skipped}
+    content = {"format": str(FORMAT), **content}
     write_json(index, content)
 
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from carigs.cli.parser import command_parser
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration import GammaPath
+from carigs.readers.arrays import checked_text
 from carigs.readers.npz import read_npz
 from carigs.readers.ply import read_ply_vertices
 from carigs.settings import DEFAULT_GAMMA
@@ -85,12 +86,12 @@ def _recognised(task: argparse.Namespace) -> tuple[str, Callable[[], Any]]:
     if not task.input.exists():
         raise InputError("no such file", file=task.input)
     if task.input.suffix == ".npz":
-        arrays = read_npz(task.input)
-        if "format" in arrays:
+        arrays = read_npz(task.input, only=("format", "levels"))
+        if checked_text({"format": "", **arrays}, "format", file=task.input).startswith("carigs-avatar"):
             from carigs.splat.avatar import load_avatar
 
             return "avatar", partial(load_avatar, task.input)
-        if "displacements" in arrays:
+        if "levels" in arrays:
             return "gamma path", partial(GammaPath.load, task.input)
         raise InputError("neither an avatar nor a gamma path", file=task.input)
     if task.input.suffix.lower() != ".ply":

@@ -15,10 +15,12 @@ from jaxtyping import Float, Float32, Int, Shaped
 
 from carigs.errors import InputError, SettingsError
 from carigs.files import writing
-from carigs.readers.arrays import checked_array
+from carigs.readers.arrays import checked_array, checked_text
+from carigs.readers.formats import Format, check_npz_format
 from carigs.readers.json_files import parse_json
 from carigs.readers.npz import read_npz
 
+FORMAT = Format("carigs-path", 1, "run the stage exaggerate again, as carigs run does")
 MAX_NODES = 100
 """Of a path in a file: the time for its weights grows with the square of their number."""
 
@@ -184,7 +186,8 @@ class GammaPath:
         Args:
             file: File to create or replace.
         """
-        arrays = {entry.name: getattr(self, entry.name) for entry in fields(self)} | {"report": json.dumps(self.report)}
+        arrays = {"format": str(FORMAT)} | {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        arrays["report"] = json.dumps(self.report)
         with writing(file) as part:
             np.savez(part, **{name: array for name, array in arrays.items() if array is not None})
 
@@ -201,9 +204,10 @@ class GammaPath:
         Raises:
             InputError: If the file is missing or broken, or an array is missing or not valid; names the array.
         """
-        arrays = read_npz(file, "path", ("report",))
+        arrays = read_npz(file, "path")
+        check_npz_format(arrays, FORMAT, file, unstated="carigs-path-1")
         path = cls.from_arrays(arrays, checked_array(arrays, "faces", (None, 3), file=file), file)
-        return replace(path, report=parse_json(str(arrays["report"]), file, "report"))
+        return replace(path, report=parse_json(checked_text(arrays, "report", file=file), file, "report"))
 
     @classmethod
     def from_arrays(
@@ -251,6 +255,7 @@ class GammaPath:
         if f"{prefix}changes" in arrays:
             columns = take("columns", None, kinds="iu")
             refuse(bool((columns.astype(np.float64) < 0).any()), "columns", "indices must not be negative")
+            refuse(len(np.unique(columns)) < len(columns), "columns", "an index appears twice")
             changes = take("changes", len(levels) - 1, len(columns), *neutral.shape, dtype=np.float32)
         return cls(levels, displacements, faces, neutral, {}, columns, changes)
 

@@ -20,7 +20,7 @@ from carigs.hair.visible_voxels import visible_shares
 from carigs.hair.volume import HairVolume, carve_hair
 from carigs.head import neutral
 from carigs.head.facial_regions import brow_faces, lid_faces
-from carigs.head.posing import LARGEST_COORDINATE
+from carigs.head.model_arrays import POSSIBLE
 from carigs.readers.arrays import checked_array
 from carigs.readers.npz import read_npz
 from carigs.settings import Hair
@@ -158,14 +158,11 @@ def load_hair(file: Path, num_faces: int) -> FoundHair:
     arrays = read_npz(file, "hair")
 
     def take(name: str, shape: tuple[int | None, ...], low: float, high: float) -> Float32[np.ndarray, "..."]:
-        values = checked_array(arrays, name, shape, np.float32, file=file)
-        if values.size and not low <= values.min() <= values.max() <= high:
-            raise InputError(f"expected values in [{low:g}, {high:g}]", file=file, field=name)
-        return values
+        return checked_array(arrays, name, shape, np.float32, within=(low, high), file=file)
 
     names = ("covered", "hidden", "skin")
     covered, hidden, skin = (checked_array(arrays, name, (num_faces,), bool, file=file) for name in names)
-    centres = take("centres", (None, 3), -LARGEST_COORDINATE, LARGEST_COORDINATE)
+    centres = take("centres", (None, 3), *POSSIBLE)
     opacity, visible = (take(name, (len(centres),), 0, 1) for name in ("opacity", "visible"))
     volume = HairVolume(centres, opacity, float(take("size", (), 1e-6, 1)))
     direction, facing = (take(f"strand_{name}", (len(centres), 3), -1.001, 1.001) for name in ("direction", "facing"))

@@ -16,9 +16,8 @@ import igl
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Int32
 
-from carigs.errors import InputError
 from carigs.hair.found_hair import FoundHair
-from carigs.head.posing import LARGEST_COORDINATE
+from carigs.head.model_arrays import POSSIBLE
 from carigs.mesh.rigid_alignment import rigid_alignment
 from carigs.readers.arrays import checked_array
 
@@ -120,12 +119,8 @@ def hair_shadow_of(arrays: Mapping[str, Any], canonical: Float[np.ndarray, "v 3"
         InputError: If an array is missing, has another shape or type, or holds an impossible number or index.
     """
     v = len(canonical)
-    points = checked_array(arrays, f"{PREFIX}points", (None, 3), np.float32, file=file)
-    thickness = checked_array(arrays, f"{PREFIX}thickness", (len(points),), np.float32, file=file)
+    points = checked_array(arrays, f"{PREFIX}points", (None, 3), np.float32, within=POSSIBLE, file=file)
+    thickness = checked_array(arrays, f"{PREFIX}thickness", (len(points),), np.float32, within=(0, 1e6), file=file)
     corners = checked_array(arrays, f"{PREFIX}corners", (len(points), 3), np.int32, file=file, below=v)
     lit = checked_array(arrays, f"{PREFIX}lit", (v,), bool, file=file)
-    if not (np.abs(points) <= LARGEST_COORDINATE).all():
-        raise InputError(f"expected coordinates within {LARGEST_COORDINATE:g} m", file=file, field=f"{PREFIX}points")
-    if not ((thickness >= 0) & (thickness <= 1e6)).all():
-        raise InputError("expected numbers in [0, 1e6]", file=file, field=f"{PREFIX}thickness")
     return HairShadow(points, thickness, corners, canonical.astype(np.float32), lit)

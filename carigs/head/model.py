@@ -15,8 +15,10 @@ from carigs.head.gnm import gnm_arrays, is_gnm
 from carigs.head.model_arrays import FLAME_JOINTS, FLAME_NUM_IDENTITY, RestJoints, checked_fields
 from carigs.head.surface_points import SurfacePoints
 from carigs.head.teeth import FLAME_COUNTS, LOWER_LIP, UPPER_LIP, is_upper_tooth, teeth_faces, teeth_vertices
+from carigs.readers.formats import Format, check_npz_format
 from carigs.readers.npz import read_npz
 
+FORMAT = Format("carigs-head", 1, "convert it again, with carigs head")
 MAX_BYTES = 1 << 30
 """Largest sum of the arrays of a model, in bytes; GNM's have less than 0.2 GB."""
 
@@ -101,6 +103,7 @@ class HeadModel:
         """
         file = Path(file)
         arrays = read_flame(file) if file.suffix == ".pkl" else read_npz(file, "head model", limit=MAX_BYTES)
+        check_npz_format(arrays, FORMAT, file, unstated="carigs-head-1")  # FLAME's and GNM's state none
         if is_gnm(arrays):
             arrays = gnm_arrays(arrays, file)
         return cls(**complete_flame(checked_fields(arrays, file), file)).with_teeth()
@@ -140,7 +143,7 @@ class HeadModel:
         Args:
             file: File to create or replace.
         """
-        np.savez_compressed(file, **self.arrays())  # most of the 400 blendshapes are zero
+        np.savez_compressed(file, format=str(FORMAT), **self.arrays())  # most of the 400 blendshapes are zero
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The model as arrays by FLAME's names; `carigs.head.model_arrays.checked_fields` is the inverse.

@@ -20,6 +20,11 @@ from carigs.readers.arrays import checked_array
 FLAME_JOINTS = ("root", "neck", "jaw", "left_eye", "right_eye")
 FLAME_NUM_IDENTITY = 300
 MAX_JOINTS = 1000
+TOLERANCE = 1e-3
+"""Of weights that sum to 1: files hold float32, and some programs round to four digits."""
+LARGEST_COORDINATE = 1e4
+"""Largest coordinate of a head in metres, without its sign; what uses the vertices may overflow beyond."""
+POSSIBLE = -LARGEST_COORDINATE, LARGEST_COORDINATE
 
 
 class RestJoints(NamedTuple):
@@ -45,8 +50,8 @@ def checked_fields(arrays: Mapping[str, Any], file: Path, prefix: str = "") -> d
     """
     dense = {name: value.toarray() if hasattr(value, "toarray") else value for name, value in arrays.items()}
 
-    def take(name: str, shape: tuple[int | None, ...], dtype: Any, below: int | None = None) -> np.ndarray:
-        return checked_array(dense, prefix + name, shape, dtype, below=below, file=file)
+    def take(name: str, shape: tuple[int | None, ...], dtype: Any, **limits: Any) -> np.ndarray:
+        return checked_array(dense, prefix + name, shape, dtype, **limits, file=file)
 
     def has(name: str) -> bool:
         return prefix + name in dense
@@ -55,10 +60,17 @@ def checked_fields(arrays: Mapping[str, Any], file: Path, prefix: str = "") -> d
         if is_bad:
             raise InputError(problem, file=file, field=prefix + name)
 
-    v_template = take("v_template", (None, 3), np.float32)
+    def refuse_sums(weights: Float[np.ndarray, "n k"], name: str, what: str) -> None:
+        sums = weights.sum(axis=1, dtype=np.float64)
+        for wrong in np.flatnonzero(np.abs(sums - 1) > TOLERANCE)[:1]:
+            refuse(True, name, f"the weights of {what} {wrong} sum to {sums[wrong]:.4g}, expected 1")
+
+    v_template = take("v_template", (None, 3), np.float32, within=POSSIBLE)
     v = len(v_template)
     faces = take("f", (None, 3), np.int32, below=v)
     refuse(len(faces) == 0, "f", "holds no faces")
+    for repeated in np.flatnonzero((faces == faces[:, [1, 2, 0]]).any(axis=1))[:1]:
+        refuse(True, "f", f"triangle {repeated} names a vertex twice")
     parents, joints = take("kintree_table", (2, None), np.int64)
     j = len(joints)
     refuse(not 0 < j <= MAX_JOINTS, "kintree_table", f"{j} joints; 1 to {MAX_JOINTS} are expected")
@@ -69,6 +81,7 @@ def checked_fields(arrays: Mapping[str, Any], file: Path, prefix: str = "") -> d
     names: Sequence[str] = FLAME_JOINTS if j == len(FLAME_JOINTS) else [f"joint_{i}" for i in range(j)]
     if has("joint_names"):
         names = take("joint_names", (j,), np.str_)
+        refuse(len(set(names)) < j, "joint_names", "a name appears twice")
     shapedirs = take("shapedirs", (v, 3, None), np.float32)
     b = shapedirs.shape[2]
     identities = int(take("num_identity", (), np.int64)) if has("num_identity") else FLAME_NUM_IDENTITY
@@ -79,16 +92,24 @@ def checked_fields(arrays: Mapping[str, Any], file: Path, prefix: str = "") -> d
     refuse(p % 9 > 0 or p > 9 * j, "posedirs", f"{p} columns; 9 for each of at most {j} joints are expected")
     rest_joints = None
     if has("joint_template"):
-        rest_joints = RestJoints(take("joint_template", (j, 3), np.float32), take("joint_basis", (j, 3, b), np.float32))
+        joint_template = take("joint_template", (j, 3), np.float32, within=POSSIBLE)
+        rest_joints = RestJoints(joint_template, take("joint_basis", (j, 3, b), np.float32))
+    weights = take("weights", (v, j), np.float32, within=(-TOLERANCE, 1 + TOLERANCE))
+    refuse_sums(weights, "weights", "vertex")
+    regressor = take("J_regressor", (j, v), np.float32)
+    if rest_joints is None:
+        refuse_sums(regressor, "J_regressor", "joint")
     expressions = take("expression_names", (None,), np.str_) if has("expression_names") else ()
+    refuse(len(expressions) > b - identities, "expression_names", f"more names than the {b - identities} expressions")
+    refuse(len(set(expressions)) < len(expressions), "expression_names", "a name appears twice")
     region_names = [name.removeprefix(f"{prefix}mask_") for name in arrays if name.startswith(f"{prefix}mask_")]
     return {
         "v_template": v_template,
         "faces": faces,
         "shapedirs": shapedirs,
         "posedirs": posedirs,
-        "joint_regressor": take("J_regressor", (j, v), np.float32),
-        "weights": take("weights", (v, j), np.float32),
+        "joint_regressor": regressor,
+        "weights": weights,
         "parents": parents,
         "num_identity": identities,
         "joint_names": tuple(map(str, names)),

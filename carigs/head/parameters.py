@@ -18,6 +18,8 @@ from carigs.readers.npz import read_npz
 
 FLAME_KEYS = {"neck_pose": slice(0, 1), "jaw_pose": slice(1, 2), "eyes_pose": slice(2, 4)}
 """Rows of `joints` in files of FLAME's five joints."""
+LARGEST_ANGLE = 4 * np.pi
+"""Largest angle of a rotation vector in radians: two turns. One is enough, but a tracker may count on."""
 MAX_BYTES = 64 << 20
 """Largest sum of the arrays of a frame, in bytes."""
 
@@ -39,6 +41,23 @@ def flame_joints(**rotations: object) -> Float[np.ndarray, "4 3"]:
     for name, vector in rotations.items():
         joints[FLAME_JOINTS.index(name) - 1] = vector
     return joints
+
+
+def check_angles(vectors: Float[np.ndarray, "*n 3"], file: str | Path, field: str) -> None:
+    """Refuse rotation vectors that no head has, such as those in degrees.
+
+    Args:
+        vectors: Rotation vectors in radians.
+        file: Where they come from, for messages.
+        field: Their name, for messages.
+
+    Raises:
+        InputError: If one is longer than `LARGEST_ANGLE`.
+    """
+    largest = float(np.linalg.norm(vectors / LARGEST_ANGLE, axis=-1).max(initial=0))
+    if largest > 1:
+        problem = f"a rotation of {largest * LARGEST_ANGLE:.4g} rad is more than two turns; rotations are in radians"
+        raise InputError(problem, file=file, field=field)
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,8 @@ from jaxtyping import Float, Int
 from carigs.errors import MeshError
 from carigs.exaggeration.gamma_path import Caricature
 from carigs.head.model import HeadModel
-from carigs.head.model_arrays import RestJoints
+from carigs.head.model_arrays import LARGEST_COORDINATE, RestJoints
 from carigs.head.parameters import HeadParameters
-
-LARGEST_COORDINATE = 1e4
-"""Largest coordinate of a head in metres, without its sign; what uses the vertices may overflow beyond."""
 
 
 def neutral(model: HeadModel, parameters: HeadParameters) -> Float[np.ndarray, "v 3"]:

@@ -20,6 +20,8 @@ from carigs.readers.npz import read_npz
 
 GAMMA = 2.2
 """Approximate exponent of the sRGB curve."""
+MAX_DIRECTIONS = 1000
+"""Of the light of a file: each has a number for every vertex in memory. `carigs.light.fitting` finds 64."""
 
 
 def irradiance_ratio(
@@ -175,21 +177,21 @@ def shading_of(arrays: Mapping[str, np.ndarray], num_faces: int, file: str | Pat
         InputError: If an array is missing or not valid.
     """
 
-    def take(name: str, shape: tuple[int | None, ...], dtype: type = np.float64) -> np.ndarray:
-        return checked_array(arrays, f"{prefix}{name}", shape, dtype, file=file)
+    def take(
+        name: str, shape: tuple[int | None, ...], dtype: type = np.float64, within: tuple[float, float] | None = None
+    ) -> np.ndarray:
+        return checked_array(arrays, f"{prefix}{name}", shape, dtype, within=within, file=file)
 
     def refuse(is_bad: bool, name: str, problem: str) -> None:
         if is_bad:
             raise InputError(problem, file=file, field=f"{prefix}{name}")
 
     directions = take("directions", (None, 3))
-    light = take("light", (len(directions) + 1, 3))
-    strength, limit = float(take("strength", ())), float(take("limit", ()))
+    count = len(directions)
+    refuse(not 0 < count <= MAX_DIRECTIONS, "directions", f"{count} directions; 1 to {MAX_DIRECTIONS} are possible")
+    light = take("light", (count + 1, 3), within=(0, 1e9))
+    strength, limit = float(take("strength", (), within=(0, 1))), float(take("limit", (), within=(1, 100)))
     unit = np.abs(np.linalg.norm(directions, axis=1) - 1).max(initial=0) < 1e-6
-    refuse(len(directions) == 0 or not unit, "directions", "expected unit vectors")
-    refuse(bool((light < 0).any() or (light > 1e9).any()), "light", "expected values in [0, 1e9]")
-    refuse(not 0 <= strength <= 1, "strength", f"{strength:g} is not in [0, 1]")
-    refuse(not 1 <= limit <= 100, "limit", f"{limit:g} is not in [1, 100]")
-    extinction = float(take("extinction", ())) if f"{prefix}extinction" in arrays else 0.0
-    refuse(not 0 <= extinction <= 1000, "extinction", f"{extinction:g} is not in [0, 1000]")
+    refuse(not unit, "directions", "expected unit vectors")
+    extinction = float(take("extinction", (), within=(0, 1000))) if f"{prefix}extinction" in arrays else 0.0
     return Shading(directions, light, strength, limit, take("kept", (num_faces,), bool), extinction)

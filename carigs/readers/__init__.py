@@ -17,4 +17,5 @@ code of the file, and raises `InputError` with the file and the field for whatev
 - `colmap`: COLMAP's sparse models
 - `weights`: network weights in .safetensors and PyTorch's files
 - `arrays`: the type, shape and range of an array
+- `formats`: the formats that carigs itself writes, and their versions
 """

@@ -20,6 +20,7 @@ def checked_array(
     dtype: Any = None,
     *,
     below: int | None = None,
+    within: tuple[float, float] | None = None,
     file: str | Path,
 ) -> np.ndarray:
     """Take an array out of a mapping and check it.
@@ -31,6 +32,7 @@ def checked_array(
         dtype: Type to convert to; None keeps the type. A conversion that would change a value is an error: booleans,
             fractions and numbers beyond the range are no whole numbers, complex numbers are no numbers.
         below: For indices: values must lie in 0..below - 1.
+        within: Smallest and largest value that is possible.
         file: Where the arrays come from, for messages.
 
     Returns:
@@ -62,7 +64,29 @@ def checked_array(
         raise InputError(f"not a finite number at {index}", file=file, field=name)
     if below is not None and array.size and (array.min() < 0 or array.max() >= below):
         raise InputError(f"indices must lie in 0..{below - 1}", file=file, field=name)
+    if within is not None and array.size and not within[0] <= array.min() <= array.max() <= within[1]:
+        index = tuple(int(i) for i in np.argwhere((array < within[0]) | (array > within[1]))[0])
+        where = f" at {index}" if index else ""
+        problem = f"{array[index]:g}{where}, expected values in [{within[0]:g}, {within[1]:g}]"
+        raise InputError(problem, file=file, field=name)
     return array
+
+
+def checked_text(arrays: Mapping[str, Any], name: str, *, file: str | Path) -> str:
+    """Take a text out of a mapping of arrays.
+
+    Args:
+        arrays: Arrays by name, for example from `read_npz`.
+        name: Name of the text.
+        file: Where the arrays come from, for messages.
+
+    Returns:
+        The text.
+
+    Raises:
+        InputError: If it is missing, or is no single text.
+    """
+    return str(checked_array(arrays, name, (), np.str_, file=file))
 
 
 def _converted(array: np.ndarray, dtype: np.dtype, file: str | Path, name: str) -> np.ndarray:

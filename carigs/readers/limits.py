@@ -19,18 +19,19 @@ MAX_IMAGE_PIXELS = 1 << 27
 SMALL_BYTES, MAX_EXPANSION = 256 << 20, 200
 
 
-def max_unpacked_bytes(size: int) -> int:
-    """Most bytes that a compressed file may unpack to.
+def max_unpacked_bytes(size: int, expansion: int = MAX_EXPANSION) -> int:
+    """Most bytes that a compressed file may unpack to, or an array that is stored without its zeros.
 
     Deflate shrinks zeros to 1 / 1030. Files that are no attack hold other data beside them, or are small when unpacked.
 
     Args:
-        size: Of the file, in bytes.
+        size: Of the file or of the stored array, in bytes.
+        expansion: Bytes for each of its bytes.
 
     Returns:
-        `SMALL_BYTES`, and `MAX_EXPANSION` for each byte of the file.
+        `SMALL_BYTES`, and `expansion` for each byte.
     """
-    return SMALL_BYTES + MAX_EXPANSION * size
+    return SMALL_BYTES + expansion * size
 
 
 def read_bytes(file: str | Path, limit: int, kind: str = "file") -> bytes:

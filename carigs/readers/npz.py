@@ -11,19 +11,21 @@ import io
 import math
 import zipfile
 import zlib
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from pathlib import Path
 
 import numpy as np
 from numpy.lib import format as npy_format
 
 from carigs.errors import InputError
-from carigs.readers.limits import MAX_ARRAY_BYTES, max_unpacked_bytes, read_bytes, regular_file_size
+from carigs.readers.limits import MAX_ARRAY_BYTES, MAX_EXPANSION, max_unpacked_bytes, read_bytes, regular_file_size
 
 MAX_ARRAYS = 10_000
 KINDS = "biufSU"
 """Kinds of dtypes that are read: booleans, whole numbers, floating-point numbers and texts."""
 MAX_DIMENSIONS = 8
+NARROW, LARGEST_NUMBER = 4, 8
+"""Bytes of a number: narrower ones count as the largest, because what uses them converts them."""
 COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """What `numpy.savez` and `numpy.savez_compressed` write. Zlib stops at a given size, the others' libraries do not."""
 _DAMAGE = (OSError, ValueError, EOFError, NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error)
@@ -31,7 +33,12 @@ _DAMAGE = (OSError, ValueError, EOFError, NotImplementedError, RuntimeError, zip
 
 
 def read_npz(
-    file: str | Path, kind: str = "file", required: Iterable[str] = (), limit: int = MAX_ARRAY_BYTES
+    file: str | Path,
+    kind: str = "file",
+    required: Iterable[str] = (),
+    limit: int = MAX_ARRAY_BYTES,
+    expansion: int = MAX_EXPANSION,
+    only: Container[str] | None = None,
 ) -> dict[str, np.ndarray]:
     """Read all arrays of an .npz file.
 
@@ -40,6 +47,8 @@ def read_npz(
         kind: What the file is, for the message "no such {kind}".
         required: Names of arrays that must be present.
         limit: Largest sum of the arrays in bytes: a small file can hold gigabytes of zeros.
+        expansion: Bytes of arrays for each byte of the file, see `max_unpacked_bytes`.
+        only: Names of the arrays to read, where they are present; None for all.
 
     Returns:
         Arrays by name, each of one of `KINDS`.
@@ -51,9 +60,15 @@ def read_npz(
     size = regular_file_size(file, kind)
     try:
         with zipfile.ZipFile(file) as archive:
-            members = archive.infolist()
-            _check_members(members, file, min(limit, max_unpacked_bytes(size)))
-            arrays = {member.filename[:-4]: _read_member(archive, member, file) for member in members}
+            members, arrays, limit = archive.infolist(), {}, min(limit, max_unpacked_bytes(size, expansion))
+            _check_members(members, file, limit)
+            for member in members:
+                if only is not None and member.filename[:-4] not in only:
+                    continue
+                array = arrays[member.filename[:-4]] = _read_member(archive, member, file)
+                limit -= array.size * (array.itemsize if array.itemsize >= NARROW else LARGEST_NUMBER)
+                if limit < 0:
+                    raise InputError("more numbers than are read from a file of this size", file=file)
     except _DAMAGE as error:
         raise InputError(f"not a readable .npz ({error})", file=file) from error
     for name in required:
@@ -91,6 +106,21 @@ def is_possible_shape(shape: tuple[object, ...]) -> bool:
     if len(shape) > MAX_DIMENSIONS or not all(type(n) is int and n >= 0 for n in shape):
         return False
     return math.prod(max(n, 1) for n in shape) <= MAX_ARRAY_BYTES
+
+
+def is_readable_text(array: np.ndarray) -> bool:
+    """Whether the texts of an array can be read. NumPy checks no character before Python reads the text.
+
+    Args:
+        array: A row of any kind, contiguous.
+
+    Returns:
+        Whether it holds no texts, or only characters of Unicode (RFC 3629: up to U+10FFFF, without surrogates).
+    """
+    if array.dtype.kind != "U" or array.size == 0 or array.dtype.itemsize == 0:
+        return True
+    codes = array.view(np.dtype("u4").newbyteorder(array.dtype.byteorder))
+    return bool(((codes < 0xD800) | ((codes > 0xDFFF) & (codes <= 0x10FFFF))).all())
 
 
 def _check_members(members: list[zipfile.ZipInfo], file: str | Path, limit: int) -> None:
@@ -145,4 +175,6 @@ def _parse(content: bytes, file: str | Path, name: str | None) -> np.ndarray:
         raise InputError(f"{found} bytes, its header claims {expected}", file=file, field=name)
     count = math.prod(shape)
     array = np.frombuffer(content, dtype, count, stream.tell()) if expected else np.zeros(count, dtype)
+    if not is_readable_text(array):
+        raise InputError("holds a text with a character that does not exist", file=file, field=name)
     return array.reshape(shape, order="F" if fortran_order else "C").copy()

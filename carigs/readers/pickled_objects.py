@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from carigs.readers.npz import KINDS, is_possible_shape
+from carigs.readers.npz import KINDS, is_possible_shape, is_readable_text
 
 MAX_DEPTH = 16
 """Most levels of dictionaries, lists and objects inside each other."""
@@ -286,4 +286,6 @@ def _array(content: Any, dtype: np.dtype, shape: Any, order: str) -> np.ndarray:
         if not isinstance(content, (bytes, bytearray)) or len(content) != count * dtype.itemsize or not dtype.itemsize:
             raise ValueError("an impossible number of bytes")
         array = np.frombuffer(content, dtype, count) if count else np.zeros(0, dtype)
+        if not is_readable_text(array):
+            raise ValueError("a text with a character that does not exist")
     return array.reshape(shape, order="F" if order == "F" else "C").copy()

@@ -16,7 +16,8 @@ from carigs.files import writing
 from carigs.hair.hair_shadow import hair_shadow_of
 from carigs.head import check_subject_path
 from carigs.light.shading import shading_of
-from carigs.readers.arrays import checked_array
+from carigs.readers.arrays import checked_array, checked_text
+from carigs.readers.formats import Format, check_npz_format
 from carigs.readers.npz import read_npz
 from carigs.splat.avatar_head import head_of, head_to_arrays, parameters_of, parameters_to_arrays
 from carigs.splat.render import SKINNINGS, RenderedFrame, render, skin
@@ -28,7 +29,9 @@ from carigs.splat.rig.smooth_motion import smooth_motion_of
 from carigs.splat.surfels.ply import UNRENDERED
 from carigs.splat.surfels.surfels import Surfels, checked_surfels, to_arrays
 
-FORMAT = "carigs-avatar-3"
+FORMAT = Format("carigs-avatar", 3, "train it again, or convert it again from what it was converted from")
+EXPANSION = 20
+"""Bytes of arrays for each byte of the file: `save_avatar` does not compress."""
 
 
 @dataclass
@@ -132,7 +135,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
     with writing(file) as part:
         np.savez(
             part,
-            format=FORMAT,
+            format=str(FORMAT),
             rig=avatar.skinning,
             rotate_harmonics=avatar.rotate_harmonics,
             background=avatar.background,
@@ -162,20 +165,21 @@ def load_avatar(file: Path) -> Avatar:
         The avatar.
 
     Raises:
-        InputError: If the file is missing, broken, or of another format, or if an array has another shape or type, or
-            holds an index or number that is not possible; names the array.
+        InputError: If the file is missing, broken, or of another format or version, or if an array has another shape or
+            type, holds an index or number that is not possible, or disagrees with another one; names the array.
     """
-    arrays = read_npz(file, "avatar")
-    if str(arrays.get("format")) != FORMAT:
-        raise InputError(f"not a {FORMAT} file", file=file, field="format")
+    arrays = read_npz(file, "avatar", expansion=EXPANSION)
+    check_npz_format(arrays, FORMAT, file)
     head = head_of(arrays, file)
-    skinning = str(arrays.get("rig"))
+    skinning = checked_text(arrays, "rig", file=file)
     if skinning not in SKINNINGS:
         raise InputError(f"{skinning[:60]} is unknown; known: {', '.join(SKINNINGS)}", file=file, field="rig")
     surfels = checked_surfels(arrays, len(head.faces), file, "surfel_")
     path = GammaPath.from_arrays(arrays, head.faces, file, "path_")
-    check_subject_path(path, head, file, "path_")
+    check_subject_path(path, head, file, "path_", neutral=head.v_template)
     sequence = HeadSequence(head, parameters_of(arrays, head, file), path)
+    if not sequence.rig.inverse_edges.any():
+        raise InputError("no triangle of the head has an area", file=file, field="head_v_template")
     if "keeps_size" in arrays:
         keeps_size = checked_array(arrays, "keeps_size", (len(head.faces),), bool, file=file)
         sequence.rig = sequence.rig.with_kept_size(keeps_size)
@@ -187,9 +191,7 @@ def load_avatar(file: Path) -> Avatar:
         sequence.shading = shading_of(arrays, len(head.faces), file, "shading_")
         if "hair_shadow_points" in arrays:
             sequence.hair_shadow = hair_shadow_of(arrays, sequence.rig.vertices, file)
-    background = float(checked_array(arrays, "background", (), np.float64, file=file))
-    if not 0 <= background <= 1:
-        raise InputError(f"{background:g} is not in [0, 1]", file=file, field="background")
+    background = float(checked_array(arrays, "background", (), np.float64, within=(0, 1), file=file))
     rotate_harmonics = bool(checked_array(arrays, "rotate_harmonics", (), bool, file=file))
     unrendered = {}
     for name, (shape, dtype) in UNRENDERED.items():

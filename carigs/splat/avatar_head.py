@@ -10,15 +10,22 @@ import numpy as np
 
 from carigs.errors import InputError
 from carigs.head import HeadModel, HeadParameters
-from carigs.head.model_arrays import checked_fields
-from carigs.head.posing import LARGEST_COORDINATE
+from carigs.head.model_arrays import POSSIBLE, checked_fields
+from carigs.head.parameters import check_angles
 from carigs.readers.arrays import checked_array
+from carigs.readers.limits import max_unpacked_bytes
 
 PREFIX = "head_"
 POSE = ("translation", "rotation", "joints", "expression")
 """Fields of `HeadParameters` that the file holds for every timestep."""
 MAX_BLENDSHAPES = 2000
 """Most blendshapes of a head; FLAME has 400."""
+MAX_BASIS_BYTES, BASIS_EXPANSION = 1 << 30, 40
+"""Of a basis with its zeros, and for each byte that is stored: of ICT-FaceKit 53 of 400 blendshapes are."""
+MAX_TIMESTEPS = 100_000
+MAX_COEFFICIENT = 1e4
+"""Largest coefficient of an expression, without its sign."""
+POSE_RANGES = {"translation": POSSIBLE, "expression": (-MAX_COEFFICIENT, MAX_COEFFICIENT)}
 BASES = ("shapedirs", "joint_basis")
 """Arrays with one column for each blendshape."""
 
@@ -63,12 +70,13 @@ def head_of(arrays: Mapping[str, np.ndarray], file: Path) -> HeadModel:
     for name in (f"{PREFIX}{name}" for name in BASES):
         if name in head:
             used = checked_array(head, name, (None, 3, len(columns)), np.float32, file=file)
+            size = 4 * 3 * len(used) * blendshapes
+            if size > min(MAX_BASIS_BYTES, max_unpacked_bytes(used.nbytes, BASIS_EXPANSION)):
+                problem = f"{len(columns)} of {blendshapes} blendshapes are stored, but all would take {size:.2g} bytes"
+                raise InputError(problem, file=file, field=f"{PREFIX}blendshapes")
             head[name] = np.zeros((*used.shape[:2], blendshapes), np.float32)
             head[name][:, :, columns] = used
-    model = HeadModel(**checked_fields(head, file, PREFIX))
-    if float(np.abs(model.v_template).max()) > LARGEST_COORDINATE:
-        raise InputError("a coordinate is too large", file=file, field=f"{PREFIX}v_template")
-    return model
+    return HeadModel(**checked_fields(head, file, PREFIX))
 
 
 def parameters_to_arrays(parameters: Mapping[int, HeadParameters]) -> dict[str, Any]:
@@ -106,18 +114,24 @@ def parameters_of(arrays: Mapping[str, np.ndarray], head: HeadModel, file: Path)
         InputError: If an array is missing, of another shape or kind, or holds a value that is not possible.
     """
 
-    def take(name: str, shape: tuple[int | None, ...], dtype: Any) -> np.ndarray:
-        return checked_array(arrays, name, shape, dtype, file=file)
+    def take(name: str, shape: tuple[int | None, ...], dtype: Any, **limits: Any) -> np.ndarray:
+        return checked_array(arrays, name, shape, dtype, **limits, file=file)
 
     timesteps = take("timesteps", (None,), np.int64)
     if len(timesteps) == 0 or len(np.unique(timesteps)) < len(timesteps) or timesteps.min() < 0:
         raise InputError("expected one or more different timesteps", file=file, field="timesteps")
-    zeros = HeadParameters.zeros(head)
-    fields = {name: take(f"pose_{name}", (len(timesteps), *getattr(zeros, name).shape), np.float64) for name in POSE}
+    if len(timesteps) > MAX_TIMESTEPS:
+        raise InputError(f"{len(timesteps)} timesteps; at most {MAX_TIMESTEPS} are read", file=file, field="timesteps")
+    zeros, fields = HeadParameters.zeros(head), {}
+    for name in POSE:
+        shape = (len(timesteps), *getattr(zeros, name).shape)
+        fields[name] = take(f"pose_{name}", shape, np.float64, within=POSE_RANGES.get(name))
+        if name in ("rotation", "joints"):
+            check_angles(fields[name], file, f"pose_{name}")
     offsets: dict[int, np.ndarray] = {}
     if "offset_timesteps" in arrays:
         moved = take("offset_timesteps", (None,), np.int64)
-        offset = take("offset_dynamic", (len(moved), len(head.v_template), 3), np.float32)
+        offset = take("offset_dynamic", (len(moved), len(head.v_template), 3), np.float32, within=POSSIBLE)
         offsets = dict(zip(moved.tolist(), offset, strict=True))
         if len(offsets) < len(moved) or not set(offsets) <= set(timesteps.tolist()):
             raise InputError("expected different timesteps of the head", file=file, field="offset_timesteps")

@@ -76,7 +76,8 @@ def render(
     from carigs.splat.avatar import load_avatar
 
     subject, person = Capture.load(capture), load_avatar(avatar)
-    gamma_path = read_subject_path(path, person.sequence.head)
+    head = person.sequence.head
+    gamma_path = read_subject_path(path, head, head.v_template)
     for level in settings.levels:
         if not 0 <= level <= gamma_path.gamma_f:
             raise SettingsError(f"level {level:g} lies outside the path's [0, {gamma_path.gamma_f:g}]")

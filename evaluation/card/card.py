@@ -14,13 +14,14 @@ import pandas as pd
 
 from carigs.errors import InputError
 from carigs.files import write_json
+from carigs.readers.formats import Format, check_format
 from carigs.readers.json_files import json_field, read_json
 from carigs.settings import Tabulate
 from evaluation.card.measures import AVATAR_MEASURES, STAGE_MEASURES
 from evaluation.tables.document import without_paths
 from evaluation.tables.metric import TABLES, Catalogue, Metric
 
-FORMAT = "carigs-card-1"
+FORMAT = Format("carigs-card", 1, "run the stage card of its study again, as carigs run does")
 """Changes with the meaning or the type of a field; new fields and measures leave it as it is."""
 PROTOCOLS = {
     "test": "frames of the held-out sequence, in all cameras of the capture",
@@ -92,7 +93,7 @@ class Card:
     versions: dict[str, str]
     commit: dict[str, Any]
     protocols: dict[str, str] = field(default_factory=lambda: dict(PROTOCOLS))
-    format: str = FORMAT
+    format: str = str(FORMAT)
 
 
 def frame_values(summaries: pd.DataFrame) -> list[Value]:
@@ -207,8 +208,7 @@ def read_card(file: Path) -> Card:
         InputError: The file is missing, broken, or of another format.
     """
     content = read_json(file, dict)
-    if json_field(content, "format", str, file=file) != FORMAT:
-        raise InputError(f"not a {FORMAT} file", file=file, field="format")
+    check_format(content.get("format"), FORMAT, file)
     try:
         values = [Value(**value) for value in json_field(content, "values", list, file=file)]
         return Card(**{**content, "values": values})

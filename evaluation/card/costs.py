@@ -16,6 +16,7 @@ from evaluation.card.card import Value
 from evaluation.card.measures import AVATAR_MEASURES, STAGE_MEASURES
 from evaluation.tables.bootstrap import mean_interval
 
+BINDING = "surfel_binding"
 NO_RECORD = "no record of the costs of {} of {} jobs"
 
 
@@ -79,7 +80,8 @@ def avatar_values(
         ends = (None, None) if np.isnan(low) else (max(low, 0.0), high)
         return Value(measure, subject, variant, None, "avatar", "", "", mean, *ends, len(amounts), 0, "")
 
-    surfels = [len(read_npz(file, "avatar", ["surfel_binding"])["surfel_binding"]) for file in avatars.values()]
+    bindings = [read_npz(file, "avatar", [BINDING], only=[BINDING])[BINDING] for file in avatars.values()]
+    surfels = [len(binding) for binding in bindings]
     values = [
         value("surfels", surfels, [*avatars]),
         value("avatar_bytes", [os.path.getsize(file) for file in avatars.values()], [*avatars]),

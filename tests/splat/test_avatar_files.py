@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -168,6 +169,179 @@ def test_a_value_out_of_range_is_refused(name, value, arrays, tmp_path):
     array[(-1,) * array.ndim] = value
     with pytest.raises(InputError, match=name):
         load_avatar(save(tmp_path, {**arrays, name: array}))
+
+
+def changed(**changes):
+    """A change of the avatar's arrays: a function of each array, or its new value."""
+    return lambda arrays: {name: f(arrays[name].copy()) if callable(f) else np.array(f) for name, f in changes.items()}
+
+
+def put(value, *index):
+    def change(array):
+        array = array.astype(np.result_type(array.dtype, np.array(value).dtype))
+        array[index] = value
+        return array
+
+    return change
+
+
+def scaled(factor):
+    return lambda array: (factor * array).astype(array.dtype)
+
+
+DISAGREEING = {
+    "skinning weights that do not sum to 1": (changed(head_weights=scaled(7)), "head_weights"),
+    "half of the skinning weights": (changed(head_weights=scaled(0.5)), "head_weights"),
+    "one vertex without weights": (changed(head_weights=put(0, 3)), "head_weights: the weights of vertex 3 sum to 0"),
+    "negative weights that sum to 1": (changed(head_weights=put([2, -1, 0, 0, 0], 5)), "head_weights: 2 at"),
+    "joints that are no mean of vertices": (changed(head_J_regressor=scaled(2)), "head_J_regressor"),
+    "a triangle that names a vertex twice": (changed(head_f=put([1, 2, 1], 4)), "head_f: triangle 4"),
+    "triangles without area": (changed(head_f=lambda f: np.zeros_like(f)), "head_f: triangle 0"),
+    "a head of one point": (
+        changed(head_v_template=scaled(0), path_neutral=scaled(0)), "head_v_template: no triangle"
+    ),
+    "joints in a circle": (changed(head_kintree_table=[[-1, 2, 1, 1, 1], [0, 1, 2, 3, 4]]), "head_kintree_table"),
+    "two joints of one name": (changed(head_joint_names=["a", "b", "b", "c", "d"]), "head_joint_names"),
+    "more names than expressions": (
+        changed(head_expression_names=[f"e{i}" for i in range(EXPRESSIONS + 1)]), "head_expression_names"
+    ),
+    "two expressions of one name": (changed(head_expression_names=["a", "a"]), "head_expression_names"),
+    "a path of a larger head": (changed(path_neutral=scaled(1.2)), "path_neutral: differs from the subject's"),
+    "a path of a shifted head": (changed(path_neutral=lambda v: v + 0.001), "path_neutral: differs"),
+    "a path that leaves the world": (changed(path_displacements=put(1e20, 1, 2, 0)), "path_displacements"),
+    "blendshapes that leave the world": (changed(path_changes=put(1e20, 0, 0, 2, 0)), "path_changes"),
+    "levels out of order": (
+        changed(path_levels=[0, 0.2, 0.1], path_displacements=lambda d: d[[0, 1, 1]],
+                path_changes=lambda c: c[[0, 0]]), "path_levels",
+    ),
+    "a blendshape that changes twice": (
+        changed(path_columns=[0, 0], path_changes=lambda c: c[:, [0, 0]]), "path_columns: an index appears twice"
+    ),
+    "a rotation of many turns": (changed(pose_rotation=put(1e6, 1, 0)), "pose_rotation: a rotation of 1e\\+06 rad"),
+    "a rotation in degrees": (changed(pose_rotation=put(90.0, 0, 1)), "pose_rotation"),
+    "a jaw in degrees": (changed(pose_joints=put(30.0, 0, 1, 0)), "pose_joints"),
+    "a head far away": (changed(pose_translation=put(1e5, 0, 2)), "pose_translation: 100000 at"),
+    "an expression beyond all faces": (changed(pose_expression=put(-1e9, 0, 2)), "pose_expression: -1e\\+09 at"),
+    "a surfel without direction": (changed(surfel_rotation=put(0, 7)), "surfel_rotation: the quaternion of surfel 7"),
+    "a surfel that covers everything": (changed(surfel_log_scale=put(50, 3, 1)), "surfel_log_scale: 50 at"),
+    "an opacity that no logit has": (changed(surfel_opacity=put(1e30, 2)), "surfel_opacity: 1e\\+30 at"),
+    "a colour brighter than the sun": (changed(surfel_colour=put(-1e20, 2, 0)), "surfel_colour"),
+    "a surfel in the next town": (changed(surfel_position=put(1e9, 2, 0)), "surfel_position"),
+    "light from more directions than are possible": (
+        changed(shading_directions=lambda d: np.repeat(d, 200, axis=0), shading_light=np.ones((1601, 3))),
+        "shading_directions: 1600 directions",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", DISAGREEING)
+def test_arrays_that_disagree_are_refused(case, arrays, tmp_path):
+    """Each of these was drawn."""
+    change, says = DISAGREEING[case]
+    with pytest.raises(InputError, match=rf"a\.npz: {says}"):
+        load_avatar(save(tmp_path, {**arrays, **change(arrays)}))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_sound_heads_hold_what_is_asked_of_them(seed, tmp_path):
+    """What arrays must agree in holds for every head that carigs makes, after float32 and a round trip, too."""
+    head = HeadModel.load(gnm_file(tmp_path, gnm_like(seed)))
+    head.save(tmp_path / "head.npz")
+    again = HeadModel.load(tmp_path / "head.npz")
+    np.testing.assert_array_equal(again.weights, head.weights)
+
+
+def test_an_avatar_without_surfels_is_refused(arrays, tmp_path):
+    empty = {name: array[:0] for name, array in arrays.items() if name.startswith("surfel_")}
+    with pytest.raises(InputError, match="surfel_binding: holds no surfels"):
+        load_avatar(save(tmp_path, {**arrays, **empty}))
+
+
+@pytest.mark.parametrize("name", ["rig", "format", "head_expression_names"])
+@pytest.mark.parametrize("code", [0x110000, 0xFFFFFFFF, 0xD800])
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_characters_that_do_not_exist_are_refused(name, code, order, arrays, tmp_path):
+    """NumPy stores any number as a character; Python cannot make a text of it."""
+    text = np.atleast_1d(arrays[name]).astype(arrays[name].dtype.newbyteorder(order))
+    text.view(f"{order}u4")[0] = code
+    text = text.reshape(arrays[name].shape)
+    with pytest.raises(InputError, match=rf"a\.npz: {name}: holds a text with a character that does not exist"):
+        load_avatar(save(tmp_path, {**arrays, name: text}))
+
+
+@pytest.mark.parametrize("name", ["rig", "format"])
+@pytest.mark.parametrize("value", [["jbs"], 3.0, b"jbs", np.zeros((2, 2), "U1")], ids=str)
+def test_what_is_no_text_is_refused(name, value, arrays, tmp_path):
+    with pytest.raises(InputError, match=rf"a\.npz: {name}: "):
+        load_avatar(save(tmp_path, {**arrays, name: np.array(value)}))
+
+
+# What a small file becomes in memory.
+
+
+def peak_of(work):
+    """Largest number of bytes that NumPy and Python allocated meanwhile."""
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def large_head(arrays, vertices, columns, blendshapes):
+    """The avatar with many vertices that no triangle uses, and a few of many blendshapes."""
+
+    def rows(name, axis=0):
+        array = arrays[name]
+        return np.repeat(array.take([0], axis), vertices, axis)
+
+    return {
+        **arrays,
+        **{f"head_{name}": rows(f"head_{name}") for name in ("v_template", "weights")},
+        "head_posedirs": np.zeros((vertices, 3, 0), np.float32),
+        "head_J_regressor": np.full((5, vertices), 1 / vertices, np.float32),
+        "head_shapedirs": np.zeros((vertices, 3, columns), np.float32),
+        "head_columns": np.arange(columns),
+        "head_blendshapes": np.array(blendshapes),
+        "head_num_identity": np.array(0),
+    }
+
+
+@pytest.mark.parametrize(
+    ("vertices", "columns", "blendshapes"), [(300_000, 1, 2000), (100_000, 1, 1000), (30_000, 0, 2000)]
+)
+def test_blendshapes_that_are_not_stored_take_no_memory(vertices, columns, blendshapes, arrays, tmp_path):
+    """300 000 vertices with one stored blendshape of 2000: 8 MB took 9.1 GB."""
+    file = save(tmp_path, large_head(arrays, vertices, columns, blendshapes))
+
+    def load():
+        with pytest.raises(InputError, match=r"a\.npz: head_blendshapes: "):
+            load_avatar(file)
+
+    assert peak_of(load) < 100e6
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("surfel_harmonics", np.zeros((20_000_000, 15, 1), np.int8)),
+        ("pose_expression", np.zeros((2, 150_000_000), bool)),
+        ("unknown", np.zeros(700_000_000, np.int8)),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+@pytest.mark.slow
+def test_compressed_zeros_are_refused(name, value, arrays, tmp_path):
+    np.savez_compressed(tmp_path / "a.npz", **{**arrays, name: value})
+    file = tmp_path / "a.npz"
+    assert file.stat().st_size < 1e6
+
+    def load():
+        with pytest.raises(InputError, match=r"a\.npz: "):
+            load_avatar(file)
+
+    assert peak_of(load) < 1.5e9
 
 
 def test_a_path_of_another_head_is_refused(tmp_path):

@@ -14,7 +14,7 @@ from carigs.errors import InputError
 from carigs.files import writing
 from carigs.head import HeadModel, HeadParameters
 from carigs.head.model_arrays import FLAME_JOINTS
-from carigs.head.parameters import FLAME_KEYS
+from carigs.head.parameters import FLAME_KEYS, check_angles
 from carigs.readers.arrays import checked_array
 from carigs.readers.npz import read_npz
 from carigs.splat.rig.head_sequence import HeadSequence
@@ -43,6 +43,8 @@ def read_flame_param(file: Path, model: HeadModel) -> dict[int, HeadParameters]:
     for key, values in rows.items():
         if values.ndim < 2 or len(values) != count or count == 0:
             raise InputError(f"shape {values.shape}, expected a row for each timestep", file=file, field=key)
+        if key in ("rotation", *FLAME_KEYS, "joint_rotations") and values.size % 3 == 0:
+            check_angles(values.reshape(-1, 3), file, key)
     subject = {key: arrays[key] for key in ("shape", "static_offset") if key in arrays}
     first = HeadParameters.from_arrays({key: values[0] for key, values in rows.items()} | subject, model, file)
     subject.pop("static_offset", None)  # thousands of copies would fill the memory

@@ -16,7 +16,6 @@ import numpy as np
 from jaxtyping import Bool, Float, Float64
 from scipy.spatial.distance import cdist
 
-from carigs.errors import InputError
 from carigs.readers.arrays import checked_array
 from carigs.simd import matrix3
 from carigs.simd.kernels import kernel
@@ -129,9 +128,7 @@ def smooth_motion_of(arrays: Mapping[str, Any], rig: Rig, file: Path) -> SmoothM
     inside = checked_array(arrays, "hair_faces", (count,), bool, file=file)
     grows = "hair_grows" in arrays and bool(checked_array(arrays, "hair_grows", (), bool, file=file))
     if "hair_share" in arrays:
-        share = checked_array(arrays, "hair_share", (count,), np.float32, file=file)
-        if not ((share >= 0) & (share <= 1)).all():
-            raise InputError("expected numbers in [0, 1]", file=file, field="hair_share")
+        share = checked_array(arrays, "hair_share", (count,), np.float32, within=(0, 1), file=file)
     return SmoothMotion(rig, inside, grows, share)
 
 

@@ -21,6 +21,20 @@ BLEND_OWN, BLEND_NEIGHBOUR = 0.9, 0.05
 SH_COUNTS = tuple(num_coefficients(degree) for degree in range(4))
 """Coefficients of the spherical harmonics of degree 1 and higher, for each highest degree that is possible."""
 
+POSSIBLE = {
+    "position": (-1e6, 1e6),
+    "rotation": (-1e6, 1e6),
+    "log_scale": (-1e4, 10.0),
+    "opacity": (-1e4, 1e4),
+    "colour": (-1e4, 1e4),
+    "harmonics": (-1e4, 1e4),
+    "blend": (-1e4, 1e4),
+}
+"""Smallest and largest values of a file's attributes; trained ones are smaller by far. Beyond, float32 overflows, or
+one surfel covers everything: exp(10) is 22 000 times the size of its triangle."""
+SMALLEST_QUATERNION = 1e-10
+"""Largest entry of a quaternion that has a direction."""
+
 
 @dataclass
 class Surfels:
@@ -106,14 +120,20 @@ def checked_surfels(arrays: Mapping[str, np.ndarray], num_faces: int, file: str 
         Surfels with float32 leaf tensors.
 
     Raises:
-        InputError: If an array is missing, has another shape, or holds a value that is not finite or no triangle.
+        InputError: If an array is missing, has another shape, or holds a value that is not finite, no triangle, or out
+            of range; if there are no surfels.
     """
 
-    def take(name: str, *shape: int | None, dtype: type = np.float32, below: int | None = None) -> np.ndarray:
-        return checked_array(arrays, f"{prefix}{name}", shape, dtype, below=below, file=file)
+    def take(name: str, *shape: int | None) -> np.ndarray:
+        return checked_array(arrays, f"{prefix}{name}", shape, np.float32, within=POSSIBLE[name], file=file)
 
-    binding = take("binding", None, dtype=np.int64, below=num_faces)
+    binding = checked_array(arrays, f"{prefix}binding", (None,), np.int64, below=num_faces, file=file)
     n = len(binding)
+    if n == 0:
+        raise InputError("holds no surfels", file=file, field=f"{prefix}binding")
+    rotation = take("rotation", n, 4)
+    for zero in np.flatnonzero(np.abs(rotation).max(axis=1) < SMALLEST_QUATERNION)[:1]:
+        raise InputError(f"the quaternion of surfel {zero} is 0", file=file, field=f"{prefix}rotation")
     harmonics = take("harmonics", n, None, 3)
     if harmonics.shape[1] not in SH_COUNTS:
         problem = f"{harmonics.shape[1]} coefficients; {', '.join(map(str, SH_COUNTS))} are possible"
@@ -121,7 +141,7 @@ def checked_surfels(arrays: Mapping[str, np.ndarray], num_faces: int, file: str 
     return from_arrays(
         binding,
         position=take("position", n, 3),
-        rotation=take("rotation", n, 4),
+        rotation=rotation,
         log_scale=take("log_scale", n, 2),
         opacity=take("opacity", n),
         colour=take("colour", n, 3),
