@@ -13,7 +13,6 @@ from carigs.head.model import HeadModel
 from carigs.head.model_arrays import LARGEST_COORDINATE
 from carigs.mesh.triangle_mesh import diagonal
 
-
 NEUTRAL_TOLERANCE = 1e-4
 """Of the vertices of two neutral heads that are one, as a share of the head's diagonal: 0.04 mm. Files hold float32."""
 

@@ -49,6 +49,9 @@ def test_ground_truth_round_trips(tmp_path):
     write_ground_truth(tmp_path / "truth.json", 0.25, [], "no true caricature")
     assert read_ground_truth(tmp_path / "truth.json").reason == "no true caricature"
     (tmp_path / "truth.json").write_text(json.dumps([]))
+    with pytest.raises(InputError, match=r"truth\.json: expected an object"):
+        read_ground_truth(tmp_path / "truth.json")
+    (tmp_path / "truth.json").write_text(json.dumps({}))
     with pytest.raises(InputError, match=r"truth\.json: frames: "):
         read_ground_truth(tmp_path / "truth.json")
 
