@@ -91,6 +91,7 @@ def gnm_arrays(arrays: Mapping[str, Any], file: Path) -> dict[str, np.ndarray]:
     else:  # the same two triangles of a quad, in the same order
         quads = take("quads", None, 4, dtype=np.int64, below=v)
         faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [2, 3, 0]]])
+        faces = faces[(faces != faces[:, [1, 2, 0]]).all(axis=1)]  # a quad that names a corner twice is one triangle
     correctives = np.zeros((0, 3 * v), np.float32)
     if "pose_correctives_regressor" in arrays:
         correctives = take("pose_correctives_regressor", 9 * j, 3 * v)

@@ -9,6 +9,7 @@ from miniature import ball_model
 
 from carigs.capture import Capture
 from carigs.capture.frame_index import read_ground_truth, write_ground_truth
+from carigs.capture.target_index import read_targets, write_targets
 from carigs.errors import InputError
 from carigs.exaggeration import GammaPath
 from carigs.head import HeadModel
@@ -74,6 +75,7 @@ def written(tmp_path_factory):
     avatar.sequence.path.save(folder / "path.npz")
     ball_model(subdivisions=1).save(folder / "head.npz")
     write_ground_truth(folder / "truth.json", 0.1, [])
+    write_targets(folder / "targets.json", 0.1, folder, [], [])
     (folder / "capture.json").write_text('{"format": "carigs-capture-2"}')
     (folder / "card.json").write_text('{"format": "carigs-card-1"}')
     return folder
@@ -82,7 +84,7 @@ def written(tmp_path_factory):
 @pytest.mark.parametrize(
     ("name", "read"),
     [("avatar.npz", load_avatar), ("path.npz", GammaPath.load), ("head.npz", HeadModel.load),
-     ("truth.json", read_ground_truth), ("capture.json", Capture.load), ("card.json", read_card)],
+     ("truth.json", read_ground_truth), ("targets.json", lambda file: read_targets(file, None)), ("capture.json", Capture.load), ("card.json", read_card)],
 )  # fmt: skip
 def test_every_reader_knows_its_versions(name, read, written):
     for number, age in ((0, "an earlier version"), (99, "a newer version")):
