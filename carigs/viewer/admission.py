@@ -48,9 +48,8 @@ def host_name(text: str) -> str | None:
         The name in small ASCII letters without the dot of the root, or the address as `ipaddress` writes it, without a
         zone, and IPv4 as IPv4. None if it is neither.
     """
-    bare = text[1:-1] if text.startswith("[") and text.endswith("]") else text
     try:
-        address = ip_address(bare.partition("%")[0])
+        address = ip_address(without_brackets(text).partition("%")[0])
     except ValueError:
         pass
     else:
@@ -61,6 +60,18 @@ def host_name(text: str) -> str | None:
         return str(ip_address(name)) if name.replace(".", "").isdigit() else _plain(name)
     except ValueError:  # also of names that IDNA does not know
         return None
+
+
+def without_brackets(text: str) -> str:
+    """Take an IPv6 address out of the brackets that it has in URLs.
+
+    Args:
+        text: An address or a name.
+
+    Returns:
+        What is between the brackets, or the text itself.
+    """
+    return text[1:-1] if text.startswith("[") and text.endswith("]") else text
 
 
 def _plain(name: str) -> str | None:

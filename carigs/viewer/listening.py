@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from ipaddress import ip_address
 
 from carigs.errors import CarigsWarning, SettingsError
-from carigs.viewer.admission import Admission, admission
+from carigs.viewer.admission import Admission, admission, without_brackets
 
 LOCALHOST = "127.0.0.1"
 DEFAULT_PORT, NUM_PORTS = 8080, 20
@@ -41,7 +41,7 @@ class Listener:
     def address(self) -> str:
         """What to open in a browser of this machine."""
         bound = ip_address(self.socket.getsockname()[0].partition("%")[0])
-        host = "localhost" if self.host == LOCALHOST or bound.is_unspecified else self.host.strip("[]")
+        host = "localhost" if self.host == LOCALHOST or bound.is_unspecified else without_brackets(self.host)
         return f"http://[{host}]:{self.port}" if ":" in host else f"http://{host}:{self.port}"
 
 
@@ -78,7 +78,7 @@ def listen(host: str = LOCALHOST, port: int | None = None, allowed: Iterable[str
         break
     if not local:
         reach = "all addresses of this machine" if ip_address(address).is_unspecified else "an address of its network"
-        problem = f"--host {host} is {reach}: whoever reaches it can watch and export, there is no password"
+        problem = f"--host {host} listens at {reach}: whoever reaches it can watch and export, there is no password"
         warnings.warn(problem, CarigsWarning, stacklevel=2)
     return Listener(opened, host, admitted)
 
@@ -86,7 +86,7 @@ def listen(host: str = LOCALHOST, port: int | None = None, allowed: Iterable[str
 def _address(host: str) -> tuple[socket.AddressFamily, str]:
     """Family and address that a name stands for; IPv4 if it has both."""
     try:
-        found = socket.getaddrinfo(host.strip("[]"), None, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+        found = socket.getaddrinfo(without_brackets(host), None, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
     except (OSError, ValueError) as error:  # ValueError: no host name at all, such as one of 64 letters
         reason = getattr(error, "strerror", None) or "no host name"
         raise SettingsError(f"--host {host}: {reason}") from error

@@ -40,7 +40,7 @@ def test_without_viser_it_says_what_to_install(avatar, capsys, monkeypatch):
         (["--port", "-1"], "--port -1"),
         (["--host", ""], "--host"),
         (["--host", "a b"], "--host a b"),
-        (["--host", "192.0.2.1"], "--host 192.0.2.1"),
+        (["--host", "203.0.113.7"], "--host 203.0.113.7"),
         (["--allow-host", "http://a/"], "--allow-host http://a/"),
         (["--truth", "truth.json"], "--truth needs --capture"),
         (["--exports", __file__], "is no folder"),

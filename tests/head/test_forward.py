@@ -162,6 +162,15 @@ def test_quads_are_split_as_gnm_splits_them(tmp_path):
     np.testing.assert_array_equal(HeadModel.load(gnm_file(tmp_path, arrays)).faces, triangles)
 
 
+def test_a_quad_that_names_a_corner_twice_is_one_triangle(tmp_path):
+    arrays = gnm_like(0)
+    del arrays["triangles"]
+    arrays["quads"][0, 3] = arrays["quads"][0, 2]
+    faces = HeadModel.load(gnm_file(tmp_path, arrays)).faces
+    assert len(faces) == 2 * len(arrays["quads"]) - 1
+    np.testing.assert_array_equal(faces[0], arrays["quads"][0, :3])
+
+
 def test_gnm_without_correctives_or_groups_is_read(tmp_path):
     arrays = gnm_like(0)
     for name in ("pose_correctives_regressor", "vertex_groups", "vertex_group_names"):

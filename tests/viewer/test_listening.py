@@ -39,7 +39,7 @@ def test_no_host_is_not_every_host(host):
         listen(host, 0)
 
 
-@pytest.mark.parametrize("host", ["no such host", "a..b", "x" * 64, "\0", "256.1.1.1", "http://localhost", "*"])
+@pytest.mark.parametrize("host", ["no such host", "a..b", "x" * 64, "\0", "256.1.1.1", "http://localhost", "*", "[::1"])
 def test_what_is_no_host_is_refused(host, monkeypatch):
     def unknown(*_, **__):
         raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
@@ -59,7 +59,7 @@ def test_ports_that_do_not_exist_are_refused(port):
 
 def test_addresses_of_other_machines_are_refused():
     with pytest.raises(SettingsError, match="this machine has no such address"):
-        listen("192.0.2.1", 0)  # of no machine (RFC 5737)
+        listen("203.0.113.7", 0)  # of no machine (RFC 5737)
 
 
 def test_listening_to_the_network_is_warned_of():
