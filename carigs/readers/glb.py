@@ -17,9 +17,11 @@ from scipy.spatial.transform import Rotation
 from carigs.errors import InputError
 from carigs.readers.arrays import checked_array
 from carigs.readers.json_files import json_field, parse_json
+from carigs.readers.limits import max_unpacked_bytes
 
-MAX_CORNERS = 60_000_000
-"""Most vertices, and most corners of triangles, of all meshes: nodes can show one mesh any number of times."""
+MAX_CORNERS, CORNER_BYTES = 60_000_000, 32
+"""Most vertices, and most corners of triangles, of all meshes, and what each takes in memory: nodes can show one mesh
+any number of times, so that a small file becomes a large one (`max_unpacked_bytes`)."""
 POINTS_AND_LINES, TRIANGLES = (0, 1, 2, 3), 4
 """Modes of a primitive."""
 POSITIONS = {5126: "<f4"}
@@ -72,6 +74,7 @@ class _Scene:
         self.vertices: list[Float64[np.ndarray, "_ 3"]] = []
         self.faces: list[Int64[np.ndarray, "_ 3"]] = []
         self.num_vertices = self.num_corners = 0
+        self.max_corners = min(MAX_CORNERS, max_unpacked_bytes(len(binary)) // CORNER_BYTES)
 
     def triangles(self) -> tuple[Float64[np.ndarray, "v 3"], Int64[np.ndarray, "f 3"]]:
         """The meshes of all nodes of the scene."""
@@ -125,8 +128,8 @@ class _Scene:
                 first_of[accessor] = self._add_vertices(positions, world_from_node)
             self.faces.append(corners.reshape(-1, 3) + first_of[accessor])
             self.num_corners += len(corners)
-            if max(self.num_vertices, self.num_corners) > MAX_CORNERS:
-                raise InputError(f"more than {MAX_CORNERS} corners of triangles", file=self.file, field=where)
+            if max(self.num_vertices, self.num_corners) > self.max_corners:
+                raise InputError(f"more than {self.max_corners} corners of triangles", file=self.file, field=where)
 
     def _add_vertices(self, positions: np.ndarray, world_from_node: Float64[np.ndarray, "4 4"]) -> int:
         first = self.num_vertices

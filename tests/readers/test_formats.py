@@ -81,26 +81,32 @@ def written(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize(
-    ("name", "read"),
-    [("avatar.npz", load_avatar), ("path.npz", GammaPath.load), ("head.npz", HeadModel.load),
-     ("truth.json", read_ground_truth), ("targets.json", lambda file: read_targets(file, None)), ("capture.json", Capture.load), ("card.json", read_card)],
-)  # fmt: skip
-def test_every_reader_knows_its_versions(name, read, written):
+READERS = {
+    "avatar.npz": load_avatar,
+    "path.npz": GammaPath.load,
+    "head.npz": HeadModel.load,
+    "truth.json": read_ground_truth,
+    "targets.json": lambda file: read_targets(file, None),
+    "capture.json": Capture.load,
+    "card.json": read_card,
+}
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_every_reader_knows_its_versions(name, written):
     for number, age in ((0, "an earlier version"), (99, "a newer version")):
         with pytest.raises(InputError, match=rf"{name}: format: {age} of carigs"):
-            read(stating(written / name, number))
+            READERS[name](stating(written / name, number))
 
 
 @pytest.mark.parametrize("name", ["path.npz", "head.npz", "truth.json"])
 def test_files_from_before_their_formats_had_versions_are_read(name, written, tmp_path):
-    readers = {"path.npz": GammaPath.load, "head.npz": HeadModel.load, "truth.json": read_ground_truth}
     if name == "truth.json":
         (tmp_path / name).write_text('{"level": 0.1, "reason": null, "frames": []}')
     else:
         with np.load(written / name) as archive:
             np.savez(tmp_path / name, **{key: archive[key] for key in archive if key != "format"})
-    readers[name](tmp_path / name)
+    READERS[name](tmp_path / name)
 
 
 def test_an_avatar_is_no_head_model(written):

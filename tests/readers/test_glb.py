@@ -161,6 +161,17 @@ def test_instances_without_end_are_refused(monkeypatch):
         parse_glb(glb(content), "a.glb")
 
 
+def test_a_small_file_shows_no_more_than_its_size_allows(monkeypatch):
+    monkeypatch.setattr("carigs.readers.limits.SMALL_BYTES", 0)
+    content = document()
+    content["nodes"] = [{"mesh": 0}] * 1000
+    content["scenes"] = [{"nodes": list(range(1000))}]
+    with pytest.raises(InputError, match="corners of triangles"):
+        parse_glb(glb(content), "a.glb")
+    content["scenes"] = [{"nodes": [0, 1]}]
+    assert len(parse_glb(glb(content), "a.glb")[1]) > 0
+
+
 @settings(max_examples=200, deadline=None)
 @given(data=st.data())
 def test_a_file_cut_or_changed_anywhere_is_data_or_a_typed_error(data):
