@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from omegaconf import OmegaConf
-
 from carigs.cli.parser import study_parser
-from carigs.config import compose, compose_study, compose_variant, presets
+from carigs.config import compose, compose_study, compose_variant, presets, yaml_text
 from carigs.settings import STAGES, reference
 
 EXAMPLES = """examples:
@@ -46,5 +44,5 @@ def main(arguments: list[str]) -> int:
         settings = compose_variant(parsed.variant, *choice) if parsed.variant else compose(*choice)
         variant = f"variant {parsed.variant}" if parsed.variant else "before the changes of variants"
         print(f"# subject {subject}, {variant}, seed {study.seeds[0]}")
-        print(OmegaConf.to_yaml(settings[parsed.section] if parsed.section else settings), end="")
+        print(yaml_text(settings[parsed.section] if parsed.section else settings), end="")
     return 0

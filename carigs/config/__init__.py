@@ -5,7 +5,7 @@ studies of your own.
 
 - `compose`, `compose_study`, `compose_variant`: settings from overrides
 - `snakemake_config`, `join_overrides`, `split_overrides`: overrides to the command line of Snakemake and back
-- `settings_text`, `load_settings`: a section as YAML and back
+- `settings_text`, `yaml_text`, `load_settings`: a section as YAML and back
 - `rendered_levels`, `left_out_levels`, `target_levels`, `target_maker`: what paths of the workflow depend on
 - `split_sweep`, `read_sweep`, `study_table`: the combinations of a sweep, and the studies of a run
 - `project_root`, `CONF`, `GROUPS`, `known`: files of the configuration
@@ -13,7 +13,7 @@ studies of your own.
 
 from carigs.config.composition import compose, compose_study
 from carigs.config.folders import CONF, GROUPS, known, project_root
-from carigs.config.frozen import load_settings, settings_text
+from carigs.config.frozen import load_settings, settings_text, yaml_text
 from carigs.config.levels import left_out_levels, rendered_levels, target_levels
 from carigs.config.overrides import join_overrides, snakemake_config, split_overrides
 from carigs.config.sweep import Sweep, read_sweep, split_sweep, study_table
@@ -40,4 +40,5 @@ __all__ = [
     "study_table",
     "target_levels",
     "target_maker",
+    "yaml_text",
 ]

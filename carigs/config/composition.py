@@ -15,8 +15,9 @@ from yaml import YAMLError
 from carigs.config.folders import check_package, conf_folders
 from carigs.config.hydra_errors import describe
 from carigs.config.levels import rendered_levels
+from carigs.config.literals import literal
 from carigs.config.names import check_names, expand_patterns
-from carigs.config.overrides import check_overrides, check_study_overrides
+from carigs.config.overrides import check_study_overrides, hydra_override
 from carigs.config.relative import relative_to
 from carigs.errors import SettingsError
 from carigs.readers.yaml_files import check_yaml
@@ -37,13 +38,14 @@ def compose(*overrides: str) -> DictConfig:
         *overrides: Hydra overrides; of two for one key the later wins.
 
     Returns:
-        All settings, interpolations resolved, `mask_flags` combined, and `render.levels` without those above gamma.
+        All settings, interpolations resolved, once, `mask_flags` combined, and `render.levels` without those above
+        gamma.
 
     Raises:
         SettingsError: For unknown keys and choices, wrong types and values out of range, in one line.
         InputError: For a broken file in `conf/`.
     """
-    check_overrides(overrides)
+    typed = [hydra_override(override) for override in overrides]
     conf, *own = conf_folders()
     for file in (file for folder in (conf, *own) for file in folder.rglob("*.yaml")):
         check_yaml(file)  # before Hydra opens it
@@ -51,9 +53,10 @@ def compose(*overrides: str) -> DictConfig:
     search = [f"hydra.searchpath=['file://{folder.as_posix()}']" for folder in own]
     try:
         with initialize_config_dir(str(conf), version_base="1.3"):
-            config = hydra_compose("config", [*search, *overrides])
-            with relative_to(lambda: hydra_compose("config", [*search, *overrides, "preset=balanced"])):
-                OmegaConf.resolve(config)
+            config = hydra_compose("config", [*search, *typed])
+            with relative_to(lambda: hydra_compose("config", [*search, *typed, "preset=balanced"])):
+                values = OmegaConf.to_container(config, resolve=True)
+            config = OmegaConf.merge(_schema, literal(values))
     except (HydraException, OmegaConfBaseException, YAMLError, ValueError, OverflowError, RecursionError) as error:
         raise SettingsError(describe(error)) from error
     check_section(Config, config)

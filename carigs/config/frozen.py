@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from omegaconf import OmegaConf
+import yaml
+from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
-from yaml import YAMLError
 
 from carigs.config.composition import compose
 from carigs.config.hydra_errors import describe
+from carigs.config.literals import literal
 from carigs.errors import InputError, SettingsError
 from carigs.readers.yaml_files import read_yaml_text
 from carigs.settings import STAGES
@@ -26,9 +27,33 @@ def settings_text(stage: str, *overrides: str) -> str:
         *overrides: Hydra overrides.
 
     Returns:
-        The section with everything resolved.
+        The section with everything resolved: a `${` in it is text.
     """
-    return OmegaConf.to_yaml(compose(*overrides)[stage])
+    return yaml_text(compose(*overrides)[stage])
+
+
+def yaml_text(section: DictConfig) -> str:
+    """A section as YAML that `load_settings` reads back.
+
+    Args:
+        section: Composed settings, or a section of them.
+
+    Returns:
+        Its text: values as they are, without interpolations.
+    """
+    values = OmegaConf.to_container(section, resolve=True)
+    return yaml.dump(values, Dumper=_Dumper, allow_unicode=True, sort_keys=False)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes line breaks and other characters that are not printable as escapes: elsewhere YAML folds some of them."""
+
+
+def _represent_text(dumper: _Dumper, text: str) -> yaml.Node:
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=None if text.isprintable() else '"')
+
+
+_Dumper.add_representer(str, _represent_text)
 
 
 def load_settings(stage: str, file: str | Path) -> Section:
@@ -46,11 +71,11 @@ def load_settings(stage: str, file: str | Path) -> Section:
     """
     text, schema = read_yaml_text(file), STAGES[stage]
     try:
-        found = OmegaConf.create(text)
-        section = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(schema), found))
-    except (OmegaConfBaseException, YAMLError, SettingsError, ValueError, OverflowError) as error:
+        found = yaml.safe_load(text) or {}
+        section = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(schema), literal(found)))
+    except (OmegaConfBaseException, yaml.YAMLError, SettingsError, ValueError, OverflowError) as error:
         raise InputError(describe(error), file=file) from error
-    present = set(_keys(OmegaConf.to_container(found)))
+    present = set(_keys(found))
     for key in (key.removeprefix(f"{stage}.") for key, _, _ in walk(schema)):
         if key not in present:  # else a file that was cut off would mean defaults
             raise InputError("this key is missing", file=file, field=key)

@@ -33,6 +33,5 @@ def describe(error: Exception) -> str:
     schemas = {"Config": Config, **{schema.__name__: schema for _, schema, _ in walk(Config)}}
     if "Key '" in problem and (schema := schemas.get(details.get("object_type", ""))):
         problem += f"; known: {', '.join(schema.__dataclass_fields__)}"
-    problem = problem.replace("add --multirun to your command line", "use `carigs sweep`")
     where = details.get("full_key") or getattr(error, "override", None)
     return f"{where}: {problem}" if where else problem

@@ -1,13 +1,22 @@
-"""Hydra overrides: their line on the command line, and which are refused before Hydra parses them."""
+"""Hydra overrides: their line on the command line, how they are parsed, and which are refused before."""
 
 from __future__ import annotations
 
 import re
 import shlex
 from collections.abc import Iterable
+from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
 
+import yaml
+from antlr4.error.Errors import RecognitionException
+from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.override_parser.types import Override
+from hydra.errors import HydraException
+
+from carigs.config.folders import GROUPS, known
+from carigs.config.text_values import TEXT, TEXTS, kinds_of_values, quote_text, quoting_advice
 from carigs.errors import SettingsError
 from carigs.files import writing
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
@@ -65,9 +74,11 @@ def snakemake_config(overrides: Iterable[str], swept: Iterable[str] = ()) -> lis
 
 
 def _on_command_line(line: str) -> str:
+    """The line as a text in YAML, as which Snakemake reads a value; blanks, because it removes quotes at the ends."""
     content = line.encode()
     if len(content) <= MAX_LINE_BYTES:
-        return line
+        quoted = yaml.safe_dump(line, default_style='"', width=float("inf"), allow_unicode=True).rstrip("\n")
+        return f" {quoted} " if line else ""
     file = OVERRIDES_FOLDER / f"{sha256(content).hexdigest()[:16]}.txt"
     with writing(file) as part:
         part.write_bytes(content)
@@ -75,16 +86,75 @@ def _on_command_line(line: str) -> str:
 
 
 def join_overrides(overrides: Iterable[str]) -> str:
-    """Join overrides for Snakemake's `--config hydra=` or `sweep=`.
+    """Join overrides to a line.
 
     Args:
         overrides: Hydra overrides.
 
     Returns:
-        The line that `split_overrides` splits again. Backslashes, because Snakemake removes quotes at the ends of a
-        value; the blanks keep a last one. (A value of nothing but blanks is an error of Snakemake's parser.)
+        The line that `split_overrides` splits again.
     """
-    return "".join(re.sub(r"([\s'\"\\])", r"\\\1", override) + " " for override in overrides)
+    return shlex.join(overrides)
+
+
+@lru_cache(maxsize=4096)
+def parse_override(override: str) -> Override:
+    """Parse an override; the value of a key that holds text is taken as it stands (`carigs.config.text_values`).
+
+    Args:
+        override: `KEY=VALUE` as a user types it.
+
+    Returns:
+        What Hydra's parser reads; its `input_line` is the override in Hydra's grammar.
+
+    Raises:
+        SettingsError: As for `check_overrides`, and for an override that Hydra cannot parse.
+    """
+    check_overrides((override,))
+    if not re.match(r"[^=\s]+=|~", override):
+        raise SettingsError(f"{_shown(override)}: expected KEY=VALUE".removeprefix(": "))
+    try:
+        return OverridesParser.create().parse_override(quote_text(override))
+    except (HydraException, RecognitionException, ValueError, RecursionError) as error:
+        raise SettingsError(f"{_shown(override)}: {_advice(override, error)}") from error
+
+
+def hydra_override(override: str) -> str:
+    """An override with one value in Hydra's grammar.
+
+    Args:
+        override: `KEY=VALUE` as a user types it.
+
+    Returns:
+        The override with text in quotes.
+
+    Raises:
+        SettingsError: As for `parse_override`, and for several values.
+    """
+    parsed = parse_override(override)
+    if parsed.is_sweep_override():
+        is_text = kinds_of_values().get(parsed.get_key_element()) == TEXT
+        advice = f"; for one value {quoting_advice(override)}" if is_text else ""
+        raise SettingsError(f"{_shown(override)}: several values; `carigs sweep` makes a study of each{advice}")
+    return parsed.input_line
+
+
+def _advice(override: str, error: Exception) -> str:
+    """What is expected instead of an override that Hydra cannot parse; its parser speaks of tokens."""
+    key = override.partition("=")[0]
+    kind = kinds_of_values().get(key)
+    if key in GROUPS:
+        return f"there is no {key} of this name; known: {', '.join(known(key))}"
+    if kind is None:
+        return "no such key with such a value; docs/configuration.md lists the keys"
+    if isinstance(error, ValueError):  # of a number of thousands of digits
+        return str(error)
+    in_quotes = "; in quotes where a text has other characters than letters, digits and _-: ['a b','c']"
+    return f"expected {kind}{in_quotes if kind == TEXTS else ''}"
+
+
+def _shown(override: str) -> str:
+    return f"{override[:200]}{'...' * (len(override) > 200)}"
 
 
 def check_overrides(overrides: tuple[str, ...]) -> None:

@@ -10,12 +10,11 @@ from itertools import islice, product
 from math import prod
 from typing import Any, NamedTuple
 
-from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.core.override_parser.types import Override, QuotedString, Transformer
+from hydra.core.override_parser.types import QuotedString, Transformer
 from hydra.errors import HydraException
 
 from carigs.config.composition import compose_study
-from carigs.config.overrides import check_overrides, check_study_overrides
+from carigs.config.overrides import check_study_overrides, parse_override
 from carigs.errors import SettingsError
 
 MAX_COMBINATIONS = 10_000
@@ -66,7 +65,7 @@ def split_sweep(overrides: Sequence[str]) -> tuple[list[str], list[str]]:
     """
     parts: tuple[list[str], list[str]] = ([], [])
     for override in overrides:
-        parts[_parsed(override).is_sweep_override()].append(override)
+        parts[parse_override(override).is_sweep_override()].append(override)
     return parts
 
 
@@ -169,7 +168,7 @@ def _short_name(text: str, plain: bool, told_apart: str = "", limit: int = MAX_F
 
 def _choices(override: str) -> tuple[str, dict[str, str]]:
     """The key of an override, and by text of a value the override with this value alone."""
-    parsed = _parsed(override)
+    parsed = parse_override(override)
     key = parsed.get_key_element()
     if not parsed.is_sweep_override():
         return key, {_text(key, parsed.value()): override}
@@ -186,14 +185,6 @@ def _choices(override: str) -> tuple[str, dict[str, str]]:
 def _text(key: str, value: Any) -> str:
     """The text of the value of a key; of gamma as in paths."""
     return f"{value:g}" if key == "gamma" and isinstance(value, int | float) else value_text(value)
-
-
-def _parsed(override: str) -> Override:
-    check_overrides((override,))
-    try:
-        return OverridesParser.create().parse_override(override)
-    except HydraException as error:
-        raise SettingsError(f"{override}: {str(error).splitlines()[0]}") from error
 
 
 def _simplified(value: Any) -> Any:

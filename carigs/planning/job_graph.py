@@ -56,7 +56,7 @@ def study_jobs(config: Sequence[str], snakefile: str, targets: list[str], cores:
         SettingsError: If Snakemake cannot plan the study.
     """
     request = {
-        "config": dict(value.split("=", 1) for value in config),
+        "config": [*config],
         "snakefile": snakefile,
         "targets": targets,
         "cores": cores,
@@ -76,13 +76,14 @@ def _read_jobs(request: dict[str, Any]) -> list[Job]:
     from pathlib import Path
 
     from snakemake.api import SnakemakeApi
+    from snakemake.cli import parse_config
     from snakemake.settings.enums import Quietness
     from snakemake.settings.types import ConfigSettings, DAGSettings, OutputSettings, ResourceSettings
 
     with SnakemakeApi(OutputSettings(quiet={Quietness.ALL})) as api:
         workflow = api.workflow(
             resource_settings=ResourceSettings(cores=request["cores"]),
-            config_settings=ConfigSettings(config=request["config"]),
+            config_settings=ConfigSettings(config=parse_config(request["config"])),
             snakefile=Path(request["snakefile"]),
         )
         settings = DAGSettings(targets=set(request["targets"]), forceall=request["from_scratch"])

@@ -13,6 +13,7 @@ from dataclasses import Field, dataclass, field, fields
 from typing import Any, ClassVar
 
 from carigs.errors import SettingsError
+from carigs.readers.given_paths import path_problem
 
 MAX_COUNT = 1_000_000_000
 """Largest number of things that are counted one by one."""
@@ -78,6 +79,8 @@ class Option:
         Returns:
             What is wrong with it; empty if nothing is.
         """
+        if self.is_path and value:
+            return path_problem(value)
         if self.choices:
             return "" if value in self.choices else f"is unknown; choose {self.allowed()}"
         if self.pattern and value is not None:
