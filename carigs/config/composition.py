@@ -19,6 +19,7 @@ from carigs.config.literals import literal
 from carigs.config.names import check_names, expand_patterns
 from carigs.config.overrides import check_study_overrides, hydra_override
 from carigs.config.relative import relative_to
+from carigs.config.text_values import check_texts
 from carigs.errors import SettingsError
 from carigs.readers.yaml_files import check_yaml
 from carigs.settings import Config, combine_mask_flags
@@ -50,6 +51,8 @@ def compose(*overrides: str) -> DictConfig:
     for file in (file for folder in (conf, *own) for file in folder.rglob("*.yaml")):
         check_yaml(file)  # before Hydra opens it
         check_package(file)
+    for file in (file for folder in own for file in folder.rglob("*.yaml")):
+        check_texts(file, file.stat().st_mtime_ns)
     search = [f"hydra.searchpath=['file://{folder.as_posix()}']" for folder in own]
     try:
         with initialize_config_dir(str(conf), version_base="1.3"):

@@ -15,6 +15,7 @@ from hydra.errors import HydraException
 
 from carigs.config.composition import compose_study
 from carigs.config.overrides import check_study_overrides, parse_override
+from carigs.config.text_values import TEXT, kinds_of_values, with_quotes
 from carigs.errors import SettingsError
 
 MAX_COMBINATIONS = 10_000
@@ -173,13 +174,19 @@ def _choices(override: str) -> tuple[str, dict[str, str]]:
     if not parsed.is_sweep_override():
         return key, {_text(key, parsed.value()): override}
     try:
-        values = parsed.sweep_iterator(lambda value: (_text(key, value), f"{key}={Transformer.encode(value)}"))
+        values = parsed.sweep_iterator(lambda value: (_text(key, value), f"{key}={_encoded(key, value)}"))
         choices = dict(islice(values, MAX_COMBINATIONS + 1))
     except HydraException as error:
         raise SettingsError(f"{override}: list the values, or use range(); {str(error).splitlines()[0]}") from error
     if not choices:
         raise SettingsError(f"{override}: no value")
     return key, choices
+
+
+def _encoded(key: str, value: Any) -> str:
+    """A value in Hydra's grammar; of `choice('a')` the parser keeps the text without its quotes."""
+    is_bare = isinstance(value, str) and kinds_of_values().get(key) == TEXT
+    return with_quotes(value) if is_bare else Transformer.encode(value)
 
 
 def _text(key: str, value: Any) -> str:

@@ -25,9 +25,9 @@ def path_problem(path: str) -> str:
         path: As a user gives it.
 
     Returns:
-        What is wrong with it, for the end of a message that begins with the path: it has only blanks or a control
-        character, is no text, is longer than the system allows, leads in a circle, starts with `~`, which a shell alone
-        replaces, or names a pipe, a socket or a device, from which a reader could read without end. Empty if nothing is.
+        What is wrong with it, for the end of a message that begins with the path; empty if nothing is. Refused are
+        blanks alone, control characters, what is no text, names that are too long for the system, links that lead in a
+        circle, `~`, which a shell alone replaces, and pipes, sockets and devices, which can be read without end.
     """
     if not path.strip():
         return "is blank; expected a file or a folder"

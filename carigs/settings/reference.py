@@ -39,6 +39,21 @@ carigs settings study=ict                                          # what it com
 Files of your own go into `conf/study`, `conf/subject` and `conf/variant` of the current directory. Lists replace the
 default as a whole, except `train.mask_flags`, which variants change by `train.add_mask_flags` and
 `train.remove_mask_flags`. Every value is checked before any work starts.
+
+Where a key holds text, such as the name of a file, all that follows `=` is the value as it stands, whatever characters
+it has, and so is each element of a list of texts:
+
+```
+carigs run train.start=results/toy/toy/gamma=0.25/alternating/seed=0/avatar.npz
+carigs run "metrics.edit_prompt='A long nose, large ears'"
+```
+
+A comma separates the values of a sweep, `null` is no value, and `${gamma}` or `${oc.env:HOME}` stands for what another
+key or a variable of the environment holds. To have them as text, write the value in quotes of its own, which the shell
+must not remove, as in the second line; instead of `${` type `\\${`. Blanks, `#`, `(`, `!` and `$` mean something to the
+shell, so put such a word in quotes. Snakemake changes some characters of `--config hydra="..."`: write such overrides to
+a file, as in a shell, and type `hydra=@FILE`. In a file of `conf/`, text that YAML reads as a number or a boolean needs
+quotes: `name: '007'`.
 """
 _TYPES = {bool: "boolean", int: "integer", float: "number", str: "string"}
 

@@ -14,7 +14,7 @@ import yaml
 
 from carigs.cli import plan, run, settings, sweep
 from carigs.cli.main import COMMANDS, main
-from carigs.config import split_overrides
+from carigs.config import snakemake_config, split_overrides
 from carigs.errors import CarigsWarning, SettingsError
 
 
@@ -57,7 +57,7 @@ def commands(monkeypatch):
 
     def fake(command):
         seen.append(command)
-        return int("hydra=gamma=0.2 " in command)
+        return int(snakemake_config(["gamma=0.2"])[0] in command)
 
     monkeypatch.setattr(run, "_exit_code", fake)
     return seen
@@ -68,7 +68,7 @@ def test_options_reach_snakemake_and_its_failure_the_exit_code(commands, monkeyp
     assert run.main(["study=ict", "-n", "gamma=0.1", "--cores", "3", "--target", "table", "--", "--keep-going"]) == 0
     (command,) = commands
     assert command[command.index("--cores") + 1] == "3"
-    assert command[-4:] == ["--config", "hydra=study=ict gamma=0.1 ", "--", "table"]
+    assert command[-4:] == ["--config", *snakemake_config(["study=ict", "gamma=0.1"]), "--", "table"]
     assert {"--dry-run", "--keep-going"} <= {*command}
     assert run.main(["gamma=0.2"]) == 1
 
@@ -127,7 +127,8 @@ def test_an_interrupt_leaves_snakemake_the_time_to_cancel_its_jobs():
 def test_a_sweep_is_one_run_that_goes_on_after_failures(commands):
     assert sweep.main(["gamma=0.1,0.25", "study=toy", "capture.toy.seed=1,2", "--cores", "3"]) == 0
     (command,) = commands
-    assert command[-5:] == ["--config", "hydra=study=toy ", "sweep=gamma=0.1,0.25 capture.toy.seed=1,2 ", "--", "sweep"]
+    config = snakemake_config(["study=toy"], ["gamma=0.1,0.25", "capture.toy.seed=1,2"])
+    assert command[-5:] == ["--config", *config, "--", "sweep"]
     assert "--keep-going" in command
 
 

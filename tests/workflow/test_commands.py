@@ -357,16 +357,28 @@ def test_the_workflow_has_no_lint(stubbed, config):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "override",
-    ["study.variants=[surfhead]", "metrics.edit_prompt='A nose, \"large\"'", "metrics.edit_prompt=A head's nose"],
+ODD_TEXTS = (
+    "results/toy/toy/gamma=0.25/alternating/seed=0/avatar.npz",
+    'data (1)/it\'s "#1"! ~{a}$HOME%$(id)`id`&;|<>*?[b]: c #d\\ü😀',
 )
-def test_an_override_reaches_snakemake_as_it_was_typed(stubbed, override):
-    done = stubbed.command("carigs", "run", "--dry-run", override)
-    # The last one is an error of Hydra's grammar, told with its text; the others are planned.
-    assert (done.returncode == 0) == ("head's" not in override), done.stdout + done.stderr
-    assert "No closing quotation" not in done.stdout + done.stderr
+"""Names of files with what Hydra, YAML, Snakemake, Python's formats and shells take for something else."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("text", ODD_TEXTS)
+def test_a_text_reaches_the_job_as_it_was_typed(stubbed, tmp_path, text, monkeypatch):
+    monkeypatch.setenv("SECRET", "told")
+    project = Project(tmp_path / "project")
+    shutil.copytree(stubbed.root, project.root, symlinks=True)
+    options = ["study.subjects=[toy]", "study.variants=[surfhead]", "--target", "table", "--cores", "2"]
+    prompt = r"metrics.edit_prompt=\${oc.env:SECRET}"
+    done = project.command("carigs", "run", *options, f"train.start={text}", prompt)
+    assert done.returncode == 0, done.stdout + done.stderr
+    (train,), (metrics,) = (
+        [*(project.root / "results/toy/log" / stage).glob("*.log")] for stage in ("train", "metrics")
+    )
+    assert f"start={text!r}" in train.read_text()
+    assert "edit_prompt='${oc.env:SECRET}'" in metrics.read_text() and "told" not in metrics.read_text()
 
 
 @pytest.mark.slow
