@@ -84,7 +84,8 @@ def run_in_fork(function: str, arguments: dict[str, Any]) -> int:
 
     Args:
         function: `module:name` of a function that returns an exit code.
-        arguments: Its keywords; JSON can hold them.
+        arguments: Its keywords; JSON can hold them. `log` is the file of its messages: if a signal ends the job, a line
+            is written there.
 
     Returns:
         The exit code; that of a process that a signal has ended is negative.
@@ -100,11 +101,23 @@ def run_in_fork(function: str, arguments: dict[str, Any]) -> int:
         socket.send_fds(server, [len(message).to_bytes(8, "little")], range(NUM_STREAMS))
         server.sendall(message)
         code = server.makefile("rb").read()
-    if not code:
-        print("carigs: the fork server was killed", file=sys.stderr)
-    elif int(code) == -signal.SIGKILL:
-        print("carigs: the job was killed, as Linux does when memory runs out", file=sys.stderr)
+    if not code or int(code) < 0:
+        _report_end("the fork server was killed" if not code else _end_by_signal(-int(code)), arguments.get("log"))
     return int(code or 1)
+
+
+def _end_by_signal(number: int) -> str:
+    if number == signal.SIGKILL:
+        return "the job was killed, as Linux does when memory runs out"
+    return f"the job was ended by {signal.Signals(number).name}"
+
+
+def _report_end(line: str, log: str | None) -> None:
+    """Say how a job has ended that cannot say it itself, at the end of its log, too."""
+    print(f"carigs: {line}", file=sys.stderr)
+    if log is not None:
+        with suppress(OSError), open(log, "a", encoding="utf-8") as file:
+            print(f"\ncarigs: {line}", file=file)
 
 
 def _call(function: str, arguments: dict[str, Any]) -> int:

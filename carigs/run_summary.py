@@ -5,10 +5,11 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from carigs.errors import CarigsError, CarigsWarning
+from carigs.job_lock import job_lock
 
 ERROR_PREFIX = "carigs: "
 PREFIX = "carigs: warning: "
@@ -72,19 +73,29 @@ def warning_lines(folders: Iterable[Path]) -> list[str]:
 
 
 def error_lines(logs: Iterable[Path]) -> list[str]:
-    """The errors of jobs that failed, one line each.
+    """The errors of jobs that have begun and not ended, one line each.
 
     Args:
         logs: Their log files.
 
     Returns:
-        The last line of each log, or that the job was killed, with the log file.
+        Of each log its last line if that is an error, else what is known of the end of the job, with the log file.
     """
     lines = []
     for log in logs:
         text = log.read_text("utf-8", "replace").rstrip() if log.is_file() else ""
         last = text.rpartition("\n")[2]
-        if not last.startswith(ERROR_PREFIX) or last.startswith(PREFIX):
-            last = "the job ended without a message: it was killed, or the memory was full"
-        lines.append(f"{last.removeprefix(ERROR_PREFIX)} ({log})")
+        is_error = last.startswith(ERROR_PREFIX) and not last.startswith(PREFIX)
+        lines.append(f"{last.removeprefix(ERROR_PREFIX) if is_error else _silent_end(log, last)} ({log})")
     return lines
+
+
+def _silent_end(log: Path, last: str) -> str:
+    """What is known of a job that has not ended, and whose log has no error."""
+    try:
+        with suppress(OSError), job_lock(log.with_suffix(".lock"), 0):  # OSError: results that cannot be written
+            pass
+    except CarigsError as error:
+        return f"this run did not start the job: {error}"
+    done = f"after it wrote: {last}" if last else "before it wrote anything"
+    return f"the job ended without an error {done}; its process was killed, by the system, a scheduler or a user"

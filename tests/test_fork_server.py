@@ -14,6 +14,7 @@ import pytest
 
 from carigs.fork_server import CORES, FORK_SERVER, share_of_cores
 from carigs.run_process import RUN_PROCESS
+from carigs.run_summary import error_lines
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="only Linux has a fork server")
 
@@ -57,8 +58,8 @@ def cores():
 def fail():
     raise RuntimeError("a mistake")
 
-def killed():
-    os.kill(os.getpid(), signal.SIGKILL)
+def killed(number=9, log=None):
+    os.kill(os.getpid(), number)
 
 def wait():
     print(os.getpid(), flush=True)
@@ -128,6 +129,18 @@ def test_every_job_loads_the_kernels_of_the_present_sources(environment):
     folders = [done(environment, "folder_of_kernels")[1] for _ in range(2)]
     assert "kernels-" in folders[0]
     assert folders[0] == folders[1]
+
+
+@pytest.mark.parametrize(
+    ("number", "named"), [(signal.SIGKILL, "memory"), (signal.SIGSEGV, "SIGSEGV"), (signal.SIGTERM, "SIGTERM")]
+)
+def test_the_signal_that_ends_a_job_is_the_last_line_of_its_log(environment, tmp_path, number, named):
+    log = tmp_path / "a.log"
+    log.write_text("step 7")
+    code, _, errors, _ = done(environment, "killed", {"number": int(number), "log": str(log)})
+    assert code == 256 - number and named in errors
+    (line,) = error_lines([log])
+    assert line == f"{errors.strip().removeprefix('carigs: ')} ({log})"
 
 
 def test_exit_codes(environment):

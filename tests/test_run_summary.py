@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 
 import pytest
 
 from carigs.errors import CarigsWarning
+from carigs.job_lock import job_lock
 from carigs.run_summary import error_lines, warning_lines, warnings_as_lines
+
+SILENT = "the job ended without an error"
+KILLED = "its process was killed, by the system, a scheduler or a user"
 
 
 def test_warnings_become_lines_of_the_log_and_others_stay(capsys):
@@ -41,13 +46,10 @@ def test_every_warning_is_repeated_once_with_its_log(tmp_path):
     ("text", "expected"),
     [
         ("reading\ncarigs: out.json: a.png: no such image\n", "out.json: a.png: no such image"),
-        ("carigs: warning: dark images\n", "the job ended without a message: it was killed, or the memory was full"),
-        (
-            "carigs: out.json: an old line\nstep 7\n",
-            "the job ended without a message: it was killed, or the memory was full",
-        ),
-        ("", "the job ended without a message: it was killed, or the memory was full"),
-        (None, "the job ended without a message: it was killed, or the memory was full"),
+        ("carigs: warning: dark images\n", f"{SILENT} after it wrote: carigs: warning: dark images; {KILLED}"),
+        ("carigs: out.json: an old line\nstep 7\n", f"{SILENT} after it wrote: step 7; {KILLED}"),
+        ("", f"{SILENT} before it wrote anything; {KILLED}"),
+        (None, f"{SILENT} before it wrote anything; {KILLED}"),
     ],
 )
 def test_the_error_of_a_job_is_the_last_line_of_its_log(text, expected, tmp_path):
@@ -55,3 +57,14 @@ def test_the_error_of_a_job_is_the_last_line_of_its_log(text, expected, tmp_path
     if text is not None:
         log.write_text(text)
     assert error_lines([log]) == [f"{expected} ({log})"]
+
+
+@pytest.mark.parametrize("text", [None, "", "step 7\n"])
+def test_a_job_that_another_process_still_runs_was_not_killed(text, tmp_path):
+    log = tmp_path / "a.log"
+    if text is not None:
+        log.write_text(text)
+    with job_lock(log.with_suffix(".lock")):
+        (line,) = error_lines([log])
+    assert line.startswith("this run did not start the job: ") and f"process {os.getpid()} on host" in line
+    assert "killed" not in line

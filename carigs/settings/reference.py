@@ -51,9 +51,9 @@ carigs run "metrics.edit_prompt='A long nose, large ears'"
 A comma separates the values of a sweep, `null` is no value, and `${gamma}` or `${oc.env:HOME}` stands for what another
 key or a variable of the environment holds. To have them as text, write the value in quotes of its own, which the shell
 must not remove, as in the second line; instead of `${` type `\\${`. Blanks, `#`, `(`, `!` and `$` mean something to the
-shell, so put such a word in quotes. Snakemake changes some characters of `--config hydra="..."`: write such overrides to
-a file, as in a shell, and type `hydra=@FILE`. In a file of `conf/`, text that YAML reads as a number or a boolean needs
-quotes: `name: '007'`.
+shell, so put such a word in quotes. Snakemake changes some characters of `--config hydra="..."`: write such overrides
+to a file, as in a shell, and type `hydra=@FILE`. In a file of `conf/`, text that YAML reads as a number or a boolean
+needs quotes: `name: '007'`.
 """
 _TYPES = {bool: "boolean", int: "integer", float: "number", str: "string"}
 
