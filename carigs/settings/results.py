@@ -138,4 +138,5 @@ class Report(Section, key="report"):
     image_height: int = option(360, unit="pixels", ge=16, le=4096)
     """Height of the images that the slider shows; smaller if the page would become too large."""
     max_megabytes: float = option(15.0, unit="MB", ge=0.5, le=1000)
-    """Largest size of the page. Figures are reduced, then left out, to keep to it."""
+    """Largest size of the page. Figures are reduced, then left out, to keep to it; if the page is larger without them,
+    a warning says so."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +12,7 @@ import numpy as np
 
 from carigs.capture import Capture
 from carigs.capture.frame_index import GroundTruth, read_ground_truth
+from carigs.errors import CarigsWarning, MeshError, SettingsError
 from carigs.exaggeration import Exaggerator, GammaPath
 from carigs.files import writing_folder
 from carigs.hair import load_hair
@@ -20,7 +23,7 @@ from evaluation.figures import strips
 from evaluation.figures.blend_error import BlendError, blend_errors, plot_blend_errors
 from evaluation.figures.local_edits import local_edits, write_local_edits
 from evaluation.figures.misregistration import Misregistration, misregistrations, plot_misregistrations
-from evaluation.figures.study_images import StudyImages, strip_frame
+from evaluation.figures.study_images import StudyImages
 from evaluation.tables.csv_files import write_csv
 
 
@@ -41,7 +44,7 @@ def figures(
 ) -> None:
     """Write the figures as PNG files; plots also as PDF, and their numbers as CSV.
 
-    A figure that cannot be drawn is left out, and `left_out.txt` says why.
+    A figure that cannot be drawn is left out, and `left_out.txt` says why in a line.
 
     Args:
         settings: Camera, timestep and height of the images, and samples of the blend error.
@@ -57,33 +60,51 @@ def figures(
         mask_flags: Flags whose pixels the training leaves out (`train.mask_flags`).
         folder: Folder to write.
 
+    Warns:
+        CarigsWarning: There is no test frame, or none of the camera and timestep that the settings name.
+
     Raises:
-        SettingsError: The settings name no test frame.
         InputError: An input is malformed or lacks a frame.
     """
     subject, warp = Capture.load(capture), Gtstar(**gtstar)
     gamma_path = read_subject_path(path, subject.model)
     known = {level: read_ground_truth(file) for level, file in zip(levels, truths, strict=True)}
     rendered = dict(zip(variants, frames, strict=True))
-    images = StudyImages(subject, rendered, known, strip_frame(settings, subject), settings.image_height)
+    images = StudyImages(subject, rendered, known, settings, settings.image_height)
     solver = _solver(subject, gamma_path)
     with writing_folder(folder) as part:
-        for variant in images.variants:
-            strips.gamma_strip(part / f"gamma_strip_{variant}.png", images, variant)
-        strips.ablation(part / "ablation.png", images)
-        reasons = {
-            "renderings": strips.renderings(part / "renderings.png", images),
-            "alternation": strips.alternation(part / "alternation.png", images),
-            "hair": strips.hair(part / "hair.png", images, gamma_path, warp.hair_regions),
-            "mouth": strips.mouth(part / "mouth.png", images, gamma_path),
-            "hair_mask": strips.hair_mask(part / "hair_mask.png", images, gamma_path, warp.hair_regions),
-            "local_edits": _local_edits(part, images, gamma_path, solver, avatar),
-            "blend_error": _blend_error(part, without_teeth(gamma_path), solver, settings.blend_error_samples),
-            "misregistration": _misregistration(part, subject, gamma_path, known, warp, mask_flags, hair),
+        figure: dict[str, Callable[[Path], str | None]] = {
+            **{f"gamma_strip_{name}": partial(_gamma_strip, images, name) for name in images.variants},
+            "ablation": lambda file: strips.ablation(file, images),
+            "renderings": lambda file: strips.renderings(file, images),
+            "alternation": lambda file: strips.alternation(file, images),
+            "hair": lambda file: strips.hair(file, images, gamma_path, warp.hair_regions),
+            "mouth": lambda file: strips.mouth(file, images, gamma_path),
+            "hair_mask": lambda file: strips.hair_mask(file, images, gamma_path, warp.hair_regions),
+            "local_edits": lambda file: _local_edits(file, images, gamma_path, solver, avatar),
+            "blend_error": lambda file: _blend_error(
+                file, without_teeth(gamma_path), solver, settings.blend_error_samples
+            ),
+            "misregistration": lambda file: _misregistration(file, subject, gamma_path, known, warp, mask_flags, hair),
         }
+        reasons = {name: _reason(draw, part / f"{name}.png") for name, draw in figure.items()}
         lines = [f"{name}: {reason}\n" for name, reason in reasons.items() if reason]
         if lines:
             (part / "left_out.txt").write_text("".join(lines), encoding="utf-8")
+    if images.problem:
+        warnings.warn(f"figures of test frames are left out: {images.problem}", CarigsWarning, stacklevel=2)
+
+
+def _reason(draw: Callable[[Path], str | None], file: Path) -> str | None:
+    """Draw a figure; why it is left out, if it is. One that cannot be drawn must not end a study that is trained."""
+    try:
+        return draw(file)
+    except (SettingsError, MeshError) as error:
+        return str(error)
+
+
+def _gamma_strip(images: StudyImages, variant: str, file: Path) -> None:
+    strips.gamma_strip(file, images, variant)
 
 
 def _solver(subject: Capture, path: GammaPath) -> tuple[Exaggerator, Exaggerate] | str:
@@ -94,9 +115,7 @@ def _solver(subject: Capture, path: GammaPath) -> tuple[Exaggerator, Exaggerate]
     return subject_exaggerator(subject.model, without_teeth(path).neutral, settings), settings
 
 
-def _blend_error(
-    folder: Path, path: GammaPath, solver: tuple[Exaggerator, Exaggerate] | str, samples: int
-) -> str | None:
+def _blend_error(file: Path, path: GammaPath, solver: tuple[Exaggerator, Exaggerate] | str, samples: int) -> str | None:
     if isinstance(solver, str):
         return solver
     head, settings = solver
@@ -111,13 +130,13 @@ def _blend_error(
     if difference > 1e-4 * np.linalg.norm(np.ptp(path.neutral, axis=0)):
         return f"solving again gives another caricature, {1e3 * difference:.2g} mm away: the path was made otherwise"
     errors = blend_errors(path, exact, samples)
-    write_csv(folder / "blend_error.csv", errors, BlendError)
-    plot_blend_errors(folder / "blend_error.png", errors)
+    write_csv(file.with_suffix(".csv"), errors, BlendError)
+    plot_blend_errors(file, errors)
     return None
 
 
 def _local_edits(
-    folder: Path,
+    file: Path,
     images: StudyImages,
     path: GammaPath,
     solver: tuple[Exaggerator, Exaggerate] | str,
@@ -129,17 +148,23 @@ def _local_edits(
         return solver
     from carigs.splat.avatar import load_avatar
 
-    person, views = load_avatar(avatar), images.views[:2]
+    # Every frame of the capture can be rendered, so that a capture without test frames has this figure, too.
+    person, views = load_avatar(avatar), images.views[:2] if images.subject.split("test") else _any_view(images.subject)
     person.sequence.path = path
     cameras = [images.subject.camera(images.subject.frame_at[view]) for view in views]
     edits = local_edits(person, solver[0], path.gamma_f, views[0][0], cameras)
     numbers = [camera for _, camera in views]
-    write_local_edits(folder / "local_edits.png", edits, numbers, path.gamma_f, height=images.height)
+    write_local_edits(file, edits, numbers, path.gamma_f, height=images.height)
     return None
 
 
+def _any_view(subject: Capture) -> list[tuple[int, int]]:
+    """The first frame of the validation camera."""
+    return [(f.timestep, f.camera) for f in subject.frames if f.camera == subject.validation_camera][:1]
+
+
 def _misregistration(
-    folder: Path,
+    file: Path,
     subject: Capture,
     path: GammaPath,
     known: Mapping[float, GroundTruth],
@@ -151,6 +176,6 @@ def _misregistration(
         return "no true caricature is known"
     covered = None if hair is None else load_hair(hair, len(subject.model.faces)).covered
     records = list(misregistrations(subject, path, known, warp, mask_flags, covered))
-    write_csv(folder / "misregistration.csv", records, Misregistration)
-    plot_misregistrations(folder / "misregistration.png", records)
+    write_csv(file.with_suffix(".csv"), records, Misregistration)
+    plot_misregistrations(file, records)
     return None

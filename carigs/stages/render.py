@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -14,7 +15,7 @@ from carigs.capture.capture_json import camera_to_json
 from carigs.capture.frame_index import level_folder, write_frame_index
 from carigs.capture.images import write_png
 from carigs.capture.orbit import orbit_cameras
-from carigs.errors import SettingsError
+from carigs.errors import CarigsWarning, SettingsError
 from carigs.exaggeration import GammaPath
 from carigs.files import resuming_folder
 from carigs.head import read_subject_path
@@ -67,6 +68,9 @@ def render(
             need the avatar's depth, normals, opacity and surfels.
         resume_key: Digest of all that the output depends on; levels that a run with another one has left are not used.
 
+    Warns:
+        CarigsWarning: The capture lacks the timestep that the orbit should show.
+
     Raises:
         SettingsError: If a level lies outside the path.
     """
@@ -81,6 +85,10 @@ def render(
     for level in settings.levels:
         if not 0 <= level <= gamma_path.gamma_f:
             raise SettingsError(f"level {level:g} lies outside the path's [0, {gamma_path.gamma_f:g}]")
+    if settings.orbit_timestep not in (None, *subject.parameter_files):
+        shown = _orbit_frame(settings, subject).timestep
+        problem = f"render.orbit_timestep={settings.orbit_timestep} is no timestep of the capture"
+        warnings.warn(f"{problem}; the orbit shows {shown}", CarigsWarning, stacklevel=2)
     person.sequence.path = gamma_path
     with resuming_folder(frames, resume_key) as (part, _):
         for level in settings.levels:
@@ -121,12 +129,9 @@ def rendered_views(settings: Render, subject: Capture, level: float) -> Iterator
 
     Yields:
         Views with their cameras, in rendering order.
-
-    Raises:
-        SettingsError: The capture has no timestep for the orbit.
     """
     frames = {
-        "test": spread_test_frames(subject, settings.test_timesteps),
+        "test": spread_test_frames(subject.split("test"), settings.test_timesteps),
         "val": subject.split("val") if level == 0 else (),
     }
     for split, shown in frames.items():
@@ -138,17 +143,16 @@ def rendered_views(settings: Render, subject: Capture, level: float) -> Iterator
             yield View("orbit", frame.timestep, i, frame.sequence), camera
 
 
-def spread_test_frames(subject: Capture, timesteps: int | None) -> tuple[Frame, ...]:
+def spread_test_frames(frames: tuple[Frame, ...], timesteps: int | None) -> tuple[Frame, ...]:
     """Choose the test frames that are rendered: of all cameras, at timesteps that are spread evenly.
 
     Args:
-        subject: The capture.
+        frames: All test frames.
         timesteps: Number of timesteps; None for all.
 
     Returns:
         The frames, in their order.
     """
-    frames = subject.split("test")
     known = sorted({frame.timestep for frame in frames})
     if timesteps is None or timesteps >= len(known):
         return frames
@@ -157,7 +161,6 @@ def spread_test_frames(subject: Capture, timesteps: int | None) -> tuple[Frame, 
 
 
 def _orbit_frame(settings: Render, subject: Capture) -> Frame:
-    for frame in (*subject.split("test"), *subject.frames):
-        if settings.orbit_timestep in (None, frame.timestep):
-            return frame
-    raise SettingsError(f"render.orbit_timestep={settings.orbit_timestep} is not a timestep of the capture")
+    """A frame of the timestep of the orbit; of the first test timestep, if the settings name none that there is."""
+    frames = (*subject.split("test"), *subject.frames)
+    return next((frame for frame in frames if frame.timestep == settings.orbit_timestep), frames[0])

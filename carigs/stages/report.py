@@ -21,7 +21,7 @@ from carigs.run_summary import logged_warnings
 from carigs.settings import Report
 from evaluation.card.card import read_card
 from evaluation.card.document import card_parts
-from evaluation.figures.study_images import StudyImages, strip_frame
+from evaluation.figures.study_images import StudyImages
 from evaluation.metrics.catalogue import CATALOGUE
 from evaluation.report import page as html
 from evaluation.report.images import data_uri, fitting_height
@@ -32,6 +32,7 @@ from evaluation.tables.typeset import comparison_tables
 
 FIGURE_WIDTH = 1800
 """Largest width of a figure in the page, in pixels."""
+NO_FIGURES = "all figures: with them the page would be larger than report.max_megabytes"
 CAPTIONS = {
     "ablation": "all variants of the study at every level",
     "renderings": "the baseline at the highest level, and the method from level 0 to it (figure 5 of the paper)",
@@ -99,10 +100,12 @@ def report(
             person,
             {variant: rendered[subject, variant] for variant in variants},
             {float(level): read_ground_truth(true[subject, level]) for level in levels},
-            strip_frame(load_settings("figures", used["figures", f"subject={subject}"]), person),
+            load_settings("figures", used["figures", f"subject={subject}"]),
             settings.image_height,
         )
     charts = {subject: subject_chart({v: trained[subject, v] for v in variants}) for subject in subjects}
+    no_strips = [f"{subject}, images by level: {found.problem}" for subject, found in images.items() if found.problem]
+    skipped = [*_warnings(Path(logs)), *no_strips, *_left_out(figures)]
     content = html.Report(
         study=made.study,
         gamma=made.gamma,
@@ -112,14 +115,15 @@ def report(
         charts={subject: chart for subject, chart in charts.items() if chart},
         figures=[],
         tables=comparison_tables(read_summaries(table), load_settings("tabulate", used["tabulate", "all"]), CATALOGUE),
-        skipped=[*_warnings(Path(logs)), *_left_out(figures)],
+        skipped=skipped,
         settings=_settings(made_with),
     )
 
     def fill(scale: float, with_figures: bool) -> html.Report:
         height = max(round(settings.image_height * scale), 16)
-        content.strips = [_strip(subject, found, height) for subject, found in images.items()]
+        content.strips = [_strip(subject, found, height) for subject, found in images.items() if not found.problem]
         content.figures = [] if not with_figures else _figures(figures, round(FIGURE_WIDTH * scale))
+        content.skipped = skipped if with_figures else [*skipped, NO_FIGURES]
         return content
 
     text = html.page_within(settings.max_megabytes * 1e6, fill)

@@ -38,7 +38,7 @@ def region_window(
     centre = np.array([rows.min() + rows.max(), columns.min() + columns.max()]) / 2
     height = (1 + 2 * BORDER) * max(np.ptp(rows), np.ptp(columns) / PROPORTIONS)
     height = min(height, camera.height, camera.width / PROPORTIONS)
-    size = np.array([height, height * PROPORTIONS])
+    size = np.array([max(height, 1.0), max(height * PROPORTIONS, 1.0)])  # a pixel at least
     start = np.clip(centre - size / 2, 0, np.array([camera.height, camera.width]) - size)
     (top, left), (bottom, right) = (np.rint(ends).astype(int).tolist() for ends in (start, start + size))
     return slice(top, bottom), slice(left, right)

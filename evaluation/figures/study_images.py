@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -28,14 +28,14 @@ class StudyImages:
         subject: The capture.
         frames: Folder of the renderings by variant, of the levels of `truths`.
         truths: True images by level.
-        frame: Timestep and camera of the frame in figures with one view.
+        settings: Camera and timestep of figures with one view, if a user names them.
         height: Height of each image in a figure, in pixels.
     """
 
     subject: Capture
     frames: Mapping[str, Path]
     truths: Mapping[float, GroundTruth]
-    frame: tuple[int, int]
+    settings: Figures
     height: int
 
     @property
@@ -49,10 +49,28 @@ class StudyImages:
         return sorted(self.truths)
 
     @cached_property
+    def frame(self) -> tuple[int, int]:
+        """Timestep and camera of the frame in figures with one view.
+
+        Raises:
+            SettingsError: No test frame is rendered, or none of the camera and timestep that a user names.
+        """
+        return shown_frame(self.settings, self.subject, self._rendered_by_all)
+
+    @property
+    def problem(self) -> str | None:
+        """Why there is no `frame`, if there is none."""
+        try:
+            self.frame  # noqa: B018
+        except SettingsError as error:
+            return str(error)
+        return None
+
+    @cached_property
     def views(self) -> list[tuple[int, int]]:
         """Frames of figures with several views: `frame` and others of its timestep, far from each other."""
         timestep, camera = self.frame
-        others = sorted({f.camera for f in self.subject.split("test") if f.timestep == timestep} - {camera})
+        others = sorted({c for t, c in self._rendered_by_all if t == timestep} - {camera})
         chosen = np.linspace(0, len(others) - 1, min(len(others), VIEWS - 1)).astype(int)
         return [self.frame, *((timestep, others[i]) for i in chosen)]
 
@@ -102,6 +120,12 @@ class StudyImages:
         file = images.get(frame or self.frame)
         return file and read_rgb(file)
 
+    @cached_property
+    def _rendered_by_all(self) -> set[tuple[int, int]]:
+        """Test frames of every variant at every level."""
+        found = [self.rendered_frames(variant, level) for variant in self.variants for level in self.levels]
+        return set.intersection(*found) if found else set()
+
     def _files(self, index: Path) -> dict[tuple[int, int], Path]:
         if index not in self._known_files:
             frames = read_frame_index(index)
@@ -113,22 +137,34 @@ class StudyImages:
         return {}
 
 
-def strip_frame(settings: Figures, subject: Capture) -> tuple[int, int]:
+def shown_frame(settings: Figures, subject: Capture, rendered: Collection[tuple[int, int]]) -> tuple[int, int]:
     """Choose the frame of the figures with one view.
 
     Args:
-        settings: Camera and timestep, or None for the first of each.
+        settings: Camera and timestep that a user names, or None.
         subject: The capture.
+        rendered: Timestep and camera of the test frames that are rendered.
 
     Returns:
-        Timestep and camera.
+        Timestep and camera: of the validation camera, or of the camera next to it that has a test frame; the first
+        timestep.
 
     Raises:
-        SettingsError: There is no such test frame.
+        SettingsError: There is no such frame.
     """
-    camera = subject.validation_camera if settings.camera is None else settings.camera
-    for frame in subject.split("test"):
-        if frame.camera == camera and settings.timestep in (None, frame.timestep):
-            return frame.timestep, frame.camera
-    where = f"figures.camera={settings.camera}, figures.timestep={settings.timestep}"
-    raise SettingsError(f"{where}: there is no such test frame")
+    if not rendered:
+        unseen = "no test frame is rendered of every variant at every level"
+        raise SettingsError(unseen if subject.split("test") else "the capture has no test frame")
+    named = {"figures.camera": settings.camera, "figures.timestep": settings.timestep}
+    stated = ", ".join(f"{key}={value}" for key, value in named.items() if value is not None)
+    found = [(t, c) for t, c in rendered if settings.timestep in (None, t) and settings.camera in (None, c)]
+    if not found:
+        timesteps, cameras = (", ".join(f"{n}" for n in sorted({frame[i] for frame in rendered})) for i in (0, 1))
+        raise SettingsError(f"{stated}: no such test frame; there are cameras {cameras} and timesteps {timesteps}")
+    validation = subject.cameras[subject.validation_camera].centre
+
+    def order(frame: tuple[int, int]) -> tuple[float, int, int]:
+        timestep, camera = frame
+        return float(np.linalg.norm(subject.cameras[camera].centre - validation)), camera, timestep
+
+    return min(found, key=order)

@@ -13,6 +13,9 @@ from carigs.errors import CarigsError
 QUALITY = 85
 """Of WebP, 0 to 100: errors are not seen, and plots keep their edges."""
 
+MAX_WIDTH = 16_383
+"""Of an image in WebP, in pixels; wider ones are reduced."""
+
 
 def data_uri(image: Float[np.ndarray, "h w 3"] | UInt8[np.ndarray, "h w 3"], height: int) -> str:
     """Encode an image as WebP in a data URI.
@@ -25,11 +28,12 @@ def data_uri(image: Float[np.ndarray, "h w 3"] | UInt8[np.ndarray, "h w 3"], hei
         The URI.
 
     Raises:
-        CarigsError: The image cannot be encoded: it is wider than 16383 pixels.
+        CarigsError: The image cannot be encoded.
     """
     pixels = image if image.dtype == np.uint8 else np.round(image * 255).astype(np.uint8)
+    height = min(height, fitting_height(pixels.shape[1], pixels.shape[0], MAX_WIDTH))
     if pixels.shape[0] > height:
-        width = max(round(pixels.shape[1] * height / pixels.shape[0]), 1)
+        width = min(max(round(pixels.shape[1] * height / pixels.shape[0]), 1), MAX_WIDTH)
         pixels = cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA)
     encodes, encoded = cv2.imencode(".webp", pixels[:, :, ::-1], [cv2.IMWRITE_WEBP_QUALITY, QUALITY])
     if not encodes:

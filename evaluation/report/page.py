@@ -7,6 +7,7 @@ script and style sheet by their digests, and images in the page alone.
 from __future__ import annotations
 
 import base64
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
@@ -15,7 +16,7 @@ from typing import NamedTuple
 
 from jinja2 import Environment, StrictUndefined
 
-from carigs.errors import CarigsError
+from carigs.errors import CarigsWarning
 from evaluation.card.document import Part
 from evaluation.report import training_chart
 from evaluation.report.training_chart import Chart
@@ -111,8 +112,8 @@ def page_within(max_bytes: float, make: Callable[[float, bool], Report]) -> str:
     Returns:
         The page.
 
-    Raises:
-        CarigsError: The page is too large with the smallest images and no figures.
+    Warns:
+        CarigsWarning: The page is larger, with the smallest images and no figures.
     """
     for with_figures in (True, False):
         for scale in SCALES:
@@ -120,7 +121,9 @@ def page_within(max_bytes: float, make: Callable[[float, bool], Report]) -> str:
             size = len(page.encode())
             if size <= max_bytes:
                 return page
-    raise CarigsError(f"the report has {size / 1e6:.1f} MB without figures; set report.max_megabytes higher")
+    problem = f"the report has {size / 1e6:.1f} MB without figures, more than report.max_megabytes={max_bytes / 1e6:g}"
+    warnings.warn(problem, CarigsWarning, stacklevel=2)
+    return page
 
 
 def _digest(text: str) -> str:

@@ -2,6 +2,8 @@
 
 import csv
 import json
+import re
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +14,7 @@ from carigs.capture import Camera, Capture, read_dataset
 from carigs.capture.camera import look_at
 from carigs.capture.frame_index import read_ground_truth
 from carigs.capture.images import read_rgb, write_png
-from carigs.errors import InputError, SettingsError
+from carigs.errors import CarigsWarning
 from carigs.exaggeration import Exaggerator, GammaPath, straight_path
 from carigs.head import neutral
 from carigs.settings import DEFAULT_MASK_FLAGS, Exaggerate, Figures, Gtstar
@@ -22,7 +24,7 @@ from evaluation.figures.blend_error import BlendError, blend_errors
 from evaluation.figures.misregistration import MAX_MASKED, REGIONS, misregistrations
 from evaluation.figures.region_window import PROPORTIONS, region_window
 from evaluation.figures.sheet import write_sheet
-from evaluation.figures.study_images import StudyImages, strip_frame
+from evaluation.figures.study_images import StudyImages
 from evaluation.tables.csv_files import write_csv
 
 
@@ -147,7 +149,9 @@ def test_the_hair_is_shown_at_both_levels_without_a_column_for_an_unknown_truth(
     figures(Figures(image_height=96), **keywords, path=folder / "given.npz", folder=folder / "hair")
     sheet = read_rgb(folder / "hair/hair.png")
     subject = Capture.load(folder / "capture.json")
-    views = StudyImages(subject, {}, {}, strip_frame(Figures(), subject), 96).views
+    truths = {level: read_ground_truth(file) for level, file in zip((0.0, 0.25), keywords["truths"], strict=True)}
+    views = StudyImages(subject, {"alternating": folder / "alternating"}, truths, Figures(), 96).views
+    assert len(views) == 3
     cells = len(views) * 96 * round(96 * PROPORTIONS)
     grey, black = ((np.abs(sheet - value).max(axis=2) < 0.003) for value in (0.25, 0.0))
     assert grey.sum() == pytest.approx(cells, rel=0.05) and black.sum() == pytest.approx(cells, rel=0.1)
@@ -168,9 +172,8 @@ def test_the_open_mouth_is_looked_for_among_rendered_frames(study, tmp_path, mon
     monkeypatch.setattr(strips, "lip_gap", lambda _, timestep: float(timestep != shown.timestep))
     monkeypatch.setattr(strips, "_window", lambda *_: (slice(0, 24), slice(0, 32)))
     truths = {level: read_ground_truth(file) for level, file in zip((0.0, 0.25), keywords["truths"], strict=True)}
-    images = StudyImages(
-        subject, {"alternating": folder / "alternating"}, truths, (shown.timestep, shown.camera), height=96
-    )
+    settings = Figures(timestep=shown.timestep, camera=shown.camera)
+    images = StudyImages(subject, {"alternating": folder / "alternating"}, truths, settings, height=96)
     assert strips.mouth(tmp_path / "mouth.png", images, GammaPath.load(folder / "given.npz")) is None
     assert (tmp_path / "mouth.png").exists()
 
@@ -222,16 +225,38 @@ def test_misregistration_follows_the_settings_of_the_study(study):
     assert sum(record.marked for record in narrow) < sum(marked["stretched",].values())
 
 
-def test_a_frame_that_does_not_exist_is_an_error(study, tmp_path):
+@pytest.mark.parametrize(
+    ("named", "reason"),
+    [
+        ({"camera": 99}, "figures.camera=99: no such test frame; there are cameras 0, 1, 2 and timesteps 3"),
+        ({"timestep": 0}, "figures.timestep=0: no such test frame; there are cameras 0, 1, 2 and timesteps 3"),
+        ({"camera": 1, "timestep": 9}, "figures.camera=1, figures.timestep=9: no such test frame"),
+    ],
+)
+def test_figures_of_a_frame_that_does_not_exist_are_left_out(study, tmp_path, named, reason):
     folder, keywords = study
-    with pytest.raises(SettingsError, match=r"figures\.camera=99"):
-        figures(Figures(camera=99), **keywords, path=folder / "given.npz", folder=folder / "none")
-    for level in ("0", "0.25"):
-        (tmp_path / f"level={level}").mkdir()
-        (tmp_path / f"level={level}/frames.json").write_text("[]")
-    with pytest.raises(InputError, match=r"frames\.json: no test frame of timestep 3, camera 1"):
-        figures(Figures(), **{**keywords, "frames": [tmp_path] * 2}, path=folder / "given.npz", folder=folder / "none")
-    assert not (folder / "none").exists()
+    with pytest.warns(CarigsWarning, match=re.escape(reason)):
+        figures(Figures(**named), **keywords, path=folder / "given.npz", folder=tmp_path / "none")
+    reasons = left_out(tmp_path / "none")
+    for name in ("ablation", "gamma_strip_surfhead", "renderings", "hair"):
+        assert reasons[name].startswith(reason)
+    assert not list((tmp_path / "none").glob("*.png"))
+
+
+def test_a_frame_that_some_variant_lacks_is_not_shown(study, tmp_path):
+    folder, keywords = study
+    shutil.copytree(folder / "surfhead", tmp_path / "surfhead")
+    index = tmp_path / "surfhead/level=0.25/frames.json"
+    rendered = {name: tmp_path / "surfhead" if name == "surfhead" else folder / name for name in keywords["variants"]}
+    subject = Capture.load(folder / "capture.json")
+    truths = {level: read_ground_truth(file) for level, file in zip((0.0, 0.25), keywords["truths"], strict=True)}
+    entries = json.loads(index.read_text())
+    for kept, frame in (({0, 1, 2}, (3, 1)), ({0, 2}, (3, 0)), ({2}, (3, 2))):
+        index.write_text(json.dumps([entry for entry in entries if entry["camera"] in kept]))
+        images = StudyImages(subject, rendered, truths, Figures(), 96)
+        assert images.frame == frame and {camera for _, camera in images.views} == kept
+    index.write_text("[]")
+    assert "no test frame is rendered" in StudyImages(subject, rendered, truths, Figures(), 96).problem
 
 
 class CodedImages(StudyImages):
