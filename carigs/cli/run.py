@@ -65,7 +65,7 @@ def parse_run(parser: argparse.ArgumentParser, arguments: list[str]) -> argparse
 
 
 def check_subjects(overrides: Sequence[str]) -> str:
-    """Compose a study and its subjects.
+    """Compose a study and its subjects, and look for the frames that their settings name.
 
     Args:
         overrides: Hydra overrides.
@@ -74,11 +74,15 @@ def check_subjects(overrides: Sequence[str]) -> str:
         Name of the study.
 
     Raises:
-        SettingsError: For wrong overrides.
+        SettingsError: For wrong overrides, and for a camera or timestep to show that a capture lacks.
     """
     study = compose_study(*overrides).study
     for subject in study.subjects:
-        compose(*overrides, f"subject={subject}")
+        composed = compose(*overrides, f"subject={subject}")
+        if {composed.figures.camera, composed.figures.timestep, composed.render.orbit_timestep} != {None}:
+            from carigs.planning.shown_frames import check_shown_frames  # reads captures: half a second
+
+            check_shown_frames(composed)
     return study.name
 
 

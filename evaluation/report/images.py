@@ -14,7 +14,7 @@ QUALITY = 85
 """Of WebP, 0 to 100: errors are not seen, and plots keep their edges."""
 
 MAX_WIDTH = 16_383
-"""Of an image in WebP, in pixels; wider ones are reduced."""
+"""Of an image in WebP, in pixels."""
 
 
 def data_uri(image: Float[np.ndarray, "h w 3"] | UInt8[np.ndarray, "h w 3"], height: int) -> str:
@@ -22,7 +22,7 @@ def data_uri(image: Float[np.ndarray, "h w 3"] | UInt8[np.ndarray, "h w 3"], hei
 
     Args:
         image: RGB, in [0, 1] or in 0..255.
-        height: Its height in the page in pixels; smaller images are not enlarged.
+        height: Its height in the page in pixels; smaller images are not enlarged, and none is wider than `MAX_WIDTH`.
 
     Returns:
         The URI.
@@ -31,10 +31,10 @@ def data_uri(image: Float[np.ndarray, "h w 3"] | UInt8[np.ndarray, "h w 3"], hei
         CarigsError: The image cannot be encoded.
     """
     pixels = image if image.dtype == np.uint8 else np.round(image * 255).astype(np.uint8)
-    height = min(height, fitting_height(pixels.shape[1], pixels.shape[0], MAX_WIDTH))
-    if pixels.shape[0] > height:
-        width = min(max(round(pixels.shape[1] * height / pixels.shape[0]), 1), MAX_WIDTH)
-        pixels = cv2.resize(pixels, (width, height), interpolation=cv2.INTER_AREA)
+    full, shown = pixels.shape[1], min(height, pixels.shape[0])
+    size = min(max(round(full * shown / pixels.shape[0]), 1), MAX_WIDTH), shown
+    if size != (full, pixels.shape[0]):
+        pixels = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA)
     encodes, encoded = cv2.imencode(".webp", pixels[:, :, ::-1], [cv2.IMWRITE_WEBP_QUALITY, QUALITY])
     if not encodes:
         raise CarigsError(f"an image of {pixels.shape[1]} x {pixels.shape[0]} pixels cannot be encoded as WebP")

@@ -265,6 +265,9 @@ class CodedImages(StudyImages):
     def rendered(self, variant, level, frame=None):
         return np.array([[[variant, level, (frame or self.frame)[1]]]], dtype=object)
 
+    def rendered_frames(self, variant, level):
+        return {(frame.timestep, frame.camera) for frame in self.subject.split("test")}
+
     def true(self, level, frame=None):
         return self.rendered("truth", level, frame)
 
@@ -284,9 +287,7 @@ def sheets(monkeypatch):
 
 def coded(study, variants):
     subject = Capture.load(study[1]["capture"])
-    frame = next(f for f in subject.split("test") if f.camera == 1)
-    truths = dict.fromkeys((0.0, 0.1, 0.25))
-    return CodedImages(subject, dict.fromkeys(variants), truths, (frame.timestep, 1), 96)
+    return CodedImages(subject, dict.fromkeys(variants), dict.fromkeys((0.0, 0.1, 0.25)), Figures(camera=1), 96)
 
 
 def test_every_image_of_a_comparison_is_the_one_of_its_variant_level_and_view(study, sheets, tmp_path):

@@ -1,0 +1,109 @@
+"""Frames that the settings of figures and of the orbit name: are they in the capture? Asked before any work starts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from omegaconf import DictConfig
+
+from carigs.capture.camera_table import CameraTable
+from carigs.capture.frame import SPLITS, Frame
+from carigs.capture.gaussian_avatars import read_frame
+from carigs.capture.splits import split_frames
+from carigs.capture.thinning import thin_frames
+from carigs.errors import InputError, SettingsError
+from carigs.readers.json_files import json_field, read_json
+from carigs.stages.render import spread_test_frames
+from carigs.toy.scene import TEST_SEQUENCE, frontal_camera, studio_cameras, timesteps
+
+
+def check_shown_frames(config: DictConfig) -> None:
+    """Refuse a camera or timestep that the subject's capture lacks, where the settings name one.
+
+    Args:
+        config: Composed settings of a subject.
+
+    Raises:
+        SettingsError: `figures.camera`, `figures.timestep` or `render.orbit_timestep` is not in the capture. A capture
+            that cannot be read is not checked here: the stage `capture` says what is wrong with it.
+    """
+    figures, render = config.figures, config.render
+    try:
+        frames = listed_frames(config.capture)
+    except InputError:
+        return
+    _check({"render.orbit_timestep": render.orbit_timestep}, [(frame.timestep,) for frame in frames])
+    test = spread_test_frames(tuple(frame for frame in frames if frame.split == "test"), render.test_timesteps)
+    named = {"figures.camera": figures.camera, "figures.timestep": figures.timestep}
+    _check(named, [(frame.camera, frame.timestep) for frame in test])
+
+
+def listed_frames(capture: DictConfig) -> tuple[Frame, ...]:
+    """The frames that the settings select of a capture, without a look at its images.
+
+    Args:
+        capture: Composed section `capture`.
+
+    Returns:
+        Frames with their splits, sorted by timestep, then camera.
+
+    Raises:
+        InputError: The indexes of the dataset are missing or malformed, or it cannot be split.
+    """
+    folder = Path(capture.folder or "")
+    frames = _toy_frames(capture) if capture.source == "toy" else _folder_frames(folder)
+    divided, _ = split_frames(frames, capture.split, capture.validation_camera, folder)
+    return thin_frames(divided, capture.stride, capture.max_frames)
+
+
+def _toy_frames(capture: DictConfig) -> list[Frame]:
+    """The frames of the toy, as `carigs.toy.write_capture` lists them."""
+    cameras = studio_cameras(capture.toy)
+    frontal, frames = frontal_camera(cameras), []
+    for t, step in enumerate(timesteps(capture.toy, np.zeros(300))):
+        for c in range(len(cameras)):
+            held_out = "val" if c == frontal and len(cameras) > 1 else "train"
+            split = "test" if step.sequence == TEST_SEQUENCE else held_out
+            frames.append(Frame(t, c, step.sequence, split, "", None, "", c))
+    return frames
+
+
+def _folder_frames(folder: Path) -> list[Frame]:
+    frames, table = [], CameraTable(None)
+    for split in SPLITS:
+        file = folder / f"transforms_{split}.json"
+        if not file.is_file():
+            continue
+        content = read_json(file, dict)
+        for i, entry in enumerate(json_field(content, "frames", list, file=file)):
+            frames.append(read_frame(entry, content, split, file, f"frames[{i}]", table))
+    return sorted(frames, key=lambda frame: (frame.timestep, frame.camera))
+
+
+def _check(named: dict[str, int | None], known: list[tuple[int, ...]]) -> None:
+    """Refuse numbers of which no frame has all that are named."""
+    keys, wanted = tuple(named), tuple(named.values())
+    if any(all(want in (None, has) for want, has in zip(wanted, frame, strict=True)) for frame in known):
+        return
+    stated = ", ".join(f"{key}={want}" for key, want in named.items() if want is not None)
+    if not stated:
+        return
+    there = " and ".join(
+        f"{key.rpartition('_')[2].rpartition('.')[2]}s {_ranges({frame[i] for frame in known})}"
+        for i, key in enumerate(keys)
+    )
+    kind = "test frame" if len(keys) > 1 else "frame"
+    raise SettingsError(
+        f"{stated}: the capture has no such {kind}; there are {there}"
+        if known
+        else f"{stated}: the capture has no {kind}"
+    )
+
+
+def _ranges(numbers: set[int]) -> str:
+    """Numbers in words: 0 to 8, or 0, 3, 7."""
+    ordered = sorted(numbers)
+    if len(ordered) > 2 and ordered == [*range(ordered[0], ordered[-1] + 1)]:
+        return f"{ordered[0]} to {ordered[-1]}"
+    return ", ".join(map(str, ordered[:10])) + (f" and {len(ordered) - 10} more" if len(ordered) > 10 else "")
