@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from carigs.cli.run import check_subjects, make_studies, parse_run, run_parser
-from carigs.config import compose, read_sweep, split_sweep
+from carigs.config import compose, read_sweep, rendered_levels, split_sweep
 from carigs.config.sweep import Combination, Sweep
 from carigs.errors import SettingsError
 
@@ -44,6 +44,7 @@ def main(arguments: list[str]) -> int:
     sweep = read_sweep(overrides, swept)
     for combination in _along_axes(sweep):
         check_subjects(combination.overrides)
+    _check_table(sweep)
     studies = dict.fromkeys([*(combination.study for combination in sweep.combinations), sweep.study])
     succeeded, logs = make_studies(overrides, swept, studies, options)
     if failed := [combination for combination in sweep.combinations if _concerns(combination, logs)]:
@@ -57,6 +58,21 @@ def _along_axes(sweep: Sweep) -> Iterable[Combination]:
     for combination in sweep.combinations:
         if sum(value != other for value, other in zip(combination.values, first, strict=True)) <= 1:
             yield combination
+
+
+def _check_table(sweep: Sweep) -> None:
+    """Refuse what the table of the sweep would refuse after everything is trained."""
+    from evaluation.metrics.catalogue import CATALOGUE
+
+    configs = [compose(*combination.overrides) for combination in _along_axes(sweep)]
+    for name in configs[0].sweep.metrics:
+        if name not in CATALOGUE:
+            raise SettingsError(f"sweep.metrics: {name} is unknown; known: {', '.join(CATALOGUE)}")
+    level, rendered = configs[0].sweep.level, {level for config in configs for level in rendered_levels(config)}
+    if level is not None and f"{level:g}" not in rendered:
+        raise SettingsError(
+            f"sweep.level={level:g} is not rendered; rendered: {', '.join(sorted(rendered, key=float))}"
+        )
 
 
 def _concerns(combination: Combination, logs: Iterable[Path]) -> bool:

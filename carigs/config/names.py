@@ -41,7 +41,7 @@ def check_names(config: DictConfig) -> None:
 
     Raises:
         SettingsError: For the first name or seed that is repeated, and the first name that is unknown or cannot be a
-            folder's.
+            folder's; for a variant to compare with that is unknown.
     """
     study = config.study
     _check_name("study", "study.name", study.name)
@@ -53,6 +53,9 @@ def check_names(config: DictConfig) -> None:
             if name not in known(group):
                 raise SettingsError(f"study.{group}s: {name} is unknown; known: {', '.join(known(group))}")
             _check_name(group, f"study.{group}s", name)
+    if config.tabulate.reference not in known("variant"):
+        choices = ", ".join(known("variant"))
+        raise SettingsError(f"tabulate.reference={config.tabulate.reference} is no variant; known: {choices}")
     if not study.seeds or len(set(study.seeds)) < len(study.seeds):
         raise SettingsError(f"study.seeds={list(study.seeds)}: expected one or more different seeds")
 

@@ -15,7 +15,7 @@ from carigs.capture.thinning import thin_frames
 from carigs.errors import InputError, SettingsError
 from carigs.readers.json_files import json_field, read_json
 from carigs.stages.render import spread_test_frames
-from carigs.toy.scene import TEST_SEQUENCE, frontal_camera, studio_cameras, timesteps
+from carigs.toy import scene
 
 
 def check_shown_frames(config: DictConfig) -> None:
@@ -33,10 +33,19 @@ def check_shown_frames(config: DictConfig) -> None:
         frames = listed_frames(config.capture)
     except InputError:
         return
-    _check({"render.orbit_timestep": render.orbit_timestep}, [(frame.timestep,) for frame in frames])
+    orbit = render.orbit_timestep
+    if orbit is not None and all(frame.timestep != orbit for frame in frames):
+        known = _ranges({frame.timestep for frame in frames})
+        raise SettingsError(f"render.orbit_timestep={orbit}: the capture has no such timestep; there are {known}")
     test = spread_test_frames(tuple(frame for frame in frames if frame.split == "test"), render.test_timesteps)
-    named = {"figures.camera": figures.camera, "figures.timestep": figures.timestep}
-    _check(named, [(frame.camera, frame.timestep) for frame in test])
+    camera, timestep = figures.camera, figures.timestep
+    found = any(camera in (None, frame.camera) and timestep in (None, frame.timestep) for frame in test)
+    if not found and (camera, timestep) != (None, None):
+        cameras, timesteps = _ranges({frame.camera for frame in test}), _ranges({frame.timestep for frame in test})
+        stated = f"figures.camera={camera}" if camera is not None else ""
+        stated += f"{', ' if stated else ''}figures.timestep={timestep}" if timestep is not None else ""
+        known = f"there are cameras {cameras} and timesteps {timesteps}"
+        raise SettingsError(f"{stated}: the capture has no such test frame; {known}")
 
 
 def listed_frames(capture: DictConfig) -> tuple[Frame, ...]:
@@ -59,12 +68,12 @@ def listed_frames(capture: DictConfig) -> tuple[Frame, ...]:
 
 def _toy_frames(capture: DictConfig) -> list[Frame]:
     """The frames of the toy, as `carigs.toy.write_capture` lists them."""
-    cameras = studio_cameras(capture.toy)
-    frontal, frames = frontal_camera(cameras), []
-    for t, step in enumerate(timesteps(capture.toy, np.zeros(300))):
+    cameras = scene.studio_cameras(capture.toy)
+    frontal, frames = scene.frontal_camera(cameras), []
+    for t, step in enumerate(scene.timesteps(capture.toy, np.zeros(300))):
         for c in range(len(cameras)):
             held_out = "val" if c == frontal and len(cameras) > 1 else "train"
-            split = "test" if step.sequence == TEST_SEQUENCE else held_out
+            split = "test" if step.sequence == scene.TEST_SEQUENCE else held_out
             frames.append(Frame(t, c, step.sequence, split, "", None, "", c))
     return frames
 
@@ -73,7 +82,7 @@ def _folder_frames(folder: Path) -> list[Frame]:
     frames, table = [], CameraTable(None)
     for split in SPLITS:
         file = folder / f"transforms_{split}.json"
-        if not file.is_file():
+        if split != "train" and not file.exists():
             continue
         content = read_json(file, dict)
         for i, entry in enumerate(json_field(content, "frames", list, file=file)):
@@ -81,29 +90,11 @@ def _folder_frames(folder: Path) -> list[Frame]:
     return sorted(frames, key=lambda frame: (frame.timestep, frame.camera))
 
 
-def _check(named: dict[str, int | None], known: list[tuple[int, ...]]) -> None:
-    """Refuse numbers of which no frame has all that are named."""
-    keys, wanted = tuple(named), tuple(named.values())
-    if any(all(want in (None, has) for want, has in zip(wanted, frame, strict=True)) for frame in known):
-        return
-    stated = ", ".join(f"{key}={want}" for key, want in named.items() if want is not None)
-    if not stated:
-        return
-    there = " and ".join(
-        f"{key.rpartition('_')[2].rpartition('.')[2]}s {_ranges({frame[i] for frame in known})}"
-        for i, key in enumerate(keys)
-    )
-    kind = "test frame" if len(keys) > 1 else "frame"
-    raise SettingsError(
-        f"{stated}: the capture has no such {kind}; there are {there}"
-        if known
-        else f"{stated}: the capture has no {kind}"
-    )
-
-
 def _ranges(numbers: set[int]) -> str:
     """Numbers in words: 0 to 8, or 0, 3, 7."""
     ordered = sorted(numbers)
+    if not ordered:
+        return "none"
     if len(ordered) > 2 and ordered == [*range(ordered[0], ordered[-1] + 1)]:
         return f"{ordered[0]} to {ordered[-1]}"
     return ", ".join(map(str, ordered[:10])) + (f" and {len(ordered) - 10} more" if len(ordered) > 10 else "")

@@ -1,6 +1,6 @@
 """The command `carigs` and its subcommands."""
 
-from __future__ import annotations
+from __future__ import re
 
 import os
 import signal
@@ -149,6 +149,20 @@ def test_the_combinations_that_failed_are_named_in_one_line(monkeypatch, tmp_pat
     lines = capsys.readouterr().err.splitlines()
     assert lines[-1] == f"carigs: failed: {named}; the others are kept for the next run"
     assert len(lines) == 3
+
+
+@pytest.mark.parametrize(
+    ("override", "named"),
+    [
+        ("sweep.metrics=[psnr,beauty]", "sweep.metrics: beauty is unknown; known: "),
+        ("sweep.level=0.2", "sweep.level=0.2 is not rendered; rendered: 0, 0.1, 0.15, 0.25"),
+        ("tabulate.reference=nobody", "tabulate.reference=nobody is no variant; known: "),
+    ],
+)
+def test_what_the_table_of_a_sweep_would_refuse_is_refused_before_it_starts(commands, override, named):
+    with pytest.raises(SettingsError, match=re.escape(named)):
+        sweep.main(["gamma=0.1,0.25", "study.levels=[0.1,0.15]", override])
+    assert not commands
 
 
 def test_any_number_of_overrides_reaches_snakemake(commands, monkeypatch, tmp_path):
