@@ -1,8 +1,8 @@
 """The command `carigs` and its subcommands."""
 
-from __future__ import re
 
 import os
+import re
 import signal
 import subprocess
 import sys
