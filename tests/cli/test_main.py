@@ -1,5 +1,6 @@
 """The command `carigs` and its subcommands."""
 
+from __future__ import annotations
 
 import os
 import re
