@@ -101,7 +101,7 @@ class Figures(Section, key="figures"):
     """The figures of the paper."""
 
     camera: int | None = option(None, ge=0, le=MAX_COUNT)
-    """Camera of the figures with one view (null: the validation camera)."""
+    """Camera of the figures with one view (null: the validation camera, or the next to it that has a test frame)."""
     timestep: int | None = option(None, ge=0, le=MAX_COUNT)
     """Test timestep of the figures (null: the first that is rendered)."""
     image_height: int = option(360, unit="pixels", ge=1, le=16_384)

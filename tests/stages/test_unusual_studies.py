@@ -146,7 +146,7 @@ SPLITS = [("train", 2), ("val", -1), ("test", 0), ("test", 1), ("test", 2)]
 
 
 @pytest.mark.slow
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(
     gone=st.sets(st.sampled_from(SPLITS)),
     mattes=st.booleans(),
