@@ -37,6 +37,8 @@ def comparison_tables(summaries: pd.DataFrame, settings: Tabulate, catalogue: Ca
     Returns:
         The tables and notes.
     """
+    if summaries.empty:  # a capture without held-out frames, and no orbit
+        return Document(["No frame was rendered: there is nothing to measure."])
     document = Document(_explanation(summaries, settings))
     for (study, gamma), here in summaries.groupby(["study", "gamma"]):
         tables = _StudyTables(document, catalogue, here, f"{study}, trained for gamma {gamma:g}", settings.reference)

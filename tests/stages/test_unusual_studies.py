@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from miniature import ball_cameras, ball_model, write_ball
 from stages.small_study import METHOD, SmallStudy, small_settings
@@ -162,6 +162,8 @@ SPLITS = [("train", 2), ("val", -1), ("test", 0), ("test", 1), ("test", 2)]
 def test_every_combination_ends_with_a_report(
     tmp_path_factory, gone, mattes, variants, seeds, levels, subject, orbit, timesteps, frame
 ):
+    held_out = {("test", 0), ("test", 1), ("test", 2), ("val", -1)}
+    assume(orbit or not held_out <= gone)  # else nothing is rendered: no dataset is read without test frames
     folder = tmp_path_factory.mktemp("study")
 
     def change(capture: Capture) -> Capture:
