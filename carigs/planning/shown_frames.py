@@ -8,11 +8,12 @@ import numpy as np
 from omegaconf import DictConfig
 
 from carigs.capture.camera_table import CameraTable
-from carigs.capture.frame import SPLITS, Frame
+from carigs.capture.frame import Frame
 from carigs.capture.gaussian_avatars import read_frame
 from carigs.capture.splits import split_frames
 from carigs.capture.thinning import thin_frames
 from carigs.errors import InputError, SettingsError
+from carigs.readers.file_names import INDEXES
 from carigs.readers.json_files import json_field, read_json
 from carigs.stages.render import spread_test_frames
 from carigs.toy import scene
@@ -80,8 +81,8 @@ def _toy_frames(capture: DictConfig) -> list[Frame]:
 
 def _folder_frames(folder: Path) -> list[Frame]:
     frames, table = [], CameraTable(None)
-    for split in SPLITS:
-        file = folder / f"transforms_{split}.json"
+    for split, name in INDEXES.items():
+        file = folder / name
         if split != "train" and not file.exists():
             continue
         content = read_json(file, dict)

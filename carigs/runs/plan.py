@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from functools import cache
 from typing import Any
 
@@ -63,7 +64,7 @@ def settings_digest(stage: str, section: Any) -> str:
     Returns:
         Hexadecimal digits.
     """
-    values = OmegaConf.to_container(section if OmegaConf.is_config(section) else OmegaConf.structured(section))
+    values = OmegaConf.to_container(section, resolve=True) if OmegaConf.is_config(section) else asdict(section)
     for key, _, field in walk(STAGES[stage]):
         if not option_of(field).affects_results:
             *parents, name = key.split(".")[1:]

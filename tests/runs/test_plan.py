@@ -23,6 +23,13 @@ def test_the_digest_of_a_section_is_that_of_its_file(stage, tmp_path):
     )
 
 
+def test_a_text_with_an_escaped_interpolation_has_one_digest(tmp_path):
+    override = r"metrics.edit_prompt=\${oc.env:SECRET}"
+    (tmp_path / "all.yaml").write_text(settings_text("metrics", override))
+    section = load_settings("metrics", tmp_path / "all.yaml")
+    assert settings_digest("metrics", section) == job_plan("metrics", [override])["settings"]
+
+
 @pytest.mark.parametrize(
     ("stage", "override", "counts"),
     [

@@ -114,8 +114,10 @@ class SmallStudy:
             self._of(variant, seed, name) for name in ("avatar.npz", "avatar.ply", "log.csv", "frames", "metrics.csv")
         )
         self.settings["train"] = replace(self.settings["train"], seed=seed)
-        self._run("train", **common, hair=self._file("hair.npz"), targets=None, avatar=avatar, ply=ply, log=log)
-        self._run("render", **common, avatar=avatar, made_by="this test", frames=frames)
+        self._run(
+            "train", **common, hair=self._file("hair.npz"), targets=None, avatar=avatar, ply=ply, log=log, resume_key=""
+        )
+        self._run("render", **common, avatar=avatar, frames=frames, resume_key="")
         self._run(
             "metrics", **common, frames=frames, truths=truths, study="small", subject=self.subject, variant=variant,
             seed=seed, gamma=self.gamma, levels=list(self.levels), embeddings=str(self.folder / "embeddings"),

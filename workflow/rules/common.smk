@@ -17,6 +17,7 @@ from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 from snakemake.settings.enums import Quietness
 
+from carigs.cli.run import check_subjects
 from carigs.compile_ahead.process import start_compiling
 from carigs.config import (
     compose,
@@ -219,6 +220,7 @@ if workflow.is_main_process:
     for study in studies:
         # Checked here, because Snakemake ignores errors of input functions where the output exists.
         one_line_errors(check_study)(studies[study])
+        one_line_errors(check_subjects)(overrides_of(study))
     use_study_graph()
     for line in one_line_errors(all_settings_warnings)():
         print(f"carigs: warning: {line}", file=sys.stderr)

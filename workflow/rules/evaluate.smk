@@ -98,7 +98,7 @@ rule figures:
         "../../environment.yml"
     params:
         plan=plan("figures", "subject"),
-        gtstar=lambda wildcards: OmegaConf.to_container(section("gtstar", wildcards, "subject")),
+        gtstar=lambda wildcards: OmegaConf.to_container(section("gtstar", wildcards, "subject"), resolve=True),
         mask_flags=lambda wildcards: list(section("train", wildcards, "subject").mask_flags),
         variants=lambda wildcards: points(wildcards.study)["variant"],
         levels=lambda wildcards: [float(level) for level in levels(wildcards)],
