@@ -20,6 +20,7 @@ from carigs.config.text_values import TEXT, TEXTS, kinds_of_values, quote_text, 
 from carigs.errors import SettingsError
 from carigs.files import writing
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
+from carigs.readers.text import decode_text
 
 MAX_LINE_BYTES = 15_000
 """Of a line of overrides: Linux allows 131072 bytes for the command of a job, in which two lines are quoted twice."""
@@ -46,7 +47,7 @@ def split_overrides(text: str, key: str = "hydra") -> tuple[str, ...]:
         InputError: For a file that cannot be read.
     """
     if text.startswith("@"):
-        text = read_bytes(Path(text[1:]), MAX_TEXT_BYTES, "file of overrides").decode("utf-8", "replace")
+        text = decode_text(read_bytes(Path(text[1:]), MAX_TEXT_BYTES, "file of overrides"), text[1:])
     elif (length := len(text.encode())) > MAX_LINE_BYTES:
         problem = f"{key} has {length} bytes, more than {MAX_LINE_BYTES}"
         raise SettingsError(f"{problem}; write it to a file, and type {key}=@FILE")

@@ -22,6 +22,7 @@ from carigs.readers.arrays import checked_array
 from carigs.readers.json_files import json_field, read_json
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 from carigs.readers.obj import parse_obj
+from carigs.readers.polygons import Polygons, triangulate
 
 METRES_PER_UNIT = 0.01
 VERTICES = 26719
@@ -61,14 +62,15 @@ def read_ict_facekit(folder: Path, track: Callable[[Iterable[Path]], Iterable[Pa
     landmarks = new_ids[checked_array(content, "idx_to_landmark_verts", (68,), np.int64, below=VERTICES, file=index)]
     if (landmarks < 0).any():
         raise InputError("names vertices that are not skin", file=index, field="idx_to_landmark_verts")
-    neutral, faces = _mesh(folder / "generic_neutral_mesh.obj")
-    faces = new_ids[faces]
+    neutral_file = folder / "generic_neutral_mesh.obj"
+    neutral = _mesh(neutral_file)
+    faces = new_ids[triangulate(neutral, neutral_file)]
     faces = faces[(faces >= 0).all(axis=1)]
-    template = neutral[kept]
+    template = neutral.vertices[kept]
 
     identities = sorted(folder.glob("identity[0-9][0-9][0-9].obj"))
     files = [*identities, *(folder / f"{name}.obj" for name in names)]
-    shapedirs = np.stack([_mesh(file)[0][kept] - template for file in track(files)], axis=2)
+    shapedirs = np.stack([_mesh(file).vertices[kept] - template for file in track(files)], axis=2)
     parts = {name: new_ids[slice(*part)] for name, part in PARTS.items()}
     corners = template[landmarks[list(LIP_CORNERS)]]
     middle = template[landmarks[list(INNER_LIPS)]].mean(axis=0)
@@ -93,13 +95,14 @@ def read_ict_facekit(folder: Path, track: Callable[[Iterable[Path]], Iterable[Pa
     )
 
 
-def _mesh(file: Path) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "f 3"]]:
-    vertices, faces = parse_obj(read_bytes(file, MAX_TEXT_BYTES, "mesh of ICT-FaceKit"), file)
+def _mesh(file: Path) -> Polygons:
+    polygons = parse_obj(read_bytes(file, MAX_TEXT_BYTES, "mesh of ICT-FaceKit"), file)
+    vertices, corners, _ = polygons
     if len(vertices) != VERTICES:
         raise InputError(f"{len(vertices)} vertices, ICT-FaceKit Light has {VERTICES}", file=file)
-    if faces.max(initial=0) >= VERTICES or not np.isfinite(vertices).all():
+    if corners.max(initial=0) >= VERTICES or not np.isfinite(vertices).all():
         raise InputError("a vertex is not finite, or a face names one that does not exist", file=file)
-    return METRES_PER_UNIT * vertices, faces
+    return polygons._replace(vertices=METRES_PER_UNIT * vertices)
 
 
 def _joints(

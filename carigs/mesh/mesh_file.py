@@ -16,6 +16,7 @@ from carigs.mesh.triangle_mesh import vertex_normals
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 from carigs.readers.obj import obj_lines
 from carigs.readers.ply import parse_ply
+from carigs.readers.text import encode_text
 
 _TEXTURE_COORDINATES = re.compile(rb"^vt |^property .*\b(?:s|u|texture_u|texcoord)\s*$|\"TEXCOORD_0\"", re.MULTILINE)
 """How .obj, .ply and .glb announce texture coordinates."""
@@ -61,7 +62,7 @@ def moved_mesh_file(
 def _moved_obj(content: bytes, vertices: Float[np.ndarray, "v 3"], source: Path, output: Path) -> bytes:
     """The lines of an .obj file with other positions. Lines of vertices that do not move stay as they are."""
     lines, index = [], 0
-    for line in obj_lines(content):
+    for line in obj_lines(content, source):
         words = line.split()
         match words[:1]:
             case ["v"]:
@@ -76,7 +77,7 @@ def _moved_obj(content: bytes, vertices: Float[np.ndarray, "v 3"], source: Path,
                 line = f"mtllib {_reference(line.split(None, 1)[-1].strip(), source, output)}"
         lines.append(line)
     _check_count(index, vertices, source)
-    return "\n".join(lines).encode("latin1")
+    return encode_text(("\r\n" if b"\r\n" in content else "\n").join(lines))
 
 
 def _moved_ply(

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from carigs.errors import InputError
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
+from carigs.readers.text import decode_text, split_lines
 
 MODELS = (
     "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE", "FULL_OPENCV", "FOV",
@@ -63,6 +64,8 @@ def read_colmap(folder: str | Path) -> list[ColmapImage]:
     files = folder / f"cameras.{kind}", folder / f"images.{kind}"
     contents = [read_bytes(file, MAX_TEXT_BYTES) for file in files]
     parse_cameras, parse_images = (_binary_cameras, _binary_images) if kind == "bin" else (_text_cameras, _text_images)
+    if kind == "txt":
+        contents = [decode_text(content, file) for content, file in zip(contents, files, strict=True)]
     cameras: dict[int, ColmapCamera] = {}
     try:
         for number, *values in parse_cameras(contents[0]):
@@ -101,32 +104,32 @@ def _camera(
     return ColmapCamera(fx, fy, cx, cy, width, height)
 
 
-def _lines(content: bytes) -> list[str]:
-    return [line for line in content.decode("utf-8").splitlines() if not line.startswith("#")]
+def _lines(text: str) -> list[str]:
+    return [line for line in split_lines(text) if not line.startswith("#")]
 
 
-def _check_stated_count(content: bytes, kind: str, count: int) -> None:
+def _check_stated_count(text: str, kind: str, count: int) -> None:
     """Compare with the comment in which COLMAP states how many there are: a file that was cut off has fewer."""
-    stated = re.search(rf"^# Number of {kind}: (\d{{1,9}})\b".encode(), content, re.MULTILINE)
+    stated = re.search(rf"^# Number of {kind}: ([0-9]{{1,9}})\b", text.replace("\r", "\n"), re.MULTILINE)
     if stated and int(stated[1]) != count:
         raise ValueError(f"{count} {kind}, its comment states {int(stated[1])}")
 
 
-def _text_cameras(content: bytes) -> Iterator[tuple]:
-    lines = [line for line in _lines(content) if line.strip()]
+def _text_cameras(text: str) -> Iterator[tuple]:
+    lines = [line for line in _lines(text) if line.strip()]
     for line in lines:
         number, model, width, height, *parameters = line.split()
         yield int(number), model, int(width), int(height), tuple(map(float, parameters))
-    _check_stated_count(content, "cameras", len(lines))
+    _check_stated_count(text, "cameras", len(lines))
 
 
-def _text_images(content: bytes) -> Iterator[tuple]:
+def _text_images(text: str) -> Iterator[tuple]:
     """Every second line lists the image's points and may be empty."""
-    lines = [line for line in _lines(content)[::2] if line.strip()]
+    lines = [line for line in _lines(text)[::2] if line.strip()]
     for line in lines:
         number, *pose, camera, name = line.split(maxsplit=9)
         yield int(number), name.strip(), int(camera), tuple(map(float, pose))
-    _check_stated_count(content, "images", len(lines))
+    _check_stated_count(text, "images", len(lines))
 
 
 def _binary_cameras(content: bytes) -> Iterator[tuple]:

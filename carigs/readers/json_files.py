@@ -10,6 +10,7 @@ from typing import Any
 
 from carigs.errors import InputError
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
+from carigs.readers.text import decode_text
 
 _TYPES = {int: "a whole number", float: "a number", str: "a string", list: "a list", dict: "an object"}
 LARGEST_NUMBER = 2**63
@@ -27,8 +28,8 @@ def read_json(file: str | Path, kind: type = object) -> Any:
         The content. Numbers are finite and smaller than 2^63; no object has two fields of one name.
 
     Raises:
-        InputError: If the file is missing, exceeds a limit, is not JSON (with line and column), is nested more deeply
-            than Python's parser can follow, or holds another type.
+        InputError: If the file is missing, exceeds a limit, is in another encoding, is not JSON (with line and column),
+            is nested more deeply than Python's parser can follow, or holds another type.
     """
     content = parse_json(read_bytes(file, MAX_TEXT_BYTES), file)
     if not isinstance(content, kind):
@@ -52,7 +53,7 @@ def parse_json(text: str | bytes, file: str | Path, field: str | None = None) ->
     """
     try:
         return json.loads(
-            text.decode("utf-8") if isinstance(text, bytes) else text,
+            decode_text(text, file, field) if isinstance(text, bytes) else text,
             object_pairs_hook=_object,
             parse_constant=_no_constant,
             parse_int=_whole_number,
@@ -61,8 +62,6 @@ def parse_json(text: str | bytes, file: str | Path, field: str | None = None) ->
     except json.JSONDecodeError as error:
         where = f"line {error.lineno} column {error.colno}"
         raise InputError(f"broken JSON: {error.msg}", file=file, field=field or where) from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"not text in UTF-8 ({error.reason} at byte {error.start})", file=file, field=field) from error
     except RecursionError as error:
         raise InputError("broken JSON: nested too deeply", file=file, field=field) from error
     except ValueError as error:

@@ -1,8 +1,9 @@
-"""Reader of triangle meshes: OBJ and GLB, and PLY, STL and OFF by trimesh, behind limits and one type of error."""
+"""Reader of meshes: OBJ, PLY, OFF, GLB, and STL by trimesh, behind limits and one type of error."""
 
 from __future__ import annotations
 
 import io
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,21 +13,21 @@ from carigs.errors import InputError
 from carigs.readers.glb import parse_glb
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 from carigs.readers.obj import parse_obj
-from carigs.readers.ply_header import parse_ply_header
+from carigs.readers.off import parse_off
+from carigs.readers.ply import parse_ply_polygons
+from carigs.readers.polygons import Polygons, triangulate
+from carigs.readers.text import decode_text, encode_text, split_lines
 
 if TYPE_CHECKING:
     import trimesh
 
-PARSERS = {"obj": parse_obj, "glb": parse_glb}
-"""Functions of `carigs.readers` by the kind of file; trimesh reads the others."""
-FORMATS = (".obj", ".ply", ".stl", ".off", ".glb")
 MAX_FACES = 20_000_000
 MAX_COORDINATE = 1e15
 """Largest coordinate without its sign: areas and volumes must stay finite in float64, and in float32 after scaling."""
 
 
 def read_mesh(file: str | Path) -> trimesh.Trimesh:
-    """Read a mesh; materials and textures are ignored, and no other file is opened.
+    """Read a mesh of triangles; polygons are cut into triangles.
 
     Args:
         file: A file in one of `FORMATS`.
@@ -35,46 +36,75 @@ def read_mesh(file: str | Path) -> trimesh.Trimesh:
         The mesh, its vertices in the file's order.
 
     Raises:
-        InputError: If the file is missing, of an unknown format, too large or damaged, if it holds no triangles, if a
-            face names a vertex that does not exist, or if a coordinate is not finite.
+        InputError: As for `read_polygons`, and for too many corners of polygons that are not convex.
+
+    Warns:
+        CarigsWarning: A polygon crosses itself.
     """
     import trimesh
 
+    polygons = read_polygons(file)
+    return trimesh.Trimesh(polygons.vertices, triangulate(polygons, file), process=False)
+
+
+def read_polygons(file: str | Path) -> Polygons:
+    """Read a mesh; materials and textures are ignored, and no other file is opened.
+
+    Args:
+        file: A file in one of `FORMATS`.
+
+    Returns:
+        Positions and faces in the file's order.
+
+    Raises:
+        InputError: If the file is missing, of an unknown format, too large or damaged, if it holds no faces, if a face
+            names a vertex that does not exist, or if a coordinate is not finite.
+    """
     file = Path(file)
-    if file.suffix.lower() not in FORMATS:
-        raise InputError(f"unknown kind of mesh; known: {' '.join(FORMATS)}", file=file)
-    content = read_bytes(file, MAX_TEXT_BYTES, "mesh")
-    mesh = _load(content, file)
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+    parse = PARSERS.get(file.suffix.lower())
+    if parse is None:
+        problem = "a .gltf keeps its meshes in other files; save it as .glb" if file.suffix.lower() == ".gltf" else ""
+        raise InputError(problem or f"unknown kind of mesh; known: {' '.join(FORMATS)}", file=file)
+    polygons = parse(read_bytes(file, MAX_TEXT_BYTES, "mesh"), file)
+    vertices, corners, lengths = polygons
+    if len(lengths) == 0:
         raise InputError("holds no triangles", file=file)
-    if len(mesh.faces) > MAX_FACES:
-        raise InputError(f"{len(mesh.faces)} triangles; at most {MAX_FACES} are read", file=file)
-    vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    if faces.min() < 0 or faces.max() >= len(vertices):
+    if (count := len(corners) - 2 * len(lengths)) > MAX_FACES:
+        raise InputError(f"{count} triangles; at most {MAX_FACES} are read", file=file)
+    if corners.min() < 0 or corners.max() >= len(vertices):
         raise InputError(f"faces must name vertices 0..{len(vertices) - 1}", file=file, field="faces")
-    used = np.unique(faces)
+    used = np.unique(corners)
     if (bad := used[~(np.abs(vertices[used]) < MAX_COORDINATE).all(axis=1)]).size:
         problem = f"is not finite, or a coordinate is {MAX_COORDINATE:g} or more"
         raise InputError(f"vertex {bad[0]} {problem}", file=file, field="vertices")
-    return mesh
+    return polygons
 
 
-def _load(content: bytes, file: Path) -> object:
-    """Parse a file; the result is a `Trimesh` only if it holds triangles."""
+def _parse_stl(content: bytes, file: str | Path) -> Polygons:
+    """Parse the triangles of an .stl file, each of which has vertices of its own."""
     import trimesh
 
-    kind = file.suffix[1:].lower()
-    if kind in PARSERS:
-        vertices, faces = PARSERS[kind](content, file)
-        return trimesh.Trimesh(vertices, faces, process=False)
-    options = {}
-    if kind == "ply":
-        parse_ply_header(content, file)  # refuses what claims too much
-        options["fix_texture"] = False  # splits vertices, which changes their numbers
+    is_binary = len(content) == 84 + 50 * int.from_bytes(content[80:84], "little")
+    if not is_binary and not content[:80].count(b"\0") == 80:
+        content = encode_text("\n".join(split_lines(decode_text(content, file, any_bytes=True))))
     try:
-        return trimesh.load(
-            io.BytesIO(content), file_type=kind, process=False, maintain_order=True, force="mesh", skip_materials=True,
-            **options,
-        )  # fmt: skip
+        mesh = trimesh.load(io.BytesIO(content), file_type="stl", process=False, maintain_order=True, force="mesh")
     except Exception as error:  # trimesh's readers raise whatever their format's parser does
         raise InputError(f"not a readable mesh ({type(error).__name__}: {str(error)[:200]})", file=file) from error
+    if not isinstance(mesh, trimesh.Trimesh):
+        raise InputError("holds no triangles", file=file)
+    return _triangles(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64))
+
+
+def _parse_glb(content: bytes, file: str | Path) -> Polygons:
+    return _triangles(*parse_glb(content, file))
+
+
+def _triangles(vertices: np.ndarray, faces: np.ndarray) -> Polygons:
+    return Polygons(vertices, faces.ravel(), np.full(len(faces), 3))
+
+
+PARSERS: dict[str, Callable[[bytes, Path], Polygons]] = {
+    ".obj": parse_obj, ".ply": parse_ply_polygons, ".stl": _parse_stl, ".off": parse_off, ".glb": _parse_glb,
+}  # fmt: skip
+FORMATS = tuple(PARSERS)

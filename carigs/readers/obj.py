@@ -7,7 +7,6 @@ vertex numbers mean the same as in the program that wrote the file.
 from __future__ import annotations
 
 import re
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +15,11 @@ from jaxtyping import Float64, Int64
 from carigs.errors import InputError
 from carigs.readers.arrays import checked_array
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
+from carigs.readers.polygons import Polygons
+from carigs.readers.text import decode_text, split_lines
 
 
-def parse_obj(content: bytes, file: str | Path) -> tuple[Float64[np.ndarray, "v 3"], Int64[np.ndarray, "f 3"]]:
+def parse_obj(content: bytes, file: str | Path) -> Polygons:
     """Parse positions and faces; everything else is ignored.
 
     Args:
@@ -26,32 +27,33 @@ def parse_obj(content: bytes, file: str | Path) -> tuple[Float64[np.ndarray, "v 
         file: Its name, for messages.
 
     Returns:
-        Positions in the unit of the file, and vertex numbers from 0. Polygons become fans of triangles. Numbers of
-        vertices that do not exist are not checked, except that they are at least 0.
+        Positions in the unit of the file, and the faces. Numbers of vertices that do not exist are not checked, except
+        that they are at least 0.
 
     Raises:
         InputError: If a line of a vertex or a face is broken.
     """
     vertices: list[tuple[float, float, float]] = []
-    faces: list[tuple[int, int, int]] = []
-    for number, line in enumerate(obj_lines(content), 1):
+    corners: list[int] = []
+    lengths: list[int] = []
+    for number, line in enumerate(obj_lines(content, file), 1):
         words = line.split()
         try:
             if words[:1] == ["v"]:
                 x, y, z = words[1:4]
                 vertices.append((float(x), float(y), float(z)))
             elif words[:1] == ["f"]:
-                first, *others = [_vertex_number(word, len(vertices)) for word in words[1:]]
-                if len(others) < 2:
+                if len(words) < 4:
                     raise ValueError
-                faces.extend((first, a, b) for a, b in pairwise(others))
+                corners += [_vertex_number(word, len(vertices)) for word in words[1:]]
+                lengths.append(len(words) - 1)
         except (ValueError, OverflowError) as error:
             raise InputError(f"broken line: {line.strip()[:60]!r}", file=file, field=f"line {number}") from error
     try:
-        corners = np.array(faces, np.int64).reshape(-1, 3)
+        indices = np.array(corners, np.int64)
     except OverflowError as error:
         raise InputError("a vertex number is too large", file=file, field="faces") from error
-    return np.array(vertices, np.float64).reshape(-1, 3), corners
+    return Polygons(np.array(vertices, np.float64).reshape(-1, 3), indices, np.array(lengths, np.int64))
 
 
 def read_obj_uvs(file: str | Path) -> tuple[Int64[np.ndarray, "f 3"], Float64[np.ndarray, "f 3 2"]]:
@@ -69,7 +71,7 @@ def read_obj_uvs(file: str | Path) -> tuple[Int64[np.ndarray, "f 3"], Float64[np
     """
     uvs: list[tuple[float, float]] = []
     faces, corners = [], []
-    for number, line in enumerate(obj_lines(read_bytes(file, MAX_TEXT_BYTES, "mesh")), 1):
+    for number, line in enumerate(obj_lines(read_bytes(file, MAX_TEXT_BYTES, "mesh"), file), 1):
         words = line.split()
         try:
             if words[:1] == ["vt"]:
@@ -91,16 +93,21 @@ def read_obj_uvs(file: str | Path) -> tuple[Int64[np.ndarray, "f 3"], Float64[np
     return np.array(faces, np.int64).reshape(-1, 3), positions[indices]
 
 
-def obj_lines(content: bytes) -> list[str]:
+def obj_lines(content: bytes, file: str | Path) -> list[str]:
     """Split a file into lines; those that end with a backslash are joined with the next.
 
     Args:
         content: The file's bytes.
+        file: Its name, for messages.
 
     Returns:
-        The lines without line breaks. Each character stands for one byte (Latin-1).
+        The lines without line breaks. Bytes of comments and names that are not UTF-8 are kept, as by `decode_text`.
+
+    Raises:
+        InputError: If the text is in UTF-16 or UTF-32.
     """
-    return re.sub(rb"\\\r?\n", b" ", content).decode("latin1").split("\n")
+    text = decode_text(content, file, any_bytes=True)
+    return split_lines(re.sub(r"\\(?:\r\n|\r|\n)", " ", text))
 
 
 def _vertex_number(word: str, count: int) -> int:

@@ -17,9 +17,13 @@ from jaxtyping import Float64
 from carigs.errors import InputError
 from carigs.readers.limits import MAX_ARRAY_BYTES, read_bytes
 from carigs.readers.ply_header import Property, parse_ply_header
+from carigs.readers.polygons import Polygons
+from carigs.readers.text import without_byte_order_mark
 
 MAX_MIXED_ROWS = 20_000_000
 """Most rows of an element whose lists differ in length: each list becomes an array of its own, of about 100 bytes."""
+FACE_LISTS = ("vertex_indices", "vertex_index")
+"""Names that programs give to the corners of a face."""
 LENGTH = " length"
 """Ends the name of the field with the lengths of a list. Names in a .ply file contain no blank."""
 _NUMBER = np.dtype(np.float64)
@@ -55,6 +59,42 @@ def read_ply_vertices(file: str | Path) -> np.ndarray:
     return vertices
 
 
+def parse_ply_polygons(content: bytes, file: str | Path) -> Polygons:
+    """Parse the mesh of a .ply file: positions of its vertices, and its faces.
+
+    Args:
+        content: The file's bytes.
+        file: Its name, for messages.
+
+    Returns:
+        Positions in the unit of the file, and the faces, of which there may be none.
+
+    Raises:
+        InputError: If the file is damaged, or has no positions, faces with fewer than three corners, or triangle strips.
+    """
+    elements = parse_ply(content, file).elements
+    if "tristrips" in elements:
+        raise InputError("strips of triangles are not read; save the mesh with faces", file=file, field="tristrips")
+    rows, faces = elements.get("vertex", np.empty(0)), elements.get("face", np.empty(0))
+    names = rows.dtype.names or ()
+    if missing := [name for name in "xyz" if name not in names or rows.dtype[name].kind not in "iuf"]:
+        raise InputError("expected numbers x, y, z", file=file, field=f"vertex.{missing[0]}")
+    vertices = np.stack([rows[name].astype(np.float64) for name in "xyz"], axis=1)
+    if len(faces) == 0:
+        return Polygons(vertices, np.empty(0, np.int64), np.empty(0, np.int64))
+    name = next((name for name in FACE_LISTS if name + LENGTH in faces.dtype.names), None)
+    if name is None:
+        raise InputError(f"expected a list {' or '.join(FACE_LISTS)}", file=file, field="face")
+    lengths = faces[name + LENGTH].astype(np.int64)
+    if lengths.min() < 3:
+        raise InputError(f"face {lengths.argmin()} has {lengths.min()} corners", file=file, field=f"face.{name}")
+    column = faces[name]
+    corners = np.concatenate(column) if column.dtype.hasobject else column.ravel()
+    if corners.dtype.kind == "f" and (corners != np.floor(corners)).any():
+        raise InputError("a vertex number is a fraction, or not finite", file=file, field=f"face.{name}")
+    return Polygons(vertices, corners.astype(np.int64), lengths)
+
+
 def parse_ply(content: bytes, file: str | Path) -> Ply:
     """Parse a .ply file.
 
@@ -68,6 +108,7 @@ def parse_ply(content: bytes, file: str | Path) -> Ply:
     Raises:
         InputError: If the file is damaged, or holds more or less than its header claims.
     """
+    content = without_byte_order_mark(content, file)
     header = parse_ply_header(content, file)
     text, at, elements, name = header.encoding == "ascii", header.size, {}, None
     try:

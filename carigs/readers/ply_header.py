@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carigs.errors import InputError
+from carigs.readers.text import split_lines
 
 MAX_HEADER_BYTES = 1 << 20
 BYTE_ORDERS = {"ascii": "<", "binary_little_endian": "<", "binary_big_endian": ">"}
@@ -19,7 +20,7 @@ TYPES = {
     "float": "f4", "double": "f8", "float32": "f4", "float64": "f8",
 }  # fmt: skip
 """NumPy's names of the format's types."""
-_END = re.compile(rb"\nend_header[ \t]*\r?\n")
+_FIRST_LINE = re.compile(rb"ply[ \t]*(?P<end>\r?\n|\r)")
 
 
 class Property(NamedTuple):
@@ -56,13 +57,16 @@ def parse_ply_header(content: bytes, file: str | Path) -> Header:
     Raises:
         InputError: If the header is damaged or claims too much.
     """
-    end = _END.search(content, 0, MAX_HEADER_BYTES)
-    if not content.startswith((b"ply\n", b"ply\r\n", b"ply ")) or end is None:
+    first = _FIRST_LINE.match(content)
+    # The first byte of binary rows may be a line feed: after a CR it counts as one only if all lines end with CR LF.
+    line_end = rb"\r" if first and first["end"] == b"\r" else rb"\r?\n"
+    end = re.compile(rb"[\r\n]end_header[ \t]*" + line_end).search(content, 0, MAX_HEADER_BYTES)
+    if first is None or end is None:
         raise InputError("not a readable .ply (no header)", file=file)
     encoding, texts = "", {"comment": [], "obj_info": []}
     elements: dict[str, tuple[int, dict[str, Property]]] = {}
     properties: dict[str, Property] | None = None
-    for line in content[: end.start()].decode("latin1").split("\n")[1:]:
+    for line in split_lines(content[: end.start()].decode("latin1"))[1:]:
         match line.split():
             case ["format", name, _] if name in BYTE_ORDERS and not encoding:
                 encoding = name

@@ -13,6 +13,7 @@ import yaml
 
 from carigs.errors import InputError
 from carigs.readers.limits import read_bytes, regular_file_size
+from carigs.readers.text import decode_text
 
 MAX_YAML_BYTES = 256 << 10
 MAX_YAML_NODES = 10_000
@@ -33,11 +34,7 @@ def read_yaml_text(file: str | Path) -> str:
         InputError: If the file is missing, exceeds a limit, is not YAML (with line and column), or holds anything else.
     """
     regular_file_size(file, "settings file")
-    content = read_bytes(file, MAX_YAML_BYTES, "settings file")
-    try:
-        text = content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(f"not text in UTF-8 ({error.reason} at byte {error.start})", file=file) from error
+    text = decode_text(read_bytes(file, MAX_YAML_BYTES, "settings file"), file)
     try:
         _check_events(text, file)
     except yaml.YAMLError as error:

@@ -13,6 +13,7 @@ from jaxtyping import Float
 
 from carigs.errors import InputError
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
+from carigs.readers.text import decode_text
 
 MEAN_OF = 5
 """Lines of the log that are averaged: each is one frame of another view."""
@@ -70,7 +71,7 @@ def training_lines(log: Path, variant: str, colour: int) -> list[Line]:
     Raises:
         InputError: The log is malformed.
     """
-    text = io.StringIO(read_bytes(log, MAX_TEXT_BYTES, "training log").decode("utf-8", "replace"), newline="")
+    text = io.StringIO(decode_text(read_bytes(log, MAX_TEXT_BYTES, "training log"), log), newline="")
     points: dict[str, list[tuple[float, float]]] = {}
     try:
         for row in csv.DictReader(text):

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from carigs.errors import InputError
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
+from carigs.readers.text import decode_text
 from evaluation.tables.csv_files import write_csv
 from evaluation.tables.metric_records import MetricRecord, StudyPoint, metric_record
 
@@ -54,10 +55,10 @@ def read_frame_records(file: Path, point: StudyPoint) -> list[MetricRecord]:
     Raises:
         InputError: If the file is missing or malformed; names its line and column.
     """
-    content = read_bytes(file, MAX_TEXT_BYTES, "file of frame records")
+    text = decode_text(read_bytes(file, MAX_TEXT_BYTES, "file of frame records"), file)
     try:
-        header, *lines = list(csv.reader(io.StringIO(content.decode("utf-8"), newline=""))) or [[]]
-    except (UnicodeDecodeError, csv.Error) as error:
+        header, *lines = list(csv.reader(io.StringIO(text, newline=""))) or [[]]
+    except csv.Error as error:
         raise InputError(f"cannot be read ({error})", file=file) from error
     if tuple(header) != FrameRecord._fields:
         raise InputError(f"expected the columns {', '.join(FrameRecord._fields)}", file=file, field="line 1")

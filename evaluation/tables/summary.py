@@ -12,6 +12,7 @@ import pandas as pd
 
 from carigs.errors import CarigsError, InputError
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
+from carigs.readers.text import decode_text
 from carigs.settings import Tabulate
 from evaluation.tables.bootstrap import Interval, mean_interval
 from evaluation.tables.factors import FRAME, crossed_factors
@@ -147,10 +148,10 @@ def _mean(values: pd.Series, settings: Tabulate, protocol: str) -> Interval:
 
 
 def _read(file: Path) -> pd.DataFrame:
-    content = read_bytes(file, MAX_TEXT_BYTES, "file of metric records")
+    text = decode_text(read_bytes(file, MAX_TEXT_BYTES, "file of metric records"), file)
     try:
-        header, *lines = list(csv.reader(io.StringIO(content.decode("utf-8"), newline=""))) or [[]]
-    except (UnicodeDecodeError, csv.Error) as error:
+        header, *lines = list(csv.reader(io.StringIO(text, newline=""))) or [[]]
+    except csv.Error as error:
         raise InputError(f"cannot be read ({error})", file=file) from error
     if tuple(header) != MetricRecord._fields:
         raise InputError(f"expected the columns {', '.join(MetricRecord._fields)}", file=file, field="line 1")

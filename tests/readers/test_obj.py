@@ -37,9 +37,10 @@ f -6 -1 -3
 
 
 def test_agrees_with_an_independent_writer():
-    vertices, faces = parse_obj(CUBE.export(file_type="obj").encode(), "cube.obj")
-    np.testing.assert_allclose(vertices, CUBE.vertices, atol=1e-8)
-    np.testing.assert_array_equal(faces, CUBE.faces)
+    found = parse_obj(CUBE.export(file_type="obj").encode(), "cube.obj")
+    np.testing.assert_allclose(found.vertices, CUBE.vertices, atol=1e-8)
+    np.testing.assert_array_equal(found.corners.reshape(-1, 3), CUBE.faces)
+    assert set(found.lengths) == {3}
 
 
 @pytest.mark.parametrize(

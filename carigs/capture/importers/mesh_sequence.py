@@ -19,7 +19,8 @@ from carigs.capture.importers.images import timestep_of
 from carigs.errors import InputError
 from carigs.head import HeadModel, HeadParameters, pose_frames
 from carigs.mesh.rigid_alignment import rigid_alignment
-from carigs.readers.meshes import read_mesh
+from carigs.readers.meshes import read_polygons
+from carigs.readers.polygons import triangulate
 
 NUM_EXPRESSIONS = 100
 """Largest number of blendshapes, as of FLAME."""
@@ -57,17 +58,19 @@ def read_mesh_sequence(folder: Path, metres_per_unit: float = 1.0) -> MeshTrack:
         files[timestep] = file
     if not files:
         raise InputError("holds no .obj or .ply meshes", file=folder)
-    meshes = {t: read_mesh(file) for t, file in sorted(files.items())}
-    first = next(iter(meshes.values()))
+    meshes = {t: read_polygons(file) for t, file in sorted(files.items())}
+    first_timestep, first = next(iter(meshes.items()))
     for t, mesh in meshes.items():
-        if not np.array_equal(mesh.faces, first.faces) or len(mesh.vertices) != len(first.vertices):
+        same_faces = np.array_equal(mesh.lengths, first.lengths) and np.array_equal(mesh.corners, first.corners)
+        if not same_faces or len(mesh.vertices) != len(first.vertices):
             raise InputError("has other faces than the first mesh; one topology is needed", file=files[t])
         far = np.flatnonzero(~(np.abs(mesh.vertices) * metres_per_unit < FARTHEST).all(axis=1))  # NaN as well
         if far.size:  # also one that no face names: all of them make the mean and the principal components
             problem = f"vertex {far[0]} is not finite, or {FARTHEST:g} m or more from the origin; see --metres-per-unit"
             raise InputError(problem, file=files[t], field="vertices")
-    vertices = metres_per_unit * np.stack([np.asarray(mesh.vertices, np.float64) for mesh in meshes.values()])
-    return track_meshes(vertices, np.asarray(first.faces, np.int32), list(meshes))
+    vertices = metres_per_unit * np.stack([mesh.vertices for mesh in meshes.values()])
+    faces = triangulate(first, files[first_timestep])  # the same triangles in all frames, however polygons bend
+    return track_meshes(vertices, faces.astype(np.int32), list(meshes))
 
 
 def track_meshes(
