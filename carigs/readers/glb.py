@@ -1,7 +1,7 @@
 """Reader of the triangles of .glb files (glTF 2.0, binary): the meshes of a scene in world coordinates.
 
 Materials, textures, skins and animations are ignored. Data must lie in the file's own chunk: other files, compressed
-meshes and sparse accessors are refused.
+meshes and sparse accessors are refused. Quantised positions are read.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from carigs.errors import InputError
 from carigs.readers.arrays import checked_array
+from carigs.readers.gltf_extensions import QUANTIZATION, check_compression, check_extensions
 from carigs.readers.json_files import json_field, parse_json
 from carigs.readers.limits import max_unpacked_bytes
 
@@ -25,6 +26,7 @@ any number of times, so that a small file becomes a large one (`max_unpacked_byt
 POINTS_AND_LINES, TRIANGLES = (0, 1, 2, 3), 4
 """Modes of a primitive."""
 POSITIONS = {5126: "<f4"}
+QUANTISED_POSITIONS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", **POSITIONS}
 INDICES = {5121: "u1", 5123: "<u2", 5125: "<u4"}
 """NumPy's types of the component types that positions and indices may have."""
 
@@ -41,7 +43,11 @@ def parse_glb(content: bytes, file: str | Path) -> tuple[Float64[np.ndarray, "v 
         a mesh share appear once.
 
     Raises:
-        InputError: If the file is damaged, claims more than it holds, or has data or primitives that are not read.
+        InputError: If the file is damaged, claims more than it holds, or has data, primitives or extensions that are
+            not read.
+
+    Warns:
+        CarigsWarning: The file uses an extension without which other triangles are shown.
     """
     return _Scene(*_chunks(content, file), file).triangles()
 
@@ -71,6 +77,7 @@ class _Scene:
 
     def __init__(self, document: dict[str, Any], binary: bytes, file: str | Path) -> None:
         self.document, self.binary, self.file = document, binary, file
+        self.position_types = QUANTISED_POSITIONS if QUANTIZATION in check_extensions(document, file) else POSITIONS
         self.vertices: list[Float64[np.ndarray, "_ 3"]] = []
         self.faces: list[Int64[np.ndarray, "_ 3"]] = []
         self.num_vertices = self.num_corners = 0
@@ -116,7 +123,8 @@ class _Scene:
             if mode != TRIANGLES:
                 raise InputError("only lists of triangles are read", file=self.file, field=f"{field}.mode")
             accessor = json_field(attributes, "POSITION", int, file=self.file, where=f"{field}.attributes")
-            positions = self._accessor(accessor, "VEC3", POSITIONS)
+            self._check_data(primitive, accessor, field)
+            positions = self._accessor(accessor, "VEC3", self.position_types)
             if "indices" in primitive:
                 indices = json_field(primitive, "indices", int, file=self.file, where=field)
                 corners = self._accessor(indices, "SCALAR", INDICES)[:, 0].astype(np.int64)
@@ -160,7 +168,7 @@ class _Scene:
         return transform
 
     def _accessor(self, index: int, kind: str, types: dict[int, str]) -> Shaped[np.ndarray, "n k"]:
-        """The numbers of an accessor, a view of the binary chunk."""
+        """The numbers of an accessor; a view of the binary chunk unless they are normalised."""
         entry, where = self._entry("accessors", index), f"accessors[{index}]"
 
         def whole(source: dict[str, Any], key: str, field: str, default: int | None = None) -> int:
@@ -178,6 +186,8 @@ class _Scene:
         number = whole(entry, "bufferView", where)
         view, inside = self._entry("bufferViews", number), f"bufferViews[{number}]"
         buffer = self._entry("buffers", whole(view, "buffer", inside))
+        if "uri" not in buffer and (view["buffer"] != 0 or "extensions" in buffer):  # a buffer without data
+            check_compression(view, self.file, inside)
         if view["buffer"] != 0 or "uri" in buffer:
             raise InputError("data outside the file's binary chunk", file=self.file, field=f"{inside}.buffer")
         dtype, columns = np.dtype(types[component]), {"VEC3": 3, "SCALAR": 1}[kind]
@@ -189,7 +199,15 @@ class _Scene:
             raise InputError(f"{count} x {stride} bytes, more than there are", file=self.file, field=where)
         if count == 0:
             return np.zeros((0, columns), dtype)
-        return np.ndarray((count, columns), dtype, self.binary, start + first, (stride, dtype.itemsize))
+        numbers = np.ndarray((count, columns), dtype, self.binary, start + first, (stride, dtype.itemsize))
+        if entry.get("normalized") is True and dtype.kind in "iu" and kind == "VEC3":
+            return np.maximum(numbers / np.iinfo(dtype).max, -1)  # glTF 2.0, section 3.11
+        return numbers
+
+    def _check_data(self, primitive: dict[str, Any], accessor: int, where: str) -> None:
+        """Name the compression of a primitive whose positions are stored nowhere else."""
+        if "bufferView" not in self._entry("accessors", accessor):
+            check_compression(primitive, self.file, where)
 
     def _entry(self, name: str, index: int) -> dict[str, Any]:
         entries = json_field(self.document, name, list, file=self.file)

@@ -70,7 +70,8 @@ def parse_ply_polygons(content: bytes, file: str | Path) -> Polygons:
         Positions in the unit of the file, and the faces, of which there may be none.
 
     Raises:
-        InputError: If the file is damaged, or has no positions, faces with fewer than three corners, or triangle strips.
+        InputError: If the file is damaged, or has no positions, strips of triangles, or faces of fewer than three
+            corners.
     """
     elements = parse_ply(content, file).elements
     if "tristrips" in elements:

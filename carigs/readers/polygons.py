@@ -17,8 +17,8 @@ from jaxtyping import Float, Float64, Int, Int64
 from carigs.errors import CarigsWarning, InputError
 
 FLAT = 1e-6
-"""Smallest area of a triangle in areas of its polygon: its corners count as points of a straight line if it has less."""
-MAX_TESTS = 500_000_000
+"""Smallest area of a triangle in areas of its polygon: with less, its corners count as points of a straight line."""
+MAX_TESTS = 200_000_000
 """Most tests of points in triangles: clipping the ears of one polygon of n corners takes n^3."""
 _TESTS_AT_ONCE = 1 << 20
 
