@@ -1,7 +1,7 @@
 """Repair input meshes and map results back to the vertices of the input.
 
-Seams are welded along the boundary only, so two closed surfaces that touch stay separate. Edges of length zero are
-collapsed.
+Seams are welded along borders only (`carigs.mesh.welding`), so two closed surfaces that touch stay separate. Edges of
+length zero are collapsed.
 """
 
 from __future__ import annotations
@@ -11,16 +11,16 @@ from dataclasses import asdict, dataclass
 import igl
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from carigs.errors import MeshError
-from carigs.mesh.triangle_mesh import boundary_vertices, components, diagonal, face_areas, signed_volume
+from carigs.mesh.triangle_mesh import components, diagonal, face_areas, signed_volume
 from carigs.mesh.validation import MIN_AREA, check_corners, check_edges
+from carigs.mesh.welding import unique_faces, weld
 
 MIN_ENCLOSED_VOLUME = 1e-3
 """In units of area^1.5: a component that encloses less is a sheet, which has no outside."""
+SAME_PLACE = 1e-7
+"""Largest distance, in bounding box diagonals, of border vertices that are at the same place."""
 FARTHEST = 1000
 """Largest distance of a vertex from the middle of the mesh, in units of the median distance. A head on a body reaches
 about ten; beyond thousand, tolerances in units of the mesh's size would remove faces of the rest."""
@@ -35,7 +35,9 @@ class MeshReport:
     unused_vertices: int
     """Vertices of no face; they are not moved."""
     welded_vertices: int
-    """Vertices merged with another one at the same position, as along a texture seam; they move with it."""
+    """Vertices merged with another one at the same position, or across a seam, as of a texture; they move with it."""
+    widest_weld: float
+    """Largest distance between merged vertices, in the unit of the mesh."""
     repeated_corners: int
     """Faces removed because a vertex occurs twice in them."""
     without_area: int
@@ -48,8 +50,11 @@ class MeshReport:
     boundary_loops: int
 
     def __str__(self) -> str:
-        counts = {name: n for name, n in asdict(self).items() if n and name not in ("vertices", "faces")}
-        details = ", ".join(f"{n} {name.replace('_', ' ')}" for name, n in counts.items())
+        names = [name for name, n in asdict(self).items() if n and name not in ("vertices", "faces", "widest_weld")]
+        counts = {name: f"{getattr(self, name)} {name.replace('_', ' ')}" for name in names}
+        if self.widest_weld:
+            counts["welded_vertices"] += f" (up to {self.widest_weld:.2g} apart)"
+        details = ", ".join(counts.values())
         return f"{self.vertices} vertices, {self.faces} faces: {details}"
 
 
@@ -89,13 +94,12 @@ class CleanMesh:
         return mapped
 
 
-def clean_mesh(vertices: np.ndarray, faces: np.ndarray, weld: float = 1e-7) -> CleanMesh:
+def clean_mesh(vertices: np.ndarray, faces: np.ndarray) -> CleanMesh:
     """Weld seams, remove unusable vertices and faces, and orient the faces consistently.
 
     Args:
         vertices: Positions (g, 3), in any unit.
         faces: Vertex indices (f, 3).
-        weld: Largest distance of vertices that are welded, in bounding box diagonals of the used vertices.
 
     Returns:
         The repaired mesh.
@@ -114,16 +118,16 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray, weld: float = 1e-7) -> C
     check_corners(vertices, faces)
     positions, input_faces = np.asarray(vertices, np.float64), faces.astype(np.int64)
     proper = input_faces[(np.roll(input_faces, 1, axis=1) != input_faces).all(axis=1)]
-    faces = _unique_faces(proper)  # a duplicate face would hide the boundary beside it
+    faces = unique_faces(proper)  # a duplicate face would hide the boundary beside it
     extent = diagonal(positions[np.unique(faces)]) if len(faces) else 0.0
     _check_far_vertices(positions, np.unique(faces))
-    representative = _weld(positions, faces, weld * extent)
+    representative = weld(positions, faces, SAME_PLACE * extent)
     welded = representative[faces]
     is_proper = (np.roll(welded, 1, axis=1) != welded).all(axis=1)
     has_area = is_proper & (face_areas(positions, welded) > MIN_AREA * extent**2)
     if not has_area.any():
         raise MeshError(f"none of the {len(input_faces)} faces has an area")
-    kept = _unique_faces(welded[has_area])
+    kept = unique_faces(welded[has_area])
     check_edges(kept)
     used, corners = np.unique(kept, return_inverse=True)
     clean_vertices, corners = positions[used], corners.reshape(-1, 3)
@@ -136,6 +140,7 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray, weld: float = 1e-7) -> C
         faces=len(input_faces),
         unused_vertices=int((vertex_map < 0).sum()),
         welded_vertices=int((representative != np.arange(len(positions))).sum()),
+        widest_weld=float(np.linalg.norm(positions - positions[representative], axis=1)[np.unique(faces)].max()),
         repeated_corners=len(input_faces) - len(proper) + int((~is_proper).sum()),
         without_area=int((is_proper & ~has_area).sum()),
         duplicate_faces=len(proper) - len(faces) + int(has_area.sum()) - len(kept),
@@ -155,30 +160,6 @@ def _check_far_vertices(vertices: Float[np.ndarray, "v 3"], used: Int[np.ndarray
     if ratio > FARTHEST:
         problem = f"is {ratio:.2g} times as far from the middle of the mesh as most others; remove it or its faces"
         raise MeshError(f"vertex {used[distance.argmax()]} {problem}")
-
-
-def _unique_faces(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "g 3"]:
-    """Remove faces that have the same corners as an earlier one."""
-    # Corners are encoded as integers, which are compared several times faster than rows.
-    (a, b, c), n = np.sort(faces, axis=1).T, int(faces.max(initial=0)) + 1
-    pair = np.unique(a * n + b, return_inverse=True)[1]
-    return faces[np.sort(np.unique(pair * n + c, return_index=True)[1])]
-
-
-def _weld(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], reach: float) -> Int[np.ndarray, " v"]:
-    """Index of the first of the vertices that each vertex is welded with."""
-    identity = np.arange(len(vertices))
-    boundary = np.flatnonzero(boundary_vertices(faces, len(vertices))) if len(faces) else identity[:0]
-    seams = boundary[cKDTree(vertices[boundary]).query_pairs(reach, output_type="ndarray")] if len(boundary) else []
-    # The slivers beside a short edge have no area; removing them without collapsing the edge would leave a crack.
-    edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    short = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1) <= reach
-    pairs = np.concatenate([np.reshape(seams, (-1, 2)), edges[short]]).astype(np.int64)
-    if len(pairs) == 0:
-        return identity
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(vertices),) * 2)
-    group = connected_components(graph, directed=False)[1]
-    return np.unique(group, return_index=True)[1][group]
 
 
 def _orient(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> tuple[Int[np.ndarray, "f 3"], int]:

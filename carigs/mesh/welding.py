@@ -1,0 +1,194 @@
+"""Which vertices of a mesh are one: those of borders at the same place, and those of the two sides of a seam.
+
+Parts of a mesh that were rounded, or moved, on their own have seams that gape by a little. Two border edges are sides of
+a seam if the ends of one lie at the ends of the other and their faces do not lie upon each other. What merely touches is
+none: lips and lids without a border, an eyeball in its socket, a border whose vertices are elsewhere.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from carigs.mesh.triangle_mesh import boundary_vertices, unique_edges
+
+REACH = 0.1
+"""Largest distance between the ends of two edges of a seam, in lengths of the shorter edge."""
+HINGE_REACH = 2e-3
+"""The same where the sides meet in a vertex, in lengths of the chain's median edge: the border around a mouth or an eye
+turns back at such a vertex, so that only what rounding leaves apart is no gap between lips or lids that touch."""
+FOLD = 0.5
+"""Largest cosine of the angle between the two faces of a seam. Above, they lie upon each other as closed lips do."""
+_CANDIDATES = 8
+"""Border edges with the nearest middles that are compared with each."""
+
+
+class BorderEdges(NamedTuple):
+    """Edges that belong to one face."""
+
+    ends: Int[np.ndarray, "e 2"]
+    opposite: Int[np.ndarray, " e"]
+    """The third corner of the edge's face."""
+
+
+def weld(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], same_place: float) -> Int[np.ndarray, " v"]:
+    """Find the vertices that are one.
+
+    Args:
+        vertices: Positions, in any unit.
+        faces: Vertex indices of the triangles, without duplicates.
+        same_place: Vertices of the border, and ends of an edge, at most this far apart are at the same place.
+
+    Returns:
+        Index of the first of the vertices that each vertex is welded with.
+    """
+    identity = np.arange(len(vertices))
+    border = np.flatnonzero(boundary_vertices(faces, len(vertices))) if len(faces) else identity[:0]
+    same = border[cKDTree(vertices[border]).query_pairs(same_place, output_type="ndarray")] if len(border) else []
+    # The slivers beside a short edge have no area; removing them without collapsing the edge would leave a crack.
+    edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
+    short = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1) <= same_place
+    pairs = np.concatenate([np.reshape(same, (-1, 2)), edges[short]]).astype(np.int64)
+    representative = _merged(pairs, len(vertices))
+    seams = seam_pairs(vertices, _proper(representative[faces]))
+    while len(seams):
+        welded = _merged(np.concatenate([pairs, seams]), len(vertices))
+        edges, count = unique_edges(_proper(welded[faces]))
+        is_doubtful = np.isin(welded[seams], edges[count > 2]).any(axis=1)  # more than two borders meet there
+        if not is_doubtful.any():
+            return welded
+        seams = seams[~is_doubtful]
+    return representative
+
+
+def unique_faces(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "g 3"]:
+    """Remove faces that have the same corners as an earlier one.
+
+    Args:
+        faces: Vertex indices of the triangles.
+
+    Returns:
+        The others, in their order.
+    """
+    # Corners are encoded as integers, which are compared several times faster than rows.
+    (a, b, c), n = np.sort(faces, axis=1).T, int(faces.max(initial=0)) + 1
+    pair = np.unique(a * n + b, return_inverse=True)[1]
+    return faces[np.sort(np.unique(pair * n + c, return_index=True)[1])]
+
+
+def border_edges(faces: Int[np.ndarray, "f 3"]) -> BorderEdges:
+    """Find the edges that belong to one face.
+
+    Args:
+        faces: Vertex indices of the triangles, without duplicates.
+
+    Returns:
+        The edges.
+    """
+    i, j, k = (np.roll(faces, -shift, axis=1).ravel() for shift in range(3))
+    keys = np.minimum(i, j).astype(np.int64) * (int(faces.max(initial=0)) + 1) + np.maximum(i, j)
+    _, first, count = np.unique(keys, return_index=True, return_counts=True)
+    chosen = first[count == 1]
+    return BorderEdges(np.stack([i, j], axis=1)[chosen], k[chosen])
+
+
+def seam_pairs(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "p 2"]:
+    """Find the vertices that lie at the same place of a seam.
+
+    Args:
+        vertices: Positions, in any unit.
+        faces: Vertex indices of the triangles, without duplicates.
+
+    Returns:
+        Pairs of vertices; those that belong to no seam are in none.
+    """
+    border = border_edges(faces)
+    first, second = _matching_edges(vertices, border)
+    ends = np.stack([first, second], axis=2)  # edge, end, side
+    if len(ends) == 0:
+        return np.empty((0, 2), np.int64)
+    is_seam = _is_seam(vertices, np.sort(ends, axis=2))
+    pairs = ends[is_seam].reshape(-1, 2)
+    return pairs[pairs[:, 0] != pairs[:, 1]]
+
+
+def _proper(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "g 3"]:
+    """Faces with three corners, each once."""
+    return unique_faces(faces[(np.roll(faces, 1, axis=1) != faces).all(axis=1)])
+
+
+def _merged(pairs: Int[np.ndarray, "p 2"], v: int) -> Int[np.ndarray, " v"]:
+    """Index of the first vertex of each group that pairs connect."""
+    if len(pairs) == 0:
+        return np.arange(v)
+    group = connected_components(coo_array((np.ones(len(pairs)), pairs.T), shape=(v, v)), directed=False)[1]
+    return np.unique(group, return_index=True)[1][group]
+
+
+def _matching_edges(
+    vertices: Float[np.ndarray, "v 3"], border: BorderEdges
+) -> tuple[Int[np.ndarray, "m 2"], Int[np.ndarray, "m 2"]]:
+    """Border edges that are each other's nearest, as ends that belong together."""
+    a, b = vertices[border.ends.T]
+    length, middle = np.linalg.norm(b - a, axis=1), (a + b) / 2
+    into_face = vertices[border.opposite] - a
+    along = (b - a) / np.maximum(length, 1e-300)[:, None]
+    into_face -= np.einsum("ex,ex->e", into_face, along)[:, None] * along
+    into_face /= np.maximum(np.linalg.norm(into_face, axis=1, keepdims=True), 1e-300)
+    if len(middle) < 2:
+        return border.ends[:0], border.ends[:0]
+    near = cKDTree(middle).query(
+        middle, k=min(_CANDIDATES + 1, len(middle)), distance_upper_bound=REACH * length.max() * (1 + 1e-9)
+    )[1]
+    edge, other = np.repeat(np.arange(len(middle)), near.shape[1]), near.ravel()
+    edge, other = edge[(other < len(middle)) & (other != edge)], other[(other < len(middle)) & (other != edge)]
+    gaps = [
+        np.maximum(np.linalg.norm(a[edge] - p[other], axis=1), np.linalg.norm(b[edge] - q[other], axis=1))
+        for p, q in ((a, b), (b, a))
+    ]
+    gap, is_reversed = np.minimum(*gaps), gaps[1] <= gaps[0]
+    folded = np.einsum("ex,ex->e", into_face[edge], into_face[other]) > FOLD
+    fits = (gap <= REACH * np.minimum(length[edge], length[other])) & ~folded
+    edge, other, gap, is_reversed = edge[fits], other[fits], gap[fits], is_reversed[fits]
+    order = np.lexsort((other, gap, edge))
+    edges, place = np.unique(edge[order], return_index=True)
+    nearest = np.full(len(middle), -1)
+    nearest[edges] = other[order][place]
+    reverse = np.zeros(len(middle), bool)
+    reverse[edges] = is_reversed[order][place]
+    mutual = np.flatnonzero((nearest >= 0) & (nearest[nearest] == np.arange(len(middle))))
+    mutual = mutual[mutual < nearest[mutual]]
+    partner = border.ends[nearest[mutual]]
+    partner[reverse[mutual]] = partner[reverse[mutual]][:, ::-1]
+    return border.ends[mutual], partner
+
+
+def _is_seam(vertices: Float[np.ndarray, "v 3"], ends: Int[np.ndarray, "m 2 2"]) -> Bool[np.ndarray, " m"]:
+    """Whether each pair of edges belongs to a seam: not to a border that turns back at a vertex, unless it is closed."""
+    low, high = ends.reshape(-1, 2).T
+    nodes, node = np.unique(low * len(vertices) + high, return_inverse=True)
+    node = node.reshape(-1, 2)
+    graph = coo_array((np.ones(len(node)), node.T), shape=(len(nodes),) * 2)
+    count, chain = connected_components(graph, directed=False)
+    is_hinge = nodes // len(vertices) == nodes % len(vertices)
+    has_hinge = np.zeros(count, bool)
+    has_hinge[chain[is_hinge]] = True
+    of_edge = chain[node[:, 0]]
+    gap = np.linalg.norm(vertices[ends[..., 0]] - vertices[ends[..., 1]], axis=2).max(axis=1)
+    length = np.linalg.norm(vertices[ends[:, 0, 0]] - vertices[ends[:, 1, 0]], axis=1)
+    is_closed = np.array([
+        gap[members].max() <= HINGE_REACH * np.median(length[members]) if has_hinge[k] else True
+        for k, members in enumerate(_groups(of_edge, count))
+    ])  # fmt: skip
+    return is_closed[of_edge]
+
+
+def _groups(labels: Int[np.ndarray, " n"], count: int) -> list[Int[np.ndarray, " _"]]:
+    """Members of each label."""
+    order = np.argsort(labels, kind="stable")
+    return np.split(order, np.searchsorted(labels[order], np.arange(1, count)))
