@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from carigs.exaggeration import Exaggerator
+from carigs.mesh.gaps import warn_of_opened_gaps
 from carigs.mesh.regions import vertex_field
 from carigs.mesh.repair import clean_mesh
 from carigs.settings import Exaggerate
@@ -41,6 +42,9 @@ def exaggerate(
         MeshError: If the mesh cannot be exaggerated.
         SettingsError: If an option, a region or a level is not valid.
 
+    Warns:
+        CarigsWarning: Gaps between parts that are not joined open.
+
     Example:
         >>> import carigs, trimesh
         >>> ball = trimesh.creation.icosphere(subdivisions=3)
@@ -57,4 +61,5 @@ def exaggerate(
         displacement = sum(solver.local_edit(name).solve(level) for name, level in levels.items())
     else:
         displacement = solver.solve(gamma, levels)
+    warn_of_opened_gaps(clean.vertices, clean.vertices + displacement, clean.faces, f"level {gamma:g}")
     return vertices + clean.to_input(displacement)

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from carigs.errors import CarigsWarning, MeshError
+from carigs.mesh.gaps import warn_of_opened_gaps
 from carigs.mesh.self_intersection import self_intersecting_faces
 from carigs.mesh.triangle_mesh import diagonal, face_normals
 
@@ -42,7 +43,7 @@ def check_deformation(
     label: str,
     cut_before: Bool[np.ndarray, " f"],
 ) -> None:
-    """Refuse a deformation that cannot be meant, and warn of one after which the surface folds or cuts itself.
+    """Refuse a deformation that cannot be meant, and warn of one after which the surface folds, cuts itself or gapes.
 
     Args:
         vertices: Positions, in any unit.
@@ -55,7 +56,8 @@ def check_deformation(
         MeshError: If a displacement is not finite or is larger than `MAX_DISPLACEMENT` diagonals.
 
     Warns:
-        CarigsWarning: If a share of more than `MAX_DAMAGED` of the faces is turned, or newly cuts others.
+        CarigsWarning: If a share of more than `MAX_DAMAGED` of the faces is turned, or newly cuts others, or if gaps
+            between parts open (`carigs.mesh.gaps`).
     """
     with np.errstate(over="ignore"):
         distance = np.linalg.norm(displacement / diagonal(vertices), axis=1)
@@ -71,3 +73,4 @@ def check_deformation(
     if problems:
         advice = "a level nearer to 0 avoids it"
         warnings.warn(f"{label}: the surface folds: {' and '.join(problems)}; {advice}", CarigsWarning, stacklevel=2)
+    warn_of_opened_gaps(vertices, moved, faces, label)

@@ -19,6 +19,9 @@ from carigs.mesh.welding import unique_faces, weld
 
 MIN_ENCLOSED_VOLUME = 1e-3
 """In units of area^1.5: a component that encloses less is a sheet, which has no outside."""
+MAX_VECTOR_AREA = 0.5
+"""Length of the sum of a component's normals, in areas: 0 if it is closed, 0.5 for half a sphere. One with more is a
+sheet, too: a part of a head around a socket or the nape is hollow seen from outside."""
 SAME_PLACE = 1e-7
 """Largest distance, in bounding box diagonals, of border vertices that are at the same place."""
 FARTHEST = 1000
@@ -171,7 +174,9 @@ def _orient(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -
     for p in range(int(patch.max()) + 1):
         members = np.flatnonzero(patch == p)
         volume, area = signed_volume(vertices, oriented[members]), areas[members].sum()
-        is_closed = abs(volume) > MIN_ENCLOSED_VOLUME * area**1.5
+        a, b, c = vertices[oriented[members].T]
+        vector_area = np.linalg.norm(np.cross(b - a, c - a).sum(axis=0)) / 2
+        is_closed = abs(volume) > MIN_ENCLOSED_VOLUME * area**1.5 and vector_area <= MAX_VECTOR_AREA * area
         mostly_unchanged = areas[members][unchanged[members]].sum() >= area / 2
         if (volume < 0) if is_closed else not mostly_unchanged:
             oriented[members] = oriented[members][:, ::-1]

@@ -1,8 +1,8 @@
 """Which vertices of a mesh are one: those of borders at the same place, and those of the two sides of a seam.
 
-Parts of a mesh that were rounded, or moved, on their own have seams that gape by a little. Two border edges are sides of
-a seam if the ends of one lie at the ends of the other and their faces do not lie upon each other. What merely touches is
-none: lips and lids without a border, an eyeball in its socket, a border whose vertices are elsewhere.
+Parts of a mesh that were rounded, or moved, on their own have seams that gape by a little. Two border edges are sides
+of a seam if the ends of one lie at the ends of the other and their faces do not lie upon each other. What merely
+touches is none: lips and lids without a border, an eyeball in its socket, a border whose vertices are elsewhere.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from carigs.mesh.triangle_mesh import boundary_vertices, unique_edges
 REACH = 0.1
 """Largest distance between the ends of two edges of a seam, in lengths of the shorter edge."""
 HINGE_REACH = 2e-3
-"""The same where the sides meet in a vertex, in lengths of the chain's median edge: the border around a mouth or an eye
-turns back at such a vertex, so that only what rounding leaves apart is no gap between lips or lids that touch."""
+"""The same where the two sides meet in a vertex, in mean lengths of the seam's edges: the border of a mouth or an eye
+turns back in its corners, and lips or lids that touch must not be joined. What rounding leaves apart is narrower."""
 FOLD = 0.5
 """Largest cosine of the angle between the two faces of a seam. Above, they lie upon each other as closed lips do."""
 _CANDIDATES = 8
@@ -169,26 +169,18 @@ def _matching_edges(
 
 
 def _is_seam(vertices: Float[np.ndarray, "v 3"], ends: Int[np.ndarray, "m 2 2"]) -> Bool[np.ndarray, " m"]:
-    """Whether each pair of edges belongs to a seam: not to a border that turns back at a vertex, unless it is closed."""
+    """Whether pairs of edges belong to a seam, and not to a border that turns back at a vertex, as around a mouth."""
     low, high = ends.reshape(-1, 2).T
-    nodes, node = np.unique(low * len(vertices) + high, return_inverse=True)
-    node = node.reshape(-1, 2)
-    graph = coo_array((np.ones(len(node)), node.T), shape=(len(nodes),) * 2)
+    places, place = np.unique(low * len(vertices) + high, return_inverse=True)
+    place = place.reshape(-1, 2)
+    graph = coo_array((np.ones(len(place)), place.T), shape=(len(places),) * 2)
     count, chain = connected_components(graph, directed=False)
-    is_hinge = nodes // len(vertices) == nodes % len(vertices)
-    has_hinge = np.zeros(count, bool)
-    has_hinge[chain[is_hinge]] = True
-    of_edge = chain[node[:, 0]]
+    turns_back = np.zeros(count, bool)
+    turns_back[chain[places // len(vertices) == places % len(vertices)]] = True
+    of_edge = chain[place[:, 0]]
     gap = np.linalg.norm(vertices[ends[..., 0]] - vertices[ends[..., 1]], axis=2).max(axis=1)
+    widest = np.zeros(count)
+    np.maximum.at(widest, of_edge, gap)
     length = np.linalg.norm(vertices[ends[:, 0, 0]] - vertices[ends[:, 1, 0]], axis=1)
-    is_closed = np.array([
-        gap[members].max() <= HINGE_REACH * np.median(length[members]) if has_hinge[k] else True
-        for k, members in enumerate(_groups(of_edge, count))
-    ])  # fmt: skip
-    return is_closed[of_edge]
-
-
-def _groups(labels: Int[np.ndarray, " n"], count: int) -> list[Int[np.ndarray, " _"]]:
-    """Members of each label."""
-    order = np.argsort(labels, kind="stable")
-    return np.split(order, np.searchsorted(labels[order], np.arange(1, count)))
+    mean_length = np.bincount(of_edge, length) / np.bincount(of_edge)
+    return (~turns_back | (widest <= HINGE_REACH * mean_length))[of_edge]
