@@ -15,13 +15,10 @@ from jaxtyping import Float, Int
 from carigs.errors import MeshError
 from carigs.mesh.triangle_mesh import components, diagonal, face_areas, signed_volume
 from carigs.mesh.validation import MIN_AREA, check_corners, check_edges
-from carigs.mesh.welding import unique_faces, weld
+from carigs.mesh.welding import border_edges, unique_faces, weld
 
 MIN_ENCLOSED_VOLUME = 1e-3
-"""In units of area^1.5: a component that encloses less is a sheet, which has no outside."""
-MAX_VECTOR_AREA = 0.5
-"""Length of the sum of a component's normals, in areas: 0 if it is closed, 0.5 for half a sphere. One with more is a
-sheet, too: a part of a head around a socket or the nape is hollow seen from outside."""
+"""In units of area^1.5: a surface that encloses less is a sheet, which has no outside."""
 SAME_PLACE = 1e-7
 """Largest distance, in bounding box diagonals, of border vertices that are at the same place."""
 FARTHEST = 1000
@@ -166,18 +163,23 @@ def _check_far_vertices(vertices: Float[np.ndarray, "v 3"], used: Int[np.ndarray
 
 
 def _orient(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> tuple[Int[np.ndarray, "f 3"], int]:
-    """Orient neighbours alike, closed components outwards, and sheets as most of their area was; count the changes."""
+    """Orient neighbours alike, and count the changes.
+
+    Closed components face outwards, and so does the largest one, a head that is open at the neck, if it is no sheet.
+    Other open components stay as most of their area was: a socket or the inside of a mouth faces into its hollow.
+    """
     oriented, patch = igl.bfs_orient(faces)
     oriented = oriented.astype(np.int64)  # igl returns C's long long, a distinct NumPy type
-    areas = face_areas(vertices, faces)
+    areas, count = face_areas(vertices, faces), int(patch.max()) + 1
+    is_open = np.bincount(patch[border_edges(faces).face], minlength=count) > 0
+    patch_areas = np.bincount(patch, areas)
     unchanged = oriented[:, 0] == faces[:, 0]  # a face is reversed by reversing its row
-    for p in range(int(patch.max()) + 1):
+    for p in range(count):
         members = np.flatnonzero(patch == p)
-        volume, area = signed_volume(vertices, oriented[members]), areas[members].sum()
-        a, b, c = vertices[oriented[members].T]
-        vector_area = np.linalg.norm(np.cross(b - a, c - a).sum(axis=0)) / 2
-        is_closed = abs(volume) > MIN_ENCLOSED_VOLUME * area**1.5 and vector_area <= MAX_VECTOR_AREA * area
+        volume, area = signed_volume(vertices, oriented[members]), patch_areas[p]
+        has_outside = not is_open[p] or p == patch_areas.argmax()
         mostly_unchanged = areas[members][unchanged[members]].sum() >= area / 2
-        if (volume < 0) if is_closed else not mostly_unchanged:
+        encloses = has_outside and abs(volume) > MIN_ENCLOSED_VOLUME * area**1.5
+        if (volume < 0) if encloses else not mostly_unchanged:
             oriented[members] = oriented[members][:, ::-1]
     return oriented, int((oriented[:, 0] != faces[:, 0]).sum())

@@ -34,6 +34,7 @@ class BorderEdges(NamedTuple):
     ends: Int[np.ndarray, "e 2"]
     opposite: Int[np.ndarray, " e"]
     """The third corner of the edge's face."""
+    face: Int[np.ndarray, " e"]
 
 
 def weld(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], same_place: float) -> Int[np.ndarray, " v"]:
@@ -94,7 +95,7 @@ def border_edges(faces: Int[np.ndarray, "f 3"]) -> BorderEdges:
     keys = np.minimum(i, j).astype(np.int64) * (int(faces.max(initial=0)) + 1) + np.maximum(i, j)
     _, first, count = np.unique(keys, return_index=True, return_counts=True)
     chosen = first[count == 1]
-    return BorderEdges(np.stack([i, j], axis=1)[chosen], k[chosen])
+    return BorderEdges(np.stack([i, j], axis=1)[chosen], k[chosen], chosen // 3)
 
 
 def seam_pairs(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "p 2"]:
