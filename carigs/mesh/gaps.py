@@ -12,8 +12,9 @@ from scipy.spatial import cKDTree
 from carigs.errors import CarigsWarning
 from carigs.mesh.welding import border_edges
 
-REACH = 0.3
-"""Widest gap, in mean lengths of the two border edges at its vertex."""
+REACH, BESIDE = 0.3, 0.05
+"""Widest gap, in mean lengths of the border edges at its vertex: in general, and between edges that meet in a vertex,
+as the lips do in the corners of a mouth, where the border is always near."""
 OPENS, SEEN = 1.5, 0.02
 """A gap opens if it becomes this many times as wide, and as wide as this share of the edges."""
 _SAMPLES, _CANDIDATES = 8, 32
@@ -45,9 +46,7 @@ class Gaps(NamedTuple):
 
 
 def find_gaps(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Gaps:
-    """Find gaps of at most `REACH`.
-
-    Edges that meet a neighbour of the vertex do not count: beside the corner of a mouth the border is always near.
+    """Find gaps that are at most as wide as `REACH` and `BESIDE` say.
 
     Args:
         vertices: Positions, in any unit.
@@ -75,9 +74,10 @@ def find_gaps(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"])
     width = np.linalg.norm(offset - share[:, None] * along[edge], axis=1)
     chosen = np.flatnonzero(width <= REACH * scale[vertex])
     v = len(border)
-    beside = np.concatenate([place @ [v, 1], place @ [1, v], np.arange(v) * (v + 1)])
-    is_beside = np.isin(vertex[chosen, None] * v + place[edge[chosen]], beside).any(axis=1)
-    chosen = chosen[~is_beside]
+    neighbours = np.concatenate([place @ [v, 1], place @ [1, v]])
+    is_beside = np.isin(vertex[chosen, None] * v + place[edge[chosen]], neighbours).any(axis=1)
+    is_own = (place[edge[chosen]] == vertex[chosen, None]).any(axis=1)
+    chosen = chosen[~is_own & (~is_beside | (width[chosen] <= BESIDE * scale[vertex[chosen]]))]
     chosen = chosen[np.lexsort((width[chosen], vertex[chosen]))]
     chosen = chosen[np.unique(vertex[chosen], return_index=True)[1]]
     return Gaps(border[vertex[chosen]], ends[edge[chosen]], share[chosen], scale[vertex[chosen]])
