@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Float64, Int, Int64
+from jaxtyping import Bool, Float, Float64, Int, Int64
 
 from carigs.errors import CarigsWarning, InputError
 
-FLAT = 1e-6
-"""Smallest area of a triangle in areas of its polygon: with less, its corners count as points of a straight line."""
+FLAT = 1e-5
+"""Roundness of a triangle (1 if it is equilateral) below which its corners count as points of a straight line."""
 MAX_TESTS = 200_000_000
 """Most tests of points in triangles: clipping the ears of one polygon of n corners takes n^3."""
 _TESTS_AT_ONCE = 1 << 20
@@ -61,18 +61,17 @@ def triangulate(polygons: Polygons, file: str | Path) -> Int64[np.ndarray, "f 3"
     for n in np.unique(lengths).tolist():
         chosen = np.flatnonzero(lengths == n)
         polygon = corners[first_corner[chosen, None] + np.arange(n)]
-        order = np.broadcast_to(_fan(n), (len(chosen), n - 2, 3))
+        order = np.tile(_fan(n), (len(chosen), 1, 1))
         if n > 3:
             with np.errstate(over="ignore", invalid="ignore"):  # of coordinates that are refused later
-                flat, areas = _in_mean_plane(vertices[polygon])
-                order = np.array(order)
-                other = np.flatnonzero(_smallest(flat, order) <= FLAT * areas)
+                flat, cancels = _in_mean_plane(vertices[polygon])
+                other = np.flatnonzero(_least_round(flat, order) <= FLAT)
                 tests += n**3 * len(other) if n > 4 else 0
                 if tests > MAX_TESTS:
                     problem = f"too many corners of polygons that are not convex, one has {n}; cut them into triangles"
                     raise InputError(problem, file=file, field="faces")
                 order[other] = _better_diagonal(flat[other]) if n == 4 else _clip_ears(flat[other])
-                crosses = _smallest(flat[other], order[other]) < -FLAT * areas[other]
+                crosses = cancels[other] | (_least_round(flat[other], order[other]) < -FLAT)
             crossing += chosen[other[crosses]].tolist()
         rows = np.arange(len(chosen))[:, None, None]
         triangles[first_triangle[chosen, None] + np.arange(n - 2)] = polygon[rows, order]
@@ -89,28 +88,36 @@ def _fan(n: int) -> Int64[np.ndarray, "t 3"]:
     return np.stack([np.zeros_like(second), second, second + 1], axis=1)
 
 
-def _in_mean_plane(points: Float[np.ndarray, "m n 3"]) -> tuple[Float[np.ndarray, "m n 2"], Float[np.ndarray, " m"]]:
-    """Corners projected along the mean normal, counterclockwise, in units of the polygon's size; areas of the fans.
+def _in_mean_plane(points: Float[np.ndarray, "m n 3"]) -> tuple[Float[np.ndarray, "m n 2"], Bool[np.ndarray, " m"]]:
+    """Corners projected along the mean normal, counterclockwise, in units of the polygon's size.
 
-    The area of a fan sums triangles without sign: unlike the area along the normal, it is not 0 where a polygon crosses
-    itself.
+    Also whether there is no such normal though there is an area: halves of a polygon that crosses itself cancel out.
     """
     points = points - points.mean(axis=1, keepdims=True)
     points = points / np.maximum(np.abs(points).max(axis=(1, 2), keepdims=True), 1e-300)
     normal = np.cross(points, np.roll(points, -1, axis=1)).sum(axis=1)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    axis = np.eye(3)[np.abs(normal).argmin(axis=1)]
-    x = np.cross(axis, normal)
+    length = np.linalg.norm(normal, axis=1)
+    normal /= np.maximum(length, 1e-300)[:, None]
+    x = np.cross(np.eye(3)[np.abs(normal).argmin(axis=1)], normal)
     x /= np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-300)
     flat = np.stack([np.einsum("mnk,mk->mn", points, d) for d in (x, np.cross(normal, x))], axis=-1)
     edges = points[:, 1:] - points[:, :1]
-    return flat, np.linalg.norm(np.cross(edges[:, :-1], edges[:, 1:]), axis=2).sum(axis=1)
+    area = np.linalg.norm(np.cross(edges[:, :-1], edges[:, 1:]), axis=2).sum(axis=1)
+    return flat, (length < FLAT * area) & (area > FLAT)
 
 
-def _smallest(flat: Float[np.ndarray, "m n 2"], order: Int[np.ndarray, "m t 3"]) -> Float[np.ndarray, " m"]:
-    """Twice the smallest signed area of the triangles of each polygon."""
+def _least_round(flat: Float[np.ndarray, "m n 2"], order: Int[np.ndarray, "m t 3"]) -> Float[np.ndarray, " m"]:
+    """The smallest roundness of the triangles of each polygon."""
     a, b, c = np.moveaxis(flat[np.arange(len(flat))[:, None, None], order], 2, 0)
-    return _cross(b - a, c - a).min(axis=1)
+    return _roundness(a, b, c).min(axis=1)
+
+
+def _roundness(
+    a: Float[np.ndarray, "*s 2"], b: Float[np.ndarray, "*s 2"], c: Float[np.ndarray, "*s 2"]
+) -> Float[np.ndarray, "*s"]:
+    """1 for an equilateral triangle, 0 for one without area; negative if its corners turn clockwise."""
+    squares = ((b - a) ** 2 + (c - b) ** 2 + (a - c) ** 2).sum(axis=-1)
+    return 2 * np.sqrt(3) * _cross(b - a, c - a) / np.maximum(squares, 1e-300)
 
 
 def _cross(p: Float[np.ndarray, "*#s 2"], q: Float[np.ndarray, "*#s 2"]) -> Float[np.ndarray, "*s"]:
@@ -118,10 +125,10 @@ def _cross(p: Float[np.ndarray, "*#s 2"], q: Float[np.ndarray, "*#s 2"]) -> Floa
 
 
 def _better_diagonal(flat: Float[np.ndarray, "m 4 2"]) -> Int64[np.ndarray, "m 2 3"]:
-    """The two triangles of a quadrilateral: of both pairs the one whose smaller area is larger, the first if equal."""
+    """The two triangles of a quadrilateral: of both pairs the one with the rounder triangles, the first if equal."""
     pairs = np.array([[[0, 1, 2], [0, 2, 3]], [[1, 2, 3], [1, 3, 0]]])
-    smallest = [_smallest(flat, np.broadcast_to(pair, (len(flat), 2, 3))) for pair in pairs]
-    return pairs[np.argmax(smallest, axis=0)]
+    least_round = [_least_round(flat, np.tile(pair, (len(flat), 1, 1))) for pair in pairs]
+    return pairs[np.argmax(least_round, axis=0)]
 
 
 def _clip_ears(flat: Float[np.ndarray, "m n 2"]) -> Int64[np.ndarray, "m t 3"]:
@@ -145,12 +152,10 @@ def _clip_ears(flat: Float[np.ndarray, "m n 2"]) -> Int64[np.ndarray, "m t 3"]:
 def _ear_quality(points: Float[np.ndarray, "m k 2"]) -> Float[np.ndarray, "m k"]:
     """How round the triangle at each corner is, from 0 to 1; less than 0 if it is no ear."""
     a, c = np.roll(points, 1, axis=1), np.roll(points, -1, axis=1)
-    sides = ((a, points), (points, c), (c, a))
-    squares = [((q - p) ** 2).sum(axis=2) for p, q in sides]
-    roundness = 2 * np.sqrt(3) * _cross(points - a, c - a) / np.maximum(sum(squares), 1e-300)
+    roundness = _roundness(a, points, c)
     holds_corner = np.ones((*points.shape[:2], points.shape[1]), bool)
-    for (p, q), square in zip(sides, squares, strict=True):
+    for p, q in ((a, points), (points, c), (c, a)):
         to_corner = points[:, None] - p[:, :, None]
-        inside = _cross((q - p)[:, :, None], to_corner) >= -FLAT * np.sqrt(square)[:, :, None]
+        inside = _cross((q - p)[:, :, None], to_corner) >= -FLAT * np.linalg.norm(q - p, axis=2)[:, :, None]
         holds_corner &= inside & (to_corner != 0).any(axis=3)  # corners at the same place do not count
     return np.where(~holds_corner.any(axis=2) | (roundness <= 0), roundness, roundness - 2)
