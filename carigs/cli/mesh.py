@@ -19,7 +19,7 @@ from jaxtyping import Float
 
 from carigs.cli.parser import command_parser, region_level
 from carigs.config import compose, known
-from carigs.errors import InputError, SettingsError
+from carigs.errors import InputError, MeshError, SettingsError
 from carigs.exaggeration.exaggerator import Exaggerator
 from carigs.files import writing
 from carigs.mesh.deformation import check_deformation
@@ -101,7 +101,10 @@ def exaggerate(task: argparse.Namespace) -> None:
     outputs = level_files(task.output, fractions * (task.gamma or next(iter(task.region_levels.values()), 0.0)))
     check_outputs(outputs, task.preview, [file for file in (task.mesh, task.regions) if file])
     mesh = read_mesh(task.mesh)
-    clean = clean_mesh(mesh.vertices, mesh.faces)
+    try:
+        clean = clean_mesh(mesh.vertices, mesh.faces)
+    except MeshError as error:
+        raise InputError(str(error), file=task.mesh) from error
     report(str(clean.report))
     settings = Exaggerate(**compose(f"exaggerate={task.preset}").exaggerate)
     fields = {name: _region_field(clean, task.regions, name) for name in task.region_levels}

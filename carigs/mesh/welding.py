@@ -23,7 +23,8 @@ HINGE_REACH = 2e-3
 """The same where the two sides meet in a vertex, in mean lengths of the seam's edges: the border of a mouth or an eye
 turns back in its corners, and lips or lids that touch must not be joined. What rounding leaves apart is narrower."""
 FOLD = 0.5
-"""Largest cosine of the angle between the two faces of a seam. Above, they lie upon each other as closed lips do."""
+"""Largest mean cosine of the angle between the two faces at the edges of a seam. Above, the faces lie upon each other,
+as those of lips that roll inwards."""
 _CANDIDATES = 8
 """Border edges with the nearest middles that are compared with each."""
 
@@ -109,12 +110,14 @@ def seam_pairs(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
         Pairs of vertices; those that belong to no seam are in none.
     """
     border = border_edges(faces)
-    first, second = _matching_edges(vertices, border)
-    ends = np.stack([first, second], axis=2)  # edge, end, side
-    if len(ends) == 0:
+    sides, is_reversed = _matching_edges(vertices, border)
+    if len(sides) == 0:
         return np.empty((0, 2), np.int64)
-    is_seam = _is_seam(vertices, np.sort(ends, axis=2))
-    pairs = ends[is_seam].reshape(-1, 2)
+    ends = border.ends[sides].swapaxes(1, 2)  # edge, end, side
+    ends[is_reversed, :, 1] = ends[is_reversed, ::-1, 1]
+    directions = _into_faces(vertices, border)[sides]
+    cosine = np.einsum("mx,mx->m", directions[:, 0], directions[:, 1])
+    pairs = ends[_is_seam(vertices, np.sort(ends, axis=2), cosine)].reshape(-1, 2)
     return pairs[pairs[:, 0] != pairs[:, 1]]
 
 
@@ -131,57 +134,63 @@ def _merged(pairs: Int[np.ndarray, "p 2"], v: int) -> Int[np.ndarray, " v"]:
     return np.unique(group, return_index=True)[1][group]
 
 
+def _into_faces(vertices: Float[np.ndarray, "v 3"], border: BorderEdges) -> Float[np.ndarray, "e 3"]:
+    """Unit vector from each edge into its face, at right angles to the edge."""
+    a, b = vertices[border.ends.T]
+    along = (b - a) / np.maximum(np.linalg.norm(b - a, axis=1, keepdims=True), 1e-300)
+    across = vertices[border.opposite] - a
+    across -= np.einsum("ex,ex->e", across, along)[:, None] * along
+    return across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+
+
 def _matching_edges(
     vertices: Float[np.ndarray, "v 3"], border: BorderEdges
-) -> tuple[Int[np.ndarray, "m 2"], Int[np.ndarray, "m 2"]]:
-    """Border edges that are each other's nearest, as ends that belong together."""
+) -> tuple[Int[np.ndarray, "m 2"], Bool[np.ndarray, " m"]]:
+    """Pairs of border edges that are each other's nearest within the reach, and whether they run in opposite ways."""
     a, b = vertices[border.ends.T]
-    length, middle = np.linalg.norm(b - a, axis=1), (a + b) / 2
-    into_face = vertices[border.opposite] - a
-    along = (b - a) / np.maximum(length, 1e-300)[:, None]
-    into_face -= np.einsum("ex,ex->e", into_face, along)[:, None] * along
-    into_face /= np.maximum(np.linalg.norm(into_face, axis=1, keepdims=True), 1e-300)
-    if len(middle) < 2:
-        return border.ends[:0], border.ends[:0]
-    near = cKDTree(middle).query(
-        middle, k=min(_CANDIDATES + 1, len(middle)), distance_upper_bound=REACH * length.max() * (1 + 1e-9)
-    )[1]
-    edge, other = np.repeat(np.arange(len(middle)), near.shape[1]), near.ravel()
-    edge, other = edge[(other < len(middle)) & (other != edge)], other[(other < len(middle)) & (other != edge)]
-    gaps = [
+    length, middle, count = np.linalg.norm(b - a, axis=1), (a + b) / 2, len(a)
+    if count < 2:
+        return np.empty((0, 2), np.int64), np.empty(0, bool)
+    farthest = REACH * length.max() * (1 + 1e-9)
+    near = cKDTree(middle).query(middle, k=min(_CANDIDATES + 1, count), distance_upper_bound=farthest)[1]
+    edge, other = np.repeat(np.arange(count), near.shape[1]), near.ravel()
+    found = (other < count) & (other != edge)  # the number of edges stands for none
+    edge, other = edge[found], other[found]
+    alike, opposite = (
         np.maximum(np.linalg.norm(a[edge] - p[other], axis=1), np.linalg.norm(b[edge] - q[other], axis=1))
         for p, q in ((a, b), (b, a))
-    ]
-    gap, is_reversed = np.minimum(*gaps), gaps[1] <= gaps[0]
-    folded = np.einsum("ex,ex->e", into_face[edge], into_face[other]) > FOLD
-    fits = (gap <= REACH * np.minimum(length[edge], length[other])) & ~folded
-    edge, other, gap, is_reversed = edge[fits], other[fits], gap[fits], is_reversed[fits]
-    order = np.lexsort((other, gap, edge))
-    edges, place = np.unique(edge[order], return_index=True)
-    nearest = np.full(len(middle), -1)
-    nearest[edges] = other[order][place]
-    reverse = np.zeros(len(middle), bool)
-    reverse[edges] = is_reversed[order][place]
-    mutual = np.flatnonzero((nearest >= 0) & (nearest[nearest] == np.arange(len(middle))))
-    mutual = mutual[mutual < nearest[mutual]]
-    partner = border.ends[nearest[mutual]]
-    partner[reverse[mutual]] = partner[reverse[mutual]][:, ::-1]
-    return border.ends[mutual], partner
+    )
+    gap = np.minimum(alike, opposite)
+    fits = np.flatnonzero(gap <= REACH * np.minimum(length[edge], length[other]))
+    order = fits[np.lexsort((other[fits], gap[fits], edge[fits]))]
+    with_nearest, first = np.unique(edge[order], return_index=True)
+    nearest, is_reversed = np.full(count, -1), np.zeros(count, bool)
+    nearest[with_nearest] = other[order[first]]
+    is_reversed[with_nearest] = (opposite < alike)[order[first]]
+    mutual = np.flatnonzero((nearest[nearest] == np.arange(count)) & (np.arange(count) < nearest))
+    return np.stack([mutual, nearest[mutual]], axis=1), is_reversed[mutual]
 
 
-def _is_seam(vertices: Float[np.ndarray, "v 3"], ends: Int[np.ndarray, "m 2 2"]) -> Bool[np.ndarray, " m"]:
-    """Whether pairs of edges belong to a seam, and not to a border that turns back at a vertex, as around a mouth."""
+def _is_seam(
+    vertices: Float[np.ndarray, "v 3"], ends: Int[np.ndarray, "m 2 2"], cosine: Float[np.ndarray, " m"]
+) -> Bool[np.ndarray, " m"]:
+    """Whether pairs of edges belong to a seam.
+
+    Chains of such pairs that follow each other are judged as a whole: faces that lie upon each other are not sides of a
+    seam, and a border that turns back at a vertex, as around a mouth, is one only if it is as good as closed.
+    """
     low, high = ends.reshape(-1, 2).T
     places, place = np.unique(low * len(vertices) + high, return_inverse=True)
     place = place.reshape(-1, 2)
     graph = coo_array((np.ones(len(place)), place.T), shape=(len(places),) * 2)
-    count, chain = connected_components(graph, directed=False)
-    turns_back = np.zeros(count, bool)
-    turns_back[chain[places // len(vertices) == places % len(vertices)]] = True
-    of_edge = chain[place[:, 0]]
+    count, chain_of_place = connected_components(graph, directed=False)
+    turns_back, chain = np.zeros(count, bool), chain_of_place[place[:, 0]]
+    turns_back[chain_of_place[places // len(vertices) == places % len(vertices)]] = True
     gap = np.linalg.norm(vertices[ends[..., 0]] - vertices[ends[..., 1]], axis=2).max(axis=1)
-    widest = np.zeros(count)
-    np.maximum.at(widest, of_edge, gap)
     length = np.linalg.norm(vertices[ends[:, 0, 0]] - vertices[ends[:, 1, 0]], axis=1)
-    mean_length = np.bincount(of_edge, length) / np.bincount(of_edge)
-    return (~turns_back | (widest <= HINGE_REACH * mean_length))[of_edge]
+    widest = np.zeros(count)
+    np.maximum.at(widest, chain, gap)
+    total = np.bincount(chain, length)
+    is_closed = widest <= HINGE_REACH * total / np.bincount(chain)
+    is_folded = np.bincount(chain, length * cosine) > FOLD * total
+    return (~is_folded & (~turns_back | is_closed))[chain]

@@ -16,7 +16,7 @@ from carigs.readers.obj import parse_obj
 from carigs.readers.off import parse_off
 from carigs.readers.ply import parse_ply_polygons
 from carigs.readers.polygons import Polygons, triangulate
-from carigs.readers.text import decode_text, encode_text, split_lines
+from carigs.readers.text import decode_text, encode_text, split_lines, without_byte_order_mark
 
 if TYPE_CHECKING:
     import trimesh
@@ -85,7 +85,7 @@ def _parse_stl(content: bytes, file: str | Path) -> Polygons:
     import trimesh
 
     is_binary = len(content) == 84 + 50 * int.from_bytes(content[80:84], "little")
-    if not is_binary and not content[:80].count(b"\0") == 80:
+    if not is_binary and without_byte_order_mark(content, file).lstrip().startswith(b"solid"):
         content = encode_text("\n".join(split_lines(decode_text(content, file, any_bytes=True))))
     try:
         mesh = trimesh.load(io.BytesIO(content), file_type="stl", process=False, maintain_order=True, force="mesh")

@@ -50,7 +50,7 @@ def triangulate(polygons: Polygons, file: str | Path) -> Int64[np.ndarray, "f 3"
         InputError: If polygons that are not convex have too many corners.
 
     Warns:
-        CarigsWarning: A polygon crosses itself, so that some of its triangles face the other way.
+        CarigsWarning: A polygon crosses itself or is folded, so that some of its triangles face the other way.
     """
     vertices, corners, lengths = polygons
     first_triangle = np.cumsum(lengths - 2) - (lengths - 2)
@@ -77,7 +77,9 @@ def triangulate(polygons: Polygons, file: str | Path) -> Int64[np.ndarray, "f 3"
         triangles[first_triangle[chosen, None] + np.arange(n - 2)] = polygon[rows, order]
     if crossing:
         first = f"the first is face {min(crossing)}, from 0"
-        problem = f"{len(crossing)} polygons cross themselves ({first}); some of their triangles face the other way"
+        problem = (
+            f"{len(crossing)} polygons cross themselves or are folded ({first}); not all of their triangles face alike"
+        )
         warnings.warn(f"{file}: {problem}", CarigsWarning, stacklevel=2)
     return triangles
 

@@ -35,7 +35,8 @@ def decode_text(content: bytes, file: str | Path, field: str | None = None, *, a
         file: Its name, for messages.
         field: Field of the file that holds the text, for messages.
         any_bytes: For formats whose keywords and numbers are ASCII: keep bytes that are not UTF-8, as in a comment in
-            Latin-1, as lone surrogates. `encode_text` turns them into the same bytes again.
+            Latin-1, as lone surrogates. `encode_text` turns them into the same bytes again. NUL characters, which
+            other parsers refuse, are refused here.
 
     Returns:
         The text without a byte order mark.
@@ -44,6 +45,9 @@ def decode_text(content: bytes, file: str | Path, field: str | None = None, *, a
         InputError: If it is in another encoding; the message names it where the file shows it.
     """
     content = without_byte_order_mark(content, file, field)
+    if any_bytes and b"\0" in content:
+        line = content.count(b"\n", 0, content.index(b"\0")) + 1
+        raise InputError(f"line {line} holds a NUL character: damaged, or no text", file=file, field=field)
     try:
         return content.decode("utf-8", "surrogateescape" if any_bytes else "strict")
     except UnicodeDecodeError as error:

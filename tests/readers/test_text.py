@@ -149,6 +149,14 @@ def test_what_an_obj_holds_beside_positions_comes_out_as_it_went_in(tmp_path):
     np.testing.assert_allclose(read_mesh(tmp_path / "b.obj").triangles, V[F] + 1)
 
 
+@pytest.mark.parametrize("name", MESHES)
+def test_nul_characters_are_named(name, tmp_path):
+    """What a full disk or a crash leaves at the end of a file."""
+    (tmp_path / name).write_bytes(MESHES[name]().encode() + bytes(512))
+    with pytest.raises(InputError, match=rf"{name}: "):
+        read_mesh(tmp_path / name)
+
+
 @pytest.mark.parametrize("mark", [b"", codecs.BOM_UTF8])
 @pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
 @pytest.mark.parametrize("first", [b"\n\0\0\1", b"\r\n\n\r", b"\0\0\0\0"])
@@ -172,7 +180,7 @@ def test_any_bytes_come_back_or_are_refused(content):
     try:
         text = decode_text(content, "a.obj", any_bytes=True)
     except InputError as error:
-        assert str(error).startswith("a.obj: not text in UTF-8 but in UTF-")
+        assert "not text in UTF-8 but in UTF-" in str(error) or (b"\0" in content and "holds a NUL" in str(error))
     else:
         assert encode_text(text) == content.removeprefix(codecs.BOM_UTF8)
 
