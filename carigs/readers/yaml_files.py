@@ -6,6 +6,7 @@ Settings need mappings, sequences and scalars only, so files with anything else 
 
 from __future__ import annotations
 
+from codecs import BOM_UTF8
 from functools import lru_cache
 from pathlib import Path
 
@@ -52,7 +53,8 @@ def check_yaml(file: str | Path) -> None:
         file: The file.
 
     Raises:
-        InputError: As for `read_yaml_text`.
+        InputError: As for `read_yaml_text`, and for a byte order mark, behind which Hydra does not see a comment with
+            `@package`.
     """
     regular_file_size(file, "settings file")
     status = Path(file).stat()
@@ -62,6 +64,8 @@ def check_yaml(file: str | Path) -> None:
 @lru_cache(maxsize=4096)
 def _check_unchanged(file: str | Path, *_: int) -> None:
     read_yaml_text(file)
+    if read_bytes(file, MAX_YAML_BYTES, "settings file").startswith(BOM_UTF8):
+        raise InputError("begins with a byte order mark, which Hydra does not skip; save it without", file=file)
 
 
 def _check_events(text: str, file: str | Path) -> None:

@@ -71,6 +71,20 @@ def test_a_file_of_ones_own_is_checked_before_hydra_opens_it(content, tmp_path, 
     compose.cache_clear()
 
 
+@pytest.mark.parametrize(
+    ("encoding", "says"), [("utf-8-sig", "a byte order mark"), ("utf-16", "UTF-16"), ("latin-1", "Latin-1")]
+)
+def test_the_encoding_of_a_file_of_ones_own_is_named_before_hydra_opens_it(encoding, says, tmp_path, monkeypatch):
+    (tmp_path / "conf/variant").mkdir(parents=True)
+    text = "# @package _global_\n# Größe\ntrain:\n  ssim_weight: 0.4\n"
+    (tmp_path / "conf/variant/mine.yaml").write_bytes(text.encode(encoding))
+    monkeypatch.chdir(tmp_path)
+    compose.cache_clear()
+    with pytest.raises(InputError, match=rf"mine\.yaml: .*{says}"):
+        compose("variant=mine")
+    compose.cache_clear()
+
+
 def test_a_settings_file_that_was_cut_off_does_not_mean_defaults(tmp_path):
     lines = settings_text("train").splitlines(keepends=True)
     file = tmp_path / "train.yaml"

@@ -19,6 +19,17 @@ def test_records_round_trip_with_the_study_point(tmp_path):
     assert read_frame_records(tmp_path / "geometry.csv", POINT) == [MetricRecord(*POINT, *record) for record in RECORDS]
 
 
+def test_what_a_spreadsheet_saves_is_read(tmp_path):
+    """With a byte order mark, CR LF at the ends of lines, and no quotes where none are needed."""
+    file = tmp_path / "geometry.csv"
+    write_frame_records(file, RECORDS)
+    file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes().replace(b"\r\n", b"\n").replace(b"\n", b"\r\n"))
+    assert read_frame_records(file, POINT) == [MetricRecord(*POINT, *record) for record in RECORDS]
+    file.write_text("text", "utf-16")
+    with pytest.raises(InputError, match=r"geometry\.csv: not text in UTF-8 but in UTF-16"):
+        read_frame_records(file, POINT)
+
+
 @pytest.mark.parametrize(
     ("line", "says"),
     [
