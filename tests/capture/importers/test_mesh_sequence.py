@@ -12,7 +12,7 @@ RING = np.array([[0, 0], [2, 2], [0, 3], [-2, 2]], float)
 
 def prism(notch):
     """A box on a quadrilateral whose first corner moves inwards: beyond 2 it is concave."""
-    outline = RING + [[0, notch], [0, 0], [0, 0], [0, 0]]
+    outline = RING + np.array([[0, notch], [0, 0], [0, 0], [0, 0]])
     return np.concatenate([np.concatenate([outline, np.full((4, 1), z)], axis=1) for z in (0.0, 1.0)])
 
 
