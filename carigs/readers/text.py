@@ -35,18 +35,18 @@ def decode_text(content: bytes, file: str | Path, field: str | None = None, *, a
         file: Its name, for messages.
         field: Field of the file that holds the text, for messages.
         any_bytes: For formats whose keywords and numbers are ASCII: keep bytes that are not UTF-8, as in a comment in
-            Latin-1, as lone surrogates. `encode_text` turns them into the same bytes again. NUL characters, which
-            other parsers refuse, are refused here.
+            Latin-1, as lone surrogates. `encode_text` turns them into the same bytes again.
 
     Returns:
         The text without a byte order mark.
 
     Raises:
-        InputError: If it is in another encoding; the message names it where the file shows it.
+        InputError: If it is in another encoding, which the message names where the file shows it, or holds NUL
+            characters, as a crash leaves them at the end of a file.
     """
     content = without_byte_order_mark(content, file, field)
-    if any_bytes and b"\0" in content:
-        line = content.count(b"\n", 0, content.index(b"\0")) + 1
+    if (at := content.find(b"\0")) >= 0:
+        line = len(split_lines(content[:at].decode("latin1")))
         raise InputError(f"line {line} holds a NUL character: damaged, or no text", file=file, field=field)
     try:
         return content.decode("utf-8", "surrogateescape" if any_bytes else "strict")

@@ -27,7 +27,7 @@ REFUSED = {
     "a: " + "{b: " * 50_000: "nested more than",
     "? [1, 2]\n: 3\n": "a key must be a name",
     "a: 'x": "line 1 column",
-    "a: \x00": "broken YAML",
+    "a: \x00": "line 1 holds a NUL character",
     "a: 1\n" * 60_000: "bytes; at most",
     "".join(f"k{i}: 1\n" for i in range(6000)): "more than 10000 values",
 }
