@@ -103,4 +103,6 @@ def warn_of_opened_gaps(
     if opens.any():
         sizes = f"{before[opens].max():.2g} before and {after[opens].max():.2g} after (in the unit of the mesh)"
         problem = f"borders of parts that are not joined gape at {opens.sum()} vertices, by up to {sizes}"
-        warnings.warn(f"{label}: {problem}; merge their vertices, or close the hole", CarigsWarning, stacklevel=2)
+        warnings.warn(
+            f"{label}: {problem}; merge their vertices where the parts belong together", CarigsWarning, stacklevel=2
+        )

@@ -41,6 +41,9 @@ class BorderEdges(NamedTuple):
 def weld(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], same_place: float) -> Int[np.ndarray, " v"]:
     """Find the vertices that are one.
 
+    A seam is left open where welding it would give an edge more than two faces: there more than two borders meet, or
+    lips that are closed would be joined so that faces beside them coincide.
+
     Args:
         vertices: Positions, in any unit.
         faces: Vertex indices of the triangles, without duplicates.
@@ -49,22 +52,28 @@ def weld(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], same
     Returns:
         Index of the first of the vertices that each vertex is welded with.
     """
-    identity = np.arange(len(vertices))
-    border = np.flatnonzero(boundary_vertices(faces, len(vertices))) if len(faces) else identity[:0]
+    v = len(vertices)
+    border = np.flatnonzero(boundary_vertices(faces, v)) if len(faces) else np.empty(0, np.int64)
     same = border[cKDTree(vertices[border]).query_pairs(same_place, output_type="ndarray")] if len(border) else []
     # The slivers beside a short edge have no area; removing them without collapsing the edge would leave a crack.
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     short = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1) <= same_place
-    pairs = np.concatenate([np.reshape(same, (-1, 2)), edges[short]]).astype(np.int64)
-    representative = _merged(pairs, len(vertices))
-    seams = seam_pairs(vertices, _proper(representative[faces]))
-    while len(seams):
-        welded = _merged(np.concatenate([pairs, seams]), len(vertices))
-        edges, count = unique_edges(_proper(welded[faces]))
-        is_doubtful = np.isin(welded[seams], edges[count > 2]).any(axis=1)  # more than two borders meet there
-        if not is_doubtful.any():
+    same, short = np.reshape(same, (-1, 2)).astype(np.int64), edges[short]
+    representative = _merged(np.concatenate([same, short]), v)
+    if len(_crowded_vertices(representative[faces])):
+        found = opposite_vertices(vertices, faces)
+        around_holes = np.sort(found.pairs[found.turns_back], axis=1) @ [v, 1]
+        same = same[~np.isin(np.sort(same, axis=1) @ [v, 1], around_holes)]
+        representative = _merged(np.concatenate([same, short]), v)
+    found = opposite_vertices(vertices, _proper(representative[faces]))
+    seams = Opposites(*(values[found.is_seam] for values in found))
+    while len(seams.pairs):
+        welded = _merged(np.concatenate([same, short, seams.pairs]), v)
+        crowded = np.isin(welded[seams.pairs], _crowded_vertices(welded[faces])).any(axis=1)
+        if not crowded.any():
             return welded
-        seams = seams[~is_doubtful]
+        is_left = crowded | (seams.turns_back & np.isin(seams.chain, seams.chain[crowded]))
+        seams = Opposites(*(values[~is_left] for values in seams))
     return representative
 
 
@@ -99,26 +108,54 @@ def border_edges(faces: Int[np.ndarray, "f 3"]) -> BorderEdges:
     return BorderEdges(np.stack([i, j], axis=1)[chosen], k[chosen], chosen // 3)
 
 
-def seam_pairs(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "p 2"]:
-    """Find the vertices that lie at the same place of a seam.
+class Opposites(NamedTuple):
+    """Pairs of vertices that lie opposite each other on two sides of the border."""
+
+    pairs: Int[np.ndarray, "p 2"]
+    chain: Int[np.ndarray, " p"]
+    """Number of the chain of border edges that follow each other."""
+    turns_back: Bool[np.ndarray, " p"]
+    """Whether the two sides of the chain meet in a vertex, as lips do in the corners of a mouth."""
+    is_seam: Bool[np.ndarray, " p"]
+    """Whether the chain is a seam."""
+
+
+def opposite_vertices(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Opposites:
+    """Find where two sides of the border lie edge by edge along each other.
+
+    Chains of such edges are judged as a whole: they are no seam if the faces of both sides lie upon each other, and if
+    they turn back at a vertex, they are one only if they are as good as closed.
 
     Args:
         vertices: Positions, in any unit.
         faces: Vertex indices of the triangles, without duplicates.
 
     Returns:
-        Pairs of vertices; those that belong to no seam are in none.
+        The pairs.
     """
     border = border_edges(faces)
     sides, is_reversed = _matching_edges(vertices, border)
-    if len(sides) == 0:
-        return np.empty((0, 2), np.int64)
     ends = border.ends[sides].swapaxes(1, 2)  # edge, end, side
     ends[is_reversed, :, 1] = ends[is_reversed, ::-1, 1]
     directions = _into_faces(vertices, border)[sides]
     cosine = np.einsum("mx,mx->m", directions[:, 0], directions[:, 1])
-    pairs = ends[_is_seam(vertices, np.sort(ends, axis=2), cosine)].reshape(-1, 2)
-    return pairs[pairs[:, 0] != pairs[:, 1]]
+    places, place = np.unique(np.sort(ends, axis=2) @ [len(vertices), 1], return_inverse=True)
+    place = place.reshape(-1, 2)
+    graph = coo_array((np.ones(len(place)), place.T), shape=(len(places),) * 2)
+    count, chain_of_place = connected_components(graph, directed=False)
+    chain, turns_back = chain_of_place[place[:, 0]], np.zeros(count, bool)
+    turns_back[chain_of_place[places // len(vertices) == places % len(vertices)]] = True
+    gap = np.linalg.norm(vertices[ends[..., 0]] - vertices[ends[..., 1]], axis=2).max(axis=1)
+    length = np.linalg.norm(vertices[ends[:, 0, 0]] - vertices[ends[:, 1, 0]], axis=1)
+    widest = np.zeros(count)
+    np.maximum.at(widest, chain, gap)
+    total = np.bincount(chain, length, count)
+    is_closed = widest <= HINGE_REACH * total / np.bincount(chain, minlength=count)
+    is_folded = np.bincount(chain, length * cosine, count) > FOLD * total
+    is_seam, chain, pairs = ~is_folded & (~turns_back | is_closed), np.repeat(chain, 2), ends.reshape(-1, 2)
+    apart = pairs[:, 0] != pairs[:, 1]
+    pairs, chain = pairs[apart], chain[apart]
+    return Opposites(pairs, chain, turns_back[chain], is_seam[chain])
 
 
 def _proper(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "g 3"]:
@@ -132,6 +169,12 @@ def _merged(pairs: Int[np.ndarray, "p 2"], v: int) -> Int[np.ndarray, " v"]:
         return np.arange(v)
     group = connected_components(coo_array((np.ones(len(pairs)), pairs.T), shape=(v, v)), directed=False)[1]
     return np.unique(group, return_index=True)[1][group]
+
+
+def _crowded_vertices(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, " n"]:
+    """Vertices of edges with more than two faces."""
+    edges, count = unique_edges(_proper(faces))
+    return np.unique(edges[count > 2])
 
 
 def _into_faces(vertices: Float[np.ndarray, "v 3"], border: BorderEdges) -> Float[np.ndarray, "e 3"]:
@@ -169,28 +212,3 @@ def _matching_edges(
     is_reversed[with_nearest] = (opposite < alike)[order[first]]
     mutual = np.flatnonzero((nearest[nearest] == np.arange(count)) & (np.arange(count) < nearest))
     return np.stack([mutual, nearest[mutual]], axis=1), is_reversed[mutual]
-
-
-def _is_seam(
-    vertices: Float[np.ndarray, "v 3"], ends: Int[np.ndarray, "m 2 2"], cosine: Float[np.ndarray, " m"]
-) -> Bool[np.ndarray, " m"]:
-    """Whether pairs of edges belong to a seam.
-
-    Chains of such pairs that follow each other are judged as a whole: faces that lie upon each other are not sides of a
-    seam, and a border that turns back at a vertex, as around a mouth, is one only if it is as good as closed.
-    """
-    low, high = ends.reshape(-1, 2).T
-    places, place = np.unique(low * len(vertices) + high, return_inverse=True)
-    place = place.reshape(-1, 2)
-    graph = coo_array((np.ones(len(place)), place.T), shape=(len(places),) * 2)
-    count, chain_of_place = connected_components(graph, directed=False)
-    turns_back, chain = np.zeros(count, bool), chain_of_place[place[:, 0]]
-    turns_back[chain_of_place[places // len(vertices) == places % len(vertices)]] = True
-    gap = np.linalg.norm(vertices[ends[..., 0]] - vertices[ends[..., 1]], axis=2).max(axis=1)
-    length = np.linalg.norm(vertices[ends[:, 0, 0]] - vertices[ends[:, 1, 0]], axis=1)
-    widest = np.zeros(count)
-    np.maximum.at(widest, chain, gap)
-    total = np.bincount(chain, length)
-    is_closed = widest <= HINGE_REACH * total / np.bincount(chain)
-    is_folded = np.bincount(chain, length * cosine) > FOLD * total
-    return (~is_folded & (~turns_back | is_closed))[chain]

@@ -118,6 +118,17 @@ def test_a_slit_that_only_rounding_opens_is_closed(gap):
     assert (clean.report.welded_vertices, clean.report.boundary_loops) == (7, 1)
 
 
+@pytest.mark.parametrize("gap", [0.0, 1e-9, 1e-5, 0.01])
+def test_closed_lips_with_corners_inside_are_no_error(gap):
+    """Welding the lips at (1, 0, 0) would lay the two triangles of the corner at h upon each other: three at one edge."""
+    w, h, a, b, t, s, other = range(7)
+    vertices = np.array([[0, 0, 0], [0.5, 0, -0.5], [1, 0, 0], [2, 0, 0], [1, 1, 0], [1, -1, 0], [1, -gap, 0]], float)
+    upper, lower = [[w, a, t], [a, b, t], [w, h, a]], [[w, s, other], [other, s, b], [w, other, h]]
+    clean = clean_mesh(vertices, np.array(upper + lower))
+    assert clean.report.welded_vertices == 0
+    assert (clean.report.components, clean.report.boundary_loops) == (1, 2)
+
+
 def test_lips_that_roll_inwards_stay_apart():
     """Two parts whose borders coincide edge by edge, but whose faces lie upon each other."""
     upper, faces = grid(8, 3)
