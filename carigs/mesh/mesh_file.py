@@ -52,7 +52,7 @@ def moved_mesh_file(
         return _moved_obj(content, vertices, source, output)
     if formats == (".ply", ".ply"):
         return _moved_ply(content, vertices, faces, source, output)
-    if _TEXTURE_COORDINATES.search(content):
+    if _TEXTURE_COORDINATES.search(content.replace(b"\r", b"\n")):
         kept = ".obj to .obj and .ply to .ply keep them"
         warnings.warn(f"{output}: without the texture coordinates of {source}; {kept}", CarigsWarning, stacklevel=2)
     exported = trimesh.Trimesh(vertices, faces, process=False).export(file_type=formats[1][1:])

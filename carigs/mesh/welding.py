@@ -60,7 +60,7 @@ def weld(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], same
     short = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1) <= same_place
     same, short = np.reshape(same, (-1, 2)).astype(np.int64), edges[short]
     representative = _merged(np.concatenate([same, short]), v)
-    if len(_crowded_vertices(representative[faces])):
+    if len(same) and len(_crowded_vertices(representative[faces])):
         found = opposite_vertices(vertices, faces)
         around_holes = np.sort(found.pairs[found.turns_back], axis=1) @ [v, 1]
         same = same[~np.isin(np.sort(same, axis=1) @ [v, 1], around_holes)]
