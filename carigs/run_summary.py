@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from carigs.errors import CarigsError, CarigsWarning
-from carigs.job_lock import job_lock
+from carigs.runs.locks import job_lock
 
 ERROR_PREFIX = "carigs: "
 PREFIX = "carigs: warning: "
