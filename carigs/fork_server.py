@@ -38,6 +38,8 @@ NUM_STREAMS = 3
 
 _running = mmap.mmap(-1, 4)
 """Number of jobs that run now, in the server; its forks share this page."""
+_serving = False
+"""Whether this process is a server, and not yet the job that a fork of it becomes."""
 
 
 def start_fork_server(cores: int) -> None:
@@ -73,6 +75,15 @@ def share_of_cores() -> int:
     """
     jobs = int.from_bytes(_running[:], sys.byteorder)
     return max(int(os.environ.get(CORES, 1)) // jobs, 1) if jobs else 1
+
+
+def is_fork_server() -> bool:
+    """Whether this process is a server, or a fork of one that has just begun.
+
+    Returns:
+        False in a job.
+    """
+    return _serving
 
 
 def _count_jobs(change: int) -> None:
@@ -141,6 +152,8 @@ def _serve(listener: int) -> None:
 
     This process must not have threads: a lock that another thread holds at a fork is never released in the fork.
     """
+    global _serving
+    _serving = True
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the jobs and the process of the run
     with socket.socket(fileno=listener) as accepting, selectors.DefaultSelector() as selector:
         selector.register(accepting, selectors.EVENT_READ, None)
@@ -198,18 +211,16 @@ def _receive(client: socket.socket, size: int) -> bytes:
 
 def _run_forked(job: dict[str, Any], streams: list[int], modules: int) -> None:
     """Be the job: its folder, environment and streams; never returns."""
-    code = 1
+    global _serving
+    _serving, code = False, 1
     try:
         signal.signal(signal.SIGINT, signal.default_int_handler)
         for number, stream in enumerate(streams):
             os.dup2(stream, number)
             os.close(stream)
         os.chdir(job["folder"])
-        kernels = os.environ.get("NUMBA_CACHE_DIR")
         os.environ.clear()
         os.environ.update(job["environment"])
-        if kernels:  # Numba reads the variable again at each compilation: without it, kernels of other sources are used
-            os.environ["NUMBA_CACHE_DIR"] = kernels
         name_run_process(os.getppid())
         end_with_run_process()
         known = set(sys.modules)

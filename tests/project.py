@@ -13,8 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import numba
-from numba.core import caching
+from carigs.simd.kernel_cache import kernel_folder
 
 ROOT = Path(__file__).parents[1]
 NO_CACHES = shutil.ignore_patterns("__pycache__")
@@ -110,21 +109,14 @@ def copy_packages(folder: Path) -> None:
 
 
 @contextmanager
-def shared_kernels(packages: Path) -> Iterator[None]:
-    """Within it, a copy of the packages uses the compiled kernels of this checkout.
-
-    Numba names the folders of kernels after the folders of their sources: the copy would compile every kernel again.
-    """
-    folder_of_kernels, links = caching._CacheLocator.get_suitable_cache_subpath, []
-    for sources in {file.parent for file in (ROOT / "carigs").rglob("*.py")}:
-        kernels = Path(numba.config.CACHE_DIR, folder_of_kernels(sources / "__init__.py"))
-        kernels.mkdir(parents=True, exist_ok=True)
-        links.append(kernels.with_name(folder_of_kernels(packages / sources.relative_to(ROOT) / "__init__.py")))
-        if links[-1].is_symlink():  # of a test that was killed
-            links[-1].unlink()
-        links[-1].symlink_to(kernels.name)
+def shared_kernels() -> Iterator[None]:
+    """Within it, processes that import a copy of the packages use the compiled kernels of this checkout."""
+    before = os.environ.get("NUMBA_CACHE_DIR")
+    os.environ["NUMBA_CACHE_DIR"] = str(kernel_folder().parent)
     try:
         yield
     finally:
-        for link in links:
-            link.unlink()
+        if before is None:
+            del os.environ["NUMBA_CACHE_DIR"]
+        else:
+            os.environ["NUMBA_CACHE_DIR"] = before

@@ -16,7 +16,7 @@ from carigs.compile_ahead.compilation import PARTS
 
 def compiled(cache: Path) -> set[str]:
     """Files with machine code in a cache: one for each kernel and signature."""
-    return {file.relative_to(cache).as_posix() for file in cache.rglob("*.nbc")}
+    return {file.name for file in cache.rglob("*.kernel")}
 
 
 @pytest.mark.slow

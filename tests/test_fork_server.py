@@ -44,10 +44,8 @@ def end(code):
     return code
 
 def folder_of_kernels():
-    import carigs.simd
-    from numba.core import config
-    config.reload_config()
-    print(config.CACHE_DIR, flush=True)
+    from carigs.simd.kernel_cache import kernel_folder
+    print(kernel_folder(), flush=True)
     return 0
 
 def cores():

@@ -10,6 +10,7 @@ import sys
 from importlib import import_module
 from importlib.metadata import version
 
+from carigs.cache_folders import find_cache_of_matplotlib
 from carigs.errors import report
 from carigs.run_summary import warnings_as_lines
 
@@ -42,6 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
     arguments = sys.argv[1:] if arguments is None else arguments
     command = arguments[0] if arguments else ""
     if command in COMMANDS:
+        find_cache_of_matplotlib()
         try:
             with warnings_as_lines():
                 status = import_module(f"carigs.cli.{command}").main(arguments[1:])

@@ -20,7 +20,7 @@ from carigs.config import compose_study, compose_variant
 from carigs.run_process import end_with_run_process
 from carigs.settings import STAGES
 from carigs.settings.option import Section
-from carigs.simd.kernel_cache import kernel_lock, kernels_are_compiled, use_kernel_cache
+from carigs.simd.kernel_cache import kernel_folder, kernel_lock, kernels_are_compiled
 
 NUM_STEPS = 4
 """Steps of each training."""
@@ -118,11 +118,13 @@ def main() -> None:
     if hasattr(os, "nice"):
         os.nice(19)
     part, *study = sys.argv[1:]
-    cache = use_kernel_cache()
+    cache = kernel_folder()
+    if cache is None:  # where nothing can be kept, nothing is worth being compiled
+        return
     folder = cache / f"compile_ahead_{part}"
     with kernel_lock(folder.name):
         shutil.rmtree(folder, ignore_errors=True)  # of a process that was killed
-        if not kernels_are_compiled(cache):
+        if not kernels_are_compiled():
             try:
                 compile_for(part, study, folder)
             finally:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from carigs.cache_folders import cache_folders, first_usable
 from carigs.errors import InputError
 from carigs.files import writing
 from carigs.mesh.ray_caster import RayCaster
@@ -65,7 +65,7 @@ def ambient_occlusion(
 def cached_ambient_occlusion(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], at: Bool[np.ndarray, " v"]
 ) -> Float[np.ndarray, " v"]:
-    """`ambient_occlusion`, cached below `$XDG_CACHE_HOME/carigs/occlusion` (default `~/.cache`).
+    """`ambient_occlusion`, cached in the folder `occlusion` of `carigs.cache_folders`.
 
     The key is a digest of the mesh and of the code. An entry that cannot be read is computed again; if the cache cannot
     be written, nothing is cached.
@@ -83,7 +83,9 @@ def cached_ambient_occlusion(
         digest.update(Path(__file__).with_name(f"{module}.py").read_bytes())
     for array in (vertices, faces, at):
         digest.update(np.ascontiguousarray(array))
-    folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "carigs" / "occlusion"
+    folder, _ = first_usable(cache_folders("occlusion"))
+    if folder is None:
+        return ambient_occlusion(vertices, faces, at=at)
     file = folder / f"{digest.hexdigest()[:32]}.npy"
     try:
         occlusion = read_npy(file)

@@ -3,10 +3,11 @@
 - `vectors`, `vector_math`, `memory`: vectors of sixteen floats, their functions, loads and stores
 - `ir_values`: LLVM values with operators, in which the functions of vectors are written
 - `tuples`, `matrix3`: functions on tuples; 3x3 matrices as tuples of nine numbers
-- `kernels`, `linked_kernels`, `kernel_cache`: how kernels are compiled, and where they are kept
-- `vector_loops`, `threads`: parallel loops over vectors, number of threads
+- `kernels`, `linked_kernels`: how kernels are compiled
+- `kernel_cache`, `kernel_files`: where compiled kernels are kept, and how
+- `vector_loops`, `threads`, `forks`: parallel loops over vectors, number of threads, also in forked processes
 """
 
-from carigs.simd.kernel_cache import use_kernel_cache
+from carigs.simd.kernel_cache import sources_digest
 
-use_kernel_cache()  # before any module with kernels runs: each of them imports a module of this package
+sources_digest()  # now, when the sources are imported: a later edit changes no kernel of this process

@@ -1,8 +1,7 @@
-"""The folder in which Numba keeps compiled kernels: one for each version of Numba and state of the kernels' sources.
+"""The folder that keeps compiled kernels: one for each version of Numba and state of the kernels' sources.
 
-Numba checks only the file that a kernel is written in. After an edit of a function or constant that the kernel takes
-from another module (or a `git pull`), it would load the old machine code. Kernels of another version of Numba it
-replaces without notice: two environments with the same sources would compile each other's away.
+The name of the folder has a digest of all that kernels are compiled from. After an edit of a function or constant that
+a kernel takes from another module (or a `git pull`), and with another version of Numba, kernels lie in another folder.
 """
 
 from __future__ import annotations
@@ -13,12 +12,18 @@ import re
 import shutil
 import sys
 import time
+import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
+from functools import cache
 from importlib.metadata import version
+from itertools import chain
 from pathlib import Path
 
 from filelock import FileLock
+
+from carigs.cache_folders import cache_folders, first_usable
+from carigs.errors import CarigsWarning
 
 PACKAGE = Path(__file__).parents[1]
 KERNEL_MARKS = (b"numba", b"carigs.simd")
@@ -30,37 +35,55 @@ _IMPORT = re.compile(
 )
 
 
-def use_kernel_cache() -> Path:
-    """Point Numba to the folder of its version and the present sources, and remove old folders.
+@cache
+def kernel_folder() -> Path | None:
+    """Find the folder for the kernels of this process, create it, and remove those of other sources.
 
-    The folder lies in the one that the environment variable NUMBA_CACHE_DIR names, if it is set, otherwise in the
-    package, or in ~/.cache/carigs if the package cannot be written to.
+    It lies in the folder that the environment variable NUMBA_CACHE_DIR names. Without the variable, or where that one
+    cannot be used, it lies in the package, in the user's cache, or among temporary files.
 
     Returns:
-        The folder, which need not exist yet.
+        The folder; None if there is none that this user can write to and that nobody else can change.
     """
-    if "NUMBA_CACHE_DIR" in os.environ:
-        base = Path(os.environ["NUMBA_CACHE_DIR"])
-        base = base.parent if base.name.startswith("kernels-") else base  # set by a parent process
+    chosen, name = os.environ.get("NUMBA_CACHE_DIR"), f"kernels-{sources_digest()}"
+    bases = [Path(chosen).absolute()] if chosen else []
+    candidates = (base / name for base in chain(bases, [PACKAGE / "__pycache__"], cache_folders("__pycache__")))
+    # Who owns the package can change its code: kernels of theirs may run as well.
+    folder, problems = first_usable(candidates, owners=[PACKAGE.stat().st_uid])
+    for refused, problem in problems.items():
+        if refused.parent in bases or refused.is_dir():
+            name = f"NUMBA_CACHE_DIR={chosen}" if refused.parent in bases else refused
+            _warn(f"{name}: not used for compiled kernels: {problem}" + (f"; {folder} is" if folder else ""))
+    if folder is None:
+        _warn("no folder can keep compiled kernels, so that each process compiles its own; set NUMBA_CACHE_DIR to one")
     else:
-        base = (PACKAGE if os.access(PACKAGE, os.W_OK) else Path.home() / ".cache" / "carigs") / "__pycache__"
-    folder = base / f"kernels-{_digest()}"
-    for other in base.glob("kernels-*"):
-        if other != folder and time.time() - other.stat().st_mtime > KEEP:
-            shutil.rmtree(other, ignore_errors=True)
-    # Numba reads the variable when it is first imported.
-    os.environ["NUMBA_CACHE_DIR"] = str(folder)
-    if "numba" in sys.modules:
-        sys.modules["numba"].config.CACHE_DIR = str(folder)
+        _remove_others(folder)
     return folder
 
 
-def _digest() -> str:
-    """Digest of the modules that hold kernels and of all modules of this package that they import.
+def _warn(message: str) -> None:
+    warnings.warn(CarigsWarning(message), stacklevel=3)
+
+
+def _remove_others(folder: Path) -> None:
+    """Remove the folders of kernels of other sources that nobody has used for a while."""
+    for other in folder.parent.glob("kernels-*"):
+        with suppress(OSError):  # another process removes it as well
+            if other != folder and time.time() - other.stat().st_mtime > KEEP:
+                shutil.rmtree(other, ignore_errors=True)
+
+
+@cache
+def sources_digest() -> str:
+    """Digest of the modules that hold kernels, all modules of this package that they import, and of the compiler.
 
     Bytes are compared, and imports are found by a regular expression, unlike in `carigs.sources.fingerprint`: this
     function runs at every start, and parsing takes longer.
+
+    Returns:
+        Sixteen hexadecimal digits; those of the first call, as long as the process lives.
     """
+    compiler = (version("numba"), sys.implementation.cache_tag, os.environ.get("CARIGS_PLAIN_NUMBA", ""))
     texts = {file: file.read_bytes() for file in PACKAGE.rglob("*.py")}
     pending = [file for file, text in texts.items() if any(mark in text for mark in KERNEL_MARKS)]
     needed: set[Path] = set()
@@ -69,7 +92,7 @@ def _digest() -> str:
         if file not in needed:
             needed.add(file)
             pending += _imports(texts[file], texts)
-    digest = hashlib.sha256(f"{version('numba')} {os.environ.get('CARIGS_PLAIN_NUMBA', '')}".encode())
+    digest = hashlib.sha256(repr(compiler).encode())
     for file in sorted(needed):
         digest.update(file.relative_to(PACKAGE).as_posix().encode() + b"\0" + texts[file] + b"\0")
     return digest.hexdigest()[:16]
@@ -97,36 +120,26 @@ def kernel_lock(name: str) -> Iterator[None]:
     Yields:
         None, while the lock is held.
     """
-    import numba
-
-    if not numba.config.CACHE_DIR:  # the environment was replaced after `use_kernel_cache`; Numba reads it again
-        use_kernel_cache()
-    folder = Path(numba.config.CACHE_DIR)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = FileLock(folder / f"{name}.lock").acquire()
-    except (OSError, NotImplementedError):  # the folder is read-only, or its file system has no locks
-        lock = nullcontext()
+    folder, lock = kernel_folder(), nullcontext()
+    if folder:
+        with suppress(OSError, NotImplementedError):  # the disk is full, or the file system has no locks
+            lock = FileLock(folder / f"{name}.lock").acquire()
     with lock:
         yield
 
 
-def kernels_are_compiled(folder: Path) -> bool:
-    """Whether a cache has the kernel of forward compositing, and then most likely all that a training needs.
-
-    Args:
-        folder: Folder of compiled kernels.
+def kernels_are_compiled() -> bool:
+    """Whether the cache has the kernel of forward compositing, and then most likely all that a training needs.
 
     Returns:
-        False for an empty cache.
+        False for an empty cache, and without one.
     """
-    return any(folder.rglob("forward_simd.*.nbi"))
+    folder = kernel_folder()
+    return folder is not None and any(folder.glob("*forward_simd.*.kernel"))
 
 
 def announce_compilation() -> None:
     """Print one line to stderr if the rasteriser's kernels are not cached: the first step will seem to hang."""
-    import numba
-
-    folder = Path(numba.config.CACHE_DIR)
-    if not kernels_are_compiled(folder):
-        print(f"carigs: compiling kernels into {folder} (once, 15 to 60 seconds)", file=sys.stderr)
+    if not kernels_are_compiled():
+        where = f" into {kernel_folder()} (once, 15 to 60 seconds)" if kernel_folder() else " (15 to 60 seconds)"
+        print(f"carigs: compiling kernels{where}", file=sys.stderr)

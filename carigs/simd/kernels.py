@@ -19,7 +19,9 @@ from numba import njit, prange, types
 from numba.core.compiler_lock import global_compiler_lock
 from numba.extending import overload
 
+from carigs.simd.forks import start_threads
 from carigs.simd.kernel_cache import kernel_lock
+from carigs.simd.kernel_files import KernelFiles
 
 __all__ = ["INLINE", "INLINE_ALLOC", "LINKED_NUMBA", "kernel", "parallel_for"]
 
@@ -31,12 +33,12 @@ INLINE = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper"
 sixth slower and projection a third."""
 INLINE_ALLOC = INLINE
 """The same for functions that allocate arrays; not for inner loops, where counting references is slow."""
-STARTS_THREADS = numba.version_info.short >= (0, 63)
-"""Whether Numba starts its threads for a kernel from the cache, too. Without threads, `parallel_for` crashes."""
+LINKED = numba.version_info.short in LINKED_NUMBA and not os.environ.get("CARIGS_PLAIN_NUMBA")
+"""Whether `carigs.simd.linked_kernels` is used."""
 
 
 def kernel(function: Callable | None = None, /, **options: object) -> Callable:
-    """Compile a function that Python calls, and keep its machine code in Numba's cache on disk.
+    """Compile a function that Python calls, and keep its machine code on disk.
 
     Processes that need the same kernel at the same time wait for the first one to compile it.
 
@@ -49,14 +51,15 @@ def kernel(function: Callable | None = None, /, **options: object) -> Callable:
     """
     if function is None:
         return partial(kernel, **options)
-    dispatcher = njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)(function)
+    dispatcher = njit(nogil=True, error_model="numpy", no_cfunc_wrapper=True, **options)(function)
+    dispatcher._cache = files = KernelFiles(function)
     compile_here = dispatcher.compile
 
     def compile_once(signature: object) -> object:
         # Numba's lock first, as everywhere, so that no two threads wait for each other.
-        with global_compiler_lock, kernel_lock(f"{function.__module__}.{function.__qualname__}"):
-            if not STARTS_THREADS:
-                numba.get_num_threads()  # starts them
+        with global_compiler_lock, kernel_lock(files.name):
+            if not LINKED or options.get("parallel"):  # linked kernels know themselves whether they have loops
+                start_threads()
             return compile_here(signature)
 
     dispatcher.compile = compile_once
@@ -136,5 +139,5 @@ def _nested(kind: types.Type, numbered: Iterator[int], names: dict[str, object])
     return f"{kind.instance_class.__name__}({elements})"
 
 
-if numba.version_info.short in LINKED_NUMBA and not os.environ.get("CARIGS_PLAIN_NUMBA"):
+if LINKED:
     from carigs.simd.linked_kernels import INLINE, INLINE_ALLOC, parallel_for

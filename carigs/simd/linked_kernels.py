@@ -15,8 +15,9 @@ from numba.core import cgutils
 from numba.core.callconv import excinfo_ptr_t
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
-from numba.core.typed_passes import _reload_parfors
 from numba.extending import intrinsic
+
+from carigs.simd.forks import start_threads
 
 
 class _BitcodeLibrary(JITCodeLibrary):
@@ -71,8 +72,8 @@ def parallel_for(typingctx, work, count, arguments):
     def codegen(context, builder, signature, values):
         compiled = work.dispatcher.get_compile_result(work_signature)
         context.active_code_library.add_linking_library(compiled.library)
-        context.active_code_library._reload_init.add(_reload_parfors)
-        _reload_parfors()
+        context.active_code_library._reload_init.add(start_threads)  # before it is loaded from the cache
+        start_threads()
         unpacked = cgutils.unpack_tuple(builder, values[2])
         passed = _cast(context, builder, unpacked, tuple(arguments), work_signature.args[1:])
         no_error = [ir.Constant(ir.IntType(32), 0), cgutils.get_null_value(excinfo_ptr_t)]

@@ -6,6 +6,7 @@ import torch  # isort: skip
 import numba
 
 from carigs.fork_server import share_of_cores
+from carigs.simd.forks import is_forked, start_threads
 from carigs.simd.kernel_cache import announce_compilation
 
 numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
@@ -17,10 +18,11 @@ def use_threads(count: int) -> None:
     """Set the number of threads of torch and Numba.
 
     Args:
-        count: Number of threads; Numba uses at most as many as it was started with.
+        count: Number of threads; Numba uses at most as many as it was started with, a forked process one.
     """
     announce_compilation()
-    # Numba first: when it starts its threads, it sets OpenMP's number to all of them, for torch too.
+    count = 1 if is_forked() else count
+    start_threads()  # sets OpenMP's number to all of them, for torch too
     numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
     torch.set_num_threads(count)
 

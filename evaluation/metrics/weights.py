@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from carigs.cache_folders import user_cache
 from carigs.errors import InputError, WeightsMissing
 from carigs.readers.weights import read_weights
 from evaluation.metrics.checksums import check_file
@@ -120,7 +121,10 @@ def find_weights(weights: Weights, folder: str | Path | None, *, download: bool 
         if not download:
             raise WeightsMissing(missing)
         try:
-            return _download(weights, next(iter(_folders(folder)), _torch_cache()) / weights.folder)
+            places = [*_folders(folder), *_torch_cache()]
+            if not places:
+                raise WeightsMissing(f"no folder for {weights.name}: name one with --folder or {FOLDER_VARIABLE}")
+            return _download(weights, places[0] / weights.folder)
         except InputError as error:
             raise WeightsMissing(f"{missing}; the download failed: {error.problem}") from error
     for file, path in found.files.items():
@@ -139,7 +143,7 @@ def locate(weights: Weights, folder: str | Path | None) -> FoundWeights | None:
         The first place that has them; None if there is none.
     """
     for candidate in _candidates(weights, folder):
-        if all(path.is_file() for path in candidate.files.values()):
+        if all(map(os.path.isfile, candidate.files.values())):  # False also where a folder cannot be entered
             return candidate
     return None
 
@@ -198,7 +202,7 @@ def work_offline() -> None:
 def _missing(weights: Weights, folder: str | Path | None) -> str:
     """Say which files are missing, where they are expected, and how to get them."""
     names = f"folder {weights.folder}" if weights.folder else " or ".join(file.name for file in weights.files)
-    searched = ", ".join(str(place) for place in (*_folders(folder), _hub_cache(), _torch_cache()))
+    searched = ", ".join(map(str, [*_folders(folder), *_hub_cache(), *_torch_cache()])) or "any folder"
     return (
         f"no {weights.name} weights ({names}) in {searched}; get them by `carigs weights fetch {weights.name}` or from "
         f"{weights.wanted[0].url}, licence {weights.licence}"
@@ -224,26 +228,38 @@ def _candidates(weights: Weights, folder: str | Path | None) -> Iterator[FoundWe
     plain = {file: file.name for file in weights.files}
     for place in _folders(folder):
         yield from of(place / weights.folder, plain)
-    if weights.hub:
-        snapshots = _hub_cache() / f"models--{weights.hub.replace('/', '--')}" / "snapshots"
+    for cache in _hub_cache() if weights.hub else []:
+        snapshots = cache / f"models--{weights.hub.replace('/', '--')}" / "snapshots"
         for snapshot in sorted(snapshots.glob("*")):
             yield from of(snapshot, {file: file.hub for file in weights.files if file.hub})
-    yield from of(_torch_cache() / weights.folder, plain)
+    for cache in _torch_cache():
+        yield from of(cache / weights.folder, plain)
 
 
 def _folders(folder: str | Path | None) -> list[Path]:
     """Folders that the user names: in the settings, and in the environment."""
-    return [Path(place).expanduser() for place in (folder, os.environ.get(FOLDER_VARIABLE)) if place]
+    return [_expanded(place) for place in (folder, os.environ.get(FOLDER_VARIABLE)) if place]
 
 
-def _user_cache() -> Path:
-    return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache")
+def _hub_cache() -> list[Path]:
+    """The folder in which clients of the Hugging Face hub keep what they download; none for a user without a home."""
+    if chosen := os.environ.get("HF_HUB_CACHE"):
+        return [_expanded(chosen)]
+    return [home / "hub" for home in _named_or_in_cache("HF_HOME", "huggingface")]
 
 
-def _hub_cache() -> Path:
-    home = Path(os.environ.get("HF_HOME") or _user_cache() / "huggingface")
-    return Path(os.environ.get("HF_HUB_CACHE") or home / "hub").expanduser()
+def _torch_cache() -> list[Path]:
+    """The folder in which PyTorch keeps weights; none for a user without a home folder."""
+    return [home / "hub" / "checkpoints" for home in _named_or_in_cache("TORCH_HOME", "torch")]
 
 
-def _torch_cache() -> Path:
-    return Path(os.environ.get("TORCH_HOME") or _user_cache() / "torch").expanduser() / "hub" / "checkpoints"
+def _named_or_in_cache(variable: str, name: str) -> list[Path]:
+    if chosen := os.environ.get(variable):
+        return [_expanded(chosen)]
+    cache = user_cache()
+    return [cache / name] if cache else []
+
+
+def _expanded(path: str | Path) -> Path:
+    """The path with the home folder for `~`, as the shell has it: unchanged for a user without one."""
+    return Path(os.path.expanduser(path))

@@ -38,7 +38,7 @@ pytestmark = [pytest.mark.chaos, pytest.mark.slow]
 
 def test_whatever_happens_the_results_are_the_same_bytes(tmp_path):
     project = copy_miniature_study(tmp_path / "project")
-    with shared_kernels(project.root):
+    with shared_kernels():
         chance, counts, started = random.Random(SEED), Counter(), time.time()
         events = schedule(NUMBER_OF_KILLS, chance)
         expected, of_other_settings, of_edits = undisturbed(project), {}, {}

@@ -15,7 +15,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Project]:
     """A copy of the project with the miniature study."""
     project = copy_project(tmp_path_factory.mktemp("cluster"))
     write_ball_study(project)
-    with shared_kernels(project.root):
+    with shared_kernels():
         yield project
 
 

@@ -11,7 +11,6 @@ import sys
 from hashlib import sha256
 from pathlib import Path
 
-import numba
 import numpy as np
 import torch
 import trimesh
@@ -19,6 +18,7 @@ from numba.core.registry import CPUDispatcher
 
 from carigs.capture import Camera
 from carigs.raster import compute_visibility
+from carigs.simd.kernel_cache import kernel_folder
 from carigs.splat.rasterizer.rasterize import OUTPUTS
 from carigs.splat.render import render
 from carigs.splat.rig.rig import build_rig, face_motion
@@ -117,7 +117,7 @@ def compiled_and_cached(name, **setting):
     Kernels and results are kept beside the others of the same sources: only the second process runs every time.
     """
     version = sha256(Path(__file__).read_bytes()).hexdigest()[:8]
-    folder = Path(numba.config.CACHE_DIR) / f"{name}-{version}"
+    folder = kernel_folder() / f"{name}-{version}"
     setting |= {"NUMBA_CACHE_DIR": str(folder), "PYTHONPATH": str(Path(__file__).parents[2])}
 
     def run(file):

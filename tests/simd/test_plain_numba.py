@@ -11,6 +11,7 @@ import pytest
 from simd import small_scene
 
 from carigs.simd import kernels
+from carigs.simd.kernel_cache import kernel_folder
 
 
 def test_private_classes_are_used_for_known_versions_only():
@@ -22,7 +23,7 @@ def test_private_classes_are_used_for_known_versions_only():
 def test_tests_of_kernels_pass_with_plain_numba():
     """Vectors, tasks on all threads, and errors of tasks, which no kernel of the small scene raises."""
     folder = Path(__file__).parent
-    root, cache = folder.parents[1], Path(numba.config.CACHE_DIR) / "plain-tests"
+    root, cache = folder.parents[1], kernel_folder() / "plain-tests"
     setting = {"CARIGS_PLAIN_NUMBA": "1", "NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(root)}
     command = [sys.executable, "-m", "pytest", "-m", "not slow", "-p", "no:cacheprovider", "--no-cov", str(folder)]
     done = subprocess.run(command, env={**os.environ, **setting}, cwd=root, capture_output=True, text=True, timeout=600)

@@ -60,7 +60,7 @@ def packages(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     """The installed package: the workflow in `carigs/_project`, and nothing else of the repository."""
     folder = tmp_path_factory.mktemp("packages")
     copy_packages(folder)
-    with shared_kernels(folder):
+    with shared_kernels():
         yield folder
 
 

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.slow
 def project(tmp_path_factory) -> Iterator[Project]:
     project = copy_project(tmp_path_factory.mktemp("toy"))
     write_own_study(project.root)
-    with shared_kernels(project.root):
+    with shared_kernels():
         yield project
 
 

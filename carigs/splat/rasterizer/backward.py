@@ -26,6 +26,7 @@ import numpy as np
 from jaxtyping import Float32
 
 from carigs.simd import matrix3
+from carigs.simd.kernels import kernel
 from carigs.simd.tuples import add, multiply, outer, write_row
 from carigs.simd.vectors import FASTMATH
 from carigs.splat.rasterizer import forward, records
@@ -40,7 +41,7 @@ def _distortion_gradient(depth, a, d, a_total, d_total):
     return TWO * (TWO * (depth * a - d) + d_total - depth * a_total)
 
 
-@numba.njit(cache=True, parallel=True, fastmath=FASTMATH, error_model="numpy")
+@kernel(parallel=True, fastmath=FASTMATH)
 def composite_backward(
     projected: records.ProjectedSurfels,
     lists: TileLists,

@@ -22,6 +22,7 @@ import numba
 import numpy as np
 from jaxtyping import Float32
 
+from carigs.simd.kernels import kernel
 from carigs.simd.tuples import read_row
 from carigs.simd.vectors import FASTMATH
 from carigs.splat.rasterizer import records
@@ -68,7 +69,7 @@ def log2_alpha(g, log2_opacity):
     return log2_opacity - g * HALF_LOG2E
 
 
-@numba.njit(cache=True, parallel=True, fastmath=FASTMATH, error_model="numpy")
+@kernel(parallel=True, fastmath=FASTMATH)
 def composite(
     projected: records.ProjectedSurfels,
     lists: TileLists,

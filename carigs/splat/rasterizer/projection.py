@@ -31,6 +31,7 @@ import numpy as np
 from jaxtyping import Float32, Int32
 
 from carigs.simd import matrix3
+from carigs.simd.kernels import kernel
 from carigs.simd.tuples import add, componentwise, multiply, read_row, subtract, write_row
 from carigs.simd.vector_math import absolute, floor, log2, maximum, minimum, select, sqrt
 from carigs.simd.vectors import scalar_or_simd
@@ -212,7 +213,7 @@ def surfel_gradients(g, centre, tangent_u, tangent_v, camera):
     )
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
+@kernel(parallel=True)
 def project_surfels(
     surfels: records.SurfelArrays, camera: records.Pinhole, background: float
 ) -> records.ProjectedSurfels:
@@ -250,7 +251,7 @@ def project_surfels(
     return records.ProjectedSurfels(record, box, num_tiles)
 
 
-@numba.njit(cache=True, parallel=True, error_model="numpy")
+@kernel(parallel=True)
 def project_surfels_backward(
     slots: Float32[np.ndarray, "pairs 17"],
     first_slot: Int32[np.ndarray, " offsets"],

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from carigs.simd.kernels import kernel
 from carigs.simd.memory import flattened
 from carigs.simd.tuples import write_row
 from carigs.simd.vectors import WIDTH
@@ -159,7 +159,7 @@ def _backward(
         skinning_simd.skin_and_motion_backward(*arguments, flattened(parts))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel
 def skin_scalar(inputs, skinned):
     """Skin the surfels one by one.
 
@@ -180,7 +180,7 @@ def skin_scalar(inputs, skinned):
             write_row(skinned.direction, i, d)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@kernel
 def skin_scalar_backward(inputs, centre, upstream, gradients):
     """Backward pass of `skin_scalar`.
 

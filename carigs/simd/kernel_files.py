@@ -1,0 +1,129 @@
+"""Compiled kernels on disk: a file for each signature, with a digest of its content.
+
+Numba's own cache runs whatever it finds: a file that is cut, or of which a bit has changed, ends every later process
+with a traceback or with wrong machine code. Here a file counts only if its digest is right; otherwise the kernel is
+compiled again. Files are written under another name first, so that processes that write at once do no harm.
+"""
+
+from __future__ import annotations
+
+import inspect
+import pickle
+import re
+import shutil
+import warnings
+from collections.abc import Callable
+from functools import cache
+from hashlib import sha256
+from pathlib import Path
+
+from numba.core.base import BaseContext
+from numba.core.codegen import Codegen
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+from numba.core.sigutils import normalize_signature
+
+from carigs.errors import CarigsWarning
+from carigs.files import writing
+from carigs.simd.kernel_cache import kernel_folder
+
+DIGEST_BYTES = sha256().digest_size
+
+
+class KernelFiles:
+    """The cache of one kernel, with the methods that Numba's dispatchers call (`numba.core.caching.Cache`)."""
+
+    def __init__(self, function: Callable) -> None:
+        """Prepare the cache; no file is touched.
+
+        Args:
+            function: The kernel's Python function.
+        """
+        self._function = function
+        self.name = re.sub(r"[^\w.]", "", f"{function.__module__}.{function.__qualname__}")
+
+    @property
+    def cache_path(self) -> str:
+        """The folder, as Numba's statistics name it.
+
+        Returns:
+            Its path; empty if nothing is kept.
+        """
+        return str(kernel_folder() or "")
+
+    def load_overload(self, signature: object, target_context: BaseContext) -> CompileResult | None:
+        """Load the kernel of a signature.
+
+        Args:
+            signature: Types of the arguments.
+            target_context: What it is compiled for.
+
+        Returns:
+            The compiled kernel; None if it has to be compiled.
+        """
+        target_context.refresh()
+        file = self._file(signature, target_context.codegen())
+        content = _sound_content(file) if file else None
+        if content is None:
+            return None
+        result = CompileResult._rebuild(target_context, *pickle.loads(content))
+        return result if result.signature.args == tuple(normalize_signature(signature)[0]) else None
+
+    def save_overload(self, signature: object, result: CompileResult) -> None:
+        """Keep a compiled kernel. Where that fails, a warning says so, once.
+
+        Args:
+            signature: Types of the arguments.
+            result: The compiled kernel.
+        """
+        file = self._file(signature, result.codegen)
+        if file is None or result.library.has_dynamic_globals or not all(part.can_cache for part in result.lifted):
+            return
+        content = dumps(result._reduce())
+        try:
+            if file.is_dir():
+                shutil.rmtree(file)
+            with writing(file) as part:
+                part.write_bytes(sha256(content).digest() + content)
+        except OSError as error:
+            _warn_once(file.parent, error.strerror or str(error))
+
+    def flush(self) -> None:
+        """Remove what is kept of this kernel."""
+        for file in (kernel_folder() or Path()).glob(f"{self.name}.*.kernel"):
+            file.unlink(missing_ok=True)
+
+    def _file(self, signature: object, codegen: Codegen) -> Path | None:
+        """The file of a signature: named after all that the machine code depends on, besides the folder's sources."""
+        folder, source = kernel_folder(), _source_digest(inspect.getfile(self._function))
+        if folder is None or source is None or self._function.__closure__:  # of which no digest is known
+            return None
+        key = (str(signature), codegen.magic_tuple(), source, self._function.__code__.co_firstlineno)
+        return folder / f"{self.name}.{sha256(repr(key).encode()).hexdigest()[:16]}.kernel"
+
+
+def _sound_content(file: Path) -> bytes | None:
+    """What was written to a file; None if it is not there, cannot be read, or is damaged."""
+    try:
+        content = file.read_bytes()
+    except OSError:
+        return None
+    digest, content = content[:DIGEST_BYTES], content[DIGEST_BYTES:]
+    return content if sha256(content).digest() == digest else None
+
+
+@cache
+def _source_digest(file: str) -> str | None:
+    """Digest of a source file; None if there is none, as for code that was typed in."""
+    try:
+        return sha256(Path(file).read_bytes()).hexdigest()
+    except OSError:
+        return None
+
+
+@cache
+def _warn_once(folder: Path, problem: str) -> None:
+    warnings.warn(
+        CarigsWarning(f"{folder}: compiled kernels cannot be kept ({problem}); each process compiles its own"),
+        stacklevel=2,
+    )
