@@ -14,6 +14,8 @@ from pathlib import Path
 
 ONLY_OWNER_WRITES = 0o755
 """Permissions of new folders, also where the umask would let others write."""
+FOREIGN, OPEN = "it belongs to another user", "others can write to it"
+"""Why a folder is not used although it takes files."""
 
 
 def user_cache() -> Path | None:
@@ -73,14 +75,21 @@ def find_cache_of_matplotlib() -> None:
     """
     home, cache = os.path.expanduser("~"), user_cache()
     own = (Path(os.environ.get("XDG_CONFIG_HOME") or Path(home, ".config")), cache or Path(home))
-    if "MPLCONFIGDIR" not in os.environ and not all(map(_can_be_made, own)):
+    if "MPLCONFIGDIR" not in os.environ and not all(map(can_be_made, own)):
         folder, _ = first_usable(cache_folders("matplotlib"))
         if folder:
             os.environ["MPLCONFIGDIR"] = str(folder)
 
 
-def _can_be_made(folder: Path) -> bool:
-    """Whether this user can create a folder, or files in one that exists."""
+def can_be_made(folder: Path) -> bool:
+    """Whether this user can create a folder, or files in one that exists; nothing is created.
+
+    Args:
+        folder: Its absolute path.
+
+    Returns:
+        False also if a part of the path is a file, or cannot be looked at.
+    """
     try:
         existing = next(place for place in (folder, *folder.parents) if place.exists())
         return existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)
@@ -97,8 +106,8 @@ def _problem(folder: Path, owners: Collection[int]) -> str | None:
         return error.strerror or str(error)
     if hasattr(os, "getuid"):
         if status.st_uid not in (os.getuid(), 0, *owners):
-            return "belongs to another user"
+            return FOREIGN
         others = stat.S_IWOTH if status.st_gid == os.getgid() else stat.S_IWOTH | stat.S_IWGRP
         if status.st_mode & others:
-            return "others can write to it"
-    return None if os.access(folder, os.W_OK | os.X_OK) else "cannot be written to"
+            return OPEN
+    return None if os.access(folder, os.W_OK | os.X_OK) else "it cannot be written to"

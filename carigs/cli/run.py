@@ -14,6 +14,7 @@ from carigs.cli.parser import study_parser
 from carigs.config import compose, compose_study, project_root, snakemake_config
 from carigs.run_summary import error_lines
 from carigs.runs.job_record import unfinished_jobs
+from carigs.snakemake_process import check_working_folder, snakemake_environment
 
 EXAMPLES = """examples:
   carigs run                                            the toy study, on all cores
@@ -101,6 +102,9 @@ def make_studies(
 
     Returns:
         Whether Snakemake succeeded, and the logs of the jobs that did not.
+
+    Raises:
+        InputError: The current directory or the results cannot be written to.
     """
     if options.plan:
         from carigs.cli import plan  # with all that reads captures: half a second
@@ -117,6 +121,7 @@ def make_studies(
     command += ["--quiet", "rules", "host", "--dry-run"] * options.dry_run + options.snakemake
     targets = ["sweep"] if swept else ["reproduce", "table"]
     command += ["--config", *snakemake_config(overrides, swept), "--", *(options.target or targets)]
+    check_working_folder([] if options.dry_run else [Path("results", study) for study in studies])
     started = time.time()
     if _exit_code(command) == 0:
         return True, []
@@ -128,7 +133,7 @@ def make_studies(
 
 def _exit_code(command: list[str]) -> int:
     """The exit code of Snakemake; after Ctrl-C it gets the time to stop or cancel its jobs."""
-    with subprocess.Popen(command) as snakemake:
+    with subprocess.Popen(command, env=snakemake_environment()) as snakemake:
         try:
             return snakemake.wait()
         except KeyboardInterrupt:

@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from carigs.errors import SettingsError
+from carigs.snakemake_process import check_working_folder, snakemake_environment
 
 if TYPE_CHECKING:
     from snakemake.workflow import Workflow
@@ -53,6 +54,7 @@ def study_jobs(config: Sequence[str], snakefile: str, targets: list[str], cores:
         The jobs, each after the ones that it needs.
 
     Raises:
+        InputError: The current directory cannot be written to.
         SettingsError: If Snakemake cannot plan the study.
     """
     request = {
@@ -63,7 +65,9 @@ def study_jobs(config: Sequence[str], snakefile: str, targets: list[str], cores:
         "from_scratch": from_scratch,
     }
     command = [sys.executable, "-m", "carigs.planning.job_graph"]
-    done = subprocess.run(command, input=json.dumps(request), capture_output=True, text=True)
+    check_working_folder()
+    surroundings = {"env": snakemake_environment(), "capture_output": True, "text": True}
+    done = subprocess.run(command, input=json.dumps(request), **surroundings)
     if done.returncode != 0:
         said = [line.strip() for line in done.stderr.splitlines() if line.strip()]
         raise SettingsError(f"Snakemake cannot plan the study: {said[-1] if said else 'it said nothing'}")

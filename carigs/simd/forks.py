@@ -48,7 +48,8 @@ def start_threads() -> None:
         starting.join()
     else:
         numba.get_num_threads()
-    binding.add_symbol(_LOOP, _loop_unless_forked(binding.address_of_symbol(_LOOP)))
+    with global_compiler_lock:
+        binding.add_symbol(_LOOP, _loop_unless_forked(binding.address_of_symbol(_LOOP)))
 
 
 def _loop_unless_forked(loop: int) -> int:

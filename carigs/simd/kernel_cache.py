@@ -22,7 +22,7 @@ from pathlib import Path
 
 from filelock import FileLock
 
-from carigs.cache_folders import cache_folders, first_usable
+from carigs.cache_folders import FOREIGN, OPEN, cache_folders, first_usable
 from carigs.errors import CarigsWarning
 
 PACKAGE = Path(__file__).parents[1]
@@ -51,7 +51,7 @@ def kernel_folder() -> Path | None:
     # Who owns the package can change its code: kernels of theirs may run as well.
     folder, problems = first_usable(candidates, owners=[PACKAGE.stat().st_uid])
     for refused, problem in problems.items():
-        if refused.parent in bases or refused.is_dir():
+        if refused.parent in bases or problem in (FOREIGN, OPEN):
             name = f"NUMBA_CACHE_DIR={chosen}" if refused.parent in bases else refused
             _warn(f"{name}: not used for compiled kernels: {problem}" + (f"; {folder} is" if folder else ""))
     if folder is None:
