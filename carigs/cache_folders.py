@@ -14,7 +14,7 @@ from pathlib import Path
 
 ONLY_OWNER_WRITES = 0o755
 """Permissions of new folders, also where the umask would let others write."""
-FOREIGN, OPEN = "it belongs to another user", "others can write to it"
+FOREIGN, OPEN = "it belongs to another user", "others can write to it; remove it"
 """Why a folder is not used although it takes files."""
 
 
@@ -30,23 +30,33 @@ def user_cache() -> Path | None:
     return Path(home, ".cache") if os.path.isabs(home) and os.path.isdir(home) else None
 
 
-def cache_folders(name: str) -> Iterator[Path]:
-    """Folders for a cache of carigs, the preferred one first.
-
-    Args:
-        name: Name of the cache.
+def cache_homes() -> Iterator[Path]:
+    """Folders for the caches of all programs, the preferred one first; they need not exist.
 
     Yields:
-        `carigs/NAME` in the user's cache, and in a folder of this user among temporary files.
+        The user's cache, and a folder of this user among temporary files.
     """
     if cache := user_cache():
-        yield cache / "carigs" / name
+        yield cache
     try:
         temporary = Path(tempfile.gettempdir())
     except OSError:  # no folder takes temporary files
         return
     if temporary != Path.cwd():  # which Python takes where there is no other: no place for a cache
-        yield temporary / (f"carigs-{os.getuid()}" if hasattr(os, "getuid") else "carigs") / name
+        yield temporary / (f"carigs-{os.getuid()}" if hasattr(os, "getuid") else "carigs")
+
+
+def cache_folders(name: str) -> Iterator[Path]:
+    """Folders for a cache of carigs, the preferred one first; they need not exist.
+
+    Args:
+        name: Name of the cache.
+
+    Yields:
+        `carigs/NAME` in each of `cache_homes`.
+    """
+    for home in cache_homes():
+        yield home / "carigs" / name
 
 
 def first_usable(folders: Iterable[Path], owners: Collection[int] = ()) -> tuple[Path | None, dict[Path, str]]:
@@ -73,10 +83,9 @@ def find_cache_of_matplotlib() -> None:
 
     Otherwise Matplotlib makes a new folder for each process, and says so in two lines.
     """
-    home, cache = os.path.expanduser("~"), user_cache()
-    own = (Path(os.environ.get("XDG_CONFIG_HOME") or Path(home, ".config")), cache or Path(home))
-    if "MPLCONFIGDIR" not in os.environ and not all(map(can_be_made, own)):
-        folder, _ = first_usable(cache_folders("matplotlib"))
+    own = (Path(os.environ.get("XDG_CONFIG_HOME") or os.path.expanduser("~/.config")), user_cache())
+    if "MPLCONFIGDIR" not in os.environ and not all(folder and can_be_made(folder) for folder in own):
+        folder, _ = first_usable(home / "matplotlib" for home in cache_homes())
         if folder:
             os.environ["MPLCONFIGDIR"] = str(folder)
 
@@ -88,8 +97,10 @@ def can_be_made(folder: Path) -> bool:
         folder: Its absolute path.
 
     Returns:
-        False also if a part of the path is a file, or cannot be looked at.
+        False also for a relative path, and if a part of it is a file or cannot be looked at.
     """
+    if not folder.is_absolute():
+        return False
     try:
         existing = next(place for place in (folder, *folder.parents) if place.exists())
         return existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)

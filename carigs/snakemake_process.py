@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from carigs.cache_folders import cache_folders, can_be_made, first_usable, user_cache
+from carigs.cache_folders import cache_homes, can_be_made, first_usable, user_cache
 from carigs.errors import InputError
 
 STATE = Path(".snakemake")
@@ -40,9 +40,9 @@ def snakemake_environment() -> dict[str, str]:
     """
     environment, own = dict(os.environ), user_cache()
     if own is None or not can_be_made(own / "snakemake"):
-        folder, _ = first_usable([*cache_folders("snakemake"), (STATE / "cache").absolute()])
+        folder, _ = first_usable(home / "snakemake" for home in (*cache_homes(), STATE.absolute() / "cache"))
         if folder:
-            environment["XDG_CACHE_HOME"] = str(folder)
+            environment["XDG_CACHE_HOME"] = str(folder.parent)
         if own:
             environment = {"TORCH_HOME": str(own / "torch"), "HF_HOME": str(own / "huggingface")} | environment
     try:

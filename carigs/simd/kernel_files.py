@@ -21,13 +21,12 @@ from numba.core.base import BaseContext
 from numba.core.codegen import Codegen
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
-from numba.core.sigutils import normalize_signature
 
 from carigs.errors import CarigsWarning
 from carigs.files import writing
 from carigs.simd.kernel_cache import kernel_folder
 
-DIGEST_BYTES = sha256().digest_size
+SEAL_BYTES = sha256().digest_size
 
 
 class KernelFiles:
@@ -66,8 +65,8 @@ class KernelFiles:
         content = _sound_content(file) if file else None
         if content is None:
             return None
-        result = CompileResult._rebuild(target_context, *pickle.loads(content))
-        return result if result.signature.args == tuple(normalize_signature(signature)[0]) else None
+        compiled_for, parts = pickle.loads(content)
+        return CompileResult._rebuild(target_context, *parts) if compiled_for == signature else None
 
     def save_overload(self, signature: object, result: CompileResult) -> None:
         """Keep a compiled kernel. Where that fails, a warning says so, once.
@@ -79,19 +78,20 @@ class KernelFiles:
         file = self._file(signature, result.codegen)
         if file is None or result.library.has_dynamic_globals or not all(part.can_cache for part in result.lifted):
             return
-        content = dumps(result._reduce())
+        content = dumps((signature, result._reduce()))
         try:
             if file.is_dir():
                 shutil.rmtree(file)
             with writing(file) as part:
-                part.write_bytes(sha256(content).digest() + content)
+                part.write_bytes(_seal(file, content) + content)
         except OSError as error:
             _warn_once(file.parent, error.strerror or str(error))
 
     def flush(self) -> None:
         """Remove what is kept of this kernel."""
-        for file in (kernel_folder() or Path()).glob(f"{self.name}.*.kernel"):
-            file.unlink(missing_ok=True)
+        if folder := kernel_folder():
+            for file in folder.glob(f"{self.name}.*.kernel"):
+                file.unlink(missing_ok=True)
 
     def _file(self, signature: object, codegen: Codegen) -> Path | None:
         """The file of a signature: named after all that the machine code depends on, besides the folder's sources."""
@@ -105,11 +105,16 @@ class KernelFiles:
 def _sound_content(file: Path) -> bytes | None:
     """What was written to a file; None if it is not there, cannot be read, or is damaged."""
     try:
-        content = file.read_bytes()
+        content = file.read_bytes() if file.is_file() else b""  # no bytes of a pipe, for which one would wait
     except OSError:
         return None
-    digest, content = content[:DIGEST_BYTES], content[DIGEST_BYTES:]
-    return content if sha256(content).digest() == digest else None
+    seal, content = content[:SEAL_BYTES], content[SEAL_BYTES:]
+    return content if _seal(file, content) == seal else None
+
+
+def _seal(file: Path, content: bytes) -> bytes:
+    """Digest of a file's content and name: that of another kernel would not do."""
+    return sha256(file.name.encode() + b"\0" + content).digest()
 
 
 @cache
