@@ -192,6 +192,9 @@ def test_snakemake_gets_a_cache_and_a_name_and_jobs_find_their_weights(nowhere, 
     assert Path(environment["XDG_CACHE_HOME"]).is_relative_to(tmp_path / ".snakemake")
     assert Path(environment["XDG_CACHE_HOME"], "snakemake").is_dir()
     assert environment["TORCH_HOME"] == str(nowhere / "cache" / "torch")
+    assert environment["XDG_CONFIG_HOME"] == os.environ["XDG_CONFIG_HOME"]
+    monkeypatch.delenv("XDG_CONFIG_HOME")
+    assert Path(snakemake_environment()["XDG_CONFIG_HOME"]).is_dir()
 
 
 def test_a_working_folder_that_takes_no_files_is_named(tmp_path, monkeypatch):
