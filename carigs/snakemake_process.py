@@ -36,18 +36,18 @@ def snakemake_environment() -> dict[str, str]:
 
     Returns:
         The variables of this process. Where the user's cache cannot be written to, XDG_CACHE_HOME names a folder that
-        can, and TORCH_HOME and HF_HOME the old places of weights, which jobs read. A user without a home has an empty
-        XDG_CONFIG_HOME, a user without a name the number as LOGNAME.
+        can, and TORCH_HOME and HF_HOME the old places of weights, which jobs read. A user without a home has that
+        folder as XDG_CONFIG_HOME, too, a user without a name the number as LOGNAME.
     """
     environment, own = dict(os.environ), user_cache()
     if own is None or not can_be_made(own / "snakemake"):
         folder, _ = first_usable(home / "snakemake" for home in (*cache_homes(), STATE.absolute() / "cache"))
         if folder:
             environment["XDG_CACHE_HOME"] = str(folder.parent)
-            if not os.path.isabs(os.path.expanduser("~")):  # it also looks for profiles there
-                environment.setdefault("XDG_CONFIG_HOME", str(folder.parent))
         if own:
             environment = {"TORCH_HOME": str(own / "torch"), "HF_HOME": str(own / "huggingface")} | environment
+    if not os.path.isabs(os.path.expanduser("~")) and "XDG_CACHE_HOME" in environment:
+        environment.setdefault("XDG_CONFIG_HOME", environment["XDG_CACHE_HOME"])  # where it looks for profiles
     try:
         getpass.getuser()
     except (KeyError, OSError):  # no such user: the process runs under a number
