@@ -67,7 +67,7 @@ def _warn(message: str) -> None:
 
 def _remove_others(folder: Path) -> None:
     """Remove the folders of kernels of other sources that nobody has used for a while."""
-    for other in folder.parent.glob("kernels-*"):
+    for other in folder.parent.glob(f"kernels-{'[0-9a-f]' * 16}"):
         with suppress(OSError):  # another process removes it as well
             if other != folder and time.time() - other.stat().st_mtime > KEEP:
                 shutil.rmtree(other, ignore_errors=True)

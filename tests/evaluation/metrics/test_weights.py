@@ -186,3 +186,15 @@ def test_an_interrupted_download_goes_on_when_it_is_started_again(web, tmp_path)
     web.breaks_after = None
     assert find_weights(weights, tmp_path, download=True).read_bytes() == CONTENT
     assert [wanted for _, wanted in web.asked] == [None, "bytes=5000-"]
+
+
+def test_a_user_without_a_home_folder_is_told_to_name_one(tmp_path, monkeypatch):
+    for name in ("HF_HOME", "TORCH_HOME", "HOME"):
+        monkeypatch.delenv(name)
+    monkeypatch.setattr("os.path.expanduser", lambda path: path)  # as for a number that is no user
+    with pytest.raises(WeightsMissing, match="in any folder"):
+        find_weights(network(), None)
+    with pytest.raises(WeightsMissing, match="CARIGS_WEIGHTS"):
+        find_weights(network(), None, download=True)
+    file = touch(tmp_path / "mine" / "net.pt")
+    assert find_weights(network(), tmp_path / "mine") == file
