@@ -345,7 +345,7 @@ def test_all_settings_can_be_shown(stubbed):
     shown = yaml.safe_load(stubbed.command("carigs", "settings", "gamma=0.2").stdout)
     assert shown["gamma"] == 0.2
     assert set(shown) == {"gamma", "seed", "study"} | {
-        "capture", "hair", "exaggerate", "gtstar", "train", "render", "html", "truth", "metrics", "tabulate",
+        "capture", "hair", "exaggerate", "gtstar", "target_sheet", "train", "render", "html", "truth", "metrics",
         "figures", "sweep", "card", "report",
     }  # fmt: skip
 
