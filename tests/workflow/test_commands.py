@@ -346,7 +346,7 @@ def test_all_settings_can_be_shown(stubbed):
     assert shown["gamma"] == 0.2
     assert set(shown) == {"gamma", "seed", "study"} | {
         "capture", "hair", "exaggerate", "gtstar", "target_sheet", "train", "render", "html", "truth", "metrics",
-        "figures", "sweep", "card", "report",
+        "tabulate", "figures", "sweep", "card", "report",
     }  # fmt: skip
 
 
