@@ -52,25 +52,27 @@ class CarigsWarning(UserWarning):
 class InputError(CarigsError):
     """A file that cannot be used: missing, broken, of another shape, or with invalid values."""
 
-    def __init__(self, problem: str, *, file: str | Path, field: str | None = None) -> None:
-        """Compose the message `file: field: problem`.
+    def __init__(self, problem: str, *, file: str | Path, field: str | None = None, remedy: str = "") -> None:
+        """Compose the message `file: field: problem; remedy: remedy`.
 
         Args:
             problem: What is wrong.
             file: The file or folder.
             field: Array, key or position in the file.
+            remedy: What to do about it, unless `problem` says so.
         """
-        self.problem, self.file, self.field = problem, str(file), field
+        self.problem, self.file, self.field, self.remedy = problem, str(file), field, remedy
         where = f"{self.file}: {field}" if field else self.file
-        super().__init__(f"{where}: {problem}")
+        super().__init__(f"{where}: {problem}; remedy: {remedy}" if remedy else f"{where}: {problem}")
 
 
 @contextmanager
-def collecting(errors: list[InputError] | None) -> Iterator[None]:
+def collecting(errors: list[InputError] | None, remedy: str = "") -> Iterator[None]:
     """Keep an error of the block, so that what follows is checked as well.
 
     Args:
         errors: Receives the `InputError` that ends the block; None to raise it.
+        remedy: What to do about kept errors that have no remedy of their own: a reader does not know who named a file.
 
     Yields:
         Nothing.
@@ -80,6 +82,7 @@ def collecting(errors: list[InputError] | None) -> Iterator[None]:
     except InputError as error:
         if errors is None:
             raise
+        error.remedy = error.remedy or remedy
         errors.append(error)
 
 

@@ -14,7 +14,7 @@ from jaxtyping import Float32, UInt8
 from carigs.capture.camera import Camera
 from carigs.capture.capture_json import cameras_from_json, cameras_to_json, frames_from_json, frames_to_json
 from carigs.capture.frame import Frame
-from carigs.capture.images import differs_from_background, read_alpha8, read_grey8, read_rgb8
+from carigs.capture.images import differs_from_background, read_frame_matte8, read_rgb8
 from carigs.errors import InputError
 from carigs.files import write_json
 from carigs.head import HeadModel, HeadParameters
@@ -132,10 +132,7 @@ class Capture:
         Returns:
             Opacity of the foreground from 0 to 255; None if the frame has no matte.
         """
-        if frame.mask is None:
-            return None
-        file = self.root / frame.mask
-        return read_alpha8(file) if frame.mask == frame.image else read_grey8(file)
+        return read_frame_matte8(self.root, frame)
 
     def mask(self, frame: Frame) -> Float32[np.ndarray, "h w"] | None:
         """Read the foreground matte of a frame.

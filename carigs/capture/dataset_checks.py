@@ -1,27 +1,20 @@
-"""Checks of the frames of a dataset: no frame, image or camera twice; files that exist and fit their cameras."""
+"""Checks of the frames of a dataset: no frame, image or camera twice; head parameters that fit the model."""
 
 from __future__ import annotations
 
 import os
 from collections import Counter
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
-from carigs.capture.camera import Camera
 from carigs.capture.camera_table import CameraTable
 from carigs.capture.frame import Frame
+from carigs.capture.image_checks import RESTORE, SoundImages, sound_images
 from carigs.errors import InputError, collecting
 from carigs.head import HeadModel, HeadParameters
-from carigs.readers.images import read_header
 
-READERS = 8
-"""Threads that read headers: on a network disk, each waits a millisecond for a file."""
-BATCH = 256
-"""Frames that a thread takes at once."""
+ONCE = "remove one entry"
 
 
 class ListedFrame(NamedTuple):
@@ -39,7 +32,7 @@ def sound_frames(
     table: CameraTable,
     model: HeadModel | None,
     errors: list[InputError] | None = None,
-) -> list[Frame]:
+) -> SoundImages:
     """Check the frames of a dataset.
 
     Args:
@@ -50,60 +43,32 @@ def sound_frames(
         errors: Receives the errors; None to raise the first.
 
     Returns:
-        Frames without an error. A frame that states no matte has that of its image's alpha channel, if there is one.
+        Frames without an error, with their mattes, and warnings.
 
     Raises:
         InputError: If a file is missing or broken or does not fit the others, or something is listed twice.
     """
     known, usual, single = _Known(), _usual_poses(listed, table), []
     for entry in listed:
-        with collecting(errors):
+        with collecting(errors, ONCE):
             known.add(entry, folder)
             pose, (most, share) = table.poses[entry.frame.calibration], usual[entry.frame.camera, entry.frame.sequence]
             if pose != most and share > 0.5:
                 if pose in table.impossible:  # its error is known
                     continue
                 problem = f"camera {entry.frame.camera} stands elsewhere than in the other frames of its sequence"
-                raise InputError(problem, file=entry.file, field=f"{entry.where}.transform_matrix")
+                remedy = "give the frame the transform_matrix of its camera's other frames"
+                raise InputError(problem, file=entry.file, field=f"{entry.where}.transform_matrix", remedy=remedy)
             single.append(entry.frame)
-    frames = sound_images(folder, single, table.cameras, errors)
+    found = sound_images(folder, single, table.cameras, errors)
     if model is None:
-        return frames
+        return found
     heads = set()
-    for name in dict.fromkeys(frame.parameters for frame in frames):
-        with collecting(errors):
+    for name in dict.fromkeys(frame.parameters for frame in found.frames):
+        with collecting(errors, RESTORE):
             HeadParameters.load(folder / name, model)
             heads.add(name)
-    return [frame for frame in frames if frame.parameters in heads]
-
-
-def sound_images(
-    folder: Path, frames: Sequence[Frame], cameras: Sequence[Camera], errors: list[InputError] | None = None
-) -> list[Frame]:
-    """Compare the sizes of images and mattes with the cameras.
-
-    Args:
-        folder: What paths are relative to.
-        frames: The frames.
-        cameras: Their cameras, by `Frame.calibration`.
-        errors: Receives the errors; None to raise the first.
-
-    Returns:
-        Frames without an error. A frame that states no matte has that of its image's alpha channel, if there is one.
-
-    Raises:
-        InputError: If a file is missing or broken, or of another size than its camera.
-    """
-    sound = []
-    with ThreadPoolExecutor(READERS) as pool:
-        batches = [frames[i : i + BATCH] for i in range(0, len(frames), BATCH)]
-        checked = pool.map(lambda batch: _check_batch(folder, cameras, batch), batches)
-        for found in chain.from_iterable(checked):
-            with collecting(errors):
-                if isinstance(found, InputError):
-                    raise found
-                sound.append(found)
-    return sound
+    return found._replace(frames=[frame for frame in found.frames if frame.parameters in heads])
 
 
 class _Known:
@@ -151,26 +116,3 @@ def _usual_poses(listed: Sequence[ListedFrame], table: CameraTable) -> dict[tupl
         pose, count = counts.most_common(1)[0]
         usual[key] = pose, count / counts.total()
     return usual
-
-
-def _check_batch(folder: Path, cameras: Sequence[Camera], frames: Sequence[Frame]) -> list[Frame | InputError]:
-    results: list[Frame | InputError] = []
-    for frame in frames:
-        try:
-            results.append(_check_images(folder, cameras[frame.calibration], frame))
-        except InputError as error:
-            results.append(error)
-    return results
-
-
-def _check_images(folder: Path, camera: Camera, frame: Frame) -> Frame:
-    """Compare the sizes of image and matte with the camera, and find the matte."""
-    for name in (frame.image, frame.mask):
-        if name is not None:
-            header = read_header(folder / name)
-            if (header.width, header.height) != (camera.width, camera.height):
-                problem = f"{header.width} x {header.height} pixels, its camera has {camera.width} x {camera.height}"
-                raise InputError(problem, file=folder / name)
-            if frame.mask is None and header.alpha:
-                return replace(frame, mask=frame.image)
-    return frame

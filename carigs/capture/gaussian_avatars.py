@@ -7,7 +7,9 @@ import re
 from pathlib import Path
 from typing import Any
 
-from carigs.capture.camera_table import CameraTable
+from carigs.capture.calibration_keys import TRANSFORMS, CalibrationKeys
+from carigs.capture.camera_checks import check_field_of_view
+from carigs.capture.camera_table import CameraTable, Intrinsics
 from carigs.capture.capture_json import MAX_NUMBER
 from carigs.capture.dataset import Capture
 from carigs.capture.dataset_checks import ListedFrame, sound_frames
@@ -16,11 +18,13 @@ from carigs.capture.frame import Frame
 from carigs.capture.splits import split_frames
 from carigs.errors import InputError, collecting
 from carigs.head import HeadModel
-from carigs.readers.file_names import INDEXES, SPLITS
+from carigs.readers.file_names import INDEXES
 from carigs.readers.json_files import json_field, read_json
 
 SEQUENCE = re.compile(r"(?:EMO|EXP|SEN)-\d[^_]*|FREE|HAIR|GLASSES")
 """Sequences of NeRSemble."""
+MEND = "mend the field, or remove its frames from transforms_*.json"
+RESTORE = "restore the file; it lists the frames"
 
 
 def read_dataset(
@@ -53,56 +57,90 @@ def read_dataset(
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise InputError("no such dataset folder", file=folder)
-    model, table = HeadModel.load(head_model), CameraTable(errors)
-    needed = ("train", "test") if split == "files" else ("train",)
-    listed = [entry for name in SPLITS for entry in _read_split(folder, name, name in needed, table, errors)]
-    frames = sound_frames(folder, listed, table, model, errors)
+        remedy = "name the folder of transforms_train.json"
+        raise InputError("no such dataset folder", file=folder, remedy=remedy)
+    model, table, keys = HeadModel.load(head_model), CameraTable(errors), CalibrationKeys(TRANSFORMS)
+    needed, listed = ("train", "test") if split == "files" else ("train",), []
+    for name, index in INDEXES.items():
+        file = folder / index
+        if name in needed or file.exists():
+            listed += read_index(file, name, table, keys, errors, may_be_empty=name not in needed)
+    frames, warnings = sound_frames(folder, listed, table, model, errors)
     frames.sort(key=lambda frame: (frame.timestep, frame.camera))
     if not frames and errors:
         divided, rule = (), split
     else:
         divided, rule = split_frames(frames, split, validation_camera, folder)
-    return Capture(folder, Path(head_model), divided, tuple(table.cameras), background, rule)
+    return Capture(
+        folder,
+        Path(head_model),
+        divided,
+        tuple(table.cameras),
+        background,
+        rule,
+        warnings=(*keys.warnings(), *warnings),
+    )
 
 
-def _read_split(
-    folder: Path, split: str, is_needed: bool, table: CameraTable, errors: list[InputError] | None
+def read_index(
+    file: Path,
+    split: str,
+    table: CameraTable,
+    keys: CalibrationKeys,
+    errors: list[InputError] | None = None,
+    *,
+    may_be_empty: bool = True,
+    with_heads: bool = True,
 ) -> list[ListedFrame]:
-    file, listed = folder / INDEXES[split], []
-    if not is_needed and not file.exists():
-        return listed
-    with collecting(errors):
+    """Read the frames of an index.
+
+    Args:
+        file: The index.
+        split: The split of its frames.
+        table: Receives the cameras.
+        keys: Receives the keys that carigs does not read.
+        errors: Receives what is wrong with single entries; None to raise the first error.
+        may_be_empty: Whether the index may list no frames.
+        with_heads: Whether entries name files of head parameters; else `Frame.parameters` is empty.
+
+    Returns:
+        The frames.
+
+    Raises:
+        InputError: If the file cannot be read or lists no frames, a field is missing or not valid, or a key cannot be
+            honoured.
+    """
+    listed: list[ListedFrame] = []
+    with collecting(errors, RESTORE):
         content = read_json(file, dict)
+        with collecting(errors):
+            keys.check(content, file)
         entries = json_field(content, "frames", list, file=file)
-        if not entries and is_needed:
-            raise InputError(f"the {split} split is empty", file=file, field="frames")
+        if not entries and not may_be_empty:
+            remedy = "list frames in that file, or choose another split (--split)"
+            raise InputError(f"the {split} split is empty", file=file, field="frames", remedy=remedy)
         for i, entry in enumerate(entries):
-            with collecting(errors):
-                frame = read_frame(entry, content, split, file, f"frames[{i}]", table)
-                listed.append(ListedFrame(frame, file, f"frames[{i}]"))
+            where = f"frames[{i}]"
+            with collecting(errors, MEND):
+                if not isinstance(entry, dict):
+                    raise InputError("expected an object", file=file, field=where)
+                keys.check(entry, file, where)
+                frame = _read_frame(entry, content, split, file, where, table, errors, with_heads)
+                listed.append(ListedFrame(frame, file, where))
     return listed
 
 
-def read_frame(entry: Any, defaults: dict[str, Any], split: str, file: Path, where: str, table: CameraTable) -> Frame:
-    """Read an entry of an index.
-
-    Args:
-        entry: The entry.
-        defaults: Top level of the file: numbers of the camera that the entry lacks.
-        split: The split of the file.
-        file: The index.
-        where: Position of the entry, for messages.
-        table: Receives the camera.
-
-    Returns:
-        The frame.
-
-    Raises:
-        InputError: If a field is missing or not valid.
-    """
-    if not isinstance(entry, dict):
-        raise InputError("expected an object", file=file, field=where)
+def _read_frame(
+    entry: dict[str, Any],
+    defaults: dict[str, Any],
+    split: str,
+    file: Path,
+    where: str,
+    table: CameraTable,
+    errors: list[InputError] | None,
+    with_heads: bool,
+) -> Frame:
+    """Read an entry; `defaults` are numbers of the camera that it lacks."""
 
     def field(key: str, kind: type) -> Any:
         return json_field(entry, key, kind, file=file, where=where)
@@ -111,18 +149,24 @@ def read_frame(entry: Any, defaults: dict[str, Any], split: str, file: Path, whe
         return file_inside(field(key, str), file, f"{where}.{key}")
 
     timestep, camera = (_whole(field(key, float), file, f"{where}.{key}") for key in ("timestep_index", "camera_index"))
-    image, parameters = path("file_path"), path("flame_param_path")
+    image, parameters = path("file_path"), path("flame_param_path") if with_heads else ""
     mask = path("fg_mask_path") if entry.get("fg_mask_path") is not None else None
-    intrinsics = _read_intrinsics(entry, defaults, file, where)
+    intrinsics, angles = _read_intrinsics(entry, defaults, file, where)
     calibration = table.number(field("transform_matrix", list), intrinsics, file, where)
+    with collecting(errors):
+        for stated in angles:
+            check_field_of_view(*stated, file)
     sequence = str(entry.get("sequence") or _sequence_of(image, file.parent))
     return Frame(timestep, camera, sequence, split, image, mask, parameters, calibration)
 
 
 def _read_intrinsics(
     entry: dict[str, Any], defaults: dict[str, Any], file: Path, where: str
-) -> tuple[float, float, float, float, int, int]:
-    """fx, fy, cx, cy, width, height. Without focal lengths, the horizontal field of view holds."""
+) -> tuple[Intrinsics, list[tuple[float, float, int, str]]]:
+    """The intrinsics; and focal length, field of view, size and field wherever an object states both.
+
+    What an entry states counts more than what the file does, a focal length as much as a field of view.
+    """
 
     def number(key: str, default: float | None = None) -> float:
         if key in entry:
@@ -131,11 +175,26 @@ def _read_intrinsics(
             return float(json_field(defaults, key, float, file=file, where="" if key in defaults else where))
         return default
 
+    angles: list[tuple[float, float, int, str]] = []
+
+    def focal(axis: str, size: int, default: float | None) -> float:
+        length, angle = f"fl_{axis}", f"camera_angle_{axis}"
+        for stated, place in ((entry, where), (defaults, "")):
+            given = [key for key in (length, angle) if key in stated]
+            found = {key: float(json_field(stated, key, float, file=file, where=place)) for key in given}
+            if len(found) == 2:
+                angles.append((found[length], found[angle], size, f"{place}.{angle}" if place else angle))
+            if length in found:
+                return found[length]
+            if angle in found:
+                return size / (2 * math.tan(found[angle] / 2 or math.nan))
+        return number(length, default)
+
     width, height = (_whole(number(key), file, f"{where}.{key}") for key in ("w", "h"))
-    has_angle = "fl_x" not in entry and "fl_x" not in defaults and "camera_angle_x" in entry.keys() | defaults.keys()
-    fx = width / (2 * math.tan(number("camera_angle_x") / 2 or math.nan)) if has_angle else number("fl_x")
+    fx = focal("x", width, None)
+    fy = focal("y", height, fx)
     # The principal point defaults to the centre. (VHAP flips cy since November 2024, which does not matter there.)
-    return fx, number("fl_y", fx), number("cx", width / 2), number("cy", height / 2), width, height
+    return (fx, fy, number("cx", width / 2), number("cy", height / 2), width, height), angles
 
 
 def _whole(value: float, file: Path, field: str) -> int:

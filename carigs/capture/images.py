@@ -8,8 +8,9 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8, UInt16
 
+from carigs.capture.frame import Frame
 from carigs.errors import InputError
-from carigs.readers.images import read_header, read_pixels
+from carigs.readers.images import read_pixels
 
 BACKGROUND_TOLERANCE = 0.1
 """Difference from the background's colour, in a channel, from which a pixel is foreground."""
@@ -52,9 +53,10 @@ def read_rgb8(file: Path, background: float = 1.0) -> UInt8[np.ndarray, "h w 3"]
     Raises:
         InputError: If the file is missing or not an image.
     """
-    if not read_header(file).alpha:
-        return cv2.cvtColor(read_pixels(file, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
-    pixels = _eight_bits(read_pixels(file, cv2.IMREAD_UNCHANGED)).astype(np.float32)
+    pixels = _eight_bits(read_pixels(file))
+    if pixels.ndim == 2 or pixels.shape[2] == 3:
+        return cv2.cvtColor(pixels, cv2.COLOR_GRAY2RGB if pixels.ndim == 2 else cv2.COLOR_BGR2RGB)
+    pixels = pixels.astype(np.float32)
     alpha = pixels[..., 3:] / 255
     return np.rint(pixels[..., 2::-1] * alpha + 255 * background * (1 - alpha)).astype(np.uint8)
 
@@ -71,10 +73,28 @@ def read_alpha8(file: Path) -> UInt8[np.ndarray, "h w"]:
     Raises:
         InputError: If the file is missing, is not an image, or has no alpha channel.
     """
-    pixels = _eight_bits(read_pixels(file, cv2.IMREAD_UNCHANGED))
+    pixels = _eight_bits(read_pixels(file))
     if pixels.ndim != 3 or pixels.shape[2] != 4:
         raise InputError("the image has no alpha channel", file=file)
     return np.ascontiguousarray(pixels[..., 3])
+
+
+def read_frame_matte8(folder: Path, frame: Frame) -> UInt8[np.ndarray, "h w"] | None:
+    """Read the foreground matte of a frame.
+
+    Args:
+        folder: What the paths of the frame are relative to.
+        frame: The frame.
+
+    Returns:
+        Opacity of the foreground from 0 to 255; None if the frame has no matte.
+
+    Raises:
+        InputError: If the file is missing or not an image.
+    """
+    if frame.mask is None:
+        return None
+    return read_alpha8(folder / frame.mask) if frame.mask == frame.image else read_grey8(folder / frame.mask)
 
 
 def _eight_bits(pixels: UInt8[np.ndarray, "h w *c"] | UInt16[np.ndarray, "h w *c"]) -> UInt8[np.ndarray, "h w *c"]:
@@ -116,22 +136,27 @@ def read_rgb(file: Path, background: float = 1.0) -> Float32[np.ndarray, "h w 3"
 
 
 def read_grey8(file: Path) -> UInt8[np.ndarray, "h w"]:
-    """Read a grey image, for example a matte or mask.
+    """Read a matte or mask: grey values, or the opacity of a picture that was cut out.
 
     Args:
         file: Image file.
 
     Returns:
-        Values from 0 to 255.
+        Values from 0 to 255: of an alpha channel that is not the same everywhere, else the brightness.
 
     Raises:
         InputError: If the file is missing or not an image.
     """
-    return read_pixels(file, cv2.IMREAD_GRAYSCALE)
+    pixels = _eight_bits(read_pixels(file))
+    if pixels.ndim == 2:
+        return pixels
+    if pixels.shape[2] == 4 and pixels[..., 3].min() < pixels[..., 3].max():
+        return np.ascontiguousarray(pixels[..., 3])
+    return cv2.cvtColor(np.ascontiguousarray(pixels[..., :3]), cv2.COLOR_BGR2GRAY)
 
 
 def read_grey(file: Path) -> Float32[np.ndarray, "h w"]:
-    """Read a grey image, for example a matte or mask.
+    """Read a matte or mask, as `read_grey8`.
 
     Args:
         file: Image file.
@@ -173,7 +198,7 @@ def read_bits(file: Path) -> UInt16[np.ndarray, "h w"]:
     Raises:
         InputError: If the file is missing or not a 16-bit grey image.
     """
-    pixels = read_pixels(file, cv2.IMREAD_UNCHANGED)
+    pixels = read_pixels(file)
     if pixels.dtype != np.uint16 or pixels.ndim != 2:
         raise InputError(f"{pixels.dtype} {pixels.shape}, expected a 16-bit grey image", file=file)
     return pixels

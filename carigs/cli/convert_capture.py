@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import warnings
+from dataclasses import replace
 from pathlib import Path
 
 from carigs.capture import Camera, Capture, read_dataset
@@ -18,7 +20,7 @@ from carigs.capture.importers.flame_tracks import read_flame_track, read_tracked
 from carigs.capture.importers.images import find_images, image_name
 from carigs.capture.importers.mesh_sequence import read_mesh_sequence
 from carigs.cli.parser import add_capture_options
-from carigs.errors import InputError
+from carigs.errors import CarigsWarning, InputError
 from carigs.head import HeadModel, HeadParameters
 
 DESCRIPTION = """Write a capture in the layout of GaussianAvatars.
@@ -73,6 +75,8 @@ def convert_capture(options: argparse.Namespace) -> None:
     else:
         model, heads = _read_heads(options)
         capture = _assemble(options, set(heads))
+    for line in capture.warnings:
+        warnings.warn(CarigsWarning(line), stacklevel=2)
     write_dataset(options.target, capture, model, heads, place=copied if options.copy else linked)
     written = read_dataset(options.target, options.target / "head_model.npz", background=options.background)
     counts = ", ".join(f"{len(written.split(split))} {split}" for split in ("train", "val", "test"))
@@ -83,10 +87,13 @@ def _assemble(options: argparse.Namespace, timesteps: set[int]) -> Capture:
     source, model = options.source, options.target / "head_model.npz"
     calibration = options.cameras or find_calibration(source)
     if calibration is not None:
-        cameras = read_cameras(calibration, options.metres_per_unit)
-    elif not (cameras := _tracked_cameras(source)):
+        cameras, unread = read_cameras(calibration, options.metres_per_unit)
+    elif cameras := _tracked_cameras(source):
+        unread = ()
+    else:
         raise InputError(f"no calibration; looked for {', '.join(CALIBRATIONS)}", file=source)
-    return read_calibrated_images(source, model, cameras, timesteps=timesteps, background=options.background)
+    found = read_calibrated_images(source, model, cameras, timesteps=timesteps, background=options.background)
+    return replace(found, warnings=(*unread, *found.warnings))
 
 
 def _tracked_cameras(source: Path) -> dict[str, Camera]:

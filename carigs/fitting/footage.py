@@ -14,10 +14,11 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.capture import Capture
+from carigs.capture.calibration_keys import TRANSFORMS, CalibrationKeys
 from carigs.capture.camera_table import CameraTable
-from carigs.capture.dataset_checks import ListedFrame, sound_frames
+from carigs.capture.dataset_checks import sound_frames
 from carigs.capture.dataset_writer import parameter_file
-from carigs.capture.gaussian_avatars import read_frame
+from carigs.capture.gaussian_avatars import read_index
 from carigs.capture.importers.calibrated_images import CALIBRATIONS, find_calibration, read_calibrated_images
 from carigs.capture.importers.cameras import read_cameras
 from carigs.capture.splits import split_single_sequence
@@ -25,7 +26,6 @@ from carigs.errors import InputError, SettingsError
 from carigs.fitting.landmark_files import Landmarks
 from carigs.fitting.triangulation import projection_matrices
 from carigs.readers.file_names import INDEXES
-from carigs.readers.json_files import json_field, read_json
 
 INDEX = "transforms.json"
 """The index of a video without splits."""
@@ -70,26 +70,27 @@ def read_footage(
     calibration = calibration or find_calibration(folder)
     if calibration is None:
         raise InputError(f"no calibration; looked for {', '.join((INDEX, *CALIBRATIONS))}", file=folder)
-    cameras = read_cameras(calibration, metres_per_unit)
-    return read_calibrated_images(folder, head_model, cameras, background=background)
+    cameras, warnings = read_cameras(calibration, metres_per_unit)
+    found = read_calibrated_images(folder, head_model, cameras, background=background)
+    return replace(found, warnings=(*warnings, *found.warnings))
 
 
 def _read_indexes(folder: Path, indexes: Mapping[str, Path], head_model: Path, background: float) -> Capture:
     """Frames of the index of each split, or of the one index."""
     files = indexes or {"train": folder / INDEX}
-    listed, table = [], CameraTable()
-    for split, file in files.items():
-        content = read_json(file, dict)
-        for i, entry in enumerate(json_field(content, "frames", list, file=file)):
-            named = {**entry, "flame_param_path": "-"} if isinstance(entry, dict) else entry
-            frame = read_frame(named, content, split, file, f"frames[{i}]", table)
-            frame = replace(frame, parameters=parameter_file(frame.timestep))
-            listed.append(ListedFrame(frame, file, f"frames[{i}]"))
+    table, keys = CameraTable(), CalibrationKeys(TRANSFORMS)
+    listed = [
+        entry._replace(frame=replace(entry.frame, parameters=parameter_file(entry.frame.timestep)))
+        for split, file in files.items()
+        for entry in read_index(file, split, table, keys, with_heads=False)
+    ]
     if not listed:
         raise InputError("no frames", file=next(iter(files.values())), field="frames")
-    frames = sorted(sound_frames(folder, listed, table, None), key=lambda frame: (frame.timestep, frame.camera))
+    found = sound_frames(folder, listed, table, None)
+    frames = sorted(found.frames, key=lambda frame: (frame.timestep, frame.camera))
     divided = tuple(frames) if indexes else split_single_sequence(frames)
-    return Capture(folder, head_model, divided, tuple(table.cameras), background)
+    warnings = (*keys.warnings(), *found.warnings)
+    return Capture(folder, head_model, divided, tuple(table.cameras), background, warnings=warnings)
 
 
 def frame_landmarks(

@@ -40,7 +40,7 @@ def read_covering(file: Path, classes: Sequence[int], size: tuple[int, int]) -> 
     """
     if not file.exists():
         return None
-    labels = read_pixels(file, -1)  # as it is stored
+    labels = read_pixels(file)
     if labels.dtype != np.uint8 or labels.ndim != 2:
         raise InputError("expected an 8-bit grey image with the class of each pixel, no colours", file=file)
     if abs(labels.shape[0] * size[1] - labels.shape[1] * size[0]) > max(*size, *labels.shape):

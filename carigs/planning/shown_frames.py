@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 from omegaconf import DictConfig
 
+from carigs.capture.calibration_keys import TRANSFORMS, CalibrationKeys
 from carigs.capture.camera_table import CameraTable
 from carigs.capture.frame import Frame
-from carigs.capture.gaussian_avatars import read_frame
+from carigs.capture.gaussian_avatars import read_index
 from carigs.capture.splits import split_frames
 from carigs.capture.thinning import thin_frames
 from carigs.errors import InputError, SettingsError
 from carigs.readers.file_names import INDEXES
-from carigs.readers.json_files import json_field, read_json
 from carigs.stages.render import spread_test_frames
 from carigs.toy import scene
 
@@ -80,15 +80,15 @@ def _toy_frames(capture: DictConfig) -> list[Frame]:
 
 
 def _folder_frames(folder: Path) -> list[Frame]:
-    frames, table = [], CameraTable(None)
-    for split, name in INDEXES.items():
-        file = folder / name
-        if split != "train" and not file.exists():
-            continue
-        content = read_json(file, dict)
-        for i, entry in enumerate(json_field(content, "frames", list, file=file)):
-            frames.append(read_frame(entry, content, split, file, f"frames[{i}]", table))
-    return sorted(frames, key=lambda frame: (frame.timestep, frame.camera))
+    table, keys = CameraTable(None), CalibrationKeys(TRANSFORMS)
+    files = {split: folder / name for split, name in INDEXES.items()}
+    listed = [
+        entry
+        for split, file in files.items()
+        if split == "train" or file.exists()
+        for entry in read_index(file, split, table, keys)
+    ]
+    return sorted((entry.frame for entry in listed), key=lambda frame: (frame.timestep, frame.camera))
 
 
 def _ranges(numbers: set[int]) -> str:

@@ -128,9 +128,11 @@ def compare_frames(
     findings = _time_findings(capture, explained)
     for c, misfits in across.items():
         kind = "the camera does not agree with the other cameras on the colours of the head"
-        findings += _camera_findings(capture, misfits, f"camera {c}", kind)
+        remedy = "compare its transform_matrix and intrinsics with those of the other cameras"
+        findings += _camera_findings(capture, misfits, f"camera {c}", kind, remedy)
     kind = "the cameras do not agree on the colours of the head"
-    return findings + _camera_findings(capture, together, "transforms_*.json", kind)
+    remedy = "compare the intrinsics of all cameras with the calibration"
+    return findings + _camera_findings(capture, together, "transforms_*.json", kind, remedy)
 
 
 def _in_time(
@@ -171,21 +173,26 @@ def _time_findings(capture: Capture, explained: Mapping[Frame, Explained]) -> li
         if len(wrong) > 1 and len(wrong) > len(members) / 2:
             worst = max(wrong, key=lambda frame: explained[frame].own)
             kind = "most images of the timestep fit another timestep's head parameters better than these"
-            file = capture.root / worst.parameters
-            findings.append(Finding(kind, file, "", f"{worst.name}: {explained[worst].details}", explained[worst].own))
+            file, remedy = capture.root / worst.parameters, "give the timestep the parameters of its images"
+            details, size = f"{worst.name}: {explained[worst].details}", explained[worst].own
+            findings.append(Finding(kind, file, "", details, remedy, size))
         else:
             kind = "the image does not fit its place, but another one"
+            remedy = "give the file the name of the place that it fits"
             for frame in wrong:
                 details = explained[frame].details
-                findings.append(Finding(kind, capture.root / frame.image, "", details, explained[frame].own))
+                findings.append(Finding(kind, capture.root / frame.image, "", details, remedy, explained[frame].own))
         for frame in bad:
             details = f"misfit {explained[frame].own:.1f} levels, usually {usual[frame.camera]:.1f}"
             kind = "the image does not fit the posed mesh as the camera's other images do"
-            findings.append(Finding(kind, capture.root / frame.image, "", details, explained[frame].own))
+            remedy = "track this timestep again, or remove the frame"
+            findings.append(Finding(kind, capture.root / frame.image, "", details, remedy, explained[frame].own))
     return findings
 
 
-def _camera_findings(capture: Capture, misfits: Mapping[str, list[float]], field: str, kind: str) -> list[Finding]:
+def _camera_findings(
+    capture: Capture, misfits: Mapping[str, list[float]], field: str, kind: str, remedy: str
+) -> list[Finding]:
     """Misfits at several timesteps, of the stated cameras (the empty key) and of other explanations."""
     known = np.isfinite(misfits.get("", [])).sum()
     means = {
@@ -194,4 +201,6 @@ def _camera_findings(capture: Capture, misfits: Mapping[str, list[float]], field
         if known and np.isfinite(values).sum() > known / 2
     }
     explained = _best(means.pop("", np.nan), means)
-    return [Finding(kind, capture.root, field, explained.details, explained.own)] if explained.is_wrong else []
+    if not explained.is_wrong:
+        return []
+    return [Finding(kind, capture.root, field, explained.details, remedy, explained.own)]

@@ -17,6 +17,8 @@ class Finding(NamedTuple):
     """Array, key, camera or frame; may be empty."""
     details: str
     """Numbers of this finding."""
+    remedy: str
+    """What to do about it."""
     size: float = 0.0
     """How wrong it is: the largest one is shown."""
 
@@ -28,7 +30,7 @@ def summarize(findings: Iterable[Finding]) -> tuple[str, ...]:
         findings: The findings.
 
     Returns:
-        Lines `file: field: problem` of the worst finding of each kind, with the number of the others.
+        Lines `file: field: problem; remedy` of the worst finding of each kind, with the number of the others.
     """
     kinds: dict[str, list[Finding]] = {}
     for finding in findings:
@@ -38,5 +40,5 @@ def summarize(findings: Iterable[Finding]) -> tuple[str, ...]:
         worst = max(members, key=lambda finding: finding.size)
         where = f"{worst.file}: {worst.field}" if worst.field else f"{worst.file}"
         others = f"; {len(members) - 1} more like this" if len(members) > 1 else ""
-        lines.append(f"{where}: {kind} ({worst.details}{others})")
+        lines.append(f"{where}: {kind} ({worst.details}{others}); remedy: {worst.remedy}")
     return tuple(lines)

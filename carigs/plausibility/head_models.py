@@ -17,6 +17,9 @@ TOLERANCE = 0.01
 SIZES = (0.05, 5.0)
 """Diagonal of a head in metres. Larger and smaller ones are in another unit: millimetres, centimetres, decimetres."""
 
+EXPORT = "export the head model again: every row of weights and of J_regressor sums to 1"
+REORDER = "write joints and columns of weights in the order of the joints' names"
+
 MISPLACED = 0.1
 """Distance of an eye's joint from the middle of the eyeball, as a share of the head's diagonal. It is 0 in FLAME."""
 
@@ -44,7 +47,8 @@ def check_head_model(model: HeadModel, file: Path, errors: list[InputError] | No
     findings = list(_joint_findings(model, file))
     if volume < 0:
         kind = "the faces point inwards, so that their order of corners is reversed"
-        findings.append(Finding(kind, file, "f", f"its signed volume is {volume:.3g} m^3"))
+        remedy = "reverse the order of each face's corners"
+        findings.append(Finding(kind, file, "f", f"its signed volume is {volume:.3g} m^3", remedy))
     return findings
 
 
@@ -58,12 +62,12 @@ def _joint_findings(model: HeadModel, file: Path) -> Iterator[Finding]:
             distance = np.linalg.norm(model.v_template[moved].mean(axis=0) - model.joint_template[joints[eye]])
             if distance > limit:
                 kind = "an eye's joint lies far from what it moves: are joints or skinning weights exchanged?"
-                yield Finding(kind, file, "weights", f"{eye}: {distance:.3g} m")
+                yield Finding(kind, file, "weights", f"{eye}: {distance:.3g} m", REORDER)
     if {"neck", "jaw"} <= set(joints):
         above = float(model.joint_template[joints["neck"], 1] - model.joint_template[joints["jaw"], 1])
         if above > 0.1 * limit:
             kind = "the joint of the neck lies above that of the jaw: are joints exchanged?"
-            yield Finding(kind, file, "J_regressor", f"by {above:.3g} m")
+            yield Finding(kind, file, "J_regressor", f"by {above:.3g} m", REORDER)
 
 
 def _errors(model: HeadModel, file: Path) -> Iterator[InputError]:
@@ -72,22 +76,25 @@ def _errors(model: HeadModel, file: Path) -> Iterator[InputError]:
     if model.weights.min() < -TOLERANCE:
         vertex = int(model.weights.min(axis=1).argmin())
         problem = f"the skinning weight {model.weights[vertex].min():.3g} of vertex {vertex} is negative"
-        yield InputError(problem, file=file, field="weights")
+        yield InputError(problem, file=file, field="weights", remedy=EXPORT)
     elif abs(sums[worst] - 1) > TOLERANCE:
         problem = f"the skinning weights of vertex {worst} sum to {sums[worst]:.4g}; they must sum to 1"
-        yield InputError(problem, file=file, field="weights")
+        yield InputError(problem, file=file, field="weights", remedy=EXPORT)
     rows = model.joint_regressor.sum(axis=1, dtype=np.float64)
     joint = int(np.abs(rows - 1).argmax())
     if abs(rows[joint] - 1) > TOLERANCE:
         problem = f"row {joint} sums to {rows[joint]:.4g}; it must sum to 1, for a joint is a mean of vertices"
-        yield InputError(problem, file=file, field="J_regressor")
+        yield InputError(problem, file=file, field="J_regressor", remedy=EXPORT)
         return
     size = diagonal(model.v_template)
     if not SIZES[0] < size < SIZES[1]:
-        yield InputError(f"the head is {size:.3g} m large; lengths are in metres", file=file, field="v_template")
+        problem = f"the head is {size:.3g} m large; lengths are in metres"
+        remedy = "divide by 1000 if the lengths are in millimetres"
+        yield InputError(problem, file=file, field="v_template", remedy=remedy)
     distances = np.linalg.norm(model.joint_template - model.v_template.mean(axis=0), axis=1)
     if distances.max() > size:
         joint = int(distances.argmax())
         problem = f"joint {joint} lies {distances[joint]:.3g} m from the centre of a head of {size:.3g} m"
         field = "J_regressor" if model.rest_joints is None else "joint_template"
-        yield InputError(problem, file=file, field=field)
+        remedy = "write joints as means of the vertices around them, in metres"
+        yield InputError(problem, file=file, field=field, remedy=remedy)

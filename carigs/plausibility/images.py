@@ -16,13 +16,15 @@ from jaxtyping import Bool, Float32, UInt8
 from rich.progress import track
 
 from carigs.capture import Camera, Capture, Frame
+from carigs.capture.image_checks import OPAQUE, RESTORE, other_size
 from carigs.capture.images import BACKGROUND_TOLERANCE, differs_from_background
 from carigs.capture.thinning import spread_timesteps
 from carigs.errors import InputError, collecting
 from carigs.plausibility.findings import Finding
+from carigs.readers.images import ImageHeader
 
-OPAQUE, CLEAR = 128, 2
-"""Values of a matte from which a pixel is foreground, and up to which it is background."""
+CLEAR = 2
+"""Value of a matte up to which a pixel is background."""
 BLUR = 5
 """Width of a box filter in pixels; noise and compression then stay below `BACKGROUND_TOLERANCE`."""
 OUTSIDE = 0.05
@@ -30,6 +32,8 @@ OUTSIDE = 0.05
 1.2 % of the diameter of a disc."""
 INSIDE = 0.5
 """Share of the foreground that shows the background's colour. White clothes before white are less."""
+EXPORT = "export the image again, or remove the frame"
+OPACITIES = "write opacities from 0 (background) to 255 (foreground)"
 THUMBNAIL = 8
 MAX_DECODED = 3000
 """Frames that are decoded, all of a smaller capture: a minute for images of 802x550."""
@@ -68,7 +72,7 @@ def summarize_images(capture: Capture, errors: list[InputError] | None = None) -
     """
 
     def summarize(frame: Frame) -> ImageSummary | None:
-        with collecting(errors):
+        with collecting(errors, RESTORE):
             image, matte = read_frame(capture, frame)
             return _summary(image, matte, capture.background)
         return None
@@ -115,38 +119,42 @@ def check_images(capture: Capture, summaries: dict[Frame, ImageSummary]) -> list
     for frame, seen in summaries.items():
         image, matte = capture.root / frame.image, capture.root / (frame.mask or frame.image)
         if seen.plain:
-            findings.append(Finding("the image has one colour", image, "", frame.name))
+            findings.append(Finding("the image has one colour", image, "", frame.name, EXPORT))
         elif frame.mask is None:
             without.append(frame)
         elif seen.foreground < 1e-3:
-            findings.append(Finding("the matte is empty", matte, "", f"{seen.foreground:.1%} of the pixels"))
+            details = f"{seen.foreground:.1%} of the pixels"
+            findings.append(Finding("the matte is empty", matte, "", details, OPACITIES))
         elif seen.inside > (0.1 if seen.foreground > 0.99 else INSIDE):
             details = f"{seen.inside:.0%} of its foreground show the background; {stated}"
             kind = "the matte is foreground where the image shows the background"
-            findings.append(Finding(kind, matte, "", details, seen.inside))
+            findings.append(Finding(kind, matte, "", details, OPACITIES, seen.inside))
         if seen.outside > OUTSIDE and abs(seen.colour_outside - capture.background) > BACKGROUND_TOLERANCE:
             details = f"grey value {seen.colour_outside:.2f}, {stated}"
             kind = "outside the matte, the image does not show the stated background"
-            findings.append(Finding(kind, image, "capture.background", details, seen.outside))
+            remedy = "state the background of the images (--background, capture.background)"
+            findings.append(Finding(kind, image, "capture.background", details, remedy, seen.outside))
         elif seen.outside > OUTSIDE and seen.foreground >= 1e-3:
             details = f"as many pixels as {seen.outside:.0%} of its foreground"
             kind = "the image shows more than the background outside the matte"
-            findings.append(Finding(kind, image, "fg_mask_path", details, seen.outside))
+            remedy = "composite the images on the background with their mattes"
+            findings.append(Finding(kind, image, "fg_mask_path", details, remedy, seen.outside))
         other = known.setdefault(seen.digest, frame)
         if other is not frame and not seen.plain and other.camera != frame.camera:
             details = f"cameras {other.camera} and {frame.camera}"
-            findings.append(Finding(f"holds the same pixels as {other.image}", image, "", details))
+            findings.append(Finding(f"holds the same pixels as {other.image}", image, "", details, EXPORT))
     if without:
         details = f"{len(without)} of {len(summaries)} frames, for example {without[0].name}"
         kind = "frames have no matte: what differs from the background counts as foreground"
-        findings.append(Finding(kind, capture.root, "fg_mask_path", details))
+        remedy = "export mattes and name them by fg_mask_path"
+        findings.append(Finding(kind, capture.root, "fg_mask_path", details, remedy))
     return findings
 
 
 def _check_size(pixels: np.ndarray, camera: Camera, file: Path) -> None:
     height, width = pixels.shape[:2]
     if (width, height) != (camera.width, camera.height):
-        raise InputError(f"{width} x {height} pixels, its camera has {camera.width} x {camera.height}", file=file)
+        raise other_size(ImageHeader(width, height), camera, file)
 
 
 def _summary(

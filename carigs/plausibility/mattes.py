@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Bool, Int64, UInt8
 
 from carigs.capture import Capture, Frame
+from carigs.capture.image_checks import OPAQUE
 from carigs.capture.images import differs_from_background
 from carigs.plausibility.findings import Finding
-from carigs.plausibility.images import OPAQUE
 from carigs.plausibility.views import View
 
 TOLERANCE = 0.02
@@ -37,6 +37,7 @@ BOTH_SIDES = 0.25
 from one to the other. Blurred images have only the first, and grown mattes the second."""
 UNUSUAL = 1.5
 """A difference on one side alone, as of an opened mouth, counts if it is this times the camera's median."""
+EXCHANGE = "give the frames the mattes of their images"
 MAX_PIXELS = 1 << 18
 """Larger masks are compared at every second pixel, every third ..."""
 
@@ -90,7 +91,7 @@ def exchanged_mattes(capture: Capture, known: Mapping[Frame, Outlines]) -> list[
             if different[best] < BETTER * own and gain > least and moved:
                 kind = "the matte of another timestep fits the image better than its own"
                 details = f"{frames[best].mask} differs at {different[best]} pixels, its own at {own}"
-                findings.append(Finding(kind, capture.root / frame.mask, "fg_mask_path", details, float(own)))
+                findings.append(Finding(kind, capture.root / frame.mask, "fg_mask_path", details, EXCHANGE, float(own)))
     return findings
 
 
@@ -128,4 +129,5 @@ def matte_findings(
         return []
     kind = "the projected mesh lies outside the matte; see the matte, the camera and the head parameters"
     details = f"{share:.0%} of the head of frame {view.frame.name}"
-    return [Finding(kind, capture.root / view.frame.mask, "fg_mask_path", details, share)]
+    remedy = "compare the tracking and the intrinsics of these frames with the others'"
+    return [Finding(kind, capture.root / view.frame.mask, "fg_mask_path", details, remedy, share)]

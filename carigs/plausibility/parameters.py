@@ -24,6 +24,8 @@ FARTHEST = 1e4
 """Metres from the origin of the world."""
 FLAME_JOINT_FIELDS = ("neck_pose", "jaw_pose", "eyes_pose, left eye", "eyes_pose, right eye")
 """Where files hold the rotations of FLAME's joints."""
+OTHER_COEFFICIENTS = "compare the coefficients with the head model's: another model, or another unit"
+ONE_HEAD = "write the values of one neutral head into the files of all timesteps"
 VERTICES = 1000
 """Number of vertices at which blendshapes are summed."""
 
@@ -70,14 +72,18 @@ class _Ranges:
             with collecting(errors):
                 if angle > 2 * np.pi:
                     problem = f"a rotation of {angle:.4g} rad is more than a whole turn; rotations are in radians"
-                    raise InputError(problem, file=file, field=field)
+                    remedy = "multiply by pi / 180 if the rotations are in degrees"
+                    raise InputError(problem, file=file, field=field, remedy=remedy)
             if 2 * np.pi >= angle > JOINT_LIMIT and field != "rotation":
-                yield Finding("turns farther than a joint of a head can", file, field, f"{angle:.3g} rad", angle)
+                remedy = "compare with the neighbouring timesteps; track this one again"
+                kind = "turns farther than a joint of a head can"
+                yield Finding(kind, file, field, f"{angle:.3g} rad", remedy, angle)
         distance = np.abs(parameters.translation).max()
         with collecting(errors):
             if distance > FARTHEST:
                 problem = f"the head is {distance:.3g} m from the origin; metres are expected"
-                raise InputError(problem, file=file, field="translation")
+                remedy = "divide by 1000 if the lengths are in millimetres"
+                raise InputError(problem, file=file, field="translation", remedy=remedy)
         offsets = {"static_offset": parameters.static_offset, "dynamic_offset": parameters.dynamic_offset}
         motions = {
             "expr": self._motion(self.expression, parameters.expression),
@@ -87,9 +93,10 @@ class _Ranges:
             details = f"by up to {motion:.3g} m, the head is {self.size:.3g} m large"
             with collecting(errors):
                 if not motion < self.size:
-                    raise InputError(f"moves vertices {details}", file=file, field=field)
+                    raise InputError(f"moves vertices {details}", file=file, field=field, remedy=OTHER_COEFFICIENTS)
             if self.size > motion > LIKELY_MOTION * self.size:
-                yield Finding("moves vertices farther than is likely", file, field, details, motion)
+                kind = "moves vertices farther than is likely"
+                yield Finding(kind, file, field, details, OTHER_COEFFICIENTS, motion)
 
     def _motion(self, blendshapes: Float[np.ndarray, "n b"], coefficients: Float[np.ndarray, " b"]) -> float:
         """Largest displacement in metres."""
@@ -105,9 +112,10 @@ def _check_same_head(
     """The tolerance is that of the stage train, which fits one set of surfels to one neutral head."""
     with collecting(errors):
         if not np.allclose(parameters.shape, neutral.shape, atol=1e-6):
-            raise InputError(f"differs from {other}'s; one subject has one shape", file=file, field="shape")
+            problem = f"differs from {other}'s; one subject has one shape"
+            raise InputError(problem, file=file, field="shape", remedy=ONE_HEAD)
     a, b = (np.zeros(1) if p.static_offset is None else p.static_offset for p in (parameters, neutral))
     with collecting(errors):
         if not np.allclose(a, b, atol=1e-6):
             problem = f"differs from {other}'s; one subject has one neutral head"
-            raise InputError(problem, file=file, field="static_offset")
+            raise InputError(problem, file=file, field="static_offset", remedy=ONE_HEAD)

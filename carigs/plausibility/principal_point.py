@@ -107,7 +107,7 @@ def _find(capture: Capture) -> tuple[str, str, list[str]]:
     advice = f"whether cy counts from the top ({shares}); set capture.cy to opencv or flipped"
     share = max(o / camera.height for o, camera in zip(offsets, capture.calibrations, strict=True))
     if share > SMALL:
-        raise InputError(f"{problem} {advice}", file=capture.root, field="cy")
+        raise InputError(f"{problem} {advice}", file=capture.root, field="cy", remedy="carigs check --sheet shows it")
     return "opencv", shares, [f"{capture.root}: cy: {problem} {advice}"]
 
 

@@ -25,7 +25,13 @@ SMALLEST = 16
 """Size of the head in an image, in pixels, below which nothing can be reconstructed."""
 
 OUT_OF_SIGHT = "the head is behind every camera, or outside every image"
+COMPARE_ORIGINS = "compare the unit and the origin of the translations with those of the cameras"
+COMPARE_CAMERAS = "compare the camera's unit, axes and focal length with the others'"
 AXES_HINT = "cameras are OpenGL camera-to-world transforms in metres (x right, y up, z backward)"
+
+
+class HeadOutOfSight(InputError):
+    """No camera sees the head of a timestep: another mistake may be the cause."""
 
 
 class View(NamedTuple):
@@ -69,7 +75,8 @@ def pose_views(
             blind = {c: count + (seen.get(c) == 0) for c, count in blind.items()}
             if not any(seen.values()):
                 file = capture.root / capture.parameter_files[timestep]
-                raise InputError(f"{OUT_OF_SIGHT}; {AXES_HINT}", file=file, field="translation")
+                problem = f"{OUT_OF_SIGHT}; {AXES_HINT}"
+                raise HeadOutOfSight(problem, file=file, field="translation", remedy=COMPARE_ORIGINS)
         if not any(seen.values()):
             continue
         normals = vertex_normals(vertices, model.faces)
@@ -78,7 +85,8 @@ def pose_views(
                 continue
             if 0 < seen[c] < SMALLEST:
                 details = f"{seen[c]:.2g} pixels"
-                findings.append(Finding("the head is tiny in the image", capture.root, f"camera {c}", details))
+                kind = "the head is tiny in the image"
+                findings.append(Finding(kind, capture.root, f"camera {c}", details, COMPARE_CAMERAS))
             visibility = compute_visibility(vertices, model.faces, capture.camera(frame))
             visible = visible_vertices(visibility, vertices, normals)
             pixels = np.full((len(vertices), 2), np.nan, np.float32)
@@ -87,7 +95,8 @@ def pose_views(
     for c, count in sorted(blind.items()):
         if 0 < sum(c in cameras for cameras in frames.values()) == count:
             details = "see its transform_matrix, fl_x and cx"
-            findings.append(Finding("the camera never sees the head", capture.root, f"camera {c}", details))
+            kind = "the camera never sees the head"
+            findings.append(Finding(kind, capture.root, f"camera {c}", details, COMPARE_CAMERAS))
 
 
 def _posed(capture: Capture, timestep: int) -> Float[np.ndarray, "v 3"]:
@@ -99,7 +108,7 @@ def _posed(capture: Capture, timestep: int) -> Float[np.ndarray, "v 3"]:
     extent, size = diagonal(vertices), diagonal(capture.model.v_template)
     if not size / STRETCH < extent < STRETCH * size:
         problem = f"the posed head is {extent:.3g} m large, the template {size:.3g} m"
-        raise InputError(f"{problem}; see expr, neck_pose and the head model's weights", file=file)
+        raise InputError(problem, file=file, remedy="see expr, neck_pose and the head model's weights")
     return vertices
 
 

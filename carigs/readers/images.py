@@ -2,6 +2,9 @@
 
 OpenCV allocates what a header claims, and returns pictures of truncated files, partly grey or black, with a warning at
 most. Here the size is limited first, and files whose end is missing or whose checksums are wrong are refused.
+
+Pixels are those that are stored: an orientation in the metadata turns neither colours nor sizes, for cameras are
+calibrated to stored pixels. `ImageHeader.orientation` says that there is one.
 """
 
 from __future__ import annotations
@@ -10,7 +13,7 @@ import os
 import re
 import zlib
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
@@ -35,6 +38,10 @@ MAX_SCANS = 100
 _START_OF_SCAN = b"\xff\xda"
 _SEGMENT = re.compile(rb"\xff+([^\xff])(..)(?:.(..)(..))?", re.DOTALL)
 """Of a JPEG: marker, length, and the height and width of a frame header."""
+_EXIF = b"Exif\0\0"
+"""Start of the segment of a JPEG that holds TIFF's tags."""
+_ORIENTATION = 0x0112
+"""TIFF's tag: 1 for pixels that are stored upright."""
 _FRAME_HEADERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers of JPEG's frame headers, which hold the size: start of frame 0 to 15 without DHT, JPG and DAC."""
 
@@ -43,27 +50,28 @@ class ImageHeader(NamedTuple):
     """What the header of an image says."""
 
     width: int
-    """In pixels, as stored: an orientation in JPEG's metadata is not applied."""
+    """In pixels, as stored."""
     height: int
-    alpha: bool
-    """Whether the pixels have an opacity."""
+    alpha: bool = False
+    """Whether the pixels have an opacity: an alpha channel, or a transparent colour."""
+    orientation: int = 1
+    """Of the metadata (EXIF), from 1 to 8; from 5 on, width and height would be exchanged. It is not applied."""
 
 
-def read_pixels(file: str | Path, mode: int = cv2.IMREAD_UNCHANGED) -> Shaped[np.ndarray, "h w *channels"]:
-    """Decode an image.
+def read_pixels(file: str | Path) -> Shaped[np.ndarray, "h w *channels"]:
+    """Decode an image as it is stored.
 
     Args:
         file: PNG or JPEG file.
-        mode: OpenCV's flags for the number of channels and bits.
 
     Returns:
-        The pixels in OpenCV's order of channels (blue first).
+        The pixels in OpenCV's order of channels (blue first): grey, three, or four with the opacity, of 8 or 16 bits.
 
     Raises:
         InputError: If the file is missing, is neither PNG nor JPEG, exceeds a limit, or is damaged.
     """
     content = read_bytes(file, MAX_IMAGE_BYTES, "image")
-    width, height = _size(content, file)
+    width, height, *_ = _header(content, file)
     if width * height > MAX_IMAGE_PIXELS:
         raise InputError(f"{width} x {height} pixels; at most {MAX_IMAGE_PIXELS} are decoded", file=file)
     unpacked = width * height * _bytes_per_pixel(content)
@@ -73,7 +81,7 @@ def read_pixels(file: str | Path, mode: int = cv2.IMREAD_UNCHANGED) -> Shaped[np
     if content.startswith(JPEG_SIGNATURE) and (scans := content.count(_START_OF_SCAN)) > MAX_SCANS:
         raise InputError(f"{scans} scans; at most {MAX_SCANS} are decoded", file=file)
     try:
-        pixels = cv2.imdecode(np.frombuffer(content, np.uint8), mode)
+        pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)  # without orientation
     except cv2.error as error:
         raise InputError(f"not a readable image ({error.err})", file=file) from error
     if pixels is None:
@@ -98,10 +106,10 @@ def read_header(file: str | Path) -> ImageHeader:
         with Path(file).open("rb", buffering=0) as stream:
             content = stream.read(HEADER_BYTES)
             try:
-                width, height = _size(content, file)
+                header = _header(content, file)
             except InputError:  # long metadata stand before the size
                 content += stream.read(min(size, MAX_METADATA_BYTES))
-                width, height = _size(content, file)
+                header = _header(content, file)
             stream.seek(-min(size, END_BYTES), os.SEEK_END)
             end = stream.read(END_BYTES)
     except OSError as error:
@@ -109,29 +117,70 @@ def read_header(file: str | Path) -> ImageHeader:
     is_png = content.startswith(PNG_SIGNATURE)
     if (PNG_END if is_png else JPEG_END) not in end:
         _check_end(read_bytes(file, MAX_IMAGE_BYTES, "image"), file)
-    return ImageHeader(width, height, alpha=is_png and content[25:26] in (b"\x04", b"\x06"))  # PNG's colour types
+    return header
 
 
-def _size(content: bytes, file: str | Path) -> tuple[int, int]:
-    """Width and height from the header."""
+def _header(content: bytes, file: str | Path) -> ImageHeader:
+    """What stands before the pixels."""
     if content.startswith(PNG_SIGNATURE):
-        if len(content) < 26 or content[12:16] != b"IHDR":
-            raise InputError("not a readable image (the PNG header is cut off)", file=file)
-        return int.from_bytes(content[16:20], "big"), int.from_bytes(content[20:24], "big")
+        return _png_header(content, file)
     if content.startswith(JPEG_SIGNATURE):
-        position = 2
+        position, orientation = 2, 1
         for _ in range(MAX_SEGMENTS):
             segment = _SEGMENT.match(content, position, MAX_METADATA_BYTES)
             if segment is None:
                 break
             marker, length, height, width = (int.from_bytes(number or b"", "big") for number in segment.groups())
             if marker in _FRAME_HEADERS:
-                return width, height
+                return ImageHeader(width, height, orientation=orientation)
+            tags = segment.start(2) + 2
+            if marker == 0xE1 and content.startswith(_EXIF, tags):
+                orientation = _orientation(content[tags + len(_EXIF) : segment.start(2) + length])
             if length < 2:  # it counts its own two bytes
                 break
             position = segment.start(2) + length
         raise InputError("not a readable image (the JPEG header is cut off)", file=file)
     raise InputError("not a PNG or JPEG image", file=file)
+
+
+def _png_header(content: bytes, file: str | Path) -> ImageHeader:
+    """Size and colour type stand first; a transparent colour and TIFF's tags may follow before the pixels (IDAT)."""
+    if len(content) < 26 or content[12:16] != b"IHDR":
+        raise InputError("not a readable image (the PNG header is cut off)", file=file)
+    width, height, colour_type = *(int.from_bytes(content[i : i + 4], "big") for i in (16, 20)), content[25]
+    alpha, orientation, position = colour_type in (4, 6), 1, len(PNG_SIGNATURE)
+    for _ in range(MAX_SEGMENTS):
+        length, name = int.from_bytes(content[position : position + 4], "big"), content[position + 4 : position + 8]
+        if name in (b"IDAT", b"IEND"):
+            return ImageHeader(width, height, alpha, orientation)
+        if name == b"tRNS":
+            if colour_type == 0:
+                raise InputError("its transparent grey level is not read; export it with an alpha channel", file=file)
+            alpha = True
+        elif name == b"eXIf":
+            orientation = _orientation(content[position + 8 : position + 8 + length])
+        position += 12 + length
+        if position + 8 > len(content):
+            break
+    raise InputError("not a readable image (the PNG header is cut off)", file=file)
+
+
+def _orientation(tags: bytes) -> int:
+    """The orientation in TIFF's tags; 1 if they do not say, or are broken: no pixel depends on them."""
+    order: Literal["little", "big"] = "little" if tags.startswith(b"II") else "big"
+
+    def number(position: int, size: int) -> int:
+        return int.from_bytes(tags[position : position + size], order)
+
+    first = number(4, 4)
+    for i in range(number(first, 2)):
+        entry = first + 2 + 12 * i
+        if entry + 12 > len(tags):
+            break
+        if number(entry, 2) == _ORIENTATION:
+            found = number(entry + 8, 2)
+            return found if 1 <= found <= 8 else 1
+    return 1
 
 
 def _bytes_per_pixel(content: bytes) -> int:

@@ -76,7 +76,8 @@ def test_many_faults_of_a_kind_are_listed_in_a_few_lines(ball, capsys):
 
 def test_a_missing_folder_is_one_line(tmp_path, capsys):
     assert check(tmp_path / "nowhere") == 1
-    assert capsys.readouterr().err == f"carigs: {tmp_path / 'nowhere'}: no such dataset folder\n"
+    line = f"carigs: {tmp_path / 'nowhere'}: no such dataset folder; remedy: name the folder of transforms_train.json\n"
+    assert capsys.readouterr().err == line
 
 
 def test_the_sheet_shows_frames_and_mesh(ball, tmp_path):

@@ -146,7 +146,11 @@ UNLIKELY = {
         "fg_masks.*shows the background",
     ),
     "empty mattes": (partial(edit_images, change=lambda a: 0 * a, kind="fg_masks"), "matte is empty"),
-    "full mattes": (partial(edit_images, change=lambda a: 0 * a + 1, kind="fg_masks"), "shows the background"),
+    "full mattes": (partial(edit_images, change=lambda a: 0 * a + 1, kind="fg_masks"), "is foreground everywhere"),
+    "full mattes of a camera": (
+        partial(edit_images, change=lambda a: 0 * a + 1, kind="fg_masks", pattern="*_00"),
+        "shows the background",
+    ),
     "mattes of 0 and 1": (partial(edit_images, change=lambda a: a / 255, kind="fg_masks"), "matte is empty"),
     "shifted mattes": (
         partial(edit_images, change=lambda a: np.roll(a, 6, axis=1), kind="fg_masks"),

@@ -81,9 +81,11 @@ def test_a_centred_principal_point_does_not_matter(dataset):
 
 
 def test_what_outlines_cannot_tell_is_refused_with_the_setting(dataset):
-    """Full mattes have no outline."""
+    """Mattes that are full but for a pixel have no outline."""
     crop(dataset, top=True, flipped=False)
     for file in (dataset / "fg_masks").iterdir():
-        write_png(file, 0 * read_grey(file) + 1)
+        matte = 0 * read_grey(file) + 1
+        matte[0, 0] = 0
+        write_png(file, matte)
     with pytest.raises(InputError, match=r"ball: cy: the principal point .* set capture\.cy to opencv or flipped"):
         resolve_cy(read(dataset))

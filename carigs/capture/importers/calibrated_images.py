@@ -8,8 +8,8 @@ from pathlib import Path
 
 from carigs.capture.camera import Camera
 from carigs.capture.dataset import Capture
-from carigs.capture.dataset_checks import sound_images
 from carigs.capture.frame import Frame
+from carigs.capture.image_checks import sound_images
 from carigs.capture.importers.images import SUFFIXES, FoundImage, camera_of, find_images
 from carigs.capture.splits import split_single_sequence
 from carigs.errors import InputError
@@ -85,8 +85,10 @@ def read_calibrated_images(
             )
         )
     sound = sound_images(root, frames, calibrations)
-    divided = split_single_sequence(sound)
-    return Capture(root, Path(head_model), divided, tuple(calibrations), background, cy=FROM_THE_TOP)
+    divided = split_single_sequence(sound.frames)
+    return Capture(
+        root, Path(head_model), divided, tuple(calibrations), background, cy=FROM_THE_TOP, warnings=sound.warnings
+    )
 
 
 def _matte(image: FoundImage, images: Path, mattes: Path | None) -> Path | None:

@@ -1,16 +1,19 @@
 """Cameras of a calibration: a COLMAP model, or a file cameras.json.
 
 cameras.json holds {"cameras": [{"name", "width", "height", "fx", "fy", "cx", "cy", "camera_from_world"}, ...]}: pixels,
-and a 4 x 4 rigid transform to OpenCV axes (x right, y down, z forward).
+and a 4 x 4 rigid transform to OpenCV axes (x right, y down, z forward). Cameras are pinholes: what says otherwise is
+refused (`carigs.capture.calibration_keys`).
 """
 
 from __future__ import annotations
 
 import math
 from pathlib import Path, PurePosixPath
+from typing import NamedTuple
 
 import numpy as np
 
+from carigs.capture.calibration_keys import CAMERAS_JSON, CalibrationKeys
 from carigs.capture.camera import Camera
 from carigs.capture.camera_checks import check_intrinsics, check_rigid
 from carigs.errors import InputError, SettingsError
@@ -19,7 +22,16 @@ from carigs.readers.colmap import ColmapImage, read_colmap
 from carigs.readers.json_files import json_field, read_json
 
 
-def read_cameras(path: Path, metres_per_unit: float = 1.0) -> dict[str, Camera]:
+class Calibration(NamedTuple):
+    """What `read_cameras` finds."""
+
+    cameras: dict[str, Camera]
+    """By name: for COLMAP, the name of the image without suffix."""
+    warnings: tuple[str, ...]
+    """What was left unread although it may move pixels, one line each."""
+
+
+def read_cameras(path: Path, metres_per_unit: float = 1.0) -> Calibration:
     """Read a calibration.
 
     Args:
@@ -27,24 +39,23 @@ def read_cameras(path: Path, metres_per_unit: float = 1.0) -> dict[str, Camera]:
         metres_per_unit: Size of the unit of translations.
 
     Returns:
-        Cameras by name: for COLMAP, the name of the image without suffix.
+        Cameras by name, and warnings.
 
     Raises:
-        InputError: If a file is missing or broken, or a camera cannot exist.
+        InputError: If a file is missing or broken, a camera cannot exist, or has lens distortion.
         SettingsError: If the unit is not a positive number.
     """
     if not 0 < metres_per_unit < math.inf:
         raise SettingsError(f"{metres_per_unit:g} metres per unit are impossible")
-    read = _read_colmap if path.is_dir() else _read_json
-    cameras = read(path)
-    scaled = {}
+    keys, scaled = CalibrationKeys(CAMERAS_JSON), {}
+    cameras = _read_colmap(path) if path.is_dir() else _read_json(path, keys)
     for name, camera in cameras.items():
         pose = camera.camera_from_world.copy()
         pose[:3, 3] *= metres_per_unit
         check_rigid(pose, path, f"camera {name}")
         check_intrinsics(camera, path, f"camera {name}")
         scaled[name] = Camera(pose, *camera.intrinsics, camera.width, camera.height)
-    return scaled
+    return Calibration(scaled, keys.warnings())
 
 
 def _read_colmap(folder: Path) -> dict[str, Camera]:
@@ -75,10 +86,14 @@ def _pose(image: ColmapImage, folder: Path) -> np.ndarray:
     return pose
 
 
-def _read_json(file: Path) -> dict[str, Camera]:
+def _read_json(file: Path, keys: CalibrationKeys) -> dict[str, Camera]:
     cameras: dict[str, Camera] = {}
-    for i, entry in enumerate(json_field(read_json(file, dict), "cameras", list, file=file)):
+    content = read_json(file, dict)
+    keys.check(content, file)
+    for i, entry in enumerate(json_field(content, "cameras", list, file=file)):
         where = f"cameras[{i}]"
+        if isinstance(entry, dict):
+            keys.check(entry, file, where)
         name = json_field(entry, "name", str, file=file, where=where)
         if name in cameras:
             raise InputError(f"two cameras are called {name[:60]}", file=file, field=f"{where}.name")

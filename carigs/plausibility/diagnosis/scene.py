@@ -15,11 +15,12 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from carigs.capture import Camera, Capture, Frame
+from carigs.capture.image_checks import OPAQUE
 from carigs.capture.images import differs_from_background
 from carigs.errors import CarigsError, InputError
 from carigs.head import HeadModel, pose
 from carigs.mesh.triangle_mesh import vertex_normals
-from carigs.plausibility.images import OPAQUE, read_frame
+from carigs.plausibility.images import read_frame
 from carigs.plausibility.selection import spread
 
 TIMESTEPS, CAMERAS = 4, 16

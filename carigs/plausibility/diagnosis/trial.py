@@ -87,7 +87,7 @@ class Diagnosis(NamedTuple):
         Returns:
             The error: nothing can be made of the capture as stated.
         """
-        return InputError(f"{self.problem} ({self.evidence}); remedy: {self.remedy}", file=root, field=self.field)
+        return InputError(f"{self.problem} ({self.evidence})", file=root, field=self.field, remedy=self.remedy)
 
     def finding(self, root: Path) -> Finding:
         """The mistakes as a finding.
@@ -98,7 +98,7 @@ class Diagnosis(NamedTuple):
         Returns:
             The finding.
         """
-        return Finding(self.problem, root, self.field, f"{self.evidence}; remedy: {self.remedy}")
+        return Finding(self.problem, root, self.field, self.evidence, self.remedy)
 
     @property
     def evidence(self) -> str:
