@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from carigs.readers.file_names import BESIDE_FLAME, INDEXES, TRUE_FRAMES
+from carigs.readers.folders import is_system_file
 from carigs.readers.limits import MAX_TEXT_BYTES
 from carigs.settings import STAGES
 from carigs.settings.option import option_of
@@ -96,7 +97,7 @@ def _entries(folder: Path) -> Iterator[str]:
     try:
         with os.scandir(folder) as entries:
             for entry in entries:
-                if entry.is_file() and not entry.name.startswith("."):
+                if entry.is_file() and not is_system_file(entry.name):
                     yield _line(entry.path, entry.stat())
     except (OSError, ValueError):
         return

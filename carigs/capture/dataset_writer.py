@@ -19,6 +19,7 @@ from carigs.errors import InputError
 from carigs.files import writing_folder
 from carigs.head import HeadModel, HeadParameters
 from carigs.readers.file_names import INDEXES, SPLITS
+from carigs.readers.folders import is_system_file
 
 OPEN_JAW = (0.3, 0.0, 0.0)
 """Rotation of the jaw in `canonical_flame_param.npz`, as VHAP writes it."""
@@ -86,7 +87,7 @@ def check_target(folder: Path) -> None:
     Raises:
         InputError: If the folder holds something.
     """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+    if folder.exists() and (not folder.is_dir() or not all(is_system_file(file.name) for file in folder.iterdir())):
         raise InputError("is not empty; nothing is overwritten", file=folder)
 
 

@@ -22,6 +22,7 @@ from carigs.capture.importers.mesh_sequence import read_mesh_sequence
 from carigs.cli.parser import add_capture_options
 from carigs.errors import CarigsWarning, InputError
 from carigs.head import HeadModel, HeadParameters
+from carigs.readers.folders import listed
 
 DESCRIPTION = """Write a capture in the layout of GaussianAvatars.
 
@@ -109,7 +110,7 @@ def _tracked_cameras(source: Path) -> dict[str, Camera]:
 
 def _read_heads(options: argparse.Namespace) -> tuple[HeadModel, dict[int, HeadParameters]]:
     source = options.source
-    tracks = [*sorted(source.glob("tracked_flame_params_*.npz"))[-1:], source / "flame_param"]
+    tracks = [*listed(source, "tracked_flame_params_*.npz")[-1:], source / "flame_param"]
     track = next((path for path in tracks if path.exists()), None)
     if track is not None:
         if options.head_model is None:

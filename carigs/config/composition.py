@@ -21,6 +21,7 @@ from carigs.config.overrides import check_study_overrides, hydra_override
 from carigs.config.relative import relative_to
 from carigs.config.text_values import check_texts
 from carigs.errors import SettingsError
+from carigs.readers.folders import is_system_file
 from carigs.readers.yaml_files import check_yaml
 from carigs.settings import Config, combine_mask_flags
 from carigs.settings.option import check_section
@@ -49,6 +50,8 @@ def compose(*overrides: str) -> DictConfig:
     typed = [hydra_override(override) for override in overrides]
     conf, *own = conf_folders()
     for file in (file for folder in (conf, *own) for file in folder.rglob("*.yaml")):
+        if is_system_file(file.name):
+            continue
         check_yaml(file)  # before Hydra opens it
         check_package(file)
     for file in (file for folder in own for file in folder.rglob("*.yaml")):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from carigs.errors import InputError, SettingsError
+from carigs.readers.folders import listed
 
 
 def project_root() -> Path:
@@ -36,7 +37,7 @@ def conf_folders() -> list[Path]:
     if not own.is_dir() or own.samefile(CONF):
         return [CONF]
     for group in GROUPS:
-        for file in (own / group).glob("*.yaml"):
+        for file in listed(own / group, "*.yaml"):
             shipped = CONF / group / file.name
             if shipped.is_file() and shipped.read_bytes() != file.read_bytes():
                 raise SettingsError(f"{file}: {group}={file.stem} comes with carigs; choose another name")
@@ -65,4 +66,4 @@ def known(group: str) -> list[str]:
     Returns:
         Names of its files, without those that start with an underscore: parts that others share.
     """
-    return sorted({file.stem for folder in conf_folders() for file in (folder / group).glob("[!_]*.yaml")})
+    return sorted({file.stem for folder in conf_folders() for file in listed(folder / group, "[!_]*.yaml")})

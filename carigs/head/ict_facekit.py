@@ -19,6 +19,7 @@ from carigs.head.posing import rotation_matrices
 from carigs.head.region_geometry import FacialPoints, geometric_regions
 from carigs.head.surface_points import SurfacePoints
 from carigs.readers.arrays import checked_array
+from carigs.readers.folders import listed
 from carigs.readers.json_files import json_field, read_json
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 from carigs.readers.obj import parse_obj
@@ -68,7 +69,7 @@ def read_ict_facekit(folder: Path, track: Callable[[Iterable[Path]], Iterable[Pa
     faces = faces[(faces >= 0).all(axis=1)]
     template = neutral.vertices[kept]
 
-    identities = sorted(folder.glob("identity[0-9][0-9][0-9].obj"))
+    identities = listed(folder, "identity[0-9][0-9][0-9].obj")
     files = [*identities, *(folder / f"{name}.obj" for name in names)]
     shapedirs = np.stack([_mesh(file).vertices[kept] - template for file in track(files)], axis=2)
     parts = {name: new_ids[slice(*part)] for name, part in PARTS.items()}

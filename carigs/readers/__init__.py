@@ -4,6 +4,7 @@ Nothing else in the project opens such a file. A reader checks what a file claim
 code of the file, and raises `InputError` with the file and the field for whatever is wrong.
 
 - `file_names`: which files a dataset and a head model consist of
+- `folders`: the files of a folder, without those that systems leave behind
 - `limits`: what is checked before a file is opened, and limits on sizes
 - `npz`: NumPy's .npy and .npz
 - `json_files`: JSON

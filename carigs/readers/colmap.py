@@ -18,7 +18,12 @@ MODELS = (
     "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE",
 )  # fmt: skip
 """Camera models in the order of their numbers in binary files."""
-PINHOLE_PARAMETERS = {"SIMPLE_PINHOLE": 3, "PINHOLE": 4}
+PARAMETERS = {
+    "SIMPLE_PINHOLE": 3, "PINHOLE": 4, "SIMPLE_RADIAL": 4, "RADIAL": 5, "OPENCV": 8, "FULL_OPENCV": 12,
+}  # fmt: skip
+"""Numbers of the models that are pinholes if what follows focal lengths and principal point, the distortion, is 0."""
+ONE_FOCAL_LENGTH = ("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL")
+UNDISTORT = "undistort the images (colmap image_undistorter), and name the model that it writes"
 MAX_PIXELS = 1_000_000
 """Largest width and height of a camera."""
 POINT_BYTES = 24
@@ -92,15 +97,22 @@ def read_colmap(folder: str | Path) -> list[ColmapImage]:
 def _camera(
     model: str, width: int, height: int, parameters: tuple[float, ...], file: Path, number: int
 ) -> ColmapCamera:
-    if model not in PINHOLE_PARAMETERS:
-        problem = f"the camera model {model[:40]} has lens distortion; undistort the images (colmap image_undistorter)"
+    if model not in PARAMETERS:
+        problem = f"the camera model {model[:40]} has lens distortion, which carigs has no model of"
+        raise InputError(problem, file=file, field=f"camera {number}", remedy=UNDISTORT)
+    if len(parameters) != PARAMETERS[model]:
+        problem = f"{len(parameters)} parameters, expected {PARAMETERS[model]}"
         raise InputError(problem, file=file, field=f"camera {number}")
-    if len(parameters) != PINHOLE_PARAMETERS[model]:
-        problem = f"{len(parameters)} parameters, expected {PINHOLE_PARAMETERS[model]}"
-        raise InputError(problem, file=file, field=f"camera {number}")
+    if model in ONE_FOCAL_LENGTH:
+        parameters = (parameters[0], *parameters)
+    (fx, fy, cx, cy), distortion = parameters[:4], parameters[4:]
+    if any(distortion):
+        problem = (
+            f"{model} with {' '.join(f'{x:g}' for x in distortion)} is lens distortion, which carigs has no model of"
+        )
+        raise InputError(problem, file=file, field=f"camera {number}", remedy=UNDISTORT)
     if not (0 < width <= MAX_PIXELS and 0 < height <= MAX_PIXELS):
         raise InputError(f"{width} x {height} pixels", file=file, field=f"camera {number}")
-    fx, fy, cx, cy = parameters if model == "PINHOLE" else (parameters[0], *parameters)
     return ColmapCamera(fx, fy, cx, cy, width, height)
 
 
@@ -137,7 +149,7 @@ def _binary_cameras(content: bytes) -> Iterator[tuple]:
     for _ in range(count):
         number, model, width, height = struct.unpack_from("<IiQQ", content, position)
         name = MODELS[model] if 0 <= model < len(MODELS) else f"number {model}"
-        size = PINHOLE_PARAMETERS.get(name, 0)  # the file is not read beyond a camera that is refused
+        size = PARAMETERS.get(name, 0)  # the file is not read beyond a camera that is refused
         yield number, name, width, height, struct.unpack_from(f"<{size}d", content, position + 24)
         position += 24 + 8 * size
     _check_end(content, position)

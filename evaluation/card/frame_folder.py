@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from carigs.capture.dataset_paths import file_inside
 from carigs.errors import InputError, collecting
+from carigs.readers.folders import listed
 from carigs.readers.images import read_header
 from carigs.readers.json_files import json_field, read_json
 
@@ -82,7 +83,7 @@ def find_frames(
 def _named(place: Path, frames: Iterable[Wanted], problems: dict[str, list[str]]) -> dict[Key, Path]:
     """Images by their names."""
     names = {frame.name: frame.key for frame in frames}
-    files = {file.relative_to(place).as_posix(): file for file in sorted(place.rglob("*.png"))}
+    files = {file.relative_to(place).as_posix(): file for file in listed(place, "**/*.png")}
     problems["not asked for"] += [f"{place.name}/{name}" for name in files.keys() - names.keys()]
     return {key: files[name] for name, key in names.items() if name in files}
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from carigs.cache_folders import user_cache
 from carigs.errors import InputError, WeightsMissing
+from carigs.readers.folders import listed
 from carigs.readers.weights import read_weights
 from evaluation.metrics.checksums import check_file
 from evaluation.metrics.downloads import Download, download_files
@@ -230,7 +231,7 @@ def _candidates(weights: Weights, folder: str | Path | None) -> Iterator[FoundWe
         yield from of(place / weights.folder, plain)
     for cache in _hub_cache() if weights.hub else []:
         snapshots = cache / f"models--{weights.hub.replace('/', '--')}" / "snapshots"
-        for snapshot in sorted(snapshots.glob("*")):
+        for snapshot in listed(snapshots):
             yield from of(snapshot, {file: file.hub for file in weights.files if file.hub})
     for cache in _torch_cache():
         yield from of(cache / weights.folder, plain)

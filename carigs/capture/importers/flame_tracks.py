@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from carigs.capture.calibration_keys import refuse_distortion
 from carigs.capture.camera import Camera
 from carigs.capture.camera_checks import check_intrinsics, check_rigid
 from carigs.capture.capture_json import MAX_NUMBER
@@ -22,6 +23,7 @@ from carigs.capture.importers.images import FoundImage, timestep_of
 from carigs.errors import InputError
 from carigs.head import HeadModel, HeadParameters, flame_joints
 from carigs.readers.arrays import checked_array
+from carigs.readers.folders import listed
 from carigs.readers.images import read_header
 from carigs.readers.npz import read_npz
 
@@ -60,7 +62,7 @@ def read_tracked_cameras(folder: Path, images: list[FoundImage]) -> dict[int, Ca
         Cameras by timestep; none if the files hold no cameras.
 
     Raises:
-        InputError: If an array is missing or broken, or there are several cameras.
+        InputError: If an array is missing or broken, or there are several cameras, or one has lens distortion.
     """
     files, cameras = _files(folder), {}
     for image in images:
@@ -75,8 +77,13 @@ def read_tracked_cameras(folder: Path, images: list[FoundImage]) -> dict[int, Ca
         k, header = _squeezed(arrays, "K", (3, 3), file), read_header(image.file)
         if (k[[0, 1, 2, 2, 2], [1, 0, 0, 1, 2]] != [0, 0, 0, 0, 1]).any():
             raise InputError("expected fx 0 cx, 0 fy cy, 0 0 1: a camera without skew", file=file, field="K")
+        for key in arrays.keys() - {"R", "t", "K"}:
+            refuse_distortion(key, arrays[key].tolist(), file)
+        size = (header.width, header.height)
+        if "img_size" in arrays:  # height, width
+            size = tuple(map(int, checked_array(arrays, "img_size", (2,), np.int64, file=file)[::-1]))
         check_rigid(pose, file, "R")
-        camera = Camera(pose, *map(float, (k[0, 0], k[1, 1], k[0, 2], k[1, 2])), header.width, header.height)
+        camera = Camera(pose, *map(float, (k[0, 0], k[1, 1], k[0, 2], k[1, 2])), *size)
         check_intrinsics(camera, file, "K")
         cameras[image.timestep] = camera
     return cameras
@@ -85,7 +92,7 @@ def read_tracked_cameras(folder: Path, images: list[FoundImage]) -> dict[int, Ca
 def _files(folder: Path) -> dict[int, Path]:
     """Parameter files by timestep."""
     files: dict[int, Path] = {}
-    for file in sorted(folder.glob("*.npz")):
+    for file in listed(folder, "*.npz"):
         number = re.search(r"\d+$", file.stem)
         timestep = timestep_of(number[0]) if number else None
         if timestep is None or timestep in files:

@@ -10,9 +10,29 @@ from typing import NamedTuple
 from carigs.capture.camera import Camera
 from carigs.capture.capture_json import MAX_NUMBER
 from carigs.errors import InputError
+from carigs.readers.folders import listed
 from carigs.readers.limits import regular_file_size
 
 SUFFIXES = (".png", ".jpg", ".jpeg")
+UNREAD = frozenset(
+    {
+        ".tif",
+        ".tiff",
+        ".webp",
+        ".bmp",
+        ".exr",
+        ".heic",
+        ".heif",
+        ".avif",
+        ".jxl",
+        ".jp2",
+        ".gif",
+        ".dng",
+        ".tga",
+        ".ppm",
+    }
+)
+"""Of images in other formats: they are refused, for the frames of a camera would be missing without a word."""
 LONGEST_NUMBER = 100
 """Most digits of a timestep."""
 _FLAT = re.compile(r"(\d+)_(.+)", re.DOTALL)
@@ -49,10 +69,12 @@ def find_images(folder: Path) -> list[FoundImage]:
         The images, sorted by timestep and camera.
 
     Raises:
-        InputError: If there are none, or a name is neither.
+        InputError: If there are none, or a name is neither, or an image has another format.
     """
     found = []
-    for file in sorted(folder.rglob("*")):
+    for file in listed(folder, "**/*"):
+        if file.suffix.lower() in UNREAD:
+            raise InputError(f"{file.suffix} is not read; convert it to PNG or JPEG", file=file)
         if file.suffix.lower() not in SUFFIXES:
             continue
         parts = file.relative_to(folder).with_suffix("").parts

@@ -19,6 +19,7 @@ from carigs.capture.importers.images import timestep_of
 from carigs.errors import InputError
 from carigs.head import HeadModel, HeadParameters, pose_frames
 from carigs.mesh.rigid_alignment import rigid_alignment
+from carigs.readers.folders import listed
 from carigs.readers.meshes import read_polygons
 from carigs.readers.polygons import triangulate
 
@@ -50,7 +51,7 @@ def read_mesh_sequence(folder: Path, metres_per_unit: float = 1.0) -> MeshTrack:
         InputError: If there are no meshes, or the topology changes.
     """
     files = {}
-    for file in sorted(file for file in folder.iterdir() if file.suffix.lower() in (".obj", ".ply")):
+    for file in (file for file in listed(folder) if file.suffix.lower() in (".obj", ".ply")):
         numbers = re.findall(r"\d+", file.stem)
         timestep = timestep_of(numbers[-1]) if numbers else None
         if timestep is None or timestep in files:

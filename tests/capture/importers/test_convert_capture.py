@@ -207,7 +207,8 @@ def distort(folder: Path) -> None:
     (folder / "cameras.json").unlink()
     write_colmap(folder, False)
     file = folder / "sparse/0/cameras.txt"
-    file.write_text(file.read_text().replace("PINHOLE", "OPENCV"))
+    lines = file.read_text().replace("PINHOLE", "OPENCV").splitlines()
+    file.write_text("\n".join(line if line.startswith("#") else f"{line} 0.1 0 0 0" for line in lines))
 
 
 def cut_binary(folder: Path) -> None:
@@ -224,7 +225,7 @@ def edit_camera(folder: Path, **values) -> None:
 
 
 BROKEN = {
-    "distortion": (distort, r"cameras\.txt: camera 1: .*OPENCV has lens distortion; undistort"),
+    "distortion": (distort, r"cameras\.txt: camera 1: .*OPENCV with 0.1 0 0 0 is lens distortion"),
     "cut binary model": (cut_binary, r"images\.bin: not a readable file of COLMAP"),
     "no calibration": (lambda d: (d / "cameras.json").unlink(), "no calibration; looked for cameras.json"),
     "unknown camera": (lambda d: edit_camera(d, name="nobody"), r"0000\.png: 0 cameras .* fit camera middle"),

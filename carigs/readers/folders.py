@@ -1,0 +1,45 @@
+"""What users mean to be in a folder: not the files that systems and editors leave behind."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+SYSTEM_FILES = frozenset(
+    {".ds_store", ".localized", "__macosx", "thumbs.db", "ehthumbs.db", "desktop.ini", "@eadir", "#recycle"}
+    | {"$recycle.bin", "system volume information", "lost+found", ".ipynb_checkpoints"}
+)
+"""Names, in lower case, of what macOS, Windows, network disks, file systems and notebooks write without being asked."""
+APPLE_DOUBLE = "._"
+"""Start of the names of macOS' attributes of a file (._00000.png) on disks of other systems."""
+PREFIXES, SUFFIXES = (".", "~$", ".#", "#"), ("~",)
+"""Of names of hidden files, locks of office programs, and copies that editors keep (name~, #name#)."""
+
+
+def is_system_file(name: str) -> bool:
+    """Whether a system has written a file on its own account, so that nobody misses it.
+
+    Args:
+        name: Name of the file or folder, without folders above it.
+
+    Returns:
+        Whether it means nothing.
+    """
+    return name.startswith(APPLE_DOUBLE) or name.lower() in SYSTEM_FILES
+
+
+def listed(folder: Path, pattern: str = "*") -> list[Path]:
+    """List a folder of a user.
+
+    Args:
+        folder: The folder.
+        pattern: Pattern of `Path.glob`; `**/*` for all that lies below.
+
+    Returns:
+        Files and folders in alphabetical order, without system files, hidden ones and copies of editors, and without
+        what lies in such folders; nothing if there is no such folder.
+    """
+    return sorted(path for path in folder.glob(pattern) if not any(map(_is_unmeant, path.relative_to(folder).parts)))
+
+
+def _is_unmeant(name: str) -> bool:
+    return is_system_file(name) or name.startswith(PREFIXES) or name.endswith(SUFFIXES)
