@@ -127,3 +127,19 @@ def frame_projections(
     known, first = capture.frame_at, capture.cameras
     rows = [[capture.camera(known[t, c]) if (t, c) in known else first[c] for c in cameras] for t in timesteps]
     return np.array([projection_matrices(row) for row in rows]).reshape(len(timesteps), len(cameras), 3, 4)
+
+
+def frame_sizes(capture: Capture, timesteps: Sequence[int], cameras: Sequence[int]) -> Float[np.ndarray, "t c 2"]:
+    """Sizes of the images of frames; for missing frames those of the camera's first frame.
+
+    Args:
+        capture: The capture.
+        timesteps: Timesteps.
+        cameras: Numbers of cameras.
+
+    Returns:
+        Width and height in pixels.
+    """
+    known, first = capture.frame_at, capture.cameras
+    rows = [[capture.camera(known[t, c]) if (t, c) in known else first[c] for c in cameras] for t in timesteps]
+    return np.array([[(camera.width, camera.height) for camera in row] for row in rows], np.float64)

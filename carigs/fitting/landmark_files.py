@@ -37,6 +37,8 @@ class Landmarks:
     """x, y, confidence; all 0 where missing."""
     timesteps: Int[np.ndarray, " t"]
     cameras: Int[np.ndarray, " c"]
+    source: str = ""
+    """The file or folder that they come from, for messages."""
 
     def save(self, file: Path) -> None:
         """Write the file.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
@@ -98,6 +99,7 @@ def find_landmarks(source: Path, capture: Capture) -> Landmarks:
         landmarks = _collect({key: points for key, points in found.items() if points is not None}, capture)
     else:
         raise InputError("no such landmarks: an .npz file, a folder, or a .task file is expected", file=source)
+    landmarks = replace(landmarks, source=str(source))
     timesteps, cameras = sorted({f.timestep for f in capture.frames}), sorted(capture.cameras)
     if not landmarks.at(timesteps, cameras)[..., 2].any():
         raise InputError("holds no landmarks for any frame of the footage: see timesteps and cameras", file=source)

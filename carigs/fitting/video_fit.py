@@ -12,8 +12,9 @@ from jaxtyping import Float
 
 from carigs.capture import Capture
 from carigs.errors import InputError
-from carigs.fitting.footage import frame_landmarks, frame_projections
+from carigs.fitting.footage import frame_landmarks, frame_projections, frame_sizes
 from carigs.fitting.head_points import HeadPoints
+from carigs.fitting.landmark_convention import check_convention, check_residuals
 from carigs.fitting.landmark_embedding import read_embedding
 from carigs.fitting.landmark_files import Landmarks
 from carigs.fitting.landmark_fit import HeadFit, Observations, fit_landmarks, reprojection_errors
@@ -58,8 +59,8 @@ def fit_video(
         Head parameters of all timesteps, and residuals.
 
     Raises:
-        InputError: If the embedding does not fit, no timestep has four landmarks that two cameras see, or cameras are
-            in another unit than the head.
+        InputError: If the embedding does not fit, no timestep has four landmarks that two cameras see, landmarks are in
+            another unit or order, cameras are in another unit than the head, or the fit is impossible.
     """
     model = capture.model
     timesteps, cameras = sorted({frame.timestep for frame in capture.frames}), sorted(capture.cameras)
@@ -72,13 +73,16 @@ def fit_video(
     observations = Observations(
         values[..., :2], values[..., 2], frame_projections(capture, timesteps, cameras), _linked(capture, timesteps)
     )
-    check_unit(points.interpolate(model.v_template), observations, capture.root)
+    template, source = points.interpolate(model.v_template), landmarks.source or str(capture.root)
+    check_convention(template, observations, frame_sizes(capture, timesteps, cameras), source)
+    check_unit(template, observations, capture.root)
     fit: HeadFit = fit_landmarks(model, points, observations)
     if refine:
         work = Refinement(capture, timesteps, cameras, model, points, observations, on_frame)
         fit = work.refine(fit)
     positions = HeadPoints(model, fit.fitted, points).positions(fit.frames, fit.shape)
     residuals = camera_residuals(reprojection_errors(positions, observations))
+    check_residuals(residuals, observations, source)
     blind = [timesteps[i] for i in np.setdiff1d(np.arange(len(timesteps)), seen)]
     return VideoFit(dict(zip(timesteps, fit.parameters(model), strict=True)), cameras, residuals, blind)
 

@@ -107,9 +107,8 @@ def _camera(
         parameters = (parameters[0], *parameters)
     (fx, fy, cx, cy), distortion = parameters[:4], parameters[4:]
     if any(distortion):
-        problem = (
-            f"{model} with {' '.join(f'{x:g}' for x in distortion)} is lens distortion, which carigs has no model of"
-        )
+        shown = " ".join(f"{x:g}" for x in distortion)
+        problem = f"{model} with {shown} is lens distortion, which carigs has no model of"
         raise InputError(problem, file=file, field=f"camera {number}", remedy=UNDISTORT)
     if not (0 < width <= MAX_PIXELS and 0 < height <= MAX_PIXELS):
         raise InputError(f"{width} x {height} pixels", file=file, field=f"camera {number}")
