@@ -115,7 +115,9 @@ def find_hair(settings: Hair, capture: Capture, map_timesteps: Callable[..., Ite
     model, frames = capture.model, capture.split("train")
     views = read_views(capture, map_timesteps, _label_reader(settings))
     if not views:
-        raise InputError("no training frame can be read", file=capture.root)
+        problem = f"no training frame shows the head, for example {frames[0].name}: its image cannot be read, "
+        remedy = "carigs check names what is wrong"
+        raise InputError(f"{problem}or its camera lies in or before the head", file=capture.root, remedy=remedy)
     if settings.labels is not None and all(view.covering is None for view in views):
         raise InputError(f"no labels of training frames, such as {frames[0].name}.png", file=settings.labels)
     canonical = neutral(model, capture.parameters(frames[0].timestep))

@@ -29,7 +29,7 @@ from carigs.plausibility.mattes import exchanged_mattes, matte_findings, outline
 from carigs.plausibility.parameters import check_parameters
 from carigs.plausibility.selection import select_frames
 from carigs.plausibility.vertex_misfit import sample
-from carigs.plausibility.views import HeadOutOfSight, head_faces, pose_views
+from carigs.plausibility.views import ImpossibleView, head_faces, pose_views
 
 
 class Examination(NamedTuple):
@@ -82,7 +82,7 @@ def examine_capture(
     seen = _check_views(capture, select_frames(capture, summaries), misplaced)
     diagnosis = diagnose(read_scene(capture)) if always_diagnose or misplaced or seen else None
     if diagnosis and diagnosis.mistakes and diagnosis.is_unusable:  # the rest follows from it
-        misplaced = [error for error in misplaced if not isinstance(error, HeadOutOfSight)]
+        misplaced = [error for error in misplaced if not isinstance(error, ImpossibleView)]
         misplaced.insert(0, diagnosis.error(capture.root))
         seen = []
     elif diagnosis and diagnosis.mistakes:

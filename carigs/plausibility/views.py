@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32
+from jaxtyping import Bool, Float, Float32, Int
 
 from carigs.capture import Camera, Capture, Frame
 from carigs.errors import InputError, MeshError, collecting
@@ -30,8 +30,8 @@ COMPARE_CAMERAS = "compare the camera's unit, axes and focal length with the oth
 AXES_HINT = "cameras are OpenGL camera-to-world transforms in metres (x right, y up, z backward)"
 
 
-class HeadOutOfSight(InputError):
-    """No camera sees the head of a timestep: another mistake may be the cause."""
+class ImpossibleView(InputError):
+    """No camera sees the head of a timestep, or one lies inside it: another mistake may be the cause."""
 
 
 class View(NamedTuple):
@@ -71,12 +71,17 @@ def pose_views(
         seen: dict[int, float] = {}
         with collecting(errors):
             vertices = _posed(capture, timestep)
+            for c, frame in cameras.items():
+                if lies_inside(capture.camera(frame).centre, vertices, model.faces):
+                    problem = f"camera {c} lies inside the head mesh of timestep {timestep}; {AXES_HINT}"
+                    field = f"camera {c}: transform_matrix"
+                    raise ImpossibleView(problem, file=capture.root, field=field, remedy=COMPARE_ORIGINS)
             seen = {c: _projected_size(vertices[some], capture.camera(frame)) for c, frame in cameras.items()}
             blind = {c: count + (seen.get(c) == 0) for c, count in blind.items()}
             if not any(seen.values()):
                 file = capture.root / capture.parameter_files[timestep]
                 problem = f"{OUT_OF_SIGHT}; {AXES_HINT}"
-                raise HeadOutOfSight(problem, file=file, field="translation", remedy=COMPARE_ORIGINS)
+                raise ImpossibleView(problem, file=file, field="translation", remedy=COMPARE_ORIGINS)
         if not any(seen.values()):
             continue
         normals = vertex_normals(vertices, model.faces)
@@ -140,6 +145,30 @@ def head_faces(model: HeadModel) -> Bool[np.ndarray, " f"]:
         rest = above & ~below[model.faces].any(axis=1)
         above = rest if rest.mean() > 0.2 else above
     return above
+
+
+def lies_inside(
+    point: Float[np.ndarray, "3"], vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
+) -> bool:
+    """Whether a point lies inside a mesh, which may be open at the neck.
+
+    Args:
+        point: The point.
+        vertices: Vertices of the mesh, in the same axes and unit.
+        faces: Triangles.
+
+    Returns:
+        Whether the solid angle of the mesh (van Oosterom and Strackee 1983) is more than half of the sphere.
+    """
+    offsets = np.asarray(vertices, np.float64) - point
+    if (offsets.min(axis=0) > 0).any() or (offsets.max(axis=0) < 0).any():  # outside the bounding box
+        return False
+    length, (a, b, c) = np.linalg.norm(offsets, axis=1), np.moveaxis(offsets[faces], 1, 0)
+    la, lb, lc = length[faces].T
+    volume = np.einsum("fi,fi->f", a, np.cross(b, c))
+    dots = np.einsum("fi,fi->f", a, b) * lc + np.einsum("fi,fi->f", b, c) * la + np.einsum("fi,fi->f", c, a) * lb
+    angle = 2 * np.arctan2(volume, la * lb * lc + dots).sum()
+    return bool(abs(angle) > 2 * np.pi)
 
 
 def _projected_size(vertices: Float[np.ndarray, "v 3"], camera: Camera) -> float:

@@ -82,7 +82,7 @@ def test_frames_that_cannot_be_read_are_left_out(tmp_path):
     assert len(read_views(capture)) == len(train) - 2
     for frame in train:
         (folder / frame.image).unlink()
-    with pytest.raises(InputError, match="no training frame can be read"):
+    with pytest.raises(InputError, match="no training frame shows the head, for example 0"):
         find_hair(Hair(), capture)
 
 
