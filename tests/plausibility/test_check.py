@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import trimesh
 from miniature import write_ball
 from planted_mistakes import crop
 
@@ -16,6 +17,7 @@ from carigs.capture import Capture, read_dataset
 from carigs.capture.images import read_grey, read_rgb, write_png
 from carigs.errors import CarigsWarning, InputError
 from carigs.plausibility import check_capture
+from carigs.plausibility.views import lies_inside
 from carigs.settings import Capture as Settings
 from carigs.stages.capture import capture
 
@@ -262,3 +264,46 @@ def test_the_stage_names_a_mistake_that_hides_the_convention_of_cy(dataset, tmp_
     settings = Settings(source="folder", folder=str(dataset), head_model=str(dataset / "head_model.npz"))
     with pytest.raises(InputError, match="the cameras have OpenCV's axes"):
         capture(settings, index=tmp_path / "capture.json", dataset=tmp_path / "out")
+
+
+@pytest.mark.parametrize("open_below", [False, True])
+def test_points_inside_a_ball_are_inside_also_if_it_is_open_at_the_neck(open_below):
+    mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.1)
+    faces = mesh.faces[mesh.triangles_center[:, 1] > -0.085] if open_below else mesh.faces
+    points = np.random.default_rng(0).normal(size=(40, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    for point in points:
+        assert lies_inside(0.05 * point, mesh.vertices, faces)
+        assert lies_inside(0.05 * point, mesh.vertices, faces[:, ::-1])
+        assert not lies_inside(0.12 * point, mesh.vertices, faces)
+        assert not lies_inside(5 * point, mesh.vertices, faces)
+
+
+@pytest.mark.parametrize("centre", [(0, 0, 0), (0.02, -0.03, 0.05), (0.0, 0.05, -0.06)])
+def test_a_camera_inside_the_head_is_named(dataset, centre):
+    def move(entry: dict) -> None:
+        for row, value in zip(entry["transform_matrix"], centre, strict=False):
+            row[3] = value
+
+    for split in ("train", "test"):
+        file = dataset / f"transforms_{split}.json"
+        content = json.loads(file.read_text())
+        for entry in content["frames"]:
+            if entry["camera_index"] == 2:
+                move(entry)
+        file.write_text(json.dumps(content))
+    with pytest.raises(
+        InputError, match=r"camera 2: transform_matrix: camera 2 lies inside the head mesh of timestep 0"
+    ):
+        checked(dataset)
+
+
+def test_mattes_under_another_key_have_the_remedy_that_names_the_key(dataset):
+    """The mattes of Nerfstudio."""
+    for split in ("train", "val", "test"):
+        file = dataset / f"transforms_{split}.json"
+        file.write_text(file.read_text().replace("fg_mask_path", "mask_path"))
+    lines = checked(dataset).warnings
+    assert any("mask_path: is not read as a matte; name mattes by fg_mask_path" in line for line in lines)
+    (line,) = (line for line in lines if "frames have no matte" in line)
+    assert line.endswith("remedy: export mattes and name them by fg_mask_path")

@@ -1,0 +1,117 @@
+"""Landmarks in another unit or order are named; those in pixels pass, whatever the person and the unit of cameras."""
+
+import re
+
+import numpy as np
+import pytest
+from miniature import bust_cameras
+
+from carigs.errors import InputError
+from carigs.fitting.landmark_convention import LARGEST_ERROR, check_convention, check_residuals, face_sizes
+from carigs.fitting.landmark_fit import Observations
+from carigs.fitting.triangulation import project, projection_matrices
+
+CAMERAS = list(bust_cameras().values())
+SIZES = np.array([[(camera.width, camera.height) for camera in CAMERAS]] * 3, float)
+WIDTH, HEIGHT = np.moveaxis(SIZES[:, :, None], -1, 0)
+X, Y = (lambda p: p[..., 0]), (lambda p: p[..., 1])
+
+
+def stacked(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return np.stack([x, y], axis=-1)
+
+
+def seen(noise: float = 0.0, unit: float = 1.0) -> tuple[np.ndarray, Observations]:
+    """Landmarks of a face that has no symmetry, and another person's in the images of three timesteps."""
+    random = np.random.default_rng(0)
+    template = random.normal(size=(30, 3)) * [0.05, 0.07, 0.03]
+    person = template + 0.003 * random.normal(size=template.shape)
+    heads = np.stack([person + 0.01 * t for t in range(3)])
+    projections = np.stack([projection_matrices(CAMERAS)] * 3)
+    pixels, _ = project(heads, projections)
+    pixels += noise * random.normal(size=pixels.shape)
+    projections[..., 3] /= unit
+    return template, Observations(pixels, np.ones(pixels.shape[:3]), projections, np.ones(2, bool))
+
+
+def check(template: np.ndarray, observations: Observations, pixels: np.ndarray) -> None:
+    changed = Observations(pixels, observations.confidence, observations.projections, observations.linked)
+    check_convention(template, changed, SIZES, "landmarks.npz")
+
+
+@pytest.mark.parametrize("noise", [0, 0.5, 1])
+@pytest.mark.parametrize("unit", [1.0, 0.001])
+def test_landmarks_in_pixels_pass(noise, unit):
+    template, observations = seen(noise, unit)
+    check(template, observations, observations.pixels)
+
+
+MISTAKES = {
+    "shares of the image": (lambda p: stacked(X(p) / WIDTH, Y(p) / HEIGHT), "are shares of the image's size"),
+    "from -1 to 1": (lambda p: 2 * stacked(X(p) / WIDTH, Y(p) / HEIGHT) - 1, "run from -1 to 1"),
+    "twice the resolution": (lambda p: 2 * p, "belong to images of twice the resolution"),
+    "half the resolution": (lambda p: p / 2, "belong to images of half the resolution"),
+    "four times the resolution": (lambda p: 4 * p, "belong to images of four times the resolution"),
+    "row, column": (lambda p: p[..., ::-1], "have y before x"),
+    "y up": (lambda p: stacked(X(p), HEIGHT - Y(p)), "have y from the bottom"),
+    "mirrored": (lambda p: stacked(WIDTH - X(p), Y(p)), "have x from the right"),
+    "upside down": (lambda p: stacked(WIDTH - X(p), HEIGHT - Y(p)), "are turned by 180 degrees"),
+    "shares, y up": (
+        lambda p: stacked(X(p) / WIDTH, 1 - Y(p) / HEIGHT),
+        "are shares of the image's size and have y from the bottom",
+    ),
+    "shares, row first": (
+        lambda p: stacked(Y(p) / HEIGHT, X(p) / WIDTH),
+        "have y before x .* and are shares of the image's size",
+    ),
+    "half the resolution, row first": (lambda p: p[..., ::-1] / 2, "have y before x .* and belong to images of half"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+@pytest.mark.parametrize("unit", [1.0, 0.01])
+def test_the_mistake_is_named(name, unit):
+    change, says = MISTAKES[name]
+    template, observations = seen(0.5, unit)
+    with pytest.raises(InputError, match=rf"^landmarks\.npz: landmarks: the landmarks {says}.*; remedy: ") as caught:
+        check(template, observations, change(observations.pixels))
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_landmarks_take_no_part():
+    template, observations = seen(0.5)
+    observations.confidence[:, ::2, ::3] = 0
+    observations.pixels[:, ::2, ::3] = 0
+    check(template, observations, observations.pixels)
+    with pytest.raises(InputError, match="twice the resolution"):
+        check(template, observations, 2 * observations.pixels)
+
+
+def test_the_size_of_a_face_is_that_of_its_landmarks():
+    _, observations = seen()
+    points = observations.pixels[0, 2]
+    assert face_sizes(observations)[2] == pytest.approx(np.sqrt(points.var(axis=0).sum()), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("shares", "says"),
+    [
+        ([0.02] * 5, None),
+        ([0.09] * 5, None),
+        ([0.02, 0.02, 0.02, 0.9, 0.9], None),  # two cameras: `fit` warns of them
+        ([0.15] * 5, "15% of the size of the face, in 5 of 5 cameras"),
+        ([0.02, 0.02, 0.4, 0.2, 0.2], "40% of .*, in 3 of 5 cameras"),
+        ([np.nan, np.nan, np.nan, 0.02, 0.2], "20% of .*, in 1 of 2 cameras"),
+        ([np.nan] * 5, None),
+    ],
+)
+def test_errors_that_no_face_has_are_refused(shares, says):
+    assert max(0.02, 0.09) < LARGEST_ERROR < 0.15
+    _, observations = seen()
+    residuals = np.array(shares) * face_sizes(observations)
+    if says is None:
+        check_residuals(residuals, observations, "landmarks.npz")
+    else:
+        with pytest.raises(InputError) as caught:
+            check_residuals(residuals, observations, "landmarks.npz")
+        assert re.search(rf"landmarks\.npz: landmarks: the fitted head is .* pixels off .*{says}", str(caught.value))
