@@ -25,10 +25,12 @@ SUSPICIOUS = 0.1
 noise on `ict_s1` and `ict_s7`, 0.08 with three pixels, and 0.10 for a detector on a real person."""
 BETTER, BELIEVED = 0.5, 0.15
 """A convention is believed if it leaves less than this share of the misfit, and no more than that."""
+NO_PIXELS = 2.0
+"""Coordinates of a whole face up to this are shares of something."""
 LARGEST_ERROR = 0.1
 """Reprojection error of a fitted head, in sizes of the face in the image: 5 mm on a head. Benchmarks of detectors
 (300-W, Sagonas et al. 2013) count an image as a failure at about this error."""
-LEAST_ERROR = 2.0
+LEAST_ERROR = 1.0
 """Pixels that are no failure however small the face."""
 
 Pixels = Float[np.ndarray, "t c p 2"]
@@ -57,7 +59,7 @@ def _conventions() -> Iterator[Convention]:
     ]
     for resolution, factor in (
         ("twice", 0.5), ("half", 2.0), ("four times", 0.25), ("a quarter of", 4.0), ("three times", 1 / 3),
-        ("a third of", 3.0),
+        ("a third of", 3.0), ("1.5 times", 2 / 3), ("two thirds of", 1.5),
     ):  # fmt: skip
         problem = f"belong to images of {resolution} the resolution"
         remedy = f"multiply x and y by {factor:.4g}"
@@ -105,7 +107,7 @@ def check_convention(
         file: Where the landmarks come from, for messages.
 
     Raises:
-        InputError: If another convention explains the landmarks; names it.
+        InputError: If another convention explains the landmarks, which it names, or they cannot be pixels.
     """
     chosen = well_seen_timesteps(observations.confidence, TIMESTEPS)
     pixels, confidence, projections = (
@@ -122,6 +124,10 @@ def check_convention(
         evidence = f"then the head is {misfit:.1%} of the face's size off the landmarks, as stated {stated:.1%}"
         problem = f"the landmarks {convention.problem} ({evidence})"
         raise InputError(problem, file=file, field="landmarks", remedy=convention.remedy)
+    largest = float(np.abs(pixels[confidence > 0]).max())
+    if largest <= NO_PIXELS:
+        problem = f"the landmarks lie within {largest:.3g} of the corner of the image: they are no pixels"
+        raise InputError(problem, file=file, field="landmarks", remedy="multiply x and y by what they were divided by")
 
 
 def check_residuals(residuals: Float[np.ndarray, " c"], observations: Observations, file: str) -> None:

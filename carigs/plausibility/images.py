@@ -118,13 +118,13 @@ def check_images(capture: Capture, summaries: dict[Frame, ImageSummary]) -> list
     stated = f"the background is stated as {capture.background:g}"
     for frame, seen in summaries.items():
         image, matte = capture.root / frame.image, capture.root / (frame.mask or frame.image)
-        if seen.plain:
+        if frame.mask is not None and seen.foreground < 1e-3:  # an alpha channel then hides the colours
+            details = f"{seen.foreground:.1%} of the pixels"
+            findings.append(Finding("the matte is empty", matte, "", details, OPACITIES))
+        elif seen.plain:
             findings.append(Finding("the image has one colour", image, "", frame.name, EXPORT))
         elif frame.mask is None:
             without.append(frame)
-        elif seen.foreground < 1e-3:
-            details = f"{seen.foreground:.1%} of the pixels"
-            findings.append(Finding("the matte is empty", matte, "", details, OPACITIES))
         elif seen.inside > (0.1 if seen.foreground > 0.99 else INSIDE):
             details = f"{seen.inside:.0%} of its foreground show the background; {stated}"
             kind = "the matte is foreground where the image shows the background"

@@ -78,6 +78,13 @@ def test_the_mistake_is_named(name, unit):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("length", [480, 1e4])
+def test_shares_of_another_length_are_no_pixels(length):
+    template, observations = seen()
+    with pytest.raises(InputError, match="landmarks: the landmarks lie within .* they are no pixels"):
+        check(template, observations, observations.pixels / length)
+
+
 def test_missing_landmarks_take_no_part():
     template, observations = seen(0.5)
     observations.confidence[:, ::2, ::3] = 0
