@@ -81,7 +81,7 @@ def test_the_mistake_is_named(name, unit):
 @pytest.mark.parametrize("length", [480, 1e4])
 def test_shares_of_another_length_are_no_pixels(length):
     template, observations = seen()
-    with pytest.raises(InputError, match="landmarks: the landmarks lie within .* they are no pixels"):
+    with pytest.raises(InputError, match=r"landmarks: the landmarks lie within .* they are no pixels"):
         check(template, observations, observations.pixels / length)
 
 
