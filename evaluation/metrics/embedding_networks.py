@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from carigs.capture.frame_index import RenderedImage
 from carigs.settings import Metrics
-from carigs.sources import fingerprint
+from carigs.sources import fingerprint, package_versions
 from evaluation.metrics import clip, dino, preprocessing
 from evaluation.metrics.checksums import file_checksum
 from evaluation.metrics.embedder import Embedder
@@ -109,7 +109,8 @@ class EmbeddingNetworks:
 
     def _embedder(self, name: str, file: Path, forward: Callable, statistics: tuple) -> Embedder:
         code = [fingerprint(module.__name__) for module in (preprocessing, clip, dino)]
-        identity = digest_of(file_checksum(file), *code)
+        packages = [f"{package} {version}" for package, version in package_versions(__name__).items()]
+        identity = digest_of(file_checksum(file), *code, *packages)
         prepare = preprocessing.Preprocessing(*statistics, self.settings.crop, round(255 * self.background))
         return Embedder(name, identity, forward, prepare, self.cache, self.background, self._pixels)
 
