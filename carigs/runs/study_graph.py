@@ -90,7 +90,7 @@ class StudyGraph(DAG):
             file, text = job.output[0], job.params.text
             if content_digest(Path(file)) != text_digest(text):
                 with writing(file) as part:
-                    part.write_text(text, "utf-8")
+                    part.write_text(text, "utf-8", newline="\n")
                 self.workflow.iocache.exists_local[file] = True
 
     def _ignore_modification_times(self, jobs: list[Job], runs: bool) -> None:
