@@ -33,7 +33,7 @@ BOXES = {
     "exaggerate": Box(2, 2, "path.npz"),
     "gtstar": Box(1, 3, "targets/"),
     "train": Box(1, 4, "avatar.npz"),
-    "target_sheet": Box(2, 4, "inspection.png"),
+    "target_sheet": Box(0, 4, "inspection.png"),
     "html": Box(0, 5, "avatar.html"),
     "render": Box(1, 5, "frames/"),
     "truth": Box(2, 5, "truth/"),
