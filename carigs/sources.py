@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 from collections.abc import Collection
 from functools import cache
 from hashlib import sha256
@@ -10,12 +11,18 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import NamedTuple
 
+from carigs.errors import CarigsError
+
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("carigs", "evaluation")
 DATA = (".toml", ".json", ".jinja", ".css", ".js", ".vert", ".frag")
 """Suffixes of files beside a module that belong to it."""
-WITHOUT_EFFECT = ("carigs.settings", "carigs.errors")
-"""Modules that fingerprints ignore: settings reach a stage as text, which is compared; errors change no result."""
+WITHOUT_EFFECT = (
+    "carigs.settings", "carigs.errors", "carigs.runs", "carigs.run_", "carigs.fork_server", "carigs.processes",
+    "carigs.lap_times", "carigs.cache_folders",
+)  # fmt: skip
+"""Starts of names of modules that fingerprints ignore. Settings reach a stage as text, which is compared; errors,
+locks, records, processes and the places of caches change no result."""
 DISTRIBUTIONS = {
     "PIL": "pillow",
     "cholespy": "cholespy",
@@ -95,6 +102,20 @@ def package_versions(module: str, without: Collection[str] = ()) -> dict[str, st
     return {name: _version(DISTRIBUTIONS[name]) for name in sorted(names & DISTRIBUTIONS.keys())}
 
 
+def newest_source() -> int:
+    """When a file of this project was changed last.
+
+    Returns:
+        Modification time in nanoseconds since 1970.
+    """
+    newest = 0
+    for package in PACKAGES:
+        for directory, folders, files in os.walk(ROOT / package):
+            folders[:] = [name for name in folders if name != "__pycache__"]
+            newest = max([newest, *(os.stat(os.path.join(directory, name)).st_mtime_ns for name in files)])
+    return newest
+
+
 def _modules(module: str, without: Collection[str]) -> set[Path]:
     file = _file(module)
     if file is None:
@@ -136,7 +157,10 @@ class _Source(NamedTuple):
 # A workflow asks for the fingerprints of thirty modules, which share most of their sources.
 @cache
 def _source(file: Path) -> _Source:
-    tree, names = ast.parse(file.read_bytes()), []
+    try:
+        tree, names = ast.parse(file.read_bytes()), []
+    except SyntaxError as error:
+        raise CarigsError(f"{file}: line {error.lineno}: {error.msg}") from error
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from carigs import sources as module
+from carigs.errors import CarigsError
 from carigs.settings import STAGES
 from carigs.sources import ROOT, fingerprint, package_versions, sources
 
@@ -85,6 +86,13 @@ def test_the_fingerprint_changes_with_what_the_module_does(package, file, text, 
     for cached in (module._digest, module._data, module._source):
         cached.cache_clear()
     assert (fingerprint("carigs.one") != before) == changes
+
+
+def test_a_module_with_a_syntax_error_is_named(package):
+    (package / "two.py").write_text("X = (\n")
+    module._source.cache_clear()
+    with pytest.raises(CarigsError, match=r"two\.py: line 1"):
+        fingerprint("carigs.one")
 
 
 def test_a_module_that_is_not_there_is_refused(package):

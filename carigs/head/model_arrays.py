@@ -20,8 +20,8 @@ from carigs.readers.arrays import checked_array
 FLAME_JOINTS = ("root", "neck", "jaw", "left_eye", "right_eye")
 FLAME_NUM_IDENTITY = 300
 MAX_JOINTS = 1000
-TOLERANCE = 1e-3
-"""Of weights that sum to 1: files hold float32, and some programs round to four digits."""
+TOLERANCE = 0.01
+"""Of weights that sum to 1: weights stored as 8-bit or 16-bit numbers pass."""
 LARGEST_COORDINATE = 1e4
 """Largest coordinate of a head in metres, without its sign; what uses the vertices may overflow beyond."""
 POSSIBLE = -LARGEST_COORDINATE, LARGEST_COORDINATE

@@ -3,9 +3,55 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from hashlib import file_digest, sha256
 from pathlib import Path
+from typing import TypedDict
+
+SECONDS_UNTIL_TOUCHED = 5
+"""Snakemake sets the modification time of an output anew when its job has ended."""
+
+
+class Contents(TypedDict):
+    """What a job has written into a file or folder."""
+
+    digest: str
+    """Of the contents (`content_digest`)."""
+    state: str
+    """Of sizes and modification times (`file_state`)."""
+
+
+def contents_of(path: Path) -> Contents:
+    """Describe a file or folder.
+
+    Args:
+        path: The file or folder.
+
+    Returns:
+        What `is_unchanged` compares.
+    """
+    return Contents(digest=content_digest(path), state=file_state(path))
+
+
+def is_unchanged(path: Path, before: Contents) -> bool:
+    """Whether a file or folder is what it was. Contents are read where size and modification time do not tell.
+
+    Args:
+        path: The file or folder.
+        before: What it was.
+
+    Returns:
+        True also if it is not there: Snakemake makes it again if another job needs it.
+    """
+    if not path.exists() or (state := file_state(path)) == before["state"]:
+        return True
+    numbers = re.fullmatch(r"(\d+) (\d+)", before["state"])
+    if numbers and path.is_file():
+        (size, modified), (size_before, written) = map(int, state.split()), map(int, numbers.groups())
+        if size == size_before and 0 <= modified - written <= SECONDS_UNTIL_TOUCHED * 10**9:
+            return True
+    return content_digest(path) == before["digest"]
 
 
 def content_digest(path: Path) -> str:

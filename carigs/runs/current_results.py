@@ -7,12 +7,9 @@ from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from carigs.runs.contents import content_digest, file_state
+from carigs.runs.contents import is_unchanged
 from carigs.runs.job_record import read_record
 from carigs.runs.planned_job import PlannedJob
-
-SECONDS_UNTIL_TOUCHED = 60
-"""Snakemake sets the modification time of an output anew when its job has ended, on a cluster after a while."""
 
 
 class Difference(NamedTuple):
@@ -71,6 +68,8 @@ def _difference(
         return Difference("made from other inputs", "mtime")
     if changed := _changed(plan.get("outside"), job.plan["outside"], may_be_gone=True):
         return Difference(f"made from another state of {', '.join(changed)}", "mtime")
+    if record["outputs"].keys() != set(job.outputs):
+        return Difference("made by a job with other outputs", "")
     if not all(is_unchanged(Path(path), made) for path, made in record["outputs"].items()):
         return Difference("changed or damaged since", "mtime")
     return None
@@ -84,27 +83,3 @@ def _changed(before: Any, now: Mapping[str, str], may_be_gone: bool = False) -> 
         for name in sorted(before.keys() | now.keys())
         if before.get(name) != now.get(name) and not (may_be_gone and now.get(name) == "")
     ]
-
-
-def is_unchanged(path: Path, made: Mapping[str, str]) -> bool:
-    """Whether an output is what its job has written.
-
-    Contents are read where size and modification time do not tell.
-
-    Args:
-        path: The file or folder.
-        made: Its entry in the record of the job.
-
-    Returns:
-        True also if it is not there: Snakemake makes it again if another job needs it.
-    """
-    if not path.exists():
-        return True
-    state = file_state(path)
-    if state == made["state"]:
-        return True
-    if path.is_file() and made["state"].count(" ") == 1:
-        (size, modified), (size_before, written) = (map(int, text.split()) for text in (state, made["state"]))
-        if size == size_before and 0 <= modified - written <= SECONDS_UNTIL_TOUCHED * 10**9:
-            return True
-    return content_digest(path) == made["digest"]

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import sys
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -20,7 +21,7 @@ from carigs.errors import InputError
 from carigs.files import write_json
 from carigs.lap_times import forget_times, mean_times
 from carigs.readers.json_files import json_field, read_json
-from carigs.runs.contents import content_digest, file_state, text_digest
+from carigs.runs.contents import content_digest, contents_of, is_unchanged, text_digest
 from carigs.runs.locks import job_lock
 from carigs.runs.planned_job import PlannedJob
 
@@ -65,17 +66,16 @@ def recorded_job(job: PlannedJob) -> Iterator[str]:
     log = Path(job.log)
     file = log.with_suffix(".json")
     with job_lock(log.with_suffix(".lock")):
+        if file.is_dir():
+            shutil.rmtree(file)
         write_json(file, {"finished": None, "outputs": dict.fromkeys(job.outputs)})
-        made = _digests_of_outputs(log.parents[1])
-        inputs = {path: made.get(path) or content_digest(Path(path)) for path in job.inputs}
+        inputs = _digests(job.inputs, log.parents[1])
         made_from = {"plan": job.plan, "params": dict(job.params), "inputs": inputs}
         forget_times()
         started = _costs()
         yield text_digest(json.dumps(made_from, sort_keys=True))
         seconds, cpu_seconds = (after - before for after, before in zip(_costs(), started, strict=True))
-        outputs = {
-            path: {"digest": content_digest(Path(path)), "state": file_state(Path(path))} for path in job.outputs
-        }
+        outputs = {path: contents_of(Path(path)) for path in job.outputs}
         costs = {"seconds": seconds, "cpu_seconds": cpu_seconds, "peak_memory_mb": _peak_memory_mb()}
         costs["steps"] = mean_times()
         write_json(file, {"finished": time.time_ns(), **made_from, "outputs": outputs, "costs": costs})
@@ -116,22 +116,24 @@ def job_costs(folder: Path) -> dict[tuple[str, str], JobCosts]:
 
     Returns:
         The costs of each finished job whose record has them, by stage and name of the log without suffix.
-
-    Raises:
-        InputError: The costs in a record are malformed.
     """
     found = {}
     for file, record in _read_records(folder).items():
         if record["finished"] and "costs" in record:
-            costs = json_field(record, "costs", dict, file=file)
-            kinds = {"seconds": float, "cpu_seconds": float, "peak_memory_mb": float}
-            if costs.get("peak_memory_mb") is None:
-                del kinds["peak_memory_mb"]
-            values = {key: json_field(costs, key, kind, file=file, where="costs") for key, kind in kinds.items()}
-            steps = json_field(costs, "steps", dict, file=file, where="costs") if "steps" in costs else {}
-            steps = {step: json_field(steps, step, float, file=file, where="costs.steps") for step in steps}
-            found[file.parent.name, file.stem] = JobCosts(**{"peak_memory_mb": None, **values}, steps=steps)
+            with suppress(InputError):  # a record that somebody has edited: its costs are not known
+                found[file.parent.name, file.stem] = _read_costs(record, file)
     return found
+
+
+def _read_costs(record: dict[str, Any], file: Path) -> JobCosts:
+    costs = json_field(record, "costs", dict, file=file)
+    kinds = {"seconds": float, "cpu_seconds": float, "peak_memory_mb": float}
+    if costs.get("peak_memory_mb") is None:
+        del kinds["peak_memory_mb"]
+    values = {key: json_field(costs, key, kind, file=file, where="costs") for key, kind in kinds.items()}
+    steps = json_field(costs, "steps", dict, file=file, where="costs") if "steps" in costs else {}
+    steps = {step: json_field(steps, step, float, file=file, where="costs.steps") for step in steps}
+    return JobCosts(**{"peak_memory_mb": None, **values}, steps=steps)
 
 
 def _costs() -> tuple[float, float]:
@@ -150,10 +152,16 @@ def _peak_memory_mb() -> float | None:
     return peak / (2**20 if sys.platform == "darwin" else 2**10)
 
 
-def _digests_of_outputs(folder: Path) -> dict[str, str]:
-    """The digests of the outputs of all finished jobs."""
+def _digests(inputs: Iterable[str], folder: Path) -> dict[str, str]:
+    """Digests of inputs. Those that are as the jobs of the study have written them are not read."""
     finished = (record for record in _read_records(folder).values() if record["finished"])
-    return {path: output["digest"] for record in finished for path, output in record["outputs"].items()}
+    made = {path: contents for record in finished for path, contents in record["outputs"].items()}
+    return {
+        path: made[path]["digest"]
+        if path in made and is_unchanged(Path(path), made[path])
+        else content_digest(Path(path))
+        for path in inputs
+    }
 
 
 def _read_records(folder: Path) -> dict[Path, dict[str, Any]]:
@@ -173,6 +181,9 @@ def _read(file: Path) -> dict[str, Any] | None:
     if finished is not None:
         if not isinstance(finished, int) or not all(isinstance(record.get(part), dict) for part in MADE_FROM):
             return None
-        if not all(isinstance(made, dict) and {"digest", "state"} <= made.keys() for made in outputs.values()):
+        texts = ("digest", "state")
+        if not all(
+            isinstance(made, dict) and all(isinstance(made.get(k), str) for k in texts) for made in outputs.values()
+        ):
             return None
     return record

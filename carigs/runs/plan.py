@@ -7,6 +7,8 @@ keeps it with the results (`carigs.runs.job_record`).
 from __future__ import annotations
 
 import json
+import os
+import time
 from collections.abc import Sequence
 from dataclasses import asdict
 from functools import cache
@@ -20,8 +22,10 @@ from carigs.runs.contents import text_digest
 from carigs.runs.planned_job import Plan
 from carigs.settings import STAGES
 from carigs.settings.option import option_of, walk
-from carigs.sources import fingerprint, package_versions
+from carigs.sources import fingerprint, newest_source, package_versions
 
+PLANNED_AT = "CARIGS_PLANNED_AT"
+"""Environment variable with the time of planning, in nanoseconds since 1970."""
 TOY = ("carigs.toy",)
 """Code that draws the toy: it makes no result of other subjects."""
 
@@ -52,6 +56,28 @@ def job_plan(stage: str, overrides: Sequence[str], level: float | None = None) -
         packages=packages,
         outside={str(path): _digest(path) for path in named.values()},
     )
+
+
+def name_time_of_planning() -> None:
+    """Let the jobs of this run know when it began to plan."""
+    os.environ[PLANNED_AT] = str(time.time_ns())
+
+
+def code_is_planned(stage: str, code: str) -> bool:
+    """Whether the code of a stage is still what its job was planned with.
+
+    Args:
+        stage: Name of the stage.
+        code: `Plan.code`.
+
+    Returns:
+        False if a file that the stage depends on was edited since the run was planned. Sources are read only if a file
+        of the project is newer than the plan.
+    """
+    planned_at = os.environ.get(PLANNED_AT, "")
+    if planned_at.isdecimal() and newest_source() < int(planned_at):
+        return True
+    return code in {fingerprint(f"carigs.stages.{stage}", without) for without in ((), TOY)}
 
 
 def settings_digest(stage: str, section: Any) -> str:

@@ -9,15 +9,15 @@ killed have left, and writes the settings files.
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection
 from pathlib import Path
 
 import snakemake.workflow
 from snakemake.dag import DAG
-from snakemake.exceptions import WorkflowError
 from snakemake.jobs import Job
 from snakemake_interface_storage_plugins.io import Mtime
 
@@ -26,18 +26,20 @@ from carigs.files import clean_results, writing
 from carigs.runs.contents import content_digest, text_digest
 from carigs.runs.current_results import outdated_jobs
 from carigs.runs.locks import lock_study, remove_free_locks
+from carigs.runs.plan import name_time_of_planning
 from carigs.runs.planned_job import PlannedJob, planned_job
 
 
 def use_study_graph() -> None:
     """Let Snakemake plan this run with `StudyGraph`."""
+    name_time_of_planning()
     snakemake.workflow.DAG = StudyGraph
 
 
 class StudyGraph(DAG):
     """The jobs of a run. Those whose results are not current are to be run, and modification times do not count."""
 
-    _recorded: Sequence[Job] = ()
+    _recorded: Collection[Job] = ()
 
     async def check_incomplete(self) -> None:
         """Mark results that are not current like those that a killed job has left incomplete.
@@ -45,7 +47,7 @@ class StudyGraph(DAG):
         Snakemake calls this when it knows all jobs, before it decides which of them to run.
 
         Raises:
-            WorkflowError: Another run makes the same study, or its results cannot be written.
+            SystemExit: Another run makes the same study, or its results cannot be written.
         """
         await super().check_incomplete()
         jobs = [job for level in self.toposorted() for job in level if not any(f.is_storage for f in job.output)]
@@ -56,22 +58,25 @@ class StudyGraph(DAG):
             try:
                 _take_over({stage.study for stage in stages.values()})
                 self._write_settings(settings)
-            except (CarigsError, OSError) as error:
-                raise WorkflowError(one_line(error)) from None
+            except (CarigsError, OSError) as error:  # Snakemake would add the place in the code
+                print(f"carigs: {one_line(error)}", file=sys.stderr)
+                raise SystemExit(1) from None
         written = {str(job.output[0]): text_digest(job.params.text) for job in settings}
         triggers = {trigger.name.lower().replace("_", "-") for trigger in self.workflow.rerun_triggers}
         outdated = outdated_jobs(stages.values(), written, triggers)
         for job, stage in stages.items():
             if stage in outdated:
                 self.forcefiles.update(job.output)
+                if runs:
+                    _remove_other_kinds(job)
         current = [job for job, stage in stages.items() if stage not in outdated]
         self._ignore_modification_times([*settings, *current], runs)
-        self._recorded = [*settings, *stages]
+        self._ignore_notes_of_snakemake({*settings, *stages})
         for line in _lines(outdated):
             print(f"carigs: {line}", file=sys.stderr)
 
     async def update_needrun(self, create_inventory: bool = False) -> None:
-        """Find the jobs to run; notes of Snakemake that are missing are no reason to say so, where there are records.
+        """Find the jobs to run. Where there are records, nobody is told that notes of Snakemake are missing.
 
         Args:
             create_inventory: As in the class that this one extends.
@@ -79,6 +84,16 @@ class StudyGraph(DAG):
         await super().update_needrun(create_inventory)
         for job in self._recorded:
             self.reason(job).no_metadata = False
+
+    def _ignore_notes_of_snakemake(self, jobs: Collection[Job]) -> None:
+        """Let Snakemake find no notes of jobs that have records.
+
+        The notes are of the last run in this working folder. Results may be of another one: copied, restored, or made
+        in a folder that shares them.
+        """
+        self._recorded, notes = jobs, self.workflow.persistence
+        has_metadata = notes.has_metadata
+        notes.has_metadata = lambda job: job not in jobs and has_metadata(job)
 
     def _write_settings(self, jobs: list[Job]) -> None:
         """Write the settings files that are missing, damaged, or of an earlier run.
@@ -112,6 +127,16 @@ def _take_over(studies: set[Path]) -> None:
     for folder in sorted(studies):
         lock_study(folder / "log")
         clean_results(folder, no_job_runs=remove_free_locks(folder / "log"))
+
+
+def _remove_other_kinds(job: Job) -> None:
+    """Remove a folder in the place of a file, and the other way around, which Snakemake leaves there."""
+    for output in job.output:
+        path = Path(output)
+        if path.is_dir() and not output.is_directory:
+            shutil.rmtree(path)
+        elif path.is_file() and output.is_directory:
+            path.unlink()
 
 
 def _leave_the_future(path: Path, now: float) -> None:

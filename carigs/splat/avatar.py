@@ -187,7 +187,7 @@ def load_avatar(file: Path) -> Avatar:
         sequence.smooth = smooth_motion_of(arrays, sequence.rig, file)
     if "jaw_faces" in arrays:
         sequence.jaws = jaw_motion_of(arrays, sequence.rig, file)
-    if "shading_light" in arrays:
+    if any(name.startswith(("shading_", "hair_shadow_")) for name in arrays):  # one without the others is refused
         sequence.shading = shading_of(arrays, len(head.faces), file, "shading_")
         if "hair_shadow_points" in arrays:
             sequence.hair_shadow = hair_shadow_of(arrays, sequence.rig.vertices, file)

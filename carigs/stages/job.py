@@ -15,7 +15,7 @@ from carigs.config import load_settings
 from carigs.errors import CarigsError, InputError, exit_code, one_line
 from carigs.run_summary import warnings_as_lines
 from carigs.runs.job_record import recorded_job
-from carigs.runs.plan import settings_digest
+from carigs.runs.plan import code_is_planned, settings_digest
 from carigs.runs.planned_job import PlannedJob
 
 
@@ -101,6 +101,8 @@ def _call(job: PlannedJob, settings: Path, paths: dict[str, Path | list[Path] | 
     section = load_settings(job.stage, settings)
     if settings_digest(job.stage, section) != job.plan["settings"]:
         raise InputError("another run has replaced the settings that this job was planned with", file=settings)
+    if not code_is_planned(job.stage, job.plan["code"]):
+        raise CarigsError("the code of this stage was edited after the run had planned this job; start the run again")
     function = getattr(import_module(f"carigs.stages.{job.stage}"), job.stage)
     keys = {"resume_key": key} if "resume_key" in signature(function).parameters else {}
     function(section, **paths, **job.params, **keys)

@@ -110,9 +110,12 @@ IMPOSSIBLE = {
     "outside": (partial(parameters, translation=lambda x: x + 3), "translation: the head is behind .* outside every"),
     "another shape": (partial(parameters, shape=lambda x: x + 1), "shape: differs from .*00000.npz"),
     "another offset": (partial(parameters, static_offset=lambda x: x + 0.01), "static_offset: differs from"),
-    "weights of 7": (partial(model, weights=lambda w: 7 * w), "weights of vertex 0 sum to 7"),
-    "negative weights": (partial(model, weights=lambda w: w - np.eye(5)[1] + np.eye(5)[0]), "weights: .* is negative"),
-    "a regressor of zeros": (partial(model, J_regressor=lambda r: 0 * r), "J_regressor: row 0 sums to 0"),
+    "weights of 7": (partial(model, weights=lambda w: 7 * w), r"weights: 7 at \(0, 0\), expected values in"),
+    "negative weights": (
+        partial(model, weights=lambda w: w - np.eye(5)[1] + np.eye(5)[0]),
+        "weights: .*expected values",
+    ),
+    "a regressor of zeros": (partial(model, J_regressor=lambda r: 0 * r), "J_regressor: .* joint 0 sum to 0"),
     "a model in millimetres": (partial(model, v_template=lambda v: 1e3 * v), "v_template: .* metres"),
     "regions of booleans": (partial(model, mask_scalp=lambda ids: np.arange(642) > 9), "mask_scalp: holds booleans"),
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import time
 from collections.abc import Callable
@@ -117,14 +118,17 @@ def test_a_trigger_that_the_user_switches_off_does_not_count(made, trigger, chan
     assert outdated(made, train=changed) and not outdated(made, set(TRIGGERS) - {trigger}, train=changed)
 
 
-def touch(file: Path) -> None:
-    os.utime(file, ns=(10**18, 10**18))
+def touch(file: Path, seconds: float | None = None) -> None:
+    """Set a modification time, far away or after the present one."""
+    then = 10**18 if seconds is None else time.time_ns() + int(seconds * 1e9)
+    os.utime(file, ns=(then, then))
 
 
 DAMAGES = {
     "cut": lambda file: file.write_bytes(file.read_bytes()[:-1]),
     "empty": lambda file: file.write_bytes(b""),
     "of the same size, later": lambda file: (file.write_bytes(file.read_bytes()[::-1]), touch(file)),
+    "of the same size, soon": lambda file: (file.write_bytes(file.read_bytes()[::-1]), touch(file, seconds=30)),
 }
 
 
@@ -150,6 +154,48 @@ def test_outputs_without_a_record_that_can_be_read_are_made_again(made, tmp_path
     assert set(job_costs(tmp_path / "log")) == {("path", "all"), ("render", "all")}
 
 
+@pytest.mark.parametrize("state", [5, None, "a b", "-1 3", "1 2 3", ""])
+def test_a_state_that_no_job_writes_means_that_contents_are_read_or_the_record_is_damaged(made, tmp_path, state):
+    file = tmp_path / "log/train/all.json"
+    record = json.loads(file.read_text())
+    record["outputs"][str(tmp_path / "avatar.npz")]["state"] = state
+    file.write_text(json.dumps(record))
+    expected = {} if isinstance(state, str) else {"train": "made by a job of which no record can be read"}
+    assert outdated(made) == expected
+
+
+@pytest.mark.parametrize("outputs", [{}, {"another": {"digest": "d", "state": "s"}}])
+def test_a_record_of_other_outputs_says_nothing_of_these(made, tmp_path, outputs):
+    file = tmp_path / "log/train/all.json"
+    file.write_text(json.dumps({**json.loads(file.read_text()), "outputs": outputs}))
+    assert outdated(made) == {"train": "made by a job with other outputs"}
+
+
+@pytest.mark.parametrize("costs", [[1], {}, {"seconds": "long", "cpu_seconds": 1}])
+def test_costs_that_cannot_be_read_are_not_known(made, tmp_path, costs):
+    file = tmp_path / "log/train/all.json"
+    file.write_text(json.dumps({**json.loads(file.read_text()), "costs": costs}))
+    assert set(job_costs(tmp_path / "log")) == {("path", "all"), ("render", "all")}
+
+
+def test_a_job_records_what_it_has_read_and_not_what_was_once_written(made, tmp_path):
+    """An input that was damaged when the job read it, and is whole again."""
+    whole = (tmp_path / "avatar.npz").read_bytes()
+    (tmp_path / "avatar.npz").write_bytes(b"damaged")
+    run(made["render"])
+    (tmp_path / "avatar.npz").write_bytes(whole)
+    assert outdated(made) == {"render": "made from other inputs"}
+
+
+def test_a_record_that_is_a_folder_is_replaced(made, tmp_path):
+    file = tmp_path / "log/train/all.json"
+    file.unlink()
+    (file / "inside").mkdir(parents=True)
+    assert outdated(made) == {"train": "made by a job of which no record can be read"}
+    run(made["train"])
+    assert outdated(made) == {}
+
+
 def test_jobs_that_have_never_run_are_not_listed(planned):
     assert outdated(planned) == {}
 
@@ -170,7 +216,7 @@ def test_a_copy_without_modification_times_is_current(made, tmp_path):
 def test_the_time_that_snakemake_sets_after_the_job_is_no_edit(made, tmp_path, monkeypatch):
     later = time.time_ns() + 3 * 10**9
     os.utime(tmp_path / "avatar.npz", ns=(later, later))
-    monkeypatch.setattr("carigs.runs.current_results.content_digest", lambda path: pytest.fail("read"))
+    monkeypatch.setattr("carigs.runs.contents.content_digest", lambda path: pytest.fail("read"))
     assert outdated(made) == {}
 
 

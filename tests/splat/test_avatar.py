@@ -12,7 +12,7 @@ from carigs.capture import Capture, look_at, read_dataset
 from carigs.capture.frame_index import read_frame_index
 from carigs.capture.images import read_rgb
 from carigs.capture.orbit import nearest_point_to_axes, orbit_cameras
-from carigs.errors import InputError, SettingsError
+from carigs.errors import CarigsWarning, InputError, SettingsError
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.hair import HairShadow
 from carigs.hair.hair_shadow import WIDTH
@@ -257,12 +257,13 @@ def test_an_avatar_that_does_not_follow_its_level_has_no_gain(trained, tmp_path)
     assert values["silhouette_iou", "full"] < 0.9  # the mesh is 20 % wider
 
 
-def test_levels_beyond_the_path_and_unknown_timesteps_are_refused(files):
+def test_levels_beyond_the_path_are_refused_and_unknown_timesteps_replaced(files):
     with pytest.raises(SettingsError, match=r"level 0\.3 lies outside"):
         render(Render(levels=(0.0, 0.3)), **files)
-    with pytest.raises(SettingsError, match="orbit_timestep=77"):
-        render(Render(levels=(0.0,), orbit_timestep=77), **files)
     assert not files["frames"].exists()
+    with pytest.warns(CarigsWarning, match="orbit_timestep=77 is no timestep"):  # after a training was paid for
+        render(Render(levels=(0.0,), orbit_timestep=77, orbit_frames=1), **files)
+    assert files["frames"].exists()
 
 
 @pytest.mark.parametrize(

@@ -12,12 +12,14 @@ from carigs.config import compose, settings_text
 from carigs.errors import CarigsError
 from carigs.run_summary import error_lines
 from carigs.runs.plan import settings_digest
+from carigs.sources import fingerprint
 from carigs.stages.job import run_job
 
 
 def job(log: Path, output: str | Path, **plan: str) -> dict:
     """Fields of a job of the stage `tabulate`."""
-    planned = {"settings": settings_digest("tabulate", compose().tabulate), "code": "", "packages": {}, "outside": {}}
+    settings, code = settings_digest("tabulate", compose().tabulate), fingerprint("carigs.stages.tabulate")
+    planned = {"settings": settings, "code": code, "packages": {}, "outside": {}}
     return {"log": str(log), "plan": planned | plan, "params": {}, "inputs": [], "outputs": [str(output)]}
 
 
@@ -64,6 +66,19 @@ def test_a_job_refuses_settings_that_another_run_has_replaced(tmp_path, capsys):
     assert "all.yaml: another run has replaced the settings" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("edited", [True, False])
+def test_a_job_refuses_code_that_was_edited_after_the_run_was_planned(edited, tmp_path, monkeypatch, capsys):
+    """Sources are read only if one of them is newer than the plan."""
+    monkeypatch.setitem(sys.modules, "carigs.stages.tabulate", SimpleNamespace(tabulate=lambda settings: None))
+    monkeypatch.setenv("CARIGS_PLANNED_AT", "1" if edited else f"{10**19}")
+    log, settings = tmp_path / "log/tabulate/a.log", tmp_path / "all.yaml"
+    log.parent.mkdir(parents=True)
+    settings.write_text(settings_text("tabulate"))
+    assert run_job(str(settings), {}, job(log, tmp_path / "table.csv", code="of an earlier state")) == edited
+    assert ("the code of this stage was edited" in capsys.readouterr().err) == edited
+    assert run_job(str(settings), {}, job(log, tmp_path / "table.csv")) == 0
+
+
 def test_a_stage_that_can_resume_gets_the_key_of_the_record(tmp_path, monkeypatch):
     """Equal jobs have one key; another version of a package is another key."""
     keys = []
@@ -75,6 +90,6 @@ def test_a_stage_that_can_resume_gets_the_key_of_the_record(tmp_path, monkeypatc
     log, settings = tmp_path / "log/tabulate/a.log", tmp_path / "all.yaml"
     log.parent.mkdir(parents=True)
     settings.write_text(settings_text("tabulate"))
-    for plan in ({}, {}, {"packages": {"numpy": "9"}}, {"code": "other"}):
+    for plan in ({}, {}, {"packages": {"numpy": "9"}}, {"outside": {"data": "other"}}):
         assert run_job(str(settings), {}, job(log, tmp_path / "table.csv", **plan)) == 0
     assert keys[0] == keys[1] and len({*keys}) == 3

@@ -138,6 +138,47 @@ def test_two_working_folders_share_results(finished, tmp_path):
     assert "iterations=7" not in avatar.read_text()
 
 
+def test_results_of_another_run_count_more_than_notes_of_the_last_one_here(finished, tmp_path):
+    """Results are put back as they were before a run with other settings."""
+    shutil.copytree(finished.root / "results", tmp_path / "before")
+    avatar = f"{POINT}/alternating/seed=0/avatar.npz"
+    finished.make(avatar, hydra="train.iterations=7")
+    shutil.rmtree(finished.root / "results")
+    (tmp_path / "before").rename(finished.root / "results")
+    assert finished.planned(*TARGETS) == {}
+    assert finished.planned(avatar, hydra="train.iterations=7") == {"train": 1}
+
+
+@pytest.mark.parametrize("kind", ["a folder for a file", "a file for a folder"])
+def test_an_output_of_another_kind_is_made_again(finished, kind):
+    folder = finished.root / f"{POINT}/alternating/seed=0"
+    if kind == "a folder for a file":
+        (folder / "avatar.npz").unlink()
+        (folder / "avatar.npz/inside").mkdir(parents=True)
+    else:
+        shutil.rmtree(folder / "frames")
+        (folder / "frames").touch()
+    finished.make(*TARGETS)
+    assert (folder / "avatar.npz").is_file() and (folder / "frames").is_dir()
+
+
+def test_code_that_is_edited_while_a_run_goes_on_makes_no_current_result(finished):
+    """Put back afterwards, it is what the records would name."""
+    (finished.root / f"{POINT}/path.npz").unlink()
+    (finished.root / "hold").touch()
+    running = finished.start("snakemake", "--cores", "1", f"{POINT}/alternating/seed=0/avatar.npz", "-R", "exaggerate")
+    while not (finished.root / f"{POINT}/path.npz").exists() and running.poll() is None:
+        time.sleep(0.1)
+    file = finished.root / "carigs/stages/gtstar.py"
+    before = file.read_text()
+    finished.edit("carigs/stages/gtstar.py", add="more = 1")
+    (finished.root / "hold").unlink()
+    said = "".join(running.communicate())
+    assert running.returncode != 0 and "the code of this stage was edited" in said
+    file.write_text(before)
+    assert "gtstar" in finished.planned(*TARGETS)
+
+
 def test_two_runs_of_a_study_at_once_are_refused(finished, tmp_path):
     """Also from another working folder, where Snakemake's own lock is not seen."""
     second = Project(tmp_path / "second")
@@ -152,7 +193,8 @@ def test_two_runs_of_a_study_at_once_are_refused(finished, tmp_path):
     refused = second.snakemake("--cores", "1", "reproduce", hydra="train.iterations=7")
     (finished.root / "hold").unlink()
     assert refused.returncode != 0
-    assert "results/toy/log/run.lock: another run makes this study: process" in refused.stdout + refused.stderr
+    (line,) = [line for line in refused.stderr.splitlines() if "run.lock" in line]
+    assert line.startswith("carigs: results/toy/log/run.lock: another run makes this study: process")
     first.communicate()
     assert first.returncode == 0
 

@@ -50,7 +50,7 @@ def study(root, name, gamma, psnr, seconds, **options):
         for place, variant in enumerate(VARIANTS):
             own = seconds + place if subject != "of_another_run" else 1000.0
             costs = {"seconds": 1.0, "cpu_seconds": own, "peak_memory_mb": 100 * own}
-            record = {"finished": 1, "settings": {}, "code": "", "inputs": {}, "outputs": {}, "costs": costs}
+            record = {"finished": 1, "plan": {}, "params": {}, "inputs": {}, "outputs": {}, "costs": costs}
             point = f"{subject},gamma={gamma:g},{variant}"
             write_json(root / f"results/{name}/log/train/{point},seed=0.json", record)
             earlier = {**record, "costs": {**costs, "cpu_seconds": 1e6, "peak_memory_mb": 1e6}}
