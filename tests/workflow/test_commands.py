@@ -20,11 +20,12 @@ def test_a_bare_checkout_can_be_planned(stubbed):
     """One settings file per stage and point, one training per variant, one rendering per training."""
     subjects, variants, levels = 2, 2, 2
     assert stubbed.planned() == {
-        "settings": 3 + 9 * subjects + variants * subjects,
+        "settings": 3 + 10 * subjects + variants * subjects,
         "capture": subjects,
         "hair": subjects,
         "exaggerate": subjects,
         "gtstar": subjects,
+        "target_sheet": subjects,
         "train": subjects * variants,
         "html": subjects,
         "truth": subjects * levels,
@@ -154,7 +155,8 @@ def test_a_job_is_tried_again_with_twice_the_memory(stubbed, tmp_path):
     for rule, megabytes in re.findall(started, done.stdout + done.stderr, re.MULTILINE):
         requests.setdefault(rule, set()).add(int(megabytes))
     small, large = {4000, 8000}, {6000, 12000}
-    assert requests == dict.fromkeys(("capture", "hair", "exaggerate", "gtstar", "html", "truth", "render"), small) | {
+    subject_stages = ("capture", "hair", "exaggerate", "gtstar", "target_sheet", "html", "truth", "render")
+    assert requests == dict.fromkeys(subject_stages, small) | {
         "train": large,
         "metrics": large,
     }
@@ -307,7 +309,7 @@ def test_a_combination_that_fails_does_not_stop_the_others(finished):
     done = finished.command("carigs", "sweep", "capture.folder=null,null", "study.subjects=[toy]")
     assert done.returncode == 0, done.stdout + done.stderr
     assert [line for line in done.stderr.splitlines() if " done] " in line] == [
-        "[1 of 2 done] starting sweep: results/toy/sweep/capture.folder.csv"
+        "[0 of 1 done] starting sweep: results/toy/sweep/capture.folder.csv"
     ]
 
 

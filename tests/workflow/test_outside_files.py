@@ -21,13 +21,14 @@ metrics: {weights: weights}
 SUMMARIES = {"tabulate", "card", "report"}
 EVALUATION = {"metrics", "figures", *SUMMARIES}
 TRAINING = {"train", "html", "render", *EVALUATION}
-AFTER_CAPTURE = {"exaggerate", "truth", "gtstar", *TRAINING}
+AFTER_PATH = {"target_sheet", "gtstar", *TRAINING}
+AFTER_CAPTURE = {"exaggerate", "truth", *AFTER_PATH}
 EXPECTED = {
     "anna/transforms_train.json": {"capture", "hair", *AFTER_CAPTURE},
     "flame.pkl": {"capture", "hair", *AFTER_CAPTURE},
     "sculpt/0.25.obj": AFTER_CAPTURE,
     "sculpt/0.5.obj": set(),  # of another gamma
-    "edited/00000_00.png": {"gtstar", *TRAINING},
+    "edited/00000_00.png": {*AFTER_PATH},
     "start.npz": TRAINING,
     "truth/0.25/frames.json": {"truth", *EVALUATION},
     "weights/ViT-B-32.pt": {"metrics", *SUMMARIES},
