@@ -1,12 +1,14 @@
 """Reader of the triangles of .glb files (glTF 2.0, binary): the meshes of a scene in world coordinates.
 
-Materials, textures, skins and animations are ignored. Data must lie in the file's own chunk: other files, compressed
-meshes and sparse accessors are refused. Quantised positions are read.
+Materials, textures and animations are ignored. Meshes with joints or morph targets are read as their positions stand,
+with a warning. Data must lie in the file's own chunk: other files, compressed meshes and sparse accessors are refused.
+Quantised positions are read.
 """
 
 from __future__ import annotations
 
 import struct
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ import numpy as np
 from jaxtyping import Float64, Int64, Shaped
 from scipy.spatial.transform import Rotation
 
-from carigs.errors import InputError
+from carigs.errors import CarigsWarning, InputError
 from carigs.readers.arrays import checked_array
 from carigs.readers.gltf_extensions import QUANTIZATION, check_compression, check_extensions
 from carigs.readers.json_files import json_field, parse_json
@@ -47,7 +49,8 @@ def parse_glb(content: bytes, file: str | Path) -> tuple[Float64[np.ndarray, "v 
             not read.
 
     Warns:
-        CarigsWarning: The file uses an extension without which other triangles are shown.
+        CarigsWarning: The file uses an extension without which other triangles are shown, or joints or morph targets
+            that would move vertices.
     """
     return _Scene(*_chunks(content, file), file).triangles()
 
@@ -96,11 +99,24 @@ class _Scene:
             with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is found in the vertices
                 world_from_node = world_from_parent @ self._transform(node, where)
             if "mesh" in node:
-                self._add_mesh(json_field(node, "mesh", int, file=self.file, where=where), world_from_node)
+                mesh = json_field(node, "mesh", int, file=self.file, where=where)
+                self._warn_of_deformation(node, mesh, where)
+                # glTF 2.0, 3.7.3.3: joints alone place a mesh with a skin.
+                self._add_mesh(mesh, np.eye(4) if "skin" in node else world_from_node)
             children = self._indices(node, "children", where)
             waiting += [(child, world_from_node) for child in reversed(children)]
         nothing = np.zeros((0, 3))
         return np.concatenate([nothing, *self.vertices]), np.concatenate([nothing.astype(np.int64), *self.faces])
+
+    def _warn_of_deformation(self, node: dict[str, Any], mesh: int, where: str) -> None:
+        """Say what would move the vertices and is not read."""
+        weights = node.get("weights", self._entry("meshes", mesh).get("weights", []))
+        if "skin" in node:
+            problem = "its joints (skin) are not applied; positions are read as the mesh has them"
+            warnings.warn(f"{self.file}: {where}: {problem}", CarigsWarning, stacklevel=4)
+        if isinstance(weights, list) and any(weight != 0 for weight in weights):
+            problem = "its morph targets have weights, which are not applied"
+            warnings.warn(f"{self.file}: {where}: {problem}", CarigsWarning, stacklevel=4)
 
     def _roots(self) -> list[int]:
         """Nodes of the first scene; without scenes those that are nobody's children."""
@@ -134,7 +150,10 @@ class _Scene:
                 raise InputError("indices that are no triangles of its vertices", file=self.file, field=field)
             if accessor not in first_of:
                 first_of[accessor] = self._add_vertices(positions, world_from_node)
-            self.faces.append(corners.reshape(-1, 3) + first_of[accessor])
+            faces = corners.reshape(-1, 3) + first_of[accessor]
+            with np.errstate(over="ignore", invalid="ignore"):
+                is_mirrored = np.linalg.det(world_from_node[:3, :3]) < 0  # which reverses the corners: glTF 2.0, 3.7.4
+            self.faces.append(faces[:, ::-1] if is_mirrored else faces)
             self.num_corners += len(corners)
             if max(self.num_vertices, self.num_corners) > self.max_corners:
                 raise InputError(f"more than {self.max_corners} corners of triangles", file=self.file, field=where)

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from carigs.errors import InputError
+from carigs.errors import CarigsWarning, InputError
 from carigs.readers.glb import parse_glb
 from carigs.readers.meshes import read_mesh
 
@@ -80,6 +80,37 @@ def test_translation_rotation_and_scale_apply_in_this_order():
     content["nodes"][1] |= {"rotation": rotation.as_quat().tolist(), "scale": [2, 3, 4]}
     vertices, _ = parse_glb(glb(content), "a.glb")
     np.testing.assert_allclose(vertices, rotation.apply(VERTICES * [2, 3, 4]) + np.array([1, 2, 3]), atol=1e-12)
+
+
+def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
+    a, b, c = np.moveaxis(vertices[faces], 1, 0)
+    return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
+
+
+@pytest.mark.parametrize("scale", [[-1, 1, 1], [1, -2, 1], [-1, -1, -1], [-1, -1, 1]])
+def test_a_mirrored_node_keeps_what_faces_outwards(scale):
+    """The faces of a tetrahedron: its volume is positive, mirrored or not."""
+    content = document()
+    content["nodes"][0]["scale"] = scale
+    vertices, faces = parse_glb(glb(content), "a.glb")
+    assert volume(vertices, faces) == pytest.approx(abs(np.prod(scale)) * volume(VERTICES, FACES))
+    assert volume(vertices, faces) > 0
+
+
+@pytest.mark.filterwarnings("error")
+def test_joints_and_morph_targets_that_move_vertices_are_warned_of():
+    content = document()
+    content["nodes"][0] |= {"skin": 0, "translation": [0, 0, 3]}
+    with pytest.warns(CarigsWarning, match=r"a\.glb: nodes\[0\]: its joints \(skin\) are not applied"):
+        vertices, _ = parse_glb(glb(content), "a.glb")
+    np.testing.assert_array_equal(vertices, VERTICES)  # joints alone would place them
+    for place in ("nodes", "meshes"):
+        content = document()
+        content[place][0]["weights"] = [0, 1]
+        with pytest.warns(CarigsWarning, match="its morph targets have weights"):
+            parse_glb(glb(content), "a.glb")
+        content[place][0]["weights"] = [0, 0.0]
+        parse_glb(glb(content), "a.glb")
 
 
 def test_vertices_that_primitives_share_appear_once():
