@@ -6,7 +6,6 @@ vertex numbers mean the same as in the program that wrote the file.
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -94,7 +93,7 @@ def read_obj_uvs(file: str | Path) -> tuple[Int64[np.ndarray, "f 3"], Float64[np
 
 
 def obj_lines(content: bytes, file: str | Path) -> list[str]:
-    """Split a file into lines; those that end with a backslash are joined with the next.
+    """Split a file into lines; those that end with a backslash are joined with the next, unless they are comments.
 
     Args:
         content: The file's bytes.
@@ -106,8 +105,17 @@ def obj_lines(content: bytes, file: str | Path) -> list[str]:
     Raises:
         InputError: If the text is in UTF-16 or UTF-32.
     """
-    text = decode_text(content, file, any_bytes=True)
-    return split_lines(re.sub(r"\\(?:\r\n|\r|\n)", " ", text))
+    joined: list[str] = []
+    continues = False
+    for line in split_lines(decode_text(content, file, any_bytes=True)):
+        if continues:
+            joined[-1] = f"{joined[-1]} {line}"
+        else:
+            joined.append(line)
+        continues = line.endswith("\\") and not joined[-1].lstrip().startswith("#")  # a comment may name C:\heads\
+        if continues:
+            joined[-1] = joined[-1][:-1]
+    return joined
 
 
 def _vertex_number(word: str, count: int) -> int:

@@ -62,3 +62,16 @@ def test_vertices_of_a_ply_are_not_split_at_seams(tmp_path):
     mesh = read_mesh(tmp_path / "seam.ply")
     np.testing.assert_array_equal(mesh.vertices, [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
     np.testing.assert_array_equal(mesh.faces, [[0, 1, 2], [1, 3, 2]])
+
+
+@pytest.mark.parametrize("comment", ["# folder C:\\heads\\", "  # a\\", "#\\"])
+def test_a_comment_that_ends_with_a_backslash_swallows_no_vertex(comment):
+    plain = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 5 5 5\nf 1 2 3\n"
+    found, expected = (parse_obj(text.encode(), "a.obj") for text in (f"{comment}\n{plain}", plain))
+    for a, b in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_a_line_that_ends_with_a_backslash_goes_on():
+    parts = parse_obj(b"v 0 0 \\\n0\nv 1 0 0\nv 0 1 0\nf 1 \\\r\n2 \\\n3\n", "a.obj")
+    assert len(parts[0]) == 3 and parts[1].tolist() == [0, 1, 2]
