@@ -77,7 +77,7 @@ def read_pixels(file: str | Path) -> Shaped[np.ndarray, "h w *channels"]:
     unpacked = width * height * _bytes_per_pixel(content)
     if unpacked > max_unpacked_bytes(len(content)):
         raise InputError(f"{len(content)} bytes that would become {unpacked}: no picture is as regular", file=file)
-    _check_end(content, file)
+    content = content[: _end(content, file)]
     if content.startswith(JPEG_SIGNATURE) and (scans := content.count(_START_OF_SCAN)) > MAX_SCANS:
         raise InputError(f"{scans} scans; at most {MAX_SCANS} are decoded", file=file)
     try:
@@ -116,7 +116,7 @@ def read_header(file: str | Path) -> ImageHeader:
         raise InputError(f"cannot be read ({error.strerror})", file=file) from error
     is_png = content.startswith(PNG_SIGNATURE)
     if (PNG_END if is_png else JPEG_END) not in end:
-        _check_end(read_bytes(file, MAX_IMAGE_BYTES, "image"), file)
+        _end(read_bytes(file, MAX_IMAGE_BYTES, "image"), file)
     return header
 
 
@@ -191,12 +191,30 @@ def _bytes_per_pixel(content: bytes) -> int:
     return PNG_CHANNELS.get(colour_type, 4) * max(depth // 8, 1)
 
 
-def _check_end(content: bytes, file: str | Path) -> None:
-    """Refuse truncated files and, for PNG, wrong checksums."""
+def _first_scan(content: bytes) -> int:
+    """Where the coded pixels of a JPEG begin, after the segments before them; -1 if they are missing."""
+    position = 2
+    for _ in range(MAX_SEGMENTS):
+        segment = _SEGMENT.match(content, position)
+        if segment is None:
+            break
+        marker, length = (int.from_bytes(number, "big") for number in segment.groups()[:2])
+        if marker == _START_OF_SCAN[1]:
+            return segment.start()
+        if length < 2:
+            break
+        position = segment.start(2) + length
+    return content.find(_START_OF_SCAN)
+
+
+def _end(content: bytes, file: str | Path) -> int:
+    """Where an image ends; cameras append videos and previews. Truncated files and wrong checksums are refused."""
     if content.startswith(JPEG_SIGNATURE):
-        if JPEG_END not in content[-END_BYTES:]:
+        # In the coded pixels no byte 0xFF is followed by that of a marker.
+        end = content.find(JPEG_END, max(_first_scan(content), 0))
+        if end < 0:
             raise InputError("not a readable image (the end of the JPEG is missing)", file=file)
-        return
+        return end + len(JPEG_END)
     view, position = memoryview(content), len(PNG_SIGNATURE)
     while position + 12 <= len(content):
         length = int.from_bytes(view[position : position + 4], "big")
@@ -206,6 +224,6 @@ def _check_end(content: bytes, file: str | Path) -> None:
         if zlib.crc32(view[position + 4 : end - 4]) != int.from_bytes(view[end - 4 : end], "big"):
             raise InputError(f"not a readable image (wrong checksum of {name!r} at byte {position})", file=file)
         if name == b"IEND":
-            return
+            return end
         position = end
     raise InputError("not a readable image (the end of the PNG is missing)", file=file)

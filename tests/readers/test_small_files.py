@@ -102,3 +102,20 @@ def test_what_repeats_a_lot_is_read_if_it_is_small_or_has_other_data_beside_it(t
     assert read_npz(tmp_path / "zeros.npz")["offset"].shape == (1000, 5143, 3)
     (tmp_path / "a.png").write_bytes(cv2.imencode(".png", np.zeros((4000, 4000, 3), np.uint8))[1].tobytes())
     assert not read_pixels(tmp_path / "a.png").any()
+
+
+@pytest.mark.parametrize("progressive", [0, 1])
+def test_what_a_camera_appends_to_a_jpeg_is_no_part_of_it(progressive, tmp_path):
+    """A motion photo: the video after the picture holds every pair of bytes, those of markers too."""
+    pixels = np.random.default_rng(0).integers(0, 255, (48, 64, 3), np.uint8)
+    picture = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_PROGRESSIVE, progressive])[1].tobytes()
+    video = np.random.default_rng(1).integers(0, 256, 10_000_000, np.uint8).tobytes()
+    for name, content in {"plain": picture, "motion": picture + video, "previewed": picture + JPEG}.items():
+        (tmp_path / f"{name}.jpg").write_bytes(content)
+    expected = read_pixels(tmp_path / "plain.jpg")
+    for name in ("motion", "previewed"):
+        assert read_header(tmp_path / f"{name}.jpg")[:2] == (64, 48)
+        np.testing.assert_array_equal(read_pixels(tmp_path / f"{name}.jpg"), expected)
+    (tmp_path / "cut.jpg").write_bytes(picture[:-100])
+    with pytest.raises(InputError, match="the end of the JPEG is missing"):
+        read_header(tmp_path / "cut.jpg")
