@@ -135,12 +135,18 @@ def _text_cameras(text: str) -> Iterator[tuple]:
 
 
 def _text_images(text: str) -> Iterator[tuple]:
-    """Every second line lists the image's points and may be empty."""
-    lines = [line for line in _lines(text)[::2] if line.strip()]
-    for line in lines:
-        number, *pose, camera, name = line.split(maxsplit=9)
+    """Every second line lists the image's points, three numbers each, and may be empty."""
+    lines, count = _lines(text), 0
+    for i in range(0, len(lines), 2):
+        if not lines[i].strip():
+            continue
+        number, *pose, camera, name = lines[i].split(maxsplit=9)
+        points = lines[i + 1].split() if i + 1 < len(lines) else []
+        if len(points) % 3 or (points and not re.fullmatch(r"-?\d+", points[-1])):
+            raise ValueError(f"the line after image {number} lists no points; write an empty one there")
+        count += 1
         yield int(number), name.strip(), int(camera), tuple(map(float, pose))
-    _check_stated_count(text, "images", len(lines))
+    _check_stated_count(text, "images", count)
 
 
 def _binary_cameras(content: bytes) -> Iterator[tuple]:

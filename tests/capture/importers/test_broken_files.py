@@ -42,6 +42,7 @@ TEXT = {
     "camera twice": ("cameras.txt", "\n2 PINHOLE", "\n1 PINHOLE", r"cameras\.txt: camera 1: there are two cameras"),
     "fewer cameras than stated": ("cameras.txt", "cameras: 2", "cameras: 3", r"2 cameras, its comment states 3"),
     "fewer images than stated": ("images.txt", "images: 2", "images: 9", r"2 images, its comment states 9"),
+    "no lines of points": ("images.txt", "1.5 2.5 -1\n8", "8", r"the line after image \d+ lists no points"),
     "the root as name": ("images.txt", "left/0000.png", "/", None),
     "a dot as name": ("images.txt", "left/0000.png", ".", None),
 }
