@@ -38,8 +38,12 @@ def listed(folder: Path, pattern: str = "*") -> list[Path]:
         Files and folders in alphabetical order, without system files, hidden ones and copies of editors, and without
         what lies in such folders; nothing if there is no such folder.
     """
-    return sorted(path for path in folder.glob(pattern) if not any(map(_is_unmeant, path.relative_to(folder).parts)))
+    return sorted(path for path in folder.glob(pattern) if not _is_unmeant(path, folder))
 
 
-def _is_unmeant(name: str) -> bool:
-    return is_system_file(name) or name.startswith(PREFIXES) or name.endswith(SUFFIXES)
+def _is_unmeant(path: Path, folder: Path) -> bool:
+    """Whether a path is a system's or an editor's, or below such a folder. Editors keep copies of files alone."""
+    *above, name = path.relative_to(folder).parts
+    if not path.is_dir() and (name.startswith(PREFIXES) or name.endswith(SUFFIXES)):
+        return True
+    return any(is_system_file(part) or part.startswith(".") for part in (*above, name))

@@ -100,3 +100,12 @@ def test_configurations_of_the_user(tmp_path, monkeypatch):
 def test_other_names_are_meant(tmp_path, name):
     (tmp_path / name).touch()
     assert listed(tmp_path) == [tmp_path / name] and not is_system_file(name)
+
+
+@pytest.mark.parametrize("name", ["#left", "left~", "~$left", ".#left"])
+def test_folders_that_are_named_like_copies_of_editors_are_meant(tmp_path, name):
+    (tmp_path / name).mkdir()
+    (tmp_path / name / "0.png").touch()
+    (tmp_path / name / "0.png~").touch()
+    expected = [] if name.startswith(".") else [tmp_path / name, tmp_path / name / "0.png"]
+    assert listed(tmp_path, "**/*") == expected
