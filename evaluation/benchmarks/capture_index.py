@@ -76,7 +76,7 @@ def write_large_capture(
     model = moving_head(4, 1).head
     model.save(folder / "head_model.npz")
     write_png(folder / "image.png", np.full((size[1], size[0], 3), 0.5))
-    write_png(folder / "mask.png", np.ones(size[::-1]))
+    write_png(folder / "mask.png", np.eye(*size[::-1]))
     entries: dict[str, list[dict]] = {"train": [], "val": [], "test": []}
     rig = [portrait(*size, side) for side in np.linspace(-1.5, 1.5, cameras)]
     poses = [(camera.world_from_camera @ OPENCV_FROM_OPENGL).tolist() for camera in rig]
@@ -98,7 +98,8 @@ def write_large_capture(
                     "camera_index": c,
                     "camera_id": f"2222000{c:02d}",
                     **{"cx": camera.cx, "cy": camera.cy, "fl_x": camera.fx, "fl_y": camera.fy},
-                    **{"h": camera.height, "w": camera.width, "camera_angle_x": 0.4, "camera_angle_y": 0.6},
+                    **{"h": camera.height, "w": camera.width},
+                    "camera_angle_x": 2 * np.arctan(camera.width / 2 / camera.fx),
                     "transform_matrix": poses[c],
                     "sequence": f"EMO-{sequence}",
                     **{"file_path": image, "fg_mask_path": mask, "flame_param_path": parameters},

@@ -24,9 +24,9 @@ def test_every_case_of_a_series_is_another_training():
 def test_equal_settings_are_trained_once_and_more_steps_are_better(tmp_path, monkeypatch):
     trained, train = [], training_trade_offs.train_avatar
 
-    def counted(inputs, settings, checkpoint):
+    def counted(inputs, settings):
         trained.append(settings.iterations)
-        return train(inputs, settings, checkpoint)
+        return train(inputs, settings)
 
     monkeypatch.setattr(training_trade_offs, "train_avatar", counted)
     cases = ["preset=balanced", "train.iterations=4", "train.iterations=60", "capture.toy.width=39"]
