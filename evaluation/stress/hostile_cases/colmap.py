@@ -36,7 +36,7 @@ def _wrong_texts(cameras: bytes, images: bytes) -> Iterator[Case]:
     number, model, width, height, *numbers = first.split()
     changes = {
         "no model": [number, width, height, *numbers], "unknown model": [number, "FISHEYE", width, height, *numbers],
-        "distorted": [number, "OPENCV", width, height, *numbers, "0", "0", "0", "0"], "nothing": [number],
+        "distorted": [number, "OPENCV", width, height, *numbers, "0.1", "0", "0", "0"], "nothing": [number],
         "three numbers": [number, model, width, height, *numbers[:3]],
         "other id": ["9", model, width, height, *numbers],
         "same id": ["2", model, width, height, *numbers], "negative id": ["-1", model, width, height, *numbers],
