@@ -4,6 +4,7 @@
 - `current_results`: which results of a study are current, by these records
 - `study_graph`: Snakemake's graph of jobs, which asks `current_results`
 - `locks`: one run of a study, and one process for each job, at a time
+- `planned_job`: a job as Snakemake plans it
 - `plan`: the settings, code, packages and files that a job is planned with
 - `contents`: digests of the contents of files and folders
 - `settings_checks`: what a run says of its settings before it plans
