@@ -41,23 +41,26 @@ def image_records(
         settings: Settings of the stage `metrics`.
 
     Yields:
-        One record per frame, region and metric; without a value where it cannot be measured.
+        One record per frame, region and metric; without a value where it cannot be measured, as without test frames.
 
     Raises:
         InputError: An image has another size than its camera, the capture lacks the original of a frame, or the weights
             of LPIPS are not those of the registry.
         WeightsMissing: Weights of LPIPS are missing and `settings.strict` is set.
     """
+    protocols = _protocols(rendered)
+    if "test" not in protocols:
+        yield from _without_truth(point, ("test",), settings.lpips, "no test frame was rendered")
     if not rendered:
         return
     parameters = subject.parameters(next(iter(subject.parameter_files)))
     surface = surface_regions(subject.model, neutral(subject.model, parameters))
     band = settings.silhouette_band
     networks, missing = load_lpips_metrics(settings) if truths.reason is None else ({}, {})
-    for protocol, region, (metric, reason) in product(_protocols(rendered), LPIPS_REGIONS, missing.items()):
+    for protocol, region, (metric, reason) in product(protocols, LPIPS_REGIONS, missing.items()):
         yield metric_record(point, protocol, (None, None), region, metric, None, reason)
     if truths.reason is not None:
-        yield from _without_truth(point, rendered, settings.lpips, truths.reason)
+        yield from _without_truth(point, protocols, settings.lpips, truths.reason)
     followed = track(rendered, description="measuring images", disable=len(rendered) < 10)
     views = frame_views(followed, truths, subject, caricature)
     for protocol, frames in groupby(views, key=lambda view: view.rendered.protocol):
@@ -75,10 +78,9 @@ def image_records(
 
 
 def _without_truth(
-    point: StudyPoint, rendered: Sequence[RenderedImage], lpips: Sequence[str], reason: str
+    point: StudyPoint, protocols: Sequence[str], lpips: Sequence[str], reason: str
 ) -> Iterator[MetricRecord]:
     """Records without a value of everything that needs true images."""
-    protocols = _protocols(rendered)
     regions = [*product(REGIONS, IMAGE_METRICS), *product(LPIPS_REGIONS, lpips), ("full", "sharpness")]
     for protocol, (region, metric) in product(protocols, regions):
         yield metric_record(point, protocol, (None, None), region, metric, None, reason)

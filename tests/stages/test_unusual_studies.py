@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
 from miniature import ball_cameras, ball_model, write_ball
 from stages.small_study import METHOD, SmallStudy, small_settings
@@ -101,6 +101,16 @@ def test_an_orbit_timestep_that_does_not_exist_ends_no_study_that_is_trained(tmp
         check_finished(SmallStudy(tmp_path, index_of(tmp_path), settings=settings).make())
 
 
+@pytest.mark.slow
+def test_a_study_that_measures_nothing_has_a_report(tmp_path):
+    settings = small_settings() | {"render": Render(orbit_frames=1)}
+    with pytest.warns(CarigsWarning, match="the capture has no test frame"):
+        index = index_of(tmp_path, without(("test", -1), ("val", -1), ("train", 2)))
+        study = SmallStudy(tmp_path, index, settings=settings, levels=(0.0,)).make()
+    check_finished(study)
+    assert "no test frame was rendered" in (tmp_path / "card.json").read_text()
+
+
 MODELS = {
     "no regions": {},
     "a vertex": {"scalp": np.array([5]), "nose": np.array([7]), "ears": np.array([], int)},
@@ -146,7 +156,7 @@ SPLITS = [("train", 2), ("val", -1), ("test", 0), ("test", 1), ("test", 2)]
 
 
 @pytest.mark.slow
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8, deadline=None, phases=(Phase.explicit, Phase.reuse, Phase.generate))  # a study is slow
 @given(
     gone=st.sets(st.sampled_from(SPLITS)),
     mattes=st.booleans(),
