@@ -25,8 +25,8 @@ turns back in its corners, and lips or lids that touch must not be joined. What 
 FOLD = 0.5
 """Largest mean cosine of the angle between the two faces at the edges of a seam. Above, the faces lie upon each other,
 as those of lips that roll inwards."""
-_CANDIDATES = 8
-"""Border edges with the nearest middles that are compared with each."""
+_CANDIDATES, _SAMPLES = 8, 4
+"""Border edges that are compared with each, and points on each edge that decide which ones are near."""
 
 
 class BorderEdges(NamedTuple):
@@ -59,13 +59,13 @@ def weld(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], same
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     short = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1) <= same_place
     same, short = np.reshape(same, (-1, 2)).astype(np.int64), edges[short]
+    same = _without(same, _across_open_slits(vertices, faces, same))
     representative = _merged(np.concatenate([same, short]), v)
     if len(same) and len(_crowded_vertices(representative[faces])):
-        found = opposite_vertices(vertices, faces)
-        around_holes = np.sort(found.pairs[found.turns_back], axis=1) @ [v, 1]
-        same = same[~np.isin(np.sort(same, axis=1) @ [v, 1], around_holes)]
+        found = opposite_vertices(vertices, border_edges(faces))[0]
+        same = _without(same, found.pairs[found.turns_back])
         representative = _merged(np.concatenate([same, short]), v)
-    found = opposite_vertices(vertices, _proper(representative[faces]))
+    found = opposite_vertices(vertices, border_edges(_proper(representative[faces])))[0]
     seams = Opposites(*(values[found.is_seam] for values in found))
     while len(seams.pairs):
         welded = _merged(np.concatenate([same, short, seams.pairs]), v)
@@ -120,42 +120,75 @@ class Opposites(NamedTuple):
     """Whether the chain is a seam."""
 
 
-def opposite_vertices(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]) -> Opposites:
+def opposite_vertices(
+    vertices: Float[np.ndarray, "v 3"], border: BorderEdges
+) -> tuple[Opposites, Int[np.ndarray, "n 2"]]:
     """Find where two sides of the border lie edge by edge along each other.
 
-    Chains of such edges are judged as a whole: they are no seam if the faces of both sides lie upon each other, and if
-    they turn back at a vertex, they are one only if they are as good as closed.
+    Chains of edges that lie along others are judged as a whole: they are no seam if the faces of both sides lie upon
+    each other, and if they turn back at a vertex, they are one only if they are as good as closed at each of their
+    edges. Edges that lie along others without ending where these end belong to the chain, but are not joined.
 
     Args:
         vertices: Positions, in any unit.
-        faces: Vertex indices of the triangles, without duplicates.
+        border: The edges of the border.
 
     Returns:
-        The pairs.
+        The pairs; and all pairs of ends of edges that lie along each other in chains which turn back and are no seam.
     """
-    border = border_edges(faces)
+    v = len(vertices)
     sides, is_reversed = _matching_edges(vertices, border)
+    along = np.concatenate([sides, _edges_along_others(vertices, border)])
+    corners = border.ends[along]  # edge, side, end
+    places = np.stack([corners[:, 0, [0, 0, 1, 1]], corners[:, 1, [0, 1, 0, 1]]], axis=2)
+    places, place = np.unique(np.sort(places, axis=2) @ [v, 1], return_inverse=True)
+    edge, place = np.arange(len(along)), place.reshape(len(along), 4)
+    links = np.repeat(edge, 4), len(along) + place.ravel()
+    graph = coo_array((np.ones(len(links[0])), links), shape=(len(along) + len(places),) * 2)
+    count, part = connected_components(graph, directed=False)
+    turns_back = np.zeros(count, bool)
+    turns_back[part[len(along) :][places // v == places % v]] = True
+    is_matched = np.isin(along, sides)
+    all_match = np.ones(count, bool)
+    all_match[part[: len(along)][~is_matched.all(axis=1)]] = False
+    chain = part[: len(sides)]
+
     ends = border.ends[sides].swapaxes(1, 2)  # edge, end, side
     ends[is_reversed, :, 1] = ends[is_reversed, ::-1, 1]
     directions = _into_faces(vertices, border)[sides]
     cosine = np.einsum("mx,mx->m", directions[:, 0], directions[:, 1])
-    places, place = np.unique(np.sort(ends, axis=2) @ [len(vertices), 1], return_inverse=True)
-    place = place.reshape(-1, 2)
-    graph = coo_array((np.ones(len(place)), place.T), shape=(len(places),) * 2)
-    count, chain_of_place = connected_components(graph, directed=False)
-    chain, turns_back = chain_of_place[place[:, 0]], np.zeros(count, bool)
-    turns_back[chain_of_place[places // len(vertices) == places % len(vertices)]] = True
     gap = np.linalg.norm(vertices[ends[..., 0]] - vertices[ends[..., 1]], axis=2).max(axis=1)
     length = np.linalg.norm(vertices[ends[:, 0, 0]] - vertices[ends[:, 1, 0]], axis=1)
     widest = np.zeros(count)
     np.maximum.at(widest, chain, gap)
-    total = np.bincount(chain, length, count)
-    is_closed = widest <= HINGE_REACH * total / np.bincount(chain, minlength=count)
+    total, number = np.bincount(chain, length, count), np.bincount(chain, minlength=count)
+    is_closed = all_match & (widest <= HINGE_REACH * total / np.maximum(number, 1))
     is_folded = np.bincount(chain, length * cosine, count) > FOLD * total
     is_seam, chain, pairs = ~is_folded & (~turns_back | is_closed), np.repeat(chain, 2), ends.reshape(-1, 2)
     apart = pairs[:, 0] != pairs[:, 1]
     pairs, chain = pairs[apart], chain[apart]
-    return Opposites(pairs, chain, turns_back[chain], is_seam[chain])
+    in_slits = np.unique(place[np.isin(part[: len(along)], np.flatnonzero(turns_back & ~is_seam))])
+    across = np.stack([places[in_slits] // v, places[in_slits] % v], axis=1)
+    return Opposites(pairs, chain, turns_back[chain], is_seam[chain]), across
+
+
+def _across_open_slits(
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], same: Int[np.ndarray, "p 2"]
+) -> Int[np.ndarray, "n 2"]:
+    """Pairs of vertices on the two sides of slits that stay open, of the borders that pairs at one place belong to."""
+    border, v = border_edges(faces), len(vertices)
+    loop = connected_components(coo_array((np.ones(len(border.ends)), border.ends.T), shape=(v, v)), directed=False)[1]
+    inside = same[loop[same[:, 0]] == loop[same[:, 1]], 0]
+    if len(inside) == 0:
+        return inside.reshape(0, 2)
+    chosen = np.isin(loop[border.ends[:, 0]], loop[inside])
+    return opposite_vertices(vertices, BorderEdges(*(values[chosen] for values in border)))[1]
+
+
+def _without(pairs: Int[np.ndarray, "p 2"], others: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "q 2"]:
+    """Pairs that are not among others, in either order."""
+    n = int(max(pairs.max(initial=0), others.max(initial=0))) + 1
+    return pairs[~np.isin(np.sort(pairs, axis=1) @ [n, 1], np.sort(others, axis=1) @ [n, 1])]
 
 
 def _proper(faces: Int[np.ndarray, "f 3"]) -> Int[np.ndarray, "g 3"]:
@@ -212,3 +245,30 @@ def _matching_edges(
     is_reversed[with_nearest] = (opposite < alike)[order[first]]
     mutual = np.flatnonzero((nearest[nearest] == np.arange(count)) & (np.arange(count) < nearest))
     return np.stack([mutual, nearest[mutual]], axis=1), is_reversed[mutual]
+
+
+def _edges_along_others(vertices: Float[np.ndarray, "v 3"], border: BorderEdges) -> Int[np.ndarray, "m 2"]:
+    """Each border edge whose middle lies on the border of another face, within the reach, with the edge there.
+
+    Where edges meet in a vertex, there must be a gap between them, and not the tip of a part.
+    """
+    a, b = vertices[border.ends.T]
+    length, middle, count = np.linalg.norm(b - a, axis=1), (a + b) / 2, len(a)
+    if count < 2:
+        return np.empty((0, 2), np.int64)
+    shares = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
+    samples = (a[:, None] + shares[:, None] * (b - a)[:, None]).reshape(-1, 3)
+    farthest = (REACH + 1 / _SAMPLES) * length.max()
+    near = cKDTree(samples).query(middle, k=min(_SAMPLES * _CANDIDATES, len(samples)), distance_upper_bound=farthest)[1]
+    edge, other = np.repeat(np.arange(count), near.shape[1]), near.ravel() // _SAMPLES
+    found = (other < count) & (other != edge)
+    edge, other = np.unique(np.stack([edge[found], other[found]], axis=1), axis=0).T
+    share = np.einsum("mx,mx->m", middle[edge] - a[other], b[other] - a[other]) / np.maximum(length[other] ** 2, 1e-300)
+    offset = a[other] + np.clip(share, 0, 1)[:, None] * (b[other] - a[other]) - middle[edge]
+    gap = np.linalg.norm(offset, axis=1)
+    across_face = np.einsum("mx,mx->m", offset, _into_faces(vertices, border)[edge])
+    is_tip = (border.ends[edge][:, :, None] == border.ends[other][:, None]).any(axis=(1, 2)) & (
+        across_face > np.maximum(gap / 2, 1e-9 * length[edge])
+    )
+    is_along = (gap <= REACH * length[edge]) & (border.face[edge] != border.face[other]) & ~is_tip
+    return np.stack([edge, other], axis=1)[is_along]

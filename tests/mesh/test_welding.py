@@ -129,6 +129,39 @@ def test_closed_lips_with_corners_inside_are_no_error(gap):
     assert border_length(clean.faces) == 8
 
 
+@pytest.mark.parametrize("gap", [0.0, 1e-9, 1e-5, 1e-3, 0.02])
+@pytest.mark.parametrize("split", [[3], [3, 5], range(2, 8), [2, 9], range(2, 10)])
+def test_closed_lips_with_other_vertices_stay_apart(gap, split):
+    """Some edges of the lower lip are split: at the others, the lips have the same vertices."""
+    vertices, faces = mouth(gap)
+    lower = {tuple(v[:2]): i for i, v in enumerate(vertices[:91])}
+    twin = {i: len(vertices) - 7 + k for k, i in enumerate(lower[x, 3.0] for x in range(3, 10))}
+    for x in split:
+        first, second = (lower[x + k, 3.0] for k in (0.0, 1.0))
+        ends = {twin.get(first, first), twin.get(second, second)}
+        inside = vertices[faces].mean(axis=1)[:, 1] < 3
+        face = next(f for f in np.flatnonzero(inside) if ends <= {*faces[f]})
+        (top,) = {*faces[face]} - ends
+        k = [*faces[face]].index(top)
+        _, a, b = np.roll(faces[face], -k)
+        new, vertices = len(vertices), np.concatenate([vertices, vertices[[a, b]].mean(axis=0)[None]])
+        faces = np.concatenate([np.delete(faces, face, axis=0), [[top, a, new], [top, new, b]]])
+    clean = clean_mesh(vertices, faces)
+    assert clean.report.welded_vertices == 0
+    assert clean.report.boundary_loops == 2
+
+
+@pytest.mark.parametrize("angle", [0.02, 0.1, 0.3])
+def test_the_tip_of_a_part_is_no_slit(angle):
+    """A part with a narrow tip, whose two sides lie along each other there, is welded with its neighbours."""
+    upper = np.array([[0, 0, 0], [4, 0, 0], [4, 2, 0], [0, 2, 0]], float)
+    tip = np.array([[0, 0, 0], [4, 0, 0], [4, -4 * np.tan(angle), 0]])
+    lower = np.array([[0, 0, 0], [4, -4 * np.tan(angle), 0], [4, -4, 0], [0, -4, 0]])
+    parts = [upper, tip - np.array([0, 1e-4, 0]), lower - np.array([0, 2e-4, 0])]
+    faces = [[0, 1, 2], [0, 2, 3], [5, 4, 6], [7, 10, 9], [7, 9, 8]]
+    assert clean_mesh(np.concatenate(parts), np.array(faces)).report.components == 1
+
+
 def test_lips_that_roll_inwards_stay_apart():
     """Two parts whose borders coincide edge by edge, but whose faces lie upon each other."""
     upper, faces = grid(8, 3)
