@@ -13,7 +13,8 @@ import shutil
 import sys
 import time
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import snakemake.workflow
@@ -55,12 +56,9 @@ class StudyGraph(DAG):
         settings = [job for job in jobs if job.rule.name == "settings"]
         runs = self.workflow.executor_plugin is not None and not self.workflow.dryrun
         if runs:
-            try:
+            with _ends_in_a_line():
                 _take_over({stage.study for stage in stages.values()})
                 self._write_settings(settings)
-            except (CarigsError, OSError) as error:  # Snakemake would add the place in the code
-                print(f"carigs: {one_line(error)}", file=sys.stderr)
-                raise SystemExit(1) from None
         written = {str(job.output[0]): text_digest(job.params.text) for job in settings}
         triggers = {trigger.name.lower().replace("_", "-") for trigger in self.workflow.rerun_triggers}
         outdated = outdated_jobs(stages.values(), written, triggers)
@@ -84,6 +82,21 @@ class StudyGraph(DAG):
         await super().update_needrun(create_inventory)
         for job in self._recorded:
             self.reason(job).no_metadata = False
+
+    async def clean(self, only_temp: bool = False, dryrun: bool = False) -> None:
+        """Delete the outputs of all jobs.
+
+        Args:
+            only_temp: As in the class that this one extends.
+            dryrun: As in the class that this one extends.
+
+        Raises:
+            SystemExit: Another run makes the same study.
+        """
+        if not dryrun:
+            with _ends_in_a_line():
+                _take_over({planned_job(job).study for job in self.jobs if "plan" in job.params.keys()})
+        await super().clean(only_temp, dryrun)
 
     def _ignore_notes_of_snakemake(self, jobs: Collection[Job]) -> None:
         """Let Snakemake find no notes of jobs that have records.
@@ -120,6 +133,16 @@ class StudyGraph(DAG):
                 self.workflow.iocache.mtime[output] = Mtime(local=now)
                 if runs:
                     _leave_the_future(Path(output), now)
+
+
+@contextmanager
+def _ends_in_a_line() -> Iterator[None]:
+    """End the process with one line on an error, to which Snakemake would add the place in the code."""
+    try:
+        yield
+    except (CarigsError, OSError) as error:
+        print(f"carigs: {one_line(error)}", file=sys.stderr)
+        raise SystemExit(1) from None
 
 
 def _take_over(studies: set[Path]) -> None:

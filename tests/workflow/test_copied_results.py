@@ -190,13 +190,19 @@ def test_two_runs_of_a_study_at_once_are_refused(finished, tmp_path):
     lock = finished.root / "results/toy/log/run.lock"
     while not lock.exists() and first.poll() is None:
         time.sleep(0.1)
-    refused = second.snakemake("--cores", "1", "reproduce", hydra="train.iterations=7")
+    for arguments in (["reproduce"], ["--delete-all-output", "reproduce"]):
+        refused = second.snakemake("--cores", "1", *arguments, hydra="train.iterations=7")
+        assert refused.returncode != 0
+        (line,) = [line for line in refused.stderr.splitlines() if "run.lock" in line]
+        assert line.startswith("carigs: results/toy/log/run.lock: another run makes this study: process")
     (finished.root / "hold").unlink()
-    assert refused.returncode != 0
-    (line,) = [line for line in refused.stderr.splitlines() if "run.lock" in line]
-    assert line.startswith("carigs: results/toy/log/run.lock: another run makes this study: process")
     first.communicate()
     assert first.returncode == 0
+
+
+def test_all_outputs_are_deleted_by_the_same_command_as_ever(copied):
+    copied.snakemake("--delete-all-output", "reproduce")
+    assert not list((copied.root / "results/toy").rglob("*.npz"))
 
 
 def test_an_output_of_other_inputs_is_made_again(copied):
