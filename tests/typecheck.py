@@ -7,9 +7,16 @@ alone that Numba compiles, so that modules with kernels have the signatures of t
 from __future__ import annotations
 
 import ast
+import hashlib
+import marshal
+import os
 import sys
+from contextlib import suppress
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from importlib.util import cache_from_source
+from pathlib import Path
+from types import CodeType
 from typing import Any, get_type_hints
 
 from beartype import beartype
@@ -20,6 +27,7 @@ KEEP_PYTHON = {
     "staticmethod", "torch.no_grad",
 }  # fmt: skip
 """Decorators after which a function is still Python's; functions with any other may be Numba's."""
+_THIS = Path(__file__).read_bytes()
 CHECK = "__import__('typecheck').check"
 
 
@@ -58,9 +66,24 @@ class _Finder(MetaPathFinder):
 
 class _Loader(SourceFileLoader):
     def get_code(self, name: str) -> Any:
-        """Compile the decorated source; nothing is cached beside the bytecode of the source as it is."""
+        """Compile the decorated source, once: its bytecode lies beside that of the source as it is."""
         path = self.get_filename(name)
         source = self.get_data(path)
+        key = hashlib.sha256(path.encode() + b"\0" + source + _THIS).digest()
+        cached = Path(cache_from_source(path, optimization="typecheck"))
+        with suppress(OSError, ValueError, EOFError, TypeError):
+            found = cached.read_bytes()
+            if found.startswith(key):
+                return marshal.loads(found[len(key) :])
+        code = self._compiled(path, source)
+        with suppress(OSError):
+            part = cached.with_name(f"{cached.name}.{os.getpid()}")
+            cached.parent.mkdir(exist_ok=True)
+            part.write_bytes(key + marshal.dumps(code))
+            part.replace(cached)
+        return code
+
+    def _compiled(self, path: str, source: bytes) -> CodeType:
         tree = ast.parse(source, path)
         compiled = _names_given_to_calls(tree) if b"numba" in source or b"carigs.simd" in source else set()
         for function in _functions(tree):
