@@ -1,5 +1,7 @@
 # make reproduce   set-up, the study, its table, figures and report: on a machine with nothing but Python and make
-# make test        every check that needs neither a GPU nor network weights
+# make test        linters and the fast tests: five minutes on two cores
+# make test-all    all checks: also slow tests, known vulnerabilities, the site, clusters
+# make coverage    the lines that tests of this process run: all tests, in an hour
 # make chaos       a study under 106 kills and other disturbances: half an hour
 # make bench       what the parts cost: results/benchmark and docs/benchmarks.md; leave the machine alone meanwhile
 # make gallery     every picture of the documents whose data are there; trains the toy, and ict_s1 with CARIGS_DATA
@@ -28,18 +30,35 @@ ROOT := $(dir $(abspath $(lastword $(MAKEFILE_LIST))))
 export PATH := $(ROOT).venv/bin:$(PATH)
 unexport PYTHONPATH VIRTUAL_ENV
 
-.PHONY: reproduce test chaos bench lock cluster audit docs
+.PHONY: reproduce test test-more test-all coverage chaos bench lock cluster audit docs
 .DEFAULT_GOAL := reproduce
 
 reproduce: .venv/installed
 	carigs run --cores $(CORES) $(HYDRA)
+
+# Files are handed out whole: their tests share what they make.
+PYTEST := pytest --numprocesses $(CORES) --dist loadfile --no-loadscope-reorder
+# In environments of their own.
+CLUSTERS := slurm or s3
 
 test: .venv/installed
 	ruff check .
 	ruff format --check .
 	snakefmt --check Snakefile workflow
 	lint-imports
-	pytest -m "not weights and not gpu" --numprocesses $(CORES) --dist loadfile --no-loadscope-reorder --cov --cov-report term
+	$(PYTEST) -m "not (slow or docs or browser or chaos or $(CLUSTERS))"
+
+# What `test` leaves out.
+test-more: .venv/installed
+	$(PYTEST) -m "(slow or docs or browser or chaos) and not ($(CLUSTERS))"
+	$(MAKE) audit docs
+	pytest tests/test_site.py
+	$(MAKE) cluster
+
+test-all: test test-more
+
+coverage: .venv/installed
+	$(PYTEST) -m "not ($(CLUSTERS))" --cov --cov-report term
 
 chaos: .venv/installed
 	CARIGS_CHAOS=106 pytest -m chaos -s
