@@ -35,7 +35,7 @@ rule benchmark_page:
     conda:
         "../../environment.yml"
     params:
-        code=fingerprint("evaluation.trade_offs.page"),
+        code=lambda wildcards: fingerprint("evaluation.trade_offs.page"),
     shell:
         "python -m evaluation.trade_offs.page {output.page:q} {input.rows:q} > {log:q} 2>&1"
 
@@ -66,7 +66,7 @@ rule benchmark_quality:
     resources:
         mem_mb=6000,
     params:
-        code=fingerprint("evaluation.benchmarks.quality"),
+        code=lambda wildcards: fingerprint("evaluation.benchmarks.quality"),
         folder=lambda wildcards, input: Path(input.path[0]).parent,
     shell:
         "python -m evaluation.benchmarks.quality {output.rows:q} {params.folder:q} > {log:q} 2>&1"
@@ -102,7 +102,7 @@ rule benchmark_splat:
     resources:
         mem_mb=4000,
     params:
-        code=fingerprint("evaluation.benchmarks.splat"),
+        code=lambda wildcards: fingerprint("evaluation.benchmarks.splat"),
     shell:
         "python -m evaluation.benchmarks.splat {output.rows:q} > {log:q} 2>&1"
 
@@ -123,7 +123,7 @@ rule benchmark_surface:
     resources:
         mem_mb=4000,
     params:
-        code=fingerprint("evaluation.benchmarks.surface"),
+        code=lambda wildcards: fingerprint("evaluation.benchmarks.surface"),
         model=lambda wildcards, input: ["--head-model", *input.model] if input.model else [],
     shell:
         "python -m evaluation.benchmarks.surface {output.rows:q} {input.meshes:q} {params.model:q} > {log:q} 2>&1"
@@ -141,7 +141,7 @@ rule benchmark_target:
     resources:
         mem_mb=4000,
     params:
-        code=fingerprint("evaluation.benchmarks.target"),
+        code=lambda wildcards: fingerprint("evaluation.benchmarks.target"),
     shell:
         "python -m evaluation.benchmarks.target {output.rows:q} > {log:q} 2>&1"
 
@@ -157,7 +157,7 @@ rule benchmark_training:
     resources:
         mem_mb=4000,
     params:
-        code=fingerprint("evaluation.benchmarks.training_trade_offs"),
+        code=lambda wildcards: fingerprint("evaluation.benchmarks.training_trade_offs"),
         settings=lambda wildcards: [
             settings_text(stage, "study=toy", "variant=alternating", f"preset={preset}")
             for stage in ("capture", "exaggerate", "gtstar", "train")

@@ -27,7 +27,7 @@ rule stress_summary:
     resources:
         mem_mb=500,
     params:
-        code=fingerprint("evaluation.stress.summary"),
+        code=lambda wildcards: fingerprint("evaluation.stress.summary"),
     shell:
         "python -m evaluation.stress.summary {output.rows:q} {input.suites:q} 2>&1 | tee {log:q}"
 
@@ -62,7 +62,7 @@ rule stress_surface:
     resources:
         mem_mb=2000,
     params:
-        code=fingerprint("evaluation.stress.surface"),
+        code=lambda wildcards: fingerprint("evaluation.stress.surface"),
     shell:
         "python -m evaluation.stress.surface {output.rows:q} {input.mesh:q} --keep-going > {log:q} 2>&1"
 
@@ -80,7 +80,7 @@ rule stress_heads:
     resources:
         mem_mb=2000,
     params:
-        code=fingerprint("evaluation.stress.heads"),
+        code=lambda wildcards: fingerprint("evaluation.stress.heads"),
     shell:
         "python -m evaluation.stress.heads {output.rows:q} {input.meshes:q} --head-model {input.model:q} --keep-going"
         " > {log:q} 2>&1"
@@ -96,7 +96,7 @@ rule stress_hostile_files:
     resources:
         mem_mb=3000,
     params:
-        code=fingerprint("evaluation.stress.hostile_files"),
+        code=lambda wildcards: fingerprint("evaluation.stress.hostile_files"),
     shell:
         "python -m evaluation.stress.hostile_files {output.rows:q} > {log:q} 2>&1"
 
@@ -114,6 +114,6 @@ rule stress_captures:
     resources:
         mem_mb=2000,
     params:
-        code=fingerprint("evaluation.stress.captures"),
+        code=lambda wildcards: fingerprint("evaluation.stress.captures"),
     shell:
         "python -m evaluation.stress.captures {output.rows:q} {input.capture:q} {input.model:q} > {log:q} 2>&1"
