@@ -14,7 +14,7 @@ TAIL = 4096
 def content_digest(capture: Capture) -> str:
     """Digest of the sizes and ends of a capture's images, mattes and parameters, and of its head model.
 
-    Other than `carigs.outside_files.files_digest`, it does not change when files are copied or touched.
+    Other than `carigs.runs.outside_files.files_digest`, it does not change when files are copied or touched.
 
     Args:
         capture: The capture.

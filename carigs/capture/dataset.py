@@ -16,10 +16,10 @@ from carigs.capture.capture_json import cameras_from_json, cameras_to_json, fram
 from carigs.capture.frame import Frame
 from carigs.capture.images import differs_from_background, read_frame_matte8, read_rgb8
 from carigs.errors import InputError
-from carigs.files import write_json
 from carigs.head import HeadModel, HeadParameters
 from carigs.readers.formats import Format, check_format
 from carigs.readers.json_files import json_field, read_json
+from carigs.system.files import write_json
 
 FORMAT = Format("carigs-capture", 2, "run the stage capture again, as carigs run does")
 

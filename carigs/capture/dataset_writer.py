@@ -16,10 +16,10 @@ from carigs.capture.dataset import Capture
 from carigs.capture.dataset_paths import file_inside
 from carigs.capture.frame import Frame
 from carigs.errors import InputError
-from carigs.files import writing_folder
 from carigs.head import HeadModel, HeadParameters
 from carigs.readers.file_names import INDEXES, SPLITS
 from carigs.readers.folders import is_system_file
+from carigs.system.files import writing_folder
 
 OPEN_JAW = (0.3, 0.0, 0.0)
 """Rotation of the jaw in `canonical_flame_param.npz`, as VHAP writes it."""

@@ -10,9 +10,9 @@ from typing import Any
 from carigs.capture.camera import Camera
 from carigs.capture.capture_json import camera_from_json
 from carigs.errors import InputError
-from carigs.files import write_json
 from carigs.readers.formats import Format, check_format
 from carigs.readers.json_files import json_field, read_json
+from carigs.system.files import write_json
 
 TRUTH = Format("carigs-truth", 1, "run the stage truth again, as carigs run does")
 

@@ -13,10 +13,10 @@ from jaxtyping import UInt16
 from carigs.capture.dataset import Capture
 from carigs.capture.frame import Frame
 from carigs.errors import InputError
-from carigs.files import write_json
 from carigs.readers.formats import Format, check_format
 from carigs.readers.json_files import json_field, read_json
 from carigs.readers.npz import read_npy
+from carigs.system.files import write_json
 
 FORMAT = Format("carigs-targets", 1, "run the stage gtstar again, as carigs run does")
 FACE_FLAGS = "faces.npy"

@@ -15,10 +15,10 @@ from carigs.capture.frame_index import level_folder, write_frame_index
 from carigs.cli.parser import command_parser
 from carigs.config import load_settings, project_root
 from carigs.errors import InputError, SettingsError
-from carigs.files import write_json
 from carigs.settings import STAGES
 from carigs.settings.option import Section
 from carigs.stages.render import View, rendered_views
+from carigs.system.files import write_json
 
 if TYPE_CHECKING:
     from evaluation.card.frame_folder import Key

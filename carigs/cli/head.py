@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from carigs.cli.parser import command_parser
-from carigs.files import writing
+from carigs.system.files import writing
 
 EXAMPLES = """examples:
   carigs head fetch gnm -o gnm_head.npz

@@ -10,9 +10,9 @@ import sys
 from importlib import import_module
 from importlib.metadata import version
 
-from carigs.cache_folders import find_cache_of_matplotlib
 from carigs.errors import report
-from carigs.run_summary import warnings_as_lines
+from carigs.runs.summary import warnings_as_lines
+from carigs.system.cache_folders import find_cache_of_matplotlib
 
 COMMANDS = {
     "run": "make a study: avatars, table and figures",

@@ -21,7 +21,6 @@ from carigs.cli.parser import command_parser, region_level
 from carigs.config import compose, known
 from carigs.errors import InputError, MeshError, SettingsError
 from carigs.exaggeration.exaggerator import Exaggerator
-from carigs.files import writing
 from carigs.mesh.deformation import check_deformation
 from carigs.mesh.mesh_file import moved_mesh_file
 from carigs.mesh.regions import find_region, vertex_field
@@ -33,6 +32,7 @@ from carigs.readers.meshes import FORMATS, read_mesh
 from carigs.readers.npz import read_npz
 from carigs.readers.pickles import read_pickle
 from carigs.settings import DEFAULT_GAMMA, USEFUL_LEVEL, Exaggerate
+from carigs.system.files import writing
 from evaluation.figures.clay import clay_sheet
 
 EXAMPLES = """examples:

@@ -12,9 +12,9 @@ from pathlib import Path
 
 from carigs.cli.parser import study_parser
 from carigs.config import compose, compose_study, project_root, snakemake_config
-from carigs.run_summary import error_lines
 from carigs.runs.job_record import unfinished_jobs
-from carigs.snakemake_process import check_working_folder, snakemake_environment
+from carigs.runs.snakemake_process import check_working_folder, snakemake_environment
+from carigs.runs.summary import error_lines
 
 EXAMPLES = """examples:
   carigs run                                            the toy study, on all cores

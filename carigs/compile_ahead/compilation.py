@@ -17,10 +17,10 @@ from omegaconf import DictConfig, OmegaConf
 
 from carigs.compile_ahead.ball_capture import write_ball_capture
 from carigs.config import compose_study, compose_variant
-from carigs.run_process import end_with_run_process
 from carigs.settings import STAGES
 from carigs.settings.option import Section
 from carigs.simd.kernel_cache import kernel_folder, kernel_lock, kernels_are_compiled
+from carigs.system.run_process import end_with_run_process
 
 NUM_STEPS = 4
 """Steps of each training."""

@@ -18,9 +18,9 @@ from hydra.errors import HydraException
 from carigs.config.folders import GROUPS, known
 from carigs.config.text_values import TEXT, TEXTS, kinds_of_values, quote_text, quoting_advice
 from carigs.errors import SettingsError
-from carigs.files import writing
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 from carigs.readers.text import decode_text
+from carigs.system.files import writing
 
 MAX_LINE_BYTES = 15_000
 """Of a line of overrides: Linux allows 131072 bytes for the command of a job, in which two lines are quoted twice."""

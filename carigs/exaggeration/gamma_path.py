@@ -14,11 +14,11 @@ import numpy as np
 from jaxtyping import Float, Float32, Int, Shaped
 
 from carigs.errors import InputError, SettingsError
-from carigs.files import writing
 from carigs.readers.arrays import checked_array, checked_text
 from carigs.readers.formats import Format, check_npz_format
 from carigs.readers.json_files import parse_json
 from carigs.readers.npz import read_npz
+from carigs.system.files import writing
 
 FORMAT = Format("carigs-path", 1, "run the stage exaggerate again, as carigs run does")
 MAX_NODES = 100

@@ -21,9 +21,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from carigs.errors import InputError
-from carigs.files import writing
 from carigs.readers.arrays import checked_array
 from carigs.readers.npz import read_npz
+from carigs.system.files import writing
 
 FARTHEST = 1e6
 """Pixels."""

@@ -14,7 +14,6 @@ from carigs.capture import Capture, Frame
 from carigs.capture.images import write_bits, write_png
 from carigs.capture.target_index import FACE_FLAGS, SHADING
 from carigs.exaggeration import Caricature
-from carigs.files import write_json, writing
 from carigs.gtstar.capture_shading import fit_capture_shading
 from carigs.gtstar.frame_views import TimestepViews
 from carigs.gtstar.mask_flags import MaskFlag, face_mask_flags
@@ -24,6 +23,7 @@ from carigs.head import neutral
 from carigs.light.shading import load_shading, save_shading
 from carigs.readers.json_files import read_json
 from carigs.settings import Gtstar
+from carigs.system.files import write_json, writing
 
 
 class TargetEntries(NamedTuple):

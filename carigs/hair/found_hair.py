@@ -11,7 +11,6 @@ from jaxtyping import Bool, Float32
 
 from carigs.capture import Capture, Frame
 from carigs.errors import InputError
-from carigs.files import writing
 from carigs.hair.covered_faces import covered_faces
 from carigs.hair.labels import CLASS_ORDERS, read_covering
 from carigs.hair.strands import Strands, strand_directions
@@ -24,6 +23,7 @@ from carigs.head.model_arrays import POSSIBLE
 from carigs.readers.arrays import checked_array
 from carigs.readers.npz import read_npz
 from carigs.settings import Hair
+from carigs.system.files import writing
 
 CLEAN_TEXTURE = 0.015
 """Texture of a triangle, see `Covering`, up to which its colours are those of the skin."""

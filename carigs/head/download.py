@@ -7,10 +7,10 @@ import re
 from pathlib import Path
 
 from carigs.errors import InputError
-from carigs.files import writing
 from carigs.head.model import HeadModel
 from carigs.readers.download import download
 from carigs.readers.limits import read_bytes
+from carigs.system.files import writing
 
 GNM_URL = "https://huggingface.co/google/gnm-v3/resolve/main/v3_0/gnm_head.npz"
 """GNM Head v3 (google/GNM, Apache-2.0)."""

@@ -13,8 +13,8 @@ from PIL import Image
 
 from carigs.capture import Camera
 from carigs.errors import InputError
-from carigs.files import writing
 from carigs.library.head_avatar import HeadAvatar
+from carigs.system.files import writing
 
 VIDEOS, ANIMATIONS = (".mp4", ".webm"), (".gif", ".webp")
 CODEC = "vp09"

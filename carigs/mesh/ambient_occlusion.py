@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from carigs.cache_folders import cache_folders, first_usable
 from carigs.errors import InputError
-from carigs.files import writing
 from carigs.mesh.ray_caster import RayCaster
 from carigs.mesh.triangle_mesh import barycenters, face_areas, neighbour_pairs, size, vertex_normals
 from carigs.readers.npz import read_npy
+from carigs.system.cache_folders import cache_folders, first_usable
+from carigs.system.files import writing
 
 RAYS = 64
 """Rays from each vertex."""
@@ -65,7 +65,7 @@ def ambient_occlusion(
 def cached_ambient_occlusion(
     vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], at: Bool[np.ndarray, " v"]
 ) -> Float[np.ndarray, " v"]:
-    """`ambient_occlusion`, cached in the folder `occlusion` of `carigs.cache_folders`.
+    """`ambient_occlusion`, cached in the folder `occlusion` of `carigs.system.cache_folders`.
 
     The key is a digest of the mesh and of the code. An entry that cannot be read is computed again; if the cache cannot
     be written, nothing is cached.

@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from carigs.errors import SettingsError
-from carigs.snakemake_process import check_working_folder, snakemake_environment
+from carigs.runs.snakemake_process import check_working_folder, snakemake_environment
 
 if TYPE_CHECKING:
     from snakemake.workflow import Workflow

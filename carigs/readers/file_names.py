@@ -1,6 +1,6 @@
 """Names of files that belong together: what a dataset and a head model consist of.
 
-Readers open these files, and `carigs.outside_files` looks whether one of them has changed.
+Readers open these files, and `carigs.runs.outside_files` looks whether one of them has changed.
 """
 
 SPLITS = ("train", "val", "test")

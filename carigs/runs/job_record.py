@@ -18,12 +18,12 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from carigs.errors import InputError
-from carigs.files import write_json
-from carigs.lap_times import forget_times, mean_times
 from carigs.readers.json_files import json_field, read_json
 from carigs.runs.contents import content_digest, contents_of, is_unchanged, text_digest
+from carigs.runs.lap_times import forget_times, mean_times
 from carigs.runs.locks import job_lock
 from carigs.runs.planned_job import PlannedJob
+from carigs.system.files import write_json
 
 MADE_FROM = ("plan", "params", "inputs")
 """What a record compares: equal values make equal outputs."""
@@ -39,7 +39,7 @@ class JobCosts(NamedTuple):
     peak_memory_mb: float | None
     """Largest resident size of the process; None where the operating system does not count it."""
     steps: Mapping[str, float] = MappingProxyType({})
-    """Mean wall time of the steps that the stage measures (`carigs.lap_times`)."""
+    """Mean wall time of the steps that the stage measures (`carigs.runs.lap_times`)."""
 
 
 Costs = Mapping[tuple[str, str], JobCosts]

@@ -16,7 +16,7 @@ from io import TextIOWrapper
 from pathlib import Path
 
 from carigs.errors import CarigsError
-from carigs.processes import this_process
+from carigs.system.processes import this_process
 
 try:
     import fcntl

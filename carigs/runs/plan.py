@@ -17,12 +17,12 @@ from typing import Any
 from omegaconf import OmegaConf
 
 from carigs.config import compose
-from carigs.outside_files import files_digest, outside_files
 from carigs.runs.contents import text_digest
+from carigs.runs.outside_files import files_digest, outside_files
 from carigs.runs.planned_job import Plan
+from carigs.runs.sources import fingerprint, newest_source, package_versions
 from carigs.settings import STAGES
 from carigs.settings.option import option_of, walk
-from carigs.sources import fingerprint, newest_source, package_versions
 
 PLANNED_AT = "CARIGS_PLANNED_AT"
 """Environment variable with the time of planning, in nanoseconds since 1970."""

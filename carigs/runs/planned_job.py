@@ -17,7 +17,7 @@ class Plan(TypedDict):
     settings: str
     """Digest of the section of the stage."""
     code: str
-    """Fingerprint of the stage (`carigs.sources`)."""
+    """Fingerprint of the stage (`carigs.runs.sources`)."""
     packages: dict[str, str]
     """Versions of the packages that the code uses; empty for optional ones that are not installed."""
     outside: dict[str, str]

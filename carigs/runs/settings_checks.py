@@ -8,7 +8,7 @@ from pathlib import Path
 
 from carigs.config import compose, compose_study, compose_variant, left_out_levels, rendered_levels
 from carigs.errors import SettingsError
-from carigs.outside_files import outside_files
+from carigs.runs.outside_files import outside_files
 from carigs.settings import STAGES, USEFUL_LEVEL
 
 

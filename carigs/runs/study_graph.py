@@ -23,12 +23,12 @@ from snakemake.jobs import Job
 from snakemake_interface_storage_plugins.io import Mtime
 
 from carigs.errors import CarigsError, one_line
-from carigs.files import clean_results, writing
 from carigs.runs.contents import content_digest, text_digest
 from carigs.runs.current_results import outdated_jobs
 from carigs.runs.locks import lock_study, remove_free_locks
 from carigs.runs.plan import name_time_of_planning
 from carigs.runs.planned_job import PlannedJob, planned_job
+from carigs.system.files import clean_results, writing
 
 
 def use_study_graph() -> None:

@@ -18,7 +18,7 @@ from llvmlite import binding, ir
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import cpu_target
 
-from carigs.fork_server import is_fork_server
+from carigs.system.fork_server import is_fork_server
 
 _LOOP = "numba_parallel_for"
 """Function that kernels call with a function and its tasks: Numba's threads run them."""
@@ -31,7 +31,7 @@ def is_forked() -> bool:
     """Whether this process was forked from one whose threads may have run, and so has one thread for kernels.
 
     Returns:
-        False also for jobs of `carigs.fork_server`, which runs no kernels itself.
+        False also for jobs of `carigs.system.fork_server`, which runs no kernels itself.
     """
     return bool(_forked.value)
 

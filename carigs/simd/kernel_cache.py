@@ -22,8 +22,8 @@ from pathlib import Path
 
 from filelock import FileLock
 
-from carigs.cache_folders import FOREIGN, OPEN, cache_folders, first_usable
 from carigs.errors import CarigsWarning
+from carigs.system.cache_folders import FOREIGN, OPEN, cache_folders, first_usable
 
 PACKAGE = Path(__file__).parents[1]
 KERNEL_MARKS = (b"numba", b"carigs.simd")
@@ -77,7 +77,7 @@ def _remove_others(folder: Path) -> None:
 def sources_digest() -> str:
     """Digest of the modules that hold kernels, all modules of this package that they import, and of the compiler.
 
-    Bytes are compared, and imports are found by a regular expression, unlike in `carigs.sources.fingerprint`: this
+    Bytes are compared, and imports are found by a regular expression, unlike in `carigs.runs.sources.fingerprint`: this
     function runs at every start, and parsing takes longer.
 
     Returns:

@@ -23,8 +23,8 @@ from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
 from carigs.errors import CarigsWarning
-from carigs.files import writing
 from carigs.simd.kernel_cache import kernel_folder
+from carigs.system.files import writing
 
 SEAL_BYTES = sha256().digest_size
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import torch  # isort: skip
 import numba
 
-from carigs.fork_server import share_of_cores
 from carigs.simd.forks import is_forked, start_threads
 from carigs.simd.kernel_cache import announce_compilation
+from carigs.system.fork_server import share_of_cores
 
 numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
 MOST_THREADS = 8

@@ -12,7 +12,6 @@ from jaxtyping import Float32
 from carigs.capture import Camera
 from carigs.errors import InputError
 from carigs.exaggeration import GammaPath
-from carigs.files import writing
 from carigs.hair.hair_shadow import hair_shadow_of
 from carigs.head import check_subject_path
 from carigs.light.shading import shading_of
@@ -28,6 +27,7 @@ from carigs.splat.rig.skinning import SkinnedSurfels
 from carigs.splat.rig.smooth_motion import smooth_motion_of
 from carigs.splat.surfels.ply import UNRENDERED
 from carigs.splat.surfels.surfels import Surfels, checked_surfels, to_arrays
+from carigs.system.files import writing
 
 FORMAT = Format("carigs-avatar", 3, "train it again, or convert it again from what it was converted from")
 EXPANSION = 20

@@ -11,10 +11,10 @@ from carigs.capture import read_dataset
 from carigs.capture.content_digest import content_digest
 from carigs.capture.thinning import thin_frames
 from carigs.errors import CarigsWarning, InputError
-from carigs.files import writing_folder
 from carigs.plausibility import check_capture, resolve_cy
 from carigs.plausibility.diagnosis import diagnose, read_scene
 from carigs.settings import Capture
+from carigs.system.files import writing_folder
 
 
 def capture(settings: Capture, *, index: Path, dataset: Path) -> None:

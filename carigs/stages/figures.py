@@ -14,11 +14,11 @@ from carigs.capture import Capture
 from carigs.capture.frame_index import GroundTruth, read_ground_truth
 from carigs.errors import CarigsWarning, MeshError, SettingsError
 from carigs.exaggeration import Exaggerator, GammaPath
-from carigs.files import writing_folder
 from carigs.hair import load_hair
 from carigs.head import read_subject_path, subject_exaggerator
 from carigs.head.teeth import without_teeth
 from carigs.settings import Exaggerate, Figures, Gtstar
+from carigs.system.files import writing_folder
 from evaluation.figures import strips
 from evaluation.figures.blend_error import BlendError, blend_errors, plot_blend_errors
 from evaluation.figures.local_edits import local_edits, write_local_edits

@@ -8,12 +8,12 @@ from pathlib import Path
 from carigs.capture import Capture
 from carigs.capture.target_index import write_targets
 from carigs.errors import CarigsWarning, InputError
-from carigs.files import resuming_folder
 from carigs.gtstar.provider import check_settings
 from carigs.gtstar.target_set import TargetEntries, make_target_set
 from carigs.hair import load_hair
 from carigs.head import read_subject_path
 from carigs.settings import Gtstar
+from carigs.system.files import resuming_folder
 
 
 def gtstar(

@@ -13,10 +13,10 @@ from typing import Any, TextIO
 
 from carigs.config import load_settings
 from carigs.errors import CarigsError, InputError, exit_code, one_line
-from carigs.run_summary import warnings_as_lines
 from carigs.runs.job_record import recorded_job
 from carigs.runs.plan import code_is_planned, settings_digest
 from carigs.runs.planned_job import PlannedJob
+from carigs.runs.summary import warnings_as_lines
 
 
 class _Log:

@@ -17,10 +17,10 @@ from carigs.capture.images import write_png
 from carigs.capture.orbit import orbit_cameras
 from carigs.errors import CarigsWarning, SettingsError
 from carigs.exaggeration import GammaPath
-from carigs.files import resuming_folder
 from carigs.head import read_subject_path
-from carigs.lap_times import timed
+from carigs.runs.lap_times import timed
 from carigs.settings import Render
+from carigs.system.files import resuming_folder
 from evaluation.card.costs import frame_step
 from evaluation.tables.frame_records import FrameRecord, write_frame_records
 

@@ -15,10 +15,10 @@ from carigs.capture import Capture
 from carigs.capture.frame_index import read_ground_truth
 from carigs.capture.images import read_rgb8
 from carigs.config import load_settings
-from carigs.files import writing
 from carigs.readers.yaml_files import read_yaml_text
-from carigs.run_summary import logged_warnings
+from carigs.runs.summary import logged_warnings
 from carigs.settings import Report
+from carigs.system.files import writing
 from evaluation.card.card import read_card
 from evaluation.card.document import card_parts
 from evaluation.figures.study_images import StudyImages

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from carigs.errors import SettingsError
-from carigs.files import writing
 from carigs.runs.job_record import job_costs
 from carigs.settings import Sweep
+from carigs.system.files import writing
 from evaluation.figures.sweep_plot import plot_sweep
 from evaluation.metrics.catalogue import CATALOGUE
 from evaluation.tables.document import to_markdown

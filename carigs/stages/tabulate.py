@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from carigs.files import writing
 from carigs.settings import Tabulate
+from carigs.system.files import writing
 from evaluation.metrics.catalogue import CATALOGUE
 from evaluation.tables.document import to_latex, to_markdown
 from evaluation.tables.summary import read_metrics, summarise

@@ -6,9 +6,9 @@ from pathlib import Path
 
 from carigs.capture import Capture
 from carigs.capture.target_index import read_targets
-from carigs.files import writing
 from carigs.head import read_subject_path
 from carigs.settings import TargetSheet
+from carigs.system.files import writing
 from evaluation.figures.target_sheet import draw_target_sheet
 
 

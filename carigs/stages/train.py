@@ -8,9 +8,9 @@ from pathlib import Path
 
 from carigs.capture import Capture
 from carigs.errors import SettingsError
-from carigs.files import writing
 from carigs.head import read_subject_path
 from carigs.settings import Train
+from carigs.system.files import writing
 
 
 def train(

@@ -14,12 +14,12 @@ from carigs.capture.frame_index import ground_truth_files, write_ground_truth
 from carigs.capture.images import write_png
 from carigs.errors import InputError
 from carigs.exaggeration import Caricature
-from carigs.files import writing_folder
 from carigs.head import read_subject_path
 from carigs.readers.file_names import TRUE_FRAMES
 from carigs.readers.images import read_pixels
 from carigs.readers.json_files import json_field, read_json
 from carigs.settings import Truth
+from carigs.system.files import writing_folder
 
 Keys = Iterator[tuple[int, int]]
 """Timestep and camera of each image, once it is written."""

@@ -12,11 +12,11 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 
 from carigs.errors import InputError
-from carigs.files import writing
 from carigs.head import HeadModel, HeadParameters, flame_joints, neutral, pose
 from carigs.readers.arrays import checked_array
 from carigs.readers.npz import read_npz
 from carigs.settings import Toy
+from carigs.system.files import writing
 from carigs.toy.look.ambient_visibility import ambient_visibility
 from carigs.toy.look.atlas import Atlas, allocate_texels, texel_count, texel_points
 from carigs.toy.look.hair import grow_hair

@@ -14,9 +14,9 @@ from rich.progress import track
 
 from carigs.capture.camera import OPENCV_FROM_OPENGL, Camera
 from carigs.capture.images import write_png
-from carigs.files import writing
 from carigs.head import HeadParameters, flame_joints
 from carigs.settings import Toy
+from carigs.system.files import writing
 from carigs.toy.renderer import pose_subject
 from carigs.toy.scene import TEST_SEQUENCE, Timestep, frontal_camera, studio_cameras, timesteps
 from carigs.toy.subject import make_subject

@@ -34,7 +34,7 @@ import json, re
 from pathlib import Path
 from time import perf_counter
 from carigs.capture import Capture, read_dataset
-from carigs.outside_files import files_digest
+from carigs.runs.outside_files import files_digest
 folder = Path({folder!r})
 start = perf_counter()
 {work}

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from carigs.errors import InputError
-from carigs.files import write_json
 from carigs.readers.formats import Format, check_format
 from carigs.readers.json_files import json_field, read_json
 from carigs.settings import Tabulate
+from carigs.system.files import write_json
 from evaluation.card.measures import AVATAR_MEASURES, STAGE_MEASURES
 from evaluation.tables.document import without_paths
 from evaluation.tables.metric import TABLES, Catalogue, Metric

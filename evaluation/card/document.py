@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sized
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from carigs.files import writing
+from carigs.system.files import writing
 from evaluation.card.card import Card, Value, find_values
 from evaluation.card.measures import AVATAR_MEASURES, STAGE_MEASURES
 from evaluation.tables.document import NO_VALUE, Cell, Document, Table, to_markdown

@@ -11,9 +11,9 @@ from jaxtyping import Float, Int
 
 from carigs.capture.camera import Camera, look_at
 from carigs.capture.images import write_png
-from carigs.files import writing
 from carigs.mesh.triangle_mesh import vertex_normals
 from carigs.raster import rasterize_mesh
+from carigs.system.files import writing
 
 VIEWS = (0.0, 40.0, 90.0)
 """Degrees around the upright axis +y; 0 looks at the face from +z."""

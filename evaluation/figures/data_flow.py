@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from carigs.errors import InputError
-from carigs.files import writing
+from carigs.system.files import writing
 from evaluation.command_line import run
 
 

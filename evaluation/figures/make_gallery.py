@@ -20,7 +20,7 @@ from pathlib import Path
 from PIL import Image
 
 from carigs.errors import InputError
-from carigs.files import writing
+from carigs.system.files import writing
 from evaluation.command_line import run
 
 WEBP_QUALITY = 90

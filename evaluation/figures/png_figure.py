@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from carigs.files import writing
+from carigs.system.files import writing
 from evaluation.figures.style import PALETTE, STYLE
 
 PNG_LEVEL = 3

@@ -7,8 +7,8 @@ from functools import cache
 from pathlib import Path
 
 from carigs.errors import InputError
-from carigs.files import writing
 from carigs.readers.limits import read_bytes
+from carigs.system.files import writing
 
 
 def check_file(path: Path, title: str, *, size: int | None, sha256: str, remedy: str) -> str:

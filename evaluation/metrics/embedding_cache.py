@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Shaped
 
-from carigs.files import writing
+from carigs.system.files import writing
 
 
 def digest_of(*parts: str | np.ndarray) -> str:

@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.capture.frame_index import RenderedImage
+from carigs.runs.sources import fingerprint, package_versions
 from carigs.settings import Metrics
-from carigs.sources import fingerprint, package_versions
 from evaluation.metrics import clip, dino, preprocessing
 from evaluation.metrics.checksums import file_checksum
 from evaluation.metrics.embedder import Embedder

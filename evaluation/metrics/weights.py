@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from carigs.cache_folders import user_cache
 from carigs.errors import InputError, WeightsMissing
 from carigs.readers.folders import listed
 from carigs.readers.weights import read_weights
+from carigs.system.cache_folders import user_cache
 from evaluation.metrics.checksums import check_file
 from evaluation.metrics.downloads import Download, download_files
 

@@ -18,7 +18,7 @@ from jaxtyping import UInt8
 from PIL import Image
 
 from carigs.errors import InputError
-from carigs.files import writing
+from carigs.system.files import writing
 from evaluation.command_line import run
 from evaluation.screenshots.chromium import WEBGL, Browser
 

@@ -22,7 +22,6 @@ from carigs.capture.images import write_png
 from carigs.capture.target_index import FACE_FLAGS, read_targets, write_targets
 from carigs.config import compose, compose_study, load_settings, settings_text
 from carigs.exaggeration.gamma_path import straight_path
-from carigs.files import write_json
 from carigs.hair import FoundHair, hair_shadow, load_hair
 from carigs.hair.strands import Strands
 from carigs.hair.volume import HairVolume
@@ -42,6 +41,7 @@ from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.smooth_motion import SmoothMotion
 from carigs.splat.surfels.ply import read_ply, write_ply
 from carigs.splat.surfels.surfels import flat_discs
+from carigs.system.files import write_json
 from carigs.toy import load_subject
 from evaluation.stress.sound_files import captures, heads, splats
 from evaluation.stress.sound_files.ball import CAMERA, FACES, VERTICES, gnm_arrays, head_model

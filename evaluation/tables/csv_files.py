@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TypeVar
 
-from carigs.files import writing
+from carigs.system.files import writing
 
 Record = TypeVar("Record", bound=tuple)
 

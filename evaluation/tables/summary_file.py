@@ -8,8 +8,8 @@ from pathlib import Path
 import pandas as pd
 
 from carigs.errors import InputError
-from carigs.files import writing
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
+from carigs.system.files import writing
 from evaluation.tables.summary import SUMMARY
 
 NUMBERS = ("gamma", "level", "mean", "low", "high", "n", "seeds", "nulls")

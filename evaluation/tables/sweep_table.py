@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from carigs.files import writing
 from carigs.runs.job_record import Costs
+from carigs.system.files import writing
 from evaluation.tables.document import NO_VALUE, Cell, Document, Table
 from evaluation.tables.metric import Catalogue, Metric
 from evaluation.tables.summary import ALL

@@ -16,7 +16,7 @@ import pandas as pd
 from carigs.config import CONF, project_root
 from carigs.config.presets import purpose
 from carigs.errors import InputError
-from carigs.files import writing
+from carigs.system.files import writing
 from evaluation.benchmarks.timing import Measurement
 from evaluation.card.provenance import commit, machine, versions
 from evaluation.command_line import run

@@ -23,7 +23,7 @@ def avatar(tmp_path_factory):
 
 
 def test_starting_carigs_imports_no_viser():
-    code = "import sys, carigs.cli.main, carigs.cli.view, carigs.fork_server; print('viser' in sys.modules)"
+    code = "import sys, carigs.cli.main, carigs.cli.view, carigs.system.fork_server; print('viser' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "False"
 
 

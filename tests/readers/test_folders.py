@@ -14,8 +14,8 @@ from carigs.capture.importers.mesh_sequence import read_mesh_sequence
 from carigs.config.folders import known
 from carigs.errors import InputError
 from carigs.head import HeadModel
-from carigs.outside_files import files_digest
 from carigs.readers.folders import is_system_file, listed
+from carigs.runs.outside_files import files_digest
 
 JUNK = (
     "._{name}", ".DS_Store", "Thumbs.db", "desktop.ini", "Desktop.ini", "__MACOSX/{name}", "__MACOSX/._{name}",

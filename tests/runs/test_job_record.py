@@ -13,10 +13,10 @@ from types import SimpleNamespace
 import pytest
 
 from carigs.errors import CarigsError
-from carigs.lap_times import timed
 from carigs.runs.contents import content_digest
 from carigs.runs.current_results import outdated_jobs
 from carigs.runs.job_record import job_costs, recorded_job, unfinished_jobs
+from carigs.runs.lap_times import timed
 from carigs.runs.planned_job import PlannedJob
 
 TRIGGERS = ("params", "software-env", "input", "mtime")
@@ -270,7 +270,7 @@ def test_jobs_that_failed_since_a_time_are_listed_in_order(made, tmp_path):
 
 def test_times_of_steps_are_those_of_the_job_alone_and_leave_out_the_first(planned, tmp_path, monkeypatch):
     clock = iter([0, 50, 100, 120, 200, 201, 300, 303])  # begin and end of each step
-    monkeypatch.setattr("carigs.lap_times.time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    monkeypatch.setattr("carigs.runs.lap_times.time", SimpleNamespace(perf_counter=lambda: next(clock)))
 
     def step(count: int) -> Callable:
         for _ in range(count):

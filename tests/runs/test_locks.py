@@ -10,8 +10,8 @@ import sys
 import pytest
 
 from carigs.errors import CarigsError
-from carigs.processes import this_process
 from carigs.runs.locks import job_lock, lock_study, remove_free_locks
+from carigs.system.processes import this_process
 
 HOLD = """
 import sys, time

@@ -69,7 +69,7 @@ def test_every_stage_of_a_subject_depends_on_the_files_of_its_capture(person, st
 
 
 def test_the_code_of_the_toy_counts_for_the_toy_alone(person):
-    from carigs.sources import fingerprint
+    from carigs.runs.sources import fingerprint
 
     with_toy, without = fingerprint("carigs.stages.capture"), fingerprint("carigs.stages.capture", ("carigs.toy",))
     assert job_plan("capture", TOY)["code"] == with_toy != without == job_plan("capture", person)["code"]

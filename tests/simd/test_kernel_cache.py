@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 import carigs
+from carigs.runs.sources import WITHOUT_EFFECT, sources
 from carigs.simd import kernel_cache
 from carigs.simd.kernel_cache import announce_compilation
-from carigs.sources import WITHOUT_EFFECT, sources
 
 
 def folder_of(root: Path, **environment: str) -> Path:

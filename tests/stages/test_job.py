@@ -10,9 +10,9 @@ import pytest
 
 from carigs.config import compose, settings_text
 from carigs.errors import CarigsError
-from carigs.run_summary import error_lines
 from carigs.runs.plan import settings_digest
-from carigs.sources import fingerprint
+from carigs.runs.sources import fingerprint
+from carigs.runs.summary import error_lines
 from carigs.stages.job import run_job
 
 

@@ -31,15 +31,15 @@ from carigs.config import (
     target_maker,
 )
 from carigs.errors import CarigsError
-from carigs.fork_server import start_fork_server
-from carigs.run_process import name_run_process
-from carigs.run_progress import show_job_lines
-from carigs.run_summary import warning_lines
+from carigs.system.fork_server import start_fork_server
+from carigs.system.run_process import name_run_process
+from carigs.runs.progress import show_job_lines
+from carigs.runs.summary import warning_lines
 from carigs.runs.plan import job_plan
 from carigs.runs.settings_checks import check_study, settings_warnings
 from carigs.runs.study_graph import use_study_graph
 from carigs.settings import STAGES
-from carigs.sources import fingerprint
+from carigs.runs.sources import fingerprint
 
 
 def one_line_errors(function):

@@ -3,8 +3,8 @@
 import sys
 from dataclasses import asdict
 
-from carigs.fork_server import run_in_fork
 from carigs.runs.planned_job import WORKFLOW_ONLY, planned_job
+from carigs.system.fork_server import run_in_fork
 
 
 def _arguments(job) -> dict:

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from carigs.errors import InputError
-from carigs.files import writing
 from carigs.head import HeadModel, HeadParameters
 from carigs.head.model_arrays import FLAME_JOINTS
 from carigs.head.parameters import FLAME_KEYS, check_angles
 from carigs.readers.arrays import checked_array
 from carigs.readers.npz import read_npz
 from carigs.splat.rig.head_sequence import HeadSequence
+from carigs.system.files import writing
 
 PER_TIMESTEP = ("translation", "rotation", *FLAME_KEYS, "joint_rotations", "expr")
 """Arrays with a row per timestep. The others, `shape` and `static_offset`, belong to the subject."""

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from carigs.files import writing
+from carigs.system.files import writing
 
 POINTS, TRIANGLES = 0, 4
 """Modes of a primitive."""

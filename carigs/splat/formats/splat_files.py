@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from carigs.files import writing
 from carigs.splat.colour.spherical_harmonics import SH_BASE, num_coefficients
 from carigs.splat.formats.world_splats import WorldSplats
 from carigs.splat.surfels.ply import numbered, write_float_ply
+from carigs.system.files import writing
 
 REST = num_coefficients(3)  # viewers of 3D Gaussian Splatting expect degree 3
 THICKNESS = 1e-6

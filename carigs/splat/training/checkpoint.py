@@ -11,7 +11,6 @@ import numpy as np
 from torch import Tensor
 
 from carigs.errors import InputError
-from carigs.files import writing
 from carigs.readers.arrays import checked_array
 from carigs.readers.json_files import parse_json
 from carigs.readers.npz import read_npz
@@ -20,6 +19,7 @@ from carigs.splat.training.adam import Adam
 from carigs.splat.training.density import GradientStatistics
 from carigs.splat.training.plateau import Ending
 from carigs.splat.training.tracking_refinement import TrackingRefinement
+from carigs.system.files import writing
 
 
 class Checkpoint(NamedTuple):

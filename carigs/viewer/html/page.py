@@ -20,9 +20,9 @@ from PIL import Image
 
 from carigs.errors import SettingsError
 from carigs.exaggeration import GammaPath
-from carigs.files import writing
 from carigs.library.head_avatar import HeadAvatar
 from carigs.library.orbit_cameras import orbit
+from carigs.system.files import writing
 from carigs.viewer.html.head_arrays import head_arrays
 from carigs.viewer.html.light_arrays import light_arrays
 from carigs.viewer.html.packed_arrays import deflated

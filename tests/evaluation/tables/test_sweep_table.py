@@ -7,9 +7,9 @@ import pandas as pd
 import pytest
 
 from carigs.errors import SettingsError
-from carigs.files import write_json
 from carigs.settings import Sweep
 from carigs.stages.sweep import sweep
+from carigs.system.files import write_json
 from evaluation.metrics.catalogue import CATALOGUE
 from evaluation.tables.summary import ALL, SUMMARY
 from evaluation.tables.summary_file import write_summaries

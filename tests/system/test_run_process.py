@@ -11,18 +11,18 @@ import time
 import psutil
 import pytest
 
-from carigs.run_process import RUN_PROCESS
+from carigs.system.run_process import RUN_PROCESS
 
 JOB = """
 import time
-from carigs.run_process import end_with_run_process
+from carigs.system.run_process import end_with_run_process
 end_with_run_process()
 print('job', flush=True)
 time.sleep(60)
 """
 RUN = """
 import subprocess, sys, time
-from carigs.run_process import name_run_process
+from carigs.system.run_process import name_run_process
 name_run_process()
 job = subprocess.Popen(["sh", "-c", f'"{sys.executable}" -c "$JOB"; true'])  # as Snakemake starts jobs: in a shell
 print("run", flush=True)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from carigs import sources as module
 from carigs.errors import CarigsError
+from carigs.runs import sources as module
+from carigs.runs.sources import ROOT, fingerprint, package_versions, sources
 from carigs.settings import STAGES
-from carigs.sources import ROOT, fingerprint, package_versions, sources
 
 UPSTREAM = ("capture", "hair", "exaggerate", "gtstar", "train")
 """Stages whose change trains a person again."""

@@ -12,15 +12,15 @@ import time
 import psutil
 import pytest
 
-from carigs.fork_server import CORES, FORK_SERVER, share_of_cores
-from carigs.run_process import RUN_PROCESS
-from carigs.run_summary import error_lines
+from carigs.runs.summary import error_lines
+from carigs.system.fork_server import CORES, FORK_SERVER, share_of_cores
+from carigs.system.run_process import RUN_PROCESS
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "pidfd_open"), reason="only Linux has a fork server")
 
 RUN = """
 import subprocess, sys
-from carigs.fork_server import FORK_SERVER, start_fork_server
+from carigs.system.fork_server import FORK_SERVER, start_fork_server
 start_fork_server(6)  # cores
 import os
 print(os.environ[FORK_SERVER], flush=True)
@@ -49,7 +49,7 @@ def folder_of_kernels():
     return 0
 
 def cores():
-    from carigs.fork_server import share_of_cores
+    from carigs.system.fork_server import share_of_cores
     print(share_of_cores(), flush=True)
     return 0
 
@@ -66,7 +66,7 @@ def wait():
 """
 CLIENT = """
 import json, sys
-from carigs.fork_server import run_in_fork
+from carigs.system.fork_server import run_in_fork
 sys.exit(run_in_fork(f"jobs_of_test:{sys.argv[1]}", json.loads(sys.argv[2])) & 255)
 """
 

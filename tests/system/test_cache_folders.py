@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from carigs import cache_folders
-from carigs.cache_folders import FOREIGN, OPEN, cache_homes, can_be_made, first_usable, user_cache
 from carigs.errors import CarigsWarning, InputError
 from carigs.mesh.ambient_occlusion import ambient_occlusion, cached_ambient_occlusion
+from carigs.runs.snakemake_process import check_working_folder, snakemake_environment
 from carigs.simd import kernel_cache
 from carigs.simd.kernel_cache import sources_digest
-from carigs.snakemake_process import check_working_folder, snakemake_environment
+from carigs.system import cache_folders
+from carigs.system.cache_folders import FOREIGN, OPEN, cache_homes, can_be_made, first_usable, user_cache
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="owners and permissions of POSIX")
 ROOT_ALONE = pytest.mark.skipif(not hasattr(os, "getuid") or os.getuid() != 0, reason="only root changes owners")
@@ -242,7 +242,7 @@ def test_commands_work_without_home_and_cache(arguments, tmp_path):
 
 
 def test_a_warning_is_a_line_of_the_command(nowhere, capsys):
-    from carigs.run_summary import warnings_as_lines
+    from carigs.runs.summary import warnings_as_lines
 
     with warnings_as_lines():
         assert kernel_cache.kernel_folder.__wrapped__() is None

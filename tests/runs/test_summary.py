@@ -8,8 +8,8 @@ import warnings
 import pytest
 
 from carigs.errors import CarigsWarning
-from carigs.run_summary import error_lines, warning_lines, warnings_as_lines
 from carigs.runs.locks import job_lock
+from carigs.runs.summary import error_lines, warning_lines, warnings_as_lines
 
 SILENT = "the job ended without an error"
 KILLED = "its process was killed, by the system, a scheduler or a user"

@@ -9,8 +9,8 @@ import pytest
 from miniature import write_ball
 
 from carigs.config import compose
-from carigs.outside_files import files_digest, outside_files
 from carigs.readers.file_names import BESIDE_FLAME
+from carigs.runs.outside_files import files_digest, outside_files
 from carigs.settings import STAGES
 from carigs.settings.option import option_of
 

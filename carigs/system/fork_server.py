@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from carigs.run_process import end_with_run_process, name_run_process, run_process_is_alive
+from carigs.system.run_process import end_with_run_process, name_run_process, run_process_is_alive
 
 FORK_SERVER = "CARIGS_FORK_SERVER"
 """Environment variable with the name of the server's socket."""
@@ -56,7 +56,7 @@ def start_fork_server(cores: int) -> None:
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(f"\0{address}")
         listener.listen(64)
-        command = [sys.executable, "-c", f"from carigs.fork_server import _serve; _serve({listener.fileno()})"]
+        command = [sys.executable, "-c", f"from carigs.system.fork_server import _serve; _serve({listener.fileno()})"]
         server = subprocess.Popen(command, pass_fds=[listener.fileno()], stdin=subprocess.DEVNULL)
     atexit.register(_end, server)
     os.environ[FORK_SERVER], os.environ[CORES] = address, str(cores)

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from carigs.errors import InputError
-from carigs.files import clean_results, resuming_folder, write_json, writing
-from carigs.processes import this_process
 from carigs.readers.arrays import checked_array
 from carigs.readers.json_files import json_field, read_json
 from carigs.readers.npz import read_npz
+from carigs.system.files import clean_results, resuming_folder, write_json, writing
+from carigs.system.processes import this_process
 
 
 def test_a_failed_write_leaves_the_earlier_file(tmp_path):
@@ -42,7 +42,7 @@ def test_an_interrupted_folder_is_resumed_with_the_same_key_only(tmp_path):
 WRITE = """
 import os, signal, sys
 from pathlib import Path
-from carigs.files import resuming_folder, writing, writing_folder
+from carigs.system.files import resuming_folder, writing, writing_folder
 folder = Path(sys.argv[1])
 with writing(folder / "a.npz") as part, writing_folder(folder / "images") as images:
     with resuming_folder(folder / "targets", "key") as (contents, _), writing(contents / "inspection.png") as nested:

@@ -13,16 +13,13 @@ from typing import NamedTuple
 
 from carigs.errors import CarigsError
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 PACKAGES = ("carigs", "evaluation")
 DATA = (".toml", ".json", ".jinja", ".css", ".js", ".vert", ".frag")
 """Suffixes of files beside a module that belong to it."""
-WITHOUT_EFFECT = (
-    "carigs.settings", "carigs.errors", "carigs.runs", "carigs.run_", "carigs.fork_server", "carigs.processes",
-    "carigs.lap_times", "carigs.cache_folders",
-)  # fmt: skip
+WITHOUT_EFFECT = ("carigs.settings", "carigs.errors", "carigs.runs", "carigs.system")
 """Starts of names of modules that fingerprints ignore. Settings reach a stage as text, which is compared; errors,
-locks, records, processes and the places of caches change no result."""
+the writing of files, locks, records, processes and the places of caches change no result."""
 DISTRIBUTIONS = {
     "PIL": "pillow",
     "cholespy": "cholespy",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import logging
 
-from carigs.run_progress import show_job_lines
+from carigs.runs.progress import show_job_lines
 
 
 def test_jobs_have_a_line_and_errors_stay(capsys, tmp_path):

@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 
-from carigs.processes import ProcessName, is_alive, process_name
+from carigs.system.processes import ProcessName, is_alive, process_name
 
 RUN_PROCESS = "CARIGS_RUN_PROCESS"
 """Environment variable that names the process: the fields of its `ProcessName`, divided by blanks."""

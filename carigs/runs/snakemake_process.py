@@ -7,8 +7,8 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from carigs.cache_folders import cache_homes, can_be_made, first_usable, user_cache
 from carigs.errors import InputError
+from carigs.system.cache_folders import cache_homes, can_be_made, first_usable, user_cache
 
 STATE = Path(".snakemake")
 """Folder of its state, in the current directory."""

@@ -17,7 +17,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from carigs.processes import ProcessName, is_alive, is_known, this_process
+from carigs.system.processes import ProcessName, is_alive, is_known, this_process
 
 DAYS_OF_STATE = 14
 """How long the state of an interrupted job is kept for the next run."""

@@ -1,0 +1,23 @@
+"""The rooms of the code: in the import contract and in CONTRIBUTING.md, in one order."""
+
+import re
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+
+
+def layers() -> list[str]:
+    """Rooms in the import contract, the lowest first."""
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+    return next(contract["layers"] for contract in contracts if contract["type"] == "layers")[::-1]
+
+
+def test_every_room_is_in_the_import_contract():
+    places = {path.stem for path in (ROOT / "carigs").iterdir() if path.suffix in ("", ".py")} - {"__pycache__"}
+    assert {f"carigs.{name}" for name in places - {"__init__", "__main__", "_project"}} == {*layers()} - {"evaluation"}
+
+
+def test_the_rooms_of_the_guide_are_those_of_the_contract():
+    rows = re.findall(r"^\| `((?:carigs|evaluation)[\w/.]*)` \|", (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE)
+    assert [row.removesuffix(".py").rstrip("/").replace("/", ".") for row in rows] == layers()
