@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from carigs.cli.parser import command_parser
 from carigs.errors import InputError
-from evaluation.metrics.weights import Weights, find_weights, locate, registry, verify
+from evaluation.metrics.networks.weights import Weights, find_weights, locate, registry, verify
 
 EXAMPLES = """examples:
   carigs weights list

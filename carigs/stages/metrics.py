@@ -11,11 +11,11 @@ from carigs.capture.frame_index import RenderedImage, level_folder, read_frame_i
 from carigs.errors import CarigsWarning
 from carigs.head import read_subject_path
 from carigs.settings import Metrics
-from evaluation.metrics.embedding_cache import EmbeddingCache
-from evaluation.metrics.embedding_networks import EmbeddingNetworks
 from evaluation.metrics.embeddings import embedding_records, embedding_weights
 from evaluation.metrics.identity import identity_records
 from evaluation.metrics.image_records import image_records
+from evaluation.metrics.networks.embedding_cache import EmbeddingCache
+from evaluation.metrics.networks.embedding_networks import EmbeddingNetworks
 from evaluation.metrics.stable_diffusion import sd_records
 from evaluation.tables.frame_records import read_frame_records
 from evaluation.tables.metric_records import MetricRecord, StudyPoint, write_metrics

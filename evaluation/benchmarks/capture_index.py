@@ -21,8 +21,8 @@ import numpy as np
 from carigs.capture import OPENCV_FROM_OPENGL
 from carigs.capture.images import write_png
 from carigs.head import HeadParameters
-from evaluation.benchmarks.synthetic_scenes import moving_head, portrait
-from evaluation.benchmarks.timing import Measurement, run_in_fresh_process, write_measurements
+from evaluation.benchmarks.measurement.synthetic_scenes import moving_head, portrait
+from evaluation.benchmarks.measurement.timing import Measurement, run_in_fresh_process, write_measurements
 from evaluation.command_line import csv_parser, run
 
 SIZE = (16, 24)

@@ -21,8 +21,8 @@ from carigs.head import neutral, pose
 from carigs.head.facial_regions import brow_faces, lid_faces
 from carigs.raster import rasterize_mesh
 from carigs.splat.avatar import Avatar, load_avatar
-from evaluation.benchmarks.timing import Measurement, write_measurements
-from evaluation.benchmarks.toy_training import in_eight_bits
+from evaluation.benchmarks.measurement.timing import Measurement, write_measurements
+from evaluation.benchmarks.measurement.toy_training import in_eight_bits
 from evaluation.command_line import csv_parser, run
 from evaluation.metrics.image_quality import psnr_of_errors, squared_error
 from evaluation.metrics.regions import SurfaceRegions, image_regions, surface_regions

@@ -26,8 +26,8 @@ from carigs.capture.orbit import orbit_cameras
 from carigs.exaggeration import Caricature, GammaPath
 from carigs.head import neutral
 from carigs.settings import Toy
-from evaluation.benchmarks.timing import Measurement, write_measurements
-from evaluation.benchmarks.toy_frames import SIZE, enlarged, write_subject
+from evaluation.benchmarks.measurement.timing import Measurement, write_measurements
+from evaluation.benchmarks.measurement.toy_frames import SIZE, enlarged, write_subject
 from evaluation.command_line import csv_parser, run
 from evaluation.metrics.against_truth import truth_records
 from evaluation.metrics.frame_views import FrameView, PosedHead, frame_views

@@ -22,12 +22,12 @@ import numpy as np
 from carigs.capture.frame_index import RenderedImage
 from carigs.capture.images import write_png
 from carigs.settings import Metrics
-from evaluation.benchmarks.timing import Measurement, run_in_fresh_process, write_measurements
+from evaluation.benchmarks.measurement.timing import Measurement, run_in_fresh_process, write_measurements
 from evaluation.command_line import csv_parser, run
-from evaluation.metrics import clip, dino
-from evaluation.metrics.embedding_cache import EmbeddingCache
-from evaluation.metrics.embedding_networks import EmbeddingNetworks
 from evaluation.metrics.frame_sequences import Pair
+from evaluation.metrics.networks import clip, dino
+from evaluation.metrics.networks.embedding_cache import EmbeddingCache
+from evaluation.metrics.networks.embedding_networks import EmbeddingNetworks
 
 FRAMES, CAMERAS, THREADS = 256, 16, 2
 SIZE = (802, 550)

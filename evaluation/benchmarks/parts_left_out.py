@@ -25,9 +25,9 @@ from carigs.splat.avatar import Avatar
 from carigs.splat.training import subject as preparation
 from carigs.splat.training.subject import Subject, prepare_subject
 from carigs.splat.training.trainer import train_surfels
-from evaluation.benchmarks.study_subject import StudySubject
-from evaluation.benchmarks.timing import Measurement, write_measurements
-from evaluation.benchmarks.toy_training import psnr_by_region
+from evaluation.benchmarks.measurement.study_subject import StudySubject
+from evaluation.benchmarks.measurement.timing import Measurement, write_measurements
+from evaluation.benchmarks.measurement.toy_training import psnr_by_region
 from evaluation.command_line import csv_parser, run
 
 PARTS = (

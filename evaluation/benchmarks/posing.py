@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from carigs.head import HeadModel, HeadParameters, pose, pose_frames
-from evaluation.benchmarks.timing import Measurement, median_time
+from evaluation.benchmarks.measurement.timing import Measurement, median_time
 
 VERTICES, JOINTS, IDENTITIES, EXPRESSIONS = 5143, 5, 300, 100
 FRAMES = 100

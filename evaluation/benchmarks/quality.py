@@ -17,10 +17,10 @@ from carigs.capture import Capture
 from carigs.hair import find_hair
 from carigs.simd.threads import use_threads
 from carigs.splat.avatar import Avatar
-from evaluation.benchmarks.plots import plot_quality
-from evaluation.benchmarks.study_subject import StudySubject
-from evaluation.benchmarks.timing import Measurement, elapsed, write_measurements
-from evaluation.benchmarks.toy_training import TrainingInputs, psnr_by_region, train_avatar
+from evaluation.benchmarks.measurement.plots import plot_quality
+from evaluation.benchmarks.measurement.study_subject import StudySubject
+from evaluation.benchmarks.measurement.timing import Measurement, elapsed, write_measurements
+from evaluation.benchmarks.measurement.toy_training import TrainingInputs, psnr_by_region, train_avatar
 from evaluation.command_line import csv_parser, run
 
 SHARES = 1 / 8, 1 / 4, 1 / 2, 1

@@ -20,9 +20,9 @@ from carigs.splat.training.checkpoint import TrainingState
 from carigs.splat.training.subject import prepare_subject
 from carigs.splat.training.trainer import train_surfels
 from carigs.splat.training.training_step import StepInputs
-from evaluation.benchmarks.kernel_timing import num_threads
-from evaluation.benchmarks.timing import Measurement, wall_seconds, write_measurements
-from evaluation.benchmarks.toy_frames import write_subject
+from evaluation.benchmarks.measurement.kernel_timing import num_threads
+from evaluation.benchmarks.measurement.timing import Measurement, wall_seconds, write_measurements
+from evaluation.benchmarks.measurement.toy_frames import write_subject
 from evaluation.command_line import csv_parser, run
 
 SETTINGS = Train(

@@ -17,8 +17,8 @@ from carigs.gtstar import Target, face_mask_flags, flags_from_names
 from carigs.gtstar.capture_shading import fit_capture_shading
 from carigs.light import Shading, relight
 from carigs.settings import DEFAULT_MASK_FLAGS, Gtstar
-from evaluation.benchmarks.timing import Measurement, median_time
-from evaluation.benchmarks.toy_frames import caricature_scenes, warp_scene
+from evaluation.benchmarks.measurement.timing import Measurement, median_time
+from evaluation.benchmarks.measurement.toy_frames import caricature_scenes, warp_scene
 from evaluation.metrics.image_quality import psnr_of_errors, squared_error
 from evaluation.metrics.regions import surface_regions
 

@@ -19,12 +19,12 @@ import torch
 
 from carigs.capture import Camera
 from carigs.splat.rasterizer.rasterize import OUTPUTS, WorldSurfels, rasterize
-from evaluation.benchmarks import timing
-from evaluation.benchmarks.kernel_timing import KERNELS, kernel_times, num_threads
-from evaluation.benchmarks.plots import plot_splat
+from evaluation.benchmarks.measurement import timing
+from evaluation.benchmarks.measurement.kernel_timing import KERNELS, kernel_times, num_threads
+from evaluation.benchmarks.measurement.plots import plot_splat
+from evaluation.benchmarks.measurement.synthetic_scenes import ellipsoid, portrait, scene_name
+from evaluation.benchmarks.measurement.timing import Measurement
 from evaluation.benchmarks.surfel_pixel_pairs import contributing_pairs
-from evaluation.benchmarks.synthetic_scenes import ellipsoid, portrait, scene_name
-from evaluation.benchmarks.timing import Measurement
 from evaluation.benchmarks.training_speed import measure_loss, measure_skinning, measure_training
 from evaluation.command_line import csv_parser, run
 
@@ -142,7 +142,7 @@ import json, time, torch
 start = time.perf_counter()
 from carigs.splat.rasterizer.rasterize import rasterize
 imported = time.perf_counter()
-from evaluation.benchmarks.synthetic_scenes import ellipsoid, portrait
+from evaluation.benchmarks.measurement.synthetic_scenes import ellipsoid, portrait
 surfels, camera = ellipsoid(1000), portrait(64, 64)
 ready = time.perf_counter()
 image = rasterize(surfels, camera, outputs=("colour", "alpha"))

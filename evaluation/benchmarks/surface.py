@@ -22,12 +22,12 @@ from carigs.mesh import clean_mesh
 from carigs.mesh.ambient_occlusion import ambient_occlusion
 from carigs.readers.meshes import read_mesh
 from carigs.settings import Exaggerate
-from evaluation.benchmarks import surface_accuracy as accuracy
-from evaluation.benchmarks.curvature_accuracy import measure_curvature
-from evaluation.benchmarks.plots import plot_surface
+from evaluation.benchmarks.exaggeration import surface_accuracy as accuracy
+from evaluation.benchmarks.exaggeration.curvature_accuracy import measure_curvature
+from evaluation.benchmarks.exaggeration.surface_solvers import measure_fill_in, measure_solvers
+from evaluation.benchmarks.measurement.plots import plot_surface
+from evaluation.benchmarks.measurement.timing import Measurement, elapsed, median_time, write_measurements
 from evaluation.benchmarks.posing import measure_posing
-from evaluation.benchmarks.surface_solvers import measure_fill_in, measure_solvers
-from evaluation.benchmarks.timing import Measurement, elapsed, median_time, write_measurements
 from evaluation.command_line import csv_parser, run
 
 FLAME_SIZE = 5023

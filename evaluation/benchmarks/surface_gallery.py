@@ -14,8 +14,15 @@ import cv2
 from carigs.exaggeration import Exaggerator
 from carigs.head import HeadModel
 from carigs.mesh.triangle_mesh import size
+from evaluation.benchmarks.exaggeration.surface_accuracy import (
+    GAMMA,
+    PRESETS,
+    blink_by_transfer,
+    full_blink,
+    preset,
+    random_person,
+)
 from evaluation.benchmarks.surface import Mesh, parse_heads
-from evaluation.benchmarks.surface_accuracy import GAMMA, PRESETS, blink_by_transfer, full_blink, preset, random_person
 from evaluation.command_line import run
 from evaluation.figures.clay import clay_sheet
 

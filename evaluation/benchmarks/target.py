@@ -23,10 +23,10 @@ from carigs.exaggeration import GammaPath
 from carigs.gtstar import face_mask_flags, flags_from_names
 from carigs.raster import compute_visibility
 from carigs.settings import DEFAULT_MASK_FLAGS, Gtstar, Toy
-from evaluation.benchmarks.plots import plot_target
+from evaluation.benchmarks.measurement.plots import plot_target
+from evaluation.benchmarks.measurement.timing import Measurement, cpu_seconds, median_time, write_measurements
+from evaluation.benchmarks.measurement.toy_frames import SIZE, caricature_scenes, enlarged, warp_scene, write_subject
 from evaluation.benchmarks.relighting import measure_light_directions, measure_relighting
-from evaluation.benchmarks.timing import Measurement, cpu_seconds, median_time, write_measurements
-from evaluation.benchmarks.toy_frames import SIZE, caricature_scenes, enlarged, warp_scene, write_subject
 from evaluation.command_line import csv_parser, run
 from evaluation.figures.misregistration import ERROR_THRESHOLD
 

@@ -28,9 +28,9 @@ from carigs.splat.avatar import Avatar
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.training.subject import prepare_subject
 from carigs.splat.training.trainer import train_surfels
-from evaluation.benchmarks.timing import Measurement, write_measurements
-from evaluation.benchmarks.toy_frames import write_subject
-from evaluation.benchmarks.toy_training import in_eight_bits
+from evaluation.benchmarks.measurement.timing import Measurement, write_measurements
+from evaluation.benchmarks.measurement.toy_frames import write_subject
+from evaluation.benchmarks.measurement.toy_training import in_eight_bits
 from evaluation.command_line import csv_parser, run
 from evaluation.metrics.image_quality import psnr
 

@@ -33,11 +33,17 @@ from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.subject import Subject
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
-from evaluation.benchmarks import timing
-from evaluation.benchmarks.kernel_timing import num_threads
+from evaluation.benchmarks.measurement import timing
+from evaluation.benchmarks.measurement.kernel_timing import num_threads
+from evaluation.benchmarks.measurement.synthetic_scenes import (
+    capture_images,
+    ellipsoid,
+    moving_head,
+    portrait,
+    scene_name,
+)
+from evaluation.benchmarks.measurement.timing import Measurement
 from evaluation.benchmarks.surfel_pixel_pairs import contributing_pairs
-from evaluation.benchmarks.synthetic_scenes import capture_images, ellipsoid, moving_head, portrait, scene_name
-from evaluation.benchmarks.timing import Measurement
 
 BLOCK = 5
 """Number of consecutive steps with the same number of threads."""

@@ -26,8 +26,8 @@ from omegaconf import OmegaConf
 from carigs.config import compose, known
 from carigs.settings import Exaggerate, Gtstar, Toy, Train
 from carigs.simd.threads import use_threads
-from evaluation.benchmarks.timing import Measurement, write_measurements
-from evaluation.benchmarks.toy_training import (
+from evaluation.benchmarks.measurement.timing import Measurement, write_measurements
+from evaluation.benchmarks.measurement.toy_training import (
     HeldOutView,
     TrainingInputs,
     held_out_views,

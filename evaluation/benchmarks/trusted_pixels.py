@@ -27,7 +27,7 @@ from carigs.gtstar.provider import provide_targets
 from carigs.hair import CarriedHair, FoundHair, load_hair
 from carigs.head import neutral, read_subject_path
 from carigs.settings import Gtstar, Train
-from evaluation.benchmarks.timing import Measurement, write_measurements
+from evaluation.benchmarks.measurement.timing import Measurement, write_measurements
 from evaluation.command_line import csv_parser, run
 from evaluation.metrics.image_quality import psnr_of_errors
 from evaluation.metrics.regions import surface_regions

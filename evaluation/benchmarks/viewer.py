@@ -16,8 +16,8 @@ from carigs.viewer.exact_mode import exact_image
 from carigs.viewer.scene import HeadScene
 from carigs.viewer.splat_records import splat_records
 from carigs.viewer.state import State, controls_of
-from evaluation.benchmarks.kernel_timing import num_threads
-from evaluation.benchmarks.timing import Measurement, cpu_seconds, median_time, write_measurements
+from evaluation.benchmarks.measurement.kernel_timing import num_threads
+from evaluation.benchmarks.measurement.timing import Measurement, cpu_seconds, median_time, write_measurements
 from evaluation.command_line import csv_parser, run
 
 SIZE = (275, 401)

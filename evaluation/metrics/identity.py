@@ -20,7 +20,7 @@ from carigs.exaggeration import Caricature
 from carigs.head import neutral, pose
 from carigs.settings import Metrics
 from evaluation.metrics.face_alignment import ALIGNED, RIGID, face_chip, turn_from_camera
-from evaluation.metrics.weights import find_weights, locate, registered
+from evaluation.metrics.networks.weights import find_weights, locate, registered
 from evaluation.tables.metric_records import MetricRecord, StudyPoint, metric_record
 
 WEIGHTS = "dlib_face_recognition"

@@ -16,8 +16,8 @@ from jaxtyping import Bool, Float
 from carigs.errors import InputError, WeightsMissing
 from carigs.readers.weights import read_weights
 from carigs.settings import Metrics
-from evaluation.metrics.device import set_up_torch
-from evaluation.metrics.weights import find_weights, registered
+from evaluation.metrics.networks.device import set_up_torch
+from evaluation.metrics.networks.weights import find_weights, registered
 
 if TYPE_CHECKING:
     import torch

@@ -14,9 +14,9 @@ from carigs.capture.frame_index import RenderedImage
 from carigs.capture.images import read_rgb8
 from carigs.errors import InputError, WeightsMissing
 from carigs.settings import Metrics
-from evaluation.metrics.device import set_up_torch
-from evaluation.metrics.diffusion_model import load_diffusion_model
-from evaluation.metrics.weights import find_weights, registered
+from evaluation.metrics.networks.device import set_up_torch
+from evaluation.metrics.networks.diffusion_model import load_diffusion_model
+from evaluation.metrics.networks.weights import find_weights, registered
 from evaluation.tables.metric_records import MetricRecord, StudyPoint, metric_record
 
 if TYPE_CHECKING:

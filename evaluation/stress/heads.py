@@ -19,8 +19,8 @@ from carigs.head import HeadModel
 from carigs.mesh.deformation import turned_faces
 from carigs.mesh.triangle_mesh import diagonal, face_normals
 from carigs.settings import Exaggerate
+from evaluation.benchmarks.exaggeration.surface_accuracy import GAMMA, measure_lid_closure, path_error, random_person
 from evaluation.benchmarks.surface import parse_heads
-from evaluation.benchmarks.surface_accuracy import GAMMA, measure_lid_closure, path_error, random_person
 from evaluation.command_line import run
 from evaluation.stress.case import Measure, Outcome, fails, judged, suite_parser, write_outcomes
 

@@ -21,9 +21,9 @@ from scipy.signal import convolve2d
 from carigs.capture import Camera
 from carigs.raster import rasterize_mesh
 from evaluation.command_line import run
-from evaluation.metrics.clip import clip_c_adjacent, clip_d, clip_i, clip_i_score
-from evaluation.metrics.dino import dino_similarity
 from evaluation.metrics.image_quality import psnr, region_mean, squared_error, ssim_map
+from evaluation.metrics.networks.clip import clip_c_adjacent, clip_d, clip_i, clip_i_score
+from evaluation.metrics.networks.dino import dino_similarity
 from evaluation.metrics.regions import image_regions, surface_regions
 from evaluation.stress.case import Case, Measure, difference, run_suite, violations
 from evaluation.stress.meshes import ball, camera_at

@@ -15,7 +15,7 @@ from omegaconf import OmegaConf
 from carigs.config import compose
 from carigs.light.fitting import DIRECTIONS
 from carigs.settings import Exaggerate, Gtstar
-from evaluation.benchmarks.curvature_accuracy import heat_estimator
+from evaluation.benchmarks.exaggeration.curvature_accuracy import heat_estimator
 from evaluation.trade_offs.curve import ABOVE, BELOW, Choice, Curve, Knob, make_curve
 
 TRAINED_BY_DEFAULT = "preset=balanced"

@@ -17,7 +17,7 @@ from carigs.config import CONF, project_root
 from carigs.config.presets import purpose
 from carigs.errors import InputError
 from carigs.system.files import writing
-from evaluation.benchmarks.timing import Measurement
+from evaluation.benchmarks.measurement.timing import Measurement
 from evaluation.card.provenance import commit, machine, versions
 from evaluation.command_line import run
 from evaluation.tables.document import NO_VALUE, Cell, Document, Table, to_markdown

@@ -9,7 +9,7 @@ import pytest
 from web import Web
 
 from carigs.cli.main import main
-from evaluation.metrics.weights import registry
+from evaluation.metrics.networks.weights import registry
 
 
 @pytest.fixture(autouse=True)

@@ -34,7 +34,7 @@ from carigs.settings import STAGES, Config, reference
 from carigs.settings.option import check_section, option_of, walk
 from evaluation.metrics.embeddings import EMBEDDINGS
 from evaluation.metrics.lpips import LPIPS_METRICS
-from evaluation.metrics.preprocessing import CROPS
+from evaluation.metrics.networks.preprocessing import CROPS
 from evaluation.metrics.stable_diffusion import MODELS
 
 METRIC_CHOICES = {

@@ -9,8 +9,8 @@ from surfaces import sphere
 
 from carigs.exaggeration import Exaggerator
 from carigs.head import HeadModel
+from evaluation.benchmarks.exaggeration.surface_accuracy import random_person
 from evaluation.benchmarks.surface import read_heads
-from evaluation.benchmarks.surface_accuracy import random_person
 from evaluation.stress import heads
 from evaluation.stress.heads import (
     check,

@@ -280,7 +280,8 @@ def tiny_networks(tmp_path, monkeypatch):
     import open_clip
     import torch
 
-    from evaluation.metrics import embedding_networks, embeddings
+    from evaluation.metrics import embeddings
+    from evaluation.metrics.networks import embedding_networks
 
     torch.manual_seed(0)
     tower = {"layers": 1, "width": 32, "head_width": 32, "patch_size": 32, "image_size": 224}

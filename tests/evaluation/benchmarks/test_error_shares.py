@@ -6,7 +6,7 @@ import pytest
 from carigs.capture import Capture
 from carigs.settings import Toy
 from evaluation.benchmarks.error_shares import ErrorShares, measure
-from evaluation.benchmarks.toy_frames import write_subject
+from evaluation.benchmarks.measurement.toy_frames import write_subject
 
 SMALL = Toy(width=104, height=136, cameras=4, steps_per_sequence=2, supersampling=1, texture_size=128, hair_strands=200)
 OFFSET = 51 / 255

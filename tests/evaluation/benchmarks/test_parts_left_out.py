@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 
 from carigs.settings import Density, Exaggerate, Gtstar, Hair, Toy, Train
+from evaluation.benchmarks.measurement.study_subject import StudySubject
+from evaluation.benchmarks.measurement.toy_training import make_inputs
 from evaluation.benchmarks.parts_left_out import PARTS, prepare_without
-from evaluation.benchmarks.study_subject import StudySubject
-from evaluation.benchmarks.toy_training import make_inputs
 
 pytestmark = pytest.mark.slow
 SMALL = Toy(

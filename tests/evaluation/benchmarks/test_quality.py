@@ -6,10 +6,10 @@ import pandas as pd
 import pytest
 
 from carigs.settings import Density, Exaggerate, Gtstar, Hair, Toy, Train
-from evaluation.benchmarks.plots import plot_quality
+from evaluation.benchmarks.measurement.plots import plot_quality
+from evaluation.benchmarks.measurement.study_subject import StudySubject
+from evaluation.benchmarks.measurement.toy_training import held_out_views, make_inputs
 from evaluation.benchmarks.quality import SHARES, measure
-from evaluation.benchmarks.study_subject import StudySubject
-from evaluation.benchmarks.toy_training import held_out_views, make_inputs
 
 pytestmark = pytest.mark.slow
 SMALL = Toy(width=52, height=68, cameras=4, steps_per_sequence=1, supersampling=1, texture_size=128, hair_strands=2000)

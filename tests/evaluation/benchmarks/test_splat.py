@@ -8,9 +8,9 @@ import torch
 
 from carigs.capture.images import read_rgb
 from carigs.splat.training.photometric_loss import photometric_loss
+from evaluation.benchmarks.measurement.synthetic_scenes import ellipsoid, portrait
 from evaluation.benchmarks.splat import QUICK, benchmark
 from evaluation.benchmarks.surfel_pixel_pairs import contributing_pairs
-from evaluation.benchmarks.synthetic_scenes import ellipsoid, portrait
 from evaluation.benchmarks.training_speed import torch_photometric
 
 QUANTITIES = {

@@ -9,16 +9,16 @@ import trimesh
 from carigs.errors import InputError
 from carigs.exaggeration import Exaggerator
 from carigs.settings import Exaggerate
-from evaluation.benchmarks import surface_solvers
-from evaluation.benchmarks.curvature_accuracy import measure_curvature
-from evaluation.benchmarks.plots import plot_surface
-from evaluation.benchmarks.surface import measure_set_up, read_heads
-from evaluation.benchmarks.surface_accuracy import (
+from evaluation.benchmarks.exaggeration import surface_solvers
+from evaluation.benchmarks.exaggeration.curvature_accuracy import measure_curvature
+from evaluation.benchmarks.exaggeration.surface_accuracy import (
     measure_blend_bounds,
     measure_paths,
     measure_sphere_law,
 )
-from evaluation.benchmarks.timing import Measurement
+from evaluation.benchmarks.measurement.plots import plot_surface
+from evaluation.benchmarks.measurement.timing import Measurement
+from evaluation.benchmarks.surface import measure_set_up, read_heads
 from evaluation.tables.csv_files import stream_csv
 
 TORUS = trimesh.creation.torus(1.0, 0.4, major_sections=24, minor_sections=12)

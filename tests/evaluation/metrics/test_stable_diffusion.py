@@ -14,7 +14,7 @@ from carigs.errors import InputError
 from carigs.settings import Metrics
 from evaluation.metrics import stable_diffusion
 from evaluation.metrics.catalogue import CATALOGUE
-from evaluation.metrics.diffusion_model import DiffusionModel, load_diffusion_model
+from evaluation.metrics.networks.diffusion_model import DiffusionModel, load_diffusion_model
 from evaluation.metrics.stable_diffusion import SEEDS, TIMESTEPS, sd_records, sd_score
 from evaluation.tables.metric_records import StudyPoint
 

@@ -16,7 +16,7 @@ from carigs.splat.training.mouth_surfels import prepare_mouth
 from carigs.splat.training.subject import Subject
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
-from evaluation.benchmarks.toy_frames import write_subject
+from evaluation.benchmarks.measurement.toy_frames import write_subject
 
 TOY = Toy(width=72, height=96, cameras=4, steps_per_sequence=1, supersampling=1, texture_size=128, hair_strands=50)
 SETTINGS = Train(

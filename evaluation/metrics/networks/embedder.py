@@ -12,8 +12,8 @@ from jaxtyping import Float, Shaped, UInt8
 from rich.progress import track
 
 from carigs.capture.images import read_rgb8
-from evaluation.metrics.embedding_cache import EmbeddingCache, digest_of
-from evaluation.metrics.preprocessing import Preprocessing
+from evaluation.metrics.networks.embedding_cache import EmbeddingCache, digest_of
+from evaluation.metrics.networks.preprocessing import Preprocessing
 
 if TYPE_CHECKING:
     import torch

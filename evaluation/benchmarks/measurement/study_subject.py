@@ -15,7 +15,7 @@ from carigs.gtstar.target_set import make_target_set
 from carigs.hair import FoundHair, load_hair
 from carigs.head import neutral, read_subject_path
 from carigs.settings import Gtstar, Hair, Train
-from evaluation.benchmarks.toy_training import HeldOutView, held_out_view
+from evaluation.benchmarks.measurement.toy_training import HeldOutView, held_out_view
 from evaluation.metrics.regions import surface_regions
 
 

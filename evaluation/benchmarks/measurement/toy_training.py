@@ -21,7 +21,7 @@ from carigs.splat.avatar import Avatar
 from carigs.splat.training.subject import prepare_subject
 from carigs.splat.training.trainer import train_surfels
 from carigs.toy import load_subject, render_subject
-from evaluation.benchmarks.toy_frames import write_subject
+from evaluation.benchmarks.measurement.toy_frames import write_subject
 from evaluation.metrics.image_quality import psnr_of_errors, squared_error
 from evaluation.metrics.regions import SurfaceRegions, image_regions, surface_regions
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from carigs.errors import InputError, WeightsMissing
-from evaluation.metrics import clip, dino
-from evaluation.metrics.preprocessing import Preprocessing
-from evaluation.metrics.weights import find_weights, registered
+from evaluation.metrics.networks import clip, dino
+from evaluation.metrics.networks.preprocessing import Preprocessing
+from evaluation.metrics.networks.weights import find_weights, registered
 
 TINY_CLIP = {
     "embed_dim": 32,

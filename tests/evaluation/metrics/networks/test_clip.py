@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from evaluation.metrics import clip
-from evaluation.metrics.dino import dino_similarity
+from evaluation.metrics.networks import clip
+from evaluation.metrics.networks.dino import dino_similarity
 
 
 def unit(*shape, seed=0):

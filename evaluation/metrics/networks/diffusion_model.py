@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from carigs.errors import InputError, WeightsMissing
-from evaluation.metrics.preprocessing import Preprocessing
-from evaluation.metrics.weights import registered, work_offline
+from evaluation.metrics.networks.preprocessing import Preprocessing
+from evaluation.metrics.networks.weights import registered, work_offline
 
 if TYPE_CHECKING:
     import torch

@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 from carigs.exaggeration import Exaggerator
 from carigs.mesh import linear_solver
 from carigs.mesh.cotan_laplacian import CotanLaplacian, mixed_voronoi_areas
-from evaluation.benchmarks.timing import Measurement, elapsed, median_time
+from evaluation.benchmarks.measurement.timing import Measurement, elapsed, median_time
 
 Solve = Callable[[np.ndarray], np.ndarray]
 LEVELS = np.linspace(0.25 / 32, 0.25, 32)

@@ -18,7 +18,7 @@ from carigs.exaggeration.blendshape_transfer import TRANSFER_FACTORS
 from carigs.head import HeadModel, HeadParameters, neutral
 from carigs.mesh.triangle_mesh import diagonal
 from carigs.settings import Exaggerate
-from evaluation.benchmarks.timing import Measurement, median_time
+from evaluation.benchmarks.measurement.timing import Measurement, median_time
 
 GAMMA = 0.25
 RADIUS = 3.0

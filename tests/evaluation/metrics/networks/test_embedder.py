@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from carigs.capture.images import read_rgb, write_png
-from evaluation.metrics.embedder import Embedder
-from evaluation.metrics.embedding_cache import EmbeddingCache, digest_of
-from evaluation.metrics.preprocessing import Preprocessing
+from evaluation.metrics.networks.embedder import Embedder
+from evaluation.metrics.networks.embedding_cache import EmbeddingCache, digest_of
+from evaluation.metrics.networks.preprocessing import Preprocessing
 
 
 @pytest.fixture
@@ -128,7 +128,7 @@ def test_parts_of_a_digest_are_kept_apart():
 WRITER = """
 import sys, numpy as np
 from pathlib import Path
-from evaluation.metrics.embedding_cache import EmbeddingCache, digest_of
+from evaluation.metrics.networks.embedding_cache import EmbeddingCache, digest_of
 cache = EmbeddingCache(Path(sys.argv[1]))
 for turn in range(30):
     for i in range(10):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from evaluation.metrics import clip, dino
-from evaluation.metrics.preprocessing import Preprocessing
+from evaluation.metrics.networks import clip, dino
+from evaluation.metrics.networks.preprocessing import Preprocessing
 
 PLAIN = ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
 

@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 from carigs.mesh.cotan_laplacian import CotanLaplacian, mixed_voronoi_areas
 from carigs.mesh.curvature import angle_defects, diffuse_heat
 from carigs.mesh.triangle_mesh import boundary_vertices, size
-from evaluation.benchmarks.timing import Measurement, median_time
+from evaluation.benchmarks.measurement.timing import Measurement, median_time
 
 
 def measure_curvature(refinements: range) -> Iterator[Measurement]:

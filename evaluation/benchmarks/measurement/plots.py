@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from evaluation.benchmarks.timing import Measurement
+from evaluation.benchmarks.measurement.timing import Measurement
 from evaluation.figures.png_figure import png_figure
 
 COLOURS = {"plain loops": "0.6", "carigs": "tab:blue"}

@@ -12,7 +12,7 @@ import torch  # isort: skip
 from carigs.simd.threads import use_threads
 from carigs.splat.rasterizer import binning
 from carigs.splat.rasterizer import rasterize as rasterizer
-from evaluation.benchmarks.timing import cpu_seconds
+from evaluation.benchmarks.measurement.timing import cpu_seconds
 
 KERNELS = ("projection", "binning", "forward", "backward", "projection backward")
 

@@ -13,7 +13,7 @@ import pytest
 from web import Web
 
 from carigs.errors import InputError, WeightsMissing
-from evaluation.metrics.weights import Weights, WeightsFile, find_weights, locate, registry, work_offline
+from evaluation.metrics.networks.weights import Weights, WeightsFile, find_weights, locate, registry, work_offline
 
 CONTENT = b"the weights" * 1000
 SHA256 = hashlib.sha256(CONTENT).hexdigest()

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.errors import InputError
-from evaluation.metrics.weights import load_state, registered
+from evaluation.metrics.networks.weights import load_state, registered
 
 if TYPE_CHECKING:
     import torch

@@ -13,8 +13,8 @@ from carigs.errors import InputError, WeightsMissing
 from carigs.readers.folders import listed
 from carigs.readers.weights import read_weights
 from carigs.system.cache_folders import user_cache
-from evaluation.metrics.checksums import check_file
-from evaluation.metrics.downloads import Download, download_files
+from evaluation.metrics.networks.checksums import check_file
+from evaluation.metrics.networks.downloads import Download, download_files
 
 if TYPE_CHECKING:
     import torch

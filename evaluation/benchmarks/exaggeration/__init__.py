@@ -1,0 +1,1 @@
+"""Parts of the benchmark of the surface: accuracy of curvature and of the exaggeration, and linear solvers."""

@@ -1,0 +1,1 @@
+"""Networks that judge images: their weights, how images are prepared for them, and what they give."""
