@@ -20,7 +20,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
 hypothesis.settings.load_profile("repeatable")
 
-typecheck.install("carigs", "evaluation")
+typecheck.install("carigs", "evaluation", "stress")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -15,6 +15,8 @@ from carigs.errors import CarigsError
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("carigs", "evaluation")
+FOLDERS = {"carigs": "", "evaluation": "", "stress": "tests"}
+"""Packages that fingerprints follow, and their folders. An installed carigs has no stress tests."""
 DATA = (".toml", ".json", ".jinja", ".css", ".js", ".vert", ".frag")
 """Suffixes of files beside a module that belong to it."""
 WITHOUT_EFFECT = ("carigs.settings", "carigs.errors", "carigs.runs", "carigs.system")
@@ -129,10 +131,13 @@ def _modules(module: str, without: Collection[str]) -> set[Path]:
 
 
 def _file(module: str) -> Path | None:
-    """The file of a module of `PACKAGES`; None for other modules and for names that are not modules."""
-    path = ROOT.joinpath(*module.split("."))
+    """The file of a module of `FOLDERS`; None for other modules and for names that are not modules."""
+    package, *_ = names = module.split(".")
+    if package not in FOLDERS:
+        return None
+    path = ROOT.joinpath(FOLDERS[package], *names)
     files = (path / "__init__.py", path.with_name(f"{path.name}.py"))
-    return next((file for file in files if module.split(".")[0] in PACKAGES and file.is_file()), None)
+    return next((file for file in files if file.is_file()), None)
 
 
 @cache
@@ -166,7 +171,7 @@ def _source(file: Path) -> _Source:
         elif isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             # Also the strings below fields and constants, which are their documentation.
             node.body = [line for line in node.body if not _is_text(line)]
-    files = [_file(name) for name in names if name.startswith(PACKAGES) and not name.startswith(WITHOUT_EFFECT)]
+    files = [_file(name) for name in names if name.startswith((*FOLDERS,)) and not name.startswith(WITHOUT_EFFECT)]
     return _Source(
         sha256(ast.dump(tree).encode()).hexdigest(),
         tuple(file for file in files if file),

@@ -1,16 +1,19 @@
 """Exit status and help of the programs."""
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-PROGRAMS = ("stress.surface", "stress.heads", "benchmarks.surface")
+PROGRAMS = ("stress.surface", "stress.heads", "evaluation.benchmarks.surface")
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
 
 
 def run(program, *arguments):
-    command = [sys.executable, "-m", f"evaluation.{program}", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+    command = [sys.executable, "-m", program, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, env=ENVIRONMENT)
 
 
 @pytest.mark.slow
@@ -25,4 +28,4 @@ def test_a_missing_mesh_ends_in_one_line_and_status_one(program, tmp_path):
 @pytest.mark.slow
 def test_help_has_an_example():
     done = run("stress.surface", "--help")
-    assert done.returncode == 0 and "python -m evaluation.stress.surface results" in done.stdout
+    assert done.returncode == 0 and "python -m stress.surface results" in done.stdout

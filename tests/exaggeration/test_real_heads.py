@@ -5,14 +5,8 @@ import csv
 import numpy as np
 import pytest
 from shared_data import DATA, needs_data
-from surfaces import sphere
-
-from carigs.exaggeration import Exaggerator
-from carigs.head import HeadModel
-from evaluation.benchmarks.exaggeration.surface_accuracy import random_person
-from evaluation.benchmarks.surface import read_heads
-from evaluation.stress import heads
-from evaluation.stress.heads import (
+from stress import heads
+from stress.heads import (
     check,
     dihedral_angles,
     intersecting_faces,
@@ -20,6 +14,12 @@ from evaluation.stress.heads import (
     region_checks,
     shape_checks,
 )
+from surfaces import sphere
+
+from carigs.exaggeration import Exaggerator
+from carigs.head import HeadModel
+from evaluation.benchmarks.exaggeration.surface_accuracy import random_person
+from evaluation.benchmarks.surface import read_heads
 
 HEADS = (
     "ict_head_eyes_neutral",

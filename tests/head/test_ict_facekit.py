@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from shared_data import DATA, needs_data
+from stress.sound_files.facekit import write_facekit
 
 from carigs.cli.main import main
 from carigs.errors import InputError
@@ -12,7 +13,6 @@ from carigs.head import HeadModel, HeadParameters, flame_joints, pose
 from carigs.head.ict_facekit import JAW, VERTICES, read_ict_facekit
 from carigs.plausibility.head_models import check_head_model
 from carigs.toy.rig.head_model import head_model
-from evaluation.stress.sound_files.facekit import write_facekit
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,6 @@
 """Stress tests: input that breaks numerics, broken files, and invariants on real heads. A wrong case fails `stress`."""
 
+TESTS = Path(workflow.basedir, "tests")
 SUITES = ("raster", "targets", "rig", "rasterizer", "metrics")
 
 
@@ -27,9 +28,9 @@ rule stress_summary:
     resources:
         mem_mb=500,
     params:
-        code=lambda wildcards: fingerprint("evaluation.stress.summary"),
+        code=lambda wildcards: fingerprint("stress.summary"),
     shell:
-        "python -m evaluation.stress.summary {output.rows:q} {input.suites:q} 2>&1 | tee {log:q}"
+        "PYTHONPATH={TESTS:q} python -m stress.summary {output.rows:q} {input.suites:q} 2>&1 | tee {log:q}"
 
 
 rule stress_suite:
@@ -44,9 +45,9 @@ rule stress_suite:
     resources:
         mem_mb=2000,
     params:
-        code=lambda wildcards: fingerprint(f"evaluation.stress.{wildcards.suite}"),
+        code=lambda wildcards: fingerprint(f"stress.{wildcards.suite}"),
     shell:
-        "python -m evaluation.stress.{wildcards.suite} {output.rows:q} --keep-going > {log:q} 2>&1"
+        "PYTHONPATH={TESTS:q} python -m stress.{wildcards.suite} {output.rows:q} --keep-going > {log:q} 2>&1"
 
 
 rule stress_surface:
@@ -62,9 +63,9 @@ rule stress_surface:
     resources:
         mem_mb=2000,
     params:
-        code=lambda wildcards: fingerprint("evaluation.stress.surface"),
+        code=lambda wildcards: fingerprint("stress.surface"),
     shell:
-        "python -m evaluation.stress.surface {output.rows:q} {input.mesh:q} --keep-going > {log:q} 2>&1"
+        "PYTHONPATH={TESTS:q} python -m stress.surface {output.rows:q} {input.mesh:q} --keep-going > {log:q} 2>&1"
 
 
 rule stress_heads:
@@ -80,9 +81,9 @@ rule stress_heads:
     resources:
         mem_mb=2000,
     params:
-        code=lambda wildcards: fingerprint("evaluation.stress.heads"),
+        code=lambda wildcards: fingerprint("stress.heads"),
     shell:
-        "python -m evaluation.stress.heads {output.rows:q} {input.meshes:q} --head-model {input.model:q} --keep-going"
+        "PYTHONPATH={TESTS:q} python -m stress.heads {output.rows:q} {input.meshes:q} --head-model {input.model:q} --keep-going"
         " > {log:q} 2>&1"
 
 
@@ -96,9 +97,9 @@ rule stress_hostile_files:
     resources:
         mem_mb=3000,
     params:
-        code=lambda wildcards: fingerprint("evaluation.stress.hostile_files"),
+        code=lambda wildcards: fingerprint("stress.hostile_files"),
     shell:
-        "python -m evaluation.stress.hostile_files {output.rows:q} > {log:q} 2>&1"
+        "PYTHONPATH={TESTS:q} python -m stress.hostile_files {output.rows:q} > {log:q} 2>&1"
 
 
 rule stress_captures:
@@ -114,6 +115,6 @@ rule stress_captures:
     resources:
         mem_mb=2000,
     params:
-        code=lambda wildcards: fingerprint("evaluation.stress.captures"),
+        code=lambda wildcards: fingerprint("stress.captures"),
     shell:
-        "python -m evaluation.stress.captures {output.rows:q} {input.capture:q} {input.model:q} > {log:q} 2>&1"
+        "PYTHONPATH={TESTS:q} python -m stress.captures {output.rows:q} {input.capture:q} {input.model:q} > {log:q} 2>&1"

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from stress.sound_files import captures
+from stress.sound_files.ball import head_model
 
 from carigs.capture.importers.cameras import read_cameras
 from carigs.capture.importers.flame_tracks import read_flame_track, read_tracked_cameras
 from carigs.capture.importers.images import FoundImage, find_images
 from carigs.capture.importers.mesh_sequence import read_mesh_sequence
 from carigs.errors import InputError
-from evaluation.stress.sound_files import captures
-from evaluation.stress.sound_files.ball import head_model
 
 
 @pytest.fixture(scope="module")

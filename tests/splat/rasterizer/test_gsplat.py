@@ -6,11 +6,11 @@ import gsplat_on_cpu
 import numpy as np
 import pytest
 import torch
+from stress.surfel_reference import render
 from surfel_clouds import CAMERA, FRONTAL, ODD, cloud, degenerate_cloud, layers, relative, tensors, upstream
 
 from carigs.splat.rasterizer.cuda import rasterize_gsplat
 from carigs.splat.rasterizer.rasterize import OUTPUTS, WorldSurfels, rasterize
-from evaluation.stress.surfel_reference import render
 
 pytest.importorskip("gsplat", reason="gsplat is not installed: pip install --no-deps gsplat==1.5.3")
 CAP = gsplat_on_cpu.CAP

@@ -7,12 +7,12 @@ import numba
 import numpy as np
 import pytest
 import torch
+from stress.surfel_reference import render
 from surfel_clouds import CAMERA, FRONTAL, ODD, cloud, degenerate_cloud, layers, relative, tensors, upstream
 
 from carigs.errors import CarigsError, SettingsError
 from carigs.splat.rasterizer import torch_compositing, torch_projection
 from carigs.splat.rasterizer.rasterize import OUTPUTS, WorldSurfels, rasterize
-from evaluation.stress.surfel_reference import render
 
 
 @pytest.mark.parametrize(("backend", "background"), [("cpu", 0.0), ("cpu", 0.7), ("torch", 0.7)])

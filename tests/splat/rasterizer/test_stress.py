@@ -13,6 +13,8 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from stress.surfel_gradients import agreement, defined, loss, measured
+from stress.surfel_scenes import CAMERA, KINDS, THICK, scene
 
 from carigs.errors import CarigsError
 from carigs.simd.vectors import WIDTH
@@ -20,8 +22,6 @@ from carigs.splat.render import render
 from carigs.splat.rig.rig import build_rig, face_motion
 from carigs.splat.rig.skinning import jacobian_blend_skinning
 from carigs.splat.surfels.surfels import flat_discs
-from evaluation.stress.surfel_gradients import agreement, defined, loss, measured
-from evaluation.stress.surfel_scenes import CAMERA, KINDS, THICK, scene
 
 seeds = st.integers(0, 2**32 - 1)
 thick_kinds = st.lists(st.sampled_from([*THICK]), min_size=8, max_size=20)
