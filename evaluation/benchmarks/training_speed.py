@@ -28,7 +28,7 @@ from carigs.splat.rig.rig import face_motion
 from carigs.splat.rig.skinning import jacobian_blend_skinning
 from carigs.splat.surfels.surfels import Surfels, flat_discs
 from carigs.splat.training.checkpoint import TrainingState
-from carigs.splat.training.initialization import place
+from carigs.splat.training.initial_surfels.initialization import place
 from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.subject import Subject
 from carigs.splat.training.supervision import Supervision

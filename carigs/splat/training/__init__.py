@@ -9,5 +9,6 @@
 - `adam`: `Adam` with freezing of rows; `density`: cloning, splitting and pruning
 - `tracking_refinement`: `TrackingRefinement`, head parameters that are optimised with the surfels
 - `plateau`: the early end of a training whose held-out frames no longer improve
+- `initial_surfels`: surfels on triangles, inside the hair, inside the mouth
 - `checkpoint`: `TrainingState` on disk; `progress`: progress on stderr
 """

@@ -14,7 +14,7 @@ from carigs.splat.render import RenderedFrame, contribution, render
 from carigs.splat.surfels.surfels import Surfels
 from carigs.splat.training.checkpoint import TrainingState
 from carigs.splat.training.density import GradientStatistics
-from carigs.splat.training.hair_surfels import FADING_STEPS
+from carigs.splat.training.initial_surfels.hair_surfels import FADING_STEPS
 from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.regularizers import add_threshold_loss, normal_consistency_loss
 from carigs.splat.training.supervision import Example

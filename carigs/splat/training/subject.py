@@ -13,8 +13,8 @@ from carigs.light.shading import load_shading
 from carigs.mesh.carried_points import CarriedPoints
 from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence, head_sequence
-from carigs.splat.training.hair_surfels import HairSurfels, keep_size_of_brows, prepare_hair
-from carigs.splat.training.mouth_surfels import prepare_mouth
+from carigs.splat.training.initial_surfels.hair_surfels import HairSurfels, keep_size_of_brows, prepare_hair
+from carigs.splat.training.initial_surfels.mouth_surfels import prepare_mouth
 from carigs.splat.training.supervision import Supervision
 
 

@@ -17,7 +17,7 @@ from carigs.splat.training.adam import Adam
 from carigs.splat.training.budget import LEAST_STEPS, TRIAL_STEPS, seconds_per_step, with_iterations
 from carigs.splat.training.checkpoint import Checkpoint, TrainingState, load_checkpoint, save_checkpoint
 from carigs.splat.training.density import GradientStatistics, densify_and_prune, reset_opacity, scene_extent
-from carigs.splat.training.initialization import initial_surfels
+from carigs.splat.training.initial_surfels.initialization import initial_surfels
 from carigs.splat.training.numba_step import NumbaStep
 from carigs.splat.training.plateau import Ending, ending_after, measures_after, validation_frames
 from carigs.splat.training.progress import progress

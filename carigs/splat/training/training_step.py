@@ -17,8 +17,8 @@ from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.surfels import Surfels
 from carigs.splat.training.checkpoint import TrainingState
-from carigs.splat.training.hair_surfels import HairSurfels
-from carigs.splat.training.initialization import start_distances
+from carigs.splat.training.initial_surfels.hair_surfels import HairSurfels
+from carigs.splat.training.initial_surfels.initialization import start_distances
 from carigs.splat.training.schedule import Schedule
 from carigs.splat.training.supervision import Supervision
 

@@ -16,7 +16,7 @@ from carigs.splat.rig.face_motion import FaceMotion
 from carigs.splat.rig.rig import build_rig, face_motion
 from carigs.splat.rig.skinning import jacobian_blend_skinning
 from carigs.splat.surfels.surfels import ATTRIBUTES, Surfels, flat_discs, to_arrays
-from carigs.splat.training.initialization import place
+from carigs.splat.training.initial_surfels.initialization import place
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from carigs.hair.bare_skin import CELL
 from carigs.splat.rasterizer.torch_projection import wide
 from carigs.splat.surfels.surfels import Surfels
 from carigs.splat.training.device.mesh import DeviceMesh
-from carigs.splat.training.hair_surfels import COVERED_POSITION, COVERED_SCALE, FADING, HairSurfels
+from carigs.splat.training.initial_surfels.hair_surfels import COVERED_POSITION, COVERED_SCALE, FADING, HairSurfels
 
 
 class HairRules:

@@ -28,7 +28,7 @@ from carigs.splat.training.device.placement import place_state, place_surfels
 from carigs.splat.training.device.skinning import skin
 from carigs.splat.training.device.statistics import DeviceStatistics
 from carigs.splat.training.device.threshold_loss import threshold_loss
-from carigs.splat.training.hair_surfels import FADING_STEPS
+from carigs.splat.training.initial_surfels.hair_surfels import FADING_STEPS
 from carigs.splat.training.regularizers import normal_consistency_loss
 from carigs.splat.training.training_step import StepInputs, StepResult
 

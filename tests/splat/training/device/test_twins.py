@@ -25,7 +25,7 @@ from carigs.splat.training.device.mesh import device_mesh
 from carigs.splat.training.device.photometric_loss import photometric_loss as device_photometric_loss
 from carigs.splat.training.device.statistics import DeviceStatistics
 from carigs.splat.training.device.threshold_loss import threshold_loss
-from carigs.splat.training.hair_surfels import HairSurfels
+from carigs.splat.training.initial_surfels.hair_surfels import HairSurfels
 from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.regularizers import add_threshold_loss
 

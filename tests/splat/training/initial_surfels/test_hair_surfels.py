@@ -20,7 +20,7 @@ from carigs.settings import Density, Train
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar
 from carigs.splat.colour.spherical_harmonics import SH_BASE
 from carigs.splat.rig.head_sequence import head_sequence
-from carigs.splat.training.hair_surfels import (
+from carigs.splat.training.initial_surfels.hair_surfels import (
     COVERED_POSITION,
     COVERED_SCALE,
     FADING,
@@ -28,7 +28,7 @@ from carigs.splat.training.hair_surfels import (
     keep_size_of_brows,
     prepare_hair,
 )
-from carigs.splat.training.initialization import initial_surfels, start_distances
+from carigs.splat.training.initial_surfels.initialization import initial_surfels, start_distances
 from carigs.splat.training.subject import Subject
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels

@@ -20,7 +20,7 @@ from carigs.splat.colour.spherical_harmonics import num_coefficients
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.rig import Rig
 from carigs.splat.surfels.surfels import Surfels, flat_discs, from_arrays, to_arrays
-from carigs.splat.training.hair_surfels import HIDDEN_OPACITY, HairSurfels
+from carigs.splat.training.initial_surfels.hair_surfels import HIDDEN_OPACITY, HairSurfels
 from carigs.splat.training.supervision import Example, Supervision
 
 OCCLUSION_TOLERANCE = 0.003

@@ -11,8 +11,8 @@ from carigs.mouth import Jaw, lip_line
 from carigs.settings import Density, Toy, Train
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar
 from carigs.splat.rig.head_sequence import head_sequence
-from carigs.splat.training.initialization import initial_surfels
-from carigs.splat.training.mouth_surfels import prepare_mouth
+from carigs.splat.training.initial_surfels.initialization import initial_surfels
+from carigs.splat.training.initial_surfels.mouth_surfels import prepare_mouth
 from carigs.splat.training.subject import Subject
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels

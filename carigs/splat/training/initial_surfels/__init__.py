@@ -1,0 +1,1 @@
+"""Surfels that a training starts with: on triangles, inside the hair, inside the mouth."""
