@@ -19,8 +19,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
+from carigs.capture.pinhole_values import is_identity, is_pinhole, is_square, is_true, is_zero
 from carigs.errors import InputError
 
 TRANSFORMS = frozenset({
@@ -39,10 +38,6 @@ IRRELEVANT = frozenset({
     "depth_file_path", "depth_unit_scale_factor", "normal_path", "ply_file_path", "colmap_im_id", "train_filenames",
     "val_filenames", "test_filenames", "orientation_override", "auto_scale_poses_override", "indices",
 })  # fmt: skip
-PINHOLES = frozenset(
-    {"pinhole", "simplepinhole", "perspective", "opencv", "fullopencv", "radial", "simpleradial", "brown", "none", ""}
-)
-"""Camera models that are a pinhole if all coefficients of distortion, which have keys of their own, are 0."""
 UNDISTORT = "undistort images and mattes (cv2.undistort, or colmap image_undistorter), then write the new intrinsics"
 LARGEST_NOTE = 8
 """Keys that a warning lists."""
@@ -59,57 +54,43 @@ class Rule(NamedTuple):
     remedy: str
 
 
-def _is_zero(value: Any) -> bool:
-    """Whether all numbers in a value are 0; null and false are."""
-    if isinstance(value, Mapping):
-        value = list(value.values())
-    return all(map(_is_zero, value)) if isinstance(value, list) else not value
-
-
-def _is_pinhole(value: Any) -> bool:
-    return value is None or (isinstance(value, str) and re.sub("[_ -]", "", value.lower()) in PINHOLES)
-
-
-def _is_identity(value: Any) -> bool:
-    """Whether a value is null, 1, or a matrix of ones on the diagonal (its last row may be missing)."""
-    try:
-        matrix = np.atleast_2d(np.asarray(1 if value is None else value, np.float64))
-    except (TypeError, ValueError):
-        return False
-    return bool((matrix == np.eye(4)[: len(matrix), : matrix.shape[1]]).all()) if max(matrix.shape) <= 4 else False
-
-
 REFUSED = tuple(
     Rule(re.compile(pattern), changes_nothing, problem, remedy)
     for pattern, changes_nothing, problem, remedy in (
         (
-            r"(camera|lens|distortion|projection)(model|type)",
-            _is_pinhole,
+            r"(camera|lens|dist|distortion|projection)(model|type|name)",
+            is_pinhole,
             "is a camera model that is no pinhole",
             UNDISTORT,
         ),
         (
             r"(k|p|s|b)\d+|k|tau[xy]|xi|ftheta.*|dist|(?!.*undist).*(distort|distcoef).*|.*(radial|tangential|affinity).*",
-            _is_zero,
+            lambda value: is_zero(value) or is_pinhole(value),
             "is lens distortion, which carigs has no model of",
             UNDISTORT,
         ),
         (
-            r"(is)?undistorted",
-            lambda value: value is None or value is True,
-            "says that images have lens distortion, which carigs has no model of",
+            r"(is|are|already|images?|frames?)*undistorted",
+            is_true,
+            "does not say that images are free of lens distortion, which carigs has no model of",
             UNDISTORT,
         ),
-        (r"skew|s|sk|shear", _is_zero, "is a skew of the pixels, which carigs has no model of", UNDISTORT),
+        (r"s|sk|alphac", is_zero, "is a skew of the pixels, which carigs has no model of", UNDISTORT),
+        (
+            r".*(skew|shear)(angle|deg|degrees|rad|radians)?",
+            is_square,
+            "is a skew of the pixels, which carigs has no model of",
+            UNDISTORT,
+        ),
         (
             r"(is)?(fisheye|equirectangular|latlong|orthographic|omnidirectional|panorama|vr180).*",
-            _is_zero,
+            is_zero,
             "is another lens than that of a pinhole camera",
             UNDISTORT,
         ),
         (
             r"(is)?rollingshutter.*",
-            _is_zero,
+            is_zero,
             "is a rolling shutter: the rows of an image have different cameras",
             "remove the motion from the images; carigs has one camera per image",
         ),
@@ -127,13 +108,13 @@ WARNED = tuple(
     for pattern, changes_nothing, problem, remedy in (
         (
             r"applied(transform|scale)|scale",
-            _is_identity,
+            is_identity,
             "is not applied: poses are taken as they are, in metres",
             "write poses in the world of the head parameters, and remove the key",
         ),
         (
             r"offset",
-            _is_zero,
+            is_zero,
             "is not applied: poses are taken as they are, in metres",
             "write poses in the world of the head parameters, and remove the key",
         ),

@@ -22,6 +22,10 @@ MOVES = {
     "dist": [0, 0.1],
     "radial_distortion": [0.1], "tangentialDistortion": [0.0, 0.01], "skew": 3.0, "s": 1.5,
     "camera_model": "OPENCV_FISHEYE", "lens_model": "equirectangular", "is_fisheye": True, "fisheye_crop_radius": 100,
+    "distortion_model": "equidistant", "lens_type": "plumb_bob_fisheye", "undistorted": "false",
+    "images_undistorted": 0, "k3": "0.1", "p0": 0.001, "distortion_coefficients": "0 0 0.1", "skew_angle": 89.5,
+    "dist_model": "kannala_brandt4",
+    "distortion_parameters": {"model": "radtan", "k1": 0.1}, "distortion_coeffs": {"model": "equidistant", "k1": 0},
     "equirectangular": True, "rolling_shutter": [0, 0, 0, 0.01], "principal_point": [0.5, 0.5], "is_undistorted": False,
 }  # fmt: skip
 CHANGES_NOTHING = {
@@ -30,6 +34,11 @@ CHANGES_NOTHING = {
     "rolling_shutter": [0, 0, 0, 0], "principal_point": None, "is_undistorted": True, "applied_scale": 1.0, "scale": 1,
     "applied_transform": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], "offset": [0, 0, 0],
     "mask_path": None, "aabb_scale": 16,
+    "distortion_model": "plumb_bob", "distortion_type": "radtan", "projection_model": "pinhole_camera",
+    "lens_type": "inverse_brown_conrady", "camera_type": "pinhole_radial_k3", "undistorted": "true",
+    "images_undistorted": 1, "k3": "0.0", "k4": "none", "skew_angle": 90, "shear": math.pi / 2, "s": 0, "p0": 0.0,
+    "dist_coeffs": "[0.0, 0.0, 0.0, 0.0, 0.0]", "distortion_parameters": {"model": "radtan", "k1": 0.0},
+    "distortion_name": "rational_polynomial", "fisheye": "no",
 }  # fmt: skip
 MAY_MOVE = {
     "applied_transform": [[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]],
