@@ -5,24 +5,21 @@ from __future__ import annotations
 from functools import cache
 
 from hydra import compose as hydra_compose
-from hydra import initialize_config_dir
+from hydra import initialize
 from hydra.core.config_store import ConfigStore
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError
 
-from carigs.config.folders import check_package, conf_folders
+from carigs.config.conf_files import SEARCH_PATH
 from carigs.config.hydra_errors import describe
 from carigs.config.levels import rendered_levels
 from carigs.config.literals import literal
 from carigs.config.names import check_names, expand_patterns
 from carigs.config.overrides import check_study_overrides, hydra_override
 from carigs.config.relative import relative_to
-from carigs.config.text_values import check_texts
 from carigs.errors import SettingsError
-from carigs.readers.folders import is_system_file
-from carigs.readers.yaml_files import check_yaml
 from carigs.settings import Config, combine_mask_flags
 from carigs.settings.option import check_section
 
@@ -30,6 +27,8 @@ _schema = OmegaConf.structured(Config)
 # The names of regions come with the head model: here alone keys may be added.
 OmegaConf.set_struct(_schema.exaggerate.regions, False)
 ConfigStore.instance().store("schema", _schema)
+# Hydra reads the first file before it knows the search path, hence this one.
+ConfigStore.instance().store("carigs", {"defaults": ["config", "_self_"], "hydra": {"searchpath": [SEARCH_PATH]}})
 
 
 @cache
@@ -45,22 +44,13 @@ def compose(*overrides: str) -> DictConfig:
 
     Raises:
         SettingsError: For unknown keys and choices, wrong types and values out of range, in one line.
-        InputError: For a broken file in `conf/`.
+        InputError: For a broken file in `conf/` that the choices need.
     """
     typed = [hydra_override(override) for override in overrides]
-    conf, *own = conf_folders()
-    for file in (file for folder in (conf, *own) for file in folder.rglob("*.yaml")):
-        if is_system_file(file.name):
-            continue
-        check_yaml(file)  # before Hydra opens it
-        check_package(file)
-    for file in (file for folder in own for file in folder.rglob("*.yaml")):
-        check_texts(file, file.stat().st_mtime_ns)
-    search = [f"hydra.searchpath=['file://{folder.as_posix()}']" for folder in own]
     try:
-        with initialize_config_dir(str(conf), version_base="1.3"):
-            config = hydra_compose("config", [*search, *typed])
-            with relative_to(lambda: hydra_compose("config", [*search, *typed, "preset=balanced"])):
+        with initialize(config_path=None, job_name="carigs", version_base="1.3"):
+            config = hydra_compose("carigs", typed)
+            with relative_to(lambda: hydra_compose("carigs", [*typed, "preset=balanced"])):
                 values = OmegaConf.to_container(config, resolve=True)
                 if (literals := literal(values)) == values:
                     OmegaConf.resolve(config)  # takes a tenth of the time of a merge

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import re
 from pathlib import Path
 
-from carigs.errors import InputError, SettingsError
+from carigs.errors import SettingsError
 from carigs.readers.folders import listed
 
 
@@ -29,32 +31,47 @@ def conf_folders() -> list[Path]:
 
     Returns:
         One or two folders.
-
-    Raises:
-        SettingsError: If a file of the current directory has the name of another one of the project.
     """
     own = Path.cwd() / "conf"
-    if not own.is_dir() or own.samefile(CONF):
-        return [CONF]
-    for group in GROUPS:
-        for file in listed(own / group, "*.yaml"):
-            shipped = CONF / group / file.name
-            if shipped.is_file() and shipped.read_bytes() != file.read_bytes():
-                raise SettingsError(f"{file}: {group}={file.stem} comes with carigs; choose another name")
-    return [CONF, own]
+    return [CONF, own] if own.is_dir() and not own.samefile(CONF) else [CONF]
 
 
-def check_package(file: Path) -> None:
-    """Refuse a study, preset, subject or variant whose keys Hydra would put below the name of the group.
+def find_conf_file(name: str) -> Path | None:
+    """Find a file of the configuration.
 
     Args:
-        file: File of a configuration group, which has passed `check_yaml`.
+        name: Its name without suffix, relative to `conf`: `study/toy`.
+
+    Returns:
+        The file; None if there is none, or if the name leads to a hidden file or out of `conf`.
 
     Raises:
-        InputError: If there is no comment with Hydra's `@package`.
+        SettingsError: If a choice of a group in the current directory has the name of another one of the project.
     """
-    if file.parent.name in ("study", "preset", "subject", "variant") and "@package" not in file.read_text("utf-8"):
-        raise InputError("its first line must be `# @package _global_`", file=file)
+    if not all(map(_is_shown, re.split(r"[/\\]", name))):
+        return None
+    files = [folder / f"{name}.yaml" for folder in conf_folders()]
+    found = [file for file in files if os.path.lexists(file)]
+    group, _, choice = name.rpartition("/")
+    if group and len(found) == 2 and found[0].read_bytes() != found[1].read_bytes():
+        raise SettingsError(f"{found[1]}: {group}={choice} comes with carigs; choose another name")
+    return found[0] if found else None
+
+
+def is_choice(name: str) -> bool:
+    """Whether a name may be chosen in a configuration group.
+
+    Args:
+        name: Name of a file without suffix, or of one in a folder of the group.
+
+    Returns:
+        Whether it leads to a file of the group that is neither hidden nor a part that others share.
+    """
+    return all(_is_shown(part) and not part.startswith("_") for part in re.split(r"[/\\]", name))
+
+
+def _is_shown(part: str) -> bool:
+    return part != "" and not part.startswith(".")
 
 
 def known(group: str) -> list[str]:
@@ -66,4 +83,5 @@ def known(group: str) -> list[str]:
     Returns:
         Names of its files, without those that start with an underscore: parts that others share.
     """
-    return sorted({file.stem for folder in conf_folders() for file in listed(folder / group, "[!_]*.yaml")})
+    files = (file for folder in conf_folders() for file in listed(folder / group, "*.yaml"))
+    return sorted({file.stem for file in files if is_choice(file.stem)})

@@ -7,7 +7,7 @@ import re
 from hydra.errors import HydraException, MissingConfigException
 from omegaconf.errors import OmegaConfBaseException
 
-from carigs.config.folders import known
+from carigs.config.conf_files import choices
 from carigs.settings import Config
 from carigs.settings.option import walk
 
@@ -23,7 +23,7 @@ def describe(error: Exception) -> str:
     """
     if isinstance(error, MissingConfigException):
         group, _, name = str(error.missing_cfg_file).rpartition("/")
-        return f"{group}={name} is unknown; known: {', '.join(known(group))}"
+        return f"{group}={name} is unknown; known: {choices(group)}"
     # Hydra leaves out the details. An error of OmegaConf has a cause, which lacks them, while a debugger is attached.
     by_hydra = isinstance(error, HydraException) and isinstance(error.__cause__, OmegaConfBaseException)
     text = str(error.__cause__ if by_hydra else error)

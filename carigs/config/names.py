@@ -7,6 +7,7 @@ import re
 
 from omegaconf import DictConfig
 
+from carigs.config.conf_files import choices
 from carigs.config.folders import known
 from carigs.errors import SettingsError
 
@@ -51,11 +52,11 @@ def check_names(config: DictConfig) -> None:
             raise SettingsError(f"study.{group}s={list(names)}: expected one or more different names")
         for name in names:
             if name not in known(group):
-                raise SettingsError(f"study.{group}s: {name} is unknown; known: {', '.join(known(group))}")
+                raise SettingsError(f"study.{group}s: {name} is unknown; known: {choices(group)}")
             _check_name(group, f"study.{group}s", name)
     if config.tabulate.reference not in known("variant"):
-        choices = ", ".join(known("variant"))
-        raise SettingsError(f"tabulate.reference={config.tabulate.reference} is no variant; known: {choices}")
+        problem = f"is no variant; known: {choices('variant')}"
+        raise SettingsError(f"tabulate.reference={config.tabulate.reference} {problem}")
     if not study.seeds or len(set(study.seeds)) < len(study.seeds):
         raise SettingsError(f"study.seeds={list(study.seeds)}: expected one or more different seeds")
 

@@ -15,7 +15,9 @@ from hydra.core.override_parser.overrides_parser import OverridesParser
 from hydra.core.override_parser.types import Override
 from hydra.errors import HydraException
 
-from carigs.config.folders import GROUPS, known
+from carigs.config.conf_files import choices
+from carigs.config.folders import GROUPS, is_choice
+from carigs.config.plain_numbers import ambiguous_number
 from carigs.config.text_values import TEXT, TEXTS, kinds_of_values, quote_text, quoting_advice
 from carigs.errors import SettingsError
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
@@ -109,15 +111,21 @@ def parse_override(override: str) -> Override:
         What Hydra's parser reads; its `input_line` is the override in Hydra's grammar.
 
     Raises:
-        SettingsError: As for `check_overrides`, and for an override that Hydra cannot parse.
+        SettingsError: As for `check_overrides`, for an override that Hydra cannot parse, for a number such as `010`,
+            and for the choice of a file that is hidden or out of its group.
     """
     check_overrides((override,))
     if not re.match(r"[^=\s]+=|~", override):
         raise SettingsError(f"{_shown(override)}: expected KEY=VALUE".removeprefix(": "))
     try:
-        return OverridesParser.create().parse_override(quote_text(override))
+        parsed = OverridesParser.create().parse_override(quote_text(override))
     except (HydraException, RecognitionException, ValueError, RecursionError) as error:
         raise SettingsError(f"{_shown(override)}: {_advice(override, error)}") from error
+    if (number := ambiguous_number(parsed)) is not None:
+        raise SettingsError(f"{_shown(override)}: {number} can be read in two ways; write it in decimal digits")
+    if parsed.key_or_group in GROUPS and not is_choice(str(parsed.value())):
+        raise SettingsError(f"{_shown(override)}: {_no_choice(parsed.key_or_group)}")
+    return parsed
 
 
 def hydra_override(override: str) -> str:
@@ -145,13 +153,17 @@ def _advice(override: str, error: Exception) -> str:
     key = override.partition("=")[0]
     kind = kinds_of_values().get(key)
     if key in GROUPS:
-        return f"there is no {key} of this name; known: {', '.join(known(key))}"
+        return _no_choice(key)
     if kind is None:
         return "no such key with such a value; docs/configuration.md lists the keys"
     if isinstance(error, ValueError):  # of a number of thousands of digits
         return str(error)
     in_quotes = "; in quotes where a text has other characters than letters, digits and _-: ['a b','c']"
     return f"expected {kind}{in_quotes if kind == TEXTS else ''}"
+
+
+def _no_choice(group: str) -> str:
+    return f"there is no {group} of this name; known: {choices(group)}"
 
 
 def _shown(override: str) -> str:

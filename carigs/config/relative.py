@@ -42,12 +42,14 @@ def relative_to(compose_without: Callable[[], DictConfig]) -> Iterator[None]:
         Nothing.
 
     Raises:
-        ValueError: Something that stays without the preset uses them, too.
+        ValueError: Something that stays without the preset uses them, too, or with anything but a number.
     """
     compose_once = cache(compose_without)
 
     def resolver(relation: Relation) -> Callable[..., Any]:
         def resolve(operand: float, *, _node_: Node) -> float:
+            if isinstance(operand, bool) or not isinstance(operand, int | float):
+                raise ValueError(f"{operand!r} is no decimal number")
             _register(lambda _: _refuse)  # what the study has must not be relative itself
             value = OmegaConf.select(compose_once(), _node_._get_full_key(None))
             _register(resolver)

@@ -1,4 +1,4 @@
-"""Values of text: on the command line, what follows `=` is the text as it stands; in a file it must be text to YAML.
+"""Values of text on the command line: what follows `=` is the text as it stands.
 
 Hydra's grammar gives `=`, `#`, `~`, `(`, quotes and letters beyond ASCII a meaning, or none, so that it refuses many
 names of files, and reads `1e5` and `007` as numbers. Which keys hold text is known from the types of the settings:
@@ -11,17 +11,16 @@ from __future__ import annotations
 import re
 import shlex
 from collections.abc import Iterator, Mapping
-from functools import cache, lru_cache
-from pathlib import Path
+from functools import cache
 from types import UnionType
-from typing import Any, get_args, get_type_hints
+from typing import get_args, get_type_hints
 
 from hydra.core.override_parser.overrides_parser import create_functions
 from hydra.core.override_parser.types import Quote, QuotedString
 from omegaconf import OmegaConf
 from omegaconf.errors import GrammarParseError
 
-from carigs.errors import InputError, SettingsError
+from carigs.errors import SettingsError
 from carigs.settings import Config
 from carigs.settings.option import walk
 
@@ -79,36 +78,6 @@ def quote_text(override: str) -> str:
         texts = (f"[{','.join(_quoted_elements(text[1:-1], override, strip=True))}]" for text in _lists(value))
         return f"{key}={','.join(texts)}"
     return override
-
-
-@lru_cache(maxsize=4096)
-def check_texts(file: Path, _modified: int) -> None:
-    """Refuse numbers and booleans where the settings hold text: of `007` YAML would leave `7`.
-
-    Args:
-        file: File of a configuration group, which has passed `check_yaml`.
-        _modified: Time of its modification: a file that has not changed is not read again.
-
-    Raises:
-        InputError: For the first such value, and for a broken interpolation.
-    """
-    try:
-        values = OmegaConf.to_container(OmegaConf.load(file))
-    except GrammarParseError as error:
-        raise InputError(r"a `${` that starts no interpolation; type `\${`", file=file) from error
-    at = "exaggerate." if file.parent.name == "exaggerate" else ""
-    for key, value in _leaves(values, at):
-        texts = {TEXT: [value], TEXTS: value if isinstance(value, list) else []}
-        for text in texts.get(kinds_of_values().get(key, ""), ()):
-            if isinstance(text, bool | int | float):
-                raise InputError(f"YAML reads the value as {text!r}, not as text; quote it", file=file, field=key)
-
-
-def _leaves(values: Any, at: str) -> Iterator[tuple[str, Any]]:
-    """Dotted keys with values, of nested mappings."""
-    for name, value in values.items() if isinstance(values, dict) else ():
-        yield f"{at}{name}", value
-        yield from _leaves(value, f"{at}{name}.")
 
 
 def with_quotes(text: str) -> str:

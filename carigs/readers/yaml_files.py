@@ -6,8 +6,6 @@ Settings need mappings, sequences and scalars only, so files with anything else 
 
 from __future__ import annotations
 
-from codecs import BOM_UTF8
-from functools import lru_cache
 from pathlib import Path
 
 import yaml
@@ -46,28 +44,6 @@ def read_yaml_text(file: str | Path) -> str:
     return text
 
 
-def check_yaml(file: str | Path) -> None:
-    """Check a YAML file that another library opens; a file that has not changed since is not read again.
-
-    Args:
-        file: The file.
-
-    Raises:
-        InputError: As for `read_yaml_text`, and for a byte order mark, behind which Hydra does not see a comment with
-            `@package`.
-    """
-    regular_file_size(file, "settings file")
-    status = Path(file).stat()
-    _check_unchanged(file, status.st_mtime_ns, status.st_size, status.st_ino)
-
-
-@lru_cache(maxsize=4096)
-def _check_unchanged(file: str | Path, *_: int) -> None:
-    read_yaml_text(file)
-    if read_bytes(file, MAX_YAML_BYTES, "settings file").startswith(BOM_UTF8):
-        raise InputError("begins with a byte order mark, which Hydra does not skip; save it without", file=file)
-
-
 def _check_events(text: str, file: str | Path) -> None:
     """Refuse what settings do not need. The parser's events, unlike its nodes, need neither recursion nor memory."""
     documents = nodes = 0
@@ -100,7 +76,7 @@ def _check_events(text: str, file: str | Path) -> None:
 def _take(mapping: list, name: str | None, file: str | Path, where: str) -> None:
     """A key or a value of an open mapping, in turn."""
     names, is_key = mapping
-    if is_key and name is None:
+    if is_key and name in (None, "<<"):  # which would merge another mapping into this one
         raise InputError("a key must be a name", file=file, field=where)
     if is_key and name in names:
         raise InputError(f"the key {name[:60]} is given twice", file=file, field=where)

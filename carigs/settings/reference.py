@@ -53,7 +53,8 @@ key or a variable of the environment holds. To have them as text, write the valu
 must not remove, as in the second line; instead of `${` type `\\${`. Blanks, `#`, `(`, `!` and `$` mean something to the
 shell, so put such a word in quotes. Snakemake changes some characters of `--config hydra="..."`: write such overrides
 to a file, as in a shell, and type `hydra=@FILE`. In a file of `conf/`, text that YAML reads as a number or a boolean
-needs quotes: `name: '007'`.
+needs quotes: `name: '007'`. Numbers are decimal: `010`, `0x1F` and `20:30`, which YAML reads as 8, 31 and 1230, are
+refused.
 """
 _TYPES = {bool: "boolean", int: "integer", float: "number", str: "string"}
 

@@ -326,7 +326,7 @@ def test_a_file_without_its_package_is_told_what_its_first_line_is(group, tmp_pa
     monkeypatch.chdir(tmp_path)
     compose.cache_clear()
     with pytest.raises(InputError, match=rf"{group}.anna\.yaml: its first line must be `# @package _global_`"):
-        compose()
+        compose(f"{group}=anna")
     compose.cache_clear()
 
 

@@ -15,10 +15,10 @@ from omegaconf import OmegaConf
 from snakemake.cli import parse_config
 
 from carigs.config import compose, load_settings, read_sweep, settings_text, snakemake_config, split_overrides
+from carigs.config.conf_files import read_conf_file
 from carigs.config.frozen import yaml_text
 from carigs.config.literals import literal
 from carigs.config.overrides import hydra_override, parse_override
-from carigs.config.text_values import check_texts
 from carigs.errors import InputError, SettingsError
 from carigs.settings import STAGES, Config
 from carigs.settings.option import option_of, walk
@@ -219,7 +219,7 @@ def test_a_file_whose_text_yaml_would_change_is_refused(text, named, tmp_path):
     file.parent.mkdir()
     file.write_text(f"# @package _global_\n{text}\n")
     with pytest.raises(InputError, match=re.escape(named)):
-        check_texts(file, 0)
+        read_conf_file(file)
 
 
 @pytest.fixture

@@ -7,9 +7,10 @@ import time
 
 import pytest
 
-from carigs.config import CONF, compose, load_settings, settings_text
-from carigs.errors import InputError
-from carigs.readers.yaml_files import check_yaml, read_yaml_text
+from carigs.config import CONF, compose, load_settings, settings_text, target_maker
+from carigs.config.conf_files import read_conf_file
+from carigs.errors import CarigsError, InputError
+from carigs.readers.yaml_files import read_yaml_text
 
 ALIAS_BOMB = "a: &a [x,x,x,x,x,x,x,x,x]\n" + "".join(
     f"{name}: &{name} [{','.join([f'*{before}'] * 9)}]\n" for before, name in zip("abcdefgh", "bcdefghi", strict=True)
@@ -26,6 +27,7 @@ REFUSED = {
     "a: " + "[" * 100_000: "nested more than",
     "a: " + "{b: " * 50_000: "nested more than",
     "? [1, 2]\n: 3\n": "a key must be a name",
+    "a: {<<: {b: 1}}": "a key must be a name",
     "a: 'x": "line 1 column",
     "a: \x00": "line 1 holds a NUL character",
     "a: 1\n" * 60_000: "bytes; at most",
@@ -52,12 +54,12 @@ def test_other_encodings_are_refused(encoding, tmp_path):
 
 def test_the_files_of_the_project_are_read():
     for file in CONF.rglob("*.yaml"):
-        check_yaml(file)
+        assert read_conf_file(file).text
 
 
 @pytest.mark.parametrize("content", [ALIAS_BOMB, "!!python/name:os.system x\n", "a: [", "b: 1\nb: 2\n", None])
 def test_a_file_of_ones_own_is_checked_before_hydra_opens_it(content, tmp_path, monkeypatch):
-    """It need not be chosen; None: a named pipe, at which Hydra would wait."""
+    """And hinders nobody who does not choose it. None: a named pipe, at which Hydra would wait."""
     variants = tmp_path / "conf/variant"
     variants.mkdir(parents=True)
     if content is None:
@@ -66,22 +68,29 @@ def test_a_file_of_ones_own_is_checked_before_hydra_opens_it(content, tmp_path, 
         (variants / "mine.yaml").write_text(content)
     monkeypatch.chdir(tmp_path)
     compose.cache_clear()
-    with pytest.raises(InputError, match=r"mine\.yaml: "):
-        compose()
+    compose()
+    for override in ("variant=mine", "study.variants=[theirs]"):
+        with pytest.raises(
+            CarigsError, match=r"mine\.yaml: |theirs is unknown; .*; mine is broken \(.*mine\.yaml: "
+        ) as caught:
+            compose(override)
+        assert "\n" not in str(caught.value)
+    assert target_maker("affine") == "affine"
     compose.cache_clear()
 
 
-@pytest.mark.parametrize(
-    ("encoding", "says"), [("utf-8-sig", "a byte order mark"), ("utf-16", "UTF-16"), ("latin-1", "Latin-1")]
-)
+@pytest.mark.parametrize(("encoding", "says"), [("utf-8-sig", None), ("utf-16", "UTF-16"), ("latin-1", "Latin-1")])
 def test_the_encoding_of_a_file_of_ones_own_is_named_before_hydra_opens_it(encoding, says, tmp_path, monkeypatch):
     (tmp_path / "conf/variant").mkdir(parents=True)
     text = "# @package _global_\n# Größe\ntrain:\n  ssim_weight: 0.4\n"
     (tmp_path / "conf/variant/mine.yaml").write_bytes(text.encode(encoding))
     monkeypatch.chdir(tmp_path)
     compose.cache_clear()
-    with pytest.raises(InputError, match=rf"mine\.yaml: .*{says}"):
-        compose("variant=mine")
+    if says is None:
+        assert compose("variant=mine").train.ssim_weight == 0.4
+    else:
+        with pytest.raises(InputError, match=rf"mine\.yaml: .*{says}"):
+            compose("variant=mine")
     compose.cache_clear()
 
 
