@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 
 from carigs.errors import InputError
+from carigs.readers.file_names import with_slashes
 
 
 def file_inside(name: str, index: Path, field: str) -> str:
@@ -19,14 +20,14 @@ def file_inside(name: str, index: Path, field: str) -> str:
         field: Its field, for messages.
 
     Returns:
-        The path.
+        The path, with slashes between its folders.
 
     Raises:
         InputError: If the path is absolute, or leaves both the folder of the index and the folders beside it, which
             union folders refer to.
     """
-    path = os.path.normpath(name)
-    if not name or os.path.isabs(path) or path.startswith(os.path.join("..", "..")):
+    path = with_slashes(name, index.parent)
+    if not path or PureWindowsPath(path).anchor or os.path.normpath(path).startswith(os.path.join("..", "..")):
         problem = f"{name[:100]!r} is no path inside the dataset's folder or a folder beside it"
         raise InputError(f"{problem}; link folders that lie elsewhere", file=index, field=field)
-    return name
+    return path

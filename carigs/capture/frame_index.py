@@ -10,6 +10,7 @@ from typing import Any
 from carigs.capture.camera import Camera
 from carigs.capture.capture_json import camera_from_json
 from carigs.errors import InputError
+from carigs.readers.file_names import with_slashes
 from carigs.readers.formats import Format, check_format
 from carigs.readers.json_files import json_field, read_json
 from carigs.system.files import write_json
@@ -71,7 +72,7 @@ def read_frame_index(index: Path) -> list[RenderedImage]:
     for i, entry in enumerate(read_json(index, list)):
         where = f"[{i}]"
         name = json_field(entry, "file", str, file=index, where=where)
-        file = _existing(index.parent / name, index, f"{where}.file")
+        file = _existing(index.parent / with_slashes(name, index.parent), index, f"{where}.file")
         numbers = {key: json_field(entry, key, int, file=index, where=where) for key in ("timestep", "camera", "order")}
         protocol = json_field(entry, "protocol", str, file=index, where=where)
         view = camera_from_json(entry["view"], f"{where}.view", index) if "view" in entry else None
@@ -141,8 +142,9 @@ def ground_truth_files(timestep: int, camera: int) -> dict[str, str]:
 
 
 def _next_to(index: Path, name: str) -> Path:
-    file = index.parent / "frames" / name
-    return file if _is_file(file) else index.parent / name
+    folder = index.parent / "frames"
+    file = folder / with_slashes(name, folder)
+    return file if _is_file(file) else index.parent / with_slashes(name, index.parent)
 
 
 def _is_file(file: Path) -> bool:

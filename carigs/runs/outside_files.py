@@ -13,7 +13,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from carigs.readers.file_names import BESIDE_FLAME, INDEXES, TRUE_FRAMES
+from carigs.readers.file_names import BESIDE_FLAME, INDEXES, TRUE_FRAMES, with_slashes
 from carigs.readers.folders import is_system_file
 from carigs.readers.limits import MAX_TEXT_BYTES
 from carigs.settings import STAGES
@@ -60,7 +60,7 @@ def files_digest(path: str | Path) -> str:
     path = Path(path)
     if path.is_dir():
         indexes = [file for name in (*INDEXES.values(), TRUE_FRAMES) if (file := path / name).is_file()]
-        named = {path / name for index in indexes for name in _named_files(index)}
+        named = {path / with_slashes(name, path) for index in indexes for name in _named_files(index)}
         lines = {line for file in (*indexes, *named) for line in _entry(file)} if indexes else {*_entries(path)}
     elif path.exists():
         beside = [path.with_name(name) for name in BESIDE_FLAME] if path.suffix == ".pkl" else []

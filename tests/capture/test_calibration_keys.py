@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from calibrations import write_cameras, write_colmap, write_images
+from calibrations import NAMES, write_cameras, write_colmap, write_images
 from miniature import ball_cameras, write_ball
 
 from carigs.capture import Camera, Capture, read_dataset
@@ -210,3 +210,9 @@ def test_colmaps_models_without_distortion_are_pinholes(written, tmp_path, model
     else:
         found = read_cameras(tmp_path / "sparse/0").cameras
         assert {n: c.intrinsics for n, c in found.items()} == {n: c.intrinsics for n, c in stated.items()}
+
+
+def test_names_that_windows_writes_are_those_of_the_same_images(tmp_path):
+    write_colmap(tmp_path / "a", False)
+    write_colmap(tmp_path / "b", False, tuple(f"{name}\\0000.png" for name in NAMES))
+    assert [*read_cameras(tmp_path / "b/sparse/0").cameras] == [*read_cameras(tmp_path / "a/sparse/0").cameras]

@@ -11,6 +11,7 @@ from miniature import ball_cameras, write_ball
 from carigs.capture import Capture, read_dataset
 from carigs.capture.images import read_rgb, write_png
 from carigs.errors import InputError
+from carigs.outside_files import files_digest
 
 
 @pytest.fixture(scope="module")
@@ -118,3 +119,28 @@ def test_broken_datasets_are_named_in_one_line(dataset, name):
     with pytest.raises(InputError, match=says) as caught:
         read(dataset)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("split", ["train", "val", "test"])
+def test_paths_that_windows_writes_name_the_same_files(written, dataset, split):
+    def as_windows_writes(content):
+        for entry in content["frames"]:
+            for key in ("file_path", "fg_mask_path", "flame_param_path"):
+                entry[key] = entry[key].replace("/", "\\")
+
+    expected = read(written)
+    before = files_digest(dataset)
+    edit(dataset, split, as_windows_writes)
+    found = read(dataset)
+    assert found.frames == expected.frames
+    digests = [files_digest(dataset)]
+    (dataset / found.split(split)[0].image).touch()
+    digests.append(files_digest(dataset))
+    assert len({before, *digests}) == 3  # the job that read the image runs again
+
+
+def test_a_backslash_in_the_name_of_a_file_stays(dataset):
+    name = "images/a\\b.png"
+    (dataset / read(dataset).split("train")[0].image).rename(dataset / name)
+    edit(dataset, "train", lambda content: content["frames"][0].update(file_path=name))
+    assert name in {frame.image for frame in read(dataset).frames}

@@ -33,6 +33,8 @@ def test_rendered_frames_round_trip_in_order(tmp_path):
         ("orbit", 3, 1, 1), ("test", 3, 1, 0), ("test", 2, 1, 2),
     ]  # fmt: skip
     assert all(image.file.is_file() for image in rendered)
+    index.write_text(index.read_text().replace("orbit_3.png", "..\\\\frames\\\\orbit_3.png"))  # written on Windows
+    assert read_frame_index(index)[0].file.samefile(frames / "orbit_3.png")
     (frames / "test_2.png").unlink()
     with pytest.raises(InputError, match=r"frames\.json: \[2\]\.file: no such image"):
         read_frame_index(index)

@@ -61,7 +61,7 @@ def read_cameras(path: Path, metres_per_unit: float = 1.0) -> Calibration:
 def _read_colmap(folder: Path) -> dict[str, Camera]:
     cameras: dict[str, Camera] = {}
     for image in read_colmap(folder):
-        path = PurePosixPath(image.name)
+        path = PurePosixPath(image.name.replace("\\", "/"))  # of a program on Windows
         name = path.with_suffix("").as_posix() if path.name else image.name
         if name in cameras:
             raise InputError("two images have this name", file=folder, field=name)
@@ -95,6 +95,7 @@ def _read_json(file: Path, keys: CalibrationKeys) -> dict[str, Camera]:
         if isinstance(entry, dict):
             keys.check(entry, file, where)
         name = json_field(entry, "name", str, file=file, where=where)
+        name = name.replace("\\", "/")
         if name in cameras:
             raise InputError(f"two cameras are called {name[:60]}", file=file, field=f"{where}.name")
         numbers = [float(json_field(entry, key, float, file=file, where=where)) for key in ("fx", "fy", "cx", "cy")]
