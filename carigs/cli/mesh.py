@@ -108,7 +108,10 @@ def exaggerate(task: argparse.Namespace) -> None:
     report(str(clean.report))
     settings = Exaggerate(**compose(f"exaggerate={task.preset}").exaggerate)
     fields = {name: _region_field(clean, task.regions, name) for name in task.region_levels}
-    exaggerator = Exaggerator(clean.vertices, clean.faces, settings, regions=fields)
+    try:
+        exaggerator = Exaggerator(clean.vertices, clean.faces, settings, regions=fields)
+    except MeshError as error:
+        raise InputError(str(error), file=task.mesh) from error
     report("factorised")
     cut_before, displacements = self_intersecting_faces(clean.vertices, clean.faces), {}
     for fraction in fractions:

@@ -1,7 +1,7 @@
 """Repair input meshes and map results back to the vertices of the input.
 
 Seams are welded along borders only (`carigs.mesh.welding`), so two closed surfaces that touch stay separate. Edges of
-length zero are collapsed.
+length zero are collapsed. Of a surface that is there twice, to be seen from both sides, the outer side stays.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 
 from carigs.errors import MeshError
 from carigs.mesh.triangle_mesh import components, diagonal, face_areas, signed_volume
+from carigs.mesh.two_sided import one_sided
 from carigs.mesh.validation import MIN_AREA, check_corners, check_edges
 from carigs.mesh.welding import border_edges, unique_faces, weld
 
@@ -43,7 +44,7 @@ class MeshReport:
     without_area: int
     """Faces removed because they have no area."""
     duplicate_faces: int
-    """Faces removed because another one has the same corners."""
+    """Faces removed because another one has the same corners, as the second side of a two-sided surface."""
     turned_faces: int
     """Faces reversed because they disagreed with their neighbours or faced inwards."""
     components: int
@@ -118,10 +119,11 @@ def clean_mesh(vertices: np.ndarray, faces: np.ndarray) -> CleanMesh:
     check_corners(vertices, faces)
     positions, input_faces = np.asarray(vertices, np.float64), faces.astype(np.int64)
     proper = input_faces[(np.roll(input_faces, 1, axis=1) != input_faces).all(axis=1)]
-    faces = unique_faces(proper)  # a duplicate face would hide the boundary beside it
+    single, twin = one_sided(positions, proper)
+    faces = unique_faces(single)  # a duplicate face would hide the boundary beside it
     extent = diagonal(positions[np.unique(faces)]) if len(faces) else 0.0
     _check_far_vertices(positions, np.unique(faces))
-    representative = weld(positions, faces, SAME_PLACE * extent)
+    representative = weld(positions, faces, SAME_PLACE * extent)[twin]
     welded = representative[faces]
     is_proper = (np.roll(welded, 1, axis=1) != welded).all(axis=1)
     has_area = is_proper & (face_areas(positions, welded) > MIN_AREA * extent**2)

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float64, Int, Int64
 
 from carigs.errors import CarigsWarning, InputError
+from carigs.readers.coincident import places, triangles_of_twins
 
 FLAT = 1e-5
 """Roundness of a triangle (1 if it is equilateral) below which its corners count as points of a straight line."""
@@ -56,6 +57,7 @@ def triangulate(polygons: Polygons, file: str | Path) -> Int64[np.ndarray, "f 3"
     first_triangle = np.cumsum(lengths - 2) - (lengths - 2)
     first_corner = np.cumsum(lengths) - lengths
     triangles = np.empty((int((lengths - 2).sum()), 3), np.int64)
+    place = places(vertices) if (lengths > 3).any() else np.zeros(0, np.int64)
     crossing: list[int] = []
     tests = 0
     for n in np.unique(lengths).tolist():
@@ -72,6 +74,7 @@ def triangulate(polygons: Polygons, file: str | Path) -> Int64[np.ndarray, "f 3"
                     raise InputError(problem, file=file, field="faces")
                 order[other] = _better_diagonal(flat[other]) if n == 4 else _clip_ears(flat[other])
                 crosses = cancels[other] | (_least_round(flat[other], order[other]) < -FLAT)
+                order = triangles_of_twins(place[polygon], order)
             crossing += chosen[other[crosses]].tolist()
         rows = np.arange(len(chosen))[:, None, None]
         triangles[first_triangle[chosen, None] + np.arange(n - 2)] = polygon[rows, order]
