@@ -22,7 +22,7 @@ from carigs.capture.importers.mesh_sequence import read_mesh_sequence
 from carigs.cli.parser import add_capture_options
 from carigs.errors import CarigsWarning, InputError
 from carigs.head import HeadModel, HeadParameters
-from carigs.readers.folders import listed
+from carigs.readers.folders import listed, natural_order
 
 DESCRIPTION = """Write a capture in the layout of GaussianAvatars.
 
@@ -110,8 +110,10 @@ def _tracked_cameras(source: Path) -> dict[str, Camera]:
 
 def _read_heads(options: argparse.Namespace) -> tuple[HeadModel, dict[int, HeadParameters]]:
     source = options.source
-    tracks = [*listed(source, "tracked_flame_params_*.npz")[-1:], source / "flame_param"]
-    track = next((path for path in tracks if path.exists()), None)
+    tracks = sorted(listed(source, "tracked_flame_params_*.npz"), key=natural_order)  # VHAP numbers them by epoch
+    track = next((path for path in (*tracks[-1:], source / "flame_param") if path.exists()), None)
+    if len(tracks) > 1:
+        print(f"head parameters of {track.name}, the last of {len(tracks)} such files")
     if track is not None:
         if options.head_model is None:
             raise InputError("FLAME parameters need their head model: --head-model FILE", file=track)

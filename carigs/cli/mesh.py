@@ -35,6 +35,7 @@ from carigs.settings import DEFAULT_GAMMA, USEFUL_LEVEL, Exaggerate
 from carigs.system.files import writing
 from evaluation.figures.clay import clay_sheet
 
+WRITTEN = tuple(suffix for suffix in FORMATS if suffix != ".gltf")  # which may be several files
 EXAMPLES = """examples:
   carigs mesh head.obj -o caricature.ply
   carigs mesh head.obj --gamma 0.3 --levels 6 -o steps.obj        six files, from 0.05 to 0.3
@@ -174,8 +175,8 @@ def check_outputs(meshes: Sequence[Path], preview: Path | None, inputs: Sequence
         InputError: If an output has an unknown suffix, its folder is missing, it exists and is not a regular file, or
             it is one of the inputs.
     """
-    if meshes[0].suffix.lower() not in FORMATS:
-        raise InputError(f"unknown kind of mesh; known: {' '.join(FORMATS)}", file=meshes[0])
+    if meshes[0].suffix.lower() not in WRITTEN:
+        raise InputError(f"unknown kind of mesh; known: {' '.join(WRITTEN)}", file=meshes[0])
     if preview and preview.suffix.lower() != ".png":
         raise InputError("the preview is a .png", file=preview)
     for file in (*meshes, *([preview] if preview else [])):

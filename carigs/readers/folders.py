@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 SYSTEM_FILES = frozenset(
@@ -47,3 +48,16 @@ def _is_unmeant(path: Path, folder: Path) -> bool:
     if not path.is_dir() and (name.startswith(PREFIXES) or name.endswith(SUFFIXES)):
         return True
     return any(is_system_file(part) or part.startswith(".") for part in (*above, name))
+
+
+def natural_order(path: Path) -> tuple[list[str | int], str]:
+    """Key by which names are sorted as people count: `a_9` before `a_30`.
+
+    Args:
+        path: A file.
+
+    Returns:
+        The parts of its name, numbers as numbers; equal ones are told apart by the name.
+    """
+    parts = re.split(r"([0-9]+)", path.name)  # every second part is a number
+    return [int(part) if i % 2 else part for i, part in enumerate(parts)], path.name

@@ -1,8 +1,7 @@
-"""Reader of the triangles of .glb files (glTF 2.0, binary): the meshes of a scene in world coordinates.
+"""Reader of the triangles of glTF 2.0, .glb and .gltf: the meshes of a scene in world coordinates.
 
 Materials, textures and animations are ignored. Meshes with joints or morph targets are read as their positions stand,
-with a warning. Data must lie in the file's own chunk: other files, compressed meshes and sparse accessors are refused.
-Quantised positions are read.
+with a warning. Data must lie in the file or in its folder; compressed meshes are refused. Quantised positions are read.
 """
 
 from __future__ import annotations
@@ -13,14 +12,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64, Int64, Shaped
+from jaxtyping import Float64, Int64
 from scipy.spatial.transform import Rotation
 
 from carigs.errors import CarigsWarning, InputError
 from carigs.readers.arrays import checked_array
+from carigs.readers.gltf_data import INDICES, GltfData
 from carigs.readers.gltf_extensions import QUANTIZATION, check_compression, check_extensions
 from carigs.readers.json_files import json_field, parse_json
-from carigs.readers.limits import max_unpacked_bytes
+from carigs.readers.limits import MAX_TEXT_BYTES, max_unpacked_bytes
 
 MAX_CORNERS, CORNER_BYTES = 60_000_000, 32
 """Most vertices, and most corners of triangles, of all meshes, and what each takes in memory: nodes can show one mesh
@@ -29,8 +29,7 @@ POINTS_AND_LINES, TRIANGLES = (0, 1, 2, 3), 4
 """Modes of a primitive."""
 POSITIONS = {5126: "<f4"}
 QUANTISED_POSITIONS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", **POSITIONS}
-INDICES = {5121: "u1", 5123: "<u2", 5125: "<u4"}
-"""NumPy's types of the component types that positions and indices may have."""
+"""NumPy's types of the component types that positions may have."""
 
 
 def parse_glb(content: bytes, file: str | Path) -> tuple[Float64[np.ndarray, "v 3"], Int64[np.ndarray, "f 3"]]:
@@ -52,10 +51,36 @@ def parse_glb(content: bytes, file: str | Path) -> tuple[Float64[np.ndarray, "v 
         CarigsWarning: The file uses an extension without which other triangles are shown, or joints or morph targets
             that would move vertices.
     """
-    return _Scene(*_chunks(content, file), file).triangles()
+    document, binary = _chunks(content, file)
+    return _Scene(document, binary, file, len(binary or b"")).triangles()
 
 
-def _chunks(content: bytes, file: str | Path) -> tuple[dict[str, Any], bytes]:
+def parse_gltf(content: bytes, file: str | Path) -> tuple[Float64[np.ndarray, "v 3"], Int64[np.ndarray, "f 3"]]:
+    """Parse positions and triangles of a .gltf, whose data lie in it or in files of its folder.
+
+    Args:
+        content: The file's bytes.
+        file: Its name.
+
+    Returns:
+        As `parse_glb`.
+
+    Raises:
+        InputError: As for `parse_glb`, and for data outside of the folder.
+
+    Warns:
+        CarigsWarning: As for `parse_glb`.
+    """
+    document = parse_json(content, file)
+    if not isinstance(document, dict):
+        raise InputError("expected an object", file=file)
+    buffers = document.get("buffers")
+    entries = buffers if isinstance(buffers, list) else []
+    stated = sum(n for entry in entries if isinstance(entry, dict) and type(n := entry.get("byteLength")) is int)
+    return _Scene(document, None, file, max(len(content), min(stated, MAX_TEXT_BYTES))).triangles()
+
+
+def _chunks(content: bytes, file: str | Path) -> tuple[dict[str, Any], bytes | None]:
     """The JSON document, and the binary chunk that its buffer stands for."""
     chunks: list[tuple[bytes, bytes]] = []
     if content[:8] != struct.pack("<4sI", b"glTF", 2):
@@ -72,19 +97,20 @@ def _chunks(content: bytes, file: str | Path) -> tuple[dict[str, Any], bytes]:
     document = parse_json(chunks[0][1].rstrip(b" \0"), file, "JSON")
     if not isinstance(document, dict):
         raise InputError("expected an object", file=file, field="JSON")
-    return document, chunks[1][1] if len(chunks) > 1 else b""
+    return document, chunks[1][1] if len(chunks) > 1 else None
 
 
 class _Scene:
     """A document with its binary chunk."""
 
-    def __init__(self, document: dict[str, Any], binary: bytes, file: str | Path) -> None:
-        self.document, self.binary, self.file = document, binary, file
+    def __init__(self, document: dict[str, Any], binary: bytes | None, file: str | Path, size: int) -> None:
+        self.document, self.file = document, file
+        self.data = GltfData(document, binary, file)
         self.position_types = QUANTISED_POSITIONS if QUANTIZATION in check_extensions(document, file) else POSITIONS
         self.vertices: list[Float64[np.ndarray, "_ 3"]] = []
         self.faces: list[Int64[np.ndarray, "_ 3"]] = []
         self.num_vertices = self.num_corners = 0
-        self.max_corners = min(MAX_CORNERS, max_unpacked_bytes(len(binary)) // CORNER_BYTES)
+        self.max_corners = min(MAX_CORNERS, max_unpacked_bytes(size) // CORNER_BYTES)
 
     def triangles(self) -> tuple[Float64[np.ndarray, "v 3"], Int64[np.ndarray, "f 3"]]:
         """The meshes of all nodes of the scene."""
@@ -92,7 +118,7 @@ class _Scene:
         seen: set[int] = set()
         while waiting:
             index, world_from_parent = waiting.pop()
-            node, where = self._entry("nodes", index), f"nodes[{index}]"
+            node, where = self.data.entry("nodes", index), f"nodes[{index}]"
             if index in seen:
                 raise InputError("hangs on two nodes, or on itself", file=self.file, field=where)
             seen.add(index)
@@ -110,7 +136,7 @@ class _Scene:
 
     def _warn_of_deformation(self, node: dict[str, Any], mesh: int, where: str) -> None:
         """Say what would move the vertices and is not read."""
-        weights = node.get("weights", self._entry("meshes", mesh).get("weights", []))
+        weights = node.get("weights", self.data.entry("meshes", mesh).get("weights", []))
         if "skin" in node:
             problem = "its joints (skin) are not applied; positions are read as the mesh has them"
             warnings.warn(f"{self.file}: {where}: {problem}", CarigsWarning, stacklevel=4)
@@ -122,14 +148,14 @@ class _Scene:
         """Nodes of the first scene; without scenes those that are nobody's children."""
         if "scenes" in self.document:
             index = json_field(self.document, "scene", int, file=self.file) if "scene" in self.document else 0
-            return self._indices(self._entry("scenes", index), "nodes", f"scenes[{index}]")
+            return self._indices(self.data.entry("scenes", index), "nodes", f"scenes[{index}]")
         nodes = json_field(self.document, "nodes", list, file=self.file)
         children = {k for i, node in enumerate(nodes) for k in self._indices(node, "children", f"nodes[{i}]")}
         return [i for i in range(len(nodes)) if i not in children]
 
     def _add_mesh(self, index: int, world_from_node: Float64[np.ndarray, "4 4"]) -> None:
         first_of: dict[int, int] = {}  # the first vertex of each accessor of positions
-        mesh, where = self._entry("meshes", index), f"meshes[{index}]"
+        mesh, where = self.data.entry("meshes", index), f"meshes[{index}]"
         for k, primitive in enumerate(json_field(mesh, "primitives", list, file=self.file, where=where)):
             field = f"{where}.primitives[{k}]"
             attributes = json_field(primitive, "attributes", dict, file=self.file, where=field)
@@ -140,10 +166,10 @@ class _Scene:
                 raise InputError("only lists of triangles are read", file=self.file, field=f"{field}.mode")
             accessor = json_field(attributes, "POSITION", int, file=self.file, where=f"{field}.attributes")
             self._check_data(primitive, accessor, field)
-            positions = self._accessor(accessor, "VEC3", self.position_types)
+            positions = self.data.numbers(accessor, "VEC3", self.position_types, self.max_corners)
             if "indices" in primitive:
                 indices = json_field(primitive, "indices", int, file=self.file, where=field)
-                corners = self._accessor(indices, "SCALAR", INDICES)[:, 0].astype(np.int64)
+                corners = self.data.numbers(indices, "SCALAR", INDICES, self.max_corners)[:, 0].astype(np.int64)
             else:
                 corners = np.arange(len(positions))
             if len(corners) % 3 or (len(corners) and corners.max() >= len(positions)):
@@ -186,53 +212,10 @@ class _Scene:
         transform[:3, 3] = numbers("translation", [0.0, 0.0, 0.0])
         return transform
 
-    def _accessor(self, index: int, kind: str, types: dict[int, str]) -> Shaped[np.ndarray, "n k"]:
-        """The numbers of an accessor; a view of the binary chunk unless they are normalised."""
-        entry, where = self._entry("accessors", index), f"accessors[{index}]"
-
-        def whole(source: dict[str, Any], key: str, field: str, default: int | None = None) -> int:
-            if key not in source and default is not None:
-                return default
-            value = json_field(source, key, int, file=self.file, where=field)
-            if value < 0:
-                raise InputError(f"expected 0 or larger, found {value}", file=self.file, field=f"{field}.{key}")
-            return value
-
-        component = whole(entry, "componentType", where)
-        if entry.get("type") != kind or component not in types or "sparse" in entry:
-            problem = f"expected a plain {kind} of the component type {' or '.join(map(str, types))}"
-            raise InputError(problem, file=self.file, field=where)
-        number = whole(entry, "bufferView", where)
-        view, inside = self._entry("bufferViews", number), f"bufferViews[{number}]"
-        buffer = self._entry("buffers", whole(view, "buffer", inside))
-        if "uri" not in buffer and (view["buffer"] != 0 or "extensions" in buffer):  # a buffer without data
-            check_compression(view, self.file, inside)
-        if view["buffer"] != 0 or "uri" in buffer:
-            raise InputError("data outside the file's binary chunk", file=self.file, field=f"{inside}.buffer")
-        dtype, columns = np.dtype(types[component]), {"VEC3": 3, "SCALAR": 1}[kind]
-        size, count = columns * dtype.itemsize, whole(entry, "count", where)
-        start, length = whole(view, "byteOffset", inside, 0), whole(view, "byteLength", inside)
-        first, stride = whole(entry, "byteOffset", where, 0), whole(view, "byteStride", inside, size)
-        end = first + (count - 1) * stride + size if count else 0
-        if stride < size or end > length or start + length > len(self.binary):
-            raise InputError(f"{count} x {stride} bytes, more than there are", file=self.file, field=where)
-        if count == 0:
-            return np.zeros((0, columns), dtype)
-        numbers = np.ndarray((count, columns), dtype, self.binary, start + first, (stride, dtype.itemsize))
-        if entry.get("normalized") is True and dtype.kind in "iu" and kind == "VEC3":
-            return np.maximum(numbers / np.iinfo(dtype).max, -1)  # glTF 2.0, section 3.11
-        return numbers
-
     def _check_data(self, primitive: dict[str, Any], accessor: int, where: str) -> None:
         """Name the compression of a primitive whose positions are stored nowhere else."""
-        if "bufferView" not in self._entry("accessors", accessor):
+        if "bufferView" not in self.data.entry("accessors", accessor):
             check_compression(primitive, self.file, where)
-
-    def _entry(self, name: str, index: int) -> dict[str, Any]:
-        entries = json_field(self.document, name, list, file=self.file)
-        if not 0 <= index < len(entries) or not isinstance(entries[index], dict):
-            raise InputError("no such object", file=self.file, field=f"{name}[{index}]")
-        return entries[index]
 
     def _indices(self, entry: Any, key: str, where: str) -> list[int]:
         if isinstance(entry, dict) and key not in entry:

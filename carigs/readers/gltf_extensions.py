@@ -25,9 +25,11 @@ OTHER_SURFACES = {
 _READ = (QUANTIZATION, "FB_ngon_encoding")
 _NO_GEOMETRY = (
     "KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_xmp", "KHR_animation_pointer", "EXT_texture_", "EXT_lights_",
-    "MSFT_texture_", "MSFT_packing_", "ADOBE_materials_", "VRM",
+    "MSFT_texture_", "MSFT_packing_", "ADOBE_materials_", "VRM", "EXT_materials_", "KHR_audio", "KHR_interactivity",
+    "EXT_structural_metadata", "EXT_mesh_features", "CESIUM_primitive_outline", "GODOT_single_root",
+    "KHR_node_selectability", "KHR_node_hoverability",
 )  # fmt: skip
-"""Beginnings of names of extensions for what is ignored: materials, textures, lights, animations, metadata."""
+"""Beginnings of names of extensions for what is ignored: materials, textures, lights, sounds, animations, metadata."""
 
 
 def check_extensions(document: dict[str, Any], file: str | Path) -> set[str]:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import io
+import re
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from carigs.errors import InputError
-from carigs.readers.glb import parse_glb
+from carigs.errors import CarigsWarning, InputError
+from carigs.readers.glb import parse_glb, parse_gltf
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 from carigs.readers.obj import parse_obj
 from carigs.readers.off import parse_off
@@ -48,7 +50,7 @@ def read_mesh(file: str | Path) -> trimesh.Trimesh:
 
 
 def read_polygons(file: str | Path) -> Polygons:
-    """Read a mesh; materials and textures are ignored, and no other file is opened.
+    """Read a mesh; materials and textures are ignored, and no other file is opened but buffers of a .gltf.
 
     Args:
         file: A file in one of `FORMATS`.
@@ -63,8 +65,7 @@ def read_polygons(file: str | Path) -> Polygons:
     file = Path(file)
     parse = PARSERS.get(file.suffix.lower())
     if parse is None:
-        problem = "a .gltf keeps its meshes in other files; save it as .glb" if file.suffix.lower() == ".gltf" else ""
-        raise InputError(problem or f"unknown kind of mesh; known: {' '.join(FORMATS)}", file=file)
+        raise InputError(f"unknown kind of mesh; known: {' '.join(FORMATS)}", file=file)
     polygons = parse(read_bytes(file, MAX_TEXT_BYTES, "mesh"), file)
     vertices, corners, lengths = polygons
     if len(lengths) == 0:
@@ -84,9 +85,14 @@ def _parse_stl(content: bytes, file: str | Path) -> Polygons:
     """Parse the triangles of an .stl file, each of which has vertices of its own."""
     import trimesh
 
-    is_binary = len(content) == 84 + 50 * int.from_bytes(content[80:84], "little")
-    if not is_binary and without_byte_order_mark(content, file).lstrip().startswith(b"solid"):
+    size = 84 + 50 * int.from_bytes(content[80:84], "little")
+    if len(content) != size and _is_text(content, file):
         content = encode_text("\n".join(split_lines(decode_text(content, file, any_bytes=True))))
+    elif 84 < size < len(content):
+        warnings.warn(
+            f"{file}: {len(content) - size} bytes after its triangles are left out", CarigsWarning, stacklevel=2
+        )
+        content = content[:size]
     try:
         mesh = trimesh.load(io.BytesIO(content), file_type="stl", process=False, maintain_order=True, force="mesh")
     except Exception as error:  # trimesh's readers raise whatever their format's parser does
@@ -96,8 +102,17 @@ def _parse_stl(content: bytes, file: str | Path) -> Polygons:
     return _triangles(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64))
 
 
+def _is_text(content: bytes, file: str | Path) -> bool:
+    start = without_byte_order_mark(content, file)[:4096].lstrip()
+    return start.startswith(b"solid") and re.search(b"facet|endsolid", start) is not None  # some binary ones say solid
+
+
 def _parse_glb(content: bytes, file: str | Path) -> Polygons:
     return _triangles(*parse_glb(content, file))
+
+
+def _parse_gltf(content: bytes, file: str | Path) -> Polygons:
+    return _triangles(*parse_gltf(content, file))
 
 
 def _triangles(vertices: np.ndarray, faces: np.ndarray) -> Polygons:
@@ -106,5 +121,6 @@ def _triangles(vertices: np.ndarray, faces: np.ndarray) -> Polygons:
 
 PARSERS: dict[str, Callable[[bytes, Path], Polygons]] = {
     ".obj": parse_obj, ".ply": parse_ply_polygons, ".stl": _parse_stl, ".off": parse_off, ".glb": _parse_glb,
+    ".gltf": _parse_gltf,
 }  # fmt: skip
 FORMATS = tuple(PARSERS)

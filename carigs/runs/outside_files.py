@@ -64,6 +64,8 @@ def files_digest(path: str | Path) -> str:
         lines = {line for file in (*indexes, *named) for line in _entry(file)} if indexes else {*_entries(path)}
     elif path.exists():
         beside = [path.with_name(name) for name in BESIDE_FLAME] if path.suffix == ".pkl" else []
+        if path.suffix.lower() == ".gltf":  # buffers in files of their own
+            beside = [path.parent / name for name in _named_files(path)]
         lines = {line for file in (path, *beside) for line in _entry(file)}
     else:
         return ""

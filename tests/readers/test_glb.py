@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import json
+import os
 import struct
 import tracemalloc
 from collections.abc import Callable
@@ -71,6 +73,82 @@ def test_scenes_are_read_as_by_trimesh(seed, tmp_path):
         return rows[np.lexsort(rows.T)]
 
     np.testing.assert_allclose(sorted_triangles(found), sorted_triangles(theirs), atol=2e-4)
+
+
+def sparse(order=(1, 3), count=2, **more) -> bytes:
+    """The tetrahedron, of whose vertices two are stored as replacements."""
+    content, first = document(), VERTICES.copy()
+    first[[1, 3]] = 7
+    binary = first.tobytes() + FACES.tobytes() + np.array(order, "<u2").tobytes() + VERTICES[[1, 3]].tobytes()
+    content["buffers"] = [{"byteLength": len(binary)}]
+    content["bufferViews"] += [
+        {"buffer": 0, "byteOffset": 96, "byteLength": 4},
+        {"buffer": 0, "byteOffset": 100, "byteLength": 24},
+    ]
+    content["accessors"][0]["sparse"] = {
+        "count": count, "indices": {"bufferView": 2, "componentType": 5123}, "values": {"bufferView": 3}
+    }  # fmt: skip
+    content["accessors"][0] |= more
+    return glb(content, binary)
+
+
+def test_sparse_positions_replace_those_of_the_view():
+    np.testing.assert_array_equal(parse_glb(sparse(), "a.glb")[0], VERTICES)
+
+
+def test_sparse_positions_without_a_view_replace_zeros():
+    content = sparse().replace(b'"bufferView": 0, "componentType": 5126', b'"componentType": 5126                 ', 1)
+    vertices = parse_glb(content, "a.glb")[0]
+    np.testing.assert_array_equal(vertices, VERTICES * [[0], [1], [0], [1]])
+    with pytest.raises(InputError, match=r"accessors\[0\]: 1000000000 elements; at most"):
+        parse_glb(
+            content.replace(b'"count": 4, ', b'"count":1000000000,', 1).replace(b"                 ", b"          "),
+            "a.glb",
+        )
+
+
+@pytest.mark.parametrize("order", [(3, 1), (1, 1), (1, 4)])
+def test_sparse_indices_increase_and_exist(order):
+    with pytest.raises(InputError, match=r"accessors\[0\]\.sparse\.indices: expected increasing numbers below 4"):
+        parse_glb(sparse(order), "a.glb")
+    with pytest.raises(InputError, match=r"accessors\[0\]\.sparse\.indices: 200 x 2 bytes, more than there are"):
+        parse_glb(sparse(count=200), "a.glb")
+
+
+@pytest.mark.parametrize("uri", ["data", "a b.bin", "parts/a.bin", "parts\\a.bin"])
+def test_a_gltf_is_read_with_buffers_inside_and_beside(tmp_path, uri):
+    binary, content = VERTICES.tobytes() + FACES.tobytes(), document()
+    data = "data:application/octet-stream;base64," + base64.b64encode(binary).decode()
+    content["buffers"][0]["uri"] = data if uri == "data" else uri.replace(" ", "%20")
+    if uri != "data":
+        (tmp_path / "parts").mkdir()
+        (tmp_path / uri.replace("\\", "/")).write_bytes(binary)
+    (tmp_path / "a.gltf").write_text(json.dumps(content))
+    found = read_mesh(tmp_path / "a.gltf")
+    np.testing.assert_array_equal(found.vertices, VERTICES)
+    np.testing.assert_array_equal(found.faces, FACES)
+
+
+@pytest.mark.parametrize(
+    ("uri", "says"),
+    [
+        ("../a.bin", "outside"), ("%2e%2e/a.bin", "outside"), ("..\\a.bin", "outside"), ("/etc/passwd", "outside"),
+        ("file:///etc/passwd", "outside"), ("http://localhost/a", "outside"), ("C:\\a.bin", "outside"),
+        ("", "outside"),
+        ("data:;base64,QQ=", "broken base64"), ("data:,abc", "outside"), ("none.bin", "no such buffer"), (3, "a string"),
+        ("pipe", "pipe"), (None, "no data"),
+    ],
+)  # fmt: skip
+def test_a_gltf_opens_nothing_outside_of_its_folder(tmp_path, uri, says):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "a.bin").write_bytes(VERTICES.tobytes() + FACES.tobytes())
+    os.mkfifo(tmp_path / "folder/pipe")
+    content = document()
+    content["buffers"][0] |= {} if uri is None else {"uri": uri}
+    (tmp_path / "folder/a.gltf").write_text(json.dumps(content))
+    with pytest.raises(InputError, match=says) as caught:
+        read_mesh(tmp_path / "folder/a.gltf")
+    assert "\n" not in str(caught.value) and "folder" in str(caught.value)
 
 
 def test_translation_rotation_and_scale_apply_in_this_order():
@@ -153,8 +231,8 @@ REFUSED = {
     "negative offset": (change("accessors", 0, byteOffset=-12), r"accessors\[0\].byteOffset: expected 0 or larger"),
     "huge offset": (change("bufferViews", 0, byteOffset=2**62), r"accessors\[0\]: .* more than there are"),
     "stride 0": (change("bufferViews", 0, byteStride=0), r"accessors\[0\]: "),
-    "sparse": (change("accessors", 0, sparse={"count": 1}), r"accessors\[0\]: expected a plain VEC3"),
-    "positions of integers": (change("accessors", 0, componentType=5122), r"accessors\[0\]: expected a plain VEC3"),
+    "sparse": (change("accessors", 0, sparse={"count": 1}), r"accessors\[0\]\.sparse\.indices: this key is missing"),
+    "positions of integers": (change("accessors", 0, componentType=5122), r"accessors\[0\]: expected a VEC3"),
     "another file": (change("buffers", 0, uri="../../etc/passwd"), "data outside the file"),
     "an address": (change("buffers", 0, uri="http://localhost/"), "data outside the file"),
     "another buffer": (change("bufferViews", 0, buffer=7), r"buffers\[7\]: no such object"),

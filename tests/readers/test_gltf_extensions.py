@@ -89,8 +89,12 @@ def test_a_required_extension_that_is_not_known_is_named(name):
 
 
 @pytest.mark.parametrize(
-    "name", ["KHR_materials_unlit", "KHR_texture_transform", "KHR_texture_basisu", "EXT_texture_webp"]
-)
+    "name",
+    [
+        "KHR_materials_unlit", "KHR_texture_transform", "KHR_texture_basisu", "EXT_texture_webp", "KHR_lights_punctual",
+        "KHR_xmp", "KHR_xmp_json_ld", "EXT_materials_bump", "EXT_lights_ies", "KHR_audio_emitter", "VRMC_vrm",
+    ],
+)  # fmt: skip
 def test_extensions_of_what_is_ignored_do_no_harm(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error")

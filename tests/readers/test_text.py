@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from carigs.config.overrides import split_overrides
-from carigs.errors import CarigsError, InputError
+from carigs.errors import CarigsError, CarigsWarning, InputError
 from carigs.mesh.mesh_file import moved_mesh_file
 from carigs.readers.colmap import read_colmap
 from carigs.readers.json_files import read_json
@@ -190,3 +190,15 @@ def test_lines_end_nowhere_else(lines):
     """Names may hold what `str.splitlines` takes for ends, such as U+2028 and U+0085."""
     for end in ("\n", "\r", "\r\n"):
         assert split_lines(end.join(lines)) == (lines or [""])
+
+
+@pytest.mark.parametrize("rest", [b"\0", b"solid", b"\xff" * 300])
+def test_bytes_after_the_triangles_of_a_binary_stl_are_left_out_with_a_warning(tmp_path, rest):
+    content = SOLID.export(file_type="stl")
+    for header in (b"", b"solid of a program"):
+        (tmp_path / "a.stl").write_bytes(header.ljust(80, b" ") + content[80:] + rest)
+        with pytest.warns(CarigsWarning, match=rf"a\.stl: {len(rest)} bytes after its triangles are left out"):
+            np.testing.assert_allclose(read_mesh(tmp_path / "a.stl").triangles, V[F], atol=1e-6)
+    (tmp_path / "a.stl").write_bytes(content[:-1])
+    with pytest.raises(InputError, match=r"a\.stl: "):
+        read_mesh(tmp_path / "a.stl")
