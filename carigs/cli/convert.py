@@ -87,11 +87,12 @@ def _recognised(task: argparse.Namespace) -> tuple[str, Callable[[], Any]]:
         raise InputError("no such file", file=task.input)
     if task.input.suffix == ".npz":
         arrays = read_npz(task.input, only=("format", "levels"))
-        if checked_text({"format": "", **arrays}, "format", file=task.input).startswith("carigs-avatar"):
+        stated = checked_text({"format": "", **arrays}, "format", file=task.input)
+        if stated.startswith("carigs-avatar"):
             from carigs.splat.avatar import load_avatar
 
             return "avatar", partial(load_avatar, task.input)
-        if "levels" in arrays:
+        if "levels" in arrays or stated.startswith("carigs-path"):  # of another version, which says so
             return "gamma path", partial(GammaPath.load, task.input)
         raise InputError("neither an avatar nor a gamma path", file=task.input)
     if task.input.suffix.lower() != ".ply":

@@ -57,7 +57,7 @@ def checked_array(
     if shape is not None and (
         array.ndim != len(shape) or any(n not in (None, m) for n, m in zip(shape, array.shape, strict=True))
     ):
-        expected = " x ".join("*" if n is None else str(n) for n in shape)
+        expected = " x ".join("*" if n is None else str(n) for n in shape) or "one value"
         raise InputError(f"shape {array.shape}, expected {expected}", file=file, field=name)
     if array.dtype.kind == "f" and not np.isfinite(array).all():
         index = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
@@ -86,7 +86,11 @@ def checked_text(arrays: Mapping[str, Any], name: str, *, file: str | Path) -> s
     Raises:
         InputError: If it is missing, or is no single text.
     """
-    return str(checked_array(arrays, name, (), np.str_, file=file))
+    text = checked_array(arrays, name, file=file)
+    if text.dtype.kind != "U" or text.ndim:
+        what = _KIND_NAMES.get(text.dtype.kind, str(text.dtype)) if text.dtype.kind != "S" else "bytes"
+        raise InputError(f"expected one text, found {what} of shape {text.shape}", file=file, field=name)
+    return str(text)
 
 
 def _converted(array: np.ndarray, dtype: np.dtype, file: str | Path, name: str) -> np.ndarray:

@@ -42,7 +42,10 @@ def check_npz_format(
     Raises:
         InputError: As for `check_format`.
     """
-    found = checked_text(arrays, "format", file=file) if "format" in arrays else unstated
+    try:
+        found = checked_text(arrays, "format", file=file) if "format" in arrays else unstated
+    except InputError as error:
+        raise InputError(f"{error.problem}: not a {expected} file", file=file, field="format") from error
     check_format(found, expected, file)
 
 

@@ -8,6 +8,7 @@ the server itself by the browser; its name is then in the header Host.
 from __future__ import annotations
 
 import re
+import shlex
 import socket
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -149,7 +150,9 @@ def admission(host: str, *, is_local: bool, allowed: Iterable[str] = ()) -> Admi
     for text in allowed:
         name = host_name(text)
         if name is None:
-            raise SettingsError(f"--allow-host {text}: expected a host name or an address, without port and protocol")
+            raise SettingsError(
+                f"--allow-host {shlex.quote(text)}: expected a host name or an address, without port and protocol"
+            )
         proxies.add(name)
     machine = socket.gethostname()
     names = {*LOCAL, host_name(host), *([] if is_local else map(host_name, (machine, machine.partition(".")[0])))}

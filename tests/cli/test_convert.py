@@ -194,3 +194,13 @@ def test_help_shows_examples(capsys):
         main("--help")
     text = capsys.readouterr().out
     assert "carigs convert point_cloud.ply avatar.npz --head-model" in text and "--flavour 3dgs" in text
+
+
+@pytest.mark.parametrize(
+    ("name", "says"), [("carigs-path-99", "a newer version"), ("carigs-avatar-99", "a newer version")]
+)
+def test_a_file_of_a_newer_version_says_so_whatever_it_holds(tmp_path, capsys, name, says):
+    np.savez(tmp_path / "a.npz", format=name)
+    assert carigs(["convert", str(tmp_path / "a.npz"), str(tmp_path / "b.ply")]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert says in line and name in line

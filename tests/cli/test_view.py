@@ -42,6 +42,8 @@ def test_without_viser_it_says_what_to_install(avatar, capsys, monkeypatch):
         (["--host", "a b"], "--host a b"),
         (["--host", "203.0.113.7"], "--host 203.0.113.7"),
         (["--allow-host", "http://a/"], "--allow-host http://a/"),
+        (["--allow-host", ""], "--allow-host ''"),
+        (["--allow-host", " "], "--allow-host ' '"),
         (["--truth", "truth.json"], "--truth needs --capture"),
         (["--exports", __file__], "is no folder"),
         (["--capture", "no/capture.json"], "no/capture.json"),

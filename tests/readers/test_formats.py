@@ -112,3 +112,13 @@ def test_files_from_before_their_formats_had_versions_are_read(name, written, tm
 def test_an_avatar_is_no_head_model(written):
     with pytest.raises(InputError, match="format: not a carigs-head-1 file, but carigs-avatar"):
         HeadModel.load(written / "avatar.npz")
+
+
+@pytest.mark.parametrize("stated", [np.bytes_(b"carigs-path-1"), 3, ["carigs-path-1"], True, np.zeros((0,), "U1")])
+def test_a_format_that_is_no_text_is_told_what_is_expected(tmp_path, stated):
+    np.savez(tmp_path / "a.npz", format=stated, levels=[0.0])
+    with pytest.raises(
+        InputError, match=r"a\.npz: format: expected one text, found .*: not a carigs-path-1 file"
+    ) as raised:
+        GammaPath.load(tmp_path / "a.npz")
+    assert "b'" not in str(raised.value)

@@ -135,8 +135,8 @@ def test_a_gltf_is_read_with_buffers_inside_and_beside(tmp_path, uri):
         ("../a.bin", "outside"), ("%2e%2e/a.bin", "outside"), ("..\\a.bin", "outside"), ("/etc/passwd", "outside"),
         ("file:///etc/passwd", "outside"), ("http://localhost/a", "outside"), ("C:\\a.bin", "outside"),
         ("", "outside"),
-        ("data:;base64,QQ=", "broken base64"), ("data:,abc", "outside"), ("none.bin", "no such buffer"), (3, "a string"),
-        ("pipe", "pipe"), (None, "no data"),
+        ("data:;base64,QQ=", "broken base64"), ("data:,abc", "outside"), ("none.bin", "no such buffer"),
+        (3, "a string"), ("pipe", "pipe"), (None, "no data"),
     ],
 )  # fmt: skip
 def test_a_gltf_opens_nothing_outside_of_its_folder(tmp_path, uri, says):

@@ -82,7 +82,7 @@ def test_a_dataset_becomes_a_dataset(ball, original, tmp_path):
 
 
 @pytest.mark.parametrize("named", [False, True])
-def test_parameters_of_vhap(source, ball, original, tmp_path, named):
+def test_parameters_of_vhap(source, ball, original, tmp_path, named, capsys):
     frames = [original.parameters(t) for t in original.parameter_files]
     rows = np.array([frame.joints.reshape(-1) for frame in frames])
     arrays = dict(
@@ -93,7 +93,10 @@ def test_parameters_of_vhap(source, ball, original, tmp_path, named):
     if named:
         arrays["timestep_id"] = np.array([f"{t:05d}" for t in original.parameter_files])
     np.savez(source / "tracked_flame_params_30.npz", **arrays)
+    for epoch in ("0", "9", "029"):  # of earlier epochs
+        np.savez(source / f"tracked_flame_params_{epoch}.npz", **arrays | {"translation": arrays["translation"] + 1})
     assert main([str(source), str(tmp_path / "out"), "--head-model", str(ball / "head_model.npz")]) == 0
+    assert "tracked_flame_params_30.npz, the last of 4" in capsys.readouterr().out
     assert_same(read_dataset(tmp_path / "out", tmp_path / "out/head_model.npz"), original)
 
 
