@@ -54,7 +54,10 @@ TEXT_PLY = _ply("ascii", b"0 1 2 3\n" * 4 + b"3 0 1 2\n4 0 1 2 3\n")
 
 
 def _mesh(kind: str) -> bytes:
-    content = trimesh.creation.icosahedron().export(file_type=kind)
+    solid = trimesh.creation.icosahedron()
+    if kind == "gltf":
+        return trimesh.exchange.gltf.export_gltf(solid.scene(), embed_buffers=True)["model.gltf"]
+    content = solid.export(file_type=kind)
     return content.encode() if isinstance(content, str) else content
 
 

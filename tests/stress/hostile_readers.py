@@ -88,8 +88,10 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     (folder / "a.png").write_bytes(cv2.imencode(".png", pixels)[1].tobytes())
     (folder / "a.jpg").write_bytes(cv2.imencode(".jpg", pixels)[1].tobytes())
     write_ply(folder / "surfels.ply", surfels)
+    solid = trimesh.creation.icosahedron()
+    embedded = trimesh.exchange.gltf.export_gltf(solid.scene(), embed_buffers=True)
     for suffix in FORMATS:
-        exported = trimesh.creation.icosahedron().export(file_type=suffix[1:])
+        exported = embedded["model.gltf"] if suffix == ".gltf" else solid.export(file_type=suffix[1:])
         (folder / f"mesh{suffix}").write_bytes(exported.encode() if isinstance(exported, str) else exported)
     state = {"a.weight": torch.arange(60.0).reshape(20, 3), "a.bias": torch.zeros(20)}
     torch.save(state, folder / "net.pt")
