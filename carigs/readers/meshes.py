@@ -88,7 +88,9 @@ def _parse_stl(content: bytes, file: str | Path) -> Polygons:
     size = 84 + 50 * int.from_bytes(content[80:84], "little")
     if len(content) != size and _is_text(content, file):
         content = encode_text("\n".join(split_lines(decode_text(content, file, any_bytes=True))))
-    elif 84 < size < len(content):
+    elif len(content) < size:
+        raise InputError(f"not a readable mesh (cut off: {len(content)} of {size} bytes)", file=file)
+    elif size < len(content):
         warnings.warn(
             f"{file}: {len(content) - size} bytes after its triangles are left out", CarigsWarning, stacklevel=2
         )
