@@ -118,8 +118,11 @@ def _chosen(observations: Observations, sizes: Float[np.ndarray, "t c 2"]) -> Vi
 
 def _explanations(template: Float[np.ndarray, "p 3"], views: Views, stated: MapFit) -> list[Explanation]:
     """Mistakes that explain the landmarks much better than none, the likeliest first."""
-    possible, suspicious = orders(template), stated.head_error > SUSPICIOUS
-    tried = [(order, *_free(template, order.undone(views))) for order in (possible if suspicious else [Order()])]
+    plain = (Order(), *_free(template, views))
+    suspicious = stated.head_error > SUSPICIOUS
+    explained = plain[2].error <= MUCH_BETTER * stated.error and plain[2].head_error <= SUSPICIOUS
+    others = list(orders(template))[1:] if suspicious and not explained else []
+    tried = [plain, *((order, *_free(template, order.undone(views))) for order in others)]
     best = min(free.error for _, _, free in tried)
     if not suspicious and best > FREE_BETTER * stated.error:
         return []

@@ -114,6 +114,9 @@ def _resolution(unknowns: Unknowns, size: Float[np.ndarray, "2"]) -> Description
     if factor is not None:
         problem = f"belong to images of {RESOLUTIONS[factor]} the resolution"
         return Description(problem, f"multiply x and y by {1 / factor:.4g}")
+    if scale > size.max() / 4:
+        problem, remedy = f"are shares of about {scale:.3g} pixels", f"multiply x and y by about {scale:.3g}"
+        return Description(problem, remedy, ODD_NUMBER)
     problem = f"belong to images of about {1 / scale:.3g} times the resolution"
     return Description(problem, f"multiply x and y by about {scale:.3g}", ODD_NUMBER)
 

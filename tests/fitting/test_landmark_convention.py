@@ -5,11 +5,16 @@ import re
 import numpy as np
 import pytest
 from miniature import bust_cameras
+from shared_data import DATA, needs_data
 
+from carigs.capture import read_dataset
 from carigs.errors import InputError
+from carigs.fitting.footage import frame_projections, frame_sizes
 from carigs.fitting.landmark_convention import LARGEST_ERROR, check_convention, check_residuals, face_sizes
 from carigs.fitting.landmark_fit import Observations
+from carigs.fitting.landmark_orders import mirror_partners
 from carigs.fitting.triangulation import project, projection_matrices
+from carigs.head import pose
 
 CAMERAS = list(bust_cameras().values())
 SIZES = np.array([[(camera.width, camera.height) for camera in CAMERAS]] * 3, float)
@@ -79,10 +84,86 @@ def test_the_mistake_is_named(name, unit):
 
 
 @pytest.mark.parametrize("length", [480, 1e4])
-def test_shares_of_another_length_are_no_pixels(length):
+def test_shares_of_another_length_are_named(length):
     template, observations = seen()
-    with pytest.raises(InputError, match=r"landmarks: the landmarks lie within .* they are no pixels"):
+    with pytest.raises(InputError, match=r"are shares of about .* pixels .*multiply x and y by about (\d+)") as caught:
         check(template, observations, observations.pixels / length)
+    assert float(re.search(r"by about ([\d.e+]+)", str(caught.value))[1]) == pytest.approx(length, rel=0.03)
+
+
+def test_shares_in_one_camera_are_no_pixels():
+    template, observations = seen()
+    observations.confidence[:, 1:] = 0
+    check(template, observations, observations.pixels)
+    with pytest.raises(InputError, match="they are no pixels"):
+        check(template, observations, observations.pixels / 480)
+
+
+# Landmarks of a symmetric face, as detectors' are.
+
+RIGHT = np.random.default_rng(3).normal(size=(12, 3)) * [0.05, 0.07, 0.02] + [0.05, 0, 0]
+MIDDLE = np.random.default_rng(4).normal(size=(6, 3)) * [0, 0.07, 0.02] + [0, 0, 0.03]
+FACE = np.concatenate([RIGHT, MIDDLE, RIGHT * [-1, 1, 1]])
+PARTNERS = np.concatenate([np.arange(18, 30), np.arange(12, 18), np.arange(12)])
+SIDE = max(CAMERAS[0].width, CAMERAS[0].height)
+
+
+def face(seed: int = 0, noise: float = 0.3) -> Observations:
+    """Another person's landmarks: proportions differ by 2 % of the face."""
+    random = np.random.default_rng(seed)
+    person = FACE + 0.002 * random.normal(size=FACE.shape)
+    projections = np.stack([projection_matrices(CAMERAS)] * 3)
+    pixels, _ = project(np.stack([person + 0.01 * t for t in range(3)]), projections)
+    pixels += noise * random.normal(size=pixels.shape)
+    return Observations(pixels, np.ones(pixels.shape[:3]), projections, np.ones(2, bool))
+
+
+def corners(p: np.ndarray) -> np.ndarray:
+    """Upper left corners of a crop of each image, around the face."""
+    return np.floor(p.min(axis=2, keepdims=True)) - 4
+
+
+OTHERS = {
+    "square": (lambda p: 448 * stacked(X(p) / WIDTH, Y(p) / HEIGHT), r"resized to 448 x 448 .*multiply x by w / 448"),
+    "oblong": (lambda p: stacked(640 * X(p) / WIDTH, 320 * Y(p) / HEIGHT), r"resized to 640 x 320"),
+    "percent": (lambda p: 100 * stacked(X(p) / WIDTH, Y(p) / HEIGHT), r"are percent of the image's size"),
+    "1.25 times": (lambda p: 1.25 * p, r"1\.25 times the resolution .*multiply x and y by 0\.8"),
+    "0.8 times": (lambda p: 0.8 * p, r"0\.8 times the resolution .*multiply x and y by 1\.25"),
+    "eight times": (lambda p: 8 * p, r"eight times the resolution"),
+    "mirror partners": (lambda p: p[:, :, PARTNERS], r"the landmarks have left and right exchanged"),
+    "mirrored images": (
+        lambda p: stacked(WIDTH - X(p), Y(p))[:, :, PARTNERS],
+        r"have x from the right and have left and right exchanged .*write w - x, then exchange the indices",
+    ),
+    "quarter turn": (lambda p: stacked(Y(p), WIDTH - X(p)), r"have y before x .* and have x from the right"),
+    "crop": (lambda p: p - np.array([14, 0]), r"are shifted by about -14 pixels in x.*add 14 to x"),
+    "from the middle": (lambda p: p - stacked(WIDTH, HEIGHT) / 2, r"count from the middle of the image"),
+    "a crop of each": (lambda p: p - corners(p), r"(count from another corner|belong to another crop)"),
+}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_another_mistake_is_named(name):
+    change, says = OTHERS[name]
+    observations = face()
+    check(FACE, observations, observations.pixels)
+    with pytest.raises(InputError, match=rf"^landmarks\.npz: landmarks: .*{says}") as caught:
+        check(FACE, observations, change(observations.pixels))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_an_order_of_no_meaning_blames_nothing_else(seed):
+    observations = face()
+    shuffled = observations.pixels[:, :, np.random.default_rng(seed).permutation(len(FACE))]
+    with pytest.raises(InputError, match=r"no unit, origin or order explains the landmarks.*compare their order"):
+        check(FACE, observations, shuffled)
+
+
+def test_partners_are_those_of_the_symmetry():
+    np.testing.assert_array_equal(mirror_partners(FACE), PARTNERS)
+    assert mirror_partners(seen()[0]) is None
 
 
 def test_missing_landmarks_take_no_part():
@@ -122,3 +203,25 @@ def test_errors_that_no_face_has_are_refused(shares, says):
         with pytest.raises(InputError) as caught:
             check_residuals(residuals, observations, "landmarks.npz")
         assert re.search(rf"landmarks\.npz: landmarks: the fitted head is .* pixels off .*{says}", str(caught.value))
+
+
+@pytest.mark.slow
+@needs_data
+@pytest.mark.parametrize("name", ["ict_s1", "ict_s7"])
+@pytest.mark.parametrize("cameras", [1, 2, 3, 16])
+@pytest.mark.parametrize("unit", [1.0, 1e-3])
+def test_right_landmarks_of_people_pass(name, cameras, unit):
+    capture = read_dataset(DATA / name, DATA / "ict_model.npz")
+    random, points = np.random.default_rng(cameras), capture.model.landmarks68
+    timesteps = sorted(capture.parameter_files)[::10]
+    views = np.sort(random.choice(sorted(capture.cameras), cameras, replace=False)).tolist()
+    projections, sizes = (find(capture, timesteps, views) for find in (frame_projections, frame_sizes))
+    heads = np.stack([points.interpolate(pose(capture.model, capture.parameters(t))) for t in timesteps])
+    pixels, _ = project(heads, projections)
+    projections[..., 3] /= unit
+    for noise, outliers, hidden in ((0, 0, 0), (3, 0, 0), (3, 0.2, 0), (1, 0.2, 0.5)):
+        seen = random.random(pixels.shape[:3]) >= hidden
+        wrong = random.random((*pixels.shape[:3], 1)) < outliers
+        noisy = pixels + noise * random.normal(size=pixels.shape) + wrong * random.uniform(-60, 60, pixels.shape)
+        observations = Observations(noisy * seen[..., None], seen.astype(float), projections, np.ones(2, bool))
+        check_convention(points.interpolate(capture.model.v_template), observations, sizes, "landmarks.npz")
