@@ -60,7 +60,7 @@ def fit_video(
 
     Raises:
         InputError: If the embedding does not fit, no timestep has four landmarks that two cameras see, landmarks are in
-            another unit or order, cameras are in another unit than the head, or the fit is impossible.
+            another unit, origin or order, cameras are in another unit than the head, or the fit is impossible.
     """
     model = capture.model
     timesteps, cameras = sorted({frame.timestep for frame in capture.frames}), sorted(capture.cameras)

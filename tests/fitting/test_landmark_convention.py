@@ -1,6 +1,7 @@
 """Landmarks in another unit or order are named; those in pixels pass, whatever the person and the unit of cameras."""
 
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from carigs.fitting.landmark_convention import LARGEST_ERROR, check_convention, 
 from carigs.fitting.landmark_fit import Observations
 from carigs.fitting.landmark_orders import mirror_partners
 from carigs.fitting.triangulation import project, projection_matrices
+from carigs.fitting.unit import check_unit
 from carigs.head import pose
 
 CAMERAS = list(bust_cameras().values())
@@ -159,6 +161,14 @@ def test_an_order_of_no_meaning_blames_nothing_else(seed):
     shuffled = observations.pixels[:, :, np.random.default_rng(seed).permutation(len(FACE))]
     with pytest.raises(InputError, match=r"no unit, origin or order explains the landmarks.*compare their order"):
         check(FACE, observations, shuffled)
+
+
+def test_a_small_head_between_cameras_around_it_is_the_unit_of_the_cameras():
+    observations = face()
+    observations.projections[..., 3] /= 2
+    check(FACE, observations, observations.pixels)
+    with pytest.raises(InputError, match=r"see --metres-per-unit$"):
+        check_unit(FACE, observations, Path("cameras.json"))
 
 
 def test_partners_are_those_of_the_symmetry():
