@@ -29,9 +29,9 @@ SUSPICIOUS = 0.1
 `ict_s7`, 0.07 with three pixels, 0.09 if a fifth are outliers, too, and 0.10 for a detector on a real person."""
 FREE_BETTER = 0.85
 """Share of the errors as stated that the free map must leave for mistakes to be tried."""
-BETTER, MUCH_BETTER = 0.75, 0.5
-"""Share of the errors as stated that a map may leave to be believed, and one with two scales, another order or an
-origin in each image. Right landmarks leave more than 0.92 with all maps of one scale, and 0.7 with two, as faces differ
+BETTER, MUCH_BETTER, OWN_BETTER = 0.75, 0.5, 0.3
+"""Share of the errors as stated that a map may leave to be believed, one with two scales or another order,
+and one with an origin in each image, which also follows cameras that are numbered wrongly. Right landmarks leave more than 0.92 with all maps of one scale, and 0.7 with two, as faces differ
 in their proportions."""
 BELIEVED_HEAD, BELIEVED_RAYS = 0.13, 0.075
 """Errors of the head and of rays up to which a map is believed."""
@@ -134,7 +134,8 @@ def _explanations(template: Float[np.ndarray, "p 3"], views: Views, stated: MapF
         if _believed(explanation, stated, strict=order != Order() or _scales(explanation) > 1)
     ]
     if min((explanation.doubt for explanation in found), default=np.inf) >= ODD_MAP:
-        found += [e for e in _own_origins(template, views) if _believed(e, stated, strict=True)]
+        own = _own_origins(template, views)
+        found += [e for e in own if _believed(e, stated, strict=True) and e.fit.error <= OWN_BETTER * stated.error]
     least = min((explanation.fit.error for explanation in found), default=np.inf)
     return sorted((e for e in found if e.fit.error <= AS_GOOD * least), key=lambda explanation: explanation.doubt)
 
@@ -183,10 +184,14 @@ def _together(order: Order, unit: Description) -> Description:
 
 def _own_origins(template: Float[np.ndarray, "p 3"], views: Views) -> Iterator[Explanation]:
     """Landmarks that count from the corner of a crop in each image, which may have been resized."""
-    crop = Description("count from another corner in each image, as in crops", "add the corner of each image's crop")
+    compare = "; or compare the numbers of cameras with those of the images"
+    crop = Description(
+        "count from another corner in each image, as in crops", f"add the corner of each image's crop{compare}"
+    )
     resized = Description(
         "belong to another crop of each image, in another resolution",
-        "multiply those of each image by the size of its crop before it was resized over that after, add its corner",
+        "multiply those of each image by the size of its crop before it was resized over that after, add its corner"
+        + compare,
     )
     starts = (views.landmarks, centred_pixels(views))
     for words, form, pixels in zip((crop, resized), map(OwnForm, (False, True)), starts, strict=True):

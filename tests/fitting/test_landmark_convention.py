@@ -76,7 +76,7 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("name", MISTAKES)
-@pytest.mark.parametrize("unit", [1.0, 0.01])
+@pytest.mark.parametrize("unit", [1.0, pytest.param(0.01, marks=pytest.mark.slow)])
 def test_the_mistake_is_named(name, unit):
     change, says = MISTAKES[name]
     template, observations = seen(0.5, unit)
