@@ -30,9 +30,9 @@ SUSPICIOUS = 0.1
 FREE_BETTER = 0.85
 """Share of the errors as stated that the free map must leave for mistakes to be tried."""
 BETTER, MUCH_BETTER, OWN_BETTER = 0.75, 0.5, 0.3
-"""Share of the errors as stated that a map may leave to be believed, one with two scales or another order,
-and one with an origin in each image, which also follows cameras that are numbered wrongly. Right landmarks leave more than 0.92 with all maps of one scale, and 0.7 with two, as faces differ
-in their proportions."""
+"""Share of the errors as stated that a map may leave to be believed; one with two scales or another order; and one with
+an origin in each image, which also follows cameras that are numbered wrongly. Right landmarks leave more than 0.92 with
+all maps of one scale, and 0.7 with two, as faces differ in their proportions."""
 BELIEVED_HEAD, BELIEVED_RAYS = 0.13, 0.075
 """Errors of the head and of rays up to which a map is believed."""
 AS_GOOD = 1.15
