@@ -134,7 +134,7 @@ def _explanations(template: Float[np.ndarray, "p 3"], views: Views, stated: MapF
         if _believed(explanation, stated, strict=order != Order() or _scales(explanation) > 1)
     ]
     if min((explanation.doubt for explanation in found), default=np.inf) >= ODD_MAP:
-        own = _own_origins(template, views)
+        own = () if _one_camera_is_off(template, views, stated) else _own_origins(template, views)
         found += [e for e in own if _believed(e, stated, strict=True) and e.fit.error <= OWN_BETTER * stated.error]
     least = min((explanation.fit.error for explanation in found), default=np.inf)
     return sorted((e for e in found if e.fit.error <= AS_GOOD * least), key=lambda explanation: explanation.doubt)
@@ -198,6 +198,18 @@ def _own_origins(template: Float[np.ndarray, "p 3"], views: Views) -> Iterator[E
         fit = fit_map(template, views, form, np.zeros(0), pixels)
         doubt = ODD_MAP + (UNKNOWN if form.scaled else _odd_size(fit))
         yield Explanation(doubt, 3, fit, form, Order(), words, _pixels(fit, views))
+
+
+def _one_camera_is_off(template: Float[np.ndarray, "p 3"], views: Views, stated: MapFit) -> bool:
+    """Whether all other cameras agree as stated, or two are too few to tell."""
+    count = views.seen.shape[1]
+    for camera in range(count):
+        rest = Views(*(np.delete(array, camera, axis=1) for array in views))
+        if count < 3 or fit_map(template, rest, NO_MISTAKE.form, np.zeros(0), rest.landmarks).error <= (
+            OWN_BETTER * stated.error
+        ):
+            return True
+    return False
 
 
 def _odd_size(fit: MapFit) -> float:
