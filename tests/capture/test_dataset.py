@@ -11,7 +11,7 @@ from miniature import ball_cameras, write_ball
 from carigs.capture import Capture, read_dataset
 from carigs.capture.images import read_rgb, write_png
 from carigs.errors import InputError
-from carigs.outside_files import files_digest
+from carigs.runs.outside_files import files_digest
 
 
 @pytest.fixture(scope="module")
