@@ -1,4 +1,4 @@
-"""Files of `conf/` as Hydra reads them: through `ConfFiles`, which checks each one when a choice needs it.
+"""Files of `conf/` as Hydra reads them: through a source of its own, which checks each one when a choice needs it.
 
 A file that is broken so hinders nobody who chooses another one.
 """
@@ -27,7 +27,7 @@ GLOBAL_GROUPS = ("study", "preset", "subject", "variant")
 """Groups whose files have keys of several sections; that of another group has the keys of its own section."""
 
 
-class ConfFiles(ConfigSource):
+class _ConfFiles(ConfigSource):
     """Hydra's source of the files in `conf_folders`."""
 
     @staticmethod
@@ -60,7 +60,7 @@ class ConfFiles(ConfigSource):
         return [] if results_filter == ObjectType.GROUP else known(config_path)
 
 
-Plugins.instance().register(ConfFiles)
+Plugins.instance().register(_ConfFiles)
 
 
 class ConfFile(NamedTuple):

@@ -76,6 +76,7 @@ CASES = {
 }
 
 
+@pytest.mark.filterwarnings("ignore:.*bytes after its triangles are left out")
 @pytest.mark.parametrize("name", CASES)
 def test_undamaged_files_are_read(name, tmp_path):
     read, contents = CASES[name]
@@ -84,6 +85,7 @@ def test_undamaged_files_are_read(name, tmp_path):
         assert read(tmp_path / name) is not None
 
 
+@pytest.mark.filterwarnings("ignore:.*bytes after its triangles are left out")
 @pytest.mark.parametrize("name", CASES)
 @settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
@@ -98,6 +100,7 @@ def test_damage_gives_data_or_a_typed_error(name, tmp_path, data):
         assert str(file) in str(error) and "\n" not in str(error)
 
 
+@pytest.mark.filterwarnings("ignore:.*bytes after its triangles are left out")
 @pytest.mark.parametrize("name", CASES)
 def test_no_reader_opens_what_is_not_a_regular_file(name, tmp_path):
     read, _ = CASES[name]
