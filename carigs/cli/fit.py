@@ -19,7 +19,7 @@ from carigs.capture.importers.calibrated_images import FROM_THE_TOP
 from carigs.cli.parser import add_capture_options, command_parser
 from carigs.errors import CarigsWarning
 from carigs.fitting.footage import read_footage
-from carigs.fitting.landmark_providers import find_landmarks
+from carigs.fitting.landmarks.providers import find_landmarks
 from carigs.fitting.principal_point import resolve_cy
 from carigs.fitting.residuals import outstanding_cameras
 from carigs.fitting.video_fit import VideoFit, fit_video

@@ -23,7 +23,7 @@ from carigs.capture.importers.calibrated_images import CALIBRATIONS, find_calibr
 from carigs.capture.importers.cameras import read_cameras
 from carigs.capture.splits import split_single_sequence
 from carigs.errors import InputError, SettingsError
-from carigs.fitting.landmark_files import Landmarks
+from carigs.fitting.landmarks.files import Landmarks
 from carigs.fitting.triangulation import projection_matrices
 from carigs.readers.file_names import INDEXES
 

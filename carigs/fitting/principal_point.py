@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float
 from carigs.capture import Capture
 from carigs.capture.importers.calibrated_images import FROM_THE_TOP
 from carigs.fitting.footage import frame_landmarks, frame_projections
-from carigs.fitting.landmark_files import Landmarks
+from carigs.fitting.landmarks.files import Landmarks
 from carigs.fitting.triangulation import triangulate, well_seen_timesteps
 from carigs.plausibility.principal_point import CENTRED, DOES_NOT_MATTER, cy_offsets, flipped_cy, with_cy
 

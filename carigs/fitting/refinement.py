@@ -22,7 +22,7 @@ from jaxtyping import Bool, Float, Float32
 from carigs.capture import Capture
 from carigs.fitting.compared_vertices import compared_vertices
 from carigs.fitting.head_points import HeadPoints
-from carigs.fitting.landmark_fit import HeadFit, Observations, gaussian_prior, landmark_term
+from carigs.fitting.landmarks.fit import HeadFit, Observations, gaussian_prior, landmark_term
 from carigs.fitting.levenberg_marquardt import minimise
 from carigs.fitting.objective import Objective
 from carigs.fitting.outline_term import OutlineLines, OutlineTerm, outline_lines

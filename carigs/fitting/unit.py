@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.errors import InputError
-from carigs.fitting.landmark_fit import Observations
+from carigs.fitting.landmarks.fit import Observations
 from carigs.fitting.triangulation import LEAST_POINTS, triangulate, well_seen_timesteps
 
 LARGEST_RATIO = 1.5

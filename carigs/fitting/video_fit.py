@@ -14,10 +14,10 @@ from carigs.capture import Capture
 from carigs.errors import InputError
 from carigs.fitting.footage import frame_landmarks, frame_projections, frame_sizes
 from carigs.fitting.head_points import HeadPoints
-from carigs.fitting.landmark_convention import check_convention, check_residuals
-from carigs.fitting.landmark_embedding import read_embedding
-from carigs.fitting.landmark_files import Landmarks
-from carigs.fitting.landmark_fit import HeadFit, Observations, fit_landmarks, reprojection_errors
+from carigs.fitting.landmarks.convention import check_convention, check_residuals
+from carigs.fitting.landmarks.embedding import read_embedding
+from carigs.fitting.landmarks.files import Landmarks
+from carigs.fitting.landmarks.fit import HeadFit, Observations, fit_landmarks, reprojection_errors
 from carigs.fitting.refinement import Refinement
 from carigs.fitting.residuals import camera_residuals
 from carigs.fitting.triangulation import LEAST_POINTS, well_seen_timesteps

@@ -13,7 +13,7 @@ from miniature import write_ball
 from carigs.capture import read_dataset
 from carigs.capture.images import read_grey, read_rgb, write_png
 from carigs.cli.main import main
-from carigs.fitting.landmark_files import Landmarks
+from carigs.fitting.landmarks.files import Landmarks
 from carigs.head import pose
 
 

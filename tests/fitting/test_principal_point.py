@@ -10,7 +10,7 @@ from small_head import ring_of_cameras, small_head
 from carigs.capture import Camera, Capture
 from carigs.capture.frame import Frame
 from carigs.capture.importers.calibrated_images import FROM_THE_TOP
-from carigs.fitting.landmark_files import Landmarks
+from carigs.fitting.landmarks.files import Landmarks
 from carigs.fitting.principal_point import resolve_cy
 
 POINTS = small_head(subdivisions=2).v_template[::3].astype(np.float64)

@@ -12,7 +12,7 @@ from carigs.capture import OPENCV_FROM_OPENGL
 from carigs.capture.images import write_png
 from carigs.fitting.fitted_parameters import fitted_parameters
 from carigs.fitting.footage import frame_projections, read_footage
-from carigs.fitting.landmark_fit import Observations, fit_landmarks
+from carigs.fitting.landmarks.fit import Observations, fit_landmarks
 from carigs.fitting.refinement import Refinement
 from carigs.fitting.triangulation import project
 from carigs.head import SurfacePoints, pose

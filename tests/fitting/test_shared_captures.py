@@ -9,7 +9,7 @@ from shared_data import DATA, needs_data
 
 from carigs.capture import Capture, read_dataset
 from carigs.fitting.footage import frame_projections
-from carigs.fitting.landmark_fit import HeadFit, Observations, fit_landmarks
+from carigs.fitting.landmarks.fit import HeadFit, Observations, fit_landmarks
 from carigs.fitting.refinement import Refinement
 from carigs.fitting.triangulation import project
 from carigs.head import pose, pose_frames

@@ -14,9 +14,9 @@ from unittest.mock import patch
 import numpy as np
 
 from carigs.capture import Capture, Frame
-from carigs.fitting.landmark_embedding import read_embedding
-from carigs.fitting.landmark_files import read_landmarks
-from carigs.fitting.landmark_providers import find_landmarks
+from carigs.fitting.landmarks.embedding import read_embedding
+from carigs.fitting.landmarks.files import read_landmarks
+from carigs.fitting.landmarks.providers import find_landmarks
 from carigs.head import HeadModel
 from carigs.head.download import GNM_URL, fetch_head
 from carigs.head.ict_facekit import read_ict_facekit

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.optimize import linear_sum_assignment
 
-from carigs.fitting.landmark_map import Views
+from carigs.fitting.landmarks.image_map import Views
 
 ASYMMETRY = 0.1
 """Distance of a landmark from the reflection of its mirror partner, in sizes of the face, up to which both are one."""

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from carigs.fitting.fitted_parameters import FittedParameters, fitted_parameters
 from carigs.fitting.head_points import HeadPoints
-from carigs.fitting.landmark_term import LandmarkTerm
+from carigs.fitting.landmarks.term import LandmarkTerm
 from carigs.fitting.levenberg_marquardt import minimise
 from carigs.fitting.objective import Objective, Prior
 from carigs.fitting.triangulation import LEAST_POINTS, project, triangulate

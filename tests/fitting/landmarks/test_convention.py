@@ -11,9 +11,9 @@ from shared_data import DATA, needs_data
 from carigs.capture import read_dataset
 from carigs.errors import InputError
 from carigs.fitting.footage import frame_projections, frame_sizes
-from carigs.fitting.landmark_convention import LARGEST_ERROR, check_convention, check_residuals, face_sizes
-from carigs.fitting.landmark_fit import Observations
-from carigs.fitting.landmark_orders import mirror_partners
+from carigs.fitting.landmarks.convention import LARGEST_ERROR, check_convention, check_residuals, face_sizes
+from carigs.fitting.landmarks.fit import Observations
+from carigs.fitting.landmarks.orders import mirror_partners
 from carigs.fitting.triangulation import project, projection_matrices
 from carigs.fitting.unit import check_unit
 from carigs.head import pose

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from carigs.errors import InputError
-from carigs.fitting.landmark_files import Landmarks, read_landmarks
-from carigs.fitting.landmark_providers import MediapipeDetector
+from carigs.fitting.landmarks.files import Landmarks, read_landmarks
+from carigs.fitting.landmarks.providers import MediapipeDetector
 
 
 def landmarks() -> Landmarks:

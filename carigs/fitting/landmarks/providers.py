@@ -13,7 +13,7 @@ from jaxtyping import Float, UInt8
 
 from carigs.capture import Capture
 from carigs.errors import InputError
-from carigs.fitting.landmark_files import Landmarks, read_landmarks
+from carigs.fitting.landmarks.files import Landmarks, read_landmarks
 from carigs.readers.arrays import checked_array
 from carigs.readers.npz import read_npz
 
@@ -79,8 +79,8 @@ def find_landmarks(source: Path, capture: Capture) -> Landmarks:
     """Landmarks of all frames of a capture.
 
     Args:
-        source: An .npz file (`carigs.fitting.landmark_files`); a folder with `{timestep:05d}_{camera:02d}.npz` for each
-            image that shows a face, with the array `landmarks` (points, 3); or a .task file of MediaPipe.
+        source: An .npz file (`carigs.fitting.landmarks.files`); a folder with `{timestep:05d}_{camera:02d}.npz` for
+            each image that shows a face, with the array `landmarks` (points, 3); or a .task file of MediaPipe.
         capture: The capture.
 
     Returns:

@@ -1,7 +1,7 @@
 """Usual mistakes in the unit and the origin of landmarks, and how to undo them.
 
-The forms say which maps to pixels a mistake can give (`carigs.fitting.landmark_map`). Those with one unknown, such as
-images of another resolution, come before those with more.
+The forms say which maps to pixels a mistake can give (`carigs.fitting.landmarks.image_map`). Those with one
+unknown, such as images of another resolution, come before those with more.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from carigs.fitting.landmark_map import Form, ImageMap, MapFit, Sizes
+from carigs.fitting.landmarks.image_map import Form, ImageMap, MapFit, Sizes
 
 NEAR = 0.03
 """Relative difference from a usual number up to which a fitted one is taken for it."""

@@ -10,7 +10,7 @@ from small_head import ring_of_cameras, small_head
 
 from carigs.fitting.fitted_parameters import fitted_parameters
 from carigs.fitting.head_points import HeadPoints
-from carigs.fitting.landmark_fit import (
+from carigs.fitting.landmarks.fit import (
     HeadFit,
     Observations,
     fit_landmarks,

@@ -1,8 +1,8 @@
 """Are landmarks in pixels of the images, x before y, from the upper left corner, in the order of the embedding?
 
 A rigid mean head is fitted to the landmarks as stated, and with a map from landmarks to pixels
-(`carigs.fitting.landmark_map`) in all orders (`carigs.fitting.landmark_orders`). If a map that a usual mistake gives
-(`carigs.fitting.landmark_mistakes`) leaves much smaller errors, it is named. No shape or expression takes part: they
+(`image_map`) in all orders (`orders`). If a map that a usual mistake gives (`mistakes`) leaves much smaller errors, it
+is named. No shape or expression takes part: they
 would bend the face to landmarks in a wrong unit. Few cameras, or cameras side by side, leave more maps possible; what
 they do not tell apart is said to be so.
 """
@@ -16,10 +16,10 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.errors import InputError
-from carigs.fitting.landmark_fit import Observations
-from carigs.fitting.landmark_map import Form, MapFit, OwnForm, Views, centred_pixels, fit_map, spreads
-from carigs.fitting.landmark_mistakes import FREE, MISTAKES, NO_MISTAKE, ODD_MAP, Description, guess
-from carigs.fitting.landmark_orders import Order, orders
+from carigs.fitting.landmarks.fit import Observations
+from carigs.fitting.landmarks.image_map import Form, MapFit, OwnForm, Views, centred_pixels, fit_map, spreads
+from carigs.fitting.landmarks.mistakes import FREE, MISTAKES, NO_MISTAKE, ODD_MAP, Description, guess
+from carigs.fitting.landmarks.orders import Order, orders
 from carigs.fitting.triangulation import LEAST_POINTS, triangulate, well_seen_timesteps
 
 TIMESTEPS, CAMERAS = 2, 8

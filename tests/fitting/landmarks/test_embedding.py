@@ -9,7 +9,7 @@ import pytest
 from small_head import small_head
 
 from carigs.errors import InputError
-from carigs.fitting.landmark_embedding import read_embedding
+from carigs.fitting.landmarks.embedding import read_embedding
 from carigs.head import SurfacePoints
 
 MODEL = small_head(subdivisions=2)
