@@ -18,8 +18,8 @@ from carigs.cli.parser import command_parser
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration import GammaPath
 from carigs.readers.arrays import checked_text
+from carigs.readers.mesh_files.ply import read_ply_vertices
 from carigs.readers.npz import read_npz
-from carigs.readers.ply import read_ply_vertices
 from carigs.settings import DEFAULT_GAMMA
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ from carigs.mesh.repair import CleanMesh, clean_mesh
 from carigs.mesh.self_intersection import self_intersecting_faces
 from carigs.readers.arrays import checked_array
 from carigs.readers.json_files import read_json
-from carigs.readers.meshes import FORMATS, read_mesh
+from carigs.readers.mesh_files.meshes import FORMATS, read_mesh
 from carigs.readers.npz import read_npz
 from carigs.readers.pickles import read_pickle
 from carigs.settings import DEFAULT_GAMMA, USEFUL_LEVEL, Exaggerate

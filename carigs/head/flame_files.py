@@ -15,8 +15,8 @@ from carigs.head.surface_points import SurfacePoints, points_of_faces
 from carigs.head.teeth import FLAME_COUNTS, LOWER_LIP, UPPER_LIP
 from carigs.readers.arrays import checked_array
 from carigs.readers.file_names import LANDMARKS, MASKS, UV_MASKS, UV_MESH
+from carigs.readers.mesh_files.obj import read_obj_uvs
 from carigs.readers.npz import read_npz
-from carigs.readers.obj import read_obj_uvs
 from carigs.readers.pickles import read_pickle, read_pickled_npy
 
 FULL_EMBEDDING = "full_lmk_faces_idx", "full_lmk_bary_coords"

@@ -22,8 +22,8 @@ from carigs.readers.arrays import checked_array
 from carigs.readers.folders import listed
 from carigs.readers.json_files import json_field, read_json
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
-from carigs.readers.obj import parse_obj
-from carigs.readers.polygons import Polygons, triangulate
+from carigs.readers.mesh_files.obj import parse_obj
+from carigs.readers.mesh_files.polygons import Polygons, triangulate
 
 METRES_PER_UNIT = 0.01
 VERTICES = 26719

@@ -14,8 +14,8 @@ from carigs.errors import CarigsWarning, InputError
 from carigs.mesh.ply_writer import ply_content
 from carigs.mesh.triangle_mesh import vertex_normals
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
-from carigs.readers.obj import obj_lines
-from carigs.readers.ply import parse_ply
+from carigs.readers.mesh_files.obj import obj_lines
+from carigs.readers.mesh_files.ply import parse_ply
 from carigs.readers.text import encode_text
 
 _TEXTURE_COORDINATES = re.compile(rb"^vt |^property .*\b(?:s|u|texture_u|texcoord)\s*$|\"TEXCOORD_0\"", re.MULTILINE)

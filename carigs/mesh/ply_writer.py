@@ -1,4 +1,4 @@
-"""Writer of .ply files: the inverse of `carigs.readers.ply`."""
+"""Writer of .ply files: the inverse of `carigs.readers.mesh_files.ply`."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from carigs.readers.ply import LENGTH, Ply
-from carigs.readers.ply_header import BYTE_ORDERS, TYPES
+from carigs.readers.mesh_files.ply import LENGTH, Ply
+from carigs.readers.mesh_files.ply_header import BYTE_ORDERS, TYPES
 
 _NAMES = {dtype: name for name, dtype in reversed(TYPES.items())}
 """The format's names of NumPy's types: the older of both, which every reader knows."""

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from carigs.mesh.triangle_mesh import components, signed_volume
-from carigs.readers.coincident import equal_rows, places
+from carigs.readers.mesh_files.coincident import equal_rows, places
 
 
 class OneSided(NamedTuple):

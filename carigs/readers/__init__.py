@@ -12,11 +12,7 @@ code of the file, and raises `InputError` with the file and the field for whatev
 - `pickles`, `pickled_objects`: pickled dictionaries of arrays, such as FLAME's
 - `images`: PNG and JPEG
 - `text`: the encoding and the lines of text in all files
-- `ply`: .ply files; `ply_header`: their header
-- `obj`, `off`: the vertices and faces of .obj and .off files
-- `glb`: the triangles of .glb files; `gltf_extensions`: which extensions they may require
-- `polygons`: faces with more than three corners, cut into triangles
-- `meshes`: OBJ, PLY, STL, OFF and GLB
+- `mesh_files`: OBJ, PLY, STL, OFF and glTF
 - `colmap`: COLMAP's sparse models
 - `weights`: network weights in .safetensors and PyTorch's files
 - `arrays`: the type, shape and range of an array

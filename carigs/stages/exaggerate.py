@@ -14,7 +14,7 @@ from carigs.head.teeth import add_teeth, skin_counts
 from carigs.mesh.deformation import check_deformation
 from carigs.mesh.self_intersection import self_intersecting_faces
 from carigs.readers.arrays import checked_array
-from carigs.readers.meshes import read_mesh
+from carigs.readers.mesh_files.meshes import read_mesh
 from carigs.readers.npz import read_npz
 from carigs.settings import Exaggerate
 

@@ -20,7 +20,7 @@ from carigs.exaggeration import Exaggerator
 from carigs.head import HeadModel
 from carigs.mesh import clean_mesh
 from carigs.mesh.ambient_occlusion import ambient_occlusion
-from carigs.readers.meshes import read_mesh
+from carigs.readers.mesh_files.meshes import read_mesh
 from carigs.settings import Exaggerate
 from evaluation.benchmarks.exaggeration import surface_accuracy as accuracy
 from evaluation.benchmarks.exaggeration.curvature_accuracy import measure_curvature

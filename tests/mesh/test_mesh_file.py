@@ -8,7 +8,7 @@ import trimesh
 
 from carigs.errors import CarigsWarning, InputError
 from carigs.mesh.mesh_file import moved_mesh_file
-from carigs.readers.meshes import read_mesh
+from carigs.readers.mesh_files.meshes import read_mesh
 
 NORMAL = ("nx", "ny", "nz")
 BALL = trimesh.creation.icosphere(subdivisions=1)

@@ -10,7 +10,7 @@ import trimesh
 
 from carigs.mesh.repair import clean_mesh
 from carigs.mesh.triangle_mesh import signed_volume
-from carigs.readers.meshes import read_mesh
+from carigs.readers.mesh_files.meshes import read_mesh
 
 _sphere = trimesh.creation.icosphere(2)
 VERTICES = np.asarray(_sphere.vertices) * [0.1, 0.13, 0.11] + [0, 1.6, 0.2]

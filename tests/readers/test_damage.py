@@ -21,10 +21,10 @@ from hypothesis import strategies as st
 from carigs.errors import InputError
 from carigs.readers.images import read_header, read_pixels
 from carigs.readers.json_files import read_json
-from carigs.readers.meshes import FORMATS, read_mesh
+from carigs.readers.mesh_files.meshes import FORMATS, read_mesh
+from carigs.readers.mesh_files.ply import read_ply_vertices
 from carigs.readers.npz import read_npy, read_npz
 from carigs.readers.pickles import read_pickle
-from carigs.readers.ply import read_ply_vertices
 from tests.readers.damage import damaged
 
 RNG = np.random.default_rng(0)

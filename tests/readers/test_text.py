@@ -16,9 +16,9 @@ from carigs.errors import CarigsError, CarigsWarning, InputError
 from carigs.mesh.mesh_file import moved_mesh_file
 from carigs.readers.colmap import read_colmap
 from carigs.readers.json_files import read_json
-from carigs.readers.meshes import read_mesh
-from carigs.readers.obj import read_obj_uvs
-from carigs.readers.ply import read_ply_vertices
+from carigs.readers.mesh_files.meshes import read_mesh
+from carigs.readers.mesh_files.obj import read_obj_uvs
+from carigs.readers.mesh_files.ply import read_ply_vertices
 from carigs.readers.text import decode_text, encode_text, split_lines
 from carigs.readers.yaml_files import read_yaml_text
 

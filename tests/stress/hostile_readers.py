@@ -30,9 +30,9 @@ from carigs.light import Shading, fibonacci_sphere
 from carigs.light.shading import load_shading, save_shading
 from carigs.readers.images import read_header, read_pixels
 from carigs.readers.json_files import read_json
-from carigs.readers.meshes import FORMATS, read_mesh
+from carigs.readers.mesh_files.meshes import FORMATS, read_mesh
+from carigs.readers.mesh_files.obj import read_obj_uvs
 from carigs.readers.npz import read_npy, read_npz
-from carigs.readers.obj import read_obj_uvs
 from carigs.readers.pickles import read_pickle, read_pickled_npy
 from carigs.readers.weights import read_weights
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar

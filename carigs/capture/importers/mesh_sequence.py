@@ -20,8 +20,8 @@ from carigs.errors import InputError
 from carigs.head import HeadModel, HeadParameters, pose_frames
 from carigs.mesh.rigid_alignment import rigid_alignment
 from carigs.readers.folders import listed
-from carigs.readers.meshes import read_polygons
-from carigs.readers.polygons import triangulate
+from carigs.readers.mesh_files.meshes import read_polygons
+from carigs.readers.mesh_files.polygons import triangulate
 
 NUM_EXPRESSIONS = 100
 """Largest number of blendshapes, as of FLAME."""

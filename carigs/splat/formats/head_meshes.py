@@ -17,7 +17,7 @@ from numpy.polynomial import Polynomial
 from carigs.exaggeration import GammaPath
 from carigs.mesh.ply_writer import ply_content
 from carigs.mesh.triangle_mesh import vertex_normals
-from carigs.readers.ply import LENGTH, Ply
+from carigs.readers.mesh_files.ply import LENGTH, Ply
 from carigs.splat.formats.gltf import ARRAY_BUFFER, ELEMENT_ARRAY_BUFFER, TRIANGLES, GltfBuffer, write_gltf
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.system.files import writing

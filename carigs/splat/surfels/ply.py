@@ -17,8 +17,8 @@ from jaxtyping import Float, Int
 from carigs.errors import InputError, SettingsError
 from carigs.mesh.ply_writer import ply_content
 from carigs.readers.arrays import checked_array
-from carigs.readers.meshes import MAX_FACES
-from carigs.readers.ply import Ply, read_ply_vertices
+from carigs.readers.mesh_files.meshes import MAX_FACES
+from carigs.readers.mesh_files.ply import Ply, read_ply_vertices
 from carigs.splat.colour.spherical_harmonics import num_coefficients
 from carigs.splat.surfels.surfels import SH_COUNTS, Surfels, checked_surfels, initial_blend, to_arrays
 from carigs.system.files import writing

@@ -11,9 +11,9 @@ import numpy as np
 from jaxtyping import Shaped
 
 from carigs.errors import InputError
-from carigs.readers.gltf_extensions import check_compression
 from carigs.readers.json_files import json_field
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
+from carigs.readers.mesh_files.gltf_extensions import check_compression
 
 INDICES = {5121: "u1", 5123: "<u2", 5125: "<u4"}
 """NumPy's types of the component types of indices."""

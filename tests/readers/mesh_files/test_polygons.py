@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from carigs.errors import CarigsWarning, InputError
 from carigs.mesh import clean_mesh
-from carigs.readers.meshes import read_mesh, read_polygons
-from carigs.readers.polygons import Polygons, triangulate
+from carigs.readers.mesh_files.meshes import read_mesh, read_polygons
+from carigs.readers.mesh_files.polygons import Polygons, triangulate
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from carigs.errors import InputError
-from carigs.readers.polygons import Polygons
+from carigs.readers.mesh_files.polygons import Polygons
 from carigs.readers.text import decode_text, split_lines
 
 _KEYWORD = re.compile(r"(?:ST)?C?N?OFF")

@@ -16,8 +16,8 @@ from jaxtyping import Float64
 
 from carigs.errors import InputError
 from carigs.readers.limits import MAX_ARRAY_BYTES, read_bytes
-from carigs.readers.ply_header import Property, parse_ply_header
-from carigs.readers.polygons import Polygons
+from carigs.readers.mesh_files.ply_header import Property, parse_ply_header
+from carigs.readers.mesh_files.polygons import Polygons
 from carigs.readers.text import without_byte_order_mark
 
 MAX_MIXED_ROWS = 20_000_000

@@ -18,8 +18,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from carigs.errors import CarigsWarning, InputError
-from carigs.readers.glb import parse_glb
-from carigs.readers.meshes import read_mesh
+from carigs.readers.mesh_files.glb import parse_glb
+from carigs.readers.mesh_files.meshes import read_mesh
 
 VERTICES = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], "<f4")
 FACES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]], "<u4")
@@ -262,7 +262,7 @@ def test_what_is_wrong_is_named_and_nothing_is_allocated(name):
 
 
 def test_instances_without_end_are_refused(monkeypatch):
-    monkeypatch.setattr("carigs.readers.glb.MAX_CORNERS", 30)
+    monkeypatch.setattr("carigs.readers.mesh_files.glb.MAX_CORNERS", 30)
     content = document()
     content["nodes"] = [{"mesh": 0}] * 3
     content["scenes"] = [{"nodes": [0, 1, 2]}]

@@ -5,8 +5,8 @@ import pytest
 import trimesh
 
 from carigs.errors import InputError
-from carigs.readers.meshes import read_mesh
-from carigs.readers.obj import parse_obj
+from carigs.readers.mesh_files.meshes import read_mesh
+from carigs.readers.mesh_files.obj import parse_obj
 
 CUBE = trimesh.creation.box()
 

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from carigs.errors import CarigsWarning, InputError
-from carigs.readers.glb import parse_glb, parse_gltf
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
-from carigs.readers.obj import parse_obj
-from carigs.readers.off import parse_off
-from carigs.readers.ply import parse_ply_polygons
-from carigs.readers.polygons import Polygons, triangulate
+from carigs.readers.mesh_files.glb import parse_glb, parse_gltf
+from carigs.readers.mesh_files.obj import parse_obj
+from carigs.readers.mesh_files.off import parse_off
+from carigs.readers.mesh_files.ply import parse_ply_polygons
+from carigs.readers.mesh_files.polygons import Polygons, triangulate
 from carigs.readers.text import decode_text, encode_text, split_lines, without_byte_order_mark
 
 if TYPE_CHECKING:

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from carigs.errors import InputError
 from carigs.mesh.ply_writer import ply_content
-from carigs.readers.ply import LENGTH, parse_ply
-from carigs.readers.ply_header import TYPES
+from carigs.readers.mesh_files.ply import LENGTH, parse_ply
+from carigs.readers.mesh_files.ply_header import TYPES
 
 CODES = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "f4": "f", "f8": "d"}
 """Codes of the struct module."""

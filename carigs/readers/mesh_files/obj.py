@@ -14,7 +14,7 @@ from jaxtyping import Float64, Int64
 from carigs.errors import InputError
 from carigs.readers.arrays import checked_array
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
-from carigs.readers.polygons import Polygons
+from carigs.readers.mesh_files.polygons import Polygons
 from carigs.readers.text import decode_text, split_lines
 
 

@@ -17,10 +17,10 @@ from scipy.spatial.transform import Rotation
 
 from carigs.errors import CarigsWarning, InputError
 from carigs.readers.arrays import checked_array
-from carigs.readers.gltf_data import INDICES, GltfData
-from carigs.readers.gltf_extensions import QUANTIZATION, check_compression, check_extensions
 from carigs.readers.json_files import json_field, parse_json
 from carigs.readers.limits import MAX_TEXT_BYTES, max_unpacked_bytes
+from carigs.readers.mesh_files.gltf_data import INDICES, GltfData
+from carigs.readers.mesh_files.gltf_extensions import QUANTIZATION, check_compression, check_extensions
 
 MAX_CORNERS, CORNER_BYTES = 60_000_000, 32
 """Most vertices, and most corners of triangles, of all meshes, and what each takes in memory: nodes can show one mesh

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float64, Int, Int64
 
 from carigs.errors import CarigsWarning, InputError
-from carigs.readers.coincident import places, triangles_of_twins
+from carigs.readers.mesh_files.coincident import places, triangles_of_twins
 
 FLAT = 1e-5
 """Roundness of a triangle (1 if it is equilateral) below which its corners count as points of a straight line."""
