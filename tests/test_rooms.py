@@ -5,6 +5,7 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
+MOST_FILES = 20
 
 
 def layers() -> list[str]:
@@ -21,3 +22,9 @@ def test_every_room_is_in_the_import_contract():
 def test_the_rooms_of_the_guide_are_those_of_the_contract():
     rows = re.findall(r"^\| `((?:carigs|evaluation)[\w/.]*)` \|", (ROOT / "CONTRIBUTING.md").read_text(), re.MULTILINE)
     assert [row.removesuffix(".py").rstrip("/").replace("/", ".") for row in rows] == layers()
+
+
+def test_a_folder_can_be_looked_through():
+    folders = {file.parent for package in ("carigs", "evaluation") for file in (ROOT / package).rglob("*.py")}
+    counts = {str(folder.relative_to(ROOT)): len([*folder.glob("*.py")]) for folder in folders}
+    assert {folder: count for folder, count in counts.items() if count > MOST_FILES} == {}

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from carigs.capture.calibration.camera_checks import check_intrinsics, check_rigid
 from carigs.capture.camera import Camera
-from carigs.capture.camera_checks import check_intrinsics, check_rigid
 from carigs.capture.frame import Frame
 from carigs.errors import InputError
 from carigs.readers.arrays import checked_array

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from carigs.capture.camera_table import CameraTable
+from carigs.capture.calibration.camera_table import CameraTable
 from carigs.capture.frame import Frame
 from carigs.capture.image_checks import RESTORE, SoundImages, sound_images
 from carigs.errors import InputError, collecting

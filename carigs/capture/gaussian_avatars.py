@@ -7,9 +7,9 @@ import re
 from pathlib import Path
 from typing import Any
 
-from carigs.capture.calibration_keys import TRANSFORMS, CalibrationKeys
-from carigs.capture.camera_checks import check_field_of_view
-from carigs.capture.camera_table import CameraTable, Intrinsics
+from carigs.capture.calibration.camera_checks import check_field_of_view
+from carigs.capture.calibration.camera_table import CameraTable, Intrinsics
+from carigs.capture.calibration.keys import TRANSFORMS, CalibrationKeys
 from carigs.capture.capture_json import MAX_NUMBER
 from carigs.capture.dataset import Capture
 from carigs.capture.dataset_checks import ListedFrame, sound_frames

@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.capture import Capture
-from carigs.capture.calibration_keys import TRANSFORMS, CalibrationKeys
-from carigs.capture.camera_table import CameraTable
+from carigs.capture.calibration.camera_table import CameraTable
+from carigs.capture.calibration.keys import TRANSFORMS, CalibrationKeys
 from carigs.capture.dataset_checks import sound_frames
 from carigs.capture.dataset_writer import parameter_file
 from carigs.capture.gaussian_avatars import read_index

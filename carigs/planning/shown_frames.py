@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from omegaconf import DictConfig
 
-from carigs.capture.calibration_keys import TRANSFORMS, CalibrationKeys
-from carigs.capture.camera_table import CameraTable
+from carigs.capture.calibration.camera_table import CameraTable
+from carigs.capture.calibration.keys import TRANSFORMS, CalibrationKeys
 from carigs.capture.frame import Frame
 from carigs.capture.gaussian_avatars import read_index
 from carigs.capture.splits import split_frames

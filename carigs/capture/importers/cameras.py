@@ -2,7 +2,7 @@
 
 cameras.json holds {"cameras": [{"name", "width", "height", "fx", "fy", "cx", "cy", "camera_from_world"}, ...]}: pixels,
 and a 4 x 4 rigid transform to OpenCV axes (x right, y down, z forward). Cameras are pinholes: what says otherwise is
-refused (`carigs.capture.calibration_keys`).
+refused (`carigs.capture.calibration.keys`).
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from carigs.capture.calibration_keys import CAMERAS_JSON, CalibrationKeys
+from carigs.capture.calibration.camera_checks import check_intrinsics, check_rigid
+from carigs.capture.calibration.keys import CAMERAS_JSON, CalibrationKeys
 from carigs.capture.camera import Camera
-from carigs.capture.camera_checks import check_intrinsics, check_rigid
 from carigs.errors import InputError, SettingsError
 from carigs.readers.arrays import checked_array
 from carigs.readers.colmap import ColmapImage, read_colmap

@@ -15,9 +15,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from carigs.capture.calibration_keys import refuse_distortion
+from carigs.capture.calibration.camera_checks import check_intrinsics, check_rigid
+from carigs.capture.calibration.keys import refuse_distortion
 from carigs.capture.camera import Camera
-from carigs.capture.camera_checks import check_intrinsics, check_rigid
 from carigs.capture.capture_json import MAX_NUMBER
 from carigs.capture.importers.images import FoundImage, timestep_of
 from carigs.errors import InputError

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from carigs.capture.camera_checks import FARTHEST
+from carigs.capture.calibration.camera_checks import FARTHEST
 from carigs.capture.importers.images import timestep_of
 from carigs.errors import InputError
 from carigs.head import HeadModel, HeadParameters, pose_frames

@@ -6,10 +6,10 @@ import warnings
 
 import numpy as np
 import pytest
-from tests.readers.mesh_files.test_glb import FACES, VERTICES, document, glb
 
 from carigs.errors import CarigsWarning, InputError
 from carigs.readers.mesh_files.glb import parse_glb
+from tests.readers.mesh_files.test_glb import FACES, VERTICES, document, glb
 
 
 def quantised(dtype, normalized, scale):

@@ -19,7 +19,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from carigs.capture.pinhole_values import is_identity, is_pinhole, is_square, is_true, is_zero
+from carigs.capture.calibration.pinhole_values import is_identity, is_pinhole, is_square, is_true, is_zero
 from carigs.errors import InputError
 
 TRANSFORMS = frozenset({

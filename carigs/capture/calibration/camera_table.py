@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from carigs.capture.calibration.camera_checks import check_intrinsics, check_rigid
 from carigs.capture.camera import OPENCV_FROM_OPENGL, Camera
-from carigs.capture.camera_checks import check_intrinsics, check_rigid
 from carigs.errors import InputError, collecting
 from carigs.readers.arrays import checked_array
 
