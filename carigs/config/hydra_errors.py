@@ -22,7 +22,7 @@ def describe(error: Exception) -> str:
         The line; it starts with the key or override if the error has one.
     """
     if isinstance(error, MissingConfigException):
-        group, _, name = str(error.missing_cfg_file).rpartition("/")
+        group, _, name = str(error.missing_cfg_file).partition("/")
         return f"{group}={name} is unknown; known: {choices(group)}"
     # Hydra leaves out the details. An error of OmegaConf has a cause, which lacks them, while a debugger is attached.
     by_hydra = isinstance(error, HydraException) and isinstance(error.__cause__, OmegaConfBaseException)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from carigs.config import compose, known, read_sweep
+from carigs.config import compose, compose_study, known, read_sweep
 from carigs.config.conf_files import choices
 from carigs.errors import CarigsError, InputError, SettingsError
 
@@ -144,3 +144,9 @@ def test_a_preset_is_relative_by_a_number(conf, relation, operand):
     conf("preset/mine.yaml", f"# @package _global_\ntrain: {{iterations: '${{{relation}:{operand}}}'}}\n")
     with pytest.raises(SettingsError, match=r"train\.iterations: .*is no decimal number"):
         compose("preset=mine")
+
+
+@pytest.mark.parametrize("name", ["${oc.env:HOME}", "a//b", "/etc/passwd", "toy/"])
+def test_a_path_is_no_choice(name):
+    with pytest.raises(SettingsError, match=r"^study=.*known: .*toy"):
+        compose_study(f"study={name}")

@@ -4,7 +4,7 @@ Each case changes a copy of a sound capture. A damaged one must be refused (`Inp
 must cause neither.
 
 Example:
-    python -m stress.captures results/stress/captures.csv DATASET HEAD_MODEL.npz
+    PYTHONPATH=tests python -m stress.captures results/stress/captures.csv DATASET HEAD_MODEL.npz
 """
 
 from __future__ import annotations

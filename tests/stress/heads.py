@@ -1,7 +1,7 @@
 """Invariants of the robust preset on real heads and random people, each with a bound.
 
 Example:
-    python -m stress.heads results/stress/heads.csv head.obj ... --head-model ict_model.npz
+    PYTHONPATH=tests python -m stress.heads results/stress/heads.csv head.obj ... --head-model ict_model.npz
 """
 
 from __future__ import annotations

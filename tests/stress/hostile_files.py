@@ -3,7 +3,7 @@
 Every case runs in another process, whose time, memory and calls of the system are watched.
 
 Example:
-    python -m stress.hostile_files results/stress/hostile_files.csv
+    PYTHONPATH=tests python -m stress.hostile_files results/stress/hostile_files.csv
 """
 
 from __future__ import annotations

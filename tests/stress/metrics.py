@@ -1,7 +1,7 @@
 """Metrics of images, regions and embeddings, and bootstrap intervals, where formulas divide by zero or cancel.
 
 Example:
-    python -m stress.metrics results/stress/metrics.csv
+    PYTHONPATH=tests python -m stress.metrics results/stress/metrics.csv
 """
 
 from __future__ import annotations

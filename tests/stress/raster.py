@@ -1,7 +1,7 @@
 """The triangle rasterizer against rays in float64: any camera, any triangle, every pixel covered once.
 
 Example:
-    python -m stress.raster results/stress/raster.csv
+    PYTHONPATH=tests python -m stress.raster results/stress/raster.csv
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The surfel rasterizer on scenes that break numerics, against closed forms and a dense float64 reference.
 
 Example:
-    python -m stress.rasterizer results/stress/rasterizer.csv
+    PYTHONPATH=tests python -m stress.rasterizer results/stress/rasterizer.csv
 """
 
 from __future__ import annotations

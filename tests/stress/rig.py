@@ -1,7 +1,7 @@
 """Triangle motions, skinning and posing at special angles, in any unit, and with triangles that have no area.
 
 Example:
-    python -m stress.rig results/stress/rig.csv
+    PYTHONPATH=tests python -m stress.rig results/stress/rig.csv
 """
 
 from __future__ import annotations

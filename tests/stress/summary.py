@@ -1,7 +1,7 @@
 """Outcomes of all stress suites in one table; fails if a case is wrong.
 
 Example:
-    python -m stress.summary results/stress/summary.csv results/stress/raster.csv results/stress/rig.csv
+    PYTHONPATH=tests python -m stress.summary results/stress/summary.csv results/stress/r*.csv
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Broken meshes: the exaggeration gives the right answer, or a typed error that names the element.
 
 Example:
-    python -m stress.surface results/stress/surface.csv head.obj
+    PYTHONPATH=tests python -m stress.surface results/stress/surface.csv head.obj
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Warped frames and their mask flags on meshes that are folded, mirrored, collapsed, not manifold or not in view.
 
 Example:
-    python -m stress.targets results/stress/targets.csv
+    PYTHONPATH=tests python -m stress.targets results/stress/targets.csv
 """
 
 from __future__ import annotations

@@ -6,6 +6,7 @@ import csv
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -13,6 +14,8 @@ from carigs.errors import InputError
 from stress import hostile_files
 from stress.hostile_cases.case import Case
 from stress.hostile_files import read_case
+
+TESTS = str(Path(__file__).parents[1])
 
 
 def raising(error):
@@ -42,7 +45,7 @@ def test_every_outcome_is_told(read, case, outcome, tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_no_reader_runs_code_crashes_or_is_silently_wrong(tmp_path):
     command = [sys.executable, "-m", "stress.hostile_files", str(tmp_path / "rows.csv")]
-    done = subprocess.run(command, capture_output=True, text=True, env=os.environ)
-    assert done.returncode == 0, done.stdout
+    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": TESTS})
+    assert done.returncode == 0, done.stdout + done.stderr
     rows = list(csv.DictReader((tmp_path / "rows.csv").read_text().splitlines()))
     assert len(rows) >= 600 and {row["outcome"] for row in rows} == {"right", "typed error"}
