@@ -72,7 +72,7 @@ class Client:
             self.messages.append(message)
             self.buffers.append(buffers)
 
-    def wait_for(self, wanted: Any, seconds: float = 20.0) -> dict[str, Any]:
+    def wait_for(self, wanted: Any, seconds: float = 90.0) -> dict[str, Any]:
         """The next message that `wanted` holds for; those before it are forgotten."""
         end = time.monotonic() + seconds
         while True:
@@ -100,7 +100,7 @@ class Client:
         """Set the value of a control."""
         self.send({"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}})
 
-    def image(self, *, lossless: bool = True, seconds: float = 20.0) -> bytes:
+    def image(self, *, lossless: bool = True, seconds: float = 90.0) -> bytes:
         """The next image of exact mode."""
         kind = "png" if lossless else "jpeg"
         found = self.wait_for(

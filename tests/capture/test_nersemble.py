@@ -27,6 +27,7 @@ def union(data) -> Capture:
     return read_dataset(data / UNION, data / "flame2023.pkl")
 
 
+@pytest.mark.slow
 def test_sequences_keep_their_own_cameras(union):
     assert len(union.calibrations) == len(CAMERAS) * len(SEQUENCES)
     assert len(union.frames) == len(CAMERAS) * len(SEQUENCES) * STEPS - 1

@@ -166,6 +166,7 @@ def test_what_the_table_of_a_sweep_would_refuse_is_refused_before_it_starts(comm
     assert not commands
 
 
+@pytest.mark.slow
 def test_any_number_of_overrides_reaches_snakemake(commands, monkeypatch, tmp_path):
     """Linux allows 131072 bytes for the command of a job; it holds the overrides, quoted twice."""
     monkeypatch.chdir(tmp_path)

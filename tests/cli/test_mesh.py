@@ -251,6 +251,7 @@ def test_a_level_that_folds_the_surface_is_written_with_a_warning_if_it_is_force
     assert not (tmp_path / "out_preview.png").exists()
 
 
+@pytest.mark.slow
 def test_close_levels_have_files_of_their_own(mesh, tmp_path):
     """Three digits name steps of 0.00002 alike."""
     mesh.export(tmp_path / "head.obj")

@@ -57,6 +57,7 @@ def test_mistakes_end_it_with_one_line(avatar, capsys, monkeypatch, arguments, p
     assert problem in line
 
 
+@pytest.mark.slow
 def test_the_viewer_listens_at_this_machine_until_it_is_interrupted(avatar, tmp_path):
     pytest.importorskip("viser")
     command = [sys.executable, "-m", "carigs", "view", str(avatar), "--port", "0", "--exports", str(tmp_path / "out")]

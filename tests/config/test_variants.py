@@ -16,6 +16,7 @@ many_compositions = pytest.mark.no_cover
 """Hydra takes twice as long while coverage is measured; other tests run the same lines."""
 
 
+@pytest.mark.slow
 @many_compositions
 def test_variants_differ_in_supervision_masks_levels_and_light_only():
     trained = {name: OmegaConf.to_object(compose(f"variant={name}").train) for name in known("variant")}
@@ -39,6 +40,7 @@ def test_every_variant_can_be_composed(name):
     assert name == "alternating" or (config.gtstar, config.train) != (ours.gtstar, ours.train)
 
 
+@pytest.mark.slow
 @many_compositions
 def test_the_study_of_masks_turns_every_default_reason_off_and_every_other_one_on_in_turn():
     ours = set(DEFAULT_MASK_FLAGS)

@@ -72,6 +72,7 @@ def key(frame):
     return frame.timestep, frame.camera, frame.sequence, frame.split
 
 
+@pytest.mark.slow
 def test_the_frames_of_the_toy_are_those_that_it_writes(tmp_path):
     small = {"width": 16, "height": 16, "cameras": 3, "steps_per_sequence": 2, "texture_size": 128, "supersampling": 1}
     toy = Toy(**small, hair_strands=50)

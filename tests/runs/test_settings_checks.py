@@ -55,6 +55,7 @@ def test_a_truth_that_is_nowhere_is_named_and_one_level_is_enough(own, tmp_path)
     assert settings_warnings([*own, truth.replace("=/", "='/") + "'"]) == []
 
 
+@pytest.mark.slow
 def test_settings_that_follow_gamma_cannot_be_shared_by_several_gammas(tmp_path, monkeypatch):
     """Only the paths of `exaggerate` tell gammas apart."""
     (tmp_path / "conf/study").mkdir(parents=True)

@@ -56,6 +56,7 @@ def test_the_ellipsoid_covers_half_of_the_image_whatever_the_size():
         assert 0.4 < np.ptp(pixels, axis=0).prod() * np.pi / 4 / (camera.width * camera.height) < 0.6
 
 
+@pytest.mark.slow
 def test_what_the_loss_is_compared_with_is_the_same_loss():
     image, target = torch.rand((2, 3, 40, 30), generator=torch.Generator().manual_seed(0))
     fused = photometric_loss(image.permute(1, 2, 0), target.permute(1, 2, 0))

@@ -12,6 +12,7 @@ TINY = [
 ]
 
 
+@pytest.mark.slow
 def test_every_case_of_a_series_is_another_training():
     """None repeats the defaults, which are the preset `balanced`."""
     found = {case: repr(case_settings(case)) for case in list_cases()}

@@ -49,6 +49,7 @@ def test_warps_of_a_known_surface_are_right_where_they_are_trusted(scene):
     assert pixels.wrong[pixels.kept].mean() < 0.02  # on the outline of small images
 
 
+@pytest.mark.slow
 def test_pixels_of_covered_triangles_are_left_out(scene):
     capture, caricature, truth = scene
     covered = capture.model.v_template[capture.model.faces].mean(axis=1)[:, 1] > 0

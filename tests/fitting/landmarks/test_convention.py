@@ -144,6 +144,7 @@ OTHERS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OTHERS)
 def test_another_mistake_is_named(name):
     change, says = OTHERS[name]

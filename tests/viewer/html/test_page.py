@@ -208,6 +208,7 @@ def test_what_the_avatar_does_not_have_is_refused(tmp_path, options, words):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_equal_avatars_give_equal_bytes(tmp_path):
     pages = []
     for name in ("a", "b"):
