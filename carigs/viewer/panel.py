@@ -11,19 +11,18 @@ import viser
 from jaxtyping import Float, Float32, UInt8, UInt32
 
 from carigs.errors import CarigsError
+from carigs.viewer.camera_pyramids import CameraPyramids
 from carigs.viewer.exact_mode import View, page_pose, pixels
 from carigs.viewer.exports import FORMATS
 from carigs.viewer.options import MODES, OVERLAYS, SPLITS
 from carigs.viewer.session import Session
-from carigs.viewer.splat_records import RECORD_SIZE, SCENE_SCALE
+from carigs.viewer.splat_records import RECORD_SIZE
 from carigs.viewer.subject import Subject
 
 JPEG_QUALITY = 85
 """Of images while something moves; still ones are PNG."""
-FRUSTUM_SIZE = 0.03
-"""Length of the pyramids of cameras in metres."""
-LINE_WIDTH = 1.5
-"""Of the pyramids in pixels."""
+MAX_NOTICE = 200
+"""Characters of a notice."""
 FREE = "free"
 """Name of the view that the mouse turns."""
 HELP = {
@@ -58,10 +57,8 @@ class Panel:
         self._sliders: dict[str, Any] = {}
         self._splats = self._mesh = None
         self._captured: Any = None
-        self._frustums: list[Any] = []
         with client.atomic():
             self._build()
-            self._add_frustums()
         client.camera.on_update(self._camera_moved)
         self._take_view(client.camera)
 
@@ -136,6 +133,14 @@ class Panel:
         """
         self._status.content = text
 
+    def show_notice(self, text: str) -> None:
+        """Show what went wrong, or what was written. It stays until the next notice, whatever the status line says.
+
+        Args:
+            text: One line, which is cut at `MAX_NOTICE` characters.
+        """
+        self._notice.content, self._notice.visible = text[:MAX_NOTICE], True
+
     def show_state(self) -> None:
         """Set the controls of the page to the values and options of the session."""
         values, options = self.session.state.values, self.session.options
@@ -156,7 +161,7 @@ class Panel:
 
     def _build(self) -> None:
         gui, avatar = self._client.gui, self._subject.avatar
-        self._status = gui.add_markdown("starting")
+        self._status, self._notice = gui.add_markdown("starting"), gui.add_markdown("", visible=False)
         self._mode = self._option(gui.add_dropdown("mode", MODES, hint=HELP["mode"]), "mode")
         with gui.add_folder("Exaggeration"):
             self._add_sliders("exaggeration")
@@ -192,8 +197,9 @@ class Panel:
             self._camera = gui.add_dropdown("camera", cameras, visible=len(cameras) > 1)
             self._camera.on_update(self._guard(lambda: self._choose_camera(self._camera.value)))
             if self._subject.capture is not None:
+                pyramids = CameraPyramids(self._client, self._subject.cameras, self._guard, self._choose_camera)
                 shown = gui.add_checkbox("show cameras", False)
-                shown.on_update(self._guard(lambda: self._show_frustums(bool(shown.value))))
+                shown.on_update(self._guard(lambda: pyramids.show(bool(shown.value))))
                 self._captured = gui.add_image(np.zeros((4, 4, 3), np.uint8), label="captured", visible=False)
 
     def _build_exports(self) -> None:
@@ -220,17 +226,6 @@ class Panel:
             slider.on_update(self._guard(lambda name=control.name, slider=slider: self._slid(name, slider.value)))
             self._sliders[control.name] = slider
 
-    def _add_frustums(self) -> None:
-        for number, camera in self._subject.cameras.items():
-            wxyz, position, fov = page_pose(camera)
-            frustum = self._client.scene.add_camera_frustum(
-                f"/cameras/{number}", fov, camera.width / camera.height, scale=FRUSTUM_SIZE * SCENE_SCALE,
-                thickness=LINE_WIDTH, thickness_units="screen",
-                color=(70, 110, 160), wxyz=wxyz, position=position, visible=False,
-            )  # fmt: skip
-            frustum.on_click(self._guard(lambda number=number: self._choose_camera(str(number))))
-            self._frustums.append(frustum)
-
     # Events. They run in the server's thread, and only note what has changed.
 
     def _guard(self, action: Callable[[], None]) -> Callable:
@@ -242,7 +237,7 @@ class Panel:
             try:
                 action()
             except CarigsError as error:
-                self.show_status(str(error)[:200])
+                self.show_notice(str(error))
             except Exception as error:  # a hostile client can set a control to a value of any type
                 log.debug("event refused", exc_info=error)
             self._changed()
@@ -278,10 +273,6 @@ class Panel:
         with self._client.atomic():
             self._client.camera.position, self._client.camera.fov = position, fov
             self._client.camera.wxyz = wxyz
-
-    def _show_frustums(self, visible: bool) -> None:
-        for frustum in self._frustums:
-            frustum.visible = visible
 
     def _export(self) -> None:
         self.on_export(self, self._format.value, self._name.value, self._height.value)

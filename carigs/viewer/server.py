@@ -161,7 +161,7 @@ class Viewer:
                     if not isinstance(error, CarigsError):
                         log.warning("a client could not be shown an image", exc_info=error)
                     with contextlib.suppress(Exception):
-                        panel.show_status(text[:200])
+                        panel.show_notice(text)
                 if next_step is not None:
                     due = next_step if due is None else min(due, next_step)
             self._wake.wait(None if due is None else max(due - time.monotonic(), 0.0))
@@ -195,19 +195,19 @@ class Viewer:
             if self._stopping.is_set() or not self._is_open(client.client_id):
                 raise SettingsError("the page was closed")
             if count > 1:
-                panel.show_status(f"{export.format}: {count} images")
+                panel.show_notice(f"{export.format}: {count} images")
 
         try:
             with self._export_lock:
                 file = write_export(self.exports, self.subject.scenes[0], export, self.subject.lock, show)
-            panel.show_status(f"wrote {file}")
+            panel.show_notice(f"wrote {file}")
             if file.stat().st_size <= MAX_DOWNLOAD:
                 client.send_file_download(file.name, file.read_bytes())
         except Exception as error:
             if not isinstance(error, CarigsError):
                 log.warning("an export failed", exc_info=error)
             with contextlib.suppress(Exception):
-                panel.show_status((str(error) if isinstance(error, CarigsError) else "the export failed")[:200])
+                panel.show_notice(str(error) if isinstance(error, CarigsError) else "the export failed")
         finally:
             self._exporting.discard(client.client_id)
 

@@ -55,8 +55,8 @@ def until(condition, seconds=90.0):
     return result
 
 
-def status(client, text):
-    """Wait for a status line that holds a text."""
+def notice(client, text):
+    """Wait for a notice or a status line that holds a text."""
     return client.wait_for(
         lambda m: m["type"] == "GuiUpdateMessage" and text in str(m["updates"].get("_markdown", m["updates"]))
     )
@@ -191,17 +191,37 @@ def test_a_flood_of_values_ends_in_the_last_one(viewer):
     until(lambda: panel.session.state.values["level"] == 0.25)
 
 
-def test_exports_land_in_their_folder_and_nowhere_else(viewer):
+@pytest.mark.parametrize("name", ["../escaped", "/escaped", "a/../../escaped", ".."])
+def test_exports_land_in_no_other_folder(viewer, name):
+    client = Client(viewer.port)
+    labels = client.controls("name", "height", "export")
+    client.move(labels["height"], 128)
+    client.move(labels["name"], name)
+    client.move(labels["export"], True)
+    notice(client, "name of an export")
+    assert not list(viewer.exports.folder.parent.parent.rglob("*escaped*"))
+
+
+def test_notices_outlast_the_status_line(viewer):
+    """What was refused stays on the page while images go on: the status line changes with every image."""
+    client, (panel,) = Client(viewer.port), until(lambda: list(viewer._panels.values()))
+    labels = client.controls("gamma", "name", "export")
+    client.move(labels["name"], "..")
+    client.move(labels["export"], True)
+    notice(client, "name of an export")
+    client.move(labels["gamma"], 0.125)
+    client.wait_for(lambda m: m["type"] == "SceneNodeUpdateMessage" and "buffer" in m["updates"])
+    until(lambda: "600 surfels" in panel._status.content)
+    assert "name of an export" in panel._notice.content and panel._notice.visible
+
+
+def test_exports_land_in_their_folder(viewer):
     client, folder = Client(viewer.port), viewer.exports.folder
     labels = client.controls("format", "name", "height", "export")
     client.move(labels["height"], 128)
-    for name in ("../escaped", "/escaped", "a/../../escaped", ".."):
-        client.move(labels["name"], name)
-        client.move(labels["export"], True)
-    status(client, "name of an export")
     client.move(labels["name"], "mine")
     client.move(labels["export"], True)
-    status(client, "wrote")
+    notice(client, "wrote")
     assert [file.name for file in folder.iterdir()] == ["mine.png"]
     assert [file.name for file in folder.parent.iterdir()] == ["exports"]
     client.close()
