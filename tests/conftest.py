@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from collections import defaultdict
 
 import hypothesis
 import pytest
@@ -23,7 +24,25 @@ hypothesis.settings.load_profile("repeatable")
 typecheck.install("carigs", "evaluation", "stress")
 
 
+def pytest_runtest_setup() -> None:
+    typecheck.begin_test()
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest leaves out what -m does not select
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files with slow tests first, those of whole studies before others: none of them is left for the end."""
+    """Leave most cases of dear tests to the slow ones, and order the files.
+
+    Of a test with the marker `sample(n)`, n cases are fast, evenly spread. Files with slow tests come first, those of
+    whole studies before others: none of them is left for the end.
+    """
+    cases = defaultdict(list)
+    for item in items:
+        if sample := item.get_closest_marker("sample"):
+            cases[item.path, item.originalname, *sample.args].append(item)
+    for (_, _, count), found in cases.items():
+        fast = {i * len(found) // count for i in range(count)}
+        for i, item in enumerate(found):
+            if i not in fast:
+                item.add_marker("slow")
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: (item.path not in slow, "workflow" not in item.path.parts))

@@ -7,6 +7,7 @@ alone that Numba compiles, so that modules with kernels have the signatures of t
 from __future__ import annotations
 
 import ast
+import functools
 import hashlib
 import marshal
 import os
@@ -27,6 +28,9 @@ KEEP_PYTHON = {
     "staticmethod", "torch.no_grad",
 }  # fmt: skip
 """Decorators after which a function is still Python's; functions with any other may be Numba's."""
+CHECKED_CALLS = 5
+"""Calls of each function that are checked in each test: shapes that are right five times are right in a loop."""
+_test = 0
 _THIS = Path(__file__).read_bytes()
 CHECK = "__import__('typecheck').check"
 
@@ -43,7 +47,34 @@ def typecheck(function):
     return beartype(function)
 
 
-check = jaxtyped(typechecker=typecheck)
+with_shapes = jaxtyped(typechecker=typecheck)
+
+
+def check(target):
+    """A dataclass whose fields are checked, or a function whose first calls in each test are."""
+    if isinstance(target, type):
+        return with_shapes(target)
+    checked, test, left = None, -1, 0
+
+    @functools.wraps(target)
+    def call(*args, **keywords):
+        nonlocal checked, test, left
+        if test != _test:
+            test, left = _test, CHECKED_CALLS
+        if left == 0:
+            return target(*args, **keywords)
+        left -= 1
+        if checked is None:  # what is never called is never prepared
+            checked = with_shapes(target)
+        return checked(*args, **keywords)
+
+    return call
+
+
+def begin_test() -> None:
+    """Check first calls again."""
+    global _test
+    _test += 1
 
 
 def install(*packages: str) -> None:

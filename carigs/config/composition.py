@@ -27,8 +27,12 @@ _schema = OmegaConf.structured(Config)
 # The names of regions come with the head model: here alone keys may be added.
 OmegaConf.set_struct(_schema.exaggerate.regions, False)
 ConfigStore.instance().store("schema", _schema)
+# Of Hydra's own configuration nothing is used: composing it takes a third of the time.
+_HYDRA_GROUPS = ("output", "launcher", "sweeper", "help", "hydra_help", "hydra_logging", "job_logging", "env")
+_WITHOUT_HYDRA = [{f"override hydra/{group}": None} for group in _HYDRA_GROUPS]
 # Hydra reads the first file before it knows the search path, hence this one.
-ConfigStore.instance().store("carigs", {"defaults": ["config", "_self_"], "hydra": {"searchpath": [SEARCH_PATH]}})
+_FIRST_FILE = {"defaults": ["config", "_self_", *_WITHOUT_HYDRA], "hydra": {"searchpath": [SEARCH_PATH]}}
+ConfigStore.instance().store("carigs", _FIRST_FILE)
 
 
 @cache

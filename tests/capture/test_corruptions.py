@@ -237,6 +237,7 @@ def test_there_are_forty():
     assert len(CORRUPTIONS) >= 40
 
 
+@pytest.mark.sample(40)
 @pytest.mark.parametrize("name", CORRUPTIONS)
 def test_each_alone_is_named(dataset, name):
     (says,) = spoil(dataset, [name])

@@ -172,6 +172,7 @@ def set_mattes(folder: Path, value: int, kind: str, pattern: str = "*") -> None:
             index.write_text(json.dumps(content))
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("kind", ["alpha", "files"])
 @pytest.mark.parametrize("value", [255, 254, 200, 128])
 def test_mattes_that_are_foreground_everywhere_count_as_none(dataset, kind, value):

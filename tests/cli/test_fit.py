@@ -45,6 +45,7 @@ def vertex_errors(folder: Path, ball: Path) -> np.ndarray:
     return np.array([1000 * np.linalg.norm(a - b, axis=1) for a, b in pairs])
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("options", [(), ("--no-refine",)])
 def test_the_dataset_has_the_true_head(ball, tmp_path, options, capsys):
     without = {"flame_param_path", "fg_mask_path"} if options else {"flame_param_path"}
@@ -118,6 +119,7 @@ def folders(ball, tmp_path) -> Path:
     return tmp_path / "own"
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("calibration", ["cameras.json", "COLMAP as text", "COLMAP as binary", "elsewhere"])
 def test_folders_of_images_with_a_calibration(folders, ball, tmp_path, calibration):
     options = ["--no-refine", "--copy"]
@@ -198,6 +200,7 @@ def crop(folder: Path, *, flipped: bool) -> None:
         file.write_text(json.dumps(content))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("options", [(), ("--cy", "flipped")])
 def test_flipped_files_give_the_same_dataset(ball, tmp_path, options, capsys):
     shutil.copytree(ball, tmp_path / "flipped")

@@ -121,6 +121,7 @@ ITEMS = (
 )  # fmt: skip
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("item", ITEMS)
 def test_a_hostile_file_is_named_in_a_line(item, ball, capsys):
     command, says = item(ball)

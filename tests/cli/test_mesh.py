@@ -260,6 +260,7 @@ def test_close_levels_have_files_of_their_own(mesh, tmp_path):
     assert len(list(tmp_path.glob("out_0*.ply"))) == 50
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("limit", "left"), [(1000, set()), (30_000, {"out.ply"})])
 def test_a_full_disk_leaves_whole_files_and_one_line(mesh, tmp_path, limit, left):
     """A limit on the size of files stands for the disk: the mesh fits or not, the picture does not."""

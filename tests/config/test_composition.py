@@ -144,6 +144,7 @@ def test_data_folder_comes_from_the_environment(monkeypatch):
     compose.cache_clear()
 
 
+@pytest.mark.sample(25)
 @pytest.mark.parametrize(
     ("override", "named"),
     [

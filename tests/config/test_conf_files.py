@@ -37,6 +37,7 @@ def conf(tmp_path, monkeypatch):
     compose.cache_clear()
 
 
+@pytest.mark.sample(20)
 @pytest.mark.parametrize("number", DIFFERENT)
 @pytest.mark.parametrize(
     ("key", "value"),
@@ -62,6 +63,7 @@ def test_a_number_that_is_not_plainly_decimal_is_refused_in_files_and_on_the_com
         read_sweep([], [f"{typed},{typed.partition('=')[2]}"])
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("number", DECIMAL)
 def test_a_decimal_number_is_the_same_in_files_and_on_the_command_line(conf, number):
     conf("study/theirs.yaml", f"# @package _global_\ntrain: {{distortion_weight: {number}}}\n")

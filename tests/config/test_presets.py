@@ -21,6 +21,7 @@ def test_default_presets_are_the_defaults(stage, preset, load):
     assert settings == STAGES[stage]()
 
 
+@pytest.mark.sample(3)
 @many_compositions
 @pytest.mark.parametrize("study", known("study"))
 def test_presets_are_relative_to_the_study(study):

@@ -33,6 +33,7 @@ def test_variants_differ_in_supervision_masks_levels_and_light_only():
         assert t == ours
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("name", known("variant"))
 def test_every_variant_can_be_composed(name):
     """And changes something of `gtstar` or `train`, unless it is the method itself."""
@@ -84,6 +85,7 @@ def test_mask_flags_of_the_settings_are_those_of_the_method():
     assert {*MASK_FLAGS} == {flag.name.lower() for flag in MaskFlag}
 
 
+@pytest.mark.slow
 def test_targets_are_made_once_for_all_variants_with_the_same_settings():
     makers = {name: target_maker(name, "study=ablation") for name in known("variant")}
     assert {"alternating", "affine", "no_relight", "relight_targets"} <= {*makers.values()}

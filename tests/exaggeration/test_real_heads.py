@@ -41,6 +41,7 @@ def assert_hold(checks) -> None:
     assert [check for check in checks if not check.holds] == []
 
 
+@pytest.mark.sample(1)
 @needs_data
 @pytest.mark.parametrize("name", HEADS)
 def test_shared_heads_pass_the_shape_checks(name):
@@ -57,6 +58,7 @@ def test_random_people_pass_the_shape_checks(seed):
     assert_hold(shape_checks(f"person {seed}", Exaggerator(random_person(model, seed), model.faces)))
 
 
+@pytest.mark.slow
 @needs_data
 def test_the_robust_preset_is_invariant_to_unit_translation_rotation_and_numbering():
     """Including ambient occlusion and gaps."""

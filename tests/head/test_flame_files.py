@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ CORNERS = {"left": 54, "right": 48}  # landmarks; left is the subject's left
 BETWEEN_LIPS = [62, 66]
 
 
+@cache
 def flame_head() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """Arrays of FLAME's counts on points of the procedural head, and which vertices that head has in each region."""
     toy, random = head_model(), np.random.default_rng(0)
@@ -58,12 +60,22 @@ def flame_head() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     return arrays, expected
 
 
-ARRAYS, EXPECTED = flame_head()
+def arrays() -> dict[str, np.ndarray]:
+    """Arrays of FLAME's counts."""
+    return flame_head()[0]
+
+
+def expected() -> dict[str, np.ndarray]:
+    """Which vertices each region has."""
+    return flame_head()[1]
 
 
 def with_chumpy(chumpy) -> dict:
     """Arrays as FLAME 2020 and 2023 Open hold them: some are chumpy's."""
-    return {**ARRAYS, **{name: chumpy.Ch(ARRAYS[name]) for name in ("v_template", "shapedirs", "posedirs", "weights")}}
+    return {
+        **arrays(),
+        **{name: chumpy.Ch(arrays()[name]) for name in ("v_template", "shapedirs", "posedirs", "weights")},
+    }
 
 
 @pytest.mark.parametrize("generation", ["2020", "2023, protocol 2", "2023, protocol 4", "2023 Open"])
@@ -71,8 +83,8 @@ def test_each_generation_is_read(generation, monkeypatch, tmp_path):
     open_arrays = with_chumpy(install(monkeypatch))
     content = {
         "2020": lambda: python2_pickle(open_arrays),
-        "2023, protocol 2": lambda: python2_pickle(ARRAYS),
-        "2023, protocol 4": lambda: pickle.dumps(ARRAYS, 4),
+        "2023, protocol 2": lambda: python2_pickle(arrays()),
+        "2023, protocol 4": lambda: pickle.dumps(arrays(), 4),
         "2023 Open": lambda: pickle.dumps(open_arrays, 5),
     }[generation]()
     (tmp_path / "flame.pkl").write_bytes(content)
@@ -81,9 +93,9 @@ def test_each_generation_is_read(generation, monkeypatch, tmp_path):
     v = FLAME_COUNTS[0]
     assert len(model.v_template) == FLAME_WITH_TEETH_COUNTS[0]
     for name in ("v_template", "shapedirs", "posedirs", "weights"):
-        np.testing.assert_array_equal(getattr(model, name)[:v], ARRAYS[name].astype(np.float32))
-    np.testing.assert_allclose(model.joint_regressor[:, :v], ARRAYS["J_regressor"].toarray(), rtol=1e-6)
-    np.testing.assert_array_equal(model.faces[: FLAME_COUNTS[1]], ARRAYS["f"])
+        np.testing.assert_array_equal(getattr(model, name)[:v], arrays()[name].astype(np.float32))
+    np.testing.assert_allclose(model.joint_regressor[:, :v], arrays()["J_regressor"].toarray(), rtol=1e-6)
+    np.testing.assert_array_equal(model.faces[: FLAME_COUNTS[1]], arrays()["f"])
     np.testing.assert_array_equal(model.parents, [-1, 0, 1, 1, 1])
     np.testing.assert_array_equal(model.regions["nose"], np.arange(5))  # the file's, and not by geometry
     assert {"left_eyelid", "right_eyelid", "brows", "lip_inside"} <= set(model.regions)
@@ -96,13 +108,13 @@ def shares(found: np.ndarray, expected: np.ndarray, weights: np.ndarray | float 
 
 
 def test_without_a_file_of_regions_they_are_found_by_geometry_with_a_warning(tmp_path):
-    (tmp_path / "flame.pkl").write_bytes(pickle.dumps(ARRAYS))
+    (tmp_path / "flame.pkl").write_bytes(pickle.dumps(arrays()))
     with pytest.warns(CarigsWarning, match=r"flame\.pkl: no FLAME_masks.pkl, .* hair, lips, lids and ears are found"):
         model = HeadModel.load(tmp_path / "flame.pkl")
     for name in ("scalp", "face", "nose", "lips", "left_eyelid", "right_eyelid", "brows", "left_ear", "right_ear"):
-        recall, precision = shares(model.vertex_region(name)[: FLAME_COUNTS[0]], EXPECTED[name])
+        recall, precision = shares(model.vertex_region(name)[: FLAME_COUNTS[0]], expected()[name])
         assert recall > 0.7 and precision > 0.75, (name, recall, precision)
-    recall, _ = shares(model.vertex_region("lip_inside", "lips")[: FLAME_COUNTS[0]], EXPECTED["lip_inside"])
+    recall, _ = shares(model.vertex_region("lip_inside", "lips")[: FLAME_COUNTS[0]], expected()["lip_inside"])
     assert recall > 0.7
     np.testing.assert_array_equal(model.regions["right_eyeball"], EYEBALLS[1])
     assert not np.isin(model.regions["teeth"], model.regions["lip_inside"]).any()
@@ -111,7 +123,7 @@ def test_without_a_file_of_regions_they_are_found_by_geometry_with_a_warning(tmp
 def test_the_warning_does_not_depend_on_how_the_file_is_named(tmp_path, monkeypatch):
     """Settings may name it by a relative path; the index of the capture has the absolute one."""
     monkeypatch.chdir(tmp_path)
-    Path("flame.pkl").write_bytes(pickle.dumps(ARRAYS))
+    Path("flame.pkl").write_bytes(pickle.dumps(arrays()))
     texts = set()
     for file in (Path("flame.pkl"), tmp_path / "flame.pkl"):
         with pytest.warns(CarigsWarning) as caught:
@@ -124,7 +136,7 @@ def test_the_warning_does_not_depend_on_how_the_file_is_named(tmp_path, monkeypa
 def test_regions_do_not_depend_on_the_unit(unit, tmp_path):
     regions = []
     for scale in (1.0, unit):
-        (tmp_path / "flame.pkl").write_bytes(pickle.dumps({**ARRAYS, "v_template": scale * ARRAYS["v_template"]}))
+        (tmp_path / "flame.pkl").write_bytes(pickle.dumps({**arrays(), "v_template": scale * arrays()["v_template"]}))
         with pytest.warns(CarigsWarning):
             regions.append(HeadModel.load(tmp_path / "flame.pkl").regions)
     for name, ids in regions[0].items():
@@ -132,8 +144,8 @@ def test_regions_do_not_depend_on_the_unit(unit, tmp_path):
 
 
 def test_a_head_without_eyes_where_flame_has_them_says_so(tmp_path):
-    vertices = np.random.default_rng(1).normal(size=ARRAYS["v_template"].shape)
-    (tmp_path / "flame.pkl").write_bytes(pickle.dumps({**ARRAYS, "v_template": vertices}))
+    vertices = np.random.default_rng(1).normal(size=arrays()["v_template"].shape)
+    (tmp_path / "flame.pkl").write_bytes(pickle.dumps({**arrays(), "v_template": vertices}))
     with pytest.warns(CarigsWarning, match="hair and ears are not masked"):
         assert set(HeadModel.load(tmp_path / "flame.pkl").regions) == {"teeth", "teeth_upper", "teeth_lower"}
 
@@ -165,7 +177,7 @@ def write_uv_files(folder, rows: int = 64) -> np.ndarray:
     texel = np.stack(np.divmod(np.arange(n), side))  # row, column of each face
     v, u = 1 - (texel[0] + 0.5) / side, (texel[1] + 0.5) / side
     corners = np.stack([u, v], axis=1)[:, None] + 0.1 / side * np.array([[-1, 1], [1, 1], [0, -2]])
-    faces = ARRAYS["f"].astype(int) + 1
+    faces = arrays()["f"].astype(int) + 1
     lines = [f"vt {a:.9f} {b:.9f}" for a, b in corners.reshape(-1, 2)]
     lines += ["f " + " ".join(f"{faces[i, c]}/{3 * i + c + 1}" for c in range(3)) for i in range(n)]
     (folder / "head_template_mesh.obj").write_text("\n".join(lines))
@@ -178,9 +190,9 @@ def write_uv_files(folder, rows: int = 64) -> np.ndarray:
 
 def test_regions_come_from_texture_masks(tmp_path):
     chosen = write_uv_files(tmp_path)
-    (tmp_path / "flame.pkl").write_bytes(pickle.dumps(ARRAYS))
+    (tmp_path / "flame.pkl").write_bytes(pickle.dumps(arrays()))
     model = HeadModel.load(tmp_path / "flame.pkl")
-    np.testing.assert_array_equal(model.regions["scalp"], np.unique(ARRAYS["f"][chosen]))
+    np.testing.assert_array_equal(model.regions["scalp"], np.unique(arrays()["f"][chosen]))
     assert {"left_ear", "lips", "brows"} <= set(model.regions)  # those that the masks lack
 
 
@@ -194,10 +206,10 @@ def test_landmarks_come_from_flames_embedding(tmp_path):
         "full_lmk_bary_coords": weights[None],
     }
     np.save(tmp_path / "landmark_embedding_with_eyes.npy", embedding)
-    (tmp_path / "flame.pkl").write_bytes(pickle.dumps(ARRAYS))
+    (tmp_path / "flame.pkl").write_bytes(pickle.dumps(arrays()))
     (tmp_path / "FLAME_masks.pkl").write_bytes(pickle.dumps({"scalp": np.arange(10)}))
     model = HeadModel.load(tmp_path / "flame.pkl")
-    expected = np.einsum("nk,nki->ni", weights, ARRAYS["v_template"][ARRAYS["f"][faces]])[:68]
+    expected = np.einsum("nk,nki->ni", weights, arrays()["v_template"][arrays()["f"][faces]])[:68]
     np.testing.assert_allclose(model.landmarks68.interpolate(model.v_template), expected, atol=1e-7)
     model.save(tmp_path / "saved.npz")
     saved = HeadModel.load(tmp_path / "saved.npz").landmarks68
@@ -245,7 +257,7 @@ def test_landmarks_come_from_flames_embedding(tmp_path):
     ],
 )
 def test_broken_files_beside_flame_are_named(name, content, says, tmp_path):
-    (tmp_path / "flame.pkl").write_bytes(pickle.dumps(ARRAYS))
+    (tmp_path / "flame.pkl").write_bytes(pickle.dumps(arrays()))
     if name.endswith((".npz", ".obj")):
         write_uv_files(tmp_path)
     if name.endswith(".pkl"):

@@ -79,6 +79,7 @@ def test_the_jaw_joint_opens_the_mouth_as_the_blendshape_does(converted):
     assert jaw_error(converted) < 0.2
 
 
+@pytest.mark.slow
 @needs_data
 def test_the_conversion_agrees_with_the_shared_model(tmp_path):
     """`ict_model.npz` was made from FaceKit by others: same template, faces and blendshapes; weights as it has them."""

@@ -19,16 +19,21 @@ JOBS = [
     for n, rule, w, threads, mb, p, local, needs, _ in RUN["jobs"]
 ]
 STEPS = ("train.iterations=3000",)  # of the run that was recorded
-TABLE = {job.number: job_seconds(job, TOY, STEPS) for job in JOBS}
 MEASURED = {row[0]: row[-1] for row in RUN["jobs"]}
+
+
+@pytest.fixture(scope="module")
+def table():
+    """Seconds of the jobs by the table of costs."""
+    return {job.number: job_seconds(job, TOY, STEPS) for job in JOBS}
 
 
 def first(rule):
     return next(job for job in JOBS if job.rule == rule)
 
 
-def test_the_table_predicts_the_toy_study_on_the_machine_where_it_was_measured():
-    seconds = all_seconds(JOBS, TABLE, {}, 1.0)
+def test_the_table_predicts_the_toy_study_on_the_machine_where_it_was_measured(table):
+    seconds = all_seconds(JOBS, table, {}, 1.0)
     assert list_schedule(JOBS, seconds, 1, 2).makespan == pytest.approx(RUN["makespan"], rel=0.25)
 
 
@@ -49,7 +54,7 @@ def test_a_budget_of_a_training_is_its_time():
     assert job_seconds(train, TOY, ("train.budget=1min", "train.iterations=9", "train.threads=1")) == short
 
 
-def test_times_of_an_earlier_run_count_first_and_correct_the_others(tmp_path):
+def test_times_of_an_earlier_run_count_first_and_correct_the_others(table, tmp_path):
     trains = [job for job in JOBS if job.rule == "train"]
     record = {"log": [trains[0].log], "starttime": 100.0, "endtime": 350.0}
     (tmp_path / "one").write_text(json.dumps(record))
@@ -59,7 +64,7 @@ def test_times_of_an_earlier_run_count_first_and_correct_the_others(tmp_path):
     (tmp_path / "empty").write_text("{}")
     earlier = earlier_times(JOBS, tmp_path)
     assert earlier == {trains[0].number: 250.0}
-    seconds, table = all_seconds(JOBS, TABLE, earlier, 3.0), TABLE
+    seconds = all_seconds(JOBS, table, earlier, 3.0)
     assert seconds[trains[0].number] == 250
     assert seconds[trains[1].number] == pytest.approx(250 * table[trains[1].number] / table[trains[0].number])
     assert seconds[first("render").number] == pytest.approx(3 * table[first("render").number])

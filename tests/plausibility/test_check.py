@@ -121,6 +121,7 @@ IMPOSSIBLE = {
 }
 
 
+@pytest.mark.sample(10)
 @pytest.mark.parametrize("name", IMPOSSIBLE)
 def test_what_cannot_be_true_is_refused_in_one_line(dataset, name):
     damage, says = IMPOSSIBLE[name]
@@ -194,6 +195,7 @@ UNLIKELY = {
 }
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("name", UNLIKELY)
 def test_what_is_likely_to_be_wrong_is_named_in_a_warning(dataset, name):
     damage, says = UNLIKELY[name]
@@ -238,6 +240,7 @@ SOUND = {
 }
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", SOUND)
 def test_sound_captures_cause_no_warning(dataset, name):
     change, background = SOUND[name]

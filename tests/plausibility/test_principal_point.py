@@ -47,6 +47,7 @@ def read(folder: Path):
     return read_dataset(folder, folder / "head_model.npz")
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("top", [False, True])
 @pytest.mark.parametrize("flipped", [False, True])
 @pytest.mark.parametrize("mattes", [False, True])

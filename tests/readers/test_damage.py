@@ -85,6 +85,7 @@ def test_undamaged_files_are_read(name, tmp_path):
         assert read(tmp_path / name) is not None
 
 
+@pytest.mark.sample(5)
 @pytest.mark.filterwarnings("ignore:.*bytes after its triangles are left out")
 @pytest.mark.parametrize("name", CASES)
 @settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

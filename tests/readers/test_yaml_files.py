@@ -57,6 +57,7 @@ def test_the_files_of_the_project_are_read():
         assert read_conf_file(file).text
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("content", [ALIAS_BOMB, "!!python/name:os.system x\n", "a: [", "b: 1\nb: 2\n", None])
 def test_a_file_of_ones_own_is_checked_before_hydra_opens_it(content, tmp_path, monkeypatch):
     """And hinders nobody who does not choose it. None: a named pipe, at which Hydra would wait."""

@@ -17,6 +17,7 @@ def test_nothing_is_said_of_settings_that_are_followed(own):
     assert settings_warnings([]) == settings_warnings(own) == []
 
 
+@pytest.mark.slow
 def test_a_gamma_that_tears_and_a_dataset_that_is_nowhere_are_named(own):
     (line,) = settings_warnings(["gamma=1.5"])
     assert line.startswith("gamma=1.5: outside [-1, 1] the surface is torn")

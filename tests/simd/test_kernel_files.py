@@ -107,6 +107,7 @@ DAMAGES = {
 }
 
 
+@pytest.mark.sample(6)
 @pytest.mark.skipif(os.name != "posix", reason="links, pipes and permissions of POSIX")
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_a_damaged_file_is_replaced_and_the_result_is_the_same(damage, folder):

@@ -369,6 +369,7 @@ class _Call:
         return open, ("ran", "w")
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("strict", [True, False])
 @pytest.mark.parametrize("damage", ["truncated", "another network", "a payload", "no weights", "another checksum"])
 def test_damaged_weights_are_an_error_in_both_modes(scene, damage, strict, tmp_path, monkeypatch):

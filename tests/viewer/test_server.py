@@ -199,7 +199,7 @@ def test_exports_land_in_no_other_folder(viewer, name):
     client.move(labels["name"], name)
     client.move(labels["export"], True)
     notice(client, "name of an export")
-    assert not list(viewer.exports.folder.parent.parent.rglob("*escaped*"))
+    assert not list(viewer.exports.folder.parent.rglob("*escaped*"))
 
 
 def test_notices_outlast_the_status_line(viewer):

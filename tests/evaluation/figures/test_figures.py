@@ -186,6 +186,7 @@ def test_figures_are_the_same_bytes_again(study):
         assert file.read_bytes() == (folder / "b" / file.name).read_bytes()
 
 
+@pytest.mark.slow
 def test_a_solved_path_gets_its_blend_error_unless_solving_again_gives_another(study):
     folder, keywords = study
     solved = GammaPath.load(folder / "path.npz")

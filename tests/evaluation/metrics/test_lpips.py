@@ -37,6 +37,7 @@ def whole(network, image, truth, normalize=True):
     return lpips(network, image, truth, region, normalize=normalize)["full"]
 
 
+@pytest.mark.slow
 def test_equal_images_have_distance_zero_and_the_distance_is_symmetric(alex):
     image, other = smooth_image(0), smooth_image(1)
     assert whole(alex, image, image) == 0

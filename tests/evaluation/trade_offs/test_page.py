@@ -89,6 +89,7 @@ def described(tables, setting):
     return "\n".join(page.describe(knob, knob.read(tables)))
 
 
+@pytest.mark.slow
 def test_the_page_has_every_setting_with_its_default_and_its_figures(tables, tmp_path):
     page.write_page(tmp_path / "benchmarks.md", tables)
     text = (tmp_path / "benchmarks.md").read_text("utf-8")

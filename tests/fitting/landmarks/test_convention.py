@@ -75,6 +75,7 @@ MISTAKES = {
 }
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("name", MISTAKES)
 @pytest.mark.parametrize("unit", [1.0, pytest.param(0.01, marks=pytest.mark.slow)])
 def test_the_mistake_is_named(name, unit):

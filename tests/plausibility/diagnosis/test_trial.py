@@ -49,11 +49,13 @@ def check_sound(source: Path, model: Path, folder: Path, name: str) -> None:
     assert diagnosis(folder, model).mistakes == ()
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_planted_mistake_is_named(bust, tmp_path, name):
     check_mistake(bust, bust / "head_model.npz", tmp_path / "planted", name)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", SOUND)
 def test_nothing_is_named_where_nothing_is_wrong(bust, tmp_path, name):
     check_sound(bust, bust / "head_model.npz", tmp_path / "sound", name)

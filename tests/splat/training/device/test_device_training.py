@@ -127,6 +127,7 @@ def test_equal_settings_give_equal_bytes(subject, tmp_path):
     assert without_clock(results[0][1]) == without_clock(results[1][1])
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("refined", [False, True])
 def test_a_killed_run_resumes_to_the_same_bytes(subject, tmp_path, refined):
     """With the tracking refined, too: its gradients leave the device."""
