@@ -21,7 +21,7 @@ from carigs.readers.npz import read_npz
 from carigs.system.files import writing
 
 FORMAT = Format("carigs-path", 1, "run the stage exaggerate again, as carigs run does")
-MAX_NODES = 100
+MAX_STORED_NODES = 100
 """Of a path in a file: the time for its weights grows with the square of their number."""
 
 
@@ -239,8 +239,8 @@ class GammaPath:
             return array if dtype is None else checked_array(arrays, f"{prefix}{name}", shape, dtype, file=file)
 
         neutral, levels = take("neutral", None, 3, dtype=np.float64), take("levels", None, dtype=np.float64)
-        possible = 2 <= len(levels) <= MAX_NODES
-        refuse(not possible, "levels", f"shape {levels.shape}, expected 2 to {MAX_NODES} levels")
+        possible = 2 <= len(levels) <= MAX_STORED_NODES
+        refuse(not possible, "levels", f"shape {levels.shape}, expected 2 to {MAX_STORED_NODES} levels")
         displacements = take("displacements", len(levels), *neutral.shape, dtype=np.float32)
         refuse(faces.dtype.kind not in "iu", "faces", f"holds {faces.dtype}, expected integers")
         outside = faces.size > 0 and (faces.min() < 0 or faces.max() >= len(neutral))
