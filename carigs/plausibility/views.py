@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
 from carigs.capture import Camera, Capture, Frame
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.errors import InputError, MeshError, collecting
 from carigs.head import HeadModel, pose
 from carigs.mesh.triangle_mesh import diagonal, vertex_normals
@@ -126,8 +127,7 @@ def spread_vertices(model: HeadModel) -> np.ndarray:
     Returns:
         Indices of at most `VERTICES` vertices.
     """
-    v = len(model.v_template)
-    return np.unique(np.linspace(0, v - 1, min(v, VERTICES)).astype(int))
+    return np.array(evenly_spread(range(len(model.v_template)), VERTICES))
 
 
 def head_faces(model: HeadModel) -> Bool[np.ndarray, " f"]:

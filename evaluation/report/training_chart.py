@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.errors import InputError
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 from carigs.readers.text import decode_text
@@ -85,7 +86,7 @@ def training_lines(log: Path, variant: str, colour: int) -> list[ChartLine]:
         inside = np.isfinite(seconds) & np.isfinite(psnr)
         seconds, psnr = moving_mean(seconds[inside]), moving_mean(psnr[inside])
         if len(psnr):
-            chosen = np.unique(np.linspace(0, len(psnr) - 1, MAX_POINTS).round().astype(int))
+            chosen = evenly_spread(range(len(psnr)), MAX_POINTS)
             lines.append(ChartLine(f"{variant}, {name}", int(caricature), colour, seconds[chosen], psnr[chosen]))
     return lines
 

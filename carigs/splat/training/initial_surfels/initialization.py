@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.errors import InputError, SettingsError
 from carigs.head.facial_regions import eye_and_brow_faces
 from carigs.mesh.carried_points import CarriedPoints
@@ -62,8 +63,8 @@ def initial_surfels(
     binding, position = placed.binding, placed.position
     targets_only = settings.gtstar_probability >= 1
     count = len(supervision.targets if targets_only else supervision.frames)
-    indices = np.unique(np.linspace(0, count - 1, settings.initial_colour_frames).astype(int))
-    views = [supervision.weighted_example(targets_only, int(i)) for i in indices]
+    indices = evenly_spread(range(count), settings.initial_colour_frames)
+    views = [supervision.weighted_example(targets_only, i) for i in indices]
     rgb = observed_colours(binding, position, sequence, views, hair)
     features = eye_and_brow_faces(sequence.head, sequence.head.v_template)
     opacity = np.where(features[binding], settings.initial_feature_opacity, settings.initial_opacity)
