@@ -43,7 +43,8 @@ def test_a_folder_can_be_looked_through():
 
 
 def test_a_module_holds_one_concept():
-    files = {str(file.relative_to(ROOT)): file for room in ("carigs", "evaluation") for file in (ROOT / room).rglob("*.py")}
-    long = {name for name, file in files.items() if len(file.read_text("utf-8").splitlines()) > MOST_LINES}
+    files = [file for room in ("carigs", "evaluation") for file in (ROOT / room).rglob("*.py")]
+    lengths = {file.relative_to(ROOT).as_posix(): file.read_text("utf-8").count("\n") for file in files}
+    long = {name for name, length in lengths.items() if length > MOST_LINES}
     assert long - LONG_MODULES.keys() == set()
     assert LONG_MODULES.keys() - long - {"carigs/viewer/panel.py"} == set(), "short enough now: take it off the list"

@@ -11,8 +11,9 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.errors import SettingsError
-from carigs.exaggeration.gamma_path import GammaPath, RegionPaths, barycentric_weights, lagrange_weights, lobatto_levels
+from carigs.exaggeration.gamma_path import GammaPath, barycentric_weights, lagrange_weights, lobatto_levels
 from carigs.exaggeration.local_edit import LocalEdit
+from carigs.exaggeration.region_paths import RegionPaths
 from carigs.exaggeration.weighted_poisson import WeightedPoisson
 from carigs.mesh.linear_solver import COLUMNS
 from carigs.mesh.regions import partition_of_unity

@@ -14,8 +14,8 @@ from jaxtyping import Float, Int
 
 from carigs.errors import InputError
 from carigs.head.joint_regression import regressor_row
+from carigs.head.joint_transforms import rotation_matrices
 from carigs.head.model import HeadModel
-from carigs.head.posing import rotation_matrices
 from carigs.head.region_geometry import FacialPoints, geometric_regions
 from carigs.head.surface_points import SurfacePoints
 from carigs.readers.arrays import checked_array
