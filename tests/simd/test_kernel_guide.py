@@ -1,12 +1,13 @@
 """The example of docs/kernels.md compiles, and passes the test that stands beside it."""
 
-import importlib.util
-from pathlib import Path
+import importlib
+import sys
 
 import pytest
 from docs.blocks import ROOT, parse_blocks
 
 GUIDE = ROOT / "docs/kernels.md"
+MODULE = "unit_vectors_of_the_guide"
 
 
 def example_and_test() -> list[str]:
@@ -15,13 +16,13 @@ def example_and_test() -> list[str]:
 
 @pytest.fixture(scope="module")
 def example(tmp_path_factory):
-    """The module of the first block, and the tests of the second one in it."""
-    file: Path = tmp_path_factory.mktemp("guide") / "unit_vectors.py"
-    file.write_text("\n".join(example_and_test()), "utf-8")
-    specification = importlib.util.spec_from_file_location("unit_vectors", file)
-    module = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
-    return module
+    """The module of the first block, with the tests of the second one; importable, as its kernel in the cache needs."""
+    folder = tmp_path_factory.mktemp("guide")
+    (folder / f"{MODULE}.py").write_text("\n".join(example_and_test()), "utf-8")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(folder)
+        yield importlib.import_module(MODULE)
+        sys.modules.pop(MODULE)
 
 
 @pytest.mark.parametrize("count", [1, 15, 16, 17, 1025])
