@@ -6,7 +6,7 @@ import numpy as np
 
 from evaluation.card.document import Part
 from evaluation.report.images import data_uri
-from evaluation.report.page import Figure, LevelImages, Report, Strip
+from evaluation.report.page import Figure, LevelImages, ReportContent, Strip
 from evaluation.tables.document import Cell, Document, Table
 
 HOSTILE = "</script><script>alert(1)</script><img src=x onerror=alert(2)>'\"&{{ 7 * 7 }}"
@@ -19,12 +19,12 @@ def plain(colour, size=(48, 40)) -> np.ndarray:
     return np.broadcast_to(np.array(colour), (*size, 3)).copy()
 
 
-def report(name: str = "anna", noise: int = 0, figures: bool = True) -> Report:
+def report(name: str = "anna", noise: int = 0, figures: bool = True) -> ReportContent:
     """A report whose levels are plain red, green and blue."""
     table = Table(f"Table of {name}", [name, "PSNR"], [(name, [(name, [Cell("1.00", "[0, 2]", name), Cell("2")])])])
     levels = [LevelImages(level, {name: data_uri(plain(colour), 48)}) for level, colour in COLOURS.items()]
     uri = data_uri(np.random.default_rng(0).random((max(noise, 8), max(noise, 8), 3)), max(noise, 8))
-    return Report(
+    return ReportContent(
         study=name,
         gamma=0.25,
         card=[Part("What was measured", [name], [table], [name]), Part(name, [name], [], [])],

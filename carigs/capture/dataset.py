@@ -41,7 +41,7 @@ class Capture:
     cy: str = "opencv"
     """Convention of the files for cy, and how it was found. In memory it is always OpenCV's."""
     digest: str = ""
-    """Of the contents of the dataset's files (`content_digest`): stages that read images run again when it changes."""
+    """Of the contents of the dataset's files (`capture_digest`): stages that read images run again when it changes."""
     warnings: tuple[str, ...] = ()
     """What is likely to be wrong with the files, one line each."""
 

@@ -1,11 +1,13 @@
-"""A choice of frames, timesteps or cameras that covers all of them evenly."""
+"""A choice of frames, timesteps, cameras or vertices that covers all of them evenly."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 
-def evenly_spread(items: list, count: int) -> list:
+def evenly_spread(items: Sequence, count: int) -> list:
     """Choose items at even distances, the first and the last among them.
 
     Args:

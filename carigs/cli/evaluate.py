@@ -17,7 +17,7 @@ from carigs.config import load_settings, project_root
 from carigs.errors import InputError, SettingsError
 from carigs.settings import STAGES
 from carigs.settings.option import Section
-from carigs.stages.render import View, rendered_views
+from carigs.stages.render import ViewToRender, rendered_views
 from carigs.system.files import write_json
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _evaluate(
-    options: argparse.Namespace, capture: Capture, views: dict[str, list[tuple[View, Camera]]], place: Path
+    options: argparse.Namespace, capture: Capture, views: dict[str, list[tuple[ViewToRender, Camera]]], place: Path
 ) -> None:
     """Measure the frames, and write records, tables and the card."""
     from carigs.stages.metrics import metrics
@@ -165,7 +165,7 @@ def _settings(options: argparse.Namespace, stage: str, point: str) -> Section:
 
 
 def _write_indices(
-    folder: Path, views: Mapping[str, list[tuple[View, Camera]]], found: Mapping[str, Mapping[Key, Path]]
+    folder: Path, views: Mapping[str, list[tuple[ViewToRender, Camera]]], found: Mapping[str, Mapping[Key, Path]]
 ) -> None:
     """Write for each level what the stage `render` writes beside its images; the images stay where they are."""
     from evaluation.metrics.catalogue import CATALOGUE
@@ -185,6 +185,6 @@ def _write_indices(
         write_frame_records(level_folder(folder, float(level)) / "geometry.csv", geometry)
 
 
-def _view_json(level: str, view: View, camera: Camera) -> dict[str, object]:
+def _view_json(level: str, view: ViewToRender, camera: Camera) -> dict[str, object]:
     fields = {"level": float(level), "file": f"level={level}/{view.file}", **view._asdict()}
     return {**fields, "view": camera_to_json(camera)}

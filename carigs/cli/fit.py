@@ -20,7 +20,7 @@ from carigs.cli.parser import add_capture_options, command_parser
 from carigs.errors import CarigsWarning
 from carigs.fitting.footage import read_footage
 from carigs.fitting.landmarks.providers import find_landmarks
-from carigs.fitting.principal_point import resolve_cy
+from carigs.fitting.principal_point import resolve_cy_by_landmarks
 from carigs.fitting.residuals import outstanding_cameras
 from carigs.fitting.video_fit import VideoFit, fit_video
 from carigs.plausibility.principal_point import DOES_NOT_MATTER
@@ -112,7 +112,7 @@ def main(arguments: list[str]) -> int:
     )
     check_target(task.output)
     landmarks = find_landmarks(task.landmarks, capture)
-    capture = resolve_cy(capture, landmarks, task.cy)
+    capture = resolve_cy_by_landmarks(capture, landmarks, task.cy)
     if not capture.cy.endswith((DOES_NOT_MATTER, FROM_THE_TOP)):
         print(f"cy is read as {capture.cy}")
     with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as progress:

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.cli.parser import command_parser, region_level
 from carigs.config import compose, known
 from carigs.errors import InputError, MeshError, SettingsError
@@ -133,8 +134,7 @@ def exaggerate(task: argparse.Namespace) -> None:
         report(f"{file}: moved by up to {np.linalg.norm(displacement, axis=1).max():.4g}")
     if task.preview is None:
         return
-    rows = np.unique(np.linspace(0, task.levels - 1, min(task.levels, PREVIEW_ROWS)).round().astype(int))
-    shown = [displacements[fractions[row]] for row in rows]
+    shown = [displacements[fraction] for fraction in evenly_spread(fractions, PREVIEW_ROWS)]
     previewed = {"level 0": clean.vertices} | {label: clean.vertices + moved for label, moved in shown}
     with _typed_write_errors(task.preview):
         clay_sheet(task.preview, previewed, clean.faces)

@@ -13,7 +13,7 @@ from carigs.config import project_root, read_sweep, snakemake_config, split_swee
 from carigs.planning.footage import Footage
 from carigs.planning.job_graph import study_jobs
 from carigs.planning.schedule import critical_path
-from carigs.planning.study_plan import Plan, duration, plan_study, uncertainty
+from carigs.planning.study_plan import StudyPlan, duration, plan_study, uncertainty
 
 DESCRIPTION = """Print the jobs of a study, their hours, memory and disk, and the time on a number of nodes.
 
@@ -58,7 +58,7 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _summary(plan: Plan) -> dict[str, object]:
+def _summary(plan: StudyPlan) -> dict[str, object]:
     """The plan as JSON: seconds, bytes and MB."""
     seconds = plan.seconds
     rules = {}
@@ -90,7 +90,7 @@ def _summary(plan: Plan) -> dict[str, object]:
     }
 
 
-def _text(plan: Plan) -> str:
+def _text(plan: StudyPlan) -> str:
     """The plan as text."""
     if not plan.jobs:
         return "nothing to do"

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from carigs.cli.parser import study_parser
-from carigs.config import compose, compose_study, compose_variant, presets, yaml_text
+from carigs.config import compose, compose_study, compose_variant, yaml_text
+from carigs.config import reference as conf_reference
 from carigs.settings import STAGES, reference
 
 EXAMPLES = """examples:
@@ -34,7 +35,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--schema", action="store_true", help="print the JSON schema: docs/configuration.schema.json")
     parsed = parser.parse_intermixed_args(arguments)
     if parsed.reference:
-        print(f"{reference.markdown()}\n{presets.markdown()}", end="")
+        print(f"{reference.markdown()}\n{conf_reference.markdown()}", end="")
     elif parsed.schema:
         print(reference.json_schema(), end="")
     else:

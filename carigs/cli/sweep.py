@@ -8,7 +8,7 @@ from pathlib import Path
 
 from carigs.cli.run import check_subjects, make_studies, parse_run, run_parser
 from carigs.config import compose, read_sweep, rendered_levels, split_sweep
-from carigs.config.sweep import Combination, Sweep
+from carigs.config.sweep import Combination, SweepGrid
 from carigs.errors import SettingsError
 
 DESCRIPTION = """Make a study at every combination of values, side by side, and a table and a figure of all of them.
@@ -52,7 +52,7 @@ def main(arguments: list[str]) -> int:
     return 0 if succeeded else 1
 
 
-def _along_axes(sweep: Sweep) -> Iterable[Combination]:
+def _along_axes(sweep: SweepGrid) -> Iterable[Combination]:
     """The combinations that differ from the first in one value at most: every value is in one of them."""
     first = sweep.combinations[0].values
     for combination in sweep.combinations:
@@ -60,7 +60,7 @@ def _along_axes(sweep: Sweep) -> Iterable[Combination]:
             yield combination
 
 
-def _check_table(sweep: Sweep) -> None:
+def _check_table(sweep: SweepGrid) -> None:
     """Refuse what the table of the sweep would refuse after everything is trained."""
     from evaluation.metrics.catalogue import CATALOGUE
 
@@ -84,7 +84,7 @@ def _concerns(combination: Combination, logs: Iterable[Path]) -> bool:
     return any(gamma in log.stem.split(",") or "gamma=" not in log.stem for log in own if log.parent.name != "sweep")
 
 
-def _names(sweep: Sweep, combinations: list[Combination]) -> str:
+def _names(sweep: SweepGrid, combinations: list[Combination]) -> str:
     """Values of combinations in one line."""
     shown = [
         " ".join(f"{key}={value}" for key, value in zip(sweep.keys, combination.values, strict=True))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from carigs.cli.parser import command_parser
 from carigs.errors import InputError
-from evaluation.metrics.networks.weights import Weights, find_weights, locate, registry, verify
+from evaluation.metrics.networks.weights import Weights, find_weights, locate_weights, registry, verify
 
 EXAMPLES = """examples:
   carigs weights list
@@ -50,7 +50,7 @@ def main(arguments: list[str]) -> int:
 
 def _list(chosen: Sequence[Weights], folder: str | None) -> int:
     for weights in chosen:
-        found = locate(weights, folder)
+        found = locate_weights(weights, folder)
         size = sum(path.stat().st_size for path in found.files.values()) if found else weights.size
         shown = "size unknown" if size is None else f"{size / 1e6:.0f} MB"
         print(f"{weights.name}: {weights.title}, {shown}, licence {weights.licence}")
@@ -61,7 +61,7 @@ def _list(chosen: Sequence[Weights], folder: str | None) -> int:
 def _verify(chosen: Sequence[Weights], folder: str | None) -> int:
     wrong = False
     for weights in chosen:
-        found = locate(weights, folder)
+        found = locate_weights(weights, folder)
         if not found:
             print(f"{weights.name}: missing")
         for file, path in found.files.items() if found else ():

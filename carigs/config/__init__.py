@@ -16,13 +16,13 @@ from carigs.config.folders import CONF, GROUPS, known, project_root
 from carigs.config.frozen import load_settings, settings_text, yaml_text
 from carigs.config.levels import left_out_levels, rendered_levels, target_levels
 from carigs.config.overrides import join_overrides, snakemake_config, split_overrides
-from carigs.config.sweep import Sweep, read_sweep, split_sweep, study_table
+from carigs.config.sweep import SweepGrid, read_sweep, split_sweep, study_table
 from carigs.config.variants import compose_variant, target_maker
 
 __all__ = [
     "CONF",
     "GROUPS",
-    "Sweep",
+    "SweepGrid",
     "compose",
     "compose_study",
     "compose_variant",

@@ -36,7 +36,7 @@ class Combination(NamedTuple):
     """Hydra overrides of the combination, those that all combinations have first."""
 
 
-class Sweep(NamedTuple):
+class SweepGrid(NamedTuple):
     """All combinations of the values of some keys."""
 
     study: str
@@ -70,7 +70,7 @@ def split_sweep(overrides: Sequence[str]) -> tuple[list[str], list[str]]:
     return parts
 
 
-def read_sweep(overrides: Sequence[str], swept: Sequence[str]) -> Sweep:
+def read_sweep(overrides: Sequence[str], swept: Sequence[str]) -> SweepGrid:
     """List the combinations of a sweep.
 
     Args:
@@ -100,10 +100,10 @@ def read_sweep(overrides: Sequence[str], swept: Sequence[str]) -> Sweep:
             studies[chosen] = compose_study(*single).study.name
         folder = combination_folder(studies[chosen], dict(zip(choices, texts, strict=True)))
         found.append(Combination(folder, texts, single))
-    return Sweep(next(iter(studies.values())), (*choices,), (*found,))
+    return SweepGrid(next(iter(studies.values())), (*choices,), (*found,))
 
 
-def study_table(overrides: Sequence[str], sweep: Sweep | None) -> dict[str, list[tuple[str, ...]]]:
+def study_table(overrides: Sequence[str], sweep: SweepGrid | None) -> dict[str, list[tuple[str, ...]]]:
     """The studies of a run.
 
     Args:

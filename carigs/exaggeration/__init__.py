@@ -12,6 +12,7 @@
 
 from carigs.exaggeration.blendshape_transfer import transfer_blendshapes
 from carigs.exaggeration.exaggerator import Exaggerator
-from carigs.exaggeration.gamma_path import Caricature, GammaPath, RegionPaths, straight_path
+from carigs.exaggeration.gamma_path import Caricature, GammaPath, straight_path
+from carigs.exaggeration.region_paths import RegionPaths
 
 __all__ = ["Caricature", "Exaggerator", "GammaPath", "RegionPaths", "straight_path", "transfer_blendshapes"]

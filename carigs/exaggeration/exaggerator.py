@@ -11,14 +11,15 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.errors import SettingsError
-from carigs.exaggeration.gamma_path import GammaPath, RegionPaths, barycentric_weights, lagrange_weights, lobatto_levels
+from carigs.exaggeration.gamma_path import GammaPath, barycentric_weights, lagrange_weights, lobatto_levels
 from carigs.exaggeration.local_edit import LocalEdit
+from carigs.exaggeration.region_paths import RegionPaths
 from carigs.exaggeration.weighted_poisson import WeightedPoisson
 from carigs.mesh.linear_solver import COLUMNS
 from carigs.mesh.regions import partition_of_unity
 from carigs.mesh.triangle_mesh import diagonal
 
-MAX_NODES = 12
+MAX_TRIED_NODES = 12
 """Largest number of nodes that is tried for a path."""
 
 LevelWeights = Callable[[float], Float[np.ndarray, " f"]]
@@ -184,7 +185,7 @@ class Exaggerator(WeightedPoisson):
         count, error = self.settings.path_nodes, None
         if count == 0:
             extent = diagonal(self.vertices)
-            for count in range(2, MAX_NODES + 1):
+            for count in range(2, MAX_TRIED_NODES + 1):
                 error = self._interpolation_error(lobatto_levels(count, gamma_f), weights, response) / extent
                 if error <= self.settings.path_error:
                     break

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Float32, Int, Shaped
 
-from carigs.errors import InputError, SettingsError
+from carigs.errors import InputError
 from carigs.readers.arrays import checked_array, checked_text
 from carigs.readers.formats import Format, check_npz_format
 from carigs.readers.json_files import parse_json
@@ -21,7 +21,7 @@ from carigs.readers.npz import read_npz
 from carigs.system.files import writing
 
 FORMAT = Format("carigs-path", 1, "run the stage exaggerate again, as carigs run does")
-MAX_NODES = 100
+MAX_STORED_NODES = 100
 """Of a path in a file: the time for its weights grows with the square of their number."""
 
 
@@ -239,8 +239,8 @@ class GammaPath:
             return array if dtype is None else checked_array(arrays, f"{prefix}{name}", shape, dtype, file=file)
 
         neutral, levels = take("neutral", None, 3, dtype=np.float64), take("levels", None, dtype=np.float64)
-        possible = 2 <= len(levels) <= MAX_NODES
-        refuse(not possible, "levels", f"shape {levels.shape}, expected 2 to {MAX_NODES} levels")
+        possible = 2 <= len(levels) <= MAX_STORED_NODES
+        refuse(not possible, "levels", f"shape {levels.shape}, expected 2 to {MAX_STORED_NODES} levels")
         displacements = take("displacements", len(levels), *neutral.shape, dtype=np.float32)
         refuse(faces.dtype.kind not in "iu", "faces", f"holds {faces.dtype}, expected integers")
         outside = faces.size > 0 and (faces.min() < 0 or faces.max() >= len(neutral))
@@ -279,28 +279,3 @@ def straight_path(
     """
     nodes = np.stack([np.zeros_like(displacement), displacement]).astype(np.float32)
     return GammaPath(np.array([0.0, gamma_f]), nodes, faces, neutral, {"source": "file"})
-
-
-@dataclass(frozen=True)
-class RegionPaths:
-    """A path for each region of a head with the rest held: independent sliders whose displacements add up."""
-
-    paths: Mapping[str, GammaPath]
-
-    def displacement(self, levels: Mapping[str, float]) -> Float32[np.ndarray, "v 3"]:
-        """Displacement of the neutral with regions at their levels.
-
-        Args:
-            levels: Level of each region by name; the others stay.
-
-        Returns:
-            Displacement in metres.
-
-        Raises:
-            SettingsError: If there is no path for a name.
-        """
-        for name in levels:
-            if name not in self.paths:
-                raise SettingsError(f"no slider {name}; known: {', '.join(sorted(self.paths))}")
-        zero = np.zeros_like(next(iter(self.paths.values())).displacements[0])
-        return sum((self.paths[name].displacement(level) for name, level in levels.items()), start=zero)

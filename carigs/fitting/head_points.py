@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 from carigs.fitting.fitted_parameters import FittedParameters
 from carigs.fitting.rotation_vectors import left_jacobians
 from carigs.head import HeadModel, SurfacePoints
-from carigs.head.posing import rotation_matrices
+from carigs.head.joint_transforms import rotation_matrices
 
 
 class HeadPoints:

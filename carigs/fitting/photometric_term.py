@@ -44,7 +44,7 @@ class PhotometricTerm:
         """
         frame, camera, point = np.nonzero(self.visible[frames])
         pixels, derivative = seen_from(self.projections[frames][frame, camera], positions[frame, point])
-        values, gradients = sample(self.images[frames], frame, camera, pixels)
+        values, gradients = sample_with_gradient(self.images[frames], frame, camera, pixels)
         scale = np.sqrt(WEIGHT) / self.sigma[point]
         residual = scale * (values - self.means[point])
         slope = scale[:, None] * np.einsum("ki,kij->kj", gradients, derivative)
@@ -52,7 +52,7 @@ class PhotometricTerm:
         return scattered_cost(residual, slope, outlier, (frame, point), positions.shape[:2])
 
 
-def sample(
+def sample_with_gradient(
     images: Float32[np.ndarray, "t c h w"],
     frame: Int[np.ndarray, " k"],
     camera: Int[np.ndarray, " k"],

@@ -25,7 +25,7 @@ STANDARD_ERRORS = 3.0
 """A convention is believed if the errors of the other exceed its own by so many standard errors over the landmarks."""
 
 
-def resolve_cy(capture: Capture, landmarks: Landmarks, convention: str = "auto") -> Capture:
+def resolve_cy_by_landmarks(capture: Capture, landmarks: Landmarks, convention: str = "auto") -> Capture:
     """Convert principal points to OpenCV's convention: y down, from the top of the image.
 
     Args:

@@ -26,7 +26,7 @@ from carigs.fitting.landmarks.fit import HeadFit, Observations, gaussian_prior, 
 from carigs.fitting.levenberg_marquardt import minimise
 from carigs.fitting.objective import Objective
 from carigs.fitting.outline_term import OutlineLines, OutlineTerm, outline_lines
-from carigs.fitting.photometric_term import PhotometricTerm, sample
+from carigs.fitting.photometric_term import PhotometricTerm, sample_with_gradient
 from carigs.fitting.scattered_costs import seen_from
 from carigs.head import HeadModel, SurfacePoints, pose_frames, subject_model
 from carigs.mesh.triangle_mesh import vertex_normals
@@ -206,7 +206,9 @@ class Refinement:
             positions = points.positions(fit.frames[part], fit.shape)[0]
             camera, point = np.nonzero(visible[k])
             pixels, _ = seen_from(self.observations.projections[k, camera], positions[point])
-            values[i, camera, point], _ = sample(self._images(part), np.zeros_like(camera), camera, pixels)
+            values[i, camera, point], _ = sample_with_gradient(
+                self._images(part), np.zeros_like(camera), camera, pixels
+            )
         values = values.reshape(-1, visible.shape[2])
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # vertices that no frame shows

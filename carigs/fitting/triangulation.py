@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from carigs.capture import Camera
+from carigs.capture.evenly_spread import evenly_spread
 
 ROUNDS = 12
 """Reweighted least-squares solves. The first half minimises the sum of the distances, which has one minimum nearly
@@ -71,9 +72,7 @@ def well_seen_timesteps(confidence: Float[np.ndarray, "t c p"], count: int | Non
     """
     enough = ((confidence > 0).sum(axis=1) >= 2).sum(axis=1) >= LEAST_POINTS
     found = np.flatnonzero(enough)
-    if count is None or count >= len(found):
-        return found
-    return found[np.linspace(0, len(found) - 1, count).astype(int)]
+    return found if count is None else found[evenly_spread(range(len(found)), count)]
 
 
 def triangulate(

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Bool, UInt16
 
 from carigs.capture import Capture
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.gtstar.frame_views import TimestepViews, load_views
 from carigs.gtstar.mask_flags import MaskFlag
 from carigs.head import pose
@@ -54,7 +55,7 @@ def fit_capture_shading(
     if clean is not None:
         skin[model.faces[~clean]] = False
     timesteps = sorted({frame.timestep for frame in frames})
-    fitted = sorted({timesteps[i] for i in np.linspace(0, len(timesteps) - 1, TIMESTEPS).astype(int)})
+    fitted = evenly_spread(timesteps, TIMESTEPS)
     groups = {timestep: [frame for frame in frames if frame.timestep == timestep] for timestep in fitted}
     cached = set(fitted[: CACHE_BYTES // max(_view_bytes(capture, group) for group in groups.values())])
 

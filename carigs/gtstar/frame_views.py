@@ -15,7 +15,7 @@ from carigs.raster import Visibility, compute_visibility
 from carigs.settings import Gtstar
 
 
-class FrameView(NamedTuple):
+class CapturedView(NamedTuple):
     """One frame."""
 
     image: Float32[np.ndarray, "h w 3"]
@@ -30,7 +30,7 @@ class TimestepViews(NamedTuple):
 
     vertices: Float[np.ndarray, "v 3"]
     """World points of the mesh that the images show, in metres."""
-    views: dict[Frame, FrameView]
+    views: dict[Frame, CapturedView]
     problems: dict[Frame, str]
     """Why a frame cannot be used."""
 
@@ -57,7 +57,7 @@ def load_views(
         except InputError as error:
             problems[frame] = str(error)
         else:
-            views[frame] = FrameView(*images, compute_visibility(vertices, capture.model.faces, camera))
+            views[frame] = CapturedView(*images, compute_visibility(vertices, capture.model.faces, camera))
     return TimestepViews(vertices, views, problems)
 
 

@@ -4,7 +4,7 @@ The masks of the paper, and where they are computed:
 
 - visibility mask (newly visible triangles, appendix): `triangle_maps.flag_triangles`
 - occlusion mask (section 3.2): `warp_kernels.warp`
-- hair boundary mask (section 3.2): `find_hair`, `frame_mask_flags`, `add_target_mask_flags`
+- hair boundary mask (section 3.2): `frame_hair`, `frame_mask_flags`, `add_target_mask_flags`
 - eyelids and ears (appendix): `face_mask_flags`
 """
 
@@ -82,7 +82,7 @@ def face_mask_flags(
     return flags
 
 
-class Hair(NamedTuple):
+class FrameHair(NamedTuple):
     """Hair in a frame."""
 
     mask: BitMask
@@ -91,9 +91,9 @@ class Hair(NamedTuple):
     """Largest distance in pixels by which it sticks out."""
 
 
-def find_hair(
+def frame_hair(
     natural: Visibility, foreground: Float32[np.ndarray, "h w"], face_flags: UInt16[np.ndarray, " f"]
-) -> Hair:
+) -> FrameHair:
     """Find the hair of a frame: the scalp, and the hair boundary, which is foreground off the mesh.
 
     Args:
@@ -105,10 +105,12 @@ def find_hair(
         Mask and length of the hair.
     """
     stray = greater(foreground, 0.5) - natural.on_mesh.dilated(1)
-    return Hair(_scalp(natural, face_flags) | stray, natural.on_mesh.covering_radius(stray))
+    return FrameHair(_scalp(natural, face_flags) | stray, natural.on_mesh.covering_radius(stray))
 
 
-def frame_mask_flags(natural: Visibility, hair: Hair, model: HeadModel, settings: Gtstar) -> UInt16[np.ndarray, "h w"]:
+def frame_mask_flags(
+    natural: Visibility, hair: FrameHair, model: HeadModel, settings: Gtstar
+) -> UInt16[np.ndarray, "h w"]:
     """Flags of the pixels of a frame that a target must not sample: the hair boundary mask, and the open mouth.
 
     Args:
@@ -129,7 +131,7 @@ def frame_mask_flags(natural: Visibility, hair: Hair, model: HeadModel, settings
 def add_target_mask_flags(
     flags: UInt16[np.ndarray, "h w"],
     caricature: Visibility,
-    hair: Hair,
+    hair: FrameHair,
     foreground: Float32[np.ndarray, "h w"],
     face_flags: UInt16[np.ndarray, " f"],
     model: HeadModel,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float32, UInt16
 
-from carigs.gtstar.mask_flags import add_target_mask_flags, find_hair, frame_mask_flags
+from carigs.gtstar.mask_flags import add_target_mask_flags, frame_hair, frame_mask_flags
 from carigs.gtstar.warp import warp_frame
 from carigs.hair import CarriedHair
 from carigs.head import HeadModel
@@ -56,7 +56,7 @@ def make_target(
     Returns:
         Colours and mask flags.
     """
-    hair = find_hair(natural, foreground, face_flags)
+    hair = frame_hair(natural, foreground, face_flags)
     frame_flags = frame_mask_flags(natural, hair, model, settings)
     colour, flags = warp_frame(image, natural, caricature, face_flags, frame_flags, settings, background)
     carried = None

@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 
 from carigs.hair import surface_cells
 from carigs.hair.labels import labelled_as_covered
-from carigs.hair.views import View, pixel_size
+from carigs.hair.views import HairView, pixel_size
 
 MIN_COSINE = 0.25
 """Least cosine between the normal of a triangle and the view."""
@@ -64,7 +64,7 @@ class Covering(NamedTuple):
 
 
 def covered_faces(
-    views: Sequence[View],
+    views: Sequence[HairView],
     faces: Int[np.ndarray, "f 3"],
     vertices: Float[np.ndarray, "v 3"],
     scalp: Bool[np.ndarray, " f"],
@@ -174,7 +174,7 @@ def _components(faces: Int[np.ndarray, "f 3"], v: int) -> Int[np.ndarray, " f"]:
     return connected_components(edges, directed=False)[1][faces[:, 0]].astype(np.int32)
 
 
-def _cells(view: View, usable: Bool[np.ndarray, " f"], component, first, parts) -> Int[np.ndarray, "h w"]:
+def _cells(view: HairView, usable: Bool[np.ndarray, " f"], component, first, parts) -> Int[np.ndarray, "h w"]:
     seen = view.visibility
     facing = surface_cells.facing_faces(seen.camera_points, seen.faces, MIN_COSINE)
     return surface_cells.cell_image(

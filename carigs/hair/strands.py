@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 from scipy.ndimage import gaussian_filter
 
-from carigs.hair.views import View, scalp_motion
+from carigs.hair.views import HairView, scalp_motion
 from carigs.hair.visible_voxels import visible_voxels
 from carigs.hair.volume import HairVolume
 
@@ -39,7 +39,7 @@ class Strands(NamedTuple):
 
 
 def strand_directions(
-    volume: HairVolume, views: Sequence[View], canonical: Float[np.ndarray, "v 3"], carrier: Int[np.ndarray, " c"]
+    volume: HairVolume, views: Sequence[HairView], canonical: Float[np.ndarray, "v 3"], carrier: Int[np.ndarray, " c"]
 ) -> Strands:
     """Find the directions of the strands.
 

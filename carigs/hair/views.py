@@ -26,7 +26,7 @@ PIXEL = 0.001
 wide, and the textures of captures of different resolution can be compared."""
 
 
-class View(NamedTuple):
+class HairView(NamedTuple):
     """A frame, and what its camera sees of the tracked mesh."""
 
     image: Float32[np.ndarray, "h w 3"]
@@ -43,7 +43,7 @@ def read_views(
     capture: Capture,
     map_timesteps: Callable[..., Iterable] = map,
     read_labels: Callable[[Frame, tuple[int, int]], np.ndarray | None] | None = None,
-) -> list[View]:
+) -> list[HairView]:
     """Read training frames of several timesteps and cameras.
 
     Args:
@@ -92,7 +92,7 @@ def pixel_size(seen: Visibility) -> float:
     return depth / float(np.sqrt(seen.camera.fx * seen.camera.fy))
 
 
-def _read(capture: Capture, frames: list[Frame], read_labels: Callable | None) -> list[View]:
+def _read(capture: Capture, frames: list[Frame], read_labels: Callable | None) -> list[HairView]:
     """Views of the frames of one timestep."""
     vertices, views = pose(capture.model, capture.parameters(frames[0].timestep)), []
     for frame in frames:
@@ -108,7 +108,7 @@ def _read(capture: Capture, frames: list[Frame], read_labels: Callable | None) -
         image, foreground, camera = _at_resolution(image, foreground, camera, vertices)
         seen = compute_visibility(vertices, capture.model.faces, camera)
         covering = None if read_labels is None else read_labels(frame, image.shape[:2])
-        views.append(View(image, foreground, seen, between_lips(seen, capture.model), covering))
+        views.append(HairView(image, foreground, seen, between_lips(seen, capture.model), covering))
     return views
 
 

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Float32, Int
 from carigs.hair import carving
 from carigs.hair.bare_skin import NEAR_SKIN
 from carigs.hair.covered_faces import Covering
-from carigs.hair.views import View, pixel_size, scalp_motion
+from carigs.hair.views import HairView, pixel_size, scalp_motion
 
 COARSE, DIVISIONS = 0.012, 3
 """Size of the voxels of the first pass in metres, and their divisions along each axis in the second."""
@@ -49,7 +49,7 @@ class HairVolume(NamedTuple):
 
 
 def carve_hair(
-    views: Sequence[View],
+    views: Sequence[HairView],
     covering: Covering,
     scalp: Bool[np.ndarray, " f"],
     canonical: Float[np.ndarray, "v 3"],

@@ -14,8 +14,8 @@ from jaxtyping import Float, Int
 
 from carigs.errors import InputError
 from carigs.head.joint_regression import regressor_row
+from carigs.head.joint_transforms import rotation_matrices
 from carigs.head.model import HeadModel
-from carigs.head.posing import rotation_matrices
 from carigs.head.region_geometry import FacialPoints, geometric_regions
 from carigs.head.surface_points import SurfacePoints
 from carigs.readers.arrays import checked_array
@@ -23,7 +23,7 @@ from carigs.readers.folders import listed
 from carigs.readers.json_files import json_field, read_json
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 from carigs.readers.mesh_files.obj import parse_obj
-from carigs.readers.mesh_files.polygons import Polygons, triangulate
+from carigs.readers.mesh_files.polygons import Polygons, triangulate_polygons
 
 METRES_PER_UNIT = 0.01
 VERTICES = 26719
@@ -65,7 +65,7 @@ def read_ict_facekit(folder: Path, track: Callable[[Iterable[Path]], Iterable[Pa
         raise InputError("names vertices that are not skin", file=index, field="idx_to_landmark_verts")
     neutral_file = folder / "generic_neutral_mesh.obj"
     neutral = _mesh(neutral_file)
-    faces = new_ids[triangulate(neutral, neutral_file)]
+    faces = new_ids[triangulate_polygons(neutral, neutral_file)]
     faces = faces[(faces >= 0).all(axis=1)]
     template = neutral.vertices[kept]
 

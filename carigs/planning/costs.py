@@ -60,8 +60,8 @@ def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[st
         case "train":
             # A step costs a part for the surfels and a part for the pixels; harmonics make the surfels dearer.
             step = (0.0126 + 0.26 * images.megapixels) * (1 + 0.15 * settings.train.sh_degree)
-            steps = budget_seconds(settings.train.budget) or settings.train.iterations * step
-            work = 3.0 + steps / job.threads**0.8
+            training = budget_seconds(settings.train.budget) or settings.train.iterations * step
+            work = 3.0 + training / job.threads**0.8
         case "render":
             count = _rendered(images, settings, orbit=settings.render.orbit_frames)
             work = 0.5 + 0.77 * images.megapixels * count / job.threads**0.8

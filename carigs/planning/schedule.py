@@ -11,7 +11,7 @@ from carigs.planning.job_graph import Job
 
 
 @dataclass(frozen=True)
-class Schedule:
+class JobSchedule:
     """When jobs run."""
 
     start: dict[int, float]
@@ -24,7 +24,7 @@ class Schedule:
 
 def list_schedule(
     jobs: Sequence[Job], seconds: Mapping[int, float], nodes: int, cores: int, memory: float = float("inf")
-) -> Schedule:
+) -> JobSchedule:
     """Simulate a run.
 
     Among the jobs that could start, those of higher priority come first, then those with the longest way to the end.
@@ -89,7 +89,7 @@ def list_schedule(
                 waiting[follower.number] -= 1
                 if waiting[follower.number] == 0:
                     ready.append(follower)
-    return Schedule(start, now, peak)
+    return JobSchedule(start, now, peak)
 
 
 def path_lengths(jobs: Sequence[Job], seconds: Mapping[int, float]) -> dict[int, float]:

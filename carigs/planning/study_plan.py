@@ -10,14 +10,14 @@ from carigs.config import compose, compose_study
 from carigs.planning.costs import REFERENCE_SPEED, all_seconds, earlier_times, job_bytes, job_seconds, speed_test
 from carigs.planning.footage import Footage, subject_footage
 from carigs.planning.job_graph import Job
-from carigs.planning.schedule import Schedule, list_schedule
+from carigs.planning.schedule import JobSchedule, list_schedule
 
 ANNOUNCED_SECONDS = 180.0
 """A run that is expected to take longer says so when it starts."""
 
 
 @dataclass(frozen=True)
-class Plan:
+class StudyPlan:
     """A study before it starts. Mappings of jobs have their numbers as keys."""
 
     nodes: int
@@ -34,7 +34,7 @@ class Plan:
     """Of every job."""
     sizes: Mapping[int, float]
     """Bytes that each job writes."""
-    schedule: Schedule
+    schedule: JobSchedule
 
 
 def plan_study(
@@ -43,7 +43,7 @@ def plan_study(
     nodes: int,
     cores: int,
     memory: float = float("inf"),
-) -> Plan:
+) -> StudyPlan:
     """Estimate the jobs of studies in the current directory, and simulate the run.
 
     Args:
@@ -77,7 +77,7 @@ def plan_study(
     earlier = earlier_times(jobs, Path(".snakemake/metadata"))
     speed = speed_test() / REFERENCE_SPEED
     seconds = all_seconds(jobs, {number: job_seconds(*job) for number, job in known.items()}, earlier, speed)
-    return Plan(
+    return StudyPlan(
         nodes=nodes,
         cores=cores,
         jobs=jobs,
@@ -90,7 +90,7 @@ def plan_study(
     )
 
 
-def announcement(plan: Plan) -> str | None:
+def announcement(plan: StudyPlan) -> str | None:
     """What a run says of its duration when it starts.
 
     Args:
@@ -111,7 +111,7 @@ def announcement(plan: Plan) -> str | None:
     return f"this takes about {duration(total)} on {cores}, {100 * share:.0f} % of it {largest}; {uncertainty(plan)}"
 
 
-def uncertainty(plan: Plan) -> str:
+def uncertainty(plan: StudyPlan) -> str:
     """Say where the times of a plan come from, and how far off they may be.
 
     Args:

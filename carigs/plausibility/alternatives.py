@@ -16,7 +16,7 @@ from jaxtyping import Float32, UInt8
 
 from carigs.capture import Camera, Capture, Frame
 from carigs.plausibility.findings import Finding
-from carigs.plausibility.vertex_misfit import Reference, disagreement, misfit, reference, sample
+from carigs.plausibility.vertex_misfit import Reference, disagreement, misfit, reference, sample_inside
 
 BETTER = np.sqrt(0.5)
 """Another explanation is believed if it leaves less than this share of the misfit. Two explanations that are equally
@@ -115,12 +115,12 @@ def compare_frames(
                 explained[frame] = _in_time(image, samples[frame], pixels[frame], others, in_time[c])
             if between is not None:
                 under = {"": samples[frame]} | {
-                    what: sample(image, change(pixels[frame]))
+                    what: sample_inside(image, change(pixels[frame]))
                     for what, change in _image_changes(capture.camera(frame)).items()
                 }
                 for what, colours in under.items():
                     changed.setdefault(what, []).append(colours)
-                under |= {f"camera {k}": sample(image, pixels[f]) for k, f in seen.items() if k != c}
+                under |= {f"camera {k}": sample_inside(image, pixels[f]) for k, f in seen.items() if k != c}
                 for what, colours in under.items():
                     across.setdefault(c, {}).setdefault(what, []).append(misfit(colours, between))
         for what, colours in changed.items():
@@ -143,10 +143,10 @@ def _in_time(
     expected: Reference,
 ) -> Explained:
     """Explain an image by the timesteps of its camera, or by exchanged colour channels."""
-    misfits = {f"the head of timestep {t}": misfit(sample(image, p), expected) for t, p in others.items()}
+    misfits = {f"the head of timestep {t}": misfit(sample_inside(image, p), expected) for t, p in others.items()}
     misfits["the image with red and blue exchanged"] = misfit(own[:, ::-1], expected)
-    misfits["the image mirrored"] = misfit(sample(image[:, ::-1], pixels), expected)
-    misfits["the image upside down"] = misfit(sample(image[::-1], pixels), expected)
+    misfits["the image mirrored"] = misfit(sample_inside(image[:, ::-1], pixels), expected)
+    misfits["the image upside down"] = misfit(sample_inside(image[::-1], pixels), expected)
     return _best(misfit(own, expected), misfits)
 
 

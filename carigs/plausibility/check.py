@@ -28,7 +28,7 @@ from carigs.plausibility.images import check_images, read_frame, summarize_image
 from carigs.plausibility.mattes import exchanged_mattes, matte_findings, outlines
 from carigs.plausibility.parameters import check_parameters
 from carigs.plausibility.selection import select_frames
-from carigs.plausibility.vertex_misfit import sample
+from carigs.plausibility.vertex_misfit import sample_inside
 from carigs.plausibility.views import ImpossibleView, head_faces, pose_views
 
 
@@ -104,6 +104,6 @@ def _check_views(
             findings += matte_findings(capture, view, matte, head)
             foregrounds[view.frame] = outlines(image, matte, capture.background)
         pixels[view.frame] = view.pixels
-        samples[view.frame] = sample(image, view.pixels)
+        samples[view.frame] = sample_inside(image, view.pixels)
     findings += exchanged_mattes(capture, foregrounds)
     return findings + compare_frames(capture, frames, pixels, samples)

@@ -16,7 +16,7 @@ from carigs.capture import Capture, Frame
 from carigs.capture.image_checks import OPAQUE
 from carigs.capture.images import differs_from_background
 from carigs.plausibility.findings import Finding
-from carigs.plausibility.views import View
+from carigs.plausibility.views import MeshView
 
 TOLERANCE = 0.02
 """Of an outline, in sizes of the head's silhouette (square root of its area): 4 mm."""
@@ -42,14 +42,14 @@ MAX_PIXELS = 1 << 18
 """Larger masks are compared at every second pixel, every third ..."""
 
 
-class Outlines(NamedTuple):
+class ForegroundBits(NamedTuple):
     """Foreground of an image and of its matte, packed into bits."""
 
     image: UInt8[np.ndarray, " n"]
     matte: UInt8[np.ndarray, " n"]
 
 
-def outlines(image: UInt8[np.ndarray, "h w 3"], matte: UInt8[np.ndarray, "h w"], background: float) -> Outlines:
+def outlines(image: UInt8[np.ndarray, "h w 3"], matte: UInt8[np.ndarray, "h w"], background: float) -> ForegroundBits:
     """Find the foreground in an image and in its matte.
 
     Args:
@@ -62,10 +62,10 @@ def outlines(image: UInt8[np.ndarray, "h w 3"], matte: UInt8[np.ndarray, "h w"],
     """
     step = max(1, int(np.ceil(np.sqrt(matte.size / MAX_PIXELS))))
     seen = differs_from_background(image, background, 1)  # unfiltered: a filter widens the outline
-    return Outlines(np.packbits(seen[::step, ::step]), np.packbits(matte[::step, ::step] >= OPAQUE))
+    return ForegroundBits(np.packbits(seen[::step, ::step]), np.packbits(matte[::step, ::step] >= OPAQUE))
 
 
-def exchanged_mattes(capture: Capture, known: Mapping[Frame, Outlines]) -> list[Finding]:
+def exchanged_mattes(capture: Capture, known: Mapping[Frame, ForegroundBits]) -> list[Finding]:
     """Find images to which the matte of another timestep of their camera belongs.
 
     Args:
@@ -101,7 +101,7 @@ def _pixels(masks: UInt8[np.ndarray, "*t n"]) -> Int64[np.ndarray, "*t"]:
 
 
 def matte_findings(
-    capture: Capture, view: View, matte: UInt8[np.ndarray, "h w"], head: Bool[np.ndarray, " f"]
+    capture: Capture, view: MeshView, matte: UInt8[np.ndarray, "h w"], head: Bool[np.ndarray, " f"]
 ) -> list[Finding]:
     """Compare a matte with the silhouette of the mesh.
 

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.capture import Capture
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.errors import InputError, collecting
 from carigs.head import HeadModel, HeadParameters
 from carigs.head.model_arrays import FLAME_JOINTS
@@ -57,7 +58,7 @@ class _Ranges:
     """Ranges of the parameters of a head model."""
 
     def __init__(self, model: HeadModel) -> None:
-        some = np.linspace(0, len(model.v_template) - 1, min(VERTICES, len(model.v_template))).astype(int)
+        some = evenly_spread(range(len(model.v_template)), VERTICES)
         self.identity = model.identity_basis[some].reshape(3 * len(some), -1).astype(np.float64)
         self.expression = model.expression_basis[some].reshape(3 * len(some), -1).astype(np.float64)
         self.joints = FLAME_JOINT_FIELDS

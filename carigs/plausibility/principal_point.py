@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from carigs.capture import Camera, Capture, Frame
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.errors import InputError
 from carigs.head import pose
 from carigs.plausibility.views import head_faces
@@ -119,7 +120,7 @@ def _informative_frames(capture: Capture, offsets: np.ndarray) -> list[Frame]:
             best.setdefault(frame.camera, []).append(frame)
     cameras = sorted(best, key=lambda c: -offsets[best[c][0].calibration])[:FRAMES]
     each = -(-FRAMES // len(cameras))
-    return [best[c][i] for c in cameras for i in np.linspace(0, len(best[c]) - 1, each).astype(int)]
+    return [frame for c in cameras for frame in evenly_spread(best[c], each)]
 
 
 def _agreement(capture: Capture, frame: Frame) -> tuple[float, float]:

@@ -26,7 +26,7 @@ class Reference(NamedTuple):
     """1 / (median deviation + NOISE): vertices under hair count little."""
 
 
-def sample(image: UInt8[np.ndarray, "h w 3"], pixels: Float32[np.ndarray, "n 2"]) -> Float32[np.ndarray, "n 3"]:
+def sample_inside(image: UInt8[np.ndarray, "h w 3"], pixels: Float32[np.ndarray, "n 2"]) -> Float32[np.ndarray, "n 3"]:
     """Interpolate an image bilinearly.
 
     Args:

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
 from carigs.capture import Camera, Capture, Frame
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.errors import InputError, MeshError, collecting
 from carigs.head import HeadModel, pose
 from carigs.mesh.triangle_mesh import diagonal, vertex_normals
@@ -34,7 +35,7 @@ class ImpossibleView(InputError):
     """No camera sees the head of a timestep, or one lies inside it: another mistake may be the cause."""
 
 
-class View(NamedTuple):
+class MeshView(NamedTuple):
     """What a camera sees of the posed mesh."""
 
     frame: Frame
@@ -48,7 +49,7 @@ def pose_views(
     frames: Mapping[int, Mapping[int, Frame]],
     findings: list[Finding],
     errors: list[InputError] | None = None,
-) -> Iterator[View]:
+) -> Iterator[MeshView]:
     """Pose the mesh and project it into the cameras, one timestep after the other.
 
     A caller that drops each view saves memory: the views of one timestep of `ict_s1` take 67 MB together.
@@ -66,7 +67,7 @@ def pose_views(
         InputError: If no camera sees the head of a timestep, or a camera is inside it, or the mesh is torn.
     """
     model = capture.model
-    some, blind = compared_vertices(model), {c: 0 for cameras in frames.values() for c in cameras}
+    some, blind = spread_vertices(model), {c: 0 for cameras in frames.values() for c in cameras}
     for timestep, cameras in frames.items():
         seen: dict[int, float] = {}
         with collecting(errors):
@@ -96,7 +97,7 @@ def pose_views(
             visible = visible_vertices(visibility, vertices, normals)
             pixels = np.full((len(vertices), 2), np.nan, np.float32)
             pixels[visible.index] = visible.pixels
-            yield View(frame, visibility, pixels[some])
+            yield MeshView(frame, visibility, pixels[some])
     for c, count in sorted(blind.items()):
         if 0 < sum(c in cameras for cameras in frames.values()) == count:
             details = "see its transform_matrix, fl_x and cx"
@@ -117,7 +118,7 @@ def _posed(capture: Capture, timestep: int) -> Float[np.ndarray, "v 3"]:
     return vertices
 
 
-def compared_vertices(model: HeadModel) -> np.ndarray:
+def spread_vertices(model: HeadModel) -> np.ndarray:
     """Vertices whose colours are compared.
 
     Args:
@@ -126,8 +127,7 @@ def compared_vertices(model: HeadModel) -> np.ndarray:
     Returns:
         Indices of at most `VERTICES` vertices.
     """
-    v = len(model.v_template)
-    return np.unique(np.linspace(0, v - 1, min(v, VERTICES)).astype(int))
+    return np.array(evenly_spread(range(len(model.v_template)), VERTICES))
 
 
 def head_faces(model: HeadModel) -> Bool[np.ndarray, " f"]:

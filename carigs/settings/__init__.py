@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from carigs.settings.capture import Capture, Toy, Truth
+from carigs.settings.capture import CaptureSettings, Toy, Truth
 from carigs.settings.exaggerate import DEFAULT_GAMMA, USEFUL_LEVEL, Exaggerate
 from carigs.settings.gtstar import Gtstar
 from carigs.settings.hair import Hair
@@ -22,7 +22,7 @@ __all__ = [
     "MASK_FLAGS",
     "STAGES",
     "USEFUL_LEVEL",
-    "Capture",
+    "CaptureSettings",
     "Card",
     "Config",
     "Density",
@@ -74,7 +74,7 @@ class Config(Section, key=""):
     seed: int = option(0, ge=0, le=MAX_SEED)
     """Seed of a training: set for each job from its path; a study chooses it by `study.seeds`."""
     study: Study = field(default_factory=Study)
-    capture: Capture = field(default_factory=Capture)
+    capture: CaptureSettings = field(default_factory=CaptureSettings)
     hair: Hair = field(default_factory=Hair)
     exaggerate: Exaggerate = field(default_factory=Exaggerate)
     gtstar: Gtstar = field(default_factory=Gtstar)

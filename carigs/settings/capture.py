@@ -33,7 +33,7 @@ class Toy(Section, key="capture.toy"):
 
 
 @dataclass
-class Capture(Section, key="capture"):
+class CaptureSettings(Section, key="capture"):
     """The subject to reconstruct: the procedural toy, or a folder in the layout of GaussianAvatars."""
 
     source: str = option("toy", choices=("toy", "folder"))

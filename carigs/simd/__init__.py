@@ -1,6 +1,7 @@
 """Vectors and tuples as Numba values, compilation and cache of kernels, parallel loops, threads, and 3x3 matrices.
 
-- `vectors`, `vector_math`, `memory`: vectors of sixteen floats, their functions, loads and stores
+- `vectors`, `vector_math`, `reductions`: vectors of sixteen floats, their functions, sums over their lanes
+- `memory`, `records`: loads and stores of vectors, and of sixteen records at a time
 - `ir_values`: LLVM values with operators, in which the functions of vectors are written
 - `tuples`, `matrix3`: functions on tuples; 3x3 matrices as tuples of nine numbers
 - `kernels`, `linked_kernels`: how kernels are compiled

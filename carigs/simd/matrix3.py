@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from carigs.simd.tuples import add, matrix_vector, multiply
+from carigs.simd.tuples import matrix_vector
 from carigs.simd.vectors import scalar_or_simd
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
@@ -86,35 +86,6 @@ def product(m, n):
     return (a * j + b * q + c * t, a * k + b * r + c * u, a * p + b * s + c * v,
             d * j + e * q + f * t, d * k + e * r + f * u, d * p + e * s + f * v,
             g * j + h * q + i * t, g * k + h * r + i * u, g * p + h * s + i * v)  # fmt: skip
-
-
-@scalar_or_simd
-def polar_rotation(u):
-    """Rotation U of the polar decomposition J = U P, by Newton's iteration scaled by Frobenius norms (Higham 1986).
-
-    Args:
-        u: J, with det J > 0: nine numbers, row by row. Scalars only.
-
-    Returns:
-        Nine numbers, row by row.
-    """
-    for _ in range(30):
-        c = cofactor(u)
-        det = u[0] * c[0] + u[1] * c[1] + u[2] * c[2]
-        own = other = 0.0
-        for i in range(9):
-            own += u[i] * u[i]
-            other += c[i] * c[i]
-        scale = math.sqrt(math.sqrt(other / own) / det)
-        g, h = 0.5 * scale, 0.5 / (scale * det)
-        new = add(multiply(g, u), multiply(h, c))
-        change = 0.0
-        for i in range(9):
-            change = max(change, abs(new[i] - u[i]))
-        u = new
-        if change < 1e-8:  # convergence is quadratic: the next step would change 1e-16
-            break
-    return u
 
 
 @scalar_or_simd

@@ -47,7 +47,9 @@ def _norm2(m):
 
 @scalar_or_simd
 def polar_rotations(block):
-    """Replace the matrices of a block by the rotations of their polar decompositions, as `matrix3.polar_rotation`.
+    """Replace the matrices of a block by the rotations of their polar decompositions, by Newton's iteration.
+
+    The iteration is scaled by Frobenius norms (Higham 1986).
 
     A matrix whose iteration has converged does not change any more: the result does not depend on its neighbours.
 

@@ -18,7 +18,7 @@ from carigs.light.shading import shading_of
 from carigs.readers.arrays import checked_array, checked_text
 from carigs.readers.formats import Format, check_npz_format
 from carigs.readers.npz import read_npz
-from carigs.splat.avatar_head import head_of, head_to_arrays, parameters_of, parameters_to_arrays
+from carigs.splat.avatar_head import head_of, head_to_arrays, parameters_from_arrays, parameters_to_arrays
 from carigs.splat.render import SKINNINGS, RenderedFrame, render, skin
 from carigs.splat.rig.face_motion import FaceMotion
 from carigs.splat.rig.head_sequence import HeadSequence
@@ -177,7 +177,7 @@ def load_avatar(file: Path) -> Avatar:
     surfels = checked_surfels(arrays, len(head.faces), file, "surfel_")
     path = GammaPath.from_arrays(arrays, head.faces, file, "path_")
     check_subject_path(path, head, file, "path_", neutral=head.v_template)
-    sequence = HeadSequence(head, parameters_of(arrays, head, file), path)
+    sequence = HeadSequence(head, parameters_from_arrays(arrays, head, file), path)
     if not sequence.rig.inverse_edges.any():
         raise InputError("no triangle of the head has an area", file=file, field="head_v_template")
     if "keeps_size" in arrays:

@@ -99,7 +99,7 @@ def parameters_to_arrays(parameters: Mapping[int, HeadParameters]) -> dict[str, 
     return arrays
 
 
-def parameters_of(arrays: Mapping[str, np.ndarray], head: HeadModel, file: Path) -> dict[int, HeadParameters]:
+def parameters_from_arrays(arrays: Mapping[str, np.ndarray], head: HeadModel, file: Path) -> dict[int, HeadParameters]:
     """Read the parameters over time from the arrays of `parameters_to_arrays`.
 
     Args:

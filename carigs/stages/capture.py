@@ -6,18 +6,17 @@ import warnings
 from dataclasses import replace
 from pathlib import Path
 
-from carigs.capture import Capture as IndexedCapture
-from carigs.capture import read_dataset
-from carigs.capture.content_digest import content_digest
+from carigs.capture import Capture, read_dataset
+from carigs.capture.capture_digest import capture_digest
 from carigs.capture.thinning import thin_frames
 from carigs.errors import CarigsWarning, InputError
 from carigs.plausibility import check_capture, resolve_cy
 from carigs.plausibility.diagnosis import diagnose, read_scene
-from carigs.settings import Capture
+from carigs.settings import CaptureSettings
 from carigs.system.files import writing_folder
 
 
-def capture(settings: Capture, *, index: Path, dataset: Path) -> None:
+def capture(settings: CaptureSettings, *, index: Path, dataset: Path) -> None:
     """Check a dataset and write its index.
 
     Args:
@@ -41,12 +40,12 @@ def capture(settings: Capture, *, index: Path, dataset: Path) -> None:
             checked = check_capture(_read_folder(settings))
             for line in checked.warnings:
                 warnings.warn(line, CarigsWarning, stacklevel=2)
-            replace(checked, digest=content_digest(checked)).save(index)
+            replace(checked, digest=capture_digest(checked)).save(index)
     if settings.source == "toy":
         _selected(settings, dataset, dataset / "head_model.npz").save(index)
 
 
-def _read_folder(settings: Capture) -> IndexedCapture:
+def _read_folder(settings: CaptureSettings) -> Capture:
     """The dataset with the frames that the settings select, in OpenCV's convention."""
     stated = _selected(settings, Path(settings.folder), Path(settings.head_model))
     try:
@@ -59,7 +58,7 @@ def _read_folder(settings: Capture) -> IndexedCapture:
     return found
 
 
-def _selected(settings: Capture, folder: Path, head_model: Path) -> IndexedCapture:
+def _selected(settings: CaptureSettings, folder: Path, head_model: Path) -> Capture:
     found = read_dataset(
         folder,
         head_model,

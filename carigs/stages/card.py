@@ -14,8 +14,8 @@ from carigs.config import load_settings, project_root
 from carigs.readers.yaml_files import read_yaml_text
 from carigs.runs.job_record import Costs, job_costs
 from carigs.settings import Card
-from evaluation.card.card import Value, make_card, write_card
-from evaluation.card.costs import Job, Rendering, avatar_values, stage_values
+from evaluation.card.card import CardValue, make_card, write_card
+from evaluation.card.costs import RecordedJob, RenderingJob, avatar_values, stage_values
 from evaluation.card.document import write_markdown
 from evaluation.card.provenance import commit, find_seeds, machine, versions
 from evaluation.metrics.catalogue import CATALOGUE
@@ -70,7 +70,9 @@ def card(
     for subject, variant in product(subjects, variants):
         trained = {int(seed): files[subject, variant, seed] for seed in seeds}
         renderings = [
-            Rendering(Job("render", f"{subject},gamma={gamma},{variant},seed={seed}"), int(seed), float(level))
+            RenderingJob(
+                RecordedJob("render", f"{subject},gamma={gamma},{variant},seed={seed}"), int(seed), float(level)
+            )
             for seed, level in product(seeds, levels)
         ]
         values += avatar_values(subject, variant, trained, renderings, costs, tabulated)
@@ -116,7 +118,7 @@ def _other_seeds(made_with: Sequence[Path]) -> dict[str, int]:
     }
 
 
-def stage_costs(costs: Costs, names: Collection[str]) -> list[Value]:
+def stage_costs(costs: Costs, names: Collection[str]) -> list[CardValue]:
     """Sum the costs of the stages over some of the jobs.
 
     Args:
@@ -126,12 +128,12 @@ def stage_costs(costs: Costs, names: Collection[str]) -> list[Value]:
     Returns:
         One value per stage and measure.
     """
-    stages: dict[str, list[Job]] = {}
+    stages: dict[str, list[RecordedJob]] = {}
     for stage, point in costs:
         parts = point.split(",")
         keys = {part.partition("=")[0] for part in parts}
         is_current = stage not in TRAINED or ("seed" in keys and "level" not in keys)
         if is_current and {part for part in parts if not part.startswith("level=")} <= names:
-            stages.setdefault(stage, []).append(Job(stage, point))
+            stages.setdefault(stage, []).append(RecordedJob(stage, point))
     order = ("capture", "hair", "exaggerate", "truth", "gtstar", "train", "render", "metrics", "tabulate", "figures")
     return stage_values({stage: stages[stage] for stage in order if stage in stages}, costs)

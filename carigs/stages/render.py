@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from carigs.splat.avatar import Avatar
 
 
-class View(NamedTuple):
+class ViewToRender(NamedTuple):
     """One image to render."""
 
     protocol: str
@@ -119,7 +119,7 @@ def _render_level(
     write_frame_index(folder / "frames.json", entries)
 
 
-def rendered_views(settings: Render, subject: Capture, level: float) -> Iterator[tuple[View, Camera]]:
+def rendered_views(settings: Render, subject: Capture, level: float) -> Iterator[tuple[ViewToRender, Camera]]:
     """List what is rendered of an avatar at a level, for every protocol.
 
     Args:
@@ -136,11 +136,11 @@ def rendered_views(settings: Render, subject: Capture, level: float) -> Iterator
     }
     for split, shown in frames.items():
         for frame in shown:
-            yield View(split, frame.timestep, frame.camera, frame.sequence), subject.camera(frame)
+            yield ViewToRender(split, frame.timestep, frame.camera, frame.sequence), subject.camera(frame)
     if settings.orbit_frames:
         frame = _orbit_frame(settings, subject)
         for i, camera in enumerate(orbit_cameras(subject, settings.orbit_frames, settings.orbit_degrees)):
-            yield View("orbit", frame.timestep, i, frame.sequence), camera
+            yield ViewToRender("orbit", frame.timestep, i, frame.sequence), camera
 
 
 def spread_test_frames(frames: tuple[Frame, ...], timesteps: int | None) -> tuple[Frame, ...]:

@@ -106,7 +106,7 @@ def report(
     charts = {subject: subject_chart({v: trained[subject, v] for v in variants}) for subject in subjects}
     no_strips = [f"{subject}, images by level: {found.problem}" for subject, found in images.items() if found.problem]
     skipped = [*_warnings(Path(logs)), *no_strips, *_left_out(figures)]
-    content = html.Report(
+    content = html.ReportContent(
         study=made.study,
         gamma=made.gamma,
         card=card_parts(made),
@@ -119,7 +119,7 @@ def report(
         settings=_settings(made_with),
     )
 
-    def fill(scale: float, with_figures: bool) -> html.Report:
+    def fill(scale: float, with_figures: bool) -> html.ReportContent:
         height = max(round(settings.image_height * scale), 16)
         content.strips = [_strip(subject, found, height) for subject, found in images.items() if not found.problem]
         content.figures = [] if not with_figures else _figures(figures, round(FIGURE_WIDTH * scale))

@@ -13,7 +13,7 @@ from evaluation.figures.sweep_plot import plot_sweep
 from evaluation.metrics.catalogue import CATALOGUE
 from evaluation.tables.document import to_markdown
 from evaluation.tables.summary_file import read_summaries
-from evaluation.tables.sweep_table import Combination, measures, sweep_document, sweep_table, write_sweep
+from evaluation.tables.sweep_table import CombinationResults, measures, sweep_document, sweep_table, write_sweep
 
 
 def sweep(
@@ -51,7 +51,7 @@ def sweep(
     folders = [file.parents[1] for file in tables]
     costs = {folder: job_costs(folder / "log") for folder in dict.fromkeys(folders)}
     combinations = (
-        Combination(tuple(texts), tuple(own), folder.as_posix(), read_summaries(file), costs[folder])
+        CombinationResults(tuple(texts), tuple(own), folder.as_posix(), read_summaries(file), costs[folder])
         for texts, own, folder, file in zip(swept_values, seeds, folders, tables, strict=True)
     )
     found = sweep_table(swept_keys, combinations, settings.level, CATALOGUE)

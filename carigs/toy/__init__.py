@@ -7,12 +7,20 @@
 - `head_model`: the head model in FLAME's format
 
 Subpackages: `shape` (template mesh, in millimetres), `rig` (blendshapes, joints, regions, in millimetres) and `look`
-(texture, hair, teeth, light, renderer). `head_model`, `Subject` and everything in the world are in metres.
+(texture, hair, teeth, light, renderer). `head_model`, `ToySubject` and everything in the world are in metres.
 """
 
 from carigs.toy.renderer import pose_subject, render_subject
 from carigs.toy.rig.head_model import head_model
-from carigs.toy.subject import Subject, load_subject, make_subject
+from carigs.toy.subject import ToySubject, load_subject, make_subject
 from carigs.toy.writer import write_capture
 
-__all__ = ["Subject", "head_model", "load_subject", "make_subject", "pose_subject", "render_subject", "write_capture"]
+__all__ = [
+    "ToySubject",
+    "head_model",
+    "load_subject",
+    "make_subject",
+    "pose_subject",
+    "render_subject",
+    "write_capture",
+]

@@ -20,7 +20,7 @@ from carigs.toy.look.lighting import StudioLight
 from carigs.toy.look.shading import LINEAR_FROM_SRGB, SRGB_FROM_LINEAR, ambient_by_channel, shade, shadow_bounds
 from carigs.toy.look.teeth import shade_teeth, teeth_displacement
 from carigs.toy.rig.head_model import METRES_PER_MILLIMETRE
-from carigs.toy.subject import Subject
+from carigs.toy.subject import ToySubject
 
 _SHADOW_SIDE = 256  # pixels of the shadow map
 
@@ -29,7 +29,7 @@ _SHADOW_SIDE = 256  # pixels of the shadow map
 class PosedSubject:
     """The subject at one timestep under one light: everything that its images from all cameras share."""
 
-    subject: Subject
+    subject: ToySubject
     light: StudioLight
     head: Float[np.ndarray, "v 3"]
     """World positions in metres, as those of the teeth."""
@@ -68,7 +68,7 @@ class PosedSubject:
 
 
 def pose_subject(
-    subject: Subject,
+    subject: ToySubject,
     parameters: HeadParameters,
     caricature: Caricature | None = None,
     *,
@@ -118,7 +118,7 @@ def pose_subject(
 
 
 def render_subject(
-    subject: Subject,
+    subject: ToySubject,
     parameters: HeadParameters,
     camera: Camera,
     caricature: Caricature | None = None,
@@ -140,7 +140,7 @@ def render_subject(
     return pose_subject(subject, parameters, caricature, world_from_light=world_from_light).render(camera)
 
 
-def _pose(subject: Subject, parameters: HeadParameters, caricature: Caricature) -> tuple[np.ndarray, np.ndarray]:
+def _pose(subject: ToySubject, parameters: HeadParameters, caricature: Caricature) -> tuple[np.ndarray, np.ndarray]:
     """World positions of head and teeth, in metres."""
     displacement = teeth_displacement(subject.model, subject.teeth, parameters, caricature.displacement)
     n = len(displacement)

@@ -21,7 +21,7 @@ from carigs.toy.look.ambient_visibility import ambient_visibility
 from carigs.toy.look.atlas import Atlas, allocate_texels, texel_count, texel_points
 from carigs.toy.look.hair import grow_hair
 from carigs.toy.look.procedural_texture import eyeball_texture, skin_texture
-from carigs.toy.look.strands import Strands, smooth_frames, triangle_frames
+from carigs.toy.look.strands import RootedStrands, smooth_frames, triangle_frames
 from carigs.toy.look.teeth import attach_teeth, build_teeth
 from carigs.toy.rig.attributes import Attributes, sample_attributes
 from carigs.toy.rig.head_model import METRES_PER_MILLIMETRE, head_model
@@ -33,11 +33,11 @@ LONG_HAIR_RADIUS = 0.03
 """Metres over which the rotations of the triangles that carry long strands are averaged."""
 _CHUNK = 1 << 15  # texels
 _KEYS = {"ambient_visibility": "exposure"}  # keys in the file that differ from the field's name
-_GROUPS = {"atlas": Atlas, "strands": Strands}  # fields whose arrays have a key each
+_GROUPS = {"atlas": Atlas, "strands": RootedStrands}  # fields whose arrays have a key each
 
 
 @dataclass(frozen=True)
-class Subject:
+class ToySubject:
     """The arrays that `render_subject` needs; all are functions of the settings."""
 
     model: HeadModel
@@ -46,7 +46,7 @@ class Subject:
     supersampling: int
     """Samples per pixel and axis."""
     atlas: Atlas
-    strands: Strands
+    strands: RootedStrands
     long_hair: bool
     """Whether the rotations of the triangles that carry strands are averaged."""
     ambient_visibility: Float32[np.ndarray, " v"]
@@ -95,7 +95,7 @@ class Subject:
             np.savez_compressed(part, **arrays)
 
 
-def make_subject(settings: Toy) -> Subject:
+def make_subject(settings: Toy) -> ToySubject:
     """Build the subject of a seed; takes some seconds.
 
     Args:
@@ -106,7 +106,7 @@ def make_subject(settings: Toy) -> Subject:
     """
     template, model, attributes = build_template(), head_model(), sample_attributes(settings.seed)
     teeth, teeth_faces, teeth_colours, upper_teeth = build_teeth()
-    return Subject(
+    return ToySubject(
         model=model,
         shape=attributes.shape,
         supersampling=settings.supersampling,
@@ -121,7 +121,7 @@ def make_subject(settings: Toy) -> Subject:
     )
 
 
-def load_subject(folder: Path) -> Subject:
+def load_subject(folder: Path) -> ToySubject:
     """Read the subject of a capture that `write_capture` has written.
 
     Args:
@@ -153,7 +153,7 @@ def load_subject(folder: Path) -> Subject:
         raise InputError(f"names texels beyond 0..{len(atlas.texels) - 1}", file=file, field="atlas.first")
     if (supersampling := int(take("supersampling", dtype=np.int64, below=17))) == 0:
         raise InputError("must be at least 1", file=file, field="supersampling")
-    strands = Strands(
+    strands = RootedStrands(
         take("strands.face", s, dtype=np.int64, below=f),
         take("strands.barycentric", s, 3, dtype=np.float64),
         local,
@@ -161,7 +161,7 @@ def load_subject(folder: Path) -> Subject:
         take("strands.colour", s, 3),
         take("strands.shade", s, k),
     )
-    return Subject(
+    return ToySubject(
         model=model,
         shape=take("shape", 300, dtype=np.float64),
         supersampling=supersampling,

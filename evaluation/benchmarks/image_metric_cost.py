@@ -30,7 +30,7 @@ from evaluation.benchmarks.measurement.timing import Measurement, write_measurem
 from evaluation.benchmarks.measurement.toy_frames import SIZE, enlarged, write_subject
 from evaluation.command_line import csv_parser, run
 from evaluation.metrics.against_truth import truth_records
-from evaluation.metrics.frame_views import FrameView, PosedHead, frame_views
+from evaluation.metrics.frame_views import FrameView, PosedMesh, frame_views
 from evaluation.metrics.photo_consistency import consistency_records
 from evaluation.metrics.regions import SurfaceRegions, surface_regions
 from evaluation.metrics.sharpness import sharpness_records
@@ -107,7 +107,7 @@ def write_frames(
     """
     source, model, random = person.frames[0], person.model, np.random.default_rng(0)
     views = [enlarged(camera) for camera in orbit_cameras(person, cameras, 120)]
-    head = PosedHead(person, source.timestep, caricature)
+    head = PosedMesh(person, source.timestep, caricature)
     paint = (0.5 + 0.3 * np.sin(300 * model.v_template)).astype(np.float32)
     for i, camera in enumerate(views):
         seen = head.seen_by(camera).fragments

@@ -23,7 +23,7 @@ from carigs.settings import Train
 from carigs.simd.threads import use_threads
 from carigs.splat.avatar import Avatar
 from carigs.splat.training import subject as preparation
-from carigs.splat.training.subject import Subject, prepare_subject
+from carigs.splat.training.subject import TrainingSubject, prepare_subject
 from carigs.splat.training.trainer import train_surfels
 from evaluation.benchmarks.measurement.study_subject import StudySubject
 from evaluation.benchmarks.measurement.timing import Measurement, write_measurements
@@ -43,7 +43,9 @@ PARTS = (
 """What is left out. Without surfels inside the hair, there is neither smooth motion nor opaque hidden skin."""
 
 
-def prepare_without(part: str, study: StudySubject, settings: Train, targets: TargetSet) -> tuple[Train, Subject]:
+def prepare_without(
+    part: str, study: StudySubject, settings: Train, targets: TargetSet
+) -> tuple[Train, TrainingSubject]:
     """Prepare a training that lacks a part.
 
     Args:

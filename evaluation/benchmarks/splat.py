@@ -22,7 +22,7 @@ from carigs.splat.rasterizer.rasterize import OUTPUTS, WorldSurfels, rasterize
 from evaluation.benchmarks.measurement import timing
 from evaluation.benchmarks.measurement.kernel_timing import KERNELS, kernel_times, num_threads
 from evaluation.benchmarks.measurement.plots import plot_splat
-from evaluation.benchmarks.measurement.synthetic_scenes import ellipsoid, portrait, scene_name
+from evaluation.benchmarks.measurement.synthetic_scenes import portrait, scene_name, surfels_on_ellipsoid
 from evaluation.benchmarks.measurement.timing import Measurement
 from evaluation.benchmarks.surfel_pixel_pairs import contributing_pairs
 from evaluation.benchmarks.training_speed import measure_loss, measure_skinning, measure_training
@@ -128,7 +128,7 @@ def measure_scaling(sizes: Sizes) -> Iterator[Measurement]:
     scenes += [(sizes.surfels, image) for image in sizes.growing_images]
     for count, image in dict.fromkeys(scenes):
         camera = portrait(*image)
-        work = rendering_and_gradient(ellipsoid(count), camera, COLOURS)
+        work = rendering_and_gradient(surfels_on_ellipsoid(count), camera, COLOURS)
         for number in (1, 2):
             with num_threads(number):
                 works = {backend: partial(work, backend) for backend in ("cpu", "scalar")}
@@ -142,8 +142,8 @@ import json, time, torch
 start = time.perf_counter()
 from carigs.splat.rasterizer.rasterize import rasterize
 imported = time.perf_counter()
-from evaluation.benchmarks.measurement.synthetic_scenes import ellipsoid, portrait
-surfels, camera = ellipsoid(1000), portrait(64, 64)
+from evaluation.benchmarks.measurement.synthetic_scenes import portrait, surfels_on_ellipsoid
+surfels, camera = surfels_on_ellipsoid(1000), portrait(64, 64)
 ready = time.perf_counter()
 image = rasterize(surfels, camera, outputs=("colour", "alpha"))
 torch.autograd.grad([image.colour.sum() + image.alpha.sum()], [surfels.centre])
@@ -190,7 +190,9 @@ def measurements(sizes: Sizes) -> Iterator[Measurement]:
         ("distortion", 1.0, OUTPUTS),
     )
     for name, spread, outputs in scenes:
-        yield from measure_kernels(name, ellipsoid(sizes.surfels, spread=spread), camera, outputs, sizes.repeats)
+        yield from measure_kernels(
+            name, surfels_on_ellipsoid(sizes.surfels, spread=spread), camera, outputs, sizes.repeats
+        )
     yield from measure_loss(*sizes.image, sizes.repeats)
     yield from measure_skinning(sizes.subdivisions, sizes.repeats)
     yield from measure_training(sizes.subdivisions, *sizes.image, sizes.turns)

@@ -30,17 +30,17 @@ from carigs.splat.surfels.surfels import Surfels, flat_discs
 from carigs.splat.training.checkpoint import TrainingState
 from carigs.splat.training.initial_surfels.initialization import place
 from carigs.splat.training.photometric_loss import photometric_loss
-from carigs.splat.training.subject import Subject
+from carigs.splat.training.subject import TrainingSubject
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
 from evaluation.benchmarks.measurement import timing
 from evaluation.benchmarks.measurement.kernel_timing import num_threads
 from evaluation.benchmarks.measurement.synthetic_scenes import (
     capture_images,
-    ellipsoid,
     moving_head,
     portrait,
     scene_name,
+    surfels_on_ellipsoid,
 )
 from evaluation.benchmarks.measurement.timing import Measurement
 from evaluation.benchmarks.surfel_pixel_pairs import contributing_pairs
@@ -52,7 +52,7 @@ SETTINGS = Train(
     surfels_per_face=3,
     gtstar_probability=0.0,
     hair_regions=(),
-    # About the sizes and the mean opacity of `synthetic_scenes.ellipsoid`.
+    # About the sizes and the mean opacity of `synthetic_scenes.surfels_on_ellipsoid`.
     initial_scale=0.21,
     initial_opacity=0.55,
     density=Density(every=0),
@@ -142,7 +142,12 @@ def measure_loss(width: int, height: int, repeats: int) -> Iterator[Measurement]
     image = torch.rand((3, height, width), generator=generator, requires_grad=True)
     other = torch.rand((3, height, width), generator=generator)
     with torch.no_grad():
-        head = rasterize(ellipsoid(2_000, spread=2.0), portrait(width, height), outputs=("colour", "alpha")).alpha > 0
+        head = (
+            rasterize(
+                surfels_on_ellipsoid(2_000, spread=2.0), portrait(width, height), outputs=("colour", "alpha")
+            ).alpha
+            > 0
+        )
         masked = torch.where(head, other, image)
     for name, target in (("everywhere", other), ("on half of the image", masked)):
         in_memory = target.permute(1, 2, 0).contiguous()
@@ -231,7 +236,7 @@ def _steps(settings: Train, sequence: HeadSequence, supervision: Supervision, tu
     timer = StepTimer()
     settings = replace(settings, iterations=2 * turns * BLOCK)
     with num_threads(1):
-        surfels, _ = train_surfels(settings, Subject(sequence, supervision), on_step=timer)
+        surfels, _ = train_surfels(settings, TrainingSubject(sequence, supervision), on_step=timer)
     return surfels, timer
 
 

@@ -33,11 +33,11 @@ PROTOCOLS = {
 """What the values of a card were measured on."""
 
 
-class Value(NamedTuple):
+class CardValue(NamedTuple):
     """One number of a card: a mean over frames, a difference of two, or a cost."""
 
     measure: str
-    """Key of `Card.measures`."""
+    """Key of `BenchmarkCard.measures`."""
     subject: str
     """`(all)` for a mean over several subjects; empty for a stage."""
     variant: str
@@ -63,7 +63,7 @@ class Value(NamedTuple):
 
 
 @dataclass
-class Card:
+class BenchmarkCard:
     """Benchmark card of a study."""
 
     study: str
@@ -82,7 +82,7 @@ class Card:
     """How captures were divided into training and held-out frames."""
     measures: dict[str, dict[str, Any]]
     """Title, direction, digits, unit and meaning of every measure."""
-    values: list[Value]
+    values: list[CardValue]
     not_measured: dict[str, str]
     """Kinds of metrics without any record, and why."""
     images: dict[str, list[int]]
@@ -96,7 +96,7 @@ class Card:
     format: str = str(FORMAT)
 
 
-def frame_values(summaries: pd.DataFrame) -> list[Value]:
+def frame_values(summaries: pd.DataFrame) -> list[CardValue]:
     """The means and differences of a study as values of a card.
 
     Args:
@@ -106,7 +106,7 @@ def frame_values(summaries: pd.DataFrame) -> list[Value]:
         One value per line, without the paths of the machine in reasons.
     """
     return [
-        Value(
+        CardValue(
             line.metric,
             line.subject,
             line.variant,
@@ -125,7 +125,7 @@ def frame_values(summaries: pd.DataFrame) -> list[Value]:
 
 def make_card(
     summaries: pd.DataFrame,
-    costs: Sequence[Value],
+    costs: Sequence[CardValue],
     settings: Tabulate,
     catalogue: Catalogue,
     *,
@@ -133,7 +133,7 @@ def make_card(
     training_seeds: Sequence[int],
     seeds: Mapping[str, int],
     provenance: Mapping[str, Mapping[str, Any]],
-) -> Card:
+) -> BenchmarkCard:
     """Build the card of one study and gamma.
 
     Args:
@@ -153,7 +153,7 @@ def make_card(
     used = {value.measure for value in [*values, *costs]}
     known = {**catalogue, **AVATAR_MEASURES, **STAGE_MEASURES}
     kinds = {catalogue[value.measure].table for value in values}
-    return Card(
+    return BenchmarkCard(
         study=str(summaries["study"].iloc[0]),
         gamma=float(summaries["gamma"].iloc[0]),
         reference=settings.reference,
@@ -184,7 +184,7 @@ def _described(metric: Metric) -> dict[str, Any]:
     return {**fields, "meaning": metric.source, "kind": metric.table, "protocol": metric.protocol}
 
 
-def write_card(file: Path, card: Card) -> None:
+def write_card(file: Path, card: BenchmarkCard) -> None:
     """Write a card as JSON.
 
     Args:
@@ -195,7 +195,7 @@ def write_card(file: Path, card: Card) -> None:
     write_json(file, {"format": content.pop("format"), **content, "values": [v._asdict() for v in card.values]})
 
 
-def read_card(file: Path) -> Card:
+def read_card(file: Path) -> BenchmarkCard:
     """Read a card.
 
     Args:
@@ -210,13 +210,13 @@ def read_card(file: Path) -> Card:
     content = read_json(file, dict)
     check_format(content.get("format"), FORMAT, file)
     try:
-        values = [Value(**value) for value in json_field(content, "values", list, file=file)]
-        return Card(**{**content, "values": values})
+        values = [CardValue(**value) for value in json_field(content, "values", list, file=file)]
+        return BenchmarkCard(**{**content, "values": values})
     except TypeError as error:
         raise InputError(f"not the fields of a card ({error})", file=file) from error
 
 
-def find_values(card: Card, measures: Iterable[str]) -> dict[tuple, Value]:
+def find_values(card: BenchmarkCard, measures: Iterable[str]) -> dict[tuple, CardValue]:
     """Index the plain values of some measures.
 
     Args:

@@ -12,7 +12,7 @@ import numpy as np
 from carigs.readers.npz import read_npz
 from carigs.runs.job_record import Costs
 from carigs.settings import Tabulate
-from evaluation.card.card import Value
+from evaluation.card.card import CardValue
 from evaluation.card.measures import AVATAR_MEASURES, STAGE_MEASURES
 from evaluation.tables.bootstrap import mean_interval
 
@@ -32,7 +32,7 @@ def frame_step(level: float) -> str:
     return f"frame level={level:g}"
 
 
-class Job(NamedTuple):
+class RecordedJob(NamedTuple):
     """A job of a study, by the name of its log."""
 
     stage: str
@@ -40,10 +40,10 @@ class Job(NamedTuple):
     """Subject, gamma, variant and seed, as in the name of the log."""
 
 
-class Rendering(NamedTuple):
+class RenderingJob(NamedTuple):
     """The rendering of an avatar at a level."""
 
-    job: Job
+    job: RecordedJob
     seed: int
     """Of the avatar's training."""
     level: float
@@ -53,10 +53,10 @@ def avatar_values(
     subject: str,
     variant: str,
     avatars: Mapping[int, Path],
-    renderings: Sequence[Rendering],
+    renderings: Sequence[RenderingJob],
     costs: Costs,
     settings: Tabulate,
-) -> list[Value]:
+) -> list[CardValue]:
     """Size of the avatars of a variant and the time in which they were rendered: means over all seeds.
 
     Args:
@@ -75,10 +75,10 @@ def avatar_values(
     """
     drawn = {"resamples": settings.resamples, "confidence": settings.confidence, "seed": settings.seed}
 
-    def value(measure: str, amounts: Sequence[float], *factors: Sequence[float]) -> Value:
+    def value(measure: str, amounts: Sequence[float], *factors: Sequence[float]) -> CardValue:
         mean, low, high = mean_interval(np.array(amounts, float), factors, **drawn)
         ends = (None, None) if np.isnan(low) else (max(low, 0.0), high)
-        return Value(measure, subject, variant, None, "avatar", "", "", mean, *ends, len(amounts), 0, "")
+        return CardValue(measure, subject, variant, None, "avatar", "", "", mean, *ends, len(amounts), 0, "")
 
     bindings = [read_npz(file, "avatar", [BINDING], only=[BINDING])[BINDING] for file in avatars.values()]
     surfels = [len(binding) for binding in bindings]
@@ -100,7 +100,7 @@ def avatar_values(
 
 def missing_avatar_values(
     subject: str, variant: str, reason: str, measures: Iterable[str] = tuple(AVATAR_MEASURES)
-) -> list[Value]:
+) -> list[CardValue]:
     """Values of an avatar that are not known.
 
     Args:
@@ -112,10 +112,12 @@ def missing_avatar_values(
     Returns:
         One value per measure.
     """
-    return [Value(name, subject, variant, None, "avatar", "", "", None, None, None, 0, 1, reason) for name in measures]
+    return [
+        CardValue(name, subject, variant, None, "avatar", "", "", None, None, None, 0, 1, reason) for name in measures
+    ]
 
 
-def stage_values(stages: Mapping[str, Sequence[Job]], costs: Costs) -> list[Value]:
+def stage_values(stages: Mapping[str, Sequence[RecordedJob]], costs: Costs) -> list[CardValue]:
     """Time and memory of stages.
 
     Args:
@@ -139,6 +141,6 @@ def stage_values(stages: Mapping[str, Sequence[Job]], costs: Costs) -> list[Valu
         for measure, amount in zip(STAGE_MEASURES, amounts, strict=True):
             why = reason or ("" if amount is not None else "this operating system does not count it")
             values.append(
-                Value(measure, "", "", None, "stage", stage, "", amount, None, None, len(known), missing, why)
+                CardValue(measure, "", "", None, "stage", stage, "", amount, None, None, len(known), missing, why)
             )
     return values

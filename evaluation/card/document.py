@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from carigs.system.files import writing
-from evaluation.card.card import Card, Value, find_values
+from evaluation.card.card import BenchmarkCard, CardValue, find_values
 from evaluation.card.measures import AVATAR_MEASURES, STAGE_MEASURES
 from evaluation.tables.document import NO_VALUE, Cell, Document, Table, to_markdown
 from evaluation.tables.factors import interval_scope
@@ -29,7 +29,7 @@ class Part(NamedTuple):
     """A list below the tables."""
 
 
-def card_parts(card: Card) -> list[Part]:
+def card_parts(card: BenchmarkCard) -> list[Part]:
     """Arrange a card for readers.
 
     Args:
@@ -65,7 +65,7 @@ def card_parts(card: Card) -> list[Part]:
     return [part for part in parts if part.paragraphs or part.tables or part.items]
 
 
-def write_markdown(file: Path, card: Card) -> None:
+def write_markdown(file: Path, card: BenchmarkCard) -> None:
     """Write a card as Markdown.
 
     Args:
@@ -89,7 +89,7 @@ def _plain(text: str) -> str:
     return text.replace("<", "&lt;")
 
 
-def _introduction(card: Card, images: str) -> list[str]:
+def _introduction(card: BenchmarkCard, images: str) -> list[str]:
     percent = f"{card.intervals['confidence']:.0%}"
     trained = card.training_seeds
     of_seeds = f", each trained with {_counted(trained, 'seed')} ({', '.join(map(str, trained))})" if trained else ""
@@ -112,7 +112,7 @@ def _counted(things: Sized, name: str) -> str:
     return f"{len(things)} {name}{'s' * (len(things) != 1)}"
 
 
-def _meanings(card: Card) -> list[str]:
+def _meanings(card: BenchmarkCard) -> list[str]:
     words = {"higher": "higher is better", "lower": "lower is better", "neither": "neither direction is better"}
     return [
         f"{measure['title']}: {measure['meaning']}; {words[measure['better']]}"
@@ -122,7 +122,7 @@ def _meanings(card: Card) -> list[str]:
     ]
 
 
-def _provenance(card: Card) -> list[str]:
+def _provenance(card: BenchmarkCard) -> list[str]:
     machine, commit = card.machine, card.commit
     known = f"{commit['id']}{', with changes that are not committed' if commit['modified'] else ''}"
     place = machine["processor"]
@@ -140,7 +140,7 @@ def _provenance(card: Card) -> list[str]:
 class _CardTables:
     """The tables of a card; they share the notes on what is missing."""
 
-    def __init__(self, card: Card) -> None:
+    def __init__(self, card: BenchmarkCard) -> None:
         self.card, self.notes = card, Document()
         self.subject = ALL if any(value.subject == ALL for value in card.values) else card.subjects[0]
 
@@ -220,14 +220,14 @@ class _CardTables:
         costs = {*AVATAR_MEASURES, *STAGE_MEASURES}
         return [name for name, m in self.card.measures.items() if m["kind"] == kind and name not in costs]
 
-    def _any(self, values: Mapping[tuple, Value], name: str, level: float, protocol: str, region: str) -> bool:
+    def _any(self, values: Mapping[tuple, CardValue], name: str, level: float, protocol: str, region: str) -> bool:
         keys = ((name, self.subject, variant, level, protocol, region) for variant in self.card.variants)
         return any(key in values for key in keys)
 
     def _headings(self, names: Iterable[str]) -> list[str]:
         return [_heading(self.card.measures[name]) for name in names]
 
-    def _cell(self, value: Value | None, kind: str = "mean") -> Cell:
+    def _cell(self, value: CardValue | None, kind: str = "mean") -> Cell:
         if value is None:
             return Cell(NO_VALUE)
         if value.value is None:

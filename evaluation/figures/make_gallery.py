@@ -90,7 +90,7 @@ def _make(picture: Picture, scratch: str, status: dict[str, bool]) -> str:
     if not status[command]:
         return f"not made; failed: {command}"
     if picture.made:
-        convert(Path(_filled(picture.made, names)), Path(picture.file), picture.width)
+        write_resized(Path(_filled(picture.made, names)), Path(picture.file), picture.width)
     return "made"
 
 
@@ -100,7 +100,7 @@ def _filled(text: str, names: dict[str, str]) -> str:
     return text
 
 
-def convert(source: Path, target: Path, width: int | None) -> None:
+def write_resized(source: Path, target: Path, width: int | None) -> None:
     """Write an image in another format, scaled down if it is too wide.
 
     Args:

@@ -15,7 +15,7 @@ from jaxtyping import Float, Float32
 
 from carigs.capture import Capture
 from carigs.hair import FoundHair, load_hair
-from carigs.hair.views import View, pixel_size, read_views, scalp_motion
+from carigs.hair.views import HairView, pixel_size, read_views, scalp_motion
 from carigs.hair.visible_voxels import DENSE, visible_voxels
 from carigs.head import neutral
 from evaluation.command_line import run
@@ -36,7 +36,7 @@ SHIFT = 4
 
 
 def image_segments(
-    found: FoundHair, view: View, transform: Float[np.ndarray, "3 4"]
+    found: FoundHair, view: HairView, transform: Float[np.ndarray, "3 4"]
 ) -> tuple[Float[np.ndarray, "n 2 2"], Float32[np.ndarray, " n"]]:
     """Project the strands of dense hair that a view shows: in each square of the image the one known best.
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from carigs.capture import Capture
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.capture.frame_index import GroundTruth, level_folder, read_frame_index
 from carigs.capture.images import read_rgb
 from carigs.errors import InputError, SettingsError
@@ -71,8 +72,7 @@ class StudyImages:
         """Frames of figures with several views: `frame` and others of its timestep, far from each other."""
         timestep, camera = self.frame
         others = sorted({c for t, c in self._rendered_by_all if t == timestep} - {camera})
-        chosen = np.linspace(0, len(others) - 1, min(len(others), VIEWS - 1)).astype(int)
-        return [self.frame, *((timestep, others[i]) for i in chosen)]
+        return [self.frame, *((timestep, camera) for camera in evenly_spread(others, VIEWS - 1))]
 
     def rendered(self, variant: str, level: float, frame: tuple[int, int] | None = None) -> Image:
         """Read a rendered test frame.

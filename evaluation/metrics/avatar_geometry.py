@@ -16,7 +16,7 @@ from carigs.raster import Visibility
 from carigs.splat.avatar import Avatar
 from carigs.splat.rasterizer.rasterize import FIELDS, WorldSurfels, rasterize
 from evaluation.metrics.exaggeration_gain import SurfaceAnchors, exaggeration_gain, find_anchors
-from evaluation.metrics.frame_views import PosedHead
+from evaluation.metrics.frame_views import PosedMesh
 from evaluation.metrics.mesh_adherence import RenderedSurface, mesh_adherence, not_hidden
 from evaluation.metrics.regions import MESH_REGIONS, SurfaceRegions, mesh_regions, surface_regions
 from evaluation.tables.frame_records import FrameRecord
@@ -39,7 +39,7 @@ class AvatarGeometry:
         """
         self._subject, self._avatar, self._level, self._backend = subject, avatar, level, backend
         self._caricature = path.at(level)
-        self._head: PosedHead | None = None
+        self._head: PosedMesh | None = None
         self._anchors: SurfaceAnchors | None = None
         self._timesteps_with_gain: set[int] = set()
 
@@ -56,7 +56,7 @@ class AvatarGeometry:
             One record per region and metric.
         """
         if self._head is None or self._head.timestep != timestep:
-            self._head = PosedHead(self._subject, timestep, self._caricature)
+            self._head = PosedMesh(self._subject, timestep, self._caricature)
         if self._level > 0 and timestep not in self._timesteps_with_gain:
             self._timesteps_with_gain.add(timestep)
             yield from self._gains(timestep, world.centre.double().numpy())

@@ -20,7 +20,7 @@ from carigs.raster import Visibility, compute_visibility
 
 
 @dataclass
-class PosedHead:
+class PosedMesh:
     """The head of a timestep at a level; posed when first used."""
 
     subject: Capture
@@ -55,7 +55,7 @@ class FrameView:
 
     rendered: RenderedImage
     camera: Camera
-    head: PosedHead
+    head: PosedMesh
     frame: Frame | None
     """Frame of the capture; None for a novel view."""
     truth: Path | None
@@ -115,7 +115,7 @@ def frame_views(
             missing = f"timestep {image.timestep}, camera {image.camera}"
             raise InputError(f"the capture has no frame of {missing}", file=image.file)
         if head is None or head.timestep != image.timestep:
-            head = PosedHead(subject, image.timestep, caricature)
+            head = PosedMesh(subject, image.timestep, caricature)
         camera = image.view or subject.camera(frame)
         files = (None, None) if frame is None else (truths.images.get(key), truths.masks.get(key))
         yield FrameView(image, camera, head, frame, *files)

@@ -20,7 +20,7 @@ from carigs.exaggeration import Caricature
 from carigs.head import neutral, pose
 from carigs.settings import Metrics
 from evaluation.metrics.face_alignment import ALIGNED, RIGID, face_chip, turn_from_camera
-from evaluation.metrics.networks.weights import find_weights, locate, registered
+from evaluation.metrics.networks.weights import find_weights, locate_weights, registered
 from evaluation.tables.metric_records import MetricRecord, StudyPoint, metric_record
 
 WEIGHTS = "dlib_face_recognition"
@@ -67,7 +67,7 @@ def find_dlib_weights(settings: Metrics) -> Path:
         InputError: It is another one than the registry states.
     """
     weights, package = registered(WEIGHTS), find_spec("face_recognition_models")
-    if package is not None and locate(weights, settings.weights) is None:
+    if package is not None and locate_weights(weights, settings.weights) is None:
         return find_weights(weights, Path(package.submodule_search_locations[0]) / "models")
     return find_weights(weights, settings.weights, download=settings.download)
 

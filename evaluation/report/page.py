@@ -51,7 +51,7 @@ class Figure(NamedTuple):
 
 
 @dataclass
-class Report:
+class ReportContent:
     """Content of the page."""
 
     study: str
@@ -70,7 +70,7 @@ class Report:
     """Text of the settings by their place."""
 
 
-def report_page(report: Report) -> str:
+def report_page(report: ReportContent) -> str:
     """Write a report as HTML.
 
     Args:
@@ -102,7 +102,7 @@ def report_page(report: Report) -> str:
     )
 
 
-def page_within(max_bytes: float, make: Callable[[float, bool], Report]) -> str:
+def page_within(max_bytes: float, make: Callable[[float, bool], ReportContent]) -> str:
     """Write a report whose images are as large as its size allows.
 
     Args:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.errors import InputError
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 from carigs.readers.text import decode_text
@@ -27,7 +28,7 @@ KINDS = {"0": "real frames", "1": "GT* frames"}
 """Supervision by the column `caricature` of the log."""
 
 
-class Line(NamedTuple):
+class ChartLine(NamedTuple):
     """PSNR of one variant and kind of frames."""
 
     name: str
@@ -49,7 +50,7 @@ class Tick(NamedTuple):
 class Chart(NamedTuple):
     """Lines with axes in the coordinates of the SVG."""
 
-    lines: list[tuple[Line, str]]
+    lines: list[tuple[ChartLine, str]]
     """Lines with their points as SVG has them."""
     across: list[Tick]
     up: list[Tick]
@@ -57,7 +58,7 @@ class Chart(NamedTuple):
     """What the lines show, for readers who do not see them."""
 
 
-def training_lines(log: Path, variant: str, colour: int) -> list[Line]:
+def training_lines(log: Path, variant: str, colour: int) -> list[ChartLine]:
     """Read the PSNR of a training.
 
     Args:
@@ -85,8 +86,8 @@ def training_lines(log: Path, variant: str, colour: int) -> list[Line]:
         inside = np.isfinite(seconds) & np.isfinite(psnr)
         seconds, psnr = moving_mean(seconds[inside]), moving_mean(psnr[inside])
         if len(psnr):
-            chosen = np.unique(np.linspace(0, len(psnr) - 1, MAX_POINTS).round().astype(int))
-            lines.append(Line(f"{variant}, {name}", int(caricature), colour, seconds[chosen], psnr[chosen]))
+            chosen = evenly_spread(range(len(psnr)), MAX_POINTS)
+            lines.append(ChartLine(f"{variant}, {name}", int(caricature), colour, seconds[chosen], psnr[chosen]))
     return lines
 
 
@@ -103,7 +104,7 @@ def moving_mean(values: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
     return np.convolve(values, np.full(count, 1 / count), "valid") if count else values
 
 
-def training_chart(lines: Sequence[Line]) -> Chart | None:
+def training_chart(lines: Sequence[ChartLine]) -> Chart | None:
     """Place lines in a chart.
 
     Args:

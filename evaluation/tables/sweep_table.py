@@ -34,7 +34,7 @@ PARTS = ("", "_low", "_high", "_n")
 """Columns of a measure: its value, the ends of its interval, and the number of frames or trainings behind it."""
 
 
-class Combination(NamedTuple):
+class CombinationResults(NamedTuple):
     """What is known of one combination of values."""
 
     values: tuple[str, ...]
@@ -50,7 +50,7 @@ class Combination(NamedTuple):
 
 
 def sweep_table(
-    keys: Sequence[str], combinations: Iterable[Combination], level: float | None, catalogue: Catalogue
+    keys: Sequence[str], combinations: Iterable[CombinationResults], level: float | None, catalogue: Catalogue
 ) -> pd.DataFrame:
     """Collect the means of all metrics over the whole image, and what the trainings have cost.
 
@@ -73,7 +73,7 @@ def sweep_table(
 
 
 def _rows(
-    keys: Sequence[str], combination: Combination, level: float | None, catalogue: Catalogue
+    keys: Sequence[str], combination: CombinationResults, level: float | None, catalogue: Catalogue
 ) -> Iterator[dict[str, Any]]:
     """A row per variant of a combination."""
     summaries, gamma = combination.summaries, float(combination.summaries["gamma"].iloc[0])

@@ -14,7 +14,7 @@ from pathlib import Path
 import pandas as pd
 
 from carigs.config import CONF, project_root
-from carigs.config.presets import purpose
+from carigs.config.reference import purpose
 from carigs.errors import InputError
 from carigs.system.files import writing
 from evaluation.benchmarks.measurement.timing import Measurement
@@ -94,13 +94,13 @@ def write_page(file: Path, tables: Mapping[str, pd.DataFrame]) -> None:
         draw_trade_offs(figure, shown)
         lines += [f"## `{stage}`\n", f"{STAGES[stage]}\n", f"![Error against time](images/{figure.name})\n"]
         for knob, curves in shown:
-            lines += describe(knob, curves)
+            lines += describe_knob(knob, curves)
     lines += _provenance()
     with writing(file) as part:
         part.write_text("\n".join(lines), encoding="utf-8")
 
 
-def describe(knob: Knob, curves: Sequence[Curve]) -> Iterator[str]:
+def describe_knob(knob: Knob, curves: Sequence[Curve]) -> Iterator[str]:
     """Describe a setting.
 
     Args:

@@ -10,12 +10,11 @@ import pytest
 from miniature import write_ball
 
 from carigs.capture import Capture, read_dataset
-from carigs.capture.content_digest import content_digest
+from carigs.capture.capture_digest import capture_digest
 from carigs.capture.frame_index import read_ground_truth
 from carigs.capture.images import read_grey, read_rgb
 from carigs.errors import CarigsWarning
-from carigs.settings import Capture as CaptureSettings
-from carigs.settings import Truth
+from carigs.settings import CaptureSettings, Truth
 from carigs.stages.capture import capture as capture_stage
 from carigs.stages.truth import truth
 
@@ -97,7 +96,7 @@ def test_the_index_and_the_truth_of_level_0(dataset, tmp_path, alpha):
         with pytest.warns(CarigsWarning, match="frames have no matte"):
             capture_stage(settings, **files)
     subject = Capture.load(tmp_path / "capture.json")
-    assert subject.digest == content_digest(subject)
+    assert subject.digest == capture_digest(subject)
     assert subject.split_rule == "EXP-2, validation camera 2; 9 of 12 frames (stride 2)"
     assert {frame.timestep for frame in subject.frames} == {0, 2, 3}
     truth(Truth(), capture=tmp_path / "capture.json", path=tmp_path / "unused.npz", level=0.0,
@@ -112,16 +111,16 @@ def test_the_index_and_the_truth_of_level_0(dataset, tmp_path, alpha):
 
 def test_the_digest_is_of_contents(dataset):
     """Not of times; one pixel, one parameter and a missing frame change it."""
-    before = content_digest(read(dataset))
+    before = capture_digest(read(dataset))
     frame = read(dataset).frames[0]
     (dataset / frame.image).touch()
-    assert content_digest(read(dataset)) == before
+    assert capture_digest(read(dataset)) == before
     image = cv2.imread(str(dataset / frame.image), cv2.IMREAD_UNCHANGED)
     image[0, 0, 0] ^= 1
     cv2.imwrite(str(dataset / frame.image), image)
-    changed = content_digest(read(dataset))
+    changed = capture_digest(read(dataset))
     assert changed != before
     with np.load(dataset / frame.parameters) as arrays:
         moved = {**arrays, "translation": arrays["translation"] + np.float32(1e-4)}
     np.savez(dataset / frame.parameters, **moved)
-    assert content_digest(read(dataset)) not in (before, changed)
+    assert capture_digest(read(dataset)) not in (before, changed)

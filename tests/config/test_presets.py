@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from omegaconf import OmegaConf
 
-from carigs.config import CONF, GROUPS, compose, compose_study, compose_variant, known, presets
+from carigs.config import CONF, GROUPS, compose, compose_study, compose_variant, known, reference
 from carigs.errors import SettingsError
 from carigs.settings import STAGES, Config
 from carigs.settings.option import walk
@@ -95,10 +95,10 @@ def test_presets_of_the_paper_are_literal(load):
     ],
 )
 def test_the_purpose_of_a_preset_is_the_first_sentence_of_its_comment(text, purpose):
-    assert presets.purpose(text) == purpose
+    assert reference.purpose(text) == purpose
 
 
 @pytest.mark.parametrize("group", GROUPS)
 def test_every_preset_says_what_it_is_for(group):
     for name in known(group):
-        assert presets.purpose((CONF / group / f"{name}.yaml").read_text("utf-8")), name
+        assert reference.purpose((CONF / group / f"{name}.yaml").read_text("utf-8")), name

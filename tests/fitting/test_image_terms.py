@@ -9,7 +9,7 @@ from carigs.capture import Camera, look_at
 from carigs.fitting.fitted_parameters import fitted_parameters
 from carigs.fitting.head_points import HeadPoints
 from carigs.fitting.outline_term import OUTLIER_INSIDE, OUTLIER_OUTSIDE, OutlineLines, OutlineTerm, outline_lines
-from carigs.fitting.photometric_term import OUTLIER, WEIGHT, PhotometricTerm, sample
+from carigs.fitting.photometric_term import OUTLIER, WEIGHT, PhotometricTerm, sample_with_gradient
 from carigs.fitting.triangulation import projection_matrices
 from carigs.head import SurfacePoints
 from carigs.raster import compute_visibility
@@ -99,7 +99,7 @@ def test_an_affine_image_is_sampled_exactly():
     images = np.stack([[0.3 * x + 0.1 * y, 0.5 * y]]).astype(np.float32)
     pixels = np.random.default_rng(0).uniform(1, 29, (50, 2))
     camera = np.repeat([0, 1], 25)
-    values, gradients = sample(images, np.zeros(50, int), camera, pixels)
+    values, gradients = sample_with_gradient(images, np.zeros(50, int), camera, pixels)
     expected = np.where(camera == 0, pixels @ [0.3, 0.1], 0.5 * pixels[:, 1])
     np.testing.assert_allclose(values, expected, atol=1e-5)
     np.testing.assert_allclose(gradients, np.where(camera[:, None] == 0, [0.3, 0.1], [0, 0.5]), atol=1e-5)

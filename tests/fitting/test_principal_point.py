@@ -11,7 +11,7 @@ from carigs.capture import Camera, Capture
 from carigs.capture.frame import Frame
 from carigs.capture.importers.calibrated_images import FROM_THE_TOP
 from carigs.fitting.landmarks.files import Landmarks
-from carigs.fitting.principal_point import resolve_cy
+from carigs.fitting.principal_point import resolve_cy_by_landmarks
 
 POINTS = small_head(subdivisions=2).v_template[::3].astype(np.float64)
 TIMESTEPS = 3
@@ -45,7 +45,7 @@ ALL, ONE, OWN = [16.0] * 6, [16.0, *[10.0] * 5], [4.0, 12, 9, 17, 13, 7]
 @pytest.mark.parametrize("noise", [0.0, 1.0])
 def test_either_convention_is_found(rows, flipped, noise):
     true = cameras(rows)
-    found = resolve_cy(capture(true, flipped=flipped), landmarks(true, noise))
+    found = resolve_cy_by_landmarks(capture(true, flipped=flipped), landmarks(true, noise))
     assert found.cy.startswith("flipped: " if flipped else "opencv: ") and found.warnings == ()
     assert [camera.cy for camera in found.calibrations] == [camera.cy for camera in true]
 
@@ -57,12 +57,14 @@ def test_wrong_landmarks_do_not_change_the_answer(flipped):
     wrong = random.random(spoilt.values.shape[:3]) < 0.1
     spoilt.values[wrong] += np.append(random.uniform(30, 60, 2), 0)
     spoilt.values[random.random(spoilt.values.shape[:3]) < 0.3] = 0
-    assert resolve_cy(capture(true, flipped=flipped), spoilt).cy.startswith("flipped" if flipped else "opencv")
+    assert resolve_cy_by_landmarks(capture(true, flipped=flipped), spoilt).cy.startswith(
+        "flipped" if flipped else "opencv"
+    )
 
 
 def test_a_centred_principal_point_does_not_matter():
     true = cameras([10.0] * 6)
-    found = resolve_cy(capture(true, flipped=True), landmarks(true, 1.0))
+    found = resolve_cy_by_landmarks(capture(true, flipped=True), landmarks(true, 1.0))
     assert found.cy.endswith("does not matter") and found.calibrations == tuple(true) and found.warnings == ()
 
 
@@ -70,7 +72,7 @@ def test_what_landmarks_cannot_tell_stays_as_it_is_with_a_warning():
     """A shift by one pixel of all images is within the noise."""
     true = cameras([9.4] * 6)
     stated = capture(true, flipped=True)
-    found = resolve_cy(stated, landmarks(true, 5.0))
+    found = resolve_cy_by_landmarks(stated, landmarks(true, 5.0))
     assert found.calibrations == stated.calibrations
     assert len(found.warnings) == 1 and found.warnings[0].startswith("video: cy: landmarks do not tell")
     assert "--cy opencv or flipped" in found.warnings[0]
@@ -80,21 +82,21 @@ def test_without_landmarks_nothing_changes():
     true = cameras(OWN)
     stated, none = capture(true, flipped=True), landmarks(true, 0.0)
     none.values[:, 1:] = 0  # one camera alone
-    found = resolve_cy(stated, none)
+    found = resolve_cy_by_landmarks(stated, none)
     assert found.calibrations == stated.calibrations and "too few landmarks" in found.cy
 
 
 def test_a_form_of_files_that_says_it_needs_no_evidence():
     true = cameras(OWN)
     stated = replace(capture(true, flipped=True), cy=FROM_THE_TOP)
-    assert resolve_cy(stated, landmarks(true, 0.0)) is stated
-    assert resolve_cy(stated, landmarks(true, 0.0), "flipped").calibrations == tuple(true)
+    assert resolve_cy_by_landmarks(stated, landmarks(true, 0.0)) is stated
+    assert resolve_cy_by_landmarks(stated, landmarks(true, 0.0), "flipped").calibrations == tuple(true)
 
 
 def test_a_setting_needs_no_evidence():
     true = cameras(OWN)
     stated = capture(true, flipped=False)
-    assert resolve_cy(stated, landmarks(true, 1.0), "opencv").calibrations == stated.calibrations
-    flipped = resolve_cy(stated, landmarks(true, 1.0), "flipped")
+    assert resolve_cy_by_landmarks(stated, landmarks(true, 1.0), "opencv").calibrations == stated.calibrations
+    flipped = resolve_cy_by_landmarks(stated, landmarks(true, 1.0), "flipped")
     assert [c.cy for c in flipped.calibrations] == [c.height - c.cy for c in true]
     assert flipped.cy == "flipped: --cy flipped"

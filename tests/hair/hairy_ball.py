@@ -4,7 +4,7 @@ import numpy as np
 from surfaces import sphere
 
 from carigs.capture import Camera, look_at
-from carigs.hair.views import View
+from carigs.hair.views import HairView
 from carigs.raster import compute_visibility
 
 RADIUS, STANDOFF, CAP = 0.1, 0.012, 0.3
@@ -75,4 +75,4 @@ def views(hair=True, dots=False, noise=0.0, count=18, brightness=1.0, scale=1.0)
             matte = np.maximum(matte, strand)
         image = (image + noise * rng.standard_normal(image.shape)).clip(0, 1)
         seen = compute_visibility(vertices, faces, camera)
-        yield View(image.astype(np.float32), matte.astype(np.float32), seen, np.zeros(matte.shape, bool))
+        yield HairView(image.astype(np.float32), matte.astype(np.float32), seen, np.zeros(matte.shape, bool))

@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation
 from carigs.errors import InputError
 from carigs.exaggeration import Caricature
 from carigs.head import HeadModel, HeadParameters, flame_joints, neutral, pose
-from carigs.head.posing import active_blendshapes, rotation_matrices, unposed_frames
+from carigs.head.joint_transforms import rotation_matrices
+from carigs.head.posing import active_blendshapes, unposed_frames
 
 vector = st.tuples(*[st.floats(-3, 3)] * 3).map(np.array)
 

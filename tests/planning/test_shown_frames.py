@@ -14,8 +14,7 @@ from carigs.cli import run
 from carigs.config import compose
 from carigs.errors import SettingsError
 from carigs.planning.shown_frames import check_shown_frames, listed_frames
-from carigs.settings import Capture as CaptureSettings
-from carigs.settings import Toy
+from carigs.settings import CaptureSettings, Toy
 from carigs.stages.capture import capture as capture_stage
 
 

@@ -18,7 +18,7 @@ from carigs.capture.images import read_grey, read_rgb, write_png
 from carigs.errors import CarigsWarning, InputError
 from carigs.plausibility import check_capture
 from carigs.plausibility.views import lies_inside
-from carigs.settings import Capture as Settings
+from carigs.settings import CaptureSettings as Settings
 from carigs.stages.capture import capture
 
 FRAMES = 6

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from carigs.capture import Camera, Capture, Frame
-from carigs.plausibility.mattes import Outlines, exchanged_mattes
+from carigs.plausibility.mattes import ForegroundBits, exchanged_mattes
 
 SIZE = 128
 CAMERA = Camera(np.eye(4), SIZE, SIZE, 200.0, 200.0, SIZE / 2, SIZE / 2)
@@ -27,7 +27,7 @@ def findings(shown: list[int], image_margin: int = 0) -> list[str]:
     """Mattes that are noticed where images show the given timesteps."""
     images = [disc(t, image_margin) for t in shown]
     pairs = zip(FRAMES, images, strict=True)
-    known = {frame: Outlines(np.packbits(image), np.packbits(disc(frame.timestep))) for frame, image in pairs}
+    known = {frame: ForegroundBits(np.packbits(image), np.packbits(disc(frame.timestep))) for frame, image in pairs}
     return [finding.file.name for finding in exchanged_mattes(CAPTURE, known)]
 
 
@@ -45,5 +45,5 @@ def test_a_difference_on_one_side_counts_where_it_is_unusual():
     images = [disc(t, 3 if t == 1 else 0) for t in range(5)]
     mattes = [disc(t if t != 3 else 1, 3 if t == 3 else 0) for t in range(5)]
     pairs = zip(FRAMES, images, mattes, strict=True)
-    known = {frame: Outlines(np.packbits(image), np.packbits(matte)) for frame, image, matte in pairs}
+    known = {frame: ForegroundBits(np.packbits(image), np.packbits(matte)) for frame, image, matte in pairs}
     assert "1_mask.png" in [finding.file.name for finding in exchanged_mattes(CAPTURE, known)]

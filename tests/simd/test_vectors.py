@@ -7,15 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from carigs.simd.kernels import kernel
-from carigs.simd.memory import (
-    gather_rows,
-    load,
-    load_block,
-    load_records,
-    store,
-    store_block,
-    store_records,
-)
+from carigs.simd.memory import load, load_block, store, store_block
+from carigs.simd.records import gather_rows, load_records, store_records
+from carigs.simd.reductions import reduce_add, reduce_add_each, reduce_max
 from carigs.simd.tuples import add, divide, matrix_vector, multiply, outer, read_row, subtract, write_row
 from carigs.simd.vector_loops import parallel_for_vectors
 from carigs.simd.vector_math import (
@@ -27,9 +21,6 @@ from carigs.simd.vector_math import (
     minimum,
     promote_lower,
     promote_upper,
-    reduce_add,
-    reduce_add_each,
-    reduce_max,
     select,
     to_int,
 )

@@ -13,7 +13,7 @@ from omegaconf import OmegaConf
 from carigs.config import yaml_text
 from carigs.config.literals import literal
 from carigs.settings import (
-    Capture,
+    CaptureSettings,
     Card,
     Exaggerate,
     Figures,
@@ -34,7 +34,7 @@ METHOD = "alternating"
 def small_settings() -> dict[str, Any]:
     """Sections with which a study of a miniature takes seconds: a training of one step, no networks."""
     return {
-        "capture": Capture(),
+        "capture": CaptureSettings(),
         "exaggerate": Exaggerate(path_nodes=2),
         "hair": Hair(),
         "truth": Truth(),

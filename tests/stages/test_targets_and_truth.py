@@ -19,8 +19,7 @@ from carigs.gtstar import MaskFlag, capture_shading, frame_views, provider
 from carigs.gtstar.provider import frame_weight
 from carigs.gtstar.registration import RegistrationError
 from carigs.head import neutral
-from carigs.settings import Capture as CaptureSettings
-from carigs.settings import Exaggerate, Gtstar, Truth
+from carigs.settings import CaptureSettings, Exaggerate, Gtstar, Truth
 from carigs.stages.capture import capture
 from carigs.stages.exaggerate import exaggerate
 from carigs.stages.gtstar import gtstar

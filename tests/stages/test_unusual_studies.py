@@ -18,8 +18,7 @@ from stages.small_study import METHOD, SmallStudy, small_settings
 
 from carigs.capture import Camera, Capture, read_dataset
 from carigs.errors import CarigsWarning
-from carigs.settings import Capture as CaptureSettings
-from carigs.settings import Figures, Render, Toy, Truth
+from carigs.settings import CaptureSettings, Figures, Render, Toy, Truth
 from carigs.stages.capture import capture as capture_stage
 
 pytestmark = pytest.mark.filterwarnings("ignore:no value of:carigs.errors.CarigsWarning")

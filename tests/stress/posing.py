@@ -11,7 +11,7 @@ from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
 from carigs.head import HeadModel, HeadParameters, pose
-from carigs.head.posing import rotation_matrices
+from carigs.head.joint_transforms import rotation_matrices
 from stress.case import Case, Measure, difference
 
 PI = np.pi

@@ -13,7 +13,7 @@ from carigs.capture.images import to_linear
 from carigs.exaggeration import Caricature
 from carigs.head import HeadParameters, flame_joints, neutral
 from carigs.settings import Toy
-from carigs.toy import Subject, load_subject, make_subject, render_subject
+from carigs.toy import ToySubject, load_subject, make_subject, render_subject
 from carigs.toy.look.hair_rendering import ribbon_faces, strand_ribbons
 from carigs.toy.look.lighting import StudioLight
 from carigs.toy.look.strands import triangle_frames
@@ -23,7 +23,7 @@ SETTINGS = Toy(width=96, height=128, cameras=3, supersampling=2, texture_size=20
 
 
 @pytest.fixture(scope="module")
-def subject() -> Subject:
+def subject() -> ToySubject:
     return make_subject(SETTINGS)
 
 
@@ -33,11 +33,11 @@ def camera() -> Camera:
     return cameras[frontal_camera(cameras)]
 
 
-def person(subject: Subject, **fields: np.ndarray) -> HeadParameters:
+def person(subject: ToySubject, **fields: np.ndarray) -> HeadParameters:
     return HeadParameters(shape=subject.shape, **fields)
 
 
-def test_coverage_and_background(subject: Subject, camera: Camera) -> None:
+def test_coverage_and_background(subject: ToySubject, camera: Camera) -> None:
     colour, alpha = render_subject(subject, person(subject), camera)
     assert colour.shape == (128, 96, 3) and alpha.shape == (128, 96)
     assert alpha.min() == 0 and alpha.max() == 1 and colour.min() >= 0 and colour.max() <= 1
@@ -49,7 +49,7 @@ def test_coverage_and_background(subject: Subject, camera: Camera) -> None:
     assert rows[0] > 0 and rows[-1] < 127 and columns[0] > 0 and columns[-1] < 95
 
 
-def test_head_light_and_camera_may_move_together(subject: Subject, camera: Camera) -> None:
+def test_head_light_and_camera_may_move_together(subject: ToySubject, camera: Camera) -> None:
     turn, shift = Rotation.from_euler("yxz", [0.5, -0.3, 0.2]), np.array([0.03, -0.05, 0.1])
     root = (subject.model.joint_regressor @ neutral(subject.model, person(subject)))[0]
     # p -> R p + t, where the model turns about its root joint.
@@ -67,7 +67,7 @@ def test_head_light_and_camera_may_move_together(subject: Subject, camera: Camer
     assert np.abs(still[0] - unlit).mean() > 5 * np.abs(still[0] - together[0]).mean()
 
 
-def test_a_caricature_that_only_shifts_is_a_translation(subject: Subject, camera: Camera) -> None:
+def test_a_caricature_that_only_shifts_is_a_translation(subject: ToySubject, camera: Camera) -> None:
     shift = np.array([0.01, -0.02, 0.015])
     everywhere = Caricature(np.tile(shift, (len(subject.model.v_template), 1)))
     by_offset = render_subject(subject, person(subject), camera, everywhere)
@@ -75,7 +75,7 @@ def test_a_caricature_that_only_shifts_is_a_translation(subject: Subject, camera
     assert np.abs(by_offset[0] - by_pose[0]).mean() < 1e-3 and np.abs(by_offset[1] - by_pose[1]).mean() < 1e-3
 
 
-def test_no_displacement_and_static_offset_are_the_same_as_none(subject: Subject, camera: Camera) -> None:
+def test_no_displacement_and_static_offset_are_the_same_as_none(subject: ToySubject, camera: Camera) -> None:
     zeros = np.zeros(subject.model.v_template.shape)
     plain = render_subject(subject, person(subject), camera)
     for other in (
@@ -86,7 +86,7 @@ def test_no_displacement_and_static_offset_are_the_same_as_none(subject: Subject
         np.testing.assert_array_equal(plain[1], other[1])
 
 
-def test_closed_lips_hide_the_teeth_and_open_ones_show_them(subject: Subject, camera: Camera) -> None:
+def test_closed_lips_hide_the_teeth_and_open_ones_show_them(subject: ToySubject, camera: Camera) -> None:
     green = replace(subject, teeth_colours=np.tile(np.float32([0, 1, 0]), (len(subject.teeth), 1)))
 
     def differs(parameters: HeadParameters) -> bool:
@@ -97,7 +97,7 @@ def test_closed_lips_hide_the_teeth_and_open_ones_show_them(subject: Subject, ca
     assert differs(person(subject, joints=flame_joints(jaw=[0.2, 0, 0])))
 
 
-def test_equal_seeds_give_equal_people_and_others_differ(subject: Subject) -> None:
+def test_equal_seeds_give_equal_people_and_others_differ(subject: ToySubject) -> None:
     again, other = make_subject(SETTINGS), make_subject(replace(SETTINGS, seed=2))
     for name in ("shape", "ambient_visibility", "teeth"):
         np.testing.assert_array_equal(getattr(again, name), getattr(subject, name))
@@ -109,7 +109,7 @@ def test_equal_seeds_give_equal_people_and_others_differ(subject: Subject) -> No
     assert np.abs(subject.atlas.texels.astype(int) - other.atlas.texels).mean() > 3
 
 
-def test_a_saved_person_gives_the_same_images(subject: Subject, camera: Camera, tmp_path) -> None:
+def test_a_saved_person_gives_the_same_images(subject: ToySubject, camera: Camera, tmp_path) -> None:
     subject.model.save(tmp_path / "head_model.npz")
     subject.save(tmp_path / "subject.npz")
     again = load_subject(tmp_path)
@@ -119,7 +119,7 @@ def test_a_saved_person_gives_the_same_images(subject: Subject, camera: Camera, 
         np.testing.assert_array_equal(mine, theirs)
 
 
-def test_hair_turns_with_its_triangle_and_keeps_its_length(subject: Subject) -> None:
+def test_hair_turns_with_its_triangle_and_keeps_its_length(subject: ToySubject) -> None:
     strands, faces = subject.strands, subject.model.faces
     rest = neutral(subject.model, person(subject))
     turn = Rotation.from_rotvec([0.3, -0.8, 0.4]).as_matrix()
@@ -139,7 +139,7 @@ def test_hair_turns_with_its_triangle_and_keeps_its_length(subject: Subject) -> 
     assert corners.min() == 5 and corners.max() == 4 + len(ribbon) and len(corners) == 14 * len(roots)
 
 
-def test_scalp_hair_leaves_the_mesh(subject: Subject) -> None:
+def test_scalp_hair_leaves_the_mesh(subject: ToySubject) -> None:
     tips = subject.strands.local[:, -1, 2]  # along the root triangle's normal, millimetres
     on_scalp = np.isin(subject.model.faces[subject.strands.face], subject.model.regions["scalp"]).all(axis=1)
     assert on_scalp.sum() > 400 and np.median(tips[on_scalp]) > 1

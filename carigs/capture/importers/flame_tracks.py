@@ -19,7 +19,7 @@ from carigs.capture.calibration.camera_checks import check_intrinsics, check_rig
 from carigs.capture.calibration.keys import refuse_distortion
 from carigs.capture.camera import Camera
 from carigs.capture.capture_json import MAX_NUMBER
-from carigs.capture.importers.images import FoundImage, timestep_of
+from carigs.capture.importers.images import FoundImage, stated_timestep
 from carigs.errors import InputError
 from carigs.head import HeadModel, HeadParameters, flame_joints
 from carigs.readers.arrays import checked_array
@@ -94,7 +94,7 @@ def _files(folder: Path) -> dict[int, Path]:
     files: dict[int, Path] = {}
     for file in listed(folder, "*.npz"):
         number = re.search(r"\d+$", file.stem)
-        timestep = timestep_of(number[0]) if number else None
+        timestep = stated_timestep(number[0]) if number else None
         if timestep is None or timestep in files:
             raise InputError("the names of parameter files end with different numbers, their timesteps", file=file)
         files[timestep] = file
@@ -181,7 +181,7 @@ def _read_vhap(file: Path, model: HeadModel) -> dict[int, HeadParameters]:
 def _timesteps(arrays: Mapping[str, np.ndarray], count: int, file: Path) -> list[int]:
     if "timestep_id" not in arrays:
         return list(range(count))
-    numbers = [timestep_of(str(name)) for name in np.atleast_1d(arrays["timestep_id"]).ravel()]
+    numbers = [stated_timestep(str(name)) for name in np.atleast_1d(arrays["timestep_id"]).ravel()]
     timesteps = [number for number in numbers if number is not None]
     if len(numbers) != count or len(set(timesteps)) < count:
         problem = f"expected {count} different numbers up to {MAX_NUMBER}"

@@ -46,7 +46,7 @@ class FoundImage(NamedTuple):
     camera: str
 
 
-def timestep_of(text: str) -> int | None:
+def stated_timestep(text: str) -> int | None:
     """The timestep that a name states.
 
     Args:
@@ -80,7 +80,7 @@ def find_images(folder: Path) -> list[FoundImage]:
         parts = file.relative_to(folder).with_suffix("").parts
         flat = _FLAT.fullmatch(parts[-1])
         number, camera = (parts[-1], "/".join(parts[:-1])) if len(parts) > 1 else flat.groups() if flat else ("", "")
-        timestep = timestep_of(number)
+        timestep = stated_timestep(number)
         if timestep is None:
             problem = "images are called CAMERA/TIMESTEP or TIMESTEP_CAMERA, with a number for the timestep"
             raise InputError(problem, file=file)

@@ -15,13 +15,13 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from carigs.capture.calibration.camera_checks import FARTHEST
-from carigs.capture.importers.images import timestep_of
+from carigs.capture.importers.images import stated_timestep
 from carigs.errors import InputError
 from carigs.head import HeadModel, HeadParameters, pose_frames
 from carigs.mesh.rigid_alignment import rigid_alignment
 from carigs.readers.folders import listed
 from carigs.readers.mesh_files.meshes import read_polygons
-from carigs.readers.mesh_files.polygons import triangulate
+from carigs.readers.mesh_files.polygons import triangulate_polygons
 
 NUM_EXPRESSIONS = 100
 """Largest number of blendshapes, as of FLAME."""
@@ -53,7 +53,7 @@ def read_mesh_sequence(folder: Path, metres_per_unit: float = 1.0) -> MeshTrack:
     files = {}
     for file in (file for file in listed(folder) if file.suffix.lower() in (".obj", ".ply")):
         numbers = re.findall(r"\d+", file.stem)
-        timestep = timestep_of(numbers[-1]) if numbers else None
+        timestep = stated_timestep(numbers[-1]) if numbers else None
         if timestep is None or timestep in files:
             raise InputError("the names of meshes end with different numbers, their timesteps", file=file)
         files[timestep] = file
@@ -70,7 +70,7 @@ def read_mesh_sequence(folder: Path, metres_per_unit: float = 1.0) -> MeshTrack:
             problem = f"vertex {far[0]} is not finite, or {FARTHEST:g} m or more from the origin; see --metres-per-unit"
             raise InputError(problem, file=files[t], field="vertices")
     vertices = metres_per_unit * np.stack([mesh.vertices for mesh in meshes.values()])
-    faces = triangulate(first, files[first_timestep])  # the same triangles in all frames, however polygons bend
+    faces = triangulate_polygons(first, files[first_timestep])  # as in all frames, however polygons bend
     return track_meshes(vertices, faces.astype(np.int32), list(meshes))
 
 

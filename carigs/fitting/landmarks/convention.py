@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.errors import InputError
 from carigs.fitting.landmarks.fit import Observations
 from carigs.fitting.landmarks.image_map import Form, MapFit, OwnForm, Views, centred_pixels, fit_map, spreads
@@ -107,7 +108,7 @@ def _chosen(observations: Observations, sizes: Float[np.ndarray, "t c 2"]) -> Vi
     cameras = np.flatnonzero((seen.sum(axis=-1) >= LEAST_POINTS).any(axis=0))
     if len(cameras) < 2:
         return None
-    cameras = cameras[np.linspace(0, len(cameras) - 1, min(CAMERAS, len(cameras))).astype(int)]
+    cameras = cameras[evenly_spread(range(len(cameras)), CAMERAS)]
     part = np.ix_(chosen, cameras)
     views = Views(observations.pixels[part], seen[:, cameras], observations.projections[part], sizes[part][:, :, None])
     middles = centred_pixels(views)  # so that rays of all units meet

@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Bool, Float32, Int32
 
 from carigs.plausibility.diagnosis.scene import Scene, Shot
-from carigs.plausibility.vertex_misfit import CLIP, LEAST_FRAMES, disagreement, sample
-from carigs.plausibility.views import compared_vertices, head_faces
+from carigs.plausibility.vertex_misfit import CLIP, LEAST_FRAMES, disagreement, sample_inside
+from carigs.plausibility.views import head_faces, spread_vertices
 from carigs.raster import Visibility, compute_visibility
 from carigs.raster.vertex_colours import visible_vertices
 
@@ -119,7 +119,7 @@ def reproject(scene: Scene, *, colours: bool = True) -> Reprojection:
 
 def _foreground_colours(shot: Shot, pixels: Float32[np.ndarray, "n 2"]) -> Float32[np.ndarray, "n 3"]:
     """Colours at positions in the matte; NaN at others: the background has the same colour in all images."""
-    colours = sample(shot.image, pixels)
+    colours = sample_inside(shot.image, pixels)
     if shot.matte is not None:
         known = np.flatnonzero(np.isfinite(colours[:, 0]))
         column, row = pixels[known].astype(int).T
@@ -142,7 +142,7 @@ def vertex_pixels(scene: Scene, shot: Shot, visibility: Visibility) -> Float32[n
     pixels = np.full((len(head.vertices), 2), np.nan, np.float32)
     visible = visible_vertices(visibility, head.vertices, head.normals)
     pixels[visible.index] = visible.pixels
-    return pixels[compared_vertices(scene.model)]
+    return pixels[spread_vertices(scene.model)]
 
 
 def colour_disagreement(samples: dict[Shot, Float32[np.ndarray, "n 3"]]) -> float:

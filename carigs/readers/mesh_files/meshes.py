@@ -17,7 +17,7 @@ from carigs.readers.mesh_files.glb import parse_glb, parse_gltf
 from carigs.readers.mesh_files.obj import parse_obj
 from carigs.readers.mesh_files.off import parse_off
 from carigs.readers.mesh_files.ply import parse_ply_polygons
-from carigs.readers.mesh_files.polygons import Polygons, triangulate
+from carigs.readers.mesh_files.polygons import Polygons, triangulate_polygons
 from carigs.readers.text import decode_text, encode_text, split_lines, without_byte_order_mark
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def read_mesh(file: str | Path) -> trimesh.Trimesh:
     import trimesh
 
     polygons = read_polygons(file)
-    return trimesh.Trimesh(polygons.vertices, triangulate(polygons, file), process=False)
+    return trimesh.Trimesh(polygons.vertices, triangulate_polygons(polygons, file), process=False)
 
 
 def read_polygons(file: str | Path) -> Polygons:

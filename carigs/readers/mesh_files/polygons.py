@@ -34,7 +34,7 @@ class Polygons(NamedTuple):
     """Number of corners of each polygon, at least 3."""
 
 
-def triangulate(polygons: Polygons, file: str | Path) -> Int64[np.ndarray, "f 3"]:
+def triangulate_polygons(polygons: Polygons, file: str | Path) -> Int64[np.ndarray, "f 3"]:
     """Cut polygons into triangles with the corners of the polygons: n - 2 from a polygon of n corners.
 
     Corners need not lie in a plane: which triangles face which way is decided along the normal of the polygon's mean

@@ -12,7 +12,8 @@ import numpy as np
 from numba.extending import overload
 
 from carigs.simd.kernels import INLINE, kernel
-from carigs.simd.memory import align_stack, load3, load_records, store3, store_records
+from carigs.simd.memory import align_stack
+from carigs.simd.records import load3, load_records, store3, store_records
 from carigs.simd.tuples import componentwise, matrix_vector, multiply, outer
 from carigs.simd.vector_loops import parallel_for_vectors
 from carigs.simd.vector_math import absolute, select

@@ -81,7 +81,7 @@ def bake_motion(avatar: Avatar, motion: FaceMotion, shade: Float32[np.ndarray, "
     if harmonics.shape[1] and avatar.rotate_harmonics:
         harmonics = rotate_harmonics(harmonics, blended_rotations(surfels, motion, blend=blend))
     factor = np.ones((len(surfels), 3)) if shade is None else shade[surfels.binding].astype(np.float64)
-    axes, scale = disc_axes(skinned.tangent_u.double().numpy(), skinned.tangent_v.double().numpy())
+    axes, scale = orthogonal_disc_axes(skinned.tangent_u.double().numpy(), skinned.tangent_v.double().numpy())
     return WorldSplats(
         centre=skinned.centre.double().numpy(),
         rotation=Rotation.from_matrix(axes).as_quat(scalar_first=True),
@@ -92,7 +92,7 @@ def bake_motion(avatar: Avatar, motion: FaceMotion, shade: Float32[np.ndarray, "
     )
 
 
-def disc_axes(
+def orthogonal_disc_axes(
     tangent_u: Float[np.ndarray, "n 3"], tangent_v: Float[np.ndarray, "n 3"]
 ) -> tuple[Float64[np.ndarray, "n 3 3"], Float64[np.ndarray, "n 2"]]:
     """Orthogonal axes of discs whose covariance is u u^T + v v^T.

@@ -20,8 +20,9 @@ from carigs.simd.memory import (
     store,
     store_scalar,
 )
+from carigs.simd.reductions import reduce_add, reduce_add_each
 from carigs.simd.tuples import add, componentwise, multiply, outer, subtract
-from carigs.simd.vector_math import block_columns, block_rows, reduce_add, reduce_add_each, select
+from carigs.simd.vector_math import block_columns, block_rows, select
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
 from carigs.splat.rasterizer import surfel_blocks, tile_buffer
 from carigs.splat.rasterizer.binning import TILE_SIZE, TileLists

@@ -6,18 +6,8 @@ import numpy as np
 from jaxtyping import Float32, Int32
 
 from carigs.simd.kernels import kernel
-from carigs.simd.memory import (
-    align_stack,
-    flattened,
-    load,
-    load3,
-    load_records,
-    store,
-    store2,
-    store3,
-    store4,
-    store_records,
-)
+from carigs.simd.memory import align_stack, flattened, load, store
+from carigs.simd.records import load3, load_records, store2, store3, store4, store_records
 from carigs.simd.tuples import componentwise, subtract
 from carigs.simd.vector_loops import parallel_for_vectors
 from carigs.simd.vector_math import absolute, demote, promote_lower, promote_upper, select, to_int

@@ -23,16 +23,8 @@ from carigs.simd.memory import (
     store_block,
     store_scalar,
 )
-from carigs.simd.vector_math import (
-    absolute,
-    block_columns,
-    block_rows,
-    exp2,
-    maximum,
-    minimum,
-    reduce_max,
-    select,
-)
+from carigs.simd.reductions import reduce_max
+from carigs.simd.vector_math import absolute, block_columns, block_rows, exp2, maximum, minimum, select
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline
 from carigs.splat.rasterizer.binning import TILE_SIZE
 from carigs.splat.rasterizer.forward import LOG2_ALPHA_THRESHOLD, MIN_TRANSMITTANCE, ONE, ZERO

@@ -134,7 +134,7 @@ def facing_normal(surfels: CameraSurfels) -> Float[Tensor, "n 3"]:
     return cross * (sign.to(cross.dtype) / cross.norm(dim=1, keepdim=True))
 
 
-def project(surfels: WorldSurfels, camera: Camera) -> ScreenSurfels:
+def project_surfels(surfels: WorldSurfels, camera: Camera) -> ScreenSurfels:
     """Project surfels to records and pixel boxes, as `projection.project_surfels`.
 
     Args:

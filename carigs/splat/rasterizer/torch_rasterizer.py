@@ -12,7 +12,7 @@ from carigs.splat.rasterizer.interface import Rendering, Screen, WorldSurfels
 from carigs.splat.rasterizer.records import RECORD_COLUMN
 from carigs.splat.rasterizer.torch_compositing import CHANNELS, composite
 from carigs.splat.rasterizer.torch_lists import tile_lists
-from carigs.splat.rasterizer.torch_projection import project
+from carigs.splat.rasterizer.torch_projection import project_surfels
 
 if TYPE_CHECKING:
     from carigs.capture.camera import Camera
@@ -40,7 +40,7 @@ def rasterize_torch(
     relative = WorldSurfels(
         surfels.centre, surfels.tangent_u, surfels.tangent_v, surfels.opacity, surfels.colour - background
     )
-    projected = project(relative, camera)
+    projected = project_surfels(relative, camera)
     depth = projected.record[:, RECORD_COLUMN.depth - RECORD_COLUMN.u0].detach()
     lists = tile_lists(depth, projected.box, projected.visible, camera.width, camera.height)
     screen = Screen(visible=projected.visible)

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float64, Int
 from torch import Tensor
 
-from carigs.head.posing import joint_transforms, rotation_matrices
+from carigs.head.joint_transforms import joint_transforms, rotation_matrices
 from carigs.simd import matrix3
 from carigs.simd.kernels import kernel
 from carigs.simd.tuples import add, multiply, write_row

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from carigs.simd.kernels import kernel
-from carigs.simd.memory import align_stack, gather_rows, load, load2, load3, load4, store, store2, store3, store4
+from carigs.simd.memory import align_stack, load, store
+from carigs.simd.records import gather_rows, load2, load3, load4, store2, store3, store4
 from carigs.simd.tuples import add, componentwise, multiply
 from carigs.simd.vector_loops import parallel_for_vectors
 from carigs.simd.vector_math import absolute, exp, select

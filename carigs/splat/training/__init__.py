@@ -1,7 +1,7 @@
 """Training: losses, supervision, optimisation, density control and checkpoints.
 
 - `trainer`: `train_surfels`, the training loop; `learning_rates`
-- `subject`: `Subject`, what a training is about; `prepare_subject`
+- `subject`: `TrainingSubject`, how the head moves, its images, hair and mouth; `prepare_subject`
 - `training_step`: what a step is; `numba_step`: the step on the host; `device`: the same in PyTorch on a device
 - `schedule`: `draw_schedule`, the random alternation of real frames and GT* targets
 - `supervision`: `Supervision`, the training examples and their masks; `image_cache`: images decoded ahead

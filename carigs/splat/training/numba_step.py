@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from carigs.capture import Frame
@@ -57,34 +57,39 @@ class NumbaStep:
         Returns:
             Loss and images.
         """
-        inputs, settings = self.inputs, self.inputs.settings
-        gtstar, index = inputs.scheduled(i)
-        example = inputs.supervision.example(gtstar, index)
+        inputs, surfels, hair = self.inputs, state.surfels, self.inputs.subject.hair
+        example = self._example(i)
         inputs.decode_ahead(i)
-        for _, value in state.surfels.attributes():
+        for _, value in surfels.attributes():
             value.grad = None
         rendered, loss = self._loss(state, example, i)
-        loss.backward()
         screen = rendered.rendering.screen
-        value = float(loss.detach()) + add_threshold_loss(
-            state.surfels, screen.visible.numpy(), inputs.position_limit[state.surfels.binding],
-            settings.position_weight, settings.scale_limit, settings.scale_weight,
-        )  # fmt: skip
-        frozen = None if example.frozen is None else example.frozen[state.surfels.binding]
-        if settings.density.every and (not gtstar or inputs.only_targets):
+        loss.backward()
+        # After the backward pass: it adds its own gradients, at the visible surfels alone.
+        total = float(loss.detach()) + self._add_threshold_loss(surfels, screen.visible.numpy())
+        if inputs.counts_gradients(i):
             state.statistics.add(screen, example.camera)
-        if inputs.hair is not None:
-            inputs.hair.keep_hidden_skin(state.surfels)
-        state.adam.step(state.surfels, rates, frozen)
-        if inputs.hair is not None:
-            inputs.hair.keep_on_covered_skin(state.surfels)
+        if hair is not None:
+            hair.keep_hidden_skin(surfels)
+        state.adam.step(surfels, rates, None if example.frozen is None else example.frozen[surfels.binding])
+        if hair is not None:
+            hair.keep_on_covered_skin(surfels)
             if i % FADING_STEPS == 0:
-                inputs.hair.fade_over_bare_skin(state.surfels, inputs.sequence.rig)
+                hair.fade_over_bare_skin(surfels, inputs.subject.sequence.rig)
         valid = None if example.valid is None else torch.from_numpy(example.valid)
-        return StepResult(value, rendered.image, torch.from_numpy(example.image), valid)
+        return StepResult(total, rendered.image, torch.from_numpy(example.image), valid)
+
+    def _example(self, i: int) -> Example:
+        return self.inputs.subject.supervision.example(*self.inputs.scheduled(i))
+
+    def _add_threshold_loss(self, surfels: Surfels, visible: Bool[np.ndarray, " n"]) -> float:
+        settings, limit = self.inputs.settings, self.inputs.position_limit[surfels.binding]
+        return add_threshold_loss(
+            surfels, visible, limit, settings.position_weight, settings.scale_limit, settings.scale_weight
+        )
 
     def _loss(self, state: TrainingState, example: Example, i: int) -> tuple[RenderedFrame, Float[Tensor, ""]]:
-        inputs, settings, sequence = self.inputs, self.inputs.settings, self.inputs.sequence
+        inputs, settings, sequence = self.inputs, self.inputs.settings, self.inputs.subject.sequence
         distortion, normals = inputs.regularizers(i)
         if inputs.refines_tracking(i):
             motion = state.refinement.motion(example.timestep)
@@ -92,7 +97,7 @@ class NumbaStep:
             motion = sequence.motion(example.timestep, example.level)
         rendered = render(
             state.surfels, sequence.rig, motion, example.camera, skinning=settings.rig,
-            rotate_harmonics=settings.rotate_harmonics, background=inputs.supervision.capture.background,
+            rotate_harmonics=settings.rotate_harmonics, background=inputs.subject.supervision.capture.background,
             shade=sequence.shade(example.timestep, example.level), backend=settings.backend,
             outputs=("distortion",) * distortion + ("alpha", "depth", "normal") * normals,
         )  # fmt: skip
@@ -116,12 +121,13 @@ class NumbaStep:
         Returns:
             RGB, not clamped.
         """
-        settings, sequence = self.inputs.settings, self.inputs.sequence
+        settings, sequence = self.inputs.settings, self.inputs.subject.sequence
+        capture = self.inputs.subject.supervision.capture
         with torch.no_grad():
             return render(
                 surfels, sequence.rig, sequence.motion(frame.timestep, 0.0),
-                self.inputs.supervision.capture.camera(frame), skinning=settings.rig,
-                rotate_harmonics=settings.rotate_harmonics, background=self.inputs.supervision.capture.background,
+                capture.camera(frame), skinning=settings.rig, rotate_harmonics=settings.rotate_harmonics,
+                background=capture.background,
                 shade=sequence.shade(frame.timestep, 0.0), backend=settings.backend,
             ).image.numpy()  # fmt: skip
 
@@ -136,6 +142,6 @@ class NumbaStep:
         Returns:
             Sums in pixels.
         """
-        settings, sequence = self.inputs.settings, self.inputs.sequence
-        camera, motion = self.inputs.supervision.capture.camera(frame), sequence.motion(frame.timestep, level)
+        settings, sequence = self.inputs.settings, self.inputs.subject.sequence
+        camera, motion = self.inputs.subject.supervision.capture.camera(frame), sequence.motion(frame.timestep, level)
         return contribution(surfels, sequence.rig, motion, camera, skinning=settings.rig, backend=settings.backend)

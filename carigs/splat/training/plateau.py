@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from carigs.capture import Capture, Frame
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.settings import Plateau, Train
 
 LEAST_MEASUREMENTS = 2
@@ -58,8 +59,7 @@ def validation_frames(capture: Capture, count: int) -> list[Frame]:
     Returns:
         At most `count` frames of the split `val`, evenly over all; none if it is empty.
     """
-    frames = capture.split("val")
-    return [frames[i] for i in np.unique(np.linspace(0, len(frames) - 1, min(count, len(frames))).astype(int))]
+    return evenly_spread(capture.split("val"), count)
 
 
 def measures_after(settings: Train, done: int) -> bool:

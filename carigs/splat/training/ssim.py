@@ -20,8 +20,9 @@ from jaxtyping import Bool, Float32
 
 from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.memory import align_stack, load, store
+from carigs.simd.reductions import reduce_add
 from carigs.simd.tuples import add, componentwise, multiply
-from carigs.simd.vector_math import absolute, reduce_add, select
+from carigs.simd.vector_math import absolute, select
 from carigs.simd.vectors import WIDTH, broadcast, simd_inline, simd_inline_alloc
 
 RADIUS = 5

@@ -1,4 +1,4 @@
-"""What a training is about: how the head moves, its images, its hair, and the inside of its mouth."""
+"""The subject of a training: how the head moves, its images, its hair, and the inside of its mouth."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from carigs.splat.training.initial_surfels.mouth_surfels import prepare_mouth
 from carigs.splat.training.supervision import Supervision
 
 
-class Subject(NamedTuple):
-    """What a training is about."""
+class TrainingSubject(NamedTuple):
+    """How a head moves, its images, its hair, and the inside of its mouth."""
 
     sequence: HeadSequence
     supervision: Supervision
@@ -36,7 +36,7 @@ def prepare_subject(
     settings: Train,
     hair: FoundHair | None = None,
     targets: Sequence[TargetSet] = (),
-) -> Subject:
+) -> TrainingSubject:
     """Prepare a training: its images, the motion and the light of the head, and the points where surfels start.
 
     Args:
@@ -59,4 +59,4 @@ def prepare_subject(
         rig, extinction = sequence.rig, sequence.shading.extinction
         sequence.hair_shadow = hair_shadow(hair, scalp, rig.vertices, rig.faces, extinction)
     hair_surfels = None if hair is None else prepare_hair(hair, scalp, sequence, settings)
-    return Subject(sequence, supervision, hair_surfels, prepare_mouth(capture, sequence, settings))
+    return TrainingSubject(sequence, supervision, hair_surfels, prepare_mouth(capture, sequence, settings))

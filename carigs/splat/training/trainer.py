@@ -22,7 +22,7 @@ from carigs.splat.training.numba_step import NumbaStep
 from carigs.splat.training.plateau import Ending, ending_after, measures_after, validation_frames
 from carigs.splat.training.progress import progress
 from carigs.splat.training.schedule import draw_schedule
-from carigs.splat.training.subject import Subject
+from carigs.splat.training.subject import TrainingSubject
 from carigs.splat.training.tracking_refinement import TrackingRefinement
 from carigs.splat.training.training_step import StepInputs, StepResult, TrainingStep
 
@@ -37,7 +37,7 @@ PSNR of held-out frames, if it was measured since the row before."""
 
 def train_surfels(
     settings: Train,
-    subject: Subject,
+    subject: TrainingSubject,
     checkpoint: Checkpoint | None = None,
     on_step: Callable[[TrainingState], None] | None = None,
 ) -> tuple[Surfels, list[tuple]]:
@@ -56,7 +56,8 @@ def train_surfels(
 
     Args:
         settings: Settings of the stage.
-        subject: What it is about; the parameters of its head change if `settings.refine_tracking` is enabled.
+        subject: Motion and images of the head, its hair and mouth; the parameters of its head change if
+            `settings.refine_tracking` is enabled.
         checkpoint: Where the state is kept; the run continues from one with the same key. None keeps no state.
         on_step: Called with the state after every step.
 
@@ -102,7 +103,7 @@ def _first_state(iterations: int, surfels: Surfels, refinement: TrackingRefineme
     return TrainingState(0, iterations, ending, surfels, Adam(surfels), statistics, refinement=refinement)
 
 
-def _steps_within(seconds: float, settings: Train, subject: Subject, surfels: Surfels) -> int:
+def _steps_within(seconds: float, settings: Train, subject: TrainingSubject, surfels: Surfels) -> int:
     """Number of steps that fit into a time: some are tried on a copy of the surfels."""
     trial = with_iterations(settings, TRIAL_STEPS)
     trial = replace(
@@ -120,7 +121,7 @@ def _steps_within(seconds: float, settings: Train, subject: Subject, surfels: Su
 class _Run:
     """The steps of a run, on a `TrainingState`."""
 
-    def __init__(self, settings: Train, subject: Subject, state: TrainingState) -> None:
+    def __init__(self, settings: Train, subject: TrainingSubject, state: TrainingState) -> None:
         self.settings, self.state = settings, state
         self.sequence, self.supervision = subject.sequence, subject.supervision
         self.extent = scene_extent(self.supervision.capture.cameras)
@@ -129,7 +130,7 @@ class _Run:
         schedule = draw_schedule(
             settings.iterations, len(frames), len(targets), probability, settings.seed, fall=settings.gtstar_fall
         )
-        self.inputs = StepInputs(settings, *subject, schedule)
+        self.inputs = StepInputs(settings, subject, schedule)
         self.only_targets = self.inputs.only_targets
         self.work = _step_of(self.inputs)
         self.work.place(state)

@@ -12,15 +12,12 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from carigs.capture import Frame
-from carigs.mesh.carried_points import CarriedPoints
 from carigs.settings import Train
-from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.surfels.surfels import Surfels
 from carigs.splat.training.checkpoint import TrainingState
-from carigs.splat.training.initial_surfels.hair_surfels import HairSurfels
 from carigs.splat.training.initial_surfels.initialization import start_distances
 from carigs.splat.training.schedule import Schedule
-from carigs.splat.training.supervision import Supervision
+from carigs.splat.training.subject import TrainingSubject
 
 PREFETCHED = 4
 """Steps whose images are decoded ahead."""
@@ -48,18 +45,12 @@ class StepInputs:
 
     Attributes:
         settings: Settings of the stage.
-        sequence: The subject.
-        supervision: Training frames and targets.
-        hair: Where hair is; None if the head has none.
-        mouth: Where surfels inside the mouth started; None if there are none.
+        subject: Motion of the head, training frames and targets, hair and mouth.
         schedule: The example of every step.
     """
 
     settings: Train
-    sequence: HeadSequence
-    supervision: Supervision
-    hair: HairSurfels | None
-    mouth: CarriedPoints | None
+    subject: TrainingSubject
     schedule: Schedule
 
     @cached_property
@@ -68,8 +59,9 @@ class StepInputs:
 
         Surfels of hair and mouth start away from their triangles.
         """
-        beside = [points for points in (self.hair and self.hair.points, self.mouth) if points is not None]
-        return self.settings.position_limit + start_distances(self.sequence.rig, beside)
+        hair, mouth = self.subject.hair, self.subject.mouth
+        beside = [points for points in (hair and hair.points, mouth) if points is not None]
+        return self.settings.position_limit + start_distances(self.subject.sequence.rig, beside)
 
     @cached_property
     def only_targets(self) -> bool:
@@ -100,6 +92,17 @@ class StepInputs:
         early = i < refinement.until * self.settings.iterations
         return refinement.enabled and early and not self.scheduled(i)[0]
 
+    def counts_gradients(self, i: int) -> bool:
+        """Whether density control counts the gradients of a step.
+
+        Args:
+            i: The step.
+
+        Returns:
+            True for real frames, and for targets if there is nothing else.
+        """
+        return self.settings.density.every > 0 and (self.only_targets or not self.scheduled(i)[0])
+
     def regularizers(self, i: int) -> tuple[bool, bool]:
         """Which regularizers of the images are in the loss of a step.
 
@@ -119,7 +122,7 @@ class StepInputs:
             i: The step.
         """
         for k in range(i + 1, min(i + 1 + PREFETCHED, self.settings.iterations)):
-            self.supervision.prefetch(*self.scheduled(k))
+            self.subject.supervision.prefetch(*self.scheduled(k))
 
 
 class TrainingStep(Protocol):

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from carigs.mesh.smoothstep import smoothstep
 from carigs.toy.look.long_hair import grow_long_hair
 from carigs.toy.look.strands import (
-    Strands,
+    RootedStrands,
     bind,
     height_and_normal,
     sample_roots,
@@ -20,14 +21,13 @@ from carigs.toy.shape.anatomy import lid_margins
 from carigs.toy.shape.falloff import displacement_field
 from carigs.toy.shape.head_solids import head_solids
 from carigs.toy.shape.noise import gradient_noise
-from carigs.toy.shape.signed_distance import smoothstep
 from carigs.toy.shape.template import Template
 
 _KNOTS = 8  # points of a strand
 _ALONG = np.linspace(0, 1, _KNOTS)  # position of the knots on it
 
 
-def grow_hair(template: Template, attributes: Attributes, count: int, *, long: bool = False) -> Strands:
+def grow_hair(template: Template, attributes: Attributes, count: int, *, long: bool = False) -> RootedStrands:
     """Grow all hair of a person.
 
     Args:
@@ -43,7 +43,7 @@ def grow_hair(template: Template, attributes: Attributes, count: int, *, long: b
     scalp = (grow_long_hair if long else _scalp)(template, attributes, rng, count)
     knots = scalp.local.shape[1]
     parts = [scalp, *(with_knots(each(template, attributes, rng), knots) for each in (_brows, _lashes))]
-    return Strands(*(np.concatenate(fields) for fields in zip(*parts, strict=True)))
+    return RootedStrands(*(np.concatenate(fields) for fields in zip(*parts, strict=True)))
 
 
 def _combing_direction(points: np.ndarray, normals: np.ndarray, style: str) -> np.ndarray:
@@ -64,7 +64,7 @@ def _combing_direction(points: np.ndarray, normals: np.ndarray, style: str) -> n
     return tangential(top + side * (down - top), normals)
 
 
-def _scalp(template: Template, attributes: Attributes, rng: np.random.Generator, count: int) -> Strands:
+def _scalp(template: Template, attributes: Attributes, rng: np.random.Generator, count: int) -> RootedStrands:
     solids, style = head_solids(ear=False), attributes.style
 
     def noise(points: np.ndarray, scale: float, offset: int) -> np.ndarray:
@@ -110,7 +110,7 @@ def _scalp(template: Template, attributes: Attributes, rng: np.random.Generator,
     return bind(template, roots, points, rng.uniform(0.6, 0.95, n), colour, shade)
 
 
-def _brows(template: Template, attributes: Attributes, rng: np.random.Generator) -> Strands:
+def _brows(template: Template, attributes: Attributes, rng: np.random.Generator) -> RootedStrands:
     density = (brow_weight(template.vertices) > 0).astype(float)
     # Include the faces at the edge: the weight at the root decides.
     dilated = density.copy()
@@ -135,7 +135,7 @@ def _brows(template: Template, attributes: Attributes, rng: np.random.Generator)
     return bind(template, roots, points, 0.42, colour.clip(0, 1), 0.85)
 
 
-def _lashes(template: Template, attributes: Attributes, rng: np.random.Generator) -> Strands:
+def _lashes(template: Template, attributes: Attributes, rng: np.random.Generator) -> RootedStrands:
     """Lashes: their roots lie on the faces of the lid margins, close to the margin curves."""
     x, y, z = template.vertices.T
     ax, margins = np.abs(x), lid_margins(x)

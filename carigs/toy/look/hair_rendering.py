@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int32
 
 from carigs.toy.look.lighting import KEY_COLOUR, StudioLight
-from carigs.toy.look.strands import Strands
+from carigs.toy.look.strands import RootedStrands
 
 
 def ribbon_faces(strands: int, knots: int, first: int) -> Int32[np.ndarray, "f 3"]:
@@ -26,7 +26,7 @@ def ribbon_faces(strands: int, knots: int, first: int) -> Int32[np.ndarray, "f 3
 
 
 def strand_ribbons(
-    strands: Strands,
+    strands: RootedStrands,
     colour: Float[np.ndarray, "s 3"],
     roots: Float[np.ndarray, "s 3"],
     axes: Float[np.ndarray, "s 3 3"],

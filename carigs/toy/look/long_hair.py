@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from carigs.toy.look.strands import Strands, bind, height_and_normal, sample_roots, tangential, unit_vectors
+from carigs.mesh.smoothstep import smoothstep
+from carigs.toy.look.strands import RootedStrands, bind, height_and_normal, sample_roots, tangential, unit_vectors
 from carigs.toy.rig.attributes import Attributes
 from carigs.toy.rig.regions import ear_weight, height_above_hairline
 from carigs.toy.shape.falloff import displacement_field
 from carigs.toy.shape.head_solids import head_solids
 from carigs.toy.shape.noise import gradient_noise
-from carigs.toy.shape.signed_distance import smoothstep
 from carigs.toy.shape.template import Template
 
 KNOTS = 20
@@ -26,7 +26,7 @@ LOOSE = 45.0
 """Length after which a strand hangs down, whichever way it is combed at its root."""
 
 
-def grow_long_hair(template: Template, attributes: Attributes, rng: np.random.Generator, count: int) -> Strands:
+def grow_long_hair(template: Template, attributes: Attributes, rng: np.random.Generator, count: int) -> RootedStrands:
     """Grow the hair of the scalp.
 
     Strands are combed from the crown outwards, lie on the head and on each other in layers, and hang down where the

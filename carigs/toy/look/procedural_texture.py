@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float32
 
+from carigs.mesh.smoothstep import smoothstep
 from carigs.toy.rig.attributes import Attributes, Colour
 from carigs.toy.rig.regions import brow_weight, ear_weight, height_above_hairline, lip_borders
 from carigs.toy.shape import anatomy
 from carigs.toy.shape.falloff import gaussian
 from carigs.toy.shape.noise import gradient_noise, spots
-from carigs.toy.shape.signed_distance import smoothstep
 
 _IRIS_RADIUS, _PUPIL_RADIUS = 5.9, 2.1
 
@@ -92,7 +92,7 @@ def _mouth(p: np.ndarray, attributes: Attributes, layers: _Layers, seed: int) ->
     wrinkles = gradient_noise(p, (1.1, 9.0, 9.0), 2, seed + 7)
     tint(np.clip(red * (0.35 * wrinkles), -0.3, 0.5), (0.80, 0.72, 0.72))
     tint(gaussian(p, (24, -44.3, 92), (3.5, 3.5, 9)), (0.70, 0.58, 0.56))  # corner
-    line = np.abs(y - anatomy.lip_line(x))
+    line = np.abs(y - anatomy.lip_height(x))
     tint(np.exp(-((line / 1.1) ** 2)) * red, (0.62, 0.42, 0.42))
     inside = smoothstep((1.22 - anatomy.mouth_cavity(p)) / 0.1)
     inside = np.maximum(inside, (line < 0.9) * smoothstep((100.0 - z) / 3)) * (ax < 27) * (z > 50)

@@ -12,7 +12,7 @@ from carigs.toy.shape.signed_distance import solids_distance
 from carigs.toy.shape.template import Template
 
 
-class Strands(NamedTuple):
+class RootedStrands(NamedTuple):
     """Polylines in the frames of the triangles that their roots lie on."""
 
     face: Int[np.ndarray, " s"]
@@ -94,7 +94,7 @@ def smooth_frames(
     return (before @ left @ right)[of_strand]
 
 
-def with_knots(strands: Strands, knots: int) -> Strands:
+def with_knots(strands: RootedStrands, knots: int) -> RootedStrands:
     """Strands with another number of points, which lie on the same polylines.
 
     Args:
@@ -117,7 +117,7 @@ def with_knots(strands: Strands, knots: int) -> Strands:
     return strands._replace(local=local, shade=shade)
 
 
-def bind(template: Template, roots: Roots, points: np.ndarray, width, colour, shade) -> Strands:
+def bind(template: Template, roots: Roots, points: np.ndarray, width, colour, shade) -> RootedStrands:
     """Bind strands to the triangles of their roots.
 
     Args:
@@ -136,7 +136,7 @@ def bind(template: Template, roots: Roots, points: np.ndarray, width, colour, sh
     n, knots, _ = points.shape
     shapes = ((width, (n,)), (colour, (n, 3)), (shade, (n, knots)))
     rest = (np.broadcast_to(value, shape).astype(np.float32, order="C") for value, shape in shapes)
-    return Strands(roots.face, roots.barycentric, local, *rest)
+    return RootedStrands(roots.face, roots.barycentric, local, *rest)
 
 
 def sample_roots(template: Template, density: np.ndarray, count: int, rng: np.random.Generator) -> Roots:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from carigs.mesh.smoothstep import smoothstep
 from carigs.toy.rig.skin_weights import JAW, jaw_weight
-from carigs.toy.shape.anatomy import EYE_CENTRE, EYE_X, EYE_Y, EYE_Z, eye_distance, lid_margins, lip_line
+from carigs.toy.shape.anatomy import EYE_CENTRE, EYE_X, EYE_Y, EYE_Z, eye_distance, lid_margins, lip_height
 from carigs.toy.shape.falloff import displacement_field, gaussian, gaussian_displacement, rotated, smooth_sign
-from carigs.toy.shape.signed_distance import smoothstep
 
 _ONE_SIDED = (
     "eye_blink", "eye_squint", "eye_wide", "brow_down", "brow_inner_up", "brow_outer_up", "cheek_puff", "cheek_raise",
@@ -81,8 +81,8 @@ def _displacement(name: str, p: np.ndarray) -> np.ndarray:
     x, y, _ = p.T
     if name in _GAUSSIANS:
         moved = gaussian_displacement(p, *_GAUSSIANS[name], mirrored=name not in ("mouth_left", "mouth_right"))
-    above_line = y - lip_line(x)
-    lower_lip = smoothstep((lip_line(x) - y) / 1.0 + 0.5)
+    above_line = y - lip_height(x)
+    lower_lip = smoothstep((lip_height(x) - y) / 1.0 + 0.5)
     match name:
         case "eye_blink":
             return _lid_closure(p, 1.0)

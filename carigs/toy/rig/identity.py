@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from carigs.mesh.smoothstep import smoothstep
 from carigs.toy.rig.regions import ear_weight
-from carigs.toy.shape.anatomy import EYE_CENTRE, EYE_X, EYE_Y, EYE_Z, lip_line
+from carigs.toy.shape.anatomy import EYE_CENTRE, EYE_X, EYE_Y, EYE_Z, lip_height
 from carigs.toy.shape.falloff import displacement_field, gaussian, gaussian_displacement, rotated, smooth_sign
-from carigs.toy.shape.signed_distance import smoothstep
 
 NAMES = (
     "width", "skull_height", "skull_depth", "forehead", "face_length", "jaw_width", "chin_height", "chin_depth",
@@ -94,7 +94,7 @@ def _displacement(name: str, p: np.ndarray) -> np.ndarray:
             return displacement_field(p, 0, -0.6 * up, 2.2 * forward)
         case "lip_thickness":
             weight = gaussian(p, (0, -44, 100), (30, 13, 22))
-            away = np.clip(y - lip_line(x), -8.0, 8.0)
+            away = np.clip(y - lip_height(x), -8.0, 8.0)
             return displacement_field(p, 0, 0.2 * weight * away, 0.5 * weight)
         case "ear_size":
             return 0.08 * ear_weight(p)[:, None] * (p - displacement_field(p, 66 * side, 14, -2))

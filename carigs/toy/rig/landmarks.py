@@ -40,7 +40,7 @@ def landmarks68(template: Template) -> Int[np.ndarray, "68"]:
         *_right(inner[:2]), *(inner[i] for i in (2, 1, 0, 3, 4)), *_right([inner[3]]),
     ], float)  # fmt: skip
     # The lips touch: inner lip landmarks are searched on the lip that they belong to.
-    height = template.vertices[:, 1] - anatomy.lip_line(template.vertices[:, 0])
+    height = template.vertices[:, 1] - anatomy.lip_height(template.vertices[:, 0])
     ids = _nearest(template, template.on_head, positions)
     ids[61:64] = _nearest(template, template.on_head & (height > 0), positions[61:64])
     ids[65:68] = _nearest(template, template.on_head & (height < 0), positions[65:68])
@@ -70,12 +70,12 @@ def _outer_lips() -> list[Point]:
     """Corner, two points of the upper lip, its middle, two points of the lower lip, its middle."""
     x = np.array([anatomy.MOUTH_CORNER, 16, 5.5, 0, 16, 8, 0])
     lower, upper = lip_borders(x)
-    y = np.concatenate([anatomy.lip_line(x[:1]), upper[1:4], lower[4:]])
+    y = np.concatenate([anatomy.lip_height(x[:1]), upper[1:4], lower[4:]])
     return list(zip(x, y, [92.0, 100, 106, 106, 98, 103, 105], strict=True))
 
 
 def _inner_lips() -> list[Point]:
     """Corner, upper lip, its middle, lower lip, its middle."""
     x = np.array([22.5, 9, 0, 9, 0])
-    y = anatomy.lip_line(x) + np.array([0, 0.8, 0.8, -0.8, -0.8])
+    y = anatomy.lip_height(x) + np.array([0, 0.8, 0.8, -0.8, -0.8])
     return list(zip(x, y, [94.0, 101, 103, 101, 103], strict=True))

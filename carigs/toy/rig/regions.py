@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Int
 
+from carigs.mesh.smoothstep import smoothstep
 from carigs.toy.shape import anatomy
 from carigs.toy.shape.head_solids import head_solids
-from carigs.toy.shape.signed_distance import smoothstep, solids_distance
+from carigs.toy.shape.signed_distance import solids_distance
 from carigs.toy.shape.template import NECK_CUT, Template
 
 # Height of the hairline by azimuth in degrees: 0 forehead, 70 sideburn, 95 over the ear, 180 nape.
@@ -53,7 +54,7 @@ def lip_borders(x: Float[np.ndarray, " n"]) -> tuple[Float[np.ndarray, " n"], Fl
         y of the border of the lower lip and of the upper lip, in millimetres.
     """
     t = np.clip(np.abs(x) / 25.0, 0.0, 1.0)
-    line = anatomy.lip_line(np.minimum(np.abs(x), 25.0))
+    line = anatomy.lip_height(np.minimum(np.abs(x), 25.0))
     upper = 8.6 * (1 - t**1.7) - 1.5 * np.exp(-((t / 0.13) ** 2))
     return line - 10.2 * np.sqrt(1 - t**2) * (1 - 0.35 * t), line + np.maximum(upper, 0.0)
 
@@ -108,7 +109,7 @@ def vertex_regions(template: Template) -> dict[str, Int[np.ndarray, " _"]]:
     along, across = _brow_coordinates(p)
     brows = face & (along > -0.2) & (along < 1.15) & (across < 9.0) & (z > 35)
     nose = on_head & (solids_distance(head_solids(nose=False), p) > 0.8) & (ax < 22) & (z > 80)
-    inner_lips = lips & (np.abs(y - anatomy.lip_line(x)) < 1.0) & (z < 103)
+    inner_lips = lips & (np.abs(y - anatomy.lip_height(x)) < 1.0) & (z < 103)
     masks = {
         "face": face,
         "neck": neck,

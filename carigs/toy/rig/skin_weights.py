@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.head.joint_regression import regressor_row
-from carigs.toy.shape.anatomy import EYE_CENTRE, MOUTH_CORNER, lip_line
-from carigs.toy.shape.signed_distance import smoothstep
+from carigs.mesh.smoothstep import smoothstep
+from carigs.toy.shape.anatomy import EYE_CENTRE, MOUTH_CORNER, lip_height
 from carigs.toy.shape.template import Template
 
 JAW = np.array([0.0, -2.0, 10.0])
@@ -28,7 +28,7 @@ def jaw_weight(points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
     """
     x, y, z = np.abs(points[:, 0]), points[:, 1], points[:, 2]
     # Points below the plane through the jaw joint and the lip line belong to the jaw.
-    line = lip_line(np.minimum(x, MOUTH_CORNER))
+    line = lip_height(np.minimum(x, MOUTH_CORNER))
     below = JAW[1] + (line - JAW[1]) * (z - JAW[2]) / (_MOUTH_Z - JAW[2])
     mouth = smoothstep((z - 84.0) / 6.0)
     depth = below + mouth * (line - below) - y

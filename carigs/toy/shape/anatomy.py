@@ -34,7 +34,7 @@ def lid_margins(x):
 
 
 @register_jitable
-def lip_line(x):
+def lip_height(x):
     """Height of the line where the closed lips meet.
 
     Args:

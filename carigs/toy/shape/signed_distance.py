@@ -7,29 +7,15 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float, Int, Shaped
-from numba.extending import register_jitable
 
+from carigs.mesh.smoothstep import smoothstep
 from carigs.simd.kernels import kernel
 from carigs.simd.matrix3 import dot
-from carigs.toy.shape.anatomy import EYE_X, EYE_Y, EYE_Z, MOUTH_CORNER, SOCKET_RADIUS, lid_margins, lip_line
+from carigs.toy.shape.anatomy import EYE_X, EYE_Y, EYE_Z, MOUTH_CORNER, SOCKET_RADIUS, lid_margins, lip_height
 
 _FAR = 1e3
 _LIP_GAP = 0.1  # half the distance between the closed lips
 _SPREAD_GAP = 3.2  # half the distance between the lips while the surface is meshed, see `_close_lips`
-
-
-@register_jitable
-def smoothstep(t):
-    """Cubic Hermite step: 3 t^2 - 2 t^3, clamped to t in [0, 1].
-
-    Args:
-        t: A number, or an array of any shape.
-
-    Returns:
-        0 where t <= 0, 1 where t >= 1, with zero slope at both ends; shaped as `t`.
-    """
-    t = np.minimum(np.maximum(t, 0.0), 1.0)
-    return t * t * (3.0 - 2.0 * t)
 
 
 @kernel
@@ -78,14 +64,14 @@ def _close_lips(x, y, z):
     """Map a point from meshing space, in which the lips are spread apart, to head space; returns its new y."""
     wide = 1.0 - smoothstep((abs(x) - MOUTH_CORNER + 2.0) / 8.0)
     front = smoothstep((z - 40.0) / 25.0)
-    t = y - lip_line(x)
+    t = y - lip_height(x)
     inner = _SPREAD_GAP * wide * front
     a = abs(t)
     if a < inner:
         a *= _LIP_GAP / _SPREAD_GAP
     else:
         a -= inner * (1.0 - _LIP_GAP / _SPREAD_GAP) * (1.0 - smoothstep((a - inner) / 26.0))
-    return lip_line(x) + (a if t > 0.0 else -a)
+    return lip_height(x) + (a if t > 0.0 else -a)
 
 
 @kernel
@@ -111,7 +97,7 @@ def _head_distance(solids, x, y, z):
         local = (ax / 26.0, (y + 44.0) / 14.0, (z - 78.0) / 21.0)
         bag = (np.sqrt(dot(local, local)) - 1.0) * 14.0
         half = _LIP_GAP * np.sqrt(max(1.0 - (ax / MOUTH_CORNER) ** 2, 0.0))
-        slit = max(max(abs(y - lip_line(ax)) - half, ax - MOUTH_CORNER), 80.0 - z)
+        slit = max(max(abs(y - lip_height(ax)) - half, ax - MOUTH_CORNER), 80.0 - z)
         d = _carve(_carve(d, bag, 1.0), slit, 1.2)
     return d
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from carigs.toy.shape.anatomy import EYE_X, EYE_Z, SOCKET_RADIUS, eye_distance, lid_margins, lip_line, mouth_cavity
+from carigs.toy.shape.anatomy import EYE_X, EYE_Z, SOCKET_RADIUS, eye_distance, lid_margins, lip_height, mouth_cavity
 
 
 def target_edge_lengths(points: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, " v"]:
@@ -37,7 +37,7 @@ def target_edge_lengths(points: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "
     margin = np.maximum(np.abs(np.maximum(y - upper, lower - y)) - 1.2, EYE_Z + 4 - z)
     near(1.6, np.maximum(margin, np.where((x < 15) | (x > 49), np.abs(x - EYE_X) - 16, 0)) - 0.5, 7)
     near(2.6, box((0, -44, 104), (25, 9, 14)), 20)  # lips
-    near(1.9, np.max([np.abs(np.abs(y - lip_line(x)) - 3) - 2, 92 - z, x - 24], axis=0), 8)
+    near(1.9, np.max([np.abs(np.abs(y - lip_height(x)) - 3) - 2, 92 - z, x - 24], axis=0), 8)
     near(1.7, np.sqrt((x - 24.5) ** 2 + (y + 44) ** 2 + (z - 91) ** 2) - 3, 8)  # corner of the mouth
     near(4.0, box((82, 14, -16), (13, 34, 20)), 16)  # ear
     # Coarser where it is not visible: the back of the eye socket and the depth of the mouth cavity.

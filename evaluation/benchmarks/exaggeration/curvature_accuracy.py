@@ -45,8 +45,8 @@ def _surfaces(n: int) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
     axes = np.array([1.0, 0.7, 1.4])
     points = np.asarray(ball.vertices) * axes
     # K = 1 / (a b c sum (x/a^2)^2)^2
-    ellipsoid = 1 / (axes.prod() ** 2 * ((points / axes**2) ** 2).sum(axis=1) ** 2)
-    surfaces = {"ellipsoid": (points, np.asarray(ball.faces), ellipsoid)}
+    surfels_on_ellipsoid = 1 / (axes.prod() ** 2 * ((points / axes**2) ** 2).sum(axis=1) ** 2)
+    surfaces = {"ellipsoid": (points, np.asarray(ball.faces), surfels_on_ellipsoid)}
     around, across = 16 * 2 ** (n - 1), 8 * 2 ** (n - 1)
     ring = trimesh.creation.torus(1.0, 0.4, major_sections=around, minor_sections=across)
     x, y, z = np.asarray(ring.vertices).T

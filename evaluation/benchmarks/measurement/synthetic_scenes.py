@@ -40,7 +40,7 @@ def portrait(width: int, height: int, side: float = 0.0) -> Camera:
     return Camera(look_at(position, np.zeros(3)), focal, focal, width / 2, height / 2, width, height)
 
 
-def ellipsoid(count: int, *, spread: float = 1.0, seed: int = 0) -> WorldSurfels:
+def surfels_on_ellipsoid(count: int, *, spread: float = 1.0, seed: int = 0) -> WorldSurfels:
     """Distribute surfels evenly over the ellipsoid, with jittered normals.
 
     They are in random order, the worst case for caches.

@@ -116,7 +116,7 @@ def find_weights(weights: Weights, folder: str | Path | None, *, download: bool 
         WeightsMissing: They are nowhere, or the download failed; names files, places and source.
         InputError: A file has another size or checksum than the registry states.
     """
-    found = locate(weights, folder)
+    found = locate_weights(weights, folder)
     if found is None:
         missing = _missing(weights, folder)
         if not download:
@@ -133,7 +133,7 @@ def find_weights(weights: Weights, folder: str | Path | None, *, download: bool 
     return found.path
 
 
-def locate(weights: Weights, folder: str | Path | None) -> FoundWeights | None:
+def locate_weights(weights: Weights, folder: str | Path | None) -> FoundWeights | None:
     """Search weights in the places of `find_weights`; nothing is read.
 
     Args:

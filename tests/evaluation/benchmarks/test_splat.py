@@ -8,7 +8,7 @@ import torch
 
 from carigs.capture.images import read_rgb
 from carigs.splat.training.photometric_loss import photometric_loss
-from evaluation.benchmarks.measurement.synthetic_scenes import ellipsoid, portrait
+from evaluation.benchmarks.measurement.synthetic_scenes import portrait, surfels_on_ellipsoid
 from evaluation.benchmarks.splat import QUICK, benchmark
 from evaluation.benchmarks.surfel_pixel_pairs import contributing_pairs
 from evaluation.benchmarks.training_speed import torch_photometric
@@ -44,13 +44,13 @@ def count_by_rays(surfels, camera):
 
 @pytest.mark.parametrize("spread", [1.0, 6.0])
 def test_pairs_are_those_of_a_count_ray_by_ray(spread):
-    surfels, camera = ellipsoid(150, spread=spread), portrait(45, 60, side=0.3)
+    surfels, camera = surfels_on_ellipsoid(150, spread=spread), portrait(45, 60, side=0.3)
     assert contributing_pairs(surfels, camera) == pytest.approx(count_by_rays(surfels, camera), rel=1e-3)
 
 
 def test_the_ellipsoid_covers_half_of_the_image_whatever_the_size():
     for count, size in ((3000, (100, 140)), (12000, (64, 64))):
-        surfels, camera = ellipsoid(count), portrait(*size)
+        surfels, camera = surfels_on_ellipsoid(count), portrait(*size)
         pixels, _ = camera.project(surfels.centre.detach().numpy().astype(float))
         assert len(surfels.centre) == count
         assert 0.4 < np.ptp(pixels, axis=0).prod() * np.pi / 4 / (camera.width * camera.height) < 0.6

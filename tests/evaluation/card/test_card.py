@@ -19,7 +19,7 @@ from carigs.errors import InputError
 from carigs.runs.job_record import JobCosts
 from carigs.settings import Tabulate
 from evaluation.card.card import make_card, read_card, write_card
-from evaluation.card.costs import Job, Rendering, avatar_values, frame_step, stage_values
+from evaluation.card.costs import RecordedJob, RenderingJob, avatar_values, frame_step, stage_values
 from evaluation.card.document import card_parts, write_markdown
 from evaluation.card.provenance import commit, find_seeds, machine, versions
 from evaluation.metrics.catalogue import CATALOGUE
@@ -66,7 +66,8 @@ def summaries() -> pd.DataFrame:
 
 def test_a_card_follows_its_schema_and_comes_back(summaries, tmp_path):
     costs = stage_values(
-        {"train": [Job("train", "a"), Job("train", "b")]}, {Job("train", "a"): JobCosts(5.0, 4.0, None)}
+        {"train": [RecordedJob("train", "a"), RecordedJob("train", "b")]},
+        {RecordedJob("train", "a"): JobCosts(5.0, 4.0, None)},
     )
     card = card_of(summaries, costs)
     write_card(tmp_path / "card.json", card)
@@ -163,8 +164,8 @@ def test_another_file_is_no_card(summaries, change, tmp_path):
 
 def test_the_time_of_a_frame_is_the_mean_of_what_the_jobs_measured(tmp_path):
     np.savez(tmp_path / "avatar.npz", surfel_binding=np.zeros(7, np.int32))
-    job, levels = Job("render", "anna"), [i / 4 for i in range(4)]
-    renderings = [Rendering(job, 0, level) for level in levels]
+    job, levels = RecordedJob("render", "anna"), [i / 4 for i in range(4)]
+    renderings = [RenderingJob(job, 0, level) for level in levels]
     costs = {job: JobCosts(2.0, 1.0, 100.0, {frame_step(level): 0.2 for level in levels})}
     avatars = {0: tmp_path / "avatar.npz"}
     found = {v.measure: v for v in avatar_values("anna", "ours", avatars, renderings, costs, SETTINGS)}
@@ -183,8 +184,8 @@ def test_the_costs_of_a_variant_are_means_over_its_seeds(tmp_path):
     avatars = {seed: tmp_path / f"{seed}.npz" for seed in (0, 1)}
     for seed, file in avatars.items():
         np.savez(file, surfel_binding=np.zeros(7 + 2 * seed, np.int32))
-    jobs, levels = {seed: Job("render", str(seed)) for seed in avatars}, [i / 4 for i in range(4)]
-    renderings = [Rendering(jobs[seed], seed, level) for seed in avatars for level in levels]
+    jobs, levels = {seed: RecordedJob("render", str(seed)) for seed in avatars}, [i / 4 for i in range(4)]
+    renderings = [RenderingJob(jobs[seed], seed, level) for seed in avatars for level in levels]
     steps = {seed: {frame_step(level): 0.2 + 0.1 * seed for level in levels} for seed in avatars}
     costs = {jobs[seed]: JobCosts(9.0, 1.0, None, steps[seed]) for seed in avatars}
     found = {v.measure: v for v in avatar_values("anna", "ours", avatars, renderings, costs, SETTINGS)}
@@ -197,7 +198,7 @@ def test_the_costs_of_a_variant_are_means_over_its_seeds(tmp_path):
 
 
 def test_costs_of_a_stage_are_sums_and_the_largest_memory():
-    jobs = [Job("train", name) for name in "abc"]
+    jobs = [RecordedJob("train", name) for name in "abc"]
     costs = {jobs[0]: JobCosts(5.0, 4.0, 70.0), jobs[1]: JobCosts(3.0, 2.0, 90.0)}
     seconds, cpu, memory = stage_values({"train": jobs}, costs)
     assert (seconds.value, cpu.value, memory.value) == (8.0, 6.0, 90.0)

@@ -15,7 +15,7 @@ from report_pages import AVATAR_PAGE, COLOURS, HOSTILE, plain, report
 
 from carigs.errors import CarigsWarning, InputError
 from evaluation.report.images import data_uri
-from evaluation.report.page import Report, page_within, report_page
+from evaluation.report.page import ReportContent, page_within, report_page
 from evaluation.report.training_chart import HEIGHT, WIDTH, moving_mean, subject_chart
 
 
@@ -106,7 +106,7 @@ def test_a_data_uri_is_the_image():
 def test_images_are_reduced_then_figures_left_out_to_keep_to_the_size():
     tried = []
 
-    def make(scale: float, with_figures: bool) -> Report:
+    def make(scale: float, with_figures: bool) -> ReportContent:
         tried.append((scale, with_figures))
         return report(noise=round(300 * scale), figures=with_figures)
 

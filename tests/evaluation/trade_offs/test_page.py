@@ -86,7 +86,7 @@ def test_the_engine_is_told_by_ratios_first(tables):
 
 def described(tables, setting):
     knob = next(knob for knob in knobs() if knob.setting == setting)
-    return "\n".join(page.describe(knob, knob.read(tables)))
+    return "\n".join(page.describe_knob(knob, knob.read(tables)))
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from carigs.errors import CarigsWarning, InputError
 from carigs.mesh import clean_mesh
 from carigs.readers.mesh_files.meshes import read_mesh, read_polygons
-from carigs.readers.mesh_files.polygons import Polygons, triangulate
+from carigs.readers.mesh_files.polygons import Polygons, triangulate_polygons
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -38,7 +38,7 @@ def star(n, random):
 def cut(points, order=None):
     """Triangles of one polygon."""
     order = np.arange(len(points)) if order is None else order
-    return triangulate(Polygons(points, order, np.array([len(order)])), "a.obj")
+    return triangulate_polygons(Polygons(points, order, np.array([len(order)])), "a.obj")
 
 
 @given(seeds, st.integers(4, 30))
@@ -103,7 +103,7 @@ def test_a_polygon_that_crosses_itself_is_named(crossing):
     with pytest.warns(
         CarigsWarning, match=r"a\.obj: 1 polygons cross themselves or are folded \(the first is face 1, from 0\)"
     ):
-        triangles = triangulate(Polygons(np.concatenate([square, points]), corners, lengths), "a.obj")
+        triangles = triangulate_polygons(Polygons(np.concatenate([square, points]), corners, lengths), "a.obj")
     assert len(triangles) == 2 + len(points) - 2
     assert set(triangles.ravel()) == set(range(len(points) + 4))
 
@@ -122,7 +122,7 @@ def test_many_corners_are_refused_before_work():
     points = np.concatenate([points, np.zeros((len(points), 1))], axis=1)
     start = time.process_time()
     with pytest.raises(InputError, match=r"a\.obj: faces: too many corners of polygons that are not convex"):
-        triangulate(Polygons(points, np.arange(5000), np.array([3000, 2000])), "a.obj")
+        triangulate_polygons(Polygons(points, np.arange(5000), np.array([3000, 2000])), "a.obj")
     assert time.process_time() - start < 1
     circle = np.exp(2j * np.pi * np.arange(3000) / 3000)
     assert len(cut(np.stack([circle.real, circle.imag, 0 * circle.real], axis=1))) == 2998  # convex ones are fans

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from carigs.splat.colour.harmonics_rotation import rotate_harmonics
 from carigs.splat.colour.spherical_harmonics import SH_BASE, num_coefficients
-from carigs.splat.formats.world_splats import WorldSplats, bake, disc_axes
+from carigs.splat.formats.world_splats import WorldSplats, bake, orthogonal_disc_axes
 from carigs.splat.rasterizer.rasterize import WorldSurfels, rasterize
 
 
@@ -49,7 +49,7 @@ def test_levels_and_timesteps_differ():
 def test_axes_of_a_sheared_disc_keep_its_covariance_and_normal(seed, log_u, log_v):
     rng = np.random.default_rng(seed)
     u, v = 10**log_u * rng.normal(size=(4, 3)), 10**log_v * rng.normal(size=(4, 3))
-    axes, scale = disc_axes(u, v)
+    axes, scale = orthogonal_disc_axes(u, v)
     covariance = np.einsum("ni,nj->nij", u, u) + np.einsum("ni,nj->nij", v, v)
     tangents = axes[:, :, :2] * scale[:, None]
     size = np.trace(covariance, axis1=1, axis2=2)[:, None, None]

@@ -17,7 +17,7 @@ from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.surfels.surfels import to_arrays
 from carigs.splat.training.checkpoint import Checkpoint
 from carigs.splat.training.plateau import Ending, ending_after, has_levelled_off, measures_after, validation_frames
-from carigs.splat.training.subject import Subject
+from carigs.splat.training.subject import TrainingSubject
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import learning_rates, train_surfels
 
@@ -96,7 +96,7 @@ def subject(tmp_path_factory):
 
 
 def run(subject, checkpoint, settings=SETTINGS, on_step=None, **changes):
-    training = Subject(subject[1], Supervision(subject[0]))
+    training = TrainingSubject(subject[1], Supervision(subject[0]))
     surfels, rows = train_surfels(replace(settings, **changes), training, Checkpoint(checkpoint, "key"), on_step)
     return b"".join(value.tobytes() for value in to_arrays(surfels).values()), [(r[0], *r[2:]) for r in rows]
 

@@ -16,7 +16,7 @@ from carigs.settings import Density, RefineTracking, Train
 from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.surfels.surfels import to_arrays
 from carigs.splat.training.checkpoint import Checkpoint
-from carigs.splat.training.subject import Subject
+from carigs.splat.training.subject import TrainingSubject
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.tracking_refinement import DifferentiableHead, RefinedParameters, TrackingRefinement
 from carigs.splat.training.trainer import train_surfels
@@ -111,7 +111,7 @@ def test_errors_of_the_tracking_that_differ_between_timesteps_shrink(capture, se
     for t in others:
         before = sequence.parameters[t]
         sequence.set_parameters(t, replace(before, translation=before.translation + wrong))
-    train_surfels(replace(SETTINGS, iterations=150), Subject(sequence, Supervision(capture)))
+    train_surfels(replace(SETTINGS, iterations=150), TrainingSubject(sequence, Supervision(capture)))
     error = {t: (sequence.posed(t, 0.0) - true[t]).mean(axis=0) for t in (first, *others)}
     apart = [np.linalg.norm(error[t] - error[first]) for t in others]
     assert max(apart) < 0.5 * np.linalg.norm(wrong)
@@ -121,7 +121,9 @@ def test_an_interrupted_run_ends_in_the_same_bytes(capture, sequence, tmp_path):
     def run(checkpoint, on_step=None):
         own = replace(sequence, parameters=dict(sequence.parameters))
         settings = replace(SETTINGS, checkpoint_seconds=0.0)
-        surfels, _ = train_surfels(settings, Subject(own, Supervision(capture)), Checkpoint(checkpoint, "key"), on_step)
+        surfels, _ = train_surfels(
+            settings, TrainingSubject(own, Supervision(capture)), Checkpoint(checkpoint, "key"), on_step
+        )
         refined = [getattr(own.parameters[t], name) for t in own.parameters for name in ("translation", "joints")]
         return b"".join(value.tobytes() for value in (*to_arrays(surfels).values(), *refined))
 
@@ -155,6 +157,6 @@ def test_only_the_first_steps_refine(capture, sequence, tmp_path, until):
 
     refinement = replace(SETTINGS.refine_tracking, until=until)
     settings = replace(SETTINGS, iterations=12, refine_tracking=refinement)
-    train_surfels(settings, Subject(sequence, Supervision(capture)), on_step=look)
+    train_surfels(settings, TrainingSubject(sequence, Supervision(capture)), on_step=look)
     changed = [not np.array_equal(before, after) for before, after in pairwise(values)]
     assert changed == [i < 12 * until for i in range(12)]

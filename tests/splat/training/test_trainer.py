@@ -27,7 +27,7 @@ from carigs.splat.training.budget import with_iterations
 from carigs.splat.training.checkpoint import Checkpoint
 from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.schedule import draw_schedule
-from carigs.splat.training.subject import Subject
+from carigs.splat.training.subject import TrainingSubject
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import learning_rates, train_surfels
 
@@ -79,7 +79,7 @@ def supervise(subject, *levels, mask_flags=DEFAULT_MASK_FLAGS):
 def run(subject, checkpoint, at=(0.25,), on_step=None, key="key", **changes):
     settings, sequence = replace(SETTINGS, **changes), subject[1]
     supervision = supervise(subject, *at, mask_flags=settings.mask_flags)
-    return train_surfels(settings, Subject(sequence, supervision), Checkpoint(checkpoint, key), on_step)
+    return train_surfels(settings, TrainingSubject(sequence, supervision), Checkpoint(checkpoint, key), on_step)
 
 
 def as_bytes(surfels):
@@ -188,11 +188,13 @@ def test_a_run_within_a_budget_is_the_run_of_as_many_steps(subject, tmp_path, mo
 
     supervision, settings = supervise(subject, 0.25), replace(SETTINGS, **changes, budget="30s")
     with pytest.raises(KeyboardInterrupt):
-        train_surfels(settings, Subject(subject[1], supervision), Checkpoint(tmp_path / "killed", "key"), stop)
+        train_surfels(settings, TrainingSubject(subject[1], supervision), Checkpoint(tmp_path / "killed", "key"), stop)
     monkeypatch.setattr(trainer, "seconds_per_step", lambda step, clock: pytest.fail("measured again"))
-    surfels, rows = train_surfels(settings, Subject(subject[1], supervision), Checkpoint(tmp_path / "killed", "key"))
+    surfels, rows = train_surfels(
+        settings, TrainingSubject(subject[1], supervision), Checkpoint(tmp_path / "killed", "key")
+    )
     steps = with_iterations(settings, 60)  # 30 s of steps that take 0.5 s
-    expected, whole = train_surfels(steps, Subject(subject[1], supervision))
+    expected, whole = train_surfels(steps, TrainingSubject(subject[1], supervision))
     assert as_bytes(surfels) == as_bytes(expected)
     assert without_clock(rows) == without_clock(whole)
     assert rows[-1][0] == 60
@@ -314,7 +316,7 @@ def test_the_weight_of_a_target_scales_its_loss(subject, tmp_path):
     def trained(weight, iterations):
         targets = replace(given, targets=tuple(target._replace(weight=weight) for target in given.targets))
         shorter, supervision = replace(settings, iterations=iterations), Supervision(capture, [targets])
-        return as_bytes(train_surfels(shorter, Subject(sequence, supervision))[0])
+        return as_bytes(train_surfels(shorter, TrainingSubject(sequence, supervision))[0])
 
     assert trained(0.0, 1) == trained(0.0, 4)
     assert trained(1.0, 1) != trained(1.0, 4)

@@ -79,8 +79,8 @@ class DeviceExamples:
         return example._replace(image=example.image.float() / 255)
 
     def _read(self, i: int) -> DeviceExample:
-        stored = self._inputs.supervision.stored_example(*self._inputs.scheduled(i))
-        sequence, frozen = self._inputs.sequence, None
+        stored = self._inputs.subject.supervision.stored_example(*self._inputs.scheduled(i))
+        sequence, frozen = self._inputs.subject.sequence, None
         if stored.frozen is not None:
             if stored.level not in self._frozen:
                 self._frozen[stored.level] = self.copied(stored.frozen)

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from carigs.capture import Camera, Frame
@@ -46,9 +46,9 @@ class DeviceStep:
     def __init__(self, inputs: StepInputs) -> None:
         self.inputs = inputs
         self.device, self._rasterize = open_device(inputs.settings)
-        self._mesh = device_mesh(inputs.sequence.rig, self.device)
+        self._mesh = device_mesh(inputs.subject.sequence.rig, self.device)
         self._limit = torch.from_numpy(inputs.position_limit).float().to(self.device)
-        self._hair = None if inputs.hair is None else HairRules(inputs.hair, self._mesh, self.device)
+        self._hair = None if inputs.subject.hair is None else HairRules(inputs.subject.hair, self._mesh, self.device)
         self._examples: DeviceExamples | None = None
         self._bound: tuple[np.ndarray | None, Tensor | None] = (None, None)
 
@@ -81,35 +81,33 @@ class DeviceStep:
         Returns:
             Loss and images, on the device.
         """
-        inputs, settings, surfels = self.inputs, self.inputs.settings, state.surfels
-        gtstar, _ = inputs.scheduled(i)
+        inputs, surfels, hair = self.inputs, state.surfels, self._hair
         example = self._examples.take(i)
         inputs.decode_ahead(i)
         for _, value in surfels.attributes():
             value.grad = None
-        binding = self._binding(surfels)
         rendering, loss = self._loss(state, example, i)
-        screen = rendering.screen
-        loss = loss + threshold_loss(
-            surfels, screen.visible, self._limit[binding], settings.position_weight, settings.scale_limit,
-            settings.scale_weight,
-        )  # fmt: skip
+        screen, binding = rendering.screen, self._binding(surfels)
+        total = loss + self._threshold_loss(surfels, screen.visible)
         self._examples.prefetch(i + 1)  # while the device renders
-        loss.backward()
-        # Numbers of surfels that no image shows may be anything: their gradients are 0, not 0 times infinity.
-        for _, value in surfels.attributes():
-            if value.grad is not None:
-                value.grad.masked_fill_(~screen.visible.reshape(-1, *(1,) * (value.ndim - 1)), 0)
-        if settings.density.every and (not gtstar or inputs.only_targets):
+        total.backward()
+        _clear_hidden_gradients(surfels, screen.visible)
+        if inputs.counts_gradients(i):
             state.statistics.add(screen, example.camera)
-        if self._hair is not None:
-            self._hair.keep_hidden_skin(surfels, binding)
+        if hair is not None:
+            hair.keep_hidden_skin(surfels, binding)
         state.adam.step(surfels, rates, None if example.frozen is None else example.frozen[binding])
-        if self._hair is not None:
-            self._hair.keep_on_covered_skin(surfels, binding)
+        if hair is not None:
+            hair.keep_on_covered_skin(surfels, binding)
             if i % FADING_STEPS == 0:
-                self._hair.fade_over_bare_skin(surfels, binding)
-        return StepResult(loss.detach(), rendering.colour.detach(), example.image, example.valid)
+                hair.fade_over_bare_skin(surfels, binding)
+        return StepResult(total.detach(), rendering.colour.detach(), example.image, example.valid)
+
+    def _threshold_loss(self, surfels: Surfels, visible: Bool[Tensor, " n"]) -> Float[Tensor, ""]:
+        settings, limit = self.inputs.settings, self._limit[self._binding(surfels)]
+        return threshold_loss(
+            surfels, visible, limit, settings.position_weight, settings.scale_limit, settings.scale_weight
+        )
 
     def _loss(self, state: TrainingState, example: DeviceExample, i: int) -> tuple[Rendering, Float[Tensor, ""]]:
         settings, records = self.inputs.settings, example.records
@@ -129,7 +127,7 @@ class DeviceStep:
     def _current_motion(self, state: TrainingState, example: DeviceExample, i: int) -> Float[Tensor, "f 32"]:
         if self.inputs.refines_tracking(i):
             return state.refinement.motion(example.timestep).records.to(self.device)
-        return self._examples.copied(self.inputs.sequence.motion(example.timestep, example.level).records)
+        return self._examples.copied(self.inputs.subject.sequence.motion(example.timestep, example.level).records)
 
     def _render(
         self,
@@ -151,7 +149,7 @@ class DeviceStep:
         if colour is None:
             factor = None if shade is None else shade[binding]
             colour = seen_colour(surfels.colour, surfels.harmonics, skinned.direction, factor)
-            background = self.inputs.supervision.capture.background
+            background = self.inputs.subject.supervision.capture.background
         return self._rasterize(WorldSurfels(*skinned[:4], colour), camera, outputs=outputs, background=background)
 
     def _binding(self, surfels: Surfels) -> Tensor:
@@ -170,7 +168,7 @@ class DeviceStep:
         Returns:
             RGB, not clamped, on the host.
         """
-        sequence, camera = self.inputs.sequence, self.inputs.supervision.capture.camera(frame)
+        sequence, camera = self.inputs.subject.sequence, self.inputs.subject.supervision.capture.camera(frame)
         records, shade = map(
             self._examples.copied, (sequence.motion(frame.timestep, 0.0).records, sequence.shade(frame.timestep, 0.0))
         )
@@ -188,8 +186,15 @@ class DeviceStep:
         Returns:
             Sums in pixels, on the host.
         """
-        camera = self.inputs.supervision.capture.camera(frame)
-        records = self._examples.copied(self.inputs.sequence.motion(frame.timestep, level).records)
+        camera = self.inputs.subject.supervision.capture.camera(frame)
+        records = self._examples.copied(self.inputs.subject.sequence.motion(frame.timestep, level).records)
         colour = torch.zeros(len(surfels), 3, device=self.device, requires_grad=True)
         image = self._render(surfels, records, camera, None, ("colour",), colour).colour
         return torch.autograd.grad(image[..., 0].sum(), colour)[0][:, 0].cpu().double().numpy()
+
+
+def _clear_hidden_gradients(surfels: Surfels, visible: Bool[Tensor, " n"]) -> None:
+    """Set the gradients of surfels that no image shows to 0: their numbers may be anything, and 0 times inf is NaN."""
+    for _, value in surfels.attributes():
+        if value.grad is not None:
+            value.grad.masked_fill_(~visible.reshape(-1, *(1,) * (value.ndim - 1)), 0)

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.errors import InputError, SettingsError
 from carigs.head.facial_regions import eye_and_brow_faces
 from carigs.mesh.carried_points import CarriedPoints
@@ -32,7 +33,7 @@ SPACE_SCALE, SPACE_SCALE_LIMITS = 0.4, (0.0005, 0.003)
 def initial_surfels(
     settings: Train,
     supervision: Supervision,
-    performance: HeadSequence,
+    sequence: HeadSequence,
     hair: HairSurfels | None = None,
     mouth: CarriedPoints | None = None,
 ) -> Surfels:
@@ -44,7 +45,7 @@ def initial_surfels(
     Args:
         settings: Settings of the training.
         supervision: Training images.
-        performance: Posed meshes per timestep and level.
+        sequence: Posed meshes per timestep and level.
         hair: Where hair is; None if there is none.
         mouth: Points inside the mouth; None if it stays empty.
 
@@ -56,16 +57,16 @@ def initial_surfels(
         SettingsError: If `settings.sh_degree` is less than the avatar's.
     """
     if settings.start is not None:
-        return surfels_of_avatar(Path(settings.start), performance, settings.sh_degree)
+        return surfels_of_avatar(Path(settings.start), sequence, settings.sh_degree)
     beside = [points for points in (None if hair is None else hair.points, mouth) if points is not None]
-    placed = place(settings, performance.rig, beside)
+    placed = place(settings, sequence.rig, beside)
     binding, position = placed.binding, placed.position
     targets_only = settings.gtstar_probability >= 1
     count = len(supervision.targets if targets_only else supervision.frames)
-    indices = np.unique(np.linspace(0, count - 1, settings.initial_colour_frames).astype(int))
-    views = [supervision.weighted_example(targets_only, int(i)) for i in indices]
-    rgb = observed_colours(binding, position, performance, views, hair)
-    features = eye_and_brow_faces(performance.head, performance.head.v_template)
+    indices = evenly_spread(range(count), settings.initial_colour_frames)
+    views = [supervision.weighted_example(targets_only, i) for i in indices]
+    rgb = observed_colours(binding, position, sequence, views, hair)
+    features = eye_and_brow_faces(sequence.head, sequence.head.v_template)
     opacity = np.where(features[binding], settings.initial_feature_opacity, settings.initial_opacity)
     if hair is not None:
         opacity[hair.hidden[binding]] = HIDDEN_OPACITY
@@ -73,12 +74,12 @@ def initial_surfels(
     return flat_discs(*placed[:3], opacity, rgb, settings.sh_degree, placed.rotation)
 
 
-def surfels_of_avatar(file: Path, performance: HeadSequence, sh_degree: int) -> Surfels:
+def surfels_of_avatar(file: Path, sequence: HeadSequence, sh_degree: int) -> Surfels:
     """Surfels of a trained avatar on the triangles of a subject.
 
     Args:
         file: The avatar.
-        performance: The subject.
+        sequence: The subject.
         sh_degree: Degree of the spherical harmonics; degrees that the avatar lacks are 0.
 
     Returns:
@@ -89,7 +90,7 @@ def surfels_of_avatar(file: Path, performance: HeadSequence, sh_degree: int) -> 
         SettingsError: If the degree is less than the avatar's.
     """
     avatar = load_avatar(file)
-    if not np.array_equal(avatar.sequence.rig.faces, performance.rig.faces):
+    if not np.array_equal(avatar.sequence.rig.faces, sequence.rig.faces):
         raise InputError("the head of this avatar has other triangles than the subject's", file=file)
     missing = num_coefficients(sh_degree) - avatar.surfels.harmonics.shape[1]
     if missing < 0:
@@ -184,7 +185,7 @@ def _in_triangle(
 def observed_colours(
     binding: Int[np.ndarray, " n"],
     position: Float[np.ndarray, "n 3"],
-    performance: HeadSequence,
+    sequence: HeadSequence,
     views: list[tuple[Example, Float[np.ndarray, "h w"]]],
     hair: HairSurfels | None = None,
 ) -> Float[np.ndarray, "n 3"]:
@@ -196,22 +197,22 @@ def observed_colours(
     Args:
         binding: Triangle of each surfel.
         position: Centres in the triangles' frames, in units of k.
-        performance: Posed meshes per timestep and level.
+        sequence: Posed meshes per timestep and level.
         views: Images with the weights of their pixels.
         hair: Where hair is.
 
     Returns:
         RGB in [0.02, 0.98].
     """
-    rig = performance.rig
+    rig = sequence.rig
     canonical = np.einsum("nij,nj->ni", rig.frame[binding], position)
     total, weight = np.zeros((len(binding), 3)), np.zeros(len(binding))
     for example, pixel_weight in views:
         camera = example.camera
-        motion = performance.motion(example.timestep, example.level)
+        motion = sequence.motion(example.timestep, example.level)
         centre = motion.centre[binding] + np.einsum("nij,nj->ni", motion.jacobian[binding], canonical)
         pixel, depth = camera.project(centre)
-        surface = rasterize_mesh(performance.posed(example.timestep, example.level), rig.faces, camera).depth
+        surface = rasterize_mesh(sequence.posed(example.timestep, example.level), rig.faces, camera).depth
         inside = (depth > 0) & (pixel >= 0).all(axis=1) & (pixel < [camera.width, camera.height]).all(axis=1)
         column, row = np.where(inside[:, None], pixel, 0).astype(int).T
         seen = inside & (depth < surface[row, column] + OCCLUSION_TOLERANCE)

@@ -13,7 +13,14 @@ import pytest
 from web import Web
 
 from carigs.errors import InputError, WeightsMissing
-from evaluation.metrics.networks.weights import Weights, WeightsFile, find_weights, locate, registry, work_offline
+from evaluation.metrics.networks.weights import (
+    Weights,
+    WeightsFile,
+    find_weights,
+    locate_weights,
+    registry,
+    work_offline,
+)
 
 CONTENT = b"the weights" * 1000
 SHA256 = hashlib.sha256(CONTENT).hexdigest()
@@ -68,7 +75,7 @@ def test_a_network_of_several_files_is_their_folder_once_it_is_complete(tmp_path
     assert weights.wanted == weights.files
     for place in (tmp_path / "mine/net-v1", tmp_path / "torch/hub/checkpoints/net-v1"):
         touch(place / "net.pt")
-        assert locate(weights, tmp_path / "mine") is None
+        assert locate_weights(weights, tmp_path / "mine") is None
     touch(tmp_path / "torch/hub/checkpoints/net-v1/net.safetensors")
     assert find_weights(weights, tmp_path / "mine") == tmp_path / "torch/hub/checkpoints/net-v1"
     touch(tmp_path / "mine/net-v1/net.safetensors")

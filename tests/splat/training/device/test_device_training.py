@@ -27,7 +27,7 @@ from carigs.splat.surfels.surfels import to_arrays
 from carigs.splat.training import trainer
 from carigs.splat.training.checkpoint import Checkpoint
 from carigs.splat.training.device import step as device_step
-from carigs.splat.training.subject import Subject
+from carigs.splat.training.subject import TrainingSubject
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
 
@@ -52,7 +52,10 @@ def run(subject, checkpoint, on_step=None, **changes):
     capture, path = subject
     settings = replace(SETTINGS, **changes)
     return train_surfels(
-        settings, Subject(head_sequence(capture, path), Supervision(capture)), Checkpoint(checkpoint, "key"), on_step
+        settings,
+        TrainingSubject(head_sequence(capture, path), Supervision(capture)),
+        Checkpoint(checkpoint, "key"),
+        on_step,
     )
 
 
@@ -112,7 +115,7 @@ def test_targets_are_trained_as_by_the_numba_step(subject, tmp_path):
         def keep(state, states=states):
             states.append(to_arrays(state.surfels)["colour"][state.surfels.binding < 30].copy())
 
-        rows.append(train_surfels(settings, Subject(sequence, supervision), on_step=keep)[1])
+        rows.append(train_surfels(settings, TrainingSubject(sequence, supervision), on_step=keep)[1])
         # Surfels of masked triangles change in steps with real frames alone.
         changed = [not np.array_equal(a, b) for a, b in pairwise(states)]
         assert changed == [row[2] == 0 for row in rows[-1][1:]]
@@ -259,7 +262,7 @@ def test_a_step_with_gsplat_reads_nothing_back(subject, tmp_path, monkeypatch, g
     settings = replace(SETTINGS, backend="cuda", iterations=4, regularize_from=1, gtstar_probability=gtstar,
                        density=Density(start=3, stop=4, every=3, gradient_threshold=1e9))  # fmt: skip
     before = to_arrays(trainer.initial_surfels(settings, supervision, head_sequence(capture, path), None))
-    surfels, _ = train_surfels(settings, Subject(head_sequence(capture, path), supervision))
+    surfels, _ = train_surfels(settings, TrainingSubject(head_sequence(capture, path), supervision))
     assert len(steps) == 4
     frozen = before["binding"] < 30 if gtstar else np.zeros(len(before["binding"]), bool)
     after = to_arrays(surfels)

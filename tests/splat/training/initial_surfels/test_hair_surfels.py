@@ -29,7 +29,7 @@ from carigs.splat.training.initial_surfels.hair_surfels import (
     prepare_hair,
 )
 from carigs.splat.training.initial_surfels.initialization import initial_surfels, start_distances
-from carigs.splat.training.subject import Subject
+from carigs.splat.training.subject import TrainingSubject
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
 
@@ -113,7 +113,7 @@ def test_covered_skin_starts_with_the_colour_of_the_skin_around_it_and_keeps_it(
     assert np.ptp(own) > 0.08 and np.abs(own - 0.62).max() > 0.1
     np.testing.assert_allclose(green, 0.62, atol=0.05)
     settings = replace(SETTINGS, backend=backend, device="cpu")
-    trained, _ = train_surfels(settings, Subject(sequence, supervision, hair))
+    trained, _ = train_surfels(settings, TrainingSubject(sequence, supervision, hair))
     np.testing.assert_array_equal(trained.colour.detach().numpy()[hidden], colours[hidden])
     assert not np.array_equal(trained.colour.detach().numpy()[~hidden], colours[~hidden])
     for each in (start, trained):

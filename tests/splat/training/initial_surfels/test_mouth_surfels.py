@@ -13,7 +13,7 @@ from carigs.splat.avatar import Avatar, load_avatar, save_avatar
 from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.training.initial_surfels.initialization import initial_surfels
 from carigs.splat.training.initial_surfels.mouth_surfels import prepare_mouth
-from carigs.splat.training.subject import Subject
+from carigs.splat.training.subject import TrainingSubject
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
 from evaluation.benchmarks.measurement.toy_frames import write_subject
@@ -87,7 +87,7 @@ def test_first_surfels_are_transparent_and_have_the_colours_behind_the_lips(subj
 def test_an_avatar_keeps_its_jaws(subject, tmp_path):
     capture, sequence = subject
     points = prepare_mouth(capture, sequence, SETTINGS)
-    surfels, _ = train_surfels(SETTINGS, Subject(sequence, Supervision(capture), mouth=points))
+    surfels, _ = train_surfels(SETTINGS, TrainingSubject(sequence, Supervision(capture), mouth=points))
     avatar = Avatar(surfels, sequence, SETTINGS.rig, SETTINGS.rotate_harmonics, capture.background)
     save_avatar(tmp_path / "avatar.npz", avatar)
     again, frame = load_avatar(tmp_path / "avatar.npz"), capture.split("test")[0]

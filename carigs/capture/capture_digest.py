@@ -11,7 +11,7 @@ TAIL = 4096
 """Bytes. The end of a .png or .npz holds checksums of its contents; that of a .jpg depends on what comes before."""
 
 
-def content_digest(capture: Capture) -> str:
+def capture_digest(capture: Capture) -> str:
     """Digest of the sizes and ends of a capture's images, mattes and parameters, and of its head model.
 
     Other than `carigs.runs.outside_files.files_digest`, it does not change when files are copied or touched.
