@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from miniature import FRONTAL, ball_cameras, ball_model, picture, sheet
+from scipy.ndimage import distance_transform_edt
 
 from carigs.errors import SettingsError
 from carigs.gtstar import MaskFlag, Target, face_mask_flags, flags_from_names, make_target
+from carigs.gtstar.mask_flags import find_hair
 from carigs.head import HeadModel
 from carigs.raster import compute_visibility
 from carigs.settings import DEFAULT_MASK_FLAGS, Gtstar
@@ -131,6 +133,25 @@ def test_hair_may_be_anywhere_within_its_length():
     assert outside[True][tuft].all()
     assert (outside[True] | ~outside[False]).all() and outside[True].sum() > outside[False].sum() + tuft.sum()
     assert not outside[True][~dilated((foreground > 0) | tuft)].any()
+
+
+def test_hair_may_be_as_far_away_as_it_sticks_out():
+    """Where the shrunken ball leaves foreground, that is unknown up to the length of the hair, and no further."""
+    model, camera = ball_model(), ball_cameras()[1]
+    natural, caricature = (compute_visibility(scale * ball(), model.faces, camera) for scale in (1.0, 0.8))
+    matte = (natural.face >= 0).astype(np.float32)
+    row, column = np.argwhere(matte > 0)[0]
+    matte[row - 6 : row, column - 1 : column + 2] = 1
+    hair = find_hair(natural, matte, face_mask_flags(model, Gtstar()))
+    assert 4 <= hair.length <= 8
+    target = made(ball(), 0.8 * ball(), model, camera, matte, hair_dilation=0, background_margin=1)
+    scalp = model.face_region("scalp")[caricature.face] & (caricature.face >= 0)
+    distance = distance_transform_edt(~(hair.mask.to_array() | scalp))
+    left_behind = (matte > 0) & ~dilated(dilated(caricature.face >= 0))
+    outside = (target.mask_flags & MaskFlag.OUTSIDE_MESH.value) > 0
+    near, far = (left_behind & clear for clear in (distance < hair.length - 1, distance > hair.length + 1))
+    assert (near & (distance > 2)).any() and far.any()
+    assert outside[near].all() and not outside[far].any()
 
 
 def test_where_the_scalp_carries_hair_is_no_background():

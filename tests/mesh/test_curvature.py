@@ -58,3 +58,14 @@ def test_stabilised_curvature_is_the_root_of_the_squares():
     np.testing.assert_allclose(
         log_stabilized_curvature(100 * curvature, areas, counted, 1.0)[0], logarithm + np.log(100), rtol=1e-12
     )
+
+
+def test_the_reference_is_a_mean_over_the_area():
+    """Halves of a cell with the same curvature count as the cell does: a finer mesh has the same reference."""
+    curvature, areas = np.array([1.0, -np.e, 5.0]), np.array([3.0, 1.0, 7.0])
+    counted = np.array([True, True, False])
+    values, reference = log_stabilized_curvature(curvature, areas, counted, 0.5)
+    assert reference == pytest.approx(1 / 4)
+    np.testing.assert_allclose(values, np.log(np.hypot(curvature, 0.5 * np.exp(1 / 4))))
+    halved = log_stabilized_curvature(curvature[[0, 0, 1, 2]], np.array([1.5, 1.5, 1, 7]), counted[[0, 0, 1, 2]], 0.5)
+    np.testing.assert_allclose(halved[0], values[[0, 0, 1, 2]])

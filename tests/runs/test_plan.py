@@ -68,6 +68,13 @@ def test_every_stage_of_a_subject_depends_on_the_files_of_its_capture(person, st
     assert {Path(path).name for path in outside} >= {"anna", "model.npz"} and all(outside.values())
 
 
+def test_a_folder_named_by_level_counts_for_the_jobs_of_that_level(person, tmp_path):
+    """True caricatures of a level lie in a folder of their own."""
+    person = [*person, f"truth.folder='{tmp_path}/level={{level}}'"]
+    outside = {level: job_plan("truth", person, level)["outside"] for level in (0.1, 0.25)}
+    assert all(f"{tmp_path}/level={level}" in paths for level, paths in outside.items())
+
+
 def test_the_code_of_the_toy_counts_for_the_toy_alone(person):
     from carigs.runs.sources import fingerprint
 

@@ -121,7 +121,8 @@ def test_six_numbers_are_a_rotation(seed):
     np.testing.assert_allclose(rotation_vector_of_rows(rows.ravel()), rotation.as_rotvec(), atol=1e-9)
 
 
-def test_a_tracker_that_moves_the_camera(source, ball, original, tmp_path):
+@pytest.mark.parametrize("states_size", [False, True])
+def test_a_tracker_that_moves_the_camera(source, ball, original, tmp_path, states_size):
     """The keys of metrical-tracker: the head stands still, a camera per frame; what the image shows is the same."""
     (source / "cameras.json").unlink()
     (source / "flame_param").mkdir()
@@ -140,6 +141,8 @@ def test_a_tracker_that_moves_the_camera(source, ball, original, tmp_path):
             R=(view[:3, :3] @ turn)[None], t=(view[:3, :3] @ (joint - turn @ joint) + view[:3, 3])[None],
             K=np.array([[[camera.fx, 0, camera.cx], [0, camera.fy, camera.cy], [0, 0, 1]]]),
         )  # fmt: skip
+        if states_size:
+            arrays["img_size"] = np.array([camera.height, camera.width])
         np.savez(source / f"flame_param/{t:05d}.npz", **arrays)
     assert main([str(source), str(tmp_path / "out"), "--head-model", str(ball / "head_model.npz")]) == 0
     found = read_dataset(tmp_path / "out", tmp_path / "out/head_model.npz")

@@ -98,6 +98,15 @@ def test_faces_are_aligned_by_the_caricature_and_those_that_look_away_are_left_o
         assert by_camera[frame.camera, "identity_cos"].value > misaligned
 
 
+def test_the_person_is_known_from_the_test_frames_that_show_the_face(ball):
+    subject, _, _ = ball
+    embedder = FaceEmbedder(subject, small_picture)
+    expected = [embedder(subject.image(f), f) for f in subject.split("test") if f.camera in (0, 1)]
+    np.testing.assert_array_equal(person_faces(embedder), expected)
+    others = [embedder(subject.image(f), f) for f in subject.split("train") if f.camera in (0, 1)]
+    assert others and not any(np.array_equal(a, b) for a in others for b in expected)
+
+
 def test_the_face_turns_with_the_head_and_the_camera(ball):
     embedder = FaceEmbedder(ball[0], small_picture)
     turns = [embedder.turn(frame) for frame in ball[0].split("test")]

@@ -111,6 +111,13 @@ def test_the_silhouette_holds_the_pixels_within_its_band_of_the_outline(model, b
     assert distance[~regions["silhouette"]].min() > band - 0.5
 
 
+@pytest.mark.parametrize("band", [2, 4])
+def test_the_silhouette_keeps_its_band_away_from_hair(model, band):
+    _, regions = seen(model, camera_at(0.3, 1), band=band)
+    assert regions["silhouette"].any()
+    assert distance_transform_edt(~regions["hair"])[regions["silhouette"]].min() > band - 0.5
+
+
 def test_strands_off_the_mesh_are_hair_above_the_neck_only(model):
     mesh, regions = seen(model, camera_at(0, 1), foreground=np.ones_like)
     assert regions["hair"][2, SIZE // 2] and not mesh[2, SIZE // 2]
