@@ -21,7 +21,12 @@ LOCKED = [
     for line in (ROOT / "requirements.lock").read_text().splitlines()
     if re.match(r"[\w.-]+==", line)
 ]
-WANTED = [Requirement(text) for text in (*PROJECT["dependencies"], *PROJECT["optional-dependencies"]["dev"])]
+EXTRAS = PROJECT["optional-dependencies"]
+WANTED = [
+    requirement
+    for text in (*PROJECT["dependencies"], *EXTRAS["avatar"], *EXTRAS["viewer"], *EXTRAS["study"], *EXTRAS["dev"])
+    if (requirement := Requirement(text)).name != PROJECT["name"]
+]
 
 
 def pinned(name: str) -> str:
