@@ -122,12 +122,13 @@ def installations(build: str, environment: Path) -> list[list[str]]:
     ]
 
 
-def set_up(environment: Path, wanted: str, *, dry_run: bool) -> None:
+def set_up(environment: Path, wanted: str, *, only_lock: bool, dry_run: bool) -> None:
     """Make the environment, or bring it up to date.
 
     Args:
         environment: Its folder.
         wanted: As for `choose_build`.
+        only_lock: Leave out carigs itself.
         dry_run: Only say what would be installed.
     """
     build, why = choose_build(wanted)
@@ -137,7 +138,7 @@ def set_up(environment: Path, wanted: str, *, dry_run: bool) -> None:
     subprocess.run([sys.executable, "-m", "venv", environment], check=True)
     python = environment / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
     subprocess.run([python, "-m", "pip", "install", "--quiet", UV], check=True)
-    for arguments in installations(build, environment):
+    for arguments in installations(build, environment)[: -1 if only_lock else None]:
         subprocess.run([python, "-m", "uv", "pip", "install", "--python", python, *arguments], check=True)
     # Some machines never write bytecode. Without it everything works, too.
     subprocess.run([python, "-m", "compileall", "-q", "-j", "0", "-x", NOT_COMPILED, environment / "lib"], check=False)
@@ -156,10 +157,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--environment", type=Path, default=ROOT / ".venv", metavar="FOLDER", help="default: .venv")
     torch_help = "auto: without CUDA where there is no NVIDIA GPU; cpu: without; lock: as on PyPI (default %(default)s)"
     parser.add_argument("--torch", choices=("auto", "cpu", "lock"), default="auto", help=torch_help)
+    parser.add_argument("--only-lock", action="store_true", help="leave out carigs itself, as for a layer of an image")
     parser.add_argument("--dry-run", action="store_true", help="only say what would be installed")
     task = parser.parse_args(arguments)
     try:
-        set_up(task.environment.absolute(), task.torch, dry_run=task.dry_run)
+        set_up(task.environment.absolute(), task.torch, only_lock=task.only_lock, dry_run=task.dry_run)
     except subprocess.CalledProcessError as error:
         return error.returncode
     return 0
