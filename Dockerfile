@@ -20,7 +20,7 @@ COPY . .
 RUN --mount=type=cache,target=/root/.cache/uv \
     UV_LINK_MODE=copy uv pip install --python .venv --no-deps .
 RUN useradd --create-home --uid 1001 carigs && mkdir /study && chown -R carigs /study "$TORCH_EXTENSIONS_DIR"
-USER carigs
+USER 1001
 WORKDIR /study
 ENTRYPOINT ["carigs"]
 CMD ["--help"]
@@ -39,7 +39,7 @@ RUN --mount=type=cache,target=/root/.cache/uv \
     UV_LINK_MODE=copy .venv/bin/uv pip install --python .venv --no-deps .
 ENV PATH=/opt/carigs/.venv/bin:$PATH
 RUN useradd --create-home --uid 1001 carigs && mkdir /study && chown carigs /study
-USER carigs
+USER 1001
 WORKDIR /study
 ENTRYPOINT ["carigs"]
 CMD ["--help"]
