@@ -10,13 +10,14 @@
 # make audit       known vulnerabilities of what is locked; skipped where their list cannot be reached
 # make docs        the documentation as a site: site/index.html, in an environment with MkDocs
 #
+# make reproduce TORCH=lock                     torch with CUDA on Linux, also without an NVIDIA GPU; TORCH=cpu: never
 # make reproduce CORES=8 HYDRA="study=ict"      another study; any Hydra overrides
 
 SHELL := /bin/bash
-PYTHON ?= $(shell for python in python3.11 python3.12 python3; do \
-	$$python -c "import sys; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 13))" 2> /dev/null && echo $$python && break; \
+PYTHON ?= $(shell for python in python3.11 python3.12 python3.13 python3.14 python3; do \
+	$$python -c "import sys; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 15))" 2> /dev/null && echo $$python && break; \
 	done)
-UV := uv==0.13.8
+TORCH ?= auto
 CYCLONEDX := cyclonedx-bom==7.5.0
 PIP_AUDIT := pip-audit==2.10.1
 CLUSTER := snakemake-executor-plugin-kubernetes==0.5.1 snakemake-executor-plugin-slurm==2.8.0 \
@@ -74,7 +75,7 @@ gallery: .venv/installed
 
 lock: .venv/installed
 	uv pip compile --quiet --no-header --universal --python-version 3.11 --generate-hashes --extra dev --extra diffusion --extra cuda --extra viewer pyproject.toml --output-file requirements.lock
-	$(MAKE) .venv/installed
+	$(MAKE) .venv/installed TORCH=lock
 	uv tool run --quiet --from $(CYCLONEDX) cyclonedx-py environment --pyproject pyproject.toml --output-reproducible \
 		--output-format JSON --output-file sbom.cdx.json .venv/bin/python
 
@@ -104,18 +105,13 @@ docs: .venv/docs/installed
 	NO_MKDOCS_2_WARNING=1 .venv/docs/bin/mkdocs build --quiet --strict
 
 .venv/docs/installed: Makefile
-	@test -n "$(PYTHON)" || { echo "the site needs Python 3.11 or 3.12 (make PYTHON=... names one)"; exit 1; }
+	@test -n "$(PYTHON)" || { echo "the site needs Python 3.11 to 3.14 (make PYTHON=... names one)"; exit 1; }
 	$(PYTHON) -m venv --clear .venv/docs
 	.venv/docs/bin/python -m pip install --quiet $(DOCS)
 	touch $@
 
-# Hashes are checked. Bytecode is compiled once, because some machines never write it; packages that most studies do not
-# import, or only in part, are left out. Without bytecode everything works, too: an error does not stop the set-up.
+# Hashes are checked. Without an NVIDIA GPU, torch comes without CUDA: TORCH=lock takes what the lock names anyway.
 .venv/installed: requirements.lock pyproject.toml
-	@test -n "$(PYTHON)" || { echo "carigs needs Python 3.11 or 3.12 (make PYTHON=... names one)"; exit 1; }
-	$(PYTHON) -m venv .venv
-	.venv/bin/python -m pip install --quiet $(UV)
-	.venv/bin/uv pip install --python .venv --require-hashes --requirement requirements.lock
-	.venv/bin/uv pip install --python .venv --no-deps --editable .
-	-.venv/bin/python -m compileall -q -j 0 -x '/(transformers|diffusers|timm|sympy|pip|setuptools|docutils|huggingface_hub|triton|lexers|tests?|testing/_internal|torch/(_dynamo|_inductor|distributed|onnx))/' .venv/lib
+	@test -n "$(PYTHON)" || { echo "carigs needs Python 3.11 to 3.14 (make PYTHON=... names one)"; exit 1; }
+	$(PYTHON) set_up.py --torch $(TORCH)
 	touch $@

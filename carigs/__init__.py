@@ -31,7 +31,10 @@ def __getattr__(name: str) -> Any:
     if name in _MODULES:
         from importlib import import_module
 
-        return getattr(import_module(_MODULES[name]), name)
+        from carigs.system.extras import naming_extras
+
+        with naming_extras():
+            return getattr(import_module(_MODULES[name]), name)
     raise AttributeError(f"module 'carigs' has no attribute {name!r}")
 
 

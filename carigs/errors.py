@@ -94,6 +94,10 @@ class MeshError(CarigsError):
     """A mesh that no solver can use; the message names the vertex or face."""
 
 
+class PackageMissing(CarigsError):
+    """A package that is not installed; the message names the extra of carigs that brings it."""
+
+
 class WeightsMissing(CarigsError):
     """Network weights that are not installed; the message names the file, where it was expected and its source."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from importlib.metadata import Distribution, PackageNotFoundError, distribution, version
 from pathlib import Path
 
 import pytest
@@ -105,9 +105,11 @@ def test_the_licence_is_allowed(name):
     try:
         package = distribution(name)
     except PackageNotFoundError:
-        if LOCKED[name][1]:
+        if LOCKED[name][1] and not (
+            name.startswith(("cuda-", "nvidia-", "triton")) and version("torch").endswith("+cpu")
+        ):
             raise
-        pytest.skip("not for this platform")
+        pytest.skip("not for this machine")
     found = READ_BY_HAND.get(name) or licence(package)
     if name in EXCEPTIONS:
         assert not identifiers(found) <= ALLOWED, "no exception is needed"

@@ -13,6 +13,7 @@ from importlib.metadata import version
 from carigs.errors import report
 from carigs.runs.summary import warnings_as_lines
 from carigs.system.cache_folders import find_cache_of_matplotlib
+from carigs.system.extras import naming_extras
 
 COMMANDS = {
     "run": "make a study: avatars, table and figures",
@@ -45,7 +46,7 @@ def main(arguments: list[str] | None = None) -> int:
     if command in COMMANDS:
         find_cache_of_matplotlib()
         try:
-            with warnings_as_lines():
+            with warnings_as_lines(), naming_extras():
                 status = import_module(f"carigs.cli.{command}").main(arguments[1:])
             sys.stdout.flush()
         except (Exception, KeyboardInterrupt) as error:

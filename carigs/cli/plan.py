@@ -14,6 +14,7 @@ from carigs.planning.footage import Footage
 from carigs.planning.job_graph import study_jobs
 from carigs.planning.schedule import critical_path
 from carigs.planning.study_plan import StudyPlan, duration, plan_study, uncertainty
+from carigs.system.extras import need
 
 DESCRIPTION = """Print the jobs of a study, their hours, memory and disk, and the time on a number of nodes.
 
@@ -47,6 +48,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--remaining", action="store_true", help="leave out what is made already")
     parser.add_argument("--json", action="store_true", help="print JSON")
     options = parser.parse_intermixed_args(arguments)
+    need("snakemake")
     overrides, swept = split_sweep(options.overrides)
     studies = study_table(overrides, read_sweep(overrides, swept) if swept else None)
     config, snakefile = snakemake_config(overrides, swept), str(project_root() / "Snakefile")

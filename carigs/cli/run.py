@@ -15,6 +15,7 @@ from carigs.config import compose, compose_study, project_root, snakemake_config
 from carigs.runs.job_record import unfinished_jobs
 from carigs.runs.snakemake_process import check_working_folder, snakemake_environment
 from carigs.runs.summary import error_lines
+from carigs.system.extras import need
 
 EXAMPLES = """examples:
   carigs run                                            the toy study, on all cores
@@ -105,7 +106,9 @@ def make_studies(
 
     Raises:
         InputError: The current directory or the results cannot be written to.
+        PackageMissing: Snakemake is not installed.
     """
+    need("snakemake")
     if options.plan:
         from carigs.cli import plan  # with all that reads captures: half a second
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from carigs.cli.parser import command_parser
 from carigs.errors import CarigsError, InputError, SettingsError
+from carigs.system.extras import need
 
 if TYPE_CHECKING:
     from carigs.viewer.listening import Listener
@@ -33,16 +34,14 @@ def view(task: argparse.Namespace) -> None:
 
     Raises:
         InputError: For files that cannot be read.
-        SettingsError: If viser is not installed, or the viewer cannot listen.
+        PackageMissing: If viser is not installed.
+        SettingsError: If the viewer cannot listen.
     """
     if task.truth is not None and task.capture is None:
         raise SettingsError("--truth needs --capture")
     if task.exports.exists() and not task.exports.is_dir():
         raise InputError("is no folder", file=task.exports)
-    try:
-        import viser  # noqa: F401
-    except ImportError as error:
-        raise SettingsError("the viewer needs viser: pip install 'carigs[viewer]'") from error
+    need("viser")
     from carigs.viewer.listening import listen
 
     listener = listen(task.host, task.port, task.allowed_hosts)  # first: a mistake ends the command at once

@@ -17,6 +17,7 @@ from carigs.exaggeration import Caricature, Exaggerator, GammaPath, RegionPaths
 from carigs.head import HeadParameters, pose, subject_exaggerator
 from carigs.head.teeth import add_teeth
 from carigs.settings import Exaggerate
+from carigs.system.extras import naming_extras
 
 if TYPE_CHECKING:
     from carigs.splat.avatar import Avatar
@@ -39,12 +40,14 @@ def load(file: str | Path) -> HeadAvatar:
 
     Raises:
         InputError: If the file is missing or malformed.
+        PackageMissing: If torch is not installed.
 
     Example:
         >>> avatar = load("results/toy/toy/gamma=0.25/alternating/seed=0/avatar.npz")  # doctest: +SKIP
         >>> image = avatar.render(carigs.orbit(avatar, 1)[0], level=0.2, regions={"nose": 0.2})  # doctest: +SKIP
     """
-    from carigs.splat.avatar import load_avatar
+    with naming_extras():
+        from carigs.splat.avatar import load_avatar
 
     return HeadAvatar(load_avatar(Path(file)))
 

@@ -49,6 +49,7 @@ def download(
                     stream.write(block)
                     report(done, total)
     except urllib.error.HTTPError as error:
+        error.close()
         if error.code == http.client.REQUESTED_RANGE_NOT_SATISFIABLE and done:  # all of it came before
             return
         raise InputError(f"cannot be downloaded (HTTP {error.code} {error.reason})", file=url) from error

@@ -13,6 +13,9 @@ from typing import Any
 
 import psutil
 
+OF_A_STUDY = re.compile(r"([\w.-]+)(?:(?!extra ==).)*(?:extra == .(?:avatar|study).)?")
+"""A requirement in the metadata of carigs that every installation, or that of a study, fulfils."""
+
 
 def machine() -> dict[str, Any]:
     """The processor, cores and memory of this machine; neither its name nor a path.
@@ -29,12 +32,13 @@ def machine() -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python, carigs and the packages that it needs.
+    """Versions of Python, carigs and the packages that a study needs.
 
     Returns:
         Versions by name of the package.
     """
-    names = [re.split(r"[^\w.-]", line, maxsplit=1)[0] for line in requires("carigs") or () if "extra ==" not in line]
+    needed = filter(None, map(OF_A_STUDY.fullmatch, requires("carigs") or ()))
+    names = sorted({requirement[1] for requirement in needed})
     found = {"python": platform.python_version()}
     for name in ("carigs", *names):
         try:

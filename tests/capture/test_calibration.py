@@ -124,7 +124,7 @@ def test_coefficients_that_pass_leave_every_corner_where_opencv_puts_it(dataset)
     turn, shift = cv2.Rodrigues(camera.camera_from_world[:3, :3])[0], camera.camera_from_world[:3, 3]
 
     def by_opencv(*coefficients: float) -> np.ndarray:
-        return cv2.projectPoints(corners, turn, shift, matrix, np.array(coefficients))[0][:, 0]
+        return cv2.projectPoints(corners, turn, shift, matrix, np.array(coefficients, np.float64))[0][:, 0]
 
     np.testing.assert_allclose(camera.project(corners)[0], by_opencv(0, 0, 0, 0), atol=1e-6)
     assert np.abs(by_opencv(0.5, 0, 0, 0) - by_opencv(0, 0, 0, 0)).max() > 0.1

@@ -18,7 +18,7 @@ from carigs.readers.mesh_files.obj import parse_obj
 from carigs.readers.mesh_files.off import parse_off
 from carigs.readers.mesh_files.ply import parse_ply_polygons
 from carigs.readers.mesh_files.polygons import Polygons, triangulate_polygons
-from carigs.readers.text import decode_text, encode_text, split_lines, without_byte_order_mark
+from carigs.readers.text import decode_text, split_lines, without_byte_order_mark
 
 if TYPE_CHECKING:
     import trimesh
@@ -87,7 +87,8 @@ def _parse_stl(content: bytes, file: str | Path) -> Polygons:
 
     size = 84 + 50 * int.from_bytes(content[80:84], "little")
     if len(content) != size and _is_text(content, file):
-        content = encode_text("\n".join(split_lines(decode_text(content, file, any_bytes=True))))
+        # Only names and comments may be anything but ASCII; trimesh before 5 would guess their encoding by chardet.
+        content = "\n".join(split_lines(decode_text(content, file, any_bytes=True))).encode("ascii", "replace")
     elif len(content) < size:
         raise InputError(f"not a readable mesh (cut off: {len(content)} of {size} bytes)", file=file)
     elif size < len(content):
