@@ -18,7 +18,7 @@ from carigs.splat.training.initial_surfels.hair_surfels import FADING_STEPS
 from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.regularizers import add_threshold_loss, normal_consistency_loss
 from carigs.splat.training.supervision import Example
-from carigs.splat.training.training_step import StepInputs, StepResult
+from carigs.splat.training.training_step import SCALE_LIMIT, StepInputs, StepResult
 
 
 class NumbaStep:
@@ -68,7 +68,7 @@ class NumbaStep:
         screen = rendered.rendering.screen
         value = float(loss.detach()) + add_threshold_loss(
             state.surfels, screen.visible.numpy(), inputs.position_limit[state.surfels.binding],
-            settings.position_weight, settings.scale_limit, settings.scale_weight,
+            settings.position_weight, SCALE_LIMIT, settings.scale_weight,
         )  # fmt: skip
         frozen = None if example.frozen is None else example.frozen[state.surfels.binding]
         if settings.density.every and (not gtstar or inputs.only_targets):

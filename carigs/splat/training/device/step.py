@@ -30,7 +30,7 @@ from carigs.splat.training.device.statistics import DeviceStatistics
 from carigs.splat.training.device.threshold_loss import threshold_loss
 from carigs.splat.training.initial_surfels.hair_surfels import FADING_STEPS
 from carigs.splat.training.regularizers import normal_consistency_loss
-from carigs.splat.training.training_step import StepInputs, StepResult
+from carigs.splat.training.training_step import SCALE_LIMIT, StepInputs, StepResult
 
 
 class DeviceStep:
@@ -91,7 +91,7 @@ class DeviceStep:
         rendering, loss = self._loss(state, example, i)
         screen = rendering.screen
         loss = loss + threshold_loss(
-            surfels, screen.visible, self._limit[binding], settings.position_weight, settings.scale_limit,
+            surfels, screen.visible, self._limit[binding], settings.position_weight, SCALE_LIMIT,
             settings.scale_weight,
         )  # fmt: skip
         self._examples.prefetch(i + 1)  # while the device renders
