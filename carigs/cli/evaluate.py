@@ -120,7 +120,7 @@ def _evaluate(
         CATALOGUE,
         images={options.subject: [camera.width, camera.height]},
         training_seeds=[],
-        seeds={"tabulate.seed": tabulated.seed},
+        seeds={},
         provenance={"machine": machine(), "versions": versions(), "commit": commit(project_root())},
     )
     write_card(options.output / "card.json", card)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from carigs.cli.parser import study_parser
-from carigs.config import compose, compose_study, compose_variant, yaml_text
+from carigs.config import compose, compose_study, compose_variant
 from carigs.config import reference as conf_reference
+from carigs.config.frozen import keys_text
 from carigs.settings import STAGES, reference
 
 EXAMPLES = """examples:
@@ -30,7 +31,7 @@ def main(arguments: list[str]) -> int:
     parser = study_parser("settings", description, EXAMPLES, usage)
     parser.add_argument("--subject", metavar="NAME", help="as this subject has them (default: the first of the study)")
     parser.add_argument("--variant", metavar="NAME", help="as this variant has them")
-    parser.add_argument("--section", choices=("study", *STAGES), help="print this section alone")
+    parser.add_argument("--section", choices=("study", "regions", *STAGES), help="print this section alone")
     parser.add_argument("--reference", action="store_true", help="print the reference: docs/configuration.md")
     parser.add_argument("--schema", action="store_true", help="print the JSON schema: docs/configuration.schema.json")
     parsed = parser.parse_intermixed_args(arguments)
@@ -45,5 +46,5 @@ def main(arguments: list[str]) -> int:
         settings = compose_variant(parsed.variant, *choice) if parsed.variant else compose(*choice)
         variant = f"variant {parsed.variant}" if parsed.variant else "before the changes of variants"
         print(f"# subject {subject}, {variant}, seed {study.seeds[0]}")
-        print(yaml_text(settings[parsed.section] if parsed.section else settings), end="")
+        print(keys_text(settings, parsed.section), end="")
     return 0

@@ -54,14 +54,14 @@ def _run_stages(settings: DictConfig, index: Path, folder: Path) -> None:
     gamma, found, targets = settings.gamma, folder / "hair.npz", folder / "targets.json"
     paths = {"capture": index, "path": folder / "path.npz"}
     _exaggerate(settings, paths)
-    hair(_section(settings, "hair", threads=1, labels=None), capture=index, found=found)
+    hair(_section(settings, "hair", labels=None), capture=index, found=found)
     gtstar(
-        _section(settings, "gtstar", threads=1), **paths, hair=found, level=gamma,
+        _section(settings, "gtstar"), **paths, hair=found, level=gamma,
         targets=folder / "targets", index=targets, resume_key="",
     )  # fmt: skip
     avatar = _train(settings, paths, folder, hair=found, targets=[targets])
     render(
-        _section(settings, "render", threads=1, orbit_frames=0, levels=[0.0, gamma]),
+        _section(settings, "render", orbit_frames=0, levels=[0.0, gamma]),
         avatar=avatar, **paths, frames=folder / "frames", resume_key="",
     )  # fmt: skip
 
@@ -80,7 +80,7 @@ def _exaggerate(settings: DictConfig, paths: Mapping[str, Path]) -> None:
     from carigs.stages.exaggerate import exaggerate
 
     paths["path"].parent.mkdir()
-    exaggerate(_section(settings, "exaggerate", source="poisson", regions={}), **paths)
+    exaggerate(_section(settings, "exaggerate", file=None, regions={}), **paths)
 
 
 def _train(
@@ -98,7 +98,7 @@ def _train(
     short = {"iterations": NUM_STEPS, "budget": None, "start": None, "regularize_from": 1, "density": density}
     avatar = folder / "avatar.npz"
     train(
-        _section(settings, "train", threads=1, **short, **changes), **paths, hair=hair, targets=targets,
+        _section(settings, "train", **short, **changes), **paths, hair=hair, targets=targets,
         avatar=avatar, ply=folder / "avatar.ply", log=folder / "log.csv", resume_key="",
     )  # fmt: skip
     return avatar

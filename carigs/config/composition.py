@@ -21,9 +21,12 @@ from carigs.config.overrides import check_study_overrides, hydra_override
 from carigs.config.relative import relative_to
 from carigs.errors import SettingsError
 from carigs.settings import Config, combine_mask_flags
-from carigs.settings.option import check_section
+from carigs.settings.option import OF_PATH, check_section, copies
 
 _schema = OmegaConf.structured(Config)
+for _field, _key in copies(Config):
+    if _key != OF_PATH:
+        OmegaConf.update(_schema, _field, f"${{{_key}}}")
 # The names of regions come with the head model: here alone keys may be added.
 OmegaConf.set_struct(_schema.exaggerate.regions, False)
 ConfigStore.instance().store("schema", _schema)
@@ -63,13 +66,6 @@ def compose(*overrides: str) -> DictConfig:
     except (HydraException, OmegaConfBaseException, YAMLError, ValueError, OverflowError, RecursionError) as error:
         raise SettingsError(describe(error)) from error
     check_section(Config, config)
-    if config.train.seed != config.seed:
-        problem = "a training has the seed of its path"
-        raise SettingsError(
-            f"train.seed={config.train.seed}: {problem}; choose seeds by study.seeds=[{config.train.seed}]"
-        )
-    if config.render.levels != config.study.levels:
-        raise SettingsError(f"render.levels={config.render.levels}: choose levels by study.levels")
     config.render.levels = [*map(float, rendered_levels(config))]
     config.study.variants = expand_patterns(config.study.variants)
     check_names(config)
@@ -87,7 +83,7 @@ def compose_study(*overrides: str) -> DictConfig:
         As `compose`.
 
     Raises:
-        SettingsError: As `compose`, and for overrides of `subject`, `variant` and `seed`, and added and removed keys.
+        SettingsError: As `compose`, and as `check_study_overrides`.
     """
     check_study_overrides(overrides)
     return compose(*overrides)

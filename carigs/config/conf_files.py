@@ -17,7 +17,8 @@ from hydra.plugins.config_source import ConfigLoadError, ConfigResult, ConfigSou
 from omegaconf import OmegaConf
 
 from carigs.config.file_values import check_values
-from carigs.config.folders import conf_folders, find_conf_file, known
+from carigs.config.folders import conf_folders, find_conf_file, known, taken
+from carigs.config.mask_variants import mask_variant
 from carigs.errors import CarigsError, InputError
 from carigs.readers.yaml_files import read_yaml_text
 
@@ -37,11 +38,10 @@ class _ConfFiles(ConfigSource):
 
     def load_config(self, config_path: str) -> ConfigResult:
         """Read and check a file; Hydra's reader would stop at `%YAML` and `---` before it finds the package."""
-        file = find_conf_file(config_path.removesuffix(".yaml"))
-        if file is None:
+        found = read_choice(config_path.removesuffix(".yaml"))
+        if found is None:
             raise ConfigLoadError(f"no such file: {config_path}")
-        text, package = read_conf_file(file)
-        return ConfigResult(self.provider, self.full_path(), OmegaConf.create(text), {"package": package})
+        return ConfigResult(self.provider, self.full_path(), OmegaConf.create(found.text), {"package": found.package})
 
     def available(self) -> bool:
         """Whether there are files."""
@@ -52,8 +52,9 @@ class _ConfFiles(ConfigSource):
         return any(os.path.isdir(folder / config_path) for folder in conf_folders())
 
     def is_config(self, config_path: str) -> bool:
-        """Whether a name is that of a file."""
-        return find_conf_file(config_path.removesuffix(".yaml")) is not None
+        """Whether a name is that of a file, or of a variant that is made from a mask flag."""
+        name = config_path.removesuffix(".yaml")
+        return mask_variant(name) is not None or find_conf_file(name) is not None
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
         """The choices of a group."""
@@ -69,6 +70,27 @@ class ConfFile(NamedTuple):
     text: str
     package: str | None
     """Where its keys belong, as its comment `# @package` says."""
+
+
+def read_choice(name: str) -> ConfFile | None:
+    """Read and check a choice of a group.
+
+    Args:
+        name: Its group and name: `study/toy`.
+
+    Returns:
+        Its file, or what the file of a variant with or without a mask flag would be; None if there is none.
+
+    Raises:
+        SettingsError: As for `find_conf_file`, also for the name of such a variant.
+        InputError: As for `read_conf_file`.
+    """
+    file, made = find_conf_file(name), mask_variant(name)
+    if made is None:
+        return read_conf_file(file) if file else None
+    if file and file.read_text("utf-8", "replace") != made:
+        raise taken(name, file)
+    return ConfFile(made, "_global_")
 
 
 def read_conf_file(file: Path) -> ConfFile:
@@ -100,7 +122,7 @@ def choices(group: str) -> str:
     sound, broken = [], []
     for name in known(group):
         try:
-            read_conf_file(find_conf_file(f"{group}/{name}"))
+            read_choice(f"{group}/{name}")
             sound.append(name)
         except CarigsError as error:
             broken.append(f"; {name} is broken ({error})")

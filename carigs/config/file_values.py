@@ -1,4 +1,4 @@
-"""Values in files of `conf/` that YAML does not read as people do."""
+"""Checks of what files of `conf/` hold: keys that are replaced, and values that YAML does not read as people do."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from omegaconf.errors import GrammarParseError
 
 from carigs.config.plain_numbers import is_ambiguous
 from carigs.config.text_values import TEXT, TEXTS, kinds_of_values
+from carigs.config.unknown_keys import replacement
 from carigs.errors import InputError
 
 
 def check_values(text: str, file: Path) -> None:
-    """Refuse values and names that YAML changes: of `010` it makes 8, of the text `007` it leaves 7.
+    """Refuse keys that another key replaces, and what YAML changes: of `010` it makes 8, of the text `007` it leaves 7.
 
     Args:
         text: Text of the file, as returned by `read_yaml_text`.
         file: The file, for messages.
 
     Raises:
-        InputError: For the first number or boolean where the settings hold text, the first number that is not plainly
-            decimal, the first name that is no text, and a broken interpolation.
+        InputError: For the first key that is replaced, the first number or boolean where the settings hold text, the
+            first number that is not plainly decimal, the first name that is no text, and a broken interpolation.
     """
     at = "exaggerate." if file.parent.name == "exaggerate" else ""
     try:
@@ -37,6 +38,8 @@ def check_values(text: str, file: Path) -> None:
 
 def _check(key: str, name: yaml.ScalarNode, node: yaml.Node, file: Path) -> None:
     """Check a name and its value."""
+    if advice := replacement(key):
+        raise InputError(advice, file=file, field=key)
     if not isinstance(read := _reading(name), str):
         raise InputError(f"YAML reads the name as {read!r}, not as text; quote it", file=file, field=key)
     kind = kinds_of_values().get(key)

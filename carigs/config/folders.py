@@ -6,6 +6,7 @@ import os
 import re
 from pathlib import Path
 
+from carigs.config.mask_variants import MASK_VARIANTS
 from carigs.errors import SettingsError
 from carigs.readers.folders import listed
 
@@ -52,10 +53,23 @@ def find_conf_file(name: str) -> Path | None:
         return None
     files = [folder / f"{name}.yaml" for folder in conf_folders()]
     found = [file for file in files if os.path.lexists(file)]
-    group, _, choice = name.rpartition("/")
-    if group and len(found) == 2 and found[0].read_bytes() != found[1].read_bytes():
-        raise SettingsError(f"{found[1]}: {group}={choice} comes with carigs; choose another name")
+    if "/" in name and len(found) == 2 and found[0].read_bytes() != found[1].read_bytes():
+        raise taken(name, found[1])
     return found[0] if found else None
+
+
+def taken(name: str, file: Path) -> SettingsError:
+    """The error of a file that has the name of a choice of the project.
+
+    Args:
+        name: Group and name of the choice.
+        file: The file.
+
+    Returns:
+        The error, to be raised.
+    """
+    group, _, choice = name.rpartition("/")
+    return SettingsError(f"{file}: {group}={choice} comes with carigs; choose another name")
 
 
 def is_choice(name: str) -> bool:
@@ -81,7 +95,9 @@ def known(group: str) -> list[str]:
         group: A folder of `conf/`.
 
     Returns:
-        Names of its files, without those that start with an underscore: parts that others share.
+        Names of its files, without those that start with an underscore: parts that others share; of variants also those
+        with and without a mask flag.
     """
     files = (file for folder in conf_folders() for file in listed(folder / group, "*.yaml"))
-    return sorted({file.stem for file in files if is_choice(file.stem)})
+    made = MASK_VARIANTS if group == "variant" else ()
+    return sorted({*made, *(file.stem for file in files if is_choice(file.stem))})

@@ -15,8 +15,8 @@ from carigs.config.hydra_errors import describe
 from carigs.config.literals import literal
 from carigs.errors import InputError, SettingsError
 from carigs.readers.yaml_files import read_yaml_text
-from carigs.settings import STAGES
-from carigs.settings.option import Section, walk
+from carigs.settings import STAGES, Config
+from carigs.settings.option import Section, copies, walk
 
 
 def settings_text(stage: str, *overrides: str) -> str:
@@ -43,6 +43,24 @@ def yaml_text(section: DictConfig) -> str:
     """
     values = OmegaConf.to_container(section, resolve=True)
     return yaml.dump(values, Dumper=_Dumper, allow_unicode=True, sort_keys=False)
+
+
+def keys_text(config: DictConfig, section: str | None = None) -> str:
+    """Composed settings as YAML, without fields that are set by other keys: a study of one's own may hold it.
+
+    Args:
+        config: All settings, composed.
+        section: Name of a section for that alone.
+
+    Returns:
+        The text.
+    """
+    shown = OmegaConf.masked_copy(config, [*config])
+    for field, _ in copies(Config):
+        above, _, name = field.rpartition(".")
+        OmegaConf.set_struct(within := OmegaConf.select(shown, above) if above else shown, False)
+        del within[name]
+    return yaml_text(shown[section] if section else shown)
 
 
 class _Dumper(yaml.SafeDumper):
@@ -74,7 +92,7 @@ def load_settings(stage: str, file: str | Path) -> Section:
         found = yaml.safe_load(text) or {}
         section = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(schema), literal(found)))
     except (OmegaConfBaseException, yaml.YAMLError, SettingsError, ValueError, OverflowError) as error:
-        raise InputError(describe(error), file=file) from error
+        raise InputError(describe(error, stage), file=file) from error
     present = set(_keys(found))
     for key in (key.removeprefix(f"{stage}.") for key, _, _ in walk(schema)):
         if key not in present:  # else a file that was cut off would mean defaults

@@ -8,15 +8,15 @@ from hydra.errors import HydraException, MissingConfigException
 from omegaconf.errors import OmegaConfBaseException
 
 from carigs.config.conf_files import choices
-from carigs.settings import Config
-from carigs.settings.option import walk
+from carigs.config.unknown_keys import no_such_setting
 
 
-def describe(error: Exception) -> str:
-    """Shorten an error to one line, and add the known keys or choices.
+def describe(error: Exception, section: str = "") -> str:
+    """Shorten an error to one line, and add the nearest key or the known choices.
 
     Args:
         error: Raised by Hydra or OmegaConf.
+        section: Name of the section, if the settings were that section alone.
 
     Returns:
         The line; it starts with the key or override if the error has one.
@@ -30,8 +30,8 @@ def describe(error: Exception) -> str:
     detail = r"^\s*(full_key|object_type|reference_type)[:=]\s*(.*)$"
     details = dict(re.findall(detail, text, re.MULTILINE))
     problem = " ".join(re.sub(rf"{detail}|^See https.*$", "", text, flags=re.MULTILINE).split())
-    schemas = {"Config": Config, **{schema.__name__: schema for _, schema, _ in walk(Config)}}
-    if "Key '" in problem and (schema := schemas.get(details.get("object_type", ""))):
-        problem += f"; known: {', '.join(schema.__dataclass_fields__)}"
     where = details.get("full_key") or getattr(error, "override", None)
+    if where and re.search(r"Key '.*' (is )?not in", problem):
+        typed = re.search(r"Could not override '([\w.]+)'", str(error))
+        return no_such_setting(typed[1] if typed and typed[1].startswith(where) else f"{section}.{where}".lstrip("."))
     return f"{where}: {problem}" if where else problem

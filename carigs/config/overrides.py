@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from hashlib import sha256
 from pathlib import Path
@@ -19,6 +19,7 @@ from carigs.config.conf_files import choices
 from carigs.config.folders import GROUPS, is_choice
 from carigs.config.plain_numbers import ambiguous_number
 from carigs.config.text_values import TEXT, TEXTS, kinds_of_values, quote_text, quoting_advice
+from carigs.config.unknown_keys import replacement
 from carigs.errors import SettingsError
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 from carigs.readers.text import decode_text
@@ -196,11 +197,26 @@ def check_study_overrides(overrides: tuple[str, ...]) -> None:
         overrides: Hydra overrides.
 
     Raises:
-        SettingsError: For overrides of `subject`, `variant` and `seed`, and added and removed keys.
+        SettingsError: For overrides of `subject`, `variant` and `seed`, added and removed keys, and keys that another
+            key replaces.
     """
     for override in overrides:
         key, _, value = override.partition("=")
         if key in ("subject", "variant", "seed"):
-            raise SettingsError(f"{override}: a study has several; choose them by study.{key}s=[{value}]")
+            raise SettingsError(f"{_shown(override)}: a study has several; choose them by study.{key}s=[{value[:60]}]")
         if key.startswith(("+", "~")):
-            raise SettingsError(f"{override}: keys can be set, neither added nor removed")
+            raise SettingsError(f"{_shown(override)}: keys can be set, neither added nor removed")
+        for set_key in (key, *_keys_below(key, parse_override(override))):
+            if advice := replacement(set_key):
+                raise SettingsError(f"{set_key}: {advice}")
+
+
+def _keys_below(key: str, override: Override) -> Iterator[str]:
+    """Dotted keys of a value that is a mapping, as in `train={iterations:9}`."""
+    value = None if override.is_sweep_override() else override.value()
+    pending = [(key, value)]
+    while pending:
+        above, value = pending.pop()
+        for name, below in value.items() if isinstance(value, dict) else ():
+            yield f"{above}.{name}"
+            pending.append((f"{above}.{name}", below))

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from carigs.config.folders import CONF, GROUPS
+from carigs.config.mask_variants import MASK_VARIANTS
 
 _HEADER = """## Presets
 
 Files of `conf/` that come with carigs. `study=`, `preset=` and `exaggerate=` are chosen on the command line; subjects
-and variants by `study.subjects` and `study.variants`.
+and variants by `study.subjects` and `study.variants`. The variants `no_FLAG_mask` and `FLAG_mask` need no file.
 """
 _MEANINGS = {
     "study": "subjects, variants, levels and settings that make one table",
@@ -53,7 +54,8 @@ def _table(group: str) -> Iterator[str]:
     yield f"### `{group}`: {_MEANINGS[group]}\n"
     yield "| name | what it is |"
     yield "|---|---|"
-    for file in sorted((CONF / group).glob("[!_]*.yaml")):
-        text = purpose(file.read_text("utf-8")).replace("|", "\\|").replace("*", "\\*")
-        yield f"| `{file.stem}` | {text} |"
+    texts = {file.stem: file.read_text("utf-8") for file in (CONF / group).glob("[!_]*.yaml")}
+    for name, text in sorted({**texts, **(MASK_VARIANTS if group == "variant" else {})}.items()):
+        meaning = purpose(text).replace("|", "\\|").replace("*", "\\*")
+        yield f"| `{name}` | {meaning} |"
     yield ""

@@ -22,7 +22,7 @@ from omegaconf.errors import GrammarParseError
 
 from carigs.errors import SettingsError
 from carigs.settings import Config
-from carigs.settings.option import walk
+from carigs.settings.option import keys
 
 _QUOTED = r"""(?:'(?:\\.|[^'\\])*'|"(?:\\.|[^"\\])*")"""
 _ELEMENT = re.compile(rf"\s*{_QUOTED}\s*(?=,|\Z)|(?:\$\{{[^}}]*\}}|[^,])*", re.DOTALL)
@@ -53,7 +53,7 @@ def kinds_of_values() -> Mapping[str, str]:
     Returns:
         By key what `_KINDS` has for its type; a key that may be null counts as one that may not.
     """
-    hints = {key: get_type_hints(section)[f.name] for key, section, f in walk(Config)}
+    hints = {key: get_type_hints(section)[f.name] for key, section, f in keys(Config)}
     return {key: _KINDS[get_args(hint)[0] if isinstance(hint, UnionType) else hint] for key, hint in hints.items()}
 
 

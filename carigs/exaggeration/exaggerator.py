@@ -19,6 +19,8 @@ from carigs.mesh.linear_solver import COLUMNS
 from carigs.mesh.regions import partition_of_unity
 from carigs.mesh.triangle_mesh import diagonal
 
+PATH_ERROR = 1e-4
+"""Largest interpolation error of a path between its nodes, in bounding-box diagonals; it determines their number."""
 MAX_TRIED_NODES = 12
 """Largest number of nodes that is tried for a path."""
 
@@ -87,7 +89,7 @@ class Exaggerator(WeightedPoisson):
             levels: Levels that the named regions have at the end of the path; along the path they stay in proportion.
 
         Returns:
-            The path, with as many nodes as `settings.path_error` requires or `settings.path_nodes` sets.
+            The path, with as many nodes as `PATH_ERROR` requires or `settings.path_nodes` sets.
 
         Raises:
             SettingsError: If gamma_f is 0 or not finite, or a region is unknown.
@@ -177,7 +179,7 @@ class Exaggerator(WeightedPoisson):
         """Solve at the Chebyshev-Lobatto levels from 0 to gamma_f.
 
         The interpolation error of the path is the response to the interpolation error of the weights. So the number of
-        nodes is increased, before anything is solved, until that is below `path_error`. The weights |K|^gamma are
+        nodes is increased, before anything is solved, until that is below `PATH_ERROR`. The weights |K|^gamma are
         entire functions of gamma, hence the error falls faster than geometrically.
         """
         if not (gamma_f != 0 and np.isfinite(gamma_f)):
@@ -187,7 +189,7 @@ class Exaggerator(WeightedPoisson):
             extent = diagonal(self.vertices)
             for count in range(2, MAX_TRIED_NODES + 1):
                 error = self._interpolation_error(lobatto_levels(count, gamma_f), weights, response) / extent
-                if error <= self.settings.path_error:
+                if error <= PATH_ERROR:
                     break
         levels = lobatto_levels(count, gamma_f)
         displacements = np.stack([solve(float(level)) for level in levels]).astype(np.float32)

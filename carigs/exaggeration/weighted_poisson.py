@@ -25,6 +25,8 @@ from carigs.settings import Exaggerate, check
 
 CAVITY_OCCLUSION = (0.45, 0.75)
 """Ambient occlusion at which a vertex begins to count as part of a cavity, and at which it fully does."""
+CAVITY_STIFFNESS = 4.0
+"""Additional stiffness of triangles in cavities, relative to open skin, against folding."""
 MAX_WEIGHT = 1e100
 """Largest weight of a face: squares and products of weights must stay finite in float64."""
 
@@ -76,7 +78,7 @@ class WeightedPoisson:
         self.settings = settings or Exaggerate()
         check("exaggerate", self.settings)
         if self.settings.path_nodes == 1:
-            raise SettingsError("exaggerate.path_nodes=1 must be 0, for as many as path_error needs, or 2 or more")
+            raise SettingsError("exaggerate.path_nodes=1 must be 0, for as many as the path needs, or 2 or more")
         check_mesh(np.asarray(vertices), np.asarray(faces))
         self.vertices, self.faces = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
         self.component_labels = components(self.faces, len(self.vertices))
@@ -105,7 +107,7 @@ class WeightedPoisson:
         log_curvature = self._log_curvature(boundary, stiffness, mean_face)
         self.log_curvature: Float[np.ndarray, " v"] = self._limit_in_cavities(log_curvature, cavity)
         """Logarithm of what is raised to the power gamma."""
-        self.face_stiffness = 1 + self.settings.cavity_stiffness * self.face_mean(cavity)
+        self.face_stiffness = 1 + CAVITY_STIFFNESS * self.face_mean(cavity)
         self.system: csc_array = self._assemble_system(stiffness)
         """Matrix of the equation for all vertices, before pinning."""
         self._solver = PoissonSolver(self.system, self.component_labels, self.solved_vertices, self.areas)

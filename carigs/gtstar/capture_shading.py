@@ -20,6 +20,9 @@ KEPT = MaskFlag.HAIR | MaskFlag.EYEBALLS | MaskFlag.MOUTH
 """Triangles whose colours do not depend on their own normals: hair strands, glossy eyes, teeth."""
 TIMESTEPS = 9
 """Timesteps, evenly spread, that the light is fitted to."""
+RELIGHT_STRENGTH, RELIGHT_LIMIT = 0.85, 2.0
+"""Exponent of the ratio of new to old irradiance, and the largest factor on linear colours; the smallest is its
+inverse."""
 CACHE_BYTES = 512 << 20
 """Memory for views that are kept for the targets."""
 
@@ -68,7 +71,7 @@ def fit_capture_shading(
 
     directions, light = fit_light(list(map_timesteps(observe, fitted)), model.faces, map_timesteps, num_directions)
     kept = (face_flags & np.uint16(KEPT.value)) > 0
-    return Shading(directions, light, settings.relight_strength, settings.relight_limit, kept, settings.hair_extinction)
+    return Shading(directions, light, RELIGHT_STRENGTH, RELIGHT_LIMIT, kept, settings.hair_extinction)
 
 
 def _view_bytes(capture: Capture, frames: list) -> int:

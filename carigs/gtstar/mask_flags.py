@@ -24,6 +24,11 @@ from carigs.raster.bit_masks import BitMask, greater, or_into_image, pixels_of_f
 from carigs.raster.open_mouth import between_lips
 from carigs.settings import Gtstar, MaskFlag
 
+HAIR_DILATION = 2
+"""Pixels by which the mask of hair is wider than hair (docs/notebook/targets.md)."""
+BACKGROUND_MARGIN = 1
+"""Pixels around mesh and foreground in which background does not count as known."""
+
 
 def flags_from_names(names: Iterable[str]) -> MaskFlag:
     """Combine flags by name.
@@ -64,11 +69,11 @@ def face_mask_flags(
     """
     flags = np.zeros(len(model.faces), np.uint16)
     for flag, regions in (
-        (MaskFlag.HAIR, settings.hair_regions),
-        (MaskFlag.MOUTH, settings.mouth_regions),
-        (MaskFlag.LIDS, settings.lid_regions),
-        (MaskFlag.EARS, settings.ear_regions),
-        (MaskFlag.EYEBALLS, settings.eyeball_regions),
+        (MaskFlag.HAIR, settings.regions.hair),
+        (MaskFlag.MOUTH, settings.regions.mouth),
+        (MaskFlag.LIDS, settings.regions.lids),
+        (MaskFlag.EARS, settings.regions.ears),
+        (MaskFlag.EYEBALLS, settings.regions.eyeballs),
     ):
         flags[model.face_region(*regions)] |= flag.value
     brows = brow_faces(model, model.v_template)
@@ -108,22 +113,19 @@ def frame_hair(
     return FrameHair(_scalp(natural, face_flags) | stray, natural.on_mesh.covering_radius(stray))
 
 
-def frame_mask_flags(
-    natural: Visibility, hair: FrameHair, model: HeadModel, settings: Gtstar
-) -> UInt16[np.ndarray, "h w"]:
+def frame_mask_flags(natural: Visibility, hair: FrameHair, model: HeadModel) -> UInt16[np.ndarray, "h w"]:
     """Flags of the pixels of a frame that a target must not sample: the hair boundary mask, and the open mouth.
 
     Args:
         natural: What the camera sees of the tracked mesh.
         hair: Hair of the frame.
         model: The head model.
-        settings: Width of the band around hair.
 
     Returns:
         Bits of `MaskFlag`.
     """
     flags = np.zeros(natural.face.shape, np.uint16)
-    or_into_image(flags, hair.mask.dilated(settings.hair_dilation).words, MaskFlag.HAIR.value)
+    or_into_image(flags, hair.mask.dilated(HAIR_DILATION).words, MaskFlag.HAIR.value)
     _flag_mouth(flags, natural, model)
     return flags
 
@@ -135,7 +137,6 @@ def add_target_mask_flags(
     foreground: Float32[np.ndarray, "h w"],
     face_flags: UInt16[np.ndarray, " f"],
     model: HeadModel,
-    settings: Gtstar,
     carried: BitMask | None = None,
 ) -> None:
     """Add the flags that depend on the caricature's outline: hair, outside of the mesh, and the open mouth.
@@ -151,17 +152,16 @@ def add_target_mask_flags(
         foreground: Matte of the frame.
         face_flags: Flags of the triangles (`face_mask_flags`).
         model: The head model.
-        settings: Widths of the ring and of the band around hair.
         carried: Where the scalp of the caricature carries the hair.
     """
     on_mesh, scalp = caricature.on_mesh, _scalp(caricature, face_flags)
-    unknown = greater(foreground, 0).dilated(settings.background_margin) - on_mesh
+    unknown = greater(foreground, 0).dilated(BACKGROUND_MARGIN) - on_mesh
     if unknown:
-        unknown &= (hair.mask | scalp).dilated(hair.length + settings.hair_dilation)
+        unknown &= (hair.mask | scalp).dilated(hair.length + HAIR_DILATION)
     if carried is not None:
         unknown |= carried - on_mesh
-    outside = (unknown | on_mesh.dilated(settings.background_margin)) - on_mesh
-    or_into_image(flags, (scalp.dilated(settings.hair_dilation) & on_mesh).words, MaskFlag.HAIR.value)
+    outside = (unknown | on_mesh.dilated(BACKGROUND_MARGIN)) - on_mesh
+    or_into_image(flags, (scalp.dilated(HAIR_DILATION) & on_mesh).words, MaskFlag.HAIR.value)
     or_into_image(flags, outside.words, MaskFlag.OUTSIDE_MESH.value)
     _flag_mouth(flags, caricature, model)
 

@@ -57,13 +57,13 @@ def make_target(
         Colours and mask flags.
     """
     hair = frame_hair(natural, foreground, face_flags)
-    frame_flags = frame_mask_flags(natural, hair, model, settings)
+    frame_flags = frame_mask_flags(natural, hair, model)
     colour, flags = warp_frame(image, natural, caricature, face_flags, frame_flags, settings, background)
     carried = None
     if carried_hair is not None:
         shown = carried_hair.pixels(natural, caricature).astype(np.float32)
         carried = greater(shown, 0.5).dilated(carried_hair.radius(natural))
-    add_target_mask_flags(flags, caricature, hair, foreground, face_flags, model, settings, carried)
+    add_target_mask_flags(flags, caricature, hair, foreground, face_flags, model, carried)
     return Target(colour, flags, caricature, all(_sees_front(seen) for seen in (natural, caricature)))
 
 

@@ -40,6 +40,7 @@ def make_target_set(
     folder: Path,
     records: Path,
     hair: FoundHair | None = None,
+    threads: int = 1,
 ) -> TargetEntries:
     """Make the targets of all training frames of a level.
 
@@ -50,6 +51,7 @@ def make_target_set(
         folder: Receives colours and mask flags of every frame, the flags of the triangles, and the light for training.
         records: Folder for what is complete; timesteps that an earlier run has recorded there are not made again.
         hair: What covers the head; None if nothing does.
+        threads: Timesteps processed in parallel; the result does not depend on it.
 
     Returns:
         One entry for every training frame, in their order: in the list of targets or in that of skipped frames.
@@ -59,7 +61,7 @@ def make_target_set(
     if hair is not None:
         covered, clean = hair.covered, hair.clean
         canonical = neutral(model, capture.parameters(frames[0].timestep))
-        scalp = model.face_region(*settings.hair_regions)
+        scalp = model.face_region(*settings.regions.hair)
         carried_hair = CarriedHair(hair, scalp, canonical, model.faces, settings.hair_extinction)
     face_flags = face_mask_flags(model, settings, covered)
     np.save(folder / FACE_FLAGS, face_flags)
@@ -79,7 +81,7 @@ def make_target_set(
 
     entries, resumed = TargetEntries([], []), 0
     groups = [list(group) for _, group in groupby(frames, key=lambda frame: frame.timestep)]
-    with ThreadPoolExecutor(settings.threads) as pool, Progress(disable=len(frames) < 100) as progress:
+    with ThreadPoolExecutor(threads) as pool, Progress(disable=len(frames) < 100) as progress:
         shading = load_shading(records / SHADING, len(capture.model.faces))
         if shading is None:
             shading = fit_capture_shading(settings, capture, face_flags, pool.map, cache, clean=clean)

@@ -8,7 +8,6 @@ from carigs.simd.kernels import kernel
 
 NEWLY_VISIBLE, GRAZING, STRETCHED = 1, 4, 8
 """Bits of `MaskFlag`; kernels cannot use the enumeration."""
-MAX_FOOTPRINT_SAMPLES = 4
 """Per axis."""
 GRAZING_GAIN = 1.25
 """A triangle is grazing only if its cosine grows by more than this factor; otherwise the warp loses no detail."""
@@ -124,9 +123,9 @@ def flag_triangles(
         stretch: Largest ratio of a triangle's area in the target to its area in the frame.
 
     Returns:
-        Flags (f,), and samples per axis that a target pixel's footprint in the frame needs (f,).
+        Flags (f,).
     """
-    flags, samples = face_flags.copy(), np.ones(faces.shape[0], np.uint8)
+    flags = face_flags.copy()
     for f in range(faces.shape[0]):
         a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         if source_back[f] != target_back[f]:
@@ -141,12 +140,4 @@ def flag_triangles(
         before, after = abs(px * qy - py * qx), abs(sx * ty - sy * tx)
         if after > stretch * before:
             flags[f] |= np.uint16(STRETCHED)
-        if after > 0.0:
-            # The Jacobian's largest singular value from its Frobenius norm and determinant.
-            xx, xy = (px * ty - qx * sy) / after, (qx * sx - px * tx) / after
-            yx, yy = (py * ty - qy * sy) / after, (qy * sx - py * tx) / after
-            norm = xx * xx + xy * xy + yx * yx + yy * yy
-            ratio = before / after
-            largest = np.sqrt(0.5 * (norm + np.sqrt(max(norm * norm - 4.0 * ratio * ratio, 0.0))))
-            samples[f] = np.uint8(min(max(np.rint(largest), 1.0), float(MAX_FOOTPRINT_SAMPLES)))
-    return flags, samples
+    return flags

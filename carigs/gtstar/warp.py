@@ -12,6 +12,14 @@ from carigs.gtstar import triangle_maps, warp_kernels
 from carigs.raster import Visibility
 from carigs.settings import Gtstar
 
+GRAZING_COSINE = 0.1
+"""A triangle is `grazing` if the cosine between view and normal is below this in the frame and more than 1.25 times as
+large in the caricature."""
+MAX_STRETCH = 6.0
+"""Ratio of a triangle's projected areas, caricature to frame, above which it is `stretched`."""
+DEPTH_TOLERANCE = 0.003
+"""Largest difference in depth between a surface point and the pixel that it is sampled from, in metres."""
+
 
 class Warp(NamedTuple):
     """A frame warped to the caricature."""
@@ -53,18 +61,16 @@ def warp_frame(
         Colours and mask flags.
     """
     maps = source_maps(natural, caricature, settings.warp)
-    flags, samples = triangle_maps.flag_triangles(
+    flags = triangle_maps.flag_triangles(
         face_flags, natural.camera_points, caricature.camera_points, natural.pixels, caricature.pixels, natural.faces,
-        natural.back_facing, caricature.back_facing, settings.grazing_cosine,
-        settings.max_stretch * (caricature.camera.fx / natural.camera.fx) ** 2,
+        natural.back_facing, caricature.back_facing, GRAZING_COSINE,
+        MAX_STRETCH * (caricature.camera.fx / natural.camera.fx) ** 2,
     )  # fmt: skip
-    if not settings.antialias:
-        samples[:] = 1
     before, after = (seen.coverage(settings.supersampling) for seen in (natural, caricature))
     return Warp(
         *warp_kernels.warp(
-            caricature.face, after, maps, flags, samples, natural.inverse_depth, before, natural.depth_planes,
-            np.ascontiguousarray(image), frame_flags, settings.depth_tolerance, background,
+            caricature.face, after, maps, flags, natural.inverse_depth, before, natural.depth_planes,
+            np.ascontiguousarray(image), frame_flags, DEPTH_TOLERANCE, background,
         )
     )  # fmt: skip
 

@@ -67,33 +67,21 @@ def _sample_surface(sample, image, inverse_depth, shares, planes, f, tolerance, 
 
 
 @_kernel
-def _sample_footprint(
-    mean, sample, image, inverse_depth, shares, planes, maps, f, n, tolerance, background, x, y
-):  # fmt: skip
-    """Mean of n x n samples over the footprint of a target pixel in the frame; returns their mean weight."""
-    total = 0.0
-    mean[:] = 0.0
-    for k in range(n * n):
-        px, py = x + (k % n + 0.5) / n, y + (k // n + 0.5) / n
-        w = maps[f, 2, 0] * px + maps[f, 2, 1] * py + maps[f, 2, 2]
-        inverse = 1.0 / w
-        sx = (maps[f, 0, 0] * px + maps[f, 0, 1] * py + maps[f, 0, 2]) * inverse
-        sy = (maps[f, 1, 0] * px + maps[f, 1, 1] * py + maps[f, 1, 2]) * inverse
-        if w > 0.0 and sx >= 0.0 and sy >= 0.0 and sx < image.shape[1] and sy < image.shape[0]:
-            weight = _sample_surface(
-                sample, image, inverse_depth, shares, planes, f, tolerance, background, sx, sy
-            )  # fmt: skip
-            total += weight
-            for c in range(3):
-                mean[c] += weight * sample[c]
-    for c in range(3):
-        mean[c] = np.float32(mean[c] * (1.0 / total))
-    return total / (n * n)
+def _sample_pixel(sample, image, inverse_depth, shares, planes, maps, f, tolerance, background, x, y):
+    """Sample of the centre of target pixel (x, y), as `_sample_surface`; 0 also where it lies outside of the frame."""
+    px, py = x + 0.5, y + 0.5
+    w = maps[f, 2, 0] * px + maps[f, 2, 1] * py + maps[f, 2, 2]
+    inverse = 1.0 / w
+    sx = (maps[f, 0, 0] * px + maps[f, 0, 1] * py + maps[f, 0, 2]) * inverse
+    sy = (maps[f, 1, 0] * px + maps[f, 1, 1] * py + maps[f, 1, 2]) * inverse
+    if w > 0.0 and sx >= 0.0 and sy >= 0.0 and sx < image.shape[1] and sy < image.shape[0]:
+        return _sample_surface(sample, image, inverse_depth, shares, planes, f, tolerance, background, sx, sy)
+    return 0.0
 
 
 @_kernel
 def warp(
-    face_image, target_shares, maps, face_flags, samples, inverse_depth, shares, planes, image, frame_flags, tolerance,
+    face_image, target_shares, maps, face_flags, inverse_depth, shares, planes, image, frame_flags, tolerance,
     background,
 ):  # fmt: skip
     """Bilinear inverse warp of a frame, with its occlusion mask.
@@ -106,7 +94,6 @@ def warp(
         target_shares: Share of each target pixel that the caricature covers (h, w).
         maps: Map of each face from target pixels to frame pixels (f, 3, 3).
         face_flags: Mask flags of each face (f,).
-        samples: Samples per axis of a footprint (f,).
         inverse_depth: Of the tracked mesh in the frame (rows, columns).
         shares: Share of each frame pixel that the tracked mesh covers (rows, columns).
         planes: Inverse depth planes of the tracked mesh (f, 3).
@@ -127,7 +114,7 @@ def warp(
     fx, fy = np.empty(width + WIDTH, np.float32), np.empty(width + WIDTH, np.float32)
     corner, pixel = np.empty(width + WIDTH, np.int32), np.empty(width + WIDTH, np.int32)
     state = np.empty(width + WIDTH, np.int32)
-    mean, sample = np.empty(3), np.empty(3)
+    sample = np.empty(3)
     for y in range(height):
         for x in range(0, width, WIDTH):
             locate(
@@ -143,20 +130,18 @@ def warp(
                     flags |= np.uint16(OUTSIDE_IMAGE)
                 else:
                     flags |= flat_flags[np.uint64(pixel[x])]
-                    if state[x] == SMOOTH and target_shares[y, x] == 1.0 and samples[f] == 1:
+                    if state[x] == SMOOTH and target_shares[y, x] == 1.0:
                         mask_flags[y, x] = flags
                         place = 3 * (y * width + x)
                         copy_sample(flat_image, 3 * np.int64(corner[x]), 3 * columns, fx[x], fy[x], flat_colour, place)
                         continue
-                    # Near an edge, or with a footprint of several samples.
-                    weight = _sample_footprint(
-                        mean, sample, image, inverse_depth, shares, planes, maps, f, samples[f], tolerance, background,
-                        x, y,
+                    weight = _sample_pixel(  # near an edge
+                        sample, image, inverse_depth, shares, planes, maps, f, tolerance, background, x, y
                     )  # fmt: skip
                     if weight < 0.5:
                         flags |= np.uint16(OCCLUDED)
             mask_flags[y, x] = flags
             for k in range(3):
-                mixed = background + target_shares[y, x] * (np.float32(mean[k]) - background)
+                mixed = background + target_shares[y, x] * (np.float32(sample[k]) - background)
                 colour[y, x, k] = min(max(mixed, 0.0), 1.0) if weight > 0.0 else background
     return colour, mask_flags

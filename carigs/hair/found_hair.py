@@ -121,8 +121,8 @@ def find_hair(settings: Hair, capture: Capture, map_timesteps: Callable[..., Ite
     if settings.labels is not None and all(view.covering is None for view in views):
         raise InputError(f"no labels of training frames, such as {frames[0].name}.png", file=settings.labels)
     canonical = neutral(model, capture.parameters(frames[0].timestep))
-    scalp, eyeballs = model.face_region(*settings.regions), model.face_region(*settings.eyeball_regions)
-    mouth, brows = model.face_region(*settings.mouth_regions), brow_faces(model, canonical)
+    scalp, eyeballs = model.face_region(*settings.regions.hair), model.face_region(*settings.regions.eyeballs)
+    mouth, brows = model.face_region(*settings.regions.mouth), brow_faces(model, canonical)
     features = lid_faces(model, canonical) | model.face_region("lips")
     if brows is not None:
         features |= brows

@@ -50,7 +50,7 @@ def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[st
             else:
                 work = 2.0 + 0.15 * samples
         case "exaggerate":
-            work = 2.1 if settings.exaggerate.source == "file" or settings.capture.source == "toy" else 5.0
+            work = 2.1 if settings.exaggerate.file or settings.capture.source == "toy" else 5.0
         case "hair":
             work = 4.0 + 6.0 / job.threads  # 144 frames at most, at a resolution that is limited
         case "gtstar":

@@ -1,4 +1,4 @@
-"""Frames that the settings of figures and of the orbit name: are they in the capture? Asked before any work starts."""
+"""Frames that the settings of figures name: are they in the capture? Asked before any work starts."""
 
 from __future__ import annotations
 
@@ -26,18 +26,14 @@ def check_shown_frames(config: DictConfig) -> None:
         config: Composed settings of a subject.
 
     Raises:
-        SettingsError: `figures.camera`, `figures.timestep` or `render.orbit_timestep` is not in the capture. A capture
-            that cannot be read is not checked here: the stage `capture` says what is wrong with it.
+        SettingsError: `figures.camera` or `figures.timestep` is not in the capture. A capture that cannot be read is
+            not checked here: the stage `capture` says what is wrong with it.
     """
     figures, render = config.figures, config.render
     try:
         frames = listed_frames(config.capture)
     except InputError:
         return
-    orbit = render.orbit_timestep
-    if orbit is not None and all(frame.timestep != orbit for frame in frames):
-        known = _ranges({frame.timestep for frame in frames})
-        raise SettingsError(f"render.orbit_timestep={orbit}: the capture has no such timestep; there are {known}")
     test = spread_test_frames(tuple(frame for frame in frames if frame.split == "test"), render.test_timesteps)
     camera, timestep = figures.camera, figures.timestep
     found = any(camera in (None, frame.camera) and timestep in (None, frame.timestep) for frame in test)

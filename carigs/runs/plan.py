@@ -21,8 +21,6 @@ from carigs.runs.contents import text_digest
 from carigs.runs.outside_files import files_digest, outside_files
 from carigs.runs.planned_job import Plan
 from carigs.runs.sources import fingerprint, newest_source, package_versions
-from carigs.settings import STAGES
-from carigs.settings.option import option_of, walk
 
 PLANNED_AT = "CARIGS_PLANNED_AT"
 """Environment variable with the time of planning, in nanoseconds since 1970."""
@@ -81,7 +79,7 @@ def code_is_planned(stage: str, code: str) -> bool:
 
 
 def settings_digest(stage: str, section: Any) -> str:
-    """Digest of a section, without settings that affect no result, such as numbers of threads.
+    """Digest of a section.
 
     Args:
         stage: Name of the section.
@@ -91,13 +89,6 @@ def settings_digest(stage: str, section: Any) -> str:
         Hexadecimal digits.
     """
     values = OmegaConf.to_container(section, resolve=True) if OmegaConf.is_config(section) else asdict(section)
-    for key, _, field in walk(STAGES[stage]):
-        if not option_of(field).affects_results:
-            *parents, name = key.split(".")[1:]
-            within = values
-            for parent in parents:
-                within = within[parent]
-            del within[name]
     return text_digest(json.dumps(values, sort_keys=True))
 
 

@@ -43,8 +43,8 @@ def settings_warnings(overrides: Sequence[str]) -> list[str]:
         overrides: Hydra overrides of the run.
 
     Returns:
-        One line each for gamma and levels of regions beyond `USEFUL_LEVEL`, for a path to another level than gamma, for
-        levels above gamma, and for each file of a subject that is not where it should be.
+        One line each for gamma and levels of regions beyond `USEFUL_LEVEL`, for levels above
+        gamma, and for each file of a subject that is not where it should be.
     """
     config, lines = compose_study(*overrides), []
     regions = {f"exaggerate.regions.{name}": level for name, level in config.exaggerate.regions.items()}
@@ -52,9 +52,6 @@ def settings_warnings(overrides: Sequence[str]) -> list[str]:
         if abs(level) > USEFUL_LEVEL:
             torn = f"outside [-{USEFUL_LEVEL:g}, {USEFUL_LEVEL:g}] the surface is torn"
             lines.append(f"{name}={level:g}: {torn}; about 0.5 is the most that is useful")
-    if config.exaggerate.gamma != config.gamma:
-        rendered = f"levels up to gamma={config.gamma:g} are rendered; set gamma alone"
-        lines.append(f"exaggerate.gamma={config.exaggerate.gamma:g}: {rendered}")
     if levels := left_out_levels(config):
         lines.append(f"study.levels: {', '.join(levels)} left out; gamma={config.gamma:g} is the highest level")
     shown = rendered_levels(config)[1:]

@@ -13,7 +13,8 @@ from carigs.settings.exaggerate import DEFAULT_GAMMA, USEFUL_LEVEL, Exaggerate
 from carigs.settings.gtstar import Gtstar
 from carigs.settings.hair import Hair
 from carigs.settings.mask_flags import DEFAULT_MASK_FLAGS, MASK_FLAGS, MaskFlag
-from carigs.settings.option import MAX_SEED, Section, check_section, option
+from carigs.settings.option import MAX_SEED, OF_PATH, Section, check_section, option, set_by
+from carigs.settings.regions import Regions
 from carigs.settings.results import Card, Figures, Html, Metrics, Render, Report, Sweep, Tabulate, TargetSheet
 from carigs.settings.train import Density, Plateau, RefineTracking, Train, combine_mask_flags
 
@@ -35,6 +36,7 @@ __all__ = [
     "Metrics",
     "Plateau",
     "RefineTracking",
+    "Regions",
     "Render",
     "Report",
     "Study",
@@ -58,7 +60,8 @@ class Study(Section, key="study"):
     subjects: tuple[str, ...] = ("toy",)
     """Files of `conf/subject`."""
     variants: tuple[str, ...] = ("alternating", "surfhead", "surfhead_lit", "gtstar_only", "no_mask")
-    """Files of `conf/variant`; a pattern such as `*_mask` stands for all others that match."""
+    """Files of `conf/variant`, or a mask flag that is removed or added: `no_hair_mask`, `lids_mask`. A pattern such as
+    `*_mask` stands for all others that match."""
     seeds: tuple[int, ...] = option((0,), ge=0, le=MAX_SEED)
     """Seeds that every variant is trained with; tables average over them, and figures show the first."""
     levels: tuple[float, ...] = option((0.0, 0.1, 0.15, 0.2, 0.25), ge=0, le=100)
@@ -67,13 +70,14 @@ class Study(Section, key="study"):
 
 @dataclass
 class Config(Section, key=""):
-    """All settings: gamma, the seed, the study, and one section per stage."""
+    """All settings: gamma, the study, the regions of the head, and one section per stage."""
 
     gamma: float = option(DEFAULT_GAMMA, ge=1e-4, le=100)
     """gamma_f, the level that is trained for."""
-    seed: int = option(0, ge=0, le=MAX_SEED)
-    """Seed of a training: set for each job from its path; a study chooses it by `study.seeds`."""
+    seed: int = set_by(OF_PATH, 0, ge=0, le=MAX_SEED)
+    """Seed of a training, one of `study.seeds`."""
     study: Study = field(default_factory=Study)
+    regions: Regions = field(default_factory=Regions)
     capture: CaptureSettings = field(default_factory=CaptureSettings)
     hair: Hair = field(default_factory=Hair)
     exaggerate: Exaggerate = field(default_factory=Exaggerate)
@@ -92,7 +96,7 @@ class Config(Section, key=""):
 
 
 STAGES: dict[str, type[Section]] = {
-    f.name: f.default_factory for f in fields(Config) if f.name not in ("gamma", "seed", "study")
+    f.name: f.default_factory for f in fields(Config) if f.name not in ("gamma", "seed", "study", "regions")
 }
 """The section of each stage of the workflow."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from carigs.settings.option import Section, option
+from carigs.settings.option import Section, option, set_by
 
 DEFAULT_GAMMA = 0.25
 """gamma_f of the paper."""
@@ -16,13 +16,10 @@ USEFUL_LEVEL = 1.0
 class Exaggerate(Section, key="exaggerate"):
     """The caricature surface: the curvature-weighted Poisson equation, or a mesh from a file."""
 
-    source: str = option("poisson", choices=("poisson", "file"))
-    """`poisson` solves the equation; with `file` a deformed mesh of the same topology becomes level gamma_f of a
-    straight path."""
-    file: str | None = option(None, required_when=("source", "file"), is_path=True)
-    """The deformed mesh, or an .npz with its displacement `delta` (V, 3); `{gamma}` in the name is replaced by the
-    level that it stands for."""
-    gamma: float = option(DEFAULT_GAMMA, ge=-100, le=100)
+    file: str | None = option(None, is_path=True)
+    """A deformed mesh of the same topology, or an .npz with its displacement `delta` (V, 3): level gamma_f of a
+    straight path. `{gamma}` in the name is replaced by the level that it stands for. Null: the equation is solved."""
+    gamma: float = set_by("gamma", DEFAULT_GAMMA, ge=-100, le=100)
     """gamma_f, the level that is trained for."""
     curvature_floor: float = option(0.3, unit="K_ref", gt=0, le=1e6)
     """eps in |K|_eps = sqrt(K^2 + eps^2)."""
@@ -35,9 +32,8 @@ class Exaggerate(Section, key="exaggerate"):
     model's mean face, so that only individual features grow. `template`: the mean face's, which gives all subjects
     the same displacement (the paper)."""
     limit_cavities: bool = True
-    """Reduce weights by ambient occlusion, so that nostrils, ear canals and mouth do not grow through the skin."""
-    cavity_stiffness: float = option(4.0, ge=0, le=1e6)
-    """Additional stiffness of occluded triangles relative to open skin (0: none), against folding."""
+    """Reduce weights by ambient occlusion and stiffen occluded triangles, so that nostrils, ear canals and mouth do not
+    grow through the skin, and do not fold."""
     gap_stiffness: float = option(20.0, ge=0, le=1e6)
     """Stiffness across narrow gaps relative to the skin's (0: none), so that lips and lids do not intersect."""
     normalize_weights: bool = True
@@ -47,10 +43,9 @@ class Exaggerate(Section, key="exaggerate"):
     blendshape_transfer: str = option("mixed", choices=("offset", "linear", "mixed"))
     """Blendshapes of the caricature. `offset`: unchanged. `linear`: exaggerated like the head. `mixed`: half of both,
     so that lids close. Always `offset` for a caricature from a file."""
-    path_error: float = option(1e-4, unit="bounding-box diagonals", gt=0, le=1)
-    """Largest interpolation error of the path between its nodes; determines their number."""
     path_nodes: int = option(0, ge=0, le=64, excluded=1)
-    """Levels at which the path is solved (0: as many as `path_error` needs); 2 is the paper's linear blend."""
+    """Levels at which the path is solved (0: as many as keep the interpolation between them exact to 1e-4 bounding-box
+    diagonals); 2 is the paper's linear blend."""
     region_constraint: str = option("soft", choices=("soft", "exact", "literal"))
     """How the rest is held in an edit of one region alone (`carigs mesh --gamma 0 --region`, `LocalEdit`; for `regions`
     the whole head is solved at once). `soft`: screened, with a smooth level. `exact`: fixed, with a smooth level.

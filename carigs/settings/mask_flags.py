@@ -25,14 +25,14 @@ class MaskFlag(IntFlag):
     MOUTH = 128
     """Between the lips: teeth do not follow the mesh."""
     LIDS = 256
-    """Triangles of `gtstar.lid_regions`."""
+    """Triangles of `regions.lids`."""
     BROWS = 512
     """Triangles of the region `brows`, or near the landmarks of the brows where the head model has no such region; and
     triangles that share a vertex with these."""
     EARS = 1024
-    """Triangles of `gtstar.ear_regions`."""
+    """Triangles of `regions.ears`."""
     EYEBALLS = 2048
-    """Triangles of `gtstar.eyeball_regions`."""
+    """Triangles of `regions.eyeballs`."""
     COVERED = 4096
     """Something covers the triangle in the frames: hair that hangs over the skin, a collar, a hand."""
 

@@ -18,6 +18,8 @@ from carigs.readers.given_paths import path_problem
 MAX_COUNT = 1_000_000_000
 """Largest number of things that are counted one by one."""
 MAX_SEED = 2**32 - 1
+OF_PATH = "the path of the job"
+"""`Option.set_by` of a field that each job sets from the path of its results."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +48,9 @@ class Option:
     """What such a text is."""
     required_when: tuple[str, str] | None = None
     """Another field of the section, and its value that makes this field necessary."""
-    affects_results: bool = True
-    """Results depend on the value; if not, they stay current when it changes."""
+    set_by: str = ""
+    """Key that sets this field, or `OF_PATH`: the field is no key of its own. Composition copies the value of the key,
+    so that a stage reads only its own section."""
     is_path: bool = False
     """The value names a file or folder: what was made from it is made again when it changes."""
 
@@ -113,6 +116,25 @@ def option(default: Any, **allowed: Any) -> Any:
     return field(default=default, metadata=metadata)
 
 
+def set_by(key: str, default: Any, **allowed: Any) -> Any:
+    """A field that a stage reads and users set by a key of another section.
+
+    Args:
+        key: That key, or the name of a whole section, or `OF_PATH`.
+        default: The default, for calls from Python; a class of sections for a section.
+        **allowed: As for `option`.
+
+    Returns:
+        The dataclass field.
+
+    Example:
+        >>> gamma: float = set_by("gamma", 0.25)
+    """
+    if isinstance(default, type):
+        return field(default_factory=default, metadata={"option": Option(set_by=key)})
+    return option(default, set_by=key, **allowed)
+
+
 class Section:
     """Base of the dataclasses of settings: their values are checked when they are made.
 
@@ -126,8 +148,11 @@ class Section:
 
     def __post_init__(self) -> None:
         for f in fields(self):
-            if isinstance(value := getattr(self, f.name), list):  # OmegaConf has lists only
+            value, below = getattr(self, f.name), subsection(f)
+            if isinstance(value, list):  # OmegaConf has lists only
                 setattr(self, f.name, tuple(value))
+            elif below and isinstance(value, Mapping):
+                setattr(self, f.name, below(**value))
         check_section(type(self), self)
 
 
@@ -170,6 +195,40 @@ def walk(section: type[Section]) -> Iterator[tuple[str, type[Section], Field]]:
             yield from walk(below)
         else:
             yield f"{section.key}.{f.name}".lstrip("."), section, f
+
+
+def keys(section: type[Section]) -> Iterator[tuple[str, type[Section], Field]]:
+    """The keys that users can set in a section and its subsections.
+
+    Args:
+        section: Class of the section.
+
+    Yields:
+        As `walk`, without fields that are set by other keys.
+    """
+    for f in fields(section):
+        if option_of(f).set_by:
+            continue
+        if below := subsection(f):
+            yield from keys(below)
+        else:
+            yield f"{section.key}.{f.name}".lstrip("."), section, f
+
+
+def copies(section: type[Section]) -> Iterator[tuple[str, str]]:
+    """The fields of a section and its subsections that are set by other keys.
+
+    Args:
+        section: Class of the section.
+
+    Yields:
+        Dotted name of the field, and what sets it: `Option.set_by`.
+    """
+    for f in fields(section):
+        if source := option_of(f).set_by:
+            yield f"{section.key}.{f.name}".lstrip("."), source
+        elif below := subsection(f):
+            yield from copies(below)
 
 
 def check_section(section: type[Section], values: Any) -> None:

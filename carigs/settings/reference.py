@@ -40,6 +40,10 @@ Files of your own go into `conf/study`, `conf/subject` and `conf/variant` of the
 default as a whole, except `train.mask_flags`, which variants change by `train.add_mask_flags` and
 `train.remove_mask_flags`. Every value is checked before any work starts.
 
+Numbers of threads are no settings, because no result depends on them: jobs of the stages `hair` and `gtstar` take two,
+all others one. Snakemake's option changes that, `carigs run -- --set-threads train=4`, and so does `set-threads` of a
+profile.
+
 Where a key holds text, such as the name of a file, all that follows `=` is the value as it stands, whatever characters
 it has, and so is each element of a list of texts:
 
@@ -104,10 +108,12 @@ def _section(section: type[Section], title: str) -> Iterator[str]:
     yield "|---|---|---|---|---|---|"
     below = []
     for f in fields(section):
+        meta = option_of(f)
+        if meta.set_by:
+            continue
         if nested := subsection(f):
             below.append(nested)
             continue
-        meta = option_of(f)
         needed = f"needed for {'='.join(meta.required_when)}" if meta.required_when else ""
         allowed = needed or meta.choices_name or meta.allowed().removeprefix("lie in ").removeprefix("be ")
         key, schema = f"{section.key}.{f.name}".lstrip("."), properties[f.name]
@@ -142,10 +148,12 @@ def _object(section: type[Section]) -> dict[str, Any]:
     """The schema of a section."""
     hints, texts, defaults, properties = get_type_hints(section), meanings(section), section(), {}
     for f in fields(section):
+        meta, text = option_of(f), texts.get(f.name, "")
+        if meta.set_by:
+            continue
         if nested := subsection(f):
             properties[f.name] = _object(nested)
             continue
-        meta, text = option_of(f), texts[f.name]
         text = f"{text} Unit: {meta.unit}." if meta.unit else text
         allowed = _schema_type(hints[f.name], meta)
         properties[f.name] = {"description": text, "default": getattr(defaults, f.name), **allowed}

@@ -4,27 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from carigs.settings.option import MAX_COUNT, MAX_SEED, Section, option
+from carigs.settings.option import MAX_COUNT, Section, option, set_by
 
 
 @dataclass
 class Render(Section, key="render"):
     """Images of the trained avatar."""
 
-    levels: tuple[float, ...] = option((0.0, 0.1, 0.15, 0.2, 0.25), ge=0, le=100)
-    """Levels to render, in ascending order: set from `study.levels` and `gamma`."""
-    threads: int = option(1, ge=1, le=1024, affects_results=False)
-    """Threads of the rasterizer; the result does not depend on it."""
+    levels: tuple[float, ...] = set_by("study.levels", (0.0, 0.1, 0.15, 0.2, 0.25), ge=0, le=100)
+    """Levels to render, in ascending order: 0, gamma, and the study's levels between them."""
     test_timesteps: int | None = option(None, ge=1, le=MAX_COUNT)
     """Timesteps of the test sequence that are rendered and measured, evenly spread (null: all)."""
     orbit_frames: int = option(24, ge=0, le=100_000)
     """Frames of the novel camera orbit (0: no orbit)."""
-    orbit_timestep: int | None = option(None, ge=0, le=MAX_COUNT)
-    """Timestep shown on the orbit (null: the first test timestep)."""
-    orbit_degrees: float = option(60.0, unit="degrees", gt=0, le=360)
-    """Range of azimuth of the orbit."""
-    backend: str = option("cpu", choices=("cpu", "scalar", "torch", "cuda"))
-    """Rasterizer: `cpu`, `scalar` (plain loops, the reference), `torch` (plain PyTorch, slow), or `cuda` (gsplat)."""
+    backend: str = option("cpu", choices=("cpu", "torch", "cuda"))
+    """Rasterizer: `cpu` (Numba), `torch` (plain PyTorch on the CPU, slow), or `cuda` (gsplat)."""
 
 
 @dataclass
@@ -49,8 +43,6 @@ class Html(Section, key="html"):
 class Metrics(Section, key="metrics"):
     """Image and embedding metrics."""
 
-    threads: int = option(1, ge=1, le=1024, affects_results=False)
-    """Threads of the networks; the result does not depend on it."""
     strict: bool = False
     """Missing network weights are an error instead of an empty value with its reason. A damaged file always is one."""
     weights: str | None = option(None, is_path=True)
@@ -78,8 +70,6 @@ class Metrics(Section, key="metrics"):
         "A photorealistic caricature of a head with a highly exaggerated nose and large ears, under natural lighting."
     )
     """Text of the caricature (CLIP-I, CLIP-D)."""
-    silhouette_band: int = option(2, unit="pixels", ge=1, le=10_000)
-    """Half width of the silhouette region."""
 
 
 @dataclass
@@ -88,12 +78,6 @@ class Tabulate(Section, key="tabulate"):
 
     reference: str = "alternating"
     """Variant that the others are compared with, frame by frame."""
-    resamples: int = option(2000, ge=1, le=10_000_000)
-    """Bootstrap resamples for each interval; where a factor has few levels, Student's t needs none."""
-    confidence: float = option(0.95, gt=0, lt=1)
-    """Confidence level of the intervals."""
-    seed: int = option(0, ge=0, le=MAX_SEED)
-    """Seed of the bootstrap."""
 
 
 @dataclass
@@ -104,10 +88,6 @@ class Figures(Section, key="figures"):
     """Camera of the figures with one view (null: the validation camera, or the next to it that has a test frame)."""
     timestep: int | None = option(None, ge=0, le=MAX_COUNT)
     """Test timestep of the figures (null: the first that is rendered)."""
-    image_height: int = option(360, unit="pixels", ge=1, le=16_384)
-    """Height of each image."""
-    blend_error_samples: int = option(26, ge=3, le=100_000)
-    """Levels at which the blend error is evaluated."""
 
 
 @dataclass
@@ -135,8 +115,6 @@ class Card(Section, key="card"):
 class Report(Section, key="report"):
     """The page with card, tables and figures."""
 
-    image_height: int = option(360, unit="pixels", ge=16, le=4096)
-    """Height of the images that the slider shows; smaller if the page would become too large."""
     max_megabytes: float = option(15.0, unit="MB", ge=0.5, le=1000)
     """Largest size of the page. Figures are reduced, then left out, to keep to it; if the page is larger without them,
     a warning says so."""

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from carigs.settings.mask_flags import DEFAULT_MASK_FLAGS, MASK_FLAGS
-from carigs.settings.option import MAX_COUNT, MAX_SEED, Section, option
+from carigs.settings.option import MAX_COUNT, MAX_SEED, Section, option, set_by
+from carigs.settings.regions import Regions
 
 BUDGET, BUDGET_UNITS = r"([1-9][0-9]{0,8}(?:\.[0-9]{1,9})?) ?(s|min|h)", {"s": 1.0, "min": 60.0, "h": 3600.0}
 """A time from 1 of its unit on, and the seconds of the units."""
@@ -26,16 +27,12 @@ class Density(Section, key="train.density"):
     """Steps between two refinements (0: no density control)."""
     gradient_threshold: float = option(0.0002, unit="NDC", ge=0, le=1e9)
     """Mean screen-space positional gradient above which a surfel is cloned or split."""
-    split_scale: float = option(0.01, unit="scene extents", ge=0, le=1e9)
-    """World scale above which a surfel is split instead of cloned."""
     prune_opacity: float = option(0.005, ge=0, le=1)
     """Opacity below which a surfel is removed."""
     max_surfels: int = option(60000, ge=1, le=10_000_000)
     """Budget of surfels."""
     replace_fraction: float = option(0.2, ge=0, le=1)
     """Fraction of the least important surfels that one refinement may replace once the budget is spent."""
-    importance_views: int = option(8, ge=1, le=MAX_COUNT)
-    """Training frames over which importance is measured."""
     reset_every: int = option(0, ge=0, le=MAX_COUNT)
     """Steps between two opacity resets (0: none, which suits short trainings)."""
 
@@ -63,13 +60,9 @@ class Plateau(Section, key="train.plateau"):
     every: int = option(0, ge=0, le=MAX_COUNT)
     """Steps between two measurements of these images, after density control; 0: the training does all its steps, as
     tables that compare variants need."""
-    frames: int = option(8, ge=1, le=MAX_COUNT)
-    """Held-out frames that are measured."""
     min_gain: float = option(0.03, unit="dB", ge=0, le=1000)
     """The training ends early where the PSNR of the last quarter of the steps done exceeds that of the quarter before
     by less than this."""
-    cooldown: float = option(0.25, gt=0, le=1000)
-    """Steps that then follow, over those done: the learning rates fall to their last values within them."""
 
 
 @dataclass
@@ -82,11 +75,10 @@ class Train(Section, key="train"):
     """CPU time of the steps instead of their number, such as `60s`, `5min` or `1h`: steps are measured on this machine
     before the first, and what else is given in steps (density control, regularizers) is scaled with their number. On a
     GPU it is wall time."""
-    seed: int = option(0, ge=0, le=MAX_SEED)
-    """Seed of the order of images and of density control: always `seed`, one of `study.seeds`."""
-    threads: int = option(1, ge=1, le=1024, affects_results=False)
-    """Threads of the rasterizer, and cores that the scheduler reserves. On one machine a training also uses cores of
-    the run that no other job uses. The result does not depend on either."""
+    seed: int = set_by("seed", 0, ge=0, le=MAX_SEED)
+    """Seed of the order of images and of density control."""
+    regions: Regions = set_by("regions", Regions)
+    """Regions of the head model."""
     gtstar_probability: float = option(0.45, ge=0, le=1)
     """Probability that a step is supervised by a GT* frame, on average over the steps: 0 uses real frames only, 1 GT*
     frames only."""
@@ -122,14 +114,8 @@ class Train(Section, key="train"):
     initial_feature_opacity: float = option(0.3, gt=0, lt=1)
     """Initial opacity of the surfels on eyeballs and lids, which hide each other, and on brows, whose details are finer
     than the triangles."""
-    initial_hair_opacity: float = option(0.2, gt=0, lt=1)
-    """Initial opacity of the surfels inside hair and mouth."""
-    initial_colour_frames: int = option(32, ge=1, le=MAX_COUNT)
-    """Training frames from which the initial colours are sampled."""
-    hair_regions: tuple[str, ...] = ("scalp",)
-    """Regions of the head model that carry hair: `hair.regions`, unless set here."""
     hair_layers: int = option(6, ge=0, le=1000)
-    """Surfels inside the hair, over the number of triangles of these regions."""
+    """Surfels inside the hair, over the number of triangles of `regions.hair`."""
     mouth_surfels: int = option(3000, ge=0, le=1_000_000)
     """Surfels inside the mouth, which move with skull and jaw, if frames show it open and the head model has a space
     behind the lips."""
@@ -158,12 +144,8 @@ class Train(Section, key="train"):
     """Ratio of last to first learning rate."""
     position_final_lr_factor: float = option(0.01, gt=0, le=1)
     """The same for positions."""
-    position_limit: float = option(1.0, unit="triangle units", ge=0, le=1e6)
-    """Distance from the triangle up to which a position is not penalised."""
     position_weight: float = option(0.01, ge=0, le=1e6)
     """Weight of the position regularizer."""
-    scale_limit: float = option(0.6, unit="triangle units", ge=0, le=1e6)
-    """Scale up to which a surfel is not penalised."""
     scale_weight: float = option(1.0, ge=0, le=1e6)
     """Weight of the scale regularizer."""
     distortion_weight: float = option(0.0, ge=0, le=1e6)
@@ -175,15 +157,9 @@ class Train(Section, key="train"):
     density: Density = field(default_factory=Density)
     plateau: Plateau = field(default_factory=Plateau)
     refine_tracking: RefineTracking = field(default_factory=RefineTracking)
-    checkpoint_seconds: float = option(60.0, unit="seconds", ge=0, le=1e9, affects_results=False)
-    """Time between two checkpoints."""
-    log_every: int = option(20, ge=1, le=MAX_COUNT)
-    """Steps between two rows of the log."""
-    backend: str = option("cpu", choices=("cpu", "scalar", "torch", "cuda"))
-    """`cpu`: Numba kernels. `scalar`: their rasterizer in plain loops, the reference. `torch`: the whole step in plain
-    PyTorch on any device, slow. `cuda`: the whole step on a GPU, with the rasterizer of gsplat. See docs/gpu.md."""
-    device: str = option("auto", choices=("auto", "cpu", "cuda", "mps"))
-    """Device of backend `torch`; `auto`: a GPU if torch finds one, else the CPU."""
+    backend: str = option("cpu", choices=("cpu", "torch", "cuda"))
+    """`cpu`: Numba kernels. `torch`: the whole step in plain PyTorch, slow, on a GPU if torch finds one. `cuda`: the
+    whole step on an NVIDIA GPU, with the rasterizer of gsplat. See docs/gpu.md."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -75,7 +75,7 @@ def card(
             )
             for seed, level in product(seeds, levels)
         ]
-        values += avatar_values(subject, variant, trained, renderings, costs, tabulated)
+        values += avatar_values(subject, variant, trained, renderings, costs)
     values += stage_costs(costs, {*subjects, *variants, f"gamma={gamma}", *(f"seed={seed}" for seed in seeds)})
     images = {subject: _image_size(file) for subject, file in zip(subjects, captures, strict=True)}
     provenance = {

@@ -28,7 +28,7 @@ def exaggerate(settings: Exaggerate, *, capture: Path, path: Path) -> None:
         path: Output: the exaggeration path (path.npz).
 
     Raises:
-        SettingsError: For an unknown source, or a file without a path.
+        SettingsError: A setting does not fit the head, such as the name of a region.
         MeshError: If the head cannot be solved on, or moves absurdly far.
 
     Warns:
@@ -38,7 +38,7 @@ def exaggerate(settings: Exaggerate, *, capture: Path, path: Path) -> None:
     timesteps = dict.fromkeys(frame.timestep for frame in subject.frames)
     parameters = [subject.parameters(timestep) for timestep in timesteps]
     vertices, faces = neutral(subject.model, parameters[0]), subject.model.faces
-    if settings.source == "poisson":
+    if settings.file is None:
         solved = subject_gamma_path(subject.model, vertices, settings, parameters)
     else:
         file = Path(settings.file.replace("{gamma}", f"{settings.gamma:g}"))

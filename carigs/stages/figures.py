@@ -26,6 +26,9 @@ from evaluation.figures.misregistration import Misregistration, misregistrations
 from evaluation.figures.study_images import StudyImages
 from evaluation.tables.csv_files import write_csv
 
+BLEND_ERROR_SAMPLES = 26
+"""Levels at which the blend error is evaluated."""
+
 
 def figures(
     settings: Figures,
@@ -47,7 +50,7 @@ def figures(
     A figure that cannot be drawn is left out, and `left_out.txt` says why in a line.
 
     Args:
-        settings: Camera, timestep and height of the images, and samples of the blend error.
+        settings: Camera and timestep of the images.
         frames: Folders of renderings, as the stage `render` writes them, of one seed.
         variants: Variant of each folder.
         levels: Rendered levels.
@@ -70,7 +73,7 @@ def figures(
     gamma_path = read_subject_path(path, subject.model)
     known = {level: read_ground_truth(file) for level, file in zip(levels, truths, strict=True)}
     rendered = dict(zip(variants, frames, strict=True))
-    images = StudyImages(subject, rendered, known, settings, settings.image_height)
+    images = StudyImages(subject, rendered, known, settings)
     solver = _solver(subject, gamma_path)
     with writing_folder(folder) as part:
         figure: dict[str, Callable[[Path], str | None]] = {
@@ -78,13 +81,11 @@ def figures(
             "ablation": lambda file: strips.ablation(file, images),
             "renderings": lambda file: strips.renderings(file, images),
             "alternation": lambda file: strips.alternation(file, images),
-            "hair": lambda file: strips.hair(file, images, gamma_path, warp.hair_regions),
+            "hair": lambda file: strips.hair(file, images, gamma_path, warp.regions.hair),
             "mouth": lambda file: strips.mouth(file, images, gamma_path),
-            "hair_mask": lambda file: strips.hair_mask(file, images, gamma_path, warp.hair_regions),
+            "hair_mask": lambda file: strips.hair_mask(file, images, gamma_path, warp.regions.hair),
             "local_edits": lambda file: _local_edits(file, images, gamma_path, solver, avatar),
-            "blend_error": lambda file: _blend_error(
-                file, without_teeth(gamma_path), solver, settings.blend_error_samples
-            ),
+            "blend_error": lambda file: _blend_error(file, without_teeth(gamma_path), solver),
             "misregistration": lambda file: _misregistration(file, subject, gamma_path, known, warp, mask_flags, hair),
         }
         reasons = {name: _reason(draw, part / f"{name}.png") for name, draw in figure.items()}
@@ -115,7 +116,7 @@ def _solver(subject: Capture, path: GammaPath) -> tuple[Exaggerator, Exaggerate]
     return subject_exaggerator(subject.model, without_teeth(path).neutral, settings), settings
 
 
-def _blend_error(file: Path, path: GammaPath, solver: tuple[Exaggerator, Exaggerate] | str, samples: int) -> str | None:
+def _blend_error(file: Path, path: GammaPath, solver: tuple[Exaggerator, Exaggerate] | str) -> str | None:
     if isinstance(solver, str):
         return solver
     head, settings = solver
@@ -129,7 +130,7 @@ def _blend_error(file: Path, path: GammaPath, solver: tuple[Exaggerator, Exagger
     difference = np.abs(exact(path.gamma_f) - path.displacement(path.gamma_f)).max()
     if difference > 1e-4 * np.linalg.norm(np.ptp(path.neutral, axis=0)):
         return f"solving again gives another caricature, {1e3 * difference:.2g} mm away: the path was made otherwise"
-    errors = blend_errors(path, exact, samples)
+    errors = blend_errors(path, exact, BLEND_ERROR_SAMPLES)
     write_csv(file.with_suffix(".csv"), errors, BlendError)
     plot_blend_errors(file, errors)
     return None

@@ -26,6 +26,7 @@ def gtstar(
     targets: Path,
     index: Path,
     resume_key: str,
+    threads: int = 1,
 ) -> None:
     """Write the targets of a level and their index; an interrupted run is resumed, with the same result.
 
@@ -38,6 +39,7 @@ def gtstar(
         targets: Output: folder of colours, and of mask flags of pixels and triangles.
         index: Output: per frame its registration error, its weight, the share of each mask flag, or why it is skipped.
         resume_key: Digest of all that the outputs depend on; targets that a run with another one has left are not used.
+        threads: Timesteps processed in parallel; the result does not depend on it.
 
     Warns:
         CarigsWarning: Frames are skipped or have a reduced weight.
@@ -50,7 +52,7 @@ def gtstar(
     found = None if hair is None else load_hair(hair, len(subject.model.faces))
     exaggerated = read_subject_path(path, subject.model).at(level)
     with resuming_folder(targets, resume_key) as (folder, records):
-        entries = make_target_set(settings, subject, exaggerated, folder, records, found)
+        entries = make_target_set(settings, subject, exaggerated, folder, records, found, threads)
         _report(entries, len(subject.split("train")))
         if not entries.targets:
             raise InputError(f"no frame can be used; the first: {entries.skipped[0]['why']}", file=capture)

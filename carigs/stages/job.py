@@ -58,7 +58,7 @@ class _Log:
         return self.terminal is not None
 
 
-def run_job(settings: str, files: dict[str, str | list[str]], job: dict[str, Any]) -> int:
+def run_job(settings: str, files: dict[str, str | list[str]], job: dict[str, Any], threads: int = 1) -> int:
     """Call a stage; an error is one line, on the terminal and at the end of the log.
 
     A mistake of the program is printed with its traceback before that line.
@@ -69,6 +69,7 @@ def run_job(settings: str, files: dict[str, str | list[str]], job: dict[str, Any
             input.
         job: Fields of the `PlannedJob`. Its stage is the name of the module in `carigs.stages`, of its function, and of
             its section in the settings; messages name its first output.
+        threads: Cores that Snakemake reserves for the job; no result depends on it.
 
     Returns:
         Exit code.
@@ -86,7 +87,7 @@ def run_job(settings: str, files: dict[str, str | list[str]], job: dict[str, Any
                     redirect_stderr(stream),
                     warnings_as_lines(),
                 ):
-                    _call(planned, Path(settings), paths, key)
+                    _call(planned, Path(settings), paths, {"resume_key": key, "threads": threads})
             except (Exception, KeyboardInterrupt) as error:
                 print(_message(planned.outputs[0], error), file=file)
                 raise
@@ -96,16 +97,18 @@ def run_job(settings: str, files: dict[str, str | list[str]], job: dict[str, Any
     return 0
 
 
-def _call(job: PlannedJob, settings: Path, paths: dict[str, Path | list[Path] | None], key: str) -> None:
-    """Call the function of the stage; one that can resume an unfinished job also gets the key of what it left."""
+def _call(
+    job: PlannedJob, settings: Path, paths: dict[str, Path | list[Path] | None], offered: dict[str, str | int]
+) -> None:
+    """Call the function of the stage. It gets what it takes of the key of an unfinished job, and of the threads."""
     section = load_settings(job.stage, settings)
     if settings_digest(job.stage, section) != job.plan["settings"]:
         raise InputError("another run has replaced the settings that this job was planned with", file=settings)
     if not code_is_planned(job.stage, job.plan["code"]):
         raise CarigsError("the code of this stage was edited after the run had planned this job; start the run again")
     function = getattr(import_module(f"carigs.stages.{job.stage}"), job.stage)
-    keys = {"resume_key": key} if "resume_key" in signature(function).parameters else {}
-    function(section, **paths, **job.params, **keys)
+    taken = {name: value for name, value in offered.items() if name in signature(function).parameters}
+    function(section, **paths, **job.params, **taken)
 
 
 def _message(output: str, error: BaseException) -> str:

@@ -36,11 +36,12 @@ def metrics(
     levels: Sequence[float],
     embeddings: str,
     records: Path,
+    threads: int = 1,
 ) -> None:
     """Write metric records: one line per frame, region and metric.
 
     Args:
-        settings: Networks, prompts, and the silhouette region.
+        settings: Networks and prompts.
         frames: Folder with the renderings of all levels, and the metrics of the avatar's geometry, as the stage
             `render` writes it.
         capture: Index of the capture.
@@ -54,6 +55,7 @@ def metrics(
         levels: Rendered levels; the frames of level 0 are needed in any case.
         embeddings: Folder with the embeddings of images that are known already; it need not exist.
         records: CSV file to write; a metric that cannot be computed has an empty value and a reason.
+        threads: Threads of the networks; the result does not depend on it.
 
     Warns:
         CarigsWarning: A metric has no value at all.
@@ -65,15 +67,15 @@ def metrics(
     weights = embedding_weights(settings)
     person = Capture.load(capture)
     gamma_path, unedited = read_subject_path(path, person.model), _rendered(frames, 0.0)
-    networks = EmbeddingNetworks(settings, person.background, EmbeddingCache(Path(embeddings)))
+    networks = EmbeddingNetworks(settings, person.background, EmbeddingCache(Path(embeddings)), threads)
     measured: list[MetricRecord] = []
     for level, truth in zip(levels, truths, strict=True):
         point = StudyPoint(study, subject, variant, seed, gamma, level, person.split_rule)
         rendered, caricature = _rendered(frames, level), gamma_path.at(level)
         measured += read_frame_records(level_folder(frames, level) / "geometry.csv", point)
-        measured += image_records(point, rendered, read_ground_truth(truth), person, caricature, settings)
+        measured += image_records(point, rendered, read_ground_truth(truth), person, caricature, settings, threads)
         measured += embedding_records(point, rendered, unedited, person, networks, weights)
-        measured += sd_records(point, rendered, person, settings)
+        measured += sd_records(point, rendered, person, settings, threads)
         if settings.identity:
             measured += identity_records(point, rendered, person, caricature, settings)
     write_metrics(records, measured)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -15,7 +14,7 @@ from carigs.capture.capture_json import camera_to_json
 from carigs.capture.frame_index import level_folder, write_frame_index
 from carigs.capture.images import write_png
 from carigs.capture.orbit import orbit_cameras
-from carigs.errors import CarigsWarning, SettingsError
+from carigs.errors import SettingsError
 from carigs.exaggeration import GammaPath
 from carigs.head import read_subject_path
 from carigs.runs.lap_times import timed
@@ -26,6 +25,9 @@ from evaluation.tables.frame_records import FrameRecord, write_frame_records
 
 if TYPE_CHECKING:
     from carigs.splat.avatar import Avatar
+
+ORBIT_DEGREES = 60.0
+"""Range of azimuth of the orbit."""
 
 
 class ViewToRender(NamedTuple):
@@ -52,6 +54,7 @@ def render(
     path: Path,
     frames: Path,
     resume_key: str,
+    threads: int = 1,
 ) -> None:
     """Render the avatar for the protocols test, val and orbit.
 
@@ -67,16 +70,14 @@ def render(
             frames.json, their protocols, timesteps and cameras in rendering order, and geometry.csv, the metrics that
             need the avatar's depth, normals, opacity and surfels.
         resume_key: Digest of all that the output depends on; levels that a run with another one has left are not used.
-
-    Warns:
-        CarigsWarning: The capture lacks the timestep that the orbit should show.
+        threads: Threads of the rasterizer; the result does not depend on it.
 
     Raises:
         SettingsError: If a level lies outside the path.
     """
     from carigs.simd.threads import use_threads
 
-    use_threads(settings.threads)
+    use_threads(threads)
     from carigs.splat.avatar import load_avatar
 
     subject, person = Capture.load(capture), load_avatar(avatar)
@@ -85,10 +86,6 @@ def render(
     for level in settings.levels:
         if not 0 <= level <= gamma_path.gamma_f:
             raise SettingsError(f"level {level:g} lies outside the path's [0, {gamma_path.gamma_f:g}]")
-    if settings.orbit_timestep not in (None, *subject.parameter_files):
-        shown = _orbit_frame(settings, subject).timestep
-        problem = f"render.orbit_timestep={settings.orbit_timestep} is no timestep of the capture"
-        warnings.warn(f"{problem}; the orbit shows {shown}", CarigsWarning, stacklevel=2)
     person.sequence.path = gamma_path
     with resuming_folder(frames, resume_key) as (part, _):
         for level in settings.levels:
@@ -138,8 +135,8 @@ def rendered_views(settings: Render, subject: Capture, level: float) -> Iterator
         for frame in shown:
             yield ViewToRender(split, frame.timestep, frame.camera, frame.sequence), subject.camera(frame)
     if settings.orbit_frames:
-        frame = _orbit_frame(settings, subject)
-        for i, camera in enumerate(orbit_cameras(subject, settings.orbit_frames, settings.orbit_degrees)):
+        frame = next(iter((*subject.split("test"), *subject.frames)))
+        for i, camera in enumerate(orbit_cameras(subject, settings.orbit_frames, ORBIT_DEGREES)):
             yield ViewToRender("orbit", frame.timestep, i, frame.sequence), camera
 
 
@@ -158,9 +155,3 @@ def spread_test_frames(frames: tuple[Frame, ...], timesteps: int | None) -> tupl
         return frames
     chosen = {known[i] for i in np.linspace(0, len(known) - 1, timesteps).round().astype(int)}
     return tuple(frame for frame in frames if frame.timestep in chosen)
-
-
-def _orbit_frame(settings: Render, subject: Capture) -> Frame:
-    """A frame of the timestep of the orbit; of the first test timestep, if the settings name none that there is."""
-    frames = (*subject.split("test"), *subject.frames)
-    return next((frame for frame in frames if frame.timestep == settings.orbit_timestep), frames[0])

@@ -21,7 +21,7 @@ from carigs.settings import Report
 from carigs.system.files import writing
 from evaluation.card.card import read_card
 from evaluation.card.document import card_parts
-from evaluation.figures.study_images import StudyImages
+from evaluation.figures.study_images import IMAGE_HEIGHT, StudyImages
 from evaluation.metrics.catalogue import CATALOGUE
 from evaluation.report import page as html
 from evaluation.report.images import data_uri, fitting_height
@@ -68,7 +68,7 @@ def report(
     """Write the report of a study.
 
     Args:
-        settings: Size of the images and of the page.
+        settings: Size of the page.
         card: Benchmark card of the study.
         table: Summary of the study, as the stage `tabulate` writes it.
         figures: Folder with the figures of each subject.
@@ -101,7 +101,6 @@ def report(
             {variant: rendered[subject, variant] for variant in variants},
             {float(level): read_ground_truth(true[subject, level]) for level in levels},
             load_settings("figures", used["figures", f"subject={subject}"]),
-            settings.image_height,
         )
     charts = {subject: subject_chart({v: trained[subject, v] for v in variants}) for subject in subjects}
     no_strips = [f"{subject}, images by level: {found.problem}" for subject, found in images.items() if found.problem]
@@ -120,7 +119,7 @@ def report(
     )
 
     def fill(scale: float, with_figures: bool) -> html.ReportContent:
-        height = max(round(settings.image_height * scale), 16)
+        height = max(round(IMAGE_HEIGHT * scale), 16)
         content.strips = [_strip(subject, found, height) for subject, found in images.items() if not found.problem]
         content.figures = [] if not with_figures else _figures(figures, round(FIGURE_WIDTH * scale))
         content.skipped = skipped if with_figures else [*skipped, NO_FIGURES]

@@ -24,6 +24,7 @@ def train(
     ply: Path,
     log: Path,
     resume_key: str,
+    threads: int = 1,
 ) -> None:
     """Train an avatar; an interrupted run is resumed from a checkpoint next to the avatar (suffix `.checkpoint`).
 
@@ -38,6 +39,8 @@ def train(
         ply: Output: its surfels in SurFhead's layout.
         log: Output: the training log (CSV).
         resume_key: Digest of all that the outputs depend on; a checkpoint with another one is not used.
+        threads: Threads of the rasterizer. On one machine a training also uses cores of the run that no other job uses;
+            the result depends on neither.
 
     Raises:
         SettingsError: GT* frames are to supervise, and there are none.
@@ -48,7 +51,7 @@ def train(
     # torch before numba's threads start: both then share one pool.
     from carigs.simd.threads import use_idle_cores, use_threads
 
-    use_threads(settings.threads)
+    use_threads(threads)
     from carigs.capture.target_index import read_targets
     from carigs.hair import load_hair
     from carigs.splat.avatar import Avatar, save_avatar
@@ -63,7 +66,7 @@ def train(
     sets = [read_targets(index, person) for index in targets or ()]
     subject = prepare_subject(person, gamma_path, settings, found, sets)
     checkpoint = Checkpoint(avatar.with_suffix(".checkpoint"), resume_key)
-    surfels, rows = train_surfels(settings, subject, checkpoint, lambda _: use_idle_cores(settings.threads))
+    surfels, rows = train_surfels(settings, subject, checkpoint, lambda _: use_idle_cores(threads))
     trained = Avatar(surfels, subject.sequence, settings.rig, settings.rotate_harmonics, person.background)
     with writing(log) as part, part.open("w", newline="") as stream:
         csv.writer(stream).writerows([COLUMNS, *rows])

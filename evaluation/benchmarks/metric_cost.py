@@ -85,7 +85,7 @@ def score_level(folder: Path, level: str) -> dict[str, float]:
         for i, file in enumerate(files)
     ]
     sequences = {"test": [pairs[camera::CAMERAS] for camera in range(CAMERAS)], "orbit": []}
-    networks = EmbeddingNetworks(Metrics(threads=THREADS), 1.0, EmbeddingCache(folder / "embeddings"))
+    networks = EmbeddingNetworks(Metrics(), 1.0, EmbeddingCache(folder / "embeddings"), THREADS)
     networks.clip_scores(folder / "clip.safetensors", sequences)
     networks.dino_scores(DINO, folder / "dino.safetensors", sequences, {"cls": "dino"})
     seconds = perf_counter() - start

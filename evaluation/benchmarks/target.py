@@ -32,8 +32,8 @@ from evaluation.figures.misregistration import ERROR_THRESHOLD
 
 FRAMES = 6
 REPEATS = 9
-OPTIONS = tuple(product(("affine", "perspective"), (1, 2, 4, 8), (True, False)))
-"""Values of `gtstar.warp`, `gtstar.supersampling` and `gtstar.antialias`."""
+OPTIONS = tuple(product(("affine", "perspective"), (1, 2, 4, 8)))
+"""Values of `gtstar.warp` and `gtstar.supersampling`."""
 
 
 def measure_warp(subject: Capture, path: GammaPath, repeats: int = REPEATS) -> Iterator[Measurement]:
@@ -45,7 +45,7 @@ def measure_warp(subject: Capture, path: GammaPath, repeats: int = REPEATS) -> I
         repeats: Number of timed calls.
 
     Yields:
-        Records; the reference is the paper's warp: affine, one sample, no antialiasing.
+        Records; the reference is the paper's warp: affine, one sample.
     """
     model, exaggerated = subject.model, path.at(path.gamma_f)
     face_flags = face_mask_flags(model, Gtstar())
@@ -58,9 +58,9 @@ def measure_warp(subject: Capture, path: GammaPath, repeats: int = REPEATS) -> I
     seconds = median_time(lambda: compute_visibility(meshes[0], model.faces, large[-1]), repeats, cpu_seconds)
     yield Measurement(scene, "visibility at one end", "ms", 1e3 * seconds)
     references: dict[str, float] = {}
-    for option in sorted(OPTIONS, key=lambda option: option != ("affine", 1, False)):
-        warp, samples, antialias = option
-        settings = Gtstar(warp=warp, supersampling=samples, antialias=antialias)
+    for option in sorted(OPTIONS, key=lambda option: option != ("affine", 1)):
+        warp, samples = option
+        settings = Gtstar(warp=warp, supersampling=samples)
         make_one = partial(warp_scene, subject, face_flags, settings)
         seconds, pixels = median_time(lambda make=make_one: make(*large), repeats, cpu_seconds), []
         for *scene, truth, true_matte in scenes:
@@ -76,7 +76,7 @@ def measure_warp(subject: Capture, path: GammaPath, repeats: int = REPEATS) -> I
             "share of the mesh's pixels that is left out": left_out[on_mesh].mean(),
             f"share of the head's errors above {ERROR_THRESHOLD} that is left out": left_out[wrong].mean(),
         }
-        case = f"{warp}, {samples}x{samples}, antialias {'on' if antialias else 'off'}"
+        case = f"{warp}, {samples}x{samples}"
         for unit, (quantity, value) in zip(("ms", "1", "1", "1", "1"), values.items(), strict=True):
             yield Measurement(case, quantity, unit, float(value), references.setdefault(quantity, float(value)))
 

@@ -148,7 +148,6 @@ def measure(folder: Path, toy: Toy, steps: int, cases: list[Case]) -> Iterator[M
             gtstar_probability=0.0,
             density=Density(stop=2 * steps // 3),
             refine_tracking=case.refinement,
-            threads=1,
         )
         subject, rng = prepare_subject(capture, path, settings, found), np.random.default_rng(0)
         if case.wrong:

@@ -17,7 +17,7 @@ from torch import Tensor
 from torch.nn.functional import conv2d
 
 from carigs.head import pose
-from carigs.settings import Density, Train
+from carigs.settings import Density, Regions, Train
 from carigs.simd.threads import use_threads
 from carigs.splat.avatar import Avatar
 from carigs.splat.colour.appearance import seen_colour
@@ -51,7 +51,7 @@ SETTINGS = Train(
     sh_degree=3,
     surfels_per_face=3,
     gtstar_probability=0.0,
-    hair_regions=(),
+    regions=Regions(hair=()),
     # About the sizes and the mean opacity of `synthetic_scenes.surfels_on_ellipsoid`.
     initial_scale=0.21,
     initial_opacity=0.55,

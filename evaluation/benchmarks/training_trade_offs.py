@@ -88,12 +88,12 @@ def case_settings(case: str, *overrides: str) -> CaseSettings:
         *overrides: Overrides of all cases.
 
     Returns:
-        The settings, on one thread.
+        The settings.
     """
     config = compose(*STUDY, *overrides, *case.split())
     sections = (config.capture.toy, config.exaggerate, config.gtstar, config.train)
     toy, exaggerate, gtstar, train = map(OmegaConf.to_object, sections)
-    return CaseSettings(toy, exaggerate, replace(gtstar, threads=1), replace(train, threads=1))
+    return CaseSettings(toy, exaggerate, gtstar, train)
 
 
 class TrainingBench:

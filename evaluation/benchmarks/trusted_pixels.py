@@ -114,7 +114,7 @@ def warped_pixels(
 def _carried(hair: FoundHair, capture: Capture) -> CarriedHair:
     model, settings = capture.model, Gtstar()
     canonical = neutral(model, capture.parameters(capture.split("train")[0].timestep))
-    scalp = model.face_region(*settings.hair_regions)
+    scalp = model.face_region(*settings.regions.hair)
     return CarriedHair(hair, scalp, canonical, model.faces, settings.hair_extinction)
 
 

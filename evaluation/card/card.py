@@ -18,6 +18,7 @@ from carigs.readers.json_files import json_field, read_json
 from carigs.settings import Tabulate
 from carigs.system.files import write_json
 from evaluation.card.measures import AVATAR_MEASURES, STAGE_MEASURES
+from evaluation.tables.bootstrap import CONFIDENCE, RESAMPLES, SEED
 from evaluation.tables.document import without_paths
 from evaluation.tables.metric import TABLES, Catalogue, Metric
 
@@ -162,9 +163,9 @@ def make_card(
         training_seeds=list(training_seeds),
         levels=sorted({float(level) for level in summaries["level"]}),
         intervals={
-            "confidence": settings.confidence,
-            "resamples": settings.resamples,
-            "seed": settings.seed,
+            "confidence": CONFIDENCE,
+            "resamples": RESAMPLES,
+            "seed": SEED,
             "method": "crossed random effects: bootstrap-t, or Student's t where a factor has few levels",
         },
         split="; ".join(sorted(set(summaries["split"]))),

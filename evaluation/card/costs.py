@@ -11,7 +11,6 @@ import numpy as np
 
 from carigs.readers.npz import read_npz
 from carigs.runs.job_record import Costs
-from carigs.settings import Tabulate
 from evaluation.card.card import CardValue
 from evaluation.card.measures import AVATAR_MEASURES, STAGE_MEASURES
 from evaluation.tables.bootstrap import mean_interval
@@ -55,7 +54,6 @@ def avatar_values(
     avatars: Mapping[int, Path],
     renderings: Sequence[RenderingJob],
     costs: Costs,
-    settings: Tabulate,
 ) -> list[CardValue]:
     """Size of the avatars of a variant and the time in which they were rendered: means over all seeds.
 
@@ -65,7 +63,6 @@ def avatar_values(
         avatars: Their files by seed.
         renderings: The jobs that rendered them.
         costs: Costs of jobs.
-        settings: Settings of the intervals.
 
     Returns:
         One value per measure of `AVATAR_MEASURES`.
@@ -73,10 +70,9 @@ def avatar_values(
     Raises:
         InputError: An avatar cannot be read.
     """
-    drawn = {"resamples": settings.resamples, "confidence": settings.confidence, "seed": settings.seed}
 
     def value(measure: str, amounts: Sequence[float], *factors: Sequence[float]) -> CardValue:
-        mean, low, high = mean_interval(np.array(amounts, float), factors, **drawn)
+        mean, low, high = mean_interval(np.array(amounts, float), factors)
         ends = (None, None) if np.isnan(low) else (max(low, 0.0), high)
         return CardValue(measure, subject, variant, None, "avatar", "", "", mean, *ends, len(amounts), 0, "")
 

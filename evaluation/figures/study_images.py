@@ -17,6 +17,8 @@ from carigs.errors import InputError, SettingsError
 from carigs.settings import Figures
 from evaluation.figures.sheet import Image
 
+IMAGE_HEIGHT = 360
+"""Height of each image of a figure and of the report, in pixels."""
 VIEWS = 3
 """Views of the figures with several."""
 
@@ -37,7 +39,7 @@ class StudyImages:
     frames: Mapping[str, Path]
     truths: Mapping[float, GroundTruth]
     settings: Figures
-    height: int
+    height: int = IMAGE_HEIGHT
 
     @property
     def variants(self) -> list[str]:

@@ -21,6 +21,9 @@ from evaluation.metrics.regions import surface_regions
 from evaluation.metrics.sharpness import sharpness_records
 from evaluation.tables.metric_records import REGIONS, MetricRecord, StudyPoint, metric_record
 
+SILHOUETTE_BAND = 2
+"""Half width of the region `silhouette`, in pixels."""
+
 
 def image_records(
     point: StudyPoint,
@@ -29,6 +32,7 @@ def image_records(
     subject: Capture,
     caricature: Caricature,
     settings: Metrics,
+    threads: int = 1,
 ) -> Iterator[MetricRecord]:
     """Measure all frames; every image is read once, and the mesh is rasterised once per timestep and camera.
 
@@ -39,6 +43,7 @@ def image_records(
         subject: The capture.
         caricature: Caricature at the rendered level.
         settings: Settings of the stage `metrics`.
+        threads: Threads of the networks; the result does not depend on it.
 
     Yields:
         One record per frame, region and metric; without a value where it cannot be measured, as without test frames.
@@ -55,8 +60,7 @@ def image_records(
         return
     parameters = subject.parameters(next(iter(subject.parameter_files)))
     surface = surface_regions(subject.model, neutral(subject.model, parameters))
-    band = settings.silhouette_band
-    networks, missing = load_lpips_metrics(settings) if truths.reason is None else ({}, {})
+    networks, missing = load_lpips_metrics(settings, threads) if truths.reason is None else ({}, {})
     for protocol, region, (metric, reason) in product(protocols, LPIPS_REGIONS, missing.items()):
         yield metric_record(point, protocol, (None, None), region, metric, None, reason)
     if truths.reason is not None:
@@ -71,8 +75,8 @@ def image_records(
             cameras = list(timestep)
             for view in cameras:
                 if truths.reason is None:
-                    yield from truth_records(point, view, surface, networks, band=band)
-                yield from sharpness_records(point, view, surface, margin=band)
+                    yield from truth_records(point, view, surface, networks, band=SILHOUETTE_BAND)
+                yield from sharpness_records(point, view, surface, margin=SILHOUETTE_BAND)
             if protocol == "test":
                 yield from consistency_records(point, cameras, surface)
 

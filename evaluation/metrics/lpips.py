@@ -121,11 +121,12 @@ def lpips(
     return distances
 
 
-def load_lpips_metrics(settings: Metrics) -> tuple[dict[str, torch.nn.Module], dict[str, str]]:
+def load_lpips_metrics(settings: Metrics, threads: int = 1) -> tuple[dict[str, torch.nn.Module], dict[str, str]]:
     """Load the networks of `settings.lpips`; libraries are imported only once weights are found.
 
     Args:
         settings: Settings of the stage `metrics`.
+        threads: Threads of the networks; the result does not depend on it.
 
     Returns:
         The network of each metric, and the reason for each metric without one.
@@ -148,7 +149,7 @@ def load_lpips_metrics(settings: Metrics) -> tuple[dict[str, torch.nn.Module], d
                 raise
             reasons[metric] = str(error)
         else:
-            networks[metric] = load_lpips(trunk, file).to(set_up_torch(settings.threads))
+            networks[metric] = load_lpips(trunk, file).to(set_up_torch(threads))
     return networks, reasons
 
 

@@ -73,7 +73,7 @@ def sd_score(
 
 
 def sd_records(
-    point: StudyPoint, rendered: list[RenderedImage], subject: Capture, settings: Metrics
+    point: StudyPoint, rendered: list[RenderedImage], subject: Capture, settings: Metrics, threads: int = 1
 ) -> Iterator[MetricRecord]:
     """Compute the SD score of the `test` frames with the models of `settings.diffusion`.
 
@@ -82,6 +82,7 @@ def sd_records(
         rendered: Rendered frames.
         subject: The capture.
         settings: Settings of the stage `metrics`.
+        threads: Threads of the networks; the result does not depend on it.
 
     Yields:
         One record per frame and model; one without a value for a model that cannot be used.
@@ -95,7 +96,7 @@ def sd_records(
         reason = "" if frames else "too few test frames were rendered"
         if frames:
             try:
-                scores = _scores(MODELS[metric], frames, subject.background, settings)
+                scores = _scores(MODELS[metric], frames, subject.background, settings, threads)
             except WeightsMissing as error:
                 if settings.strict:
                     raise
@@ -108,12 +109,12 @@ def sd_records(
 
 
 def _scores(
-    name: str, frames: Sequence[RenderedImage], background: float, settings: Metrics
+    name: str, frames: Sequence[RenderedImage], background: float, settings: Metrics, threads: int
 ) -> Float[np.ndarray, " n"]:
     folder = find_weights(registered(name), settings.weights, download=settings.download)
     import torch
 
-    model = load_diffusion_model(folder, set_up_torch(settings.threads))
+    model = load_diffusion_model(folder, set_up_torch(threads))
     if model.latent_scale != LATENT_SCALE:
         problem = f"the SD score is defined for {LATENT_SCALE}, not {model.latent_scale:g}"
         raise InputError(problem, file=folder / "vae/config.json", field="scaling_factor")

@@ -13,7 +13,8 @@ from scipy.special import stdtrit
 
 MIN_LEVELS = 8
 """A factor with fewer levels is not resampled: of three, one bootstrap sample in nine holds a single one."""
-
+CONFIDENCE, RESAMPLES, SEED = 0.95, 2000, 0
+"""Confidence level of the intervals of tables, cards and reports; number of bootstrap resamples, and their seed."""
 DEGENERATE = 1e-9
 """Samples whose standard error is below this share of that of the values have no t: all their values are equal."""
 
@@ -30,9 +31,9 @@ def mean_interval(
     values: Float[np.ndarray, " n"],
     factors: Sequence[ArrayLike],
     *,
-    resamples: int,
-    confidence: float,
-    seed: int,
+    resamples: int = RESAMPLES,
+    confidence: float = CONFIDENCE,
+    seed: int = SEED,
 ) -> Interval:
     """Mean of values and its confidence interval under crossed random factors.
 

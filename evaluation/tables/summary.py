@@ -101,7 +101,7 @@ def _summaries(records: pd.DataFrame, settings: Tabulate, catalogue: Catalogue) 
             values = values.dropna()
             if len(values):
                 seeds = len(set(values.index.get_level_values("seed")))
-                means[(*shared, *names)] = (*_mean(values, settings, shared[3]), len(values), seeds)
+                means[(*shared, *names)] = (*_mean(values, shared[3]), len(values), seeds)
     unmeasured = records[records["value"].isna()].groupby(CONDITION)["reason"]
     reasons = {(*condition, ""): (len(group), "; ".join(sorted(set(group)))) for condition, group in unmeasured}
     keys = means.keys() | reasons.keys()
@@ -136,14 +136,11 @@ def _best_variant(means: pd.Series, metric: Metric | None) -> str | None:
     return means.idxmax() if metric.better == "higher" else means.idxmin()
 
 
-def _mean(values: pd.Series, settings: Tabulate, protocol: str) -> Interval:
+def _mean(values: pd.Series, protocol: str) -> Interval:
     """Mean and interval of values, the last levels of whose index are `FRAME`."""
     return mean_interval(
         values.to_numpy(),
         crossed_factors({name: values.index.get_level_values(name) for name in FRAME}, protocol),
-        resamples=settings.resamples,
-        confidence=settings.confidence,
-        seed=settings.seed,
     )
 
 

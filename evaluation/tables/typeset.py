@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from carigs.settings import Tabulate
-from evaluation.tables.bootstrap import MIN_LEVELS
+from evaluation.tables.bootstrap import CONFIDENCE, MIN_LEVELS, RESAMPLES
 from evaluation.tables.document import NO_VALUE, Cell, Document, Table
 from evaluation.tables.factors import interval_scope
 from evaluation.tables.metric import TABLES, Catalogue, Metric
@@ -39,7 +39,7 @@ def comparison_tables(summaries: pd.DataFrame, settings: Tabulate, catalogue: Ca
     """
     if summaries.empty:  # a capture without held-out frames, and no orbit
         return Document(["No frame was rendered: there is nothing to measure."])
-    document = Document(_explanation(summaries, settings))
+    document = Document(_explanation(summaries))
     for (study, gamma), here in summaries.groupby(["study", "gamma"]):
         tables = _StudyTables(document, catalogue, here, f"{study}, trained for gamma {gamma:g}", settings.reference)
         tables.add_all()
@@ -49,10 +49,10 @@ def comparison_tables(summaries: pd.DataFrame, settings: Tabulate, catalogue: Ca
     return document
 
 
-def _explanation(summaries: pd.DataFrame, settings: Tabulate) -> list[str]:
+def _explanation(summaries: pd.DataFrame) -> list[str]:
     return [
-        f"Means over frames with {settings.confidence:.0%} confidence intervals of crossed random effects: bootstrap-t "
-        f"of {settings.resamples} resamples, or Student's t where a factor has fewer than {MIN_LEVELS} levels. "
+        f"Means over frames with {CONFIDENCE:.0%} confidence intervals of crossed random effects: bootstrap-t "
+        f"of {RESAMPLES} resamples, or Student's t where a factor has fewer than {MIN_LEVELS} levels. "
         f"{interval_scope(sorted(set(summaries['subject']) - {ALL}), int(summaries['seeds'].max()))}",
         "↑: higher is better, ↓: lower is better, no arrow: values cannot be ranked by themselves. Bold: the best "
         "value, if the interval of its difference to every other variant, paired by frame and seed, excludes 0 (not "

@@ -13,6 +13,7 @@ import pandas as pd
 from omegaconf import OmegaConf
 
 from carigs.config import compose
+from carigs.exaggeration.exaggerator import PATH_ERROR
 from carigs.light.fitting import DIRECTIONS
 from carigs.settings import Exaggerate, Gtstar
 from evaluation.benchmarks.exaggeration.curvature_accuracy import heat_estimator
@@ -79,11 +80,11 @@ def path_nodes(table: pd.DataFrame) -> list[Curve]:
     seconds = _chosen(table, r"CPU: solve a path of (\d+) nodes")
     default = _chosen(table, "(nodes of the default path)")[head, "nodes of the default path"]
     choices = [Choice(nodes, seconds[head, nodes], error) for (case, nodes), error in errors.items() if case == head]
-    return [make_curve(head, choices, f"{default:g}", needed=Exaggerate().path_error)]
+    return [make_curve(head, choices, f"{default:g}", needed=PATH_ERROR)]
 
 
 def supersampling(table: pd.DataFrame) -> list[Curve]:
-    """Samples per pixel along outlines, with the default of `gtstar.antialias`.
+    """Samples per pixel along outlines.
 
     Args:
         table: Records of `evaluation.benchmarks.target`.
@@ -92,7 +93,7 @@ def supersampling(table: pd.DataFrame) -> list[Curve]:
         One curve.
     """
     settings = Gtstar()
-    case = re.compile(rf"{settings.warp}, (\d)x\d, antialias {'on' if settings.antialias else 'off'}")
+    case = re.compile(rf"{settings.warp}, (\d)x\d")
     errors = _chosen(table, "(99th percentile of the error)")
     seconds = _chosen(table, "(visibility, warp and masks)")
     choices = [
@@ -181,8 +182,8 @@ def knobs() -> Iterator[Knob]:
     yield Knob(
         "exaggerate", "exaggerate.path_nodes", "surface", "solving the path, CPU s", "largest error, diagonals",
         path_nodes,
-        f"Errors below {Exaggerate().path_error:g} (`exaggerate.path_error`) count as equal. Two nodes are the "
-        "paper's linear blend.",
+        f"Errors below {PATH_ERROR:g}, which the default is chosen for, count as equal. Two nodes are the paper's "
+        "linear blend.",
     )  # fmt: skip
     yield Knob(
         "gtstar", "gtstar.supersampling", "target", "one target of 802x550, CPU s", "99th percentile of the error",

@@ -9,11 +9,9 @@ from project import Project, copy_project
 
 STUDY = """# @package _global_
 study: {name: mini, subjects: [ball], variants: [alternating], levels: [0]}
-train: {iterations: 12, threads: 1, checkpoint_seconds: 0.1, density: {stop: 8}}
+train: {iterations: 12, density: {stop: 8}}
 gtstar: {threads: 1}
 render: {threads: 1, orbit_frames: 1}
-figures: {blend_error_samples: 3}
-tabulate: {resamples: 20}
 """
 SUBJECT = """# @package _global_
 capture: {source: folder, folder: data, head_model: data/head_model.npz}

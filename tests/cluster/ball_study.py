@@ -16,7 +16,6 @@ STUDY = """# @package _global_
 study: {name: ball, subjects: [ball], variants: [alternating], levels: [0, 0.25]}
 train: {iterations: 40}
 render: {orbit_frames: 2}
-tabulate: {resamples: 50}
 """
 SUBJECT = """# @package _global_
 capture: {{source: folder, folder: {folder}, head_model: {folder}/head_model.npz}}

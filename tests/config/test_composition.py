@@ -29,9 +29,11 @@ from carigs.config import (
     split_overrides,
     target_levels,
 )
+from carigs.config.frozen import keys_text
 from carigs.errors import InputError, SettingsError
 from carigs.settings import STAGES, Config, reference
-from carigs.settings.option import check_section, option_of, walk
+from carigs.settings.option import OF_PATH, check_section, copies, keys, option_of
+from carigs.settings.removed import REMOVED
 from evaluation.metrics.embeddings import EMBEDDINGS
 from evaluation.metrics.lpips import LPIPS_METRICS
 from evaluation.metrics.networks.preprocessing import CROPS
@@ -45,7 +47,7 @@ METRIC_CHOICES = {
 }
 ROOT = Path(__file__).parents[2]
 RULES = ROOT / "workflow/rules"
-OPTIONS = {key: f for key, _, f in walk(Config)}
+OPTIONS = {key: f for key, _, f in keys(Config)}
 many_compositions = pytest.mark.no_cover
 """Hydra takes twice as long while coverage is measured; other tests run the same lines."""
 
@@ -173,12 +175,15 @@ def test_data_folder_comes_from_the_environment(monkeypatch):
         ("gamma=nan", ("gamma=nan",)),
         ("gamma=lots", ("gamma", "lots")),
         ("train.num_gtstar_levels=0", ("train.num_gtstar_levels=0",)),
-        ("train.iteration=3", ("train.iteration", "iterations")),
+        ("train.iteration=3", ("train.iteration: no such setting; did you mean train.iterations?",)),
         ("train.iterations=3x", ("train.iterations", "3x")),
         ("train.iterations=2.5", ("train.iterations", "2.5")),
         ("train.iterations=null", ("train.iterations",)),
-        ("train.density.untill=3", ("train.density.untill", "stop")),
-        ("trian.iterations=3", ("trian", "train")),
+        ("train.density.untill=3", ("train.density.untill", "train.refine_tracking.until?")),
+        ("trian.iterations=3", ("trian.iterations", "mean train.iterations?")),
+        ("density.every=3", ("train.density.every or train.plateau.every?",)),
+        ("quux=3", ("quux: no such setting", "docs/configuration.md")),
+        ("train={iteration:3}", ("train.iteration", "train.iterations?")),
         ("capture=3", ("capture", "3")),
         ("gamma", ("gamma",)),
         ("gamma=[", ("gamma=[",)),
@@ -186,7 +191,13 @@ def test_data_folder_comes_from_the_environment(monkeypatch):
         ("subject=toy", ("subject=toy", "study.subjects=[toy]")),
         ("variant=surfhead", ("variant=surfhead", "study.variants=[surfhead]")),
         ("seed=3", ("seed=3", "study.seeds=[3]")),
-        ("train.seed=3", ("train.seed=3", "study.seeds=[3]")),
+        ("train.seed=3", ("train.seed", "study.seeds")),
+        ("train={seed:3}", ("train.seed", "study.seeds")),
+        ("exaggerate.gamma=0.3", ("exaggerate.gamma", "has the value of gamma")),
+        ("gtstar.regions.hair=[a]", ("gtstar.regions.hair", "has the value of regions.hair")),
+        ("render.levels=[0,1]", ("render.levels", "study.levels")),
+        ("train.threads=2", ("train.threads", "--set-threads train=N")),
+        ("train.backend=scalar", ("train.backend=scalar", "cpu, torch or cuda")),
         ("study.seeds=[]", ("study.seeds=[]", "one or more")),
         ("study.seeds=[2,0,2]", ("study.seeds=[2, 0, 2]", "different")),
         ("study.seeds=[0,-1]", ("study.seeds[1]=-1", "[0, 4294967295]")),
@@ -194,17 +205,17 @@ def test_data_folder_comes_from_the_environment(monkeypatch):
         ("study.seeds=2", ("study.seeds",)),
         ("+train.more=1", ("+train.more=1",)),
         ("~train.seed", ("~train.seed",)),
-        ("exaggerate.gamma=${gama}", ("gama",)),
+        ("train.ssim_weight=${gama}", ("gama",)),
         ("gtstar.relight=sun", ("gtstar.relight=sun", "targets_and_surfels, targets or none")),
         ("gtstar.warp=cubic", ("gtstar.warp=cubic", "affine")),
         ("gtstar.supersampling=9", ("gtstar.supersampling=9", "[1, 8]")),
-        ("gtstar.grazing_cosine=nan", ("gtstar.grazing_cosine=nan",)),
+        ("gtstar.hair_extinction=nan", ("gtstar.hair_extinction=nan",)),
         ("study.levels=[[0.1]]", ("study.levels[0]", "must be one value")),
         ("exaggerate.regions={nose:[1]}", ("exaggerate.regions.nose", "must be one value")),
         ("train.position_lr=1e400", ("train.position_lr=inf", "finite")),
         (f"train.position_lr={'9' * 400}", ("train.position_lr",)),
-        (f"train.seed={'9' * 400}", ("train.seed=999",)),
-        (f"train.seed={'9' * 5000}", ("4300 digits",)),
+        (f"capture.toy.seed={'9' * 400}", ("capture.toy.seed=999",)),
+        (f"capture.toy.seed={'9' * 5000}", ("4300 digits",)),
         (f"study.levels={'[' * 3000}", ("study.levels", "brackets")),
         (f"metrics.edit_prompt={'a' * 20000}", ("metrics.edit_prompt", "20020 characters")),
         ("hydra.searchpath=[pkg://antigravity]", ("hydra.searchpath", "Hydra itself")),
@@ -222,7 +233,7 @@ def test_a_mistake_is_told_in_one_line_that_names_the_key(override, named):
 def test_a_training_has_the_seed_of_its_path():
     for seed in (0, 7):
         config = compose("study.seeds=[0,7]", f"seed={seed}")
-        assert (config.train.seed, list(config.study.seeds), config.tabulate.seed) == (seed, [0, 7], 0)
+        assert (config.train.seed, list(config.study.seeds), config.capture.toy.seed) == (seed, [0, 7], 1)
 
 
 def test_overrides_are_split_like_words_of_a_shell_and_a_lost_quote_is_explained():
@@ -275,7 +286,7 @@ def test_every_number_has_a_smallest_and_a_largest_value():
     [
         (lambda: STAGES["capture"](source="folder", folder="here"), "capture.head_model must be set"),
         (lambda: STAGES["train"](density=None, ssim_weight=float("nan")), "train.ssim_weight=nan must be"),
-        (lambda: STAGES["gtstar"](max_stretch=float("inf")), "gtstar.max_stretch=inf must be a finite number"),
+        (lambda: STAGES["gtstar"](hair_extinction=float("inf")), "gtstar.hair_extinction=inf must be a finite number"),
     ],
 )
 def test_a_section_checks_itself(make, named):
@@ -372,16 +383,56 @@ def test_the_reference_is_current(option, file, capsys):
 
 
 def test_every_setting_has_a_meaning():
-    for _, section, f in walk(Config):
+    for _, section, f in keys(Config):
         assert reference.meanings(section)[f.name].endswith((".", ")."))
 
 
 def test_the_schema_knows_every_key_of_a_composed_study():
-    def keys(schema: dict, at: str = "") -> set[str]:
+    def described(schema: dict, at: str = "") -> set[str]:
         below = schema.get("properties", {})
-        return {key for name, part in below.items() for key in keys(part, f"{at}.{name}")} or {at.removeprefix(".")}
+        return {key for name, part in below.items() for key in described(part, f"{at}.{name}")} or {at.lstrip(".")}
 
-    assert keys(json.loads(reference.json_schema())) == {*OPTIONS}
+    assert described(json.loads(reference.json_schema())) == {*OPTIONS}
+
+
+def test_what_is_removed_is_no_key_and_is_told_what_replaces_it(tmp_path, monkeypatch):
+    """Typed, in a file of a study, and in a mapping; the advice names keys that exist."""
+    assert not {*REMOVED} & {*OPTIONS}
+    folder = tmp_path / "conf/study"
+    folder.mkdir(parents=True)
+    monkeypatch.chdir(tmp_path)
+    for key, advice in REMOVED.items():
+        section, _, name = key.rpartition(".")
+        if section:
+            with pytest.raises(SettingsError, match=re.escape(f"{key}: {advice}")):
+                compose_study(f"{key}=1")
+            with pytest.raises(SettingsError, match=re.escape(f"{key}: {advice}")):
+                compose_study(f"{section}={{{name}:1}}")
+        text = name + ": 1\n"
+        for above in reversed(section.split(".") if section else []):
+            text = f"{above}: {{{text.strip()}}}\n"
+        (folder / "old.yaml").write_text(f"# @package _global_\n{text}")
+        with pytest.raises(InputError, match=rf"old\.yaml: {re.escape(f'{key}: {advice}')}"):
+            compose("study=old")
+        for named in re.findall(r"\b[a-z_]+\.[a-z_.]+[a-z](?==|\b)", advice):
+            assert named in OPTIONS, named
+
+
+def test_a_copy_has_the_type_and_the_default_of_the_key_that_sets_it():
+    composed, sources = compose(), dict(copies(Config))
+    for field, key in sources.items():
+        if key not in (OF_PATH, "study.levels"):  # levels above gamma are left out
+            assert OmegaConf.select(composed, field) == OmegaConf.select(composed, key)
+    assert {key for key in sources.values() if key not in (OF_PATH, "seed", "regions")} <= {*OPTIONS}
+
+
+def test_composed_settings_are_a_study_of_ones_own(tmp_path, monkeypatch):
+    """What `carigs settings` prints can be written into a file of `conf/study`."""
+    (tmp_path / "conf/study").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path)
+    text = keys_text(compose_study("study=levels", "gamma=0.3"))
+    (tmp_path / "conf/study/mine.yaml").write_text(f"# @package _global_\n{text}")
+    assert compose_study("study=mine") == compose_study("study=levels", "gamma=0.3")
 
 
 def settings_paths() -> dict[str, tuple[str, ...]]:

@@ -57,9 +57,9 @@ def test_other_texts_are_taken_as_they_stand(key):
 
 
 def test_elements_of_lists_are_taken_as_they_stand():
-    found = compose("gtstar.hair_regions=[a=b, 1e5,'c,d',(x)#]").gtstar.hair_regions
+    found = compose("regions.hair=[a=b, 1e5,'c,d',(x)#]").gtstar.regions.hair
     assert [*found] == ["a=b", "1e5", "c,d", "(x)#"]
-    assert [*compose("gtstar.hair_regions=[ ]").gtstar.hair_regions] == []
+    assert [*compose("regions.hair=[ ]").gtstar.regions.hair] == []
 
 
 def test_quotes_nothing_and_interpolations_keep_their_meaning(monkeypatch):
@@ -84,8 +84,8 @@ def test_a_comma_and_functions_separate_the_values_of_a_sweep():
     for swept in ("train.start=a=1.npz,'b,2.npz'", "train.start=choice('a=1.npz','b,2.npz')"):
         combinations = read_sweep([], [swept]).combinations
         assert [compose(*c.overrides).train.start for c in combinations] == ["a=1.npz", "b,2.npz"]
-    lists = read_sweep([], ["gtstar.hair_regions=[a=b],[c,d#]"]).combinations
-    assert [[*compose(*c.overrides).gtstar.hair_regions] for c in lists] == [["a=b"], ["c", "d#"]]
+    lists = read_sweep([], ["regions.hair=[a=b],[c,d#]"]).combinations
+    assert [[*compose(*c.overrides).gtstar.regions.hair] for c in lists] == [["a=b"], ["c", "d#"]]
     assert len(read_sweep([], ["gamma=0.1,0.2"]).combinations) == 2
 
 
@@ -114,7 +114,7 @@ def test_the_advice_is_a_command_that_works(override):
         ("gamma 0.1", "expected KEY=VALUE"),
         ("gamma=0.1,0.2", "`carigs sweep`"),
         ("metrics.edit_prompt=a${b", r"'metrics.edit_prompt=a\${b'"),
-        ("hair.regions=[a,b#", "a list of texts"),
+        ("regions.hair=[a,b#", "a list of texts"),
     ],
 )
 def test_no_word_of_the_parser_reaches_the_user(override, named):
@@ -161,9 +161,9 @@ def test_every_text_survives_the_settings_file_of_a_job(text, element, tmp_path_
     section = STAGES["tabulate"](reference=literal(text))
     file.write_text(yaml_text(OmegaConf.structured(section)), encoding="utf-8")
     assert load_settings("tabulate", file).reference == text
-    section = STAGES["hair"](regions=(literal(element),))
+    section = STAGES["sweep"](metrics=(literal(element),))
     file.write_text(yaml_text(OmegaConf.structured(section)), encoding="utf-8")
-    assert load_settings("hair", file).regions == (element,)
+    assert load_settings("sweep", file).metrics == (element,)
 
 
 @pytest.mark.parametrize(
@@ -186,7 +186,7 @@ def test_what_an_environment_variable_holds_is_no_interpolation(load, monkeypatc
     monkeypatch.setenv("PROMPT", "${oc.env:SECRET}")
     compose.cache_clear()
     assert load("metrics", "metrics.edit_prompt=${oc.env:PROMPT}").edit_prompt == "${oc.env:SECRET}"
-    assert load("hair", r"hair.regions=[\${oc.env:SECRET}]").regions == ("${oc.env:SECRET}",)
+    assert load("hair", r"regions.hair=[\${oc.env:SECRET}]").regions.hair == ("${oc.env:SECRET}",)
     compose.cache_clear()
 
 
@@ -210,7 +210,7 @@ def test_escapes_in_conf_are_resolved_once(tmp_path, monkeypatch):
         ("train: {start: 007}", "train.start: YAML reads the value as 7"),
         ("study: {name: 1e5}", "study.name: YAML reads the value as 100000.0"),
         ("tabulate: {reference: on}", "tabulate.reference: YAML reads the value as True"),
-        ("hair: {regions: [scalp, 12]}", "hair.regions: YAML reads the value as 12"),
+        ("regions: {hair: [scalp, 12]}", "regions.hair: YAML reads the value as 12"),
         ("metrics: {edit_prompt: 'a ${b'}", "starts no interpolation"),
     ],
 )

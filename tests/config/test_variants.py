@@ -8,6 +8,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from carigs.config import CONF, compose, compose_variant, folders, known, target_maker
+from carigs.config.mask_variants import MASK_VARIANTS
 from carigs.errors import SettingsError
 from carigs.gtstar import MaskFlag
 from carigs.settings import DEFAULT_MASK_FLAGS, MASK_FLAGS, Train
@@ -39,6 +40,30 @@ def test_every_variant_can_be_composed(name):
     """And changes something of `gtstar` or `train`, unless it is the method itself."""
     config, ours = compose_variant(name), compose()
     assert name == "alternating" or (config.gtstar, config.train) != (ours.gtstar, ours.train)
+
+
+def test_each_mask_flag_makes_a_variant():
+    for flag in MASK_FLAGS:
+        name = f"no_{flag}_mask" if flag in DEFAULT_MASK_FLAGS else f"{flag}_mask"
+        assert name in known("variant")
+        assert set(DEFAULT_MASK_FLAGS) ^ set(compose(f"variant={name}").train.mask_flags) == {flag}
+    assert not {*MASK_VARIANTS} & {file.stem for file in (CONF / "variant").glob("*.yaml")}
+
+
+def test_a_file_with_the_name_of_such_a_variant_is_refused_unless_it_is_the_same(tmp_path, monkeypatch):
+    (tmp_path / "conf/variant").mkdir(parents=True)
+    file = tmp_path / "conf/variant/no_hair_mask.yaml"
+    monkeypatch.chdir(tmp_path)
+    file.write_text(MASK_VARIANTS["no_hair_mask"])  # as carigs had it in conf/variant
+    compose.cache_clear()
+    assert "hair" not in compose("variant=no_hair_mask").train.mask_flags
+    file.write_text("# @package _global_\ntrain: {iterations: 7}\n")
+    compose.cache_clear()
+    with pytest.raises(
+        SettingsError, match=r"no_hair_mask\.yaml: variant=no_hair_mask comes with carigs; choose another"
+    ):
+        compose("variant=no_hair_mask")
+    compose.cache_clear()
 
 
 @pytest.mark.slow

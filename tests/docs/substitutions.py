@@ -16,8 +16,6 @@ STUDY = {
     "capture.toy.hair_strands": "300",
     "train.iterations": "20",
     "render.orbit_frames": "1",
-    "figures.blend_error_samples": "3",
-    "tabulate.resamples": "20",
     "metrics.embeddings": "[]",
     "metrics.lpips": "[]",
 }

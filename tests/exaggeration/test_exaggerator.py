@@ -138,7 +138,6 @@ def test_surfaces_that_have_no_curvature_or_no_outside_are_refused():
         ("curvature_smoothing", -0.1),
         ("path_nodes", 1),
         ("path_nodes", -1),
-        ("path_error", 0.0),
         ("gap_stiffness", float("nan")),
         ("cavity_stiffness", -1.0),
         ("region_constraint", "hard"),

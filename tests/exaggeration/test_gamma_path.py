@@ -8,7 +8,7 @@ import pytest
 from surfaces import PLAIN, bumpy
 
 from carigs.errors import InputError
-from carigs.exaggeration import Exaggerator, GammaPath, straight_path
+from carigs.exaggeration import Exaggerator, GammaPath, exaggerator, straight_path
 from carigs.mesh.triangle_mesh import diagonal
 
 
@@ -38,7 +38,7 @@ def test_levels_outside_warn():
 
 @pytest.mark.parametrize("gamma", [0.25, -0.2])
 @pytest.mark.parametrize("requested", [1e-2, 1e-3, 1e-5])
-def test_the_path_has_as_many_nodes_as_the_requested_error_needs(gamma, requested):
+def test_the_path_has_as_many_nodes_as_the_requested_error_needs(gamma, requested, monkeypatch):
     """Between the nodes the error is as small as requested; with one node less it is not."""
     vertices, faces = bumpy(2)
 
@@ -48,7 +48,8 @@ def test_the_path_has_as_many_nodes_as_the_requested_error_needs(gamma, requeste
         distance = [np.linalg.norm(path.displacement(g) - solver.solve(g), axis=1).max() for g in levels]
         return len(path.levels), max(distance) / diagonal(vertices)
 
-    count, reached = error(path_error=requested)
+    monkeypatch.setattr(exaggerator, "PATH_ERROR", requested)
+    count, reached = error()
     assert reached < 1.1 * requested + 1e-6  # the nodes are in float32
     if count > 2:
         assert error(path_nodes=count - 1)[1] > 0.9 * requested

@@ -8,8 +8,8 @@ from miniature import FRONTAL, ball_cameras, ball_model, picture, sheet
 from scipy.ndimage import distance_transform_edt
 
 from carigs.errors import SettingsError
-from carigs.gtstar import MaskFlag, Target, face_mask_flags, flags_from_names, make_target
-from carigs.gtstar.mask_flags import find_hair
+from carigs.gtstar import MaskFlag, Target, face_mask_flags, flags_from_names, make_target, mask_flags
+from carigs.gtstar.mask_flags import frame_hair
 from carigs.head import HeadModel
 from carigs.raster import compute_visibility
 from carigs.settings import DEFAULT_MASK_FLAGS, Gtstar
@@ -111,7 +111,7 @@ def test_what_comes_from_beyond_the_border_is_found():
 def test_background_is_where_nothing_is_and_where_skin_has_moved_away():
     """The shrunken ball leaves skin behind: background from the ring around the caricature on."""
     camera = ball_cameras()[1]
-    target = made(ball(), 0.8 * ball(), BALD, camera, background_margin=1)
+    target = made(ball(), 0.8 * ball(), BALD, camera)
     on_mesh = target.caricature.face >= 0
     outside = (target.mask_flags & MaskFlag.OUTSIDE_MESH.value) > 0
     np.testing.assert_array_equal(outside, ~on_mesh & dilated(on_mesh))
@@ -142,7 +142,7 @@ def test_hair_may_be_as_far_away_as_it_sticks_out():
     matte = (natural.face >= 0).astype(np.float32)
     row, column = np.argwhere(matte > 0)[0]
     matte[row - 6 : row, column - 1 : column + 2] = 1
-    hair = find_hair(natural, matte, face_mask_flags(model, Gtstar()))
+    hair = frame_hair(natural, matte, face_mask_flags(model, Gtstar()))
     assert 4 <= hair.length <= 8
     target = made(ball(), 0.8 * ball(), model, camera, matte, hair_dilation=0, background_margin=1)
     scalp = model.face_region("scalp")[caricature.face] & (caricature.face >= 0)
@@ -217,7 +217,7 @@ def test_lids_and_ears_are_flagged_by_region():
     assert not (flags & ~np.uint16(MaskFlag.LIDS | MaskFlag.EARS)).any()
 
 
-def test_hair_is_flagged_with_a_band_around_it():
+def test_hair_is_flagged_with_a_band_around_it(monkeypatch):
     """At level 0: the scalp, a tuft that sticks out of the mesh, and a band around both."""
     model, camera = ball_model(), ball_cameras()[1]
     visibility = compute_visibility(ball(), model.faces, camera)
@@ -228,7 +228,8 @@ def test_hair_is_flagged_with_a_band_around_it():
     tuft = np.zeros_like(scalp)
     tuft[row - 6 : row - 1, column - 1 : column + 2] = True
     for width in (0, 1, 3):
-        target = made(ball(), ball(), model, camera, foreground, hair_dilation=width)
+        monkeypatch.setattr(mask_flags, "HAIR_DILATION", width)
+        target = made(ball(), ball(), model, camera, foreground)
         hair = (target.mask_flags & MaskFlag.HAIR.value) > 0
         expected = scalp | tuft
         for _ in range(width):

@@ -84,19 +84,6 @@ def test_a_point_of_the_surface_is_found_where_it_is_in_the_frame(surface):
     assert errors["perspective"] < errors["affine"]
 
 
-def test_a_shrinking_triangle_takes_the_mean_of_its_footprint():
-    """Stripes one pixel wide, shrunk three times: the mean of the stripes, where single samples alternate."""
-    vertices, faces = sheet(5)
-    image = np.zeros((48, 64, 3), np.float32)
-    image[:, ::2] = 1
-    error = {}
-    for footprint in (True, False):
-        warp, _, target = warped(image, vertices, vertices / 3, faces, FRONTAL, antialias=footprint)
-        inner = (target.face >= 0) & ((warp.mask_flags & 2) == 0)
-        error[footprint] = float(np.abs(warp.colour[inner] - 0.5).mean())
-    assert error[True] < 0.5 * error[False]
-
-
 def test_colours_are_never_fetched_from_the_background_or_across_an_edge():
     """A white sheet before a black one before a red background: every warped pixel is white or black."""
     vertices, faces = sheet()

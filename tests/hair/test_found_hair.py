@@ -13,7 +13,7 @@ from carigs.hair import FoundHair, find_hair, load_hair
 from carigs.hair.strands import Strands
 from carigs.hair.views import PIXEL, pixel_size, read_views
 from carigs.hair.volume import HairVolume
-from carigs.settings import Hair
+from carigs.settings import Hair, Regions
 from carigs.stages.hair import hair
 
 
@@ -27,7 +27,7 @@ def subject(tmp_path_factory):
 
 def test_a_ball_without_hair_is_bald(subject, tmp_path, capsys):
     capture, folder = subject
-    hair(Hair(threads=1), capture=folder / "capture.json", found=tmp_path / "hair.npz")
+    hair(Hair(), capture=folder / "capture.json", found=tmp_path / "hair.npz")
     found = load_hair(tmp_path / "hair.npz", len(capture.model.faces))
     scalp = capture.model.face_region("scalp")
     assert not found.covered.any() and not found.has_hair(scalp)
@@ -38,7 +38,7 @@ def test_a_ball_without_hair_is_bald(subject, tmp_path, capsys):
 def test_threads_do_not_change_the_result(subject, tmp_path):
     _, folder = subject
     for threads in (1, 3):
-        hair(Hair(threads=threads), capture=folder / "capture.json", found=tmp_path / f"{threads}.npz")
+        hair(Hair(), capture=folder / "capture.json", found=tmp_path / f"{threads}.npz", threads=threads)
     assert (tmp_path / "1.npz").read_bytes() == (tmp_path / "3.npz").read_bytes()
 
 
@@ -88,7 +88,7 @@ def test_frames_that_cannot_be_read_are_left_out(tmp_path):
 
 def test_a_head_without_the_region_of_the_scalp_has_no_hair(subject):
     capture, _ = subject
-    found = find_hair(Hair(regions=("none",)), capture)
+    found = find_hair(Hair(regions=Regions(hair=("none",))), capture)
     assert len(found.volume.centres) == 0 and not found.has_hair(np.zeros(len(capture.model.faces), bool))
 
 

@@ -217,6 +217,6 @@ def test_the_stage_excludes_teeth_from_the_equation(tmp_path):
     assert path.at(0.25).blendshape_change(np.eye(100)[0]).any()
 
     np.savez(tmp_path / "sculpt.npz", delta=np.full((FLAME_COUNTS[0], 3), 0.01))
-    exaggerate(Exaggerate(source="file", file=str(tmp_path / "sculpt.npz")), **files)
+    exaggerate(Exaggerate(file=str(tmp_path / "sculpt.npz")), **files)
     path = GammaPath.load(tmp_path / "path.npz")
     np.testing.assert_allclose(path.displacement(0.25), 0.01, atol=1e-6)

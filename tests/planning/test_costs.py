@@ -49,9 +49,9 @@ def test_costs_grow_with_steps_and_pixels():
 
 def test_a_budget_of_a_training_is_its_time():
     train = first("train")
-    short, long = (job_seconds(train, TOY, (f"train.budget={n}min", "train.threads=1")) for n in (1, 3))
+    short, long = (job_seconds(train, TOY, (f"train.budget={n}min",)) for n in (1, 3))
     assert long - short == pytest.approx(120)
-    assert job_seconds(train, TOY, ("train.budget=1min", "train.iterations=9", "train.threads=1")) == short
+    assert job_seconds(train, TOY, ("train.budget=1min", "train.iterations=9")) == short
 
 
 def test_times_of_an_earlier_run_count_first_and_correct_the_others(table, tmp_path):

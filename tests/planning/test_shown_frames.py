@@ -30,10 +30,8 @@ def ball(tmp_path_factory):
         (["figures.camera=3"], "figures.camera=3: the capture has no such test frame; there are cameras 0 to 2"),
         (["figures.timestep=2"], "figures.timestep=2: the capture has no such test frame"),
         (["figures.camera=1", "figures.timestep=4"], "figures.camera=1, figures.timestep=4: the capture"),
-        (["render.orbit_timestep=4"], "render.orbit_timestep=4: the capture has no such timestep; there are 0 to 3"),
         (["figures.timestep=3", "capture.split=EMO-1"], "figures.timestep=3: the capture has no such test frame"),
         (["figures.timestep=1", "capture.split=EMO-1", "render.test_timesteps=2"], "figures.timestep=1: the capture"),
-        (["render.orbit_timestep=1", "capture.stride=2"], "render.orbit_timestep=1: the capture has no such timestep"),
     ],
 )  # fmt: skip
 def test_a_frame_that_the_capture_lacks_is_refused(ball, overrides, named):
@@ -46,7 +44,7 @@ def test_a_frame_that_the_capture_lacks_is_refused(ball, overrides, named):
 def test_frames_of_the_capture_are_accepted_and_an_unreadable_capture_is_not_checked(ball, tmp_path):
     for overrides in (
         [],
-        ["figures.camera=2", "figures.timestep=3", "render.orbit_timestep=0"],
+        ["figures.camera=2", "figures.timestep=3"],
         ["capture.split=EMO-1", "figures.timestep=2"],
     ):
         check_shown_frames(compose(*ball, *overrides))

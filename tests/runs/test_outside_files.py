@@ -151,7 +151,7 @@ def test_every_setting_that_names_a_file_is_marked():
             ["capture.source=folder", "capture.folder=anna", "capture.head_model=flame.pkl"],
             ["anna", "flame.pkl"],
         ),
-        ("exaggerate", ["exaggerate.source=file", "exaggerate.file='{gamma}.obj'", "gamma=0.5"], ["0.5.obj"]),
+        ("exaggerate", ["exaggerate.file='{gamma}.obj'", "gamma=0.5"], ["0.5.obj"]),
         ("gtstar", ["gtstar.provider=precomputed", "gtstar.folder=edited"], ["edited"]),
         ("train", ["train.start=a.npz"], ["a.npz"]),
         ("truth", ["truth.folder='truth/level={level}'"], ["truth/level=0.25"]),

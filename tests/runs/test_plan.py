@@ -33,25 +33,17 @@ def test_a_text_with_an_escaped_interpolation_has_one_digest(tmp_path):
 @pytest.mark.parametrize(
     ("stage", "override", "counts"),
     [
-        ("train", "train.threads=2", False),
-        ("train", "train.checkpoint_seconds=1", False),
-        ("hair", "hair.threads=1", False),
+        ("train", "gamma=0.2", False),  # its gamma is in its path
+        ("hair", "train.iterations=7", False),
+        ("hair", "regions.hair=[nose]", True),
         ("train", "train.iterations=7", True),
         ("train", "train.density.every=7", True),
         ("capture", "capture.toy.cameras=5", True),
         ("exaggerate", "exaggerate.regions={nose:0.1}", True),
     ],
 )
-def test_settings_count_unless_no_result_depends_on_them(stage, override, counts):
+def test_the_settings_of_a_stage_count(stage, override, counts):
     assert (job_plan(stage, [*TOY, override]) != job_plan(stage, TOY)) == counts
-
-
-def test_no_other_setting_is_left_out():
-    """A setting that is said to affect no result is one of speed."""
-    from carigs.settings.option import option_of, walk
-
-    free = {key for stage in STAGES for key, _, field in walk(STAGES[stage]) if not option_of(field).affects_results}
-    assert {key.rpartition(".")[2] for key in free} == {"threads", "checkpoint_seconds"}
 
 
 @pytest.fixture

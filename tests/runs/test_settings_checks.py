@@ -28,7 +28,7 @@ def test_a_gamma_that_tears_and_a_dataset_that_is_nowhere_are_named(own):
 
 
 def test_every_file_that_is_nowhere_is_named_once(own):
-    sculpt = ["exaggerate.source=file", "exaggerate.file='/nowhere/{gamma}.obj'"]
+    sculpt = ["exaggerate.file='/nowhere/{gamma}.obj'"]
     lines = settings_warnings([*own, *sculpt, "capture.head_model=none.npz", "train.start=a.npz"])
     assert lines == [
         f"{key}: there is no {path}; own cannot be made"
@@ -36,11 +36,6 @@ def test_every_file_that_is_nowhere_is_named_once(own):
             "capture.head_model": "none.npz", "exaggerate.file": "/nowhere/0.25.obj", "train.start": "a.npz"
         }.items()
     ]  # fmt: skip
-
-
-def test_a_path_to_another_level_than_gamma_is_named():
-    (line,) = settings_warnings(["exaggerate.gamma=0.1"])
-    assert line == "exaggerate.gamma=0.1: levels up to gamma=0.25 are rendered; set gamma alone"
 
 
 def test_levels_above_gamma_are_named():

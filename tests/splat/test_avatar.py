@@ -12,7 +12,7 @@ from carigs.capture import Capture, look_at, read_dataset
 from carigs.capture.frame_index import read_frame_index
 from carigs.capture.images import read_rgb
 from carigs.capture.orbit import nearest_point_to_axes, orbit_cameras
-from carigs.errors import CarigsWarning, InputError, SettingsError
+from carigs.errors import InputError, SettingsError
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.hair import HairShadow
 from carigs.hair.hair_shadow import WIDTH
@@ -23,7 +23,7 @@ from carigs.settings import Render, Train
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar
 from carigs.splat.surfels.ply import read_ply
 from carigs.splat.surfels.surfels import to_arrays
-from carigs.stages.render import render
+from carigs.stages.render import ORBIT_DEGREES, render
 from carigs.stages.train import train
 from evaluation.metrics.avatar_geometry import AvatarGeometry
 from evaluation.tables.frame_records import read_frame_records
@@ -215,9 +215,9 @@ def test_a_killed_rendering_goes_on_with_the_levels_that_are_missing(files, monk
 
 
 def test_the_cameras_of_the_orbit_are_those_of_its_index(trained, files):
-    render(Render(levels=(0.0,), orbit_frames=3, orbit_degrees=40), **files)
+    render(Render(levels=(0.0,), orbit_frames=3), **files)
     rendered = read_frame_index(files["frames"] / "level=0/frames.json")
-    expected = orbit_cameras(Capture.load(trained / "capture.json"), 3, 40)
+    expected = orbit_cameras(Capture.load(trained / "capture.json"), 3, ORBIT_DEGREES)
     found = {image.camera: image.view for image in rendered if image.protocol == "orbit"}
     for i, camera in enumerate(expected):
         np.testing.assert_array_equal(found[i].camera_from_world, camera.camera_from_world)
@@ -257,13 +257,10 @@ def test_an_avatar_that_does_not_follow_its_level_has_no_gain(trained, tmp_path)
     assert values["silhouette_iou", "full"] < 0.9  # the mesh is 20 % wider
 
 
-def test_levels_beyond_the_path_are_refused_and_unknown_timesteps_replaced(files):
+def test_levels_beyond_the_path_are_refused(files):
     with pytest.raises(SettingsError, match=r"level 0\.3 lies outside"):
         render(Render(levels=(0.0, 0.3)), **files)
     assert not files["frames"].exists()
-    with pytest.warns(CarigsWarning, match="orbit_timestep=77 is no timestep"):  # after a training was paid for
-        render(Render(levels=(0.0,), orbit_timestep=77, orbit_frames=1), **files)
-    assert files["frames"].exists()
 
 
 @pytest.mark.parametrize(

@@ -41,11 +41,11 @@ def small_settings() -> dict[str, Any]:
         "train": Train(iterations=1, gtstar_probability=0, relight_surfels=False, mouth_surfels=50, hair_layers=1),
         "render": Render(orbit_frames=2),
         "metrics": Metrics(embeddings=(), lpips=()),
-        "tabulate": Tabulate(resamples=20),
-        "figures": Figures(image_height=40, blend_error_samples=3),
+        "tabulate": Tabulate(),
+        "figures": Figures(),
         "card": Card(machine=False),
         "html": Html(timesteps=2),
-        "report": Report(image_height=40),
+        "report": Report(),
     }
 
 

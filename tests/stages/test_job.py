@@ -61,7 +61,7 @@ def test_a_job_refuses_settings_that_another_run_has_replaced(tmp_path, capsys):
     """Where no lock holds another run back: the job would make results of settings that nobody planned."""
     log, settings = tmp_path / "log/tabulate/a.log", tmp_path / "all.yaml"
     log.parent.mkdir(parents=True)
-    settings.write_text(settings_text("tabulate", "tabulate.confidence=0.9"))
+    settings.write_text(settings_text("tabulate", "tabulate.reference=surfhead"))
     assert run_job(str(settings), {}, job(log, "table.csv")) == 1
     assert "all.yaml: another run has replaced the settings" in capsys.readouterr().err
 

@@ -444,7 +444,6 @@ def test_the_sd_score_and_identity_are_null_with_a_reason_where_they_cannot_be_c
         ({"lpips": ("lpips",)}, "lpips is unknown"),
         ({"embeddings": ("vgg",)}, "vgg is unknown"),
         ({"crop": "left"}, "crop=left"),
-        ({"silhouette_band": 0}, "silhouette_band=0 must lie"),
     ],
 )
 def test_settings_without_meaning_are_refused_before_any_work(scene, settings, says):

@@ -40,7 +40,7 @@ def folder(tmp_path_factory) -> Path:
     capture(settings, index=folder / "capture.json", dataset=folder / "dataset")
     subject = Capture.load(folder / "capture.json")
     np.savez(folder / "level=0.25.npz", delta=neutral(subject.model, subject.parameters(0)) * [0.3, 0, 0])
-    settings = Exaggerate(source="file", file=str(folder / "level={gamma}.npz"))
+    settings = Exaggerate(file=str(folder / "level={gamma}.npz"))
     exaggerate(settings, capture=folder / "capture.json", path=folder / "path.npz")
     return folder
 
@@ -60,7 +60,7 @@ def test_a_caricature_that_folds_is_warned_of_and_one_in_another_unit_is_refused
     subject = Capture.load(folder / "capture.json")
     vertices = neutral(subject.model, subject.parameters(0))
     arguments = {"capture": folder / "capture.json", "path": tmp_path / "path.npz"}
-    settings = Exaggerate(source="file", file=str(tmp_path / "sculpt.npz"))
+    settings = Exaggerate(file=str(tmp_path / "sculpt.npz"))
     np.savez(tmp_path / "sculpt.npz", delta=vertices * [-2, 0, 0])
     with pytest.warns(CarigsWarning, match=r"^level 0\.25: the surface folds: .* of the faces turn over"):
         exaggerate(settings, **arguments)
@@ -93,16 +93,17 @@ def test_a_solved_caricature_carries_the_expressions_of_the_capture(folder, tmp_
 def test_a_caricature_that_does_not_fit_is_named(folder, file, says):
     np.savez(folder / "short.npz", delta=np.zeros((3, 3)))
     with pytest.raises(InputError, match=says):
-        exaggerate(
-            Exaggerate(source="file", file=str(folder / file)), capture=folder / "capture.json", path=folder / "x.npz"
-        )
+        exaggerate(Exaggerate(file=str(folder / file)), capture=folder / "capture.json", path=folder / "x.npz")
     assert not (folder / "x.npz").exists()
 
 
-def make_targets(subject: Path, out: Path, /, level: float = 0.25, key: str = "key", **changes) -> dict:
+def make_targets(
+    subject: Path, out: Path, /, level: float = 0.25, key: str = "key", threads: int = 2, **changes
+) -> dict:
     gtstar(
         Gtstar(**changes), capture=subject / "capture.json", path=subject / "path.npz", level=level,
         targets=out / "targets", index=out / "targets.json", resume_key=key,
+        threads=threads,
     )  # fmt: skip
     return json.loads((out / "targets.json").read_text())
 
@@ -198,7 +199,7 @@ target_set._write = write
 subject, out = map(Path, sys.argv[1:])
 files = {"capture": subject / "capture.json", "path": subject / "path.npz"}
 outputs = {"targets": out / "targets", "index": out / "targets.json"}
-stage.gtstar(Gtstar(threads=1), **files, level=0.25, **outputs, resume_key="key")
+stage.gtstar(Gtstar(), **files, level=0.25, **outputs, resume_key="key")
 """
 
 
@@ -231,8 +232,8 @@ def test_a_killed_run_is_resumed_to_the_same_bytes_on_any_number_of_threads(fold
 @pytest.mark.slow
 def test_an_interrupted_run_with_another_key_is_not_resumed(folder, killed, tmp_path, capsys):
     shutil.copytree(killed, tmp_path / "again")
-    make_targets(folder, tmp_path / "again", key="another", hair_dilation=1)
-    make_targets(folder, tmp_path / "whole", hair_dilation=1)
+    make_targets(folder, tmp_path / "again", key="another", supersampling=1)
+    make_targets(folder, tmp_path / "whole", supersampling=1)
     assert contents(tmp_path / "again") == contents(tmp_path / "whole")
     assert "earlier run" not in capsys.readouterr().out
 
@@ -364,7 +365,7 @@ def test_a_given_truth_is_checked_and_copied(folder, tmp_path):
 
 @pytest.mark.parametrize(
     ("stage", "settings"),
-    [(capture, lambda: CaptureSettings(source="tape")), (exaggerate, lambda: Exaggerate(source="magic"))],
+    [(capture, lambda: CaptureSettings(source="tape")), (exaggerate, lambda: Exaggerate(region_constraint="magic"))],
 )
 def test_unknown_sources_are_refused(folder, tmp_path, stage, settings):
     outputs = {

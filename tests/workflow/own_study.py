@@ -9,7 +9,6 @@ OWN = {
 study: {name: small, subjects: [anna], variants: [alternating, surfhead], levels: [0, 0.25]}
 train: {iterations: 600, gtstar_probability: 0.35, density: {stop: 2000}}
 render: {orbit_frames: 2}
-figures: {blend_error_samples: 3}
 """,
     "subject/anna": """# @package _global_
 capture:

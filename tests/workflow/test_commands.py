@@ -216,7 +216,7 @@ def test_a_killed_run_goes_on_where_it_was(stubbed, tmp_path):
 @pytest.mark.slow
 def test_a_run_prints_a_line_per_job_and_where_the_results_are(finished):
     """Settings are written without a line."""
-    done = finished.command("carigs", "run", "--cores", "1", "tabulate.confidence=0.9")
+    done = finished.command("carigs", "run", "--cores", "1", "tabulate.reference=surfhead")
     assert done.returncode == 0, done.stdout + done.stderr
     jobs = [line for line in done.stderr.splitlines() if " done] " in line]
     assert [re.sub(r"^\[.*\] ", "", line) for line in jobs] == [

@@ -12,7 +12,7 @@ from project import Project
 SETTINGS = """# @package _global_
 study: {name: toy, subjects: [toy], variants: [alternating], levels: [0.0, 0.25]}
 capture: {source: folder, folder: anna, head_model: flame.pkl}
-exaggerate: {source: file, file: "sculpt/{gamma}.obj"}
+exaggerate: {file: "sculpt/{gamma}.obj"}
 gtstar: {provider: precomputed, folder: edited}
 train: {start: start.npz}
 truth: {folder: "truth/{level}"}

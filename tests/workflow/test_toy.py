@@ -18,7 +18,7 @@ from workflow.own_study import write_own_study
 import carigs
 from evaluation.screenshots.chromium import CHROMIUM, WEBGL, Browser
 
-OVERRIDES = ("study=small", "capture.toy.supersampling=2", "tabulate.resamples=100")
+OVERRIDES = ("study=small", "capture.toy.supersampling=2")
 pytestmark = pytest.mark.slow
 
 
@@ -98,8 +98,8 @@ def test_nothing_is_left_to_do(project, results):
 @pytest.fixture(scope="module")
 def elsewhere(carigs: Installed) -> Path:
     """The results of the installed package in another directory, with other numbers of threads."""
-    threads = [f"{stage}.threads={number}" for stage, number in {"gtstar": 1, "train": 2, "render": 2}.items()]
-    done = carigs("run", *OVERRIDES, *threads, "--cores", "2")
+    threads = [f"{stage}={number}" for stage, number in {"gtstar": 1, "train": 2, "render": 2}.items()]
+    done = carigs("run", *OVERRIDES, "--cores", "2", "--", "--set-threads", *threads)
     assert done.returncode == 0, done.stdout + done.stderr
     return carigs.folder / "results/small"
 

@@ -33,7 +33,7 @@ rule hair:
         "results/{study}/log/hair/{subject}.log",
     conda:
         "../../environment.yml"
-    threads: lambda wildcards: section("hair", wildcards, "subject").threads
+    threads: 2
     resources:
         mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
@@ -76,7 +76,7 @@ rule gtstar:
     priority: 1  # uses several threads, so it should not wait for a free core behind trainings
     conda:
         "../../environment.yml"
-    threads: lambda wildcards: section("gtstar", wildcards, "subject").threads
+    threads: 2
     resources:
         mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:
@@ -126,7 +126,6 @@ rule train:
         "results/{study}/log/train/{subject},gamma={gamma},{variant},seed={seed}.log",
     conda:
         "../../environment.yml"
-    threads: lambda wildcards: section("train", wildcards, "subject", "variant").threads
     resources:
         mem_mb=lambda wildcards, attempt: 6000 * attempt,
     params:
@@ -167,7 +166,6 @@ rule render:
         "results/{study}/log/render/{subject},gamma={gamma},{variant},seed={seed}.log",
     conda:
         "../../environment.yml"
-    threads: lambda wildcards: section("render", wildcards, "subject").threads
     resources:
         mem_mb=lambda wildcards, attempt: 4000 * attempt,
     params:

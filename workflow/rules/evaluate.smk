@@ -42,7 +42,6 @@ rule metrics:
         "results/{study}/log/metrics/{subject},gamma={gamma},{variant},seed={seed}.log",
     conda:
         "../../environment.yml"
-    threads: lambda wildcards: section("metrics", wildcards, "subject").threads
     resources:
         mem_mb=lambda wildcards, attempt: 6000 * attempt,
     params:

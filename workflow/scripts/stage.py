@@ -14,6 +14,7 @@ def _arguments(job) -> dict:
         settings=job.input.settings,
         files={name: found if isinstance(found, str) else [*found] for name, found in files.items()},
         job=asdict(planned_job(job)),
+        threads=job.threads,
     )
 
 

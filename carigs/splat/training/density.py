@@ -28,6 +28,9 @@ from carigs.splat.training.adam import Adam
 SPLIT_CHILDREN, SPLIT_SHRINK = 2, 1.6
 """Children of a split, and the factor by which they are smaller (Kerbl et al. 2023)."""
 
+SPLIT_SCALE = 0.01
+"""World scale, over the size of the scene, above which a surfel is split instead of cloned (Kerbl et al. 2023)."""
+
 
 class GradientStatistics:
     """Mean screen-space positional gradient of every surfel over the views that saw it.
@@ -102,7 +105,7 @@ def densify_and_prune(
     room = max(settings.max_surfels - int(n - pruned.sum()), 0)
     parents = np.sort(parents[np.argsort(-gradient[parents], kind="stable")[:room]])
     size = np.exp(arrays["log_scale"]).max(axis=1) * rig.scale[arrays["binding"]]
-    large = size[parents] > settings.split_scale * extent
+    large = size[parents] > SPLIT_SCALE * extent
     cloned, split = parents[~large], np.repeat(parents[large], SPLIT_CHILDREN)
     source = np.concatenate([np.arange(n), cloned, split])
     arrays = {name: value[source] for name, value in arrays.items()}

@@ -15,8 +15,12 @@ import numpy as np
 
 from carigs.capture import Capture, Frame
 from carigs.capture.evenly_spread import evenly_spread
-from carigs.settings import Plateau, Train
+from carigs.settings import Train
 
+FRAMES = 8
+"""Held-out frames that are measured."""
+COOLDOWN = 0.25
+"""Steps that follow when the quality has levelled off, over those done: the learning rates fall within them."""
 LEAST_MEASUREMENTS = 2
 """In each of the two quarters that are compared: the error of a single measurement is as large as late gains."""
 
@@ -49,17 +53,16 @@ class Ending(NamedTuple):
         return before + (1 - before) * (iteration - self.levelled_at + 1) / (self.last - self.levelled_at)
 
 
-def validation_frames(capture: Capture, count: int) -> list[Frame]:
+def validation_frames(capture: Capture) -> list[Frame]:
     """Choose held-out frames.
 
     Args:
         capture: The captured subject.
-        count: Their number.
 
     Returns:
-        At most `count` frames of the split `val`, evenly over all; none if it is empty.
+        At most `FRAMES` frames of the split `val`, evenly over all; none if it is empty.
     """
-    return evenly_spread(capture.split("val"), count)
+    return evenly_spread([*capture.split("val")], FRAMES)
 
 
 def measures_after(settings: Train, done: int) -> bool:
@@ -75,7 +78,7 @@ def measures_after(settings: Train, done: int) -> bool:
     plateau, density = settings.plateau, settings.density
     if not plateau.every or done % plateau.every or (density.every and done < density.stop):
         return False
-    return done + _cooldown(plateau, done) < settings.iterations
+    return done + _cooldown(done) < settings.iterations
 
 
 def has_levelled_off(measured: Sequence[tuple[int, float]], min_gain: float) -> bool:
@@ -111,8 +114,8 @@ def ending_after(settings: Train, measured: Sequence[tuple[int, float]]) -> Endi
     if not has_levelled_off(measured, settings.plateau.min_gain):
         return Ending(None, settings.iterations)
     done = measured[-1][0]
-    return Ending(done, min(done + _cooldown(settings.plateau, done), settings.iterations))
+    return Ending(done, min(done + _cooldown(done), settings.iterations))
 
 
-def _cooldown(plateau: Plateau, done: int) -> int:
-    return max(1, math.ceil(plateau.cooldown * done))
+def _cooldown(done: int) -> int:
+    return max(1, math.ceil(COOLDOWN * done))

@@ -54,7 +54,7 @@ def prepare_subject(
         sequence.shading = load_shading(targets[-1].folder / SHADING, len(capture.model.faces))
     supervision = Supervision(capture, targets if settings.gtstar_probability > 0 else (), settings.mask_flags)
     keep_size_of_brows(sequence, settings)
-    scalp = capture.model.face_region(*settings.hair_regions)
+    scalp = capture.model.face_region(*settings.regions.hair)
     if hair is not None and sequence.shading is not None:
         rig, extinction = sequence.rig, sequence.shading.extinction
         sequence.hair_shadow = hair_shadow(hair, scalp, rig.vertices, rig.faces, extinction)

@@ -28,6 +28,12 @@ from carigs.splat.training.training_step import StepInputs, StepResult, Training
 
 DEVICE_BACKENDS = ("torch", "cuda")
 """Backends whose whole step is on a device."""
+CHECKPOINT_SECONDS = 60.0
+"""Time between two checkpoints."""
+LOG_EVERY = 20
+"""Steps between two rows of the log."""
+IMPORTANCE_VIEWS = 8
+"""Training frames over which density control measures the importance of surfels."""
 REFINEMENT_FACTOR = 1.4
 """Time of a step that refines the tracking, over one that does not."""
 COLUMNS = ("iteration", "seconds", "caricature", "loss", "psnr", "surfels", "validation_psnr")
@@ -89,7 +95,7 @@ def train_surfels(
             report(state.iteration, state.ending.last, **run.shown, surfels=len(state.surfels))
             if on_step is not None:
                 on_step(state)
-            if checkpoint is None or now - saved <= settings.checkpoint_seconds:
+            if checkpoint is None or now - saved <= CHECKPOINT_SECONDS:
                 continue
             if state.iteration < state.ending.last:
                 save_checkpoint(checkpoint, state)
@@ -135,9 +141,7 @@ class _Run:
         self.work = _step_of(self.inputs)
         self.work.place(state)
         # Without real frames in the training, those that are held out do not say how far it is.
-        self.validation = (
-            [] if self.only_targets else validation_frames(self.supervision.capture, settings.plateau.frames)
-        )
+        self.validation = [] if self.only_targets else validation_frames(self.supervision.capture)
         self.shown: dict[str, float] = {}
 
     def step(self) -> None:
@@ -159,7 +163,7 @@ class _Run:
             views = [(frame, 0.0) for frame in self.supervision.frames]
             if self.only_targets:
                 views = [(target.frame, target.level) for target in self.supervision.targets]
-            views = [views[i] for i in rng.choice(len(views), min(density.importance_views, len(views)), replace=False)]
+            views = [views[i] for i in rng.choice(len(views), min(IMPORTANCE_VIEWS, len(views)), replace=False)]
             state.surfels = densify_and_prune(
                 state.surfels, state.adam, state.statistics.mean(), self.sequence.rig, self.extent, density, rng,
                 lambda: self._importance(views),
@@ -195,7 +199,7 @@ class _Run:
         state.losses.append(result.loss)
         if isinstance(result.loss, float):
             self.shown["loss"] = result.loss
-        if state.iteration % self.settings.log_every and state.iteration < state.ending.last:
+        if state.iteration % LOG_EVERY and state.iteration < state.ending.last:
             return
         image, target = (values.detach().cpu().numpy() for values in (result.image, result.target))
         error = (image.clip(0, 1) - target) ** 2

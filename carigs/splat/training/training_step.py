@@ -19,6 +19,9 @@ from carigs.splat.training.initial_surfels.initialization import start_distances
 from carigs.splat.training.schedule import Schedule
 from carigs.splat.training.subject import TrainingSubject
 
+POSITION_LIMIT, SCALE_LIMIT = 1.0, 0.6
+"""Distance from the triangle, and standard deviation, up to which a surfel is not penalised, in units of the triangle
+(Qian et al. 2024)."""
 PREFETCHED = 4
 """Steps whose images are decoded ahead."""
 
@@ -61,7 +64,7 @@ class StepInputs:
         """
         hair, mouth = self.subject.hair, self.subject.mouth
         beside = [points for points in (hair and hair.points, mouth) if points is not None]
-        return self.settings.position_limit + start_distances(self.subject.sequence.rig, beside)
+        return POSITION_LIMIT + start_distances(self.subject.sequence.rig, beside)
 
     @cached_property
     def only_targets(self) -> bool:

@@ -15,7 +15,7 @@ from evaluation.figures.png_figure import png_figure
 
 COLOURS = {"plain loops": "0.6", "carigs": "tab:blue"}
 SCALING = r"(?P<surfels>\d+) surfels, (?P<height>\d+)x(?P<width>\d+), (?P<threads>\d) threads?"
-WARP = re.compile(r"(?P<warp>affine|perspective), (?P<samples>\d)x\d, antialias (?P<antialias>on|off)")
+WARP = re.compile(r"(?P<warp>affine|perspective), (?P<samples>\d)x\d")
 
 
 def plot_splat(file: Path, measurements: Sequence[Measurement], kernels: Sequence[str]) -> None:
@@ -91,7 +91,7 @@ def plot_target(file: Path, measurements: Sequence[Measurement]) -> None:
                     *values.loc[case, ["visibility, warp and masks", "99th percentile of the error"]],
                     "os^D"[int(option["samples"]).bit_length() - 1],
                     color="tab:blue" if option["warp"] == "perspective" else "0.6",
-                    fillstyle="full" if option["antialias"] == "on" else "none", label=case,
+                    fillstyle="none", label=case,
                 )  # fmt: skip
         axes.set(xscale="log", xlabel="CPU ms per frame of 802x550, one thread")
         axes.set_ylabel("99th percentile of |target - truth|, trusted pixels")

@@ -60,7 +60,7 @@ class StudySubject:
         )
 
     def settings_for(self, steps: int) -> Train:
-        """Settings of a training with another number of steps, on one thread.
+        """Settings of a training with another number of steps.
 
         Args:
             steps: Number of steps; density control ends after two thirds of them.
@@ -69,7 +69,7 @@ class StudySubject:
             The settings.
         """
         density = replace(self.train.density, stop=2 * steps // 3)
-        return replace(self.train, iterations=steps, density=density, threads=1)
+        return replace(self.train, iterations=steps, density=density)
 
     def targets(self) -> TargetSet:
         """The targets of the variant `alternating`.

@@ -26,7 +26,7 @@ from evaluation.metrics.image_quality import psnr_of_errors, squared_error
 from evaluation.metrics.regions import SurfaceRegions, image_regions, surface_regions
 
 BAND = 2
-"""Half width of the region `silhouette` in pixels, the default of `metrics.silhouette_band`."""
+"""Half width of the region `silhouette` in pixels, as in the stage `metrics`."""
 
 
 class TrainingInputs(NamedTuple):
@@ -64,7 +64,7 @@ def make_inputs(folder: Path, toy: Toy, exaggerate: Exaggerate, gtstar: Gtstar) 
     images, records, index = folder / "targets", folder / "records", folder / "targets.json"
     images.mkdir()
     records.mkdir()
-    hair = find_hair(Hair(regions=gtstar.hair_regions), capture)
+    hair = find_hair(Hair(regions=gtstar.regions), capture)
     entries = make_target_set(gtstar, capture, path.at(path.gamma_f), images, records, hair)
     write_targets(index, path.gamma_f, images, *entries)
     return TrainingInputs(capture, path, hair, read_targets(index, capture))

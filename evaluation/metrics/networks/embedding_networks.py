@@ -38,6 +38,8 @@ class EmbeddingNetworks:
     background: float
     """Grey value in [0, 1] behind the person."""
     cache: EmbeddingCache
+    threads: int = 1
+    """Threads of the networks; scores do not depend on it."""
     _loaded: dict[tuple, torch.nn.Module] = field(default_factory=dict)
     _pixels: dict[Path, str] = field(default_factory=dict)
 
@@ -126,7 +128,7 @@ class EmbeddingNetworks:
         if (load, *arguments) not in self._loaded:
             import torch
 
-            torch.set_num_threads(self.settings.threads)
+            torch.set_num_threads(self.threads)
             self._loaded[load, *arguments] = load(*arguments)
         return self._loaded[load, *arguments]
 

@@ -46,5 +46,5 @@ def test_longer_trainings_take_longer_and_come_closer(folder, tmp_path):
 def test_settings_of_another_length_are_those_of_the_study_otherwise():
     density = Density(stop=64)
     study = SimpleNamespace(train=Train(iterations=96, density=density, seed=3))
-    assert StudySubject.settings_for(study, 96) == Train(iterations=96, density=density, seed=3, threads=1)
+    assert StudySubject.settings_for(study, 96) == Train(iterations=96, density=density, seed=3)
     assert StudySubject.settings_for(study, 12).density.stop == 8

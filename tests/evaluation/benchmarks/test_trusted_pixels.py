@@ -15,11 +15,11 @@ from carigs.gtstar.mask_flags import MaskFlag
 from carigs.hair import find_hair
 from carigs.head import neutral, pose
 from carigs.raster import rasterize_mesh
-from carigs.settings import Gtstar, Hair
+from carigs.settings import Gtstar, Hair, Regions
 from evaluation.benchmarks.trusted_pixels import skin_regions, warped_pixels
 
 FLAGS = ("newly_visible", "occluded", "outside_image", "outside_mesh", "covered")
-SETTINGS = Gtstar(relight="none", hair_regions=("scalp",))
+SETTINGS = Gtstar(relight="none", regions=Regions(hair=("scalp",)))
 
 
 @pytest.fixture(scope="module")

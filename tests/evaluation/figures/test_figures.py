@@ -16,6 +16,7 @@ from carigs.capture.frame_index import read_ground_truth
 from carigs.capture.images import read_rgb, write_png
 from carigs.errors import CarigsWarning
 from carigs.exaggeration import Exaggerator, GammaPath, straight_path
+from carigs.gtstar import warp
 from carigs.head import neutral
 from carigs.settings import DEFAULT_MASK_FLAGS, Exaggerate, Figures, Gtstar
 from carigs.stages.figures import figures
@@ -130,7 +131,7 @@ def left_out(folder):
 
 def test_a_given_caricature_gets_its_strips_and_says_why_there_is_nothing_solved(study):
     folder, keywords = study
-    figures(Figures(image_height=96), **keywords, path=folder / "given.npz", folder=folder / "given")
+    figures(Figures(), **keywords, path=folder / "given.npz", folder=folder / "given")
     reasons = left_out(folder / "given")
     drawn = {file.stem for file in (folder / "given").glob("*.png")}
     assert drawn == {"gamma_strip_alternating", "gamma_strip_surfhead", "ablation", "renderings", "hair"}
@@ -146,7 +147,7 @@ def test_a_given_caricature_gets_its_strips_and_says_why_there_is_nothing_solved
 def test_the_hair_is_shown_at_both_levels_without_a_column_for_an_unknown_truth(study):
     """Renderings are black at level 0 and dark grey at 0.25, whose truth is not known."""
     folder, keywords = study
-    figures(Figures(image_height=96), **keywords, path=folder / "given.npz", folder=folder / "hair")
+    figures(Figures(), **keywords, path=folder / "given.npz", folder=folder / "hair")
     sheet = read_rgb(folder / "hair/hair.png")
     subject = Capture.load(folder / "capture.json")
     truths = {level: read_ground_truth(file) for level, file in zip((0.0, 0.25), keywords["truths"], strict=True)}
@@ -181,7 +182,7 @@ def test_the_open_mouth_is_looked_for_among_rendered_frames(study, tmp_path, mon
 def test_figures_are_the_same_bytes_again(study):
     folder, keywords = study
     for name in ("a", "b"):
-        figures(Figures(image_height=96), **keywords, path=folder / "given.npz", folder=folder / name)
+        figures(Figures(), **keywords, path=folder / "given.npz", folder=folder / name)
     for file in (folder / "a").iterdir():
         assert file.read_bytes() == (folder / "b" / file.name).read_bytes()
 
@@ -190,7 +191,7 @@ def test_figures_are_the_same_bytes_again(study):
 def test_a_solved_path_gets_its_blend_error_unless_solving_again_gives_another(study):
     folder, keywords = study
     solved = GammaPath.load(folder / "path.npz")
-    few = Figures(image_height=96, blend_error_samples=5)
+    few = Figures()
     told = {**solved.report, "settings": {"limit_cavities": False}}
     GammaPath(solved.levels, solved.displacements, solved.faces, solved.neutral, told).save(folder / "told.npz")
     for name in ("told", "told_again"):
@@ -209,19 +210,21 @@ def hair_masked(records):
     return next(record.masked for record in records if record.region == "hair")
 
 
-def test_misregistration_follows_the_settings_of_the_study(study):
+def test_misregistration_follows_the_settings_of_the_study(study, monkeypatch):
     """Pixels are marked by the flags of the settings, on the truth that the frames themselves are at level 0."""
     folder, keywords = study
     subject, path = Capture.load(keywords["capture"]), GammaPath.load(folder / "given.npz")
     truths = {0.25: read_ground_truth(keywords["truths"][0])}  # natural frames, hence wrong at 0.25
+    monkeypatch.setattr(warp, "MAX_STRETCH", 1.0)
     marked = {}
     for flags in (DEFAULT_MASK_FLAGS, ("stretched",)):
-        records = list(misregistrations(subject, path, truths, Gtstar(max_stretch=1.0), flags))
+        records = list(misregistrations(subject, path, truths, Gtstar(), flags))
         assert {record.level for record in records} == {0.25} and {r.region for r in records} <= set(REGIONS)
         marked[flags] = {record.region: record.marked for record in records}
         assert flags != DEFAULT_MASK_FLAGS or hair_masked(records) > MAX_MASKED
     assert marked[DEFAULT_MASK_FLAGS] != marked["stretched",]
-    narrow = list(misregistrations(subject, path, truths, Gtstar(max_stretch=6.0), ("stretched",)))
+    monkeypatch.setattr(warp, "MAX_STRETCH", 6.0)
+    narrow = list(misregistrations(subject, path, truths, Gtstar(), ("stretched",)))
     assert hair_masked(narrow) < MAX_MASKED
     assert sum(record.marked for record in narrow) < sum(marked["stretched",].values())
 

@@ -14,7 +14,7 @@ from evaluation.metrics.catalogue import CATALOGUE
 from evaluation.tables.metric_records import MetricRecord, StudyPoint, metric_record, write_metrics
 from evaluation.tables.summary import read_metrics, summarise
 
-SETTINGS = Tabulate(resamples=200)
+SETTINGS = Tabulate()
 
 
 def study_records(variants=("alternating", "surfhead"), levels=(0.0, 0.25), seeds=(0,)) -> list[MetricRecord]:

@@ -16,7 +16,7 @@ from evaluation.tables.published import PUBLISHED
 from evaluation.tables.summary import summarise
 from evaluation.tables.typeset import comparison_tables
 
-SETTINGS = Tabulate(resamples=100)
+SETTINGS = Tabulate()
 METRICS = {
     "up": Metric("Up", "higher", 1, "", "a test", "paper"),
     "down": Metric("Down", "lower", 1, "mm", "a test", "paper"),

@@ -37,7 +37,7 @@ def surface_rows():
 
 def target_rows():
     for warp, samples in ((w, n) for w in ("affine", "perspective") for n in (1, 2, 4, 8)):
-        case = f"{warp}, {samples}x{samples}, antialias off"
+        case = f"{warp}, {samples}x{samples}"
         yield case, "visibility, warp and masks", "ms", 20.0 + samples
         yield case, "99th percentile of the error", "1", 0.2 / samples
     yield "level 0.25, new light", "PSNR of trusted skin", "dB", 33.0

@@ -15,6 +15,7 @@ from carigs.head import neutral
 from carigs.settings import Density, Plateau, Train
 from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.surfels.surfels import to_arrays
+from carigs.splat.training import plateau, trainer
 from carigs.splat.training.checkpoint import Checkpoint
 from carigs.splat.training.plateau import Ending, ending_after, has_levelled_off, measures_after, validation_frames
 from carigs.splat.training.subject import TrainingSubject
@@ -24,12 +25,18 @@ from carigs.splat.training.trainer import learning_rates, train_surfels
 SETTINGS = Train(
     iterations=200,
     gtstar_probability=0.0,
-    log_every=5,
     hair_layers=2,
     density=Density(every=0),
-    plateau=Plateau(every=5, frames=2, min_gain=1000.0, cooldown=0.25),
+    plateau=Plateau(every=5, min_gain=1000.0),
 )
 """A training whose every gain is too small: it ends as soon as two quarters can be compared."""
+
+
+@pytest.fixture
+def few(monkeypatch):
+    """A row of the log for each five steps, and two held-out frames."""
+    monkeypatch.setattr(trainer, "LOG_EVERY", 5)
+    monkeypatch.setattr(plateau, "FRAMES", 2)
 
 
 def measured(psnr, last, every):
@@ -59,15 +66,13 @@ def test_quarters_with_less_than_two_measurements_say_nothing(last):
     assert not has_levelled_off([], 1.0)
 
 
-@given(
-    iterations=st.integers(2, 10_000), share=st.floats(0.05, 0.95), cooldown=st.floats(0.01, 3),
-)  # fmt: skip
-def test_learning_rates_have_no_jump_and_end_at_their_last_value(iterations, share, cooldown):
-    settings = Train(iterations=iterations, plateau=Plateau(every=1, cooldown=cooldown))
+@given(iterations=st.integers(2, 10_000), share=st.floats(0.05, 0.95))
+def test_learning_rates_have_no_jump_and_end_at_their_last_value(iterations, share):
+    settings = Train(iterations=iterations, plateau=Plateau(every=1))
     done = max(1, int(share * iterations))
     if not measures_after(settings, done) or done + 1 >= iterations:
         return
-    ending = Ending(done, min(done + max(1, int(np.ceil(cooldown * done))), iterations))
+    ending = Ending(done, min(done + max(1, int(np.ceil(plateau.COOLDOWN * done))), iterations))
     progress = np.array([ending.progress(i, iterations) for i in range(ending.last)])
     np.testing.assert_allclose(progress[:done], np.arange(done) / (iterations - 1))
     np.testing.assert_allclose(np.diff(progress[done - 1 :], 2), 0, atol=1e-12)  # linear
@@ -77,7 +82,7 @@ def test_learning_rates_have_no_jump_and_end_at_their_last_value(iterations, sha
 
 
 def test_a_training_is_measured_after_density_control_while_an_end_would_shorten_it():
-    settings = Train(iterations=1000, density=Density(stop=300), plateau=Plateau(every=50, cooldown=0.25))
+    settings = Train(iterations=1000, density=Density(stop=300), plateau=Plateau(every=50))
     steps = [done for done in range(1, 1001) if measures_after(settings, done)]
     assert steps == list(range(300, 800, 50))
     assert not any(measures_after(replace(settings, plateau=Plateau(every=0)), done) for done in range(1, 1001))
@@ -86,8 +91,13 @@ def test_a_training_is_measured_after_density_control_while_an_end_would_shorten
     assert ending_after(settings, measured(lambda n: n, 600, 50)) == (None, 1000)
 
 
+@pytest.fixture
+def subject(few, ball):
+    return ball
+
+
 @pytest.fixture(scope="module")
-def subject(tmp_path_factory):
+def ball(tmp_path_factory):
     folder = tmp_path_factory.mktemp("ball")
     write_ball(folder)
     capture = read_dataset(folder, folder / "head_model.npz")
@@ -121,7 +131,7 @@ def test_the_logged_quality_is_that_of_the_held_out_frames(subject, tmp_path):
             avatar = Avatar(state.surfels, sequence, background=capture.background)
             found[10] = [
                 -10 * np.log10(np.mean((avatar.render(f.timestep, 0.0, capture.camera(f)) - capture.image(f)) ** 2))
-                for f in validation_frames(capture, 2)
+                for f in validation_frames(capture)
             ]
 
     _, rows = run(subject, tmp_path / "c", on_step=look)
@@ -129,20 +139,21 @@ def test_the_logged_quality_is_that_of_the_held_out_frames(subject, tmp_path):
 
 
 @pytest.mark.parametrize("stop", [12, 36, 41])
-def test_a_killed_run_that_ends_early_resumes_to_the_same_bytes(subject, tmp_path, stop):
+def test_a_killed_run_that_ends_early_resumes_to_the_same_bytes(subject, tmp_path, monkeypatch, stop):
     def kill(state):
         if state.iteration == stop:
             raise KeyboardInterrupt
 
     whole = run(subject, tmp_path / "whole")
+    monkeypatch.setattr(trainer, "CHECKPOINT_SECONDS", 0.0)
     with pytest.raises(KeyboardInterrupt):
-        run(subject, tmp_path / "c", on_step=kill, checkpoint_seconds=0.0)
+        run(subject, tmp_path / "c", on_step=kill)
     assert run(subject, tmp_path / "c") == whole
 
 
 def test_measuring_alone_changes_no_surfel(subject, tmp_path):
     """With gains that count, the bytes are those of a training that measures nothing."""
-    measuring = Plateau(every=5, frames=2, min_gain=0.0)
+    measuring = Plateau(every=5, min_gain=0.0)
     first, rows = run(subject, tmp_path / "a", iterations=30, plateau=measuring)
     second, others = run(subject, tmp_path / "b", iterations=30, plateau=Plateau(every=0))
     assert first == second
@@ -151,20 +162,22 @@ def test_measuring_alone_changes_no_surfel(subject, tmp_path):
 
 
 def test_without_held_out_frames_a_training_does_all_its_steps(subject, tmp_path, monkeypatch):
-    monkeypatch.setattr("carigs.splat.training.trainer.validation_frames", lambda capture, count: [])
+    monkeypatch.setattr("carigs.splat.training.trainer.validation_frames", lambda capture: [])
     assert run(subject, tmp_path / "c", iterations=60)[1][-1][0] == 60
 
 
 def test_a_held_out_frame_that_cannot_be_read_is_named(subject, tmp_path, monkeypatch):
     capture = subject[0]
-    broken = replace(validation_frames(capture, 1)[0], image="none.png")
+    broken = replace(validation_frames(capture)[0], image="none.png")
     monkeypatch.setattr("carigs.splat.training.trainer.validation_frames", lambda *_: [broken])
     with pytest.raises(InputError, match=r"none\.png"):
         run(subject, tmp_path / "c")
 
 
-def test_held_out_frames_are_spread_over_all(subject):
+def test_held_out_frames_are_spread_over_all(subject, monkeypatch):
     capture = subject[0]
     frames = list(capture.split("val"))
-    assert frames and validation_frames(capture, 1000) == frames
-    assert validation_frames(capture, 1) == frames[:1]
+    monkeypatch.setattr(plateau, "FRAMES", 1000)
+    assert frames and validation_frames(capture) == frames
+    monkeypatch.setattr(plateau, "FRAMES", 1)
+    assert validation_frames(capture) == frames[:1]

@@ -15,6 +15,7 @@ from carigs.head import HeadModel, HeadParameters, neutral, pose, subject_model
 from carigs.settings import Density, RefineTracking, Train
 from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.surfels.surfels import to_arrays
+from carigs.splat.training import trainer
 from carigs.splat.training.checkpoint import Checkpoint
 from carigs.splat.training.subject import TrainingSubject
 from carigs.splat.training.supervision import Supervision
@@ -117,12 +118,13 @@ def test_errors_of_the_tracking_that_differ_between_timesteps_shrink(capture, se
     assert max(apart) < 0.5 * np.linalg.norm(wrong)
 
 
-def test_an_interrupted_run_ends_in_the_same_bytes(capture, sequence, tmp_path):
+def test_an_interrupted_run_ends_in_the_same_bytes(capture, sequence, tmp_path, monkeypatch):
+    monkeypatch.setattr(trainer, "CHECKPOINT_SECONDS", 0.0)
+
     def run(checkpoint, on_step=None):
         own = replace(sequence, parameters=dict(sequence.parameters))
-        settings = replace(SETTINGS, checkpoint_seconds=0.0)
         surfels, _ = train_surfels(
-            settings, TrainingSubject(own, Supervision(capture)), Checkpoint(checkpoint, "key"), on_step
+            SETTINGS, TrainingSubject(own, Supervision(capture)), Checkpoint(checkpoint, "key"), on_step
         )
         refined = [getattr(own.parameters[t], name) for t in own.parameters for name in ("translation", "joints")]
         return b"".join(value.tobytes() for value in (*to_arrays(surfels).values(), *refined))

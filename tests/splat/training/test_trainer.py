@@ -25,6 +25,7 @@ from carigs.splat.training import numba_step, trainer
 from carigs.splat.training.adam import Adam
 from carigs.splat.training.budget import with_iterations
 from carigs.splat.training.checkpoint import Checkpoint
+from carigs.splat.training.initial_surfels import initialization
 from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.schedule import draw_schedule
 from carigs.splat.training.subject import TrainingSubject
@@ -35,9 +36,14 @@ LEVELS = (0.1, 0.25)
 SETTINGS = Train(
     iterations=30,
     hair_layers=2,
-    log_every=5,
     density=Density(start=10, stop=28, every=6, gradient_threshold=1e-5, max_surfels=2200),
 )
+
+
+@pytest.fixture(autouse=True)
+def more_rows(monkeypatch):
+    """A row of the log for each five steps."""
+    monkeypatch.setattr(trainer, "LOG_EVERY", 5)
 
 
 @pytest.fixture(scope="module")
@@ -169,8 +175,9 @@ def test_a_killed_run_resumes_to_the_same_bytes(subject, tmp_path, monkeypatch):
         return photometric_loss(*arguments)
 
     monkeypatch.setattr(numba_step, "photometric_loss", killed)
+    monkeypatch.setattr(trainer, "CHECKPOINT_SECONDS", 0.0)
     with pytest.raises(KeyboardInterrupt):
-        run(subject, tmp_path / "state", checkpoint_seconds=0.0)
+        run(subject, tmp_path / "state")
     resumed, resumed_rows = run(subject, tmp_path / "state")
     assert steps < 18 + 15  # it did not start again
     assert as_bytes(resumed) == as_bytes(surfels)
@@ -180,13 +187,13 @@ def test_a_killed_run_resumes_to_the_same_bytes(subject, tmp_path, monkeypatch):
 def test_a_run_within_a_budget_is_the_run_of_as_many_steps(subject, tmp_path, monkeypatch):
     """Killed and resumed, it keeps the number of steps that was measured at its start."""
     monkeypatch.setattr(trainer, "seconds_per_step", lambda step, clock: [step() for _ in range(8)] and 0.5)
-    changes = {"checkpoint_seconds": 0.0, "gtstar_probability": 0.5}
+    monkeypatch.setattr(trainer, "CHECKPOINT_SECONDS", 0.0)
 
     def stop(state):
         if state.iteration == 25:
             raise KeyboardInterrupt
 
-    supervision, settings = supervise(subject, 0.25), replace(SETTINGS, **changes, budget="30s")
+    supervision, settings = supervise(subject, 0.25), replace(SETTINGS, gtstar_probability=0.5, budget="30s")
     with pytest.raises(KeyboardInterrupt):
         train_surfels(settings, TrainingSubject(subject[1], supervision), Checkpoint(tmp_path / "killed", "key"), stop)
     monkeypatch.setattr(trainer, "seconds_per_step", lambda step, clock: pytest.fail("measured again"))
@@ -203,8 +210,9 @@ def test_a_run_within_a_budget_is_the_run_of_as_many_steps(subject, tmp_path, mo
 def test_a_checkpoint_of_another_run_is_ignored(subject, tmp_path, monkeypatch):
     surfels, _ = run(subject, tmp_path / "none", iterations=8)
     monkeypatch.setattr(trainer, "progress", _killing_after(5))
+    monkeypatch.setattr(trainer, "CHECKPOINT_SECONDS", 0.0)
     with pytest.raises(KeyboardInterrupt):
-        run(subject, tmp_path / "state", key="another", iterations=8, seed=1, checkpoint_seconds=0.0)
+        run(subject, tmp_path / "state", key="another", iterations=8, seed=1)
     monkeypatch.undo()
     assert (tmp_path / "state").is_file()
     assert as_bytes(run(subject, tmp_path / "state", iterations=8)[0]) == as_bytes(surfels)
@@ -295,11 +303,12 @@ def test_each_step_renders_the_level_of_its_target(subject, tmp_path, monkeypatc
     capture, sequence, _ = subject
     levels = []
     motion = sequence.motion
+    monkeypatch.setattr(initialization, "COLOUR_FRAMES", 1)
     monkeypatch.setattr(sequence, "motion", lambda timestep, level: levels.append(level) or motion(timestep, level))
     targets = 2 * len(capture.split("train"))
     run(
         subject, tmp_path / "c", at=(0.1, 0.25), iterations=2 * targets, gtstar_probability=1.0,
-        density=Density(every=0), initial_colour_frames=1,
+        density=Density(every=0),
     )  # fmt: skip
     levels = levels[1:]  # the first colours
     assert {level: levels.count(level) for level in (0.1, 0.25)} == {0.1: targets, 0.25: targets}

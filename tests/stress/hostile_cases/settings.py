@@ -43,9 +43,9 @@ def wrong_overrides() -> Iterator[Case]:
     """
     keys = (
         "gamma", "study.name", "study.levels", "study.subjects", "capture.source", "capture.background",
-        "capture.toy.width",
-        "exaggerate.regions", "exaggerate.path_nodes", "gtstar.max_stretch", "train.iterations", "train.position_lr",
-        "train.mask_flags", "train.density.stop", "metrics.edit_prompt", "figures.camera", "tabulate.confidence",
+        "capture.toy.width", "exaggerate.regions", "exaggerate.path_nodes", "gtstar.hair_extinction",
+        "train.iterations", "train.position_lr",
+        "train.mask_flags", "train.density.stop", "metrics.edit_prompt", "figures.camera", "tabulate.reference",
     )  # fmt: skip
     values = (
         "nan", "inf", "-inf", "1e400", "-1e308", "9" * 400, "9" * 5000, "[[1]]", "{a:{b:1}}", "''", "${oc.env:HOME}",

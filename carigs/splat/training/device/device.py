@@ -7,7 +7,6 @@ from functools import partial
 
 import torch
 
-from carigs.errors import SettingsError
 from carigs.settings import Train
 from carigs.splat.rasterizer.cuda import load_gsplat, rasterize_gsplat
 from carigs.splat.rasterizer.interface import Rendering
@@ -21,21 +20,16 @@ def open_device(settings: Train) -> tuple[torch.device, Rasterizer]:
     """Find the device of a training.
 
     Args:
-        settings: `backend` is `torch` or `cuda`; `device` is where `torch` computes.
+        settings: `backend` is `torch`, which takes a GPU of NVIDIA, AMD or Apple if torch finds one, or `cuda`.
 
     Returns:
         The device, and the rasterizer for it.
 
     Raises:
-        SettingsError: If torch has no such device here, or gsplat is needed and not installed.
+        SettingsError: If `cuda` is chosen, and there is no such device, or gsplat is not installed.
     """
     if settings.backend == "cuda":
         device = torch.device("cuda")
         return device, partial(rasterize_gsplat, load_gsplat(), device=device)
     available = {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available(), "cpu": True}
-    name = settings.device
-    if name == "auto":
-        name = next(name for name, there in available.items() if there)
-    if not available[name]:
-        raise SettingsError(f"train.device={name}: torch sees no such device here")
-    return torch.device(name), rasterize_torch
+    return torch.device(next(name for name, there in available.items() if there)), rasterize_torch

@@ -30,7 +30,7 @@ from carigs.splat.training.device.statistics import DeviceStatistics
 from carigs.splat.training.device.threshold_loss import threshold_loss
 from carigs.splat.training.initial_surfels.hair_surfels import FADING_STEPS
 from carigs.splat.training.regularizers import normal_consistency_loss
-from carigs.splat.training.training_step import StepInputs, StepResult
+from carigs.splat.training.training_step import SCALE_LIMIT, StepInputs, StepResult
 
 
 class DeviceStep:
@@ -105,9 +105,7 @@ class DeviceStep:
 
     def _threshold_loss(self, surfels: Surfels, visible: Bool[Tensor, " n"]) -> Float[Tensor, ""]:
         settings, limit = self.inputs.settings, self._limit[self._binding(surfels)]
-        return threshold_loss(
-            surfels, visible, limit, settings.position_weight, settings.scale_limit, settings.scale_weight
-        )
+        return threshold_loss(surfels, visible, limit, settings.position_weight, SCALE_LIMIT, settings.scale_weight)
 
     def _loss(self, state: TrainingState, example: DeviceExample, i: int) -> tuple[Rendering, Float[Tensor, ""]]:
         settings, records = self.inputs.settings, example.records

@@ -26,6 +26,10 @@ from carigs.splat.training.supervision import Example, Supervision
 
 OCCLUSION_TOLERANCE = 0.003
 """Metres that a surfel's centre may lie behind the mesh and still count as visible."""
+COLOUR_FRAMES = 32
+"""Training frames from which the initial colours are sampled."""
+SPACE_OPACITY = 0.2
+"""Initial opacity of the surfels inside hair and mouth."""
 SPACE_SCALE, SPACE_SCALE_LIMITS = 0.4, (0.0005, 0.003)
 """Standard deviation of surfels beside the mesh over the distance of their neighbours, and its limits in metres."""
 
@@ -39,7 +43,7 @@ def initial_surfels(
 ) -> Surfels:
     """Take the surfels of the avatar `settings.start`, or initialize surfels on every face and inside hair and mouth.
 
-    Initial colours are means over `settings.initial_colour_frames` training images: GT* targets if they alone supervise
+    Initial colours are means over `COLOUR_FRAMES` training images: GT* targets if they alone supervise
     the run (`gtstar_probability` 1), otherwise captured frames.
 
     Args:
@@ -63,14 +67,14 @@ def initial_surfels(
     binding, position = placed.binding, placed.position
     targets_only = settings.gtstar_probability >= 1
     count = len(supervision.targets if targets_only else supervision.frames)
-    indices = evenly_spread(range(count), settings.initial_colour_frames)
+    indices = evenly_spread(range(count), COLOUR_FRAMES)
     views = [supervision.weighted_example(targets_only, i) for i in indices]
     rgb = observed_colours(binding, position, sequence, views, hair)
     features = eye_and_brow_faces(sequence.head, sequence.head.v_template)
     opacity = np.where(features[binding], settings.initial_feature_opacity, settings.initial_opacity)
     if hair is not None:
         opacity[hair.hidden[binding]] = HIDDEN_OPACITY
-    opacity[len(opacity) - sum(len(points.face) for points in beside) :] = settings.initial_hair_opacity
+    opacity[len(opacity) - sum(len(points.face) for points in beside) :] = SPACE_OPACITY
     return flat_discs(*placed[:3], opacity, rgb, settings.sh_degree, placed.rotation)
 
 

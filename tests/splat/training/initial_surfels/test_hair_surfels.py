@@ -112,7 +112,7 @@ def test_covered_skin_starts_with_the_colour_of_the_skin_around_it_and_keeps_it(
     own, green = (0.5 + SH_BASE * each.colour.detach().numpy()[front[each.binding], 1] for each in (plain, start))
     assert np.ptp(own) > 0.08 and np.abs(own - 0.62).max() > 0.1
     np.testing.assert_allclose(green, 0.62, atol=0.05)
-    settings = replace(SETTINGS, backend=backend, device="cpu")
+    settings = replace(SETTINGS, backend=backend)
     trained, _ = train_surfels(settings, TrainingSubject(sequence, supervision, hair))
     np.testing.assert_array_equal(trained.colour.detach().numpy()[hidden], colours[hidden])
     assert not np.array_equal(trained.colour.detach().numpy()[~hidden], colours[~hidden])
