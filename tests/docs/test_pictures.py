@@ -13,7 +13,7 @@ from PIL import Image
 
 from carigs.errors import InputError
 from evaluation.figures.data_flow import drawing, read_links, without_detours
-from evaluation.figures.make_gallery import Picture, convert, make_pictures, read_pictures
+from evaluation.figures.make_gallery import Picture, make_pictures, read_pictures, write_resized
 
 pytestmark = pytest.mark.docs
 LIST = ROOT / "docs/images/commands.toml"
@@ -95,8 +95,8 @@ def test_a_wrong_entry_names_the_list(entry, tmp_path):
 
 def test_a_converted_picture_keeps_its_colours(tmp_path):
     Image.new("RGBA", (30, 30), (255, 0, 0, 255)).save(tmp_path / "red.png")
-    convert(tmp_path / "red.png", tmp_path / "red.webp", 10)
+    write_resized(tmp_path / "red.png", tmp_path / "red.webp", 10)
     with Image.open(tmp_path / "red.webp") as image:
-        red, green, blue = image.convert("RGB").getpixel((5, 5))
+        red, green, blue = image.write_resized("RGB").getpixel((5, 5))
         assert image.size == (10, 10)
     assert red > 240 and max(green, blue) < 15
