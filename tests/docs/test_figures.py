@@ -29,26 +29,27 @@ class Measurement(NamedTuple):
 
 
 MODEL, MESHES = "ict_model.npz", "meshes"
+SECTION = "what the section names"
 MEASUREMENTS = {
     "toy": Measurement(("accb12e",), (), "make reproduce"),
     "ict_s1": Measurement(("accb12e",), ("ict_s1", MODEL), 'make reproduce HYDRA="study=ict"'),
-    "ict_s7": Measurement(
-        ("19f591b",), ("ict_s7", MODEL), 'make reproduce HYDRA="study=ict study.name=ict_s7 study.subjects=[ict_s7]"'
-    ),
+    "ict_s7": Measurement(("19f591b",), ("ict_s7", MODEL), "the command in docs/results/ict_s7/README.md"),
     "tracking": Measurement(("5d2981b",), (), "python -m evaluation.benchmarks.tracking_errors FILE.csv"),
     "gtstar": Measurement(
         ("df35219",), ("ict_s1", "ict_s7", MODEL), "python -m evaluation.benchmarks.trusted_pixels FILE.csv FOLDER"
     ),
     "light": Measurement(("c74b82e",)),
-    "exaggeration": Measurement((), (MESHES, MODEL), "python -m evaluation.benchmarks.surface RESULTS $CARIGS_DATA"),
-    "fitting": Measurement((), ("ict_s1", "ict_s7", MODEL), "pytest tests/fitting/test_shared_captures.py"),
+    "exaggeration": Measurement((), (MESHES, MODEL)),
+    "fitting": Measurement((), ("ict_s1", "ict_s7", MODEL), SECTION),
     "kernels": Measurement(("6ba7be7",)),
     "metrics": Measurement(("d691ad4",), (), "python -m evaluation.benchmarks.image_metric_cost FILE.csv"),
     "jobs": Measurement(("a7c9c32",), (), "carigs run"),
-    "viewer": Measurement(("8414454",), ("ict_s1", MODEL), "python -m evaluation.benchmarks.viewer AVATAR.npz"),
-    "html": Measurement(("cc059ed",), ("ict_s1", MODEL), "carigs run study=ict"),
-    "plans": Measurement((), ("ict_s1", MODEL), "carigs run && carigs plan"),
-    "regions": Measurement((), (MODEL,), "pytest tests/head"),
+    "viewer": Measurement(
+        ("8414454",), ("ict_s1", MODEL), "python -m evaluation.benchmarks.viewer FILE.csv ict_s1=AVATAR.npz"
+    ),
+    "html": Measurement(("cc059ed",), ("ict_s1", MODEL), SECTION),
+    "plans": Measurement((), ("ict_s1", MODEL), SECTION),
+    "regions": Measurement((), (MODEL,), SECTION),
 }
 """What is measured."""
 TRAILER = re.compile(r"^Moves-figures: *(.+)$", re.MULTILINE)
@@ -64,6 +65,7 @@ COMMIT = re.compile(r"^(?:- )?Commit: ([0-9a-f]{40})\.$", re.MULTILINE)
 WITHOUT_FIGURES = {
     "docs/configuration.md": "ranges of settings",
     "docs/weights.md": "sizes of files",
+    "docs/installation.md": "versions of packages",
     "docs/paper.md": "settings, and figures of the paper",
     "docs/results/toy/table.md": "its card states the commit",
     "docs/results/ict/table.md": "its card states the commit",
