@@ -346,7 +346,7 @@ def test_any_number_of_overrides_reaches_the_jobs(stubbed, tmp_path):
 def test_all_settings_can_be_shown(stubbed):
     shown = yaml.safe_load(stubbed.command("carigs", "settings", "gamma=0.2").stdout)
     assert shown["gamma"] == 0.2
-    assert set(shown) == {"gamma", "seed", "study"} | {
+    assert set(shown) == {"gamma", "study", "regions"} | {
         "capture", "hair", "exaggerate", "gtstar", "target_sheet", "train", "render", "html", "truth", "metrics",
         "tabulate", "figures", "sweep", "card", "report",
     }  # fmt: skip
