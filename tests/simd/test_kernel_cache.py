@@ -56,7 +56,7 @@ def test_editing_any_module_that_a_kernel_module_imports_changes_the_folder(chos
     shutil.copytree(Path(carigs.__file__).parent, tmp_path / "carigs", ignore=shutil.ignore_patterns("__pycache__"))
     environment = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")} if chosen else {}
     folders = [folder_of(tmp_path, **environment)]
-    for name in ("settings/mask_flags.py", "mesh/smoothstep.py", "splat/rasterizer/records.py"):
+    for name in ("settings/mask_flags.py", "mesh/rigid_alignment.py", "splat/rasterizer/records.py"):
         with (tmp_path / "carigs" / name).open("a") as stream:
             stream.write("\nNEAR_PLANE = 1.8\n")
         folders.append(folder_of(tmp_path, **environment))
