@@ -33,3 +33,19 @@ def test_similarity_is_recovered(scale, rotation_vector, shift):
     assert fitted_scale == pytest.approx(scale, rel=1e-9)
     np.testing.assert_allclose(fitted_rotation, rotation, atol=1e-9)
     np.testing.assert_allclose(fitted_shift, shift, atol=1e-8)
+
+
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_no_other_scale_fits_better(mirror):
+    """Also for a mirror image, which no rotation fits."""
+    source = np.random.default_rng(0).normal(size=(30, 3))
+    target = 1.3 * source * [mirror, 1, 1] + [0.1, 0.2, 0.3]
+    scale, rotation, translation = umeyama(source, target)
+    assert np.linalg.det(rotation) == pytest.approx(1)
+
+    def error(factor):
+        moved = factor * scale * (source - source.mean(axis=0)) @ rotation.T
+        return ((moved - (target - target.mean(axis=0))) ** 2).sum()
+
+    assert error(1) <= min(error(0.99), error(1.01)) + 1e-12
+    np.testing.assert_allclose(translation, target.mean(axis=0) - scale * rotation @ source.mean(axis=0))

@@ -94,3 +94,10 @@ def test_frames_that_are_not_rendered_cost_nothing():
     images = Footage(100, 50, 2400, 16, 0.4, "counted")
     assert images.rendered(0.25, None) == 2400 and images.rendered(0, None) == 2450
     assert images.rendered(0.25, 16) == 256 and images.rendered(0.25, 999) == 2400
+
+
+def test_one_slow_job_does_not_make_its_rule_slow():
+    """A job that did not run before gets the median of its rule's ratios: an outlier is one in three."""
+    jobs = [Job(n, "train", {}, 1, 0.0, 0.0, False, None, ()) for n in range(4)]
+    table, earlier = dict.fromkeys(range(4), 10.0), {0: 10.0, 1: 20.0, 2: 900.0}
+    assert all_seconds(jobs, table, earlier, 7.0) == earlier | {3: 20.0}
