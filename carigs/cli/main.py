@@ -26,7 +26,7 @@ COMMANDS = {
     "export": "write a clip of an avatar, or the avatar as one HTML file",
     "view": "show an avatar in the browser, with sliders",
     "mesh": "exaggerate a mesh",
-    "weights": "list, verify or download the network weights of the metrics",
+    "weights": "list, verify or download network weights",
     "settings": "show the settings of a study, or the reference of all settings",
 }
 
