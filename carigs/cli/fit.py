@@ -87,7 +87,10 @@ def main(arguments: list[str]) -> int:
     )
     parser.add_argument("--head-model", type=Path, required=True, metavar="FILE", help=".npz, or FLAME's .pkl")
     parser.add_argument(
-        "--landmarks", type=Path, required=True, metavar="FILE", help=".npz, a folder of .npz, or MediaPipe's .task"
+        "--landmarks",
+        type=Path,
+        metavar="FILE",
+        help=".npz, a folder of .npz, or MediaPipe's .task (default: found as by `carigs landmarks`)",
     )
     parser.add_argument(
         "--embedding", type=Path, metavar="FILE", help="landmarks on the head model (default: the model's own 68)"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
@@ -14,40 +14,14 @@ from carigs.detection.face_detector import EYES, SAME_FACE, Face, overlaps
 from carigs.detection.mesh_indices import LEFT_EYE, MIRRORED, RIGHT_EYE
 
 SEARCH_MARGIN, FINAL_MARGIN = 1.5, 1.3
-"""Size of the crops in those of the box around the face. The last is smaller than MediaPipe's, which must still hold the
-face in the next image: lids and lips have more pixels then."""
+"""Size of the crops in those of the box around the face. The last is smaller than MediaPipe's, which must still hold
+the face in the next image: lids and lips have more pixels then."""
 SEARCHES = 2
 """Crops that only say where the last one lies. From two on, the landmarks do not depend on where the first one lay."""
 LEAST_PRESENCE = 0.5
 """Probability of a face below which there is none."""
 FAR_JUMP = 0.5
 """Movement of the eyes between two images that is a jump, in lengths of the face."""
-
-
-class Mesh(Protocol):
-    """A network that finds landmarks in a crop."""
-
-    side: int
-
-    def __call__(self, crop: UInt8[np.ndarray, "s s 3"]) -> FaceInCrop:
-        """Find the landmarks of the face that fills a crop of `side` x `side` pixels."""
-
-
-class Detector(Protocol):
-    """A network that finds faces."""
-
-    def __call__(self, image: UInt8[np.ndarray, "h w 3"]) -> list[Face]:
-        """Find the faces of an image."""
-
-
-class FaceNetworks(NamedTuple):
-    """What finding and following a face takes."""
-
-    near: Detector
-    """For faces that fill a good part of the image."""
-    far: Detector
-    """For smaller ones, where the other finds none."""
-    mesh: Mesh
 
 
 class FoundFace(NamedTuple):

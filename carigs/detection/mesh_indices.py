@@ -1,7 +1,7 @@
 """Which of MediaPipe's 478 landmarks lie where: lips, eyes, irises, brows, nose and jaw line.
 
-Numbers of the vertices of MediaPipe's canonical face mesh (468) and of the points of the irises (10) after them, as the
-graphs and drawing styles of MediaPipe list them. Left and right are those of the image of a person who faces the camera:
+Numbers of the vertices of MediaPipe's canonical face mesh (468) and of the points of the irises (10) after them, as
+MediaPipe's graphs and drawing styles list them. Left and right are those of the image of a person who faces the camera:
 `LEFT_EYE` is the eye at the left of the image, the person's right one.
 """
 
