@@ -11,11 +11,14 @@ from jaxtyping import Float, Float32, UInt8
 from carigs.detection.attention_mesh import FaceInCrop
 from carigs.detection.crop import Crop, around, sample, to_image, turned_around
 from carigs.detection.face_detector import EYES, SAME_FACE, Face, overlaps
+from carigs.detection.face_networks import FaceNetworks, Mesh
 from carigs.detection.mesh_indices import LEFT_EYE, MIRRORED, RIGHT_EYE
 
-SEARCH_MARGIN, FINAL_MARGIN = 1.5, 1.3
-"""Size of the crops in those of the box around the face. The last is smaller than MediaPipe's, which must still hold
-the face in the next image: lids and lips have more pixels then."""
+SEARCH_MARGIN = 1.5
+"""Size of a crop in that of the box around the face, as MediaPipe has it."""
+FINAL_MARGINS = (1.3, 1.5, 1.7)
+"""The same, of the last crops, whose landmarks are averaged. Smaller ones have more pixels for lids and lips, and in
+larger ones the network follows a mouth that is wide open."""
 SEARCHES = 2
 """Crops that only say where the last one lies. From two on, the landmarks do not depend on where the first one lay."""
 LEAST_PRESENCE = 0.5
@@ -102,16 +105,18 @@ def _look(image: UInt8[np.ndarray, "h w 3"], crop: Crop, mesh: Mesh) -> FoundFac
         if found.presence < LEAST_PRESENCE:
             return None
         crop = _of_landmarks(to_image(found.points, crop, mesh.side)).scaled(SEARCH_MARGIN)
-    crop = crop.scaled(FINAL_MARGIN / SEARCH_MARGIN)
-    found = mean_with_mirror_image(sample(image, crop, mesh.side), mesh)
-    if found.presence < LEAST_PRESENCE:
+    crops = [crop.scaled(margin / SEARCH_MARGIN) for margin in FINAL_MARGINS]
+    views = [with_mirror_image(sample(image, crop, mesh.side), mesh) for crop in crops]
+    presence = min(view.presence for view in views)
+    if presence < LEAST_PRESENCE:
         return None
-    landmarks = to_image(found.points, crop, mesh.side).astype(np.float32)
+    found = [to_image(view.points, crop, mesh.side) for view, crop in zip(views, crops, strict=True)]
+    landmarks = np.mean(found, axis=0).astype(np.float32)
     box = np.concatenate([landmarks[:, :2].min(axis=0), landmarks[:, :2].max(axis=0)])
-    return FoundFace(landmarks, found.presence, box)
+    return FoundFace(landmarks, presence, box)
 
 
-def mean_with_mirror_image(crop: UInt8[np.ndarray, "s s 3"], mesh: Mesh) -> FaceInCrop:
+def with_mirror_image(crop: UInt8[np.ndarray, "s s 3"], mesh: Mesh) -> FaceInCrop:
     """Landmarks as the mean of those of a crop and of its mirror image, whose errors are other ones.
 
     Args:
