@@ -58,7 +58,7 @@ def test_another_file_is_refused_and_nothing_is_written(pip, tmp_path, content, 
     pip.files["net/b.tflite"] = content
     members = [
         Member("net/a.tflite", tmp_path / "a.tflite", len(CONTENT), SHA256),
-        Member("net/b.tflite", tmp_path / "b.tflite", size, sha256),
+        Member("net/b.tflite", tmp_path / "b.tflite", len(CONTENT), sha256),
     ]
     with pytest.raises(InputError, match=r"net==1.0: net/b.tflite: another file"):
         fetch_from_wheel("net==1.0", members)
@@ -82,7 +82,11 @@ def test_without_pip_there_is_one_line(monkeypatch):
         fetch_from_wheel("net==1.0", [])
 
 
-def test_the_command_fetches_and_names_what_fails(pip, tmp_path, capsys):
+def test_the_command_fetches_and_names_what_fails(pip, tmp_path, capsys, monkeypatch):
+    for name in ("HF_HUB_CACHE", "CARIGS_WEIGHTS"):
+        monkeypatch.delenv(name, raising=False)
+    for name in ("HF_HOME", "TORCH_HOME"):
+        monkeypatch.setenv(name, str(tmp_path / name))
     assert main(["weights", "fetch", "mediapipe_face", "--folder", str(tmp_path)]) == 1
     error = capsys.readouterr().err
     assert error.count("\n") == 1 and "mediapipe==0.10.21" in error and "not in the wheel" in error
