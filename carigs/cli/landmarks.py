@@ -52,6 +52,9 @@ def main(arguments: list[str]) -> int:
 
     Returns:
         Exit code.
+
+    Raises:
+        InputError: If the output is no .npz file, the source cannot be read, or no image shows a face.
     """
     parser = command_parser("landmarks", __doc__, EXAMPLES)
     parser.add_argument(

@@ -29,9 +29,9 @@ class DetectorKind(NamedTuple):
 
 
 SHORT_RANGE = DetectorKind(128, ((16, 2), (8, 6)), 0.5)
-"""Faces larger than about a tenth of the image."""
+"""Faces from about an eighth of the longer side of the image on."""
 FULL_RANGE = DetectorKind(192, ((48, 1),), 0.6)
-"""Faces from about a fiftieth of the image."""
+"""Faces from about a sixteenth of the longer side on."""
 
 
 class Face(NamedTuple):

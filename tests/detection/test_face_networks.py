@@ -77,7 +77,7 @@ def frontal(capture, count):
     """Frames of the camera that faces the head, with the true landmarks."""
     embedding, numbers = read_embedding(DATA / "real/ict_mediapipe_embedding.npz", capture.model, indices.COUNT)
     timesteps = sorted(capture.parameter_files)[:: len(capture.parameter_files) // count][:count]
-    truth = np.stack([embedding.positions(pose(capture.model, capture.parameters(t))) for t in timesteps])
+    truth = np.stack([embedding.interpolate(pose(capture.model, capture.parameters(t))) for t in timesteps])
     pixels, _ = project(truth, frame_projections(capture, timesteps, [8]))
     return [capture.image8(capture.frame_at[t, 8]) for t in timesteps], pixels[:, 0], numbers
 
@@ -125,11 +125,11 @@ class TestNetworks:
     @needs_data
     def test_a_small_face_is_found_by_the_second_detector(self, networks, capture):
         image = frontal(capture, 1)[0][0]
-        wide = np.full((3000, 4000, 3), 255, np.uint8)
-        wide[1400 : 1400 + image.shape[0], 700 : 700 + image.shape[1]] = image
+        wide = np.full((1800, 2400, 3), 255, np.uint8)
+        wide[1200 : 1200 + image.shape[0], 700 : 700 + image.shape[1]] = image
         assert not networks.near(wide)
         track = collect(follow_face([wide], networks))
-        expected = collect(follow_face([image], networks)).landmarks[0, :, :2] + (700, 1400)
+        expected = collect(follow_face([image], networks)).landmarks[0, :, :2] + (700, 1200)
         assert np.median(np.linalg.norm(track.landmarks[0, :, :2] - expected, axis=1)) < 0.7
 
     @needs_data
