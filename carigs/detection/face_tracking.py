@@ -13,6 +13,7 @@ from carigs.detection.crop import Crop, around, sample, to_image, turned_around
 from carigs.detection.face_detector import EYES, SAME_FACE, Face, overlaps
 from carigs.detection.face_networks import FaceNetworks, Mesh
 from carigs.detection.mesh_indices import LEFT_EYE, MIRRORED, RIGHT_EYE
+from carigs.errors import CarigsError
 
 SEARCH_MARGIN = 1.5
 """Size of a crop in that of the box around the face, as MediaPipe has it."""
@@ -60,10 +61,14 @@ def follow_face(images: Iterable[UInt8[np.ndarray, "h w 3"]], networks: FaceNetw
 
     Yields:
         The result of each image.
+
+    Raises:
+        CarigsError: If an image has other values than RGB from 0 to 255.
     """
     last: FoundFace | None = None
     size: tuple[int, ...] = ()
-    for image in images:
+    for number, image in enumerate(images):
+        _check(image, number)
         if image.shape != size:
             last, size = None, image.shape
         faces = networks.near(image) or networks.far(image)
@@ -71,6 +76,12 @@ def follow_face(images: Iterable[UInt8[np.ndarray, "h w 3"]], networks: FaceNetw
         jumped = found is not None and last is not None and _movement(last, found) > FAR_JUMP
         yield ImageResult(found, len(faces), jumped)
         last = found or last
+
+
+def _check(image: np.ndarray, number: int) -> None:
+    if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or image.size == 0:
+        problem = f"{image.dtype} values in the shape {image.shape}, expected uint8 in (height, width, 3)"
+        raise CarigsError(f"image {number} from 0: {problem}")
 
 
 def _starts(faces: list[Face], last: FoundFace | None) -> Iterator[Crop]:
