@@ -29,6 +29,7 @@ EXAMPLES = """examples:
   carigs fit video --head-model generic_model.pkl --landmarks landmarks.npz --embedding embedding.npz -o dataset
   carigs fit video --head-model head.npz --landmarks landmarks.npz -o dataset --no-refine
   carigs fit video --cameras sparse/0 --metres-per-unit 0.1 --head-model head.npz --landmarks lmk.npz -o dataset
+  carigs fit video --head-model generic_model.pkl --embedding mediapipe_landmark_embedding.npz -o dataset
 
 docs/fitting.md describes the files.
 """

@@ -32,6 +32,8 @@ FEATURE_STRIDE = 4
 """Pixels for each cell of the features."""
 CELLS, MARGIN = 16, 1.5
 """Width and height of the part for a region in cells, and its size in those of the box around its landmarks."""
+_CENTRES = np.stack(np.meshgrid(np.arange(CELLS), np.arange(CELLS))).reshape(2, -1) + 0.5
+"""x and y of the centres of these cells."""
 
 
 class FaceInCrop(NamedTuple):
@@ -135,12 +137,17 @@ def sampled(
         `CELLS` x `CELLS` of them.
     """
     height, width = features.shape[:2]
-    centres = np.arange(CELLS) + 0.5
-    grid = np.stack(np.meshgrid(centres, centres), axis=-1)
-    x, y = np.moveaxis(grid @ matrix[:, :2].T + matrix[:, 2] - 0.5, -1, 0)
+    x, y = matrix[:, :2] @ _CENTRES + matrix[:, 2:] - 0.5
     inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
     left, top = np.clip(np.floor(x), 0, width - 2).astype(int), np.clip(np.floor(y), 0, height - 2).astype(int)
-    right_share, lower_share = (x - left)[..., None], (y - top)[..., None]
-    upper = (1 - right_share) * features[top, left] + right_share * features[top, left + 1]
-    lower = (1 - right_share) * features[top + 1, left] + right_share * features[top + 1, left + 1]
-    return np.where(inside[..., None], (1 - lower_share) * upper + lower_share * lower, 0).astype(np.float32)
+    right, lower = x - left, y - top
+    first, cells = top * width + left, features.reshape(height * width, -1)
+    total = np.zeros((CELLS * CELLS, cells.shape[1]), np.float32)
+    for step, weight in (
+        (0, (1 - right) * (1 - lower)),
+        (1, right * (1 - lower)),
+        (width, (1 - right) * lower),
+        (width + 1, right * lower),
+    ):
+        total += np.where(inside, weight, 0).astype(np.float32)[:, None] * cells[first + step]
+    return total.reshape(CELLS, CELLS, -1)
