@@ -29,6 +29,7 @@ EXAMPLES = """examples:
   carigs fit video --head-model generic_model.pkl --landmarks landmarks.npz --embedding embedding.npz -o dataset
   carigs fit video --head-model head.npz --landmarks landmarks.npz -o dataset --no-refine
   carigs fit video --cameras sparse/0 --metres-per-unit 0.1 --head-model head.npz --landmarks lmk.npz -o dataset
+  carigs fit video --head-model generic_model.pkl --embedding mediapipe_landmark_embedding.npz -o dataset
 
 docs/fitting.md describes the files.
 """
@@ -87,7 +88,10 @@ def main(arguments: list[str]) -> int:
     )
     parser.add_argument("--head-model", type=Path, required=True, metavar="FILE", help=".npz, or FLAME's .pkl")
     parser.add_argument(
-        "--landmarks", type=Path, required=True, metavar="FILE", help=".npz, a folder of .npz, or MediaPipe's .task"
+        "--landmarks",
+        type=Path,
+        metavar="FILE",
+        help=".npz, a folder of .npz, or MediaPipe's .task (default: found as by `carigs landmarks`)",
     )
     parser.add_argument(
         "--embedding", type=Path, metavar="FILE", help="landmarks on the head model (default: the model's own 68)"

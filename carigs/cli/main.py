@@ -21,13 +21,14 @@ COMMANDS = {
     "plan": "show what a study will cost: jobs, hours, memory, disk",
     "evaluate": "measure anybody's renderings of a study's subject",
     "check": "validate a dataset: what is wrong with it, and how to mend it",
+    "landmarks": "find the landmarks of a face in a video or a folder of images",
     "fit": "fit a head model to a calibrated video with landmarks",
     "head": "bring a head model in: download or convert it",
     "convert": "read and write avatars, meshes and captures of other programs",
     "export": "write a clip of an avatar, or the avatar as one HTML file",
     "view": "show an avatar in the browser, with sliders",
     "mesh": "exaggerate a mesh",
-    "weights": "list, verify or download the network weights of the metrics",
+    "weights": "list, verify or download network weights",
     "settings": "show the settings of a study, or the reference of all settings",
 }
 
@@ -64,7 +65,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _help() -> str:
-    commands = "\n".join(f"  {name:10}{summary}" for name, summary in COMMANDS.items())
+    commands = "\n".join(f"  {name:11}{summary}" for name, summary in COMMANDS.items())
     return f"""usage: carigs COMMAND ...
 
 Caricature avatars from multi-view captures.

@@ -7,11 +7,13 @@ from collections.abc import Sequence
 
 from carigs.cli.parser import command_parser
 from carigs.errors import InputError
-from evaluation.metrics.networks.weights import Weights, find_weights, locate_weights, registry, verify
+from carigs.weights.registry import Weights, registry
+from carigs.weights.search import find_weights, locate_weights, verify
 
 EXAMPLES = """examples:
   carigs weights list
   carigs weights fetch clip_vit_b32_openai dino_vits16
+  carigs weights fetch mediapipe_face
   carigs weights verify --folder /data/weights
 
 Weights are searched in --folder (as metrics.weights), in the folder that the environment variable CARIGS_WEIGHTS
@@ -29,7 +31,11 @@ def main(arguments: list[str]) -> int:
     Returns:
         Exit code: 1 if a file is wrong.
     """
-    parser = command_parser("weights", "Network weights of the metrics: list, verify or download them.", EXAMPLES)
+    parser = command_parser(
+        "weights",
+        "Network weights of the metrics and of the search for faces: list, verify or download them.",
+        EXAMPLES,
+    )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     several = {
         "list": ("name, size and licence, and the place or the source of each", "*"),
@@ -54,7 +60,7 @@ def _list(chosen: Sequence[Weights], folder: str | None) -> int:
         size = sum(path.stat().st_size for path in found.files.values()) if found else weights.size
         shown = "size unknown" if size is None else f"{size / 1e6:.0f} MB"
         print(f"{weights.name}: {weights.title}, {shown}, licence {weights.licence}")
-        print(f"  {found.path}" if found else f"  missing; from {weights.wanted[0].url}")
+        print(f"  {found.path}" if found else f"  missing; from {weights.source}")
     return 0
 
 

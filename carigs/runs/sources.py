@@ -24,6 +24,7 @@ WITHOUT_EFFECT = ("carigs.settings", "carigs.errors", "carigs.runs", "carigs.sys
 the writing of files, locks, records, processes and the places of caches change no result."""
 DISTRIBUTIONS = {
     "PIL": "pillow",
+    "ai_edge_litert": "ai-edge-litert",
     "cholespy": "cholespy",
     "cv2": "opencv-contrib-python-headless",
     "diffusers": "diffusers",

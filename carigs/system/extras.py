@@ -10,6 +10,7 @@ from carigs.errors import PackageMissing
 
 EXTRAS = {
     "PIL": "avatar",
+    "ai_edge_litert": "video",
     "diffusers": "diffusion",
     "jinja2": "avatar",
     "matplotlib": "study",

@@ -19,8 +19,9 @@ from carigs.errors import InputError, WeightsMissing
 from carigs.exaggeration import Caricature
 from carigs.head import neutral, pose
 from carigs.settings import Metrics
+from carigs.weights.registry import registered
+from carigs.weights.search import find_weights, locate_weights
 from evaluation.metrics.face_alignment import ALIGNED, RIGID, face_chip, turn_from_camera
-from evaluation.metrics.networks.weights import find_weights, locate_weights, registered
 from evaluation.tables.metric_records import MetricRecord, StudyPoint, metric_record
 
 WEIGHTS = "dlib_face_recognition"

@@ -16,8 +16,9 @@ from jaxtyping import Bool, Float
 from carigs.errors import InputError, WeightsMissing
 from carigs.readers.weights import read_weights
 from carigs.settings import Metrics
+from carigs.weights.registry import registered
+from carigs.weights.search import find_weights
 from evaluation.metrics.networks.device import set_up_torch
-from evaluation.metrics.networks.weights import find_weights, registered
 
 if TYPE_CHECKING:
     import torch

@@ -14,9 +14,10 @@ from carigs.capture.frame_index import RenderedImage
 from carigs.capture.images import read_rgb8
 from carigs.errors import InputError, WeightsMissing
 from carigs.settings import Metrics
+from carigs.weights.registry import registered
+from carigs.weights.search import find_weights
 from evaluation.metrics.networks.device import set_up_torch
 from evaluation.metrics.networks.diffusion_model import load_diffusion_model
-from evaluation.metrics.networks.weights import find_weights, registered
 from evaluation.tables.metric_records import MetricRecord, StudyPoint, metric_record
 
 if TYPE_CHECKING:

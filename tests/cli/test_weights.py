@@ -9,7 +9,7 @@ import pytest
 from web import Web
 
 from carigs.cli.main import main
-from evaluation.metrics.networks.weights import registry
+from carigs.weights.registry import registry
 
 
 @pytest.fixture(autouse=True)
@@ -34,7 +34,7 @@ def test_the_list_says_where_each_is_or_comes_from(tmp_path, capsys):
     shown = capsys.readouterr().out
     for weights in registry().values():
         assert f"{weights.name}: {weights.title}, " in shown and weights.licence in shown
-        assert (str(file) if weights.name == "dino_vitb8" else weights.wanted[0].url) in shown
+        assert (str(file) if weights.name == "dino_vitb8" else weights.source) in shown
     assert "dino_vitb8: DINO ViT-B/8, 2 MB" in shown
 
 

@@ -28,7 +28,7 @@ def test_a_stage_is_made_of_itself_and_of_no_other_stage(stage):
         ("exaggerate", "carigs/exaggeration/exaggerator.py"),
         ("gtstar", "carigs/gtstar/warp.py"),
         ("train", "carigs/splat/training/trainer.py"),  # imported inside the function
-        ("metrics", "evaluation/metrics/networks/weights.toml"),  # data of a module
+        ("metrics", "carigs/weights/registry.toml"),  # data of a module
     ],
 )
 def test_detours_and_imports_inside_functions_count(stage, part):

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from carigs.capture import Capture
+from carigs.detection import FaceTrack, collect, follow_face, load_face_networks
 from carigs.errors import InputError
 from carigs.fitting.landmarks.files import Landmarks, read_landmarks
 from carigs.readers.arrays import checked_array
@@ -75,12 +76,13 @@ class MediapipeDetector:
         return np.array([(point.x * width, point.y * height, 1.0) for point in faces[0]])
 
 
-def find_landmarks(source: Path, capture: Capture) -> Landmarks:
+def find_landmarks(source: Path | None, capture: Capture) -> Landmarks:
     """Landmarks of all frames of a capture.
 
     Args:
         source: An .npz file (`carigs.fitting.landmarks.files`); a folder with `{timestep:05d}_{camera:02d}.npz` for
-            each image that shows a face, with the array `landmarks` (points, 3); or a .task file of MediaPipe.
+            each image that shows a face, with the array `landmarks` (points, 3); or a .task file of MediaPipe. None
+            to find MediaPipe's 478 landmarks by the networks of `carigs.detection`.
         capture: The capture.
 
     Returns:
@@ -88,8 +90,11 @@ def find_landmarks(source: Path, capture: Capture) -> Landmarks:
 
     Raises:
         InputError: If the source is none of these, cannot be read, or has landmarks in no frame.
+        WeightsMissing: If there is no source, and the networks are not there.
     """
-    if source.suffix == ".npz":
+    if source is None:
+        landmarks, source = _detect(capture), capture.root
+    elif source.suffix == ".npz":
         landmarks = read_landmarks(source)
     elif source.is_dir():
         landmarks = _collect({name: _read_one(file) for name, file in _files(source, capture).items()}, capture)
@@ -104,6 +109,32 @@ def find_landmarks(source: Path, capture: Capture) -> Landmarks:
     if not landmarks.at(timesteps, cameras)[..., 2].any():
         raise InputError("holds no landmarks for any frame of the footage: see timesteps and cameras", file=source)
     return landmarks
+
+
+def _detect(capture: Capture) -> Landmarks:
+    """Follow the face in the images of each camera."""
+    networks = load_face_networks()
+    found = {}
+    for camera in capture.cameras:
+        frames = [capture.frame_at[key] for key in sorted(capture.frame_at) if key[1] == camera]
+        track = collect(follow_face(map(capture.image8, frames), networks))
+        for frame, points in zip(frames, confident_points(track), strict=True):
+            found[frame.timestep, camera] = points
+    return _collect(found, capture)
+
+
+def confident_points(track: FaceTrack) -> Float[np.ndarray, "t p 3"]:
+    """Landmarks as files of landmarks have them.
+
+    Args:
+        track: Landmarks of the images of a camera.
+
+    Returns:
+        x, y in pixels, and the probability of the face as the confidence; all 0 without a face.
+    """
+    points = track.landmarks.astype(np.float64)
+    points[..., 2] = track.presence[:, None]
+    return np.where(track.found[:, None, None], points, 0)
 
 
 def _files(folder: Path, capture: Capture) -> dict[tuple[int, int], Path]:

@@ -13,7 +13,8 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.errors import InputError
-from evaluation.metrics.networks.weights import load_state, registered
+from carigs.weights.registry import registered
+from evaluation.metrics.networks.parameters import load_state
 
 if TYPE_CHECKING:
     import torch

@@ -10,8 +10,9 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from carigs.errors import InputError, WeightsMissing
+from carigs.weights.registry import registered
+from evaluation.metrics.networks.parameters import work_offline
 from evaluation.metrics.networks.preprocessing import Preprocessing
-from evaluation.metrics.networks.weights import registered, work_offline
 
 if TYPE_CHECKING:
     import torch

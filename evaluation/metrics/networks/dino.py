@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float
 
-from evaluation.metrics.networks.weights import load_state
+from evaluation.metrics.networks.parameters import load_state
 
 if TYPE_CHECKING:
     import torch

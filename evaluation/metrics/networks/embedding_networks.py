@@ -15,9 +15,9 @@ from jaxtyping import Float
 from carigs.capture.frame_index import RenderedImage
 from carigs.runs.sources import fingerprint, package_versions
 from carigs.settings import Metrics
+from carigs.weights.checksums import file_checksum
 from evaluation.metrics.frame_sequences import Sequences
 from evaluation.metrics.networks import clip, dino, preprocessing
-from evaluation.metrics.networks.checksums import file_checksum
 from evaluation.metrics.networks.embedder import Embedder
 from evaluation.metrics.networks.embedding_cache import EmbeddingCache, digest_of
 

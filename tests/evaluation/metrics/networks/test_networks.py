@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from carigs.errors import InputError, WeightsMissing
+from carigs.weights.registry import registered
+from carigs.weights.search import find_weights
 from evaluation.metrics.networks import clip, dino
 from evaluation.metrics.networks.preprocessing import Preprocessing
-from evaluation.metrics.networks.weights import find_weights, registered
 
 TINY_CLIP = {
     "embed_dim": 32,

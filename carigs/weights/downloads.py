@@ -13,7 +13,7 @@ from carigs.errors import InputError
 from carigs.readers.download import download
 from carigs.readers.weights import MAX_WEIGHTS_BYTES
 from carigs.runs.locks import job_lock
-from evaluation.metrics.networks.checksums import check_file, file_checksum, keep_checksum
+from carigs.weights.checksums import check_file, file_checksum, keep_checksum
 
 SECONDS_TO_WAIT = 6 * 3600.0
 """For another process that downloads the same file: jobs of a study start at the same time."""

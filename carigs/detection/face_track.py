@@ -1,0 +1,81 @@
+"""The landmarks of a face in all images of a camera, and what is odd about them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float32, Int
+
+from carigs.detection.face_tracking import ImageResult
+from carigs.detection.mesh_indices import COUNT
+
+SHOWN = 10
+"""Images that a note names."""
+
+
+@dataclass(frozen=True)
+class FaceTrack:
+    """The landmarks of a face over time."""
+
+    landmarks: Float32[np.ndarray, "t p 3"]
+    """x, y in pixels (pixel centres at +0.5), z in the same unit, smaller nearer to the camera; NaN without a face."""
+    presence: Float32[np.ndarray, " t"]
+    """Probability that they are those of a face; 0 without one."""
+    boxes: Float32[np.ndarray, "t 4"]
+    """Left, top, right, bottom of the landmarks; NaN without a face."""
+    faces: Int[np.ndarray, " t"]
+    """How many faces the detector found."""
+    jumped: Bool[np.ndarray, " t"]
+    """Where the face was elsewhere in the image before: a cut, or another person."""
+
+    @property
+    def found(self) -> Bool[np.ndarray, " t"]:
+        """Where there is a face."""
+        return self.presence > 0
+
+    def notes(self) -> list[str]:
+        """What is odd.
+
+        Returns:
+            A line for each kind of problem, with the positions of the images from 0.
+        """
+        problems = {
+            "no face": ~self.found,
+            "several faces, of which one is followed": self.faces > 1,
+            "the face jumps, as in a cut or to another person": self.jumped,
+        }
+        return [
+            f"{problem}: {where.sum()} of {len(where)} images ({_listed(np.flatnonzero(where))})"
+            for problem, where in problems.items()
+            if where.any()
+        ]
+
+
+def collect(results: Iterable[ImageResult]) -> FaceTrack:
+    """Put the results of images together.
+
+    Args:
+        results: What `follow_face` yields.
+
+    Returns:
+        The track.
+    """
+    results = list(results)
+    nothing = np.full((COUNT, 3), np.nan, np.float32), 0.0, np.full(4, np.nan, np.float32)
+    faces = [result.face or nothing for result in results]
+    return FaceTrack(
+        np.array([landmarks for landmarks, _, _ in faces], np.float32).reshape(-1, COUNT, 3),
+        np.array([presence for _, presence, _ in faces], np.float32),
+        np.array([box for _, _, box in faces], np.float32).reshape(-1, 4),
+        np.array([result.faces for result in results], np.int64),
+        np.array([result.jumped for result in results], bool),
+    )
+
+
+def _listed(numbers: Int[np.ndarray, " n"]) -> str:
+    """Numbers, with runs as FIRST-LAST."""
+    runs = np.split(numbers, np.flatnonzero(np.diff(numbers) != 1) + 1)
+    texts = [f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs]
+    return ", ".join(texts[:SHOWN]) + (", ..." if len(texts) > SHOWN else "")
