@@ -139,7 +139,6 @@ def test_surfaces_that_have_no_curvature_or_no_outside_are_refused():
         ("path_nodes", 1),
         ("path_nodes", -1),
         ("gap_stiffness", float("nan")),
-        ("cavity_stiffness", -1.0),
         ("region_constraint", "hard"),
         ("curvature_source", "mean"),
     ],

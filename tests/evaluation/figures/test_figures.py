@@ -25,7 +25,7 @@ from evaluation.figures.blend_error import BlendError, blend_errors
 from evaluation.figures.misregistration import MAX_MASKED, REGIONS, misregistrations
 from evaluation.figures.region_window import PROPORTIONS, region_window
 from evaluation.figures.sheet import write_sheet
-from evaluation.figures.study_images import StudyImages
+from evaluation.figures.study_images import IMAGE_HEIGHT, StudyImages
 from evaluation.tables.csv_files import write_csv
 
 
@@ -151,13 +151,15 @@ def test_the_hair_is_shown_at_both_levels_without_a_column_for_an_unknown_truth(
     sheet = read_rgb(folder / "hair/hair.png")
     subject = Capture.load(folder / "capture.json")
     truths = {level: read_ground_truth(file) for level, file in zip((0.0, 0.25), keywords["truths"], strict=True)}
-    views = StudyImages(subject, {"alternating": folder / "alternating"}, truths, Figures(), 96).views
+    views = StudyImages(subject, {"alternating": folder / "alternating"}, truths, Figures()).views
     assert len(views) == 3
-    cells = len(views) * 96 * round(96 * PROPORTIONS)
+    cells = len(views) * IMAGE_HEIGHT * round(IMAGE_HEIGHT * PROPORTIONS)
     grey, black = ((np.abs(sheet - value).max(axis=2) < 0.003) for value in (0.25, 0.0))
     assert grey.sum() == pytest.approx(cells, rel=0.05) and black.sum() == pytest.approx(cells, rel=0.1)
     columns = [np.nonzero(shown)[1].mean() for shown in (black, grey)]
-    assert columns[1] - columns[0] == pytest.approx(2 * 96 * PROPORTIONS, rel=0.1)  # the truth at level 0 is between
+    assert columns[1] - columns[0] == pytest.approx(
+        2 * IMAGE_HEIGHT * PROPORTIONS, rel=0.1
+    )  # the truth at level 0 is between
 
 
 def test_the_open_mouth_is_looked_for_among_rendered_frames(study, tmp_path, monkeypatch):
