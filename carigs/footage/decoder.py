@@ -24,9 +24,7 @@ of a channel."""
 MEMORY, SECONDS_PER_FRAME = 3 << 30, 60
 """Limits, in bytes of address space and seconds."""
 DEMUXERS = "mov,matroska,avi,gif"
-CODECS = (
-    "h264,hevc,av1,libdav1d,libaom-av1,vp8,vp9,libvpx,libvpx-vp9,mpeg4,mpeg2video,h263,mjpeg,prores,gif,png,ffv1,huffyuv"
-)
+CODECS = "h264,hevc,av1,libdav1d,libaom-av1,vp8,vp9,libvpx,libvpx-vp9,mpeg4,mpeg2video,h263,mjpeg,prores,gif,png,ffv1,huffyuv"
 ENVIRONMENT = {
     "OPENCV_FFMPEG_CAPTURE_OPTIONS": (
         f"protocol_whitelist;file|format_whitelist;{DEMUXERS}|codec_whitelist;{CODECS}|enable_drefs;0"
@@ -51,9 +49,10 @@ def main() -> int:
     request, out = json.load(sys.stdin), sys.stdout.buffer
     cv2.setNumThreads(1)
     video = cv2.VideoCapture(sys.argv[1], cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 2])
-    width, height = (int(video.get(p)) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+    # Frames are turned here: whether OpenCV does depends on its version, and its size on whether it does.
     if not video.isOpened() or not video.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0):
         return CANNOT_OPEN
+    width, height = (int(video.get(p)) for p in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
     if width * height > request["max_pixels"]:
         return TOO_LARGE
     if request["quarter_turns"] % 2:

@@ -65,7 +65,9 @@ def read_video(file: Path, selection: Selection | None = None) -> Footage:
     header = read_video_header(file)
     if header.hdr and _opencv_version() < HDR_SINCE:
         remedy = f"install OpenCV {HDR_SINCE}, or convert the video to standard dynamic range"
-        raise InputError(f"high dynamic range ({header.hdr}), which this OpenCV cannot convert", file=file, remedy=remedy)
+        raise InputError(
+            f"high dynamic range ({header.hdr}), which this OpenCV cannot convert", file=file, remedy=remedy
+        )
     with _decoding(file, header, frames=None, size=None) as (answer, stream):
         content = stream.read(8 * MAX_FRAMES + 1)
     if len(content) > 8 * MAX_FRAMES:

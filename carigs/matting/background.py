@@ -99,9 +99,7 @@ def plain_background(image: UInt8[np.ndarray, "h w 3"]) -> Background | None:
     return Background(colour, (deviation * (1 + 4 * farther)).astype(np.float32))
 
 
-def distance_from(
-    image: UInt8[np.ndarray, "h w 3"], background: Background
-) -> Float[np.ndarray, "h w"]:
+def distance_from(image: UInt8[np.ndarray, "h w 3"], background: Background) -> Float[np.ndarray, "h w"]:
     """How far the pixels of an image are from the background, in deviations.
 
     Args:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 CERTAIN = 100.0
 """Weight of pixels whose alpha is known."""
-EPSILON = 1e-5
+EPSILON = 1e-6
 """Regularisation of the Laplacian's windows; the noise of a camera has a variance of 1e-5 to 1e-4."""
 TOLERANCE, ITERATIONS = 1e-5, 2000
 """Relative residual of the conjugate gradients, and their largest number."""

@@ -18,9 +18,7 @@ PYRAMID = 7
 """Levels by which colours are spread into the band: 64 pixels at the size of the image."""
 
 
-def spread(
-    image: Float32[np.ndarray, "h w 3"], known: Bool[np.ndarray, "h w"]
-) -> Background:
+def spread(image: Float32[np.ndarray, "h w 3"], known: Bool[np.ndarray, "h w"]) -> Background:
     """Fill pixels with the colours of the known ones around them, near ones first (push-pull).
 
     Args:

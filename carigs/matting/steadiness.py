@@ -8,8 +8,6 @@ from jaxtyping import Float32, UInt8
 
 FLOW_SIDE = 256
 """Largest side of the images that motion is estimated in, in pixels."""
-SHARE = 0.5
-"""Weight of the frame before where the images agree; the frames before it have less and less."""
 AGREEMENT = 6.0
 """Difference between a frame and the moved one before it at which the weight is 1 / e, in levels of 8 bits."""
 
@@ -17,7 +15,14 @@ AGREEMENT = 6.0
 class SteadyMatte:
     """Filter of the mattes of consecutive frames: state is the frame before and its alpha."""
 
-    def __init__(self) -> None:
+    def __init__(self, share: float, keep_certain: bool = False) -> None:
+        """Start with the first frame.
+
+        Args:
+            share: Weight of the frame before where both agree; the frames before it have less and less.
+            keep_certain: Leave pixels as they are whose alpha is 0 or 1.
+        """
+        self._share, self._keep_certain = share, keep_certain
         self._flow = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
         self._grey: np.ndarray | None = None
         self._image: np.ndarray | None = None
@@ -33,7 +38,7 @@ class SteadyMatte:
             alpha: Its matte.
 
         Returns:
-            The steadier matte. 0 and 1 of `alpha` stay.
+            The steadier matte.
         """
         height, width = alpha.shape
         scale = min(1.0, FLOW_SIDE / max(height, width))
@@ -46,8 +51,9 @@ class SteadyMatte:
             places = x + flow[..., 0], y + flow[..., 1]
             moved = [cv2.remap(part, *places, cv2.INTER_LINEAR) for part in (self._image, self._alpha)]
             difference = cv2.blur(cv2.absdiff(moved[0], image), (3, 3)).max(axis=2)
-            share = SHARE * np.exp(-((difference / AGREEMENT) ** 2), dtype=np.float32)
-            inside = (alpha > 0) & (alpha < 1)
-            alpha = np.where(inside, alpha + share * (moved[1] - alpha), alpha)
+            share = self._share * np.exp(-((difference / AGREEMENT) ** 2), dtype=np.float32)
+            if self._keep_certain:
+                share *= (alpha > 0) & (alpha < 1)
+            alpha = alpha + share * (moved[1] - alpha)
         self._grey, self._image, self._alpha = grey, image, alpha
         return alpha

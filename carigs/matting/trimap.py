@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, UInt8
 
 FOREGROUND, BACKGROUND = 0.9, 0.1
 """Values of a coarse matte from which, and up to which, it is taken for certain away from its outline."""
-INWARD, OUTWARD, STRANDS = 8 / 512, 12 / 512, 32 / 512
+INWARD, OUTWARD, STRANDS = 6 / 512, 10 / 512, 32 / 512
 """Widths of the band to either side of the outline, and how far outside it strands of hair are searched for, in
 larger sides of the image."""
 DIFFERENT = 6.0
