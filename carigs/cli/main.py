@@ -20,6 +20,7 @@ COMMANDS = {
     "plan": "show what a study will cost: jobs, hours, memory, disk",
     "evaluate": "measure anybody's renderings of a study's subject",
     "check": "validate a dataset: what is wrong with it, and how to mend it",
+    "matte": "make frames and mattes of a video or of photographs",
     "fit": "fit a head model to a calibrated video with landmarks",
     "head": "bring a head model in: download or convert it",
     "convert": "read and write avatars, meshes and captures of other programs",

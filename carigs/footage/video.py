@@ -35,7 +35,7 @@ LOST_SHARE = 0.03
 VARIABLE_RATE = 1.8
 """Longest interval between frames, in medians, from which the rate is called variable."""
 HDR_SINCE = 5
-"""Major version of OpenCV whose FFmpeg converts HLG and PQ to sRGB; earlier ones return the coded values as they are."""
+"""Major version of OpenCV whose FFmpeg converts HLG and PQ to sRGB; earlier ones return the coded values."""
 
 
 class _Answer(NamedTuple):

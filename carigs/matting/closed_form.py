@@ -1,8 +1,8 @@
-"""Closed-form alpha with a prior per pixel (Levin, Lischinski, Weiss: A Closed-Form Solution to Natural Image Matting).
+"""Closed-form alpha with a prior for each pixel (Levin, Lischinski, Weiss 2008).
 
-Alpha minimises `alpha' L alpha + sum w (alpha - prior)^2`, where L is the matting Laplacian of the image: in each window
-of 3 x 3 pixels alpha is taken for an affine function of the colour. Pixels of the trimap have a large weight; in the
-band the weight is the certainty of the prior (section 5 of the paper).
+Alpha minimises `alpha' L alpha + sum w (alpha - prior)^2`. L is the matting Laplacian of the image: in each window of
+3 x 3 pixels alpha is taken for an affine function of the colour. Pixels of the trimap have a large weight; in the band
+the weight is the certainty of the prior.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def closed_form_alpha(
     right = (weights * target).ravel()[active]
     start = target.ravel()[active]
     solved = library.cg(matrix, right, x0=start, M=preconditioner, rtol=TOLERANCE, maxiter=ITERATIONS)
-    result = alpha[box].ravel()
+    result = alpha[box].flatten()
     result[active] = solved
     alpha[box] = np.where(known, alpha[box], result.reshape(known.shape).clip(0, 1))
     return alpha

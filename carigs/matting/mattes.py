@@ -15,6 +15,7 @@ from carigs.errors import CarigsError
 from carigs.footage.footage import TimedFrame
 from carigs.matting.background import Background, clean_plate, distance_from, plain_background
 from carigs.matting.closed_form import closed_form_alpha
+from carigs.matting.colour_model import with_colours
 from carigs.matting.difference import difference_prior
 from carigs.matting.foreground import foreground_colours
 from carigs.matting.steadiness import SteadyMatte
@@ -22,8 +23,8 @@ from carigs.matting.trimap import BACKGROUND, DIFFERENT, OUTWARD, grown, in_pixe
 
 PRIOR_WEIGHT = 1e-4
 """Weight of the difference matte against the matting Laplacian, for a variance of 1."""
-COARSE_WEIGHT = 2e-4
-"""Weight of the coarse matte in the band, where colours say nothing."""
+COARSE_WEIGHT = 1e-3
+"""Weight in the band of the coarse matte and the colour model, where the known background says nothing."""
 PLATE_MARGIN = 1.0
 """Distance from a coarse outline from which a pixel counts as background, in widths of the trimap's band."""
 
@@ -88,7 +89,7 @@ def refined_alpha(
     regions = trimap(coarse, None if background is None else distance_from(image, background))
     estimate, certainty = difference_prior(image, regions, background)
     weight = PRIOR_WEIGHT * certainty + COARSE_WEIGHT
-    prior = (PRIOR_WEIGHT * certainty * estimate + COARSE_WEIGHT * coarse) / weight
+    prior = (PRIOR_WEIGHT * certainty * estimate + COARSE_WEIGHT * with_colours(coarse, image, regions)) / weight
     return closed_form_alpha(image, regions, prior, weight)
 
 
@@ -102,8 +103,8 @@ def matted_frames(
 
     Args:
         footage: The frames, in order.
-        coarse_matte: Gives the coarse matte of a frame in [0, 1], of any resolution, as a network finds it. None to find
-            the person before a plain background.
+        coarse_matte: Gives the coarse matte of a frame in [0, 1], of any resolution, as a network finds it. None to
+            find the person before a plain background.
 
     Yields:
         The frames with their mattes, in order.
@@ -129,6 +130,26 @@ def matted_frames(
                 yield finish(*waiting.popleft())
         while waiting:
             yield finish(*waiting.popleft())
+
+
+def given_mattes(
+    footage: Iterable[TimedFrame], matte: Callable[[TimedFrame], Float[np.ndarray, "h w"]]
+) -> Iterator[MattedFrame]:
+    """Use mattes that another program has made as they are, and find the colours of the person.
+
+    Args:
+        footage: The frames.
+        matte: Gives alpha in [0, 1] of a frame.
+
+    Yields:
+        The frames with their mattes, in order.
+
+    Raises:
+        CarigsError: If pymatting is not installed.
+    """
+    for frame in footage:
+        alpha = at_size(matte(frame), frame.image.shape)
+        yield MattedFrame(frame, alpha, foreground_colours(frame.image, alpha))
 
 
 def _plate(
