@@ -43,6 +43,9 @@ def main(arguments: list[str]) -> int:
 
     Returns:
         Exit code.
+
+    Raises:
+        CarigsError: If pymatting is not installed, the output is not empty, or the footage or a matte cannot be used.
     """
     task = _parser().parse_args(arguments)
     pymatting()  # before work starts

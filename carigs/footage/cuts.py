@@ -22,8 +22,8 @@ FROZEN_SECONDS = 0.4
 def find_cuts(measures: FrameMeasures) -> Int[np.ndarray, " k"]:
     """Find hard cuts: the layout changes at once, and not around.
 
-    Motion, however fast, changes several frames in a row. Brightness alone, as of a lamp or the camera's exposure, is no
-    cut.
+    Motion, however fast, changes several frames in a row. A change of brightness alone, by a lamp or by the camera's
+    exposure, is no cut.
 
     Args:
         measures: Of the frames.

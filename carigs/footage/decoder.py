@@ -2,7 +2,8 @@
 
 FFmpeg, inside OpenCV, has hundreds of parsers, and the file comes from a stranger. This process opens one file, by the
 protocol `file` alone, with the containers and codecs of `ENVIRONMENT`; it has limits of memory and time, and writes no
-files. If the decoder crashes, the parent reads the end of a stream. It imports nothing of carigs, so that it starts fast.
+files. If the decoder crashes, the parent reads the end of a stream. It imports nothing of carigs, so that it starts at
+once.
 
 The request is a JSON object: `frames`, the numbers of frames to send, ascending, or null to list the times of all;
 `quarter_turns`, `size` (of the upright frames, or null), `max_pixels`. Frames are read in order: seeking is not exact
@@ -24,7 +25,10 @@ of a channel."""
 MEMORY, SECONDS_PER_FRAME = 3 << 30, 60
 """Limits, in bytes of address space and seconds."""
 DEMUXERS = "mov,matroska,avi,gif"
-CODECS = "h264,hevc,av1,libdav1d,libaom-av1,vp8,vp9,libvpx,libvpx-vp9,mpeg4,mpeg2video,h263,mjpeg,prores,gif,png,ffv1,huffyuv"
+CODECS = (
+    "h264,hevc,av1,libdav1d,libaom-av1,vp8,vp9,libvpx,libvpx-vp9,"
+    "mpeg4,mpeg2video,h263,mjpeg,prores,gif,png,ffv1,huffyuv"
+)
 ENVIRONMENT = {
     "OPENCV_FFMPEG_CAPTURE_OPTIONS": (
         f"protocol_whitelist;file|format_whitelist;{DEMUXERS}|codec_whitelist;{CODECS}|enable_drefs;0"
@@ -60,7 +64,7 @@ def main() -> int:
     claims = video.get(cv2.CAP_PROP_FPS), video.get(cv2.CAP_PROP_FRAME_COUNT)
     pixel_format = int(video.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)).to_bytes(4, "little", signed=False)
     out.write(ANSWER.pack(width, height, *claims, pixel_format[3] if pixel_format[:2] == b"Y3" else 8))
-    send_times(video, out) if request["frames"] is None else send_frames(video, out, request)
+    _send_times(video, out) if request["frames"] is None else _send_frames(video, out, request)
     out.flush()
     return 0
 
@@ -75,7 +79,7 @@ def limit_process() -> None:
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
 
 
-def grab(video) -> bool:
+def _grab(video) -> bool:
     """Decode the next frame; a decoder that does not come to an end is killed."""
     if hasattr(signal, "alarm"):
         signal.alarm(SECONDS_PER_FRAME)
@@ -85,15 +89,15 @@ def grab(video) -> bool:
     return found
 
 
-def send_times(video, out) -> None:
+def _send_times(video, out) -> None:
     """Send the time of each frame that can be decoded."""
     import cv2
 
-    while grab(video):
+    while _grab(video):
         out.write(struct.pack("<d", video.get(cv2.CAP_PROP_POS_MSEC) / 1000))
 
 
-def send_frames(video, out, request) -> None:
+def _send_frames(video, out, request) -> None:
     """Send the frames that were asked for, upright and scaled."""
     import cv2
 
@@ -101,7 +105,7 @@ def send_frames(video, out, request) -> None:
     number = -1
     for wanted in request["frames"]:
         while number < wanted:
-            if not grab(video):
+            if not _grab(video):
                 return
             number += 1
         found, image = video.retrieve()

@@ -1,4 +1,4 @@
-"""Measures of each frame, found in one pass: sharpness, exposure, white balance, and how much changes between frames."""
+"""Measures of each frame, found in one pass: sharpness, exposure, white balance, and changes between frames."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class FrameMeasures(NamedTuple):
     change: Float[np.ndarray, " n"]
     """Mean difference from the frame before, in levels of 8 bits, at a quarter of the size; infinite for the first."""
     layout_change: Float[np.ndarray, " n"]
-    """1 - correlation of the small image with that of the frame before; 0 for the first. Brightness does not change it."""
+    """1 - correlation with the small image of the frame before, whatever the brightness; 0 for the first."""
     combing: Float[np.ndarray, " n"]
     """How much lines differ from those between them: above 1 for interlaced frames with motion."""
 
