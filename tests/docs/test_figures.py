@@ -21,6 +21,7 @@ MEASUREMENTS = {
     "light": ["c74b82e"],
     "exaggeration": [],
     "fitting": [],
+    "footage": [],
     "kernels": ["6ba7be7"],
     "metrics": ["d691ad4"],
     "jobs": ["a7c9c32"],
