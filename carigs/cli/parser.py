@@ -60,7 +60,7 @@ def add_capture_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--background",
-        type=_grey_value,
+        type=grey_value,
         default=1.0,
         metavar="GREY",
         help="behind the head (default %(default)s: white)",
@@ -88,7 +88,18 @@ def study_parser(command: str, description: str, examples: str, usage: str) -> a
     return parser
 
 
-def _grey_value(text: str) -> float:
+def grey_value(text: str) -> float:
+    """Parse a grey value, the type of options such as `--background`.
+
+    Args:
+        text: The text.
+
+    Returns:
+        A value from 0 to 1.
+
+    Raises:
+        argparse.ArgumentTypeError: If it is something else.
+    """
     value = float(text)
     if not 0 <= value <= 1:
         raise argparse.ArgumentTypeError(f"{text}: expected a value from 0 to 1")

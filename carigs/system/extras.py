@@ -16,6 +16,7 @@ EXTRAS = {
     "matplotlib": "study",
     "open_clip": "study",
     "pandas": "study",
+    "pymatting": "video",
     "snakemake": "study",
     "timm": "study",
     "torch": "avatar",

@@ -41,6 +41,7 @@ MEASUREMENTS = {
     "light": Measurement(("c74b82e",)),
     "exaggeration": Measurement((), (MESHES, MODEL)),
     "fitting": Measurement((), ("ict_s1", "ict_s7", MODEL), SECTION),
+    "footage": Measurement((), (), SECTION),
     "kernels": Measurement(("6ba7be7",)),
     "metrics": Measurement(("d691ad4",), (), "python -m evaluation.benchmarks.image_metric_cost FILE.csv"),
     "jobs": Measurement(("a7c9c32",), (), "carigs run"),
