@@ -33,5 +33,7 @@ def describe(error: Exception, section: str = "") -> str:
     where = details.get("full_key") or getattr(error, "override", None)
     if where and re.search(r"Key '.*' (is )?not in", problem):
         typed = re.search(r"Could not override '([\w.]+)'", str(error))
-        return no_such_setting(typed[1] if typed and typed[1].startswith(where) else f"{section}.{where}".lstrip("."))
+        key = typed[1] if typed and typed[1].startswith(where) else f"{section}.{where}".lstrip(".")
+        file = re.match(r"In '(\w+/[^']+)'", str(error))
+        return f"conf/{file[1]}.yaml: {no_such_setting(key)}" if file else no_such_setting(key)
     return f"{where}: {problem}" if where else problem

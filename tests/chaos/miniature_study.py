@@ -10,8 +10,7 @@ from project import Project, copy_project
 STUDY = """# @package _global_
 study: {name: mini, subjects: [ball], variants: [alternating], levels: [0]}
 train: {iterations: 12, density: {stop: 8}}
-gtstar: {threads: 1}
-render: {threads: 1, orbit_frames: 1}
+render: {orbit_frames: 1}
 """
 SUBJECT = """# @package _global_
 capture: {source: folder, folder: data, head_model: data/head_model.npz}

@@ -16,7 +16,6 @@ from omegaconf import OmegaConf
 
 from carigs.cli.settings import main as show_settings
 from carigs.config import (
-    CONF,
     GROUPS,
     compose,
     compose_study,
@@ -29,6 +28,7 @@ from carigs.config import (
     split_overrides,
     target_levels,
 )
+from carigs.config.conf_files import read_choice
 from carigs.config.frozen import keys_text
 from carigs.errors import InputError, SettingsError
 from carigs.settings import STAGES, Config, reference
@@ -468,5 +468,5 @@ def test_every_key_of_conf_is_in_the_schema():
     own = ["capture.folder=anna", "capture.head_model=flame.pkl"]  # the subject `own` has none
     for group in GROUPS:
         for name in known(group):
-            text = (CONF / group / f"{name}.yaml").read_text()
+            text = read_choice(f"{group}/{name}").text
             assert yaml.safe_load(text) is None or compose(f"{group}={name}", *own)

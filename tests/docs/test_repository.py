@@ -42,7 +42,7 @@ def test_the_changelog_has_the_version_of_pyproject():
 
 
 def test_the_changelog_names_all_commands_and_studies_and_settings_that_exist():
-    changelog = (ROOT / "CHANGELOG.md").read_text("utf-8")
+    changelog, _, _ = (ROOT / "CHANGELOG.md").read_text("utf-8").partition("### Changed")  # which names what is gone
     named = {*re.findall(r"`carigs ([a-z]+)`", changelog)}
     assert named == COMMANDS.keys() - {"settings"}
     settings = re.findall(r"`((?:train|study|exaggerate)\.\w+)`", changelog)
