@@ -5,11 +5,10 @@ from __future__ import annotations
 import itertools
 import sys
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 from jaxtyping import UInt8
 from rich.console import Console
@@ -22,8 +21,8 @@ from carigs.detection import FaceTrack, collect, follow_face, load_face_networks
 from carigs.errors import CarigsWarning, InputError
 from carigs.fitting.landmarks.files import Landmarks
 from carigs.fitting.landmarks.providers import confident_points
+from carigs.footage.video import read_video
 from carigs.readers.folders import listed, natural_order
-from carigs.readers.limits import regular_file_size
 
 EXAMPLES = """examples:
   carigs weights fetch mediapipe_face
@@ -90,8 +89,10 @@ def main(arguments: list[str]) -> int:
 def _cameras(source: Path) -> list[Camera]:
     """Cameras in the order of their names, which is that of their numbers in a dataset."""
     if not source.is_dir():
-        regular_file_size(source, "video or folder of images")
-        return [Camera("0", None, _frames(source))]
+        footage = read_video(source)
+        for line in footage.warnings:
+            warnings.warn(CarigsWarning(line), stacklevel=2)
+        return [Camera("0", list(footage.numbers), footage.decode())]
     files = [file for file in listed(source) if file.suffix.lower() in SUFFIXES]
     if any("_" not in file.stem or not file.stem.split("_")[0].isdecimal() for file in files):
         return [Camera("0", None, map(read_rgb8, sorted(files, key=natural_order)))]
@@ -102,20 +103,6 @@ def _cameras(source: Path) -> list[Camera]:
 def _camera(name: str, images: list) -> Camera:
     ordered = sorted(images, key=lambda image: image.timestep)
     return Camera(name, [image.timestep for image in ordered], map(read_rgb8, [image.file for image in ordered]))
-
-
-def _frames(video: Path) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
-    """The frames of a video."""
-    capture = cv2.VideoCapture(str(video))
-    try:
-        read, frame = capture.read()
-        if not read:
-            raise InputError("no frame of a video can be read", file=video)
-        while read:
-            yield cv2.cvtColor(frame, cv2.COLOR_BGR2RGB)
-            read, frame = capture.read()
-    finally:
-        capture.release()
 
 
 def _together(cameras: list[Camera], tracks: list[FaceTrack]) -> Landmarks:

@@ -50,21 +50,22 @@ def test_a_folder_of_one_camera_in_the_order_in_which_people_count(tmp_path, cap
 
 def test_a_video(tmp_path):
     writer = cv2.VideoWriter(str(tmp_path / "me.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 25, (320, 240))
-    for _ in range(3):
+    for _ in range(12):
         writer.write(drawn([FACE])[..., ::-1].copy())
     writer.release()
     read = found(tmp_path / "me.avi", tmp_path)
-    assert read.values.shape == (3, 1, 478, 3)
-    assert np.abs(read.values[2, 0, :, :2] - landmarks(FACE)[:, :2]).max() < 2
+    assert read.values.shape == (12, 1, 478, 3) and read.timesteps.tolist() == [*range(12)]
+    assert np.abs(read.values[11, 0, :, :2] - landmarks(FACE)[:, :2]).max() < 2
 
 
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
-        ("missing.mp4", None, "no such video or folder of images"),
-        ("text.mp4", b"no video", "no frame of a video can be read"),
-        ("empty.mp4", b"", "no frame of a video can be read"),
-        ("cut.avi", b"RIFF\0\0\0\0AVI LIST", "no frame of a video can be read"),
+        ("missing.mp4", None, "no such video"),
+        ("text.mp4", b"no video", "not a video that carigs reads"),
+        ("empty.mp4", b"", "not a video that carigs reads"),
+        ("cut.avi", b"RIFF\0\0\0\0AVI LIST", "the decoder cannot open it"),
+        ("list.mp4", b"#EXTM3U\n#EXTINF:1,\n/etc/passwd\n", "a playlist, which names other files"),
     ],
 )
 def test_what_is_no_footage_is_one_line(tmp_path, capfd, name, content, said):
