@@ -49,9 +49,9 @@ test: .venv/installed
 	lint-imports
 	$(PYTEST) -m "not (slow or docs or browser or chaos or $(CLUSTERS))"
 
-# What `test` leaves out.
+# What `test` leaves out, with the shapes of every call checked.
 test-more: .venv/installed
-	$(PYTEST) -m "(slow or docs or browser or chaos) and not ($(CLUSTERS))"
+	CARIGS_CHECK_ALL=1 $(PYTEST) -m "(slow or docs or browser or chaos) and not ($(CLUSTERS))"
 	$(MAKE) audit docs
 	pytest tests/test_site.py
 	$(MAKE) cluster
@@ -59,7 +59,7 @@ test-more: .venv/installed
 test-all: test test-more
 
 coverage: .venv/installed
-	$(PYTEST) -m "not ($(CLUSTERS))" --cov --cov-report term
+	CARIGS_CHECK_ALL=1 $(PYTEST) -m "not ($(CLUSTERS))" --cov --cov-report term
 
 chaos: .venv/installed
 	CARIGS_CHAOS=106 pytest -m chaos -s

@@ -10,6 +10,7 @@ import ast
 import functools
 import hashlib
 import marshal
+import math
 import os
 import sys
 from contextlib import suppress
@@ -28,8 +29,9 @@ KEEP_PYTHON = {
     "staticmethod", "torch.no_grad",
 }  # fmt: skip
 """Decorators after which a function is still Python's; functions with any other may be Numba's."""
-CHECKED_CALLS = 5
-"""Calls of each function that are checked in each test: shapes that are right five times are right in a loop."""
+CHECKED_CALLS = math.inf if os.environ.get("CARIGS_CHECK_ALL") else 5
+"""Calls of each function that are checked in each test: the first five in `make test`, all in `make test-more` and
+`make coverage`."""
 _test = 0
 _THIS = Path(__file__).read_bytes()
 CHECK = "__import__('typecheck').check"
