@@ -1,0 +1,12 @@
+"""Where MediaPipe's landmarks lie on a head model.
+
+- `landmark_embedding`: of a head that the package knows from its files, of any other one by registration
+- `canonical_face`: the mesh whose vertices are the landmarks
+- `outer_skin`, `anchors`: the openings of a head, and the places that follow from them
+- `registration`: a mesh deformed until it lies on a surface
+- `irises`: the landmarks of the irises, on the eyeballs
+"""
+
+from carigs.embedding.landmarks import LandmarkEmbedding, landmark_embedding, register_landmarks
+
+__all__ = ["LandmarkEmbedding", "landmark_embedding", "register_landmarks"]
