@@ -6,6 +6,8 @@ that the head model has itself tell where brows, nose and the outside of the lip
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -13,27 +15,35 @@ from carigs.embedding.canonical_face import CONTOURS, IBUG_INNER, NOSE_TIP, cano
 from carigs.embedding.outer_skin import OuterSkin
 from carigs.errors import MeshError
 
+RIM_WEIGHT, LANDMARK_WEIGHT = 3.0, 1.0
+"""In weights of a closest point. Landmarks of coarse heads are vertices: they are off by the length of an edge."""
 NAMES = {"left_eye": "the left eye", "right_eye": "the right eye", "mouth": "the mouth"}
 
 
-def anchor_places(
-    skin: OuterSkin, landmarks68: Float[np.ndarray, "68 3"] | None
-) -> tuple[Int[np.ndarray, " a"], Float[np.ndarray, "a 3"]]:
-    """Find the anchors.
+class Anchors(NamedTuple):
+    """Vertices of a mesh with places."""
+
+    vertices: Int[np.ndarray, " a"]
+    places: Float[np.ndarray, "a 3"]
+    weights: Float[np.ndarray, " a"]
+
+
+def find_anchors(skin: OuterSkin, landmarks68: Float[np.ndarray, "68 3"] | None) -> Anchors:
+    """Find the anchors of the canonical face.
 
     Args:
         skin: Outer skin of the head.
         landmarks68: The 68 landmarks of iBUG on the head, in the unit of the skin; None if they are not known.
 
     Returns:
-        Vertices of the canonical face, and their places in the unit of the skin.
+        The anchors, in the unit of the skin.
 
     Raises:
         MeshError: If the head has no landmarks, and its mouth or an eye is closed.
     """
-    places: dict[int, np.ndarray] = {}
+    found: dict[int, tuple[np.ndarray, float]] = {}
     if landmarks68 is not None:
-        places |= dict(zip(IBUG_INNER, landmarks68[17:], strict=True))
+        found |= {i: (place, LANDMARK_WEIGHT) for i, place in zip(IBUG_INNER, landmarks68[17:], strict=True)}
     elif closed := [name for name in CONTOURS if name not in skin.rims]:
         raise MeshError(
             f"no rim of {' and of '.join(NAMES[name] for name in closed)} is seen from the front: a head without "
@@ -41,25 +51,24 @@ def anchor_places(
         )
     for name, rim in skin.rims.items():
         for chain, arc in zip((CONTOURS[name].upper, CONTOURS[name].lower), _arcs(rim), strict=True):
-            places |= dict(zip(chain, _at_shares(arc, _shares(canonical_face().vertices[list(chain)])), strict=True))
-    return np.array(list(places)), np.array(list(places.values()))
+            places = _at_shares(arc, _shares(canonical_face().vertices[list(chain)]))
+            found |= {i: (place, RIM_WEIGHT) for i, place in zip(chain, places, strict=True)}
+    places, weights = zip(*found.values(), strict=True)
+    return Anchors(np.array(list(found)), np.array(places), np.array(weights))
 
 
-def similarity_start(
-    skin: OuterSkin, anchors: Int[np.ndarray, " a"], places: Float[np.ndarray, "a 3"]
-) -> Float[np.ndarray, "468 3"]:
+def similarity_start(skin: OuterSkin, anchors: Anchors) -> Float[np.ndarray, "468 3"]:
     """Move the canonical face onto its anchors and the tip of the nose by a similarity (Umeyama 1991).
 
     Args:
         skin: Outer skin of the head.
-        anchors: Vertices of the canonical face.
-        places: Their places in the unit of the skin.
+        anchors: The anchors, in the unit of the skin.
 
     Returns:
         The vertices of the canonical face, in the unit of the skin.
     """
     vertices = canonical_face().vertices
-    source, target = vertices[[*anchors, NOSE_TIP]], np.vstack([places, skin.nose_tip])
+    source, target = vertices[[*anchors.vertices, NOSE_TIP]], np.vstack([anchors.places, skin.nose_tip])
     source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
     u, spread, vt = np.linalg.svd((target - target_mean).T @ (source - source_mean))
     signs = np.array([1, 1, np.sign(np.linalg.det(u) * np.linalg.det(vt))])

@@ -11,14 +11,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from carigs.detection.mesh_indices import COUNT
-from carigs.embedding.anchors import anchor_places, similarity_start
+from carigs.embedding.anchors import RIM_WEIGHT, find_anchors, similarity_start
 from carigs.embedding.canonical_face import canonical_face
 from carigs.embedding.irises import iris_points
 from carigs.embedding.outer_skin import outer_skin
 from carigs.embedding.registration import Surface, closest_points, register
 from carigs.errors import MeshError
 from carigs.head import HeadModel, SurfacePoints
-from carigs.mesh.triangle_mesh import face_normals
+from carigs.mesh.triangle_mesh import face_normals, vertex_normals
 from carigs.readers.npz import read_npz
 from carigs.system.files import writing
 
@@ -134,15 +134,16 @@ def register_landmarks(model: HeadModel) -> LandmarkEmbedding:
     if not eyes[0, 0] - eyes[1, 0] > unit:
         raise MeshError("the left eye is not at +x beside the right one: a head looks to +z, with +y up")
     skin = outer_skin(vertices, faces, ~(eyeballs[0] | eyeballs[1]), eyes)
-    anchors, places = anchor_places(skin, landmarks68)
-    start = similarity_start(skin, anchors, places)
+    anchors = find_anchors(skin, landmarks68)
+    start = similarity_start(skin, anchors)
     skin_ids = np.flatnonzero(skin.faces)
     surface = Surface((vertices - middle) / unit, faces[skin_ids])
-    placed = register(
-        (start - middle) / unit, canonical_face().faces, surface, anchors, (places - middle) / unit
-    )
+    anchors = anchors._replace(places=(anchors.places - middle) / unit)
+    placed = register((start - middle) / unit, canonical_face().faces, surface, anchors)
     closest = closest_points(placed, surface)
-    trusted = (closest.distance < FARTHEST) & ~_folded(closest.position, closest.face, surface)
+    on_rim = np.isin(np.arange(len(placed)), anchors.vertices[anchors.weights == RIM_WEIGHT])
+    folded = _folded(closest.position, closest.face, surface) & ~on_rim
+    trusted = (closest.distance < FARTHEST) & ~folded
     found, corners = skin_ids[closest.face], surface.faces[closest.face]
     barycentric = igl.barycentric_coordinates(closest.position, *(surface.vertices[c] for c in corners.T))
     irises = iris_points(vertices, faces, eyeballs, eyes)
@@ -181,12 +182,7 @@ def _eye_centres(
     raise MeshError("the model has no joints left_eye and right_eye, no eyeballs and no landmarks68: add one of them")
 
 
-def _folded(
-    placed: Float[np.ndarray, "n 3"], on: Int[np.ndarray, " n"], surface: Surface
-) -> Bool[np.ndarray, " n"]:
-    """Vertices of triangles that face against the surface beneath them."""
-    faces = canonical_face().faces
-    own, beneath = face_normals(placed, faces), face_normals(surface.vertices, surface.faces)[on[faces]].sum(axis=1)
-    folded = np.zeros(len(placed), bool)
-    folded[faces[np.einsum("gx,gx->g", own, beneath) < 0]] = True
-    return folded
+def _folded(placed: Float[np.ndarray, "n 3"], on: Int[np.ndarray, " n"], surface: Surface) -> Bool[np.ndarray, " n"]:
+    """Vertices around which the registered mesh faces against the surface beneath it."""
+    own = vertex_normals(placed, canonical_face().faces)
+    return np.einsum("nx,nx->n", own, face_normals(surface.vertices, surface.faces)[on]) < 0

@@ -13,16 +13,15 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import csc_array, diags_array, eye_array, kron, vstack
 
+from carigs.embedding.anchors import Anchors
 from carigs.mesh.linear_solver import CholeskySolver
 from carigs.mesh.triangle_mesh import boundary_vertices, face_normals, unique_edges, vertex_normals
 
-STIFFNESS = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0, 1.0, 0.5)
+STIFFNESS = (64.0, 32.0, 16.0, 8.0, 4.0, 2.0)
 PASSES = 4
 """Passes for each stiffness."""
 LEAST_COSINE = 0.6
 """Of the angle between the normals of a vertex and of its closest point."""
-ANCHOR_WEIGHT = 3.0
-"""Weight of an anchor, in weights of a closest point."""
 
 
 class Surface(NamedTuple):
@@ -60,8 +59,7 @@ def register(
     vertices: Float[np.ndarray, "n 3"],
     faces: Int[np.ndarray, "g 3"],
     surface: Surface,
-    anchors: Int[np.ndarray, " a"],
-    places: Float[np.ndarray, "a 3"],
+    anchors: Anchors,
 ) -> Float[np.ndarray, "n 3"]:
     """Deform a mesh until it lies on a surface.
 
@@ -69,8 +67,7 @@ def register(
         vertices: The mesh, roughly at its place already, in units of about a tenth of its size.
         faces: Its triangles.
         surface: The surface, in the same unit. Closest points on its border do not count.
-        anchors: Vertices whose place on the surface is known.
-        places: Their places.
+        anchors: Vertices whose place on the surface is known; a closest point has the weight 1.
 
     Returns:
         The deformed vertices.
@@ -86,17 +83,14 @@ def register(
     apply = csc_array((homogeneous.ravel(), np.arange(4 * n), 4 * np.arange(n + 1)), shape=(4 * n, n)).T.tocsc()
     normals_there = face_normals(surface.vertices, surface.faces)
     on_border = boundary_vertices(surface.faces, len(surface.vertices))
-    is_anchor = np.zeros(n, bool)
-    is_anchor[anchors] = True
     placed = vertices
     for stiffness in STIFFNESS:
         for _ in range(PASSES):
             closest = closest_points(placed, surface)
             agree = np.einsum("nx,nx->n", vertex_normals(placed, faces), normals_there[closest.face]) > LEAST_COSINE
             beyond = _at_border(closest, surface, on_border)
-            weights = np.where(is_anchor, ANCHOR_WEIGHT, agree & ~beyond)
-            targets = closest.position.copy()
-            targets[anchors] = places
+            weights, targets = (agree & ~beyond).astype(np.float64), closest.position.copy()
+            weights[anchors.vertices], targets[anchors.vertices] = anchors.weights, anchors.places
             system = vstack([stiffness * similar, diags_array(weights) @ apply], format="csc")
             right = np.concatenate([np.zeros((similar.shape[0], 3)), weights[:, None] * targets])
             solution = CholeskySolver((system.T @ system + 1e-9 * eye_array(4 * n)).tocsc()).solve(system.T @ right)
@@ -104,9 +98,7 @@ def register(
     return placed
 
 
-def _at_border(
-    closest: ClosestPoints, surface: Surface, on_border: Bool[np.ndarray, " v"]
-) -> Bool[np.ndarray, " n"]:
+def _at_border(closest: ClosestPoints, surface: Surface, on_border: Bool[np.ndarray, " v"]) -> Bool[np.ndarray, " n"]:
     """Whether closest points lie on a border: the points are beyond the surface then."""
     corners = surface.faces[closest.face]
     a, b, c = surface.vertices[corners.T]
