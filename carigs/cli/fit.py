@@ -94,7 +94,10 @@ def main(arguments: list[str]) -> int:
         help=".npz, a folder of .npz, or MediaPipe's .task (default: found as by `carigs landmarks`)",
     )
     parser.add_argument(
-        "--embedding", type=Path, metavar="FILE", help="landmarks on the head model (default: the model's own 68)"
+        "--embedding",
+        type=Path,
+        metavar="FILE",
+        help="landmarks on the head model (default: 68: the model's own; 478: placed as by `carigs head embed`)",
     )
     parser.add_argument("-o", "--output", type=Path, required=True, metavar="DATASET", help="folder to write")
     parser.add_argument(

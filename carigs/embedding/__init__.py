@@ -7,6 +7,6 @@
 - `irises`: the landmarks of the irises, on the eyeballs
 """
 
-from carigs.embedding.landmarks import LandmarkEmbedding, landmark_embedding, register_landmarks
+from carigs.embedding.landmarks import REGISTRATION, LandmarkEmbedding, landmark_embedding, register_landmarks
 
-__all__ = ["LandmarkEmbedding", "landmark_embedding", "register_landmarks"]
+__all__ = ["REGISTRATION", "LandmarkEmbedding", "landmark_embedding", "register_landmarks"]

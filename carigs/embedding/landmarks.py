@@ -24,6 +24,7 @@ from carigs.system.files import writing
 
 SHIPPED = Path(__file__).with_name("shipped")
 """Embeddings of heads, each with the digest of the triangles that it belongs to."""
+REGISTRATION = "registration"
 FARTHEST = 0.1
 """Largest distance of a registered vertex from the head, in half distances between the eyes: 3 mm."""
 EYE_JOINTS = ("left_eye", "right_eye")
@@ -42,7 +43,7 @@ class LandmarkEmbedding:
     barycentric: Float[np.ndarray, "n 3"]
     """Its barycentric coordinates there."""
     source: str
-    """File that it was read from; `registration`."""
+    """Name of the file of this package, or `REGISTRATION`."""
 
     def points(self, model: HeadModel) -> SurfacePoints:
         """The landmarks as points of a head.
@@ -94,9 +95,8 @@ def landmark_embedding(model: HeadModel) -> LandmarkEmbedding:
     for file in sorted(SHIPPED.glob("*.npz")):
         arrays = read_npz(file, "landmark embedding")
         if str(arrays["triangles_sha256"]) == digest:
-            return LandmarkEmbedding(
-                arrays["landmark_indices"], arrays["lmk_face_idx"], arrays["lmk_b_coords"], file.name
-            )
+            numbers, triangles = (arrays[name].astype(np.int64) for name in ("landmark_indices", "lmk_face_idx"))
+            return LandmarkEmbedding(numbers, triangles, arrays["lmk_b_coords"].astype(np.float64), file.name)
     return register_landmarks(model)
 
 
@@ -154,7 +154,7 @@ def register_landmarks(model: HeadModel) -> LandmarkEmbedding:
         landmarks[order],
         np.concatenate([found[trusted], irises.faces])[order],
         weights / weights.sum(axis=1, keepdims=True),
-        "registration",
+        REGISTRATION,
     )
 
 

@@ -11,10 +11,13 @@
 
 Detectors place the jaw line on the outline of the face: where that lies on the head changes with the view (`dynamic_*`
 of FLAME's files). It takes no part in the fit if the embedding lacks it.
+
+Without a file, 68 landmarks are those that the head model has itself, and 478 those of MediaPipe (`carigs.embedding`).
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -22,7 +25,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Int
 
-from carigs.errors import InputError
+from carigs.detection.mesh_indices import COUNT
+from carigs.embedding.landmarks import REGISTRATION, landmark_embedding
+from carigs.errors import CarigsWarning, InputError, MeshError
 from carigs.head import HeadModel, SurfacePoints
 from carigs.head.surface_points import points_of_faces
 from carigs.readers.arrays import checked_array
@@ -45,7 +50,7 @@ def read_embedding(file: Path | None, model: HeadModel, count: int) -> tuple[Sur
     """Where landmarks lie on a head model.
 
     Args:
-        file: A file as described above; None for the model's own 68 landmarks.
+        file: A file as described above; None for the model's own 68 landmarks, or MediaPipe's 478.
         model: The head model.
         count: Number of landmarks in an image.
 
@@ -54,19 +59,38 @@ def read_embedding(file: Path | None, model: HeadModel, count: int) -> tuple[Sur
 
     Raises:
         InputError: If the file is missing or damaged, names faces or vertices that the model lacks, has coordinates
-            that do not add up to 1, or another number of landmarks.
+            that do not add up to 1, or another number of landmarks; if there is no file, and the landmarks are not the
+            model's own and cannot be placed on it.
+
+    Warns:
+        CarigsWarning: MediaPipe's landmarks are placed on a head that the package does not know.
     """
     if file is None:
-        if model.landmarks68 is None or count != 68:
-            own = "none" if model.landmarks68 is None else "68"
-            problem = f"{count} landmarks; the head model has {own} of its own: give --embedding FILE"
-            raise InputError(problem, file="landmarks", field="landmarks")
-        return model.landmarks68, np.arange(68)
+        return _own(model, count)
     if file.suffix not in READERS:
         raise InputError(f"an embedding is a file of the kinds {', '.join(READERS)}", file=file)
     arrays = READERS[file.suffix](file, "landmark embedding")
     points = _points(arrays, model, file)
     return points, _numbers(arrays, len(points), count, file)
+
+
+def _own(model: HeadModel, count: int) -> tuple[SurfacePoints, Int[np.ndarray, " p"]]:
+    """Landmarks that need no file."""
+    if count == COUNT:
+        try:
+            embedding = landmark_embedding(model)
+        except MeshError as error:
+            problem = f"MediaPipe's landmarks find no place on it: {error}"
+            raise InputError(problem, file="head model", remedy="give --embedding FILE") from error
+        if embedding.source == REGISTRATION:
+            what = f"{len(embedding.landmarks)} of {COUNT} landmarks were placed on the head model by registration"
+            warnings.warn(CarigsWarning(f"{what}; carigs head embed writes them to a file"), stacklevel=3)
+        return embedding.points(model), embedding.landmarks
+    if model.landmarks68 is None or count != 68:
+        own = "none" if model.landmarks68 is None else "68"
+        problem = f"{count} landmarks; the head model has {own} of its own: give --embedding FILE"
+        raise InputError(problem, file="landmarks", field="landmarks")
+    return model.landmarks68, np.arange(68)
 
 
 def _points(arrays: Mapping[str, Any], model: HeadModel, file: Path) -> SurfacePoints:
