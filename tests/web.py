@@ -6,6 +6,7 @@ import io
 import re
 import urllib.error
 import urllib.request
+from pathlib import Path
 
 
 class Web:
@@ -33,3 +34,18 @@ class Web:
         response.status = 206 if start else 200
         response.headers = {"Content-Length": str(len(part))}
         return response
+
+
+class FolderWeb(Web):
+    """Answers with the file of a folder that has the last name of the address."""
+
+    def __init__(self, folder: Path):
+        super().__init__()
+        self.folder = folder
+
+    def open(self, request: urllib.request.Request, timeout: float) -> io.BytesIO:
+        file = self.folder / request.full_url.rsplit("/", 1)[1]
+        if not file.is_file():
+            raise urllib.error.HTTPError(request.full_url, 404, "Not Found", None, None)
+        self.content = file.read_bytes()
+        return super().open(request, timeout)

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from carigs.cli.parser import command_parser
 from carigs.detection.mesh_indices import COUNT
 from carigs.errors import InputError, MeshError
 from carigs.system.files import writing
 
+Item = TypeVar("Item")
 EXAMPLES = """examples:
   carigs head fetch gnm -o gnm_head.npz
   carigs head fetch ict -o ict_head.npz
@@ -50,12 +53,12 @@ def main(arguments: list[str]) -> int:
 
 
 def _fetch(parsed: Namespace) -> int:
-    from carigs.head.download import GNM, ICT_FACEKIT, fetch_head, fetch_ict_facekit
+    from carigs.head.download import FACEKIT, GNM, fetch_head, fetch_ict_facekit
 
     if parsed.model == "gnm":
         source, digest = GNM, fetch_head(GNM.url, parsed.output)
     else:
-        source, digest = ICT_FACEKIT, fetch_ict_facekit(parsed.output, _track)
+        source, digest = FACEKIT, fetch_ict_facekit(parsed.output, partial(_track, doing="downloading"))
     print(f"{source.title}, licence {source.licence}")
     print(f"{parsed.output}  sha256 {digest}")
     return 0
@@ -90,8 +93,8 @@ def _embed(parsed: Namespace) -> int:
     return 0
 
 
-def _track(files: Iterable[Path]) -> Iterable[Path]:
+def _track(files: Iterable[Item], doing: str = "reading") -> Iterable[Item]:
     from rich.console import Console
     from rich.progress import track
 
-    return track(files, "reading", console=Console(stderr=True), transient=True)
+    return track(files, doing, console=Console(stderr=True), transient=True)

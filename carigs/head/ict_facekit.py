@@ -25,6 +25,7 @@ from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 from carigs.readers.mesh_files.obj import parse_obj
 from carigs.readers.mesh_files.polygons import Polygons, triangulate_polygons
 
+INDEX = "vertex_indices.json"
 METRES_PER_UNIT = 0.01
 VERTICES = 26719
 PARTS = {"skin": (0, 14062), "left_eyeball": (21451, 22221), "right_eyeball": (23021, 23791)}
@@ -51,7 +52,7 @@ def read_ict_facekit(folder: Path, track: Callable[[Iterable[Path]], Iterable[Pa
         InputError: If a file is missing, broken, or of another mesh.
     """
     folder = Path(folder)
-    index = folder / "vertex_indices.json"
+    index = folder / INDEX
     content = read_json(index, dict)
     names = json_field(content, "expressions", list, file=index)
     are_names = all(isinstance(name, str) and name.isidentifier() for name in names)

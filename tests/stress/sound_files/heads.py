@@ -18,7 +18,7 @@ from carigs.fitting.landmarks.embedding import read_embedding
 from carigs.fitting.landmarks.files import read_landmarks
 from carigs.fitting.landmarks.providers import find_landmarks
 from carigs.head import HeadModel
-from carigs.head.download import GNM_URL, fetch_head
+from carigs.head.download import GNM, fetch_head
 from carigs.head.ict_facekit import read_ict_facekit
 from carigs.toy.rig.head_model import head_model as toy_head
 from stress.sound_files.ball import CAMERA, FACES, gnm_arrays, head_model
@@ -58,10 +58,10 @@ def _footage(folder: Path) -> Capture:
 def _fetched(file: Path) -> str:
     """What `carigs head fetch` makes of a file that a server sends."""
     response = io.BytesIO(file.read_bytes())
-    response.geturl = lambda: GNM_URL
+    response.geturl = lambda: GNM.url
     response.status, response.headers = 200, {}
     with patch.object(urllib.request, "urlopen", lambda *_, **__: response):
-        return fetch_head(GNM_URL, file.with_name("gnm.npz"))
+        return fetch_head(GNM.url, file.with_name("gnm.npz"))
 
 
 def _served(file: Path) -> Any:
