@@ -1,7 +1,7 @@
 """Vertices of the canonical face whose place on a head is known before the registration.
 
-The contours of lips and lids lie on the rims of the head's openings, at the same shares of their lengths. Landmarks
-that the head model has itself tell where brows, nose and the outside of the lips are.
+The contours of lips and lids lie on the rims of the head's openings, equally far on the way from one corner to the
+other. Landmarks that the head model has itself tell where brows, nose and the outside of the lips are.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from carigs.embedding.canonical_face import CONTOURS, IBUG_INNER, NOSE_TIP, cano
 from carigs.embedding.outer_skin import OuterSkin
 from carigs.errors import MeshError
 
-RIM_WEIGHT, LANDMARK_WEIGHT = 3.0, 1.0
+RIM_WEIGHT, LANDMARK_WEIGHT = 3.0, 2.0
 """In weights of a closest point. Landmarks of coarse heads are vertices: they are off by the length of an edge."""
 NAMES = {"left_eye": "the left eye", "right_eye": "the right eye", "mouth": "the mouth"}
 
@@ -85,11 +85,14 @@ def _arcs(rim: Float[np.ndarray, "n 3"]) -> tuple[Float[np.ndarray, "a 3"], Floa
 
 
 def _shares(chain: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, " n"]:
-    """Length from the start of a chain to each of its points, as a share of its length."""
-    length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(chain, axis=0), axis=1))])
-    return length / length[-1]
+    """How far each point of a chain is on the way from its first to its last point, along the line through both.
+
+    Not along the chain: rims follow the edges of triangles, and zigzags make them longer.
+    """
+    along = chain[-1] - chain[0]
+    return np.maximum.accumulate((chain - chain[0]) @ along / (along @ along))
 
 
 def _at_shares(chain: Float[np.ndarray, "n 3"], shares: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 3"]:
-    """Points of a chain at shares of its length."""
+    """Points of a chain at shares of the way."""
     return np.stack([np.interp(shares, _shares(chain), column) for column in chain.T], axis=1)

@@ -52,7 +52,7 @@ def closest_points(points: Float[np.ndarray, "n 3"], surface: Surface) -> Closes
     squared, face, position = igl.point_mesh_squared_distance(
         points, np.asarray(surface.vertices, np.float64), np.asarray(surface.faces, np.int64)
     )
-    return ClosestPoints(np.sqrt(squared), face, position)
+    return ClosestPoints(np.sqrt(squared), face.astype(np.int64), position)  # libigl's indices are long long
 
 
 def register(

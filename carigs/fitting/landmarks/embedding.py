@@ -26,7 +26,7 @@ import numpy as np
 from jaxtyping import Int
 
 from carigs.detection.mesh_indices import COUNT
-from carigs.embedding.landmarks import REGISTRATION, landmark_embedding
+from carigs.embedding import REGISTRATION, landmark_embedding
 from carigs.errors import CarigsWarning, InputError, MeshError
 from carigs.head import HeadModel, SurfacePoints
 from carigs.head.surface_points import points_of_faces

@@ -134,5 +134,11 @@ def test_without_a_file_the_landmarks_are_the_models_own():
     found, numbers = read_embedding(None, replace(MODEL, landmarks68=own), 68)
     assert found is own
     np.testing.assert_array_equal(numbers, np.arange(68))
-    with pytest.raises(InputError, match="478 landmarks; the head model has 68 of its own"):
-        read_embedding(None, replace(MODEL, landmarks68=own), 478)
+    with pytest.raises(InputError, match="70 landmarks; the head model has 68 of its own"):
+        read_embedding(None, replace(MODEL, landmarks68=own), 70)
+
+
+def test_landmarks_of_mediapipe_need_a_face():
+    """The small head has no mouth."""
+    with pytest.raises(InputError, match=r"MediaPipe's landmarks find no place on it: .*remedy: give --embedding FILE"):
+        read_embedding(None, MODEL, 478)
