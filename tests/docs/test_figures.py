@@ -51,7 +51,7 @@ MEASUREMENTS = {
     "html": Measurement(("cc059ed",), ("ict_s1", MODEL), SECTION),
     "plans": Measurement((), ("ict_s1", MODEL), SECTION),
     "regions": Measurement((), (MODEL,), SECTION),
-    "embedding": Measurement((), (MODEL, "real"), SECTION),
+    "embedding": Measurement((), ("ict_s7", MODEL, "real"), SECTION),
 }
 """What is measured."""
 TRAILER = re.compile(r"^Moves-figures: *(.+)$", re.MULTILINE)
