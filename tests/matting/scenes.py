@@ -14,9 +14,9 @@ from carigs.settings import Toy
 from carigs.toy.renderer import pose_subject
 from carigs.toy.scene import frontal_camera, studio_cameras
 from carigs.toy.subject import make_subject
+from evaluation.benchmarks.footage.backgrounds import background
 
 NETWORK = 256
-BACKGROUNDS = ("plain", "lights", "books", "moving")
 CYCLE = 48
 """Frames in which the head turns to both sides and comes back."""
 
@@ -30,33 +30,6 @@ class Scene:
 
     def error(self, number: int, alpha: np.ndarray) -> float:
         return float(np.abs(alpha - self.alphas[number])[band(self.alphas[number])].mean())
-
-
-def background(kind: str, height: int, width: int, count: int, rng: np.random.Generator) -> list[np.ndarray]:
-    """One image for each frame; `moving` pans by two pixels a frame."""
-    if kind == "plain":
-        y, x = np.mgrid[:height, :width]
-        slopes = ((0.62, 0.10, 0.08), (0.63, 0.08, 0.08), (0.66, 0.06, 0.10))
-        return [np.stack([c + a * x / width - b * y / height for c, a, b in slopes], axis=-1)] * count
-    if kind == "lights":
-        image = np.full((height, width, 3), 0.12)
-        for _ in range(40):
-            colour, lamp = rng.uniform(0.1, 0.9, 3), np.zeros((height, width))
-            centre = int(rng.integers(width)), int(rng.integers(height))
-            cv2.circle(lamp, centre, int(rng.integers(8, 45)), 1.0, -1)
-            image += 0.6 * lamp[..., None] * colour
-        return [cv2.GaussianBlur(image.clip(0, 1), (0, 0), 4)] * count
-    shelf = np.full((height, width + 2 * count, 3), 0.3)
-    top = 0
-    while top < height:
-        shelf_height, x = int(rng.integers(50, 90)), 0
-        while x < shelf.shape[1]:
-            book = int(rng.integers(6, 22))
-            shelf[top + 4 : top + shelf_height - 4, x : x + book - 1] = rng.uniform(0.05, 0.95, 3) * rng.uniform(0.5, 1)
-            x += book
-        top += shelf_height
-    shelf = cv2.GaussianBlur(shelf + rng.normal(0, 0.05, (*shelf.shape[:2], 1)), (0, 0), 0.8).clip(0, 1)
-    return [shelf[:, 2 * i * (kind == "moving") :][:, :width] for i in range(count)]
 
 
 def weak_matte(alpha: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
-from matting.scenes import BACKGROUNDS, captured_head, make_scene, toy_head
+from matting.scenes import captured_head, make_scene, toy_head
 from shared_data import DATA, needs_data
 
 from carigs.matting import matted_frames
+from evaluation.benchmarks.footage.backgrounds import KINDS as BACKGROUNDS
 
 pytest.importorskip("pymatting", reason="extra video")
 pytestmark = pytest.mark.slow
