@@ -48,7 +48,7 @@ def main() -> None:
     task = parser.parse_args()
     if task.dataset is None:
         subject = make_subject(Toy(seed=task.seed, supersampling=2, hair=task.hair))
-        truth = KINDS[task.kind](subject, task.side, Talk(task.seconds, task.fps, seed=task.seed))
+        truth = KINDS[task.kind](subject.model, subject.shape, task.side, Talk(task.seconds, task.fps, seed=task.seed))
         people = [person(subject, truth, camera) for camera in range(len(truth.cameras[0]))]
     else:
         capture = read_dataset(task.dataset, task.head_model)

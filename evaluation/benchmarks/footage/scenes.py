@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from jaxtyping import Float
 
 from carigs.capture.camera import Camera, look_at
-from carigs.head import HeadParameters
-from carigs.toy import ToySubject
+from carigs.head import HeadModel, HeadParameters
 from carigs.toy.rig import expressions
 from evaluation.benchmarks.footage.motion import Talk, talking
 from evaluation.benchmarks.footage.truth import FootageTruth
@@ -45,26 +45,31 @@ def view(side: int, azimuth: float = 0.0, elevation: float = 0.0, distance: floa
     return Camera(pose, FOCAL * side, FOCAL * side, side / 2, side / 2, side, side)
 
 
-def talk(subject: ToySubject, side: int, motion: Talk) -> FootageTruth:
+def talk(
+    model: HeadModel, shape: Float[np.ndarray, " i"], side: int, motion: Talk, distance: float = DISTANCE
+) -> FootageTruth:
     """One static camera, and a person who talks and turns.
 
     Args:
-        subject: The person.
+        model: The toy's head model.
+        shape: Identity coefficients of the person.
         side: Width and height of the images in pixels.
         motion: What the person does.
+        distance: Metres from the camera to the middle of the head.
 
     Returns:
         The truth.
     """
-    parameters = talking(motion, subject.shape)
-    return FootageTruth(subject.model, parameters, [[view(side)] for _ in parameters], motion.fps)
+    parameters = talking(motion, shape)
+    return FootageTruth(model, parameters, [[view(side, distance=distance)] for _ in parameters], motion.fps)
 
 
-def orbit(subject: ToySubject, side: int, motion: Talk) -> FootageTruth:
+def orbit(model: HeadModel, shape: Float[np.ndarray, " i"], side: int, motion: Talk) -> FootageTruth:
     """A camera that circles a still person by 120 degrees. The light stays in the room.
 
     Args:
-        subject: The person.
+        model: The toy's head model.
+        shape: Identity coefficients of the person.
         side: Width and height of the images in pixels.
         motion: Length and frame rate.
 
@@ -74,25 +79,26 @@ def orbit(subject: ToySubject, side: int, motion: Talk) -> FootageTruth:
     expression = np.zeros(100)
     for name, weight in STILL.items():
         expression[expressions.NAMES.index(name)] = weight
-    still = HeadParameters(shape=subject.shape, expression=expression)
+    still = HeadParameters(shape=shape, expression=expression)
     way = np.linspace(-1, 1, motion.count)
     cameras = [[view(side, ORBIT * w, 5 * np.sin(2.5 * w), DISTANCE * (1 + 0.04 * np.cos(4 * w)))] for w in way]
-    return FootageTruth(subject.model, [still] * len(way), cameras, motion.fps)
+    return FootageTruth(model, [still] * len(way), cameras, motion.fps)
 
 
-def three(subject: ToySubject, side: int, motion: Talk) -> FootageTruth:
+def three(model: HeadModel, shape: Float[np.ndarray, " i"], side: int, motion: Talk) -> FootageTruth:
     """Three synchronised static cameras, and a person who talks and turns.
 
     Args:
-        subject: The person.
+        model: The toy's head model.
+        shape: Identity coefficients of the person.
         side: Width and height of the images in pixels.
         motion: What the person does.
 
     Returns:
         The truth.
     """
-    parameters = talking(motion, subject.shape)
-    return FootageTruth(subject.model, parameters, [[view(side, a) for a in SIDES] for _ in parameters], motion.fps)
+    parameters = talking(motion, shape)
+    return FootageTruth(model, parameters, [[view(side, a) for a in SIDES] for _ in parameters], motion.fps)
 
 
-KINDS: dict[str, Callable[[ToySubject, int, Talk], FootageTruth]] = {"talk": talk, "orbit": orbit, "three": three}
+KINDS: dict[str, Callable[..., FootageTruth]] = {"talk": talk, "orbit": orbit, "three": three}
