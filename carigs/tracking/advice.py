@@ -1,0 +1,148 @@
+"""What a person should record otherwise, in sentences with numbers; docs/recording.md says why."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Bool, Int
+
+from carigs.tracking.coverage import DOWN, LEFT, RIGHT, UP, Coverage, coverage
+from carigs.tracking.quality import TrackedFrames
+
+ENOUGH = 0.8
+"""Share of each range of `coverage` that must be reached."""
+SHORT_SECONDS, SHORT_FRAMES = 10.0, 100
+"""A recording with less of both gets the advice to record longer."""
+SMALL_FACE, GOOD_FACE = 120.0, 200.0
+"""Widths of a face in pixels: below the first, lids and lips have too few of them."""
+BLURRED, RELATIVE_BLUR = 45.0, 0.4
+"""Sharpness of a blurred face, and of a blurred frame in that of the median one."""
+EXPOSURE_RANGE = 0.4
+"""Stops between bright and dark frames (5th and 95th percentile) that shading as the head turns does not explain."""
+OPEN_MOUTH = 0.12
+"""Opening of a mouth that shows its inside."""
+CLOSED_EYES = 0.65
+"""Opening of closed eyes in that of the median frame; networks seldom see lids close wholly."""
+OUTSIDE = 0.02
+"""Share of the head outside the image from which a frame counts as cut off."""
+MANY = 0.1
+"""Share of frames from which something is more than a few bad frames."""
+LISTED = 8
+"""Frames, or runs of them, that a sentence names."""
+
+
+def advice(frames: TrackedFrames, *, moving_camera: bool = False) -> list[str]:
+    """Find what a better recording would do otherwise.
+
+    Args:
+        frames: The frames of one camera.
+        moving_camera: Whether the camera circles a still person, who is to do nothing else.
+
+    Returns:
+        Sentences, the gravest first; none for a good recording.
+    """
+    tracked = frames.tracked
+    if not tracked.any():
+        return ["No frame could be tracked. " + " ".join(_left_out(frames))]
+    found = [*_left_out(frames), *_framing(frames), *_camera(frames), *_length(frames)]
+    return [*found, *_turns(coverage(frames.yaw, frames.pitch), moving_camera), *_motion(frames, moving_camera)]
+
+
+def _left_out(frames: TrackedFrames) -> Iterator[str]:
+    reasons = Counter(reason for reason in frames.left_out if reason)
+    if reasons.total() > MANY * len(frames.left_out):
+        for reason, count in reasons.most_common():
+            where = np.array([r == reason for r in frames.left_out])
+            yield f"{count} of {len(where)} frames are left out ({reason}): {listed(frames.numbers[where])}."
+
+
+def _framing(frames: TrackedFrames) -> Iterator[str]:
+    cut = frames.outside > OUTSIDE
+    if cut.any():
+        worst = 100 * np.nanmax(frames.outside)
+        which = f"in frames {listed(frames.numbers[cut])} up to {worst:.0f} % of it lie outside"
+        yield f"Keep the whole head in the image: {which}."
+    width = np.nanmedian(frames.face_width)
+    if width < SMALL_FACE:
+        yield (
+            f"Move the camera closer or record at a higher resolution: the face is {width:.0f} pixels wide, and should "
+            f"be {GOOD_FACE:.0f} or more."
+        )
+
+
+def _camera(frames: TrackedFrames) -> Iterator[str]:
+    sharp = np.nanmedian(frames.sharpness)
+    blurred = frames.sharpness < RELATIVE_BLUR * sharp
+    if sharp < BLURRED:
+        yield (
+            f"Focus on the face and clean the lens: its sharpness is {sharp:.0f} in the median frame, and below "
+            f"{BLURRED:.0f} skin and lashes are lost."
+        )
+    elif blurred.sum() > MANY * frames.tracked.sum():
+        yield (
+            f"Move more slowly or use more light: {_share(blurred, frames)} of the frames are blurred "
+            f"({listed(frames.numbers[blurred])})."
+        )
+    low, high = np.nanpercentile(frames.exposure, (5, 95))
+    if high - low > EXPOSURE_RANGE:
+        yield f"Lock the exposure and keep the light as it is: the brightness changes by {high - low:.1f} stops."
+
+
+def _length(frames: TrackedFrames) -> Iterator[str]:
+    seconds, count = float(np.ptp(frames.times[frames.tracked])), int(frames.tracked.sum())
+    if seconds < SHORT_SECONDS and count < SHORT_FRAMES:
+        yield f"Record longer, about 20 seconds: {count} frames of {seconds:.1f} seconds could be tracked."
+
+
+def _turns(seen: Coverage, moving_camera: bool) -> Iterator[str]:
+    move = "Move the camera farther to the person's" if moving_camera else "Turn your head farther to the"
+    # A camera to the person's right sees the head turned to the left.
+    sides = ("right", "left") if moving_camera else ("left", "right")
+    for side, reached, wanted in zip(sides, (seen.left, seen.right), (LEFT, RIGHT), strict=True):
+        if reached < ENOUGH * wanted:
+            yield f"{move} {side}: {_beyond(reached)}; {wanted:.0f} are good."
+    if moving_camera:
+        return
+    for verb, reached, wanted in (("Raise", seen.up, UP), ("Lower", seen.down, DOWN)):
+        if reached < ENOUGH * wanted:
+            yield f"{verb} your chin farther: {_beyond(reached)}; {wanted:.0f} are good."
+
+
+def _beyond(reached: float) -> str:
+    if reached < 1:
+        return "no frame shows it turned there"
+    return f"no frame shows it beyond {reached:.0f} degrees"
+
+
+def _motion(frames: TrackedFrames, moving_camera: bool) -> Iterator[str]:
+    if moving_camera:
+        return
+    widest = np.nanmax(frames.mouth)
+    if widest < OPEN_MOUTH:
+        yield (
+            f'Open your mouth wide, as for a long "ah": it opens by {100 * widest:.0f} % of the distance of the eyes\' '
+            f"outer corners, and shows its inside from {100 * OPEN_MOUTH:.0f} % on."
+        )
+    closed = np.nanmin(frames.eyes) / np.nanmedian(frames.eyes)
+    if closed > CLOSED_EYES:
+        yield f"Blink, and close your eyes for a second: no frame shows them less than {100 * closed:.0f} % open."
+
+
+def listed(numbers: Int[np.ndarray, " n"]) -> str:
+    """Name frames, runs as FIRST-LAST.
+
+    Args:
+        numbers: Ascending.
+
+    Returns:
+        At most `LISTED` of them.
+    """
+    runs = np.split(numbers, np.flatnonzero(np.diff(numbers) != 1) + 1)
+    texts = [f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs if len(run)]
+    return ", ".join(texts[:LISTED]) + (", ..." if len(texts) > LISTED else "")
+
+
+def _share(where: Bool[np.ndarray, " n"], frames: TrackedFrames) -> str:
+    return f"{100 * where.sum() / frames.tracked.sum():.0f} %"
