@@ -46,7 +46,7 @@ def advice(frames: TrackedFrames, *, moving_camera: bool = False) -> list[str]:
     tracked = frames.tracked
     if not tracked.any():
         return ["No frame could be tracked. " + " ".join(_left_out(frames))]
-    found = [*_left_out(frames), *_framing(frames), *_camera(frames), *_length(frames)]
+    found = [*_left_out(frames), *_framing(frames), *_camera(frames, moving_camera), *_length(frames)]
     return [*found, *_turns(coverage(frames.yaw, frames.pitch), moving_camera), *_motion(frames, moving_camera)]
 
 
@@ -72,7 +72,7 @@ def _framing(frames: TrackedFrames) -> Iterator[str]:
         )
 
 
-def _camera(frames: TrackedFrames) -> Iterator[str]:
+def _camera(frames: TrackedFrames, moving_camera: bool) -> Iterator[str]:
     sharp = np.nanmedian(frames.sharpness)
     blurred = frames.sharpness < RELATIVE_BLUR * sharp
     if sharp < BLURRED:
@@ -85,6 +85,8 @@ def _camera(frames: TrackedFrames) -> Iterator[str]:
             f"Move more slowly or use more light: {_share(blurred, frames)} of the frames are blurred "
             f"({listed(frames.numbers[blurred])})."
         )
+    if moving_camera:  # other parts of the room come into the image
+        return
     low, high = np.nanpercentile(frames.exposure, (5, 95))
     if high - low > EXPOSURE_RANGE:
         yield f"Lock the exposure and keep the light as it is: the brightness changes by {high - low:.1f} stops."

@@ -94,9 +94,10 @@ def _caption(frames: TrackedFrames, position: int) -> str:
 
 
 def _drawn(overlay: Overlay, faces: Int[np.ndarray, "f 3"]) -> UInt8[np.ndarray, "s s 3"]:
-    """The head cut out of the image, with outline and landmarks."""
-    low, high = overlay.vertices.min(axis=0), overlay.vertices.max(axis=0)
-    side = float((high - low).max()) * (1 + 2 * MARGIN)
+    """What the image shows of the head, with outline and landmarks."""
+    height, width = overlay.image.shape[:2]
+    low, high = (edge.clip(0, (width, height)) for edge in (overlay.vertices.min(axis=0), overlay.vertices.max(axis=0)))
+    side = max(float((high - low).max()), 1.0) * (1 + 2 * MARGIN)
     scale, corner = SIDE / side, (low + high - side) / 2
     # Pixel centres lie at +0.5 here, and at whole numbers in OpenCV.
     cut = np.array(
@@ -114,7 +115,7 @@ def _drawn(overlay: Overlay, faces: Int[np.ndarray, "f 3"]) -> UInt8[np.ndarray,
     found, fitted = placed(overlay.landmarks[known]), placed(overlay.fitted[known])
     cv2.polylines(picture, list(np.stack([found, fitted], axis=1)), False, ERROR, 1, cv2.LINE_AA, BITS)
     for x, y in found.tolist():
-        cv2.circle(picture, (x, y), round(1.2 * SUB), FOUND, -1, cv2.LINE_AA, BITS)
+        cv2.circle(picture, (x, y), SUB, FOUND, -1, cv2.LINE_AA, BITS)
     return picture
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from project import ROOT
 from tracking.recordings import COUNT, FPS, recording
 
 from carigs.tracking.advice import advice, listed
@@ -90,3 +91,10 @@ def test_frames_are_named_as_runs():
     assert listed(np.array([1, 2, 3, 7, 9, 10])) == "1-3, 7, 9-10"
     assert listed(np.arange(0, 100, 2)).endswith("14, ...")
     assert listed(np.array([], int)) == ""
+
+
+def test_the_page_on_recording_has_every_sentence():
+    page = (ROOT / "docs" / "recording.md").read_text("utf-8")
+    for frames, _ in BROKEN.values():
+        sentence = advice(frames)[0]
+        assert sentence.split(":")[0] in page

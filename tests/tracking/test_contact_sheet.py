@@ -54,7 +54,7 @@ def test_the_outline_lies_where_the_mesh_is():
         assert values.min() == pytest.approx(edge, abs=1.5) and values.max() == pytest.approx(SIDE - edge, abs=1.5)
 
 
-def test_a_head_at_the_border_of_the_image_is_drawn_on_white():
+def test_what_lies_outside_the_image_is_white():
     frames = recording()
     shown = [*chain(*frames_to_show(frames))]
     cut = overlay(vertices=square(-60, 40))
