@@ -1,8 +1,9 @@
 """Landmarks by the truth, with the errors that networks make: for tests of trackers without a network.
 
-Three kinds of errors, from what networks leave on real people: a landmark marks another point of the skin than the
-table of its places says, the same in all frames; errors in the image that neighbours and successive frames share; and
-landmarks that the head itself hides.
+Four kinds of errors, from what networks leave on real people and on this footage: a landmark marks another point of the
+skin than the table of its places says, the same in all frames; it floats before or behind the skin, because the network
+takes the nose for longer or the cheeks for flatter than they are, which shows as the head turns; errors in the image
+that neighbours and successive frames share; and landmarks that the head itself hides.
 """
 
 from __future__ import annotations
@@ -29,11 +30,13 @@ class LandmarkNoise:
     """Errors of landmarks. All lengths are standard deviations per axis."""
 
     offset: float = 1.2e-3
-    """Metres on the head, constant in the frame of the triangle that carries the landmark: 2 mm long in the mean."""
+    """Metres along the skin, constant in the frame of the triangle that carries the landmark."""
+    depth: float = 2e-3
+    """Metres along the normal of the skin, constant, and shared by neighbours."""
     shared: float = 0.6
     """Pixels that neighbours on the face share, and successive frames."""
     reach: float = 0.03
-    """Metres over which the shared error falls to 1/e of its covariance."""
+    """Metres over which the covariance of what neighbours share falls to 1/e."""
     memory: float = 0.2
     """Seconds after which the shared error has forgotten 1 - 1/e of itself; 0 for frames of their own."""
     own: float = 0.25
@@ -44,7 +47,7 @@ class LandmarkNoise:
     """Whether landmarks that the head hides have confidence 0; networks place these, too, but badly."""
 
 
-EXACT = LandmarkNoise(offset=0, shared=0, own=0, hide=False)
+EXACT = LandmarkNoise(offset=0, depth=0, shared=0, own=0, hide=False)
 """Projections as they are."""
 
 
@@ -66,8 +69,9 @@ def oracle_landmarks(
     rng = np.random.default_rng([seed, 0x0AC1E])
     vertices, faces = truth.vertices(), truth.model.faces
     carrying = carrying_triangles(points, faces)
-    offsets = noise.offset * rng.standard_normal((len(points), 3))
-    rest = points.interpolate(truth.model.v_template)
+    factor = _smooth_factor(points.interpolate(truth.model.v_template), noise.reach)
+    along = noise.offset * rng.standard_normal((len(points), 2))
+    offsets = np.column_stack([along, noise.depth * (factor @ rng.standard_normal(len(points)))])
     values = np.zeros((len(vertices), len(truth.cameras[0]), len(points), 3))
     for c in range(values.shape[1]):
         for t, posed in enumerate(vertices):
@@ -75,7 +79,7 @@ def oracle_landmarks(
             places = points.interpolate(posed) + np.einsum("pi,pij->pj", offsets, triangle_frames(posed, carrying))
             values[t, c, :, :2], depth = camera.project(places)
             values[t, c, :, 2] = seen(places, posed, faces, camera) if noise.hide else depth > 0
-        values[:, c, :, :2] += _image_errors(rest, len(vertices), truth.fps, noise, rng)
+        values[:, c, :, :2] += _image_errors(factor, len(vertices), truth.fps, noise, rng)
     values[rng.random(values.shape[:3]) < noise.missing] = 0
     values[values[..., 2] == 0] = 0
     return Landmarks(values, np.arange(len(vertices)), np.arange(values.shape[1]))
@@ -122,15 +126,18 @@ def seen(
     return inside & (depth < surface[np.where(inside, row, 0), np.where(inside, column, 0)] + HIDDEN)
 
 
+def _smooth_factor(rest: Float[np.ndarray, "p 3"], reach: float) -> Float[np.ndarray, "p p"]:
+    """What makes independent numbers a field that is smooth along the face, of the same variance."""
+    squared = ((rest[:, None] - rest) ** 2).sum(axis=-1)
+    return np.linalg.cholesky(np.exp(-squared / reach**2) + 1e-6 * np.eye(len(rest)))
+
+
 def _image_errors(
-    rest: Float[np.ndarray, "p 3"], count: int, fps: float, noise: LandmarkNoise, rng: np.random.Generator
+    factor: Float[np.ndarray, "p p"], count: int, fps: float, noise: LandmarkNoise, rng: np.random.Generator
 ) -> Float[np.ndarray, "t p 2"]:
     """Gaussian errors in pixels: autoregressive fields that are smooth along the face, and white noise."""
-    squared = ((rest[:, None] - rest) ** 2).sum(axis=-1)
-    covariance = np.exp(-squared / noise.reach**2)
-    factor = np.linalg.cholesky(covariance + 1e-6 * np.eye(len(rest)))
     kept = np.exp(-1 / (fps * noise.memory)) if noise.memory else 0.0
-    fields = np.einsum("pq,tqa->tpa", factor, rng.standard_normal((count, len(rest), 2)))
+    fields = np.einsum("pq,tqa->tpa", factor, rng.standard_normal((count, len(factor), 2)))
     fields[1:] *= np.sqrt(1 - kept**2)  # so that all frames have the same variance
     shared = lfilter([1.0], [1.0, -kept], fields, axis=0)
     return noise.shared * shared + noise.own * rng.standard_normal(shared.shape)

@@ -7,8 +7,9 @@ import pytest
 from small_head import small_head
 
 from carigs.head import HeadParameters, SurfacePoints
+from carigs.toy.look.strands import triangle_frames
 from evaluation.benchmarks.footage.landmark_spread import landmark_spread
-from evaluation.benchmarks.footage.oracle_landmarks import EXACT, LandmarkNoise, oracle_landmarks
+from evaluation.benchmarks.footage.oracle_landmarks import EXACT, LandmarkNoise, carrying_triangles, oracle_landmarks
 from evaluation.benchmarks.footage.scenes import view
 from evaluation.benchmarks.footage.truth import FootageTruth
 
@@ -42,7 +43,7 @@ def test_the_back_of_the_head_is_hidden():
 
 
 def test_offsets_are_the_same_in_all_frames_and_turn_with_the_head():
-    points, noise = SurfacePoints.at_vertices(FRONT), LandmarkNoise(shared=0, own=0, hide=False)
+    points, noise = SurfacePoints.at_vertices(FRONT), LandmarkNoise(depth=0, shared=0, own=0, hide=False)
     truth = footage(np.array([0.0, 0.0, 0.5]))
     errors = oracle_landmarks(truth, points, noise).values - oracle_landmarks(truth, points, EXACT).values
     np.testing.assert_array_equal(errors[0], errors[1])
@@ -51,8 +52,21 @@ def test_offsets_are_the_same_in_all_frames_and_turn_with_the_head():
     assert errors[0, ..., :2].std() * metre == pytest.approx(noise.offset, rel=0.25)
 
 
+def test_a_wrong_depth_lies_along_the_normals_and_neighbours_share_it():
+    truth, points = footage(np.array([0.0, 0.5])), SurfacePoints.at_vertices(FRONT)
+    noise = LandmarkNoise(offset=0, depth=3e-3, shared=0, own=0, hide=False, reach=10.0)
+    moved, exact = (oracle_landmarks(truth, points, n, seed=4).values[1, 0, :, :2] for n in (noise, EXACT))
+    posed, camera = truth.vertices()[1], truth.cameras[1][0]
+    normals = triangle_frames(posed, carrying_triangles(points, MODEL.faces))[:, 2]
+    of_a_millimetre = camera.project(posed[FRONT] + 1e-3 * normals)[0] - exact
+    depths = ((moved - exact) * of_a_millimetre).sum(axis=1) / (of_a_millimetre**2).sum(axis=1)
+    steep = np.linalg.norm(of_a_millimetre, axis=1) > 0.2
+    np.testing.assert_allclose(depths[steep], np.median(depths), atol=0.1)
+    assert 0.2 < abs(np.median(depths)) < 9
+
+
 def test_image_errors_have_their_size_memory_and_reach():
-    noise = LandmarkNoise(offset=0, shared=0.8, own=0.2, hide=False, memory=0.2, reach=0.03)
+    noise = LandmarkNoise(offset=0, depth=0, shared=0.8, own=0.2, hide=False, memory=0.2, reach=0.03)
     points = SurfacePoints.at_vertices(FRONT)
     errors = (oracle_landmarks(STILL, points, noise).values - oracle_landmarks(STILL, points, EXACT).values)[
         :, 0, :, :2
@@ -75,7 +89,7 @@ def test_landmark_spread_is_the_noise_whatever_the_places():
     truth, points = footage(np.linspace(-0.3, 0.3, 25)), SurfacePoints.at_vertices(FRONT)
     exact = landmark_spread(truth, oracle_landmarks(truth, points, EXACT).values[:, 0])
     assert np.median(exact.pixels) < 0.05
-    noise = LandmarkNoise(offset=2e-3, shared=0, own=0.5, hide=True)
+    noise = LandmarkNoise(offset=2e-3, depth=0, shared=0, own=0.5, hide=True)
     noisy = landmark_spread(truth, oracle_landmarks(truth, points, noise).values[:, 0])
     rayleigh = 0.5 * np.sqrt(2 * np.log(2))  # median distance of two normal coordinates
     assert np.nanmedian(noisy.pixels) == pytest.approx(rayleigh, rel=0.25)
