@@ -30,6 +30,8 @@ HYDRA ?=
 ROOT := $(dir $(abspath $(lastword $(MAKEFILE_LIST))))
 export PATH := $(ROOT).venv/bin:$(PATH)
 unexport PYTHONPATH VIRTUAL_ENV
+# Bytecode is kept, also where the environment says otherwise: hundreds of short processes import the same modules.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: reproduce test test-more test-all coverage chaos bench lock cluster audit docs
 .DEFAULT_GOAL := reproduce

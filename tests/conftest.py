@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 from collections import defaultdict
@@ -16,12 +17,22 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
 # Runs share the kernels of this checkout.
 os.environ.setdefault("CARIGS_COMPILE_AHEAD", "0")
+# Nothing that is imported is garbage, and modules are a million objects: looking for garbage takes a third of the time of
+# collection, and a quarter of that of small tests.
+gc.disable()
 # A shell starts background jobs with SIGINT ignored. Programs that tests interrupt would inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
 hypothesis.settings.load_profile("repeatable")
 
 typecheck.install("carigs", "evaluation", "stress")
+
+
+def pytest_collection_finish() -> None:
+    """Look for garbage again, rarely, and never among what is imported."""
+    gc.freeze()
+    gc.set_threshold(100_000, 50, 1000)
+    gc.enable()
 
 
 def pytest_runtest_setup() -> None:
