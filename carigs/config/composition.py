@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 from hydra import compose as hydra_compose
-from hydra import initialize
+from hydra import initialize_config_dir
 from hydra.core.config_store import ConfigStore
 from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
@@ -36,6 +37,8 @@ _WITHOUT_HYDRA = [{f"override hydra/{group}": None} for group in _HYDRA_GROUPS]
 # Hydra reads the first file before it knows the search path, hence this one.
 _FIRST_FILE = {"defaults": ["config", "_self_", *_WITHOUT_HYDRA], "hydra": {"searchpath": [SEARCH_PATH]}}
 ConfigStore.instance().store("carigs", _FIRST_FILE)
+_FOLDER = str(Path(__file__).parent)
+"""Without files for Hydra: `initialize` of a module's folder reads the stack, which takes a sixth of a composition."""
 
 
 @cache
@@ -55,7 +58,7 @@ def compose(*overrides: str) -> DictConfig:
     """
     typed = [hydra_override(override) for override in overrides]
     try:
-        with initialize(config_path=None, job_name="carigs", version_base="1.3"):
+        with initialize_config_dir(_FOLDER, job_name="carigs", version_base="1.3"):
             config = hydra_compose("carigs", typed)
             with relative_to(lambda: hydra_compose("carigs", [*typed, "preset=balanced"])):
                 values = OmegaConf.to_container(config, resolve=True)
