@@ -13,6 +13,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from forked_commands import run_command
+
 from carigs.simd.kernel_cache import kernel_folder
 
 ROOT = Path(__file__).parents[1]
@@ -39,9 +41,7 @@ class Project:
 
     def command(self, *command: str) -> subprocess.CompletedProcess:
         """Run `python -m ...` in the project."""
-        running = self.start(*command)
-        output, errors = running.communicate()
-        return subprocess.CompletedProcess(command, running.returncode, output, errors)
+        return run_command(command, self.root, {**os.environ, **environment(self.root)})
 
     def snakemake(self, *arguments: str, hydra: str = "") -> subprocess.CompletedProcess:
         """Snakemake with Hydra overrides; `--` ends the values of --config."""

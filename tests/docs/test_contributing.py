@@ -34,20 +34,21 @@ class Checkout:
         with (self.root / file).open("a", encoding="utf-8") as stream:
             stream.write(text)
 
+    def run(self, *command: str) -> str:
+        """What `python -m ...` prints, which must succeed."""
+        line = [sys.executable, "-m", *command]
+        done = subprocess.run(line, cwd=self.root, env=self.environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout
+
     def write_reference(self) -> None:
         """Write the reference of the settings again."""
         for option, file in REFERENCE.items():
-            command = [sys.executable, "-m", "carigs", "settings", option]
-            done = subprocess.run(
-                command, cwd=self.root, env=self.environment, capture_output=True, text=True, check=True
-            )
-            (self.root / file).write_text(done.stdout, "utf-8")
+            (self.root / file).write_text(self.run("carigs", "settings", option), "utf-8")
 
     def check(self, *tests: str) -> None:
         """Run the fast tests of these files and folders."""
-        command = [sys.executable, "-m", "pytest", "-m", FAST, "-p", "no:cacheprovider", "--tb=short", *tests]
-        done = subprocess.run(command, cwd=self.root, env=self.environment, capture_output=True, text=True, check=False)
-        assert done.returncode == 0, done.stdout + done.stderr
+        self.run("pytest", "-m", FAST, "-p", "no:cacheprovider", "--tb=short", *tests)
 
 
 @pytest.fixture
@@ -143,8 +144,160 @@ def test_a_stress_case(checkout):
         '    yield Case("equal numbers", equal_numbers)\n',
     )  # fmt: skip
     rows = checkout.root / "rows.csv"
-    environment = checkout.environment | {"PYTHONPATH": f"{checkout.root}:{checkout.root / 'tests'}"}
-    command = [sys.executable, "-m", "stress.metrics", str(rows)]
-    done = subprocess.run(command, cwd=checkout.root, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    checkout.environment["PYTHONPATH"] += f":{checkout.root / 'tests'}"
+    checkout.run("stress.metrics", str(rows))
     assert re.search(r"^.*equal numbers,.*right", rows.read_text("utf-8"), re.MULTILINE)
+
+
+def test_a_setting_in_the_trade_offs(checkout):
+    checkout.insert(
+        "evaluation/benchmarks/training_trade_offs.py", '    *(f"capture.toy.width=',
+        '    *(f"train.position_lr={rate:g}" for rate in (0.0001, 0.001)),\n',
+    )  # fmt: skip
+    checkout.insert(
+        "evaluation/trade_offs/knobs.py", "\n\ndef _chosen(", '    yield _training_knob("train.position_lr")\n'
+    )
+    checkout.check("tests/evaluation/trade_offs")
+
+
+def test_a_head_model(checkout):
+    file = checkout.root / "carigs/head/plain_head.py"
+    file.write_text('''"""Heads of the format `plain`: arrays with names of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+
+def is_plain(arrays: Mapping[str, Any]) -> bool:
+    """Whether arrays are those of a plain head.
+
+    Args:
+        arrays: Arrays by name.
+
+    Returns:
+        Whether they have its names.
+    """
+    return "points" in arrays
+
+
+def plain_arrays(arrays: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """Convert a plain head to the arrays of `carigs.head.model_arrays`.
+
+    Args:
+        arrays: Arrays of its file.
+
+    Returns:
+        The arrays of a head model.
+    """
+    renamed = {"points": "v_template", "triangles": "faces"}
+    return {renamed.get(name, name): value for name, value in arrays.items()}
+''', "utf-8")  # fmt: skip
+    checkout.insert(
+        "carigs/head/model.py", "        if is_gnm(arrays):",
+        "        if is_plain(arrays):\n            arrays = plain_arrays(arrays)\n",
+    )  # fmt: skip
+    checkout.insert(
+        "carigs/head/model.py", "from carigs.head.model_arrays import",
+        "from carigs.head.plain_head import is_plain, plain_arrays\n",
+    )  # fmt: skip
+    (checkout.root / "tests/head/test_plain_head.py").write_text('''import numpy as np
+from miniature import ball_model
+
+from carigs.head import HeadModel
+
+
+def test_a_plain_head_moves_as_its_equations_say(tmp_path):
+    ball = ball_model()
+    ball.save(tmp_path / "ball.npz")
+    with np.load(tmp_path / "ball.npz") as saved:
+        arrays = dict(saved)
+    plain = {{"v_template": "points", "faces": "triangles"}.get(name, name): value for name, value in arrays.items()}
+    np.savez(tmp_path / "plain.npz", **plain)
+    read = HeadModel.load(tmp_path / "plain.npz")
+    np.testing.assert_array_equal(read.v_template, ball.v_template)
+    np.testing.assert_array_equal(read.faces, ball.faces)
+''', "utf-8")  # fmt: skip
+    checkout.check("tests/head/test_plain_head.py", "tests/head/test_forward.py")
+
+
+def test_a_stage(checkout):
+    (checkout.root / "carigs/settings/frame_list.py").write_text('''"""Settings of the list of frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from carigs.settings.option import Section, option
+
+
+@dataclass
+class FrameList(Section, key="frame_list"):
+    """What the list of frames names."""
+
+    split: str = option("train", choices=("train", "val", "test"))
+    """Frames that are listed."""
+''', "utf-8")  # fmt: skip
+    settings = "carigs/settings/__init__.py"
+    checkout.insert(settings, "from carigs.settings.gtstar", "from carigs.settings.frame_list import FrameList\n")
+    checkout.insert(
+        settings, "    hair: Hair = field", "    frame_list: FrameList = field(default_factory=FrameList)\n"
+    )
+    (checkout.root / "carigs/stages/frame_list.py").write_text('''"""Stage `frame_list`: the names of frames."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from carigs.capture import Capture
+from carigs.settings.frame_list import FrameList
+from carigs.system.files import writing
+
+
+def frame_list(settings: FrameList, *, capture: Path, names: Path, threads: int = 1) -> None:
+    """List the frames of a split.
+
+    Args:
+        settings: The split.
+        capture: Input: the index of the capture.
+        names: Output: a name per line.
+        threads: Not used.
+    """
+    found = [frame.name for frame in Capture.load(capture).split(settings.split)]
+    with writing(names) as part:
+        part.write_text("\\n".join(found))
+    print(f"{len(found)} frames")
+''', "utf-8")  # fmt: skip
+    checkout.insert("workflow/rules/avatar.smk", "rule hair:\n", '''rule frame_list:
+    input:
+        settings="results/{study}/settings/frame_list/subject={subject}.yaml",
+        capture="results/{study}/{subject}/capture.json",
+    output:
+        names="results/{study}/{subject}/frames.txt",
+    log:
+        "results/{study}/log/frame_list/{subject}.log",
+    conda:
+        "../../environment.yml"
+    params:
+        plan=plan("frame_list", "subject"),
+    script:
+        "../scripts/stage.py"
+
+
+''')  # fmt: skip
+    checkout.insert(
+        "carigs/planning/costs.py", '        case "hair":', '        case "frame_list":\n            work = 0.1\n'
+    )
+    checkout.write_reference()
+    checkout.check("tests/config/test_composition.py", "tests/runs/test_plan.py", "tests/runs/test_sources.py")
+    target = "results/toy/toy/frames.txt"
+    small = "capture.toy.width=16 capture.toy.height=20 capture.toy.supersampling=1"
+    checkout.run("snakemake", "--cores", "2", "--config", f"hydra={small}", "--", target)
+    made = checkout.root / target
+    names = made.read_text("utf-8").split()
+    assert len(names) == len({*names}) > 0
+    checkout.run("snakemake", "--cores", "2", "--config", f"hydra={small} frame_list.split=test", "--", target)
+    assert not {*made.read_text("utf-8").split()} & {*names}
