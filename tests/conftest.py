@@ -17,8 +17,8 @@ os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
 # Runs share the kernels of this checkout.
 os.environ.setdefault("CARIGS_COMPILE_AHEAD", "0")
-# Imported modules are a million objects, and no garbage: to look for some takes a third of the time of collection, and a
-# quarter of that of small tests.
+# Imported modules are a million objects, and no garbage: to look for some takes a third of the time of collection, and
+# a quarter of that of small tests.
 gc.disable()
 # A shell starts background jobs with SIGINT ignored. Programs that tests interrupt would inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
