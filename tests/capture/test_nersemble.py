@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from nersemble import CAMERAS, MISSING, SEQUENCES, SIZE, STEPS, UNION, write_nersemble
-from project import Project, copy_project
+from project import Project, copy_project, shared_kernels
 
 from carigs.capture import Capture, read_dataset
 from carigs.head.teeth import FLAME_WITH_TEETH_COUNTS
@@ -84,7 +84,8 @@ def test_from_capture_to_table(data, tmp_path, monkeypatch):
             "render.orbit_frames=2", "metrics.embeddings=[]", "metrics.lpips=[]",
         ]
     )  # fmt: skip
-    project.make("table", hydra=hydra)
+    with shared_kernels():
+        project.make("table", hydra=hydra)
     index = json.loads((project.root / "results/nersemble/nersemble_074/capture.json").read_text())
     assert index["split_rule"] == "EXP-2, validation camera 8" and index["cy"].startswith("flipped")
     table = pd.read_csv(project.root / "results/nersemble/table/gamma=0.25.csv")
