@@ -6,6 +6,7 @@ before the fork: every command imports the packages that its own `PYTHONPATH` na
 
 from __future__ import annotations
 
+import atexit
 import gc
 import json
 import os
@@ -39,7 +40,9 @@ def _server() -> subprocess.Popen:
     """One for each process of pytest; it ends with its standard input."""
     clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     command = [sys.executable, "-P", __file__]  # -P: without the folder of this file in sys.path
-    return subprocess.Popen(command, env=clean, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    server = subprocess.Popen(command, env=clean, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    atexit.register(server.communicate)  # closes its input, and waits for its end
+    return server
 
 
 def _serve() -> None:
