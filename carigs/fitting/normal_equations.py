@@ -5,16 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
-from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_banded
+from jaxtyping import Bool, Float
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 
 @dataclass
 class NormalEquations:
     """Gauss-Newton matrix and gradient for t frames of q parameters each and s shared shape coefficients.
 
-    Neighbouring frames are coupled through equal parameters alone (temporal smoothness), so that the matrix of all
-    frames has the half-bandwidth q.
+    Neighbouring frames are coupled through equal parameters alone (temporal smoothness).
     """
 
     frames: Float[np.ndarray, "t q q"]
@@ -26,8 +25,21 @@ class NormalEquations:
     frame_gradient: Float[np.ndarray, "t q"]
     shape_gradient: Float[np.ndarray, " s"]
 
+    def hold(self, held: Bool[np.ndarray, "t q"]) -> None:
+        """Take parameters of frames out of the equations: their step is 0.
+
+        Args:
+            held: Which.
+        """
+        free = ~held
+        self.frames *= (free[:, :, None] & free[:, None, :]).astype(np.float64)
+        np.einsum("tqq->tq", self.frames)[held] = 1
+        self.links = self.links * (free[:-1] & free[1:])
+        self.border *= free[:, :, None]
+        self.frame_gradient[held] = 0
+
     def solve(self, damping: float = 0.0) -> tuple[Float[np.ndarray, "t q"], Float[np.ndarray, " s"]]:
-        """The step -A^-1 g, by a banded Cholesky factorisation and the Schur complement of the shape.
+        """The step -A^-1 g, by a block tridiagonal Cholesky factorisation and the Schur complement of the shape.
 
         Args:
             damping: Share of the diagonal that is added to it (Marquardt 1963).
@@ -39,18 +51,35 @@ class NormalEquations:
             numpy.linalg.LinAlgError: If the matrix is not positive definite.
         """
         t, q, s = self.border.shape
-        band = np.zeros((q + 1, t, q))  # LAPACK's lower form: band[d, column] = A[column + d, column]
-        row, column = np.tril_indices(q)
-        band[row - column, :, column] = self.frames[:, row, column].T
-        band[0] *= 1 + damping
-        band[q, :-1] = self.links
-        factor = cholesky_banded(band.reshape(q + 1, t * q), lower=True, overwrite_ab=True, check_finite=False)
-        known = np.concatenate([self.border, self.frame_gradient[:, :, None]], axis=2).reshape(t * q, s + 1)
-        solved = cho_solve_banded((factor, True), known, check_finite=False)
+        factors, coupled, half = self._eliminate_frames(damping)
         shape_step = np.zeros(s)
         if s:
-            damped = self.shape + damping * np.diag(np.diag(self.shape))
-            complement = damped - known[:, :s].T @ solved[:, :s]
-            right = known[:, :s].T @ solved[:, s] - self.shape_gradient
+            complement = self.shape + damping * np.diag(np.diag(self.shape)) - half[:, :s].T @ half[:, :s]
+            right = half[:, :s].T @ half[:, s] - self.shape_gradient
             shape_step = cho_solve(cho_factor(complement, lower=True), right)
-        return -(solved[:, s] + solved[:, :s] @ shape_step).reshape(t, q), shape_step
+        right = -(half[:, s] + half[:, :s] @ shape_step).reshape(t, q)
+        step = np.empty((t, q))
+        for i in reversed(range(t)):
+            behind = coupled[i] @ step[i + 1] if i < t - 1 else 0
+            step[i] = solve_triangular(factors[i], right[i] - behind, lower=True, trans="T", check_finite=False)
+        return step, shape_step
+
+    def _eliminate_frames(self, damping: float) -> tuple[list[np.ndarray], list[np.ndarray], Float[np.ndarray, "r c"]]:
+        """Factorise the frames' part of the matrix, A = L L^T.
+
+        Returns L's blocks on the diagonal, those below it transposed, and L^-1 times the border and the gradient.
+        """
+        t, q, s = self.border.shape
+        known = np.concatenate([self.border, self.frame_gradient[:, :, None]], axis=2)
+        diagonal = self.frames.copy()
+        np.einsum("tqq->tq", diagonal)[...] *= 1 + damping
+        factors, coupled = [], []
+        for i in range(t):
+            if i:
+                diagonal[i] -= coupled[-1].T @ coupled[-1]
+                known[i] -= coupled[-1].T @ known[i - 1]
+            factors.append(np.linalg.cholesky(diagonal[i]))
+            known[i] = solve_triangular(factors[i], known[i], lower=True, check_finite=False)
+            if i < t - 1:
+                coupled.append(solve_triangular(factors[i], np.diag(self.links[i]), lower=True, check_finite=False))
+        return factors, coupled, known.reshape(t * q, s + 1)

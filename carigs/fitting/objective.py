@@ -64,6 +64,32 @@ class Prior:
         change = np.diff(frames, axis=0)
         return 0.5 * float((frames**2 @ self.frames).sum() + shape**2 @ self.shape + (self.links * change**2).sum())
 
+    def equations(self, frames: Float[np.ndarray, "t q"], shape: Float[np.ndarray, " s"]) -> NormalEquations:
+        """Normal equations of the priors alone.
+
+        Args:
+            frames: Parameters of each frame.
+            shape: Shape coefficients.
+
+        Returns:
+            Matrix and gradient.
+        """
+        (t, q), s = frames.shape, len(shape)
+        equations = NormalEquations(
+            frames=np.tile(np.diag(self.frames), (t, 1, 1)),
+            links=-self.links,
+            border=np.zeros((t, q, s)),
+            shape=np.diag(self.shape),
+            frame_gradient=self.frames * frames,
+            shape_gradient=self.shape * shape,
+        )
+        diagonal = np.einsum("tqq->tq", equations.frames)
+        pull = self.links * np.diff(frames, axis=0)
+        for side, sign in ((slice(None, -1), -1), (slice(1, None), 1)):
+            diagonal[side] += self.links
+            equations.frame_gradient[side] += sign * pull
+        return equations
+
 
 @dataclass(frozen=True)
 class Objective:
@@ -100,23 +126,9 @@ class Objective:
         Returns:
             The cost, and the Gauss-Newton matrix with the gradient.
         """
-        (t, q), s, prior = frames.shape, len(shape), self.prior
-        total = prior.value(frames, shape)
-        equations = NormalEquations(
-            frames=np.tile(np.diag(prior.frames), (t, 1, 1)),
-            links=-prior.links,
-            border=np.zeros((t, q, s)),
-            shape=np.diag(prior.shape),
-            frame_gradient=prior.frames * frames,
-            shape_gradient=prior.shape * shape,
-        )
-        diagonal = np.einsum("tqq->tq", equations.frames)
-        pull = prior.links * np.diff(frames, axis=0)
-        for side, sign in ((slice(None, -1), -1), (slice(1, None), 1)):
-            diagonal[side] += prior.links
-            equations.frame_gradient[side] += sign * pull
+        total, equations = self.prior.value(frames, shape), self.prior.equations(frames, shape)
         for term in self.terms:
-            for part in _blocks(term, t):
+            for part in _blocks(term, len(frames)):
                 positions, *jacobians = term.points.linearise(frames[part], shape)
                 cost = term.evaluate(positions, part)
                 total += cost.value
