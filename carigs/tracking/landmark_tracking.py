@@ -1,0 +1,232 @@
+"""One person's head tracked by landmarks in uncalibrated cameras: what is shared first, then every frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from carigs.capture.evenly_spread import evenly_spread
+from carigs.errors import CarigsError
+from carigs.fitting.fitted_parameters import FittedParameters
+from carigs.fitting.head_points import HeadPoints
+from carigs.fitting.levenberg_marquardt import Bounds, minimise
+from carigs.fitting.objective import Prior
+from carigs.head import HeadModel, HeadParameters, SurfacePoints
+from carigs.tracking.cameras import Cameras
+from carigs.tracking.objective import LandmarkObjective, Shared
+from carigs.tracking.personal_expressions import landmark_errors, learn_corrections
+from carigs.tracking.priors import Motion, tracking_prior
+from carigs.tracking.start import template_poses
+from carigs.tracking.surface_fields import SurfaceField
+from carigs.tracking.visibility import facing_camera
+
+INDEPENDENT = 0.25
+"""Independent observations for each landmark of a dense face mesh: a network's errors are correlated along the face."""
+OFFSET = 0.003
+"""Standard deviation in metres of the offset of a landmark on this person's head from where the embedding has it."""
+OUTLIERS = (30.0, 5.0)
+"""Scales of the loss in standard deviations."""
+SHARED_FRAMES = 60
+"""Frames that what is shared is estimated from."""
+SIGMA = 0.01
+"""First standard deviation of landmarks, in sizes of the face's box."""
+LEAST_SIGMA = 0.1
+"""Pixels."""
+MEDIAN_LENGTH = 1.1774
+"""Median length of a vector of two normal variables with deviation 1."""
+ROUNDS = 2
+"""Times that corrections of expressions are learned."""
+STEPS, FIRST_STEPS = 25, 8
+"""Most steps of the solver, and most of them before corrections of expressions are learned again."""
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Landmarks of one person in one or more cameras that stand still."""
+
+    pixels: Float[np.ndarray, "t c n 2"]
+    confidence: Float[np.ndarray, "t c n"]
+    """From 0 (missing) to 1."""
+    times: Float[np.ndarray, " t"]
+    """Seconds."""
+
+    def at(self, chosen: Int[np.ndarray, " m"]) -> Tracks:
+        """The landmarks of some frames.
+
+        Args:
+            chosen: Indices of the frames.
+
+        Returns:
+            Their landmarks.
+        """
+        return Tracks(self.pixels[chosen], self.confidence[chosen], self.times[chosen])
+
+
+@dataclass(frozen=True)
+class TrackedHead:
+    """The result of `track_landmarks`."""
+
+    model: HeadModel
+    """The head model with the person's own expressions."""
+    parameters: list[HeadParameters]
+    """Of each frame; the shape and the static offset are the person's."""
+    cameras: Cameras
+    sigma: float
+    """Standard deviation of the landmarks in pixels."""
+    errors: Float[np.ndarray, "t c n"]
+    """Distances in pixels between landmarks and the head's; NaN for missing landmarks."""
+    projected: Float[np.ndarray, "t c n 2"]
+    """The head's landmarks in the images, in pixels, with the constant offset of each."""
+
+
+def track_landmarks(
+    model: HeadModel,
+    fitted: FittedParameters,
+    embedding: SurfacePoints,
+    tracks: Tracks,
+    cameras: Cameras,
+    *,
+    focal_deviation: float,
+    motion: Motion | None = None,
+) -> TrackedHead:
+    """Track a head: identity, cameras, and the parameters of every frame.
+
+    Args:
+        model: The head model.
+        fitted: Its parameters that are estimated.
+        embedding: The landmarks on the model.
+        tracks: The landmarks in the images.
+        cameras: First guess of the cameras.
+        focal_deviation: Standard deviation of the logarithm of the focal lengths.
+        motion: How much the head moves from frame to frame; None for a person who talks.
+
+    Returns:
+        The head.
+
+    Raises:
+        CarigsError: If the landmarks place the head model in no frame.
+    """
+    motion = motion or Motion()
+    points = HeadPoints(model, fitted, embedding).merged()
+    frames, found = _start(points, tracks, cameras)
+    visible = facing_camera(model, embedding, fitted, frames, cameras) * tracks.confidence
+    tracks = replace(tracks, confidence=visible)
+    bounds = _bounds(model, fitted)
+    sigma = SIGMA * _face_size(tracks)
+    options = {"bounds": bounds, "steps": STEPS, "tolerance": 1e-4}
+
+    # What frames share, from some of them.
+    chosen = np.array(evenly_spread([*found], SHARED_FRAMES))
+    some, chosen_tracks = frames[chosen], tracks.at(chosen)
+    vector = np.zeros(len(fitted.shape) + cameras.size)
+    for moving, outlier in ((0, OUTLIERS[0]), (len(embedding), OUTLIERS[0]), (len(embedding), OUTLIERS[1])):
+        shared = Shared(len(fitted.shape), moving, cameras.size)
+        if moving and len(vector) < shared.size:
+            vector = np.insert(vector, len(fitted.shape), np.zeros(3 * moving))
+        prior = tracking_prior(model, fitted, chosen_tracks.times, shared, motion, OFFSET, focal_deviation)
+        objective = _objective(points, cameras, shared, chosen_tracks, sigma, outlier, prior)
+        some, vector = minimise(objective, some, vector, **options)
+        sigma = _sigma(objective.errors(some, vector))
+    shape, offsets, camera = shared.split(vector)
+    cameras = cameras.moved(camera)
+
+    # The person: offsets and corrections of expressions are smooth on the surface.
+    vertices = model.v_template + model.identity_basis[:, :, fitted.shape] @ shape
+    field = SurfaceField(vertices, model.faces, embedding)
+    static_offset = field.fit(offsets)
+    person = points.with_offsets(offsets).of_person(shape, model.joint_regressor @ static_offset)
+    blendshapes = person.expressions()
+    frames = _between(len(frames), chosen, some)
+    corrections = np.zeros_like(blendshapes)
+    nothing = Shared(0, 0, 0)
+    prior = tracking_prior(model, fitted, tracks.times, nothing, motion, OFFSET, focal_deviation)
+    own = person
+    for turn in range(ROUNDS + 1):
+        objective = _objective(own, cameras, nothing, tracks, sigma, OUTLIERS[1], prior)
+        steps = STEPS if turn == ROUNDS else FIRST_STEPS
+        frames, _ = minimise(objective, frames, np.zeros(0), **options | {"steps": steps})
+        if turn < ROUNDS:
+            information = INDEPENDENT / sigma**2 * tracks.confidence
+            errors = landmark_errors(own, cameras, frames, tracks.pixels, information, OUTLIERS[1])
+            corrections = learn_corrections(errors, frames[:, fitted.expression_slice], blendshapes, corrections)
+            on_mesh = field.fit(corrections.reshape(len(embedding), -1))
+            corrections = embedding.interpolate(on_mesh).reshape(corrections.shape)
+            own = person.with_expressions(corrections)
+            sigma = _sigma(np.linalg.norm(errors.error, axis=-1), errors.information > 0)
+    errors = objective.errors(frames, np.zeros(0))
+    frames, cameras = _centred(frames, cameras)
+    own_model = _with_expressions(model, fitted, on_mesh.reshape(len(vertices), 3, -1))
+    parameters = [replace(fitted.head_parameters(model, frame, shape), static_offset=static_offset) for frame in frames]
+    projected, _ = cameras.project(own.positions(frames, np.zeros(0)))
+    return TrackedHead(own_model, parameters, cameras, sigma, errors, projected)
+
+
+def _start(points: HeadPoints, tracks: Tracks, cameras: Cameras) -> tuple[Float[np.ndarray, "t q"], np.ndarray]:
+    """Parameters with the template's poses; frames without a pose have that of the nearest with one."""
+    t = len(tracks.times)
+    seen = tracks.confidence[:, 0] > 0
+    poses = template_poses(points.template_points, points.joints[0], tracks.pixels[:, 0], seen, cameras)
+    found = np.flatnonzero(np.isfinite(poses[:, 0]))
+    if not found.size:
+        raise CarigsError("in no frame can the head model be placed by its landmarks; see their places on it")
+    frames = np.zeros((t, points.fitted.frame_size))
+    frames[:, :6] = poses[found[np.abs(np.arange(t)[:, None] - found).argmin(axis=1)]]
+    return frames, found
+
+
+def _bounds(model: HeadModel, fitted: FittedParameters) -> Bounds:
+    """Named expressions are activations from 0 to 1; those of FLAME are principal components."""
+    low, high = np.full(fitted.frame_size, -np.inf), np.full(fitted.frame_size, np.inf)
+    if model.expression_names:
+        low[fitted.expression_slice], high[fitted.expression_slice] = 0, 1
+    return Bounds(low, high)
+
+
+def _objective(
+    points: HeadPoints,
+    cameras: Cameras,
+    shared: Shared,
+    tracks: Tracks,
+    sigma: float,
+    outlier: float,
+    prior: Prior,
+) -> LandmarkObjective:
+    """Landmarks with one standard deviation in pixels, of which a share counts."""
+    information = INDEPENDENT / sigma**2 * tracks.confidence[..., None, None] * np.eye(2)
+    return LandmarkObjective(points, cameras, shared, tracks.pixels, information, outlier, prior)
+
+
+def _face_size(tracks: Tracks) -> float:
+    """Median diagonal of the landmarks' box, in pixels."""
+    known = tracks.pixels[(tracks.confidence > 0).any(axis=2)]
+    seen = tracks.confidence[(tracks.confidence > 0).any(axis=2)] > 0
+    low = np.where(seen[..., None], known, np.inf).min(axis=1)
+    high = np.where(seen[..., None], known, -np.inf).max(axis=1)
+    return float(np.median(np.linalg.norm(high - low, axis=1)))
+
+
+def _sigma(errors: Float[np.ndarray, "t c n"], seen: Bool[np.ndarray, "t c n"] | bool = True) -> float:
+    """Standard deviation of landmarks, by the median of their errors."""
+    return max(float(np.nanmedian(np.where(seen, errors, np.nan))) / MEDIAN_LENGTH, LEAST_SIGMA)
+
+
+def _between(count: int, chosen: Int[np.ndarray, " m"], some: Float[np.ndarray, "m q"]) -> Float[np.ndarray, "t q"]:
+    """Start of all frames from those of some of them: linear in the number of the frame."""
+    return np.stack([np.interp(np.arange(count), chosen, column) for column in some.T], axis=1)
+
+
+def _centred(frames: Float[np.ndarray, "t q"], cameras: Cameras) -> tuple[Float[np.ndarray, "t q"], Cameras]:
+    """Move the world's origin to where a dataset has it: at the head."""
+    centre = np.median(frames[:, :3], axis=0)
+    moved, poses = frames.copy(), cameras.poses.copy()
+    moved[:, :3] -= centre
+    poses[:, 3:] += cameras.camera_from_world()[:, :, :3] @ centre
+    return moved, replace(cameras, poses=poses)
+
+
+def _with_expressions(model: HeadModel, fitted: FittedParameters, corrections: Float[np.ndarray, "v 3 e"]) -> HeadModel:
+    shapedirs = model.shapedirs.copy()
+    shapedirs[:, :, model.num_identity + fitted.expression] += corrections.astype(np.float32)
+    return replace(model, shapedirs=shapedirs)

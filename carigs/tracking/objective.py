@@ -1,0 +1,195 @@
+"""The objective of tracking: reprojection errors of landmarks under unknown identity, cameras and landmark offsets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from carigs.fitting.head_points import HeadPoints
+from carigs.fitting.normal_equations import NormalEquations
+from carigs.fitting.objective import Prior
+from carigs.tracking.cameras import Cameras
+
+BLOCK = 16
+"""Frames whose Jacobians are held at a time."""
+
+
+@dataclass(frozen=True)
+class Shared:
+    """What all frames share, in one vector: shape coefficients, offsets of the landmarks, parameters of the cameras."""
+
+    shape: int
+    """Number of shape coefficients."""
+    points: int
+    """Number of landmarks with offsets: all or 0."""
+    cameras: int
+    """Number of free parameters of the cameras, or 0."""
+
+    @property
+    def size(self) -> int:
+        """Length of the vector."""
+        return self.shape + 3 * self.points + self.cameras
+
+    def split(
+        self, vector: Float[np.ndarray, " s"]
+    ) -> tuple[Float[np.ndarray, " b"], Float[np.ndarray, "n 3"], Float[np.ndarray, " k"]]:
+        """The parts of a vector.
+
+        Args:
+            vector: What the frames share.
+
+        Returns:
+            Shape coefficients, offsets in metres, and parameters of the cameras.
+        """
+        end = self.shape + 3 * self.points
+        return vector[: self.shape], vector[self.shape : end].reshape(-1, 3), vector[end:]
+
+
+@dataclass(frozen=True)
+class LandmarkObjective:
+    """Half the sum of squared errors of landmarks in standard deviations (Geman and McClure), and priors.
+
+    An error of r standard deviations costs r^2 / 2 / (1 + r^2 / k^2), as in `carigs.fitting.landmarks.term`.
+    """
+
+    points: HeadPoints
+    cameras: Cameras
+    shared: Shared
+    pixels: Float[np.ndarray, "t c n 2"]
+    information: Float[np.ndarray, "t c n 2 2"]
+    """Inverse covariances of the errors in 1 / pixels^2, 0 for missing landmarks."""
+    outlier: float
+    """Standard deviations k beyond which an error counts as an outlier."""
+    prior: Prior
+
+    def value(self, frames: Float[np.ndarray, "t q"], shape: Float[np.ndarray, " s"]) -> float:
+        """Evaluate.
+
+        Args:
+            frames: Parameters of each frame.
+            shape: What the frames share.
+
+        Returns:
+            The cost.
+        """
+        points, cameras, coefficients = self._at(shape)
+        total = self.prior.value(frames, shape)
+        for part in self._blocks(len(frames)):
+            pixels, depth = cameras.project(points.positions(frames[part], coefficients))
+            total += self._cost(pixels, depth, part)[0]
+        return total
+
+    def linearise(
+        self, frames: Float[np.ndarray, "t q"], shape: Float[np.ndarray, " s"]
+    ) -> tuple[float, NormalEquations]:
+        """Evaluate, with the normal equations.
+
+        Args:
+            frames: Parameters of each frame.
+            shape: What the frames share.
+
+        Returns:
+            The cost, and the Gauss-Newton matrix with the gradient.
+        """
+        equations, total = self.prior.equations(frames, shape), self.prior.value(frames, shape)
+        points, cameras, coefficients = self._at(shape)
+        for part in self._blocks(len(frames)):
+            total += self._add(equations, points, cameras, frames[part], coefficients, part)
+        return total, equations
+
+    def errors(self, frames: Float[np.ndarray, "t q"], shape: Float[np.ndarray, " s"]) -> Float[np.ndarray, "t c n"]:
+        """Distances between observed and projected landmarks.
+
+        Args:
+            frames: Parameters of each frame.
+            shape: What the frames share.
+
+        Returns:
+            Pixels, NaN for missing landmarks.
+        """
+        points, cameras, coefficients = self._at(shape)
+        pixels, _ = cameras.project(points.positions(frames, coefficients))
+        seen = self.information.any(axis=(-2, -1))
+        return np.where(seen, np.linalg.norm(pixels - self.pixels, axis=-1), np.nan)
+
+    def _at(self, shape: Float[np.ndarray, " s"]) -> tuple[HeadPoints, Cameras, Float[np.ndarray, " b"]]:
+        coefficients, offsets, camera = self.shared.split(shape)
+        points = self.points.with_offsets(offsets) if len(offsets) else self.points
+        return points, self.cameras.moved(camera) if len(camera) else self.cameras, coefficients
+
+    def _blocks(self, count: int) -> list[slice]:
+        return [slice(first, min(first + BLOCK, count)) for first in range(0, count, BLOCK)]
+
+    def _cost(
+        self, pixels: Float[np.ndarray, "t c n 2"], depth: Float[np.ndarray, "t c n"], part: slice
+    ) -> tuple[float, Float[np.ndarray, "t c n 2 2"], Float[np.ndarray, "t c n 2"]]:
+        """The cost of a block of frames, the weights of its errors, and the errors."""
+        information = self.information[part] * (depth > 0)[..., None, None]
+        error = np.where(information.any(axis=-1), pixels - self.pixels[part], 0)
+        squared = np.einsum("tcna,tcnab,tcnb->tcn", error, information, error, optimize=True)
+        relative = 1 + squared / self.outlier**2
+        return 0.5 * float((squared / relative).sum()), information / relative[..., None, None] ** 2, error
+
+    def _add(
+        self,
+        equations: NormalEquations,
+        points: HeadPoints,
+        cameras: Cameras,
+        frames: Float[np.ndarray, "t q"],
+        coefficients: Float[np.ndarray, " b"],
+        part: slice,
+    ) -> float:
+        """Add a block of frames to the equations; returns its cost."""
+        positions, by_frame, by_shape = points.linearise(frames, coefficients)
+        pixels, depth, by_point, by_camera = cameras.linearise(positions)
+        cost, weights, error = self._cost(pixels, depth, part)
+        weighted = weights @ by_point
+        curvature = np.einsum("tcnai,tcnaj->tnij", weighted, by_point, optimize=True)
+        gradient = np.einsum("tcnai,tcna->tni", weighted, error)
+        t, n, _, q = by_frame.shape
+        frame_rows = by_frame.reshape(t, 3 * n, q).swapaxes(1, 2)
+        curved_frames = (curvature @ by_frame).reshape(t, 3 * n, q)
+        flat_gradient = gradient.reshape(t, 3 * n, 1)
+        equations.frames[part] += frame_rows @ curved_frames
+        equations.frame_gradient[part] += (frame_rows @ flat_gradient)[..., 0]
+        # The derivatives of a point with respect to what is shared: dense for the shape, its own three for an offset.
+        border, shape, slope = equations.border[part], equations.shape, equations.shape_gradient
+        b, end = self.shared.shape, self.shared.shape + 3 * self.shared.points
+        parts = []
+        if b:
+            shape_rows = by_shape.reshape(t, 3 * n, b)
+            border[..., :b] += curved_frames.swapaxes(1, 2) @ shape_rows
+            curved_shape = (curvature @ by_shape).reshape(t * 3 * n, b)
+            shape[:b, :b] += shape_rows.reshape(t * 3 * n, b).T @ curved_shape
+            slope[:b] += np.einsum("trb,tr->b", shape_rows, flat_gradient[..., 0])
+            parts.append((slice(b), by_shape))
+        if self.shared.points:
+            turned = points.turned(frames, coefficients)
+            curved_offsets = curvature @ turned  # (t, n, 3, 3)
+            mixed = np.einsum("tniq,tnij->tqnj", by_frame, curved_offsets, optimize=True)
+            border[..., b:end] += mixed.reshape(t, q, -1)
+            own = np.einsum("tnki,tnkj->nij", turned, curved_offsets)
+            index = b + np.arange(3 * n).reshape(n, 3)
+            shape[index[:, :, None], index[:, None, :]] += own
+            slope[b:end] += np.einsum("tnki,tnk->ni", turned, gradient).ravel()
+            if b:
+                mixed = np.einsum("tnib,tnij->bnj", by_shape, curved_offsets, optimize=True).reshape(b, -1)
+                shape[:b, b:end] += mixed
+                shape[b:end, :b] += mixed.T
+        if self.shared.cameras:
+            crossed = np.einsum("tcnai,tcnak->tnik", weighted, by_camera, optimize=True)
+            k = crossed.shape[-1]
+            border[..., end:] += frame_rows @ crossed.reshape(t, 3 * n, k)
+            own = np.einsum("tcnak,tcnal->kl", weights @ by_camera, by_camera, optimize=True)
+            shape[end:, end:] += own
+            slope[end:] += np.einsum("tcnak,tcna->k", weights @ by_camera, error, optimize=True)
+            for columns, mixed in (
+                (slice(b), np.einsum("tnib,tnik->bk", by_shape, crossed, optimize=True)),
+                (slice(b, end), np.einsum("tnij,tnik->njk", turned, crossed).reshape(-1, k) if end > b else None),
+            ):
+                if mixed is not None:
+                    shape[columns, end:] += mixed
+                    shape[end:, columns] += mixed.T
+        return cost
