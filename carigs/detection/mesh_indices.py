@@ -72,3 +72,13 @@ LIP_GAPS = ((13, 14), (82, 87), (312, 317))
 LEFT_LID_GAPS = ((159, 145), (158, 153), (160, 144))
 RIGHT_LID_GAPS = ((386, 374), (385, 380), (387, 373))
 """Pairs of upper and lower landmarks whose distance is the opening of the eye."""
+
+REGIONS = {
+    "lips": LIPS,
+    "eyes": (*LEFT_EYE, *RIGHT_EYE),
+    "irises": (*LEFT_IRIS, *RIGHT_IRIS),
+    "brows": (*LEFT_BROW, *RIGHT_BROW),
+    "nose": NOSE,
+    "jaw line": JAW_LINE,
+}
+"""Landmarks of the parts of a face that errors are given for."""
