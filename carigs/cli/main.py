@@ -23,6 +23,7 @@ COMMANDS = {
     "check": "validate a dataset: what is wrong with it, and how to mend it",
     "landmarks": "find the landmarks of a face in a video or a folder of images",
     "matte": "make frames and mattes of a video or of photographs",
+    "track": "make a dataset of a video of one person",
     "fit": "fit a head model to a calibrated video with landmarks",
     "head": "bring a head model in: download or convert it",
     "convert": "read and write avatars, meshes and captures of other programs",

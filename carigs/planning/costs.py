@@ -49,6 +49,9 @@ def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[st
                 work = 3.0 + 0.083 * samples * settings.capture.toy.supersampling**2
             else:
                 work = 2.0 + 0.15 * samples
+        case "track":
+            frames = images.train + images.val + images.test
+            work = 15.0 + frames * (0.30 + 1.6 * images.megapixels)
         case "exaggerate":
             work = 2.1 if settings.exaggerate.file or settings.capture.source == "toy" else 5.0
         case "hair":
@@ -105,6 +108,8 @@ def job_bytes(job: Job, footage: Mapping[str, Footage], overrides: Sequence[str]
     match job.rule:
         case "capture":
             count = 1.4 * (images.train + images.val + images.test) if is_toy else 0
+        case "track":
+            count = images.train + images.val + images.test
         case "gtstar":
             count = images.train
         case "truth":

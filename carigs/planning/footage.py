@@ -8,9 +8,11 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from carigs.capture import Capture
-from carigs.errors import InputError
+from carigs.errors import CarigsError, InputError
 from carigs.readers.file_names import INDEXES
 from carigs.readers.json_files import read_json
+from carigs.tracking.held_out import SPLITS
+from carigs.tracking.video_frames import chosen_frames
 
 
 @dataclass(frozen=True)
@@ -49,15 +51,16 @@ ASSUMED = Footage(13_500, 500, 2_400, 16, 802 * 550 / 1e6, "assumed: a NeRSemble
 and 150 x 16 of the held-out sequence."""
 
 
-def subject_footage(capture: DictConfig, index: Path) -> Footage:
+def subject_footage(settings: DictConfig, index: Path) -> Footage:
     """Count the images of a subject.
 
     Args:
-        capture: Composed section `capture`.
+        settings: Composed settings of the subject.
         index: Where the stage `capture` writes the index.
 
     Returns:
-        Counts from the index; before there is one, from the toy's settings or the dataset's folder; else `ASSUMED`.
+        Counts from the index; before there is one, from the toy's settings, the dataset's folder or the video; else
+        `ASSUMED`.
     """
     if index.is_file():
         subject = Capture.load(index)
@@ -65,16 +68,30 @@ def subject_footage(capture: DictConfig, index: Path) -> Footage:
         camera, cameras = subject.camera(subject.frames[0]), len({frame.camera for frame in test})
         size = camera.width * camera.height / 1e6
         return Footage(len(train), len(val), len(test), cameras, size, f"counted in {index}")
+    capture = settings.capture
     if capture.source == "toy":
         toy = capture.toy
         steps, cameras = toy.steps_per_sequence, toy.cameras
         train = 9 * steps * max(cameras - 1, 1)  # nine of ten sequences train
         size = toy.width * toy.height / 1e6
         return Footage(train, 9 * steps, steps * cameras, cameras, size, "from capture.toy")
+    if capture.source == "video":
+        return _video_footage(settings.track)
     try:
         return _folder_footage(Path(capture.folder), capture.stride, capture.max_frames)
     except (InputError, KeyError, TypeError):
         return ASSUMED
+
+
+def _video_footage(track: DictConfig) -> Footage:
+    """Count the frames of a video that are tracked."""
+    try:
+        footage = chosen_frames(Path(track.video), track.frame_rate, track.largest_side)
+    except CarigsError:  # the stage says what is wrong with it
+        return ASSUMED
+    splits = SPLITS[track.held_out](len(footage))
+    counts = (splits.count(name) for name in ("train", "val", "test"))
+    return Footage(*counts, 1, footage.width * footage.height / 1e6, f"counted in {track.video}")
 
 
 def _folder_footage(folder: Path, stride: int, max_frames: int | None) -> Footage:

@@ -57,6 +57,8 @@ def listed_frames(capture: DictConfig) -> tuple[Frame, ...]:
     Raises:
         InputError: The indexes of the dataset are missing or malformed, or it cannot be split.
     """
+    if capture.source == "video":
+        raise InputError("its frames are known when it is tracked", file=capture.video)
     folder = Path(capture.folder or "")
     frames = _toy_frames(capture) if capture.source == "toy" else _folder_frames(folder)
     divided, _ = split_frames(frames, capture.split, capture.validation_camera, folder)

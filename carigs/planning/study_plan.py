@@ -62,8 +62,7 @@ def plan_study(
     footage = {
         study: {
             subject: subject_footage(
-                compose(*overrides, f"subject={subject}").capture,
-                Path("results") / study / subject / "capture.json",
+                compose(*overrides, f"subject={subject}"), Path("results") / study / subject / "capture.json"
             )
             for subject in compose_study(*overrides).study.subjects
         }

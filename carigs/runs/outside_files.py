@@ -37,7 +37,7 @@ def outside_files(stage: str, settings: Any, level: float | None = None) -> dict
         allowed, name = option_of(f), getattr(settings, f.name)
         if not (allowed.is_path and name):
             continue
-        if allowed.required_when and getattr(settings, allowed.required_when[0]) != allowed.required_when[1]:
+        if allowed.required_when and getattr(settings, allowed.required_when[0]) not in allowed.required_when[1]:
             continue
         for placeholder, value in values.items():
             name = name if value is None else name.replace(placeholder, f"{value:g}")

@@ -16,6 +16,7 @@ from carigs.settings.mask_flags import DEFAULT_MASK_FLAGS, MASK_FLAGS, MaskFlag
 from carigs.settings.option import MAX_SEED, OF_PATH, Section, check_section, option, set_by
 from carigs.settings.regions import Regions
 from carigs.settings.results import Card, Figures, Html, Metrics, Render, Report, Sweep, Tabulate, TargetSheet
+from carigs.settings.track import Track
 from carigs.settings.train import Density, Plateau, RefineTracking, Train, combine_mask_flags
 
 __all__ = [
@@ -44,6 +45,7 @@ __all__ = [
     "Tabulate",
     "TargetSheet",
     "Toy",
+    "Track",
     "Train",
     "Truth",
     "check",
@@ -78,6 +80,7 @@ class Config(Section, key=""):
     """Seed of a training, one of `study.seeds`."""
     study: Study = field(default_factory=Study)
     regions: Regions = field(default_factory=Regions)
+    track: Track = field(default_factory=Track)
     capture: CaptureSettings = field(default_factory=CaptureSettings)
     hair: Hair = field(default_factory=Hair)
     exaggerate: Exaggerate = field(default_factory=Exaggerate)

@@ -34,16 +34,18 @@ class Toy(Section, key="capture.toy"):
 
 @dataclass
 class CaptureSettings(Section, key="capture"):
-    """The subject to reconstruct: the procedural toy, or a folder in the layout of GaussianAvatars."""
+    """The subject to reconstruct: the procedural toy, a folder in the layout of GaussianAvatars, or a video."""
 
-    source: str = option("toy", choices=("toy", "folder"))
+    source: str = option("toy", choices=("toy", "folder", "video"))
     """Where the capture comes from."""
-    folder: str | None = option(None, required_when=("source", "folder"), is_path=True)
+    video: str | None = option(None, required_when=("source", ("video",)), is_path=True)
+    """A video of a person who talks and turns before one static camera; the section `track` says how it is read."""
+    folder: str | None = option(None, required_when=("source", ("folder",)), is_path=True)
     """The dataset's folder."""
-    head_model: str | None = option(None, required_when=("source", "folder"), is_path=True)
-    """File of the dataset's head model: .npz, or FLAME's .pkl."""
+    head_model: str | None = option(None, required_when=("source", ("folder", "video")), is_path=True)
+    """File of the dataset's head model, or of the one that is fitted to a video: .npz, or FLAME's .pkl."""
     background: float = option(1.0, ge=0, le=1)
-    """Grey value that the images were composited on."""
+    """Grey value that the images were composited on; those of a video are put on it."""
     split: str = "files"
     """Which frames are held out: `files` (as transforms_{train,val,test}.json say), `released` (the test sequence of
     GaussianAvatars' released data, by the subject's number), or the name of the test sequence, for example `EXP-2`."""

@@ -15,7 +15,7 @@ class Gtstar(Section, key="gtstar"):
     provider: str = option("lat", choices=("lat", "identity", "precomputed"))
     """Source of the GT* images. `lat`: frames warped by local affine (or perspective) transforms. `identity`: the
     frames themselves. `precomputed`: edited frames from `folder`."""
-    folder: str | None = option(None, required_when=("provider", "precomputed"), is_path=True)
+    folder: str | None = option(None, required_when=("provider", ("precomputed",)), is_path=True)
     """Edited frames `{timestep:05d}_{camera:02d}.png` and, if their mattes differ, `..._mask.png`."""
     registration_error_limit: float = option(1.5, unit="pixels", ge=0, le=1e9)
     """Frames are refused whose colours are shifted by more than this against those of the other cameras on the same

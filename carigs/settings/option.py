@@ -46,8 +46,8 @@ class Option:
     """Regular expression that a text must match as a whole."""
     pattern_name: str = ""
     """What such a text is."""
-    required_when: tuple[str, str] | None = None
-    """Another field of the section, and its value that makes this field necessary."""
+    required_when: tuple[str, tuple[str, ...]] | None = None
+    """Another field of the section, and its values that make this field necessary."""
     set_by: str = ""
     """Key that sets this field, or `OF_PATH`: the field is no key of its own. Composition copies the value of the key,
     so that a stage reads only its own section."""
@@ -249,8 +249,8 @@ def check_section(section: type[Section], values: Any) -> None:
         allowed = option_of(f)
         if allowed.required_when and not value:
             other, needed = allowed.required_when
-            if getattr(values, other) == needed:
-                raise SettingsError(f"{key} must be set when {section.key}.{other} is {needed}")
+            if (chosen := getattr(values, other)) in needed:
+                raise SettingsError(f"{key} must be set when {section.key}.{other} is {chosen}")
         for place, element in _elements(value):
             if problem := allowed.problem(element):
                 shown = f"{element:g}" if isinstance(element, float) else str(element)[:60]

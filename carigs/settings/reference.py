@@ -114,7 +114,10 @@ def _section(section: type[Section], title: str) -> Iterator[str]:
         if nested := subsection(f):
             below.append(nested)
             continue
-        needed = f"needed for {'='.join(meta.required_when)}" if meta.required_when else ""
+        needed = ""
+        if meta.required_when:
+            other, values = meta.required_when
+            needed = f"needed for {' or '.join(f'{other}={value}' for value in values)}"
         allowed = needed or meta.choices_name or meta.allowed().removeprefix("lie in ").removeprefix("be ")
         key, schema = f"{section.key}.{f.name}".lstrip("."), properties[f.name]
         default = json.dumps(schema["default"], ensure_ascii=False)

@@ -16,13 +16,14 @@ from carigs.settings import CaptureSettings
 from carigs.system.files import writing_folder
 
 
-def capture(settings: CaptureSettings, *, index: Path, dataset: Path) -> None:
+def capture(settings: CaptureSettings, *, index: Path, dataset: Path, tracked: Path | None = None) -> None:
     """Check a dataset and write its index.
 
     Args:
         settings: Settings of the stage.
         index: Output: the index (capture.json).
         dataset: Output: folder of the toy, empty for other sources.
+        tracked: Input: the dataset of a video.
 
     Raises:
         SettingsError: For an unknown source, or a folder without a path.
@@ -37,6 +38,8 @@ def capture(settings: CaptureSettings, *, index: Path, dataset: Path) -> None:
 
             write_capture(part, settings.toy)
         else:
+            if tracked is not None:
+                settings = replace(settings, folder=str(tracked), head_model=str(tracked / "head_model.npz"))
             checked = check_capture(_read_folder(settings))
             for line in checked.warnings:
                 warnings.warn(line, CarigsWarning, stacklevel=2)

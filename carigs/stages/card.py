@@ -135,5 +135,6 @@ def stage_costs(costs: Costs, names: Collection[str]) -> list[CardValue]:
         is_current = stage not in TRAINED or ("seed" in keys and "level" not in keys)
         if is_current and {part for part in parts if not part.startswith("level=")} <= names:
             stages.setdefault(stage, []).append(RecordedJob(stage, point))
-    order = ("capture", "hair", "exaggerate", "truth", "gtstar", "train", "render", "metrics", "tabulate", "figures")
+    order = ("track", "capture", "hair", "exaggerate", "truth", "gtstar", "train", "render", "metrics")
+    order += ("tabulate", "figures")
     return stage_values({stage: stages[stage] for stage in order if stage in stages}, costs)

@@ -75,17 +75,17 @@ def test_no_records_are_no_times(tmp_path):
 
 
 def test_footage_from_settings_from_a_folder_and_assumed(tmp_path):
-    toy = subject_footage(compose().capture, tmp_path / "none.json")
+    toy = subject_footage(compose(), tmp_path / "none.json")
     assert (toy.train, toy.val, toy.test, toy.cameras, toy.megapixels) == (216, 27, 27, 9, 208 * 272 / 1e6)
     folder = f"capture.source=folder capture.folder={tmp_path} capture.head_model=m.npz".split()
-    capture = compose(*folder).capture
+    capture = compose(*folder)
     assert subject_footage(capture, tmp_path / "none.json") == ASSUMED
     for split, count in (("train", 6), ("val", 2), ("test", 3)):
         frames = [{"w": 300, "h": 200, "camera_index": i % 2} for i in range(count)]
         (tmp_path / f"transforms_{split}.json").write_text(json.dumps({"frames": frames}))
     counted = subject_footage(capture, tmp_path / "none.json")
     assert (counted.train, counted.val, counted.test, counted.cameras, counted.megapixels) == (6, 2, 3, 2, 0.06)
-    capture = compose(*folder, "capture.stride=2", "capture.max_frames=2").capture
+    capture = compose(*folder, "capture.stride=2", "capture.max_frames=2")
     thinned = subject_footage(capture, tmp_path / "none.json")
     assert (thinned.train, thinned.val, thinned.test) == (2, 1, 2)
 

@@ -4,9 +4,28 @@
 """
 
 
+rule track:
+    input:
+        settings="results/{study}/settings/track/subject={subject}.yaml",
+    output:
+        dataset=directory("results/{study}/{subject}/tracked"),
+    log:
+        "results/{study}/log/track/{subject}.log",
+    conda:
+        "../../environment.yml"
+    threads: 2
+    resources:
+        mem_mb=lambda wildcards, attempt: 4000 * attempt,
+    params:
+        plan=plan("track", "subject"),
+    script:
+        "../scripts/stage.py"
+
+
 rule capture:
     input:
         settings="results/{study}/settings/capture/subject={subject}.yaml",
+        tracked=tracked_video,
     output:
         index="results/{study}/{subject}/capture.json",
         dataset=directory("results/{study}/{subject}/dataset"),

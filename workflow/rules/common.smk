@@ -148,6 +148,12 @@ def of_all_studies(*patterns):
     return files
 
 
+def tracked_video(wildcards):
+    """The dataset of a subject's video, if it has one."""
+    is_video = section("capture", wildcards, "subject").source == "video"
+    return f"results/{wildcards.study}/{wildcards.subject}/tracked" if is_video else []
+
+
 def avatar_of_method(wildcards):
     """The avatar of the variant `alternating` with the first seed, if the study has the variant."""
     known = points(wildcards.study)
@@ -234,12 +240,14 @@ def print_warnings():
 
 
 def print_results():
-    """Say where tables, figures, card and report are; of a sweep, where its table and figure are."""
+    """Say where tables, figures, card, report and avatars are; of a sweep, where its table and figure are."""
     study = swept.study if swept else next(iter(studies))
     if swept:
         names = [f"sweep/{swept.name}{suffix}" for suffix in (".md", ".csv", ".png", ".pdf")]
     else:
         names = [f"table/gamma={points(study)['gamma']}.md", "figures", "card.md", "report.html"]
+        pattern = "{subject}/gamma={gamma}/alternating/seed={first_seed}/avatar.html"
+        names += collect(pattern, **points(study))
     for path in (Path("results", study, name) for name in names):
         if path.exists():
             print(f"carigs: {path}", file=sys.stderr)
