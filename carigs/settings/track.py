@@ -13,9 +13,9 @@ class Track(Section, key="track"):
 
     source: str = set_by("capture.source", "toy")
     """Whether there is a video."""
-    video: str | None = set_by("capture.video", None)
+    video: str | None = set_by("capture.video", None, is_path=True)
     """The video."""
-    head_model: str | None = set_by("capture.head_model", None)
+    head_model: str | None = set_by("capture.head_model", None, is_path=True)
     """The head model that is fitted."""
     background: float = set_by("capture.background", 1.0, ge=0, le=1)
     """Grey value that frames are composited on."""

@@ -347,8 +347,8 @@ def test_all_settings_can_be_shown(stubbed):
     shown = yaml.safe_load(stubbed.command("carigs", "settings", "gamma=0.2").stdout)
     assert shown["gamma"] == 0.2
     assert set(shown) == {"gamma", "study", "regions"} | {
-        "capture", "hair", "exaggerate", "gtstar", "target_sheet", "train", "render", "html", "truth", "metrics",
-        "tabulate", "figures", "sweep", "card", "report",
+        "track", "capture", "hair", "exaggerate", "gtstar", "target_sheet", "train", "render", "html", "truth",
+        "metrics", "tabulate", "figures", "sweep", "card", "report",
     }  # fmt: skip
 
 
