@@ -32,6 +32,9 @@ FORK_SERVER = "CARIGS_FORK_SERVER"
 CORES = "CARIGS_CORES"
 """Environment variable with the number of cores that the jobs of a run share."""
 SECONDS_BETWEEN_CHECKS = 0.5
+STARTING_THREADS = ("ai_edge_litert", "pymatting")
+"""Packages that start threads when they are imported: the server leaves that to the jobs. Numba ends a fork that begins
+a parallel loop, if OpenMP had threads before the fork."""
 NUM_STREAMS = 3
 """Standard input, output and error of a job are those of the process that asks for it."""
 
@@ -260,7 +263,7 @@ def _finish(job: _Job, selector: selectors.BaseSelector) -> None:
     with os.fdopen(job.modules, "rb") as file:
         file.seek(0)
         for name in json.loads(file.read() or b"[]"):
-            if name not in sys.modules:
+            if name not in sys.modules and name.partition(".")[0] not in STARTING_THREADS:
                 with suppress(Exception):  # some modules are made by others, and have no file of their own
                     import_module(name)
     if "numba" in sys.modules:  # what the first kernel of every fork would do

@@ -40,6 +40,20 @@ def learn():
     import decimal
     return 0
 
+def import_matting():
+    import pymatting
+    return 0
+
+def parallel_loop():
+    import numba, numpy
+    @numba.njit(parallel=True)
+    def total(values):
+        result = 0.0
+        for i in numba.prange(len(values)):
+            result += values[i]
+        return result
+    return int(total(numpy.ones(1000)) != 1000)
+
 def end(code):
     return code
 
@@ -121,6 +135,12 @@ def test_a_job_has_the_arguments_streams_folder_and_environment_of_its_client(en
 def test_later_jobs_start_with_the_modules_that_earlier_ones_imported(environment):
     assert done(environment, "learn")[0] == 0
     assert "decimal" in json.loads(done(environment, "describe")[1])["modules"]
+
+
+def test_threads_that_a_package_starts_do_not_reach_the_server(environment):
+    pytest.importorskip("pymatting")
+    assert done(environment, "import_matting")[0] == 0
+    assert done(environment, "parallel_loop")[0] == 0
 
 
 def test_every_job_loads_the_kernels_of_the_present_sources(environment):
