@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import UInt8
+from threadpoolctl import threadpool_limits
 
 from carigs.capture.dataset_writer import check_target
 from carigs.capture.images import write_png
@@ -111,7 +112,7 @@ def track_video(
     focal = options.focal_length
     if focal:
         focal *= footage.width / read_video(video, Selection(max_frames=1)).width
-    with status("fitting the head"):
+    with status("fitting the head"), threadpool_limits(1, "blas"):  # the same bytes with any number of cores
         track = track_footage(footage, faces, measures, model, points, numbers, focal_length=focal)
     chin = float(points.interpolate(neutral(track.head.model, track.head.parameters[0]))[:, 1].min())
     matted = matted_frames(footage, lambda frame: segmenter(frame.image))
