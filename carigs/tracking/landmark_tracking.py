@@ -36,7 +36,7 @@ LEAST_SIGMA = 0.1
 """Pixels."""
 MEDIAN_LENGTH = 1.1774
 """Median length of a vector of two normal variables with deviation 1."""
-ROUNDS = 2
+ROUNDS = 3
 """Times that corrections of expressions are learned."""
 STEPS, FIRST_STEPS = 25, 8
 """Most steps of the solver, and most of them before corrections of expressions are learned again."""

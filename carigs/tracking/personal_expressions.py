@@ -14,9 +14,9 @@ from jaxtyping import Float
 from carigs.fitting.head_points import HeadPoints
 from carigs.tracking.cameras import Cameras
 
-SHARE = 0.4
+SHARE = 0.8
 """Standard deviation of a correction, in displacements of the blendshape at the landmark."""
-LEAST = 0.0003
+LEAST = 0.0005
 """Metres, added to the same: expressions also move what the blendshapes leave where it is."""
 
 

@@ -10,9 +10,9 @@ from carigs.head import SurfacePoints
 from carigs.mesh.cotan_laplacian import CotanLaplacian, mixed_voronoi_areas
 from carigs.mesh.linear_solver import CholeskySolver
 
-WIDTH = 0.01
+WIDTH = 0.006
 """Metres over which a field follows its values."""
-STIFFNESS = 0.02
+STIFFNESS = 0.002
 """Weight of smoothness, against the squared errors at the points."""
 
 
