@@ -6,19 +6,12 @@ say how well the head was tracked. `carigs run study=video` does the same and go
 
 from __future__ import annotations
 
-import sys
 import time
-import warnings
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import track as shown
-
 from carigs.cli.parser import command_parser, grey_value
-from carigs.errors import CarigsWarning
 from carigs.settings import Track
-from carigs.stages.track import video_options
-from carigs.tracking.video import track_video
+from carigs.stages.track import track_and_report
 
 EXAMPLES = """examples:
   carigs head fetch ict -o ict.npz
@@ -61,23 +54,9 @@ def main(arguments: list[str]) -> int:
     )
     task = parser.parse_args(arguments)
     names = ("frame_rate", "largest_side", "focal_length", "body", "held_out", "background")
-    settings = Track(**{name: getattr(task, name) for name in names})
-    started, console = time.perf_counter(), Console(stderr=True)
-    report = track_video(
-        task.video,
-        task.head_model,
-        task.output,
-        options=video_options(settings),
-        embedding=task.embedding,
-        weights=task.weights,
-        progress=lambda items, name, count: shown(
-            items, name, count, console=console, transient=True, disable=not sys.stderr.isatty()
-        ),
-        status=console.status,
-    )
-    print(report.errors)
-    print(f"focal length {report.focal_length:.0f} pixels; the guess was {report.focal_guess:.0f}")
-    for line in report.advice:
-        warnings.warn(CarigsWarning(line), stacklevel=2)
+    files = {name: str(file) for name in ("video", "head_model", "embedding") if (file := getattr(task, name))}
+    settings = Track(**{name: getattr(task, name) for name in names}, **files)
+    started = time.perf_counter()
+    report = track_and_report(settings, task.output, task.weights)
     print(f"{task.output}: {report.tracked} of {report.frames} frames tracked in {time.perf_counter() - started:.0f} s")
     return 0

@@ -11,8 +11,6 @@ from carigs.settings.option import Section, option, set_by
 class Track(Section, key="track"):
     """The head of one person, tracked before one static camera; used when `capture.source` is `video`."""
 
-    source: str = set_by("capture.source", "toy")
-    """Whether there is a video."""
     video: str | None = set_by("capture.video", None, is_path=True)
     """The video."""
     head_model: str | None = set_by("capture.head_model", None, is_path=True)

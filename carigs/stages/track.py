@@ -12,7 +12,7 @@ from rich.progress import track as shown
 
 from carigs.errors import CarigsWarning
 from carigs.settings import Track
-from carigs.tracking.video import VideoOptions, track_video
+from carigs.tracking.video import VideoReport, track_video
 
 
 def track(settings: Track, *, dataset: Path) -> None:
@@ -28,15 +28,33 @@ def track(settings: Track, *, dataset: Path) -> None:
     Warns:
         CarigsWarning: What to record otherwise.
     """
-    console = Console(file=sys.stderr)
     if dataset.exists():
         shutil.rmtree(dataset)
+    track_and_report(settings, dataset)
+
+
+def track_and_report(settings: Track, dataset: Path, weights: Path | None = None) -> VideoReport:
+    """Track a video with progress on the terminal, and print errors, the focal length and advice.
+
+    Args:
+        settings: The video, the head model, and how they are read.
+        dataset: Dataset to create.
+        weights: Folder of weights that is searched first.
+
+    Returns:
+        What was printed.
+
+    Raises:
+        CarigsError: As for `track`.
+
+    Warns:
+        CarigsWarning: As for `track`.
+    """
+    console = Console(stderr=True)
     report = track_video(
-        Path(settings.video),
-        Path(settings.head_model),
+        settings,
         dataset,
-        options=video_options(settings),
-        embedding=settings.embedding and Path(settings.embedding),
+        weights=weights,
         progress=lambda items, name, count: shown(
             items, name, count, console=console, transient=True, disable=not sys.stderr.isatty()
         ),
@@ -45,23 +63,5 @@ def track(settings: Track, *, dataset: Path) -> None:
     print(report.errors)
     print(f"focal length {report.focal_length:.0f} pixels; the guess was {report.focal_guess:.0f}")
     for line in report.advice:
-        warnings.warn(line, CarigsWarning, stacklevel=2)
-
-
-def video_options(settings: Track) -> VideoOptions:
-    """The settings as the tracker takes them.
-
-    Args:
-        settings: Settings of the stage.
-
-    Returns:
-        The options.
-    """
-    return VideoOptions(
-        frame_rate=settings.frame_rate,
-        largest_side=settings.largest_side,
-        focal_length=settings.focal_length,
-        keep_body=settings.body == "keep",
-        held_out=settings.held_out,
-        background=settings.background,
-    )
+        warnings.warn(CarigsWarning(line), stacklevel=2)
+    return report

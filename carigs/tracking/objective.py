@@ -157,14 +157,12 @@ class LandmarkObjective:
         # The derivatives of a point with respect to what is shared: dense for the shape, its own three for an offset.
         border, shape, slope = equations.border[part], equations.shape, equations.shape_gradient
         b, end = self.shared.shape, self.shared.shape + 3 * self.shared.points
-        parts = []
         if b:
             shape_rows = by_shape.reshape(t, 3 * n, b)
             border[..., :b] += curved_frames.swapaxes(1, 2) @ shape_rows
             curved_shape = (curvature @ by_shape).reshape(t * 3 * n, b)
             shape[:b, :b] += shape_rows.reshape(t * 3 * n, b).T @ curved_shape
             slope[:b] += np.einsum("trb,tr->b", shape_rows, flat_gradient[..., 0])
-            parts.append((slice(b), by_shape))
         if self.shared.points:
             turned = points.turned(frames, coefficients)
             curved_offsets = curvature @ turned  # (t, n, 3, 3)

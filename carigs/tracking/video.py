@@ -22,6 +22,7 @@ from carigs.footage.measures import FrameMeasures, measure_frames
 from carigs.head import HeadModel, neutral, pose
 from carigs.matting import matted_frames
 from carigs.matting.closed_form import pymatting
+from carigs.settings import Track
 from carigs.tracking.advice import advice
 from carigs.tracking.contact_sheet import Overlay, contact_sheet, frames_to_show
 from carigs.tracking.dataset import tracked_camera, write_tracked_dataset
@@ -39,24 +40,6 @@ Progress = Callable[[Iterable, str, int], Iterable]
 
 
 @dataclass(frozen=True)
-class VideoOptions:
-    """How a video is tracked."""
-
-    frame_rate: float = 12.5
-    """Frames per second that are used, at most."""
-    largest_side: int = 640
-    """Larger frames are scaled down to this number of pixels."""
-    focal_length: float | None = None
-    """In pixels of the video; None to estimate it."""
-    keep_body: bool = False
-    """Whether mattes keep what lies below the neck."""
-    held_out: str = "blocks"
-    """Which frames are held out, by name in `held_out.SPLITS`."""
-    background: float = 1.0
-    """Grey value that frames are composited on."""
-
-
-@dataclass(frozen=True)
 class VideoReport:
     """What is to be said of a tracked video."""
 
@@ -71,12 +54,9 @@ class VideoReport:
 
 
 def track_video(
-    video: Path,
-    head_model: Path,
+    settings: Track,
     folder: Path,
     *,
-    options: VideoOptions | None = None,
-    embedding: Path | None = None,
     weights: Path | None = None,
     progress: Progress = lambda items, name, count: items,
     status: Callable[[str], AbstractContextManager] = nullcontext,
@@ -84,11 +64,8 @@ def track_video(
     """Track the head of a person before one static camera, and write a dataset.
 
     Args:
-        video: The video.
-        head_model: File of the head model.
+        settings: The video, the head model, and how they are read.
         folder: Dataset to create.
-        options: How; None for the defaults.
-        embedding: File of MediaPipe's landmarks on the head model; None to place them as `carigs head embed` does.
         weights: Folder of weights that is searched first.
         progress: Wraps iterations over frames.
         status: Makes a context that shows what is done in it.
@@ -99,17 +76,17 @@ def track_video(
     Raises:
         CarigsError: If a package or the weights are not there, the folder is not empty, or the video cannot be used.
     """
-    options = options or VideoOptions()
     check_target(folder)
     pymatting()  # before work starts
     networks, segmenter = load_face_networks(weights), load_person_segmenter(weights)
-    model = HeadModel.load(head_model)
-    points, numbers = read_embedding(embedding, model, COUNT)
-    footage = chosen_frames(video, options.frame_rate, options.largest_side)
+    model = HeadModel.load(settings.head_model)
+    points, numbers = read_embedding(settings.embedding and Path(settings.embedding), model, COUNT)
+    video = Path(settings.video)
+    footage = chosen_frames(video, settings.frame_rate, settings.largest_side)
     count = len(footage)
     faces = collect(progress(follow_face(footage.decode(), networks), "landmarks", count))
     measures = measure_frames(footage)
-    focal = options.focal_length
+    focal = settings.focal_length
     if focal:
         focal *= footage.width / read_video(video, Selection(max_frames=1)).width
     with status("fitting the head"), threadpool_limits(1, "blas"):  # the same bytes with any number of cores
@@ -121,9 +98,9 @@ def track_video(
         track,
         footage,
         progress(matted, "mattes", count),
-        background=options.background,
-        chin=None if options.keep_body else chin,
-        splits=SPLITS[options.held_out],
+        background=settings.background,
+        chin=chin if settings.body == "cut" else None,
+        splits=SPLITS[settings.held_out],
     )
     frames = tracked_frames(footage, track, faces, measures, numbers)
     table = error_table(frames)

@@ -15,9 +15,9 @@ from carigs.detection.mesh_indices import COUNT
 from carigs.embedding import landmark_embedding
 from carigs.head import HeadModel
 from carigs.matting import MattedFrame
-from carigs.settings import Toy
+from carigs.settings import Toy, Track
 from carigs.toy import head_model, make_subject
-from carigs.tracking.video import SHEET, TABLE, VideoOptions, track_video
+from carigs.tracking.video import SHEET, TABLE, track_video
 from carigs.tracking.video_frames import chosen_frames
 from evaluation.benchmarks.footage.motion import Talk
 from evaluation.benchmarks.footage.oracle_landmarks import EXACT, oracle_landmarks
@@ -68,7 +68,8 @@ def without_networks(monkeypatch, recorded):
 def test_a_video_becomes_a_dataset_that_studies_read(recorded, without_networks, tmp_path):
     video, truth, _, _ = recorded
     truth.model.save(tmp_path / "head.npz")
-    report = track_video(video, tmp_path / "head.npz", tmp_path / "dataset", options=VideoOptions(frame_rate=10))
+    settings = Track(video=str(video), head_model=str(tmp_path / "head.npz"), frame_rate=10)
+    report = track_video(settings, tmp_path / "dataset")
     assert report.frames == report.tracked == SECONDS * FPS
     dataset = read_dataset(tmp_path / "dataset", tmp_path / "dataset" / "head_model.npz", background=1.0)
     assert len(dataset.frames) == SECONDS * FPS
