@@ -40,6 +40,7 @@ def page(viewer, tmp_path_factory):
     browser = Browser(tmp_path_factory.mktemp("profile"), WEBGL)
     browser.open(f"http://127.0.0.1:{viewer.port}/?fixedDpr=1", WIDTH, HEIGHT)  # fixedDpr: not coarser
     until(lambda: browser.value(f"{SLIDERS}.length") and viewer.num_clients == 1)
+    until(lambda: session_of(viewer).view.width < WIDTH)  # the panel stands beside the image
     browser.value("document.querySelector('.mantine-Notification-closeButton')?.click()")  # "software WebGL"
     yield browser
     browser.close()

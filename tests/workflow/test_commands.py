@@ -85,7 +85,7 @@ def test_the_papers_study_can_be_planned_without_its_data(stubbed):
     [
         (("--config", "hydra=train.iteration=3"), ("train.iteration", "iterations")),
         (("--config", "hydra=study=tyo"), ("study=tyo", "toy")),
-        (("--config", "hydra=capture.source=sculpture"), ("capture.source=sculpture", "toy or folder")),
+        (("--config", "hydra=capture.source=sculpture"), ("capture.source=sculpture", "toy, folder or video")),
         (("--config", "hydra=capture.source=folder"), ("capture.folder must be set",)),
         (("--config", "hydra=train.density.max_surfels=0"), ("train.density.max_surfels=0", "[1, 10000000]")),
         (("--config", "hydra=train.mask_flags=[freckles]"), ("freckles", "occluded")),
@@ -224,8 +224,9 @@ def test_a_run_prints_a_line_per_job_and_where_the_results_are(finished):
         "starting card: results/toy/card.json",
         "starting report: results/toy/report.html",
     ]
-    places = ("table/gamma=0.25.md", "figures", "card.md", "report.html")
-    assert done.stderr.splitlines()[-4:] == [f"carigs: results/toy/{place}" for place in places]
+    pages = [f"{subject}/gamma=0.25/alternating/seed=0/avatar.html" for subject in ("toy", "twin")]
+    places = ("table/gamma=0.25.md", "figures", "card.md", "report.html", *pages)
+    assert done.stderr.splitlines()[-6:] == [f"carigs: results/toy/{place}" for place in places]
     assert "jobid" not in done.stderr
     assert "jobid" in max((finished.root / ".snakemake/log").iterdir()).read_text()
 
