@@ -159,8 +159,8 @@ class HeadPoints:
         first_corrected = len(self.parents) - self.posedirs.shape[2] // 9
         for i, k in enumerate([0, *self.fitted.joints]):
             hanging = self.weights * self._hangs_on(k)
-            arm = np.einsum("mj,tjab,tmb->tma", hanging, pose.rotations, pose.rest, optimize=True)
-            arm += np.einsum("mj,tja->tma", hanging, pose.offsets)
+            arm = np.einsum("tmab,tmb->tma", _blended(hanging, pose.rotations), pose.rest)
+            arm += _blended(hanging, pose.offsets)
             arm -= hanging.sum(axis=1)[:, None] * pose.joints[:, None, k]
             parent = self.parents[k]
             turn = local_jacobians[:, k] if parent < 0 else pose.rotations[:, parent] @ local_jacobians[:, k]
@@ -183,7 +183,7 @@ class HeadPoints:
         for j, parent in enumerate(self.parents[1:], start=1):
             moved.append(moved[parent] + pose.rotations[:, parent] @ (joints[j] - joints[parent]))
         offset = np.stack(moved, axis=1) - pose.rotations @ joints
-        return pose.blended @ blendshapes + np.einsum("mj,tjib->tmib", self.weights, offset, optimize=True)
+        return pose.blended @ blendshapes + _blended(self.weights, offset)
 
     def _pose(self, frames: Float[np.ndarray, "t q"], shape: Float[np.ndarray, " s"]) -> _Pose:
         expression = frames[:, self.fitted.expression_slice]
@@ -192,7 +192,8 @@ class HeadPoints:
         vectors[:, self.fitted.joints] = frames[:, self.fitted.joint_slice].reshape(len(frames), -1, 3)
         local = rotation_matrices(vectors)
         shapes, expressions = self.blendshapes
-        rest = self.template + shapes @ shape + np.einsum("mib,tb->tmi", expressions, expression)
+        moved = (expression @ expressions.reshape(-1, expressions.shape[2]).T).reshape(-1, *self.template.shape)
+        rest = self.template + shapes @ shape + moved
         if self.posedirs.any():
             corrected = self.posedirs.shape[2] // 9
             feature = (local[:, len(self.parents) - corrected :] - np.eye(3)).reshape(len(frames), -1)
@@ -206,8 +207,8 @@ class HeadPoints:
             joints.append(joints[parent] + np.einsum("tab,tb->ta", rotations[parent], arm))
         world, placed = np.stack(rotations, axis=1), np.stack(joints, axis=1)
         offsets = placed - np.einsum("tjab,tjb->tja", world, joints_at_rest)
-        blended = np.einsum("mj,tjab->tmab", self.weights, world)
-        posed = np.einsum("tmab,tmb->tma", blended, rest) + np.einsum("mj,tja->tma", self.weights, offsets)
+        blended = _blended(self.weights, world)
+        posed = np.einsum("tmab,tmb->tma", blended, rest) + _blended(self.weights, offsets)
         return _Pose(vectors, local, world, placed, offsets, blended, rest, posed + frames[:, None, :3])
 
     def _hangs_on(self, joint: int) -> Int[np.ndarray, " j"]:
@@ -224,6 +225,12 @@ class HeadPoints:
             return values
         grouped = values.reshape(len(values), n, k, *values.shape[2:])
         return np.einsum("nk,tnk...->tn...", self.barycentric, grouped)
+
+
+def _blended(weights: Float[np.ndarray, "m j"], values: Float[np.ndarray, "t j *d"]) -> Float[np.ndarray, "t m *d"]:
+    """Sums of the joints' values by the vertices' weights, as one matrix product."""
+    t, j, *shape = values.shape
+    return (weights @ values.reshape(t, j, -1)).reshape(t, len(weights), *shape)
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dtrtrs
 
 
 @dataclass
@@ -61,7 +62,7 @@ class NormalEquations:
         step = np.empty((t, q))
         for i in reversed(range(t)):
             behind = coupled[i] @ step[i + 1] if i < t - 1 else 0
-            step[i] = solve_triangular(factors[i], right[i] - behind, lower=True, trans="T", check_finite=False)
+            step[i] = _solve_lower(factors[i], right[i] - behind, transposed=True)
         return step, shape_step
 
     def _eliminate_frames(self, damping: float) -> tuple[list[np.ndarray], list[np.ndarray], Float[np.ndarray, "r c"]]:
@@ -79,7 +80,15 @@ class NormalEquations:
                 diagonal[i] -= coupled[-1].T @ coupled[-1]
                 known[i] -= coupled[-1].T @ known[i - 1]
             factors.append(np.linalg.cholesky(diagonal[i]))
-            known[i] = solve_triangular(factors[i], known[i], lower=True, check_finite=False)
+            known[i] = _solve_lower(factors[i], known[i])
             if i < t - 1:
-                coupled.append(solve_triangular(factors[i], np.diag(self.links[i]), lower=True, check_finite=False))
+                coupled.append(_solve_lower(factors[i], np.diag(self.links[i])))
         return factors, coupled, known.reshape(t * q, s + 1)
+
+
+def _solve_lower(
+    factor: Float[np.ndarray, "q q"], right: Float[np.ndarray, " q *columns"], *, transposed: bool = False
+) -> Float[np.ndarray, " q *columns"]:
+    """Solve with a lower triangular matrix, or its transpose, without the checks of `scipy.linalg.solve_triangular`."""
+    solution, _ = dtrtrs(factor.T, right, lower=False, trans=not transposed)  # the transpose: as LAPACK stores matrices
+    return solution
