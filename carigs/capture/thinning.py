@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
-import numpy as np
-
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.capture.frame import Frame
 from carigs.readers.file_names import SPLITS
 
@@ -51,7 +50,7 @@ def spread_timesteps(frames: Sequence[Frame], max_frames: int) -> list[int]:
     counts = Counter(frame.timestep for frame in frames)
     timesteps = sorted(counts)
     for number in range(min(len(timesteps), max_frames), 1, -1):
-        chosen = [timesteps[i] for i in np.linspace(0, len(timesteps) - 1, number).round().astype(int)]
+        chosen = evenly_spread(timesteps, number)
         if sum(counts[t] for t in chosen) <= max_frames:
             return chosen
     return timesteps[:1]

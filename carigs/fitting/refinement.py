@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32
 
 from carigs.capture import Capture
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.fitting.compared_vertices import compared_vertices
 from carigs.fitting.head_points import HeadPoints
 from carigs.fitting.landmarks.fit import HeadFit, Observations, gaussian_prior, landmark_term
@@ -199,7 +200,7 @@ class Refinement:
     ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Median value of each compared vertex and its standard deviation; NaN where few frames show it."""
         t = len(self.timesteps)
-        some = np.unique(np.linspace(0, t - 1, min(t, MEAN_TIMESTEPS)).round().astype(int))
+        some = evenly_spread(range(t), MEAN_TIMESTEPS)
         values = np.full((len(some), *visible.shape[1:]), np.nan, np.float32)
         for i, k in enumerate(some):
             part = slice(k, k + 1)

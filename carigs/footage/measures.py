@@ -9,10 +9,13 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.footage.footage import TimedFrame
 
 THUMBNAIL = 64
 """Side of the small images that frames are compared by, in pixels: they hide noise and keep the layout."""
+MEDIAN_FRAMES = 64
+"""Frames that the median image is made of."""
 DARK = 8.0
 """Levels added to both sides of a ratio of brightness, so that noise in the dark does not count."""
 
@@ -104,8 +107,7 @@ def _against_median(
     """Exposure and white balance of small images, in stops."""
     if not thumbnails:
         return np.zeros(0), np.zeros((0, 2))
-    spread = np.unique(np.linspace(0, len(thumbnails) - 1, 64).astype(int))
-    median = np.log2(np.median([thumbnails[i] for i in spread], axis=0) + DARK)
+    median = np.log2(np.median(evenly_spread(thumbnails, MEDIAN_FRAMES), axis=0) + DARK)
     ratios = [np.median((np.log2(image + DARK) - median).reshape(-1, 3), axis=0) for image in thumbnails]
     stops = np.array(ratios)
     return stops.mean(axis=1), stops[:, [0, 2]] - stops[:, [1]]

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.capture import Capture, Frame
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.plausibility.images import ImageSummary
 
 MAX_TIMESTEPS = 32
@@ -28,11 +29,11 @@ def select_frames(capture: Capture, summaries: Mapping[Frame, ImageSummary]) -> 
     Returns:
         Frames by timestep and camera, both sorted.
     """
-    cameras = spread(sorted(capture.cameras), MAX_CAMERAS)
+    cameras = evenly_spread(sorted(capture.cameras), MAX_CAMERAS)
     timesteps = sorted(capture.parameter_files)
     if len(timesteps) > MAX_TIMESTEPS:
         jumps = _jumps(summaries)
-        even = spread(timesteps, MAX_TIMESTEPS // 2)
+        even = evenly_spread(timesteps, MAX_TIMESTEPS // 2)
         rest = sorted(set(timesteps) - set(even), key=lambda t: -jumps.get(t, 0.0))
         timesteps = sorted([*even, *rest[: MAX_TIMESTEPS - len(even)]])
     chosen: dict[int, dict[int, Frame]] = {t: {} for t in timesteps}
@@ -40,21 +41,6 @@ def select_frames(capture: Capture, summaries: Mapping[Frame, ImageSummary]) -> 
         if frame.timestep in chosen and frame.camera in cameras:
             chosen[frame.timestep][frame.camera] = frame
     return {t: dict(sorted(frames.items())) for t, frames in chosen.items() if frames}
-
-
-def spread(values: list[int], count: int) -> list[int]:
-    """Choose some of a list, evenly.
-
-    Args:
-        values: The list.
-        count: Largest number of values.
-
-    Returns:
-        The first, the last and others between them.
-    """
-    if len(values) <= count:
-        return values
-    return [values[i] for i in np.linspace(0, len(values) - 1, count).round().astype(int)]
 
 
 def _jumps(summaries: Mapping[Frame, ImageSummary]) -> dict[int, float]:

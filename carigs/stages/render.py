@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
 from rich.progress import track
 
 from carigs.capture import Camera, Capture, Frame
 from carigs.capture.capture_json import camera_to_json
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.capture.frame_index import level_folder, write_frame_index
 from carigs.capture.images import write_png
 from carigs.capture.orbit import orbit_cameras
@@ -153,5 +153,5 @@ def spread_test_frames(frames: tuple[Frame, ...], timesteps: int | None) -> tupl
     known = sorted({frame.timestep for frame in frames})
     if timesteps is None or timesteps >= len(known):
         return frames
-    chosen = {known[i] for i in np.linspace(0, len(known) - 1, timesteps).round().astype(int)}
+    chosen = evenly_spread(known, timesteps)
     return tuple(frame for frame in frames if frame.timestep in chosen)

@@ -15,13 +15,13 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from carigs.capture import Camera, Capture, Frame
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.capture.image_checks import OPAQUE
 from carigs.capture.images import differs_from_background
 from carigs.errors import CarigsError, InputError
 from carigs.head import HeadModel, pose
 from carigs.mesh.triangle_mesh import vertex_normals
 from carigs.plausibility.images import read_frame
-from carigs.plausibility.selection import spread
 
 TIMESTEPS, CAMERAS = 4, 16
 SIZE = 200
@@ -120,8 +120,8 @@ def read_scene(capture: Capture, *, timesteps: int = TIMESTEPS, size: int = SIZE
         The scene.
     """
     known = sorted(capture.parameter_files)
-    chosen = spread(known, timesteps)
-    cameras = spread(sorted(capture.cameras), CAMERAS)
+    chosen = evenly_spread(known, timesteps)
+    cameras = evenly_spread(sorted(capture.cameras), CAMERAS)
     order = {t: i for i, t in enumerate(known)}
     near = {known[i] for t in chosen for i in (order[t] - 1, order[t], order[t] + 1) if 0 <= i < len(known)}
     heads = {t: head for t in sorted(near) if (head := _head(capture, t))}
