@@ -12,6 +12,7 @@ EXTRAS = {
     "PIL": "avatar",
     "ai_edge_litert": "video",
     "diffusers": "diffusion",
+    "flatbuffers": "video",
     "jinja2": "avatar",
     "matplotlib": "study",
     "open_clip": "study",
