@@ -1,8 +1,9 @@
 """The space that hair fills: a visual hull around the head, carved by the background and by skin that is seen.
 
 A point in front of the mesh is empty if a view shows background there, or a triangle that nothing covers. What is left
-is hair, or something else that stands off the mesh. Hair moves with the scalp, so views of different timesteps agree in
-the axes of the canonical head, to which the scalp's rigid motion takes them.
+is hair, or something else that stands off the mesh; where no view shows its outline, it is as thick as where one does
+(`carigs.hair.measured_reach`). Hair moves with the scalp, so views of different timesteps agree in the axes of the
+canonical head, to which the scalp's rigid motion takes them.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from jaxtyping import Bool, Float, Float32, Int
 from carigs.hair import carving
 from carigs.hair.bare_skin import NEAR_SKIN
 from carigs.hair.covered_faces import Covering
+from carigs.hair.measured_reach import within_measured_reach
 from carigs.hair.views import HairView, pixel_size, scalp_motion
 
 COARSE, DIVISIONS = 0.012, 3
@@ -92,6 +94,8 @@ def carve_hair(
     if len(fine):
         squared, nearest, _ = igl.point_mesh_squared_distance(fine, np.asarray(canonical, np.float64), faces)
         found = scalp[nearest] | (cover[nearest] > 0.5) | (squared > NEAR_SKIN**2)
+        looks = [(transform, seen) for transform, seen, _ in prepared]
+        found &= within_measured_reach(fine, COARSE / DIVISIONS, looks, canonical, faces)
     return HairVolume(fine[found].astype(np.float32), opacity[found].astype(np.float32), COARSE / DIVISIONS)
 
 

@@ -1,0 +1,86 @@
+"""How far hair can reach from the head, where views measure it and where none does.
+
+A visual hull bounds hair from above where a view shows its outline: where the view looks along the surface of the head.
+In front of a surface that all views look at from the front, the hull goes on towards the cameras, and behind an outline
+it goes on away from them. Hair is as thick there as where it is measured, interpolated over the head.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import igl
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from carigs.mesh.harmonic_faces import faces_beside, harmonic_faces
+from carigs.raster import Visibility
+
+GRAZING = 0.34
+"""Largest cosine between the direction from the head to a point and that to a camera which measures how far hair
+reaches there: the hull of a ball is larger by 6 % of its radius at most."""
+SLACK = 1.25
+"""Reach that is allowed where it is interpolated, over the interpolated one."""
+RINGS = 3
+"""Rings of triangles that a reach is taken from, because a voxel has only one nearest triangle."""
+
+
+def within_measured_reach(
+    points: Float[np.ndarray, "n 3"],
+    size: float,
+    views: Sequence[tuple[Float[np.ndarray, "3 4"], Visibility]],
+    vertices: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+) -> Bool[np.ndarray, " n"]:
+    """Which points of a visual hull are as near to the head as views can tell.
+
+    Args:
+        points: Centres of the hull's voxels in the axes of the head, in metres.
+        size: Edge of a voxel.
+        views: Camera axes from the axes of the head, and what the camera sees of the head.
+        vertices: Vertices of the head.
+        faces: Vertex indices of its triangles.
+
+    Returns:
+        True for points whose distance from the head a view measures, and for those that are not farther from it than
+        the hair around.
+    """
+    if not len(points):
+        return np.zeros(0, bool)
+    squared, nearest, closest = igl.point_mesh_squared_distance(points, np.asarray(vertices, np.float64), faces)
+    distance = np.sqrt(squared)
+    away = (points - closest) / np.maximum(distance, 1e-9)[:, None]
+    measured = _measured(points, away, views)
+    corners = vertices[faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    known = _measured(corners.mean(axis=1) + size * normal, normal, views)
+    reach = np.zeros(len(faces))
+    np.maximum.at(reach, nearest[measured], distance[measured])
+    beside = faces_beside(faces)
+    for _ in range(RINGS):
+        reach = np.maximum(reach, beside.multiply(reach[None]).max(axis=1).toarray().ravel())
+    reach = harmonic_faces(reach, known, beside)
+    return measured | (distance <= SLACK * reach[nearest] + size)
+
+
+def _measured(
+    points: Float[np.ndarray, "n 3"],
+    away: Float[np.ndarray, "n 3"],
+    views: Sequence[tuple[Float[np.ndarray, "3 4"], Visibility]],
+) -> Bool[np.ndarray, " n"]:
+    """Whether a view shows a point, and looks across the direction that leads away from the head there."""
+    found = np.zeros(len(points), bool)
+    for transform, seen in views:
+        camera = seen.camera
+        placed = points @ transform[:, :3].T + transform[:, 3]
+        cosine = np.einsum("nc,nc->n", placed, away @ transform[:, :3].T) / np.linalg.norm(placed, axis=1)
+        depth = placed[:, 2]
+        column, row = (
+            camera.intrinsics[:2] * placed[:, :2] / np.maximum(depth, 1e-9)[:, None] + camera.intrinsics[2:]
+        ).T
+        shown = (np.abs(cosine) <= GRAZING) & (depth > 0)
+        shown &= (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
+        some = np.flatnonzero(shown)
+        found[some] |= depth[some] * seen.inverse_depth[row[some].astype(int), column[some].astype(int)] <= 1
+    return found

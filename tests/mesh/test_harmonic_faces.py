@@ -1,0 +1,27 @@
+"""Values continued over the triangles of a mesh."""
+
+import numpy as np
+from surfaces import sphere
+
+from carigs.mesh.harmonic_faces import faces_beside, harmonic_faces
+
+
+def test_unknown_values_are_means_of_those_beside_and_between_the_known_ones():
+    _, faces = sphere(3)
+    beside = faces_beside(faces)
+    assert (beside.sum(axis=1) == 3).all()  # a closed surface
+    rng = np.random.default_rng(0)
+    known, values = rng.random(len(faces)) < 0.1, rng.random((len(faces), 2))
+    filled = harmonic_faces(np.where(known[:, None], values, np.nan), known, beside)
+    np.testing.assert_array_equal(filled[known], values[known])
+    np.testing.assert_allclose(filled[~known], (beside @ filled / 3)[~known], atol=1e-7)
+    assert filled.min() >= values[known].min() and filled.max() <= values[known].max()  # the maximum principle
+
+
+def test_a_part_without_known_values_is_zero():
+    _, faces = sphere(1)
+    two = np.vstack([faces, faces + faces.max() + 1])
+    known = np.arange(len(two)) == 0
+    filled = harmonic_faces(np.full(len(two), 7.0), known, faces_beside(two))
+    np.testing.assert_allclose(filled, np.where(np.arange(len(two)) < len(faces), 7, 0), atol=1e-5)
+    assert harmonic_faces(np.ones(len(two)), np.ones(len(two), bool), faces_beside(two)).all()
