@@ -14,8 +14,8 @@ class Track(Section, key="track"):
     video: str | None = set_by("capture.video", None, is_path=True)
     """The footage."""
     footage: str = option("auto", choices=("auto", "talk", "orbit", "photographs"))
-    """`talk`: a person who talks before one camera, or several in step, that stand still; `orbit`: a camera that circles
-    a person who keeps still; `photographs`: a folder of images of one moment. `auto` finds out."""
+    """`talk`: a person who talks before one camera, or several in step, that stand still; `orbit`: a camera that
+    circles a person who keeps still; `photographs`: a folder of images of one moment. `auto` finds out."""
     head_model: str | None = set_by("capture.head_model", None, is_path=True)
     """The head model that is fitted."""
     background: float = set_by("capture.background", 1.0, ge=0, le=1)
@@ -25,8 +25,8 @@ class Track(Section, key="track"):
     largest_side: int = option(640, unit="pixels", ge=64, le=8192)
     """Larger frames are scaled down to this side."""
     focal_length: float | None = option(None, unit="pixels", gt=0, le=1_000_000)
-    """Of the frames as they were recorded, in all cameras. Null: estimated, with what the metadata say or a field of view
-    of 60 degrees as the guess; landmarks determine it poorly."""
+    """Of the frames as they were recorded, in all cameras. Null: estimated, with what the metadata say or a field of
+    view of 60 degrees as the guess; landmarks determine it poorly."""
     body: str = option("cut", choices=("cut", "keep"))
     """Whether mattes end below the chin, or keep neck, shoulders and clothes."""
     held_out: str = option("blocks", choices=("blocks", "last_quarter"))

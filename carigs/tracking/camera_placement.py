@@ -62,7 +62,7 @@ def place_cameras(
         The first camera's frame from the world's is the identity. camera_from_world of each camera, NaN for those that
         are not `linked` to the first one; and world_from_head of each frame, NaN for those that no placed camera sees.
     """
-    t, c = camera_from_head.shape[:2]
+    c = camera_from_head.shape[1]
     seen = np.isfinite(camera_from_head[:, :, 0, 0])
     cameras, heads = np.full((c, 4, 4), np.nan), camera_from_head[:, 0].copy()
     cameras[0] = np.eye(4)

@@ -32,7 +32,7 @@ class Cameras:
     poses: Float[np.ndarray, "c 6"]
     """First values of camera_from_world, in radians and metres; x to the right, y down, z forward."""
     lenses: Int[np.ndarray, " c"] | None = None
-    """Number of each camera's lens, from 0: cameras with the same one share the focal length. None: each has its own."""
+    """Number of each camera's lens, from 0: cameras with one lens share the focal length. None: each has its own."""
 
     @property
     def lens(self) -> Int[np.ndarray, " c"]:

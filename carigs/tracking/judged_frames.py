@@ -37,20 +37,19 @@ class JudgedFrames:
         self._timestep = {int(k): t for t, k in enumerate(track.kept)}
         self._camera = {int(r): c for c, r in enumerate(track.cameras)}
 
-    def sequences(self) -> list[tuple[str, list[View]]]:
+    def sequences(self) -> dict[str, list[View]]:
         """The views that are judged together: those of each camera; of one moment, all.
 
         Returns:
-            Names and views.
+            Views by the name of the file or folder.
         """
+        recordings = self._recordings
         if self._track.one_moment:
-            folder = self._recordings[0].footage.source
-            name = folder.name if self._recordings[-1].footage.source == folder else folder.parent.name
-            return [(name, [(r, 0) for r in range(len(self._recordings))])]
-        return [
-            (recording.name, [(r, k) for k in range(len(recording.footage))])
-            for r, recording in enumerate(self._recordings)
-        ]
+            first, last = recordings[0].footage.source, recordings[-1].footage.source
+            return {(first if first == last else first.parent).name: [(r, 0) for r in range(len(recordings))]}
+        names = [recording.name for recording in recordings]
+        unique = [name if names.count(name) == 1 else f"{name} ({r})" for r, name in enumerate(names)]
+        return {name: [(r, k) for k in range(len(recordings[r].footage))] for r, name in enumerate(unique)}
 
     def judged(self, views: Sequence[View]) -> TrackedFrames:
         """Put together what is known of views.

@@ -16,8 +16,8 @@ from carigs.tracking.quality import openings
 from carigs.tracking.recording import Recording
 
 AUTO, TALK, ORBIT, PHOTOGRAPHS = "auto", "talk", "orbit", "photographs"
-"""To be found out; a person who talks before one or more cameras that stand still; a camera that circles a person who keeps still;
-photographs of one moment."""
+"""To be found out; a person who talks before one or more cameras that stand still; a camera that circles a person who
+keeps still; photographs of one moment."""
 ALIKE = 0.05
 """Median change of the layout from one image of a folder to the next, below which they are frames of a video."""
 SWEEP = 0.5
@@ -98,7 +98,7 @@ def _median_motion(
     """Median horizontal motion of corners beside the person, in pixels; 0 with too few corners."""
     beside = np.full_like(before, 255)
     if np.isfinite(box).all():
-        left, top, right, bottom = box
+        left, top, right = box[:3]
         margin = PERSON * (right - left)
         beside[max(int(top - margin), 0) :, max(int(left - margin), 0) : max(int(right + margin), 0)] = 0
     corners = cv2.goodFeaturesToTrack(before, CORNERS, 0.02, 5, mask=beside)

@@ -196,15 +196,15 @@ def _start(
     placed, heads = placed @ first, np.linalg.inv(first) @ heads[found]
     frames = np.zeros((len(seen), points.fitted.frame_size))
     root = points.joints[0]  # the model turns about its root joint
-    known = np.hstack([heads[:, :3, :3] @ root + heads[:, :3, 3] - root, _vectors(heads)])
+    known = np.hstack([heads[:, :3, :3] @ root + heads[:, :3, 3] - root, _vectors(heads[:, :3, :3])])
     frames[:, :6] = known[np.abs(np.arange(len(seen))[:, None] - found).argmin(axis=1)]
-    others = np.hstack([_vectors(placed), placed[:, :3, 3]])[1:]
+    others = np.hstack([_vectors(placed[:, :3, :3]), placed[:, :3, 3]])[1:]
     return frames, replace(cameras, poses=np.vstack([cameras.poses[:1], others])), found
 
 
-def _vectors(transforms: Float[np.ndarray, "n 4 4"]) -> Float[np.ndarray, "n 3"]:
+def _vectors(rotations: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3"]:
     """Rotation vectors."""
-    return Rotation.from_matrix(transforms[:, :3, :3]).as_rotvec()
+    return Rotation.from_matrix(rotations).as_rotvec()
 
 
 def _jaw(model: HeadModel, fitted: FittedParameters) -> slice | None:

@@ -25,7 +25,7 @@ from carigs.head import HeadModel, neutral
 from carigs.matting import matted_frames
 from carigs.matting.closed_form import pymatting
 from carigs.settings import Track
-from carigs.tracking.advice import advice
+from carigs.tracking.advice import advice, advice_of_cameras
 from carigs.tracking.dataset import write_tracked_dataset
 from carigs.tracking.error_table import error_table
 from carigs.tracking.footage_tracking import track_footage
@@ -112,18 +112,17 @@ def track_video(
         by_time=SPLITS[settings.held_out],
     )
     judge = JudgedFrames(track, recordings, numbers)
-    sheets, texts, lines, tracked = [], [], [], 0
-    sequences = judge.sequences()
-    for name, views in sequences:
-        frames = judge.judged(views)
-        before = f"{name}: " if len(sequences) > 1 else ""
-        sheets.append(judge.sheet(name, views, frames))
-        texts.append(f"{before}{error_table(frames)}" if not before else f"{name}\n{error_table(frames)}")
-        lines += [before + line for line in advice(frames, moving_camera=track.one_moment)]
-        tracked += int(frames.tracked.sum())
-    write_png(folder / SHEET, np.vstack(sheets) / 255.0)
-    table = "\n".join(texts)
+    views = judge.sequences()
+    frames = {name: judge.judged(seen) for name, seen in views.items()}
+    write_png(folder / SHEET, np.vstack([judge.sheet(name, views[name], frames[name]) for name in views]) / 255.0)
+    if len(frames) == 1:
+        [(_, seen)] = frames.items()
+        table, lines = error_table(seen), advice(seen, moving_camera=track.one_moment)
+    else:
+        table = "\n\n".join(f"{name}\n{error_table(seen)}" for name, seen in frames.items())
+        lines = advice_of_cameras(frames)
     (folder / TABLE).write_text("\n".join([table, *lines, ""]), "utf-8")
+    tracked = sum(int(seen.tracked.sum()) for seen in frames.values())
     cameras = track.head.cameras
     first = [int(np.flatnonzero(cameras.lens == lens)[0]) for lens in range(cameras.lens_count)]
     lengths, guesses = (tuple(map(float, values[first])) for values in (cameras.focal, track.focal_guesses))

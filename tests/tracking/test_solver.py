@@ -24,20 +24,28 @@ TWO = Cameras(
     np.array([[np.pi, 0, 0, 0, 0, 6.0], [np.pi * 0.99, 0.2, 0.1, 0.1, 0, 6.0]]),
 )
 
+ORBIT = Cameras(
+    np.array([900.0, 900.0, 700.0, 900.0]),
+    np.full((4, 2), 250.0),
+    np.array([[np.pi, 0, 0, 0, 0, 6.0], [3, 0.2, 0.1, 0.1, 0, 6.0], [3, -0.4, 0, 0, 0.2, 5.0], [3, 0.4, 0.1, 0, 0, 7]]),
+    np.array([0, 0, 1, 0]),
+)
+"""Two lenses."""
 
-def problem(seed=0, outlier=1e6, frames=3):
-    """A random head before two cameras, near no minimum."""
+
+def problem(seed=0, outlier=1e6, frames=3, cameras=TWO):
+    """A random head before cameras, near no minimum."""
     rng, model = np.random.default_rng(seed), random_model(expressions=6, identities=8)
     points = SurfacePoints(rng.integers(0, 30, (7, 3)), rng.dirichlet(np.ones(3), 7))
     fitted = fitted_parameters(model, np.arange(30), max_shape=4, max_expression=3)
-    shared = Shared(len(fitted.shape), len(points), TWO.size)
+    shared = Shared(len(fitted.shape), len(points), cameras.size)
     prior = Prior(
         np.ones(fitted.frame_size), rng.uniform(1, 2, shared.size), rng.uniform(1, 2, (frames - 1, fitted.frame_size))
     )
-    pixels = 250 + 20 * rng.normal(size=(frames, 2, len(points), 2))
-    half = rng.normal(size=(frames, 2, len(points), 2, 2))
+    seen = (frames, len(cameras.focal), len(points), 2)
+    pixels, half = 250 + 20 * rng.normal(size=seen), rng.normal(size=(*seen, 2))
     objective = LandmarkObjective(
-        HeadPoints(model, fitted, points), TWO, shared, pixels, half @ half.swapaxes(-1, -2), outlier, prior
+        HeadPoints(model, fitted, points), cameras, shared, pixels, half @ half.swapaxes(-1, -2), outlier, prior
     )
     return objective, 0.1 * rng.normal(size=(frames, fitted.frame_size)), 0.02 * rng.normal(size=shared.size)
 
@@ -60,9 +68,9 @@ def differences(function, at, step=1e-6):
     return found
 
 
-@pytest.mark.parametrize("outlier", [1e6, 30.0])
-def test_gradients_are_those_of_finite_differences(outlier):
-    objective, frames, vector = problem(outlier=outlier)
+@pytest.mark.parametrize(("outlier", "cameras", "count"), [(1e6, TWO, 3), (30.0, TWO, 3), (30.0, ORBIT, 1)])
+def test_gradients_are_those_of_finite_differences(outlier, cameras, count):
+    objective, frames, vector = problem(outlier=outlier, cameras=cameras, frames=count)
     _, equations = objective.linearise(frames, vector)
     of_frames = differences(lambda x: objective.value(x, vector), frames)
     of_shared = differences(lambda x: objective.value(frames, x), vector)
@@ -70,8 +78,9 @@ def test_gradients_are_those_of_finite_differences(outlier):
     np.testing.assert_allclose(equations.shape_gradient, of_shared, rtol=1e-5, atol=1e-6 * np.abs(of_shared).max())
 
 
-def test_the_matrix_is_that_of_the_jacobians():
-    objective, frames, vector = problem()
+@pytest.mark.parametrize(("cameras", "count"), [(TWO, 3), (ORBIT, 1)])
+def test_the_matrix_is_that_of_the_jacobians(cameras, count):
+    objective, frames, vector = problem(cameras=cameras, frames=count)
     roots = np.linalg.cholesky(objective.information)
 
     def residuals(x, y):
