@@ -17,8 +17,8 @@ from carigs.head import HeadModel
 from carigs.matting import MattedFrame
 from carigs.settings import Toy, Track
 from carigs.toy import head_model, make_subject
+from carigs.tracking.sources import chosen_frames
 from carigs.tracking.video import SHEET, TABLE, track_video
-from carigs.tracking.video_frames import chosen_frames
 from evaluation.benchmarks.footage.motion import Talk
 from evaluation.benchmarks.footage.oracle_landmarks import EXACT, oracle_landmarks
 from evaluation.benchmarks.footage.rendering import before, person
@@ -103,7 +103,7 @@ def test_every_nth_frame_is_used(tmp_path, rate, every):
 
 @pytest.mark.parametrize(
     ("name", "said"),
-    [("missing.mp4", "missing.mp4"), ("folder", "is a folder"), ("short.avi", "0.9 s long|at least 1 s|at least 10")],
+    [("missing.mp4", "missing.mp4"), ("folder", "is empty"), ("short.avi", "0.9 s long|at least 1 s|at least 10")],
 )
 def test_what_is_no_video_of_a_second_is_one_line(tmp_path, capfd, monkeypatch, name, said):
     monkeypatch.setattr(video_room, "load_face_networks", lambda folder: None)
