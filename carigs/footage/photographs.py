@@ -98,7 +98,8 @@ def each_photograph(folder: Path, selection: Selection | None = None) -> list[Fo
         selection: Largest side; None for the images as they are.
 
     Returns:
-        Footage of one frame for each, in the natural order of their names. Its number is the position in the folder.
+        Footage of one frame for each, in the natural order of their names. Its number is the position in the folder;
+        all have the same time.
 
     Raises:
         InputError: If the folder has no images or images of formats that are not read, or if one is damaged.
@@ -130,7 +131,7 @@ def photograph(file: Path, number: int, selection: Selection) -> Footage:
         file,
         *size,
         (number,),
-        np.array([float(number)]),
+        np.zeros(1),
         fps=None,
         duration=None,
         focal_length=millimetres and millimetres / DIAGONAL_35MM * hypot(*size),

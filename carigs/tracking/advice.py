@@ -112,8 +112,9 @@ def _camera(frames: TrackedFrames, moving_camera: bool) -> Iterator[str]:
 
 
 def _length(frames: TrackedFrames) -> Iterator[str]:
+    """Photographs of one moment have one time, and no length."""
     seconds, count = float(np.ptp(frames.times[frames.tracked])), int(frames.tracked.sum())
-    if seconds < SHORT_SECONDS and count < SHORT_FRAMES:
+    if 0 < seconds < SHORT_SECONDS and count < SHORT_FRAMES:
         yield f"Record longer, about 20 seconds: {count} frames of {seconds:.1f} seconds could be tracked."
 
 

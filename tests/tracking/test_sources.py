@@ -58,7 +58,7 @@ def test_folders_of_frames_have_the_wanted_rate(tmp_path):
 
 def test_recordings_of_other_lengths_are_one_line_that_names_both(tmp_path):
     videos = [write_video(tmp_path / f"{n}.avi", fading(n), codec="MJPG", fps=10) for n in (30, 20)]
-    with pytest.raises(InputError, match=r"20\.avi: 1\.90 s long, but 30\.avi 2\.90 s; cut"):
+    with pytest.raises(InputError, match=r"20\.avi: 1\.90 s long, but 30\.avi 2\.90 s; remedy: cut"):
         frames_in_step(videos, 10, 160)
     folders = [write_images(tmp_path / f"f{n}", quadrants(n)) for n in (13, 12)]
     with pytest.raises(InputError, match="f12: "):
