@@ -106,8 +106,8 @@ def track_footage(
     deviations = np.empty(start.lens_count)
     deviations[lenses] = [STATED if value else GUESSED for value in stated]
     if len(used) > 1:
-        # More frames do not tell more: errors of a network are those of the face, and they are the same in all frames.
-        deviations /= sqrt(len(kept))
+        # More images do not tell more: errors of a network are those of the face, and they are the same in all images.
+        deviations /= sqrt(len(used) if one_moment else len(kept))
     fitted = fitted_parameters(model, np.unique(embedding.corners), max_shape=SHAPES)
     head = track_landmarks(model, fitted, embedding, tracks, start, focal_deviation=deviations)
     return FootageTrack(kept, cameras, left_out, pixels, head, guesses)

@@ -24,9 +24,12 @@ def blocks(count: int) -> list[str]:
         count: Number of frames.
 
     Returns:
-        `train` or `test` for each frame; the middle frame of each block is `val`.
+        `train` or `test` for each frame; the middle frame of each block is `val`. Of a clip that is shorter than two
+        blocks, the last quarter is held out.
     """
     period = TRAINED + TESTED
+    if count < period:
+        return last_quarter(count)
     names = ["train" if i % period < TRAINED else "test" for i in range(count)]
     for middle in range(TRAINED + TESTED // 2, count, period):
         names[middle] = "val"

@@ -8,11 +8,12 @@ from carigs.tracking.held_out import SPLITS, blocks, held_out, last_quarter, vie
 
 
 @pytest.mark.parametrize("name", SPLITS)
-@pytest.mark.parametrize("count", [10, 20, 57, 400])
+@pytest.mark.parametrize("count", [10, 12, 17, 20, 57, 400])
 def test_every_frame_has_a_split_and_most_are_for_training(name, count):
     names = SPLITS[name](count)
     assert len(names) == count and set(names) <= {"train", "val", "test"}
     assert names.count("train") >= 0.7 * count
+    assert "test" in names
 
 
 def test_blocks_are_spread_over_the_clip():
