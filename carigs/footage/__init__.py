@@ -14,7 +14,7 @@ from carigs.footage.photographs import read_photographs
 from carigs.footage.selection import Selection
 from carigs.footage.video import read_video
 
-__all__ = ["Footage", "Selection", "TimedFrame", "read_footage"]
+__all__ = ["Footage", "Selection", "TimedFrame", "read_footage", "read_photographs", "read_video"]
 
 
 def read_footage(source: Path, selection: Selection | None = None) -> Footage:

@@ -41,13 +41,7 @@ def read_photographs(folder: Path, selection: Selection | None = None) -> Footag
             damaged.
     """
     folder, selection = Path(folder), selection or Selection()
-    files = sorted((path for path in listed(folder) if path.is_file()), key=natural_order)
-    others = [path for path in files if path.suffix.lower() in OTHER_SUFFIXES]
-    if others:
-        raise InputError("images are read as PNG and JPEG; convert those of other formats", file=others[0])
-    files = [path for path in files if path.suffix.lower() in SUFFIXES]
-    if not files:
-        raise InputError("no PNG or JPEG images", file=folder)
+    files = image_files(folder)
     headers = [read_header(file) for file in files]
     width, height = sizes = _upright_size(headers[0])
     for file, header in zip(files, headers, strict=True):
@@ -71,6 +65,77 @@ def read_photographs(folder: Path, selection: Selection | None = None) -> Footag
         duration=None,
         focal_length=millimetres and millimetres / DIAGONAL_35MM * hypot(*size),
         decode=lambda: _images([(files[n], headers[n]) for n in numbers], size),
+    )
+
+
+def image_files(folder: Path) -> list[Path]:
+    """Find the images of a folder.
+
+    Args:
+        folder: The folder.
+
+    Returns:
+        PNG and JPEG files in the natural order of their names.
+
+    Raises:
+        InputError: If there are none, or images of other formats.
+    """
+    files = sorted((path for path in listed(folder) if path.is_file()), key=natural_order)
+    others = [path for path in files if path.suffix.lower() in OTHER_SUFFIXES]
+    if others:
+        raise InputError("images are read as PNG and JPEG; convert those of other formats", file=others[0])
+    files = [path for path in files if path.suffix.lower() in SUFFIXES]
+    if not files:
+        raise InputError("no PNG or JPEG images", file=folder)
+    return files
+
+
+def each_photograph(folder: Path, selection: Selection | None = None) -> list[Footage]:
+    """Find the photographs of a folder, which may come from several cameras.
+
+    Args:
+        folder: PNG and JPEG images of any sizes.
+        selection: Largest side; None for the images as they are.
+
+    Returns:
+        Footage of one frame for each, in the natural order of their names. Its number is the position in the folder;
+        all have the same time.
+
+    Raises:
+        InputError: If the folder has no images or images of formats that are not read, or if one is damaged.
+    """
+    selection = selection or Selection()
+    return [photograph(file, number, selection) for number, file in enumerate(image_files(Path(folder)))]
+
+
+def photograph(file: Path, number: int, selection: Selection) -> Footage:
+    """Find one photograph.
+
+    Args:
+        file: PNG or JPEG image.
+        number: Its number as a frame.
+        selection: Largest side.
+
+    Returns:
+        Footage of one frame. Orientations of the metadata are applied.
+
+    Raises:
+        InputError: If it is damaged or too large.
+    """
+    header = read_header(file)
+    width, height = _upright_size(header)
+    if width * height > MAX_IMAGE_PIXELS:
+        raise InputError(f"{width} x {height} pixels; at most {MAX_IMAGE_PIXELS} are decoded", file=file)
+    size, millimetres = selection.size(width, height), focal_length_35mm(file)
+    return Footage(
+        file,
+        *size,
+        (number,),
+        np.zeros(1),
+        fps=None,
+        duration=None,
+        focal_length=millimetres and millimetres / DIAGONAL_35MM * hypot(*size),
+        decode=lambda: _images([(file, header)], size),
     )
 
 

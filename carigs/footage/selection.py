@@ -24,6 +24,8 @@ class Selection:
     """Seconds after the first frame; None for the end of the footage."""
     max_frames: int | None = None
     """Most frames, evenly spread over those that are left."""
+    at: tuple[float, ...] | None = None
+    """Use the frames nearest to these seconds after the first frame, and no others; None for all."""
     largest_side: int | None = None
     """Larger frames are scaled down to this number of pixels."""
 
@@ -45,6 +47,8 @@ class Selection:
             Numbers of the chosen ones, ascending.
         """
         since_first = times - times[:1]
+        if self.at is not None:
+            return [int(np.abs(since_first - second).argmin()) for second in self.at]
         inside = (since_first >= self.start) & (since_first <= (np.inf if self.end is None else self.end))
         chosen = [int(number) for number in np.flatnonzero(inside)[:: self.every]]
         return chosen if self.max_frames is None else evenly_spread(chosen, self.max_frames)

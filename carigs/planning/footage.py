@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from omegaconf import DictConfig
 
 from carigs.capture import Capture
 from carigs.errors import CarigsError, InputError
+from carigs.footage import Selection
+from carigs.footage.photographs import each_photograph
 from carigs.readers.file_names import INDEXES
 from carigs.readers.json_files import read_json
-from carigs.tracking.held_out import SPLITS
-from carigs.tracking.video_frames import chosen_frames
+from carigs.tracking.held_out import SPLITS, held_out
+from carigs.tracking.kinds import AUTO, PHOTOGRAPHS
+from carigs.tracking.sources import camera_sources, chosen_frames
 
 
 @dataclass(frozen=True)
@@ -86,12 +90,18 @@ def subject_footage(settings: DictConfig, index: Path) -> Footage:
 def _video_footage(track: DictConfig) -> Footage:
     """Count the frames of a video that are tracked."""
     try:
-        footage = chosen_frames(Path(track.video), track.frame_rate, track.largest_side)
+        sources = camera_sources(Path(track.video))
+        if track.footage == PHOTOGRAPHS or (len(sources) == 1 and sources[0].is_dir() and track.footage == AUTO):
+            images = each_photograph(sources[0], Selection(largest_side=track.largest_side))
+            first, count, cameras = images[0], 1, len(images)
+        else:
+            first = chosen_frames(sources[0], track.frame_rate, track.largest_side)
+            count, cameras = len(first), len(sources)
     except CarigsError:  # the stage says what is wrong with it
         return ASSUMED
-    splits = SPLITS[track.held_out](len(footage))
+    splits = [*chain.from_iterable(held_out(count, cameras, cameras // 2, SPLITS[track.held_out]))]
     counts = (splits.count(name) for name in ("train", "val", "test"))
-    return Footage(*counts, 1, footage.width * footage.height / 1e6, f"counted in {track.video}")
+    return Footage(*counts, cameras, first.width * first.height / 1e6, f"counted in {track.video}")
 
 
 def _folder_footage(folder: Path, stride: int, max_frames: int | None) -> Footage:

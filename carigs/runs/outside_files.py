@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from carigs.readers.file_names import BESIDE_FLAME, INDEXES, TRUE_FRAMES, with_slashes
-from carigs.readers.folders import is_system_file
+from carigs.readers.folders import is_system_file, listed
 from carigs.readers.limits import MAX_TEXT_BYTES
 from carigs.settings import STAGES
 from carigs.settings.option import option_of
@@ -49,7 +49,8 @@ def files_digest(path: str | Path) -> str:
     """Digest of the names, sizes and modification times of a file or of the files of a folder.
 
     Of a dataset, or a folder of true caricatures, the indexes and all files that they name count, else all files
-    directly in the folder but hidden ones. With a head model (.pkl) the files beside it count that are read with it.
+    directly in the folder but hidden ones; of a folder that holds folders alone, as those of several cameras' frames,
+    the files in these. With a head model (.pkl) the files beside it count that are read with it.
 
     Args:
         path: The file or folder.
@@ -62,6 +63,7 @@ def files_digest(path: str | Path) -> str:
         indexes = [file for name in (*INDEXES.values(), TRUE_FRAMES) if (file := path / name).is_file()]
         named = {path / with_slashes(name, path) for index in indexes for name in _named_files(index)}
         lines = {line for file in (*indexes, *named) for line in _entry(file)} if indexes else {*_entries(path)}
+        lines = lines or {line for folder in listed(path) for line in _entries(folder)}
     elif path.exists():
         beside = [path.with_name(name) for name in BESIDE_FLAME] if path.suffix == ".pkl" else []
         if path.suffix.lower() == ".gltf":  # buffers in files of their own

@@ -39,7 +39,8 @@ class CaptureSettings(Section, key="capture"):
     source: str = option("toy", choices=("toy", "folder", "video"))
     """Where the capture comes from."""
     video: str | None = option(None, required_when=("source", ("video",)), is_path=True)
-    """A video of a person who talks and turns before one static camera; the section `track` says how it is read."""
+    """A video of one person; a folder of photographs of one moment; or a folder that holds one video, or one folder of
+    frames, for each of several cameras. The section `track` says how it is read."""
     folder: str | None = option(None, required_when=("source", ("folder",)), is_path=True)
     """The dataset's folder."""
     head_model: str | None = option(None, required_when=("source", ("folder", "video")), is_path=True)

@@ -1,10 +1,11 @@
-"""Stage `track`: a video becomes a dataset."""
+"""Stage `track`: footage without calibration becomes a dataset."""
 
 from __future__ import annotations
 
 import shutil
 import sys
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -16,7 +17,7 @@ from carigs.tracking.video import VideoReport, track_video
 
 
 def track(settings: Track, *, dataset: Path) -> None:
-    """Track the head of a person in a video.
+    """Track the head of a person.
 
     Args:
         settings: Settings of the stage.
@@ -33,12 +34,15 @@ def track(settings: Track, *, dataset: Path) -> None:
     track_and_report(settings, dataset)
 
 
-def track_and_report(settings: Track, dataset: Path, weights: Path | None = None) -> VideoReport:
-    """Track a video with progress on the terminal, and print errors, the focal length and advice.
+def track_and_report(
+    settings: Track, dataset: Path, *, sources: Sequence[Path] | None = None, weights: Path | None = None
+) -> VideoReport:
+    """Track footage with progress on the terminal, and print its kind, errors, focal lengths and advice.
 
     Args:
-        settings: The video, the head model, and how they are read.
+        settings: The footage, the head model, and how they are read.
         dataset: Dataset to create.
+        sources: The recordings of the cameras, in place of those that the settings name.
         weights: Folder of weights that is searched first.
 
     Returns:
@@ -54,14 +58,17 @@ def track_and_report(settings: Track, dataset: Path, weights: Path | None = None
     report = track_video(
         settings,
         dataset,
+        sources=sources,
         weights=weights,
         progress=lambda items, name, count: shown(
             items, name, count, console=console, transient=True, disable=not sys.stderr.isatty()
         ),
         status=console.status,
     )
+    print(report.kind)
     print(report.errors)
-    print(f"focal length {report.focal_length:.0f} pixels; the guess was {report.focal_guess:.0f}")
+    found, guessed = (", ".join(f"{f:.0f}" for f in fs) for fs in (report.focal_lengths, report.focal_guesses))
+    print(f"focal length {found} pixels; the guess was {guessed}")
     for line in report.advice:
         warnings.warn(CarigsWarning(line), stacklevel=2)
     return report

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from jaxtyping import Bool, Int
@@ -50,6 +50,25 @@ def advice(frames: TrackedFrames, *, moving_camera: bool = False) -> list[str]:
     return [*found, *_turns(coverage(frames.yaw, frames.pitch), moving_camera), *_motion(frames, moving_camera)]
 
 
+def advice_of_cameras(frames: Mapping[str, TrackedFrames]) -> list[str]:
+    """Find what a better recording by several cameras in step would do otherwise.
+
+    Args:
+        frames: The frames of each camera, by its name.
+
+    Returns:
+        Sentences; each camera must be sharp and see the whole head, and all together show it from all sides.
+    """
+    found = []
+    for name, seen in frames.items():
+        own = [*_left_out(seen), *_framing(seen), *_camera(seen, False)] if seen.tracked.any() else _left_out(seen)
+        found += [f"{name}: {line}" for line in own]
+    first = next(iter(frames.values()))
+    yaw, pitch = (np.concatenate([getattr(seen, name) for seen in frames.values()]) for name in ("yaw", "pitch"))
+    frontal = min((seen for seen in frames.values() if seen.tracked.any()), key=_usual_turn)
+    return [*found, *_length(first), *_turns(coverage(yaw, pitch), False), *_motion(frontal, False)]
+
+
 def _left_out(frames: TrackedFrames) -> Iterator[str]:
     reasons = Counter(reason for reason in frames.left_out if reason)
     if reasons.total() > MANY * len(frames.left_out):
@@ -93,8 +112,9 @@ def _camera(frames: TrackedFrames, moving_camera: bool) -> Iterator[str]:
 
 
 def _length(frames: TrackedFrames) -> Iterator[str]:
+    """Photographs of one moment have one time, and no length."""
     seconds, count = float(np.ptp(frames.times[frames.tracked])), int(frames.tracked.sum())
-    if seconds < SHORT_SECONDS and count < SHORT_FRAMES:
+    if 0 < seconds < SHORT_SECONDS and count < SHORT_FRAMES:
         yield f"Record longer, about 20 seconds: {count} frames of {seconds:.1f} seconds could be tracked."
 
 
@@ -130,6 +150,11 @@ def _motion(frames: TrackedFrames, moving_camera: bool) -> Iterator[str]:
     closed = np.nanmin(frames.eyes) / np.nanmedian(frames.eyes)
     if closed > CLOSED_EYES:
         yield f"Blink, and close your eyes for a second: no frame shows them less than {100 * closed:.0f} % open."
+
+
+def _usual_turn(frames: TrackedFrames) -> float:
+    """Degrees by which the head is usually turned away from the camera."""
+    return float(np.nanmedian(np.abs(frames.yaw)))
 
 
 def listed(numbers: Int[np.ndarray, " n"]) -> str:

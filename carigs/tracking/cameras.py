@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from carigs.fitting.rotation_vectors import left_jacobians
 from carigs.head.posing import rotation_matrices
@@ -20,8 +20,9 @@ LEAST_DEPTH = 1e-3
 class Cameras:
     """Pinhole cameras with square pixels. The first one stays where it is.
 
-    Their free parameters are one vector: the logarithms of the focal lengths, each over its first value, then the
-    poses of all cameras but the first, as changes of their first values.
+    Their free parameters are one vector: the logarithms of the focal lengths of all lenses, each over its first value,
+    then the poses of all cameras but the first, as changes of their first values. Each camera depends on few of them,
+    so that a hundred cameras cost a hundred times as much as one, and not ten thousand times.
     """
 
     focal: Float[np.ndarray, " c"]
@@ -30,11 +31,35 @@ class Cameras:
     """Principal points in pixels."""
     poses: Float[np.ndarray, "c 6"]
     """First values of camera_from_world, in radians and metres; x to the right, y down, z forward."""
+    lenses: Int[np.ndarray, " c"] | None = None
+    """Number of each camera's lens, from 0: cameras with one lens share the focal length. None: each has its own."""
+
+    @property
+    def lens(self) -> Int[np.ndarray, " c"]:
+        """Number of each camera's lens."""
+        return np.arange(len(self.focal)) if self.lenses is None else self.lenses
+
+    @property
+    def lens_count(self) -> int:
+        """Number of focal lengths that are estimated."""
+        return int(self.lens.max()) + 1
 
     @property
     def size(self) -> int:
         """Number of free parameters."""
-        return len(self.focal) + POSE * (len(self.focal) - 1)
+        return self.lens_count + POSE * (len(self.focal) - 1)
+
+    def own_parameters(self, camera: int) -> Int[np.ndarray, " m"]:
+        """The free parameters that a camera depends on.
+
+        Args:
+            camera: The camera.
+
+        Returns:
+            Their places in the vector: that of the focal length, and for all cameras but the first the six of the pose.
+        """
+        first = self.lens_count + POSE * (camera - 1)
+        return np.append(self.lens[camera], np.arange(first, first + POSE) if camera else np.zeros(0, int))
 
     def moved(self, parameters: Float[np.ndarray, " k"]) -> Cameras:
         """The cameras at other values of their parameters.
@@ -45,9 +70,9 @@ class Cameras:
         Returns:
             Cameras with these as first values.
         """
-        c, poses = len(self.focal), self.poses.copy()
-        poses[1:] += parameters[c:].reshape(-1, POSE)
-        return replace(self, focal=self.focal * np.exp(parameters[:c]), poses=poses)
+        count, poses = self.lens_count, self.poses.copy()
+        poses[1:] += parameters[count:].reshape(-1, POSE)
+        return replace(self, focal=self.focal * np.exp(parameters[:count])[self.lens], poses=poses)
 
     def camera_from_world(self) -> Float[np.ndarray, "c 3 4"]:
         """Rotations and translations.
@@ -89,7 +114,7 @@ class Cameras:
         Float[np.ndarray, "t c n 2"],
         Float[np.ndarray, "t c n"],
         Float[np.ndarray, "t c n 2 3"],
-        Float[np.ndarray, "t c n 2 k"],
+        Float[np.ndarray, "t c n 2 7"],
     ]:
         """Project points and differentiate their images.
 
@@ -98,27 +123,21 @@ class Cameras:
 
         Returns:
             Image positions, depths, and the derivatives of the image positions with respect to the world points and to
-            the free parameters at 0.
+            the camera's own free parameters at 0: the focal length and the pose, which the first camera keeps.
         """
         pixels, depth, seen = self._seen(positions)
-        c = len(self.focal)
         inverse = 1 / np.maximum(depth, LEAST_DEPTH)
         by_camera_point = np.zeros((*pixels.shape, 3))  # derivative with respect to the point in the camera's frame
         by_camera_point[..., [0, 1], [0, 1]] = (self.focal[:, None] * inverse)[..., None]
         by_camera_point[..., 2] = -(pixels - self.centres[:, None]) * inverse[..., None]
         by_point = by_camera_point @ self.camera_from_world()[:, None, :, :3]
-        by_parameters = np.zeros((*pixels.shape, self.size))
-        turned = seen - self.poses[:, None, 3:]
-        jacobians = left_jacobians(self.poses[:, :3])
-        for i in range(c):
-            by_parameters[:, i, :, :, i] = pixels[:, i] - self.centres[i]
-            if i:
-                first = c + POSE * (i - 1)
-                # The columns of -[turned] J.
-                turn = np.cross(jacobians[i].T, turned[:, i, :, None, :]).swapaxes(-1, -2)
-                by_parameters[:, i, :, :, first : first + 3] = by_camera_point[:, i] @ turn
-                by_parameters[:, i, :, :, first + 3 : first + POSE] = by_camera_point[:, i]
-        return pixels, depth, by_point, by_parameters
+        by_own = np.empty((*pixels.shape, 1 + POSE))
+        by_own[..., 0] = pixels - self.centres[:, None]
+        # The columns of -[turned] J, then those of the translation.
+        turned, jacobians = seen - self.poses[:, None, 3:], left_jacobians(self.poses[:, :3])
+        turn = np.cross(jacobians.swapaxes(1, 2)[:, None], turned[:, :, :, None]).swapaxes(-1, -2)
+        by_own[..., 1:4], by_own[..., 4:] = by_camera_point @ turn, by_camera_point
+        return pixels, depth, by_point, by_own
 
     def _seen(
         self, positions: Float[np.ndarray, "t n 3"]

@@ -1,9 +1,9 @@
-"""The dataset of a tracked video: frames with mattes, the camera, head parameters and the person's head model."""
+"""The dataset of tracked footage: frames with mattes, cameras, head parameters and the person's head model."""
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,60 +11,63 @@ import numpy as np
 from carigs.capture import Camera, Capture, Frame
 from carigs.capture.dataset_writer import parameter_file, write_dataset
 from carigs.capture.images import write_png
-from carigs.footage import Footage
 from carigs.head import neutral, pose
 from carigs.matting import MattedFrame, composite
 from carigs.tracking.footage_tracking import FootageTrack
-from carigs.tracking.held_out import blocks
+from carigs.tracking.held_out import blocks, held_out
 from carigs.tracking.neck_cut import NeckCut
+from carigs.tracking.recording import Recording
 
 
 def write_tracked_dataset(
     folder: Path,
     track: FootageTrack,
-    footage: Footage,
+    recordings: Sequence[Recording],
     matted: Iterable[MattedFrame],
     *,
     background: float,
     chin: float | None = None,
-    splits: Callable[[int], list[str]] = blocks,
+    by_time: Callable[[int], list[str]] = blocks,
 ) -> None:
-    """Write a tracked video as a dataset that studies read.
+    """Write tracked footage as a dataset that studies read.
 
     Args:
         folder: Folder to create.
         track: The tracked head.
-        footage: The frames.
-        matted: All of them with mattes, in order; those that are not tracked are passed over.
+        recordings: The frames.
+        matted: All of them with mattes, in order, recording after recording; those that are not tracked are passed
+            over.
         background: Grey value that frames are composited on.
         chin: Height of the chin on the neutral head in metres: mattes end below it. None to keep the body.
-        splits: Names the split of each tracked frame.
+        by_time: Names the split of each tracked timestep of a clip.
 
     Raises:
         InputError: If the folder holds something.
     """
-    camera = tracked_camera(track, footage)
+    cameras = tracked_cameras(track, recordings)
     frames_folder = folder.parent / f".{folder.name}.frames"
     shutil.rmtree(frames_folder, ignore_errors=True)
     frames_folder.mkdir(parents=True)
     head, model = track.head, track.head.model
     cut = NeckCut(neutral(model, head.parameters[0]), model.faces, chin) if chin is not None else None
-    position = {int(footage.numbers[k]): t for t, k in enumerate(track.kept)}
+    timesteps, numbers = ({int(k): i for i, k in enumerate(kept)} for kept in (track.kept, track.cameras))
+    places = ((r, k) for r, recording in enumerate(recordings) for k in range(len(recording.footage)))
     try:
-        for frame, alpha, foreground in matted:
-            if frame.number not in position:
+        for (r, k), (_, alpha, foreground) in zip(places, matted, strict=True):
+            if r not in numbers or k not in timesteps:
                 continue
-            t = position[frame.number]
+            t, c = timesteps[k], numbers[r]
             if cut is not None:
-                alpha = alpha * cut.kept_share(pose(model, head.parameters[t]), camera)
-            write_png(frames_folder / f"{t:05d}_00.png", composite(foreground, alpha, background) / 255.0)
-            write_png(frames_folder / f"{t:05d}_00_matte.png", alpha)
-        names = splits(len(track.kept))
+                alpha = alpha * cut.kept_share(pose(model, head.parameters[t]), cameras[c])
+            write_png(frames_folder / f"{t:05d}_{c:02d}.png", composite(foreground, alpha, background) / 255.0)
+            write_png(frames_folder / f"{t:05d}_{c:02d}_matte.png", alpha)
+        names = held_out(len(timesteps), len(numbers), _frontal(cameras), by_time)
         frames = tuple(
-            Frame(t, 0, "", split, f"{t:05d}_00.png", f"{t:05d}_00_matte.png", parameter_file(t), 0)
-            for t, split in enumerate(names)
+            Frame(t, c, "", split, f"{t:05d}_{c:02d}.png", f"{t:05d}_{c:02d}_matte.png", parameter_file(t), c)
+            for t, row in enumerate(names)
+            for c, split in enumerate(row)
         )
-        capture = Capture(frames_folder, Path("head_model.npz"), frames, (camera,), background)
+        capture = Capture(frames_folder, Path("head_model.npz"), frames, cameras, background)
         write_dataset(folder, capture, model, dict(enumerate(head.parameters)), place=_moved)
     finally:
         shutil.rmtree(frames_folder, ignore_errors=True)
@@ -76,18 +79,23 @@ def _moved(source: Path, part: Path, folder: Path, name: str) -> str:
     return name
 
 
-def tracked_camera(track: FootageTrack, footage: Footage) -> Camera:
-    """The camera of a tracked video.
+def tracked_cameras(track: FootageTrack, recordings: Sequence[Recording]) -> tuple[Camera, ...]:
+    """The cameras of tracked footage.
 
     Args:
         track: The tracked head.
-        footage: The frames.
+        recordings: The frames.
 
     Returns:
-        The camera.
+        One for each recording that is tracked.
     """
-    cameras = track.head.cameras
-    camera_from_world = np.eye(4)
-    camera_from_world[:3] = cameras.camera_from_world()[0]
-    focal, (cx, cy) = float(cameras.focal[0]), cameras.centres[0]
-    return Camera(camera_from_world, focal, focal, float(cx), float(cy), footage.width, footage.height)
+    found, poses = track.head.cameras, np.tile(np.eye(4), (len(track.cameras), 1, 1))
+    poses[:, :3] = found.camera_from_world()
+    sizes = [(recordings[r].footage.width, recordings[r].footage.height) for r in track.cameras]
+    lenses = zip(poses, found.focal, found.centres, sizes, strict=True)
+    return tuple(Camera(matrix, float(f), float(f), float(x), float(y), *size) for matrix, f, (x, y), size in lenses)
+
+
+def _frontal(cameras: Sequence[Camera]) -> int:
+    """The camera that is nearest to the z axis, to which the face looks."""
+    return int(np.argmax([camera.centre[2] / np.linalg.norm(camera.centre) for camera in cameras]))

@@ -1,22 +1,22 @@
-"""From the frames of one static camera to a tracked head: which frames count, their landmarks, the solver."""
+"""From recordings to a tracked head: which frames count, their landmarks, guesses of focal lengths, the solver."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from math import radians, tan
+from math import radians, sqrt, tan
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from carigs.detection import FaceTrack
 from carigs.errors import InputError
 from carigs.fitting.fitted_parameters import fitted_parameters
-from carigs.footage import Footage
 from carigs.footage.cuts import find_cuts
-from carigs.footage.measures import FrameMeasures
 from carigs.head import HeadModel, SurfacePoints
+from carigs.tracking.camera_placement import linked
 from carigs.tracking.cameras import Cameras
 from carigs.tracking.landmark_tracking import TrackedHead, Tracks, track_landmarks
+from carigs.tracking.recording import Recording
 
 SHAPES = 30
 """Identity coefficients: landmarks of one camera determine no more."""
@@ -25,108 +25,171 @@ FIELD_OF_VIEW = radians(60)
 SQUARE = 1.2
 """Ratio of the sides below which a video is a part of a larger image: no camera records squares."""
 DISTANCE, FACE_WIDTH = 1.0, 0.15
-"""Metres from the camera that filmed such a part, and width of a face."""
+"""Metres from the camera that filmed such a part, or from one of several cameras on stands; and width of a face."""
 GUESSED, STATED = 0.15, 0.02
 """Standard deviations of the logarithm of a focal length that is guessed, or that metadata state."""
-LEAST_FRAMES = 10
-"""That show a face, in one take."""
+LEAST_FRAMES, LEAST_VIEWS = 10, 3
+"""That show a face, in one take; and of one moment."""
 LEAST_PRESENCE = 0.5
 """Probability of the face below which a frame is left out."""
 
 
 @dataclass(frozen=True)
 class FootageTrack:
-    """A head in footage."""
+    """A head in recordings of t timesteps by c cameras."""
 
     kept: Int[np.ndarray, " t"]
-    """Positions of the frames that are tracked, among those of the footage."""
-    left_out: dict[str, Int[np.ndarray, " _"]]
-    """Positions of the others by the reason."""
-    landmarks: Float[np.ndarray, "t n 2"]
-    """In pixels."""
+    """Positions of the frames that are tracked, among those of a recording."""
+    cameras: Int[np.ndarray, " c"]
+    """The recordings that are tracked."""
+    left_out: tuple[tuple[str, ...], ...]
+    """Of each recording and frame: why it gave no landmarks; empty if it did."""
+    landmarks: Float[np.ndarray, "t c n 2"]
+    """In pixels; NaN in frames without a face."""
     head: TrackedHead
-    focal_guess: float
+    focal_guesses: Float[np.ndarray, " c"]
     """Pixels: where the estimate began."""
+
+    @property
+    def one_moment(self) -> bool:
+        """Whether all cameras show one timestep."""
+        return len(self.kept) == 1
 
 
 def track_footage(
-    footage: Footage,
-    faces: FaceTrack,
-    measures: FrameMeasures,
+    recordings: Sequence[Recording],
     model: HeadModel,
     embedding: SurfacePoints,
     numbers: Int[np.ndarray, " n"],
     *,
-    focal_length: float | None = None,
+    focal_lengths: Sequence[float | None] | None = None,
 ) -> FootageTrack:
-    """Track the head of a person before one static camera.
+    """Track the head of a person before cameras that stand still, or of one moment.
 
     Args:
-        footage: The frames.
-        faces: Their landmarks.
-        measures: Their measures.
+        recordings: As many frames of each camera; one of each for photographs of a moment, or an orbit.
         model: The head model.
         embedding: Landmarks on the head model.
         numbers: Which of the detector's landmarks these are.
-        focal_length: In pixels of the footage; None for what its metadata say, or a guess.
+        focal_lengths: In pixels of the footage; None for what its metadata say, or a guess.
 
     Returns:
         The head in the frames of the longest take.
 
     Raises:
-        InputError: If too few frames in a row show a face.
+        InputError: If too few frames in a row show a face, or a camera never sees it together with another one.
     """
-    kept, left_out = _kept_frames(footage, faces, measures)
-    pixels = faces.landmarks[kept][:, numbers, :2].astype(np.float64)
-    tracks = Tracks(
-        pixels[:, None],
-        np.repeat(faces.presence[kept][:, None, None].astype(np.float64), len(numbers), axis=2),
-        footage.times[kept],
-    )
-    size = np.array([footage.width, footage.height], np.float64)
-    stated = focal_length or footage.focal_length
-    guess = stated or guessed_focal_length(footage, pixels)
-    # World: the camera at the origin, which looks along -z; y up.
-    cameras = Cameras(np.array([guess]), size[None] / 2, np.array([[np.pi, 0.0, 0, 0, 0, 0]]))
+    one_moment = len(recordings[0].footage) == 1
+    kept, left_out = kept_frames(recordings)
+    faces = np.array([recording.faces.presence[kept] >= LEAST_PRESENCE for recording in recordings]).T
+    cameras = np.flatnonzero(faces.any(axis=0)) if one_moment else np.arange(len(recordings))
+    if one_moment and len(cameras) < LEAST_VIEWS:
+        problem = f"{len(cameras)} of {len(recordings)} images show a face; at least {LEAST_VIEWS} are needed"
+        raise InputError(problem, file=recordings[0].footage.source)
+    if not (seen := linked(faces[:, cameras])).all():
+        problem = "shows the face in no frame in which another camera sees it, too: their places cannot be found"
+        raise InputError(problem, file=recordings[cameras[~seen][0]].footage.source)
+    used, faces = [recordings[c] for c in cameras], faces[:, cameras]
+    pixels = np.stack([r.faces.landmarks[kept][:, numbers, :2].astype(np.float64) for r in used], axis=1)
+    pixels[~faces] = np.nan
+    presence = np.stack([r.faces.presence[kept] for r in used], axis=1).astype(np.float64) * faces
+    confidence = np.repeat(presence[..., None], len(numbers), axis=2)
+    tracks = Tracks(np.nan_to_num(pixels), confidence, used[0].footage.times[kept])
+    given = focal_lengths or [None] * len(recordings)
+    stated = [given[c] or r.footage.focal_length for c, r in zip(cameras, used, strict=True)]
+    lenses = _lenses(used, stated) if one_moment else np.arange(len(used))
+    guesses = _focal_guesses(used, pixels, stated, lenses)
+    # World: the first camera at the origin, which looks along -z; y up.
+    first = np.array([np.pi, 0, 0, 0, 0, 0])
+    centres = np.array([(r.footage.width / 2, r.footage.height / 2) for r in used])
+    start = Cameras(guesses, centres, np.tile(first, (len(used), 1)), lenses)
+    deviations = np.empty(start.lens_count)
+    deviations[lenses] = [STATED if value else GUESSED for value in stated]
+    if len(used) > 1:
+        # More images do not tell more: errors of a network are those of the face, and they are the same in all images.
+        deviations /= sqrt(len(used) if one_moment else len(kept))
     fitted = fitted_parameters(model, np.unique(embedding.corners), max_shape=SHAPES)
-    deviation = STATED if stated else GUESSED
-    head = track_landmarks(model, fitted, embedding, tracks, cameras, focal_deviation=deviation)
-    return FootageTrack(kept, left_out, pixels, head, guess)
+    head = track_landmarks(model, fitted, embedding, tracks, start, focal_deviation=deviations)
+    return FootageTrack(kept, cameras, left_out, pixels, head, guesses)
 
 
-def guessed_focal_length(footage: Footage, landmarks: Float[np.ndarray, "t n 2"]) -> float:
+def _lenses(recordings: Sequence[Recording], stated: Sequence[float | None]) -> Int[np.ndarray, " c"]:
+    """Photographs of one size and one stated focal length were taken through one lens."""
+    sizes = [sorted((r.footage.width, r.footage.height)) for r in recordings]
+    keys = [(*size, round(focal or 0, 1)) for size, focal in zip(sizes, stated, strict=True)]
+    return np.array([sorted({*keys}).index(key) for key in keys])
+
+
+def _focal_guesses(
+    recordings: Sequence[Recording],
+    pixels: Float[np.ndarray, "t c n 2"],
+    stated: Sequence[float | None],
+    lenses: Int[np.ndarray, " c"],
+) -> Float[np.ndarray, " c"]:
+    """First value of each camera's focal length, equal for those with one lens."""
+    several = len(recordings) > 1 and len(pixels) > 1
+    guesses = np.array([
+        focal or guessed_focal_length(r.footage.width, r.footage.height, pixels[:, c], on_stands=several)
+        for c, (r, focal) in enumerate(zip(recordings, stated, strict=True))
+    ])  # fmt: skip
+    return np.array([np.median(guesses[lenses == lens]) for lens in lenses])
+
+
+def guessed_focal_length(
+    width: int, height: int, landmarks: Float[np.ndarray, "t n 2"], *, on_stands: bool = False
+) -> float:
     """Guess a focal length, which landmarks hardly determine.
 
     Args:
-        footage: The frames.
-        landmarks: Of the face, in pixels.
+        width: Of the images, in pixels.
+        height: Of the same.
+        landmarks: Of the face, in pixels; NaN where there are none.
+        on_stands: Whether the camera is one of several, which stand farther away than an arm's length.
 
     Returns:
         Pixels: of a field of view of 60 degrees; for frames that are nearly square, such that the face is one metre
-        away.
+        away; for cameras on stands, the larger of both.
     """
-    sides = sorted((footage.width, footage.height))
-    if sides[1] > SQUARE * sides[0]:
-        return sides[1] / 2 / tan(FIELD_OF_VIEW / 2)
-    width = float(np.median(np.ptp(landmarks[..., 0], axis=1)))
-    return DISTANCE * width / FACE_WIDTH
+    sides = sorted((width, height))
+    by_view = sides[1] / 2 / tan(FIELD_OF_VIEW / 2)
+    known = landmarks[np.isfinite(landmarks).all(axis=(1, 2))]
+    by_distance = DISTANCE * float(np.median(np.ptp(known[..., 0], axis=1))) / FACE_WIDTH if len(known) else by_view
+    if sides[1] <= SQUARE * sides[0]:
+        return by_distance
+    return max(by_view, by_distance) if on_stands else by_view
 
 
-def _kept_frames(
-    footage: Footage, faces: FaceTrack, measures: FrameMeasures
-) -> tuple[Int[np.ndarray, " t"], dict[str, Int[np.ndarray, " _"]]]:
-    """Frames of the longest take in which the face is the same, and the others by reason."""
-    count = len(faces.found)
-    cuts = np.union1d(find_cuts(measures), np.flatnonzero(faces.jumped))
-    take = np.searchsorted(cuts, np.arange(count), side="right")
-    good = faces.presence >= LEAST_PRESENCE
-    longest = np.bincount(take[good], minlength=1).argmax() if good.any() else 0
-    left_out = {
-        "no face": np.flatnonzero(~good),
-        "another take, before or after a cut": np.flatnonzero(good & (take != longest)),
-    }
-    kept = np.flatnonzero(good & (take == longest))
-    if len(kept) < LEAST_FRAMES:
+def kept_frames(recordings: Sequence[Recording]) -> tuple[Int[np.ndarray, " t"], tuple[tuple[str, ...], ...]]:
+    """Find the frames of the longest take in which a camera sees the face.
+
+    Args:
+        recordings: As many frames of each camera.
+
+    Returns:
+        Their positions, and why the others of each recording are left out.
+
+    Raises:
+        InputError: If there are too few.
+    """
+    count = len(recordings[0].faces.found)
+    good = np.array([recording.faces.presence >= LEAST_PRESENCE for recording in recordings])
+    take = np.searchsorted(_cuts(recordings), np.arange(count), side="right")
+    seen = good.any(axis=0)
+    longest = np.bincount(take[seen], minlength=1).argmax() if seen.any() else 0
+    kept = np.flatnonzero(seen & (take == longest))
+    if 1 < count and len(kept) < LEAST_FRAMES:
         problem = f"{len(kept)} of {count} frames show a face in one take; at least {LEAST_FRAMES} are needed"
-        raise InputError(problem, file=footage.source)
-    return kept, {reason: frames for reason, frames in left_out.items() if len(frames)}
+        raise InputError(problem, file=recordings[0].footage.source)
+    other = "another take, before or after a cut"
+    reasons = np.where(~good, "no face", np.where(take != longest, other, ""))
+    return (np.array([0]) if count == 1 else kept), tuple(map(tuple, reasons.tolist()))
+
+
+def _cuts(recordings: Sequence[Recording]) -> Int[np.ndarray, " k"]:
+    """Where a take begins: most cameras cut, or see the face jump."""
+    count = len(recordings[0].faces.found)
+    cut = np.zeros((len(recordings), count), bool)
+    for row, recording in zip(cut, recordings, strict=True):
+        row[find_cuts(recording.measures)] = True
+        row |= recording.faces.jumped
+    return np.flatnonzero(cut.mean(axis=0) > 0.5)

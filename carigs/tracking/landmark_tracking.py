@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.spatial.transform import Rotation
 
 from carigs.capture.evenly_spread import evenly_spread
 from carigs.errors import CarigsError
@@ -14,13 +15,14 @@ from carigs.fitting.head_points import HeadPoints
 from carigs.fitting.levenberg_marquardt import Bounds, minimise
 from carigs.fitting.objective import Prior
 from carigs.head import HeadModel, HeadParameters, SurfacePoints
+from carigs.tracking.camera_placement import place_cameras, rigid_mean
 from carigs.tracking.cameras import Cameras
 from carigs.tracking.objective import LandmarkObjective, Shared
 from carigs.tracking.personal_expressions import landmark_errors, learn_corrections
 from carigs.tracking.priors import Motion, tracking_prior
 from carigs.tracking.start import template_poses
 from carigs.tracking.surface_fields import SurfaceField
-from carigs.tracking.visibility import facing_camera
+from carigs.tracking.visibility import facing_camera, preferred_views
 
 INDEPENDENT = 0.25
 """Independent observations for each landmark of a dense face mesh: a network's errors are correlated along the face."""
@@ -28,6 +30,8 @@ OFFSET = 0.003
 """Standard deviation in metres of the offset of a landmark on this person's head from where the embedding has it."""
 OUTLIERS = (30.0, 5.0)
 """Scales of the loss in standard deviations."""
+LEAST_COUNT = 0.1
+"""Share of a landmark's weight below which it is left out: what the network guesses says nothing about errors."""
 SHARED_FRAMES = 60
 """Frames that what is shared is estimated from."""
 SIGMA = 0.01
@@ -44,7 +48,7 @@ STEPS, FIRST_STEPS = 25, 8
 
 @dataclass(frozen=True)
 class Tracks:
-    """Landmarks of one person in one or more cameras that stand still."""
+    """Landmarks of one person in one or more cameras that stand still; of a moment, one timestep in many cameras."""
 
     pixels: Float[np.ndarray, "t c n 2"]
     confidence: Float[np.ndarray, "t c n"]
@@ -88,7 +92,7 @@ def track_landmarks(
     tracks: Tracks,
     cameras: Cameras,
     *,
-    focal_deviation: float,
+    focal_deviation: float | Float[np.ndarray, " l"],
     motion: Motion | None = None,
 ) -> TrackedHead:
     """Track a head: identity, cameras, and the parameters of every frame.
@@ -98,21 +102,24 @@ def track_landmarks(
         fitted: Its parameters that are estimated.
         embedding: The landmarks on the model.
         tracks: The landmarks in the images.
-        cameras: First guess of the cameras.
-        focal_deviation: Standard deviation of the logarithm of the focal lengths.
+        cameras: First guess of the focal lengths; the pose of the first camera, which it keeps. Those of the others are
+            found.
+        focal_deviation: Standard deviation of the logarithm of the focal length, of all lenses or of each.
         motion: How much the head moves from frame to frame; None for a person who talks.
 
     Returns:
         The head.
 
     Raises:
-        CarigsError: If the landmarks place the head model in no frame.
+        CarigsError: If the landmarks place the head model in no frame, or not before a camera and another one at once.
     """
     motion = motion or Motion()
+    focal = np.broadcast_to(np.asarray(focal_deviation, np.float64), cameras.lens_count)
     points = HeadPoints(model, fitted, embedding).merged()
-    frames, found = _start(points, tracks, cameras)
-    visible = facing_camera(model, embedding, fitted, frames, cameras) * tracks.confidence
-    tracks = replace(tracks, confidence=visible)
+    frames, cameras, found = _start(points, tracks, cameras)
+    counts = facing_camera(model, embedding, fitted, frames, cameras)
+    counts *= preferred_views(points, _jaw(model, fitted), frames, cameras)
+    tracks = replace(tracks, confidence=tracks.confidence * np.where(counts > LEAST_COUNT, counts, 0))
     bounds = _bounds(model, fitted)
     sigma = SIGMA * _face_size(tracks)
     options = {"bounds": bounds, "steps": STEPS, "tolerance": 1e-4}
@@ -125,7 +132,7 @@ def track_landmarks(
         shared = Shared(len(fitted.shape), moving, cameras.size)
         if moving and len(vector) < shared.size:
             vector = np.insert(vector, len(fitted.shape), np.zeros(3 * moving))
-        prior = tracking_prior(model, fitted, chosen_tracks.times, shared, motion, OFFSET, focal_deviation)
+        prior = tracking_prior(model, fitted, chosen_tracks.times, shared, motion, OFFSET, focal)
         objective = _objective(points, cameras, shared, chosen_tracks, sigma, outlier, prior)
         some, vector = minimise(objective, some, vector, **options)
         sigma = _sigma(objective.errors(some, vector))
@@ -141,13 +148,15 @@ def track_landmarks(
     frames = _between(len(frames), chosen, some)
     corrections = np.zeros_like(blendshapes)
     nothing = Shared(0, 0, 0)
-    prior = tracking_prior(model, fitted, tracks.times, nothing, motion, OFFSET, focal_deviation)
+    prior = tracking_prior(model, fitted, tracks.times, nothing, motion, OFFSET, focal)
     own = person
-    for turn in range(ROUNDS + 1):
+    rounds = ROUNDS if len(frames) > 1 else 0  # of one expression, the landmarks' offsets hold all that is its own
+    on_mesh = np.zeros((len(vertices), blendshapes[0].size))
+    for turn in range(rounds + 1):
         objective = _objective(own, cameras, nothing, tracks, sigma, OUTLIERS[1], prior)
-        steps = STEPS if turn == ROUNDS else FIRST_STEPS
+        steps = STEPS if turn == rounds else FIRST_STEPS
         frames, _ = minimise(objective, frames, np.zeros(0), **options | {"steps": steps})
-        if turn < ROUNDS:
+        if turn < rounds:
             information = INDEPENDENT / sigma**2 * tracks.confidence
             errors = landmark_errors(own, cameras, frames, tracks.pixels, information, OUTLIERS[1])
             corrections = learn_corrections(errors, frames[:, fitted.expression_slice], blendshapes, corrections)
@@ -156,24 +165,53 @@ def track_landmarks(
             own = person.with_expressions(corrections)
             sigma = _sigma(np.linalg.norm(errors.error, axis=-1), errors.information > 0)
     errors = objective.errors(frames, np.zeros(0))
-    frames, cameras = _centred(frames, cameras)
+    frames, cameras = _at_the_head(own, frames, cameras)
     own_model = _with_expressions(model, fitted, on_mesh.reshape(len(vertices), 3, -1))
     parameters = [replace(fitted.head_parameters(model, frame, shape), static_offset=static_offset) for frame in frames]
     projected, _ = cameras.project(own.positions(frames, np.zeros(0)))
     return TrackedHead(own_model, parameters, cameras, sigma, errors, projected)
 
 
-def _start(points: HeadPoints, tracks: Tracks, cameras: Cameras) -> tuple[Float[np.ndarray, "t q"], np.ndarray]:
-    """Parameters with the template's poses; frames without a pose have that of the nearest with one."""
-    t = len(tracks.times)
-    seen = tracks.confidence[:, 0] > 0
-    poses = template_poses(points.template_points, points.joints[0], tracks.pixels[:, 0], seen, cameras)
-    found = np.flatnonzero(np.isfinite(poses[:, 0]))
+def _start(
+    points: HeadPoints, tracks: Tracks, cameras: Cameras
+) -> tuple[Float[np.ndarray, "t q"], Cameras, Int[np.ndarray, " m"]]:
+    """Parameters with the template's poses, the cameras placed by them, and the frames with a pose.
+
+    Frames without a pose have that of the nearest with one.
+    """
+    seen = tracks.confidence > 0
+    lenses = zip(cameras.focal, cameras.centres, strict=True)
+    poses = [
+        template_poses(points.template_points, tracks.pixels[:, c], seen[:, c], *lens) for c, lens in enumerate(lenses)
+    ]
+    placed, heads = place_cameras(np.stack(poses, axis=1))
+    found = np.flatnonzero(np.isfinite(heads[:, 0, 0]))
     if not found.size:
         raise CarigsError("in no frame can the head model be placed by its landmarks; see their places on it")
-    frames = np.zeros((t, points.fitted.frame_size))
-    frames[:, :6] = poses[found[np.abs(np.arange(t)[:, None] - found).argmin(axis=1)]]
-    return frames, found
+    if not np.isfinite(placed).all():
+        lost = np.flatnonzero(np.isnan(placed[:, 0, 0]))[0]
+        raise CarigsError(f"camera {lost} from 0: in no frame can it and another camera place the head model at once")
+    first = np.eye(4)
+    first[:3] = cameras.camera_from_world()[0]
+    placed, heads = placed @ first, np.linalg.inv(first) @ heads[found]
+    frames = np.zeros((len(seen), points.fitted.frame_size))
+    root = points.joints[0]  # the model turns about its root joint
+    known = np.hstack([heads[:, :3, :3] @ root + heads[:, :3, 3] - root, _vectors(heads[:, :3, :3])])
+    frames[:, :6] = known[np.abs(np.arange(len(seen))[:, None] - found).argmin(axis=1)]
+    others = np.hstack([_vectors(placed[:, :3, :3]), placed[:, :3, 3]])[1:]
+    return frames, replace(cameras, poses=np.vstack([cameras.poses[:1], others])), found
+
+
+def _vectors(rotations: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3"]:
+    """Rotation vectors."""
+    return Rotation.from_matrix(rotations).as_rotvec()
+
+
+def _jaw(model: HeadModel, fitted: FittedParameters) -> slice | None:
+    """The jaw's rotation among the parameters of a frame."""
+    jaw = [i for i, joint in enumerate(fitted.joints) if model.joint_names[joint] == "jaw"]
+    first = fitted.joint_slice.start + 3 * jaw[0] if jaw else 0
+    return slice(first, first + 3) if jaw else None
 
 
 def _bounds(model: HeadModel, fitted: FittedParameters) -> Bounds:
@@ -217,12 +255,26 @@ def _between(count: int, chosen: Int[np.ndarray, " m"], some: Float[np.ndarray, 
     return np.stack([np.interp(np.arange(count), chosen, column) for column in some.T], axis=1)
 
 
-def _centred(frames: Float[np.ndarray, "t q"], cameras: Cameras) -> tuple[Float[np.ndarray, "t q"], Cameras]:
-    """Move the world's origin to where a dataset has it: at the head."""
+def _at_the_head(
+    points: HeadPoints, frames: Float[np.ndarray, "t q"], cameras: Cameras
+) -> tuple[Float[np.ndarray, "t q"], Cameras]:
+    """Move the world to where a dataset has it: its origin at the head; with several cameras, turned as the head is.
+
+    One camera stands before the person, and stays level.
+    """
     centre = np.median(frames[:, :3], axis=0)
-    moved, poses = frames.copy(), cameras.poses.copy()
+    moved, poses, matrices = frames.copy(), cameras.poses.copy(), cameras.camera_from_world()
     moved[:, :3] -= centre
-    poses[:, 3:] += cameras.camera_from_world()[:, :, :3] @ centre
+    poses[:, 3:] += matrices[:, :, :3] @ centre
+    if len(cameras.focal) > 1:
+        heads = np.tile(np.eye(4), (len(frames), 1, 1))
+        heads[:, :3, :3] = Rotation.from_rotvec(frames[:, 3:6]).as_matrix()
+        turn = rigid_mean(heads)[:3, :3].T
+        # The model turns about its root joint, which expressions may move.
+        roots = points.joints[0] + frames[:, points.fitted.expression_slice] @ points.joint_blendshapes[1][0].T
+        moved[:, :3] = (moved[:, :3] + roots) @ turn.T - roots
+        moved[:, 3:6] = _vectors(turn @ heads[:, :3, :3])
+        poses[:, :3] = _vectors(matrices[:, :, :3] @ turn.T)
     return moved, replace(cameras, poses=poses)
 
 

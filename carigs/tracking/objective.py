@@ -176,18 +176,20 @@ class LandmarkObjective:
                 mixed = np.einsum("tnib,tnij->bnj", by_shape, curved_offsets, optimize=True).reshape(b, -1)
                 shape[:b, b:end] += mixed
                 shape[b:end, :b] += mixed.T
-        if self.shared.cameras:
-            crossed = np.einsum("tcnai,tcnak->tnik", weighted, by_camera, optimize=True)
-            k = crossed.shape[-1]
-            border[..., end:] += frame_rows @ crossed.reshape(t, 3 * n, k)
-            own = np.einsum("tcnak,tcnal->kl", weights @ by_camera, by_camera, optimize=True)
-            shape[end:, end:] += own
-            slope[end:] += np.einsum("tcnak,tcna->k", weights @ by_camera, error, optimize=True)
-            for columns, mixed in (
-                (slice(b), np.einsum("tnib,tnik->bk", by_shape, crossed, optimize=True)),
-                (slice(b, end), np.einsum("tnij,tnik->njk", turned, crossed).reshape(-1, k) if end > b else None),
-            ):
-                if mixed is not None:
-                    shape[columns, end:] += mixed
-                    shape[end:, columns] += mixed.T
+        for i, by_own in enumerate(np.moveaxis(by_camera, 1, 0) if self.shared.cameras else ()):
+            own = end + cameras.own_parameters(i)
+            by_own = by_own[..., : len(own)]
+            crossed = (weighted[:, i].swapaxes(-1, -2) @ by_own).reshape(t, 3 * n, len(own))
+            border[..., own] += frame_rows @ crossed
+            weighted_own = weights[:, i] @ by_own
+            shape[np.ix_(own, own)] += np.einsum("tnak,tnal->kl", weighted_own, by_own, optimize=True)
+            slope[own] += np.einsum("tnak,tna->k", weighted_own, error[:, i], optimize=True)
+            if b:
+                mixed = np.einsum("trb,trk->bk", shape_rows, crossed, optimize=True)
+                shape[:b, own] += mixed
+                shape[own, :b] += mixed.T
+            if self.shared.points:
+                mixed = np.einsum("tnij,tnik->njk", turned, crossed.reshape(t, n, 3, -1)).reshape(-1, len(own))
+                shape[b:end, own] += mixed
+                shape[own, b:end] += mixed.T
         return cost

@@ -10,7 +10,6 @@ from jaxtyping import Float
 from carigs.fitting.fitted_parameters import FittedParameters
 from carigs.fitting.objective import Prior
 from carigs.head import HeadModel
-from carigs.tracking.cameras import POSE
 from carigs.tracking.objective import Shared
 
 JOINTS = {"neck": 0.4, "jaw": 0.15}
@@ -44,7 +43,7 @@ def tracking_prior(
     shared: Shared,
     motion: Motion,
     offset: float,
-    focal: float,
+    focal: Float[np.ndarray, " l"],
 ) -> Prior:
     """Gaussian priors of frames, their changes, and what frames share.
 
@@ -55,7 +54,7 @@ def tracking_prior(
         shared: What frames share.
         motion: Changes from frame to frame.
         offset: Standard deviation of the landmarks' offsets in metres.
-        focal: Standard deviation of the logarithms of focal lengths.
+        focal: Standard deviation of the logarithm of each lens's focal length.
 
     Returns:
         The priors.
@@ -72,6 +71,5 @@ def tracking_prior(
     gaps = np.maximum(np.diff(times) * FRAME_RATE, LEAST_GAP)
     precision = np.concatenate([np.ones(shared.shape), np.full(3 * shared.points, offset**-2.0)])
     if shared.cameras:
-        count = (shared.cameras + POSE) // (1 + POSE)
-        precision = np.concatenate([precision, np.full(count, focal**-2.0), np.zeros(POSE * (count - 1))])
+        precision = np.concatenate([precision, focal**-2.0, np.zeros(shared.cameras - len(focal))])
     return Prior(frames, precision, changes / gaps[:, None])

@@ -6,6 +6,7 @@ from PIL import Image
 
 from carigs.errors import InputError
 from carigs.footage import Selection, read_footage
+from carigs.footage.photographs import each_photograph
 
 
 def photograph(file, image, orientation=1, focal_length=None):
@@ -54,3 +55,13 @@ def test_a_folder_that_cannot_be_one_camera_is_refused(tmp_path):
     (tmp_path / "c.HEIC").write_bytes(b"")
     with pytest.raises(InputError, match=r"c\.HEIC.*convert"):
         read_footage(tmp_path)
+
+
+def test_each_photograph_has_its_own_size_and_lens(tmp_path):
+    photograph(tmp_path / "a.jpg", np.zeros((300, 400, 3), np.uint8), focal_length=26)
+    photograph(tmp_path / "b.jpg", np.full((400, 200, 3), 90, np.uint8))
+    wide, tall = each_photograph(tmp_path, Selection(largest_side=200))
+    assert (wide.width, wide.height, tall.width, tall.height) == (200, 150, 100, 200)
+    assert wide.focal_length == pytest.approx(26 / 43.27 * 250) and tall.focal_length is None
+    [frame] = tall
+    assert frame.number == 1 and int(frame.image.mean()) == 90

@@ -51,6 +51,16 @@ def test_a_changed_file_changes_the_digest(dataset, name, change):
     assert files_digest(dataset) != before
 
 
+def test_frames_in_the_folders_of_cameras_count(tmp_path):
+    for camera in ("left", "right"):
+        (tmp_path / camera).mkdir()
+        (tmp_path / camera / "0.png").write_bytes(b"0")
+    before = files_digest(tmp_path)
+    assert files_digest(tmp_path) == before
+    (tmp_path / "right" / "0.png").write_bytes(b"01")
+    assert files_digest(tmp_path) != before
+
+
 def test_files_of_neighbouring_sequences_count(dataset):
     union = dataset.parent / "UNION"
     union.mkdir()
@@ -112,6 +122,7 @@ def test_what_is_not_there_has_no_digest(tmp_path):
 
 def test_a_folder_without_index_is_its_files_and_not_those_below(tmp_path):
     (tmp_path / "below").mkdir()
+    (tmp_path / "own.png").touch()
     before = files_digest(tmp_path)
     (tmp_path / "below/a.png").touch()
     assert files_digest(tmp_path) == before

@@ -5,7 +5,7 @@ import pytest
 from project import ROOT
 from tracking.recordings import COUNT, FPS, recording
 
-from carigs.tracking.advice import advice, listed
+from carigs.tracking.advice import advice, advice_of_cameras, listed
 from carigs.tracking.quality import TrackedFrames
 
 GOOD = recording()
@@ -32,6 +32,14 @@ def of_first(seconds: float) -> TrackedFrames:
 
 def test_a_good_recording_needs_no_advice():
     assert advice(GOOD) == []
+
+
+def test_several_cameras_need_to_see_all_sides_together_and_each_the_whole_head():
+    left, right = recording(yaw=GOOD.yaw.clip(0, None)), recording(yaw=GOOD.yaw.clip(None, 0))
+    assert advice_of_cameras({"left": left, "right": right}) == []
+    soft = recording(yaw=GOOD.yaw.clip(None, 0), sharpness=np.full(COUNT, 20.0))
+    [line] = advice_of_cameras({"left": left, "right": soft})
+    assert line.startswith("right: Focus on the face")
 
 
 BROKEN = {

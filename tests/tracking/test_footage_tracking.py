@@ -13,20 +13,20 @@ from carigs.fitting.fitted_parameters import fitted_parameters
 from carigs.footage import Footage
 from carigs.footage.measures import FrameMeasures
 from carigs.head import pose
+from carigs.head.joint_transforms import rotation_matrices
 from carigs.toy.rig.head_model import head_model
 from carigs.tracking.cameras import Cameras
-from carigs.tracking.footage_tracking import _kept_frames, guessed_focal_length
+from carigs.tracking.footage_tracking import guessed_focal_length, kept_frames, track_footage
 from carigs.tracking.landmark_tracking import Tracks, track_landmarks
+from carigs.tracking.recording import Recording
 from evaluation.benchmarks.footage.motion import Talk
 from evaluation.benchmarks.footage.oracle_landmarks import EXACT, oracle_landmarks
-from evaluation.benchmarks.footage.scenes import talk
+from evaluation.benchmarks.footage.scenes import orbit, talk, three
 
 
-def footage(count=40, width=640, height=480):
+def footage(count=40, width=640, height=480, name="me.mp4"):
     numbers = tuple(range(count))
-    return Footage(
-        Path("me.mp4"), width, height, numbers, np.arange(count) / 25, 25.0, count / 25, None, lambda: iter(())
-    )
+    return Footage(Path(name), width, height, numbers, np.arange(count) / 25, 25.0, count / 25, None, lambda: iter(()))
 
 
 def faces(presence, jumped=()):
@@ -46,18 +46,32 @@ def measures(count, cut_at=None):
     return FrameMeasures(np.arange(count) / 25, ones, 0 * ones, np.zeros((count, 2)), ones, still, 0 * ones)
 
 
+def recording(presence, cut_at=None, jumped=(), name="me.mp4"):
+    count = len(presence)
+    return Recording(footage(count, name=name), faces(presence, jumped), measures(count, cut_at))
+
+
 def test_frames_without_a_face_and_those_of_the_shorter_take_are_left_out():
     presence = np.ones(40)
     presence[[3, 20]] = 0
-    kept, left_out = _kept_frames(footage(), faces(presence), measures(40, cut_at=15))
+    kept, [reasons] = kept_frames([recording(presence, cut_at=15)])
     assert kept.tolist() == [i for i in range(15, 40) if i != 20]
-    assert sorted(np.concatenate(list(left_out.values())).tolist()) == [*range(15), 20]
-    assert left_out["no face"].tolist() == [3, 20]
+    assert [i for i, reason in enumerate(reasons) if reason] == sorted([*range(15), 20])
+    assert reasons[3] == reasons[20] == "no face"
 
 
 def test_a_face_that_jumps_begins_a_take():
-    kept, _ = _kept_frames(footage(), faces(np.ones(40), jumped=[30]), measures(40))
+    kept, _ = kept_frames([recording(np.ones(40), jumped=[30])])
     assert kept.tolist() == [*range(30)]
+
+
+def test_a_face_that_one_of_three_cameras_loses_stays_in_the_take():
+    lost = np.ones(40)
+    lost[10:20] = 0
+    cameras = [recording(np.ones(40)), recording(lost, jumped=[20]), recording(np.ones(40))]
+    kept, reasons = kept_frames(cameras)
+    assert kept.tolist() == [*range(40)]
+    assert [i for i, reason in enumerate(reasons[1]) if reason] == [*range(10, 20)] and not any(reasons[0])
 
 
 @pytest.mark.parametrize("shown", [0, 9])
@@ -65,42 +79,49 @@ def test_too_few_frames_with_a_face_are_an_error_that_names_the_video(shown):
     presence = np.zeros(40)
     presence[:shown] = 1
     with pytest.raises(InputError, match=rf"me\.mp4.* {shown} of 40 frames show a face"):
-        _kept_frames(footage(), faces(presence), measures(40))
+        kept_frames([recording(presence)])
+
+
+def test_a_camera_that_sees_the_face_when_no_other_does_is_named():
+    left, right = np.ones(40), np.zeros(40)
+    left[20:], right[20:] = 0, 1
+    model = head_model()
+    embedding = landmark_embedding(model)
+    cameras = [recording(left), recording(left), recording(right, name="right.mp4")]
+    with pytest.raises(InputError, match=r"right\.mp4.*in no frame in which another camera sees it"):
+        track_footage(cameras, model, embedding.points(model), embedding.landmarks)
+
+
+def test_two_photographs_are_too_few():
+    model = head_model()
+    embedding = landmark_embedding(model)
+    images = [recording([shown], name=f"{i}.jpg") for i, shown in enumerate((1, 0, 1))]
+    with pytest.raises(InputError, match="2 of 3 images show a face; at least 3"):
+        track_footage(images, model, embedding.points(model), embedding.landmarks)
 
 
 def test_a_wide_image_has_a_field_of_view_of_60_degrees():
     landmarks = np.random.default_rng(0).uniform(0, 100, (5, 30, 2))
     for width, height in ((640, 480), (480, 854)):
-        found = guessed_focal_length(footage(width=width, height=height), landmarks)
+        found = guessed_focal_length(width, height, landmarks)
         assert 2 * np.degrees(np.arctan(max(width, height) / 2 / found)) == pytest.approx(60)
 
 
 def test_in_a_square_image_the_face_is_a_metre_away():
     landmarks = np.zeros((5, 2, 2))
     landmarks[:, 1, 0] = 150.0  # as wide as a face
-    assert guessed_focal_length(footage(width=512, height=512), landmarks) == pytest.approx(1000)
+    landmarks[2] = np.nan  # a frame without a face
+    assert guessed_focal_length(512, 512, landmarks) == pytest.approx(1000)
+    # One of several cameras is not nearer than that, whatever it sees beside the face.
+    assert guessed_focal_length(640, 480, landmarks, on_stands=True) == pytest.approx(1000)
 
 
 @pytest.mark.slow
 def test_a_talking_head_is_found_again_from_its_landmarks():
-    model = head_model()
-    shape = np.zeros(model.num_identity)
-    shape[:8] = np.random.default_rng(0).normal(size=8)
-    truth = talk(model, shape, 512, Talk(seconds=4, fps=10))
-    embedding = landmark_embedding(model)
-    chosen = np.arange(0, len(embedding.landmarks), 3)
-    points = embedding.points(model)[chosen]
-    values = oracle_landmarks(truth, points, EXACT).values
-    tracks = Tracks(values[..., :2], values[..., 2], np.arange(len(values)) / 10)
-    focal = 1.1 * truth.cameras[0][0].fx
-    cameras = Cameras(np.array([focal]), np.array([[256.0, 256.0]]), np.array([[np.pi, 0, 0, 0, 0, 0.0]]))
-    seen = np.unique(points.corners)
-    fitted = fitted_parameters(model, seen, max_shape=20, max_expression=40)
-    found = track_landmarks(model, fitted, points, tracks, cameras, focal_deviation=0.15)
-    true = truth.vertices()
+    truth, found, seen = tracked(talk, Talk(seconds=4, fps=10))
     errors = [
         np.linalg.norm(_aligned(pose(found.model, p)[seen], v[seen]) - v[seen], axis=1).mean()
-        for p, v in zip(found.parameters, true, strict=True)
+        for p, v in zip(found.parameters, truth.vertices(), strict=True)
     ]
     assert np.mean(errors) < 0.0015
     assert np.nanmean(found.errors) < 0.3
@@ -109,9 +130,74 @@ def test_a_talking_head_is_found_again_from_its_landmarks():
     assert np.linalg.norm(np.median([p.translation for p in found.parameters], axis=0)) < 1e-6
 
 
+@pytest.mark.slow
+def test_three_cameras_are_placed_around_a_talking_head():
+    truth, found, seen = tracked(three, Talk(seconds=3, fps=8))
+    places = _centres(found.cameras)
+    true = np.array([camera.centre for camera in truth.cameras[0]])
+    world = _alignment(places, true)
+    assert np.linalg.norm(world(places) - true, axis=1).max() < 0.02
+    # One world for all frames: the head moves in it as it did.
+    errors = [
+        np.linalg.norm(world(pose(found.model, p)[seen]) - v[seen], axis=1).mean()
+        for p, v in zip(found.parameters, truth.vertices(), strict=True)
+    ]
+    assert np.mean(errors) < 0.003
+    assert np.nanmean(found.errors) < 0.3
+    # The face looks along z in the mean.
+    assert np.mean([rotation_matrices(p.rotation[None])[0][:, 2] for p in found.parameters], axis=0)[2] > 0.99
+
+
+@pytest.mark.slow
+def test_an_orbit_is_one_head_and_many_places_of_one_camera():
+    truth, found, seen = tracked(orbit, Talk(seconds=3, fps=8))
+    places, true = _centres(found.cameras), np.array([seen_by[0].centre for seen_by in truth.cameras])
+    world = _alignment(places, true)
+    assert np.linalg.norm(world(places) - true, axis=1).max() < 0.02
+    [parameters], vertices = found.parameters, truth.vertices()[0]
+    assert (
+        np.linalg.norm(_aligned(pose(found.model, parameters)[seen], vertices[seen]) - vertices[seen], axis=1).mean()
+        < 0.0015
+    )
+    assert np.ptp(found.cameras.focal) == 0
+
+
+def tracked(scene, motion):
+    """The truth, the head that is found from some of its landmarks, and the vertices beside these."""
+    model = head_model()
+    shape = np.zeros(model.num_identity)
+    shape[:8] = np.random.default_rng(0).normal(size=8)
+    truth = scene(model, shape, 512, motion)
+    embedding = landmark_embedding(model)
+    chosen = np.arange(0, len(embedding.landmarks), 3)
+    points = embedding.points(model)[chosen]
+    values = oracle_landmarks(truth, points, EXACT).values
+    if scene is orbit:
+        values = values.swapaxes(0, 1)
+    tracks = Tracks(values[..., :2], values[..., 2], np.arange(len(values)) / 10)
+    count = values.shape[1]
+    focal, lenses = 1.1 * truth.cameras[0][0].fx, np.zeros(count, int)
+    first = np.tile([np.pi, 0, 0, 0, 0, 0.0], (count, 1))
+    cameras = Cameras(np.full(count, focal), np.full((count, 2), 256.0), first, lenses)
+    seen = np.unique(points.corners)
+    fitted = fitted_parameters(model, seen, max_shape=20, max_expression=40)
+    return truth, track_landmarks(model, fitted, points, tracks, cameras, focal_deviation=0.15), seen
+
+
+def _centres(cameras):
+    matrices = cameras.camera_from_world()
+    return -np.einsum("cji,cj->ci", matrices[:, :, :3], matrices[:, :, 3])
+
+
 def _aligned(points, target):
+    """Points, taken nearest to others by a similarity."""
+    return _alignment(points, target)(points)
+
+
+def _alignment(points, target):
     """The similarity that takes points nearest to others (Umeyama 1991)."""
     a, b = points - points.mean(axis=0), target - target.mean(axis=0)
     u, s, vt = np.linalg.svd(a.T @ b)
     signs = [1, 1, np.linalg.det(u @ vt)]
-    return (s @ signs) / (a**2).sum() * a @ (u @ np.diag(signs) @ vt) + target.mean(axis=0)
+    turn = (s @ signs) / (a**2).sum() * u @ np.diag(signs) @ vt
+    return lambda others: (others - points.mean(axis=0)) @ turn + target.mean(axis=0)

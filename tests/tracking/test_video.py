@@ -2,10 +2,12 @@
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 from clips import quadrants, write_video
+from PIL import Image
 
 import carigs.tracking.video as video_room
 from carigs.capture import read_dataset
@@ -17,12 +19,12 @@ from carigs.head import HeadModel
 from carigs.matting import MattedFrame
 from carigs.settings import Toy, Track
 from carigs.toy import head_model, make_subject
+from carigs.tracking.sources import chosen_frames
 from carigs.tracking.video import SHEET, TABLE, track_video
-from carigs.tracking.video_frames import chosen_frames
 from evaluation.benchmarks.footage.motion import Talk
 from evaluation.benchmarks.footage.oracle_landmarks import EXACT, oracle_landmarks
 from evaluation.benchmarks.footage.rendering import before, person
-from evaluation.benchmarks.footage.scenes import talk
+from evaluation.benchmarks.footage.scenes import orbit, talk, three
 
 SIDE, SECONDS, FPS = 128, 2, 10
 
@@ -42,20 +44,28 @@ def recorded(tmp_path_factory):
 def without_networks(monkeypatch, recorded):
     """Landmarks by the truth, and the true mattes."""
     _, truth, mattes, _ = recorded
+    use_truth(monkeypatch, truth, lambda frame: mattes[frame.number])
+
+
+def use_truth(monkeypatch, truth, matte):
+    """Put the true landmarks and mattes in the place of networks; images are asked for camera after camera."""
     embedding = landmark_embedding(truth.model)
-    found = np.zeros((len(truth.parameters), COUNT, 3), np.float32)
-    places = oracle_landmarks(truth, embedding.points(truth.model), EXACT).values[:, 0]
-    found[:, embedding.landmarks, :2] = places[..., :2]
+    places = oracle_landmarks(truth, embedding.points(truth.model), EXACT).values[..., :2].swapaxes(0, 1)
+    found = np.zeros((*places.shape[:2], COUNT, 3), np.float32)
+    found[:, :, embedding.landmarks, :2] = places
+    in_order = iter(found.reshape(-1, COUNT, 3))
 
     def follow(images, networks):
-        for points, _ in zip(found, images, strict=True):
+        for _ in images:
+            points = next(in_order)
             inside = points[embedding.landmarks, :2]
             box = np.concatenate([inside.min(axis=0), inside.max(axis=0)])
             yield ImageResult((points, 1.0, box), 1, False)
 
     def matted(footage, coarse):
-        for frame, matte in zip(footage, mattes, strict=True):
-            yield MattedFrame(frame, matte.astype(np.float32) / 255, frame.image.astype(np.float32) / 255)
+        for frame in footage:
+            alpha = matte(frame).astype(np.float32) / 255
+            yield MattedFrame(frame, alpha, frame.image.astype(np.float32) / 255)
 
     monkeypatch.setattr(video_room, "load_face_networks", lambda folder: None)
     monkeypatch.setattr(video_room, "load_person_segmenter", lambda folder: None)
@@ -89,6 +99,62 @@ def test_a_video_becomes_a_dataset_that_studies_read(recorded, without_networks,
     assert any("longer" in line for line in report.advice)
 
 
+def filmed(kind, subject, seconds):
+    """Truth, and the frames of each camera, of the toy before a grey wall."""
+    truth = kind(subject.model, subject.shape, SIDE, Talk(seconds=seconds, fps=FPS))
+    frames = []
+    for camera in range(len(truth.cameras[0])):
+        wall = (np.full((SIDE, SIDE, 3), 0.6) for _ in truth.parameters)
+        frames.append([frame for frame, _ in before(person(subject, truth, camera), wall)])
+    truth.model.save(Path("head.npz"))
+    return truth, frames
+
+
+def all_person(frame):
+    return np.full(frame.image.shape[:2], 255)
+
+
+@pytest.fixture
+def subject(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return make_subject(Toy(supersampling=1, texture_size=256, hair_strands=200))
+
+
+@pytest.mark.slow
+def test_three_videos_become_one_dataset(subject, monkeypatch):
+    truth, frames = filmed(three, subject, 1.2)
+    Path("cameras").mkdir()
+    for camera, images in enumerate(frames):
+        write_video(Path("cameras") / f"{camera}.avi", images, codec="MJPG", fps=FPS)
+    use_truth(monkeypatch, truth, all_person)
+    report = track_video(Track(video="cameras", head_model="head.npz", frame_rate=FPS), Path("dataset"))
+    assert report.kind.startswith("3 cameras that stand still") and report.frames == report.tracked == 36
+    assert "1.avi\nregion" in report.errors
+    dataset = read_dataset("dataset", "dataset/head_model.npz", background=1.0)
+    assert len(dataset.frames) == 36 and len(dataset.cameras) == 3
+    for timestep in range(12):  # no camera is lost to validation
+        assert len({dataset.frame_at[timestep, camera].split for camera in range(3)}) == 1
+    # Each frame shows the head of its own camera.
+    angles = [np.degrees(np.arctan2(*camera.centre[[0, 2]])) for camera in dataset.cameras.values()]
+    np.testing.assert_allclose(np.diff(angles), [35, 35], atol=3)
+
+
+@pytest.mark.slow
+def test_photographs_of_several_sizes_become_one_timestep(subject, monkeypatch):
+    truth, [frames] = filmed(orbit, subject, 1.0)
+    Path("photographs").mkdir()
+    for number, image in enumerate(frames):
+        Image.fromarray(image[: SIDE - number % 2]).save(f"photographs/{number}.png")
+    use_truth(monkeypatch, truth, all_person)
+    report = track_video(Track(video="photographs", head_model="head.npz"), Path("dataset"))
+    assert report.kind == "photographs of one moment: the images have several sizes"
+    assert len(report.focal_lengths) == 2 and report.tracked == 10
+    dataset = read_dataset("dataset", "dataset/head_model.npz", background=1.0)
+    assert {frame.timestep for frame in dataset.frames} == {0} and len(dataset.cameras) == 10
+    assert [dataset.cameras[c].height for c in (0, 1)] == [SIDE, SIDE - 1]
+    assert [frame.camera for frame in dataset.frames if frame.split != "train"] == [4]
+
+
 def _landmarks(truth, timestep):
     points = landmark_embedding(truth.model).points(truth.model)
     return oracle_landmarks(truth, points, EXACT).values[timestep, 0, :, :2]
@@ -103,7 +169,7 @@ def test_every_nth_frame_is_used(tmp_path, rate, every):
 
 @pytest.mark.parametrize(
     ("name", "said"),
-    [("missing.mp4", "missing.mp4"), ("folder", "is a folder"), ("short.avi", "0.9 s long|at least 1 s|at least 10")],
+    [("missing.mp4", "missing.mp4"), ("folder", "is empty"), ("short.avi", "0.9 s long|at least 1 s|at least 10")],
 )
 def test_what_is_no_video_of_a_second_is_one_line(tmp_path, capfd, monkeypatch, name, said):
     monkeypatch.setattr(video_room, "load_face_networks", lambda folder: None)

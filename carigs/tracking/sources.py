@@ -1,0 +1,124 @@
+"""What a user gives to track: one video, one for each camera, or photographs of one moment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import ceil
+from pathlib import Path
+
+import numpy as np
+
+from carigs.errors import InputError
+from carigs.footage import Footage, Selection, read_footage, read_photographs, read_video
+from carigs.footage.photographs import SUFFIXES as IMAGES
+from carigs.footage.photographs import photograph
+from carigs.readers.folders import is_system_file, listed, natural_order
+
+SHORTEST = 1.0
+"""Seconds."""
+OUT_OF_STEP = 0.25
+"""Seconds by which recordings of one moment may differ in length."""
+
+
+def camera_sources(path: Path) -> list[Path]:
+    """The recordings of all cameras.
+
+    Args:
+        path: A video; a folder of images; or a folder that holds one video, or one folder of images, for each camera.
+
+    Returns:
+        One file or folder for each camera, in the natural order of their names.
+
+    Raises:
+        InputError: If the folder is empty.
+    """
+    if not path.is_dir():
+        return [path]
+    inside = sorted((file for file in listed(path) if not is_system_file(file.name)), key=natural_order)
+    if not inside:
+        raise InputError("is empty; a video, images, or a recording of each camera are expected", file=path)
+    images = any(file.is_file() and file.suffix.lower() in IMAGES for file in inside)
+    return [path] if images else inside
+
+
+def chosen_frames(source: Path, frame_rate: float, largest_side: int) -> Footage:
+    """Choose every n-th frame of a video, so that there are no more per second than wanted.
+
+    Args:
+        source: The video; or a folder of its frames, which are all used.
+        frame_rate: Most frames per second; that of a folder's frames.
+        largest_side: Larger frames are scaled down to this number of pixels.
+
+    Returns:
+        The frames.
+
+    Raises:
+        InputError: If the video cannot be read, or is shorter than a second.
+    """
+    footage = _every_frame(source, frame_rate, largest_side)
+    if footage.duration < SHORTEST:
+        raise InputError(f"{footage.duration:.2f} s long; at least {SHORTEST:g} s are needed", file=source)
+    every = max(ceil(footage.fps / frame_rate - 1e-6), 1)
+    return read_video(source, Selection(every=every, largest_side=largest_side)) if every > 1 else footage
+
+
+def frames_in_step(sources: Sequence[Path], frame_rate: float, largest_side: int) -> list[Footage]:
+    """Choose the frames of cameras that recorded the same moments.
+
+    Those of the first camera are chosen as `chosen_frames` does; of the others, the frames nearest to them in time.
+
+    Args:
+        sources: The recordings: videos that begin at the same moment, or folders with the same number of frames.
+        frame_rate: As of `chosen_frames`.
+        largest_side: As of `chosen_frames`.
+
+    Returns:
+        As many frames of every camera.
+
+    Raises:
+        InputError: If a recording cannot be read, or is longer or shorter than the first one.
+    """
+    first = chosen_frames(sources[0], frame_rate, largest_side)
+    found = [first]
+    for source in sources[1:]:
+        whole = _every_frame(source, frame_rate, largest_side)
+        difference = whole.duration - first.duration
+        if abs(difference) > (OUT_OF_STEP if source.is_file() else 0.5 / frame_rate):
+            raise InputError(
+                f"{whole.duration:.2f} s long, but {sources[0].name} {first.duration:.2f} s",
+                file=source,
+                remedy="cut the recordings of all cameras to the same moments",
+            )
+        since_first = first.times - first.times[0]
+        if source.is_file():
+            whole = read_video(source, Selection(at=tuple(since_first.tolist()), largest_side=largest_side))
+        found.append(replace(whole, times=first.times))
+    return found
+
+
+def _every_frame(source: Path, frame_rate: float, largest_side: int) -> Footage:
+    """All frames; those of a folder have the wanted rate."""
+    if not source.is_dir():
+        return read_video(source, Selection(largest_side=largest_side))
+    images = read_photographs(source, Selection(largest_side=largest_side))
+    times = np.arange(len(images)) / frame_rate
+    return replace(images, times=times, fps=frame_rate, duration=float(times[-1]))
+
+
+def scaled_focal_length(footage: Footage, focal_length: float) -> float:
+    """Scale a focal length to footage that is smaller than it was recorded.
+
+    Args:
+        footage: What was read of a video, of a folder of frames, or of a photograph.
+        focal_length: In pixels as they were recorded.
+
+    Returns:
+        In pixels of the footage.
+    """
+    source = footage.source
+    if source.is_file() and source.suffix.lower() in IMAGES:
+        recorded = photograph(source, 0, Selection())
+    else:
+        recorded = read_footage(source, Selection(max_frames=1))
+    return focal_length * footage.width / recorded.width

@@ -1,0 +1,71 @@
+"""Recordings of cameras: which files they are, their frames in step, and what cannot be in step."""
+
+import numpy as np
+import pytest
+from clips import quadrants, write_video
+from PIL import Image
+
+from carigs.errors import InputError
+from carigs.tracking.sources import camera_sources, frames_in_step, scaled_focal_length
+
+
+def fading(count):
+    """Frames whose brightness tells their number."""
+    return [np.full((120, 160, 3), 4 * number, np.uint8) for number in range(count)]
+
+
+def grey_levels(footage):
+    return np.array([int(image.mean()) for image in footage.decode()])
+
+
+def write_images(folder, images):
+    folder.mkdir(parents=True)
+    for number, image in enumerate(images):
+        Image.fromarray(image).save(folder / f"{number}.png")
+    return folder
+
+
+def test_a_folder_holds_the_recordings_of_cameras_or_the_images_of_one(tmp_path):
+    videos = [write_video(tmp_path / f"cam_{n}.avi", quadrants(12), codec="MJPG") for n in (10, 9)]
+    assert camera_sources(tmp_path) == videos[::-1]
+    assert camera_sources(videos[0]) == [videos[0]]
+    images = write_images(tmp_path / "frames" / "0", quadrants(2))
+    assert camera_sources(images) == [images] and camera_sources(tmp_path / "frames") == [images]
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match="is empty"):
+        camera_sources(tmp_path / "empty")
+
+
+def test_frames_of_other_rates_are_those_of_the_same_moments(tmp_path):
+    fast, slow = fading(60), fading(60)[::2]
+    sources = [
+        write_video(tmp_path / "slow.avi", slow, codec="MJPG", fps=15),
+        write_video(tmp_path / "fast.avi", fast, codec="MJPG", fps=30),
+    ]
+    first, second = frames_in_step(sources, 7.5, 160)
+    assert len(first) == len(second) == 15
+    np.testing.assert_array_equal(first.times, second.times)
+    assert np.abs(grey_levels(first) - grey_levels(second)).max() <= 4
+    assert first.numbers == tuple(range(0, 30, 2)) and second.numbers == tuple(range(0, 60, 4))
+
+
+def test_folders_of_frames_have_the_wanted_rate(tmp_path):
+    folders = [write_images(tmp_path / name, quadrants(15)) for name in ("left", "right")]
+    for footage in frames_in_step(folders, 10, 80):
+        assert footage.width == 80
+        np.testing.assert_allclose(footage.times, np.arange(15) / 10)
+
+
+def test_recordings_of_other_lengths_are_one_line_that_names_both(tmp_path):
+    videos = [write_video(tmp_path / f"{n}.avi", fading(n), codec="MJPG", fps=10) for n in (30, 20)]
+    with pytest.raises(InputError, match=r"20\.avi: 1\.90 s long, but 30\.avi 2\.90 s; remedy: cut"):
+        frames_in_step(videos, 10, 160)
+    folders = [write_images(tmp_path / f"f{n}", quadrants(n)) for n in (13, 12)]
+    with pytest.raises(InputError, match="f12: "):
+        frames_in_step(folders, 10, 160)
+
+
+def test_a_focal_length_is_that_of_the_frames_as_they_were_recorded(tmp_path):
+    video = write_video(tmp_path / "v.avi", quadrants(12), codec="MJPG", fps=10)
+    [footage] = frames_in_step([video], 10, 40)
+    assert scaled_focal_length(footage, 400) == pytest.approx(100)
