@@ -65,9 +65,7 @@ class SurfacePoints:
         missing = self.corners.shape[1] - others.corners.shape[1]
         corners = np.pad(others.corners, ((0, 0), (0, missing)), "edge")
         barycentric = np.pad(others.barycentric, ((0, 0), (0, missing)))
-        return SurfacePoints(
-            np.concatenate([self.corners, corners]), np.concatenate([self.barycentric, barycentric])
-        )
+        return SurfacePoints(np.concatenate([self.corners, corners]), np.concatenate([self.barycentric, barycentric]))
 
     def arrays(self, name: str) -> dict[str, np.ndarray]:
         """The points as arrays; `checked_points` is the inverse.

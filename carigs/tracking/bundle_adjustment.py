@@ -141,7 +141,7 @@ class BundleAdjustment:
         axis = np.stack([turn[:, i, j] - turn[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=1) / 2
         return np.hstack([axis, motion.middle - self.guess.middle])
 
-    def _equations(self, motion: RigidMotion) -> tuple[np.ndarray, np.ndarray, csr_array, np.ndarray, np.ndarray]:
+    def _equations(self, motion: RigidMotion) -> tuple[np.ndarray, np.ndarray, bsr_array, np.ndarray, np.ndarray]:
         """Matrices of frames and points, what couples them, and the gradients."""
         seen, error = motion.seen(self.tracks), self.errors(motion)
         k, t, n = len(seen), len(motion.middle), len(motion.points)
@@ -153,37 +153,51 @@ class BundleAdjustment:
         by_seen[:, :, 2] = -self.focal * seen[:, :2] / seen[:, 2:] ** 2
         by_seen *= weight
         arm = seen - motion.middle[frame]
-        by_turn = np.cross(arm[:, None], by_seen)  # d (r x arm) . a = r . (arm x a)
-        by_frame = bsr_array(
-            (np.concatenate([by_turn, by_seen], axis=2), frame, np.arange(k + 1)), shape=(2 * k, 6 * t)
-        ).tocsr()
-        by_point = bsr_array(
-            (by_seen @ motion.rotation[frame], corner, np.arange(k + 1)), shape=(2 * k, 3 * n)
-        ).tocsr()
-        residual = (weight[:, 0] * error).ravel()
+        by_turn = np.cross(arm[:, None], by_seen)  # a . (r x arm) = r . (arm x a)
+        by_frame = np.concatenate([by_turn, by_seen], axis=2)
+        by_point = by_seen @ motion.rotation[frame]
+        residual = (weight[:, 0] * error)[:, :, None]
+        every = np.arange(k)  # sums over the rows of each frame, and of each corner
+        of_frame = csr_array((np.ones(k), (frame, every)), shape=(t, k))
+        of_corner = csr_array((np.ones(k), (corner, every)), shape=(n, k))
+
+        def summed(of: csr_array, left: np.ndarray, right: np.ndarray) -> np.ndarray:
+            products = left.swapaxes(1, 2) @ right
+            return (of @ products.reshape(k, -1)).reshape(-1, *products.shape[1:])
+
         prior = self._deviations**-2.0
-        frames = _blocks(by_frame.T @ by_frame, 6) + np.diag(prior)
-        points = _blocks(by_point.T @ by_point, 3) + np.eye(3) / PLACE**2
-        frame_gradient = (by_frame.T @ residual).reshape(t, 6) + prior * self._prior_residuals(motion)
-        point_gradient = (by_point.T @ residual).reshape(n, 3) + (motion.points - self.guess.points) / PLACE**2
-        return frames, points, csr_array(by_frame.T @ by_point), frame_gradient, point_gradient
+        frames = summed(of_frame, by_frame, by_frame) + np.diag(prior)
+        points = summed(of_corner, by_point, by_point) + np.eye(3) / PLACE**2
+        frame_gradient = summed(of_frame, by_frame, residual)[..., 0] + prior * self._prior_residuals(motion)
+        change = (motion.points - self.guess.points) / PLACE**2
+        point_gradient = summed(of_corner, by_point, residual)[..., 0] + change
+        order = np.argsort(frame, kind="stable")
+        ends = np.concatenate([[0], np.cumsum(np.bincount(frame, minlength=t))])
+        blocks = (by_frame.swapaxes(1, 2) @ by_point)[order]
+        coupling = bsr_array((blocks, corner[order], ends), shape=(6 * t, 3 * n))
+        return frames, points, coupling, frame_gradient, point_gradient
 
     def _step(
         self,
         frames: Float[np.ndarray, "t 6 6"],
         points: Float[np.ndarray, "n 3 3"],
-        coupling: csr_array,
+        coupling: bsr_array,
         frame_gradient: Float[np.ndarray, "t 6"],
         point_gradient: Float[np.ndarray, "n 3"],
         damping: float,
     ) -> tuple[Float[np.ndarray, "t 6"], Float[np.ndarray, "n 3"]]:
         t, n = len(frames), len(points)
         inverse = np.linalg.inv(points * (1 + damping * np.eye(3)))
-        eliminated = coupling @ bsr_array((inverse, np.arange(n), np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
-        coupled = (eliminated @ coupling.T).tocoo()
+        eliminated = coupling @ bsr_array((inverse, np.arange(n), np.arange(n + 1)), shape=(3 * n, 3 * n))
+        coupled = bsr_array(eliminated @ coupling.T, blocksize=(6, 6))
+        blocks, column = coupled.data, coupled.indices
+        row = np.repeat(np.arange(t), np.diff(coupled.indptr))
         band = np.zeros((self.band, 6 * t))
-        below = (coupled.row >= coupled.col) & (coupled.row - coupled.col < self.band)
-        np.subtract.at(band, (coupled.row[below] - coupled.col[below], coupled.col[below]), coupled.data[below])
+        below = row >= column
+        for i in range(6):
+            for j in range(6):
+                offset = 6 * (row - column)[below] + i - j
+                band[offset[offset >= 0], (6 * column[below] + j)[offset >= 0]] = -blocks[below, i, j][offset >= 0]
         damped = frames * (1 + damping * np.eye(6))
         for i in range(6):
             for j in range(i + 1):
@@ -192,11 +206,3 @@ class BundleAdjustment:
         frame_step = solveh_banded(band, right, lower=True)
         along = (point_gradient.ravel() + coupling.T @ frame_step).reshape(n, 3)
         return frame_step.reshape(t, 6), -np.einsum("nij,nj->ni", inverse, along)
-
-
-def _blocks(matrix: csr_array, size: int) -> Float[np.ndarray, "n size size"]:
-    """The blocks on the diagonal of a matrix that has no others."""
-    count = matrix.shape[0] // size
-    blocks, coordinates = np.zeros((count, size, size)), matrix.tocoo()
-    blocks[coordinates.row // size, coordinates.row % size, coordinates.col % size] = coordinates.data
-    return blocks

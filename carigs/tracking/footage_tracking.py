@@ -17,6 +17,7 @@ from carigs.footage.measures import FrameMeasures
 from carigs.head import HeadModel, SurfacePoints
 from carigs.tracking.cameras import Cameras
 from carigs.tracking.landmark_tracking import TrackedHead, Tracks, track_landmarks
+from carigs.tracking.skull_motion import skull_motion
 
 SHAPES = 30
 """Identity coefficients: landmarks of one camera determine no more."""
@@ -90,7 +91,10 @@ def track_footage(
     cameras = Cameras(np.array([guess]), size[None] / 2, np.array([[np.pi, 0.0, 0, 0, 0, 0]]))
     fitted = fitted_parameters(model, np.unique(embedding.corners), max_shape=SHAPES)
     deviation = STATED if stated else GUESSED
-    head = track_landmarks(model, fitted, embedding, tracks, cameras, focal_deviation=deviation)
+    shown = set(kept.tolist())
+    images = (image for k, image in enumerate(footage.decode()) if k in shown)
+    skull = skull_motion(images, model, fitted, embedding, pixels, cameras)
+    head = track_landmarks(model, fitted, embedding, tracks, cameras, focal_deviation=deviation, skull=skull)
     return FootageTrack(kept, left_out, pixels, head, guess)
 
 

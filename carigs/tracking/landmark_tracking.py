@@ -222,9 +222,8 @@ def _with_anchors(tracks: Tracks, skull: SkullMotion) -> Tracks:
     t, c = tracks.confidence.shape[:2]
     pixels, known = np.zeros((t, c, len(skull.points), 2)), np.zeros((t, c, len(skull.points)))
     pixels[:, 0], known[:, 0] = skull.pixels, skull.known[:, None]
-    return Tracks(
-        np.concatenate([tracks.pixels, pixels], axis=2), np.concatenate([tracks.confidence, known], axis=2), tracks.times
-    )
+    joined = (np.concatenate(pair, axis=2) for pair in ((tracks.pixels, pixels), (tracks.confidence, known)))
+    return Tracks(*joined, tracks.times)
 
 
 def _face_size(pixels: Float[np.ndarray, "t c n 2"], confidence: Float[np.ndarray, "t c n"]) -> float:

@@ -1,8 +1,8 @@
 """How the skull turns, by the texture of hair, ears and temples.
 
-Landmarks of a network say little about it: expressions of a head model explain a nod nearly as well as a turn does, and
-a tracker that had nothing else took a quarter of a person's nods for expressions. The crown of the head, ten centimetres
-behind the landmarks, was then several pixels off. Corners that are followed through the video do not depend on
+Landmarks of a network say little about it: expressions of a head model explain a nod nearly as well as a turn does. A
+tracker that had nothing else took a quarter of a person's nods for expressions, and the crown of the head, ten
+centimetres behind the landmarks, was several pixels off. Corners that are followed through the video know nothing of
 expressions.
 """
 
@@ -69,11 +69,12 @@ def skull_motion(
         The motion; None if there is nothing to follow.
     """
     frames = _start(model, fitted, embedding, landmarks, cameras)
+    if frames is None:
+        return None
     joint = int(np.bincount(model.weights[np.unique(embedding.corners)].argmax(axis=1)).argmax())
-    head = _head_image(model, joint, fitted, frames, cameras)
-    vertices, image = head
+    vertices, image = _head_image(model, joint, fitted, frames, cameras)
     tracks = follow_texture(images, image)
-    if not len(tracks.frame):
+    if not len(tracks.vertex):
         return None
     # The body is the skull, its origin the middle of what is followed.
     rotation = Rotation.from_rotvec(frames[:, 3:6]).as_matrix()
@@ -102,12 +103,14 @@ def _start(
     embedding: SurfacePoints,
     landmarks: Float[np.ndarray, "t n 2"],
     cameras: Cameras,
-) -> Float[np.ndarray, "t q"]:
-    """The template's poses by its landmarks."""
+) -> Float[np.ndarray, "t q"] | None:
+    """The template's poses by its landmarks; None if there are none."""
     points = embedding.interpolate(model.v_template)
     seen = np.ones(landmarks.shape[:2], bool)
     poses = template_poses(points, model.joint_template[0], landmarks, seen, cameras)
     found = np.flatnonzero(np.isfinite(poses[:, 0]))
+    if not found.size:
+        return None
     frames = np.zeros((len(poses), fitted.frame_size))
     frames[:, :6] = poses[found[np.abs(np.arange(len(poses))[:, None] - found).argmin(axis=1)]]
     return frames

@@ -24,9 +24,9 @@ WINDOW = 0.06
 """Side of the window that is compared, in sizes of the head's image."""
 BACK = 0.5
 """Pixels by which a corner that is followed back may miss where it came from."""
-LEAST_LENGTH, MOST_LENGTH = 8, 64
+LEAST_LENGTH, MOST_LENGTH = 8, 48
 """Frames that a corner is followed through."""
-CELL, WANTED = 0.025, 6
+CELL, WANTED = 0.025, 4
 """Metres on the head, and corners in each cell of this size that are kept in a frame."""
 
 
@@ -45,8 +45,8 @@ class HeadImage:
     @cached_property
     def size(self) -> float:
         """Median height or width of the head in pixels."""
-        spans = [np.ptp(pixels[seen], axis=0).max() for pixels, seen in zip(self.pixels, self.shown, strict=True)]
-        return float(np.median(spans))
+        pairs = zip(self.pixels, self.shown, strict=True)
+        return float(np.median([np.ptp(pixels[seen], axis=0).max() for pixels, seen in pairs if seen.any()]))
 
 
 @dataclass(frozen=True)
