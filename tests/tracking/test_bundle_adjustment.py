@@ -18,10 +18,8 @@ def recorded(outliers=0.0, frames=12, corners=40, length=8, seed=0):
     true = RigidMotion(turns, middle, 0.08 * rng.uniform(-1, 1, (corners, 3)))
     first = rng.integers(0, frames - length + 1, corners)
     frame = (first[:, None] + np.arange(length)).ravel()
-    tracks = TextureTracks(
-        np.repeat(np.arange(corners), length), frame, np.zeros((len(frame), 2)), np.zeros(corners, int)
-    )
-    seen = true.seen(tracks)
+    corner = np.repeat(np.arange(corners), length)
+    seen = true.seen(TextureTracks(corner, frame, np.zeros((len(frame), 2)), np.zeros(corners, int)))
     pixels = FOCAL * seen[:, :2] / seen[:, 2:] + CENTRE
     wrong = rng.random(len(frame)) < outliers
     pixels[wrong] += rng.uniform(-30, 30, (wrong.sum(), 2))
