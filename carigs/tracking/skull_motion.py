@@ -33,8 +33,8 @@ ANCHORS = 24
 """Points that hand the motion on to the tracker."""
 ERROR = 1.5
 """Pixels that a corner may be off to count."""
-LEAST_CORNERS = 12
-"""Corners that a frame needs."""
+LEAST_CORNERS, LEAST_SHARE = 12, 0.5
+"""Corners that a frame needs, and share of those that are followed in it: hair that sways, or a hand, is not rigid."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,8 @@ def skull_motion(
     adjustment = BundleAdjustment(tracks, float(cameras.focal[0]), cameras.centres[0], guess)
     motion = adjustment.solve()
     good = np.linalg.norm(adjustment.errors(motion), axis=1) < ERROR
-    known = np.bincount(tracks.frame[good], minlength=len(frames)) >= LEAST_CORNERS
+    followed, count = (np.bincount(tracks.frame[chosen], minlength=len(frames)) for chosen in (slice(None), good))
+    known = (count >= LEAST_CORNERS) & (count > LEAST_SHARE * followed)
     anchors = _spread(image.rest, np.flatnonzero(image.rigid))
     seen = np.einsum("tij,nj->tni", motion.rotation, image.rest[anchors] - middle) + motion.middle[:, None]
     pixels = cameras.focal[0] * seen[..., :2] / seen[..., 2:] + cameras.centres[0]
