@@ -53,6 +53,20 @@ class SurfacePoints:
         """
         return SurfacePoints(self.corners[chosen], self.barycentric[chosen])
 
+    def joined(self, others: SurfacePoints) -> SurfacePoints:
+        """These points and others.
+
+        Args:
+            others: Points of the same mesh; vertices may follow points of triangles.
+
+        Returns:
+            The points.
+        """
+        missing = self.corners.shape[1] - others.corners.shape[1]
+        corners = np.pad(others.corners, ((0, 0), (0, missing)), "edge")
+        barycentric = np.pad(others.barycentric, ((0, 0), (0, missing)))
+        return SurfacePoints(np.concatenate([self.corners, corners]), np.concatenate([self.barycentric, barycentric]))
+
     def arrays(self, name: str) -> dict[str, np.ndarray]:
         """The points as arrays; `checked_points` is the inverse.
 

@@ -17,6 +17,7 @@ from carigs.tracking.camera_placement import linked
 from carigs.tracking.cameras import Cameras
 from carigs.tracking.landmark_tracking import TrackedHead, Tracks, track_landmarks
 from carigs.tracking.recording import Recording
+from carigs.tracking.skull_motion import skull_motion
 
 SHAPES = 30
 """Identity coefficients: landmarks of one camera determine no more."""
@@ -109,7 +110,12 @@ def track_footage(
         # More images do not tell more: errors of a network are those of the face, and they are the same in all images.
         deviations /= sqrt(len(used) if one_moment else len(kept))
     fitted = fitted_parameters(model, np.unique(embedding.corners), max_shape=SHAPES)
-    head = track_landmarks(model, fitted, embedding, tracks, start, focal_deviation=deviations)
+    skull = None
+    if len(used) == 1 and not one_moment:  # before several cameras, parallax tells how the head turns
+        shown = {*kept.tolist()}
+        images = (image for k, image in enumerate(used[0].footage.decode()) if k in shown)
+        skull = skull_motion(images, model, fitted, embedding, pixels[:, 0], start)
+    head = track_landmarks(model, fitted, embedding, tracks, start, focal_deviation=deviations, skull=skull)
     return FootageTrack(kept, cameras, left_out, pixels, head, guesses)
 
 

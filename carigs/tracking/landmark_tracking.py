@@ -20,6 +20,7 @@ from carigs.tracking.cameras import Cameras
 from carigs.tracking.objective import LandmarkObjective, Shared
 from carigs.tracking.personal_expressions import landmark_errors, learn_corrections
 from carigs.tracking.priors import Motion, tracking_prior
+from carigs.tracking.skull_motion import SkullMotion
 from carigs.tracking.start import template_poses
 from carigs.tracking.surface_fields import SurfaceField
 from carigs.tracking.visibility import facing_camera, preferred_views
@@ -28,6 +29,10 @@ INDEPENDENT = 0.25
 """Independent observations for each landmark of a dense face mesh: a network's errors are correlated along the face."""
 OFFSET = 0.003
 """Standard deviation in metres of the offset of a landmark on this person's head from where the embedding has it."""
+ANCHOR_OFFSET = 0.01
+"""The same of an anchor of the skull, which is known in the images and not on the head."""
+ANCHOR_SIGMA = 0.1
+"""Standard deviation of an anchor in pixels."""
 OUTLIERS = (30.0, 5.0)
 """Scales of the loss in standard deviations."""
 LEAST_COUNT = 0.1
@@ -94,6 +99,7 @@ def track_landmarks(
     *,
     focal_deviation: float | Float[np.ndarray, " l"],
     motion: Motion | None = None,
+    skull: SkullMotion | None = None,
 ) -> TrackedHead:
     """Track a head: identity, cameras, and the parameters of every frame.
 
@@ -106,6 +112,7 @@ def track_landmarks(
             found.
         focal_deviation: Standard deviation of the logarithm of the focal length, of all lenses or of each.
         motion: How much the head moves from frame to frame; None for a person who talks.
+        skull: How the skull moves, if it is known, before the first camera.
 
     Returns:
         The head.
@@ -120,55 +127,62 @@ def track_landmarks(
     counts = facing_camera(model, embedding, fitted, frames, cameras)
     counts *= preferred_views(points, _jaw(model, fitted), frames, cameras)
     tracks = replace(tracks, confidence=tracks.confidence * np.where(counts > LEAST_COUNT, counts, 0))
+    n = len(embedding)
+    if skull is not None:
+        points = HeadPoints(model, fitted, embedding.joined(skull.points)).merged()
+        tracks = _with_anchors(tracks, skull)
     bounds = _bounds(model, fitted)
-    sigma = SIGMA * _face_size(tracks)
+    sigma = SIGMA * _face_size(tracks.pixels[:, :, :n], tracks.confidence[:, :, :n])
+    offset = np.repeat([OFFSET, ANCHOR_OFFSET], [n, len(points.barycentric) - n])
     options = {"bounds": bounds, "steps": STEPS, "tolerance": 1e-4}
 
     # What frames share, from some of them.
     chosen = np.array(evenly_spread([*found], SHARED_FRAMES))
     some, chosen_tracks = frames[chosen], tracks.at(chosen)
     vector = np.zeros(len(fitted.shape) + cameras.size)
-    for moving, outlier in ((0, OUTLIERS[0]), (len(embedding), OUTLIERS[0]), (len(embedding), OUTLIERS[1])):
+    count = len(offset)
+    for moving, outlier in ((0, OUTLIERS[0]), (count, OUTLIERS[0]), (count, OUTLIERS[1])):
         shared = Shared(len(fitted.shape), moving, cameras.size)
         if moving and len(vector) < shared.size:
             vector = np.insert(vector, len(fitted.shape), np.zeros(3 * moving))
-        prior = tracking_prior(model, fitted, chosen_tracks.times, shared, motion, OFFSET, focal)
-        objective = _objective(points, cameras, shared, chosen_tracks, sigma, outlier, prior)
+        prior = tracking_prior(model, fitted, chosen_tracks.times, shared, motion, offset, focal)
+        objective = _objective(points, cameras, shared, chosen_tracks, _information(sigma, n, count), outlier, prior)
         some, vector = minimise(objective, some, vector, **options)
-        sigma = _sigma(objective.errors(some, vector))
+        sigma = _sigma(objective.errors(some, vector)[:, :, :n])
     shape, offsets, camera = shared.split(vector)
     cameras = cameras.moved(camera)
 
     # The person: offsets and corrections of expressions are smooth on the surface.
     vertices = model.v_template + model.identity_basis[:, :, fitted.shape] @ shape
     field = SurfaceField(vertices, model.faces, embedding)
-    static_offset = field.fit(offsets)
+    static_offset = field.fit(offsets[:n])
     person = points.with_offsets(offsets).of_person(shape, model.joint_regressor @ static_offset)
     blendshapes = person.expressions()
     frames = _between(len(frames), chosen, some)
     corrections = np.zeros_like(blendshapes)
     nothing = Shared(0, 0, 0)
-    prior = tracking_prior(model, fitted, tracks.times, nothing, motion, OFFSET, focal)
+    prior = tracking_prior(model, fitted, tracks.times, nothing, motion, offset, focal)
     own = person
     rounds = ROUNDS if len(frames) > 1 else 0  # of one expression, the landmarks' offsets hold all that is its own
     on_mesh = np.zeros((len(vertices), blendshapes[0].size))
     for turn in range(rounds + 1):
-        objective = _objective(own, cameras, nothing, tracks, sigma, OUTLIERS[1], prior)
+        objective = _objective(own, cameras, nothing, tracks, _information(sigma, n, count), OUTLIERS[1], prior)
         steps = STEPS if turn == rounds else FIRST_STEPS
         frames, _ = minimise(objective, frames, np.zeros(0), **options | {"steps": steps})
         if turn < rounds:
-            information = INDEPENDENT / sigma**2 * tracks.confidence
-            errors = landmark_errors(own, cameras, frames, tracks.pixels, information, OUTLIERS[1])
-            corrections = learn_corrections(errors, frames[:, fitted.expression_slice], blendshapes, corrections)
-            on_mesh = field.fit(corrections.reshape(len(embedding), -1))
-            corrections = embedding.interpolate(on_mesh).reshape(corrections.shape)
+            information = _information(sigma, n, count) * tracks.confidence
+            errors = landmark_errors(own, cameras, frames, tracks.pixels, information, OUTLIERS[1]).of(slice(n))
+            coefficients = frames[:, fitted.expression_slice]
+            learned = learn_corrections(errors, coefficients, blendshapes[:n], corrections[:n])
+            on_mesh = field.fit(learned.reshape(n, -1))
+            corrections[:n] = embedding.interpolate(on_mesh).reshape(learned.shape)
             own = person.with_expressions(corrections)
             sigma = _sigma(np.linalg.norm(errors.error, axis=-1), errors.information > 0)
-    errors = objective.errors(frames, np.zeros(0))
+    errors = objective.errors(frames, np.zeros(0))[:, :, :n]
     frames, cameras = _at_the_head(own, frames, cameras)
     own_model = _with_expressions(model, fitted, on_mesh.reshape(len(vertices), 3, -1))
     parameters = [replace(fitted.head_parameters(model, frame, shape), static_offset=static_offset) for frame in frames]
-    projected, _ = cameras.project(own.positions(frames, np.zeros(0)))
+    projected = cameras.project(own.positions(frames, np.zeros(0)))[0][:, :, :n]
     return TrackedHead(own_model, parameters, cameras, sigma, errors, projected)
 
 
@@ -227,19 +241,33 @@ def _objective(
     cameras: Cameras,
     shared: Shared,
     tracks: Tracks,
-    sigma: float,
+    weights: Float[np.ndarray, " n"],
     outlier: float,
     prior: Prior,
 ) -> LandmarkObjective:
-    """Landmarks with one standard deviation in pixels, of which a share counts."""
-    information = INDEPENDENT / sigma**2 * tracks.confidence[..., None, None] * np.eye(2)
+    """Points with a weight each, in 1 / pixels^2."""
+    information = (weights * tracks.confidence)[..., None, None] * np.eye(2)
     return LandmarkObjective(points, cameras, shared, tracks.pixels, information, outlier, prior)
 
 
-def _face_size(tracks: Tracks) -> float:
+def _information(sigma: float, landmarks: int, count: int) -> Float[np.ndarray, " n"]:
+    """Weights of landmarks, of which a share counts, and of anchors."""
+    return np.repeat([INDEPENDENT / sigma**2, ANCHOR_SIGMA**-2], [landmarks, count - landmarks])
+
+
+def _with_anchors(tracks: Tracks, skull: SkullMotion) -> Tracks:
+    """Tracks of the landmarks and of the anchors of the skull, which the first camera sees."""
+    t, c = tracks.confidence.shape[:2]
+    pixels, known = np.zeros((t, c, len(skull.points), 2)), np.zeros((t, c, len(skull.points)))
+    pixels[:, 0], known[:, 0] = skull.pixels, skull.known[:, None]
+    joined = (np.concatenate(pair, axis=2) for pair in ((tracks.pixels, pixels), (tracks.confidence, known)))
+    return Tracks(*joined, tracks.times)
+
+
+def _face_size(pixels: Float[np.ndarray, "t c n 2"], confidence: Float[np.ndarray, "t c n"]) -> float:
     """Median diagonal of the landmarks' box, in pixels."""
-    known = tracks.pixels[(tracks.confidence > 0).any(axis=2)]
-    seen = tracks.confidence[(tracks.confidence > 0).any(axis=2)] > 0
+    known = pixels[(confidence > 0).any(axis=2)]
+    seen = confidence[(confidence > 0).any(axis=2)] > 0
     low = np.where(seen[..., None], known, np.inf).min(axis=1)
     high = np.where(seen[..., None], known, -np.inf).max(axis=1)
     return float(np.median(np.linalg.norm(high - low, axis=1)))

@@ -32,6 +32,18 @@ class LandmarkErrors(NamedTuple):
     outlier: float
     """Standard deviations beyond which an error counts as an outlier."""
 
+    def of(self, chosen: slice) -> LandmarkErrors:
+        """The errors of some of the landmarks.
+
+        Args:
+            chosen: Which.
+
+        Returns:
+            Their errors.
+        """
+        parts = (array[:, :, chosen] for array in self[:3])
+        return LandmarkErrors(*parts, self.outlier)
+
 
 def landmark_errors(
     points: HeadPoints,

@@ -42,7 +42,7 @@ def tracking_prior(
     times: Float[np.ndarray, " t"],
     shared: Shared,
     motion: Motion,
-    offset: float,
+    offset: Float[np.ndarray, " n"],
     focal: Float[np.ndarray, " l"],
 ) -> Prior:
     """Gaussian priors of frames, their changes, and what frames share.
@@ -53,7 +53,7 @@ def tracking_prior(
         times: Of the frames, in seconds.
         shared: What frames share.
         motion: Changes from frame to frame.
-        offset: Standard deviation of the landmarks' offsets in metres.
+        offset: Standard deviations of the offsets of landmarks and anchors in metres.
         focal: Standard deviation of the logarithm of each lens's focal length.
 
     Returns:
@@ -69,7 +69,7 @@ def tracking_prior(
     for part, deviation in zip(parts, of_parts, strict=True):
         changes[part] = deviation**-2
     gaps = np.maximum(np.diff(times) * FRAME_RATE, LEAST_GAP)
-    precision = np.concatenate([np.ones(shared.shape), np.full(3 * shared.points, offset**-2.0)])
+    precision = np.concatenate([np.ones(shared.shape), np.repeat(offset[: shared.points] ** -2.0, 3)])
     if shared.cameras:
         precision = np.concatenate([precision, focal**-2.0, np.zeros(shared.cameras - len(focal))])
     return Prior(frames, precision, changes / gaps[:, None])

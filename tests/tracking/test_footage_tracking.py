@@ -12,13 +12,14 @@ from carigs.errors import InputError
 from carigs.fitting.fitted_parameters import fitted_parameters
 from carigs.footage import Footage
 from carigs.footage.measures import FrameMeasures
-from carigs.head import pose
+from carigs.head import SurfacePoints, pose
 from carigs.head.joint_transforms import rotation_matrices
 from carigs.toy.rig.head_model import head_model
 from carigs.tracking.cameras import Cameras
 from carigs.tracking.footage_tracking import guessed_focal_length, kept_frames, track_footage
 from carigs.tracking.landmark_tracking import Tracks, track_landmarks
 from carigs.tracking.recording import Recording
+from carigs.tracking.skull_motion import SkullMotion
 from evaluation.benchmarks.footage.motion import Talk
 from evaluation.benchmarks.footage.oracle_landmarks import EXACT, oracle_landmarks
 from evaluation.benchmarks.footage.scenes import orbit, talk, three
@@ -201,3 +202,30 @@ def _alignment(points, target):
     signs = [1, 1, np.linalg.det(u @ vt)]
     turn = (s @ signs) / (a**2).sum() * u @ np.diag(signs) @ vt
     return lambda others: (others - points.mean(axis=0)) @ turn + target.mean(axis=0)
+
+
+@pytest.mark.slow
+def test_a_known_turn_of_the_skull_outweighs_landmarks_that_understate_it():
+    """A network that shows nods too small does not turn the skull less; without its motion, it does."""
+    model = head_model()
+    truth = talk(model, np.zeros(model.num_identity), 512, Talk(seconds=3, fps=8))
+    embedding = landmark_embedding(model)
+    points = embedding.points(model)[np.arange(0, len(embedding.landmarks), 4)]
+    values = oracle_landmarks(truth, points, EXACT).values
+    heads, camera = truth.vertices(), truth.cameras[0][0]
+    middle = values[..., 1].mean(axis=2, keepdims=True)
+    shape = (values[..., 1] - middle).mean(axis=0)
+    values[..., 1] = middle + shape + 0.7 * (values[..., 1] - middle - shape)
+    scalp = np.flatnonzero(model.vertex_region("scalp"))[::20]
+    anchors = np.stack([camera.project(head[scalp])[0] for head in heads])
+    skull = SkullMotion(SurfacePoints.at_vertices(scalp), anchors, np.ones(len(heads), bool))
+    cameras = Cameras(np.array([camera.fx]), np.array([[256.0, 256.0]]), np.array([[np.pi, 0, 0, 0, 0, 0.0]]))
+    fitted = fitted_parameters(model, np.unique(points.corners), max_shape=5, max_expression=20)
+    tracks = Tracks(values[..., :2], values[..., 2], np.arange(len(values)) / 8)
+    off = []
+    for known in (None, skull):
+        found = track_landmarks(model, fitted, points, tracks, cameras, focal_deviation=0.02, skull=known)
+        seen = [found.cameras.project(pose(found.model, p)[scalp][None])[0][0, 0] for p in found.parameters]
+        off.append(np.linalg.norm(np.stack(seen) - anchors, axis=-1).mean())
+    assert off[1] < 1.0 < off[0]
+    assert found.errors.shape[2] == len(points)
