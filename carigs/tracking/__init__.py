@@ -1,11 +1,15 @@
 """Footage of a person becomes a tracked dataset, and is judged.
 
-- `video.track_video`: all of it, for a person before one static camera
+- `video.track_video`: all of it, for one camera or several, an orbit, or photographs of one moment
+- `sources`, `kinds`: which files are recordings, their frames in step, and what kind of footage they are
+- `recording.Recording`: what one camera recorded, with landmarks and measures
 - `footage_tracking`: which frames count, and the solver on their landmarks
 - `landmark_tracking`, `objective`, `priors`, `start`, `visibility`: the solver
-- `cameras.Cameras`: focal lengths and poses that are estimated
+- `cameras.Cameras`: focal lengths and poses that are estimated; `camera_placement`: where they stand to each other;
+  `world`: the world of a dataset
 - `personal_expressions`, `surface_fields`: what one person's head has of its own
 - `neck_cut`, `dataset`: mattes that end at the neck, and the dataset
-- `quality.TrackedFrames`: what is known of the frames; `coverage`: from which sides they show the head
+- `quality.TrackedFrames`: what is known of the frames, which `judged_frames` puts together
+- `coverage`: from which sides they show the head
 - `advice`: what to record otherwise, in sentences; `error_table`, `contact_sheet`: errors, and frames with the mesh
 """

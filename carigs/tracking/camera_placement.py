@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.spatial.transform import Rotation
 
 FAR_OFF = 3.0
 """A rotation farther from the mean than this many median distances does not count."""
@@ -81,3 +82,15 @@ def place_cameras(
         which = seen[frame] & placed
         heads[frame] = rigid_mean(np.linalg.inv(cameras[which]) @ camera_from_head[frame, which])
     return cameras, heads
+
+
+def rotation_vectors(rotations: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3"]:
+    """Logarithms of rotations.
+
+    Args:
+        rotations: Matrices.
+
+    Returns:
+        Axes times angles, in radians.
+    """
+    return Rotation.from_matrix(rotations).as_rotvec()

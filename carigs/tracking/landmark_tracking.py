@@ -6,24 +6,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.spatial.transform import Rotation
 
 from carigs.capture.evenly_spread import evenly_spread
-from carigs.errors import CarigsError
 from carigs.fitting.fitted_parameters import FittedParameters
 from carigs.fitting.head_points import HeadPoints
 from carigs.fitting.levenberg_marquardt import Bounds, minimise
 from carigs.fitting.objective import Prior
 from carigs.head import HeadModel, HeadParameters, SurfacePoints
-from carigs.tracking.camera_placement import place_cameras, rigid_mean
 from carigs.tracking.cameras import Cameras
 from carigs.tracking.objective import LandmarkObjective, Shared
 from carigs.tracking.personal_expressions import landmark_errors, learn_corrections
 from carigs.tracking.priors import Motion, tracking_prior
 from carigs.tracking.skull_motion import SkullMotion
-from carigs.tracking.start import template_poses
+from carigs.tracking.start import first_guess
 from carigs.tracking.surface_fields import SurfaceField
 from carigs.tracking.visibility import facing_camera, preferred_views
+from carigs.tracking.world import at_the_head
 
 INDEPENDENT = 0.25
 """Independent observations for each landmark of a dense face mesh: a network's errors are correlated along the face."""
@@ -123,7 +121,7 @@ def track_landmarks(
     motion = motion or Motion()
     focal = np.broadcast_to(np.asarray(focal_deviation, np.float64), cameras.lens_count)
     points = HeadPoints(model, fitted, embedding).merged()
-    frames, cameras, found = _start(points, tracks, cameras)
+    frames, cameras, found = first_guess(points, tracks.pixels, tracks.confidence > 0, cameras)
     counts = facing_camera(model, embedding, fitted, frames, cameras)
     counts *= preferred_views(points, _jaw(model, fitted), frames, cameras)
     tracks = replace(tracks, confidence=tracks.confidence * np.where(counts > LEAST_COUNT, counts, 0))
@@ -179,46 +177,11 @@ def track_landmarks(
             own = person.with_expressions(corrections)
             sigma = _sigma(np.linalg.norm(errors.error, axis=-1), errors.information > 0)
     errors = objective.errors(frames, np.zeros(0))[:, :, :n]
-    frames, cameras = _at_the_head(own, frames, cameras)
+    frames, cameras = at_the_head(own, frames, cameras)
     own_model = _with_expressions(model, fitted, on_mesh.reshape(len(vertices), 3, -1))
     parameters = [replace(fitted.head_parameters(model, frame, shape), static_offset=static_offset) for frame in frames]
     projected = cameras.project(own.positions(frames, np.zeros(0)))[0][:, :, :n]
     return TrackedHead(own_model, parameters, cameras, sigma, errors, projected)
-
-
-def _start(
-    points: HeadPoints, tracks: Tracks, cameras: Cameras
-) -> tuple[Float[np.ndarray, "t q"], Cameras, Int[np.ndarray, " m"]]:
-    """Parameters with the template's poses, the cameras placed by them, and the frames with a pose.
-
-    Frames without a pose have that of the nearest with one.
-    """
-    seen = tracks.confidence > 0
-    lenses = zip(cameras.focal, cameras.centres, strict=True)
-    poses = [
-        template_poses(points.template_points, tracks.pixels[:, c], seen[:, c], *lens) for c, lens in enumerate(lenses)
-    ]
-    placed, heads = place_cameras(np.stack(poses, axis=1))
-    found = np.flatnonzero(np.isfinite(heads[:, 0, 0]))
-    if not found.size:
-        raise CarigsError("in no frame can the head model be placed by its landmarks; see their places on it")
-    if not np.isfinite(placed).all():
-        lost = np.flatnonzero(np.isnan(placed[:, 0, 0]))[0]
-        raise CarigsError(f"camera {lost} from 0: in no frame can it and another camera place the head model at once")
-    first = np.eye(4)
-    first[:3] = cameras.camera_from_world()[0]
-    placed, heads = placed @ first, np.linalg.inv(first) @ heads[found]
-    frames = np.zeros((len(seen), points.fitted.frame_size))
-    root = points.joints[0]  # the model turns about its root joint
-    known = np.hstack([heads[:, :3, :3] @ root + heads[:, :3, 3] - root, _vectors(heads[:, :3, :3])])
-    frames[:, :6] = known[np.abs(np.arange(len(seen))[:, None] - found).argmin(axis=1)]
-    others = np.hstack([_vectors(placed[:, :3, :3]), placed[:, :3, 3]])[1:]
-    return frames, replace(cameras, poses=np.vstack([cameras.poses[:1], others])), found
-
-
-def _vectors(rotations: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3"]:
-    """Rotation vectors."""
-    return Rotation.from_matrix(rotations).as_rotvec()
 
 
 def _jaw(model: HeadModel, fitted: FittedParameters) -> slice | None:
@@ -281,29 +244,6 @@ def _sigma(errors: Float[np.ndarray, "t c n"], seen: Bool[np.ndarray, "t c n"] |
 def _between(count: int, chosen: Int[np.ndarray, " m"], some: Float[np.ndarray, "m q"]) -> Float[np.ndarray, "t q"]:
     """Start of all frames from those of some of them: linear in the number of the frame."""
     return np.stack([np.interp(np.arange(count), chosen, column) for column in some.T], axis=1)
-
-
-def _at_the_head(
-    points: HeadPoints, frames: Float[np.ndarray, "t q"], cameras: Cameras
-) -> tuple[Float[np.ndarray, "t q"], Cameras]:
-    """Move the world to where a dataset has it: its origin at the head; with several cameras, turned as the head is.
-
-    One camera stands before the person, and stays level.
-    """
-    centre = np.median(frames[:, :3], axis=0)
-    moved, poses, matrices = frames.copy(), cameras.poses.copy(), cameras.camera_from_world()
-    moved[:, :3] -= centre
-    poses[:, 3:] += matrices[:, :, :3] @ centre
-    if len(cameras.focal) > 1:
-        heads = np.tile(np.eye(4), (len(frames), 1, 1))
-        heads[:, :3, :3] = Rotation.from_rotvec(frames[:, 3:6]).as_matrix()
-        turn = rigid_mean(heads)[:3, :3].T
-        # The model turns about its root joint, which expressions may move.
-        roots = points.joints[0] + frames[:, points.fitted.expression_slice] @ points.joint_blendshapes[1][0].T
-        moved[:, :3] = (moved[:, :3] + roots) @ turn.T - roots
-        moved[:, 3:6] = _vectors(turn @ heads[:, :3, :3])
-        poses[:, :3] = _vectors(matrices[:, :, :3] @ turn.T)
-    return moved, replace(cameras, poses=poses)
 
 
 def _with_expressions(model: HeadModel, fitted: FittedParameters, corrections: Float[np.ndarray, "v 3 e"]) -> HeadModel:

@@ -16,10 +16,11 @@ from jaxtyping import Bool, Float, Int, UInt8
 from scipy.spatial.transform import Rotation
 
 from carigs.fitting.fitted_parameters import FittedParameters
+from carigs.fitting.head_points import HeadPoints
 from carigs.head import HeadModel, SurfacePoints
 from carigs.tracking.bundle_adjustment import BundleAdjustment, RigidMotion
 from carigs.tracking.cameras import Cameras
-from carigs.tracking.start import template_poses
+from carigs.tracking.start import first_guess
 from carigs.tracking.texture import HeadImage, follow_texture
 from carigs.tracking.visibility import facing_camera
 
@@ -70,10 +71,13 @@ def skull_motion(
 
     Returns:
         The motion; None if too few frames have texture that moves as one body.
+
+    Raises:
+        CarigsError: If the landmarks place the head model in no frame.
     """
-    frames = _start(model, fitted, embedding, landmarks, cameras)
-    if frames is None:
-        return None
+    seen = np.isfinite(landmarks).all(axis=2)
+    points = HeadPoints(model, fitted, embedding).merged()
+    frames, _, _ = first_guess(points, landmarks[:, None], seen[:, None], cameras)
     joint = int(np.bincount(model.weights[np.unique(embedding.corners)].argmax(axis=1)).argmax())
     vertices, image = _head_image(model, joint, fitted, frames, cameras)
     tracks = follow_texture(images, image)
@@ -101,30 +105,6 @@ def skull_motion(
     seen = np.einsum("tij,nj->tni", motion.rotation, image.rest[anchors] - middle) + motion.middle[:, None]
     pixels = cameras.focal[0] * seen[..., :2] / seen[..., 2:] + cameras.centres[0]
     return SkullMotion(SurfacePoints.at_vertices(vertices[anchors]), pixels, known)
-
-
-def _start(
-    model: HeadModel,
-    fitted: FittedParameters,
-    embedding: SurfacePoints,
-    landmarks: Float[np.ndarray, "t n 2"],
-    cameras: Cameras,
-) -> Float[np.ndarray, "t q"] | None:
-    """The template's poses by its landmarks; None if there are none."""
-    points, camera_from_world = embedding.interpolate(model.v_template), np.eye(4)
-    camera_from_world[:3] = cameras.camera_from_world()[0]
-    seen = np.isfinite(landmarks).all(axis=2)
-    poses = template_poses(points, landmarks, seen, float(cameras.focal[0]), cameras.centres[0])
-    found = np.flatnonzero(np.isfinite(poses[:, 0, 0]))
-    if not found.size:
-        return None
-    heads = np.linalg.inv(camera_from_world) @ poses[found]
-    root = model.joint_template[0]  # the model turns about its root joint
-    placed = heads[:, :3, :3] @ root + heads[:, :3, 3] - root
-    known = np.hstack([placed, Rotation.from_matrix(heads[:, :3, :3]).as_rotvec()])
-    frames = np.zeros((len(poses), fitted.frame_size))
-    frames[:, :6] = known[np.abs(np.arange(len(poses))[:, None] - found).argmin(axis=1)]
-    return frames
 
 
 def _head_image(

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
+
+from carigs.errors import CarigsError
+from carigs.fitting.head_points import HeadPoints
+from carigs.tracking.camera_placement import place_cameras, rotation_vectors
+from carigs.tracking.cameras import Cameras
 
 LEAST_POINTS = 6
 """Landmarks that a template is placed by."""
@@ -41,3 +48,44 @@ def template_poses(
         pose[:] = np.eye(4)
         pose[:3, :3], pose[:3, 3] = cv2.Rodrigues(turn)[0], shift[:, 0]
     return poses
+
+
+def first_guess(
+    points: HeadPoints,
+    pixels: Float[np.ndarray, "t c n 2"],
+    seen: Bool[np.ndarray, "t c n"],
+    cameras: Cameras,
+) -> tuple[Float[np.ndarray, "t q"], Cameras, Int[np.ndarray, " m"]]:
+    """Place the template before all cameras, and the cameras by it.
+
+    Args:
+        points: The landmarks on the template.
+        pixels: The landmarks in the images.
+        seen: Which of them there are.
+        cameras: Focal lengths, and the pose of the first camera, which it keeps.
+
+    Returns:
+        Parameters of each frame, those without a pose with that of the nearest with one; the cameras; and the frames
+        with a pose.
+
+    Raises:
+        CarigsError: If the landmarks place the template in no frame, or not before a camera and another one at once.
+    """
+    lenses = zip(cameras.focal, cameras.centres, strict=True)
+    poses = [template_poses(points.template_points, pixels[:, c], seen[:, c], *lens) for c, lens in enumerate(lenses)]
+    placed, heads = place_cameras(np.stack(poses, axis=1))
+    found = np.flatnonzero(np.isfinite(heads[:, 0, 0]))
+    if not found.size:
+        raise CarigsError("in no frame can the head model be placed by its landmarks; see their places on it")
+    if not np.isfinite(placed).all():
+        lost = np.flatnonzero(np.isnan(placed[:, 0, 0]))[0]
+        raise CarigsError(f"camera {lost} from 0: in no frame can it and another camera place the head model at once")
+    first = np.eye(4)
+    first[:3] = cameras.camera_from_world()[0]
+    placed, heads = placed @ first, np.linalg.inv(first) @ heads[found]
+    frames = np.zeros((len(seen), points.fitted.frame_size))
+    root = points.joints[0]  # the model turns about its root joint
+    known = np.hstack([heads[:, :3, :3] @ root + heads[:, :3, 3] - root, rotation_vectors(heads[:, :3, :3])])
+    frames[:, :6] = known[np.abs(np.arange(len(seen))[:, None] - found).argmin(axis=1)]
+    others = np.hstack([rotation_vectors(placed[:, :3, :3]), placed[:, :3, 3]])[1:]
+    return frames, replace(cameras, poses=np.vstack([cameras.poses[:1], others])), found
