@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -51,6 +53,25 @@ class Recording(NamedTuple):
             duration=None,
             focal_length=footage.focal_length,
             decode=lambda: iter((image,)),
+            warnings=footage.warnings,
         )
         faces = FaceTrack(*(getattr(self.faces, field.name)[one] for field in fields(FaceTrack)))
         return Recording(alone, faces, FrameMeasures(*(values[one] for values in self.measures)))
+
+
+def oddities(recordings: Sequence[Recording]) -> list[str]:
+    """What is unusual about footage: files that are cut off, and frames that show more than one face.
+
+    Args:
+        recordings: The footage. Views of one file say the same once.
+
+    Returns:
+        Sentences that name the files.
+    """
+    lines = [*dict.fromkeys(line for recording in recordings for line in recording.footage.warnings)]
+    several: dict[Path, int] = {}
+    for recording in recordings:
+        source = recording.footage.source
+        several[source] = several.get(source, 0) + int((recording.faces.faces > 1).sum())
+    shown = "{} of its images show more than one face; one of them is followed"
+    return lines + [f"{source}: {shown.format(count)}" for source, count in several.items() if count]

@@ -32,7 +32,7 @@ from carigs.tracking.footage_tracking import track_footage
 from carigs.tracking.held_out import SPLITS
 from carigs.tracking.judged_frames import JudgedFrames
 from carigs.tracking.kinds import AUTO, ORBIT, PHOTOGRAPHS, TALK, why_orbit, why_photographs
-from carigs.tracking.recording import Recording
+from carigs.tracking.recording import Recording, oddities
 from carigs.tracking.sources import camera_sources, frames_in_step, scaled_focal_length
 
 SHEET, TABLE = "tracking.png", "tracking.txt"
@@ -121,6 +121,7 @@ def track_video(
     else:
         table = "\n\n".join(f"{name}\n{error_table(seen)}" for name, seen in frames.items())
         lines = advice_of_cameras(frames)
+    lines = [*oddities(recordings), *lines]
     (folder / TABLE).write_text("\n".join([table, *lines, ""]), "utf-8")
     tracked = sum(int(seen.tracked.sum()) for seen in frames.values())
     cameras = track.head.cameras
