@@ -59,7 +59,6 @@ def train(
     from carigs.splat.training.checkpoint import Checkpoint
     from carigs.splat.training.subject import prepare_subject
     from carigs.splat.training.trainer import COLUMNS, train_surfels
-    from carigs.splat.training.unseen_faces import complete_unseen
 
     person = Capture.load(capture)
     found = None if hair is None else load_hair(hair, len(person.model.faces))
@@ -68,7 +67,6 @@ def train(
     subject = prepare_subject(person, gamma_path, settings, found, sets)
     checkpoint = Checkpoint(avatar.with_suffix(".checkpoint"), resume_key)
     surfels, rows = train_surfels(settings, subject, checkpoint, lambda _: use_idle_cores(threads))
-    surfels = complete_unseen(surfels, person, subject.sequence, settings.regions)
     trained = Avatar(surfels, subject.sequence, settings.rig, settings.rotate_harmonics, person.background)
     with writing(log) as part, part.open("w", newline="") as stream:
         csv.writer(stream).writerows([COLUMNS, *rows])
