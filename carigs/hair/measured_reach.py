@@ -13,7 +13,7 @@ import igl
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from carigs.mesh.harmonic_faces import faces_beside, harmonic_faces
+from carigs.hair.harmonic_faces import faces_beside, harmonic_faces
 from carigs.raster import Visibility
 
 GRAZING = 0.34

@@ -9,7 +9,6 @@
   `world`: the world of a dataset
 - `personal_expressions`, `surface_fields`: what one person's head has of its own
 - `neck_cut`, `dataset`: mattes that end at the neck, and the dataset
-- `quality.TrackedFrames`: what is known of the frames, which `judged_frames` puts together
-- `coverage`: from which sides they show the head
-- `advice`: what to record otherwise, in sentences; `error_table`, `contact_sheet`: errors, and frames with the mesh
+- `texture`: how the skull moves, by corners in hair and skin
+- `judgement`: errors by region, the contact sheet, and what to record otherwise
 """

@@ -17,7 +17,7 @@ from carigs.tracking.camera_placement import linked
 from carigs.tracking.cameras import Cameras
 from carigs.tracking.landmark_tracking import TrackedHead, Tracks, track_landmarks
 from carigs.tracking.recording import Recording
-from carigs.tracking.skull_motion import skull_motion
+from carigs.tracking.texture.skull_motion import skull_motion
 
 SHAPES = 30
 """Identity coefficients: landmarks of one camera determine no more."""

@@ -12,7 +12,7 @@ from carigs.footage import Selection, read_photographs
 from carigs.footage.measures import measure_frames
 from carigs.footage.photographs import image_files
 from carigs.readers.images import read_header
-from carigs.tracking.quality import openings
+from carigs.tracking.judgement.quality import openings
 from carigs.tracking.recording import Recording
 
 AUTO, TALK, ORBIT, PHOTOGRAPHS = "auto", "talk", "orbit", "photographs"

@@ -17,9 +17,9 @@ from carigs.tracking.cameras import Cameras
 from carigs.tracking.objective import LandmarkObjective, Shared
 from carigs.tracking.personal_expressions import landmark_errors, learn_corrections
 from carigs.tracking.priors import Motion, tracking_prior
-from carigs.tracking.skull_motion import SkullMotion
 from carigs.tracking.start import first_guess
 from carigs.tracking.surface_fields import SurfaceField
+from carigs.tracking.texture.skull_motion import SkullMotion
 from carigs.tracking.visibility import facing_camera, preferred_views
 from carigs.tracking.world import at_the_head
 

@@ -25,12 +25,12 @@ from carigs.head import HeadModel, neutral
 from carigs.matting import matted_frames
 from carigs.matting.closed_form import pymatting
 from carigs.settings import Track
-from carigs.tracking.advice import advice, advice_of_cameras
 from carigs.tracking.dataset import write_tracked_dataset
-from carigs.tracking.error_table import error_table
 from carigs.tracking.footage_tracking import track_footage
 from carigs.tracking.held_out import SPLITS
-from carigs.tracking.judged_frames import JudgedFrames
+from carigs.tracking.judgement.advice import advice, advice_of_cameras
+from carigs.tracking.judgement.error_table import error_table
+from carigs.tracking.judgement.judged_frames import JudgedFrames
 from carigs.tracking.kinds import AUTO, ORBIT, PHOTOGRAPHS, TALK, why_orbit, why_photographs
 from carigs.tracking.recording import Recording, oddities
 from carigs.tracking.sources import camera_sources, frames_in_step, scaled_focal_length

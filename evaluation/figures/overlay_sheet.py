@@ -9,9 +9,9 @@ import numpy as np
 from jaxtyping import Bool, Float32
 
 from carigs.capture import Capture
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.plausibility.diagnosis.reprojection import reproject
 from carigs.plausibility.diagnosis.scene import Scene, Shot, read_scene
-from carigs.plausibility.selection import spread
 from carigs.raster import compute_visibility
 from evaluation.figures.sheet import write_sheet
 
@@ -31,7 +31,7 @@ def overlay_sheet(file: Path, capture: Capture) -> None:
         capture: The capture.
     """
     scene = read_scene(capture, timesteps=ROWS, size=2 * HEIGHT)
-    cameras = spread(sorted({shot.frame.camera for shot in scene.shots}), COLUMNS)
+    cameras = evenly_spread(sorted({shot.frame.camera for shot in scene.shots}), COLUMNS)
     timesteps = sorted({shot.frame.timestep for shot in scene.shots})
     shots = {(shot.frame.timestep, shot.frame.camera): shot for shot in scene.shots}
     overlaps = reproject(scene, colours=False).overlaps

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from carigs.tracking.quality import TrackedFrames
+from carigs.tracking.judgement.quality import TrackedFrames
 
 COUNT, FPS = 500, 25.0
 

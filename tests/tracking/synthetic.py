@@ -9,7 +9,7 @@ import numpy as np
 from carigs.detection import mesh_indices as mesh
 from carigs.footage import TimedFrame
 from carigs.footage.measures import measure_frames
-from carigs.tracking.quality import TrackedFrames, face_sharpness, head_angles, openings
+from carigs.tracking.judgement.quality import TrackedFrames, face_sharpness, head_angles, openings
 from evaluation.benchmarks.footage.truth import FootageTruth
 
 IBUG = {

@@ -5,8 +5,8 @@ import pytest
 from project import ROOT
 from tracking.recordings import COUNT, FPS, recording
 
-from carigs.tracking.advice import advice, advice_of_cameras, listed
-from carigs.tracking.quality import TrackedFrames
+from carigs.tracking.judgement.advice import advice, advice_of_cameras, listed
+from carigs.tracking.judgement.quality import TrackedFrames
 
 GOOD = recording()
 LATE = np.arange(COUNT) >= COUNT // 2

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from carigs.tracking.bundle_adjustment import BundleAdjustment, RigidMotion
-from carigs.tracking.texture import TextureTracks
+from carigs.tracking.texture.bundle_adjustment import BundleAdjustment, RigidMotion
+from carigs.tracking.texture.corners import TextureTracks
 
 FOCAL, CENTRE = 900.0, np.array([256.0, 250.0])
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tracking.recordings import COUNT, recording
 
-from carigs.tracking.contact_sheet import COLUMNS, LINE, OUTLINE, SIDE, Overlay, contact_sheet, frames_to_show
+from carigs.tracking.judgement.contact_sheet import COLUMNS, LINE, OUTLINE, SIDE, Overlay, contact_sheet, frames_to_show
 
 FACES = np.array([[0, 1, 2], [0, 2, 3]])
 

@@ -19,7 +19,7 @@ from carigs.tracking.cameras import Cameras
 from carigs.tracking.footage_tracking import guessed_focal_length, kept_frames, track_footage
 from carigs.tracking.landmark_tracking import Tracks, track_landmarks
 from carigs.tracking.recording import Recording
-from carigs.tracking.skull_motion import SkullMotion
+from carigs.tracking.texture.skull_motion import SkullMotion
 from evaluation.benchmarks.footage.motion import Talk
 from evaluation.benchmarks.footage.oracle_landmarks import EXACT, oracle_landmarks
 from evaluation.benchmarks.footage.scenes import orbit, talk, three

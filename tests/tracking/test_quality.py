@@ -8,9 +8,9 @@ from tracking.recordings import COUNT, recording
 
 from carigs.capture import look_at
 from carigs.detection import mesh_indices as mesh
-from carigs.tracking.coverage import coverage
-from carigs.tracking.error_table import error_table
-from carigs.tracking.quality import face_sharpness, head_angles, openings
+from carigs.tracking.judgement.coverage import coverage
+from carigs.tracking.judgement.error_table import error_table
+from carigs.tracking.judgement.quality import face_sharpness, head_angles, openings
 
 
 @pytest.mark.parametrize(("yaw", "pitch", "roll"), [(0, 0, 0), (30, 0, 0), (-20, 15, 0), (10, -25, 12)])

@@ -8,7 +8,7 @@ from carigs.embedding import landmark_embedding
 from carigs.fitting.fitted_parameters import fitted_parameters
 from carigs.toy.rig.head_model import head_model
 from carigs.tracking.cameras import Cameras
-from carigs.tracking.skull_motion import ANCHORS, skull_motion
+from carigs.tracking.texture.skull_motion import ANCHORS, skull_motion
 from evaluation.benchmarks.footage.motion import Talk
 from evaluation.benchmarks.footage.oracle_landmarks import EXACT, oracle_landmarks
 from evaluation.benchmarks.footage.scenes import talk

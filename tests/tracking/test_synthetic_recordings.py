@@ -10,7 +10,7 @@ from tracking.synthetic import judged
 from carigs.settings import Toy
 from carigs.toy import head_model, make_subject
 from carigs.toy.rig.attributes import sample_attributes
-from carigs.tracking.advice import advice
+from carigs.tracking.judgement.advice import advice
 from evaluation.benchmarks.footage.backgrounds import background
 from evaluation.benchmarks.footage.motion import Talk
 from evaluation.benchmarks.footage.rendering import NOISE, before, person

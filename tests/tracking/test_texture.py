@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from carigs.tracking.texture import CELL, HeadImage, follow_texture
+from carigs.tracking.texture.corners import CELL, HeadImage, follow_texture
 
 SIDE, SHIFT = 200, np.array([2.0, 1.0])
 

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from jaxtyping import Bool, Int
 
-from carigs.tracking.coverage import DOWN, LEFT, RIGHT, UP, Coverage, coverage
-from carigs.tracking.quality import TrackedFrames
+from carigs.tracking.judgement.coverage import DOWN, LEFT, RIGHT, UP, Coverage, coverage
+from carigs.tracking.judgement.quality import TrackedFrames
 
 ENOUGH = 0.8
 """Share of each range of `coverage` that must be reached."""

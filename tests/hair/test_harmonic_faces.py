@@ -3,7 +3,7 @@
 import numpy as np
 from surfaces import sphere
 
-from carigs.mesh.harmonic_faces import faces_beside, harmonic_faces
+from carigs.hair.harmonic_faces import faces_beside, harmonic_faces
 
 
 def test_unknown_values_are_means_of_those_beside_and_between_the_known_ones():

@@ -9,10 +9,10 @@ from jaxtyping import Float, Int, UInt8
 
 from carigs.detection.mesh_indices import REGIONS
 from carigs.head import HeadModel, neutral, pose
-from carigs.tracking.contact_sheet import Overlay, contact_sheet, frames_to_show
 from carigs.tracking.dataset import tracked_cameras
 from carigs.tracking.footage_tracking import FootageTrack
-from carigs.tracking.quality import TrackedFrames, face_sharpness, head_angles, openings
+from carigs.tracking.judgement.contact_sheet import Overlay, contact_sheet, frames_to_show
+from carigs.tracking.judgement.quality import TrackedFrames, face_sharpness, head_angles, openings
 from carigs.tracking.recording import Recording
 
 View = tuple[int, int]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from carigs.tracking.quality import TrackedFrames
+from carigs.tracking.judgement.quality import TrackedFrames
 
 PERCENTILE = 90
 """Of the column of large errors."""

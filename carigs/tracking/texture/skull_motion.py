@@ -18,10 +18,10 @@ from scipy.spatial.transform import Rotation
 from carigs.fitting.fitted_parameters import FittedParameters
 from carigs.fitting.head_points import HeadPoints
 from carigs.head import HeadModel, SurfacePoints
-from carigs.tracking.bundle_adjustment import BundleAdjustment, RigidMotion
 from carigs.tracking.cameras import Cameras
 from carigs.tracking.start import first_guess
-from carigs.tracking.texture import HeadImage, follow_texture
+from carigs.tracking.texture.bundle_adjustment import BundleAdjustment, RigidMotion
+from carigs.tracking.texture.corners import HeadImage, follow_texture
 from carigs.tracking.visibility import facing_camera
 
 RIGID = 0.003

@@ -15,7 +15,7 @@ from scipy.linalg import solveh_banded
 from scipy.sparse import bsr_array, csr_array
 
 from carigs.head.joint_transforms import rotation_matrices
-from carigs.tracking.texture import TextureTracks
+from carigs.tracking.texture.corners import TextureTracks
 
 SIGMA, OUTLIER = 0.5, 4.0
 """Standard deviation of a track in pixels, and the scale of the loss (Geman and McClure) in standard deviations."""

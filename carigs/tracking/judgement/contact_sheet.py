@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 
 from carigs.capture.evenly_spread import evenly_spread
-from carigs.tracking.quality import TrackedFrames
+from carigs.tracking.judgement.quality import TrackedFrames
 
 WORST, TYPICAL = 4, 8
 """Frames that are shown."""
