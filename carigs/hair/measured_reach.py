@@ -21,6 +21,8 @@ GRAZING = 0.34
 reaches there: the hull of a ball is larger by 6 % of its radius at most."""
 SLACK = 1.25
 """Reach that is allowed where it is interpolated, over the interpolated one."""
+SHORT = 0.02
+"""Metres up to which hair is never cut: where few views see outlines, short hair is hardly measured."""
 RINGS = 3
 """Rings of triangles that a reach is taken from, because a voxel has only one nearest triangle."""
 
@@ -61,7 +63,7 @@ def within_measured_reach(
     for _ in range(RINGS):
         reach = np.maximum(reach, beside.multiply(reach[None]).max(axis=1).toarray().ravel())
     reach = harmonic_faces(reach, known, beside)
-    return measured | (distance <= SLACK * reach[nearest] + size)
+    return measured | (distance <= np.maximum(SLACK * reach[nearest] + size, SHORT))
 
 
 def _measured(

@@ -1,18 +1,15 @@
 """Lines along the strands of the hair, on the capture of a ball."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from carigs.capture import Capture
 from carigs.compile_ahead.ball_capture import RADIUS, write_ball_capture
-from carigs.hair import FoundHair, find_hair
+from carigs.hair import FoundHair
 from carigs.hair.strands import Strands
 from carigs.hair.views import read_views, scalp_motion
 from carigs.hair.volume import HairVolume
 from carigs.head import neutral
-from carigs.settings import Hair
 from evaluation.figures.strand_directions import FADED, LENGTH, SCALE, image_segments, strand_images
 
 
@@ -47,9 +44,9 @@ def test_lines_are_the_images_of_the_strands_that_a_camera_shows(capture):
 
 
 def test_lines_lie_on_the_faded_frame(capture):
-    found = find_hair(Hair(), capture)
-    dense = found.volume._replace(opacity=np.ones_like(found.volume.opacity))  # that of the ball is thin
-    frame, drawn = strand_images(capture, replace(found, volume=dense))
+    centres = [(x, RADIUS + 0.01, z) for x in np.linspace(-0.04, 0.04, 9) for z in (-0.02, 0.0, 0.02)]
+    found = hair_of(centres, [(1, 0, 0)] * len(centres), np.ones(len(centres)), np.full(len(centres), 0.9))
+    frame, drawn = strand_images(capture, found)
     assert frame.shape == drawn.shape == (48 * SCALE, 48 * SCALE, 3)
     faded = FADED + (1 - FADED) * frame
     changed = np.abs(drawn - faded).max(axis=2) > 0.05
