@@ -45,7 +45,7 @@ def harmonic_faces(
     if not unknown.size:
         return result
     laplacian = (diags_array(beside.sum(axis=1) + TOWARDS_ZERO) - beside).tocsr()[unknown]
-    around = laplacian[:, np.flatnonzero(known)] @ result[known].reshape(known.sum(), -1)
-    solved = splu(laplacian[:, unknown].tocsc()).solve(-around)
-    result[unknown] = solved.reshape(len(unknown), *result.shape[1:])
+    columns = result.reshape(len(result), -1)  # a view: it changes the result
+    around = laplacian[:, np.flatnonzero(known)] @ columns[known]
+    columns[unknown] = splu(laplacian[:, unknown].tocsc()).solve(-around)
     return result

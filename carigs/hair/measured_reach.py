@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import igl
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -29,6 +28,8 @@ RINGS = 3
 
 def within_measured_reach(
     points: Float[np.ndarray, "n 3"],
+    closest: Float[np.ndarray, "n 3"],
+    nearest: Int[np.ndarray, " n"],
     size: float,
     views: Sequence[tuple[Float[np.ndarray, "3 4"], Visibility]],
     vertices: Float[np.ndarray, "v 3"],
@@ -38,6 +39,8 @@ def within_measured_reach(
 
     Args:
         points: Centres of the hull's voxels in the axes of the head, in metres.
+        closest: The point of the head that is nearest to each.
+        nearest: The triangle on which that point lies.
         size: Edge of a voxel.
         views: Camera axes from the axes of the head, and what the camera sees of the head.
         vertices: Vertices of the head.
@@ -45,12 +48,9 @@ def within_measured_reach(
 
     Returns:
         True for points whose distance from the head a view measures, and for those that are not farther from it than
-        the hair around.
+        the hair around, or than `SHORT`.
     """
-    if not len(points):
-        return np.zeros(0, bool)
-    squared, nearest, closest = igl.point_mesh_squared_distance(points, np.asarray(vertices, np.float64), faces)
-    distance = np.sqrt(squared)
+    distance = np.linalg.norm(points - closest, axis=1)
     away = (points - closest) / np.maximum(distance, 1e-9)[:, None]
     measured = _measured(points, away, views)
     corners = vertices[faces]

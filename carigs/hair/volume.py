@@ -92,10 +92,11 @@ def carve_hair(
     fine, opacity = fine[opacity >= MIN_OPACITY], opacity[opacity >= MIN_OPACITY]
     found = np.ones(len(fine), bool)
     if len(fine):
-        squared, nearest, _ = igl.point_mesh_squared_distance(fine, np.asarray(canonical, np.float64), faces)
+        squared, nearest, closest = igl.point_mesh_squared_distance(fine, np.asarray(canonical, np.float64), faces)
+        nearest = nearest.astype(np.int64)
         found = scalp[nearest] | (cover[nearest] > 0.5) | (squared > NEAR_SKIN**2)
         looks = [(transform, seen) for transform, seen, _ in prepared]
-        found &= within_measured_reach(fine, COARSE / DIVISIONS, looks, canonical, faces)
+        found &= within_measured_reach(fine, closest, nearest, COARSE / DIVISIONS, looks, canonical, faces)
     return HairVolume(fine[found].astype(np.float32), opacity[found].astype(np.float32), COARSE / DIVISIONS)
 
 

@@ -25,3 +25,9 @@ def test_a_part_without_known_values_is_zero():
     filled = harmonic_faces(np.full(len(two), 7.0), known, faces_beside(two))
     np.testing.assert_allclose(filled, np.where(np.arange(len(two)) < len(faces), 7, 0), atol=1e-5)
     assert harmonic_faces(np.ones(len(two)), np.ones(len(two), bool), faces_beside(two)).all()
+
+
+def test_without_a_known_value_all_are_zero():
+    _, faces = sphere(1)
+    for values in (np.ones(len(faces)), np.ones((len(faces), 2))):
+        assert not harmonic_faces(values, np.zeros(len(faces), bool), faces_beside(faces)).any()
