@@ -15,7 +15,8 @@ from carigs.fitting.scattered_costs import scattered_cost, seen_from
 from carigs.raster import Visibility
 
 REACH = 0.02
-"""How far from the mesh's outline the matte's is searched, in sizes of the silhouette (square root of its area)."""
+"""How far from the mesh's outline the matte's is searched, in sizes of the silhouette (square root of its area), if the
+mesh is nearly right."""
 STEP = 0.5
 """Pixels between the samples of the search."""
 SIGMA = 0.005
@@ -44,6 +45,8 @@ def outline_lines(
     normals: Float[np.ndarray, "v 3"],
     matte: Float32[np.ndarray, "h w"],
     candidates: Int[np.ndarray, " n"],
+    *,
+    reach: float = REACH,
 ) -> OutlineLines:
     """Find vertices on the mesh's outline and, along their normals, where the matte falls below one half.
 
@@ -52,13 +55,14 @@ def outline_lines(
         normals: Unit vertex normals in world axes.
         matte: Opacities from 0 to 1.
         candidates: Vertices.
+        reach: How far from the mesh's outline the matte's is searched, in sizes of the silhouette.
 
     Returns:
         Lines; `point` counts the candidates.
     """
     camera, silhouette = visibility.camera, visibility.face >= 0
     size = np.sqrt(np.count_nonzero(silhouette))
-    reach = max(2.0, REACH * size)
+    reach = max(2.0, reach * size)
     pixels, limit = visibility.pixels[candidates], np.array([camera.width, camera.height])
     inside = ((pixels > reach + 1) & (pixels < limit - reach - 1)).all(axis=1)
     sides = [np.zeros(len(normals), bool) for _ in range(2)]
