@@ -101,12 +101,13 @@ def track_video(
     with status("fitting the head"), threadpool_limits(1, "blas"):  # the same bytes with any number of cores
         track = track_footage(recordings, model, points, numbers, focal_lengths=lengths)
     chin = float(points.interpolate(neutral(track.head.model, track.head.parameters[0]))[:, 1].min())
-    matted = chain.from_iterable(matted_frames(r.footage, lambda frame: segmenter(frame.image)) for r in recordings)
+    tracked = [recordings[r].footage.at(track.kept) for r in track.cameras]
+    matted = chain.from_iterable(matted_frames(footage, lambda frame: segmenter(frame.image)) for footage in tracked)
     write_tracked_dataset(
         folder,
         track,
         recordings,
-        progress(matted, "mattes", count),
+        progress(matted, "mattes", len(track.cameras) * len(track.kept)),
         background=settings.background,
         chin=chin if settings.body == "cut" else None,
         by_time=SPLITS[settings.held_out],
@@ -123,11 +124,11 @@ def track_video(
         lines = advice_of_cameras(frames)
     lines = [*oddities(recordings), *lines]
     (folder / TABLE).write_text("\n".join([table, *lines, ""]), "utf-8")
-    tracked = sum(int(seen.tracked.sum()) for seen in frames.values())
+    shown = sum(int(seen.tracked.sum()) for seen in frames.values())
     cameras = track.head.cameras
     first = [int(np.flatnonzero(cameras.lens == lens)[0]) for lens in range(cameras.lens_count)]
     lengths, guesses = (tuple(map(float, values[first])) for values in (cameras.focal, track.focal_guesses))
-    return VideoReport(kind, lengths, guesses, count, tracked, table, tuple(lines))
+    return VideoReport(kind, lengths, guesses, count, shown, table, tuple(lines))
 
 
 def read_recordings(

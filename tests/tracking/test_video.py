@@ -12,7 +12,8 @@ from PIL import Image
 import carigs.tracking.video as video_room
 from carigs.capture import read_dataset
 from carigs.cli.main import main
-from carigs.detection.face_tracking import ImageResult
+from carigs.detection.face_tracking import FoundFace, ImageResult
+from carigs.detection.likeness import COLOURS
 from carigs.detection.mesh_indices import COUNT
 from carigs.embedding import landmark_embedding
 from carigs.head import HeadModel
@@ -60,7 +61,7 @@ def use_truth(monkeypatch, truth, matte):
             points = next(in_order)
             inside = points[embedding.landmarks, :2]
             box = np.concatenate([inside.min(axis=0), inside.max(axis=0)])
-            yield ImageResult((points, 1.0, box), 1, False)
+            yield ImageResult(FoundFace(points, 1.0, box, np.ones(COLOURS, np.float32)), 1, False)
 
     def matted(footage, coarse):
         for frame in footage:
