@@ -62,6 +62,25 @@ class Footage:
             decode=lambda: (image for position, image in enumerate(self.decode()) if position in chosen),
         )
 
+    def turned(self, quarter_turns: int, why: str) -> Footage:
+        """The footage with turned frames.
+
+        Args:
+            quarter_turns: Clockwise.
+            why: A sentence for the warnings.
+
+        Returns:
+            Footage that is upright.
+        """
+        width, height = (self.height, self.width) if quarter_turns % 2 else (self.width, self.height)
+        return replace(
+            self,
+            width=width,
+            height=height,
+            decode=lambda: (np.ascontiguousarray(np.rot90(image, -quarter_turns)) for image in self.decode()),
+            warnings=(*self.warnings, why),
+        )
+
     def __len__(self) -> int:
         return len(self.numbers)
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import islice
 from math import ceil
 from pathlib import Path
 
 import numpy as np
 
+from carigs.detection import FaceNetworks
+from carigs.detection.upright import quarter_turns
 from carigs.errors import InputError
 from carigs.footage import Footage, Selection, read_footage, read_photographs, read_video
 from carigs.footage.photographs import SUFFIXES as IMAGES
@@ -19,6 +22,8 @@ SHORTEST = 1.0
 """Seconds."""
 OUT_OF_STEP = 0.25
 """Seconds by which recordings of one moment may differ in length."""
+LOOKED_AT = 4
+"""Every n-th frame is searched for faces that are not upright."""
 
 
 def camera_sources(path: Path) -> list[Path]:
@@ -106,6 +111,24 @@ def _every_frame(source: Path, frame_rate: float, largest_side: int) -> Footage:
     return replace(images, times=times, fps=frame_rate, duration=float(times[-1]))
 
 
+def set_upright(footage: Footage, networks: FaceNetworks) -> Footage:
+    """Turn the frames of a recording whose metadata do not say that it lies on its side, or is upside down.
+
+    Args:
+        footage: The frames.
+        networks: That find faces.
+
+    Returns:
+        The footage; its warnings say so if it is turned.
+    """
+    turns = quarter_turns(islice(footage.decode(), 0, None, LOOKED_AT), networks)
+    if not turns:
+        return footage
+    lies = "upside down" if turns == 2 else "on the side"
+    why = f"{footage.source}: turned by {(90, 180, -90)[turns - 1]} degrees, because its faces are {lies}"
+    return footage.turned(turns, why)
+
+
 def scaled_focal_length(footage: Footage, focal_length: float) -> float:
     """Scale a focal length to footage that is smaller than it was recorded.
 
@@ -121,4 +144,4 @@ def scaled_focal_length(footage: Footage, focal_length: float) -> float:
         recorded = photograph(source, 0, Selection())
     else:
         recorded = read_footage(source, Selection(max_frames=1))
-    return focal_length * footage.width / recorded.width
+    return focal_length * max(footage.width, footage.height) / max(recorded.width, recorded.height)

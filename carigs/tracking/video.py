@@ -33,7 +33,7 @@ from carigs.tracking.judgement.error_table import error_table
 from carigs.tracking.judgement.judged_frames import JudgedFrames
 from carigs.tracking.kinds import AUTO, ORBIT, PHOTOGRAPHS, TALK, why_orbit, why_photographs
 from carigs.tracking.recording import Recording, oddities
-from carigs.tracking.sources import camera_sources, frames_in_step, scaled_focal_length
+from carigs.tracking.sources import camera_sources, frames_in_step, scaled_focal_length, set_upright
 
 SHEET, TABLE = "tracking.png", "tracking.txt"
 """Files of the dataset that say how well the head was tracked."""
@@ -163,9 +163,10 @@ def read_recordings(
         faces = [collect([result]) for result in found]
         recordings = [Recording(f, face, measure_frames(f)) for f, face in zip(footages, faces, strict=True)]
         return f"photographs of one moment{f': {why}' if why else ''}", recordings
+    footages = frames_in_step(sources, settings.frame_rate, settings.largest_side)
     recordings = [
         Recording(f, collect(progress(follow_face(f.decode(), networks), "landmarks", len(f))), measure_frames(f))
-        for f in frames_in_step(sources, settings.frame_rate, settings.largest_side)
+        for f in (set_upright(footage, networks) for footage in footages)
     ]
     why = told == AUTO and len(sources) == 1 and why_orbit(recordings[0])
     if told == ORBIT or why:
