@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from carigs.detection import FaceNetworks
-from carigs.detection.upright import quarter_turns
+from carigs.detection.upright import ENOUGH, quarter_turns
 from carigs.errors import InputError
 from carigs.footage import Footage, Selection, read_footage, read_photographs, read_video
 from carigs.footage.photographs import SUFFIXES as IMAGES
@@ -23,7 +23,7 @@ SHORTEST = 1.0
 OUT_OF_STEP = 0.25
 """Seconds by which recordings of one moment may differ in length."""
 LOOKED_AT = 4
-"""Every n-th frame is searched for faces that are not upright."""
+"""Every n-th frame is searched for faces that are not upright; all frames of a short clip."""
 
 
 def camera_sources(path: Path) -> list[Path]:
@@ -121,7 +121,8 @@ def set_upright(footage: Footage, networks: FaceNetworks) -> Footage:
     Returns:
         The footage; its warnings say so if it is turned.
     """
-    turns = quarter_turns(islice(footage.decode(), 0, None, LOOKED_AT), networks)
+    every = max(min(LOOKED_AT, len(footage) // ENOUGH), 1)
+    turns = quarter_turns(islice(footage.decode(), 0, None, every), networks)
     if not turns:
         return footage
     lies = "upside down" if turns == 2 else "on the side"
