@@ -36,6 +36,10 @@ def test_a_folder_holds_the_recordings_of_cameras_or_the_images_of_one(tmp_path)
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match="is empty"):
         camera_sources(tmp_path / "empty")
+    # Photographs of a format that is not read are no videos: whoever reads them says that they are to be converted.
+    (tmp_path / "phone").mkdir()
+    (tmp_path / "phone" / "IMG_1.HEIC").touch()
+    assert camera_sources(tmp_path / "phone") == [tmp_path / "phone"]
 
 
 def test_frames_of_other_rates_are_those_of_the_same_moments(tmp_path):
