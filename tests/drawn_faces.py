@@ -21,14 +21,17 @@ def template() -> np.ndarray:
 FACE = template()
 
 
-def drawn(faces: list[Crop], shape: tuple[int, int] = (240, 320)) -> np.ndarray:
-    """Soft spots at the left (red), the right (green) and below (blue) of each face."""
+def drawn(faces: list[Crop], shape: tuple[int, int] = (240, 320), pale: Crop | None = None) -> np.ndarray:
+    """Soft spots at the left (red), the right (green) and below (blue) of each face; a pale one is another person's."""
     y, x = np.mgrid[: shape[0], : shape[1]] + 0.5
     image = np.zeros((*shape, 3))
     for face in faces:
         spots = np.array([[0.2, 0.3, 0], [0.8, 0.3, 0], [0.5, 0.85, 0]])
         for channel, spot in enumerate(to_image(spots, face, 1)):
             image[..., channel] += 255 * np.exp(-((x - spot[0]) ** 2 + (y - spot[1]) ** 2) / (0.1 * face.size) ** 2)
+    if pale is not None:
+        centre = to_image(np.array([[0.3, 0.7, 0]]), pale, 1)[0]
+        image += 30 * (((x - centre[0]) ** 2 + (y - centre[1]) ** 2) < (0.3 * pale.size) ** 2)[..., None]
     return image.clip(0, 255).round().astype(np.uint8)
 
 

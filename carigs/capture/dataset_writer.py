@@ -79,15 +79,20 @@ def referenced(source: Path, part: Path, folder: Path, name: str) -> str:
 
 
 def check_target(folder: Path) -> None:
-    """Refuse a folder whose contents would be lost.
+    """Refuse a folder whose contents would be lost, or that cannot be made.
 
     Args:
         folder: The folder that a dataset is to be written to.
 
     Raises:
-        InputError: If the folder holds something.
+        InputError: If the folder holds something, or a part of its path is a file or cannot be written to.
     """
-    if folder.exists() and (not folder.is_dir() or not all(is_system_file(file.name) for file in folder.iterdir())):
+    made = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not made.is_dir():
+        raise InputError("is a file; the output is a folder", file=made, remedy="name another folder")
+    if not os.access(made, os.W_OK | os.X_OK):
+        raise InputError("cannot be written to", file=made, remedy="name another folder for the output")
+    if made == folder and not all(is_system_file(file.name) for file in folder.iterdir()):
         raise InputError("is not empty; nothing is overwritten", file=folder)
 
 

@@ -2,7 +2,8 @@
 
 - `network`, `graph_cut`: networks of TensorFlow Lite, and parts of them
 - `face_detector`: boxes of faces; `attention_mesh`: landmarks in a crop; `crop`: rotated squares of an image
-- `face_networks`: all of them; `face_tracking`: one face followed over time; `face_track`: its landmarks
+- `face_networks`: all of them; `face_tracking`: one face followed over time; `face_track`: its landmarks;
+  `likeness`: whether two faces are of one person; `upright`: whether images are the right way up
 - `mesh_indices`: which landmark lies where
 """
 

@@ -11,8 +11,8 @@ from jaxtyping import Float, UInt8
 from carigs.detection.crop import Crop, image_from_crop, sample
 from carigs.detection.network import Network
 
-EYES = (0, 1)
-"""Of the six points: the eyes at the left and at the right of the image."""
+EYES, MOUTH = (0, 1), 3
+"""Of the six points: the eyes at the left and at the right of the image, and the middle of the mouth."""
 SAME_FACE = 0.3
 """Overlap (intersection over union) of boxes from which they are of one face."""
 LARGEST_LOGIT = 100.0

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float32, Int
 
-from carigs.detection.face_tracking import ImageResult
+from carigs.detection.face_tracking import FoundFace, ImageResult
+from carigs.detection.likeness import COLOURS
 from carigs.detection.mesh_indices import COUNT
 
 SHOWN = 10
@@ -28,7 +29,9 @@ class FaceTrack:
     faces: Int[np.ndarray, " t"]
     """How many faces the detector found."""
     jumped: Bool[np.ndarray, " t"]
-    """Where the face was elsewhere in the image before: a cut, or another person."""
+    """Where the face was elsewhere in the image before, or looked otherwise: a cut, or another person."""
+    colours: Float32[np.ndarray, "t k"]
+    """By which faces are compared (`carigs.detection.likeness`); NaN without a face."""
 
     @property
     def found(self) -> Bool[np.ndarray, " t"]:
@@ -63,14 +66,16 @@ def collect(results: Iterable[ImageResult]) -> FaceTrack:
         The track.
     """
     results = list(results)
-    nothing = np.full((COUNT, 3), np.nan, np.float32), 0.0, np.full(4, np.nan, np.float32)
+    unknown = np.full(COLOURS, np.nan, np.float32)
+    nothing = FoundFace(np.full((COUNT, 3), np.nan, np.float32), 0.0, np.full(4, np.nan, np.float32), unknown)
     faces = [result.face or nothing for result in results]
     return FaceTrack(
-        np.array([landmarks for landmarks, _, _ in faces], np.float32).reshape(-1, COUNT, 3),
-        np.array([presence for _, presence, _ in faces], np.float32),
-        np.array([box for _, _, box in faces], np.float32).reshape(-1, 4),
+        np.array([face.landmarks for face in faces], np.float32).reshape(-1, COUNT, 3),
+        np.array([face.presence for face in faces], np.float32),
+        np.array([face.box for face in faces], np.float32).reshape(-1, 4),
         np.array([result.faces for result in results], np.int64),
         np.array([result.jumped for result in results], bool),
+        np.array([face.colours for face in faces], np.float32).reshape(-1, COLOURS),
     )
 
 

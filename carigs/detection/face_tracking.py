@@ -12,6 +12,7 @@ from carigs.detection.attention_mesh import FaceInCrop
 from carigs.detection.crop import Crop, around, sample, to_image, turned_around
 from carigs.detection.face_detector import EYES, SAME_FACE, Face, overlaps
 from carigs.detection.face_networks import FaceNetworks, Mesh
+from carigs.detection.likeness import SAME, Acquaintance, differences, face_colours
 from carigs.detection.mesh_indices import LEFT_EYE, MIRRORED, RIGHT_EYE
 from carigs.errors import CarigsError
 
@@ -24,6 +25,11 @@ SEARCHES = 2
 """Crops that only say where the last one lies. From two on, the landmarks do not depend on where the first one lay."""
 LEAST_PRESENCE = 0.5
 """Probability of a face below which there is none."""
+CERTAIN_PRESENCE = 0.95
+"""The same where the detector finds none: before a hand over the whole face, the network still sees one, at 0.5 to 0.9;
+in views from the side, where the detector fails first, it is certain."""
+MOST_FACES = 4
+"""Of the largest faces of an image, those that are looked at."""
 FAR_JUMP = 0.5
 """Movement of the eyes between two images that is a jump, in lengths of the face."""
 
@@ -37,6 +43,8 @@ class FoundFace(NamedTuple):
     """Probability that these are those of a face."""
     box: Float32[np.ndarray, "4"]
     """Left, top, right, bottom of the landmarks."""
+    colours: Float32[np.ndarray, " k"]
+    """By which it is compared with other faces (`carigs.detection.likeness`)."""
 
 
 class ImageResult(NamedTuple):
@@ -46,14 +54,15 @@ class ImageResult(NamedTuple):
     faces: int
     """Number of faces that the detector found."""
     jumped: bool
-    """Whether the face was elsewhere in the image before, or another one was followed: a cut, or another person."""
+    """Whether the face was elsewhere in the image before, or looked otherwise: a cut, or another person."""
 
 
 def follow_face(images: Iterable[UInt8[np.ndarray, "h w 3"]], networks: FaceNetworks) -> Iterator[ImageResult]:
-    """Find the landmarks of one face: the largest one, and then that which it overlaps.
+    """Find the landmarks of one person: the largest face, and then those that look like it.
 
     Every image is searched for faces. Where the detector finds none, as in views from the side, the search begins where
-    the face was before. One image is in memory at a time.
+    the face was before. If no face looks like that of the person, the nearest to where it was is taken, or the largest:
+    light changes, and after a cut there may be somebody else. One image is in memory at a time.
 
     Args:
         images: RGB values, in the order of time.
@@ -65,15 +74,17 @@ def follow_face(images: Iterable[UInt8[np.ndarray, "h w 3"]], networks: FaceNetw
     Raises:
         CarigsError: If an image has other values than RGB from 0 to 255.
     """
-    last: FoundFace | None = None
+    person, last = Acquaintance(), None
     size: tuple[int, ...] = ()
     for number, image in enumerate(images):
         _check(image, number)
         if image.shape != size:
             last, size = None, image.shape
         faces = networks.near(image) or networks.far(image)
-        found = next(filter(None, (_look(image, crop, networks.mesh) for crop in _starts(faces, last))), None)
-        jumped = found is not None and last is not None and _movement(last, found) > FAR_JUMP
+        least = LEAST_PRESENCE if faces else CERTAIN_PRESENCE
+        seen = (_look(image, crop, networks.mesh, least) for crop in _starts(faces, last))
+        found = _best_known(filter(None, seen), person)
+        jumped = found is not None and last is not None and _jumps(last, found)
         yield ImageResult(found, len(faces), jumped)
         last = found or last
 
@@ -92,7 +103,7 @@ def _starts(faces: list[Face], last: FoundFace | None) -> Iterator[Crop]:
             yield _of_detection(faces[int(shared.argmax())])
     if last is not None:
         yield _of_landmarks(last.landmarks).scaled(SEARCH_MARGIN)
-    yield from (_of_detection(face) for face in sorted(faces, key=_area, reverse=True))
+    yield from (_of_detection(face) for face in sorted(faces, key=_area, reverse=True)[:MOST_FACES])
 
 
 def _of_detection(face: Face) -> Crop:
@@ -107,24 +118,35 @@ def _area(face: Face) -> float:
     return float(np.prod(face.box[2:] - face.box[:2]))
 
 
-def _look(image: UInt8[np.ndarray, "h w 3"], crop: Crop, mesh: Mesh) -> FoundFace | None:
-    """The landmarks of the face near a crop; None if there is none."""
+def _best_known(faces: Iterator[FoundFace], person: Acquaintance) -> FoundFace | None:
+    """The first face of the person, else the first face; no other one is looked at if the first is the person's."""
+    looked_at = []
+    for face in faces:
+        if person.recognises(face.colours):
+            return face
+        looked_at.append(face)
+    return looked_at[0] if looked_at else None
+
+
+def _look(image: UInt8[np.ndarray, "h w 3"], crop: Crop, mesh: Mesh, least: float) -> FoundFace | None:
+    """The landmarks of the face near a crop; None if its probability is too low."""
     for _ in range(SEARCHES):
         if crop.size < 1:
             return None
         found = mesh(sample(image, crop, mesh.side))
-        if found.presence < LEAST_PRESENCE:
+        if found.presence < least:
             return None
         crop = _of_landmarks(to_image(found.points, crop, mesh.side)).scaled(SEARCH_MARGIN)
     crops = [crop.scaled(margin / SEARCH_MARGIN) for margin in FINAL_MARGINS]
-    views = [with_mirror_image(sample(image, crop, mesh.side), mesh) for crop in crops]
+    pixels = [sample(image, crop, mesh.side) for crop in crops]
+    views = [with_mirror_image(crop, mesh) for crop in pixels]
     presence = min(view.presence for view in views)
-    if presence < LEAST_PRESENCE:
+    if presence < least:
         return None
     found = [to_image(view.points, crop, mesh.side) for view, crop in zip(views, crops, strict=True)]
     landmarks = np.mean(found, axis=0).astype(np.float32)
     box = np.concatenate([landmarks[:, :2].min(axis=0), landmarks[:, :2].max(axis=0)])
-    return FoundFace(landmarks, presence, box)
+    return FoundFace(landmarks, presence, box, face_colours(pixels[0], views[0].points))
 
 
 def with_mirror_image(crop: UInt8[np.ndarray, "s s 3"], mesh: Mesh) -> FaceInCrop:
@@ -140,6 +162,12 @@ def with_mirror_image(crop: UInt8[np.ndarray, "s s 3"], mesh: Mesh) -> FaceInCro
     plain, mirrored = mesh(crop), mesh(np.ascontiguousarray(crop[:, ::-1]))
     back = mirrored.points[list(MIRRORED)] * (-1, 1, 1) + (mesh.side, 0, 0)
     return FaceInCrop((plain.points + back) / 2, min(plain.presence, mirrored.presence))
+
+
+def _jumps(before: FoundFace, after: FoundFace) -> bool:
+    """Whether a face is somewhere else than the one before, or looks otherwise."""
+    differs = float(differences(before.colours[None], after.colours[None])[0, 0])
+    return _movement(before, after) > FAR_JUMP or differs > SAME
 
 
 def _movement(before: FoundFace, after: FoundFace) -> float:

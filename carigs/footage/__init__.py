@@ -4,6 +4,7 @@
 - `selection.Selection`: which frames, and how large
 - `video`, `decoder`: videos, decoded in a process with limits
 - `photographs`: folders of images
+- `stored`: decoded frames in a file, for those who read them often
 - `measures`, `cuts`: sharpness, exposure, white balance, repeated frames and cuts of what was decoded
 """
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Int, UInt8
 
 
 class TimedFrame(NamedTuple):
@@ -44,6 +44,42 @@ class Footage:
     decode: Callable[[], Iterator[UInt8[np.ndarray, "h w 3"]]] = field(repr=False)
     """Starts at the first frame."""
     warnings: tuple[str, ...] = ()
+
+    def at(self, positions: Sequence[int] | Int[np.ndarray, " m"]) -> Footage:
+        """Some of the frames.
+
+        Args:
+            positions: Which of those that are yielded, ascending.
+
+        Returns:
+            Footage that yields them alone.
+        """
+        chosen = {int(position) for position in positions}
+        return replace(
+            self,
+            numbers=tuple(self.numbers[position] for position in sorted(chosen)),
+            times=self.times[sorted(chosen)],
+            decode=lambda: (image for position, image in enumerate(self.decode()) if position in chosen),
+        )
+
+    def turned(self, quarter_turns: int, why: str) -> Footage:
+        """The footage with turned frames.
+
+        Args:
+            quarter_turns: Clockwise.
+            why: A sentence for the warnings.
+
+        Returns:
+            Footage that is upright.
+        """
+        width, height = (self.height, self.width) if quarter_turns % 2 else (self.width, self.height)
+        return replace(
+            self,
+            width=width,
+            height=height,
+            decode=lambda: (np.ascontiguousarray(np.rot90(image, -quarter_turns)) for image in self.decode()),
+            warnings=(*self.warnings, why),
+        )
 
     def __len__(self) -> int:
         return len(self.numbers)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float, Shaped, UInt8
 
 from carigs.capture.evenly_spread import evenly_spread
 from carigs.footage.footage import TimedFrame
@@ -37,6 +37,8 @@ class FrameMeasures(NamedTuple):
     """1 - correlation with the small image of the frame before, whatever the brightness; 0 for the first."""
     combing: Float[np.ndarray, " n"]
     """How much lines differ from those between them: above 1 for interlaced frames with motion."""
+    thumbnails: UInt8[np.ndarray, "n s s 3"]
+    """The frames, reduced to `THUMBNAIL` pixels a side."""
 
 
 def measure_frames(
@@ -70,7 +72,7 @@ def measure_frames(
             layout.append(0.0)
         else:
             change.append(float(np.abs(small - small_before).mean()))
-            layout.append(1 - _correlation(thumbnails[-1], thumbnail))
+            layout.append(1 - correlation(thumbnails[-1], thumbnail))
         small_before = small
         thumbnails.append(thumbnail)
     exposure, white_balance = _against_median(thumbnails)
@@ -79,6 +81,7 @@ def measure_frames(
         exposure,
         white_balance,
         *(np.array(values, np.float64) for values in (change, layout, combing)),
+        np.array(thumbnails, np.uint8).reshape(-1, THUMBNAIL, THUMBNAIL, 3),
     )
 
 
@@ -93,8 +96,16 @@ def _combing(grey: UInt8[np.ndarray, "h w"]) -> float:
     return float(fine[strong].mean() / max(coarse[strong].mean(), 1)) if strong.mean() > 1e-3 else 0.0
 
 
-def _correlation(first: UInt8[np.ndarray, "h w 3"], second: UInt8[np.ndarray, "h w 3"]) -> float:
-    """Of the values of two small images; 1 for two images without contrast."""
+def correlation(first: Shaped[np.ndarray, "*s 3"], second: Shaped[np.ndarray, "*s 3"]) -> float:
+    """Compare two small images, or the same pixels of both, whatever their brightness and contrast.
+
+    Args:
+        first: Levels of 8 bits.
+        second: The same of the other one.
+
+    Returns:
+        The correlation of their values; 1 for two images without contrast.
+    """
     a, b = (image.astype(np.float64).ravel() - image.mean() for image in (first, second))
     length = np.sqrt((a @ a) * (b @ b))
     flat = np.sqrt(len(a) * len(b))  # a deviation of one level

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil
 
 import cv2
 import numpy as np
@@ -28,6 +29,8 @@ class Selection:
     """Use the frames nearest to these seconds after the first frame, and no others; None for all."""
     largest_side: int | None = None
     """Larger frames are scaled down to this number of pixels."""
+    frame_rate: float | None = None
+    """Every n-th frame is used, so that there are no more per second than this; None for all. Replaces `every`."""
 
     def __post_init__(self) -> None:
         for name in ("every", "max_frames", "largest_side"):
@@ -49,8 +52,9 @@ class Selection:
         since_first = times - times[:1]
         if self.at is not None:
             return [int(np.abs(since_first - second).argmin()) for second in self.at]
+        every = self.every if self.frame_rate is None else _every(times, self.frame_rate)
         inside = (since_first >= self.start) & (since_first <= (np.inf if self.end is None else self.end))
-        chosen = [int(number) for number in np.flatnonzero(inside)[:: self.every]]
+        chosen = [int(number) for number in np.flatnonzero(inside)[::every]]
         return chosen if self.max_frames is None else evenly_spread(chosen, self.max_frames)
 
     def size(self, width: int, height: int) -> tuple[int, int]:
@@ -65,6 +69,11 @@ class Selection:
         """
         scale = min(1.0, (self.largest_side or max(width, height)) / max(width, height))
         return max(round(width * scale), 1), max(round(height * scale), 1)
+
+
+def _every(times: Float[np.ndarray, " n"], frame_rate: float) -> int:
+    """Which n makes every n-th frame come at most so often."""
+    return max(ceil(1 / float(np.median(np.diff(times))) / frame_rate - 1e-6), 1) if len(times) > 1 else 1
 
 
 def scaled_down(image: UInt8[np.ndarray, "h w 3"], size: tuple[int, int]) -> UInt8[np.ndarray, "h2 w2 3"]:

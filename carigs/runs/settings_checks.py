@@ -11,6 +11,13 @@ from carigs.errors import SettingsError
 from carigs.runs.outside_files import outside_files
 from carigs.settings import STAGES, USEFUL_LEVEL
 
+STUDIES_THAT_READ = {
+    "video": {"video": "video"},
+    "folder": {"folder": "own"},
+    "head_model": {"folder": "own", "video": "video"},
+}
+"""For each file of a capture: the kinds of captures that read it, each with a study of that kind."""
+
 
 def check_study(combinations: Sequence[Sequence[str]]) -> None:
     """Compose all settings of a study.
@@ -44,7 +51,7 @@ def settings_warnings(overrides: Sequence[str]) -> list[str]:
 
     Returns:
         One line each for gamma and levels of regions beyond `USEFUL_LEVEL`, for levels above
-        gamma, and for each file of a subject that is not where it should be.
+        gamma, for files that no subject reads, and for each file of a subject that is not where it should be.
     """
     config, lines = compose_study(*overrides), []
     regions = {f"exaggerate.regions.{name}": level for name, level in config.exaggerate.regions.items()}
@@ -64,9 +71,21 @@ def settings_warnings(overrides: Sequence[str]) -> list[str]:
                     missing.setdefault((key, path), []).append(subject)
     for (key, path), subjects in missing.items():
         lines.append(f"{key}: there is no {path}; {', '.join(dict.fromkeys(subjects))} cannot be made")
+    lines += _captures_that_nothing_reads(overrides, config.study.subjects)
     for subject in config.study.subjects:
         truth = compose(*overrides, f"subject={subject}").truth.folder
         if truth and not any(Path(truth.replace("{level}", level)).is_dir() for level in shown):
             folder = truth.replace("{level}", shown[-1])
             lines.append(f"truth.folder: no folder {folder}; {subject} is compared with no true caricature")
+    return lines
+
+
+def _captures_that_nothing_reads(overrides: Sequence[str], subjects: Sequence[str]) -> list[str]:
+    """A line for each file of a capture that is given, while all subjects are of kinds that do not read it."""
+    captures, lines = [compose(*overrides, f"subject={subject}").capture for subject in subjects], []
+    for key, studies in STUDIES_THAT_READ.items():
+        (value, *_), kinds = [capture[key] for capture in captures], {capture.source for capture in captures}
+        if value is not None and not kinds & studies.keys():
+            remedy = " or ".join(f"study={study}" for study in studies.values())
+            lines.append(f"capture.{key}={value}: the study's {', '.join(subjects)} does not read it; add {remedy}")
     return lines

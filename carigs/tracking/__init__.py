@@ -3,7 +3,7 @@
 - `video.track_video`: all of it, for one camera or several, an orbit, or photographs of one moment
 - `sources`, `kinds`: which files are recordings, their frames in step, and what kind of footage they are
 - `recording.Recording`: what one camera recorded, with landmarks and measures
-- `footage_tracking`: which frames count, and the solver on their landmarks
+- `takes`: which frames count; `footage_tracking`: the solver on their landmarks
 - `landmark_tracking`, `objective`, `priors`, `start`, `visibility`: the solver
 - `cameras.Cameras`: focal lengths and poses that are estimated; `camera_placement`: where they stand to each other;
   `world`: the world of a dataset

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterable, Sequence
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -35,8 +36,7 @@ def write_tracked_dataset(
         folder: Folder to create.
         track: The tracked head.
         recordings: The frames.
-        matted: All of them with mattes, in order, recording after recording; those that are not tracked are passed
-            over.
+        matted: Those that are tracked, with mattes, in order, recording after recording.
         background: Grey value that frames are composited on.
         chin: Height of the chin on the neutral head in metres: mattes end below it. None to keep the body.
         by_time: Names the split of each tracked timestep of a clip.
@@ -50,18 +50,14 @@ def write_tracked_dataset(
     frames_folder.mkdir(parents=True)
     head, model = track.head, track.head.model
     cut = NeckCut(neutral(model, head.parameters[0]), model.faces, chin) if chin is not None else None
-    timesteps, numbers = ({int(k): i for i, k in enumerate(kept)} for kept in (track.kept, track.cameras))
-    places = ((r, k) for r, recording in enumerate(recordings) for k in range(len(recording.footage)))
+    places = product(range(len(track.cameras)), range(len(track.kept)))
     try:
-        for (r, k), (_, alpha, foreground) in zip(places, matted, strict=True):
-            if r not in numbers or k not in timesteps:
-                continue
-            t, c = timesteps[k], numbers[r]
+        for (c, t), (_, alpha, foreground) in zip(places, matted, strict=True):
             if cut is not None:
                 alpha = alpha * cut.kept_share(pose(model, head.parameters[t]), cameras[c])
             write_png(frames_folder / f"{t:05d}_{c:02d}.png", composite(foreground, alpha, background) / 255.0)
             write_png(frames_folder / f"{t:05d}_{c:02d}_matte.png", alpha)
-        names = held_out(len(timesteps), len(numbers), _frontal(cameras), by_time)
+        names = held_out(len(track.kept), len(track.cameras), _frontal(cameras), by_time)
         frames = tuple(
             Frame(t, c, "", split, f"{t:05d}_{c:02d}.png", f"{t:05d}_{c:02d}_matte.png", parameter_file(t), c)
             for t, row in enumerate(names)

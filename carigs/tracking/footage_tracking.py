@@ -11,12 +11,12 @@ from jaxtyping import Float, Int
 
 from carigs.errors import InputError
 from carigs.fitting.fitted_parameters import fitted_parameters
-from carigs.footage.cuts import find_cuts
 from carigs.head import HeadModel, SurfacePoints
 from carigs.tracking.camera_placement import linked
 from carigs.tracking.cameras import Cameras
 from carigs.tracking.landmark_tracking import TrackedHead, Tracks, track_landmarks
 from carigs.tracking.recording import Recording
+from carigs.tracking.takes import in_image, kept_frames, shows_face
 from carigs.tracking.texture.skull_motion import skull_motion
 
 SHAPES = 30
@@ -29,10 +29,8 @@ DISTANCE, FACE_WIDTH = 1.0, 0.15
 """Metres from the camera that filmed such a part, or from one of several cameras on stands; and width of a face."""
 GUESSED, STATED = 0.15, 0.02
 """Standard deviations of the logarithm of a focal length that is guessed, or that metadata state."""
-LEAST_FRAMES, LEAST_VIEWS = 10, 3
-"""That show a face, in one take; and of one moment."""
-LEAST_PRESENCE = 0.5
-"""Probability of the face below which a frame is left out."""
+LEAST_VIEWS = 3
+"""That show a face, of one moment."""
 
 
 @dataclass(frozen=True)
@@ -75,14 +73,14 @@ def track_footage(
         focal_lengths: In pixels of the footage; None for what its metadata say, or a guess.
 
     Returns:
-        The head in the frames of the longest take.
+        The head in the frames of the longest shot.
 
     Raises:
         InputError: If too few frames in a row show a face, or a camera never sees it together with another one.
     """
     one_moment = len(recordings[0].footage) == 1
     kept, left_out = kept_frames(recordings)
-    faces = np.array([recording.faces.presence[kept] >= LEAST_PRESENCE for recording in recordings]).T
+    faces = np.array([shows_face(recording)[kept] for recording in recordings]).T
     cameras = np.flatnonzero(faces.any(axis=0)) if one_moment else np.arange(len(recordings))
     if one_moment and len(cameras) < LEAST_VIEWS:
         problem = f"{len(cameras)} of {len(recordings)} images show a face; at least {LEAST_VIEWS} are needed"
@@ -94,7 +92,8 @@ def track_footage(
     pixels = np.stack([r.faces.landmarks[kept][:, numbers, :2].astype(np.float64) for r in used], axis=1)
     pixels[~faces] = np.nan
     presence = np.stack([r.faces.presence[kept] for r in used], axis=1).astype(np.float64) * faces
-    confidence = np.repeat(presence[..., None], len(numbers), axis=2)
+    seen_points = np.stack([in_image(pixels[:, c], r.footage) for c, r in enumerate(used)], axis=1)
+    confidence = presence[..., None] * seen_points
     tracks = Tracks(np.nan_to_num(pixels), confidence, used[0].footage.times[kept])
     given = focal_lengths or [None] * len(recordings)
     stated = [given[c] or r.footage.focal_length for c, r in zip(cameras, used, strict=True)]
@@ -112,9 +111,7 @@ def track_footage(
     fitted = fitted_parameters(model, np.unique(embedding.corners), max_shape=SHAPES)
     skull = None
     if len(used) == 1 and not one_moment:  # before several cameras, parallax tells how the head turns
-        shown = {*kept.tolist()}
-        images = (image for k, image in enumerate(used[0].footage.decode()) if k in shown)
-        skull = skull_motion(images, model, fitted, embedding, pixels[:, 0], start)
+        skull = skull_motion(used[0].footage.at(kept).decode(), model, fitted, embedding, pixels[:, 0], start)
     head = track_landmarks(model, fitted, embedding, tracks, start, focal_deviation=deviations, skull=skull)
     return FootageTrack(kept, cameras, left_out, pixels, head, guesses)
 
@@ -163,39 +160,3 @@ def guessed_focal_length(
     if sides[1] <= SQUARE * sides[0]:
         return by_distance
     return max(by_view, by_distance) if on_stands else by_view
-
-
-def kept_frames(recordings: Sequence[Recording]) -> tuple[Int[np.ndarray, " t"], tuple[tuple[str, ...], ...]]:
-    """Find the frames of the longest take in which a camera sees the face.
-
-    Args:
-        recordings: As many frames of each camera.
-
-    Returns:
-        Their positions, and why the others of each recording are left out.
-
-    Raises:
-        InputError: If there are too few.
-    """
-    count = len(recordings[0].faces.found)
-    good = np.array([recording.faces.presence >= LEAST_PRESENCE for recording in recordings])
-    take = np.searchsorted(_cuts(recordings), np.arange(count), side="right")
-    seen = good.any(axis=0)
-    longest = np.bincount(take[seen], minlength=1).argmax() if seen.any() else 0
-    kept = np.flatnonzero(seen & (take == longest))
-    if 1 < count and len(kept) < LEAST_FRAMES:
-        problem = f"{len(kept)} of {count} frames show a face in one take; at least {LEAST_FRAMES} are needed"
-        raise InputError(problem, file=recordings[0].footage.source)
-    other = "another take, before or after a cut"
-    reasons = np.where(~good, "no face", np.where(take != longest, other, ""))
-    return (np.array([0]) if count == 1 else kept), tuple(map(tuple, reasons.tolist()))
-
-
-def _cuts(recordings: Sequence[Recording]) -> Int[np.ndarray, " k"]:
-    """Where a take begins: most cameras cut, or see the face jump."""
-    count = len(recordings[0].faces.found)
-    cut = np.zeros((len(recordings), count), bool)
-    for row, recording in zip(cut, recordings, strict=True):
-        row[find_cuts(recording.measures)] = True
-        row |= recording.faces.jumped
-    return np.flatnonzero(cut.mean(axis=0) > 0.5)

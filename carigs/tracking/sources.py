@@ -4,21 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import ceil
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
+from carigs.detection import FaceNetworks
+from carigs.detection.upright import ENOUGH, quarter_turns
 from carigs.errors import InputError
 from carigs.footage import Footage, Selection, read_footage, read_photographs, read_video
+from carigs.footage.photographs import OTHER_SUFFIXES, photograph
 from carigs.footage.photographs import SUFFIXES as IMAGES
-from carigs.footage.photographs import photograph
 from carigs.readers.folders import is_system_file, listed, natural_order
 
 SHORTEST = 1.0
 """Seconds."""
 OUT_OF_STEP = 0.25
 """Seconds by which recordings of one moment may differ in length."""
+LOOKED_AT = 4
+"""Every n-th frame is searched for faces that are not upright; all frames of a short clip."""
 
 
 def camera_sources(path: Path) -> list[Path]:
@@ -38,7 +42,7 @@ def camera_sources(path: Path) -> list[Path]:
     inside = sorted((file for file in listed(path) if not is_system_file(file.name)), key=natural_order)
     if not inside:
         raise InputError("is empty; a video, images, or a recording of each camera are expected", file=path)
-    images = any(file.is_file() and file.suffix.lower() in IMAGES for file in inside)
+    images = any(file.is_file() and file.suffix.lower() in (*IMAGES, *OTHER_SUFFIXES) for file in inside)
     return [path] if images else inside
 
 
@@ -56,11 +60,13 @@ def chosen_frames(source: Path, frame_rate: float, largest_side: int) -> Footage
     Raises:
         InputError: If the video cannot be read, or is shorter than a second.
     """
-    footage = _every_frame(source, frame_rate, largest_side)
+    if source.is_dir():
+        footage = _images(source, frame_rate, largest_side)
+    else:
+        footage = read_video(source, Selection(frame_rate=frame_rate, largest_side=largest_side))
     if footage.duration < SHORTEST:
         raise InputError(f"{footage.duration:.2f} s long; at least {SHORTEST:g} s are needed", file=source)
-    every = max(ceil(footage.fps / frame_rate - 1e-6), 1)
-    return read_video(source, Selection(every=every, largest_side=largest_side)) if every > 1 else footage
+    return footage
 
 
 def frames_in_step(sources: Sequence[Path], frame_rate: float, largest_side: int) -> list[Footage]:
@@ -82,28 +88,46 @@ def frames_in_step(sources: Sequence[Path], frame_rate: float, largest_side: int
     first = chosen_frames(sources[0], frame_rate, largest_side)
     found = [first]
     for source in sources[1:]:
-        whole = _every_frame(source, frame_rate, largest_side)
-        difference = whole.duration - first.duration
+        since_first = first.times - first.times[0]
+        if source.is_dir():
+            found_there = _images(source, frame_rate, largest_side)
+        else:
+            found_there = read_video(source, Selection(at=tuple(since_first.tolist()), largest_side=largest_side))
+        difference = found_there.duration - first.duration
         if abs(difference) > (OUT_OF_STEP if source.is_file() else 0.5 / frame_rate):
             raise InputError(
-                f"{whole.duration:.2f} s long, but {sources[0].name} {first.duration:.2f} s",
+                f"{found_there.duration:.2f} s long, but {sources[0].name} {first.duration:.2f} s",
                 file=source,
                 remedy="cut the recordings of all cameras to the same moments",
             )
-        since_first = first.times - first.times[0]
-        if source.is_file():
-            whole = read_video(source, Selection(at=tuple(since_first.tolist()), largest_side=largest_side))
-        found.append(replace(whole, times=first.times))
+        found.append(replace(found_there, times=first.times))
     return found
 
 
-def _every_frame(source: Path, frame_rate: float, largest_side: int) -> Footage:
-    """All frames; those of a folder have the wanted rate."""
-    if not source.is_dir():
-        return read_video(source, Selection(largest_side=largest_side))
+def _images(source: Path, frame_rate: float, largest_side: int) -> Footage:
+    """All images of a folder, which have the wanted rate."""
     images = read_photographs(source, Selection(largest_side=largest_side))
     times = np.arange(len(images)) / frame_rate
     return replace(images, times=times, fps=frame_rate, duration=float(times[-1]))
+
+
+def set_upright(footage: Footage, networks: FaceNetworks) -> Footage:
+    """Turn the frames of a recording whose metadata do not say that it lies on its side, or is upside down.
+
+    Args:
+        footage: The frames.
+        networks: That find faces.
+
+    Returns:
+        The footage; its warnings say so if it is turned.
+    """
+    every = max(min(LOOKED_AT, len(footage) // ENOUGH), 1)
+    turns = quarter_turns(islice(footage.decode(), 0, None, every), networks)
+    if not turns:
+        return footage
+    lies = "upside down" if turns == 2 else "on the side"
+    why = f"{footage.source}: turned by {(90, 180, -90)[turns - 1]} degrees, because its faces are {lies}"
+    return footage.turned(turns, why)
 
 
 def scaled_focal_length(footage: Footage, focal_length: float) -> float:
@@ -121,4 +145,4 @@ def scaled_focal_length(footage: Footage, focal_length: float) -> float:
         recorded = photograph(source, 0, Selection())
     else:
         recorded = read_footage(source, Selection(max_frames=1))
-    return focal_length * footage.width / recorded.width
+    return focal_length * max(footage.width, footage.height) / max(recorded.width, recorded.height)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -21,19 +22,20 @@ from carigs.fitting.landmarks.embedding import read_embedding
 from carigs.footage import Selection
 from carigs.footage.measures import measure_frames
 from carigs.footage.photographs import each_photograph
+from carigs.footage.stored import stored
 from carigs.head import HeadModel, neutral
 from carigs.matting import matted_frames
 from carigs.matting.closed_form import pymatting
 from carigs.settings import Track
 from carigs.tracking.dataset import write_tracked_dataset
-from carigs.tracking.footage_tracking import track_footage
+from carigs.tracking.footage_tracking import FootageTrack, track_footage
 from carigs.tracking.held_out import SPLITS
 from carigs.tracking.judgement.advice import advice, advice_of_cameras
 from carigs.tracking.judgement.error_table import error_table
 from carigs.tracking.judgement.judged_frames import JudgedFrames
 from carigs.tracking.kinds import AUTO, ORBIT, PHOTOGRAPHS, TALK, why_orbit, why_photographs
 from carigs.tracking.recording import Recording, oddities
-from carigs.tracking.sources import camera_sources, frames_in_step, scaled_focal_length
+from carigs.tracking.sources import camera_sources, frames_in_step, scaled_focal_length, set_upright
 
 SHEET, TABLE = "tracking.png", "tracking.txt"
 """Files of the dataset that say how well the head was tracked."""
@@ -93,25 +95,48 @@ def track_video(
     sources = sources or camera_sources(Path(settings.video or ""))
     model = HeadModel.load(settings.head_model)
     points, numbers = read_embedding(settings.embedding and Path(settings.embedding), model, COUNT)
-    kind, recordings = read_recordings(settings, sources, networks, progress)
-    count = sum(len(recording.footage) for recording in recordings)
-    focal = settings.focal_length
+    with _folder_beside(folder) as decoded:
+        kind, recordings = read_recordings(settings, sources, networks, progress, decoded)
+        lengths = _given_focal_lengths(recordings, settings.focal_length)
+        with status("fitting the head"), threadpool_limits(1, "blas"):  # the same bytes with any number of cores
+            track = track_footage(recordings, model, points, numbers, focal_lengths=lengths)
+        chin = float(points.interpolate(neutral(track.head.model, track.head.parameters[0]))[:, 1].min())
+        tracked = [recordings[r].footage.at(track.kept) for r in track.cameras]
+        matted = chain.from_iterable(matted_frames(clip, lambda frame: segmenter(frame.image)) for clip in tracked)
+        write_tracked_dataset(
+            folder,
+            track,
+            recordings,
+            progress(matted, "mattes", len(track.cameras) * len(track.kept)),
+            background=settings.background,
+            chin=chin if settings.body == "cut" else None,
+            by_time=SPLITS[settings.held_out],
+        )
+        return _report(kind, track, recordings, JudgedFrames(track, recordings, numbers), folder)
+
+
+@contextmanager
+def _folder_beside(folder: Path) -> Iterator[Path]:
+    """A folder for decoded frames, on the disk that has room for the dataset; it is removed with its contents."""
+    scratch = folder.parent / f".{folder.name}.decoded"
+    shutil.rmtree(scratch, ignore_errors=True)
+    scratch.mkdir(parents=True)
+    try:
+        yield scratch
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _given_focal_lengths(recordings: Sequence[Recording], focal: float | None) -> list[float | None]:
+    """The focal length of the settings in pixels of each recording, if there is one."""
     scaled = {r.footage.source: focal and scaled_focal_length(r.footage, focal) for r in recordings}
-    lengths = [scaled[recording.footage.source] for recording in recordings]
-    with status("fitting the head"), threadpool_limits(1, "blas"):  # the same bytes with any number of cores
-        track = track_footage(recordings, model, points, numbers, focal_lengths=lengths)
-    chin = float(points.interpolate(neutral(track.head.model, track.head.parameters[0]))[:, 1].min())
-    matted = chain.from_iterable(matted_frames(r.footage, lambda frame: segmenter(frame.image)) for r in recordings)
-    write_tracked_dataset(
-        folder,
-        track,
-        recordings,
-        progress(matted, "mattes", count),
-        background=settings.background,
-        chin=chin if settings.body == "cut" else None,
-        by_time=SPLITS[settings.held_out],
-    )
-    judge = JudgedFrames(track, recordings, numbers)
+    return [scaled[recording.footage.source] for recording in recordings]
+
+
+def _report(
+    kind: str, track: FootageTrack, recordings: Sequence[Recording], judge: JudgedFrames, folder: Path
+) -> VideoReport:
+    """Judge a track, and write what is to be said of it into the dataset."""
     views = judge.sequences()
     frames = {name: judge.judged(seen) for name, seen in views.items()}
     write_png(folder / SHEET, np.vstack([judge.sheet(name, views[name], frames[name]) for name in views]) / 255.0)
@@ -123,15 +148,15 @@ def track_video(
         lines = advice_of_cameras(frames)
     lines = [*oddities(recordings), *lines]
     (folder / TABLE).write_text("\n".join([table, *lines, ""]), "utf-8")
-    tracked = sum(int(seen.tracked.sum()) for seen in frames.values())
+    count, shown = sum(len(r.footage) for r in recordings), sum(int(seen.tracked.sum()) for seen in frames.values())
     cameras = track.head.cameras
     first = [int(np.flatnonzero(cameras.lens == lens)[0]) for lens in range(cameras.lens_count)]
     lengths, guesses = (tuple(map(float, values[first])) for values in (cameras.focal, track.focal_guesses))
-    return VideoReport(kind, lengths, guesses, count, tracked, table, tuple(lines))
+    return VideoReport(kind, lengths, guesses, count, shown, table, tuple(lines))
 
 
 def read_recordings(
-    settings: Track, sources: Sequence[Path], networks: FaceNetworks, progress: Progress
+    settings: Track, sources: Sequence[Path], networks: FaceNetworks, progress: Progress, decoded: Path
 ) -> tuple[str, list[Recording]]:
     """Read footage, and find the face in it.
 
@@ -140,6 +165,7 @@ def read_recordings(
         sources: A file or folder of each camera.
         networks: That find landmarks.
         progress: As of `track_video`.
+        decoded: Folder for decoded frames; it must stay as long as the recordings are used.
 
     Returns:
         What kind of footage it is, in words; and as many frames of each camera, of one moment one for each view.
@@ -155,17 +181,20 @@ def read_recordings(
     if told == PHOTOGRAPHS or why:
         if not source.is_dir():
             raise InputError("is no folder of photographs", file=source)
-        footages = each_photograph(source, Selection(largest_side=settings.largest_side))
+        images = each_photograph(source, Selection(largest_side=settings.largest_side))
+        footages = [stored(image, image.decode(), decoded / f"{i}") for i, image in enumerate(images)]
         # Each on its own: the next one may show the face elsewhere.
         one_by_one = (result for footage in footages for result in follow_face(footage.decode(), networks))
         found = progress(one_by_one, "landmarks", len(footages))
         faces = [collect([result]) for result in found]
         recordings = [Recording(f, face, measure_frames(f)) for f, face in zip(footages, faces, strict=True)]
         return f"photographs of one moment{f': {why}' if why else ''}", recordings
-    recordings = [
-        Recording(f, collect(progress(follow_face(f.decode(), networks), "landmarks", len(f))), measure_frames(f))
-        for f in frames_in_step(sources, settings.frame_rate, settings.largest_side)
-    ]
+    footages = frames_in_step(sources, settings.frame_rate, settings.largest_side)
+    recordings = []
+    for i, clip in enumerate(set_upright(footage, networks) for footage in footages):
+        clip = stored(clip, progress(clip.decode(), "frames", len(clip)), decoded / f"{i}")
+        faces = collect(progress(follow_face(clip.decode(), networks), "landmarks", len(clip)))
+        recordings.append(Recording(clip, faces, measure_frames(clip)))
     why = told == AUTO and len(sources) == 1 and why_orbit(recordings[0])
     if told == ORBIT or why:
         return f"a camera that circles a person{f': {why}' if why else ''}", recordings[0].views(MOST_VIEWS)

@@ -34,6 +34,31 @@ def test_the_largest_face_is_chosen_and_then_followed():
     assert track.notes() == ["several faces, of which one is followed: 3 of 3 images (0-2)"]
 
 
+def test_a_person_is_followed_who_passes_behind_another():
+    """The other face hides that of the person, and is then where it was expected."""
+    person = [Crop(100 + 20 * i, 120, 80, 0.0) for i in range(8)]
+    other = [Crop(240 - 20 * i, 110, 85, 0.0) for i in range(8)]
+    hidden = [abs(a.x - b.x) < 65 for a, b in zip(person, other, strict=True)]
+    told = [[b] if hides else [a, b] for a, b, hides in zip(person, other, hidden, strict=True)]
+    told[0] = [person[0]]
+    images = [drawn(faces, pale=other[i] if i else None) for i, faces in enumerate(told)]
+    track = followed(images, told)
+    for found, face, hides in zip(track.landmarks, person, hidden, strict=True):
+        assert hides or np.abs(found - landmarks(face)).max() < 5  # the faces' spots touch
+    assert 2 <= sum(hidden) <= 4 and not hidden[-1]
+    assert np.flatnonzero(track.jumped).tolist() == [hidden.index(True), hidden.index(True) + sum(hidden)]
+
+
+def test_a_face_that_only_the_second_network_sees_must_be_certain():
+    class Hidden(ColourMesh):
+        def __call__(self, crop):
+            return super().__call__(crop)._replace(presence=0.8)
+
+    face = Crop(150, 120, 90, 0.0)
+    networks = FaceNetworks(Told([[face], []]), Told([]), Hidden())
+    assert collect(follow_face([drawn([face])] * 2, networks)).found.tolist() == [True, False]
+
+
 def test_a_face_that_the_detector_loses_is_followed_from_where_it_was():
     faces = [Crop(100 + 6 * i, 120, 90, 0.05 * i) for i in range(5)]
     track = followed([drawn([face]) for face in faces], [[faces[0]]])

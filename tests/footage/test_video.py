@@ -12,6 +12,7 @@ from PIL import Image
 import carigs.footage.video as video
 from carigs.errors import InputError, SettingsError
 from carigs.footage import Selection, read_footage
+from carigs.footage.stored import stored
 
 
 @pytest.fixture(scope="module")
@@ -185,3 +186,20 @@ def test_frames_can_be_left_early_and_read_again(clip):
     footage = read_footage(clip)
     first = next(iter(footage)).image
     assert (next(iter(footage)).image == first).all()
+
+
+def test_a_frame_rate_takes_every_nth_frame(clip):
+    assert read_footage(clip, Selection(frame_rate=12.5)).numbers == (0, 2, 4, 6, 8, 10)
+    assert read_footage(clip, Selection(frame_rate=12)).numbers == (0, 3, 6, 9)  # not more often than that
+    assert len(read_footage(clip, Selection(frame_rate=100))) == 12
+
+
+def test_stored_frames_are_those_that_were_decoded(tmp_path, clip):
+    footage = read_footage(clip, Selection(every=3))
+    expected, found = list(footage), stored(footage, footage.decode(), tmp_path / "frames")
+    two = found.at([1, 3])
+    for frame, same in zip(expected, found, strict=True):
+        assert (frame.number, frame.time) == (same.number, same.time)
+        np.testing.assert_array_equal(frame.image, same.image)
+    assert [frame.number for frame in two] == [3, 9]
+    np.testing.assert_array_equal([frame.image for frame in two], [expected[i].image for i in (1, 3)])

@@ -109,3 +109,17 @@ def test_folders_that_are_named_like_copies_of_editors_are_meant(tmp_path, name)
     (tmp_path / name / "0.png~").touch()
     expected = [] if name.startswith(".") else [tmp_path / name, tmp_path / name / "0.png"]
     assert listed(tmp_path, "**/*") == expected
+
+
+@pytest.mark.parametrize("below", ["", "below", "below/it"])
+def test_a_dataset_cannot_be_made_where_a_file_is(tmp_path, below):
+    (tmp_path / "taken").write_text("something")
+    with pytest.raises(InputError, match="taken: is a file; the output is a folder; remedy"):
+        check_target(tmp_path / "taken" / below)
+    check_target(tmp_path / "new" / below)
+
+
+def test_a_dataset_cannot_be_made_where_nothing_can_be_written(tmp_path, monkeypatch):
+    monkeypatch.setattr("os.access", lambda path, mode: False)  # the superuser may write everywhere
+    with pytest.raises(InputError, match="cannot be written to"):
+        check_target(tmp_path / "new" / "dataset")

@@ -17,6 +17,20 @@ def test_nothing_is_said_of_settings_that_are_followed(own):
     assert settings_warnings([]) == settings_warnings(own) == []
 
 
+@pytest.mark.parametrize(
+    ("given", "remedy"), [("video", "study=video"), ("folder", "study=own"), ("head_model", "study=own or study=video")]
+)
+def test_a_file_that_no_subject_reads_is_named_with_the_study_that_does(tmp_path, given, remedy):
+    file = tmp_path / "mine"
+    file.touch()
+    (line,) = settings_warnings([f"capture.{given}={file}"])
+    assert line == f"capture.{given}={file}: the study's toy does not read it; add {remedy}"
+
+
+def test_a_file_that_one_of_the_subjects_reads_is_not_named(own):
+    assert settings_warnings([*own, "study.subjects=[toy,own]"]) == []
+
+
 @pytest.mark.slow
 def test_a_gamma_that_tears_and_a_dataset_that_is_nowhere_are_named(own):
     (line,) = settings_warnings(["gamma=1.5"])

@@ -44,7 +44,8 @@ def judged(truth: FootageTruth, images: Sequence[np.ndarray] | None = None) -> T
         boxes = np.concatenate([low, high], axis=1).astype(int)
         sharpness = np.array([face_sharpness(i, tuple(b)) for i, b in zip(images, boxes.tolist(), strict=True)])
         exposure = measure_frames(TimedFrame(t, times[t], image) for t, image in enumerate(images)).exposure
-    yaw, pitch = head_angles(truth.camera_from_head(0))
+    middles = np.array([camera.to_camera(head).mean(axis=0) for camera, head in zip(cameras, heads, strict=True)])
+    yaw, pitch = head_angles(truth.camera_from_head(0), middles)
     return TrackedFrames(
         numbers=np.arange(count), times=times, left_out=("",) * count, yaw=yaw, pitch=pitch,
         errors={"all": np.zeros(count)}, face_width=(high - low)[:, 0], outside=outside, mouth=mouth, eyes=eyes,

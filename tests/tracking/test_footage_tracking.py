@@ -1,86 +1,22 @@
 """Which frames are tracked, the guess of the focal length, and a head whose truth is known."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from tracking.shots import recording
 
-from carigs.detection import FaceTrack
-from carigs.detection.mesh_indices import COUNT
 from carigs.embedding import landmark_embedding
 from carigs.errors import InputError
 from carigs.fitting.fitted_parameters import fitted_parameters
-from carigs.footage import Footage
-from carigs.footage.measures import FrameMeasures
 from carigs.head import SurfacePoints, pose
 from carigs.head.joint_transforms import rotation_matrices
 from carigs.toy.rig.head_model import head_model
 from carigs.tracking.cameras import Cameras
-from carigs.tracking.footage_tracking import guessed_focal_length, kept_frames, track_footage
+from carigs.tracking.footage_tracking import guessed_focal_length, track_footage
 from carigs.tracking.landmark_tracking import Tracks, track_landmarks
-from carigs.tracking.recording import Recording
 from carigs.tracking.texture.skull_motion import SkullMotion
 from evaluation.benchmarks.footage.motion import Talk
 from evaluation.benchmarks.footage.oracle_landmarks import EXACT, oracle_landmarks
 from evaluation.benchmarks.footage.scenes import orbit, talk, three
-
-
-def footage(count=40, width=640, height=480, name="me.mp4"):
-    numbers = tuple(range(count))
-    return Footage(Path(name), width, height, numbers, np.arange(count) / 25, 25.0, count / 25, None, lambda: iter(()))
-
-
-def faces(presence, jumped=()):
-    count = len(presence)
-    jumps = np.isin(np.arange(count), jumped)
-    return FaceTrack(
-        np.zeros((count, COUNT, 3), np.float32), np.array(presence, np.float32), np.zeros((count, 4), np.float32),
-        np.ones(count, int), jumps,
-    )  # fmt: skip
-
-
-def measures(count, cut_at=None):
-    still = np.full(count, 0.001)
-    if cut_at is not None:
-        still[cut_at] = 0.9
-    ones = np.ones(count)
-    return FrameMeasures(np.arange(count) / 25, ones, 0 * ones, np.zeros((count, 2)), ones, still, 0 * ones)
-
-
-def recording(presence, cut_at=None, jumped=(), name="me.mp4"):
-    count = len(presence)
-    return Recording(footage(count, name=name), faces(presence, jumped), measures(count, cut_at))
-
-
-def test_frames_without_a_face_and_those_of_the_shorter_take_are_left_out():
-    presence = np.ones(40)
-    presence[[3, 20]] = 0
-    kept, [reasons] = kept_frames([recording(presence, cut_at=15)])
-    assert kept.tolist() == [i for i in range(15, 40) if i != 20]
-    assert [i for i, reason in enumerate(reasons) if reason] == sorted([*range(15), 20])
-    assert reasons[3] == reasons[20] == "no face"
-
-
-def test_a_face_that_jumps_begins_a_take():
-    kept, _ = kept_frames([recording(np.ones(40), jumped=[30])])
-    assert kept.tolist() == [*range(30)]
-
-
-def test_a_face_that_one_of_three_cameras_loses_stays_in_the_take():
-    lost = np.ones(40)
-    lost[10:20] = 0
-    cameras = [recording(np.ones(40)), recording(lost, jumped=[20]), recording(np.ones(40))]
-    kept, reasons = kept_frames(cameras)
-    assert kept.tolist() == [*range(40)]
-    assert [i for i, reason in enumerate(reasons[1]) if reason] == [*range(10, 20)] and not any(reasons[0])
-
-
-@pytest.mark.parametrize("shown", [0, 9])
-def test_too_few_frames_with_a_face_are_an_error_that_names_the_video(shown):
-    presence = np.zeros(40)
-    presence[:shown] = 1
-    with pytest.raises(InputError, match=rf"me\.mp4.* {shown} of 40 frames show a face"):
-        kept_frames([recording(presence)])
 
 
 def test_a_camera_that_sees_the_face_when_no_other_does_is_named():

@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 from carigs.detection import FaceTrack
+from carigs.detection.likeness import COLOURS
 from carigs.detection.mesh_indices import COUNT, LEFT_EYE, LIP_GAPS, RIGHT_EYE
 from carigs.footage import Footage
 from carigs.footage.measures import measure_frames
@@ -27,7 +28,9 @@ def recording(step, mouth):
     landmarks[:, LEFT_EYE[0], 0], landmarks[:, RIGHT_EYE[0], 0] = -50, 50
     landmarks[:, [below for _, below in LIP_GAPS], 1] = 100 * np.asarray(mouth)[:, None]
     boxes = np.tile(np.float32([130, 70, 190, 150]), (T, 1))
-    faces = FaceTrack(landmarks, np.ones(T, np.float32), boxes, np.ones(T, int), np.zeros(T, bool))
+    faces = FaceTrack(
+        landmarks, np.ones(T, np.float32), boxes, np.ones(T, int), np.zeros(T, bool), np.zeros((T, COLOURS), np.float32)
+    )
     numbers = tuple(range(T))
     footage = Footage(Path("me.mp4"), WIDTH, HEIGHT, numbers, np.arange(T) / 10, 10.0, 1.9, None, lambda: iter(images))
     return Recording(footage, faces, measure_frames(footage))

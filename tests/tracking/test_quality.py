@@ -17,11 +17,25 @@ from carigs.tracking.judgement.quality import face_sharpness, head_angles, openi
 def test_head_angles_are_those_that_the_head_was_turned_by(yaw, pitch, roll):
     world_from_head = Rotation.from_euler("YXZ", [yaw, pitch, roll], degrees=True).as_matrix()
     front = look_at(np.array([0.0, 0, 1]), np.zeros(3))[:3, :3]
-    found = head_angles((front @ world_from_head)[None])
+    ahead = np.array([[0.0, 0, 2]])
+    found = head_angles((front @ world_from_head)[None], ahead)
     np.testing.assert_allclose(np.ravel(found), [yaw, pitch], atol=1e-9)
     # A camera to the person's left sees the head turned to the right.
     aside = look_at(np.array([np.sin(0.3), 0, np.cos(0.3)]), np.zeros(3))[:3, :3]
-    assert head_angles((aside @ np.eye(3))[None])[0] == pytest.approx(-np.degrees(0.3))
+    assert head_angles((aside @ np.eye(3))[None], ahead)[0] == pytest.approx(-np.degrees(0.3))
+
+
+def test_a_head_at_the_side_of_the_image_that_looks_at_the_camera_is_not_turned():
+    front = look_at(np.array([0.0, 0, 1]), np.zeros(3))[:3, :3]
+    for place in (
+        [0.4, 0.1, -1.0],
+        [-0.2, -0.3, -0.5],
+    ):  # in the axes of the world
+        z = -np.array(place) / np.linalg.norm(place)
+        x = np.cross([0.0, 1, 0], z) / np.linalg.norm(np.cross([0.0, 1, 0], z))
+        looks_at_the_camera = np.stack([x, np.cross(z, x), z], axis=1)
+        found = head_angles((front @ looks_at_the_camera)[None], (front @ place)[None])
+        np.testing.assert_allclose(np.ravel(found), 0, atol=1e-9)
 
 
 def test_openings_do_not_depend_on_size_and_turn():

@@ -5,8 +5,10 @@ import pytest
 from clips import quadrants, write_video
 from PIL import Image
 
+import carigs.tracking.sources as sources
+from carigs.detection.upright import FEWEST
 from carigs.errors import InputError
-from carigs.tracking.sources import camera_sources, frames_in_step, scaled_focal_length
+from carigs.tracking.sources import camera_sources, chosen_frames, frames_in_step, scaled_focal_length, set_upright
 
 
 def fading(count):
@@ -34,6 +36,10 @@ def test_a_folder_holds_the_recordings_of_cameras_or_the_images_of_one(tmp_path)
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match="is empty"):
         camera_sources(tmp_path / "empty")
+    # Photographs of a format that is not read are no videos: whoever reads them says that they are to be converted.
+    (tmp_path / "phone").mkdir()
+    (tmp_path / "phone" / "IMG_1.HEIC").touch()
+    assert camera_sources(tmp_path / "phone") == [tmp_path / "phone"]
 
 
 def test_frames_of_other_rates_are_those_of_the_same_moments(tmp_path):
@@ -69,3 +75,19 @@ def test_a_focal_length_is_that_of_the_frames_as_they_were_recorded(tmp_path):
     video = write_video(tmp_path / "v.avi", quadrants(12), codec="MJPG", fps=10)
     [footage] = frames_in_step([video], 10, 40)
     assert scaled_focal_length(footage, 400) == pytest.approx(100)
+
+
+@pytest.mark.parametrize(
+    ("turns", "degrees", "lies"), [(1, 90, "on the side"), (2, 180, "upside down"), (3, -90, "on")]
+)
+def test_footage_that_is_not_upright_is_turned_and_says_so(tmp_path, monkeypatch, turns, degrees, lies):
+    footage = chosen_frames(write_video(tmp_path / "a.avi", quadrants(20), codec="MJPG", fps=10), 10, 640)
+    monkeypatch.setattr(sources, "quarter_turns", lambda images, networks: turns * (len([*images]) >= FEWEST))
+    upright = set_upright(footage, None)
+    images = list(upright.decode())
+    assert images[0].shape[:2] == (upright.height, upright.width)
+    np.testing.assert_array_equal(images[3], np.rot90(list(footage.decode())[3], -turns))
+    assert f"a.avi: turned by {degrees} degrees, because its faces are {lies}" in upright.warnings[0]
+    assert scaled_focal_length(upright, 700) == 700
+    monkeypatch.setattr(sources, "quarter_turns", lambda images, networks: 0)
+    assert set_upright(footage, None) is footage

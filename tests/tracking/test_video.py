@@ -12,7 +12,8 @@ from PIL import Image
 import carigs.tracking.video as video_room
 from carigs.capture import read_dataset
 from carigs.cli.main import main
-from carigs.detection.face_tracking import ImageResult
+from carigs.detection.face_tracking import FoundFace, ImageResult
+from carigs.detection.likeness import COLOURS
 from carigs.detection.mesh_indices import COUNT
 from carigs.embedding import landmark_embedding
 from carigs.head import HeadModel
@@ -60,7 +61,7 @@ def use_truth(monkeypatch, truth, matte):
             points = next(in_order)
             inside = points[embedding.landmarks, :2]
             box = np.concatenate([inside.min(axis=0), inside.max(axis=0)])
-            yield ImageResult((points, 1.0, box), 1, False)
+            yield ImageResult(FoundFace(points, 1.0, box, np.ones(COLOURS, np.float32)), 1, False)
 
     def matted(footage, coarse):
         for frame in footage:
@@ -70,6 +71,7 @@ def use_truth(monkeypatch, truth, matte):
     monkeypatch.setattr(video_room, "load_face_networks", lambda folder: None)
     monkeypatch.setattr(video_room, "load_person_segmenter", lambda folder: None)
     monkeypatch.setattr(video_room, "pymatting", lambda: None)
+    monkeypatch.setattr(video_room, "set_upright", lambda footage, networks: footage)
     monkeypatch.setattr(video_room, "follow_face", follow)
     monkeypatch.setattr(video_room, "matted_frames", matted)
 
@@ -182,7 +184,7 @@ def test_what_is_no_video_of_a_second_is_one_line(tmp_path, capfd, monkeypatch, 
     assert main(command) == 1
     printed = capfd.readouterr().err
     assert re.search(said, printed) and len(printed.strip().splitlines()) == 1
-    assert not (tmp_path / "out").exists()
+    assert not (tmp_path / "out").exists() and not [*tmp_path.glob(".out*")]
 
 
 def test_a_folder_with_something_in_it_is_refused_first(tmp_path, capfd):

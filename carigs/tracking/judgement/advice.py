@@ -106,7 +106,7 @@ def _camera(frames: TrackedFrames, moving_camera: bool) -> Iterator[str]:
         )
     if moving_camera:  # other parts of the room come into the image
         return
-    low, high = np.nanpercentile(frames.exposure, (5, 95))
+    low, high = np.nanpercentile(frames.exposure[frames.tracked], (5, 95))
     if high - low > EXPOSURE_RANGE:
         yield f"Lock the exposure and keep the light as it is: the brightness changes by {high - low:.1f} stops."
 

@@ -74,7 +74,8 @@ class JudgedFrames:
         turns = np.array([
             self._cameras[c].camera_from_world[:3, :3] @ _axes(self._vertices[t][self._skull], rest) for t, c in places
         ]).reshape(-1, 3, 3)  # fmt: skip
-        yaw, pitch = head_angles(turns)
+        middles = np.array([self._cameras[c].to_camera(self._vertices[t][self._skull]).mean(axis=0) for t, c in places])
+        yaw, pitch = head_angles(turns, middles.reshape(-1, 3))
         errors = {
             name: filled([_mean(head.errors[t, c, np.isin(self._numbers, members)]) for t, c in places])
             for name, members in REGIONS.items()

@@ -60,18 +60,25 @@ class TrackedFrames:
 
 
 def head_angles(
-    camera_from_head: Float[np.ndarray, "n 3 3"],
+    camera_from_head: Float[np.ndarray, "n 3 3"], middle: Float[np.ndarray, "n 3"]
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """How far a head is turned away from a camera.
 
     Args:
         camera_from_head: Rotations from the head's axes (x to its left, y up, z forward) to OpenCV camera axes.
+        middle: Where the head is, in the same axes, in any unit. A head at the side of the image that looks along the
+            optical axis does not look at the camera.
 
     Returns:
-        Yaw, positive to the person's left, and pitch, positive down, of the direction of the face, in degrees.
+        Yaw, positive to the person's left, and pitch, positive down, of the direction of the face against that to the
+        camera, in degrees.
     """
-    x, y, z = np.moveaxis(camera_from_head[:, :, 2], 1, 0)
-    return np.degrees(np.arctan2(x, -z)), np.degrees(np.arcsin(y.clip(-1, 1)))
+    face, towards = (
+        (np.arctan2(x, -z), np.arcsin((y / np.sqrt(x**2 + y**2 + z**2)).clip(-1, 1)))
+        for x, y, z in (camera_from_head[:, :, 2].T, -middle.T)
+    )
+    yaw, pitch = (np.degrees(a - b) for a, b in zip(face, towards, strict=True))
+    return (yaw + 180) % 360 - 180, pitch
 
 
 def openings(landmarks: Float[np.ndarray, "n p 3"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
