@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Int
 
 from carigs.capture import Camera, Capture, Frame
 from carigs.capture.dataset_writer import parameter_file, write_dataset
+from carigs.capture.evenly_spread import evenly_spread
 from carigs.capture.images import write_png
 from carigs.head import neutral, pose
 from carigs.matting import MattedFrame, composite
 from carigs.tracking.footage_tracking import FootageTrack
 from carigs.tracking.held_out import blocks, held_out
 from carigs.tracking.neck_cut import NeckCut
+from carigs.tracking.outline.outline_offset import OutlineView, outline_offset
 from carigs.tracking.recording import Recording
+
+OUTLINE_VIEWS = 24
+"""Training frames whose outline is compared with the head's."""
 
 
 def write_tracked_dataset(
@@ -27,10 +34,11 @@ def write_tracked_dataset(
     matted: Iterable[MattedFrame],
     *,
     background: float,
+    face: Int[np.ndarray, " n"],
     chin: float | None = None,
     by_time: Callable[[int], list[str]] = blocks,
-) -> None:
-    """Write tracked footage as a dataset that studies read.
+) -> FootageTrack:
+    """Write tracked footage as a dataset that studies read. The head gets the outline that the mattes show.
 
     Args:
         folder: Folder to create.
@@ -38,8 +46,12 @@ def write_tracked_dataset(
         recordings: The frames.
         matted: Those that are tracked, with mattes, in order, recording after recording.
         background: Grey value that frames are composited on.
+        face: Vertices of the face, which has the colour of the skin.
         chin: Height of the chin on the neutral head in metres: mattes end below it. None to keep the body.
         by_time: Names the split of each tracked timestep of a clip.
+
+    Returns:
+        The track with the head as it was written.
 
     Raises:
         InputError: If the folder holds something.
@@ -50,14 +62,19 @@ def write_tracked_dataset(
     frames_folder.mkdir(parents=True)
     head, model = track.head, track.head.model
     cut = NeckCut(neutral(model, head.parameters[0]), model.faces, chin) if chin is not None else None
-    places = product(range(len(track.cameras)), range(len(track.kept)))
+    names = held_out(len(track.kept), len(track.cameras), _frontal(cameras), by_time)
+    places = list(product(range(len(track.cameras)), range(len(track.kept))))
+    looked_at = {*evenly_spread([(c, t) for c, t in places if names[t][c] == "train"], OUTLINE_VIEWS)}
+    views = list[OutlineView]()
     try:
-        for (c, t), (_, alpha, foreground) in zip(places, matted, strict=True):
+        for (c, t), (frame, alpha, foreground) in zip(places, matted, strict=True):
+            if (c, t) in looked_at:
+                views.append(OutlineView(cameras[c], head.parameters[t], frame.image, alpha))
             if cut is not None:
                 alpha = alpha * cut.kept_share(pose(model, head.parameters[t]), cameras[c])
             write_png(frames_folder / f"{t:05d}_{c:02d}.png", composite(foreground, alpha, background) / 255.0)
             write_png(frames_folder / f"{t:05d}_{c:02d}_matte.png", alpha)
-        names = held_out(len(track.kept), len(track.cameras), _frontal(cameras), by_time)
+        head = head.displaced(outline_offset(model, views, face))
         frames = tuple(
             Frame(t, c, "", split, f"{t:05d}_{c:02d}.png", f"{t:05d}_{c:02d}_matte.png", parameter_file(t), c)
             for t, row in enumerate(names)
@@ -65,6 +82,7 @@ def write_tracked_dataset(
         )
         capture = Capture(frames_folder, Path("head_model.npz"), frames, cameras, background)
         write_dataset(folder, capture, model, dict(enumerate(head.parameters)), place=_moved)
+        return replace(track, head=head)
     finally:
         shutil.rmtree(frames_folder, ignore_errors=True)
 

@@ -87,6 +87,19 @@ class TrackedHead:
     projected: Float[np.ndarray, "t c n 2"]
     """The head's landmarks in the images, in pixels, with the constant offset of each."""
 
+    def displaced(self, offset: Float[np.ndarray, "v 3"]) -> TrackedHead:
+        """The same with another shape, which the landmarks do not tell.
+
+        Args:
+            offset: What is added to the static offset, in metres.
+
+        Returns:
+            The head.
+        """
+        static = self.parameters[0].static_offset
+        static = offset if static is None else static + offset
+        return replace(self, parameters=[replace(frame, static_offset=static) for frame in self.parameters])
+
 
 def track_landmarks(
     model: HeadModel,

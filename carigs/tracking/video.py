@@ -103,12 +103,13 @@ def track_video(
         chin = float(points.interpolate(neutral(track.head.model, track.head.parameters[0]))[:, 1].min())
         tracked = [recordings[r].footage.at(track.kept) for r in track.cameras]
         matted = chain.from_iterable(matted_frames(clip, lambda frame: segmenter(frame.image)) for clip in tracked)
-        write_tracked_dataset(
+        track = write_tracked_dataset(
             folder,
             track,
             recordings,
             progress(matted, "mattes", len(track.cameras) * len(track.kept)),
             background=settings.background,
+            face=np.unique(points.corners),
             chin=chin if settings.body == "cut" else None,
             by_time=SPLITS[settings.held_out],
         )

@@ -44,8 +44,6 @@ LEAST_FACE = 20
 """Landmarks that a view must show to tell what colour the skin has."""
 
 
-JOINT_WEIGHT = 10.0
-"""Of what the displacement would do to the joints: the rotations were found with joints where they are."""
 ITERATIONS, TOLERANCE = 300, 1e-8
 """Of conjugate gradients: a tenth of a micrometre."""
 
@@ -100,8 +98,7 @@ def outline_offset(
     rest = neutral(model, views[0].parameters)
     candidates = np.flatnonzero(model.vertex_region(*SKIN) & ~model.vertex_region(*OTHER))
     smooth = smoothness(rest, model.faces, WIDTH, STIFFNESS)
-    joints = csc_array(model.joint_regressor.astype(np.float64))
-    fixed = kron(smooth + JOINT_WEIGHT * (joints.T @ joints), eye_array(3)).tocsc()
+    smooth_axes = kron(smooth, eye_array(3)).tocsc()
     posed = [_posed(model, view, rest, candidates) for view in views]
     offset = np.zeros_like(rest)
     for reach in REACHES:
@@ -122,13 +119,23 @@ def outline_offset(
         mean = np.bincount(vertex, weight, minlength=len(rest)) / len(views) / 3
         factors = CholeskySolver((smooth + dia_array((mean[None], [0]), shape=smooth.shape)).tocsc())
         solution = conjugate_gradients(
-            (weighted @ along + fixed).tocsc(), weighted @ wanted, offset.ravel(), ITERATIONS, tolerance=TOLERANCE,
+            (weighted @ along + smooth_axes).tocsc(), weighted @ wanted, offset.ravel(), ITERATIONS,
+            tolerance=TOLERANCE,
             precondition=lambda values, factors=factors: factors.solve(values.reshape(-1, 3)).ravel(),
         )  # fmt: skip
         if solution is None:
             break
-        offset = solution.reshape(-1, 3)
+        offset = _with_still_joints(solution.reshape(-1, 3), model.joint_regressor, factors)
     return offset
+
+
+def _with_still_joints(
+    offset: Float[np.ndarray, "v 3"], regressor: Float[np.ndarray, "j v"], factors: CholeskySolver
+) -> Float[np.ndarray, "v 3"]:
+    """The smoothest change of a displacement that leaves the joints where they are: rotations were found with them."""
+    regressor = regressor.astype(np.float64)
+    response = factors.solve(np.ascontiguousarray(regressor.T))
+    return offset - response @ (np.linalg.pinv(regressor @ response) @ (regressor @ offset))
 
 
 def _posed(
