@@ -11,11 +11,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from carigs.capture.evenly_spread import evenly_spread
+from carigs.detection.face_track import listed
 from carigs.detection.likeness import SAME, differences
 from carigs.errors import InputError
 from carigs.footage import Footage
@@ -57,13 +58,19 @@ def kept_frames(recordings: Sequence[Recording]) -> tuple[Int[np.ndarray, " t"],
     shot = _shots(recordings, np.searchsorted(_cuts(recordings), np.arange(count), side="right"), good)
     longest = np.bincount(shot[seen], minlength=1).argmax() if seen.any() else 0
     kept = np.flatnonzero(seen & (shot == longest))
-    if 1 < count and len(kept) < LEAST_FRAMES:
-        problem = f"{len(kept)} of {count} frames show one face in one shot; at least {LEAST_FRAMES} are needed"
-        raise InputError(problem, file=recordings[0].footage.source)
     beyond = np.array([recording.faces.found for recording in recordings]) & ~good
     missing = np.where(beyond, "less than half of the face in the image", "no face")
     reasons = np.where(~good, missing, np.where(shot != longest, "another shot, or another face", ""))
+    if 1 < count and len(kept) < LEAST_FRAMES:
+        problem = f"{len(kept)} of {count} frames show one face in one shot; at least {LEAST_FRAMES} are needed"
+        raise InputError(f"{problem} ({_why(recordings[0], reasons[0])})", file=recordings[0].footage.source)
     return (np.array([0]) if count == 1 else kept), tuple(map(tuple, reasons.tolist()))
+
+
+def _why(recording: Recording, reasons: Shaped[np.ndarray, " t"]) -> str:
+    """The reasons for which frames of a recording are left out, with their numbers in it."""
+    numbers = np.array(recording.footage.numbers)
+    return "; ".join(f"{reason}: {listed(reasons == reason, numbers)}" for reason in sorted({*reasons} - {""}))
 
 
 def shows_face(recording: Recording) -> Bool[np.ndarray, " t"]:

@@ -83,6 +83,13 @@ def test_a_face_that_one_of_three_cameras_loses_stays_in_the_shot():
 
 
 @pytest.mark.parametrize("shown", [0, 9])
-def test_too_few_frames_with_a_face_are_an_error_that_names_the_video(shown):
-    with pytest.raises(InputError, match=rf"me\.mp4.* {shown} of 40 frames show one face"):
+def test_too_few_frames_with_a_face_are_an_error_that_names_the_video_and_the_frames(shown):
+    said = rf"me\.mp4.* {shown} of 40 frames show one face in one shot; .* \(no face: {shown}-39\)"
+    with pytest.raises(InputError, match=said):
         kept_frames([recording(without(*range(shown, COUNT)))])
+
+
+def test_short_shots_are_an_error_that_names_the_frames_of_the_others():
+    numbers = np.arange(COUNT) // 5
+    with pytest.raises(InputError, match=r"5 of 40 .* \(another shot, or another face: 5-39\)"):
+        kept_frames([recording(np.ones(COUNT), jumped=range(5, COUNT, 5), rooms=numbers, people=numbers)])
