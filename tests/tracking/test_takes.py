@@ -1,5 +1,7 @@
 """Which frames are tracked: cuts divide a recording, and what interrupts a shot does not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tracking.shots import WIDTH, recording
@@ -64,6 +66,20 @@ def test_what_changes_near_the_head_does_not_end_a_shot_but_a_shift_of_the_room_
         images = np.where(np.arange(COUNT)[:, None, None, None] < 30, room, after).astype(np.uint8)
         found = recording(np.ones(COUNT), cuts=[30])
         found = found._replace(measures=found.measures._replace(thumbnails=images))
+        assert kept_frames([found])[0].tolist() == expected
+
+
+def test_a_face_that_fills_the_image_leaves_its_edges_to_compare():
+    """Turned to one side after an interruption, before the same wall and before another one."""
+    grey, blue = (np.tile(colour, (64, 64, 1)) for colour in ((120, 125, 130), (60, 120, 240)))
+    grey[:, :3, 0], blue[:, :3, 0] = 60, 60
+    turned = grey.copy()
+    turned[:, 8:56] = 20
+    for after, expected in ((turned, ALL), (blue, [*range(30)])):
+        images = np.where(np.arange(COUNT)[:, None, None, None] < 30, grey, after).astype(np.uint8)
+        found = recording(np.ones(COUNT), cuts=[30])
+        faces = replace(found.faces, boxes=np.tile(np.float32([100, 30, 540, 450]), (COUNT, 1)))
+        found = found._replace(faces=faces, measures=found.measures._replace(thumbnails=images))
         assert kept_frames([found])[0].tolist() == expected
 
 
