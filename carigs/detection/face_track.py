@@ -12,8 +12,8 @@ from carigs.detection.face_tracking import FoundFace, ImageResult
 from carigs.detection.likeness import COLOURS
 from carigs.detection.mesh_indices import COUNT
 
-SHOWN = 10
-"""Images that a note names."""
+SHOWN = 8
+"""Runs of images that a message names."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class FaceTrack:
             "the face jumps, as in a cut or to another person": self.jumped,
         }
         return [
-            f"{problem}: {where.sum()} of {len(where)} images ({_listed(np.flatnonzero(where))})"
+            f"{problem}: {where.sum()} of {len(where)} images ({listed(where)})"
             for problem, where in problems.items()
             if where.any()
         ]
@@ -79,8 +79,18 @@ def collect(results: Iterable[ImageResult]) -> FaceTrack:
     )
 
 
-def _listed(numbers: Int[np.ndarray, " n"]) -> str:
-    """Numbers, with runs as FIRST-LAST."""
-    runs = np.split(numbers, np.flatnonzero(np.diff(numbers) != 1) + 1)
-    texts = [f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs]
+def listed(where: Bool[np.ndarray, " n"], numbers: Int[np.ndarray, " n"] | None = None) -> str:
+    """Name some of the images in a message.
+
+    Args:
+        where: Which.
+        numbers: Of all images, ascending; their positions by default.
+
+    Returns:
+        The first of the numbers. Images that follow each other are FIRST-LAST, also if the numbers skip what was not
+        looked at.
+    """
+    numbers = np.arange(len(where)) if numbers is None else numbers
+    edges = np.flatnonzero(np.diff(where.astype(int), prepend=0, append=0)).reshape(-1, 2) - (0, 1)
+    texts = [f"{first}-{last}" if last > first else str(first) for first, last in numbers[edges].tolist()]
     return ", ".join(texts[:SHOWN]) + (", ..." if len(texts) > SHOWN else "")

@@ -90,17 +90,17 @@ def frames_in_step(sources: Sequence[Path], frame_rate: float, largest_side: int
     for source in sources[1:]:
         since_first = first.times - first.times[0]
         if source.is_dir():
-            found_there = _images(source, frame_rate, largest_side)
+            other = _images(source, frame_rate, largest_side)
         else:
-            found_there = read_video(source, Selection(at=tuple(since_first.tolist()), largest_side=largest_side))
-        difference = found_there.duration - first.duration
+            other = read_video(source, Selection(at=tuple(since_first.tolist()), largest_side=largest_side))
+        difference = other.duration - first.duration
         if abs(difference) > (OUT_OF_STEP if source.is_file() else 0.5 / frame_rate):
             raise InputError(
-                f"{found_there.duration:.2f} s long, but {sources[0].name} {first.duration:.2f} s",
+                f"{other.duration:.2f} s long, but {sources[0].name} {first.duration:.2f} s",
                 file=source,
                 remedy="cut the recordings of all cameras to the same moments",
             )
-        found.append(replace(found_there, times=first.times))
+        found.append(replace(other, times=first.times))
     return found
 
 

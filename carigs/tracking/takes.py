@@ -11,11 +11,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from carigs.capture.evenly_spread import evenly_spread
+from carigs.detection.face_track import listed
 from carigs.detection.likeness import SAME, differences
 from carigs.errors import InputError
 from carigs.footage import Footage
@@ -30,11 +31,11 @@ LEAST_PRESENCE, LEAST_INSIDE = 0.5, 0.5
 OTHER_SHOT = 0.02
 """Change of what is beside the head at a cut: 1 - correlation of medians over time. Two takes of a real person before
 one camera differ by 0.003, and a textured wall that is shifted by 2 % of the image by 0.05."""
-BESIDE = 0.5
-"""What is at least so far to the left, the right or above all boxes of the face, in its width, is beside the head;
-below the chin are shoulders."""
+BESIDE, ABOVE = (0.5, 0.25, 0.1), 0.5
+"""What is at least so far to the left or the right of all boxes of the face, or above them, in its width, is beside the
+head; below the chin are shoulders. Of the first, the largest that leaves enough of the image counts."""
 LEAST_BESIDE = 0.02
-"""Share of the image that is needed beside the head; otherwise the whole image is compared."""
+"""Share of the image that is enough; otherwise the whole image is compared."""
 COMPARED = 16
 """Frames of a take that are compared with those of another one."""
 
@@ -57,13 +58,19 @@ def kept_frames(recordings: Sequence[Recording]) -> tuple[Int[np.ndarray, " t"],
     shot = _shots(recordings, np.searchsorted(_cuts(recordings), np.arange(count), side="right"), good)
     longest = np.bincount(shot[seen], minlength=1).argmax() if seen.any() else 0
     kept = np.flatnonzero(seen & (shot == longest))
-    if 1 < count and len(kept) < LEAST_FRAMES:
-        problem = f"{len(kept)} of {count} frames show one face in one shot; at least {LEAST_FRAMES} are needed"
-        raise InputError(problem, file=recordings[0].footage.source)
     beyond = np.array([recording.faces.found for recording in recordings]) & ~good
     missing = np.where(beyond, "less than half of the face in the image", "no face")
     reasons = np.where(~good, missing, np.where(shot != longest, "another shot, or another face", ""))
+    if 1 < count and len(kept) < LEAST_FRAMES:
+        problem = f"{len(kept)} of {count} frames show one face in one shot; at least {LEAST_FRAMES} are needed"
+        raise InputError(f"{problem} ({_why(recordings[0], reasons[0])})", file=recordings[0].footage.source)
     return (np.array([0]) if count == 1 else kept), tuple(map(tuple, reasons.tolist()))
+
+
+def _why(recording: Recording, reasons: Shaped[np.ndarray, " t"]) -> str:
+    """The reasons for which frames of a recording are left out, with their numbers in it."""
+    numbers = np.array(recording.footage.numbers)
+    return "; ".join(f"{reason}: {listed(reasons == reason, numbers)}" for reason in sorted({*reasons} - {""}))
 
 
 def shows_face(recording: Recording) -> Bool[np.ndarray, " t"]:
@@ -142,8 +149,11 @@ def _change_beside(recording: Recording, first: list[int], second: list[int]) ->
 def _beside(boxes: Float[np.ndarray, "m 2 2"]) -> Bool[np.ndarray, "s s"]:
     """Pixels of a thumbnail that are beside all heads and above all chins, or all if these are too few."""
     (left, top), right, chin = boxes[:, 0].min(axis=0), boxes[:, 1, 0].max(), boxes[:, 1, 1].min()
-    margin = BESIDE * (boxes[:, 1, 0] - boxes[:, 0, 0]).max()
+    width = (boxes[:, 1, 0] - boxes[:, 0, 0]).max()
     centres = np.arange(THUMBNAIL) + 0.5
-    near = (centres > left - margin) & (centres < right + margin)
-    beside = (centres < top - margin)[:, None] | (~near[None] & (centres < chin)[:, None])
-    return beside if beside.mean() > LEAST_BESIDE else np.ones_like(beside)
+    for share in BESIDE:
+        apart = (centres < left - share * width) | (centres > right + share * width)
+        beside = (centres < top - ABOVE * width)[:, None] | (apart[None] & (centres < chin)[:, None])
+        if beside.mean() > LEAST_BESIDE:
+            return beside
+    return np.ones_like(beside)

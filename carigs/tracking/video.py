@@ -10,22 +10,24 @@ from itertools import chain
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float32, Int
 from threadpoolctl import threadpool_limits
 
 from carigs.capture.dataset_writer import check_target
 from carigs.capture.images import write_png
 from carigs.detection import FaceNetworks, collect, follow_face, load_face_networks
 from carigs.detection.mesh_indices import COUNT
-from carigs.detection.person import load_person_segmenter
+from carigs.detection.person import PersonSegmenter, load_person_segmenter
 from carigs.errors import InputError
 from carigs.fitting.landmarks.embedding import read_embedding
-from carigs.footage import Selection
+from carigs.footage import Selection, TimedFrame
 from carigs.footage.measures import measure_frames
 from carigs.footage.photographs import each_photograph
 from carigs.footage.stored import stored
 from carigs.head import HeadModel, neutral
-from carigs.matting import matted_frames
+from carigs.matting import MattedFrame, matted_frames
 from carigs.matting.closed_form import pymatting
+from carigs.matting.one_person import of_one_person
 from carigs.settings import Track
 from carigs.tracking.dataset import write_tracked_dataset
 from carigs.tracking.footage_tracking import FootageTrack, track_footage
@@ -101,8 +103,7 @@ def track_video(
         with status("fitting the head"), threadpool_limits(1, "blas"):  # the same bytes with any number of cores
             track = track_footage(recordings, model, points, numbers, focal_lengths=lengths)
         chin = float(points.interpolate(neutral(track.head.model, track.head.parameters[0]))[:, 1].min())
-        tracked = [recordings[r].footage.at(track.kept) for r in track.cameras]
-        matted = chain.from_iterable(matted_frames(clip, lambda frame: segmenter(frame.image)) for clip in tracked)
+        matted = chain.from_iterable(_matted(recordings[r], track.kept, segmenter) for r in track.cameras)
         track = write_tracked_dataset(
             folder,
             track,
@@ -126,6 +127,19 @@ def _folder_beside(folder: Path) -> Iterator[Path]:
         yield scratch
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _matted(recording: Recording, kept: Int[np.ndarray, " t"], segmenter: PersonSegmenter) -> Iterator[MattedFrame]:
+    """Mattes of the person whose face is tracked."""
+    clip = recording.footage.at(kept)
+    boxes = dict(zip(clip.numbers, recording.faces.boxes[kept], strict=True))
+
+    def coarse(frame: TimedFrame) -> Float32[np.ndarray, "s s"]:
+        matte = segmenter(frame.image)
+        scale = np.tile(np.divide(matte.shape[::-1], (clip.width, clip.height)), 2)
+        return of_one_person(matte, boxes[frame.number] * scale)
+
+    return matted_frames(clip, coarse)
 
 
 def _given_focal_lengths(recordings: Sequence[Recording], focal: float | None) -> list[float | None]:

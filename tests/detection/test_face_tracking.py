@@ -6,7 +6,7 @@ from drawn_faces import ColourMesh, Told, drawn, landmarks
 
 from carigs.detection.crop import Crop
 from carigs.detection.face_networks import FaceNetworks
-from carigs.detection.face_track import collect
+from carigs.detection.face_track import collect, listed
 from carigs.detection.face_tracking import follow_face
 from carigs.detection.mesh_indices import COUNT
 from carigs.errors import CarigsError
@@ -113,3 +113,11 @@ def test_no_images_are_an_empty_track():
 def test_images_of_another_kind_are_refused(image):
     with pytest.raises(CarigsError, match=r"image 1 from 0: .* expected uint8"):
         followed([drawn([]), image], [[], []])
+
+
+def test_images_are_named_as_runs():
+    where = np.isin(np.arange(12), [1, 2, 3, 7, 9, 10])
+    assert listed(where) == "1-3, 7, 9-10"
+    assert listed(where, 2 * np.arange(12)) == "2-6, 14, 18-20"  # every second image was looked at
+    assert listed(np.arange(100) % 2 == 0).endswith("14, ...")
+    assert listed(~np.zeros(3, bool)) == "0-2" and listed(np.zeros(3, bool)) == listed(np.zeros(0, bool)) == ""

@@ -5,7 +5,7 @@ import pytest
 from project import ROOT
 from tracking.recordings import COUNT, FPS, recording
 
-from carigs.tracking.judgement.advice import advice, advice_of_cameras, listed
+from carigs.tracking.judgement.advice import advice, advice_of_cameras
 from carigs.tracking.judgement.quality import TrackedFrames
 
 GOOD = recording()
@@ -93,12 +93,6 @@ def test_without_a_tracked_frame_there_is_the_reason_alone():
     values = dict.fromkeys(("yaw", "pitch", "face_width", "outside", "mouth", "eyes", "sharpness"), nothing)
     found = advice(recording(left_out=("no face",) * COUNT, errors={"lips": nothing}, **values))
     assert found == ["No frame could be tracked. 500 of 500 frames are left out (no face): 0-499."]
-
-
-def test_frames_are_named_as_runs():
-    assert listed(np.array([1, 2, 3, 7, 9, 10])) == "1-3, 7, 9-10"
-    assert listed(np.arange(0, 100, 2)).endswith("14, ...")
-    assert listed(np.array([], int)) == ""
 
 
 def test_the_page_on_recording_has_every_sentence():

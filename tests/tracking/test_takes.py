@@ -1,5 +1,7 @@
 """Which frames are tracked: cuts divide a recording, and what interrupts a shot does not."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tracking.shots import WIDTH, recording
@@ -67,6 +69,20 @@ def test_what_changes_near_the_head_does_not_end_a_shot_but_a_shift_of_the_room_
         assert kept_frames([found])[0].tolist() == expected
 
 
+def test_a_face_that_fills_the_image_leaves_its_edges_to_compare():
+    """Turned to one side after an interruption, before the same wall and before another one."""
+    grey, blue = (np.tile(colour, (64, 64, 1)) for colour in ((120, 125, 130), (60, 120, 240)))
+    grey[:, :3, 0], blue[:, :3, 0] = 60, 60
+    turned = grey.copy()
+    turned[:, 8:56] = 20
+    for after, expected in ((turned, ALL), (blue, [*range(30)])):
+        images = np.where(np.arange(COUNT)[:, None, None, None] < 30, grey, after).astype(np.uint8)
+        found = recording(np.ones(COUNT), cuts=[30])
+        faces = replace(found.faces, boxes=np.tile(np.float32([100, 30, 540, 450]), (COUNT, 1)))
+        found = found._replace(faces=faces, measures=found.measures._replace(thumbnails=images))
+        assert kept_frames([found])[0].tolist() == expected
+
+
 def test_a_face_that_leaves_the_image_is_left_out_from_where_half_of_it_is_outside():
     # The face is 100 pixels wide, its middle at half the width.
     shift = np.linspace(0, WIDTH / 2 + 40, COUNT)
@@ -83,6 +99,13 @@ def test_a_face_that_one_of_three_cameras_loses_stays_in_the_shot():
 
 
 @pytest.mark.parametrize("shown", [0, 9])
-def test_too_few_frames_with_a_face_are_an_error_that_names_the_video(shown):
-    with pytest.raises(InputError, match=rf"me\.mp4.* {shown} of 40 frames show one face"):
+def test_too_few_frames_with_a_face_are_an_error_that_names_the_video_and_the_frames(shown):
+    said = rf"me\.mp4.* {shown} of 40 frames show one face in one shot; .* \(no face: {shown}-39\)"
+    with pytest.raises(InputError, match=said):
         kept_frames([recording(without(*range(shown, COUNT)))])
+
+
+def test_short_shots_are_an_error_that_names_the_frames_of_the_others():
+    numbers = np.arange(COUNT) // 5
+    with pytest.raises(InputError, match=r"5 of 40 .* \(another shot, or another face: 5-39\)"):
+        kept_frames([recording(np.ones(COUNT), jumped=range(5, COUNT, 5), rooms=numbers, people=numbers)])

@@ -6,8 +6,9 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool
 
+from carigs.detection.face_track import listed
 from carigs.tracking.judgement.coverage import DOWN, LEFT, RIGHT, UP, Coverage, coverage
 from carigs.tracking.judgement.quality import TrackedFrames
 
@@ -29,8 +30,6 @@ OUTSIDE = 0.02
 """Share of the head outside the image from which a frame counts as cut off."""
 MANY = 0.1
 """Share of frames from which something is more than a few bad frames."""
-LISTED = 8
-"""Frames, or runs of them, that a sentence names."""
 
 
 def advice(frames: TrackedFrames, *, moving_camera: bool = False) -> list[str]:
@@ -74,14 +73,14 @@ def _left_out(frames: TrackedFrames) -> Iterator[str]:
     if reasons.total() > MANY * len(frames.left_out):
         for reason, count in reasons.most_common():
             where = np.array([r == reason for r in frames.left_out])
-            yield f"{count} of {len(where)} frames are left out ({reason}): {listed(frames.numbers[where])}."
+            yield f"{count} of {len(where)} frames are left out ({reason}): {listed(where, frames.numbers)}."
 
 
 def _framing(frames: TrackedFrames) -> Iterator[str]:
     cut = frames.outside > OUTSIDE
     if cut.any():
         worst = 100 * np.nanmax(frames.outside)
-        which = f"in frames {listed(frames.numbers[cut])} up to {worst:.0f} % of it lie outside"
+        which = f"in frames {listed(cut, frames.numbers)} up to {worst:.0f} % of it lie outside"
         yield f"Keep the whole head in the image: {which}."
     width = np.nanmedian(frames.face_width)
     if width < SMALL_FACE:
@@ -102,7 +101,7 @@ def _camera(frames: TrackedFrames, moving_camera: bool) -> Iterator[str]:
     elif blurred.sum() > MANY * frames.tracked.sum():
         yield (
             f"Move more slowly or use more light: {_share(blurred, frames)} of the frames are blurred "
-            f"({listed(frames.numbers[blurred])})."
+            f"({listed(blurred, frames.numbers)})."
         )
     if moving_camera:  # other parts of the room come into the image
         return
@@ -155,20 +154,6 @@ def _motion(frames: TrackedFrames, moving_camera: bool) -> Iterator[str]:
 def _usual_turn(frames: TrackedFrames) -> float:
     """Degrees by which the head is usually turned away from the camera."""
     return float(np.nanmedian(np.abs(frames.yaw)))
-
-
-def listed(numbers: Int[np.ndarray, " n"]) -> str:
-    """Name frames, runs as FIRST-LAST.
-
-    Args:
-        numbers: Ascending.
-
-    Returns:
-        At most `LISTED` of them.
-    """
-    runs = np.split(numbers, np.flatnonzero(np.diff(numbers) != 1) + 1)
-    texts = [f"{run[0]}-{run[-1]}" if len(run) > 1 else str(run[0]) for run in runs if len(run)]
-    return ", ".join(texts[:LISTED]) + (", ..." if len(texts) > LISTED else "")
 
 
 def _share(where: Bool[np.ndarray, " n"], frames: TrackedFrames) -> str:
