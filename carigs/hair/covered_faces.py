@@ -45,6 +45,10 @@ SOLID_SHARE, COLOUR_LIMIT = 0.5, 0.2
 strands."""
 HIDDEN_COLOUR = 0.1
 """Difference from the median colour of clean skin of a triangle that most views do not see."""
+STRANDS = 0.1
+"""Share of a triangle's pixels, over all views, that show strands which cover it."""
+LEAST_CONTRAST = 0.15
+"""Difference of the colours of hair and skin above which strands are told from skin that the tracking misplaced."""
 SPECK = 8e-4
 """Square metres: a smaller connected part does not count as covered."""
 
@@ -114,6 +118,9 @@ def covered_faces(
     covered, clean = texture > limit, skin & (texture < SOLID_SHARE * limit)
     off = np.zeros(len(faces))
     if clean.any():
+        hair = scalp & (texture > limit)
+        if hair.any():
+            covered &= _shows_strands(colours, first, faces, len(vertices), *(colour[f] for f in (clean, hair)))
         off = np.nan_to_num(np.abs(colour - np.median(colour[clean], axis=0)).mean(axis=1))
         covered |= (texture > SOLID_SHARE * limit) & (off > COLOUR_LIMIT)
     covered &= ~(left_out | features)
@@ -125,6 +132,29 @@ def covered_faces(
     for state in (covered, hidden):
         state[unseen] = _as_around(state, ~unseen & ~left_out, faces, len(vertices))[unseen]
     return Covering(texture, colour, covered, hidden, clean & (off < HIDDEN_COLOUR))
+
+
+def _shows_strands(
+    colours: np.ndarray,
+    first: Int[np.ndarray, " f"],
+    faces: Int[np.ndarray, "f 3"],
+    v: int,
+    skin: Float[np.ndarray, "n 3"],
+    hair: Float[np.ndarray, "m 3"],
+) -> Bool[np.ndarray, " f"]:
+    """Whether some pixels of each triangle are nearer to the colour of hair than to that of skin.
+
+    Ears and nostrils that the tracking misplaces by a millimetre have the texture of strands, and not their colour. All
+    triangles count where hair has the colour of skin.
+    """
+    skin, hair = np.median(skin, axis=0), np.nanmedian(hair, axis=0)
+    channel = int(np.abs(hair - skin).argmax())
+    contrast = hair[channel] - skin[channel]
+    if abs(contrast) < LEAST_CONTRAST:
+        return np.ones(len(faces), bool)
+    pooled = _pooled(_by_face(colours[:, channel], first), faces, v)
+    nearest = surface_cells.quantiles(pooled, STRANDS if contrast < 0 else 1 - STRANDS)
+    return (nearest - skin[channel]) / contrast > 0.5
 
 
 def _as_around(
@@ -186,11 +216,15 @@ def _cells(view: HairView, usable: Bool[np.ndarray, " f"], component, first, par
 
 def _face_medians(colours, first, faces, v) -> Float[np.ndarray, "f 3"]:
     """Median colour of each triangle and those that share a corner with it."""
-    count = len(colours)  # the cells of a triangle follow each other
-    cell_of_face = csr_array((np.ones(count, np.uint32), np.arange(count), np.append(first, count)))
-    of_face = cell_of_face @ colours.reshape(count, -1)
+    of_face = _by_face(colours.reshape(len(colours), -1), first)
     medians = [surface_cells.quantiles(_pooled(part, faces, v), 0.5) for part in np.split(of_face, 3, axis=1)]
     return np.stack(medians, axis=1)
+
+
+def _by_face(of_cells: np.ndarray, first: Int[np.ndarray, " f"]) -> np.ndarray:
+    """Sums over the cells of each triangle, which follow each other."""
+    count = len(of_cells)
+    return csr_array((np.ones(count, np.uint32), np.arange(count), np.append(first, count))) @ of_cells
 
 
 def _pooled(histograms: np.ndarray, faces: Int[np.ndarray, "f 3"], v: int) -> np.ndarray:

@@ -5,8 +5,6 @@ Factorisation uses cholespy's Cholesky solver if it is installed (the extra `fas
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.sparse import csc_array
@@ -128,15 +126,9 @@ def solve_in_blocks(lu: SuperLU, right: Float[np.ndarray, "n c"]) -> Float[np.nd
 
 
 def conjugate_gradients(
-    matrix: csc_array,
-    right: Float[np.ndarray, " n"],
-    start: Float[np.ndarray, " n"],
-    most: int = 1000,
-    *,
-    precondition: Callable[[Float[np.ndarray, " n"]], Float[np.ndarray, " n"]] | None = None,
-    tolerance: float = 1e-23,
+    matrix: csc_array, right: Float[np.ndarray, " n"], start: Float[np.ndarray, " n"], most: int = 1000
 ) -> Float[np.ndarray, " n"] | None:
-    """Preconditioned conjugate gradients (Saad 2003, algorithm 9.1).
+    """Conjugate gradients, preconditioned by the diagonal (Saad 2003, algorithm 9.1).
 
     SciPy's implementation takes its sums from BLAS, whose digits depend on the number of threads.
 
@@ -145,28 +137,23 @@ def conjugate_gradients(
         right: Right-hand side.
         start: Initial guess.
         most: Maximum number of iterations.
-        precondition: Multiplies by the inverse of a matrix like this one, such as, if None, its diagonal.
-        tolerance: Squared error of the solution, relative to its size, both in the norm of the preconditioner.
 
     Returns:
-        The solution, by default to about eleven digits, or None if the iterations do not suffice.
+        The solution to about eleven digits, or None if the iterations do not suffice.
     """
-    if precondition is None:
-        inverse = 1 / matrix.diagonal()
-        precondition = inverse.__mul__
-    x = start.copy()
+    inverse, x = 1 / matrix.diagonal(), start.copy()
     residual = right - matrix @ x
-    direction = scaled = precondition(residual)
+    direction = scaled = inverse * residual
     energy = (residual * scaled).sum()
-    least = tolerance * (right * precondition(right)).sum()
+    tolerance = 1e-23 * (right * inverse * right).sum()
     for _ in range(most):
-        if energy <= least:
+        if energy <= tolerance:
             return x
         image = matrix @ direction
         step = energy / (direction * image).sum()
         x += step * direction
         residual = residual - step * image
-        scaled = precondition(residual)
+        scaled = inverse * residual
         previous, energy = energy, (residual * scaled).sum()
         direction = scaled + energy / previous * direction
     return None

@@ -9,13 +9,13 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Int
+from threadpoolctl import threadpool_limits
 
 from carigs.capture import Camera, Capture, Frame
 from carigs.capture.dataset_writer import parameter_file, write_dataset
 from carigs.capture.evenly_spread import evenly_spread
 from carigs.capture.images import write_png
-from carigs.head import neutral, pose
+from carigs.head import SurfacePoints, neutral, pose
 from carigs.matting import MattedFrame, composite
 from carigs.tracking.footage_tracking import FootageTrack
 from carigs.tracking.held_out import blocks, held_out
@@ -34,7 +34,7 @@ def write_tracked_dataset(
     matted: Iterable[MattedFrame],
     *,
     background: float,
-    face: Int[np.ndarray, " n"],
+    landmarks: SurfacePoints,
     chin: float | None = None,
     by_time: Callable[[int], list[str]] = blocks,
 ) -> FootageTrack:
@@ -46,7 +46,7 @@ def write_tracked_dataset(
         recordings: The frames.
         matted: Those that are tracked, with mattes, in order, recording after recording.
         background: Grey value that frames are composited on.
-        face: Vertices of the face, which has the colour of the skin.
+        landmarks: Points of the face, which has the colour of the skin.
         chin: Height of the chin on the neutral head in metres: mattes end below it. None to keep the body.
         by_time: Names the split of each tracked timestep of a clip.
 
@@ -74,7 +74,8 @@ def write_tracked_dataset(
                 alpha = alpha * cut.kept_share(pose(model, head.parameters[t]), cameras[c])
             write_png(frames_folder / f"{t:05d}_{c:02d}.png", composite(foreground, alpha, background) / 255.0)
             write_png(frames_folder / f"{t:05d}_{c:02d}_matte.png", alpha)
-        head = head.displaced(outline_offset(model, views, face))
+        with threadpool_limits(1, "blas"):  # the same bytes with any number of cores
+            head = head.displaced(outline_offset(model, views, landmarks))
         frames = tuple(
             Frame(t, c, "", split, f"{t:05d}_{c:02d}.png", f"{t:05d}_{c:02d}_matte.png", parameter_file(t), c)
             for t, row in enumerate(names)

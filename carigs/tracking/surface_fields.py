@@ -16,26 +16,6 @@ STIFFNESS = 0.002
 """Weight of smoothness, against the squared errors at the points."""
 
 
-def smoothness(
-    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], width: float, stiffness: float
-) -> csc_array:
-    """How much a field on a mesh bends: s (w^2 int |Lap u|^2 + int |u|^2 / w^2).
-
-    Args:
-        vertices: The mesh, in metres.
-        faces: Vertex indices of its triangles.
-        width: The width w in metres.
-        stiffness: The weight s.
-
-    Returns:
-        The matrix A of the quadratic form u . A u.
-    """
-    areas = np.maximum(mixed_voronoi_areas(np.asarray(vertices, np.float64), faces), 1e-12)
-    laplacian = CotanLaplacian(vertices, faces).stiffness()
-    inverse, mass = (dia_array((values[None], [0]), shape=laplacian.shape) for values in (1 / areas, areas))
-    return stiffness * (width**2 * (laplacian @ inverse @ laplacian) + mass / width**2)
-
-
 class SurfaceField:
     """Least squares between values at points and the smoothness of a field on a mesh.
 
@@ -65,8 +45,12 @@ class SurfaceField:
         self._values = csc_array(
             (points.barycentric.ravel(), (rows, points.corners.ravel())), shape=(n, len(vertices))
         )  # of a field at the points
-        smooth = smoothness(vertices, faces, width, stiffness)
-        self._factors = CholeskySolver((self._values.T @ self._values + smooth).tocsc())
+        areas = np.maximum(mixed_voronoi_areas(np.asarray(vertices, np.float64), faces), 1e-12)
+        laplacian = CotanLaplacian(vertices, faces).stiffness()
+        inverse = dia_array((1 / areas[None], [0]), shape=laplacian.shape)
+        mass = dia_array((areas[None], [0]), shape=laplacian.shape)
+        smooth = width**2 * (laplacian @ inverse @ laplacian) + mass / width**2
+        self._factors = CholeskySolver((self._values.T @ self._values + stiffness * smooth).tocsc())
 
     def fit(self, values: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "v k"]:
         """Compute the field.

@@ -110,7 +110,7 @@ def track_video(
             recordings,
             progress(matted, "mattes", len(track.cameras) * len(track.kept)),
             background=settings.background,
-            face=np.unique(points.corners),
+            landmarks=points,
             chin=chin if settings.body == "cut" else None,
             by_time=SPLITS[settings.held_out],
         )

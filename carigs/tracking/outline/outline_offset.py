@@ -14,18 +14,16 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from jaxtyping import Float, Float32, Int, UInt8
-from scipy.sparse import csc_array, dia_array, eye_array, kron
 from scipy.spatial.transform import Rotation
 
 from carigs.capture import Camera
 from carigs.fitting.outline_term import outline_lines
-from carigs.head import HeadModel, HeadParameters, neutral, pose
-from carigs.mesh.linear_solver import CholeskySolver, conjugate_gradients
+from carigs.head import HeadModel, HeadParameters, SurfacePoints, neutral, pose
 from carigs.mesh.triangle_mesh import vertex_normals
 from carigs.raster import compute_visibility
 from carigs.raster.vertex_colours import visible_vertices
 from carigs.tracking.outline.skin_colours import SkinColours
-from carigs.tracking.surface_fields import smoothness
+from carigs.tracking.outline.spatial_field import SpatialField
 
 SKIN = ("face", "nose", "forehead", "left_ear", "right_ear")
 """Regions whose outline is compared: hair stands off the scalp, and mattes end at the neck."""
@@ -38,14 +36,13 @@ DEPTHS = (2.0, 3.0, 4.0)
 OUTLIER_INSIDE, OUTLIER_OUTSIDE = 0.003, 0.002
 """Metres at which a distance counts a quarter of what it would (Geman and McClure), where the matte ends inside and
 outside of the mesh: hair and clothes stand off."""
-WIDTH, STIFFNESS = 0.015, 0.005
-"""Metres over which the displacement follows the outline, and the weight of its smoothness."""
+SIGMA = 0.001
+"""Standard deviation of the outline in metres, that of all views together: their errors are correlated."""
+ACROSS, EYES, JOINTS = 0.001, 0.0005, 1e-5
+"""Standard deviations in metres: of landmarks as they are seen from the front, where the tracker has put them; of
+eyeballs, on which lids lie; and of joints, because rotations were found with joints where they are."""
 LEAST_FACE = 20
 """Landmarks that a view must show to tell what colour the skin has."""
-
-
-ITERATIONS, TOLERANCE = 300, 1e-8
-"""Of conjugate gradients: a tenth of a micrometre."""
 
 
 @dataclass(frozen=True)
@@ -79,63 +76,65 @@ class _Distances(NamedTuple):
 
 
 def outline_offset(
-    model: HeadModel, views: Sequence[OutlineView], face: Int[np.ndarray, " n"]
+    model: HeadModel, views: Sequence[OutlineView], landmarks: SurfacePoints
 ) -> Float[np.ndarray, "v 3"]:
     """Displace the head so that its outline lies at the edge of the mattes.
 
-    The displacement u minimises the sum over vertices on the outline of w (n . u - d)^2, where d is the distance in
-    the image to the edge of the matte along the normal n, and the smoothness of `carigs.tracking.surface_fields`.
-    Joints stay where they are. It is found in rounds, because other vertices come to lie on the outline.
+    A vertex on the outline has to go as far along its normal as the edge of the matte is away in the image. The
+    displacement is smooth (`SpatialField`), and keeps landmarks where they are seen from the front, eyeballs, and
+    joints. It is found in rounds, because other vertices come to lie on the outline.
 
     Args:
         model: The head model.
         views: Frames from many directions.
-        face: Vertices of the face whose colour is the skin's.
+        landmarks: Points of the face, whose colour is the skin's.
 
     Returns:
         What is added to the static offset, in metres; 0 if no view shows an edge of skin.
     """
     rest = neutral(model, views[0].parameters)
     candidates = np.flatnonzero(model.vertex_region(*SKIN) & ~model.vertex_region(*OTHER))
-    smooth = smoothness(rest, model.faces, WIDTH, STIFFNESS)
-    smooth_axes = kron(smooth, eye_array(3)).tocsc()
+    field, face = SpatialField(rest, candidates), np.unique(landmarks.corners)
+    kept, kept_information = _kept(model, field, landmarks)
     posed = [_posed(model, view, rest, candidates) for view in views]
     offset = np.zeros_like(rest)
     for reach in REACHES:
         found = [
-            _distances(
-                view, _Posed(head.vertices + offset @ head.turn.T, head.turn), model.faces, candidates, face, reach
-            )
+            _distances(view, head.displaced(offset), model.faces, candidates, face, reach)
             for view, head in zip(views, posed, strict=True)
         ]
         vertex, direction, distance, weight = map(np.concatenate, zip(*found, strict=True))
         if not len(vertex):
             break
-        rows, columns = np.repeat(np.arange(len(vertex)), 3), 3 * vertex[:, None] + np.arange(3)
-        along = csc_array((direction.ravel(), (rows, columns.ravel())), shape=(len(vertex), rest.size))
-        weighted = along.T @ dia_array((weight[None] / len(views), [0]), shape=(len(vertex), len(vertex)))
+        # Sums over the equations of each vertex.
+        seen, which = np.unique(vertex, return_inverse=True)
+        weight = weight / len(views) / SIGMA**2
         wanted = distance + np.einsum("ki,ki->k", direction, offset[vertex])
-        # Almost the same matrix, for each axis alone.
-        mean = np.bincount(vertex, weight, minlength=len(rest)) / len(views) / 3
-        factors = CholeskySolver((smooth + dia_array((mean[None], [0]), shape=smooth.shape)).tocsc())
-        solution = conjugate_gradients(
-            (weighted @ along + smooth_axes).tocsc(), weighted @ wanted, offset.ravel(), ITERATIONS,
-            tolerance=TOLERANCE,
-            precondition=lambda values, factors=factors: factors.solve(values.reshape(-1, 3)).ravel(),
-        )  # fmt: skip
-        if solution is None:
-            break
-        offset = _with_still_joints(solution.reshape(-1, 3), model.joint_regressor, factors)
+        information, weighted = np.zeros((len(seen), 3, 3)), np.zeros((len(seen), 3))
+        np.add.at(information, which, weight[:, None, None] * direction[:, :, None] * direction[:, None])
+        np.add.at(weighted, which, (weight * wanted)[:, None] * direction)
+        offset = field.fit(
+            np.concatenate([field.values[seen], kept]),
+            np.concatenate([information, kept_information]),
+            np.concatenate([weighted, np.zeros((len(kept), 3))]),
+        )
     return offset
 
 
-def _with_still_joints(
-    offset: Float[np.ndarray, "v 3"], regressor: Float[np.ndarray, "j v"], factors: CholeskySolver
-) -> Float[np.ndarray, "v 3"]:
-    """The smoothest change of a displacement that leaves the joints where they are: rotations were found with them."""
-    regressor = regressor.astype(np.float64)
-    response = factors.solve(np.ascontiguousarray(regressor.T))
-    return offset - response @ (np.linalg.pinv(regressor @ response) @ (regressor @ offset))
+def _kept(
+    model: HeadModel, field: SpatialField, landmarks: SurfacePoints
+) -> tuple[Float[np.ndarray, "n c"], Float[np.ndarray, "n 3 3"]]:
+    """Points that are not displaced: the field's basis functions there, and their information."""
+    eyes = np.flatnonzero(model.vertex_region("left_eyeball", "right_eyeball"))
+    points = (
+        (landmarks.interpolate(field.values), np.diag([1.0, 1.0, 0.0]) / ACROSS**2),  # the face looks along z
+        (field.values[eyes], np.eye(3) / EYES**2 / max(len(eyes), 1)),
+        (model.joint_regressor.astype(np.float64) @ field.values, np.eye(3) / JOINTS**2),
+    )
+    return (
+        np.concatenate([values for values, _ in points]),
+        np.concatenate([np.broadcast_to(information, (len(values), 3, 3)) for values, information in points]),
+    )
 
 
 def _posed(

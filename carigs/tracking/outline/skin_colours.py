@@ -10,6 +10,8 @@ DEVIATIONS = 3.5
 LEAST = np.array([0.015, 0.015, 0.25])
 """Least standard deviations of the shares of red and green, and of the logarithm of the brightness: the skin beside an
 outline is lit otherwise than the middle of the face."""
+MOST = 1.6 * LEAST
+"""Largest ones: hair may hang over half of a face."""
 CONSISTENT = 1.4826
 """Of a normal distribution: standard deviation over the median distance from the median."""
 
@@ -24,7 +26,7 @@ class SkinColours:
     def __init__(self, colours: Float[np.ndarray, "n 3"]) -> None:
         values = _hue_and_brightness(colours)
         self._median = np.median(values, axis=0)
-        self._deviation = np.maximum(CONSISTENT * np.median(np.abs(values - self._median), axis=0), LEAST)
+        self._deviation = np.clip(CONSISTENT * np.median(np.abs(values - self._median), axis=0), LEAST, MOST)
 
     def contains(self, colours: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, " n"]:
         """Whether colours are those of the skin.

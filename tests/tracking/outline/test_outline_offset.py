@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from small_head import ring_of_cameras, small_head
 
-from carigs.head import HeadModel, HeadParameters, neutral, pose
+from carigs.head import HeadModel, HeadParameters, SurfacePoints, neutral, pose
 from carigs.raster import compute_visibility
 from carigs.tracking.outline.outline_offset import OutlineView, outline_offset
 
 SKIN, HAIR = (200, 140, 120), (30, 25, 20)
-CAMERAS = ring_of_cameras(7, size=300, focal=1000.0)
+CAMERAS = ring_of_cameras(7, size=500, focal=1800.0)
 BUMP = 0.006
 """Metres."""
 
@@ -30,6 +30,10 @@ def model() -> HeadModel:
     return replace(head, regions=regions)
 
 
+def landmarks(model: HeadModel) -> SurfacePoints:
+    return SurfacePoints.at_vertices(model.regions["face"][::4])
+
+
 def bump(model: HeadModel) -> np.ndarray:
     """One ear stands out, over some centimetres."""
     vertices = model.v_template.astype(np.float64)
@@ -45,7 +49,7 @@ def views_of(model: HeadModel, offset: np.ndarray, edge: tuple[int, int, int] = 
     views = []
     for camera in CAMERAS:
         silhouette = compute_visibility(pose(model, true), model.faces, camera).face >= 0
-        inner = compute_visibility(0.85 * pose(model, true), model.faces, camera).face >= 0
+        inner = compute_visibility(0.93 * pose(model, true), model.faces, camera).face >= 0
         image = np.full((*silhouette.shape, 3), SKIN, np.uint8)
         image[~inner] = edge
         views.append(OutlineView(camera, known, image, silhouette.astype(np.float32)))
@@ -54,7 +58,7 @@ def views_of(model: HeadModel, offset: np.ndarray, edge: tuple[int, int, int] = 
 
 def test_a_bump_on_the_outline_is_found(model):
     true = bump(model)
-    offset = outline_offset(model, views_of(model, true), model.regions["face"])
+    offset = outline_offset(model, views_of(model, true), landmarks(model))
     rim = np.flatnonzero((true[:, 0] > BUMP / 2) & (model.v_template[:, 2] > -0.02))
     wrong = np.abs(offset - true)[rim, 0]  # along the bump: an outline does not tell what slides along it
     assert wrong.mean() < 0.15 * BUMP
@@ -63,31 +67,31 @@ def test_a_bump_on_the_outline_is_found(model):
     far = np.flatnonzero((true[:, 0] < 1e-5) & model.vertex_region("face", "left_ear", "right_ear"))
     assert np.linalg.norm(offset[far], axis=1).mean() < 3e-4
     joints = model.joint_regressor @ offset
-    assert np.linalg.norm(joints, axis=1).max() < 2e-4
+    assert np.linalg.norm(joints, axis=1).max() < 5e-5
 
 
 def test_a_head_that_fits_stays(model):
     views = views_of(model, np.zeros_like(model.v_template))
-    offset = outline_offset(model, views, model.regions["face"])
-    assert np.linalg.norm(offset, axis=1).mean() < 2e-4
-    assert np.linalg.norm(offset, axis=1).max() < 1e-3
+    offset = outline_offset(model, views, landmarks(model))
+    assert np.linalg.norm(offset, axis=1).mean() < 1.5e-4
+    assert np.linalg.norm(offset, axis=1).max() < 1.5e-3  # three pixels, where one view alone shows an outline
 
 
 def test_an_edge_of_another_colour_than_the_face_is_not_followed(model):
     """Hair or a collar."""
-    offset = outline_offset(model, views_of(model, bump(model), HAIR), model.regions["face"])
-    assert not offset.any()
+    offset = outline_offset(model, views_of(model, bump(model), HAIR), landmarks(model))
+    assert np.abs(offset).max() < 0.05 * BUMP
 
 
 def test_the_static_offset_that_a_head_has_is_where_it_begins(model):
     true = bump(model)
     views = views_of(model, true)
     known = [replace(view, parameters=replace(view.parameters, static_offset=true)) for view in views]
-    assert np.linalg.norm(outline_offset(model, known, model.regions["face"]), axis=1).max() < 1e-3
+    assert np.linalg.norm(outline_offset(model, known, landmarks(model)), axis=1).mean() < 1.5e-4
     rest = neutral(model, known[0].parameters)
     assert np.abs(rest - model.v_template - true).max() < 1e-6
 
 
 def test_views_without_a_matte_give_nothing(model):
     views = [replace(view, alpha=np.ones_like(view.alpha)) for view in views_of(model, bump(model))]
-    assert not outline_offset(model, views, model.regions["face"]).any()
+    assert not outline_offset(model, views, landmarks(model)).any()
