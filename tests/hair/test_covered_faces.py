@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hair.hairy_ball import CAP, RADIUS, ball, views
+from hair.hairy_ball import CAP, RADIUS, ball, first_hit, views
 
 from carigs.hair import surface_cells
 from carigs.hair.covered_faces import _as_around, covered_faces
@@ -68,6 +68,30 @@ def test_triangles_that_no_view_sees_are_as_those_around_them():
     np.testing.assert_array_equal(spread, covered)
     nothing = np.zeros(len(faces), bool)
     assert not _as_around(covered, nothing, faces, len(vertices)).any()
+
+
+def misplaced_stripes(seen):
+    """Folds of skin, such as those of an ear, at another place in each view."""
+    for k, view in enumerate(seen):
+        point, on_ball = first_hit(view.visibility.camera, RADIUS)
+        folded = on_ball & (np.abs(point[..., 1] / RADIUS + 0.3) < 0.2)
+        shade = 1 + 0.2 * np.sign(np.sin(point[..., 1] * 2 * np.pi / 0.006 + 2.4 * k))
+        yield view._replace(image=np.where(folded[..., None], view.image * shade[..., None], view.image).astype("f4"))
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_misplaced_skin_is_not_covered_where_the_colour_of_hair_is_known(known):
+    """The strands of the cap tell it."""
+    vertices, faces = ball()
+    height, none = heights(), np.zeros(len(faces), bool)
+    scalp = (height > CAP + 0.3) & known
+    found = covered_faces(list(misplaced_stripes(views())), faces, vertices, scalp, none, none)
+    folded, hung_over = np.abs(height + 0.3) < 0.15, (height > CAP + 0.1) & (height < CAP + 0.3)
+    assert found.texture[folded].mean() > 0.03
+    assert (found.covered[folded].mean() > 0.9) == (not known)
+    if known:
+        assert found.covered[folded].mean() < 0.02
+    assert found.covered[hung_over].mean() > 0.95
 
 
 def test_images_without_the_mesh_tell_nothing():
