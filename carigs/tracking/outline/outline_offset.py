@@ -1,8 +1,8 @@
 """A smooth displacement of the head that brings its outline onto the mattes.
 
 Landmarks of a network lie on the face alone, and say little about depth. Ears, the profile of nose and forehead, and
-the width of the cheeks stay those of the head model, of somebody else: on footage of a person, ears were 8 mm off and
-the profile 4 mm. Where the head turns, the edge of the matte shows them.
+the width of the cheeks stay those of the head model, of somebody else: on footage of a person, ears were up to 8 mm off
+and the profile up to 4 mm. Where the head turns, the edge of the matte shows them.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from carigs.tracking.outline.spatial_field import SpatialField
 SKIN = ("face", "nose", "forehead", "left_ear", "right_ear")
 """Regions whose outline is compared: hair stands off the scalp, and mattes end at the neck."""
 OTHER = ("scalp", "left_eyeball", "right_eyeball", "boundary")
-"""Regions that are none of it although they overlap with these."""
+"""Regions that are left out of those, with which they overlap."""
 REACHES = (0.05, 0.05, 0.04, 0.03, 0.03)
 """Of each round: how far the edge of the matte is searched, in sizes of the silhouette."""
 DEPTHS = (2.0, 3.0, 4.0)
@@ -90,10 +90,13 @@ def outline_offset(
         landmarks: Points of the face, whose colour is the skin's.
 
     Returns:
-        What is added to the static offset, in metres; 0 if no view shows an edge of skin.
+        What is added to the static offset, in metres; 0 if no view shows an edge of skin, or if the model does not
+        name the regions `SKIN`: all of it may be under hair then.
     """
     rest = neutral(model, views[0].parameters)
     candidates = np.flatnonzero(model.vertex_region(*SKIN) & ~model.vertex_region(*OTHER))
+    if not len(candidates):
+        return np.zeros_like(rest)
     field, face = SpatialField(rest, candidates), np.unique(landmarks.corners)
     kept, kept_information = _kept(model, field, landmarks)
     posed = [_posed(model, view, rest, candidates) for view in views]

@@ -95,3 +95,10 @@ def test_the_static_offset_that_a_head_has_is_where_it_begins(model):
 def test_views_without_a_matte_give_nothing(model):
     views = [replace(view, alpha=np.ones_like(view.alpha)) for view in views_of(model, bump(model))]
     assert not outline_offset(model, views, landmarks(model)).any()
+
+
+def test_a_model_without_regions_keeps_its_outline(model):
+    """Such as FLAME without its file of regions."""
+    offset = outline_offset(replace(model, regions={}), views_of(model, bump(model)), landmarks(model))
+    assert offset.shape == model.v_template.shape
+    assert not offset.any()
