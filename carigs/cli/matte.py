@@ -22,8 +22,8 @@ from carigs.errors import CarigsError, CarigsWarning, InputError
 from carigs.footage import Footage, Selection, TimedFrame, read_footage
 from carigs.footage.photographs import SUFFIXES
 from carigs.matting import composite, given_mattes, matted_frames
-from carigs.matting.closed_form import pymatting
 from carigs.readers.folders import listed, natural_order
+from carigs.system.extras import need
 from carigs.system.files import writing_folder
 
 EXAMPLES = """examples:
@@ -48,7 +48,7 @@ def main(arguments: list[str]) -> int:
         CarigsError: If pymatting is not installed, the output is not empty, or the footage or a matte cannot be used.
     """
     task = _parser().parse_args(arguments)
-    pymatting()  # before work starts
+    need("pymatting")  # before work starts
     if task.output.exists() and any(task.output.iterdir()):
         raise CarigsError(f"{task.output}: the folder is not empty; name a new one")
     selection = Selection(task.every, task.start, task.end, task.max_frames, task.largest_side)

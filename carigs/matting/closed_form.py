@@ -7,18 +7,13 @@ the weight is the certainty of the prior.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import cv2
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 from scipy.sparse import diags_array
 from scipy.sparse.linalg import cg
 
-from carigs.system.extras import need
-
-if TYPE_CHECKING:
-    from types import ModuleType
+from carigs.matting.pymatting_modules import pymatting_module
 
 CERTAIN = 100.0
 """Weight of pixels whose alpha is known."""
@@ -28,21 +23,6 @@ TOLERANCE, ITERATIONS = 1e-5, 500
 """Relative residual at which the conjugate gradients end, and their largest number."""
 MARGIN = 3
 """Pixels around the band that are solved for as well."""
-
-
-def pymatting() -> ModuleType:
-    """Import the package of the optional extra `video`.
-
-    Returns:
-        The module.
-
-    Raises:
-        PackageMissing: If it is not installed.
-    """
-    need("pymatting")
-    import pymatting as module
-
-    return module
 
 
 def closed_form_alpha(
@@ -69,7 +49,6 @@ def closed_form_alpha(
     unknown = (trimap > 0) & (trimap < 255)
     if not unknown.any():
         return alpha
-    library = pymatting()
     x, y, width, height = cv2.boundingRect(unknown.astype(np.uint8))
     box = (
         slice(max(y - MARGIN, 0), y + height + MARGIN),
@@ -79,7 +58,8 @@ def closed_form_alpha(
     weights = np.where(known, CERTAIN, 0.0)
     if prior is not None and weight is not None:
         target[~known], weights[~known] = prior[box][~known], weight[box][~known]
-    laplacian = library.cf_laplacian(image[box].astype(np.float64) / 255, EPSILON, 1, is_known=known)
+    colours = image[box].astype(np.float64) / 255
+    laplacian = pymatting_module("laplacian.cf_laplacian").cf_laplacian(colours, EPSILON, 1, is_known=known)
     # Only the band and its neighbours are unknowns: a solve of the whole image would take several times as long.
     active = np.flatnonzero(_beside(~known))
     matrix = laplacian.tocsr()[active][:, active]

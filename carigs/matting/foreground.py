@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
-from carigs.matting.closed_form import pymatting
+from carigs.matting.pymatting_modules import pymatting_module
 
 
 def foreground_colours(
@@ -23,7 +23,8 @@ def foreground_colours(
     Raises:
         CarigsError: If pymatting is not installed.
     """
-    return pymatting().estimate_foreground_ml(image.astype(np.float32) / 255, alpha).clip(0, 1).astype(np.float32)
+    estimate = pymatting_module("foreground.estimate_foreground_ml").estimate_foreground_ml
+    return estimate(image.astype(np.float32) / 255, alpha).clip(0, 1).astype(np.float32)
 
 
 def composite(

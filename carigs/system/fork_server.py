@@ -32,7 +32,7 @@ FORK_SERVER = "CARIGS_FORK_SERVER"
 CORES = "CARIGS_CORES"
 """Environment variable with the number of cores that the jobs of a run share."""
 SECONDS_BETWEEN_CHECKS = 0.5
-STARTING_THREADS = ("ai_edge_litert", "pymatting")
+STARTING_THREADS = ("ai_edge_litert",)
 """Packages that start threads when they are imported: the server leaves that to the jobs. Numba ends a fork that begins
 a parallel loop, if OpenMP had threads before the fork."""
 NUM_STREAMS = 3

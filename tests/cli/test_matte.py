@@ -1,5 +1,7 @@
 """`carigs matte`: frames and mattes in the layout that captures are read from."""
 
+from importlib.util import find_spec
+
 import cv2
 import numpy as np
 import pytest
@@ -9,7 +11,8 @@ from carigs.capture.images import read_grey, read_rgb8
 from carigs.capture.importers.images import find_images
 from carigs.cli.main import main as carigs
 
-pytest.importorskip("pymatting", reason="extra video")
+if not find_spec("pymatting"):
+    pytest.skip("pymatting is not installed (extra video)", allow_module_level=True)
 
 
 @pytest.fixture
