@@ -71,6 +71,11 @@ bench: .venv/installed
 	cp results/benchmark/benchmarks.md docs/
 	cp results/benchmark/images/*.png docs/images/
 
+# Builds, checks and measures train.backend=cuda: at most 15 minutes, 8 with warm caches. PARTS chooses.
+.PHONY: gpu
+gpu:
+	python -m evaluation.benchmarks.gpu results/gpu --device $(or $(DEVICE),cuda) $(if $(PARTS),--parts $(PARTS))
+
 .PHONY: gallery
 gallery: .venv/installed
 	python -m evaluation.figures.make_gallery docs/images/commands.toml $(PICTURES)

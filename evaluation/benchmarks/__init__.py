@@ -13,6 +13,7 @@ Programs, each with a CSV file and a plot (`make bench` runs all):
 - `quality`: PSNR against seconds of training
 - `image_metric_cost`: metrics of rendered images that need no network
 - `metric_cost`: metrics that need networks (no plot)
+- `gpu`: what a GPU does, in parts (`make gpu`, no plot)
 
 Shared parts:
 
