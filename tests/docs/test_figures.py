@@ -44,6 +44,7 @@ MEASUREMENTS = {
     "footage": Measurement((), (), SECTION),
     "kernels": Measurement(("6ba7be7",)),
     "metrics": Measurement(("d691ad4",), (), "python -m evaluation.benchmarks.image_metric_cost FILE.csv"),
+    "gpu": Measurement((), (), "make gpu"),
     "jobs": Measurement(("a7c9c32",), (), "carigs run"),
     "viewer": Measurement(
         ("8414454",), ("ict_s1", MODEL), "python -m evaluation.benchmarks.viewer FILE.csv ict_s1=AVATAR.npz"

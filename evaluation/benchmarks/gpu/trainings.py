@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
@@ -159,8 +160,49 @@ def load(folder: Path, overrides: Sequence[str]) -> Subject:
     return Subject(train, prepared, person, views)
 
 
+class EnoughError(Exception):
+    """The steps that were asked for are done."""
+
+
+class Curve:
+    """Observer of a training that measures images after some of its steps; the clock stands still meanwhile.
+
+    Args:
+        subject: What is trained.
+        settings: Settings of the training.
+        steps: Step after which the training is ended.
+    """
+
+    def __init__(self, subject: Subject, settings: Train, steps: int) -> None:
+        self.subject, self.settings, self.steps = subject, settings, steps
+        self.marks = {max(round(share * settings.iterations), 1) for share in MARKS} | {steps}
+        self.points: list[tuple[int, float, Mapping[str, float]]] = []
+        self.start = time.perf_counter()
+
+    def __call__(self, state: TrainingState) -> None:
+        """Measure the images, if that is due after this step.
+
+        Args:
+            state: State of the training after the step.
+
+        Raises:
+            EnoughError: It was the last step.
+        """
+        if state.iteration not in self.marks:
+            return
+        if self.settings.backend == "cuda":
+            torch.cuda.synchronize()
+        now, subject, settings = time.perf_counter(), self.subject, self.settings
+        surfels, background = from_arrays(**to_arrays(state.surfels)), subject.capture.background
+        avatar = Avatar(surfels, subject.prepared.sequence, settings.rig, settings.rotate_harmonics, background)
+        self.points.append((state.iteration, now - self.start, psnr_by_region(avatar, 0.0, subject.views)))
+        self.start += time.perf_counter() - now
+        if state.iteration == self.steps:
+            raise EnoughError
+
+
 def train(case: str, subject: Subject, backend: str, steps: int) -> Iterator[Figure]:
-    """Train once, and measure the images of some of the steps; that takes none of the time.
+    """Train once, and measure the images of some of the steps.
 
     Args:
         case: Name of the figures.
@@ -171,48 +213,22 @@ def train(case: str, subject: Subject, backend: str, steps: int) -> Iterator[Fig
     Yields:
         The figures.
     """
-    cuda = backend == "cuda"
     settings = replace(subject.train, backend=backend)
-    marks = {max(round(share * settings.iterations), 1) for share in MARKS} | {steps}
-    curve: list[tuple[int, float, Mapping[str, float]]] = []
-    paused, clock = 0.0, time.perf_counter
-
-    class EnoughError(Exception):
-        """The steps are done."""
-
-    def watch(state: TrainingState) -> None:
-        nonlocal paused
-        if state.iteration not in marks:
-            return
-        if cuda:
-            torch.cuda.synchronize()
-        now = clock()
-        surfels = from_arrays(**to_arrays(state.surfels))
-        avatar = Avatar(
-            surfels, subject.prepared.sequence, settings.rig, settings.rotate_harmonics, subject.capture.background
-        )
-        curve.append((state.iteration, now - start - paused, psnr_by_region(avatar, 0.0, subject.views)))
-        paused += clock() - now
-        if state.iteration == steps:
-            raise EnoughError
-
-    warm_up = replace(settings, iterations=WARM_UP, density=replace(settings.density, every=0))
     if backend != "torch":
+        warm_up = replace(settings, iterations=WARM_UP, density=replace(settings.density, every=0))
         train_surfels(warm_up, subject.prepared)
-    if cuda:
+    if backend == "cuda":
         torch.cuda.reset_peak_memory_stats()
-    start = clock()
-    try:
-        train_surfels(settings, subject.prepared, on_step=watch)
-    except EnoughError:
-        pass
-    for step, seconds, psnr in curve:
+    curve = Curve(subject, settings, steps)
+    with suppress(EnoughError):
+        train_surfels(settings, subject.prepared, on_step=curve)
+    for step, seconds, psnr in curve.points:
         yield Figure(case, f"seconds of {step} steps", seconds, "s")
         for region in ("full", "face", "hair"):
             if region in psnr:
                 yield Figure(case, f"PSNR of {region} after {step} steps", psnr[region], "dB")
-    if len(curve) > 1:
-        (first, before, _), (last, after, _) = curve[-2:]
+    if len(curve.points) > 1:
+        (first, before, _), (last, after, _) = curve.points[-2:]
         yield Figure(case, "steps per second", (last - first) / (after - before), "1/s")
-    if cuda:
+    if backend == "cuda":
         yield Figure(case, "memory", torch.cuda.max_memory_allocated() / 2**20, "MiB")
