@@ -10,5 +10,6 @@
 - `personal_expressions`, `surface_fields`: what one person's head has of its own
 - `neck_cut`, `dataset`: mattes that end at the neck, and the dataset
 - `texture`: how the skull moves, by corners in hair and skin
+- `outline`, `skin`: what frames show of the head beyond landmarks: its outline, and how its skin moves
 - `judgement`: errors by region, the contact sheet, and what to record otherwise
 """

@@ -22,9 +22,13 @@ from carigs.tracking.held_out import blocks, held_out
 from carigs.tracking.neck_cut import NeckCut
 from carigs.tracking.outline.outline_offset import OutlineView, outline_offset
 from carigs.tracking.recording import Recording
+from carigs.tracking.skin.face_chart import UnwrappedFrame, face_chart
+from carigs.tracking.skin.own_expressions import own_expressions
 
 OUTLINE_VIEWS = 24
 """Training frames whose outline is compared with the head's."""
+CHART_SIDE = 224
+"""Pixels along the sides of the chart in which the movement of the skin is found."""
 
 
 def write_tracked_dataset(
@@ -38,7 +42,9 @@ def write_tracked_dataset(
     chin: float | None = None,
     by_time: Callable[[int], list[str]] = blocks,
 ) -> FootageTrack:
-    """Write tracked footage as a dataset that studies read. The head gets the outline that the mattes show.
+    """Write tracked footage as a dataset that studies read.
+
+    The head gets the outline that the mattes show, and the person's own expressions.
 
     Args:
         folder: Folder to create.
@@ -61,21 +67,29 @@ def write_tracked_dataset(
     shutil.rmtree(frames_folder, ignore_errors=True)
     frames_folder.mkdir(parents=True)
     head, model = track.head, track.head.model
-    cut = NeckCut(neutral(model, head.parameters[0]), model.faces, chin) if chin is not None else None
+    rest = neutral(model, head.parameters[0])
+    cut = NeckCut(rest, model.faces, chin) if chin is not None else None
+    chart = None if track.one_moment else face_chart(model, rest, CHART_SIDE)
     names = held_out(len(track.kept), len(track.cameras), _frontal(cameras), by_time)
     places = list(product(range(len(track.cameras)), range(len(track.kept))))
     looked_at = {*evenly_spread([(c, t) for c, t in places if names[t][c] == "train"], OUTLINE_VIEWS)}
-    views = list[OutlineView]()
+    views, skin = list[OutlineView](), list[UnwrappedFrame]()
     try:
         for (c, t), (frame, alpha, foreground) in zip(places, matted, strict=True):
             if (c, t) in looked_at:
                 views.append(OutlineView(cameras[c], head.parameters[t], frame.image, alpha))
+            posed = pose(model, head.parameters[t])
+            if chart is not None:
+                skin.append(chart.unwrap(frame.image, alpha, posed, cameras[c]))
             if cut is not None:
-                alpha = alpha * cut.kept_share(pose(model, head.parameters[t]), cameras[c])
+                alpha = alpha * cut.kept_share(posed, cameras[c])
             write_png(frames_folder / f"{t:05d}_{c:02d}.png", composite(foreground, alpha, background) / 255.0)
             write_png(frames_folder / f"{t:05d}_{c:02d}_matte.png", alpha)
         with threadpool_limits(1, "blas"):  # the same bytes with any number of cores
             head = head.displaced(outline_offset(model, views, landmarks))
+            if chart is not None:
+                model, parameters = own_expressions(model, head.parameters, chart, skin, [t for _, t in places])
+                head = replace(head, model=model, parameters=parameters)
         frames = tuple(
             Frame(t, c, "", split, f"{t:05d}_{c:02d}.png", f"{t:05d}_{c:02d}_matte.png", parameter_file(t), c)
             for t, row in enumerate(names)
