@@ -2,8 +2,9 @@
 
 A point in front of the mesh is empty if a view shows background there, or a triangle that nothing covers. What is left
 is hair, or something else that stands off the mesh; where no view shows its outline, it is as thick as where one does
-(`carigs.hair.measured_reach`). Hair moves with the scalp, so views of different timesteps agree in the axes of the
-canonical head, to which the scalp's rigid motion takes them.
+(`carigs.hair.measured_reach`). What does not hang together with the hair above the scalp is none: before a single
+camera, the hull also holds the space in front of brows, nose, lips and stubble. Hair moves with the scalp, so views of
+different timesteps agree in the axes of the canonical head, to which the scalp's rigid motion takes them.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import cv2
 import igl
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
+from scipy.ndimage import label
 
 from carigs.hair import carving
 from carigs.hair.bare_skin import NEAR_SKIN
@@ -97,7 +99,19 @@ def carve_hair(
         found = scalp[nearest] | (cover[nearest] > 0.5) | (squared > NEAR_SKIN**2)
         looks = [(transform, seen) for transform, seen, _ in prepared]
         found &= within_measured_reach(fine, closest, nearest, COARSE / DIVISIONS, looks, canonical, faces)
+        found[found] = _hang_together(fine[found], COARSE / DIVISIONS, scalp[nearest[found]])
     return HairVolume(fine[found].astype(np.float32), opacity[found].astype(np.float32), COARSE / DIVISIONS)
+
+
+def _hang_together(
+    centres: Float[np.ndarray, "n 3"], size: float, rooted: Bool[np.ndarray, " n"]
+) -> Bool[np.ndarray, " n"]:
+    """Which voxels hang together with the rooted ones, over faces, edges or corners."""
+    cell = np.rint((centres - centres.min(axis=0, initial=0)) / size).astype(int)
+    filled = np.zeros(cell.max(axis=0, initial=0) + 1, bool)
+    filled[tuple(cell.T)] = True
+    parts = label(filled, np.ones((3, 3, 3)))[0][tuple(cell.T)]
+    return np.isin(parts, parts[rooted])
 
 
 def _opacities(points: Float[np.ndarray, "n 3"], prepared: list, size: float) -> Float[np.ndarray, " n"]:

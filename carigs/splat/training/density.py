@@ -72,6 +72,7 @@ def densify_and_prune(
     settings: Density,
     rng: np.random.Generator,
     importance: Callable[[], Float[np.ndarray, " n"]] | None = None,
+    kept: Bool[np.ndarray, " n"] | None = None,
 ) -> Surfels:
     """Prune transparent surfels; clone small and split large surfels of large gradients.
 
@@ -85,22 +86,24 @@ def densify_and_prune(
         rng: Places the children of splits.
         importance: Computes the contribution of every surfel to the images; called only if the budget is too small for
             all new surfels, to find those that make room.
+        kept: Surfels that are not changed; None if all may be.
 
     Returns:
         Surfels after, sorted by triangle.
     """
     arrays = to_arrays(surfels)
     n = len(surfels)
-    pruned = 1 / (1 + np.exp(-arrays["opacity"])) < settings.prune_opacity
+    kept = np.zeros(n, bool) if kept is None else kept
+    pruned = (1 / (1 + np.exp(-arrays["opacity"])) < settings.prune_opacity) & ~kept
     pruned = ~keep_one_per_face(arrays["binding"], pruned, arrays["opacity"])
-    parents = np.flatnonzero((gradient >= settings.gradient_threshold) & ~pruned)
+    parents = np.flatnonzero((gradient >= settings.gradient_threshold) & ~pruned & ~kept)
     excess = n - pruned.sum() + len(parents) - settings.max_surfels
     if excess > 0 and importance is not None and settings.replace_fraction > 0:
         value = np.where(pruned, -np.inf, importance())
-        value[parents] = np.inf
+        value[parents] = value[kept] = np.inf
         count = pruned.sum() + min(excess, int(settings.replace_fraction * n))
         pruned[np.argsort(value, kind="stable")[:count]] = True
-        pruned[parents] = False
+        pruned[parents] = pruned[kept] = False
         pruned = ~keep_one_per_face(arrays["binding"], pruned, arrays["opacity"])
     room = max(settings.max_surfels - int(n - pruned.sum()), 0)
     parents = np.sort(parents[np.argsort(-gradient[parents], kind="stable")[:room]])
@@ -114,10 +117,10 @@ def densify_and_prune(
     arrays["position"][children] += np.einsum("nij,nj->ni", _disc_axes(arrays["rotation"][children]), noise)
     arrays["log_scale"][children] -= np.float32(np.log(SPLIT_SHRINK))
     pruned[parents[large]] = True  # their children take their place
-    kept = np.flatnonzero(np.append(~pruned, np.ones(len(source) - n, bool)))
-    kept = kept[np.argsort(arrays["binding"][kept], kind="stable")]
-    adam.reorder(source[kept], kept >= n)
-    return from_arrays(**{name: value[kept] for name, value in arrays.items()})
+    left = np.flatnonzero(np.append(~pruned, np.ones(len(source) - n, bool)))
+    left = left[np.argsort(arrays["binding"][left], kind="stable")]
+    adam.reorder(source[left], left >= n)
+    return from_arrays(**{name: value[left] for name, value in arrays.items()})
 
 
 def keep_one_per_face(

@@ -97,7 +97,11 @@ def keep_size_of_brows(sequence: HeadSequence, settings: Train) -> None:
 
 
 def prepare_hair(
-    found: FoundHair, scalp: Bool[np.ndarray, " f"], sequence: HeadSequence, settings: Train
+    found: FoundHair,
+    scalp: Bool[np.ndarray, " f"],
+    sequence: HeadSequence,
+    settings: Train,
+    unseen: Bool[np.ndarray, " f"] | None = None,
 ) -> HairSurfels | None:
     """Draw points inside the hair, and let the scalp move smoothly.
 
@@ -107,6 +111,7 @@ def prepare_hair(
         sequence: The subject; receives the smooth motion.
         settings: Number of points over the number of triangles of the scalp (`hair_layers`), whether hair grows with
             the scalp (`hair_grows`), and the seed of the points.
+        unseen: Triangles that the training leaves as they are, which carry no hair; None if there are none.
 
     Returns:
         The hair; None if the head has none.
@@ -116,7 +121,8 @@ def prepare_hair(
         return None
     rng = np.random.default_rng([settings.seed, 1])
     vertices, faces = sequence.rig.vertices, sequence.rig.faces
-    points = place_in_hair(found.volume, found.visible, found.strands, scalp, vertices, faces, count, rng)
+    carrying = scalp if unseen is None or not (scalp & ~unseen).any() else scalp & ~unseen
+    points = place_in_hair(found.volume, found.visible, found.strands, carrying, vertices, faces, count, rng)
     share = share_of_average(hair_reach(points, scalp, vertices, faces))
     sequence.smooth = SmoothMotion(sequence.rig, scalp, settings.hair_grows, share)
     bare = ~(found.covered | scalp)

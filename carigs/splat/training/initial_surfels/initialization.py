@@ -22,6 +22,7 @@ from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.rig import Rig
 from carigs.splat.surfels.surfels import Surfels, flat_discs, from_arrays, to_arrays
 from carigs.splat.training.initial_surfels.hair_surfels import HIDDEN_OPACITY, HairSurfels
+from carigs.splat.training.initial_surfels.unseen_skin import COVERING_SCALE, UnseenSkin
 from carigs.splat.training.supervision import Example, Supervision
 
 OCCLUSION_TOLERANCE = 0.003
@@ -40,6 +41,7 @@ def initial_surfels(
     sequence: HeadSequence,
     hair: HairSurfels | None = None,
     mouth: CarriedPoints | None = None,
+    unseen: UnseenSkin | None = None,
 ) -> Surfels:
     """Take the surfels of the avatar `settings.start`, or initialize surfels on every face and inside hair and mouth.
 
@@ -52,6 +54,7 @@ def initial_surfels(
         sequence: Posed meshes per timestep and level.
         hair: Where hair is; None if there is none.
         mouth: Points inside the mouth; None if it stays empty.
+        unseen: Skin that no training frame shows; None if it is treated like the other.
 
     Returns:
         Surfels, sorted by triangle.
@@ -69,11 +72,15 @@ def initial_surfels(
     count = len(supervision.targets if targets_only else supervision.frames)
     indices = evenly_spread(range(count), COLOUR_FRAMES)
     views = [supervision.weighted_example(targets_only, i) for i in indices]
-    rgb = observed_colours(binding, position, sequence, views, hair)
+    rgb = observed_colours(binding, position, sequence, views, hair, unseen)
     features = eye_and_brow_faces(sequence.head, sequence.head.v_template)
     opacity = np.where(features[binding], settings.initial_feature_opacity, settings.initial_opacity)
     if hair is not None:
         opacity[hair.hidden[binding]] = HIDDEN_OPACITY
+    if unseen is not None:
+        covering = unseen.faces[binding]
+        opacity[covering] = unseen.opacity[binding[covering]]
+        placed.scale[covering] = COVERING_SCALE / np.sqrt(settings.surfels_per_face)
     opacity[len(opacity) - sum(len(points.face) for points in beside) :] = SPACE_OPACITY
     return flat_discs(*placed[:3], opacity, rgb, settings.sh_degree, placed.rotation)
 
@@ -192,11 +199,12 @@ def observed_colours(
     sequence: HeadSequence,
     views: list[tuple[Example, Float[np.ndarray, "h w"]]],
     hair: HairSurfels | None = None,
+    unseen: UnseenSkin | None = None,
 ) -> Float[np.ndarray, "n 3"]:
     """Mean colour of each surfel over the views that see its centre, weighted by the cosine of the viewing angle.
 
     Surfels that no view sees take the mean colour of their face, or else of the nearest faces with a colour. So do
-    surfels on hidden triangles, whose pixels show what covers them.
+    surfels on hidden triangles, whose pixels show what covers them. On unseen skin, colours continue smoothly.
 
     Args:
         binding: Triangle of each surfel.
@@ -204,6 +212,7 @@ def observed_colours(
         sequence: Posed meshes per timestep and level.
         views: Images with the weights of their pixels.
         hair: Where hair is.
+        unseen: Skin that no training frame shows.
 
     Returns:
         RGB in [0.02, 0.98].
@@ -233,6 +242,10 @@ def observed_colours(
         skin_weight = np.where(hair.skin, face_weight, 0)
         face[hair.hidden] = _fill(face_total, skin_weight, rig.neighbours)[hair.hidden]
         weight = np.where(hair.hidden[binding], 0, weight)
+    if unseen is not None:
+        known = face_weight > 0 if hair is None else (face_weight > 0) & ~hair.hidden
+        face[unseen.faces] = unseen.continued(face, known)[unseen.faces]
+        weight = np.where(unseen.faces[binding], 0, weight)
     return np.where(weight[:, None] > 0, total / np.maximum(weight, 1e-12)[:, None], face[binding]).clip(0.02, 0.98)
 
 
