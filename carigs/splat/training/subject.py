@@ -60,7 +60,7 @@ def prepare_subject(
         unseen = find_unseen_skin(capture, sequence, settings.regions)
     kept = None if unseen is None else unseen.faces
     used = targets if settings.gtstar_probability > 0 else ()
-    supervision = Supervision(capture, used, settings.mask_flags, kept)
+    supervision = Supervision(capture, used, settings.mask_flags, kept=kept)
     keep_size_of_brows(sequence, settings)
     scalp = capture.model.face_region(*settings.regions.hair)
     if hair is not None and sequence.shading is not None:

@@ -53,8 +53,8 @@ class Supervision:
         capture: The captured subject.
         sets: GT* targets, one set per level.
         mask_flags: Names of the mask flags for which pixels are left out and triangles frozen.
-        kept: Triangles whose surfels stay as they are at the start; None if there are none.
         megabytes: Memory for decoded images.
+        kept: Triangles whose surfels stay as they are at the start; None if there are none.
 
     Raises:
         InputError: If the capture has no training frames.
@@ -63,8 +63,8 @@ class Supervision:
     capture: Capture
     sets: Sequence[TargetSet] = ()
     mask_flags: tuple[str, ...] = DEFAULT_MASK_FLAGS
-    kept: Bool[np.ndarray, " f"] | None = None
     megabytes: int = 2048
+    kept: Bool[np.ndarray, " f"] | None = None
 
     def __post_init__(self) -> None:
         self.frames = self.capture.split("train")

@@ -108,7 +108,7 @@ def find_unseen_skin(capture: Capture, sequence: HeadSequence, regions: Regions)
     unseen &= ambient_occlusion(vertices, faces, at=corners)[faces].mean(axis=1) < ENCLOSED
     if not unseen.any():
         return None
-    matte = harmonic_faces(sight.matte, sight.cosine > UNSEEN, faces_beside(faces))
+    matte = harmonic_faces(sight.matte, sight.cosine >= WELL_SEEN, faces_beside(faces))  # outlines are soft
     opacity = np.where(matte >= INSIDE_MATTE, COVERING, LEFT_OUT)
     scalp = head.face_region(*regions.hair)
     return UnseenSkin(unseen, opacity, (sight.cosine >= WELL_SEEN) & ~kept, (scalp, ~scalp), sequence)
