@@ -58,7 +58,7 @@ def prepare_subject(
     unseen = None
     if settings.cover_unseen and settings.start is None:
         unseen = find_unseen_skin(capture, sequence, settings.regions)
-    kept = None if unseen is None else unseen.faces
+    kept = None if unseen is None else unseen.kept
     used = targets if settings.gtstar_probability > 0 else ()
     supervision = Supervision(capture, used, settings.mask_flags, kept=kept)
     keep_size_of_brows(sequence, settings)

@@ -22,7 +22,7 @@ from carigs.splat.rig.rig import Rig
 from carigs.splat.surfels.surfels import Surfels, flat_discs, from_arrays, to_arrays
 from carigs.splat.training.initial_surfels.hair_surfels import HIDDEN_OPACITY, HairSurfels
 from carigs.splat.training.initial_surfels.observed_colours import observed_colours
-from carigs.splat.training.initial_surfels.unseen_skin import COVERING_SCALE, UnseenSkin
+from carigs.splat.training.initial_surfels.unseen_skin import UnseenSkin
 from carigs.splat.training.supervision import Supervision
 
 COLOUR_FRAMES = 32
@@ -78,7 +78,6 @@ def initial_surfels(
     if unseen is not None:
         covering = unseen.faces[binding]
         opacity[covering] = unseen.opacity[binding[covering]]
-        placed.scale[covering] = COVERING_SCALE / np.sqrt(settings.surfels_per_face)
     opacity[len(opacity) - sum(len(points.face) for points in beside) :] = SPACE_OPACITY
     return flat_discs(*placed[:3], opacity, rgb, settings.sh_degree, placed.rotation)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from carigs.capture import Capture
 from carigs.capture.evenly_spread import evenly_spread
@@ -36,8 +36,9 @@ INSIDE_MATTE = 0.5
 left out."""
 COVERING, LEFT_OUT = 0.98, 0.01
 """Opacity of discs that cover unseen skin, and of those on skin that is left out."""
-COVERING_SCALE = 0.7
-"""Standard deviation of these discs in units of their triangles."""
+OUTLINE_RINGS = 2
+"""Rings of triangles around those that frames show which are trained, too: outlines run there, and errors of the
+tracking move them."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,8 @@ class UnseenSkin:
 
     faces: Bool[np.ndarray, " f"]
     """The triangles."""
+    kept: Bool[np.ndarray, " f"]
+    """Those of them whose surfels the training leaves as they are: not those next to what frames show."""
     opacity: Float[np.ndarray, " f"]
     """Opacity of their discs."""
     well_seen: Bool[np.ndarray, " f"]
@@ -111,7 +114,15 @@ def find_unseen_skin(capture: Capture, sequence: HeadSequence, regions: Regions)
     matte = harmonic_faces(sight.matte, sight.cosine >= WELL_SEEN, faces_beside(faces))  # outlines are soft
     opacity = np.where(matte >= INSIDE_MATTE, COVERING, LEFT_OUT)
     scalp = head.face_region(*regions.hair)
-    return UnseenSkin(unseen, opacity, (sight.cosine >= WELL_SEEN) & ~kept, (scalp, ~scalp), sequence)
+    inner = ~_with_rings(faces, (sight.cosine > UNSEEN) | kept)
+    return UnseenSkin(unseen, unseen & inner, opacity, (sight.cosine >= WELL_SEEN) & ~kept, (scalp, ~scalp), sequence)
+
+
+def _with_rings(faces: Int[np.ndarray, "f 3"], chosen: Bool[np.ndarray, " f"]) -> Bool[np.ndarray, " f"]:
+    """Triangles, and `OUTLINE_RINGS` rings around them."""
+    for _ in range(OUTLINE_RINGS):
+        chosen = np.isin(faces, faces[chosen]).any(axis=1)
+    return chosen
 
 
 def look_at_triangles(capture: Capture, sequence: HeadSequence) -> Sight:
