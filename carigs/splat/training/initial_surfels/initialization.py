@@ -22,7 +22,7 @@ from carigs.splat.rig.rig import Rig
 from carigs.splat.surfels.surfels import Surfels, flat_discs, from_arrays, to_arrays
 from carigs.splat.training.initial_surfels.hair_surfels import HIDDEN_OPACITY, HairSurfels
 from carigs.splat.training.initial_surfels.observed_colours import observed_colours
-from carigs.splat.training.initial_surfels.unseen_skin import UnseenSkin
+from carigs.splat.training.initial_surfels.unseen_skin import KEPT_SCALE, UnseenSkin
 from carigs.splat.training.supervision import Supervision
 
 COLOUR_FRAMES = 32
@@ -78,6 +78,11 @@ def initial_surfels(
     if unseen is not None:
         covering = unseen.faces[binding]
         opacity[covering] = unseen.opacity[binding[covering]]
+        kept = np.flatnonzero(unseen.kept[binding])
+        placed.scale[kept] = KEPT_SCALE / np.sqrt(settings.surfels_per_face)
+        if hair is not None:
+            height = unseen.height_of_hair(hair.reach) / np.maximum(sequence.rig.scale, 1e-9)
+            position[kept, 2] += height[binding[kept]]
     opacity[len(opacity) - sum(len(points.face) for points in beside) :] = SPACE_OPACITY
     return flat_discs(*placed[:3], opacity, rgb, settings.sh_degree, placed.rotation)
 

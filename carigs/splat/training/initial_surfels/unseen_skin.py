@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.sparse import csr_array
 
 from carigs.capture import Capture
 from carigs.capture.evenly_spread import evenly_spread
@@ -36,6 +37,9 @@ INSIDE_MATTE = 0.5
 left out."""
 COVERING, LEFT_OUT = 0.98, 0.01
 """Opacity of discs that cover unseen skin, and of those on skin that is left out."""
+KEPT_SCALE = 0.7
+"""Standard deviation of discs that the training leaves as they are, in units of their triangles: they overlap, also in
+the height of the hair."""
 OUTLINE_RINGS = 2
 """Rings of triangles around those that frames show which are trained, too: outlines run there, and errors of the
 tracking move them."""
@@ -63,9 +67,10 @@ class UnseenSkin:
     """Opacity of their discs."""
     well_seen: Bool[np.ndarray, " f"]
     """Triangles whose colours are continued."""
-    parts: tuple[Bool[np.ndarray, " f"], ...]
-    """Hair and skin, which do not take each other's colours."""
-    sequence: HeadSequence
+    scalp: Bool[np.ndarray, " f"]
+    """Triangles that carry hair; hair and skin do not take each other's colours."""
+    beside: csr_array
+    """Which triangles share an edge."""
 
     def continued(self, values: Float[np.ndarray, "f c"], known: Bool[np.ndarray, " f"]) -> Float[np.ndarray, "f c"]:
         """Continue values of well seen triangles over the others, harmonically: each is the mean of those beside.
@@ -77,14 +82,24 @@ class UnseenSkin:
         Returns:
             The values; those of well seen triangles are the same.
         """
-        beside, result = faces_beside(self.sequence.rig.faces), np.array(values, np.float64)
-        source = known & self.well_seen
-        for part in self.parts:
+        result, source = np.array(values, np.float64), known & self.well_seen
+        for part in (self.scalp, ~self.scalp):
             # A part of which no frame shows anything takes the values around it.
             chosen = np.flatnonzero(part) if (source & part).any() else np.arange(len(part))
-            filled = harmonic_faces(values[chosen], source[chosen], beside[chosen][:, chosen])
+            filled = harmonic_faces(values[chosen], source[chosen], self.beside[chosen][:, chosen])
             result[part] = filled[part[chosen]]
         return result
+
+    def height_of_hair(self, reach: Float[np.ndarray, " f"]) -> Float[np.ndarray, " f"]:
+        """Continue the reach of the hair over the scalp that no frame shows, down to the skin around.
+
+        Args:
+            reach: How far hair reaches from each triangle of the scalp, in metres; 0 off the scalp.
+
+        Returns:
+            Height in metres above the triangles whose surfels are kept; 0 above the others.
+        """
+        return np.where(self.kept, harmonic_faces(reach, ~(self.scalp & self.kept), self.beside), 0)
 
 
 def find_unseen_skin(capture: Capture, sequence: HeadSequence, regions: Regions) -> UnseenSkin | None:
@@ -111,11 +126,12 @@ def find_unseen_skin(capture: Capture, sequence: HeadSequence, regions: Regions)
     unseen &= ambient_occlusion(vertices, faces, at=corners)[faces].mean(axis=1) < ENCLOSED
     if not unseen.any():
         return None
-    matte = harmonic_faces(sight.matte, sight.cosine >= WELL_SEEN, faces_beside(faces))  # outlines are soft
+    beside = faces_beside(faces)
+    matte = harmonic_faces(sight.matte, sight.cosine >= WELL_SEEN, beside)  # outlines are soft
     opacity = np.where(matte >= INSIDE_MATTE, COVERING, LEFT_OUT)
-    scalp = head.face_region(*regions.hair)
     inner = ~_with_rings(faces, (sight.cosine > UNSEEN) | kept)
-    return UnseenSkin(unseen, unseen & inner, opacity, (sight.cosine >= WELL_SEEN) & ~kept, (scalp, ~scalp), sequence)
+    well_seen = (sight.cosine >= WELL_SEEN) & ~kept
+    return UnseenSkin(unseen, unseen & inner, opacity, well_seen, head.face_region(*regions.hair), beside)
 
 
 def _with_rings(faces: Int[np.ndarray, "f 3"], chosen: Bool[np.ndarray, " f"]) -> Bool[np.ndarray, " f"]:

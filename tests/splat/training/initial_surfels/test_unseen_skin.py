@@ -152,6 +152,23 @@ def test_the_training_leaves_the_discs_as_they_are(from_front):
     assert len(trained) != len(start)
 
 
+def test_discs_rise_to_the_height_of_the_hair_around(from_front):
+    """Hair 3 cm thick: the unseen scalp is covered below that, and lower towards the skin."""
+    capture, path = from_front
+    subject = prepare_subject(capture, path, SETTINGS, hair_everywhere(capture))
+    unseen, rig = subject.unseen, subject.sequence.rig
+    start = initial_surfels(SETTINGS, subject.supervision, subject.sequence, subject.hair, None, unseen)
+    kept = unseen.kept[start.binding]
+    height = to_arrays(start)["position"][kept, 2] * rig.scale[start.binding[kept]]
+    scalp, beside = (
+        unseen.scalp[start.binding[kept]],
+        np.asarray(unseen.beside @ ~unseen.scalp)[start.binding[kept]] > 0,
+    )
+    assert np.abs(height[~scalp]).max() < 1e-6
+    assert (height[scalp] > 0).all() and 0.015 < height.max() < 0.035
+    assert height[scalp & beside].mean() < 0.7 * height[scalp & ~beside].mean()
+
+
 def test_surfels_of_a_given_avatar_are_trained_everywhere(from_front):
     capture, path = from_front
     assert prepare_subject(capture, path, replace(SETTINGS, start="avatar.npz")).unseen is None
