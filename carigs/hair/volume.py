@@ -17,6 +17,7 @@ import igl
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 from scipy.ndimage import label
+from scipy.spatial import cKDTree
 
 from carigs.hair import carving
 from carigs.hair.bare_skin import NEAR_SKIN
@@ -37,6 +38,8 @@ MIN_SHARE = 0.2
 """Least share of the views that look at a point without the head in between."""
 MIN_OPACITY = 0.1
 """Opacity of a voxel with hair."""
+HIDING = 0.02
+"""Metres from hair up to which it may hide skin."""
 HALF_DIAGONAL = 0.87
 """Of a cube with edges of length 1."""
 
@@ -101,6 +104,25 @@ def carve_hair(
         found &= within_measured_reach(fine, closest, nearest, COARSE / DIVISIONS, looks, canonical, faces)
         found[found] = _hang_together(fine[found], COARSE / DIVISIONS, scalp[nearest[found]])
     return HairVolume(fine[found].astype(np.float32), opacity[found].astype(np.float32), COARSE / DIVISIONS)
+
+
+def below_hair(
+    volume: HairVolume, canonical: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
+) -> Bool[np.ndarray, " f"]:
+    """Find the triangles that hair lies on.
+
+    Args:
+        volume: The hair.
+        canonical: Vertices of the subject's neutral head, in metres.
+        faces: Vertex indices of the triangles.
+
+    Returns:
+        True for triangles whose centre has a voxel within `HIDING`.
+    """
+    if not len(volume.centres):
+        return np.zeros(len(faces), bool)
+    distance, _ = cKDTree(volume.centres).query(canonical[faces].mean(axis=1))
+    return distance <= HIDING
 
 
 def _hang_together(
