@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float, Float32, Int
 
 from carigs.capture import Camera
@@ -147,15 +148,20 @@ def keep_one_per_face(
     return keep
 
 
-def reset_opacity(surfels: Surfels, adam: Adam, highest: float = 0.01) -> None:
+def reset_opacity(
+    surfels: Surfels, adam: Adam, highest: float = 0.01, kept: Bool[np.ndarray, " n"] | None = None
+) -> None:
     """Cap the opacities (Kerbl et al. 2023): only surfels that the images need become opaque again.
 
     Args:
         surfels: Surfels, changed in place.
         adam: Their optimiser; the moments of the opacities are set to zero.
         highest: Largest opacity afterwards.
+        kept: Surfels that are not changed; None if all may be.
     """
-    surfels.opacity.detach().clamp_(max=float(np.log(highest / (1 - highest))))
+    opacity = surfels.opacity.detach()
+    capped = opacity.clamp(max=float(np.log(highest / (1 - highest))))
+    opacity.copy_(capped if kept is None else torch.where(torch.from_numpy(kept).to(opacity.device), opacity, capped))
     adam.first["opacity"][:] = 0
     adam.second["opacity"][:] = 0
 

@@ -172,7 +172,7 @@ class _Run:
             )  # fmt: skip
             self.work.start_statistics(state)
         if density.reset_every and done % density.reset_every == 0 and done < density.stop:
-            reset_opacity(state.surfels, state.adam)
+            reset_opacity(state.surfels, state.adam, kept=self._kept)
 
     def _validate(self) -> None:
         """Measure the quality of held-out frames, where that is due; it may move the end of the training."""
