@@ -67,7 +67,7 @@ def observed_colours(
     if unseen is not None:
         known = face_weight > 0 if hair is None else (face_weight > 0) & ~hair.hidden
         face[unseen.faces] = unseen.continued(face, known)[unseen.faces]
-        weight = np.where(unseen.kept[binding], 0, weight)
+        weight = np.where(unseen.faces[binding], 0, weight)
     return np.where(weight[:, None] > 0, total / np.maximum(weight, 1e-12)[:, None], face[binding]).clip(0.02, 0.98)
 
 
