@@ -16,7 +16,7 @@ from carigs.hair.labels import CLASS_ORDERS, read_covering
 from carigs.hair.strands import Strands, strand_directions
 from carigs.hair.views import read_views
 from carigs.hair.visible_voxels import visible_shares
-from carigs.hair.volume import HairVolume, carve_hair
+from carigs.hair.volume import HairVolume, below_hair, carve_hair
 from carigs.head import neutral
 from carigs.head.facial_regions import brow_faces, lid_faces
 from carigs.head.model_arrays import POSSIBLE
@@ -42,7 +42,7 @@ class FoundHair:
     covered: Bool[np.ndarray, " f"]
     """Whether something covers the triangle."""
     hidden: Bool[np.ndarray, " f"]
-    """Whether it does so in most views."""
+    """Whether hair does so in most views."""
     skin: Bool[np.ndarray, " f"]
     """Whether the triangle shows bare skin of the usual colour."""
     volume: HairVolume
@@ -131,8 +131,10 @@ def find_hair(settings: Hair, capture: Capture, map_timesteps: Callable[..., Ite
     some, carrier = views[::VIEW_STRIDE], np.unique(model.faces[scalp])
     visible = visible_shares(volume, some, canonical, carrier).astype(np.float32)
     strands = strand_directions(volume, some, canonical, carrier)
+    # Stubble moves against the mesh like strands that hang over skin, but it is the skin that frames show.
+    hidden = covering.hidden & below_hair(volume, canonical, model.faces)
     return FoundHair(
-        covering.texture.astype(np.float32), covering.covered, covering.hidden, covering.skin, volume, visible, strands
+        covering.texture.astype(np.float32), covering.covered, hidden, covering.skin, volume, visible, strands
     )
 
 

@@ -19,6 +19,8 @@ from carigs.raster.open_mouth import between_lips
 
 TIMESTEPS, CAMERAS = 9, 16
 """Most timesteps, and most cameras at each, evenly spread."""
+VIEWS = 36
+"""Views for which more timesteps are read where there are few cameras: a head that turns shows more of its outline."""
 MIN_DEPTH = 0.05
 """Metres from the camera to the middle of the head; nearer cameras are inside of it, or look away from it."""
 PIXEL = 0.001
@@ -55,7 +57,9 @@ def read_views(
         The frames that can be read.
     """
     frames = capture.split("train")
-    timesteps = evenly_spread(sorted({frame.timestep for frame in frames}), TIMESTEPS)
+    cameras = len({frame.camera for frame in frames})
+    count = max(TIMESTEPS, VIEWS // max(cameras, 1))
+    timesteps = evenly_spread(sorted({frame.timestep for frame in frames}), count)
     groups = [
         evenly_spread([frame for frame in frames if frame.timestep == timestep], CAMERAS) for timestep in timesteps
     ]

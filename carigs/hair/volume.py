@@ -2,8 +2,9 @@
 
 A point in front of the mesh is empty if a view shows background there, or a triangle that nothing covers. What is left
 is hair, or something else that stands off the mesh; where no view shows its outline, it is as thick as where one does
-(`carigs.hair.measured_reach`). Hair moves with the scalp, so views of different timesteps agree in the axes of the
-canonical head, to which the scalp's rigid motion takes them.
+(`carigs.hair.measured_reach`). What does not hang together with the hair above the scalp is none: before a single
+camera, the hull also holds the space in front of brows, nose, lips and stubble. Hair moves with the scalp, so views of
+different timesteps agree in the axes of the canonical head, to which the scalp's rigid motion takes them.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ import cv2
 import igl
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
+from scipy.ndimage import label
+from scipy.spatial import cKDTree
 
 from carigs.hair import carving
 from carigs.hair.bare_skin import NEAR_SKIN
@@ -35,6 +38,8 @@ MIN_SHARE = 0.2
 """Least share of the views that look at a point without the head in between."""
 MIN_OPACITY = 0.1
 """Opacity of a voxel with hair."""
+HIDING = 0.02
+"""Metres from hair up to which it may hide skin."""
 HALF_DIAGONAL = 0.87
 """Of a cube with edges of length 1."""
 
@@ -97,7 +102,38 @@ def carve_hair(
         found = scalp[nearest] | (cover[nearest] > 0.5) | (squared > NEAR_SKIN**2)
         looks = [(transform, seen) for transform, seen, _ in prepared]
         found &= within_measured_reach(fine, closest, nearest, COARSE / DIVISIONS, looks, canonical, faces)
+        found[found] = _hang_together(fine[found], COARSE / DIVISIONS, scalp[nearest[found]])
     return HairVolume(fine[found].astype(np.float32), opacity[found].astype(np.float32), COARSE / DIVISIONS)
+
+
+def below_hair(
+    volume: HairVolume, canonical: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"]
+) -> Bool[np.ndarray, " f"]:
+    """Find the triangles that hair lies on.
+
+    Args:
+        volume: The hair.
+        canonical: Vertices of the subject's neutral head, in metres.
+        faces: Vertex indices of the triangles.
+
+    Returns:
+        True for triangles whose centre has a voxel within `HIDING`.
+    """
+    if not len(volume.centres):
+        return np.zeros(len(faces), bool)
+    distance, _ = cKDTree(volume.centres).query(canonical[faces].mean(axis=1))
+    return distance <= HIDING
+
+
+def _hang_together(
+    centres: Float[np.ndarray, "n 3"], size: float, rooted: Bool[np.ndarray, " n"]
+) -> Bool[np.ndarray, " n"]:
+    """Which voxels hang together with the rooted ones, over faces, edges or corners."""
+    cell = np.rint((centres - centres.min(axis=0, initial=0)) / size).astype(int)
+    filled = np.zeros(cell.max(axis=0, initial=0) + 1, bool)
+    filled[tuple(cell.T)] = True
+    parts = label(filled, np.ones((3, 3, 3)))[0][tuple(cell.T)]
+    return np.isin(parts, parts[rooted])
 
 
 def _opacities(points: Float[np.ndarray, "n 3"], prepared: list, size: float) -> Float[np.ndarray, " n"]:

@@ -111,6 +111,9 @@ class Train(Section, key="train"):
     """Initial standard deviation of the discs, divided by the square root of `surfels_per_face`."""
     initial_opacity: float = option(0.6, gt=0, lt=1)
     """Initial opacity of the surfels on triangles."""
+    cover_unseen: bool = False
+    """Cover the skin that no training frame shows, such as the back of a head in front of one camera, with opaque discs
+    in the colours around, which are not trained; otherwise it ends as noise."""
     initial_feature_opacity: float = option(0.3, gt=0, lt=1)
     """Initial opacity of the surfels on eyeballs and lids, which hide each other, and on brows, whose details are finer
     than the triangles."""

@@ -31,3 +31,18 @@ def test_without_a_known_value_all_are_zero():
     _, faces = sphere(1)
     for values in (np.ones(len(faces)), np.ones((len(faces), 2))):
         assert not harmonic_faces(values, np.zeros(len(faces), bool), faces_beside(faces)).any()
+
+
+def test_constants_and_linear_functions_continue_on_a_plane():
+    """Inside a regular grid, the centre of a triangle is the mean of those beside: linear functions are harmonic."""
+    n = 8
+    row, column = np.divmod(np.arange(n * n), n)
+    corner = np.flatnonzero((row < n - 1) & (column < n - 1))
+    faces = np.concatenate([corner[:, None] + [0, 1, n + 1], corner[:, None] + [0, n + 1, n]])
+    vertices = np.stack([column + 0.5 * row, row], axis=1)  # rhombs: the triangles are alike up to half a turn
+    centre, beside = vertices[faces].mean(axis=1), faces_beside(faces)
+    inside = np.asarray(beside.sum(axis=1) == 3)
+    values = np.stack([np.full(len(faces), 0.4), centre @ [2.0, -3.0] + 1], axis=1)
+    filled = harmonic_faces(np.where(inside[:, None], np.nan, values), ~inside, beside)
+    assert inside.sum() > 50
+    np.testing.assert_allclose(filled, values, atol=1e-6)

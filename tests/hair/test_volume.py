@@ -8,7 +8,7 @@ from carigs.hair import place_in_hair
 from carigs.hair.covered_faces import Covering, covered_faces
 from carigs.hair.strands import strand_directions
 from carigs.hair.visible_voxels import visible_shares
-from carigs.hair.volume import carve_hair
+from carigs.hair.volume import HairVolume, below_hair, carve_hair
 
 
 @pytest.fixture(scope="module")
@@ -98,3 +98,11 @@ def test_points_lie_in_the_hair_where_it_is_seen_on_the_nearest_triangle_of_the_
     assert np.degrees(np.arccos(np.einsum("nc,nc->n", normal, direction)[over].clip(-1, 1))).max() < 6
     again = place_in_hair(volume, visible, strands, cap, vertices, faces, 3000, np.random.default_rng(0))
     np.testing.assert_array_equal(points.position, again.position)
+
+
+def test_hair_hides_the_skin_near_it_alone(volume, cap):
+    vertices, faces = ball()
+    below, height = below_hair(volume, vertices, faces), vertices[faces].mean(axis=1)[:, 1]
+    assert below[height > (CAP + 0.1) * RADIUS].mean() > 0.95 and not below[height < CAP * RADIUS - 0.03].any()
+    none = HairVolume(np.zeros((0, 3), np.float32), np.zeros(0, np.float32), 0.004)
+    assert not below_hair(none, vertices, faces).any()

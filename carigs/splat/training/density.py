@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float, Float32, Int
 
 from carigs.capture import Camera
@@ -72,6 +73,7 @@ def densify_and_prune(
     settings: Density,
     rng: np.random.Generator,
     importance: Callable[[], Float[np.ndarray, " n"]] | None = None,
+    kept: Bool[np.ndarray, " n"] | None = None,
 ) -> Surfels:
     """Prune transparent surfels; clone small and split large surfels of large gradients.
 
@@ -85,22 +87,24 @@ def densify_and_prune(
         rng: Places the children of splits.
         importance: Computes the contribution of every surfel to the images; called only if the budget is too small for
             all new surfels, to find those that make room.
+        kept: Surfels that are not changed; None if all may be.
 
     Returns:
         Surfels after, sorted by triangle.
     """
     arrays = to_arrays(surfels)
     n = len(surfels)
-    pruned = 1 / (1 + np.exp(-arrays["opacity"])) < settings.prune_opacity
+    kept = np.zeros(n, bool) if kept is None else kept
+    pruned = (1 / (1 + np.exp(-arrays["opacity"])) < settings.prune_opacity) & ~kept
     pruned = ~keep_one_per_face(arrays["binding"], pruned, arrays["opacity"])
-    parents = np.flatnonzero((gradient >= settings.gradient_threshold) & ~pruned)
+    parents = np.flatnonzero((gradient >= settings.gradient_threshold) & ~pruned & ~kept)
     excess = n - pruned.sum() + len(parents) - settings.max_surfels
     if excess > 0 and importance is not None and settings.replace_fraction > 0:
         value = np.where(pruned, -np.inf, importance())
-        value[parents] = np.inf
+        value[parents] = value[kept] = np.inf
         count = pruned.sum() + min(excess, int(settings.replace_fraction * n))
         pruned[np.argsort(value, kind="stable")[:count]] = True
-        pruned[parents] = False
+        pruned[parents] = pruned[kept] = False
         pruned = ~keep_one_per_face(arrays["binding"], pruned, arrays["opacity"])
     room = max(settings.max_surfels - int(n - pruned.sum()), 0)
     parents = np.sort(parents[np.argsort(-gradient[parents], kind="stable")[:room]])
@@ -114,10 +118,10 @@ def densify_and_prune(
     arrays["position"][children] += np.einsum("nij,nj->ni", _disc_axes(arrays["rotation"][children]), noise)
     arrays["log_scale"][children] -= np.float32(np.log(SPLIT_SHRINK))
     pruned[parents[large]] = True  # their children take their place
-    kept = np.flatnonzero(np.append(~pruned, np.ones(len(source) - n, bool)))
-    kept = kept[np.argsort(arrays["binding"][kept], kind="stable")]
-    adam.reorder(source[kept], kept >= n)
-    return from_arrays(**{name: value[kept] for name, value in arrays.items()})
+    left = np.flatnonzero(np.append(~pruned, np.ones(len(source) - n, bool)))
+    left = left[np.argsort(arrays["binding"][left], kind="stable")]
+    adam.reorder(source[left], left >= n)
+    return from_arrays(**{name: value[left] for name, value in arrays.items()})
 
 
 def keep_one_per_face(
@@ -144,15 +148,20 @@ def keep_one_per_face(
     return keep
 
 
-def reset_opacity(surfels: Surfels, adam: Adam, highest: float = 0.01) -> None:
+def reset_opacity(
+    surfels: Surfels, adam: Adam, highest: float = 0.01, kept: Bool[np.ndarray, " n"] | None = None
+) -> None:
     """Cap the opacities (Kerbl et al. 2023): only surfels that the images need become opaque again.
 
     Args:
         surfels: Surfels, changed in place.
         adam: Their optimiser; the moments of the opacities are set to zero.
         highest: Largest opacity afterwards.
+        kept: Surfels that are not changed; None if all may be.
     """
-    surfels.opacity.detach().clamp_(max=float(np.log(highest / (1 - highest))))
+    opacity = surfels.opacity.detach()
+    capped = opacity.clamp(max=float(np.log(highest / (1 - highest))))
+    opacity.copy_(capped if kept is None else torch.where(torch.from_numpy(kept).to(opacity.device), opacity, capped))
     adam.first["opacity"][:] = 0
     adam.second["opacity"][:] = 0
 

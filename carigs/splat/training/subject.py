@@ -15,6 +15,7 @@ from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence, head_sequence
 from carigs.splat.training.initial_surfels.hair_surfels import HairSurfels, keep_size_of_brows, prepare_hair
 from carigs.splat.training.initial_surfels.mouth_surfels import prepare_mouth
+from carigs.splat.training.initial_surfels.unseen_skin import UnseenSkin, find_unseen_skin
 from carigs.splat.training.supervision import Supervision
 
 
@@ -28,6 +29,8 @@ class TrainingSubject(NamedTuple):
     """Where hair is; None if the head has none."""
     mouth: CarriedPoints | None = None
     """Where surfels inside the mouth start; None if there are none."""
+    unseen: UnseenSkin | None = None
+    """Skin that no training frame shows; None if it is treated like the other."""
 
 
 def prepare_subject(
@@ -52,11 +55,16 @@ def prepare_subject(
     sequence = head_sequence(capture, path)
     if targets and settings.relight_surfels:
         sequence.shading = load_shading(targets[-1].folder / SHADING, len(capture.model.faces))
-    supervision = Supervision(capture, targets if settings.gtstar_probability > 0 else (), settings.mask_flags)
+    unseen = None
+    if settings.cover_unseen and settings.start is None:
+        unseen = find_unseen_skin(capture, sequence, settings.regions)
+    kept = None if unseen is None else unseen.kept
+    used = targets if settings.gtstar_probability > 0 else ()
+    supervision = Supervision(capture, used, settings.mask_flags, kept=kept)
     keep_size_of_brows(sequence, settings)
     scalp = capture.model.face_region(*settings.regions.hair)
     if hair is not None and sequence.shading is not None:
         rig, extinction = sequence.rig, sequence.shading.extinction
         sequence.hair_shadow = hair_shadow(hair, scalp, rig.vertices, rig.faces, extinction)
-    hair_surfels = None if hair is None else prepare_hair(hair, scalp, sequence, settings)
-    return TrainingSubject(sequence, supervision, hair_surfels, prepare_mouth(capture, sequence, settings))
+    hair_surfels = None if hair is None else prepare_hair(hair, scalp, sequence, settings, kept)
+    return TrainingSubject(sequence, supervision, hair_surfels, prepare_mouth(capture, sequence, settings), unseen)

@@ -47,13 +47,14 @@ class Supervision:
 
     Masking: masked pixels of GT* targets do not supervise. Freezing: triangles that are masked in all targets of a
     level (hair, eyelids) are marked in `Example.frozen`; in GT* steps the trainer passes the surfels on them to
-    `Adam.step` as frozen, which leaves their values and moments unchanged.
+    `Adam.step` as frozen, which leaves their values and moments unchanged. `kept` triangles are marked in all steps.
 
     Attributes:
         capture: The captured subject.
         sets: GT* targets, one set per level.
         mask_flags: Names of the mask flags for which pixels are left out and triangles frozen.
         megabytes: Memory for decoded images.
+        kept: Triangles whose surfels stay as they are at the start; None if there are none.
 
     Raises:
         InputError: If the capture has no training frames.
@@ -63,6 +64,7 @@ class Supervision:
     sets: Sequence[TargetSet] = ()
     mask_flags: tuple[str, ...] = DEFAULT_MASK_FLAGS
     megabytes: int = 2048
+    kept: Bool[np.ndarray, " f"] | None = None
 
     def __post_init__(self) -> None:
         self.frames = self.capture.split("train")
@@ -72,6 +74,8 @@ class Supervision:
             raise InputError("no training frames", file=self.capture.root, field="train")
         self.targets = tuple(target for target_set in self.sets for target in target_set.targets)
         frozen = {target_set.level: (target_set.face_flags & self._excluded) > 0 for target_set in self.sets}
+        if self.kept is not None:
+            frozen = {level: faces | self.kept for level, faces in frozen.items()}
         self._frozen = {level: faces for level, faces in frozen.items() if faces.any()}
 
     def files(self) -> list[Path]:
@@ -113,7 +117,7 @@ class Supervision:
             frame = self.frames[index]
             camera = self.capture.camera(frame)
             image = self._images.get(self.capture.root / frame.image, self._read_planes)
-            return Example(frame.timestep, camera, 0.0, _of_size(image, camera, frame.image), None)
+            return Example(frame.timestep, camera, 0.0, _of_size(image, camera, frame.image), None, self.kept)
         frame, level, file, flags, weight = self.targets[index]
         camera = self.capture.camera(frame)
         image, valid = self._images.get(file, self._read_planes), None

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from carigs.capture import Frame
 from carigs.settings import Train
@@ -78,7 +78,9 @@ def train_surfels(
     if checkpoint is not None:
         state = load_checkpoint(checkpoint, len(subject.sequence.rig.faces), refinement)
     if state is None:
-        surfels = initial_surfels(settings, subject.supervision, subject.sequence, subject.hair, subject.mouth)
+        surfels = initial_surfels(
+            settings, subject.supervision, subject.sequence, subject.hair, subject.mouth, subject.unseen
+        )
         if (budget := budget_seconds(settings.budget)) is not None:
             settings = with_iterations(settings, _steps_within(budget, settings, subject, surfels))
         state = _first_state(settings.iterations, surfels, refinement)
@@ -166,11 +168,11 @@ class _Run:
             views = [views[i] for i in rng.choice(len(views), min(IMPORTANCE_VIEWS, len(views)), replace=False)]
             state.surfels = densify_and_prune(
                 state.surfels, state.adam, state.statistics.mean(), self.sequence.rig, self.extent, density, rng,
-                lambda: self._importance(views),
+                lambda: self._importance(views), self._kept,
             )  # fmt: skip
             self.work.start_statistics(state)
         if density.reset_every and done % density.reset_every == 0 and done < density.stop:
-            reset_opacity(state.surfels, state.adam)
+            reset_opacity(state.surfels, state.adam, kept=self._kept)
 
     def _validate(self) -> None:
         """Measure the quality of held-out frames, where that is due; it may move the end of the training."""
@@ -185,6 +187,12 @@ class _Run:
             psnr = float(np.mean(-10 * np.log10(np.maximum(errors, 1e-12))))
             state.validation.append((state.iteration, psnr))
             state.ending = ending_after(self.settings, state.validation)
+
+    @property
+    def _kept(self) -> Bool[np.ndarray, " n"] | None:
+        """Surfels that stay as they are."""
+        kept = self.supervision.kept
+        return None if kept is None else kept[self.state.surfels.binding]
 
     def _importance(self, views: Sequence[tuple[Frame, float]]) -> Float[np.ndarray, " n"]:
         """Contribution of every surfel to some frames, each at its level."""

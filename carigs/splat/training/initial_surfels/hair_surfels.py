@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from carigs.hair import FoundHair, SpaceAboveSkin, hair_reach, place_in_hair
 from carigs.head.facial_regions import brow_faces
-from carigs.mesh.carried_points import CarriedPoints
+from carigs.mesh.carried_points import CarriedPoints, nearest_triangles
 from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.rig import Rig
@@ -31,7 +31,7 @@ class HairSurfels:
     points: CarriedPoints
     """Where surfels of the hair start, and the triangles of the scalp that carry them."""
     scalp: Bool[np.ndarray, " f"]
-    """Triangles with hair."""
+    """Triangles that carry hair."""
     covered: Bool[np.ndarray, " f"]
     """Triangles of the skin that something covers."""
     hidden: Bool[np.ndarray, " f"]
@@ -40,6 +40,8 @@ class HairSurfels:
     """Triangles that show bare skin of the usual colour."""
     above_skin: SpaceAboveSkin
     """Space without hair."""
+    reach: Float[np.ndarray, " f"]
+    """How far hair reaches from each triangle of the scalp, in metres; 0 off the scalp."""
 
     def keep_hidden_skin(self, surfels: Surfels) -> None:
         """Set the gradients of colours and opacities of hidden skin to zero: images show what covers it.
@@ -97,7 +99,11 @@ def keep_size_of_brows(sequence: HeadSequence, settings: Train) -> None:
 
 
 def prepare_hair(
-    found: FoundHair, scalp: Bool[np.ndarray, " f"], sequence: HeadSequence, settings: Train
+    found: FoundHair,
+    scalp: Bool[np.ndarray, " f"],
+    sequence: HeadSequence,
+    settings: Train,
+    kept: Bool[np.ndarray, " f"] | None = None,
 ) -> HairSurfels | None:
     """Draw points inside the hair, and let the scalp move smoothly.
 
@@ -107,18 +113,23 @@ def prepare_hair(
         sequence: The subject; receives the smooth motion.
         settings: Number of points over the number of triangles of the scalp (`hair_layers`), whether hair grows with
             the scalp (`hair_grows`), and the seed of the points.
+        kept: Triangles that the training leaves as they are, which carry no hair; None if there are none.
 
     Returns:
         The hair; None if the head has none.
     """
     count = settings.hair_layers * int(scalp.sum())
-    if count == 0 or not found.has_hair(scalp):
+    carrying = scalp if kept is None else scalp & ~kept
+    if count == 0 or not carrying.any() or not found.has_hair(scalp):
         return None
     rng = np.random.default_rng([settings.seed, 1])
     vertices, faces = sequence.rig.vertices, sequence.rig.faces
     points = place_in_hair(found.volume, found.visible, found.strands, scalp, vertices, faces, count, rng)
-    share = share_of_average(hair_reach(points, scalp, vertices, faces))
-    sequence.smooth = SmoothMotion(sequence.rig, scalp, settings.hair_grows, share)
+    reach = hair_reach(points, scalp, vertices, faces)
+    sequence.smooth = SmoothMotion(sequence.rig, scalp, settings.hair_grows, share_of_average(reach))
+    if kept is not None:
+        points = points._replace(face=nearest_triangles(points.position, np.flatnonzero(carrying), vertices, faces))
     bare = ~(found.covered | scalp)
     above_skin = SpaceAboveSkin(vertices, faces, bare)
-    return HairSurfels(points, scalp, found.covered & ~scalp, found.hidden & ~scalp, found.skin & ~scalp, above_skin)
+    covered, hidden, skin = (part & ~scalp for part in (found.covered, found.hidden, found.skin))
+    return HairSurfels(points, carrying, covered, hidden, skin, above_skin, reach)

@@ -14,7 +14,6 @@ from carigs.capture.evenly_spread import evenly_spread
 from carigs.errors import InputError, SettingsError
 from carigs.head.facial_regions import eye_and_brow_faces
 from carigs.mesh.carried_points import CarriedPoints
-from carigs.raster import rasterize_mesh
 from carigs.settings import Train
 from carigs.splat.avatar import load_avatar
 from carigs.splat.colour.spherical_harmonics import num_coefficients
@@ -22,10 +21,10 @@ from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.rig import Rig
 from carigs.splat.surfels.surfels import Surfels, flat_discs, from_arrays, to_arrays
 from carigs.splat.training.initial_surfels.hair_surfels import HIDDEN_OPACITY, HairSurfels
-from carigs.splat.training.supervision import Example, Supervision
+from carigs.splat.training.initial_surfels.observed_colours import observed_colours
+from carigs.splat.training.initial_surfels.unseen_skin import KEPT_SCALE, UnseenSkin
+from carigs.splat.training.supervision import Supervision
 
-OCCLUSION_TOLERANCE = 0.003
-"""Metres that a surfel's centre may lie behind the mesh and still count as visible."""
 COLOUR_FRAMES = 32
 """Training frames from which the initial colours are sampled."""
 SPACE_OPACITY = 0.2
@@ -40,6 +39,7 @@ def initial_surfels(
     sequence: HeadSequence,
     hair: HairSurfels | None = None,
     mouth: CarriedPoints | None = None,
+    unseen: UnseenSkin | None = None,
 ) -> Surfels:
     """Take the surfels of the avatar `settings.start`, or initialize surfels on every face and inside hair and mouth.
 
@@ -52,6 +52,7 @@ def initial_surfels(
         sequence: Posed meshes per timestep and level.
         hair: Where hair is; None if there is none.
         mouth: Points inside the mouth; None if it stays empty.
+        unseen: Skin that no training frame shows; None if it is treated like the other.
 
     Returns:
         Surfels, sorted by triangle.
@@ -69,11 +70,19 @@ def initial_surfels(
     count = len(supervision.targets if targets_only else supervision.frames)
     indices = evenly_spread(range(count), COLOUR_FRAMES)
     views = [supervision.weighted_example(targets_only, i) for i in indices]
-    rgb = observed_colours(binding, position, sequence, views, hair)
+    rgb = observed_colours(binding, position, sequence, views, hair, unseen)
     features = eye_and_brow_faces(sequence.head, sequence.head.v_template)
     opacity = np.where(features[binding], settings.initial_feature_opacity, settings.initial_opacity)
     if hair is not None:
         opacity[hair.hidden[binding]] = HIDDEN_OPACITY
+    if unseen is not None:
+        covering = unseen.faces[binding]
+        opacity[covering] = unseen.opacity[binding[covering]]
+        kept = np.flatnonzero(unseen.kept[binding])
+        placed.scale[kept] = KEPT_SCALE / np.sqrt(settings.surfels_per_face)
+        if hair is not None:
+            height = unseen.height_of_hair(hair.reach) / np.maximum(sequence.rig.scale, 1e-9)
+            position[kept, 2] += height[binding[kept]]
     opacity[len(opacity) - sum(len(points.face) for points in beside) :] = SPACE_OPACITY
     return flat_discs(*placed[:3], opacity, rgb, settings.sh_degree, placed.rotation)
 
@@ -184,74 +193,3 @@ def _in_triangle(
     offset = np.einsum("nk,nkc->nc", np.stack([1 - b - c, b, c], axis=1), corners) - corners.mean(axis=1)
     scale_squared = np.maximum(rig.scale[binding, None], 1e-9) ** 2
     return np.einsum("nji,nj->ni", rig.frame[binding], offset) / scale_squared  # frame = k R
-
-
-def observed_colours(
-    binding: Int[np.ndarray, " n"],
-    position: Float[np.ndarray, "n 3"],
-    sequence: HeadSequence,
-    views: list[tuple[Example, Float[np.ndarray, "h w"]]],
-    hair: HairSurfels | None = None,
-) -> Float[np.ndarray, "n 3"]:
-    """Mean colour of each surfel over the views that see its centre, weighted by the cosine of the viewing angle.
-
-    Surfels that no view sees take the mean colour of their face, or else of the nearest faces with a colour. So do
-    surfels on hidden triangles, whose pixels show what covers them.
-
-    Args:
-        binding: Triangle of each surfel.
-        position: Centres in the triangles' frames, in units of k.
-        sequence: Posed meshes per timestep and level.
-        views: Images with the weights of their pixels.
-        hair: Where hair is.
-
-    Returns:
-        RGB in [0.02, 0.98].
-    """
-    rig = sequence.rig
-    canonical = np.einsum("nij,nj->ni", rig.frame[binding], position)
-    total, weight = np.zeros((len(binding), 3)), np.zeros(len(binding))
-    for example, pixel_weight in views:
-        camera = example.camera
-        motion = sequence.motion(example.timestep, example.level)
-        centre = motion.centre[binding] + np.einsum("nij,nj->ni", motion.jacobian[binding], canonical)
-        pixel, depth = camera.project(centre)
-        surface = rasterize_mesh(sequence.posed(example.timestep, example.level), rig.faces, camera).depth
-        inside = (depth > 0) & (pixel >= 0).all(axis=1) & (pixel < [camera.width, camera.height]).all(axis=1)
-        column, row = np.where(inside[:, None], pixel, 0).astype(int).T
-        seen = inside & (depth < surface[row, column] + OCCLUSION_TOLERANCE)
-        normal = motion.rotation[binding] @ (rig.frame[binding, :, 2] / rig.scale[binding, None].clip(1e-9))[..., None]
-        view = camera.centre - centre
-        facing = np.einsum("nc,nc->n", normal[..., 0], view) / np.linalg.norm(view, axis=1)
-        w = np.where(seen, facing.clip(0.05), 0) * pixel_weight[row, column]
-        total += w[:, None] * example.image[row, column]
-        weight += w
-    face_total = np.stack([np.bincount(binding, total[:, c], len(rig.faces)) for c in range(3)], axis=1)
-    face_weight = np.bincount(binding, weight, len(rig.faces))
-    face = _fill(face_total, face_weight, rig.neighbours)
-    if hair is not None:
-        skin_weight = np.where(hair.skin, face_weight, 0)
-        face[hair.hidden] = _fill(face_total, skin_weight, rig.neighbours)[hair.hidden]
-        weight = np.where(hair.hidden[binding], 0, weight)
-    return np.where(weight[:, None] > 0, total / np.maximum(weight, 1e-12)[:, None], face[binding]).clip(0.02, 0.98)
-
-
-def _fill(
-    total: Float[np.ndarray, "f 3"], weight: Float[np.ndarray, " f"], neighbours: Int[np.ndarray, "f 3"]
-) -> Float[np.ndarray, "f 3"]:
-    """Mean colour per face; faces without one take their neighbours' mean, ring by ring, then the overall mean."""
-    colour = total / np.maximum(weight, 1e-12)[:, None]
-    known = weight > 0
-    while True:
-        around = known[neighbours] & ~known[:, None]
-        new = around.any(axis=1)
-        if not new.any():
-            break
-        share = around[new] / around[new].sum(axis=1, keepdims=True)
-        colour[new] = np.einsum("fk,fkc->fc", share, colour[neighbours[new]])
-        known |= new
-    if known.any():
-        colour[~known] = colour[known].mean(axis=0)
-    else:
-        colour[:] = 0.5
-    return colour

@@ -218,7 +218,7 @@ def test_rules_for_hair(rig):
     height = rig.vertices[rig.faces].mean(axis=1)[:, 1]
     scalp, covered = height > 0.06, (height > 0.02) & (height <= 0.06)
     space = SpaceAboveSkin(rig.vertices, rig.faces, ~(scalp | covered))
-    hair = HairSurfels(None, scalp, covered, covered & (rng.random(f) < 0.5), ~(scalp | covered), space)
+    hair = HairSurfels(None, scalp, covered, covered & (rng.random(f) < 0.5), ~(scalp | covered), space, np.zeros(f))
     surfels = random_surfels(rig, 9, degree=1)
     surfels.position.data *= 3  # so that some of the scalp's reach over bare skin
     surfels.position.data[np.flatnonzero(scalp[surfels.binding])[:40]] *= 4

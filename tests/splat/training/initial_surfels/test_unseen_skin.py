@@ -1,0 +1,175 @@
+"""The back of a head that cameras see from the front."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from miniature import ball_cameras, write_ball
+
+from carigs.capture import Camera, look_at, read_dataset
+from carigs.exaggeration.gamma_path import straight_path
+from carigs.hair import FoundHair
+from carigs.hair.strands import Strands
+from carigs.hair.volume import HairVolume
+from carigs.head import neutral
+from carigs.settings import Density, Train
+from carigs.settings.regions import Regions
+from carigs.splat.colour.spherical_harmonics import SH_BASE
+from carigs.splat.surfels.surfels import to_arrays
+from carigs.splat.training.initial_surfels.initialization import initial_surfels
+from carigs.splat.training.initial_surfels.unseen_skin import (
+    COVERING,
+    LEFT_OUT,
+    UNSEEN,
+    WELL_SEEN,
+    find_unseen_skin,
+    look_at_triangles,
+)
+from carigs.splat.training.subject import prepare_subject
+from carigs.splat.training.supervision import Supervision
+from carigs.splat.training.trainer import train_surfels
+
+SETTINGS = Train(
+    iterations=30, gtstar_probability=0.0, hair_layers=3, cover_unseen=True,
+    density=Density(start=5, stop=25, every=5, reset_every=10, gradient_threshold=1e-7, max_surfels=1600),
+)  # fmt: skip
+HAIR, SKIN = np.array([0.2, 0.15, 0.1]), np.array([0.8, 0.6, 0.5])
+
+
+def ball(folder, cameras=None):
+    """A capture of the ball and its caricatures."""
+    write_ball(folder, cameras=cameras)
+    capture = read_dataset(folder, folder / "head_model.npz")
+    rest = neutral(capture.model, capture.parameters(0))
+    return capture, straight_path(rest, capture.model.faces, rest * 0.1, 0.25)
+
+
+@pytest.fixture(scope="module")
+def from_front(tmp_path_factory):
+    return ball(tmp_path_factory.mktemp("front") / "ball")
+
+
+def hair_everywhere(capture):
+    """A layer of hair 3 cm above the scalp."""
+    model = capture.model
+    rest, faces = neutral(model, capture.parameters(0)), model.faces
+    scalp, nothing = model.face_region("scalp"), np.zeros(len(faces), bool)
+    centres = (1.3 * rest[rest[:, 1] > 0.06]).astype(np.float32)
+    ones = np.ones(len(centres), np.float32)
+    strands = Strands(*(np.tile(np.float32(axis), (len(centres), 1)) for axis in ([0, -1, 0],)), 0 * ones,
+                      np.tile(np.float32([0, 0, 1]), (len(centres), 1)))  # fmt: skip
+    texture = np.where(scalp, 0.1, 0).astype(np.float32)
+    return FoundHair(texture, scalp, nothing, ~scalp, HairVolume(centres, ones, 0.004), ones, strands)
+
+
+def test_cameras_in_front_see_the_front(from_front):
+    capture, path = from_front
+    sequence = prepare_subject(capture, path, SETTINGS).sequence
+    sight = look_at_triangles(capture, sequence)
+    depth = sequence.rig.vertices[sequence.rig.faces].mean(axis=1)[:, 2]
+    assert sight.cosine[depth > 0.08].min() > WELL_SEEN and sight.matte[depth > 0.08].min() == 1
+    skin = find_unseen_skin(capture, sequence, Regions())
+    assert skin.faces[depth < -0.06].all() and not skin.faces[depth > 0.07].any()
+    assert (skin.faces == (sight.cosine <= UNSEEN)).all()  # a ball has no inside
+    beside = np.isin(sequence.rig.faces, sequence.rig.faces[~skin.faces]).any(axis=1)
+    assert skin.kept[depth < -0.09].all() and not skin.kept[beside].any()
+
+
+def test_nothing_changes_where_frames_show_all(tmp_path):
+    width, height = ball_cameras()[0].width, ball_cameras()[0].height
+    places = [(0, 0, 1), (0, 0, -1), (1, 0, 0.1), (-1, 0, 0.1), (0, 1, 0.1), (0, -1, 0.1), (0, 0.1, 1)]
+    order = [0, 6, 1, 2, 3, 4, 5]  # camera 1 is for validation
+    cameras = {
+        i: Camera(look_at(np.array(places[k], float), np.zeros(3)), 150, 150, width / 2, height / 2, width, height)
+        for i, k in enumerate(order)
+    }
+    capture, path = ball(tmp_path / "ball", cameras)
+    trained = []
+    for covers in (True, False):
+        settings = replace(SETTINGS, cover_unseen=covers)
+        subject = prepare_subject(capture, path, settings, hair_everywhere(capture))
+        assert subject.unseen is None and subject.supervision.kept is None
+        trained.append(to_arrays(train_surfels(settings, subject)[0]))
+    for name, values in trained[0].items():
+        np.testing.assert_array_equal(values, trained[1][name])
+
+
+def test_discs_cover_the_back_in_colours_of_the_front(from_front):
+    capture, path = from_front
+    subject = prepare_subject(capture, path, SETTINGS)
+    start = initial_surfels(SETTINGS, subject.supervision, subject.sequence, unseen=subject.unseen)
+    plain = initial_surfels(SETTINGS, subject.supervision, subject.sequence)
+    back = subject.unseen.faces[start.binding]
+    arrays, before = to_arrays(start), to_arrays(plain)
+    np.testing.assert_array_equal(np.unique(start.binding[back]), np.flatnonzero(subject.unseen.faces))
+    np.testing.assert_allclose(1 / (1 + np.exp(-arrays["opacity"][back])), COVERING, atol=1e-6)
+    for name, values in before.items():
+        np.testing.assert_array_equal(arrays[name][~back], values[~back])
+    rgb, kept = 0.5 + SH_BASE * arrays["colour"], subject.unseen.kept[start.binding]
+    assert (rgb[kept] >= rgb[~back].min(axis=0) - 1e-6).all() and (rgb[kept] <= rgb[~back].max(axis=0) + 1e-6).all()
+
+
+def test_hair_continues_as_hair_and_skin_as_skin(from_front):
+    capture, path = from_front
+    unseen = prepare_subject(capture, path, SETTINGS).unseen
+    scalp = capture.model.face_region("scalp")
+    colours = np.where(scalp[:, None], HAIR, SKIN)
+    garbled = np.where(unseen.faces[:, None], [0.1, 0.9, 0.2], colours)
+    np.testing.assert_allclose(unseen.continued(garbled, np.ones(len(scalp), bool)), colours, atol=1e-6)
+    only_skin = unseen.continued(garbled, ~scalp)  # no frame shows hair: it takes the colours of the skin around
+    np.testing.assert_allclose(only_skin[unseen.faces], np.tile(SKIN, (unseen.faces.sum(), 1)), atol=1e-6)
+
+
+def test_skin_beyond_the_matte_is_left_out(from_front, monkeypatch):
+    """A matte that ends at a collar, which cuts the lower part of the ball."""
+    capture, path = from_front
+    sequence = prepare_subject(capture, path, SETTINGS).sequence
+    foreground = type(capture).foreground
+
+    def cut(self, frame):
+        matte = foreground(self, frame).copy()
+        matte[matte.shape[0] * 55 // 100 :] = 0
+        return matte
+
+    monkeypatch.setattr(type(capture), "foreground", cut)
+    unseen = find_unseen_skin(capture, sequence, Regions())
+    height = sequence.rig.vertices[sequence.rig.faces].mean(axis=1)[:, 1]
+    assert (unseen.opacity[unseen.faces & (height < -0.06)] == LEFT_OUT).all()
+    assert (unseen.opacity[unseen.faces & (height > 0.04)] == COVERING).all()
+
+
+def test_the_training_leaves_the_discs_as_they_are(from_front):
+    """Also where density control splits and prunes all it can; hair hangs on triangles that frames show."""
+    capture, path = from_front
+    subject = prepare_subject(capture, path, SETTINGS, hair_everywhere(capture))
+    kept = subject.unseen.kept
+    assert kept.sum() > 300 and not kept[subject.hair.points.face].any()
+    start = initial_surfels(SETTINGS, subject.supervision, subject.sequence, subject.hair, None, subject.unseen)
+    trained, _ = train_surfels(SETTINGS, subject)
+    before, after = to_arrays(start), to_arrays(trained)
+    for name, values in before.items():
+        np.testing.assert_array_equal(after[name][kept[trained.binding]], values[kept[start.binding]])
+    assert len(trained) != len(start)
+
+
+def test_discs_rise_to_the_height_of_the_hair_around(from_front):
+    """Hair 3 cm thick: the unseen scalp is covered below that, and lower towards the skin."""
+    capture, path = from_front
+    subject = prepare_subject(capture, path, SETTINGS, hair_everywhere(capture))
+    unseen, rig = subject.unseen, subject.sequence.rig
+    start = initial_surfels(SETTINGS, subject.supervision, subject.sequence, subject.hair, None, unseen)
+    kept = unseen.kept[start.binding]
+    height = to_arrays(start)["position"][kept, 2] * rig.scale[start.binding[kept]]
+    scalp, beside = (
+        unseen.scalp[start.binding[kept]],
+        np.asarray(unseen.beside @ ~unseen.scalp)[start.binding[kept]] > 0,
+    )
+    assert np.abs(height[~scalp]).max() < 1e-6
+    assert (height[scalp] > 0).all() and 0.015 < height.max() < 0.035
+    assert height[scalp & beside].mean() < 0.7 * height[scalp & ~beside].mean()
+
+
+def test_surfels_of_a_given_avatar_are_trained_everywhere(from_front):
+    capture, path = from_front
+    assert prepare_subject(capture, path, replace(SETTINGS, start="avatar.npz")).unseen is None
+    assert Supervision(capture).example(False, 0).frozen is None
