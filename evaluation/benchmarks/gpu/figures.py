@@ -16,7 +16,7 @@ class Task(NamedTuple):
 
     device: torch.device
     folder: Path
-    """Folder of the report; what a part keeps there, a later report uses again."""
+    """Folder of the report."""
 
     @property
     def cuda(self) -> bool:

@@ -5,33 +5,27 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 import torch
 from omegaconf import OmegaConf
 
 from carigs.capture import Capture
-from carigs.capture.target_index import read_targets
 from carigs.config import compose
-from carigs.hair import load_hair
-from carigs.head import neutral, read_subject_path
+from carigs.head import neutral
 from carigs.settings import Train
 from carigs.simd.threads import use_threads
 from carigs.splat.avatar import Avatar
 from carigs.splat.surfels.surfels import from_arrays, to_arrays
 from carigs.splat.training.subject import TrainingSubject, prepare_subject
 from carigs.splat.training.trainer import train_surfels
-from carigs.stages.capture import capture
-from carigs.stages.exaggerate import exaggerate
-from carigs.stages.gtstar import gtstar
-from carigs.stages.hair import hair
 from evaluation.benchmarks.gpu.figures import Figure, Task
-from evaluation.benchmarks.measurement.toy_training import HeldOutView, held_out_view, psnr_by_region
+from evaluation.benchmarks.measurement.toy_frames import write_index_and_path, write_subject
+from evaluation.benchmarks.measurement.toy_training import HeldOutView, held_out_view, inputs_of, psnr_by_region
 from evaluation.metrics.regions import surface_regions
 
 if TYPE_CHECKING:
@@ -81,17 +75,16 @@ def measure(task: Task) -> Iterator[Figure]:
     """
     cuda = task.cuda
     use_threads(cores())
-    subjects = {name: overrides for name, overrides in SUBJECTS.items() if _has_data(overrides)}
-    folders = {name: task.folder / "subjects" / name.replace(", ", "_") for name in subjects}
-    start = time.perf_counter()
-    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        list(pool.map(prepare, folders.values(), subjects.values()))
-    yield Figure("subjects", "captures, paths, hair and targets", time.perf_counter() - start, "s")
-    for name, overrides in subjects.items():
-        subject = load(folders[name], overrides)
-        for backend in ("cuda" if cuda else "torch", "cpu"):
-            steps = min(subject.train.iterations, MOST_STEPS.get((backend, cuda), subject.train.iterations))
-            yield from train(f"{name}, {backend}", subject, backend, steps)
+    for name, overrides in SUBJECTS.items():
+        if not _has_data(overrides):
+            continue
+        with TemporaryDirectory() as folder:
+            start = time.perf_counter()
+            subject = prepare(Path(folder), overrides)
+            yield Figure(name, "capture, path, hair and targets", time.perf_counter() - start, "s")
+            for backend in ("cuda" if cuda else "torch", "cpu"):
+                steps = min(subject.train.iterations, MOST_STEPS.get((backend, cuda), subject.train.iterations))
+                yield from train(f"{name}, {backend}", subject, backend, steps)
 
 
 def _has_data(overrides: Sequence[str]) -> bool:
@@ -107,57 +100,32 @@ def cores() -> int:
     return min(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1, 16)
 
 
-def _settings(overrides: Sequence[str]) -> dict[str, Any]:
-    config = compose("variant=alternating", *overrides)
-    return {name: OmegaConf.to_object(config[name]) for name in ("capture", "exaggerate", "hair", "gtstar", "train")}
-
-
-def _files(folder: Path) -> dict[str, Path]:
-    return {"capture": folder / "capture.json", "path": folder / "path.npz", "hair": folder / "hair.npz"}
-
-
-def prepare(folder: Path, overrides: Sequence[str]) -> None:
-    """Run the stages before the training, unless they have run already.
+def prepare(folder: Path, overrides: Sequence[str]) -> Subject:
+    """Make what a training reads.
 
     Args:
-        folder: Folder of the subject.
-        overrides: Study, subject, and settings.
-    """
-    if (folder / "targets.json").exists():
-        return
-    folder.mkdir(parents=True, exist_ok=True)
-    settings, files, threads = _settings(overrides), _files(folder), cores()
-    capture(settings["capture"], index=files["capture"], dataset=folder / "dataset")
-    exaggerate(settings["exaggerate"], capture=files["capture"], path=files["path"])
-    hair(settings["hair"], capture=files["capture"], found=files["hair"], threads=threads)
-    gtstar(
-        settings["gtstar"], **files, level=settings["exaggerate"].gamma, targets=folder / "targets",
-        index=folder / "targets.json", resume_key="", threads=threads,
-    )  # fmt: skip
-
-
-def load(folder: Path, overrides: Sequence[str]) -> Subject:
-    """Read what `prepare` has written.
-
-    Args:
-        folder: Folder of the subject.
+        folder: Empty folder.
         overrides: Study, subject, and settings.
 
     Returns:
         The subject.
     """
-    train, files = _settings(overrides)["train"], _files(folder)
-    person = Capture.load(files["capture"])
-    path = read_subject_path(files["path"], person.model)
-    found = load_hair(files["hair"], len(person.model.faces))
-    prepared = prepare_subject(person, path, train, found, [read_targets(folder / "targets.json", person)])
+    config = compose("variant=alternating", *overrides)
+    sections = (config.capture, config.exaggerate, config.gtstar, config.train)
+    source, exaggerate, gtstar, settings = map(OmegaConf.to_object, sections)
+    if source.source == "toy":
+        write_subject(folder, source.toy, exaggerate)
+    else:  # the caricature is computed here, too
+        write_index_and_path(folder, Path(source.folder), Path(source.head_model), replace(exaggerate, file=None))
+    person, path, hair, targets = inputs_of(folder, gtstar, cores())
+    prepared = prepare_subject(person, path, settings, hair, [targets])
     held_out = person.split("test")
     surface = surface_regions(person.model, neutral(person.model, person.parameters(person.frames[0].timestep)))
     views = [
         held_out_view(person, frame, path.at(0.0), surface, person.image(frame), person.foreground(frame))
         for frame in held_out[:: -(-len(held_out) // VIEWS)]
     ]
-    return Subject(train, prepared, person, views)
+    return Subject(settings, prepared, person, views)
 
 
 class EnoughError(Exception):

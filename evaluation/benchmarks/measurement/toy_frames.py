@@ -29,7 +29,19 @@ def write_subject(folder: Path, toy: Toy, exaggerate: Exaggerate | None = None) 
         exaggerate: Settings of the path; None for the defaults.
     """
     write_capture(folder / "dataset", toy)
-    read_dataset(folder / "dataset", folder / "dataset/head_model.npz").save(folder / "capture.json")
+    write_index_and_path(folder, folder / "dataset", folder / "dataset/head_model.npz", exaggerate)
+
+
+def write_index_and_path(folder: Path, dataset: Path, model: Path, exaggerate: Exaggerate | None = None) -> None:
+    """Index a dataset and exaggerate its head, as the stages `capture` and `exaggerate` do.
+
+    Args:
+        folder: Folder for `capture.json` and `path.npz`.
+        dataset: The dataset.
+        model: File of its head model.
+        exaggerate: Settings of the path; None for the defaults.
+    """
+    read_dataset(dataset, model).save(folder / "capture.json")
     subject = Capture.load(folder / "capture.json")
     parameters = [subject.parameters(t) for t in dict.fromkeys(frame.timestep for frame in subject.frames)]
     vertices = neutral(subject.model, parameters[0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -60,12 +61,27 @@ def make_inputs(folder: Path, toy: Toy, exaggerate: Exaggerate, gtstar: Gtstar) 
         What a training reads.
     """
     write_subject(folder, toy, exaggerate)
+    return inputs_of(folder, gtstar)
+
+
+def inputs_of(folder: Path, gtstar: Gtstar, threads: int = 1) -> TrainingInputs:
+    """Find the hair and make GT* targets at gamma, as the stages do.
+
+    Args:
+        folder: Folder with `capture.json` and `path.npz`, to which the targets are written.
+        gtstar: Settings of the targets.
+        threads: Threads of both.
+
+    Returns:
+        What a training reads.
+    """
     capture, path = Capture.load(folder / "capture.json"), GammaPath.load(folder / "path.npz")
     images, records, index = folder / "targets", folder / "records", folder / "targets.json"
     images.mkdir()
     records.mkdir()
-    hair = find_hair(Hair(regions=gtstar.regions), capture)
-    entries = make_target_set(gtstar, capture, path.at(path.gamma_f), images, records, hair)
+    with ThreadPoolExecutor(threads) as pool:
+        hair = find_hair(Hair(regions=gtstar.regions), capture, pool.map)
+    entries = make_target_set(gtstar, capture, path.at(path.gamma_f), images, records, hair, threads)
     write_targets(index, path.gamma_f, images, *entries)
     return TrainingInputs(capture, path, hair, read_targets(index, capture))
 
