@@ -34,7 +34,7 @@ COARSE_SHARE, ALPHA_SHARE = 0.7, 0.4
 PLATE_FRAMES = 64
 """Most frames that the background is collected from."""
 THREADS = 2
-"""That solve: the kernels of pymatting let other threads run."""
+"""That solve: kernels let other threads run."""
 
 
 class MattedFrame(NamedTuple):
@@ -110,7 +110,7 @@ def matted_frames(
         The frames with their mattes, in order.
 
     Raises:
-        CarigsError: If pymatting is not installed; or if there is no coarse matte, and the background is not plain.
+        CarigsError: If there is no coarse matte, and the background is not plain.
     """
     coarse_of = coarse_matte or _before_plain_background
     plate = _plate(footage, coarse_of) if coarse_matte else None
@@ -143,9 +143,6 @@ def given_mattes(
 
     Yields:
         The frames with their mattes, in order.
-
-    Raises:
-        CarigsError: If pymatting is not installed.
     """
     for frame in footage:
         alpha = at_size(matte(frame), frame.image.shape)

@@ -28,7 +28,6 @@ from carigs.head import HeadModel, neutral
 from carigs.matting import MattedFrame, matted_frames
 from carigs.matting.one_person import of_one_person
 from carigs.settings import Track
-from carigs.system.extras import need
 from carigs.tracking.dataset import write_tracked_dataset
 from carigs.tracking.footage_tracking import FootageTrack, track_footage
 from carigs.tracking.held_out import SPLITS
@@ -92,7 +91,6 @@ def track_video(
         CarigsError: If a package or the weights are not there, the folder is not empty, or the footage cannot be used.
     """
     check_target(folder)
-    need("pymatting")  # before work starts
     networks, segmenter = load_face_networks(weights), load_person_segmenter(weights)
     sources = sources or camera_sources(Path(settings.video or ""))
     model = HeadModel.load(settings.head_model)

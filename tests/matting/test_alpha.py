@@ -1,8 +1,5 @@
 """Mattes of discs and of strands before known backgrounds, against the truth."""
 
-import sys
-from importlib.util import find_spec
-
 import cv2
 import numpy as np
 import pytest
@@ -15,12 +12,8 @@ from carigs.matting.closed_form import closed_form_alpha
 from carigs.matting.difference import difference_prior
 from carigs.matting.foreground import foreground_colours
 from carigs.matting.mattes import largest_region, refined_alpha
-from carigs.matting.pymatting_modules import pymatting_module
 from carigs.matting.steadiness import SteadyMatte
 from carigs.matting.trimap import trimap
-
-if not find_spec("pymatting"):
-    pytest.skip("pymatting is not installed (extra video)", allow_module_level=True)
 
 SIDE = 128
 
@@ -217,10 +210,3 @@ def test_the_largest_region_has_no_holes():
     kept = largest_region(region)
     assert kept.sum() == 100 and kept[4:14, 4:14].all()
     assert not largest_region(np.zeros((5, 5), bool)).any()
-
-
-def test_without_the_package_a_line_names_it(monkeypatch):
-    pymatting_module.cache_clear()
-    monkeypatch.setitem(sys.modules, "pymatting", None)
-    with pytest.raises(CarigsError, match=r"pip install 'carigs\[video\]'"):
-        closed_form_alpha(np.zeros((9, 9, 3), np.uint8), np.full((9, 9), 128, np.uint8))
