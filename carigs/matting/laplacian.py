@@ -26,7 +26,7 @@ def coefficients(image, number, count, epsilon):
         number: Number of each pixel among the unknown ones (h, w), int32; -1 for the others. The two outermost rows and
             columns are not unknown.
         count: Number of unknown pixels n.
-        epsilon: Regularisation of the windows' covariances.
+        epsilon: Regularisation of the windows' covariances, times their nine pixels.
 
     Returns:
         Coefficients (5, 5, n) of the pixels around each, float32.
@@ -50,7 +50,7 @@ def coefficients(image, number, count, epsilon):
                     mean_r += colours[3 * j + i, 0] / 9
                     mean_g += colours[3 * j + i, 1] / 9
                     mean_b += colours[3 * j + i, 2] / 9
-            rr, rg, rb, gg, gb, bb = epsilon, 0.0, 0.0, epsilon, 0.0, epsilon
+            rr, rg, rb, gg, gb, bb = epsilon / 9, 0.0, 0.0, epsilon / 9, 0.0, epsilon / 9
             for k in range(9):
                 colours[k, 0] -= mean_r
                 colours[k, 1] -= mean_g
