@@ -78,10 +78,22 @@ def difference_prior(
     front, behind = spread(colours, trimap == 255), spread(colours, trimap == 0)
     if background is not None:
         behind = surely(background, behind)
+    band = (trimap > 0) & (trimap < 255)
+    alpha, certainty = np.zeros((2, *trimap.shape), np.float32)
+    alpha[band], certainty[band] = _mixture(
+        colours[band], *(Background(known.colour[band], known.deviation[band]) for known in (front, behind))
+    )
+    return alpha, certainty
+
+
+def _mixture(
+    colours: Float32[np.ndarray, "n 3"], front: Background, behind: Background
+) -> tuple[Float32[np.ndarray, " n"], Float32[np.ndarray, " n"]]:
+    """Alpha of pixels, and its certainty."""
     axis, difference = front.colour - behind.colour, colours - behind.colour
-    length = np.maximum((axis**2).sum(axis=2), 1e-6)
-    alpha = ((axis * difference).sum(axis=2) / length).clip(0, 1)
+    length = np.maximum((axis**2).sum(axis=-1), 1e-6)
+    alpha = ((axis * difference).sum(axis=-1) / length).clip(0, 1)
     noise = (np.maximum(1 - alpha, LEAST_SHARE) * behind.deviation) ** 2 + (alpha * front.deviation) ** 2
-    unexplained = ((difference - alpha[..., None] * axis) ** 2).sum(axis=2) / (3 * noise)
+    unexplained = ((difference - alpha[:, None] * axis) ** 2).sum(axis=-1) / (3 * noise)
     certainty = 1 / np.maximum(noise / length, LEAST_VARIANCE) - 1 / MOST_VARIANCE
     return alpha, np.maximum(certainty, 0) * np.exp(-unexplained / UNEXPLAINED)

@@ -95,10 +95,11 @@ def track_video(
     sources = sources or camera_sources(Path(settings.video or ""))
     model = HeadModel.load(settings.head_model)
     points, numbers = read_embedding(settings.embedding and Path(settings.embedding), model, COUNT)
-    with _folder_beside(folder) as decoded:
+    # One thread of BLAS: the same bytes with any number of cores, and mattes have threads of their own.
+    with _folder_beside(folder) as decoded, threadpool_limits(1, "blas"):
         kind, recordings = read_recordings(settings, sources, networks, progress, decoded)
         lengths = _given_focal_lengths(recordings, settings.focal_length)
-        with status("fitting the head"), threadpool_limits(1, "blas"):  # the same bytes with any number of cores
+        with status("fitting the head"):
             track = track_footage(recordings, model, points, numbers, focal_lengths=lengths)
         chin = float(points.interpolate(neutral(track.head.model, track.head.parameters[0]))[:, 1].min())
         matted = chain.from_iterable(_matted(recordings[r], track.kept, segmenter) for r in track.cameras)
