@@ -12,7 +12,7 @@ from carigs.matting.closed_form import closed_form_alpha
 from carigs.matting.difference import difference_prior
 from carigs.matting.foreground import foreground_colours
 from carigs.matting.mattes import largest_region, refined_alpha
-from carigs.matting.steadiness import SteadyMatte
+from carigs.matting.steadiness import ImageMotion, SteadyMatte
 from carigs.matting.trimap import trimap
 
 SIDE = 128
@@ -186,9 +186,9 @@ def test_a_static_scene_does_not_flicker():
 
 def test_a_head_that_moves_is_not_smeared():
     frames, alphas = clip(8, busy=False)
-    steady = SteadyMatte(0.5)
+    steady, motion_to = SteadyMatte(0.5), ImageMotion()
     for frame, alpha in zip(frames, alphas, strict=True):
-        assert error(steady(frame.image, alpha), alpha) < 0.03
+        assert error(steady(alpha, motion_to(frame.image)), alpha) < 0.03
 
 
 def test_foreground_colours_before_the_same_wall_give_the_frame_back():
