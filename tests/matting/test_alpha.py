@@ -126,6 +126,8 @@ def test_a_difference_matte_with_the_true_background_is_right_where_it_is_certai
     estimate, certainty = difference_prior(seen(alpha, behind), trimap(alpha), known)
     sure = (certainty > 100) & band(alpha)
     assert sure[band(alpha)].mean() > 0.6 and np.abs(estimate - alpha)[sure].mean() < 0.03
+    unknown = trimap(alpha) == 128
+    assert sure[unknown].mean() > 0.9 and np.abs(estimate - alpha)[sure & unknown].mean() < 0.005
 
 
 def test_a_plain_wall_is_recognised_behind_the_head_and_books_are_not():
