@@ -23,7 +23,6 @@ from carigs.footage import Footage, Selection, TimedFrame, read_footage
 from carigs.footage.photographs import SUFFIXES
 from carigs.matting import composite, given_mattes, matted_frames
 from carigs.readers.folders import listed, natural_order
-from carigs.system.extras import need
 from carigs.system.files import writing_folder
 
 EXAMPLES = """examples:
@@ -45,10 +44,9 @@ def main(arguments: list[str]) -> int:
         Exit code.
 
     Raises:
-        CarigsError: If pymatting is not installed, the output is not empty, or the footage or a matte cannot be used.
+        CarigsError: If the output is not empty, or the footage or a matte cannot be used.
     """
     task = _parser().parse_args(arguments)
-    need("pymatting")  # before work starts
     if task.output.exists() and any(task.output.iterdir()):
         raise CarigsError(f"{task.output}: the folder is not empty; name a new one")
     selection = Selection(task.every, task.start, task.end, task.max_frames, task.largest_side)

@@ -61,7 +61,8 @@ def minimise(
 ) -> tuple[Float[np.ndarray, "t q"], Float[np.ndarray, " s"]]:
     """Minimise by damped Gauss-Newton steps (Levenberg 1944, Marquardt 1963).
 
-    A step that reduces the cost is taken and divides the damping by 3; any other multiplies it by 3. Robust losses
+    A step that reduces the cost is taken. By how much less than predicted it does so tells whether the next one is
+    damped less, down to a third, or more (Nielsen 1999). Any other step multiplies the damping by 3. Robust losses
     enter through their weights at the current point (iteratively reweighted least squares). Parameters at a bound that
     would leave it are held for the step, and steps end at the bounds (projected Newton, Bertsekas 1982).
 
@@ -97,7 +98,8 @@ def minimise(
             if damping > LARGEST_DAMPING:
                 return frames, shape
         frames, shape = moved
-        damping = max(damping / 3, 1e-9)
+        ratio = (cost - trial) / equations.predicted_fall(frame_step, shape_step, damping)
+        damping = max(damping * max(1 / 3, 1 - (2 * ratio - 1) ** 3), 1e-9)
         on_step(step, trial)
         if cost - trial <= tolerance * cost:
             break

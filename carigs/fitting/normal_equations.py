@@ -65,6 +65,23 @@ class NormalEquations:
             step[i] = _solve_lower(factors[i], right[i] - behind, transposed=True)
         return step, shape_step
 
+    def predicted_fall(self, frames: Float[np.ndarray, "t q"], shape: Float[np.ndarray, " s"], damping: float) -> float:
+        """By how much a step of `solve` reduces the quadratic cost of these equations.
+
+        Args:
+            frames: Steps of the frames' parameters.
+            shape: Steps of the shape.
+            damping: That the step was computed with.
+
+        Returns:
+            `(damping x' D x - g' x) / 2` for the step x, the gradient g and the matrix's diagonal D.
+        """
+        parts = (
+            (np.einsum("tqq->tq", self.frames), self.frame_gradient, frames),
+            (np.diagonal(self.shape), self.shape_gradient, shape),
+        )
+        return 0.5 * sum(float((step * (damping * diagonal * step - slope)).sum()) for diagonal, slope, step in parts)
+
     def _eliminate_frames(self, damping: float) -> tuple[list[np.ndarray], list[np.ndarray], Float[np.ndarray, "r c"]]:
         """Factorise the frames' part of the matrix, A = L L^T.
 

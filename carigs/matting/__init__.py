@@ -5,7 +5,7 @@
 - `trimap`: the band around the outline of a coarse matte
 - `background`: what is behind the person, from a plain wall or from the frames of a static camera
 - `difference`: alpha from known colours, with its certainty; `colour_model`: colours of the person and of the rest
-- `closed_form`: alpha in the band, by the matting Laplacian (extra `video`)
+- `closed_form`: alpha in the band, by the matting Laplacian
 - `steadiness`: mattes that do not flicker
 - `foreground`: colours without the old background, and compositing on a grey
 """

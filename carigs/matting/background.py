@@ -7,6 +7,7 @@ every frame. Both give the same: a colour that the background would have, and ho
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import NamedTuple
 
 import cv2
@@ -82,12 +83,12 @@ def plain_background(image: UInt8[np.ndarray, "h w 3"]) -> Background | None:
     side = max(round(BORDER * height), 2)
     border[:side] = True
     border[: height // 2, :side] = border[: height // 2, -side:] = True
-    y, x = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j]
-    terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).astype(np.float32)
-    rows, colours = terms[border], image[border].astype(np.float32) / 255
+    terms = _second_degree(height, width)
+    rows, colours = terms[border].astype(np.float64), image[border] / 255.0
     inside = np.ones(len(rows), bool)
     for _ in range(4):  # least squares without what lies far off, such as hair at the upper border
-        solution = np.linalg.lstsq(rows[inside], colours[inside], rcond=None)[0]
+        chosen = rows[inside]
+        solution = np.linalg.lstsq(chosen.T @ chosen, chosen.T @ colours[inside], rcond=None)[0]
         residual = np.abs(colours - rows @ solution).max(axis=1)
         inside = residual <= 3 * max(float(np.median(residual)) * 1.5, NOISE)
     if (residual <= 3 * PLAIN_DEVIATION).mean() < PLAIN_SHARE:
@@ -95,8 +96,15 @@ def plain_background(image: UInt8[np.ndarray, "h w 3"]) -> Background | None:
     deviation = float(np.sqrt(np.mean((colours - rows @ solution)[inside] ** 2) + NOISE**2))
     # The polynomial is fitted to the borders: below them, and where it would leave [0, 1], it is less certain.
     farther = np.maximum(np.linspace(0, 2, height, dtype=np.float32) - 1, 0)[:, None] * np.ones((1, width), np.float32)
-    colour = cv2.blur((terms @ solution).clip(0, 1).astype(np.float32), (3, 3))
+    colour = cv2.blur((terms @ solution.astype(np.float32)).clip(0, 1), (3, 3))
     return Background(colour, (deviation * (1 + 4 * farther)).astype(np.float32))
+
+
+@lru_cache(1)
+def _second_degree(height: int, width: int) -> Float32[np.ndarray, "h w 6"]:
+    """The terms of a polynomial in x and y at each pixel; the frames of a clip have one size."""
+    y, x = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j]
+    return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).astype(np.float32)
 
 
 def distance_from(image: UInt8[np.ndarray, "h w 3"], background: Background) -> Float[np.ndarray, "h w"]:

@@ -1,28 +1,23 @@
 """Closed-form alpha with a prior for each pixel (Levin, Lischinski, Weiss 2008).
 
-Alpha minimises `alpha' L alpha + sum w (alpha - prior)^2`. L is the matting Laplacian of the image: in each window of
-3 x 3 pixels alpha is taken for an affine function of the colour. Pixels of the trimap have a large weight; in the band
-the weight is the certainty of the prior.
+Alpha minimises `alpha' L alpha + sum w (alpha - prior)^2` in the band of a trimap, outside of which it is known. L is
+the matting Laplacian of the image (`carigs.matting.laplacian`), and the weights w are the certainty of the prior.
 """
 
 from __future__ import annotations
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
-from scipy.sparse import diags_array
-from scipy.sparse.linalg import cg
+from jaxtyping import Bool, Float, Float32, Int, UInt8
 
-from carigs.matting.pymatting_modules import pymatting_module
+from carigs.matting.laplacian import REACH, coefficients, solve
 
-CERTAIN = 100.0
-"""Weight of pixels whose alpha is known."""
 EPSILON = 1e-6
 """Regularisation of the Laplacian's windows; the noise of a camera has a variance of 1e-5 to 1e-4."""
-TOLERANCE, ITERATIONS = 1e-5, 500
-"""Relative residual at which the conjugate gradients end, and their largest number."""
-MARGIN = 3
-"""Pixels around the band that are solved for as well."""
+TOLERANCE, ITERATIONS = 1e-4, 500
+"""Root mean square of the steps of alpha at which the conjugate gradients end, and their largest number."""
+LEAST_WEIGHT = 1e-9
+"""Of every pixel: no alpha is undetermined."""
 
 
 def closed_form_alpha(
@@ -37,42 +32,36 @@ def closed_form_alpha(
         image: sRGB.
         trimap: 0 background, 255 foreground, else unknown.
         prior: Estimate of alpha in the band, for example from a known background.
-        weight: Its certainty; `CERTAIN` fixes alpha, 0 leaves it to the image.
+        weight: Its certainty; 0 leaves alpha to the image.
 
     Returns:
         Alpha in [0, 1].
-
-    Raises:
-        CarigsError: If pymatting is not installed.
     """
     alpha = (trimap / 255).astype(np.float32)
     unknown = (trimap > 0) & (trimap < 255)
     if not unknown.any():
         return alpha
     x, y, width, height = cv2.boundingRect(unknown.astype(np.uint8))
-    box = (
-        slice(max(y - MARGIN, 0), y + height + MARGIN),
-        slice(max(x - MARGIN, 0), x + width + MARGIN),
-    )
-    known, target = ~unknown[box], alpha[box].astype(np.float64)
-    weights = np.where(known, CERTAIN, 0.0)
+    box = slice(max(y - REACH, 0), y + height + REACH), slice(max(x - REACH, 0), x + width + REACH)
+    inside = unknown[box]
+    count = int(inside.sum())
+    number = np.where(inside, np.cumsum(inside).reshape(inside.shape) - 1, -1).astype(np.int32)
+    matrix = coefficients(image[box].astype(np.float32) / 255, number, count, EPSILON)
+    weights, right = np.full(count, LEAST_WEIGHT, np.float32), np.zeros(count, np.float32)
     if prior is not None and weight is not None:
-        target[~known], weights[~known] = prior[box][~known], weight[box][~known]
-    colours = image[box].astype(np.float64) / 255
-    laplacian = pymatting_module("laplacian.cf_laplacian").cf_laplacian(colours, EPSILON, 1, is_known=known)
-    # Only the band and its neighbours are unknowns: a solve of the whole image would take several times as long.
-    active = np.flatnonzero(_beside(~known))
-    matrix = laplacian.tocsr()[active][:, active]
-    matrix.setdiag(matrix.diagonal() + weights.ravel()[active] + 1e-9)
-    right, start, scale = (weights * target).ravel()[active], target.ravel()[active], 1 / matrix.diagonal()
-    # An incomplete Cholesky factor would need 1 to 5 iterations, but takes longer than all iterations without it.
-    solved, _ = cg(matrix, right, start, rtol=TOLERANCE, maxiter=ITERATIONS, M=diags_array(scale))
-    result = alpha[box].flatten()
-    result[active] = solved
-    alpha[box] = np.where(known, alpha[box], result.reshape(known.shape).clip(0, 1))
+        alpha[unknown] = prior[unknown]
+        weights += weight[unknown]
+        right += weights * prior[unknown]
+    matrix[REACH, REACH] += weights
+    found = np.pad(alpha[box], REACH)
+    solve(matrix, _runs(inside), found, right, TOLERANCE, ITERATIONS)
+    alpha[box] = found[REACH:-REACH, REACH:-REACH].clip(0, 1)
     return alpha
 
 
-def _beside(region: np.ndarray) -> np.ndarray:
-    """Pixels that share a window of the Laplacian with a region."""
-    return cv2.dilate(region.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+def _runs(region: Bool[np.ndarray, "h w"]) -> Int[np.ndarray, "r 4"]:
+    """The pixels of a region that lie side by side: row, first column, number of the first pixel, and length."""
+    steps = np.diff(np.pad(region, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    (row, first), (_, end) = np.nonzero(steps == 1), np.nonzero(steps == -1)
+    length = end - first
+    return np.stack([row, first, np.cumsum(length) - length, length], axis=1)

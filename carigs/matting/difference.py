@@ -10,12 +10,14 @@ from carigs.matting.background import NOISE, Background
 
 LEAST_VARIANCE, MOST_VARIANCE = 1e-3, 0.04
 """Of an estimate of alpha: from the second on, with a deviation of 0.2, it counts for nothing."""
+MOST_CERTAIN = 1 / LEAST_VARIANCE - 1 / MOST_VARIANCE
+"""Certainty of a known pixel."""
 LEAST_SHARE = 0.3
 """Of the background's deviation that counts where alpha is 1: that it is 1 follows from the colour behind, too."""
 UNEXPLAINED = 4.0
 """Mean squared deviation from every mixture at which the certainty has fallen to 1 / e, in variances."""
-PYRAMID = 7
-"""Levels by which colours are spread into the band: 64 pixels at the size of the image."""
+PYRAMID = 6
+"""Levels by which colours are spread into the band, from half the size of the image: 64 pixels of the image."""
 
 
 def spread(image: Float32[np.ndarray, "h w 3"], known: Bool[np.ndarray, "h w"]) -> Background:
@@ -29,7 +31,7 @@ def spread(image: Float32[np.ndarray, "h w 3"], known: Bool[np.ndarray, "h w"]) 
         Mean and deviation of the colours around each pixel.
     """
     values = np.dstack([image, (image**2).sum(axis=2)]) * known[..., None]
-    levels = [(cv2.blur(values, (3, 3)), cv2.blur(known.astype(np.float32), (3, 3)))]
+    levels = [(cv2.pyrDown(values), cv2.pyrDown(known.astype(np.float32)))]
     for _ in range(PYRAMID - 1):
         levels.append(tuple(cv2.pyrDown(part) for part in levels[-1]))
     value, weight = levels[-1]
@@ -38,9 +40,10 @@ def spread(image: Float32[np.ndarray, "h w 3"], known: Bool[np.ndarray, "h w"]) 
         above = cv2.pyrUp(filled, dstsize=weight.shape[::-1])
         share = np.minimum(4 * weight, 1)[..., None]
         filled = share * value / np.maximum(weight, 1e-6)[..., None] + (1 - share) * above
-    colour = np.ascontiguousarray(filled[..., :3])
-    variance = np.maximum(filled[..., 3] - (colour**2).sum(axis=2), 0) / 3
-    return Background(colour, np.sqrt(variance + NOISE**2))
+    variance = np.maximum(filled[..., 3] - (filled[..., :3] ** 2).sum(axis=2), 0) / 3
+    found = np.dstack([filled[..., :3], np.sqrt(variance + NOISE**2)])
+    found = cv2.pyrUp(found, dstsize=known.shape[::-1])
+    return Background(found[..., :3], found[..., 3])
 
 
 def surely(first: Background, second: Background) -> Background:
@@ -72,16 +75,28 @@ def difference_prior(
     Returns:
         Alpha by least squares over the channels, and its certainty, the inverse of the variance
         `((1 - alpha)^2 s_B^2 + alpha^2 s_F^2) / |F - B|^2`. A pixel that no mixture of both colours explains, such as a
-        strand in the light, has no certainty.
+        strand in the light, has no certainty. Outside the band, alpha is that of the trimap.
     """
     colours = image.astype(np.float32) / 255
     front, behind = spread(colours, trimap == 255), spread(colours, trimap == 0)
     if background is not None:
         behind = surely(background, behind)
+    band = (trimap > 0) & (trimap < 255)
+    alpha, certainty = np.float32(trimap == 255), np.full(trimap.shape, MOST_CERTAIN, np.float32)
+    alpha[band], certainty[band] = _mixture(
+        colours[band], *(Background(known.colour[band], known.deviation[band]) for known in (front, behind))
+    )
+    return alpha, certainty
+
+
+def _mixture(
+    colours: Float32[np.ndarray, "n 3"], front: Background, behind: Background
+) -> tuple[Float32[np.ndarray, " n"], Float32[np.ndarray, " n"]]:
+    """Alpha of pixels, and its certainty."""
     axis, difference = front.colour - behind.colour, colours - behind.colour
-    length = np.maximum((axis**2).sum(axis=2), 1e-6)
-    alpha = ((axis * difference).sum(axis=2) / length).clip(0, 1)
+    length = np.maximum((axis**2).sum(axis=-1), 1e-6)
+    alpha = ((axis * difference).sum(axis=-1) / length).clip(0, 1)
     noise = (np.maximum(1 - alpha, LEAST_SHARE) * behind.deviation) ** 2 + (alpha * front.deviation) ** 2
-    unexplained = ((difference - alpha[..., None] * axis) ** 2).sum(axis=2) / (3 * noise)
+    unexplained = ((difference - alpha[:, None] * axis) ** 2).sum(axis=-1) / (3 * noise)
     certainty = 1 / np.maximum(noise / length, LEAST_VARIANCE) - 1 / MOST_VARIANCE
     return alpha, np.maximum(certainty, 0) * np.exp(-unexplained / UNEXPLAINED)

@@ -18,7 +18,7 @@ from carigs.matting.closed_form import closed_form_alpha
 from carigs.matting.colour_model import with_colours
 from carigs.matting.difference import difference_prior
 from carigs.matting.foreground import foreground_colours
-from carigs.matting.steadiness import SteadyMatte
+from carigs.matting.steadiness import ImageMotion, Motion, SteadyMatte
 from carigs.matting.trimap import BACKGROUND, DIFFERENT, OUTWARD, grown, in_pixels, trimap
 
 PRIOR_WEIGHT = 1e-4
@@ -34,7 +34,7 @@ COARSE_SHARE, ALPHA_SHARE = 0.7, 0.4
 PLATE_FRAMES = 64
 """Most frames that the background is collected from."""
 THREADS = 2
-"""That solve: the kernels of pymatting let other threads run."""
+"""That solve: kernels let other threads run."""
 
 
 class MattedFrame(NamedTuple):
@@ -110,22 +110,24 @@ def matted_frames(
         The frames with their mattes, in order.
 
     Raises:
-        CarigsError: If pymatting is not installed; or if there is no coarse matte, and the background is not plain.
+        CarigsError: If there is no coarse matte, and the background is not plain.
     """
     coarse_of = coarse_matte or _before_plain_background
     plate = _plate(footage, coarse_of) if coarse_matte else None
+    motion_to = ImageMotion()
     steady_coarse, steady_alpha = SteadyMatte(COARSE_SHARE), SteadyMatte(ALPHA_SHARE, keep_certain=True)
 
-    def finish(frame: TimedFrame, solving: Future) -> MattedFrame:
-        alpha = steady_alpha(frame.image, solving.result())
+    def finish(frame: TimedFrame, motion: Motion | None, solving: Future) -> MattedFrame:
+        alpha = steady_alpha(solving.result(), motion)
         return MattedFrame(frame, alpha, foreground_colours(frame.image, alpha))
 
-    waiting: deque[tuple[TimedFrame, Future]] = deque()
+    waiting: deque[tuple[TimedFrame, Motion | None, Future]] = deque()
     with ThreadPoolExecutor(THREADS) as pool:
         for frame in footage:
-            coarse = steady_coarse(frame.image, at_size(coarse_of(frame), frame.image.shape))
+            motion = motion_to(frame.image)
+            coarse = steady_coarse(at_size(coarse_of(frame), frame.image.shape), motion)
             background = plain_background(frame.image) or plate
-            waiting.append((frame, pool.submit(refined_alpha, frame.image, coarse, background)))
+            waiting.append((frame, motion, pool.submit(refined_alpha, frame.image, coarse, background)))
             if len(waiting) > THREADS:
                 yield finish(*waiting.popleft())
         while waiting:
@@ -143,9 +145,6 @@ def given_mattes(
 
     Yields:
         The frames with their mattes, in order.
-
-    Raises:
-        CarigsError: If pymatting is not installed.
     """
     for frame in footage:
         alpha = at_size(matte(frame), frame.image.shape)

@@ -51,7 +51,7 @@ def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[st
                 work = 2.0 + 0.15 * samples
         case "track":
             frames = images.train + images.val + images.test
-            work = 15.0 + frames * (0.30 + 1.6 * images.megapixels)
+            work = 10.0 + frames * (0.25 + 0.7 * images.megapixels)
         case "exaggerate":
             work = 2.1 if settings.exaggerate.file or settings.capture.source == "toy" else 5.0
         case "hair":

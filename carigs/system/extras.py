@@ -17,7 +17,6 @@ EXTRAS = {
     "matplotlib": "study",
     "open_clip": "study",
     "pandas": "study",
-    "pymatting": "video",
     "snakemake": "study",
     "timm": "study",
     "torch": "avatar",

@@ -9,7 +9,6 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from carigs.capture import Camera, Capture, Frame
 from carigs.capture.dataset_writer import parameter_file, write_dataset
@@ -85,11 +84,10 @@ def write_tracked_dataset(
                 alpha = alpha * cut.kept_share(posed, cameras[c])
             write_png(frames_folder / f"{t:05d}_{c:02d}.png", composite(foreground, alpha, background) / 255.0)
             write_png(frames_folder / f"{t:05d}_{c:02d}_matte.png", alpha)
-        with threadpool_limits(1, "blas"):  # the same bytes with any number of cores
-            head = head.displaced(outline_offset(model, views, landmarks))
-            if chart is not None:
-                model, parameters = own_expressions(model, head.parameters, chart, skin, [t for _, t in places])
-                head = replace(head, model=model, parameters=parameters)
+        head = head.displaced(outline_offset(model, views, landmarks))
+        if chart is not None:
+            model, parameters = own_expressions(model, head.parameters, chart, skin, [t for _, t in places])
+            head = replace(head, model=model, parameters=parameters)
         frames = tuple(
             Frame(t, c, "", split, f"{t:05d}_{c:02d}.png", f"{t:05d}_{c:02d}_matte.png", parameter_file(t), c)
             for t, row in enumerate(names)

@@ -46,7 +46,7 @@ MEDIAN_LENGTH = 1.1774
 ROUNDS = 3
 """Times that corrections of expressions are learned."""
 STEPS, FIRST_STEPS = 25, 8
-"""Most steps of the solver, and most of them before corrections of expressions are learned again."""
+"""Most steps of the solver in the last passes, and in those whose result is the start of others."""
 
 
 @dataclass(frozen=True)
@@ -145,20 +145,21 @@ def track_landmarks(
     bounds = _bounds(model, fitted)
     sigma = SIGMA * _face_size(tracks.pixels[:, :, :n], tracks.confidence[:, :, :n])
     offset = np.repeat([OFFSET, ANCHOR_OFFSET], [n, len(points.barycentric) - n])
-    options = {"bounds": bounds, "steps": STEPS, "tolerance": 1e-4}
+    options = {"bounds": bounds, "tolerance": 1e-4}
 
     # What frames share, from some of them.
     chosen = np.array(evenly_spread([*found], SHARED_FRAMES))
     some, chosen_tracks = frames[chosen], tracks.at(chosen)
     vector = np.zeros(len(fitted.shape) + cameras.size)
     count = len(offset)
-    for moving, outlier in ((0, OUTLIERS[0]), (count, OUTLIERS[0]), (count, OUTLIERS[1])):
+    passes = (0, OUTLIERS[0], FIRST_STEPS), (count, OUTLIERS[0], FIRST_STEPS), (count, OUTLIERS[1], STEPS)
+    for moving, outlier, steps in passes:
         shared = Shared(len(fitted.shape), moving, cameras.size)
         if moving and len(vector) < shared.size:
             vector = np.insert(vector, len(fitted.shape), np.zeros(3 * moving))
         prior = tracking_prior(model, fitted, chosen_tracks.times, shared, motion, offset, focal)
         objective = _objective(points, cameras, shared, chosen_tracks, _information(sigma, n, count), outlier, prior)
-        some, vector = minimise(objective, some, vector, **options)
+        some, vector = minimise(objective, some, vector, steps=steps, **options)
         sigma = _sigma(objective.errors(some, vector)[:, :, :n])
     shape, offsets, camera = shared.split(vector)
     cameras = cameras.moved(camera)
@@ -179,7 +180,7 @@ def track_landmarks(
     for turn in range(rounds + 1):
         objective = _objective(own, cameras, nothing, tracks, _information(sigma, n, count), OUTLIERS[1], prior)
         steps = STEPS if turn == rounds else FIRST_STEPS
-        frames, _ = minimise(objective, frames, np.zeros(0), **options | {"steps": steps})
+        frames, _ = minimise(objective, frames, np.zeros(0), steps=steps, **options)
         if turn < rounds:
             information = _information(sigma, n, count) * tracks.confidence
             errors = landmark_errors(own, cameras, frames, tracks.pixels, information, OUTLIERS[1]).of(slice(n))

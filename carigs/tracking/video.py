@@ -28,7 +28,6 @@ from carigs.head import HeadModel, neutral
 from carigs.matting import MattedFrame, matted_frames
 from carigs.matting.one_person import of_one_person
 from carigs.settings import Track
-from carigs.system.extras import need
 from carigs.tracking.dataset import write_tracked_dataset
 from carigs.tracking.footage_tracking import FootageTrack, track_footage
 from carigs.tracking.held_out import SPLITS
@@ -92,15 +91,15 @@ def track_video(
         CarigsError: If a package or the weights are not there, the folder is not empty, or the footage cannot be used.
     """
     check_target(folder)
-    need("pymatting")  # before work starts
     networks, segmenter = load_face_networks(weights), load_person_segmenter(weights)
     sources = sources or camera_sources(Path(settings.video or ""))
     model = HeadModel.load(settings.head_model)
     points, numbers = read_embedding(settings.embedding and Path(settings.embedding), model, COUNT)
-    with _folder_beside(folder) as decoded:
+    # One thread of BLAS: the same bytes with any number of cores, and mattes have threads of their own.
+    with _folder_beside(folder) as decoded, threadpool_limits(1, "blas"):
         kind, recordings = read_recordings(settings, sources, networks, progress, decoded)
         lengths = _given_focal_lengths(recordings, settings.focal_length)
-        with status("fitting the head"), threadpool_limits(1, "blas"):  # the same bytes with any number of cores
+        with status("fitting the head"):
             track = track_footage(recordings, model, points, numbers, focal_lengths=lengths)
         chin = float(points.interpolate(neutral(track.head.model, track.head.parameters[0]))[:, 1].min())
         matted = chain.from_iterable(_matted(recordings[r], track.kept, segmenter) for r in track.cameras)

@@ -1,7 +1,5 @@
 """`carigs matte`: frames and mattes in the layout that captures are read from."""
 
-from importlib.util import find_spec
-
 import cv2
 import numpy as np
 import pytest
@@ -10,9 +8,6 @@ from clips import write_video
 from carigs.capture.images import read_grey, read_rgb8
 from carigs.capture.importers.images import find_images
 from carigs.cli.main import main as carigs
-
-if not find_spec("pymatting"):
-    pytest.skip("pymatting is not installed (extra video)", allow_module_level=True)
 
 
 @pytest.fixture

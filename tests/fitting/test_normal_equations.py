@@ -34,6 +34,14 @@ def test_the_step_is_that_of_the_dense_system(t, q, s, damping):
     np.testing.assert_allclose(np.concatenate([frames.reshape(-1), shape]), expected, rtol=1e-9, atol=1e-10)
 
 
+@pytest.mark.parametrize("damping", [0.0, 0.5])
+def test_the_predicted_fall_is_that_of_the_quadratic_cost(damping):
+    equations, dense, gradient = random_equations(5, 3, 2)
+    step = equations.solve(damping)
+    x = np.concatenate([step[0].reshape(-1), step[1]])
+    assert equations.predicted_fall(*step, damping) == pytest.approx(-(gradient @ x + x @ dense @ x / 2))
+
+
 def test_a_matrix_that_is_not_positive_definite_is_an_error():
     equations, *_ = random_equations(3, 4, 2)
     equations.frames[1] *= -1

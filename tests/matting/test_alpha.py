@@ -1,8 +1,5 @@
 """Mattes of discs and of strands before known backgrounds, against the truth."""
 
-import sys
-from importlib.util import find_spec
-
 import cv2
 import numpy as np
 import pytest
@@ -15,12 +12,8 @@ from carigs.matting.closed_form import closed_form_alpha
 from carigs.matting.difference import difference_prior
 from carigs.matting.foreground import foreground_colours
 from carigs.matting.mattes import largest_region, refined_alpha
-from carigs.matting.pymatting_modules import pymatting_module
-from carigs.matting.steadiness import SteadyMatte
+from carigs.matting.steadiness import ImageMotion, SteadyMatte
 from carigs.matting.trimap import trimap
-
-if not find_spec("pymatting"):
-    pytest.skip("pymatting is not installed (extra video)", allow_module_level=True)
 
 SIDE = 128
 
@@ -133,6 +126,8 @@ def test_a_difference_matte_with_the_true_background_is_right_where_it_is_certai
     estimate, certainty = difference_prior(seen(alpha, behind), trimap(alpha), known)
     sure = (certainty > 100) & band(alpha)
     assert sure[band(alpha)].mean() > 0.6 and np.abs(estimate - alpha)[sure].mean() < 0.03
+    unknown = trimap(alpha) == 128
+    assert sure[unknown].mean() > 0.9 and np.abs(estimate - alpha)[sure & unknown].mean() < 0.005
 
 
 def test_a_plain_wall_is_recognised_behind_the_head_and_books_are_not():
@@ -193,9 +188,9 @@ def test_a_static_scene_does_not_flicker():
 
 def test_a_head_that_moves_is_not_smeared():
     frames, alphas = clip(8, busy=False)
-    steady = SteadyMatte(0.5)
+    steady, motion_to = SteadyMatte(0.5), ImageMotion()
     for frame, alpha in zip(frames, alphas, strict=True):
-        assert error(steady(frame.image, alpha), alpha) < 0.03
+        assert error(steady(alpha, motion_to(frame.image)), alpha) < 0.03
 
 
 def test_foreground_colours_before_the_same_wall_give_the_frame_back():
@@ -217,10 +212,3 @@ def test_the_largest_region_has_no_holes():
     kept = largest_region(region)
     assert kept.sum() == 100 and kept[4:14, 4:14].all()
     assert not largest_region(np.zeros((5, 5), bool)).any()
-
-
-def test_without_the_package_a_line_names_it(monkeypatch):
-    pymatting_module.cache_clear()
-    monkeypatch.setitem(sys.modules, "pymatting", None)
-    with pytest.raises(CarigsError, match=r"pip install 'carigs\[video\]'"):
-        closed_form_alpha(np.zeros((9, 9, 3), np.uint8), np.full((9, 9), 128, np.uint8))

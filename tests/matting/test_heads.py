@@ -1,7 +1,5 @@
 """Mattes of heads with hair from weak coarse mattes: the error in the band of 10 pixels around the outline."""
 
-from importlib.util import find_spec
-
 import numpy as np
 import pytest
 from matting.scenes import captured_head, make_scene, toy_head
@@ -10,8 +8,6 @@ from shared_data import DATA, needs_data
 from carigs.matting import matted_frames
 from evaluation.benchmarks.footage.backgrounds import KINDS as BACKGROUNDS
 
-if not find_spec("pymatting"):
-    pytest.skip("pymatting is not installed (extra video)", allow_module_level=True)
 pytestmark = pytest.mark.slow
 BAR = 0.08
 

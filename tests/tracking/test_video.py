@@ -70,7 +70,6 @@ def use_truth(monkeypatch, truth, matte):
 
     monkeypatch.setattr(video_room, "load_face_networks", lambda folder: None)
     monkeypatch.setattr(video_room, "load_person_segmenter", lambda folder: None)
-    monkeypatch.setattr(video_room, "need", lambda package: None)
     monkeypatch.setattr(video_room, "set_upright", lambda footage, networks: footage)
     monkeypatch.setattr(video_room, "follow_face", follow)
     monkeypatch.setattr(video_room, "matted_frames", matted)
@@ -176,7 +175,6 @@ def test_every_nth_frame_is_used(tmp_path, rate, every):
 def test_what_is_no_video_of_a_second_is_one_line(tmp_path, capfd, monkeypatch, name, said):
     monkeypatch.setattr(video_room, "load_face_networks", lambda folder: None)
     monkeypatch.setattr(video_room, "load_person_segmenter", lambda folder: None)
-    monkeypatch.setattr(video_room, "need", lambda package: None)
     (tmp_path / "folder").mkdir()
     write_video(tmp_path / "short.avi", quadrants(11), codec="MJPG", fps=25)
     head_model().save(tmp_path / "head.npz")
