@@ -23,8 +23,9 @@ from carigs.raster import compute_visibility
 from carigs.settings.regions import Regions
 from carigs.splat.rig.head_sequence import HeadSequence
 
-FRAMES = 1000
-"""Most training frames that are looked at, evenly spread."""
+FRAMES = 64
+"""Most training frames that are looked at, evenly spread: a head turns little between them, and the rings next to what
+they show are trained."""
 BEHIND = 0.003
 """Metres that the centre of a triangle may lie behind the surface that a pixel shows, and still count as seen."""
 UNSEEN, WELL_SEEN = 0.1, 0.5
