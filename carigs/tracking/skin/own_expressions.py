@@ -52,7 +52,8 @@ def own_expressions(
     coefficients = left[:, :count] * scale
     shapes = np.zeros((*model.v_template.shape, count), np.float32)
     shapes[chart.vertices] = np.moveaxis((right[:count] * (size[:count] / scale)[:, None]).reshape(count, -1, 3), 0, 2)
-    names = tuple(f"own_{i:02d}" for i in range(count)) if model.expression_names else ()
+    numbers = range(model.num_expressions, model.num_expressions + count)  # a model may have such expressions already
+    names = tuple(f"own_{number}" for number in numbers) if model.expression_names else ()
     larger = replace(
         model,
         shapedirs=np.concatenate([model.shapedirs, shapes], axis=2),

@@ -100,7 +100,7 @@ def test_a_large_frame_gives_the_chart_of_a_small_one(model, still):
 def test_a_movement_that_the_model_lacks_becomes_an_expression(model):
     amplitudes = np.random.default_rng(0).normal(size=COUNT)
     amplitudes -= amplitudes.mean()
-    chart, shape, _, (larger, parameters) = found(model, amplitudes)
+    chart, shape, skin, (larger, parameters) = found(model, amplitudes)
     added = larger.num_expressions - model.num_expressions
     assert added == COUNT // 4 <= MODES
     own = np.stack([frame.expression[-added:] for frame in parameters])
@@ -110,6 +110,9 @@ def test_a_movement_that_the_model_lacks_becomes_an_expression(model):
     inner = np.linalg.norm(shape[chart.vertices], axis=1) > 0.2 * MOVED
     wrong = np.linalg.norm((moved - true)[:, inner, :2], axis=-1).mean()
     assert wrong < 0.3 * np.linalg.norm(true[:, inner], axis=-1).mean()
+    named = replace(model, expression_names=("smile",) * model.num_expressions)
+    again, _ = own_expressions(named, parameters, chart, skin, list(range(COUNT)))
+    assert len(set(again.expression_names)) == 1 + added
     # The first of them is this movement.
     assert abs(np.corrcoef(own[:, 0], amplitudes)[0, 1]) > 0.97
     assert np.isfinite(pose(larger, parameters[0])).all()
