@@ -71,6 +71,11 @@ class HeadModel:
         return self.shapedirs[:, :, self.num_identity :]
 
     @cached_property
+    def shaped_templates(self) -> dict[bytes, Float[np.ndarray, "v 3"]]:
+        """Template and identity blendshapes of the last subject that was posed, by its coefficients."""
+        return {}
+
+    @cached_property
     def joint_template(self) -> Float[np.ndarray, "j 3"]:
         """Joints of the template, in float64."""
         if self.rest_joints is not None:

@@ -134,7 +134,7 @@ def unposed_frames(
     # The frames of a subject share the sum of the identity blendshapes.
     shapes, subject = np.unique([parameters.shape for parameters in frames], axis=0, return_inverse=True)
     expressions = np.array([parameters.expression for parameters in frames])
-    natural = model.v_template + _sum_blendshapes(model.identity_basis, shapes)
+    natural = _shaped(model, shapes)
     shaped = _sum_blendshapes(model.expression_basis, expressions) + natural[subject]
     coefficients = np.concatenate([shapes[subject], expressions], axis=1)
     joints = model.joint_template + np.einsum("jcb,tb->tjc", model.joint_basis, coefficients)
@@ -226,6 +226,18 @@ def _in_range(vertices: Float[np.ndarray, "*t v 3"], kind: str) -> Float[np.ndar
         problem = f"lies at {vertices[bad_index].tolist()} m; coordinates up to {LARGEST_COORDINATE:g} m are possible"
         raise MeshError(f"vertex {bad} of the {kind} head {problem}: check its parameters")
     return vertices
+
+
+def _shaped(model: HeadModel, shapes: Float[np.ndarray, "n i"]) -> Float[np.ndarray, "n v 3"]:
+    """Shaped templates of subjects; that of a single one is kept, because most frames are posed one by one."""
+    if len(shapes) > 1:
+        return model.v_template + _sum_blendshapes(model.identity_basis, shapes)
+    known, key = model.shaped_templates, shapes.tobytes()
+    if (shaped := known.get(key)) is None:
+        shaped = model.v_template + _sum_blendshapes(model.identity_basis, shapes)[0]
+        known.clear()
+        known[key] = shaped
+    return shaped[None]
 
 
 def _sum_blendshapes(
