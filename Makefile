@@ -71,7 +71,7 @@ bench: .venv/installed
 	cp results/benchmark/benchmarks.md docs/
 	cp results/benchmark/images/*.png docs/images/
 
-# Builds, checks and measures train.backend=cuda: at most 15 minutes, 8 with warm caches. PARTS chooses.
+# Builds, checks and measures train.backend=cuda; each part has a time limit. PARTS chooses.
 .PHONY: gpu
 gpu:
 	python -m evaluation.benchmarks.gpu results/gpu --device $(or $(DEVICE),cuda) $(if $(PARTS),--parts $(PARTS))

@@ -23,8 +23,7 @@ def coefficients(image, number, count, epsilon):
 
     Args:
         image: Colours (h, w, 3) in [0, 1], float32.
-        number: Number of each pixel among the unknown ones (h, w), int32; -1 for the others. The two outermost rows and
-            columns are not unknown.
+        number: Number of each pixel among the unknown ones (h, w), int32; -1 for the others.
         count: Number of unknown pixels n.
         epsilon: Regularisation of the windows' covariances, times their nine pixels.
 
