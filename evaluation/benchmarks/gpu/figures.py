@@ -12,11 +12,9 @@ if TYPE_CHECKING:
 
 
 class Task(NamedTuple):
-    """What a part measures, and where it may write."""
+    """What a part measures."""
 
     device: torch.device
-    folder: Path
-    """Folder of the report."""
 
     @property
     def cuda(self) -> bool:

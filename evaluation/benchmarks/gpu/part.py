@@ -25,7 +25,7 @@ def main() -> None:
     import torch
 
     module = import_module(f"evaluation.benchmarks.gpu.{arguments.part}")
-    write_figures(arguments.figures, module.measure(Task(torch.device(arguments.device), arguments.figures.parent)))
+    write_figures(arguments.figures, module.measure(Task(torch.device(arguments.device))))
 
 
 if __name__ == "__main__":

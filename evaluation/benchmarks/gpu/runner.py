@@ -13,7 +13,7 @@ from typing import Any
 
 from evaluation.benchmarks.gpu.figures import read_figures
 
-LIMITS = {"machine": 60, "kernels": 300, "checks": 180, "trainings": 240, "frames": 60, "networks": 60}
+LIMITS = {"machine": 60, "kernels": 300, "checks": 180, "trainings": 480, "frames": 60, "networks": 60}
 """Seconds of each part, in the order in which they run."""
 DEVICES = "cuda", "cpu"
 LAST_LINES = 3
