@@ -71,6 +71,16 @@ class HeadModel:
         return self.shapedirs[:, :, self.num_identity :]
 
     @cached_property
+    def expression_rows(self) -> Float[np.ndarray, "e m"]:
+        """Expression blendshapes as rows of m = 3 v numbers that lie side by side in memory, which are summed fast."""
+        return _as_rows(self.expression_basis)
+
+    @cached_property
+    def corrective_rows(self) -> Float[np.ndarray, "p m"]:
+        """Pose correctives in the same way; no rows if all are 0."""
+        return _as_rows(self.posedirs if self.posedirs.any() else self.posedirs[:, :, :0])
+
+    @cached_property
     def shaped_templates(self) -> dict[bytes, Float[np.ndarray, "v 3"]]:
         """Template and identity blendshapes of the last subject that was posed, by its coefficients."""
         return {}
@@ -205,3 +215,8 @@ class HeadModel:
         for name in names:
             inside |= self.vertex_region(name)[self.faces].all(axis=1)
         return inside
+
+
+def _as_rows(blendshapes: Float[np.ndarray, "v 3 b"]) -> Float[np.ndarray, "b m"]:
+    v, axes, b = blendshapes.shape
+    return np.ascontiguousarray(blendshapes.reshape(v * axes, b).T)

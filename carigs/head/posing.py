@@ -135,12 +135,12 @@ def unposed_frames(
     shapes, subject = np.unique([parameters.shape for parameters in frames], axis=0, return_inverse=True)
     expressions = np.array([parameters.expression for parameters in frames])
     natural = _shaped(model, shapes)
-    shaped = _sum_blendshapes(model.expression_basis, expressions) + natural[subject]
+    shaped = _sum_rows(model.expression_rows, expressions).reshape(-1, *model.v_template.shape) + natural[subject]
     coefficients = np.concatenate([shapes[subject], expressions], axis=1)
     joints = model.joint_template + np.einsum("jcb,tb->tjc", model.joint_basis, coefficients)
     rotations = rotation_matrices(np.array([_rotation_vectors(parameters) for parameters in frames]))
     pose_features = _pose_features(model, rotations)
-    corrective = _sum_blendshapes(model.posedirs, pose_features)
+    corrective = _sum_rows(model.corrective_rows, pose_features).reshape(shaped.shape)
     regressor = model.joint_regressor.astype(np.float64)
     for t, parameters in enumerate(frames):
         offsets = [o for o in (parameters.static_offset, parameters.dynamic_offset) if o is not None]
@@ -249,6 +249,18 @@ def _sum_blendshapes(
         return (active @ coefficients[0, used])[None]
     rows = active.reshape(blendshapes.shape[0] * 3, len(used))
     return (coefficients[:, used] @ rows.T).reshape(len(coefficients), *blendshapes.shape[:2])
+
+
+def _sum_rows(rows: Float[np.ndarray, "b m"], coefficients: Float[np.ndarray, "t c"]) -> Float[np.ndarray, "t m"]:
+    """Sums of blendshapes that are rows of an array, of which there may be none."""
+    total = np.zeros((len(coefficients), rows.shape[1]))
+    if len(coefficients) > 1 and len(rows):
+        used = np.flatnonzero(coefficients.any(axis=0))
+        return coefficients[:, used] @ rows[used].astype(np.float64)
+    for one, frame in zip(total, coefficients, strict=True):
+        for k in np.flatnonzero(frame[: len(rows)]):  # one after the other: rounding depends on no number of threads
+            one += np.multiply(rows[k], frame[k], dtype=np.float64)
+    return total
 
 
 def _rotation_vectors(parameters: HeadParameters) -> Float[np.ndarray, "j 3"]:
