@@ -14,6 +14,8 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
 
+from carigs.matting.channels import largest
+
 NOISE = 1.5 / 255
 """Least deviation of a colour: a camera's noise after its compression."""
 UNKNOWN = 1.0
@@ -118,4 +120,4 @@ def distance_from(image: UInt8[np.ndarray, "h w 3"], background: Background) -> 
         Of the channel that differs most, over the mean of 3 x 3 pixels.
     """
     difference = cv2.blur(image.astype(np.float32) / 255 - background.colour, (3, 3))
-    return np.abs(difference).max(axis=2) / background.deviation
+    return largest(np.abs(difference)) / background.deviation

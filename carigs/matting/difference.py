@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 
 from carigs.matting.background import NOISE, Background
+from carigs.matting.channels import summed
 
 LEAST_VARIANCE, MOST_VARIANCE = 1e-3, 0.04
 """Of an estimate of alpha: from the second on, with a deviation of 0.2, it counts for nothing."""
@@ -30,7 +31,7 @@ def spread(image: Float32[np.ndarray, "h w 3"], known: Bool[np.ndarray, "h w"]) 
     Returns:
         Mean and deviation of the colours around each pixel.
     """
-    values = np.dstack([image, (image**2).sum(axis=2)]) * known[..., None]
+    values = np.dstack([image, summed(image * image)]) * known[..., None]
     levels = [(cv2.pyrDown(values), cv2.pyrDown(known.astype(np.float32)))]
     for _ in range(PYRAMID - 1):
         levels.append(tuple(cv2.pyrDown(part) for part in levels[-1]))
@@ -40,8 +41,9 @@ def spread(image: Float32[np.ndarray, "h w 3"], known: Bool[np.ndarray, "h w"]) 
         above = cv2.pyrUp(filled, dstsize=weight.shape[::-1])
         share = np.minimum(4 * weight, 1)[..., None]
         filled = share * value / np.maximum(weight, 1e-6)[..., None] + (1 - share) * above
-    variance = np.maximum(filled[..., 3] - (filled[..., :3] ** 2).sum(axis=2), 0) / 3
-    found = np.dstack([filled[..., :3], np.sqrt(variance + NOISE**2)])
+    colour = filled[..., :3]
+    variance = np.maximum(filled[..., 3] - summed(colour * colour), 0) / 3
+    found = np.dstack([colour, np.sqrt(variance + NOISE**2)])
     found = cv2.pyrUp(found, dstsize=known.shape[::-1])
     return Background(found[..., :3], found[..., 3])
 

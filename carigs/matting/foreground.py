@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32, UInt8
+from jaxtyping import Float, Float32, UInt8
 from numba import njit
 
+from carigs.matting.channels import mean_colour
 from carigs.simd.kernels import INLINE, kernel
 
 SMOOTHNESS = 1e-5
@@ -31,7 +32,7 @@ def foreground_colours(
         sRGB in [0, 1]; `image = alpha F + (1 - alpha) B` for a smooth background B.
     """
     colours = image.astype(np.float32) / 255
-    parts = [part[None, None] for part in (_mean(colours, alpha > 0.9), _mean(colours, alpha < 0.1))]
+    parts = [part[None, None] for part in (mean_colour(colours, alpha > 0.9), mean_colour(colours, alpha < 0.1))]
     levels = int(np.ceil(np.log2(max(alpha.shape))))
     for level in range(levels + 1):
         size = tuple(round(side ** (level / max(levels, 1))) for side in alpha.shape[::-1])
@@ -40,10 +41,6 @@ def foreground_colours(
         )
         _relax(*parts, small, opacity, np.float32(SMOOTHNESS), SMALL_SWEEPS if max(size) <= SMALL else SWEEPS)
     return parts[0]
-
-
-def _mean(colours: Float32[np.ndarray, "h w 3"], region: Bool[np.ndarray, "h w"]) -> Float32[np.ndarray, "3"]:
-    return colours[region].mean(axis=0) if region.any() else np.zeros(3, np.float32)
 
 
 @kernel

@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, UInt8
 
+from carigs.matting.channels import largest
+
 FLOW_SIDE = 256
 """Largest side of the images that motion is estimated in, in pixels."""
 AGREEMENT = 6.0
@@ -51,7 +53,7 @@ class ImageMotion:
             x = flow[..., 0] * np.float32(width / size[0]) + np.arange(width, dtype=np.float32)
             y = flow[..., 1] * np.float32(height / size[1]) + np.arange(height, dtype=np.float32)[:, None]
             moved = cv2.remap(self._image, x, y, cv2.INTER_LINEAR)
-            difference = cv2.blur(cv2.absdiff(moved, image), (3, 3)).max(axis=2)
+            difference = largest(cv2.blur(cv2.absdiff(moved, image), (3, 3))).astype(np.float32)
             motion = Motion(x, y, np.exp(-((difference / AGREEMENT) ** 2), dtype=np.float32))
         self._grey, self._image = grey, image
         return motion

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import radians, sqrt, tan
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from carigs.errors import InputError
 from carigs.fitting.fitted_parameters import fitted_parameters
@@ -34,6 +34,20 @@ LEAST_VIEWS = 3
 
 
 @dataclass(frozen=True)
+class ChosenFrames:
+    """What is tracked of recordings: t timesteps by c cameras."""
+
+    kept: Int[np.ndarray, " t"]
+    """Positions of the frames among those of a recording."""
+    cameras: Int[np.ndarray, " c"]
+    """The recordings."""
+    faces: Bool[np.ndarray, "t c"]
+    """Which of the frames show the face."""
+    left_out: tuple[tuple[str, ...], ...]
+    """Of each recording and frame: why it is left out; empty if it is not."""
+
+
+@dataclass(frozen=True)
 class FootageTrack:
     """A head in recordings of t timesteps by c cameras."""
 
@@ -55,25 +69,14 @@ class FootageTrack:
         return len(self.kept) == 1
 
 
-def track_footage(
-    recordings: Sequence[Recording],
-    model: HeadModel,
-    embedding: SurfacePoints,
-    numbers: Int[np.ndarray, " n"],
-    *,
-    focal_lengths: Sequence[float | None] | None = None,
-) -> FootageTrack:
-    """Track the head of a person before cameras that stand still, or of one moment.
+def choose_frames(recordings: Sequence[Recording]) -> ChosenFrames:
+    """Choose the frames that are tracked: those of the longest shot.
 
     Args:
         recordings: As many frames of each camera; one of each for photographs of a moment, or an orbit.
-        model: The head model.
-        embedding: Landmarks on the head model.
-        numbers: Which of the detector's landmarks these are.
-        focal_lengths: In pixels of the footage; None for what its metadata say, or a guess.
 
     Returns:
-        The head in the frames of the longest shot.
+        The frames.
 
     Raises:
         InputError: If too few frames in a row show a face, or a camera never sees it together with another one.
@@ -88,7 +91,36 @@ def track_footage(
     if not (seen := linked(faces[:, cameras])).all():
         problem = "shows the face in no frame in which another camera sees it, too: their places cannot be found"
         raise InputError(problem, file=recordings[cameras[~seen][0]].footage.source)
-    used, faces = [recordings[c] for c in cameras], faces[:, cameras]
+    return ChosenFrames(kept, cameras, faces[:, cameras], left_out)
+
+
+def track_footage(
+    recordings: Sequence[Recording],
+    chosen: ChosenFrames,
+    model: HeadModel,
+    embedding: SurfacePoints,
+    numbers: Int[np.ndarray, " n"],
+    *,
+    focal_lengths: Sequence[float | None] | None = None,
+) -> FootageTrack:
+    """Track the head of a person before cameras that stand still, or of one moment.
+
+    Args:
+        recordings: As many frames of each camera; one of each for photographs of a moment, or an orbit.
+        chosen: Those that are tracked.
+        model: The head model.
+        embedding: Landmarks on the head model.
+        numbers: Which of the detector's landmarks these are.
+        focal_lengths: In pixels of the footage; None for what its metadata say, or a guess.
+
+    Returns:
+        The head.
+
+    Raises:
+        CarigsError: If the landmarks place the head model in no frame, or not before a camera and another one at once.
+    """
+    kept, cameras, faces = chosen.kept, chosen.cameras, chosen.faces
+    one_moment, used = len(recordings[0].footage) == 1, [recordings[c] for c in cameras]
     pixels = np.stack([r.faces.landmarks[kept][:, numbers, :2].astype(np.float64) for r in used], axis=1)
     pixels[~faces] = np.nan
     presence = np.stack([r.faces.presence[kept] for r in used], axis=1).astype(np.float64) * faces
@@ -113,7 +145,7 @@ def track_footage(
     if len(used) == 1 and not one_moment:  # before several cameras, parallax tells how the head turns
         skull = skull_motion(used[0].footage.at(kept).decode(), model, fitted, embedding, pixels[:, 0], start)
     head = track_landmarks(model, fitted, embedding, tracks, start, focal_deviation=deviations, skull=skull)
-    return FootageTrack(kept, cameras, left_out, pixels, head, guesses)
+    return FootageTrack(kept, cameras, chosen.left_out, pixels, head, guesses)
 
 
 def _lenses(recordings: Sequence[Recording], stated: Sequence[float | None]) -> Int[np.ndarray, " c"]:

@@ -26,10 +26,11 @@ from carigs.footage.photographs import each_photograph
 from carigs.footage.stored import stored
 from carigs.head import HeadModel, neutral
 from carigs.matting import MattedFrame, matted_frames
+from carigs.matting.computed_ahead import computed_ahead
 from carigs.matting.one_person import of_one_person
 from carigs.settings import Track
 from carigs.tracking.dataset import write_tracked_dataset
-from carigs.tracking.footage_tracking import FootageTrack, track_footage
+from carigs.tracking.footage_tracking import FootageTrack, choose_frames, track_footage
 from carigs.tracking.held_out import SPLITS
 from carigs.tracking.judgement.advice import advice, advice_of_cameras
 from carigs.tracking.judgement.error_table import error_table
@@ -99,20 +100,23 @@ def track_video(
     with _folder_beside(folder) as decoded, threadpool_limits(1, "blas"):
         kind, recordings = read_recordings(settings, sources, networks, progress, decoded)
         lengths = _given_focal_lengths(recordings, settings.focal_length)
-        with status("fitting the head"):
-            track = track_footage(recordings, model, points, numbers, focal_lengths=lengths)
-        chin = float(points.interpolate(neutral(track.head.model, track.head.parameters[0]))[:, 1].min())
-        matted = chain.from_iterable(_matted(recordings[r], track.kept, segmenter) for r in track.cameras)
-        track = write_tracked_dataset(
-            folder,
-            track,
-            recordings,
-            progress(matted, "mattes", len(track.cameras) * len(track.kept)),
-            background=settings.background,
-            landmarks=points,
-            chin=chin if settings.body == "cut" else None,
-            by_time=SPLITS[settings.held_out],
-        )
+        chosen = choose_frames(recordings)
+        each = chain.from_iterable(_matted(recordings[r], chosen.kept, segmenter) for r in chosen.cameras)
+        pixels = max(r.footage.width * r.footage.height for r in recordings)
+        with computed_ahead(each, pixels) as matted:  # while the solver runs on one thread
+            with status("fitting the head"):
+                track = track_footage(recordings, chosen, model, points, numbers, focal_lengths=lengths)
+            chin = float(points.interpolate(neutral(track.head.model, track.head.parameters[0]))[:, 1].min())
+            track = write_tracked_dataset(
+                folder,
+                track,
+                recordings,
+                progress(matted, "mattes", chosen.faces.size),
+                background=settings.background,
+                landmarks=points,
+                chin=chin if settings.body == "cut" else None,
+                by_time=SPLITS[settings.held_out],
+            )
         return _report(kind, track, recordings, JudgedFrames(track, recordings, numbers), folder)
 
 

@@ -11,7 +11,7 @@ from carigs.head import SurfacePoints, pose
 from carigs.head.joint_transforms import rotation_matrices
 from carigs.toy.rig.head_model import head_model
 from carigs.tracking.cameras import Cameras
-from carigs.tracking.footage_tracking import guessed_focal_length, track_footage
+from carigs.tracking.footage_tracking import choose_frames, guessed_focal_length
 from carigs.tracking.landmark_tracking import Tracks, track_landmarks
 from carigs.tracking.texture.skull_motion import SkullMotion
 from evaluation.benchmarks.footage.motion import Talk
@@ -22,19 +22,15 @@ from evaluation.benchmarks.footage.scenes import orbit, talk, three
 def test_a_camera_that_sees_the_face_when_no_other_does_is_named():
     left, right = np.ones(40), np.zeros(40)
     left[20:], right[20:] = 0, 1
-    model = head_model()
-    embedding = landmark_embedding(model)
     cameras = [recording(left), recording(left), recording(right, name="right.mp4")]
     with pytest.raises(InputError, match=r"right\.mp4.*in no frame in which another camera sees it"):
-        track_footage(cameras, model, embedding.points(model), embedding.landmarks)
+        choose_frames(cameras)
 
 
 def test_two_photographs_are_too_few():
-    model = head_model()
-    embedding = landmark_embedding(model)
     images = [recording([shown], name=f"{i}.jpg") for i, shown in enumerate((1, 0, 1))]
     with pytest.raises(InputError, match="2 of 3 images show a face; at least 3"):
-        track_footage(images, model, embedding.points(model), embedding.landmarks)
+        choose_frames(images)
 
 
 def test_a_wide_image_has_a_field_of_view_of_60_degrees():

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float, Float32, Int, UInt8
 
 from carigs.capture import Camera, look_at
 from carigs.head import HeadModel
+from carigs.matting.channels import summed
 from carigs.raster import compute_visibility
 
 FACE, OTHER = ("face", "nose", "forehead"), ("left_eyeball", "right_eyeball", "boundary", "scalp")
@@ -100,7 +101,7 @@ class FaceChart:
         inverse, matte = (
             cv2.remap(values, x, y, cv2.INTER_LINEAR, borderValue=0.0) for values in (seen.inverse_depth, alpha)
         )
-        grey = _sampled(image.mean(axis=2, dtype=np.float32) / 255, x, y, self.inside)
+        grey = _sampled(summed(image.astype(np.float32), 1 / (3 * 255)), x, y, self.inside)
         first, second, third = (vertices[self.corners[..., i]] for i in range(3))
         normal, view = np.cross(second - first, third - first), camera.centre - points
         lengths = np.linalg.norm(normal, axis=2) * np.linalg.norm(view, axis=2)
