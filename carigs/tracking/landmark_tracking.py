@@ -45,6 +45,9 @@ MEDIAN_LENGTH = 1.1774
 """Median length of a vector of two normal variables with deviation 1."""
 ROUNDS = 3
 """Times that corrections of expressions are learned."""
+SHARED_TOLERANCE, TOLERANCE = 1e-3, 1e-4
+"""Share of the cost by which a step must reduce it for the solver to go on: for what frames share, where a step takes
+longest and the last ones move landmarks by hundredths of a pixel, and for the frames."""
 STEPS, FIRST_STEPS = 25, 8
 """Most steps of the solver in the last passes, and in those whose result is the start of others."""
 
@@ -145,7 +148,6 @@ def track_landmarks(
     bounds = _bounds(model, fitted)
     sigma = SIGMA * _face_size(tracks.pixels[:, :, :n], tracks.confidence[:, :, :n])
     offset = np.repeat([OFFSET, ANCHOR_OFFSET], [n, len(points.barycentric) - n])
-    options = {"bounds": bounds, "tolerance": 1e-4}
 
     # What frames share, from some of them.
     chosen = np.array(evenly_spread([*found], SHARED_FRAMES))
@@ -159,7 +161,7 @@ def track_landmarks(
             vector = np.insert(vector, len(fitted.shape), np.zeros(3 * moving))
         prior = tracking_prior(model, fitted, chosen_tracks.times, shared, motion, offset, focal)
         objective = _objective(points, cameras, shared, chosen_tracks, _information(sigma, n, count), outlier, prior)
-        some, vector = minimise(objective, some, vector, steps=steps, **options)
+        some, vector = minimise(objective, some, vector, steps=steps, tolerance=SHARED_TOLERANCE, bounds=bounds)
         sigma = _sigma(objective.errors(some, vector)[:, :, :n])
     shape, offsets, camera = shared.split(vector)
     cameras = cameras.moved(camera)
@@ -180,7 +182,7 @@ def track_landmarks(
     for turn in range(rounds + 1):
         objective = _objective(own, cameras, nothing, tracks, _information(sigma, n, count), OUTLIERS[1], prior)
         steps = STEPS if turn == rounds else FIRST_STEPS
-        frames, _ = minimise(objective, frames, np.zeros(0), steps=steps, **options)
+        frames, _ = minimise(objective, frames, np.zeros(0), steps=steps, tolerance=TOLERANCE, bounds=bounds)
         if turn < rounds:
             information = _information(sigma, n, count) * tracks.confidence
             errors = landmark_errors(own, cameras, frames, tracks.pixels, information, OUTLIERS[1]).of(slice(n))

@@ -14,6 +14,8 @@ from carigs.tracking.cameras import Cameras
 
 BLOCK = 16
 """Frames whose Jacobians are held at a time."""
+SINGULAR = 1e-12
+"""Share of a diagonal entry below which what is left of it counts as rounding."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +47,26 @@ class Shared:
         """
         end = self.shape + 3 * self.points
         return vector[: self.shape], vector[self.shape : end].reshape(-1, 3), vector[end:]
+
+
+def small_cholesky(matrices: Float[np.ndarray, "*n d d"]) -> Float[np.ndarray, "*n d d"]:
+    """Cholesky factors of many small matrices, which may be singular.
+
+    Args:
+        matrices: Symmetric, without negative eigenvalues.
+
+    Returns:
+        Lower triangular matrices L with L L' = the matrices.
+    """
+    lower = np.zeros_like(matrices)
+    for j in range(matrices.shape[-1]):
+        done = lower[..., j, :j]
+        pivot = matrices[..., j, j] - (done * done).sum(axis=-1)
+        root = np.sqrt(np.where(pivot > SINGULAR * matrices[..., j, j], pivot, 0))
+        inverse = np.divide(1, root, out=np.zeros_like(root), where=root > 0)
+        rest = matrices[..., j:, j] - np.einsum("...ik,...k->...i", lower[..., j:, :j], done)
+        lower[..., j:, j] = rest * inverse[..., None]
+    return lower
 
 
 @dataclass(frozen=True)
@@ -146,34 +168,39 @@ class LandmarkObjective:
         pixels, depth, by_point, by_camera = cameras.linearise(positions)
         cost, weights, error = self._cost(pixels, depth, part)
         weighted = weights @ by_point
-        curvature = np.einsum("tcnai,tcnaj->tnij", weighted, by_point, optimize=True)
         gradient = np.einsum("tcnai,tcna->tni", weighted, error)
-        t, n, _, q = by_frame.shape
+        # Each point has rows K with K' K = the sum of D' W D over the cameras: two for one camera, three for more.
+        if len(cameras.centres) == 1:
+            factor = small_cholesky(weights[:, 0]).swapaxes(-1, -2) @ by_point[:, 0]
+        else:
+            factor = small_cholesky(np.einsum("tcnai,tcnaj->tnij", weighted, by_point, optimize=True)).swapaxes(-1, -2)
+        t, n, k, q = *factor.shape[:3], by_frame.shape[3]
         frame_rows = by_frame.reshape(t, 3 * n, q).swapaxes(1, 2)
-        curved_frames = (curvature @ by_frame).reshape(t, 3 * n, q)
         flat_gradient = gradient.reshape(t, 3 * n, 1)
-        equations.frames[part] += frame_rows @ curved_frames
+        by_frame = factor @ by_frame
+        rows = by_frame.reshape(t, k * n, q)
+        equations.frames[part] += rows.swapaxes(1, 2) @ rows
         equations.frame_gradient[part] += (frame_rows @ flat_gradient)[..., 0]
         # The derivatives of a point with respect to what is shared: dense for the shape, its own three for an offset.
         border, shape, slope = equations.border[part], equations.shape, equations.shape_gradient
         b, end = self.shared.shape, self.shared.shape + 3 * self.shared.points
         if b:
             shape_rows = by_shape.reshape(t, 3 * n, b)
-            border[..., :b] += curved_frames.swapaxes(1, 2) @ shape_rows
-            curved_shape = (curvature @ by_shape).reshape(t * 3 * n, b)
-            shape[:b, :b] += shape_rows.reshape(t * 3 * n, b).T @ curved_shape
             slope[:b] += np.einsum("trb,tr->b", shape_rows, flat_gradient[..., 0])
+            by_shape = factor @ by_shape
+            border[..., :b] += rows.swapaxes(1, 2) @ by_shape.reshape(t, k * n, b)
+            shape[:b, :b] += by_shape.reshape(t * k * n, b).T @ by_shape.reshape(t * k * n, b)
         if self.shared.points:
             turned = points.turned(frames, coefficients)
-            curved_offsets = curvature @ turned  # (t, n, 3, 3)
-            mixed = np.einsum("tniq,tnij->tqnj", by_frame, curved_offsets, optimize=True)
+            by_offset = factor @ turned  # (t, n, k, 3)
+            mixed = np.einsum("tnkq,tnkj->tqnj", by_frame, by_offset, optimize=True)
             border[..., b:end] += mixed.reshape(t, q, -1)
-            own = np.einsum("tnki,tnkj->nij", turned, curved_offsets)
+            own = np.einsum("tnki,tnkj->nij", by_offset, by_offset)
             index = b + np.arange(3 * n).reshape(n, 3)
             shape[index[:, :, None], index[:, None, :]] += own
             slope[b:end] += np.einsum("tnki,tnk->ni", turned, gradient).ravel()
             if b:
-                mixed = np.einsum("tnib,tnij->bnj", by_shape, curved_offsets, optimize=True).reshape(b, -1)
+                mixed = np.einsum("tnkb,tnkj->bnj", by_shape, by_offset, optimize=True).reshape(b, -1)
                 shape[:b, b:end] += mixed
                 shape[b:end, :b] += mixed.T
         for i, by_own in enumerate(np.moveaxis(by_camera, 1, 0) if self.shared.cameras else ()):

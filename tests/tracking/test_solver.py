@@ -13,7 +13,7 @@ from carigs.fitting.objective import Prior
 from carigs.head import SurfacePoints
 from carigs.head.joint_transforms import rotation_matrices
 from carigs.tracking.cameras import Cameras
-from carigs.tracking.objective import LandmarkObjective, Shared
+from carigs.tracking.objective import LandmarkObjective, Shared, small_cholesky
 from carigs.tracking.personal_expressions import landmark_errors, learn_corrections
 from carigs.tracking.start import template_poses
 from carigs.tracking.surface_fields import SurfaceField
@@ -23,6 +23,8 @@ TWO = Cameras(
     np.array([[256.0, 256.0], [250.0, 200.0]]),
     np.array([[np.pi, 0, 0, 0, 0, 6.0], [np.pi * 0.99, 0.2, 0.1, 0.1, 0, 6.0]]),
 )
+
+ONE = Cameras(TWO.focal[:1], TWO.centres[:1], np.array([[np.pi, 0, 0, 0, 0, 6.0]]))
 
 ORBIT = Cameras(
     np.array([900.0, 900.0, 700.0, 900.0]),
@@ -78,7 +80,7 @@ def test_gradients_are_those_of_finite_differences(outlier, cameras, count):
     np.testing.assert_allclose(equations.shape_gradient, of_shared, rtol=1e-5, atol=1e-6 * np.abs(of_shared).max())
 
 
-@pytest.mark.parametrize(("cameras", "count"), [(TWO, 3), (ORBIT, 1)])
+@pytest.mark.parametrize(("cameras", "count"), [(ONE, 3), (TWO, 3), (ORBIT, 1)])
 def test_the_matrix_is_that_of_the_jacobians(cameras, count):
     objective, frames, vector = problem(cameras=cameras, frames=count)
     roots = np.linalg.cholesky(objective.information)
@@ -105,6 +107,20 @@ def test_the_matrix_is_that_of_the_jacobians(cameras, count):
     np.testing.assert_allclose(equations.shape, shared, atol=1e-5 * np.abs(shared).max())
     border = (of_frames.T @ of_shared).reshape(equations.border.shape)
     np.testing.assert_allclose(equations.border, border, atol=1e-5 * np.abs(border).max())
+    within = (of_frames.T @ of_frames).reshape(*frames.shape, *frames.shape)
+    within = np.einsum("tqtr->tqr", within) + objective.prior.equations(frames, vector).frames
+    np.testing.assert_allclose(equations.frames, within, atol=1e-5 * np.abs(within).max())
+
+
+@pytest.mark.parametrize("rank", range(4))
+@pytest.mark.parametrize("size", [2, 3])
+def test_small_cholesky_factors_give_the_matrices_back_whatever_their_rank(size, rank):
+    half = np.random.default_rng(rank).normal(size=(50, size, rank)) * np.logspace(-6, 6, 50)[:, None, None]
+    matrices = half @ half.swapaxes(-1, -2)
+    lower = small_cholesky(matrices)
+    assert not np.triu(lower, 1).any()
+    scale = np.abs(matrices).max(axis=(1, 2), keepdims=True) + 1e-300
+    np.testing.assert_allclose(lower @ lower.swapaxes(-1, -2) / scale, matrices / scale, atol=1e-7)
 
 
 class Quadratic:
