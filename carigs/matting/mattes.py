@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sized
-from concurrent.futures import Future, ThreadPoolExecutor
 from typing import NamedTuple
 
 import cv2
@@ -20,6 +18,7 @@ from carigs.matting.difference import difference_prior
 from carigs.matting.foreground import foreground_colours
 from carigs.matting.steadiness import ImageMotion, Motion, SteadyMatte
 from carigs.matting.trimap import BACKGROUND, DIFFERENT, OUTWARD, grown, in_pixels, trimap
+from carigs.system.in_order import in_order
 
 PRIOR_WEIGHT = 1e-4
 """Weight of the difference matte against the matting Laplacian, for a variance of 1."""
@@ -117,21 +116,19 @@ def matted_frames(
     motion_to = ImageMotion()
     steady_coarse, steady_alpha = SteadyMatte(COARSE_SHARE), SteadyMatte(ALPHA_SHARE, keep_certain=True)
 
-    def finish(frame: TimedFrame, motion: Motion | None, solving: Future) -> MattedFrame:
-        alpha = steady_alpha(solving.result(), motion)
-        return MattedFrame(frame, alpha, foreground_colours(frame.image, alpha))
+    def with_coarse(frame: TimedFrame) -> tuple[TimedFrame, Motion | None, Float32[np.ndarray, "h w"]]:
+        motion = motion_to(frame.image)
+        return frame, motion, steady_coarse(at_size(coarse_of(frame), frame.image.shape), motion)
 
-    waiting: deque[tuple[TimedFrame, Motion | None, Future]] = deque()
-    with ThreadPoolExecutor(THREADS) as pool:
-        for frame in footage:
-            motion = motion_to(frame.image)
-            coarse = steady_coarse(at_size(coarse_of(frame), frame.image.shape), motion)
-            background = plain_background(frame.image) or plate
-            waiting.append((frame, motion, pool.submit(refined_alpha, frame.image, coarse, background)))
-            if len(waiting) > THREADS:
-                yield finish(*waiting.popleft())
-        while waiting:
-            yield finish(*waiting.popleft())
+    def solved(
+        guess: tuple[TimedFrame, Motion | None, Float32[np.ndarray, "h w"]],
+    ) -> tuple[TimedFrame, Motion | None, Float32[np.ndarray, "h w"]]:
+        frame, motion, coarse = guess
+        return frame, motion, refined_alpha(frame.image, coarse, plain_background(frame.image) or plate)
+
+    for frame, motion, alpha in in_order(solved, map(with_coarse, footage), THREADS):
+        alpha = steady_alpha(alpha, motion)
+        yield MattedFrame(frame, alpha, foreground_colours(frame.image, alpha))
 
 
 def given_mattes(

@@ -16,6 +16,7 @@ from carigs.capture.evenly_spread import evenly_spread
 from carigs.capture.images import write_png
 from carigs.head import SurfacePoints, neutral, pose
 from carigs.matting import MattedFrame, composite
+from carigs.system.in_order import in_order
 from carigs.tracking.footage_tracking import FootageTrack
 from carigs.tracking.held_out import blocks, held_out
 from carigs.tracking.neck_cut import NeckCut
@@ -28,6 +29,8 @@ OUTLINE_VIEWS = 24
 """Training frames whose outline is compared with the head's."""
 CHART_SIDE = 224
 """Pixels along the sides of the chart in which the movement of the skin is found."""
+THREADS = 2
+"""That write frames."""
 
 
 def write_tracked_dataset(
@@ -65,29 +68,37 @@ def write_tracked_dataset(
     frames_folder = folder.parent / f".{folder.name}.frames"
     shutil.rmtree(frames_folder, ignore_errors=True)
     frames_folder.mkdir(parents=True)
-    head, model = track.head, track.head.model
-    rest = neutral(model, head.parameters[0])
+    head, model, parameters = track.head, track.head.model, track.head.parameters
+    rest = neutral(model, parameters[0])
     cut = NeckCut(rest, model.faces, chin) if chin is not None else None
     chart = None if track.one_moment else face_chart(model, rest, CHART_SIDE)
     names = held_out(len(track.kept), len(track.cameras), _frontal(cameras), by_time)
     places = list(product(range(len(track.cameras)), range(len(track.kept))))
     looked_at = {*evenly_spread([(c, t) for c, t in places if names[t][c] == "train"], OUTLINE_VIEWS)}
     views, skin = list[OutlineView](), list[UnwrappedFrame]()
+
+    def write(
+        item: tuple[tuple[int, int], MattedFrame],
+    ) -> tuple[tuple[int, int], MattedFrame, UnwrappedFrame | None]:
+        """Write a frame with its matte, and take the skin out of it."""
+        (c, t), (frame, alpha, foreground) = item
+        posed = pose(model, parameters[t])
+        unwrapped = None if chart is None else chart.unwrap(frame.image, alpha, posed, cameras[c])
+        kept = alpha if cut is None else alpha * cut.kept_share(posed, cameras[c])
+        write_png(frames_folder / f"{t:05d}_{c:02d}.png", composite(foreground, kept, background) / 255.0)
+        write_png(frames_folder / f"{t:05d}_{c:02d}_matte.png", kept)
+        return (*item, unwrapped)
+
     try:
-        for (c, t), (frame, alpha, foreground) in zip(places, matted, strict=True):
+        for (c, t), (frame, alpha, _), unwrapped in in_order(write, zip(places, matted, strict=True), THREADS):
             if (c, t) in looked_at:
                 views.append(OutlineView(cameras[c], head.parameters[t], frame.image, alpha))
-            posed = pose(model, head.parameters[t])
-            if chart is not None:
-                skin.append(chart.unwrap(frame.image, alpha, posed, cameras[c]))
-            if cut is not None:
-                alpha = alpha * cut.kept_share(posed, cameras[c])
-            write_png(frames_folder / f"{t:05d}_{c:02d}.png", composite(foreground, alpha, background) / 255.0)
-            write_png(frames_folder / f"{t:05d}_{c:02d}_matte.png", alpha)
+            if unwrapped is not None:
+                skin.append(unwrapped)
         head = head.displaced(outline_offset(model, views, landmarks))
         if chart is not None:
-            model, parameters = own_expressions(model, head.parameters, chart, skin, [t for _, t in places])
-            head = replace(head, model=model, parameters=parameters)
+            model, own = own_expressions(model, head.parameters, chart, skin, [t for _, t in places])
+            head = replace(head, model=model, parameters=own)
         frames = tuple(
             Frame(t, c, "", split, f"{t:05d}_{c:02d}.png", f"{t:05d}_{c:02d}_matte.png", parameter_file(t), c)
             for t, row in enumerate(names)
