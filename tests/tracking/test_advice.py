@@ -53,6 +53,7 @@ BROKEN = {
         "Move more slowly or use more light: 15 % of the frames are blurred (0-74)",
     ),
     "exposure": (recording(exposure=np.where(LATE, 0.9, 0.0)), "Lock the exposure and keep the light as it is: the b"),
+    "exposure at once": (recording(exposure=GOOD.exposure - 0.2 * LATE), "changes by 0.3 stops, at once in frame 250."),
     "mouth": (recording(mouth=GOOD.mouth / 10), "Open your mouth wide, as for a long \"ah\": it opens by 3 %"),
     "eyes": (recording(eyes=np.maximum(GOOD.eyes, 0.27)), "no frame shows them less than 90 % open"),
     "short": (of_first(3), "Record longer, about 20 seconds: 75 frames of 3.0 seconds"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from math import ceil
 
 import numpy as np
 from jaxtyping import Bool
@@ -22,6 +23,8 @@ BLURRED, RELATIVE_BLUR = 45.0, 0.4
 """Sharpness of a blurred face, and of a blurred frame in that of the median one."""
 EXPOSURE_RANGE = 0.4
 """Stops between bright and dark frames (5th and 95th percentile) that shading as the head turns does not explain."""
+EXPOSURE_JUMP = 0.15
+"""Stops from one frame to the next that a head does not explain."""
 OPEN_MOUTH = 0.12
 """Opening of a mouth that shows its inside."""
 CLOSED_EYES = 0.65
@@ -106,8 +109,24 @@ def _camera(frames: TrackedFrames, moving_camera: bool) -> Iterator[str]:
     if moving_camera:  # other parts of the room come into the image
         return
     low, high = np.nanpercentile(frames.exposure[frames.tracked], (5, 95))
-    if high - low > EXPOSURE_RANGE:
-        yield f"Lock the exposure and keep the light as it is: the brightness changes by {high - low:.1f} stops."
+    jumps = _exposure_jumps(frames)
+    if high - low > EXPOSURE_RANGE or jumps.any():
+        change = f"the brightness changes by {high - low:.1f} stops"
+        if jumps.any():
+            change += f", at once in frame{'s' if jumps.sum() > 1 else ''} {listed(jumps, frames.numbers)}"
+        yield f"Lock the exposure and keep the light as it is: {change}."
+
+
+def _exposure_jumps(frames: TrackedFrames) -> Bool[np.ndarray, " n"]:
+    """Frames from which on the brightness is another one than before; a few bright or dark frames are no jump."""
+    tracked = np.flatnonzero(frames.tracked)
+    seen, jumps = frames.exposure[tracked], np.zeros(len(frames.tracked), bool)
+    lasting = max(ceil(MANY * len(seen)), 1)
+    for i in 1 + np.flatnonzero(np.abs(np.diff(seen)) > EXPOSURE_JUMP):
+        if lasting <= i <= len(seen) - lasting:
+            before, after = np.median(seen[i - lasting : i]), np.median(seen[i : i + lasting])
+            jumps[tracked[i]] = abs(after - before) > EXPOSURE_JUMP
+    return jumps
 
 
 def _length(frames: TrackedFrames) -> Iterator[str]:
