@@ -18,12 +18,14 @@ from rich.progress import track
 
 from carigs.capture.images import read_grey, write_png
 from carigs.cli.parser import command_parser, grey_value
-from carigs.errors import CarigsError, CarigsWarning, InputError
+from carigs.detection import load_face_networks
+from carigs.errors import CarigsError, CarigsWarning, InputError, PackageMissing, WeightsMissing
 from carigs.footage import Footage, Selection, TimedFrame, read_footage
 from carigs.footage.photographs import SUFFIXES
 from carigs.matting import composite, given_mattes, matted_frames
 from carigs.readers.folders import listed, natural_order
 from carigs.system.files import writing_folder
+from carigs.tracking.sources import set_upright
 
 EXAMPLES = """examples:
   carigs matte me.mp4 -o frames                       before a plain wall
@@ -51,6 +53,8 @@ def main(arguments: list[str]) -> int:
         raise CarigsError(f"{task.output}: the folder is not empty; name a new one")
     selection = Selection(task.every, task.start, task.end, task.max_frames, task.largest_side)
     footage = read_footage(task.source, selection)
+    if not (task.alpha or task.coarse):  # mattes that are given lie as the frames do
+        footage = _set_upright(footage)
     for line in footage.warnings:
         warnings.warn(CarigsWarning(line), stacklevel=2)
     if task.alpha:
@@ -88,6 +92,15 @@ def _parser() -> argparse.ArgumentParser:
         "--background", type=grey_value, default=1.0, metavar="GREY", help="behind the person (default: 1, white)"
     )
     return parser
+
+
+def _set_upright(footage: Footage) -> Footage:
+    """Turn frames that lie on the side, or upside down; as they are without the networks that find faces."""
+    try:
+        networks = load_face_networks()
+    except (PackageMissing, WeightsMissing):
+        return footage
+    return set_upright(footage, networks)
 
 
 def _mattes(folder: Path, footage: Footage) -> Callable[[TimedFrame], np.ndarray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -11,6 +12,7 @@ from jaxtyping import UInt8
 from carigs.detection.attention_mesh import AttentionMesh, FaceInCrop
 from carigs.detection.face_detector import FULL_RANGE, SHORT_RANGE, Face, FaceDetector
 from carigs.detection.network import RUNTIME
+from carigs.errors import InputError
 from carigs.readers.limits import read_bytes
 from carigs.system.extras import need
 from carigs.weights.registry import registered
@@ -46,6 +48,28 @@ class FaceNetworks(NamedTuple):
     mesh: Mesh
 
 
+def network_file(name: str, folder: str | Path | None) -> bytes:
+    """Read one of the networks from the weights `mediapipe_face`.
+
+    Args:
+        name: Its name, without the suffix.
+        folder: Folder of weights that is searched first.
+
+    Returns:
+        The file.
+
+    Raises:
+        CarigsError: If ai-edge-litert is not installed.
+        WeightsMissing: If the weights are nowhere; names the command that fetches them.
+        InputError: If a file is damaged, or there is no such folder.
+    """
+    need(RUNTIME)
+    if folder is not None and not Path(folder).expanduser().is_dir():
+        raise InputError("no such folder of weights", file=folder)
+    root = find_weights(registered(WEIGHTS), folder)
+    return read_bytes(root / f"{name}.tflite", MAX_BYTES, "file of weights")
+
+
 def load_face_networks(folder: str | Path | None = None) -> FaceNetworks:
     """Load the networks. They use one thread; each process loads its own.
 
@@ -58,14 +82,9 @@ def load_face_networks(folder: str | Path | None = None) -> FaceNetworks:
     Raises:
         CarigsError: If ai-edge-litert is not installed.
         WeightsMissing: If the weights are nowhere; names the command that fetches them.
-        InputError: If a file is damaged.
+        InputError: If a file is damaged, or there is no such folder.
     """
-    need(RUNTIME)
-    root = find_weights(registered(WEIGHTS), folder)
-
-    def content(name: str) -> bytes:
-        return read_bytes(root / f"{name}.tflite", MAX_BYTES, "file of weights")
-
+    content = partial(network_file, folder=folder)
     return FaceNetworks(
         FaceDetector(content("face_detection_short_range"), SHORT_RANGE),
         FaceDetector(content("face_detection_full_range_sparse"), FULL_RANGE),

@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 from jaxtyping import Float32
 
@@ -9,6 +15,36 @@ from carigs.system.extras import need
 
 RUNTIME = "ai_edge_litert"
 """The package that runs networks."""
+STDERR = 2
+"""File descriptor."""
+REMARK = b"INFO: "
+"""How a line of the runtime begins that tells of nothing wrong."""
+
+
+@contextmanager
+def without_remarks() -> Iterator[None]:
+    """Leave out what the runtime remarks on standard error, past Python: that it made itself a delegate.
+
+    Other lines, such as those of errors, are written after the block.
+
+    Yields:
+        Nothing.
+    """
+    sys.stderr.flush()
+    try:
+        stderr = os.dup(STDERR)
+    except OSError:  # it is closed
+        yield
+        return
+    with tempfile.TemporaryFile() as kept, os.fdopen(stderr, "wb") as original:
+        os.dup2(kept.fileno(), STDERR)
+        try:
+            yield
+        finally:
+            sys.stderr.flush()
+            os.dup2(stderr, STDERR)
+            kept.seek(0)
+            original.writelines(line for line in kept if not line.startswith(REMARK))
 
 
 class Network:
@@ -26,8 +62,9 @@ class Network:
         need(RUNTIME)
         from ai_edge_litert.interpreter import Interpreter
 
-        self._interpreter = Interpreter(model_content=content, num_threads=1)
-        self._interpreter.allocate_tensors()
+        with without_remarks():
+            self._interpreter = Interpreter(model_content=content, num_threads=1)
+            self._interpreter.allocate_tensors()
         self._inputs = [tensor["index"] for tensor in self._interpreter.get_input_details()]
         self._outputs = [tensor["index"] for tensor in self._interpreter.get_output_details()]
 

@@ -8,12 +8,8 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, UInt8
 
-from carigs.detection.face_networks import MAX_BYTES, WEIGHTS
-from carigs.detection.network import RUNTIME, Network
-from carigs.readers.limits import read_bytes
-from carigs.system.extras import need
-from carigs.weights.registry import registered
-from carigs.weights.search import find_weights
+from carigs.detection.face_networks import network_file
+from carigs.detection.network import Network
 
 SIDE = 256
 """Pixels of the network's input and output."""
@@ -55,8 +51,6 @@ def load_person_segmenter(folder: str | Path | None = None) -> PersonSegmenter:
     Raises:
         CarigsError: If ai-edge-litert is not installed.
         WeightsMissing: If the weights are nowhere; names the command that fetches them.
-        InputError: If the file is damaged.
+        InputError: If the file is damaged, or there is no such folder.
     """
-    need(RUNTIME)
-    file = find_weights(registered(WEIGHTS), folder) / "selfie_segmentation.tflite"
-    return PersonSegmenter(read_bytes(file, MAX_BYTES, "file of weights"))
+    return PersonSegmenter(network_file("selfie_segmentation", folder))

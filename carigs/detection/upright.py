@@ -6,13 +6,16 @@ say where the eyes and the mouth are.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import UInt8
 
 from carigs.detection.face_detector import EYES, MOUTH, Face
 from carigs.detection.face_networks import FaceNetworks
+from carigs.detection.face_track import FaceTrack, collect
+from carigs.detection.face_tracking import follow_face
 
 LEAST_GAIN = 0.3
 """Gain of the mean sum of both detectors' scores from which a turn is clear. With it, frames of two real and two
@@ -48,6 +51,37 @@ def quarter_turns(images: Iterable[UInt8[np.ndarray, "h w 3"]], networks: FaceNe
     gain[np.median(np.nan_to_num(angles, nan=np.pi), axis=0) > UPRIGHT] = -np.inf
     best = int(gain.argmax())
     return best if gain[best] >= LEAST_GAIN else 0
+
+
+def follow_upright(
+    images: Callable[[], Iterable[UInt8[np.ndarray, "h w 3"]]], networks: FaceNetworks
+) -> tuple[FaceTrack, int]:
+    """Find the landmarks of one person in images that may lie on the side, or upside down, and stay as they are.
+
+    Args:
+        images: Gives the RGB values, in the order of time; it is called twice.
+        networks: The networks.
+
+    Returns:
+        Landmarks in the pixels of the images, and the quarter turns clockwise that would set the images upright.
+    """
+    turns, sizes = quarter_turns(images(), networks), list[tuple[int, ...]]()
+
+    def upright() -> Iterator[UInt8[np.ndarray, "h w 3"]]:
+        for image in images():
+            sizes.append(image.shape[1::-1])
+            yield turned(image, turns)
+
+    track = collect(follow_face(upright(), networks))
+    if not turns:
+        return track, 0
+    landmarks = track.landmarks.copy()
+    for points, (width, height) in zip(landmarks, sizes, strict=True):
+        x, y = points[:, 0].copy(), points[:, 1].copy()
+        # Where a clockwise turn of the image has taken a pixel from.
+        points[:, 0], points[:, 1] = {1: (y, height - x), 2: (width - x, height - y), 3: (width - y, x)}[turns]
+    boxes = np.concatenate([landmarks[:, :, :2].min(axis=1), landmarks[:, :, :2].max(axis=1)], axis=1)
+    return replace(track, landmarks=landmarks, boxes=boxes), turns
 
 
 def turned(image: UInt8[np.ndarray, "h w 3"], turns: int) -> UInt8[np.ndarray, "h2 w2 3"]:

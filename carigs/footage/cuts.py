@@ -23,7 +23,7 @@ def find_cuts(measures: FrameMeasures) -> Int[np.ndarray, " k"]:
     """Find hard cuts: the layout changes at once, and not around.
 
     Motion, however fast, changes several frames in a row. A change of brightness alone, by a lamp or by the camera's
-    exposure, is no cut.
+    exposure, is no cut. Of cuts that follow each other closely, each is one, because the frames beside it are still.
 
     Args:
         measures: Of the frames.
@@ -32,14 +32,29 @@ def find_cuts(measures: FrameMeasures) -> Int[np.ndarray, " k"]:
         Numbers of the first frames after cuts.
     """
     change = measures.layout_change
+    sudden = _sudden(measures)
     cuts = []
     for i in np.flatnonzero(change > CUT):
-        around = np.r_[change[max(i - NEIGHBOURS, 1) : i], change[i + 1 : i + 1 + NEIGHBOURS]]
+        around = np.r_[max(i - NEIGHBOURS, 1) : i, i + 1 : min(i + 1 + NEIGHBOURS, len(change))]
+        if sudden[i]:
+            around = around[~sudden[around]]
         # The largest but one: another cut may be near.
-        usual = np.sort(around)[-2] if len(around) > 2 else 0.0
+        usual = np.sort(change[around])[-2] if len(around) > 2 else 0.0
         if change[i] > CUT_RATIO * usual:
             cuts.append(i)
     return np.array(cuts, int)
+
+
+def _sudden(measures: FrameMeasures) -> Bool[np.ndarray, " n"]:
+    """Frames whose layout changes at once, and that of the frames beside them does not; repeated frames do not count.
+
+    A recorder that repeats every other frame would make all of a motion sudden.
+    """
+    change, found = measures.layout_change, np.zeros(len(measures.change), bool)
+    new = np.flatnonzero(~repeated_frames(measures))
+    beside = np.maximum(np.r_[0, change[new][:-1]], np.r_[change[new][1:], 0])
+    found[new] = (change[new] > CUT) & (change[new] > CUT_RATIO * beside)
+    return found
 
 
 def repeated_frames(measures: FrameMeasures) -> Bool[np.ndarray, " n"]:

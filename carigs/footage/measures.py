@@ -20,6 +20,11 @@ DARK = 8.0
 """Levels added to both sides of a ratio of brightness, so that noise in the dark does not count."""
 
 
+FLAT = 5.0
+"""Deviation in levels, added to both images of a correlation: of a plain grey wall, noise and rounding are all that a
+camera shows, and they never agree."""
+
+
 class FrameMeasures(NamedTuple):
     """Measures of n frames."""
 
@@ -104,11 +109,11 @@ def correlation(first: Shaped[np.ndarray, "*s 3"], second: Shaped[np.ndarray, "*
         second: The same of the other one.
 
     Returns:
-        The correlation of their values; 1 for two images without contrast.
+        The correlation of their values; nearly 1 for two images without contrast, of which a camera's noise is left.
     """
     a, b = (image.astype(np.float64).ravel() - image.mean() for image in (first, second))
     length = np.sqrt((a @ a) * (b @ b))
-    flat = np.sqrt(len(a) * len(b))  # a deviation of one level
+    flat = FLAT**2 * np.sqrt(len(a) * len(b))
     return float((a @ b + flat) / (length + flat))
 
 

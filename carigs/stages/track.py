@@ -37,7 +37,7 @@ def track(settings: Track, *, dataset: Path) -> None:
 def track_and_report(
     settings: Track, dataset: Path, *, sources: Sequence[Path] | None = None, weights: Path | None = None
 ) -> VideoReport:
-    """Track footage with progress on the terminal, and print its kind, errors, focal lengths and advice.
+    """Track footage with progress on the terminal, and print its kind, errors, test poses, focal lengths and advice.
 
     Args:
         settings: The footage, the head model, and how they are read.
@@ -67,6 +67,7 @@ def track_and_report(
     )
     print(report.kind)
     print(report.errors)
+    print(report.held_out)
     found, guessed = (", ".join(f"{f:.0f}" for f in fs) for fs in (report.focal_lengths, report.focal_guesses))
     print(f"focal length {found} pixels; the guess was {guessed}")
     for line in report.advice:

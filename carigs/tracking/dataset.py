@@ -72,7 +72,7 @@ def write_tracked_dataset(
     rest = neutral(model, parameters[0])
     cut = NeckCut(rest, model.faces, chin) if chin is not None else None
     chart = None if track.one_moment else face_chart(model, rest, CHART_SIDE)
-    names = held_out(len(track.kept), len(track.cameras), _frontal(cameras), by_time)
+    names = tracked_splits(track, cameras, by_time)
     places = list(product(range(len(track.cameras)), range(len(track.kept))))
     looked_at = {*evenly_spread([(c, t) for c, t in places if names[t][c] == "train"], OUTLINE_VIEWS)}
     views, skin = list[OutlineView](), list[UnwrappedFrame]()
@@ -132,6 +132,22 @@ def tracked_cameras(track: FootageTrack, recordings: Sequence[Recording]) -> tup
     sizes = [(recordings[r].footage.width, recordings[r].footage.height) for r in track.cameras]
     lenses = zip(poses, found.focal, found.centres, sizes, strict=True)
     return tuple(Camera(matrix, float(f), float(f), float(x), float(y), *size) for matrix, f, (x, y), size in lenses)
+
+
+def tracked_splits(
+    track: FootageTrack, cameras: Sequence[Camera], by_time: Callable[[int], list[str]]
+) -> list[list[str]]:
+    """Divide tracked footage into splits.
+
+    Args:
+        track: The tracked head.
+        cameras: Its cameras.
+        by_time: Names the split of each tracked timestep of a clip.
+
+    Returns:
+        `train`, `val` or `test` for each timestep and camera.
+    """
+    return held_out(len(track.kept), len(track.cameras), _frontal(cameras), by_time)
 
 
 def _frontal(cameras: Sequence[Camera]) -> int:

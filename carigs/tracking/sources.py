@@ -16,7 +16,12 @@ from carigs.footage import Footage, Selection, read_footage, read_photographs, r
 from carigs.footage.photographs import OTHER_SUFFIXES, photograph
 from carigs.footage.photographs import SUFFIXES as IMAGES
 from carigs.readers.folders import is_system_file, listed, natural_order
+from carigs.readers.video_header import read_video_header
 
+VIDEOS = (".mp4", ".m4v", ".mov", ".mkv", ".webm", ".avi", ".gif")
+"""Names of videos; others are told by their content."""
+SHOWN = 3
+"""Files that a message names."""
 SHORTEST = 1.0
 """Seconds."""
 OUT_OF_STEP = 0.25
@@ -35,15 +40,30 @@ def camera_sources(path: Path) -> list[Path]:
         One file or folder for each camera, in the natural order of their names.
 
     Raises:
-        InputError: If the folder is empty.
+        InputError: If the folder is empty, or holds neither images nor recordings.
     """
     if not path.is_dir():
         return [path]
     inside = sorted((file for file in listed(path) if not is_system_file(file.name)), key=natural_order)
     if not inside:
         raise InputError("is empty; a video, images, or a recording of each camera are expected", file=path)
-    images = any(file.is_file() and file.suffix.lower() in (*IMAGES, *OTHER_SUFFIXES) for file in inside)
-    return [path] if images else inside
+    if any(file.is_file() and file.suffix.lower() in (*IMAGES, *OTHER_SUFFIXES) for file in inside):
+        return [path]
+    if not any(map(_may_be_recording, inside)):
+        names = ", ".join(file.name for file in inside[:SHOWN]) + (", ..." if len(inside) > SHOWN else "")
+        raise InputError(f"holds no images and no videos: {names}", file=path)
+    return inside
+
+
+def _may_be_recording(path: Path) -> bool:
+    """Whether something is a folder or a video, by its name or by its content; a damaged video is one, too."""
+    if path.is_dir() or path.suffix.lower() in VIDEOS:
+        return True
+    try:
+        read_video_header(path)
+    except InputError:
+        return False
+    return True
 
 
 def chosen_frames(source: Path, frame_rate: float, largest_side: int) -> Footage:

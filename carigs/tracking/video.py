@@ -34,6 +34,7 @@ from carigs.tracking.footage_tracking import FootageTrack, choose_frames, track_
 from carigs.tracking.held_out import SPLITS
 from carigs.tracking.judgement.advice import advice, advice_of_cameras
 from carigs.tracking.judgement.error_table import error_table
+from carigs.tracking.judgement.held_out_gap import tracked_pose_gap
 from carigs.tracking.judgement.judged_frames import JudgedFrames
 from carigs.tracking.kinds import AUTO, ORBIT, PHOTOGRAPHS, TALK, why_orbit, why_photographs
 from carigs.tracking.recording import Recording, oddities
@@ -63,6 +64,8 @@ class VideoReport:
     """Those in which the face was found."""
     errors: str
     """Table of the errors by region."""
+    held_out: str
+    """How far the head poses of test frames lie from those of training frames."""
     advice: tuple[str, ...]
 
 
@@ -117,7 +120,8 @@ def track_video(
                 chin=chin if settings.body == "cut" else None,
                 by_time=SPLITS[settings.held_out],
             )
-        return _report(kind, track, recordings, JudgedFrames(track, recordings, numbers), folder)
+        gap = str(tracked_pose_gap(track, recordings, SPLITS[settings.held_out]))
+        return _report(kind, track, recordings, JudgedFrames(track, recordings, numbers), gap, folder)
 
 
 @contextmanager
@@ -152,7 +156,7 @@ def _given_focal_lengths(recordings: Sequence[Recording], focal: float | None) -
 
 
 def _report(
-    kind: str, track: FootageTrack, recordings: Sequence[Recording], judge: JudgedFrames, folder: Path
+    kind: str, track: FootageTrack, recordings: Sequence[Recording], judge: JudgedFrames, gap: str, folder: Path
 ) -> VideoReport:
     """Judge a track, and write what is to be said of it into the dataset."""
     views = judge.sequences()
@@ -165,12 +169,12 @@ def _report(
         table = "\n\n".join(f"{name}\n{error_table(seen)}" for name, seen in frames.items())
         lines = advice_of_cameras(frames)
     lines = [*oddities(recordings), *lines]
-    (folder / TABLE).write_text("\n".join([table, *lines, ""]), "utf-8")
+    (folder / TABLE).write_text("\n".join([table, gap, *lines, ""]), "utf-8")
     count, shown = sum(len(r.footage) for r in recordings), sum(int(seen.tracked.sum()) for seen in frames.values())
     cameras = track.head.cameras
     first = [int(np.flatnonzero(cameras.lens == lens)[0]) for lens in range(cameras.lens_count)]
     lengths, guesses = (tuple(map(float, values[first])) for values in (cameras.focal, track.focal_guesses))
-    return VideoReport(kind, lengths, guesses, count, shown, table, tuple(lines))
+    return VideoReport(kind, lengths, guesses, count, shown, table, gap, tuple(lines))
 
 
 def read_recordings(

@@ -7,9 +7,11 @@ from drawn_faces import ColourMesh, Told, drawn, landmarks
 
 from carigs.cli import landmarks as command
 from carigs.cli.main import main
+from carigs.detection import upright
 from carigs.detection.crop import Crop
 from carigs.detection.face_networks import FaceNetworks
 from carigs.fitting.landmarks.files import read_landmarks
+from carigs.tracking import sources
 
 FACE = Crop(150, 120, 90, 0.0)
 
@@ -56,6 +58,32 @@ def test_a_video(tmp_path):
     read = found(tmp_path / "me.avi", tmp_path)
     assert read.values.shape == (12, 1, 478, 3) and read.timesteps.tolist() == [*range(12)]
     assert np.abs(read.values[11, 0, :, :2] - landmarks(FACE)[:, :2]).max() < 2
+
+
+def lying(monkeypatch, turns):
+    """Faces that are upright after so many quarter turns clockwise."""
+    for room in (upright, sources):
+        monkeypatch.setattr(room, "quarter_turns", lambda images, networks: turns)
+
+
+def test_a_video_that_lies_on_its_side_is_turned_and_says_so(tmp_path, monkeypatch, capsys):
+    lying(monkeypatch, 1)
+    writer = cv2.VideoWriter(str(tmp_path / "me.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 25, (240, 320))
+    for _ in range(12):
+        writer.write(upright.turned(drawn([FACE]), 3)[..., ::-1].copy())
+    writer.release()
+    read = found(tmp_path / "me.avi", tmp_path)
+    assert np.abs(read.values[11, 0, :, :2] - landmarks(FACE)[:, :2]).max() < 2
+    assert "turned by 90 degrees, because its faces are on the side" in capsys.readouterr().err
+
+
+def test_landmarks_of_images_that_lie_upside_down_stay_in_these_images(tmp_path, monkeypatch, capsys):
+    lying(monkeypatch, 2)
+    for name in ("left/3", "right/3"):
+        write(tmp_path / "images" / f"{name}.png", upright.turned(drawn([FACE]), 2))
+    read = found(tmp_path / "images", tmp_path)
+    assert np.abs(read.values[0, 1, :, :2] - ((320, 240) - landmarks(FACE)[:, :2])).max() < 0.6
+    assert "camera right: faces are upside down" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

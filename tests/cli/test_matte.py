@@ -7,7 +7,10 @@ from clips import write_video
 
 from carigs.capture.images import read_grey, read_rgb8
 from carigs.capture.importers.images import find_images
+from carigs.cli import matte as command
 from carigs.cli.main import main as carigs
+from carigs.errors import WeightsMissing
+from carigs.tracking import sources
 
 
 @pytest.fixture
@@ -27,6 +30,23 @@ def test_a_video_before_a_plain_wall_becomes_images_and_mattes(tmp_path, disc, c
     assert np.abs(read_grey(tmp_path / "out/masks/00004_00.png") - alpha / 255).mean() < 0.02
     image = read_rgb8(tmp_path / "out/images/00004_00.png")
     assert image[2, 2].max() == 0 and np.abs(image[72, 64].astype(int) - (120, 60, 30)).max() < 12
+
+
+def test_a_video_that_lies_on_its_side_is_turned_where_the_networks_are(tmp_path, monkeypatch, disc, capsys):
+    video, alpha = disc
+    monkeypatch.setattr(sources, "quarter_turns", lambda images, networks: 1)
+    monkeypatch.setattr(command, "load_face_networks", lambda: None)
+    assert carigs(["matte", str(video), "-o", str(tmp_path / "turned"), "--every", "4"]) == 0
+    assert "disc.mp4: turned by 90 degrees, because its faces are on the side" in capsys.readouterr().err
+    turned = read_grey(tmp_path / "turned/masks/00004_00.png")
+    assert np.abs(turned - np.rot90(alpha, -1) / 255).mean() < 0.02
+
+    def missing():
+        raise WeightsMissing("none")
+
+    monkeypatch.setattr(command, "load_face_networks", missing)
+    assert carigs(["matte", str(video), "-o", str(tmp_path / "plain"), "--every", "4"]) == 0
+    assert np.abs(read_grey(tmp_path / "plain/masks/00004_00.png") - alpha / 255).mean() < 0.02
 
 
 def test_a_given_matte_wins(tmp_path, disc):

@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from clips import quadrants, write_video
 from shared_data import DATA, needs_data
 
 from carigs.capture import read_dataset
@@ -62,6 +63,15 @@ def test_a_damaged_file_is_named(nothing_found, tmp_path):
         (tmp_path / weights.folder / file.name).write_bytes(bytes(file.bytes))
     with pytest.raises(InputError, match=r"face_detection_short_range.tflite: sha256 begins with"):
         load_face_networks(tmp_path)
+
+
+@pytest.mark.skipif(not RUNTIME, reason="needs ai-edge-litert")
+@pytest.mark.parametrize("command", [["landmarks"], ["track", "--head-model", "head.npz"]])
+def test_a_folder_that_is_misspelt_is_named_and_not_passed_over(tmp_path, capsys, command):
+    video = write_video(tmp_path / "me.avi", quadrants(12), codec="MJPG", fps=10)
+    task = [*command, str(video), "-o", str(tmp_path / "out.npz"), "--weights", str(tmp_path / "wieghts")]
+    assert main(task) == 1
+    assert "wieghts: no such folder of weights" in capsys.readouterr().err
 
 
 @pytest.fixture(scope="module")

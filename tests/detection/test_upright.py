@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from drawn_faces import ColourMesh, Told, drawn, landmarks
 
+from carigs.detection import upright
+from carigs.detection.crop import Crop
 from carigs.detection.face_detector import Face
 from carigs.detection.face_networks import FaceNetworks
-from carigs.detection.upright import FEWEST, quarter_turns, turned
+from carigs.detection.upright import FEWEST, follow_upright, quarter_turns, turned
 
 
 class Detector:
@@ -61,3 +64,18 @@ def test_no_more_images_are_taken_than_are_needed():
     images = iter([turned(face(), 1)] * 100)
     assert found(images) == 3
     assert len([*images]) > 80
+
+
+@pytest.mark.parametrize("turns", range(4))
+def test_landmarks_of_images_that_are_not_upright_lie_in_these_images(monkeypatch, turns):
+    """A quarter turn takes x, y to 240 - y, x in an image of 320 x 240 pixels."""
+    crop = Crop(150, 120, 90, 0.0)
+    monkeypatch.setattr(upright, "quarter_turns", lambda images, networks: -turns % 4)
+    lying = turned(drawn([crop]), turns)
+    track, found = follow_upright(lambda: [lying] * 2, FaceNetworks(Told([[crop]] * 2), Told([]), ColourMesh()))
+    assert found == -turns % 4
+    corner = {0: (0, 0), 1: (240, 0), 2: (320, 240), 3: (0, 320)}[turns]
+    turn = np.linalg.matrix_power(np.array([[0, -1], [1, 0]]), turns)
+    true = landmarks(crop)[:, :2] @ turn.T + corner
+    np.testing.assert_allclose(track.landmarks[1, :, :2], true, atol=0.6)
+    np.testing.assert_allclose(track.boxes[1], [*true.min(axis=0), *true.max(axis=0)], atol=0.6)

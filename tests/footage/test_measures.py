@@ -41,6 +41,22 @@ def test_a_cut_to_another_room_and_one_within_the_room_are_found():
     assert find_cuts(measured(images[:15] + images[30:45])).tolist() == [15]
 
 
+@pytest.mark.parametrize("every", [3, 5, 7])
+def test_cuts_that_follow_each_other_closely_are_found(every):
+    rooms = talking(60, seed=1), talking(60, seed=2)
+    measures = measured(rooms[number // every % 2][number] for number in range(60))
+    assert find_cuts(measures).tolist() == [*range(every, 60, every)]
+
+
+def test_a_camera_that_pans_has_no_cuts_also_if_frames_are_repeated():
+    wide = cv2.resize(room(4), (480, 360))
+    pan = [np.ascontiguousarray(wide[100:220, 6 * number : 6 * number + 160]) for number in range(50)]
+    pan[:15], pan[40:] = [pan[15]] * 15, [pan[40]] * 10  # it begins and ends at once
+    assert measured(pan).layout_change.max() > 0.05
+    assert len(find_cuts(measured(pan))) == 0
+    assert len(find_cuts(measured([image for image in pan for _ in range(2)]))) == 0
+
+
 def test_a_flash_is_no_cut_but_a_change_of_exposure():
     images = [np.rint(0.5 * image).astype(np.uint8) for image in talking(30)]
     images[15:] = [2 * image for image in images[15:]]

@@ -53,6 +53,8 @@ BROKEN = {
         "Move more slowly or use more light: 15 % of the frames are blurred (0-74)",
     ),
     "exposure": (recording(exposure=np.where(LATE, 0.9, 0.0)), "Lock the exposure and keep the light as it is: the b"),
+    "exposure at once": (recording(exposure=GOOD.exposure - 0.2 * LATE), "changes by 0.3 stops, at once in frame 250."),
+    "zoom": (recording(face_width=GOOD.face_width * (1 + 0.4 * LATE)), "Do not zoom: the size of the face changes at"),
     "mouth": (recording(mouth=GOOD.mouth / 10), "Open your mouth wide, as for a long \"ah\": it opens by 3 %"),
     "eyes": (recording(eyes=np.maximum(GOOD.eyes, 0.27)), "no frame shows them less than 90 % open"),
     "short": (of_first(3), "Record longer, about 20 seconds: 75 frames of 3.0 seconds"),
@@ -75,6 +77,10 @@ def test_a_broken_rule_gives_its_sentence_and_no_other(rule):
 def test_a_few_bad_frames_are_forgiven():
     few = np.arange(COUNT) < 20
     assert advice(recording(sharpness=np.where(few, 20, 200.0), exposure=np.where(few, 2, 0.0))) == []
+    assert advice(recording(face_width=np.where(few, 300, 200.0))) == []
+    # Whoever was away for a moment may come back nearer to the camera, and to a lamp.
+    away = tuple("no face" if 240 <= i < 250 else "" for i in range(COUNT))
+    assert advice(recording(left_out=away, face_width=np.where(LATE, 300, 200.0), exposure=0.3 * LATE)) == []
     assert advice(leaving(0.05)) == []
 
 

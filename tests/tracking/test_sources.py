@@ -36,6 +36,16 @@ def test_a_folder_holds_the_recordings_of_cameras_or_the_images_of_one(tmp_path)
     (tmp_path / "empty").mkdir()
     with pytest.raises(InputError, match="is empty"):
         camera_sources(tmp_path / "empty")
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "a.txt").write_text("nothing to see")
+    with pytest.raises(InputError, match=r"notes: holds no images and no videos: a\.txt$"):
+        camera_sources(tmp_path / "notes")
+    # A name says nothing against a video, and a damaged one is refused by its reader.
+    (tmp_path / "notes" / "clip").write_bytes(videos[0].read_bytes())
+    assert camera_sources(tmp_path / "notes") == [tmp_path / "notes" / "a.txt", tmp_path / "notes" / "clip"]
+    (tmp_path / "damaged").mkdir()
+    (tmp_path / "damaged" / "clip.mp4").write_bytes(b"no video")
+    assert camera_sources(tmp_path / "damaged") == [tmp_path / "damaged" / "clip.mp4"]
     # Photographs of a format that is not read are no videos: whoever reads them says that they are to be converted.
     (tmp_path / "phone").mkdir()
     (tmp_path / "phone" / "IMG_1.HEIC").touch()

@@ -69,6 +69,18 @@ def test_what_changes_near_the_head_does_not_end_a_shot_but_a_shift_of_the_room_
         assert kept_frames([found])[0].tolist() == expected
 
 
+def test_a_grey_wall_that_is_seen_again_and_again_for_a_moment_is_one_shot():
+    """Of two or three frames at a time, with the noise of a camera; in between another room is shown."""
+    random = np.random.default_rng(0)
+    turn = np.arange(COUNT) % 5
+    wall = 128.5 + random.normal(0, 0.4, (COUNT, 64, 64, 3))
+    room = random.integers(0, 256, (64, 64, 3))
+    images = np.where((turn < 3)[:, None, None, None], wall, room).round().astype(np.uint8)
+    found = recording(np.ones(COUNT), cuts=[i for i in ALL if turn[i] in (0, 3) and i])
+    found = found._replace(measures=found.measures._replace(thumbnails=images))
+    assert kept_frames([found])[0].tolist() == [i for i in ALL if turn[i] < 3]
+
+
 def test_a_face_that_fills_the_image_leaves_its_edges_to_compare():
     """Turned to one side after an interruption, before the same wall and before another one."""
     grey, blue = (np.tile(colour, (64, 64, 1)) for colour in ((120, 125, 130), (60, 120, 240)))

@@ -11,6 +11,7 @@ from PIL import Image
 
 import carigs.tracking.video as video_room
 from carigs.capture import read_dataset
+from carigs.capture.held_out_poses import capture_pose_gap
 from carigs.cli.main import main
 from carigs.detection.face_tracking import FoundFace, ImageResult
 from carigs.detection.likeness import COLOURS
@@ -96,6 +97,8 @@ def test_a_video_becomes_a_dataset_that_studies_read(recorded, without_networks,
     assert (tmp_path / "dataset" / SHEET).stat().st_size > 1000
     text = (tmp_path / "dataset" / TABLE).read_text()
     assert "lips" in text and "px" in text
+    # The table, the terminal and the report of a study say the same of the held-out poses.
+    assert report.held_out in text and report.held_out == str(capture_pose_gap(dataset))
     # A clip of two seconds is too short, and is said to be.
     assert any("longer" in line for line in report.advice)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import unquote
@@ -56,6 +57,7 @@ def test_a_study_ends_in_a_card_and_a_report(results):
     measured = {value["measure"] for value in card["values"] if value["value"] is not None}
     assert {"psnr", "ssim", "surfels", "avatar_bytes", "frames_per_second", "stage_seconds"} <= measured
     page = (results / "report.html").read_text()
+    assert re.search(r"<p>anna: head poses of \d+ test frames: \d+ % lie outside", page)
     assert page.count("data:image/webp") > 2 * 2 and "<polyline" in page
     avatar = "anna/gamma%3D0.25/alternating/seed%3D0/avatar.html"
     assert f'href="{avatar}"' in page and (results / unquote(avatar)).stat().st_size > 1e5

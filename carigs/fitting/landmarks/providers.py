@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import os
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -12,7 +13,8 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from carigs.capture import Capture
-from carigs.detection import FaceTrack, collect, follow_face, load_face_networks
+from carigs.detection import FaceTrack, load_face_networks
+from carigs.detection.upright import follow_upright
 from carigs.errors import InputError
 from carigs.fitting.landmarks.files import Landmarks, read_landmarks
 from carigs.readers.arrays import checked_array
@@ -117,7 +119,7 @@ def _detect(capture: Capture) -> Landmarks:
     found = {}
     for camera in capture.cameras:
         frames = [capture.frame_at[key] for key in sorted(capture.frame_at) if key[1] == camera]
-        track = collect(follow_face(map(capture.image8, frames), networks))
+        track, _ = follow_upright(partial(map, capture.image8, frames), networks)
         for frame, points in zip(frames, confident_points(track), strict=True):
             found[frame.timestep, camera] = points
     return _collect(found, capture)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from math import ceil, log
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from carigs.detection.face_track import listed
 from carigs.tracking.judgement.coverage import DOWN, LEFT, RIGHT, UP, Coverage, coverage
@@ -22,6 +23,10 @@ BLURRED, RELATIVE_BLUR = 45.0, 0.4
 """Sharpness of a blurred face, and of a blurred frame in that of the median one."""
 EXPOSURE_RANGE = 0.4
 """Stops between bright and dark frames (5th and 95th percentile) that shading as the head turns does not explain."""
+EXPOSURE_JUMP = 0.15
+"""Stops from one frame to the next that a head does not explain."""
+ZOOM = 1.25
+"""Ratio of the widths of a face in two frames that follow each other: nobody comes nearer so fast, or turns so far."""
 OPEN_MOUTH = 0.12
 """Opening of a mouth that shows its inside."""
 CLOSED_EYES = 0.65
@@ -106,8 +111,28 @@ def _camera(frames: TrackedFrames, moving_camera: bool) -> Iterator[str]:
     if moving_camera:  # other parts of the room come into the image
         return
     low, high = np.nanpercentile(frames.exposure[frames.tracked], (5, 95))
-    if high - low > EXPOSURE_RANGE:
-        yield f"Lock the exposure and keep the light as it is: the brightness changes by {high - low:.1f} stops."
+    jumps = _jumps(frames, frames.exposure, EXPOSURE_JUMP)
+    if high - low > EXPOSURE_RANGE or jumps.any():
+        change = f"the brightness changes by {high - low:.1f} stops"
+        if jumps.any():
+            change += f", at once in frame{'s' if jumps.sum() > 1 else ''} {listed(jumps, frames.numbers)}"
+        yield f"Lock the exposure and keep the light as it is: {change}."
+    zooms = _jumps(frames, np.log(frames.face_width), log(ZOOM))
+    if zooms.any():
+        where = f"in frame{'s' if zooms.sum() > 1 else ''} {listed(zooms, frames.numbers)}"
+        yield f"Do not zoom: the size of the face changes at once {where}, as if you had come nearer or gone away."
+
+
+def _jumps(frames: TrackedFrames, values: Float[np.ndarray, " n"], least: float) -> Bool[np.ndarray, " n"]:
+    """Frames from which on values are others than before; a few frames with other values are no jump."""
+    tracked = np.flatnonzero(frames.tracked)
+    seen, jumps = values[tracked], np.zeros(len(frames.tracked), bool)
+    lasting = max(ceil(MANY * len(seen)), 1)
+    for i in 1 + np.flatnonzero(np.abs(np.diff(seen)) > least):
+        if lasting <= i <= len(seen) - lasting and tracked[i] == tracked[i - 1] + 1:
+            before, after = np.median(seen[i - lasting : i]), np.median(seen[i : i + lasting])
+            jumps[tracked[i]] = abs(after - before) > least
+    return jumps
 
 
 def _length(frames: TrackedFrames) -> Iterator[str]:
