@@ -332,16 +332,18 @@ def test_a_mistake_in_the_values_of_a_sweep_ends_the_dry_run_with_its_name(stubb
 
 @pytest.mark.slow
 def test_any_number_of_overrides_reaches_the_jobs(stubbed, tmp_path):
-    """More than the command of a job can hold."""
+    """More than the command of a job can hold: Linux allows a word of 128 KiB."""
     project = Project(tmp_path / "project")
     shutil.copytree(stubbed.root, project.root, symlinks=True)
-    done = sweep(project, *[f"capture.toy.seed={seed}" for seed in range(3000)], "train.iterations=10,20")
+    long = [f"metrics.edit_prompt={'a' * 2000}" for _ in range(100)]
+    seeds = [f"capture.toy.seed={seed}" for seed in range(100)]
+    done = sweep(project, *long, *seeds, "train.iterations=10,20")
     assert done.stderr.splitlines()[-1] == "carigs: results/toy/sweep/train.iterations.pdf"
     (folder,) = (project.root / "results").glob("*=20/settings")
     capture, train = (
         yaml.safe_load(next((folder / stage).glob("*.yaml")).read_text()) for stage in ("capture", "train")
     )
-    assert (capture["toy"]["seed"], train["iterations"]) == (2999, 20)
+    assert (capture["toy"]["seed"], train["iterations"]) == (99, 20)
 
 
 def test_all_settings_can_be_shown(stubbed):
