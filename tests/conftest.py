@@ -9,12 +9,17 @@ from collections import defaultdict
 
 import hypothesis
 import pytest
+import scipy.linalg  # noqa: F401
 import typecheck
+from threadpoolctl import threadpool_limits
 
 os.environ.setdefault("MPLBACKEND", "Agg")
 # Several test processes share the cores: threads that wait for work must not spin.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
+# Those of BLAS do, whatever they are told: a third of the time of tests with small matrices. Processes that tests start
+# have all threads. What is limited is what is loaded: SciPy has a BLAS of its own.
+threadpool_limits(1, "blas")
 # Runs share the kernels of this checkout.
 os.environ.setdefault("CARIGS_COMPILE_AHEAD", "0")
 # Imported modules are a million objects, and no garbage: to look for some takes a third of the time of collection, and

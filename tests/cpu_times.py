@@ -1,7 +1,8 @@
 """A plugin of pytest: the CPU seconds of each test, with its processes, and of collection.
 
     CPU_TIMES=times.csv pytest -p cpu_times ...       a line `seconds, test` for each, of all workers
-    python tests/cpu_times.py times.csv ...           a table: seconds of each folder of `tests`, a column for each file
+    python tests/cpu_times.py times.csv ...           tables: tests and seconds of each folder of `tests`, with columns
+                                                      for each file, and the dearest tests of each file
 
 CPU time says what a test costs also where the machine has other work.
 """
@@ -12,12 +13,15 @@ import csv
 import os
 import sys
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
 import psutil
 import pytest
+
+DEAREST = 10
+"""Tests of each file that are listed."""
 
 
 @pytest.hookimpl(wrapper=True)
@@ -49,23 +53,44 @@ def _spent() -> float:
     return seconds
 
 
-def _seconds_by_room(file: str) -> Counter:
-    found = Counter()
+def _read(file: str) -> Iterator[tuple[float, str]]:
     with open(file, newline="") as stream:
-        for seconds, name in csv.reader(stream):
-            path = Path(name.partition("::")[0])
-            room = f"{path.parts[1]}/" if len(path.parts) > 2 else "files of `tests`" if len(path.parts) == 2 else name
-            found[room] += float(seconds)
-    return found
+        yield from ((float(seconds), name) for seconds, name in csv.reader(stream))
+
+
+def _room(name: str) -> str:
+    parts = Path(name.partition("::")[0]).parts
+    return f"{parts[1]}/" if len(parts) > 2 else "files of `tests`" if len(parts) == 2 else name
+
+
+def _by_room(file: str) -> tuple[Counter, Counter]:
+    """Numbers of tests, and seconds."""
+    tests, seconds = Counter(), Counter()
+    for spent, name in _read(file):
+        tests[_room(name)] += "::" in name
+        seconds[_room(name)] += spent
+    return tests, seconds
+
+
+def _print_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    print(f"| {' | '.join(heads)} |\n|{'---|' + '---:|' * (len(heads) - 1)}")
+    for row in rows:
+        print(f"| {' | '.join(row)} |")
+    print()
 
 
 def main() -> None:
-    """Print the table."""
-    columns = [_seconds_by_room(file) for file in sys.argv[1:]]
-    print(f"| room | {' | '.join(Path(file).stem for file in sys.argv[1:])} |\n|---|{'---:|' * len(columns)}")
-    for room, _ in sum(columns, Counter()).most_common():
-        print(f"| {room} | {' | '.join(f'{column[room]:.0f}' for column in columns)} |")
-    print(f"| all | {' | '.join(f'{column.total():.0f}' for column in columns)} |")
+    """Print the tables."""
+    files = sys.argv[1:]
+    found = {Path(file).stem: _by_room(file) for file in files}
+    columns = [column for pair in found.values() for column in pair]
+    heads = [head for stem in found for head in (f"{stem}: tests", f"{stem}: CPU s")]
+    order = sum((seconds for _, seconds in found.values()), Counter()).most_common()
+    rows = [[room, *(f"{column[room]:.0f}" for column in columns)] for room, _ in order]
+    _print_table(["room", *heads], [*rows, ["all", *(f"{column.total():.0f}" for column in columns)]])
+    for file in files:
+        dearest = sorted((row for row in _read(file) if "::" in row[1]), reverse=True)[:DEAREST]
+        _print_table([Path(file).stem, "CPU s"], [[f"`{name}`", f"{seconds:.1f}"] for seconds, name in dearest])
 
 
 if __name__ == "__main__":

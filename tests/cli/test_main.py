@@ -170,7 +170,8 @@ def test_what_the_table_of_a_sweep_would_refuse_is_refused_before_it_starts(comm
 def test_any_number_of_overrides_reaches_snakemake(commands, monkeypatch, tmp_path):
     """Linux allows 131072 bytes for the command of a job; it holds the overrides, quoted twice."""
     monkeypatch.chdir(tmp_path)
-    overrides = [f"capture.toy.seed={seed}" for seed in range(5000)]
+    prompt = f"metrics.edit_prompt={'a' * 2000}"
+    overrides = [override for seed in range(60) for override in (f"capture.toy.seed={seed}", prompt)]
     assert run.main(overrides) == 0
     (line,) = (word.removeprefix("hydra=") for word in commands[0] if word.startswith("hydra="))
     assert line.startswith("@results/") and list(split_overrides(line)) == overrides

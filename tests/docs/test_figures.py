@@ -53,6 +53,7 @@ MEASUREMENTS = {
     "plans": Measurement((), ("ict_s1", MODEL), SECTION),
     "regions": Measurement((), (MODEL,), SECTION),
     "embedding": Measurement((), ("ict_s7", MODEL, "real"), SECTION),
+    "tests": Measurement((), (), SECTION),
 }
 """What is measured."""
 TRAILER = re.compile(r"^Moves-figures: *(.+)$", re.MULTILINE)

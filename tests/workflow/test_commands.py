@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
-import signal
-import time
 
 import pytest
 import yaml
@@ -123,46 +120,6 @@ def test_a_mistake_in_a_file_ends_the_dry_run_though_every_result_is_there(finis
 
 
 @pytest.mark.slow
-def test_what_is_the_inputs_fault_is_told_in_one_line_and_in_the_log(stubbed):
-    target = "results/broken/toy/capture.json"
-    done = stubbed.snakemake("--cores", "1", target, hydra="study.name=broken capture.folder=broken")
-    line = f"carigs: {target}: capture.folder=broken is no dataset"
-    assert done.returncode == 1
-    assert line in (done.stdout + done.stderr).splitlines()
-    assert "Traceback" not in done.stdout + done.stderr
-    assert (stubbed.root / "results/broken/log/capture/toy.log").read_text().splitlines()[-1] == line
-
-
-@pytest.mark.slow
-def test_the_last_line_of_a_run_that_failed_is_the_error(stubbed):
-    options = ["study.name=failed", "capture.folder=broken", "study.subjects=[toy]", "--target", "table"]
-    done = stubbed.command("carigs", "run", *options)
-    assert done.returncode == 1
-    error = "results/failed/toy/capture.json: capture.folder=broken is no dataset"
-    assert done.stderr.splitlines()[-1] == f"carigs: {error} (results/failed/log/capture/toy.log)"
-
-
-@pytest.mark.slow
-def test_a_job_is_tried_again_with_twice_the_memory(stubbed, tmp_path):
-    project = Project(tmp_path / "project")
-    shutil.copytree(stubbed.root, project.root, symlinks=True)
-    (project.root / "fail_once").mkdir()
-    hydra = "study.subjects=[toy] study.variants=[alternating] study.levels=[]"
-    done = project.snakemake("--cores", "2", "--retries", "1", "--verbose", "reproduce table", hydra=hydra)
-    assert done.returncode == 0, done.stdout + done.stderr
-    started = r"^(?:local)?rule (\w+):\n(?: +.*\n)*? +resources: .*\bmem_mb=(\d+)"
-    requests: dict[str, set[int]] = {}
-    for rule, megabytes in re.findall(started, done.stdout + done.stderr, re.MULTILINE):
-        requests.setdefault(rule, set()).add(int(megabytes))
-    small, large = {4000, 8000}, {6000, 12000}
-    subject_stages = ("capture", "hair", "exaggerate", "gtstar", "target_sheet", "html", "truth", "render")
-    assert requests == dict.fromkeys(subject_stages, small) | {
-        "train": large,
-        "metrics": large,
-    }
-
-
-@pytest.mark.slow
 def test_a_stage_gets_its_settings_files_and_wildcards(made):
     log = (made.root / "results/toy/log/metrics/twin,gamma=0.25,surfhead,seed=0.log").read_text()
     point = "results/toy/twin/gamma=0.25"
@@ -187,161 +144,6 @@ def test_figures_know_which_image_is_which(made):
     assert re.findall(r"/(\w+)/seed=0/frames", log) == ["alternating", "surfhead"]
     assert re.findall(r"/truth/level=([\d.]+)/truth.json", log) == ["0", "0.25"]
     assert "variants: ['alternating', 'surfhead']" in log and "levels: [0.0, 0.25]" in log
-
-
-@pytest.mark.slow
-def test_a_killed_run_goes_on_where_it_was(stubbed, tmp_path):
-    project = Project(tmp_path / "project")
-    shutil.copytree(stubbed.root, project.root, symlinks=True)
-    hydra = "study.subjects=[toy] study.variants=[surfhead]"
-    project.make("results/toy/toy/capture.json", "results/toy/toy/hair.npz", hydra=hydra)
-    dataset = (project.root / "results/toy/toy/capture.json").stat().st_mtime_ns
-    (project.root / "hold").touch()
-    running = project.start("snakemake", "--cores", "1", "--config", f"hydra={hydra}", "--", "table")
-    path = project.root / "results/toy/toy/gamma=0.25/path.npz"
-    for _ in range(300):
-        if path.exists():
-            break
-        time.sleep(0.1)
-    os.killpg(running.pid, signal.SIGKILL)
-    running.communicate()
-    assert path.exists()  # written, but not finished
-    (project.root / "hold").unlink()
-    assert project.planned("table", hydra=hydra)["exaggerate"] == 1
-    project.make("table", hydra=hydra)
-    assert (project.root / "results/toy/table/gamma=0.25.csv").is_file()
-    assert (project.root / "results/toy/toy/capture.json").stat().st_mtime_ns == dataset
-
-
-@pytest.mark.slow
-def test_a_run_prints_a_line_per_job_and_where_the_results_are(finished):
-    """Settings are written without a line."""
-    done = finished.command("carigs", "run", "--cores", "1", "tabulate.reference=surfhead")
-    assert done.returncode == 0, done.stdout + done.stderr
-    jobs = [line for line in done.stderr.splitlines() if " done] " in line]
-    assert [re.sub(r"^\[.*\] ", "", line) for line in jobs] == [
-        "starting tabulate: results/toy/table/gamma=0.25.csv",
-        "starting card: results/toy/card.json",
-        "starting report: results/toy/report.html",
-    ]
-    pages = [f"{subject}/gamma=0.25/alternating/seed=0/avatar.html" for subject in ("toy", "twin")]
-    places = ("table/gamma=0.25.md", "figures", "card.md", "report.html", *pages)
-    assert done.stderr.splitlines()[-6:] == [f"carigs: results/toy/{place}" for place in places]
-    assert "jobid" not in done.stderr
-    assert "jobid" in max((finished.root / ".snakemake/log").iterdir()).read_text()
-
-
-@pytest.mark.slow
-def test_a_run_repeats_the_warnings_of_its_jobs(finished):
-    (finished.root / "results/toy/table/gamma=0.25.csv").unlink()
-    done = finished.snakemake("--cores", "1", "table")
-    assert done.returncode == 0, done.stdout + done.stderr
-    (line,) = {line for line in done.stderr.splitlines() if line.startswith("carigs: warning: ")}
-    assert re.fullmatch(r".*: no weights of this network \(results/toy/log/metrics/.*\.log and 3 more\)", line)
-
-
-def sweep(project, *arguments):
-    """Run `carigs sweep` for one subject and variant at one level; fails with all that it says."""
-    small = ("study.subjects=[toy]", "study.variants=[surfhead]", "study.levels=[]")
-    done = project.command("carigs", "sweep", *arguments, *small)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done
-
-
-@pytest.mark.slow
-def test_a_sweep_is_planned_as_a_whole(stubbed):
-    """Two gammas share capture and settings; each of the four combinations has trainings and a table."""
-    swept = ("--config", "hydra=study.subjects=[toy]", "sweep=gamma=0.1,0.2 train.iterations=10,20 ", "--", "sweep")
-    done = stubbed.command("snakemake", "-n", *swept)
-    assert done.returncode == 0, done.stdout + done.stderr
-    planned = dict(re.findall(r"^(\w+) +(\d+)$", done.stdout, re.MULTILINE))
-    variants, combinations = 2, 4
-    expected = {
-        "capture": 2, "hair": 2, "exaggerate": 4, "gtstar": 4, "train": combinations * variants,
-        "metrics": combinations * variants, "tabulate": combinations, "sweep": 1,
-    }  # fmt: skip
-    assert {rule: int(planned[rule]) for rule in expected} == expected
-    assert not {"card", "report", "figures"} & planned.keys()
-
-
-@pytest.mark.slow
-def test_a_sweep_adds_to_what_is_there(finished):
-    """At 0.25 a subject and a variant are left out: the table is made again, and nothing else is."""
-    results = finished.root / "results"
-    before = {file: file.stat().st_mtime_ns for file in results.rglob("*") if file.is_file()}
-    done = sweep(finished, "gamma=0.2,0.25")
-    assert {file.name for file in (results / "toy/table").glob("*.csv")} == {"gamma=0.2.csv", "gamma=0.25.csv"}
-    made = [f"carigs: results/toy/sweep/gamma.{suffix}" for suffix in ("md", "csv", "png", "pdf")]
-    assert done.stderr.splitlines()[-4:] == made
-    touched = {file for file, time in before.items() if file.stat().st_mtime_ns != time}
-    assert not [f for f in touched if not re.search("table|tabulate", str(f.relative_to(results)))]
-    assert not (finished.root / "outputs").exists()
-    assert not (finished.root / "multirun").exists()
-
-
-@pytest.mark.slow
-def test_a_sweep_that_is_made_is_not_made_again_and_a_new_value_adds_its_own_jobs(stubbed, tmp_path):
-    project = Project(tmp_path / "project")
-    shutil.copytree(stubbed.root, project.root, symlinks=True)
-    sweep(project, "train.iterations=10,20", "capture.toy.seed=1,2", "--cores", "2")
-    folders = {f"toy+capture.toy.seed={seed},train.iterations={steps}" for steps in (10, 20) for seed in (1, 2)}
-    assert {folder.name for folder in (project.root / "results").glob("toy*")} == {"toy", *folders}
-    # The values in another order, and the keys: the studies are the same, the table has another order.
-    assert "Nothing to be done" in sweep(project, "train.iterations=10,20", "capture.toy.seed=1,2", "--dry-run").stdout
-    planned = sweep(project, "capture.toy.seed=2,1", "train.iterations=20,10", "--dry-run").stdout
-    assert re.search(r"^sweep +1$", planned, re.MULTILINE) and not re.search(
-        r"^(train|tabulate) ", planned, re.MULTILINE
-    )
-    planned = sweep(project, "train.iterations=10,20,30", "capture.toy.seed=1,2", "--dry-run").stdout
-    assert re.search(r"^train +2$", planned, re.MULTILINE) and re.search(r"^sweep +1$", planned, re.MULTILINE)
-    # The results of a study without a sweep are others.
-    assert not (project.root / "results/toy/toy").exists()
-
-
-@pytest.mark.slow
-def test_a_combination_that_fails_does_not_stop_the_others(finished):
-    done = finished.command("carigs", "sweep", "capture.folder=broken,null", "study.subjects=[toy]")
-    assert done.returncode == 1
-    line = "carigs: failed: capture.folder=broken; the others are kept for the next run"
-    assert done.stderr.splitlines()[-1] == line
-    assert (finished.root / "results/toy+capture.folder=null/table/gamma=0.25.csv").is_file()
-    assert not (finished.root / "results/toy/sweep").exists()
-    # Without it, the rest is there.
-    done = finished.command("carigs", "sweep", "capture.folder=null,null", "study.subjects=[toy]")
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert [line for line in done.stderr.splitlines() if " done] " in line] == [
-        "[0 of 1 done] starting sweep: results/toy/sweep/capture.folder.csv"
-    ]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("swept", "named"),
-    [
-        ("train.iteration=3,4", ("train.iteration", "iterations")),
-        ("gamma=0.1,0", ("gamma=0 ", "0.0001")),
-        ("capture.toy.seed=range(20000)", ("at most 10000 combinations",)),
-        ("metrics.edit_prompt='A nose", ("sweep=", "quot")),
-    ],
-)
-def test_a_mistake_in_the_values_of_a_sweep_ends_the_dry_run_with_its_name(stubbed, swept, named):
-    done = stubbed.command("snakemake", "-n", "--config", f"sweep={swept}", "--", "sweep")
-    assert done.returncode == 1
-    assert any(all(word in line for word in named) for line in (done.stdout + done.stderr).splitlines())
-
-
-@pytest.mark.slow
-def test_any_number_of_overrides_reaches_the_jobs(stubbed, tmp_path):
-    """More than the command of a job can hold."""
-    project = Project(tmp_path / "project")
-    shutil.copytree(stubbed.root, project.root, symlinks=True)
-    done = sweep(project, *[f"capture.toy.seed={seed}" for seed in range(3000)], "train.iterations=10,20")
-    assert done.stderr.splitlines()[-1] == "carigs: results/toy/sweep/train.iterations.pdf"
-    (folder,) = (project.root / "results").glob("*=20/settings")
-    capture, train = (
-        yaml.safe_load(next((folder / stage).glob("*.yaml")).read_text()) for stage in ("capture", "train")
-    )
-    assert (capture["toy"]["seed"], train["iterations"]) == (2999, 20)
 
 
 def test_all_settings_can_be_shown(stubbed):

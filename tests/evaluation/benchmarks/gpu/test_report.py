@@ -4,10 +4,13 @@ import json
 import sys
 
 import pytest
+import torch
 
+from carigs.errors import CarigsError
+from evaluation.benchmarks.gpu import checks
 from evaluation.benchmarks.gpu.__main__ import main
 from evaluation.benchmarks.gpu.document import table
-from evaluation.benchmarks.gpu.figures import Figure, read_figures, write_figures
+from evaluation.benchmarks.gpu.figures import Figure, Task, read_figures, write_figures
 from evaluation.benchmarks.gpu.runner import LIMITS, run_part
 
 
@@ -63,8 +66,23 @@ def test_the_table_counts_tests_and_rounds_figures():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("part", ["checks", "frames", "networks"])
+@pytest.mark.parametrize("part", ["frames", "networks"])
 def test_a_part_can_be_tried_without_a_gpu(tmp_path, part):
     result = run_part(part, "cpu", tmp_path, 300)
     assert result["end"] == "done", result["why"]
     assert result["figures"]
+
+
+@pytest.mark.slow
+def test_the_tests_of_the_twins_are_reported(monkeypatch):
+    """One of them: `make test` runs all."""
+    monkeypatch.setitem(checks.TESTS, "cpu", (*checks.TESTS["cpu"], "-k", "test_colours and True-3"))
+    found = list(checks.measure(Task(torch.device("cpu"))))
+    assert found == [Figure("test_colours[True-3]", "test", "passed")]
+
+
+@pytest.mark.slow
+def test_no_test_is_a_failure(monkeypatch):
+    monkeypatch.setitem(checks.TESTS, "cpu", (*checks.TESTS["cpu"], "-k", "nowhere"))
+    with pytest.raises(CarigsError, match="0 passed"):
+        list(checks.measure(Task(torch.device("cpu"))))
