@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from jaxtyping import Float, Float32, Int
 from scipy.spatial.transform import Rotation
@@ -13,6 +14,8 @@ BELOW_CHIN = 0.03
 """Metres from the chin down to where the matte ends."""
 FADE = 0.015
 """Metres over which it fades, above that."""
+EDGE = 0.7
+"""Standard deviation in pixels by which the cut is smoothed, where a chin before the chest ends at the mesh."""
 NECK = 0.03
 """Metres above and below the cut: this part of the head says where the cut is beside it."""
 
@@ -57,7 +60,8 @@ class NeckCut:
         corners = self._height[self._faces[seen.face[on_head]]]
         height[on_head] = np.einsum("nk,nk->n", corners, seen.barycentric[on_head])
         share = (height / FADE).clip(0, 1)
-        return (share * share * (3 - 2 * share)).astype(np.float32)
+        share = (share * share * (3 - 2 * share)).astype(np.float32)
+        return cv2.GaussianBlur(share, (0, 0), EDGE)
 
     def _beside(
         self, centre: Float[np.ndarray, "3"], up: Float[np.ndarray, "3"], camera: Camera

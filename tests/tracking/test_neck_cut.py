@@ -32,8 +32,8 @@ def test_the_head_stays_and_what_is_below_goes():
     vertices, faces = column()
     share = NeckCut(vertices, faces, CHIN).kept_share(vertices, CAMERA)
     assert share.shape == (256, 256)
-    assert (share[: row_of(CHIN - BELOW_CHIN + FADE) - 3] == 1).all()
-    assert (share[row_of(CHIN - BELOW_CHIN) + 3 :] == 0).all()
+    assert share[: row_of(CHIN - BELOW_CHIN + FADE) - 3] == pytest.approx(1, abs=1e-6)
+    assert share[row_of(CHIN - BELOW_CHIN) + 3 :].max() < 1e-4
     middle = share[:, 128]
     assert (np.diff(middle) <= 1e-6).all() and ((middle > 0.1) & (middle < 0.9)).any()
 
@@ -55,7 +55,11 @@ def test_a_chin_on_the_chest_is_kept():
     head = vertices[:, 1] > CHIN - 0.005
     bent[head] += [0, -0.06, 0.05]  # the head moves forward and down, before the neck
     share = cut.kept_share(bent, CAMERA)
-    assert share[row_of(-0.045), 128] == 1
+    assert share[row_of(-0.045), 128] == pytest.approx(1, abs=1e-6)
+    # It ends at the mesh: what is beside it there is chest. The edge is smooth over a pixel or two.
+    edge = np.abs(np.diff(share[row_of(-0.045)]))
+    assert share[row_of(-0.045), 90] < 1e-6
+    assert 0.3 < edge.max() < 0.8
 
 
 def test_a_head_that_ends_above_the_cut_is_kept_as_it_is():

@@ -17,8 +17,8 @@ from carigs.head import HeadModel, HeadParameters
 from carigs.tracking.skin.face_chart import FaceChart, UnwrappedFrame
 from carigs.tracking.skin.groupwise_flow import flows_to_mean
 
-MODES = 12
-"""Most blendshapes. Those that are left out hold a fifth of the movement, most of it noise."""
+MODES = 36
+"""Most blendshapes. On footage of a person, held-out faces had 30.7, 31.0 and 31.5 dB with 12, 24 and 36 of them."""
 TIMESTEPS_PER_MODE = 4
 """Fewest timesteps for each of them."""
 
