@@ -27,8 +27,11 @@ def computed_ahead(
         megabytes: Memory for those that wait; the thread stands still when it is full. One always has room.
 
     Yields:
-        The same mattes in the same order. What goes wrong with one is raised where it is asked for. The thread ends
-        with the context, at the latest after the matte that it is making.
+        The same mattes in the same order. The thread ends with the context, at the latest after the matte that it is
+        making.
+
+    Raises:
+        BaseException: What goes wrong with a matte, where it is asked for.
     """
     made: Queue[MattedFrame | BaseException | None] = Queue(max(megabytes * 2**20 // (BYTES * pixels), 1))
     unwanted = Event()
