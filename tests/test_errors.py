@@ -68,8 +68,12 @@ def test_mistakes_of_the_program_are_raised(mistake, monkeypatch):
         main(["settings"])
 
 
-def test_a_reader_that_closes_the_pipe_ends_the_command_in_one_line():
-    command = [sys.executable, "-m", "carigs", "settings", "--reference"]
+WORDS = pytest.mark.parametrize("words", [["settings", "--reference"], ["--help"], ["--version"]])
+
+
+@WORDS
+def test_a_reader_that_closes_the_pipe_ends_the_command_in_one_line(words):
+    command = [sys.executable, "-m", "carigs", *words]
     read, write = os.pipe()
     os.close(read)
     done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True)
@@ -78,9 +82,9 @@ def test_a_reader_that_closes_the_pipe_ends_the_command_in_one_line():
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
-def test_a_full_disk_ends_the_command_in_one_line():
+@WORDS
+def test_a_full_disk_ends_the_command_in_one_line(words):
+    command = [sys.executable, "-m", "carigs", *words]
     with open("/dev/full", "w") as full:
-        done = subprocess.run(
-            [sys.executable, "-m", "carigs", "settings", "--reference"], stdout=full, stderr=subprocess.PIPE, text=True
-        )
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
     assert done.stderr == "carigs: No space left on device\n" and done.returncode == 1

@@ -44,17 +44,20 @@ def main(arguments: list[str] | None = None) -> int:
     Returns:
         Exit code.
     """
-    arguments = sys.argv[1:] if arguments is None else arguments
-    command = arguments[0] if arguments else ""
+    command, *others = (sys.argv[1:] if arguments is None else arguments) or [""]
+    try:
+        status = _run(command, others)
+        sys.stdout.flush()
+    except (Exception, KeyboardInterrupt) as error:
+        return report(error)
+    return status
+
+
+def _run(command: str, arguments: list[str]) -> int:
     if command in COMMANDS:
         find_cache_of_matplotlib()
-        try:
-            with warnings_as_lines(), naming_extras():
-                status = import_module(f"carigs.cli.{command}").main(arguments[1:])
-            sys.stdout.flush()
-        except (Exception, KeyboardInterrupt) as error:
-            return report(error)
-        return status
+        with warnings_as_lines(), naming_extras():
+            return import_module(f"carigs.cli.{command}").main(arguments)
     if command == "--version":
         print(f"carigs {version('carigs')}")
     elif command in ("-h", "--help"):
