@@ -51,7 +51,7 @@ test: .venv/installed
 	lint-imports
 	$(PYTEST) -m "not (slow or docs or browser or chaos or $(CLUSTERS))"
 
-# What `test` leaves out, with the shapes of many more calls checked (tests/typecheck.py).
+# What `test` leaves out, with the shapes of every call checked.
 test-more: .venv/installed
 	CARIGS_CHECK_ALL=1 $(PYTEST) -m "(slow or docs or browser or chaos) and not ($(CLUSTERS))"
 	$(MAKE) audit docs

@@ -10,6 +10,7 @@ import ast
 import functools
 import hashlib
 import marshal
+import math
 import os
 import sys
 from contextlib import suppress
@@ -28,10 +29,9 @@ KEEP_PYTHON = {
     "staticmethod", "torch.no_grad",
 }  # fmt: skip
 """Decorators after which a function is still Python's; functions with any other may be Numba's."""
-CHECKED_CALLS, CHECKED_EVERY = (50, 20) if os.environ.get("CARIGS_CHECK_ALL") else (5, 0)
-"""Calls of each function that are checked in each test: the first five in `make test`; the first fifty in
-`make test-more` and `make coverage`, and of further ones, such as those of a training's steps, every twentieth: to
-check all takes a fifth of the time of a training."""
+CHECKED_CALLS = math.inf if os.environ.get("CARIGS_CHECK_ALL") else 5
+"""Calls of each function that are checked in each test: the first five in `make test`, all in `make test-more` and
+`make coverage`."""
 _test = 0
 _THIS = Path(__file__).read_bytes()
 CHECK = "__import__('typecheck').check"
@@ -53,7 +53,7 @@ with_shapes = jaxtyped(typechecker=typecheck)
 
 
 def check(target):
-    """A dataclass whose fields are checked, or a function of which calls are, as `CHECKED_CALLS` says."""
+    """A dataclass whose fields are checked, or a function whose first calls in each test are."""
     if isinstance(target, type):
         return with_shapes(target)
     checked, test, left = None, -1, 0
@@ -63,9 +63,9 @@ def check(target):
         nonlocal checked, test, left
         if test != _test:
             test, left = _test, CHECKED_CALLS
-        left -= 1
-        if left < 0 and not (CHECKED_EVERY and left % CHECKED_EVERY == 0):
+        if left == 0:
             return target(*args, **keywords)
+        left -= 1
         if checked is None:  # what is never called is never prepared
             checked = with_shapes(target)
         return checked(*args, **keywords)
