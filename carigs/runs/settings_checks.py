@@ -51,7 +51,8 @@ def settings_warnings(overrides: Sequence[str]) -> list[str]:
 
     Returns:
         One line each for gamma and levels of regions beyond `USEFUL_LEVEL`, for levels above
-        gamma, for files that no subject reads, and for each file of a subject that is not where it should be.
+        gamma, for files that no subject reads, for each file of a subject that is not where it should be, and for a
+        folder of weights that is not there.
     """
     config, lines = compose_study(*overrides), []
     regions = {f"exaggerate.regions.{name}": level for name, level in config.exaggerate.regions.items()}
@@ -77,6 +78,9 @@ def settings_warnings(overrides: Sequence[str]) -> list[str]:
         if truth and not any(Path(truth.replace("{level}", level)).is_dir() for level in shown):
             folder = truth.replace("{level}", shown[-1])
             lines.append(f"truth.folder: no folder {folder}; {subject} is compared with no true caricature")
+    weights = config.metrics.weights
+    if weights and not config.metrics.download and not Path(weights).is_dir():  # a download makes the folder
+        lines.append(f"metrics.weights: there is no folder {weights}; weights are searched for in the other places")
     return lines
 
 

@@ -78,3 +78,10 @@ def test_settings_that_follow_gamma_cannot_be_shared_by_several_gammas(tmp_path,
     check_study(gammas[:1])
     check_study([[*overrides, "train.ssim_weight=0.3"] for overrides in gammas])
     compose.cache_clear()
+
+
+def test_a_folder_of_weights_that_is_nowhere_is_named_unless_a_download_makes_it(tmp_path):
+    (line,) = settings_warnings(["metrics.weights=/nowhere/wieghts"])
+    assert line == "metrics.weights: there is no folder /nowhere/wieghts; weights are searched for in the other places"
+    assert settings_warnings(["metrics.weights=/nowhere/wieghts", "metrics.download=true"]) == []
+    assert settings_warnings([f"metrics.weights={tmp_path}"]) == []
