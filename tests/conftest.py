@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import gc
+import importlib
 import os
 import signal
 from collections import defaultdict
 
 import hypothesis
 import pytest
-import scipy.linalg  # noqa: F401
 import typecheck
 from threadpoolctl import threadpool_limits
 
@@ -18,7 +18,8 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 os.environ.setdefault("GOMP_SPINCOUNT", "0")
 # Those of BLAS do, whatever they are told: a third of the time of tests with small matrices. Processes that tests start
-# have all threads. What is limited is what is loaded: SciPy has a BLAS of its own.
+# have all threads. What is limited is what is loaded, and SciPy has a BLAS of its own.
+importlib.import_module("scipy.linalg")
 threadpool_limits(1, "blas")
 # Runs share the kernels of this checkout.
 os.environ.setdefault("CARIGS_COMPILE_AHEAD", "0")
