@@ -52,15 +52,14 @@ def own_expressions(
     coefficients = left[:, :count] * scale
     shapes = np.zeros((*model.v_template.shape, count), np.float32)
     shapes[chart.vertices] = np.moveaxis((right[:count] * (size[:count] / scale)[:, None]).reshape(count, -1, 3), 0, 2)
-    numbers = range(model.num_expressions, model.num_expressions + count)  # a model may have such expressions already
-    names = tuple(f"own_{number}" for number in numbers) if model.expression_names else ()
-    larger = replace(
-        model,
-        shapedirs=np.concatenate([model.shapedirs, shapes], axis=2),
-        expression_names=(*model.expression_names, *names),
-    )
+    # Names are those of the first expressions: others without a name stay last. A model may have own ones already.
+    named = model.expression_names
+    place = len(named) or model.num_expressions
+    names = (*named, *(f"own_{number}" for number in range(place, place + count))) if named else ()
+    before, after = np.split(model.shapedirs, [model.num_identity + place], axis=2)
+    larger = replace(model, shapedirs=np.concatenate([before, shapes, after], axis=2), expression_names=names)
     return larger, [
-        replace(frame, expression=np.concatenate([frame.expression, own]))
+        replace(frame, expression=np.concatenate([frame.expression[:place], own, frame.expression[place:]]))
         for frame, own in zip(parameters, coefficients, strict=True)
     ]
 

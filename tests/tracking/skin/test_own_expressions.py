@@ -113,6 +113,15 @@ def test_a_movement_that_the_model_lacks_becomes_an_expression(model):
     named = replace(model, expression_names=("smile",) * model.num_expressions)
     again, _ = own_expressions(named, parameters, chart, skin, list(range(COUNT)))
     assert len(set(again.expression_names)) == 1 + added
+    # Expressions without a name stay behind those with one, and names still say which is which.
+    known = model.num_expressions - 1
+    some = replace(model, expression_names=tuple(f"e{i}" for i in range(known)))
+    without = [replace(frame, expression=frame.expression[:-added]) for frame in parameters]
+    mixed, moving = own_expressions(some, without, chart, skin, list(range(COUNT)))
+    assert mixed.expression_names[known:] == tuple(f"own_{known + i}" for i in range(added))
+    np.testing.assert_array_equal(mixed.expression_basis[..., -1], model.expression_basis[..., -1])
+    for one, other in zip(moving, parameters, strict=True):
+        np.testing.assert_allclose(pose(mixed, one), pose(larger, other), atol=1e-7)
     # The first of them is this movement.
     assert abs(np.corrcoef(own[:, 0], amplitudes)[0, 1]) > 0.97
     assert np.isfinite(pose(larger, parameters[0])).all()
