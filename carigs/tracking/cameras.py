@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from carigs.capture import Camera
 from carigs.fitting.rotation_vectors import left_jacobians
 from carigs.head.posing import rotation_matrices
 
@@ -81,6 +83,20 @@ class Cameras:
             Matrices, in metres.
         """
         return np.concatenate([rotation_matrices(self.poses[:, :3]), self.poses[:, 3:, None]], axis=2)
+
+    def pinholes(self, sizes: Sequence[tuple[int, int]]) -> tuple[Camera, ...]:
+        """The cameras as they are at the first values.
+
+        Args:
+            sizes: Width and height of the images of each.
+
+        Returns:
+            One for each.
+        """
+        poses = np.tile(np.eye(4), (len(self.focal), 1, 1))
+        poses[:, :3] = self.camera_from_world()
+        lenses = zip(poses, self.focal, self.centres, sizes, strict=True)
+        return tuple(Camera(pose, float(f), float(f), float(x), float(y), *size) for pose, f, (x, y), size in lenses)
 
     def projections(self) -> Float[np.ndarray, "c 3 4"]:
         """Matrices P with P (X, 1) = depth (x, y, 1).

@@ -127,11 +127,8 @@ def tracked_cameras(track: FootageTrack, recordings: Sequence[Recording]) -> tup
     Returns:
         One for each recording that is tracked.
     """
-    found, poses = track.head.cameras, np.tile(np.eye(4), (len(track.cameras), 1, 1))
-    poses[:, :3] = found.camera_from_world()
-    sizes = [(recordings[r].footage.width, recordings[r].footage.height) for r in track.cameras]
-    lenses = zip(poses, found.focal, found.centres, sizes, strict=True)
-    return tuple(Camera(matrix, float(f), float(f), float(x), float(y), *size) for matrix, f, (x, y), size in lenses)
+    footages = [recordings[r].footage for r in track.cameras]
+    return track.head.cameras.pinholes([(footage.width, footage.height) for footage in footages])
 
 
 def tracked_splits(

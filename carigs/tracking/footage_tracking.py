@@ -14,8 +14,10 @@ from carigs.fitting.fitted_parameters import fitted_parameters
 from carigs.head import HeadModel, SurfacePoints
 from carigs.tracking.camera_placement import linked
 from carigs.tracking.cameras import Cameras
-from carigs.tracking.landmark_tracking import TrackedHead, Tracks, track_landmarks
 from carigs.tracking.recording import Recording
+from carigs.tracking.skin.between_views import SimultaneousViews
+from carigs.tracking.solver.landmark_tracking import TrackedHead, track_landmarks
+from carigs.tracking.solver.tracks import Tracks
 from carigs.tracking.takes import in_image, kept_frames, shows_face
 from carigs.tracking.texture.skull_motion import skull_motion
 
@@ -141,10 +143,14 @@ def track_footage(
         # More images do not tell more: errors of a network are those of the face, and they are the same in all images.
         deviations /= sqrt(len(used) if one_moment else len(kept))
     fitted = fitted_parameters(model, np.unique(embedding.corners), max_shape=SHAPES)
-    skull = None
-    if len(used) == 1 and not one_moment:  # before several cameras, parallax tells how the head turns
+    skull = views = None
+    if len(used) > 1:
+        views = SimultaneousViews([recording.footage.at(kept) for recording in used], faces)
+    elif not one_moment:  # before several cameras, parallax tells how the head turns
         skull = skull_motion(used[0].footage.at(kept).decode(), model, fitted, embedding, pixels[:, 0], start)
-    head = track_landmarks(model, fitted, embedding, tracks, start, focal_deviation=deviations, skull=skull)
+    head = track_landmarks(
+        model, fitted, embedding, tracks, start, focal_deviation=deviations, skull=skull, views=views
+    )
     return FootageTrack(kept, cameras, chosen.left_out, pixels, head, guesses)
 
 

@@ -1,6 +1,7 @@
-"""How the skin of one person moves, beyond what the blendshapes of a head model can do.
+"""What images tell of the skin: how that of one person moves, and where several cameras show the same of it.
 
 - `face_chart`: a frontal image of the neutral face, into which every frame is unwrapped
 - `groupwise_flow`: moves such images onto their common mean
-- `own_expressions`: makes blendshapes of these movements
+- `own_expressions`: makes blendshapes of movements that those of the head model lack
+- `between_views`: finds points of the skin that several cameras show at once
 """

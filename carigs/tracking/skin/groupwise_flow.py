@@ -38,19 +38,28 @@ def flows_to_mean(frames: Sequence[UnwrappedFrame]) -> Float32[np.ndarray, "t s 
     grid = np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1).astype(np.float32)
     flows = np.zeros((len(frames), side, side, 2), np.float32)
     for _ in range(ROUNDS):
-        warped = [_warped(frame, grid + flow) for frame, flow in zip(frames, flows, strict=True)]
-        total = sum(weight for _, weight in warped) + 1e-3
-        mean = sum(weight * image for image, weight in warped) / total
+        moved = [warped(frame, grid + flow) for frame, flow in zip(frames, flows, strict=True)]
+        total = sum(weight for _, weight in moved) + 1e-3
+        mean = sum(weight * image for image, weight in moved) / total
         gradient = [cv2.Sobel(mean, cv2.CV_32F, dx, 1 - dx, ksize=3) / 8 for dx in (1, 0)]
-        for flow, (image, weight) in zip(flows, warped, strict=True):
+        for flow, (image, weight) in zip(flows, moved, strict=True):
             flow += _step(mean - image, weight, gradient, flow)
         flows -= (
-            sum(weight[..., None] * flow for (_, weight), flow in zip(warped, flows, strict=True)) / total[..., None]
+            sum(weight[..., None] * flow for (_, weight), flow in zip(moved, flows, strict=True)) / total[..., None]
         )
     return flows
 
 
-def _warped(frame: UnwrappedFrame, place: Float32[np.ndarray, "s s 2"]) -> UnwrappedFrame:
+def warped(frame: UnwrappedFrame, place: Float32[np.ndarray, "s s 2"]) -> UnwrappedFrame:
+    """Move an image.
+
+    Args:
+        frame: The image.
+        place: Where each pixel of the result is found in it.
+
+    Returns:
+        The moved image and its weights.
+    """
     x, y = np.ascontiguousarray(place[..., 0]), np.ascontiguousarray(place[..., 1])
     image = cv2.remap(frame.image, x, y, cv2.INTER_CUBIC, borderValue=0.0)
     return UnwrappedFrame(image, cv2.remap(frame.weight, x, y, cv2.INTER_LINEAR, borderValue=0.0))

@@ -88,7 +88,7 @@ def learn_corrections(
 
     Returns:
         Better corrections: the most probable ones under Gaussian priors about 0, with outliers weighted down as in
-        `carigs.tracking.objective`.
+        `carigs.tracking.solver.objective`.
     """
     deviations = SHARE * np.linalg.norm(blendshapes, axis=1) + LEAST
     used = np.flatnonzero((coefficients**2).sum(axis=0) > 1e-6)

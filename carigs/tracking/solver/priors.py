@@ -10,7 +10,7 @@ from jaxtyping import Float
 from carigs.fitting.fitted_parameters import FittedParameters
 from carigs.fitting.objective import Prior
 from carigs.head import HeadModel
-from carigs.tracking.objective import Shared
+from carigs.tracking.solver.objective import Shared
 
 JOINTS = {"neck": 0.4, "jaw": 0.15}
 """Standard deviations of joints' rotations in radians."""
