@@ -7,6 +7,7 @@
 - `solver`: the solver; `start`, `visibility`: its first guess, and which landmarks count in which camera
 - `cameras.Cameras`: focal lengths and poses that are estimated; `camera_placement`: where they stand to each other;
   `world`: the world of a dataset
+- `surface_fields`, `own_blendshapes`: smooth fields on a head, and blendshapes that one person's head has of its own
 - `neck_cut`, `dataset`: mattes that end at the neck, and the dataset
 - `texture`: how the skull moves, by corners in hair and skin
 - `outline`, `skin`: what frames show of the head beyond landmarks: its outline, how its skin moves, and where several

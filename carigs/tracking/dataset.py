@@ -9,6 +9,7 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Int
 
 from carigs.capture import Camera, Capture, Frame
 from carigs.capture.dataset_writer import parameter_file, write_dataset
@@ -22,6 +23,7 @@ from carigs.tracking.held_out import blocks, held_out
 from carigs.tracking.neck_cut import NeckCut
 from carigs.tracking.outline.outline_offset import OutlineView, outline_offset
 from carigs.tracking.recording import Recording
+from carigs.tracking.skin.contours import CONTOURS, contour_expressions
 from carigs.tracking.skin.face_chart import UnwrappedFrame, face_chart
 from carigs.tracking.skin.own_expressions import own_expressions
 
@@ -41,6 +43,7 @@ def write_tracked_dataset(
     *,
     background: float,
     landmarks: SurfacePoints,
+    numbers: Int[np.ndarray, " n"],
     chin: float | None = None,
     by_time: Callable[[int], list[str]] = blocks,
 ) -> FootageTrack:
@@ -55,6 +58,7 @@ def write_tracked_dataset(
         matted: Those that are tracked, with mattes, in order, recording after recording.
         background: Grey value that frames are composited on.
         landmarks: Points of the face, which has the colour of the skin.
+        numbers: Which of the detector's landmarks these are.
         chin: Height of the chin on the neutral head in metres: mattes end below it. None to keep the body.
         by_time: Names the split of each tracked timestep of a clip.
 
@@ -98,6 +102,9 @@ def write_tracked_dataset(
         head = head.displaced(outline_offset(model, views, landmarks))
         if chart is not None:
             model, own = own_expressions(model, head.parameters, chart, skin, [t for _, t in places])
+            edges = np.flatnonzero(np.isin(numbers, CONTOURS))
+            seen = np.where(np.isfinite(head.errors)[..., None], track.landmarks, np.nan)[:, :, edges]
+            model, own = contour_expressions(model, own, head.cameras, landmarks[edges], seen)
             head = replace(head, model=model, parameters=own)
         frames = tuple(
             Frame(t, c, "", split, f"{t:05d}_{c:02d}.png", f"{t:05d}_{c:02d}_matte.png", parameter_file(t), c)

@@ -38,7 +38,13 @@ from carigs.tracking.judgement.held_out_gap import tracked_pose_gap
 from carigs.tracking.judgement.judged_frames import JudgedFrames
 from carigs.tracking.kinds import AUTO, ORBIT, PHOTOGRAPHS, TALK, why_orbit, why_photographs
 from carigs.tracking.recording import Recording, oddities
-from carigs.tracking.sources import camera_sources, frames_in_step, scaled_focal_length, set_upright
+from carigs.tracking.sources import (
+    camera_sources,
+    frames_in_step,
+    scaled_focal_length,
+    set_photographs_upright,
+    set_upright,
+)
 
 SHEET, TABLE = "tracking.png", "tracking.txt"
 """Files of the dataset that say how well the head was tracked."""
@@ -117,6 +123,7 @@ def track_video(
                 progress(matted, "mattes", chosen.faces.size),
                 background=settings.background,
                 landmarks=points,
+                numbers=numbers,
                 chin=chin if settings.body == "cut" else None,
                 by_time=SPLITS[settings.held_out],
             )
@@ -204,7 +211,8 @@ def read_recordings(
         if not source.is_dir():
             raise InputError("is no folder of photographs", file=source)
         images = each_photograph(source, Selection(largest_side=settings.largest_side))
-        footages = [stored(image, image.decode(), decoded / f"{i}") for i, image in enumerate(images)]
+        upright = set_photographs_upright(images, networks)
+        footages = [stored(image, image.decode(), decoded / f"{i}") for i, image in enumerate(upright)]
         # Each on its own: the next one may show the face elsewhere.
         one_by_one = (result for footage in footages for result in follow_face(footage.decode(), networks))
         found = progress(one_by_one, "landmarks", len(footages))

@@ -15,8 +15,8 @@ from carigs.head.joint_transforms import rotation_matrices
 from carigs.tracking.cameras import Cameras
 from carigs.tracking.solver.objective import LandmarkObjective, Shared, small_cholesky
 from carigs.tracking.solver.personal_expressions import landmark_errors, learn_corrections
-from carigs.tracking.solver.surface_fields import SurfaceField
 from carigs.tracking.start import template_poses
+from carigs.tracking.surface_fields import SurfaceField
 
 TWO = Cameras(
     np.array([900.0, 800.0]),

@@ -8,12 +8,12 @@ training finds are then averages over the neighbourhood.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from carigs.head import HeadModel, HeadParameters
+from carigs.tracking.own_blendshapes import with_own_blendshapes
 from carigs.tracking.skin.face_chart import FaceChart, UnwrappedFrame
 from carigs.tracking.skin.groupwise_flow import flows_to_mean
 
@@ -52,16 +52,7 @@ def own_expressions(
     coefficients = left[:, :count] * scale
     shapes = np.zeros((*model.v_template.shape, count), np.float32)
     shapes[chart.vertices] = np.moveaxis((right[:count] * (size[:count] / scale)[:, None]).reshape(count, -1, 3), 0, 2)
-    # Names are those of the first expressions: others without a name stay last. A model may have own ones already.
-    named = model.expression_names
-    place = len(named) or model.num_expressions
-    names = (*named, *(f"own_{number}" for number in range(place, place + count))) if named else ()
-    before, after = np.split(model.shapedirs, [model.num_identity + place], axis=2)
-    larger = replace(model, shapedirs=np.concatenate([before, shapes, after], axis=2), expression_names=names)
-    return larger, [
-        replace(frame, expression=np.concatenate([frame.expression[:place], own, frame.expression[place:]]))
-        for frame, own in zip(parameters, coefficients, strict=True)
-    ]
+    return with_own_blendshapes(model, parameters, shapes, coefficients)
 
 
 def _displacements(

@@ -18,9 +18,9 @@ from carigs.tracking.solver.objective import Shared
 from carigs.tracking.solver.personal_expressions import landmark_errors, learn_corrections
 from carigs.tracking.solver.priors import Motion, tracking_prior
 from carigs.tracking.solver.shared_estimate import FIRST_STEPS, STEPS, SharedProblem
-from carigs.tracking.solver.surface_fields import SurfaceField
 from carigs.tracking.solver.tracks import OUTLIERS, Tracks, face_size, information, landmark_sigma
 from carigs.tracking.start import first_guess
+from carigs.tracking.surface_fields import SurfaceField
 from carigs.tracking.texture.skull_motion import SkullMotion
 from carigs.tracking.visibility import facing_camera, preferred_views
 from carigs.tracking.world import at_the_head
@@ -49,9 +49,10 @@ class TrackedHead:
     sigma: float
     """Standard deviation of the landmarks in pixels."""
     errors: Float[np.ndarray, "t c n"]
-    """Distances in pixels between landmarks and the head's; NaN for missing landmarks."""
+    """Distances in pixels between landmarks and the head's; NaN for missing landmarks. Of several cameras, errors that
+    landmarks of a camera have in all frames alike are estimated, and not counted."""
     projected: Float[np.ndarray, "t c n 2"]
-    """The head's landmarks in the images, in pixels, with the constant offset of each."""
+    """Where the network would see the head's landmarks, in pixels: with the constant offset and error of each."""
 
     def displaced(self, offset: Float[np.ndarray, "v 3"]) -> TrackedHead:
         """The same with another shape, which the landmarks do not tell.
@@ -114,6 +115,7 @@ def track_landmarks(
     chosen = np.array(evenly_spread([*found], SHARED_FRAMES if tracks.pixels.shape[1] == 1 else SHARED_FRAMES // 2))
     problem = SharedProblem(model, fitted, embedding, points, tracks.at(chosen), chosen, cameras, motion, focal, bounds)
     known = problem.estimate(frames[chosen], sigma, views)
+    tracks = tracks.less(known.view_errors)
     cameras, sigma, count = cameras.moved(known.camera), known.sigma, len(known.offsets)
 
     # The person: offsets and corrections of expressions are smooth on the surface.
@@ -146,7 +148,7 @@ def track_landmarks(
     own_model = _with_expressions(model, fitted, on_mesh.reshape(len(on_mesh), 3, -1))
     each = (fitted.head_parameters(model, frame, known.shape) for frame in frames)
     parameters = [replace(one, static_offset=known.static_offset) for one in each]
-    projected = cameras.project(own.positions(frames, np.zeros(0)))[0][:, :, :n]
+    projected = cameras.project(own.positions(frames, np.zeros(0)))[0][:, :, :n] + known.view_errors[:, :n]
     return TrackedHead(own_model, parameters, cameras, sigma, errors, projected)
 
 

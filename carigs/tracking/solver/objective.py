@@ -136,6 +136,23 @@ class LandmarkObjective:
         seen = self.information.any(axis=(-2, -1))
         return np.where(seen, np.linalg.norm(pixels - self.pixels, axis=-1), np.nan)
 
+    def weighted_errors(
+        self, frames: Float[np.ndarray, "t q"], shape: Float[np.ndarray, " s"]
+    ) -> tuple[Float[np.ndarray, "t c n 2"], Float[np.ndarray, "t c n 2 2"]]:
+        """Where landmarks are observed, less where the head has them.
+
+        Args:
+            frames: Parameters of each frame.
+            shape: What the frames share.
+
+        Returns:
+            Pixels, 0 for missing landmarks; and the weights that they have in the normal equations, in 1 / pixels^2.
+        """
+        points, cameras, coefficients = self._at(shape)
+        pixels, depth = cameras.project(points.positions(frames, coefficients))
+        _, weights, error = self._cost(pixels, depth, slice(None))
+        return -error, weights
+
     def _at(self, shape: Float[np.ndarray, " s"]) -> tuple[HeadPoints, Cameras, Float[np.ndarray, " b"]]:
         coefficients, offsets, camera = self.shared.split(shape)
         points = self.points.with_offsets(offsets) if len(offsets) else self.points

@@ -17,8 +17,8 @@ from carigs.tracking.cameras import Cameras
 from carigs.tracking.skin.between_views import SimultaneousViews, SkinPoints
 from carigs.tracking.solver.objective import LandmarkObjective, Shared
 from carigs.tracking.solver.priors import Motion, tracking_prior
-from carigs.tracking.solver.surface_fields import SurfaceField
-from carigs.tracking.solver.tracks import OUTLIERS, Tracks, information, landmark_sigma
+from carigs.tracking.solver.tracks import OUTLIERS, Tracks, face_size, information, landmark_sigma
+from carigs.tracking.surface_fields import SurfaceField
 
 OFFSET = 0.003
 """Standard deviation in metres of the offset of a landmark on this person's head from where the embedding has it."""
@@ -28,6 +28,12 @@ SKIN_OFFSET, SKIN_SIGMA = 0.006, 0.3
 """The same of a point of the skin that several cameras see, and its standard deviation in pixels."""
 SKIN_WIDTH = 0.012
 """Metres over which the surface follows points of the skin."""
+VIEW_ERROR, VIEW_ROUNDS = 0.01, 2
+"""Standard deviation of a landmark's error that is the same in all frames of a camera, in sizes of the face's box, and
+times that it is estimated in turn with the rest. A network is off from the side in one way: without this, what the
+cameras of two people showed of the skin differed by 10 % more."""
+LEAST_FRAMES = 8
+"""Frames from which such an error is told from others."""
 LEAST_TIMESTEPS = 1 / 8
 """Share of the timesteps in which a point of the skin must be known."""
 CHART_SIDES = (96, 160)
@@ -53,6 +59,8 @@ class SharedEstimate:
     """Parameters of the cameras."""
     sigma: float
     """Standard deviation of the landmarks in pixels."""
+    view_errors: Float[np.ndarray, "c n 2"]
+    """What the landmarks of each camera are off in all frames alike, in pixels."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +108,8 @@ class SharedProblem:
             sigma = landmark_sigma(objective.errors(frames, vector)[:, :, :n])
         shape, offsets, camera = self._shared(count).split(vector)
         static_offset = SurfaceField(self.vertices(shape), self.model.faces, self.embedding).fit(offsets[:n])
-        found = SharedEstimate(frames, shape, offsets, static_offset, camera, sigma)
+        nothing = np.zeros((*self.tracks.pixels.shape[1:3], 2))
+        found = SharedEstimate(frames, shape, offsets, static_offset, camera, sigma, nothing)
         for side in CHART_SIDES if views is not None else ():
             skin = views.skin_points(
                 self.model, self._parameters(found), self.cameras.moved(found.camera), self.chosen, side
@@ -122,12 +131,28 @@ class SharedProblem:
         before = np.concatenate([found.offsets, skin.points.interpolate(found.static_offset)])
         start = np.concatenate([found.shape, before.ravel(), found.camera])
         frames, vector = self._minimised(objective, found.frames, start, STEPS)
+        view_errors = np.zeros((*skin.known.shape[1:2], n + m, 2))
+        for _ in range(VIEW_ROUNDS if len(frames) >= LEAST_FRAMES else 0):
+            view_errors[:, :n] = self._view_errors(replace(objective, pixels=pixels), frames, vector)
+            weights[:n] = information(landmark_sigma(objective.errors(frames, vector)[:, :, :n]), n, n)
+            objective = self._objective(points, tracks.less(view_errors), n + m, deviations, weights, OUTLIERS[1])
+            frames, vector = self._minimised(objective, frames, vector, FIRST_STEPS)
         shape, offsets, camera = self._shared(n + m).split(vector)
         sigma = landmark_sigma(objective.errors(frames, vector)[:, :, :n])
         vertices = self.vertices(shape)
         static_offset = SurfaceField(vertices, self.model.faces, self.embedding).fit(offsets[:n])
         static_offset += self._along_normals(vertices, static_offset, skin, offsets[n:])
-        return SharedEstimate(frames, shape, offsets[:n], static_offset, camera, sigma)
+        return SharedEstimate(frames, shape, offsets[:n], static_offset, camera, sigma, view_errors[:, :n])
+
+    def _view_errors(
+        self, objective: LandmarkObjective, frames: Float[np.ndarray, "m q"], vector: Float[np.ndarray, " s"]
+    ) -> Float[np.ndarray, "c n 2"]:
+        """The most probable errors that landmarks of a camera have in all frames alike."""
+        n = len(self.embedding)
+        errors, weights = objective.weighted_errors(frames, vector)
+        weights = weights[:, :, :n, 0, 0]  # of errors without a direction
+        precision = weights.sum(axis=0) + (VIEW_ERROR * face_size(self.tracks)) ** -2
+        return (weights[..., None] * errors[:, :, :n]).sum(axis=0) / precision[..., None]
 
     def _along_normals(
         self,

@@ -45,6 +45,17 @@ class Tracks:
         """
         return Tracks(self.pixels[chosen], self.confidence[chosen], self.times[chosen])
 
+    def less(self, errors: Float[np.ndarray, "c n 2"]) -> Tracks:
+        """The landmarks without errors that those of a camera have in all frames alike.
+
+        Args:
+            errors: In pixels.
+
+        Returns:
+            The landmarks elsewhere.
+        """
+        return Tracks(self.pixels - errors, self.confidence, self.times)
+
     def objective(
         self,
         points: HeadPoints,
