@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -142,7 +142,30 @@ def set_upright(footage: Footage, networks: FaceNetworks) -> Footage:
         The footage; its warnings say so if it is turned.
     """
     every = max(min(LOOKED_AT, len(footage) // ENOUGH), 1)
-    turns = quarter_turns(islice(footage.decode(), 0, None, every), networks)
+    return _turned(footage, quarter_turns(islice(footage.decode(), 0, None, every), networks))
+
+
+def set_photographs_upright(photographs: Sequence[Footage], networks: FaceNetworks) -> list[Footage]:
+    """Turn photographs whose metadata do not say that they lie on the side, or upside down.
+
+    Args:
+        photographs: One frame each. Those of one size were taken alike.
+        networks: That find faces.
+
+    Returns:
+        The photographs; the warnings of those that are turned say so.
+    """
+    sizes = [(photograph.width, photograph.height) for photograph in photographs]
+    alike = {size: [p for p, other in zip(photographs, sizes, strict=True) if other == size] for size in {*sizes}}
+    turns = {
+        size: quarter_turns(chain.from_iterable(photograph.decode() for photograph in those), networks)
+        for size, those in alike.items()
+    }
+    return [_turned(photograph, turns[size]) for photograph, size in zip(photographs, sizes, strict=True)]
+
+
+def _turned(footage: Footage, turns: int) -> Footage:
+    """Footage after quarter turns clockwise, with a line that says why."""
     if not turns:
         return footage
     lies = "upside down" if turns == 2 else "on the side"

@@ -8,7 +8,16 @@ from PIL import Image
 import carigs.tracking.sources as sources
 from carigs.detection.upright import FEWEST
 from carigs.errors import InputError
-from carigs.tracking.sources import camera_sources, chosen_frames, frames_in_step, scaled_focal_length, set_upright
+from carigs.footage import Selection
+from carigs.footage.photographs import each_photograph
+from carigs.tracking.sources import (
+    camera_sources,
+    chosen_frames,
+    frames_in_step,
+    scaled_focal_length,
+    set_photographs_upright,
+    set_upright,
+)
 
 
 def fading(count):
@@ -101,3 +110,16 @@ def test_footage_that_is_not_upright_is_turned_and_says_so(tmp_path, monkeypatch
     assert scaled_focal_length(upright, 700) == 700
     monkeypatch.setattr(sources, "quarter_turns", lambda images, networks: 0)
     assert set_upright(footage, None) is footage
+
+
+def test_photographs_of_one_size_are_turned_together(tmp_path, monkeypatch):
+    images = [np.random.default_rng(i).integers(0, 256, (32, 48 if i else 40, 3), np.uint8) for i in range(4)]
+    for i, image in enumerate(images):
+        Image.fromarray(image).save(tmp_path / f"{i}.png")
+    photographs = each_photograph(tmp_path, Selection())
+    monkeypatch.setattr(sources, "quarter_turns", lambda images, networks: int(len([*images]) == 3))
+    upright = set_photographs_upright(photographs, None)
+    assert upright[0] is photographs[0]
+    for before, after in zip(photographs[1:], upright[1:], strict=True):
+        np.testing.assert_array_equal(next(iter(after.decode())), np.rot90(next(iter(before.decode())), -1))
+        assert "turned by 90 degrees, because its faces are on the side" in after.warnings[0]

@@ -72,6 +72,7 @@ def use_truth(monkeypatch, truth, matte):
     monkeypatch.setattr(video_room, "load_face_networks", lambda folder: None)
     monkeypatch.setattr(video_room, "load_person_segmenter", lambda folder: None)
     monkeypatch.setattr(video_room, "set_upright", lambda footage, networks: footage)
+    monkeypatch.setattr(video_room, "set_photographs_upright", lambda photographs, networks: photographs)
     monkeypatch.setattr(video_room, "follow_face", follow)
     monkeypatch.setattr(video_room, "matted_frames", matted)
 
