@@ -27,6 +27,10 @@ INDEPENDENT = 0.25
 """Independent observations for each landmark of a dense face mesh: a network's errors are correlated along the face."""
 OFFSET = 0.003
 """Standard deviation in metres of the offset of a landmark on this person's head from where the embedding has it."""
+SHAPE_WIDTH, SHAPE_STIFFNESS = 0.012, 0.1
+"""Of the field that takes the person's shape from these offsets, stiffer than that of expressions: a network marks
+other points of the skin than the embedding has, by a millimetre and each landmark for itself. A field that followed
+every offset made bumps of this, which caricatures enlarge."""
 ANCHOR_OFFSET = 0.01
 """The same of an anchor of the skull, which is known in the images and not on the head."""
 ANCHOR_SIGMA = 0.1
@@ -169,7 +173,8 @@ def track_landmarks(
     # The person: offsets and corrections of expressions are smooth on the surface.
     vertices = model.v_template + model.identity_basis[:, :, fitted.shape] @ shape
     field = SurfaceField(vertices, model.faces, embedding)
-    static_offset = field.fit(offsets[:n])
+    own_shape = SurfaceField(vertices, model.faces, embedding, width=SHAPE_WIDTH, stiffness=SHAPE_STIFFNESS)
+    static_offset = own_shape.fit(offsets[:n])
     person = points.with_offsets(offsets).of_person(shape, model.joint_regressor @ static_offset)
     blendshapes = person.expressions()
     frames = _between(len(frames), chosen, some)
