@@ -110,7 +110,7 @@ def track_video(
         kind, recordings = read_recordings(settings, sources, networks, progress, decoded)
         lengths = _given_focal_lengths(recordings, settings.focal_length)
         chosen = choose_frames(recordings)
-        each = chain.from_iterable(_matted(recordings[r], chosen.kept, segmenter) for r in chosen.cameras)
+        each = chain.from_iterable(person_mattes(recordings[r], chosen.kept, segmenter) for r in chosen.cameras)
         pixels = max(r.footage.width * r.footage.height for r in recordings)
         with computed_ahead(each, pixels) as matted:  # while the solver runs on one thread
             with status("fitting the head"):
@@ -143,8 +143,19 @@ def _folder_beside(folder: Path) -> Iterator[Path]:
         shutil.rmtree(scratch, ignore_errors=True)
 
 
-def _matted(recording: Recording, kept: Int[np.ndarray, " t"], segmenter: PersonSegmenter) -> Iterator[MattedFrame]:
-    """Mattes of the person whose face is tracked."""
+def person_mattes(
+    recording: Recording, kept: Int[np.ndarray, " t"], segmenter: PersonSegmenter
+) -> Iterator[MattedFrame]:
+    """Make the mattes of the person whose face is tracked.
+
+    Args:
+        recording: What a camera recorded.
+        kept: Positions of the frames that are tracked.
+        segmenter: Finds people.
+
+    Returns:
+        These frames with their mattes, in order.
+    """
     clip = recording.footage.at(kept)
     boxes = dict(zip(clip.numbers, recording.faces.boxes[kept], strict=True))
 

@@ -42,6 +42,13 @@ MEASUREMENTS = {
     "exaggeration": Measurement((), (MESHES, MODEL)),
     "fitting": Measurement((), ("ict_s1", "ict_s7", MODEL), SECTION),
     "footage": Measurement((), (), SECTION),
+    "tracked_heads": Measurement(
+        (), ("ict_s1", MODEL), "python -m evaluation.benchmarks.footage.tracked_heads FILE.csv"
+    ),
+    "mattes": Measurement(
+        (), ("ict_s1", "ict_s7", MODEL), "python -m evaluation.benchmarks.footage.matte_errors FILE.csv"
+    ),
+    "footage_training": Measurement((), (), "python -m evaluation.benchmarks.footage.trained_footage FILE.csv"),
     "kernels": Measurement(("6ba7be7",)),
     "metrics": Measurement(("d691ad4",), (), "python -m evaluation.benchmarks.image_metric_cost FILE.csv"),
     "gpu": Measurement((), (), "make gpu"),

@@ -15,6 +15,7 @@ from carigs.head.joint_transforms import rotation_matrices
 from carigs.tracking.cameras import Cameras
 from carigs.tracking.solver.objective import LandmarkObjective, Shared, small_cholesky
 from carigs.tracking.solver.personal_expressions import landmark_errors, learn_corrections
+from carigs.tracking.solver.shared_estimate import SHAPE_STIFFNESS, SHAPE_WIDTH
 from carigs.tracking.start import template_poses
 from carigs.tracking.surface_fields import SurfaceField
 
@@ -182,6 +183,24 @@ def test_a_field_knows_no_distance_but_along_the_surface():
     field = SurfaceField(np.concatenate([vertices, behind]), np.concatenate([faces, faces + len(vertices)]), points)
     found = field.fit(np.ones((1, 1)))
     assert found[len(vertices) // 2] > 0.5 and np.abs(found[len(vertices) :]).max() < 1e-9
+
+
+def test_a_persons_shape_keeps_what_is_smooth_and_loses_what_each_landmark_errs_for_itself():
+    """Landmarks a centimetre apart, a shape of 2 mm that changes over centimetres, errors of a millimetre."""
+    vertices, faces = grid(n=41, side=0.2)
+    index = np.arange(41 * 41).reshape(41, 41)
+    points = SurfacePoints.at_vertices(index[::2, ::2].ravel())
+    shape = 0.002 * np.sin(vertices @ [[30.0], [25.0], [0]])
+    errors = 0.001 * np.random.default_rng(6).normal(size=(len(points), 1))
+    inner = index[8:-8, 8:-8].ravel()
+
+    def left(errors, **settings):
+        field = SurfaceField(vertices, faces, points, **settings).fit(points.interpolate(shape) + errors)
+        return np.sqrt(((field - shape)[inner] ** 2).mean())
+
+    own = {"width": SHAPE_WIDTH, "stiffness": SHAPE_STIFFNESS}
+    assert left(0 * errors, **own) < 0.0002
+    assert left(errors, **own) < 0.7 * left(errors)
 
 
 def test_corrections_of_expressions_are_learned_from_their_errors():

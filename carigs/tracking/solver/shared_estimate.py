@@ -22,6 +22,10 @@ from carigs.tracking.surface_fields import SurfaceField
 
 OFFSET = 0.003
 """Standard deviation in metres of the offset of a landmark on this person's head from where the embedding has it."""
+SHAPE_WIDTH, SHAPE_STIFFNESS = 0.012, 0.1
+"""Of the field that takes the person's shape from these offsets, stiffer than that of expressions: a network marks
+other points of the skin than the embedding has, by a millimetre and each landmark for itself. A field that followed
+every offset made bumps of this, which caricatures enlarge."""
 ANCHOR_OFFSET = 0.01
 """The same of an anchor of the skull, which is known in the images and not on the head."""
 SKIN_OFFSET, SKIN_SIGMA = 0.006, 0.3
@@ -107,7 +111,7 @@ class SharedProblem:
             frames, vector = self._minimised(objective, frames, vector, steps)
             sigma = landmark_sigma(objective.errors(frames, vector)[:, :, :n])
         shape, offsets, camera = self._shared(count).split(vector)
-        static_offset = SurfaceField(self.vertices(shape), self.model.faces, self.embedding).fit(offsets[:n])
+        static_offset = self._own_shape(self.vertices(shape)).fit(offsets[:n])
         nothing = np.zeros((*self.tracks.pixels.shape[1:3], 2))
         found = SharedEstimate(frames, shape, offsets, static_offset, camera, sigma, nothing)
         for side in CHART_SIDES if views is not None else ():
@@ -140,7 +144,7 @@ class SharedProblem:
         shape, offsets, camera = self._shared(n + m).split(vector)
         sigma = landmark_sigma(objective.errors(frames, vector)[:, :, :n])
         vertices = self.vertices(shape)
-        static_offset = SurfaceField(vertices, self.model.faces, self.embedding).fit(offsets[:n])
+        static_offset = self._own_shape(vertices).fit(offsets[:n])
         static_offset += self._along_normals(vertices, static_offset, skin, offsets[n:])
         return SharedEstimate(frames, shape, offsets[:n], static_offset, camera, sigma, view_errors[:, :n])
 
@@ -185,6 +189,11 @@ class SharedProblem:
             Metres.
         """
         return self.model.v_template + self.model.identity_basis[:, :, self.fitted.shape] @ shape
+
+    def _own_shape(self, vertices: Float[np.ndarray, "v 3"]) -> SurfaceField:
+        """The field that takes the person's shape from offsets of landmarks."""
+        faces = self.model.faces
+        return SurfaceField(vertices, faces, self.embedding, width=SHAPE_WIDTH, stiffness=SHAPE_STIFFNESS)
 
     def _shared(self, moving: int) -> Shared:
         return Shared(len(self.fitted.shape), moving, self.cameras.size)
