@@ -1,8 +1,8 @@
-"""Lids and lips: blendshapes of one person's own that hold them where landmarks see them.
+"""Lids: blendshapes of one person's own that hold them where landmarks see them.
 
 A blink takes three frames, and its lids show and hide skin: neither the blendshapes of a head model, corrected in
 proportion, nor the texture of the skin follows them. On footage of a person, lids that the network saw 0.6 pixels from
-each other stayed 1.8 pixels apart, and closed lips 0.7.
+each other stayed 1.8 pixels apart. Lips do follow; held by landmarks as well, they were less sharp in held-out frames.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from carigs.detection.mesh_indices import LEFT_EYE, LIPS_INNER, LIPS_OUTER, RIGHT_EYE
+from carigs.detection.mesh_indices import LEFT_EYE, RIGHT_EYE
 from carigs.head import HeadModel, HeadParameters, SurfacePoints, neutral
 from carigs.head.joint_transforms import joint_transforms, rotation_matrices
 from carigs.head.posing import pose_frames
@@ -20,9 +20,9 @@ from carigs.tracking.cameras import Cameras
 from carigs.tracking.own_blendshapes import with_own_blendshapes
 from carigs.tracking.surface_fields import SurfaceField
 
-CONTOURS = (*LEFT_EYE, *RIGHT_EYE, *LIPS_INNER, *LIPS_OUTER)
-"""Landmarks of the edges of lids and lips."""
-MODES = 20
+LIDS = (*LEFT_EYE, *RIGHT_EYE)
+"""Landmarks of the edges of the lids."""
+MODES = 12
 """Most blendshapes."""
 TIMESTEPS_PER_MODE = 8
 """Fewest timesteps for each of them."""
@@ -30,20 +30,20 @@ WIDTH = 0.004
 """Metres over which the skin follows an edge."""
 
 
-def contour_expressions(
+def lid_expressions(
     model: HeadModel,
     parameters: Sequence[HeadParameters],
     cameras: Cameras,
-    contours: SurfacePoints,
+    lids: SurfacePoints,
     pixels: Float[np.ndarray, "t c n 2"],
 ) -> tuple[HeadModel, list[HeadParameters]]:
-    """Add blendshapes that move lids and lips, the principal components of what landmarks say of them in the frames.
+    """Add blendshapes that move lids, the principal components of what landmarks say of them in the frames.
 
     Args:
         model: The head model.
         parameters: Those of each timestep.
         cameras: The cameras.
-        contours: Landmarks on the edges of lids and lips.
+        lids: Landmarks on the edges of the lids.
         pixels: Where they are in the images; NaN where they do not count.
 
     Returns:
@@ -51,14 +51,14 @@ def contour_expressions(
         few timesteps or landmarks.
     """
     count = min(MODES, len(parameters) // TIMESTEPS_PER_MODE)
-    if not count or not len(contours):
+    if not count or not len(lids):
         return model, list(parameters)
-    moved = _displacements(model, parameters, cameras, contours, pixels)
+    moved = _displacements(model, parameters, cameras, lids, pixels)
     left, size, right = np.linalg.svd(moved.reshape(len(moved), -1), full_matrices=False)
     scale = np.sqrt(len(moved))
     shapes = np.moveaxis((right[:count] * (size[:count] / scale)[:, None]).reshape(count, -1, 3), 0, 2)
-    field = SurfaceField(neutral(model, parameters[0]), model.faces, contours, width=WIDTH)
-    on_mesh = field.fit(shapes.reshape(len(contours), -1)).reshape(-1, 3, count)
+    field = SurfaceField(neutral(model, parameters[0]), model.faces, lids, width=WIDTH)
+    on_mesh = field.fit(shapes.reshape(len(lids), -1)).reshape(-1, 3, count)
     return with_own_blendshapes(model, parameters, on_mesh, left[:, :count] * scale)
 
 
@@ -66,12 +66,12 @@ def _displacements(
     model: HeadModel,
     parameters: Sequence[HeadParameters],
     cameras: Cameras,
-    contours: SurfacePoints,
+    lids: SurfacePoints,
     pixels: Float[np.ndarray, "t c n 2"],
 ) -> Float[np.ndarray, "t n 3"]:
     """The shortest displacements on the neutral head by which the points come to lie where landmarks see them."""
     posed = pose_frames(model, parameters)
-    positions = np.stack([contours.interpolate(vertices) for vertices in posed])
+    positions = np.stack([lids.interpolate(vertices) for vertices in posed])
     projected, _, by_point, _ = cameras.linearise(positions)
     off = pixels - projected
     known = np.isfinite(off).all(axis=-1)
@@ -80,7 +80,7 @@ def _displacements(
     off -= np.nanmedian(off, axis=0)
     vectors = np.stack([np.vstack([p.rotation, p.joints]) for p in parameters])
     chain = joint_transforms(rotation_matrices(vectors), np.zeros_like(vectors), model.parents)[..., :3]
-    turned = np.einsum("nj,tjxy->tnxy", contours.interpolate(model.weights), chain)
+    turned = np.einsum("nj,tjxy->tnxy", lids.interpolate(model.weights), chain)
     by_rest = by_point @ turned[:, None]
     rows = np.where(known[..., None, None], by_rest, 0).swapaxes(1, 2)  # (t, n, c, 2, 3)
     t, n = rows.shape[:2]

@@ -10,7 +10,7 @@ from small_head import small_head
 from carigs.capture import look_at
 from carigs.head import HeadModel, HeadParameters, SurfacePoints, pose
 from carigs.tracking.cameras import Cameras
-from carigs.tracking.skin.contours import contour_expressions
+from carigs.tracking.skin.lids import lid_expressions
 
 COUNT, SIZE, FOCAL = 32, 240, 900.0
 MOVED = 0.003
@@ -57,7 +57,7 @@ def test_edges_follow_what_landmarks_see(model, edge, count):
     pixels = seen(model, edge, true, count)
     observed = pixels + random.normal(0, 2.0, pixels.shape[1:])
     observed[3, 0, :2] = np.nan  # landmarks that do not count
-    larger, parameters = contour_expressions(model, thought, cameras(count), edge, observed)
+    larger, parameters = lid_expressions(model, thought, cameras(count), edge, observed)
     assert larger.num_expressions > model.num_expressions
 
     def changes(values: np.ndarray) -> np.ndarray:
@@ -73,7 +73,7 @@ def test_edges_follow_what_landmarks_see(model, edge, count):
 def test_few_timesteps_and_models_without_these_landmarks_change_nothing(model, edge):
     few = [HeadParameters.zeros(model)] * 4
     pixels = seen(model, edge, few, 1)
-    assert contour_expressions(model, few, cameras(1), edge, pixels) == (model, few)
+    assert lid_expressions(model, few, cameras(1), edge, pixels) == (model, few)
     many = few * 8
     nothing = edge[np.zeros(0, int)]
-    assert contour_expressions(model, many, cameras(1), nothing, np.zeros((len(many), 1, 0, 2))) == (model, many)
+    assert lid_expressions(model, many, cameras(1), nothing, np.zeros((len(many), 1, 0, 2))) == (model, many)
