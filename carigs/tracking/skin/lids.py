@@ -75,9 +75,6 @@ def _displacements(
     projected, _, by_point, _ = cameras.linearise(positions)
     off = pixels - projected
     known = np.isfinite(off).all(axis=-1)
-    off[:, ~known.any(axis=0)] = 0
-    # What is the same in all frames is the place of the landmark on this head.
-    off -= np.nanmedian(off, axis=0)
     vectors = np.stack([np.vstack([p.rotation, p.joints]) for p in parameters])
     chain = joint_transforms(rotation_matrices(vectors), np.zeros_like(vectors), model.parents)[..., :3]
     turned = np.einsum("nj,tjxy->tnxy", lids.interpolate(model.weights), chain)
