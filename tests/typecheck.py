@@ -79,7 +79,10 @@ def _prepared(target):
 
     A check depends on nothing but types and shapes, and takes longer than most functions.
     """
-    hints = {name: hint for name, hint in _resolved(target).items() if _is_array(hint)}
+    try:
+        hints = {name: hint for name, hint in _resolved(target).items() if _is_array(hint)}
+    except TypeError:  # a hint that Python cannot evaluate, such as `Lock | RLock` of functions
+        return with_shapes(target)
     if not hints:
         return target
     checked, signature = with_shapes(target), inspect.signature(target)
