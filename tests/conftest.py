@@ -31,6 +31,9 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 hypothesis.settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
 hypothesis.settings.load_profile("repeatable")
 
+WHOLE_STUDIES = {"workflow", "docs", "chaos", "test_compile_ahead.py"}
+"""Folders and files whose tests make studies."""
+
 typecheck.install("carigs", "evaluation", "stress")
 
 
@@ -50,7 +53,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Leave most cases of dear tests to the slow ones, and order the files.
 
     Of a test with the marker `sample(n)`, n cases are fast, evenly spread. Files with slow tests come first, those of
-    whole studies before others: none of them is left for the end.
+    whole studies before others: none of them is left for the end, where one process would wait for the other.
     """
     cases = defaultdict(list)
     for item in items:
@@ -62,4 +65,4 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             if i not in fast:
                 item.add_marker("slow")
     slow = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: (item.path not in slow, "workflow" not in item.path.parts))
+    items.sort(key=lambda item: (item.path not in slow, WHOLE_STUDIES.isdisjoint(item.path.parts)))

@@ -1,7 +1,7 @@
-"""Commands `python -m MODULE` as forks of one process that has imported Snakemake and Hydra.
+"""Commands `python -m MODULE` as forks of one process that has imported Snakemake, its plugins, and Hydra.
 
-To import these takes a second, half of what most commands of the workflow's tests take. Nothing of carigs is imported
-before the fork: every command imports the packages that its own `PYTHONPATH` names.
+To import these takes a second, as long as the rest of most commands of the workflow's tests. Nothing of carigs is
+imported before the fork: every command imports the packages that its own `PYTHONPATH` names.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-IMPORTED = ("hydra", "snakemake.cli")
+IMPORTED = ("hydra", "snakemake.cli", "snakemake.report.html_reporter", "yte")
 
 
 def run_command(command: tuple[str, ...], folder: Path, environment: dict[str, str]) -> subprocess.CompletedProcess:
@@ -48,6 +48,7 @@ def _server() -> subprocess.Popen:
 def _serve() -> None:
     for name in IMPORTED:
         import_module(name)
+    import_module("snakemake.cli").get_argument_parser()  # imports the plugins
     gc.freeze()
     gc.set_threshold(100_000, 50, 1000)  # as in conftest.py
     for line in sys.stdin:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import functools
 import hashlib
+import inspect
 import marshal
 import math
 import os
@@ -67,10 +68,67 @@ def check(target):
             return target(*args, **keywords)
         left -= 1
         if checked is None:  # what is never called is never prepared
-            checked = with_shapes(target)
+            checked = _prepared(target)
         return checked(*args, **keywords)
 
     return call
+
+
+def _prepared(target):
+    """The function with its checks, in which arrays of shapes that have passed are not checked again.
+
+    A check depends on nothing but types and shapes, and takes longer than most functions.
+    """
+    try:
+        hints = {name: hint for name, hint in _resolved(target).items() if _is_array(hint)}
+    except TypeError:  # a hint that Python cannot evaluate, such as `Lock | RLock` of functions
+        return with_shapes(target)
+    if not hints:
+        return target
+    checked, signature = with_shapes(target), inspect.signature(target)
+    of_values = any("{" in hint.dim_str for hint in hints.values())
+    variadic = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
+    if of_values or any(name in hints for name, p in signature.parameters.items() if p.kind in variadic):
+        return checked
+    check_result, known = _result_check(target, hints, signature) if "return" in hints else None, {}
+
+    def call(*args, **keywords):
+        key = (*map(_kind, args), *((name, _kind(value)) for name, value in keywords.items()))
+        results = known.get(key)
+        if results is None:
+            result = checked(*args, **keywords)
+            known[key] = {_kind(result)}
+            return result
+        result = target(*args, **keywords)
+        if check_result is not None and (kind := _kind(result)) not in results:
+            check_result(result, *args, **keywords)
+            results.add(kind)
+        return result
+
+    return call
+
+
+def _kind(value: Any) -> Any:
+    """All of a value that a check depends on."""
+    kind = type(value)
+    return (kind, value.dtype, value.shape) if hasattr(value, "shape") and hasattr(value, "dtype") else kind
+
+
+def _result_check(target, hints: dict[str, Any], signature: inspect.Signature):
+    """A function of a result and of the arguments that it was returned for, which raises an error if it is wrong."""
+    names = [name for name in hints if name != "return"]
+    parameters = ", ".join(f"{name}=None" for name in [*names, "_result"])
+    scope: dict[str, Any] = {}
+    exec(f"def {target.__name__}(*, {parameters}): return _result", scope)
+    returned = scope[target.__name__]
+    returned.__annotations__, returned.__module__ = hints, target.__module__
+    returned = with_shapes(returned)
+
+    def check_result(result, *args, **keywords):
+        given = signature.bind(*args, **keywords).arguments
+        returned(_result=result, **{name: given[name] for name in names if name in given})
+
+    return check_result
 
 
 def begin_test() -> None:

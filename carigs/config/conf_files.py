@@ -6,8 +6,10 @@ A file that is broken so hinders nobody who chooses another one.
 from __future__ import annotations
 
 import os
+import pickle
 import re
-from copy import deepcopy
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -15,7 +17,7 @@ from typing import NamedTuple
 from hydra.core.object_type import ObjectType
 from hydra.core.plugins import Plugins
 from hydra.plugins.config_source import ConfigLoadError, ConfigResult, ConfigSource
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import OmegaConf
 
 from carigs.config.file_values import check_values
 from carigs.config.folders import conf_folders, find_conf_file, known, taken
@@ -42,7 +44,8 @@ class _ConfFiles(ConfigSource):
         found = read_choice(config_path.removesuffix(".yaml"))
         if found is None:
             raise ConfigLoadError(f"no such file: {config_path}")
-        return ConfigResult(self.provider, self.full_path(), deepcopy(_parsed(found.text)), {"package": found.package})
+        config = pickle.loads(_parsed(found.text))
+        return ConfigResult(self.provider, self.full_path(), config, {"package": found.package})
 
     def available(self) -> bool:
         """Whether there are files."""
@@ -55,6 +58,7 @@ class _ConfFiles(ConfigSource):
     def is_config(self, config_path: str) -> bool:
         """Whether a name is that of a file, or of a variant that is made from a mask flag."""
         name = config_path.removesuffix(".yaml")
+        _asked.add(name)
         return mask_variant(name) is not None or find_conf_file(name) is not None
 
     def list(self, config_path: str, results_filter: ObjectType | None) -> list[str]:
@@ -63,6 +67,18 @@ class _ConfFiles(ConfigSource):
 
 
 Plugins.instance().register(_ConfFiles)
+_asked: set[str] = set()
+
+
+@contextmanager
+def names_asked() -> Iterator[set[str]]:
+    """Note the names that Hydra asks for.
+
+    Yields:
+        The names, complete at the end of the block: also those of files that are not there.
+    """
+    _asked.clear()
+    yield _asked
 
 
 class ConfFile(NamedTuple):
@@ -131,9 +147,9 @@ def choices(group: str) -> str:
 
 
 @lru_cache(maxsize=4096)
-def _parsed(text: str) -> DictConfig:
-    """The text as Hydra needs it, who changes what it gets: to be copied, which takes less time than parsing."""
-    return OmegaConf.create(text)
+def _parsed(text: str) -> bytes:
+    """The text as Hydra needs it, pickled: Hydra changes what it gets, and a copy takes less time than parsing."""
+    return pickle.dumps(OmegaConf.create(text))
 
 
 @lru_cache(maxsize=4096)

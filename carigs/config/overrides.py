@@ -129,14 +129,14 @@ def parse_override(override: str) -> Override:
     return parsed
 
 
-def hydra_override(override: str) -> str:
-    """An override with one value in Hydra's grammar.
+def parse_single(override: str) -> Override:
+    """Parse an override with one value.
 
     Args:
         override: `KEY=VALUE` as a user types it.
 
     Returns:
-        The override with text in quotes.
+        As `parse_override`.
 
     Raises:
         SettingsError: As for `parse_override`, and for several values.
@@ -146,7 +146,7 @@ def hydra_override(override: str) -> str:
         is_text = kinds_of_values().get(parsed.get_key_element()) == TEXT
         advice = f"; for one value {quoting_advice(override)}" if is_text else ""
         raise SettingsError(f"{_shown(override)}: several values; `carigs sweep` makes a study of each{advice}")
-    return parsed.input_line
+    return parsed
 
 
 def _advice(override: str, error: Exception) -> str:

@@ -1,4 +1,8 @@
-"""Number and size of a subject's images, as far as they are known before its capture is read."""
+"""Number and size of a subject's images, as far as they are known before its capture is read.
+
+Every run counts them when it starts. What reads captures and videos takes half a second to import, and is imported
+where it is needed: the first run of most studies needs neither.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +12,9 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from carigs.capture import Capture
 from carigs.errors import CarigsError, InputError
-from carigs.footage import Selection
-from carigs.footage.photographs import each_photograph
 from carigs.readers.file_names import INDEXES
 from carigs.readers.json_files import read_json
-from carigs.tracking.held_out import SPLITS, held_out
-from carigs.tracking.kinds import AUTO, PHOTOGRAPHS
-from carigs.tracking.sources import camera_sources, chosen_frames
 
 
 @dataclass(frozen=True)
@@ -67,6 +65,8 @@ def subject_footage(settings: DictConfig, index: Path) -> Footage:
         `ASSUMED`.
     """
     if index.is_file():
+        from carigs.capture import Capture
+
         subject = Capture.load(index)
         train, val, test = (subject.split(name) for name in ("train", "val", "test"))
         camera, cameras = subject.camera(subject.frames[0]), len({frame.camera for frame in test})
@@ -89,6 +89,12 @@ def subject_footage(settings: DictConfig, index: Path) -> Footage:
 
 def _video_footage(track: DictConfig) -> Footage:
     """Count the frames of a video that are tracked."""
+    from carigs.footage import Selection
+    from carigs.footage.photographs import each_photograph
+    from carigs.tracking.held_out import SPLITS, held_out
+    from carigs.tracking.kinds import AUTO, PHOTOGRAPHS
+    from carigs.tracking.sources import camera_sources, chosen_frames
+
     try:
         sources = camera_sources(Path(track.video))
         if track.footage == PHOTOGRAPHS or (len(sources) == 1 and sources[0].is_dir() and track.footage == AUTO):

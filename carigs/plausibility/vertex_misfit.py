@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import NamedTuple
 
 import numpy as np
@@ -59,12 +58,27 @@ def reference(samples: Float32[np.ndarray, "m *k n 3"]) -> Reference:
     Returns:
         The reference.
     """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # vertices that no frame shows
-        colours = np.nanmedian(samples, axis=0)
-        spread = np.nanmedian(np.abs(samples - colours).mean(axis=-1), axis=0)
+    colours = median_of_known(samples)
+    spread = median_of_known(np.abs(samples - colours).mean(axis=-1))
     colours[np.isfinite(samples[..., 0]).sum(axis=0) < LEAST_FRAMES] = np.nan
     return Reference(colours, 1 / (spread + NOISE))
+
+
+def median_of_known(values: Float32[np.ndarray, " m *k"]) -> Float32[np.ndarray, " *k"]:
+    """Median over the first dimension, without NaN.
+
+    Args:
+        values: Numbers, and NaN for those that are not known.
+
+    Returns:
+        What `numpy.nanmedian` returns, which takes three to five times as long: NaN where no value is known.
+    """
+    ordered = np.sort(values, axis=0)  # NaN come last
+    count = np.isfinite(values).sum(axis=0)
+    lower, upper = (
+        np.take_along_axis(ordered, np.maximum(middle, 0)[None], axis=0)[0] for middle in ((count - 1) // 2, count // 2)
+    )
+    return (lower + upper) / np.float32(2)
 
 
 def misfit(samples: Float32[np.ndarray, "n 3"], expected: Reference) -> float:

@@ -18,7 +18,7 @@ from carigs.config import compose, load_settings, read_sweep, settings_text, sna
 from carigs.config.conf_files import read_conf_file
 from carigs.config.frozen import yaml_text
 from carigs.config.literals import literal
-from carigs.config.overrides import hydra_override, parse_override
+from carigs.config.overrides import parse_override, parse_single
 from carigs.errors import InputError, SettingsError
 from carigs.settings import STAGES, Config
 from carigs.settings.option import option_of, walk
@@ -42,7 +42,7 @@ PATHS = [key for key, _, f in walk(Config) if option_of(f).is_path]
 
 @pytest.mark.parametrize("name", FILES)
 def test_a_path_is_taken_as_it_stands(name):
-    assert parse_override(hydra_override(f"train.start={name}")).value() == name
+    assert parse_override(parse_single(f"train.start={name}").input_line).value() == name
 
 
 @pytest.mark.parametrize("name", [FILES[0], "".join(sorted(set("".join(FILES)) - {","}))])
@@ -53,7 +53,7 @@ def test_a_path_with_any_characters_is_composed(name):
 @pytest.mark.parametrize("key", ["metrics.edit_prompt", "tabulate.reference", "capture.split"])
 def test_other_texts_are_taken_as_they_stand(key):
     for text in ("a=b", "0.5", "~", "why? (ü)"):
-        assert parse_override(hydra_override(f"{key}={text}")).value() == text
+        assert parse_override(parse_single(f"{key}={text}").input_line).value() == text
 
 
 def test_elements_of_lists_are_taken_as_they_stand():
@@ -97,7 +97,7 @@ def test_the_advice_is_a_command_that_works(override):
         compose(override)
     (word,) = shlex.split(str(raised.value).partition("quote the value: ")[2])
     key, _, text = override.partition("=")
-    assert parse_override(hydra_override(word)).value() == text and word.startswith(key)
+    assert parse_override(parse_single(word).input_line).value() == text and word.startswith(key)
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def test_any_override_is_parsed_or_one_typed_line(key, text):
 def test_a_text_is_taken_as_it_stands_or_refused(text):
     bare = text.strip()
     try:
-        value = parse_override(hydra_override(f"metrics.edit_prompt={text}")).value()
+        value = parse_override(parse_single(f"metrics.edit_prompt={text}").input_line).value()
     except SettingsError:
         return
     if bare.lower() != "null" and not bare.startswith(("'", '"')):

@@ -1,5 +1,8 @@
 """The plan of a study, and what a run says of it."""
 
+import subprocess
+import sys
+
 import pytest
 
 from carigs.planning.job_graph import Job
@@ -54,3 +57,15 @@ def test_a_job_has_the_costs_of_its_own_study():
     studies = {"few": ["train.iterations=10000"], "many": ["train.iterations=100000"]}
     seconds = plan_study([few, many], studies, 1, 1).seconds
     assert 8 < seconds[1] / seconds[0] < 10
+
+
+def test_a_run_starts_without_what_reads_captures_and_videos():
+    """They take half a second to import."""
+    code = (
+        "import sys\n"
+        "from carigs.planning.study_plan import plan_study\n"
+        "assert plan_study([], {'toy': []}, 1, 2).footage\n"
+        "print([m for m in ('numba', 'cv2', 'scipy', 'pandas') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
