@@ -23,8 +23,8 @@ from carigs.tracking.held_out import blocks, held_out
 from carigs.tracking.neck_cut import NeckCut
 from carigs.tracking.outline.outline_offset import OutlineView, outline_offset
 from carigs.tracking.recording import Recording
+from carigs.tracking.skin.edges import EDGES, LIDS, edge_expressions
 from carigs.tracking.skin.face_chart import UnwrappedFrame, face_chart
-from carigs.tracking.skin.lids import LIDS, lid_expressions
 from carigs.tracking.skin.own_expressions import own_expressions
 
 OUTLINE_VIEWS = 24
@@ -102,9 +102,10 @@ def write_tracked_dataset(
         head = head.displaced(outline_offset(model, views, landmarks))
         if chart is not None:
             model, own = own_expressions(model, head.parameters, chart, skin, [t for _, t in places])
-            edges = np.flatnonzero(np.isin(numbers, LIDS))
+            edges = np.flatnonzero(np.isin(numbers, EDGES))
             seen = np.where(np.isfinite(head.errors)[..., None], track.landmarks, np.nan)[:, :, edges]
-            model, own = lid_expressions(model, own, head.cameras, landmarks[edges], seen)
+            lids = np.isin(numbers[edges], LIDS)
+            model, own = edge_expressions(model, own, head.cameras, landmarks[edges], lids, seen)
             head = replace(head, model=model, parameters=own)
         frames = tuple(
             Frame(t, c, "", split, f"{t:05d}_{c:02d}.png", f"{t:05d}_{c:02d}_matte.png", parameter_file(t), c)

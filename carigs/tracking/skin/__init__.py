@@ -3,6 +3,6 @@
 - `face_chart`: a frontal image of the neutral face, into which every frame is unwrapped
 - `groupwise_flow`: moves such images onto their common mean
 - `own_expressions`: makes blendshapes of movements that those of the head model lack
-- `lids`: makes blendshapes that hold lids where landmarks see them
+- `edges`: makes blendshapes that hold the edges of lids and lips where landmarks see them
 - `between_views`: finds points of the skin that several cameras show at once
 """
