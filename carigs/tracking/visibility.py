@@ -35,6 +35,8 @@ def facing_camera(
     fitted: FittedParameters,
     frames: Float[np.ndarray, "t q"],
     cameras: Cameras,
+    *,
+    neighbourhood: float = NEIGHBOURHOOD,
 ) -> Float[np.ndarray, "t c n"]:
     """Weigh landmarks by how far the template's surface turns towards each camera.
 
@@ -44,12 +46,14 @@ def facing_camera(
         fitted: The parameters of a frame.
         frames: Parameters of each frame; the rotation of the root counts, and that of the neck.
         cameras: The cameras.
+        neighbourhood: Metres within which the normals of the points are averaged; 0 to take each for itself.
 
     Returns:
         From 0 to 1.
     """
     template = model.v_template.astype(np.float64)
-    normals = _around(embedding.interpolate(template), embedding.interpolate(vertex_normals(template, model.faces)))
+    normals = embedding.interpolate(vertex_normals(template, model.faces))
+    normals = _around(embedding.interpolate(template), normals, neighbourhood)
     rotation = rotation_matrices(frames[:, 3:6])
     world = np.einsum("tij,nj->tni", rotation, normals)
     points = np.einsum("tij,nj->tni", rotation, embedding.interpolate(model.v_template) - model.joint_template[0])
@@ -62,10 +66,12 @@ def facing_camera(
     return np.clip((cosine - HIDDEN) / (SEEN - HIDDEN), 0, 1)
 
 
-def _around(points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+def _around(
+    points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"], radius: float
+) -> Float[np.ndarray, "n 3"]:
     """Sums of the unit normals of the points around each point."""
     units = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    pairs = cKDTree(points).query_pairs(NEIGHBOURHOOD, output_type="ndarray")
+    pairs = cKDTree(points).query_pairs(radius, output_type="ndarray")
     total = units.copy()
     np.add.at(total, pairs[:, 0], units[pairs[:, 1]])
     np.add.at(total, pairs[:, 1], units[pairs[:, 0]])

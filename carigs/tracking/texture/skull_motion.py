@@ -119,7 +119,8 @@ def _head_image(
     rotation = Rotation.from_rotvec(frames[:, 3:6]).as_matrix()
     world = np.einsum("tij,nj->tni", rotation, rest - root) + root + frames[:, None, :3]
     pixels, _ = cameras.project(world)
-    shown = facing_camera(model, SurfacePoints.at_vertices(chosen), fitted, frames, cameras)[:, 0] >= 1
+    points = SurfacePoints.at_vertices(chosen)
+    shown = facing_camera(model, points, fitted, frames, cameras, neighbourhood=0)[:, 0] >= 1
     moved = np.linalg.norm(model.expression_basis[chosen], axis=1).max(axis=1, initial=0)
     rigid = (model.weights[chosen, joint] > CARRIED) & (moved < RIGID)
     return chosen, HeadImage(pixels[:, 0], shown, rigid, rest)
