@@ -160,7 +160,8 @@ def measure(
     """
     truth = filmed.truth
     [recording] = oracle_recordings(filmed)
-    points = landmark_embedding(truth.model).points(truth.model)
+    embedding = landmark_embedding(truth.model)
+    points = embedding.points(truth.model)
     track = tracked([recording], truth.model, "talk")
     assert len(track.kept) == len(truth.parameters)
     with threadpool_limits(1, "blas"):
@@ -171,7 +172,8 @@ def measure(
         )
         chin, true_chin = (float(points.interpolate(head)[:, 1].min()) for head in (found, rest))
         cut = NeckCut(rest, truth.model.faces, true_chin)
-        write_tracked_dataset(folder / TRACKED, track, [recording], made, background=1.0, landmarks=points, chin=chin)
+        known = {"landmarks": points, "numbers": embedding.landmarks, "chin": chin}
+        write_tracked_dataset(folder / TRACKED, track, [recording], made, background=1.0, **known)
     write_true_dataset(folder / MADE, filmed, made, cut)
     write_true_dataset(folder / TRUE, filmed, given, cut)
     avatars = {name: trained(folder / name, train, gtstar) for name in (TRUE, MADE, TRACKED)}
