@@ -12,7 +12,8 @@ from carigs.head.joint_transforms import rotation_matrices
 from carigs.toy.rig.head_model import head_model
 from carigs.tracking.cameras import Cameras
 from carigs.tracking.footage_tracking import choose_frames, guessed_focal_length
-from carigs.tracking.solver.landmark_tracking import Tracks, track_landmarks
+from carigs.tracking.solver.landmark_tracking import track_landmarks
+from carigs.tracking.solver.tracks import Tracks
 from carigs.tracking.texture.skull_motion import SkullMotion
 from evaluation.benchmarks.footage.motion import Talk
 from evaluation.benchmarks.footage.oracle_landmarks import EXACT, oracle_landmarks

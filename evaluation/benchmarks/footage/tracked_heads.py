@@ -23,6 +23,7 @@ from threadpoolctl import threadpool_limits
 from carigs.capture import read_dataset
 from carigs.detection.mesh_indices import LEFT_LID_GAPS, LIP_GAPS, RIGHT_LID_GAPS
 from carigs.embedding import landmark_embedding
+from carigs.exaggeration.rigid_components import umeyama
 from carigs.head import HeadModel, neutral
 from carigs.head.facial_regions import lid_faces
 from carigs.head.posing import pose_frames
@@ -88,26 +89,6 @@ def face_vertices(model: HeadModel, rest: Float[np.ndarray, "v 3"]) -> dict[str,
     }
 
 
-def similarity(
-    points: Float[np.ndarray, "n 3"], target: Float[np.ndarray, "n 3"]
-) -> tuple[float, Float[np.ndarray, "3 3"], Float[np.ndarray, "3"]]:
-    """The similarity that takes points nearest to others (Umeyama 1991).
-
-    Args:
-        points: Points.
-        target: Their counterparts.
-
-    Returns:
-        Scale s, rotation R and translation t: target = s R point + t.
-    """
-    a, b = points - points.mean(axis=0), target - target.mean(axis=0)
-    u, s, vt = np.linalg.svd(b.T @ a)
-    signs = np.array([1, 1, np.linalg.det(u @ vt)])
-    scale = float(s @ signs / (a**2).sum())
-    rotation = u @ np.diag(signs) @ vt
-    return scale, rotation, target.mean(axis=0) - scale * rotation @ points.mean(axis=0)
-
-
 def mean_opening(
     truth: FootageTruth,
     heads: Float[np.ndarray, "t v 3"],
@@ -159,9 +140,9 @@ def compared(truth: FootageTruth, track: FootageTrack, case: str) -> Iterator[Me
     true = truth.vertices()[[0] if track.one_moment else track.kept]
     vertices = face_vertices(truth.model, neutral(truth.model, truth.parameters[0]))
     face = vertices["face"]
-    scale, rotation, shift = similarity(heads[:, face].reshape(-1, 3), true[:, face].reshape(-1, 3))
+    scale, rotation, shift = umeyama(heads[:, face].reshape(-1, 3), true[:, face].reshape(-1, 3))
     moved = scale * heads @ rotation.T + shift
-    of_frames = [similarity(head[face], posed[face]) for head, posed in zip(heads, true, strict=True)]
+    of_frames = [umeyama(head[face], posed[face]) for head, posed in zip(heads, true, strict=True)]
     moved_each = np.stack([s * head @ r.T + t for head, (s, r, t) in zip(heads, of_frames, strict=True)])
     for name, part in vertices.items():
         for alignment, found in (("one similarity", moved), ("one of each frame", moved_each)):

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from carigs.detection.mesh_indices import LIP_GAPS
 from carigs.head import flame_joints
@@ -15,7 +14,7 @@ from carigs.tracking.solver.landmark_tracking import TrackedHead
 from evaluation.benchmarks.footage.motion import Talk
 from evaluation.benchmarks.footage.oracle_recordings import filmed_toy, toy_subject
 from evaluation.benchmarks.footage.scenes import talk
-from evaluation.benchmarks.footage.tracked_heads import compared, mean_opening, measure, similarity
+from evaluation.benchmarks.footage.tracked_heads import compared, mean_opening, measure
 
 MODEL = head_model()
 TRUTH = talk(MODEL, np.zeros(MODEL.num_identity), 64, Talk(seconds=2, fps=8))
@@ -33,15 +32,6 @@ def track(parameters):
 
 def rows(parameters):
     return {row.quantity: row.value for row in compared(TRUTH, track(parameters), "case")}
-
-
-def test_a_similarity_is_found_again():
-    rng = np.random.default_rng(0)
-    points, turn, shift = rng.normal(size=(20, 3)), Rotation.random(random_state=1).as_matrix(), rng.normal(size=3)
-    scale, rotation, translation = similarity(points, 1.7 * points @ turn.T + shift)
-    assert scale == pytest.approx(1.7)
-    np.testing.assert_allclose(rotation, turn, atol=1e-12)
-    np.testing.assert_allclose(translation, shift, atol=1e-12)
 
 
 def test_the_truth_has_no_error_wherever_the_world_is():
