@@ -23,8 +23,9 @@ from carigs.tracking.own_blendshapes import with_own_blendshapes
 from carigs.tracking.surface_fields import SurfaceField
 
 LIDS = (*LEFT_EYE, *RIGHT_EYE)
+"""Landmarks of the edges of the lids."""
 EDGES = (*LIDS, *LIPS_INNER, *LIPS_OUTER)
-"""Landmarks of the edges."""
+"""Those, and landmarks of the edges of the lips."""
 MODES = 12
 """Most blendshapes."""
 TIMESTEPS_PER_MODE = 8
