@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -15,7 +16,7 @@ import pytest
 from docs.blocks import DOCUMENTS, LANGUAGES, ROOT, SHELL, Block, command_lines, parse_blocks, read_blocks
 from docs.captures import write_captures, write_mesh_with_regions
 from docs.commands import known_keys, parse, unknown_keys
-from docs.substitutions import PARTLY, STUDY, SUBSTITUTIONS, substituted
+from docs.substitutions import CONTINUED, PARTLY, STUDY, SUBSTITUTIONS, substituted
 
 from carigs.config import split_overrides
 
@@ -40,8 +41,9 @@ def name_of(document: Path) -> str:
 class Reader:
     """Someone who types the blocks of a document, one after the other, in one terminal and one Python session."""
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: Path, made: Path | None = None):
         self.data, self.state, self.names = folder / "captures", folder / "state", {}
+        self.made = made or folder / "made"
         home = folder / "home"
         for made in (self.data, self.state, home):
             made.mkdir()
@@ -66,17 +68,23 @@ class Reader:
         done = subprocess.run(
             ["bash", "-euo", "pipefail", "-c", f'. "$STATE/variables"\n{script}\n{KEPT}'],
             cwd=self.folder,
-            env={**os.environ, "PYTHONPATH": str(ROOT), "PATH": programs, "STATE": str(self.state)},
+            env={**os.environ, "PYTHONPATH": str(ROOT), "PATH": programs, "STATE": str(self.state), "MADE": str(self.made)},
             capture_output=True,
             text=True,
         )
         assert done.returncode == 0, f"{block}\n{script}\n{done.stdout}\n{done.stderr}"
 
 
+@pytest.fixture(scope="module")
+def made(tmp_path_factory) -> Path:
+    """A folder for results of documents, by name of the document, where others find them."""
+    return tmp_path_factory.mktemp("made")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("document", DOCUMENTS, ids=name_of)
-def test_the_blocks_of_a_document_run_one_after_the_other(document, tmp_path, monkeypatch):
-    reader = Reader(tmp_path)
+def test_the_blocks_of_a_document_run_one_after_the_other(document, made, tmp_path, monkeypatch):
+    reader = Reader(tmp_path, made)
     for block in read_blocks(document):
         if block.language in (*SHELL, "python") and block.reason is None:
             monkeypatch.chdir(reader.folder)
@@ -84,6 +92,8 @@ def test_the_blocks_of_a_document_run_one_after_the_other(document, tmp_path, mo
     shown = [RESULT.findall(block.text) for block in read_blocks(document) if block.language == "text"]
     promised = {name for names in shown for name in names if "..." not in name}
     assert sorted(name for name in promised if not (reader.folder / name).exists()) == []
+    if name_of(document) in {other for _, _, other in CONTINUED}:
+        shutil.copytree(reader.folder / "results", made / name_of(document))
 
 
 def test_a_reader_stays_in_one_terminal_and_sees_what_fails(tmp_path, monkeypatch):
@@ -150,7 +160,7 @@ def test_every_substitution_is_used():
         texts[name_of(block.document)] += block.script if block.language in SHELL and block.reason is None else ""
     for pattern, _ in SUBSTITUTIONS:
         assert any(re.search(pattern, text) for text in texts.values()), pattern
-    for document, command, _ in PARTLY:
+    for document, command, _ in (*PARTLY, *CONTINUED):
         assert command in texts[document]
     assert unknown_keys([f"{key}=" for key in STUDY]) == []
 
