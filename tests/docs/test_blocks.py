@@ -68,7 +68,13 @@ class Reader:
         done = subprocess.run(
             ["bash", "-euo", "pipefail", "-c", f'. "$STATE/variables"\n{script}\n{KEPT}'],
             cwd=self.folder,
-            env={**os.environ, "PYTHONPATH": str(ROOT), "PATH": programs, "STATE": str(self.state), "MADE": str(self.made)},
+            env={
+                **os.environ,
+                "PYTHONPATH": str(ROOT),
+                "PATH": programs,
+                "STATE": str(self.state),
+                "MADE": str(self.made),
+            },
             capture_output=True,
             text=True,
         )
