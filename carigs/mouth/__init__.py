@@ -9,7 +9,8 @@ with the skull, the lower ones move with the jaw.
 - `lip_line`, `LipLine`, `lip_gap`: where the mouth opens, and how far
 """
 
-from carigs.mouth.jaws import Jaw, find_jaws, has_teeth
+from carigs.mouth.jaw import Jaw
+from carigs.mouth.jaws import find_jaws, has_teeth
 from carigs.mouth.lip_line import LipLine, lip_gap, lip_line
 from carigs.mouth.placement import place_in_mouth
 

@@ -8,7 +8,6 @@ timesteps (least trimmed squares: Rousseeuw 1984).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import IntEnum
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
@@ -17,6 +16,7 @@ from carigs.head import HeadModel
 from carigs.mesh.ray_caster import RayCaster
 from carigs.mesh.rigid_alignment import rigid_alignment
 from carigs.mesh.triangle_mesh import face_normals, size
+from carigs.mouth.jaw import Jaw
 from carigs.mouth.lip_line import LipLine
 
 ORIGIN, REACH = 0.35, 1.2
@@ -28,17 +28,6 @@ TRIMMED, ROUNDS = 0.5, 5
 LEAST_TRIANGLES, TOLERANCE = 6, 0.06
 """Fewest triangles of a side, and the largest rms distance of their centres from a rigid motion in widths of the
 mouth."""
-
-
-class Jaw(IntEnum):
-    """What a triangle moves with."""
-
-    NONE = 0
-    UPPER = 1
-    """The skull."""
-    LOWER = 2
-    """The jaw."""
-
 
 TEETH = {Jaw.UPPER: "teeth_upper", Jaw.LOWER: "teeth_lower"}
 """Regions of a model with teeth."""

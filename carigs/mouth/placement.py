@@ -12,7 +12,7 @@ from carigs.head import HeadModel
 from carigs.mesh.carried_points import CarriedPoints, draw_points, nearest_triangles
 from carigs.mesh.rigid_alignment import rigid_alignment
 from carigs.mesh.triangle_mesh import barycenters
-from carigs.mouth.jaws import Jaw
+from carigs.mouth.jaw import Jaw
 from carigs.mouth.lip_line import LipLine
 from carigs.raster import compute_visibility
 from carigs.raster.open_mouth import between_lips

@@ -2,6 +2,7 @@
 
 The name of the folder has a digest of all that kernels are compiled from. After an edit of a function or constant that
 a kernel takes from another module (or a `git pull`), and with another version of Numba, kernels lie in another folder.
+An edit of settings, of a stage, or of anything else that no module with kernels imports leaves them where they are.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import shutil
 import sys
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
 from functools import cache
 from importlib.metadata import version
@@ -26,8 +27,10 @@ from carigs.errors import CarigsWarning
 from carigs.system.cache_folders import FOREIGN, OPEN, cache_folders, first_usable
 
 PACKAGE = Path(__file__).parents[1]
-KERNEL_MARKS = (b"numba", b"carigs.simd")
-"""Texts that the source of every kernel contains at least one of."""
+_COMPILES = re.compile(
+    rb"^\s*(?:from|import)\s+(?:numba\b|carigs\.simd\b(?!\.(?:threads|kernel_cache)\b))", re.MULTILINE
+)
+"""An import of what compiles functions: modules with kernels, or with functions that only kernels call, have one."""
 KEEP = 7 * 24 * 3600.0
 """Seconds after which the folder of other sources is removed; runs of those sources may still be active before."""
 _IMPORT = re.compile(
@@ -73,9 +76,31 @@ def _remove_others(folder: Path) -> None:
                 shutil.rmtree(other, ignore_errors=True)
 
 
+def is_covered(file: Path) -> bool:
+    """Whether an edit of a module of this package changes the folder.
+
+    Args:
+        file: Its path.
+
+    Returns:
+        Whether it is one of the modules of `sources_digest`.
+    """
+    return file in _covered()
+
+
+@cache
+def package_digest() -> str:
+    """Digest of all modules of this package: for kernels outside of it, which may take anything from it.
+
+    Returns:
+        Sixteen hexadecimal digits; those of the first call, as long as the process lives.
+    """
+    return _digest(_texts())
+
+
 @cache
 def sources_digest() -> str:
-    """Digest of the modules that hold kernels, all modules of this package that they import, and of the compiler.
+    """Digest of the modules that compile functions, all modules of this package that they import, and of the compiler.
 
     Bytes are compared, and imports are found by a regular expression, unlike in `carigs.runs.sources.fingerprint`: this
     function runs at every start, and parsing takes longer.
@@ -83,19 +108,32 @@ def sources_digest() -> str:
     Returns:
         Sixteen hexadecimal digits; those of the first call, as long as the process lives.
     """
+    return _digest(_covered())
+
+
+def _digest(texts: Mapping[Path, bytes]) -> str:
     compiler = (version("numba"), sys.implementation.cache_tag, os.environ.get("CARIGS_PLAIN_NUMBA", ""))
-    texts = {file: file.read_bytes() for file in PACKAGE.rglob("*.py")}
-    pending = [file for file, text in texts.items() if any(mark in text for mark in KERNEL_MARKS)]
-    needed: set[Path] = set()
+    digest = hashlib.sha256(repr(compiler).encode())
+    for file in sorted(texts):
+        digest.update(file.relative_to(PACKAGE).as_posix().encode() + b"\0" + texts[file] + b"\0")
+    return digest.hexdigest()[:16]
+
+
+def _texts() -> dict[Path, bytes]:
+    return {file: file.read_bytes() for file in PACKAGE.rglob("*.py")}
+
+
+@cache
+def _covered() -> dict[Path, bytes]:
+    texts = _texts()
+    pending = [file for file, text in texts.items() if _COMPILES.search(text)]
+    needed: dict[Path, bytes] = {}
     while pending:
         file = pending.pop()
         if file not in needed:
-            needed.add(file)
+            needed[file] = texts[file]
             pending += _imports(texts[file], texts)
-    digest = hashlib.sha256(repr(compiler).encode())
-    for file in sorted(needed):
-        digest.update(file.relative_to(PACKAGE).as_posix().encode() + b"\0" + texts[file] + b"\0")
-    return digest.hexdigest()[:16]
+    return needed
 
 
 def _imports(text: bytes, texts: dict[Path, bytes]) -> Iterator[Path]:

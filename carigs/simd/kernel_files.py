@@ -23,7 +23,7 @@ from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
 from carigs.errors import CarigsWarning
-from carigs.simd.kernel_cache import kernel_folder
+from carigs.simd.kernel_cache import PACKAGE, is_covered, kernel_folder, package_digest
 from carigs.system.files import writing
 
 SEAL_BYTES = sha256().digest_size
@@ -39,6 +39,9 @@ class KernelFiles:
             function: The kernel's Python function.
         """
         self._function = function
+        file = Path(inspect.getfile(function))
+        self._is_kept = is_covered(file) or not file.is_relative_to(PACKAGE)  # else no edit would be seen
+        self._around = "" if is_covered(file) else package_digest()  # now, when the sources are imported
         self.name = re.sub(r"[^\w.]", "", f"{function.__module__}.{function.__qualname__}")
 
     @property
@@ -96,9 +99,10 @@ class KernelFiles:
     def _file(self, signature: object, codegen: Codegen) -> Path | None:
         """The file of a signature: named after all that the machine code depends on, besides the folder's sources."""
         folder, source = kernel_folder(), _source_digest(inspect.getfile(self._function))
-        if folder is None or source is None or self._function.__closure__:  # of which no digest is known
-            return None
-        key = (str(signature), codegen.magic_tuple(), source, self._function.__code__.co_firstlineno)
+        if folder is None or source is None or not self._is_kept or self._function.__closure__:
+            return None  # no digest is known of all that it is compiled from
+        line = self._function.__code__.co_firstlineno
+        key = (str(signature), codegen.magic_tuple(), source, self._around, line)
         return folder / f"{self.name}.{sha256(repr(key).encode()).hexdigest()[:16]}.kernel"
 
 

@@ -12,13 +12,14 @@ from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
+import pytest
 import torch
 import trimesh
 from numba.core.registry import CPUDispatcher
 
 from carigs.capture import Camera
 from carigs.raster import compute_visibility
-from carigs.simd.kernel_cache import kernel_folder
+from carigs.simd.kernel_cache import kernel_folder, package_digest
 from carigs.splat.rasterizer.rasterize import OUTPUTS
 from carigs.splat.render import render
 from carigs.splat.rig.rig import build_rig, face_motion
@@ -108,13 +109,15 @@ def main(file):
     results, limits = {**rendered(), **seen_triangles()}, skinned_at_the_limits()
     finite = np.array([np.isfinite(value).all() for value in limits])
     linked = "carigs.simd.linked_kernels" in sys.modules
-    np.savez(file, registers=sorted(registers()), finite_at_limits=finite, linked=linked, **results)
+    known = {"registers": sorted(registers()), "finite_at_limits": finite, "linked": linked}
+    np.savez(file, **known, package=package_digest(), **results)
 
 
 def compiled_and_cached(name, **setting):
     """Results of a process that compiled all kernels with these environment variables, and of one that loads them.
 
-    Kernels and results are kept beside the others of the same sources: only the second process runs every time.
+    Kernels and results are kept beside the others of the same sources: only the second process runs every time. Other
+    modules may have been edited since the first one ran; `package` is their state.
     """
     version = sha256(Path(__file__).read_bytes()).hexdigest()[:8]
     folder = kernel_folder() / f"{name}-{version}"
@@ -128,6 +131,14 @@ def compiled_and_cached(name, **setting):
     if not (folder / "compiled.npz").is_file():
         run(folder / "part.npz").replace(folder / "compiled.npz")
     return np.load(folder / "compiled.npz"), np.load(run(folder / f"cached-{os.getpid()}.npz"))
+
+
+def check_bytes(compiled, cached):
+    """Kernels from the cache give the bytes that they gave when they were compiled."""
+    if compiled["package"] != cached["package"]:
+        pytest.skip("compiled before other modules were edited; they were compared then")
+    for name in set(compiled.files) - {"registers"}:  # those of kernels from the cache are not known
+        np.testing.assert_array_equal(cached[name], compiled[name], err_msg=name)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from jaxtyping import Float, Float64, UInt8
 
 from carigs.errors import InputError
 from carigs.mesh.triangle_mesh import barycenters, face_areas
-from carigs.mouth import Jaw
+from carigs.mouth.jaw import Jaw
 from carigs.readers.arrays import checked_array
 from carigs.splat.rig.rig import Rig
 from carigs.splat.rig.smooth_motion import nearest_rotations

@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from carigs.capture import Camera
+from carigs.capture.camera import Camera
 from carigs.simd.kernels import kernel, parallel_for
 from carigs.simd.vectors import scalar_or_simd
 from carigs.splat.surfels.surfels import Surfels
