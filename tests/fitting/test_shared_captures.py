@@ -17,10 +17,15 @@ from carigs.head import pose, pose_frames
 pytestmark = [pytest.mark.slow, needs_data]
 
 
+def timesteps_of(capture: Capture) -> list[int]:
+    """Every third one: all of them together make the fit more accurate, and the bounds easier to keep."""
+    return sorted(capture.parameter_files)[::3]
+
+
 def prepared(name: str, seed: int) -> tuple[Capture, np.ndarray, Observations]:
     """The capture, its true vertices, and its own landmarks in 16 views with noise of one pixel."""
     capture = read_dataset(DATA / name, DATA / "ict_model.npz")
-    timesteps, cameras = sorted(capture.parameter_files), sorted(capture.cameras)
+    timesteps, cameras = timesteps_of(capture), sorted(capture.cameras)
     truth = np.stack([pose(capture.model, capture.parameters(t)) for t in timesteps])
     projections = frame_projections(capture, timesteps, cameras)
     pixels, _ = project(truth[:, capture.model.landmarks68.corners[:, 0]], projections)
@@ -41,7 +46,7 @@ def test_face_errors_after_landmarks_and_after_refinement(name, seed):
     capture, truth, observations = prepared(name, seed)
     fit = fit_landmarks(capture.model, capture.model.landmarks68, observations)
     assert face_error(capture, fit, truth) <= 0.5
-    timesteps, cameras = sorted(capture.parameter_files), sorted(capture.cameras)
+    timesteps, cameras = timesteps_of(capture), sorted(capture.cameras)
     work = Refinement(capture, timesteps, cameras, capture.model, capture.model.landmarks68, observations)
     assert face_error(capture, work.refine(fit), truth) <= 0.3
 
@@ -50,7 +55,7 @@ def test_face_errors_after_landmarks_and_after_refinement(name, seed):
 def test_a_start_that_is_wrong_by_30_degrees_leads_to_the_same_fit(seed):
     capture, truth, observations = prepared("ict_s1", seed)
     random = np.random.default_rng(seed)
-    parameters = [capture.parameters(t) for t in sorted(capture.parameter_files)]
+    parameters = [capture.parameters(t) for t in timesteps_of(capture)]
     axes = random.normal(size=(len(parameters), 3))
     wrong = Rotation.from_rotvec(np.radians(30) * axes / np.linalg.norm(axes, axis=1, keepdims=True))
     rotations = (wrong * Rotation.from_rotvec([p.rotation for p in parameters])).as_rotvec()
