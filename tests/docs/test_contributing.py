@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from planted_faults import FAST, copy_checkout
-
-from carigs.simd.kernel_cache import kernel_folder
 
 pytestmark = [pytest.mark.docs, pytest.mark.slow]
 OF_VARIANTS = ("tests/config", "tests/test_documents.py", "-k", "variant or preset or reference or document")
@@ -45,13 +42,6 @@ class Checkout:
         done = subprocess.run(line, cwd=self.root, env=self.environment, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout
-
-    def keep_kernels(self) -> None:
-        """Use the compiled kernels of this checkout: what has been added changes none of them, only their folder."""
-        code = "from carigs.simd.kernel_cache import kernel_folder; print(kernel_folder())"
-        line, environment = [sys.executable, "-c", code], self.environment | {"NUMBA_CACHE_DIR": ""}
-        done = subprocess.run(line, cwd=self.root, env=environment, capture_output=True, text=True, check=True)
-        shutil.copytree(kernel_folder(), done.stdout.strip(), dirs_exist_ok=True)
 
     def write_reference(self) -> None:
         """Write the reference of the settings again."""
@@ -98,7 +88,6 @@ def test_the_nose_is_flagged():
     assert ((flags & MaskFlag.NOSE.value > 0) == model.face_region("nose")).all() and flags.any()
 ''')  # fmt: skip
     checkout.write_reference()
-    checkout.keep_kernels()
     checkout.check("tests/gtstar/test_mask_flags.py", *OF_VARIANTS[:-1], f"mask_flags or {OF_VARIANTS[-1]}")
 
 
@@ -234,7 +223,6 @@ def test_a_plain_head_moves_as_its_equations_say(tmp_path):
     np.testing.assert_array_equal(read.v_template, ball.v_template)
     np.testing.assert_array_equal(read.faces, ball.faces)
 ''', "utf-8")  # fmt: skip
-    checkout.keep_kernels()
     checkout.check("tests/head/test_plain_head.py", "tests/head/test_forward.py")
 
 
@@ -306,7 +294,6 @@ def frame_list(settings: FrameList, *, capture: Path, names: Path, threads: int 
         "carigs/planning/costs.py", '        case "hair":', '        case "frame_list":\n            work = 0.1\n'
     )
     checkout.write_reference()
-    checkout.keep_kernels()
     checkout.check("tests/config/test_composition.py", "tests/runs/test_plan.py", "tests/runs/test_sources.py")
     target = "results/toy/toy/frames.txt"
     small = "capture.toy.width=16 capture.toy.height=20 capture.toy.supersampling=1"
