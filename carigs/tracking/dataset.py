@@ -18,6 +18,7 @@ from carigs.capture.images import write_png
 from carigs.head import SurfacePoints, neutral, pose
 from carigs.matting import MattedFrame, composite
 from carigs.system.in_order import in_order
+from carigs.tracking.eyeballs import lids_before_eyeballs
 from carigs.tracking.footage_tracking import FootageTrack
 from carigs.tracking.held_out import blocks, held_out
 from carigs.tracking.neck_cut import NeckCut
@@ -106,6 +107,7 @@ def write_tracked_dataset(
             seen = np.where(np.isfinite(head.errors)[..., None], track.landmarks, np.nan)[:, :, edges]
             lids = np.isin(numbers[edges], LIDS)
             model, own = edge_expressions(model, own, head.cameras, landmarks[edges], lids, seen)
+            model, own = lids_before_eyeballs(model, own, head.cameras)
             head = replace(head, model=model, parameters=own)
         frames = tuple(
             Frame(t, c, "", split, f"{t:05d}_{c:02d}.png", f"{t:05d}_{c:02d}_matte.png", parameter_file(t), c)

@@ -119,6 +119,9 @@ def track_landmarks(
     cameras, sigma, count = cameras.moved(known.camera), known.sigma, len(known.offsets)
 
     # The person: offsets and corrections of expressions are smooth on the surface.
+    eyeballs = model.vertex_region("left_eyeball", "right_eyeball")
+    in_sockets = np.flatnonzero(eyeballs[embedding.corners].all(axis=1))  # irises, which lie where their eyeballs do
+    known.offsets[in_sockets] = embedding[in_sockets].interpolate(known.static_offset)
     person = points.with_offsets(known.offsets).of_person(known.shape, model.joint_regressor @ known.static_offset)
     field = SurfaceField(problem.vertices(known.shape), model.faces, embedding)
     blendshapes = person.expressions()
@@ -140,6 +143,7 @@ def track_landmarks(
             coefficients = frames[:, fitted.expression_slice]
             learned = learn_corrections(errors, coefficients, blendshapes[:n], corrections[:n])
             on_mesh = field.fit(learned.reshape(n, -1))
+            on_mesh[eyeballs] = 0  # these turn, and keep their form
             corrections[:n] = embedding.interpolate(on_mesh).reshape(learned.shape)
             own = person.with_expressions(corrections)
             sigma = landmark_sigma(np.linalg.norm(errors.error, axis=-1), errors.information > 0)

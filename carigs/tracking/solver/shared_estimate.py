@@ -14,6 +14,7 @@ from carigs.fitting.levenberg_marquardt import Bounds, minimise
 from carigs.head import HeadModel, HeadParameters, SurfacePoints
 from carigs.mesh.triangle_mesh import vertex_normals
 from carigs.tracking.cameras import Cameras
+from carigs.tracking.eyeballs import with_rigid_eyeballs
 from carigs.tracking.skin.between_views import SimultaneousViews, SkinPoints
 from carigs.tracking.solver.objective import LandmarkObjective, Shared
 from carigs.tracking.solver.priors import Motion, tracking_prior
@@ -111,7 +112,7 @@ class SharedProblem:
             frames, vector = self._minimised(objective, frames, vector, steps)
             sigma = landmark_sigma(objective.errors(frames, vector)[:, :, :n])
         shape, offsets, camera = self._shared(count).split(vector)
-        static_offset = self._own_shape(self.vertices(shape)).fit(offsets[:n])
+        static_offset = with_rigid_eyeballs(self.model, self._own_shape(self.vertices(shape)).fit(offsets[:n]))
         nothing = np.zeros((*self.tracks.pixels.shape[1:3], 2))
         found = SharedEstimate(frames, shape, offsets, static_offset, camera, sigma, nothing)
         for side in CHART_SIDES if views is not None else ():
@@ -146,6 +147,7 @@ class SharedProblem:
         vertices = self.vertices(shape)
         static_offset = self._own_shape(vertices).fit(offsets[:n])
         static_offset += self._along_normals(vertices, static_offset, skin, offsets[n:])
+        static_offset = with_rigid_eyeballs(self.model, static_offset)
         return SharedEstimate(frames, shape, offsets[:n], static_offset, camera, sigma, view_errors[:, :n])
 
     def _view_errors(
