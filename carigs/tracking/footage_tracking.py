@@ -32,8 +32,6 @@ DISTANCE, FACE_WIDTH = 1.0, 0.15
 """Metres from the camera that filmed such a part, or from one of several cameras on stands; and width of a face."""
 GUESSED, STATED = 0.15, 0.02
 """Standard deviations of the logarithm of a focal length that is guessed, or that metadata state."""
-IRIS_WEIGHT = 10.0
-"""Of the centre of an iris, against other landmarks: it alone says where the eye looks."""
 LEAST_VIEWS = 3
 """That show a face, of one moment."""
 
@@ -130,7 +128,7 @@ def track_footage(
     pixels[~faces] = np.nan
     presence = np.stack([r.faces.presence[kept] for r in used], axis=1).astype(np.float64) * faces
     seen_points = np.stack([in_image(pixels[:, c], r.footage) for c, r in enumerate(used)], axis=1)
-    confidence = presence[..., None] * seen_points * _iris_weights(numbers)
+    confidence = presence[..., None] * seen_points * _gaze_weights(numbers)
     tracks = Tracks(np.nan_to_num(pixels), confidence, used[0].footage.times[kept])
     given = focal_lengths or [None] * len(recordings)
     stated = [given[c] or r.footage.focal_length for c, r in zip(cameras, used, strict=True)]
@@ -157,17 +155,13 @@ def track_footage(
     return FootageTrack(kept, cameras, chosen.left_out, pixels, head, guesses)
 
 
-def _iris_weights(numbers: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+def _gaze_weights(numbers: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Weights by which the centre of an iris stands for its edge, too.
 
     Lids hide half of the edge, and on an eyeball of another size it moves otherwise than the centre when the eye turns.
     """
-    weights = np.ones(len(numbers))
-    for centre, *edge in (LEFT_IRIS, RIGHT_IRIS):
-        if centre in numbers:
-            weights[numbers == centre] = IRIS_WEIGHT
-            weights[np.isin(numbers, edge)] = 0
-    return weights
+    edges = [edge for centre, *edge in (LEFT_IRIS, RIGHT_IRIS) if centre in numbers]
+    return 1.0 - np.isin(numbers, edges)
 
 
 def _lenses(recordings: Sequence[Recording], stated: Sequence[float | None]) -> Int[np.ndarray, " c"]:

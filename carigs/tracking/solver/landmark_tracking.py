@@ -120,8 +120,9 @@ def track_landmarks(
 
     # The person: offsets and corrections of expressions are smooth on the surface.
     eyeballs = model.vertex_region("left_eyeball", "right_eyeball")
-    in_sockets = np.flatnonzero(eyeballs[embedding.corners].all(axis=1))  # irises, which lie where their eyeballs do
-    known.offsets[in_sockets] = embedding[in_sockets].interpolate(known.static_offset)
+    if len(cameras.focal) == 1:  # which does not tell an eyeball that lies elsewhere from one that looks elsewhere
+        irises = np.flatnonzero(eyeballs[embedding.corners].all(axis=1))
+        known.offsets[irises] = embedding[irises].interpolate(known.static_offset)
     person = points.with_offsets(known.offsets).of_person(known.shape, model.joint_regressor @ known.static_offset)
     field = SurfaceField(problem.vertices(known.shape), model.faces, embedding)
     blendshapes = person.expressions()
