@@ -42,6 +42,21 @@ def test_the_predicted_fall_is_that_of_the_quadratic_cost(damping):
     assert equations.predicted_fall(*step, damping) == pytest.approx(-(gradient @ x + x @ dense @ x / 2))
 
 
+@pytest.mark.parametrize("damping", [0.0, 0.5])
+def test_parameters_that_are_held_do_not_move_and_do_not_pull(damping):
+    """The others step as in the dense system without rows and columns of those that are held."""
+    equations, dense, gradient = random_equations(5, 3, 2)
+    held = np.random.default_rng(1).random((5, 3)) < 0.4
+    assert (held[1:] != held[:-1]).any() and (held[1:] & held[:-1]).any()
+    equations.hold(held)
+    frames, shape = equations.solve(damping)
+    free = np.flatnonzero(~np.concatenate([held.ravel(), [False, False]]))
+    matrix = dense[np.ix_(free, free)]
+    expected = np.zeros(len(gradient))
+    expected[free] = -np.linalg.solve(matrix + damping * np.diag(np.diag(matrix)), gradient[free])
+    np.testing.assert_allclose(np.concatenate([frames.ravel(), shape]), expected, rtol=1e-9, atol=1e-10)
+
+
 def test_a_matrix_that_is_not_positive_definite_is_an_error():
     equations, *_ = random_equations(3, 4, 2)
     equations.frames[1] *= -1

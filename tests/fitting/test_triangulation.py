@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small_head import ring_of_cameras
 
-from carigs.fitting.triangulation import project, projection_matrices, triangulate
+from carigs.fitting.triangulation import LEAST_POINTS, project, projection_matrices, triangulate, well_seen_timesteps
 
 CAMERAS = ring_of_cameras(6)
 
@@ -60,6 +60,17 @@ def test_one_view_or_parallel_rays_give_no_point():
     assert np.isfinite(np.delete(found, 3, axis=1)).all()
     twice, _ = triangulate(*observe(points(), [CAMERAS[0], CAMERAS[0]]))
     assert np.isnan(twice).all()
+
+
+def test_a_timestep_is_well_seen_from_two_cameras_that_see_enough_points_both():
+    """Not where each point is seen by one camera alone, and not where one point too few is seen by both."""
+    confidence = np.zeros((4, 3, 2 * LEAST_POINTS))
+    confidence[0, :2, :LEAST_POINTS] = 0.5
+    confidence[1, 0, :LEAST_POINTS] = confidence[1, 1, LEAST_POINTS:] = 1
+    confidence[2, 1:, 1:LEAST_POINTS] = 1
+    confidence[3] = 1
+    assert well_seen_timesteps(confidence).tolist() == [0, 3]
+    assert well_seen_timesteps(confidence, 1).tolist() in ([0], [3])
 
 
 def test_a_world_far_from_its_origin_is_no_worse():
