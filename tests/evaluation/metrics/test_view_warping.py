@@ -6,7 +6,7 @@ from miniature import ball_model, sheet
 
 from carigs.capture import Camera, look_at
 from carigs.raster import compute_visibility
-from evaluation.metrics.view_warping import correspondence, nearest_views, well_seen
+from evaluation.metrics.view_warping import DEPTH_TOLERANCE, correspondence, nearest_views, well_seen
 
 SIZE = 160
 
@@ -90,6 +90,16 @@ def test_hidden_points_are_not_compared():
     )
     through = eye + (points - eye) * ((0.05 - eye[2]) / np.minimum(points[:, 2] - eye[2], -1e-9))[:, None]
     assert ((points[:, 2] < 0.025) & (np.abs(through[:, :2]) < 0.025).all(axis=1)).any()
+
+
+@pytest.mark.parametrize("distance", [0.3, 1.0, 5.0])
+@pytest.mark.parametrize(("gap", "same"), [(0.9 * DEPTH_TOLERANCE, True), (1.1 * DEPTH_TOLERANCE, False)])
+def test_the_tolerance_of_depth_is_a_length_from_near_and_from_afar(distance, gap, same):
+    """Two cameras at one place: the second one sees the same sheet a little nearer."""
+    vertices, faces = sheet(width=1, height=1)
+    camera = camera_at(0.0, z=distance)
+    views = [compute_visibility(vertices + np.array([0, 0, z]), faces, camera) for z in (0, gap)]
+    assert correspondence(*views).seen[SIZE // 2, SIZE // 2] == same
 
 
 @pytest.mark.parametrize(("degrees", "expected"), [(0, True), (60, True), (65, True), (75, False), (85, False)])
