@@ -149,6 +149,7 @@ def test_teeth_move_with_skull_and_jaw_and_not_with_expressions():
     assert model.with_teeth() is model
     upper, lower = model.regions["teeth_upper"], model.regions["teeth_lower"]
     np.testing.assert_array_equal(np.sort([*upper, *lower]), model.regions["teeth"])
+    assert model.v_template[upper, 1].min() > model.v_template[lower, 1].max()
     still = pose(model, HeadParameters())
     smiling = pose(model, HeadParameters(expression=np.eye(100)[0]))
     np.testing.assert_allclose(smiling[FLAME_COUNTS[0] :], still[FLAME_COUNTS[0] :], atol=1e-9)
