@@ -44,6 +44,19 @@ def turned(content: bytes, quarter_turns: int) -> bytes:
     return content[:start] + struct.pack(">5i", a << 16, b << 16, 0, -b << 16, a << 16) + content[start + 20 :]
 
 
+def with_long_times(content: bytes) -> bytes:
+    """The same MP4 with times of 64 bits in the header of its track. The index must follow the pictures."""
+    start = content.index(b"tkhd") + 4
+    made, changed, number, _, duration = struct.unpack(">5I", content[start + 4 : start + 24])
+    header = b"\1" + content[start + 1 : start + 4] + struct.pack(">QQIIQ", made, changed, number, 0, duration)
+    longer = bytearray(content[:start] + header + content[start + 24 :])
+    for name in (b"moov", b"trak", b"tkhd"):
+        place = content.index(name, content.index(b"moov")) - 4
+        size = int.from_bytes(content[place : place + 4], "big")
+        longer[place : place + 4] = struct.pack(">I", size + len(longer) - len(content))
+    return bytes(longer)
+
+
 def with_colours(content: bytes, primaries: int, transfer: int, matrix: int) -> bytes:
     """The same MP4 with a box `colr` in its sample entry (ITU-T H.273). The index must follow the pictures."""
     colours = b"colrnclx" + struct.pack(">HHHB", primaries, transfer, matrix, 0)

@@ -6,7 +6,7 @@ import struct
 import cv2
 import numpy as np
 import pytest
-from clips import index_first, quadrants, turned, with_colours, write_video
+from clips import index_first, quadrants, turned, with_colours, with_long_times, write_video
 from PIL import Image
 
 import carigs.footage.video as video
@@ -47,6 +47,8 @@ def test_a_phone_that_was_turned_gives_upright_frames(tmp_path, clip, turns):
     file.write_bytes(turned(clip.read_bytes(), turns))
     stored, upright = next(iter(read_footage(clip))).image, next(iter(read_footage(file))).image
     assert (upright == np.rot90(stored, -turns)).all()
+    file.write_bytes(with_long_times(turned(clip.read_bytes(), turns)))
+    assert (next(iter(read_footage(file))).image == upright).all()
 
 
 def test_a_selection_takes_the_frames_that_it_names(clip):
