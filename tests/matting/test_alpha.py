@@ -7,7 +7,7 @@ import pytest
 from carigs.errors import CarigsError
 from carigs.footage import TimedFrame
 from carigs.matting import composite, matted_frames
-from carigs.matting.background import NOISE, UNKNOWN, clean_plate, plain_background
+from carigs.matting.background import FEWEST_SEEN, NOISE, UNKNOWN, clean_plate, plain_background
 from carigs.matting.closed_form import closed_form_alpha
 from carigs.matting.difference import difference_prior
 from carigs.matting.foreground import foreground_colours
@@ -145,6 +145,14 @@ def test_the_clean_plate_is_what_was_behind_the_head():
     assert 0.85 < known.mean() < 1
     assert np.abs(plate.colour - wall(busy=True))[known].max() < 0.02
     assert (plate.deviation[np.min(alphas, axis=0) > 0.5] == UNKNOWN).all()  # the head never leaves it
+
+
+def test_a_colour_that_too_few_frames_show_is_not_trusted():
+    """Two colours of one pixel say nothing of how far the third one is off."""
+    image = np.full((1, FEWEST_SEEN + 1, 3), 128, np.uint8)
+    frames = [(image, np.arange(FEWEST_SEEN + 1)[None] > number) for number in range(FEWEST_SEEN)]
+    deviation = clean_plate(frames).deviation[0]
+    assert (deviation[:FEWEST_SEEN] == UNKNOWN).all() and deviation[FEWEST_SEEN] == pytest.approx(NOISE)
 
 
 def test_a_background_that_moves_is_not_trusted():
