@@ -79,10 +79,7 @@ def _prepared(target):
 
     A check depends on nothing but types and shapes, and takes longer than most functions.
     """
-    try:
-        hints = {name: hint for name, hint in _resolved(target).items() if _is_array(hint)}
-    except TypeError:  # a hint that Python cannot evaluate, such as `Lock | RLock` of functions
-        return with_shapes(target)
+    hints = {name: hint for name, hint in _resolved(target).items() if _is_array(hint)}
     if not hints:
         return target
     checked, signature = with_shapes(target), inspect.signature(target)

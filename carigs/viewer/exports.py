@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import threading
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -146,7 +147,7 @@ def write_export(
     folder: ExportFolder,
     scene: HeadScene,
     export: Export,
-    lock: threading.Lock | threading.RLock,
+    lock: AbstractContextManager,
     on_image: Callable[[int], None] = lambda count: None,
 ) -> Path:
     """Write a file.
@@ -178,7 +179,7 @@ def write_export(
 
 
 def _one_at_a_time(
-    images: Iterable[Float32[np.ndarray, "h w 3"]], lock: threading.Lock | threading.RLock, on_image: Callable
+    images: Iterable[Float32[np.ndarray, "h w 3"]], lock: AbstractContextManager, on_image: Callable
 ) -> Iterator[Float32[np.ndarray, "h w 3"]]:
     images, count = iter(images), 0
     while True:
