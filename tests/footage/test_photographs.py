@@ -13,7 +13,7 @@ def photograph(file, image, orientation=1, focal_length=None):
     exif = Image.Exif()
     exif[0x0112] = orientation
     if focal_length:
-        exif.get_ifd(0x8769)[0xA405] = focal_length
+        exif[0x8769] = {0xA405: focal_length}
     Image.fromarray(image).save(file, exif=exif, quality=100, subsampling=0)
 
 
