@@ -11,7 +11,7 @@ OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 """From OpenGL camera axes (x right, y up, z backward) to OpenCV's (x right, y down, z forward); its own inverse."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Camera:
     """A pinhole camera; pixel centres lie at +0.5, lengths are in metres and pixels."""
 
@@ -23,6 +23,13 @@ class Camera:
     cy: float
     width: int
     height: int
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Camera):
+            return NotImplemented
+        # A generated comparison takes the truth value of an array, which is an error.
+        numbers = ((*camera.intrinsics, camera.width, camera.height) for camera in (self, other))
+        return next(numbers) == next(numbers) and np.array_equal(self.camera_from_world, other.camera_from_world)
 
     @property
     def intrinsics(self) -> tuple[float, float, float, float]:

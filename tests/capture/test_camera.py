@@ -1,6 +1,9 @@
 """Cameras: axes, projection, round trips."""
 
+from dataclasses import fields, replace
+
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -32,3 +35,11 @@ def test_scaling_scales_pixels():
     camera = Camera(look_at(np.array([0.2, 0.1, 2]), np.zeros(3)), 100, 90, 31, 25, 64, 48)
     points = np.random.default_rng(0).normal(size=(20, 3)) * 0.3
     np.testing.assert_allclose(camera.scaled(3).project(points)[0], 3 * camera.project(points)[0])
+
+
+@pytest.mark.parametrize("changed", [field.name for field in fields(Camera)])
+def test_cameras_are_equal_if_all_their_numbers_are(changed):
+    camera = Camera(look_at(np.array([0.2, 0.1, 2]), np.zeros(3)), 100, 90, 31, 25, 64, 48)
+    assert camera == replace(camera, camera_from_world=camera.camera_from_world.copy())
+    assert camera != replace(camera, **{changed: getattr(camera, changed) + 1})
+    assert camera != camera.intrinsics
