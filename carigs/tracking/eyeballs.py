@@ -17,10 +17,9 @@ from scipy.spatial import cKDTree
 
 from carigs.head import HeadModel, HeadParameters
 from carigs.head.facial_regions import lid_faces
-from carigs.head.joint_transforms import joint_transforms, rotation_matrices
 from carigs.head.posing import pose_frames
 from carigs.tracking.cameras import Cameras
-from carigs.tracking.own_blendshapes import with_own_blendshapes
+from carigs.tracking.own_blendshapes import principal_shapes, skinning_turns, with_own_blendshapes
 
 MARGIN = 0.0003
 """Metres by which lids lie at least in front of the eyeball."""
@@ -105,34 +104,23 @@ def lids_before_eyeballs(
     if not found:
         return model, list(parameters)
     posed = pose_frames(model, parameters)
-    spreads = [_spreading(model, eye) for eye in found]
-    moved = np.concatenate(
-        [_displacements(model, eye, posed, cameras, spread) for eye, spread in zip(found, spreads, strict=True)], axis=1
-    )
+    moved = np.concatenate([_displacements(model, eye, posed, cameras) for eye in found], axis=1)
     vertices = np.concatenate([eye.lids for eye in found])
-    vectors = np.stack([np.vstack([p.rotation, p.joints]) for p in parameters])
-    chain = joint_transforms(rotation_matrices(vectors), np.zeros_like(vectors), model.parents)[..., :3]
-    turned = np.einsum("nj,tjxy->tnxy", model.weights[vertices], chain)  # world from rest
-    at_rest = np.einsum("tnxy,tnx->tny", turned, moved)
-    left, size, right = np.linalg.svd(at_rest.reshape(len(at_rest), -1), full_matrices=False)
-    scale = np.sqrt(len(at_rest))
-    count = min(MODES, int((size > NEGLIGIBLE * scale).sum()))
-    if not count:
+    turned = skinning_turns(model, parameters, model.weights[vertices])
+    components, coefficients = principal_shapes(np.einsum("tnxy,tnx->tny", turned, moved), MODES)
+    used = np.linalg.norm(components, axis=(0, 1)) > NEGLIGIBLE
+    if not used.any():
         return model, list(parameters)
-    shapes = np.zeros((*model.v_template.shape, count))
-    shapes[vertices] = np.moveaxis((right[:count] * (size[:count] / scale)[:, None]).reshape(count, -1, 3), 0, 2)
-    return with_own_blendshapes(model, parameters, shapes, left[:, :count] * scale)
+    shapes = np.zeros((*model.v_template.shape, used.sum()))
+    shapes[vertices] = components[..., used]
+    return with_own_blendshapes(model, parameters, shapes, coefficients[:, used])
 
 
 def _displacements(
-    model: HeadModel,
-    eye: Eye,
-    posed: Float[np.ndarray, "t v 3"],
-    cameras: Cameras,
-    spread: csr_array,
+    model: HeadModel, eye: Eye, posed: Float[np.ndarray, "t v 3"], cameras: Cameras
 ) -> Float[np.ndarray, "t n 3"]:
     """Displacements of the lids of an eye towards the cameras, in world axes."""
-    outside = _outside(model, eye)
+    outside, spread = _outside(model, eye), _spreading(model, eye)
     world = cameras.camera_from_world()
     centres = -np.einsum("cji,cj->ci", world[..., :3], world[..., 3])
     moved = np.zeros((len(posed), len(eye.lids), 3))

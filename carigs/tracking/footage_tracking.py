@@ -156,7 +156,7 @@ def track_footage(
 
 
 def _gaze_weights(numbers: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Weights by which the centre of an iris stands for its edge, too.
+    """Weights of landmarks: 0 for the edge of an iris whose centre is known, 1 for the others.
 
     Lids hide half of the edge, and on an eyeball of another size it moves otherwise than the centre when the eye turns.
     """

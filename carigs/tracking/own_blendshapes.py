@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.head import HeadModel, HeadParameters
+from carigs.head.joint_transforms import joint_transforms, rotation_matrices
 
 
 def with_own_blendshapes(
@@ -39,3 +40,39 @@ def with_own_blendshapes(
         replace(frame, expression=np.concatenate([frame.expression[:place], own, frame.expression[place:]]))
         for frame, own in zip(parameters, coefficients, strict=True)
     ]
+
+
+def principal_shapes(
+    moved: Float[np.ndarray, "t n 3"], count: int
+) -> tuple[Float[np.ndarray, "n 3 k"], Float[np.ndarray, "t k"]]:
+    """Find the principal components of displacements, about no displacement.
+
+    Args:
+        moved: Displacements of points at each timestep, in metres.
+        count: Most components.
+
+    Returns:
+        Displacements of each component in metres, and its coefficient at each timestep, with a root mean square of 1.
+    """
+    left, size, right = np.linalg.svd(moved.reshape(len(moved), -1), full_matrices=False)
+    scale = np.sqrt(len(moved))
+    shapes = (right[:count] * (size[:count] / scale)[:, None]).reshape(-1, *moved.shape[1:])
+    return np.moveaxis(shapes, 0, 2), left[:, :count] * scale
+
+
+def skinning_turns(
+    model: HeadModel, parameters: Sequence[HeadParameters], weights: Float[np.ndarray, "n j"]
+) -> Float[np.ndarray, "t n 3 3"]:
+    """Compute how the joints turn displacements on the neutral head: the linear part of linear blend skinning.
+
+    Args:
+        model: The head model.
+        parameters: Those of each timestep.
+        weights: Skinning weights of points.
+
+    Returns:
+        Matrices from displacements at rest to those in the world.
+    """
+    vectors = np.stack([np.vstack([frame.rotation, frame.joints]) for frame in parameters])
+    chain = joint_transforms(rotation_matrices(vectors), np.zeros_like(vectors), model.parents)[..., :3]
+    return np.einsum("nj,tjxy->tnxy", weights, chain)

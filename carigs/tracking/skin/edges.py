@@ -16,10 +16,9 @@ from jaxtyping import Bool, Float
 
 from carigs.detection.mesh_indices import LEFT_EYE, LIPS_INNER, LIPS_OUTER, RIGHT_EYE
 from carigs.head import HeadModel, HeadParameters, SurfacePoints, neutral
-from carigs.head.joint_transforms import joint_transforms, rotation_matrices
 from carigs.head.posing import pose_frames
 from carigs.tracking.cameras import Cameras
-from carigs.tracking.own_blendshapes import with_own_blendshapes
+from carigs.tracking.own_blendshapes import principal_shapes, skinning_turns, with_own_blendshapes
 from carigs.tracking.surface_fields import SurfaceField
 
 LIDS = (*LEFT_EYE, *RIGHT_EYE)
@@ -61,12 +60,10 @@ def edge_expressions(
         return model, list(parameters)
     moved = _displacements(model, parameters, cameras, edges, pixels)
     moved[:, ~lids] = np.median(moved[:, ~lids], axis=0)
-    left, size, right = np.linalg.svd(moved.reshape(len(moved), -1), full_matrices=False)
-    scale = np.sqrt(len(moved))
-    shapes = np.moveaxis((right[:count] * (size[:count] / scale)[:, None]).reshape(count, -1, 3), 0, 2)
+    shapes, coefficients = principal_shapes(moved, count)
     field = SurfaceField(neutral(model, parameters[0]), model.faces, edges, width=WIDTH)
     on_mesh = field.fit(shapes.reshape(len(edges), -1)).reshape(-1, 3, count)
-    return with_own_blendshapes(model, parameters, on_mesh, left[:, :count] * scale)
+    return with_own_blendshapes(model, parameters, on_mesh, coefficients)
 
 
 def _displacements(
@@ -82,9 +79,7 @@ def _displacements(
     projected, _, by_point, _ = cameras.linearise(positions)
     off = pixels - projected
     known = np.isfinite(off).all(axis=-1)
-    vectors = np.stack([np.vstack([p.rotation, p.joints]) for p in parameters])
-    chain = joint_transforms(rotation_matrices(vectors), np.zeros_like(vectors), model.parents)[..., :3]
-    turned = np.einsum("nj,tjxy->tnxy", edges.interpolate(model.weights), chain)
+    turned = skinning_turns(model, parameters, edges.interpolate(model.weights))
     by_rest = by_point @ turned[:, None]
     rows = np.where(known[..., None, None], by_rest, 0).swapaxes(1, 2)  # (t, n, c, 2, 3)
     t, n = rows.shape[:2]

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from carigs.head import HeadModel, HeadParameters
-from carigs.tracking.own_blendshapes import with_own_blendshapes
+from carigs.tracking.own_blendshapes import principal_shapes, with_own_blendshapes
 from carigs.tracking.skin.face_chart import FaceChart, UnwrappedFrame
 from carigs.tracking.skin.groupwise_flow import flows_to_mean
 
@@ -47,11 +47,9 @@ def own_expressions(
     if not count:
         return model, list(parameters)
     moved = _displacements(chart, skin, np.asarray(timesteps), len(parameters))
-    left, size, right = np.linalg.svd(moved.reshape(len(moved), -1), full_matrices=False)
-    scale = np.sqrt(len(moved))
-    coefficients = left[:, :count] * scale
-    shapes = np.zeros((*model.v_template.shape, count), np.float32)
-    shapes[chart.vertices] = np.moveaxis((right[:count] * (size[:count] / scale)[:, None]).reshape(count, -1, 3), 0, 2)
+    components, coefficients = principal_shapes(moved, count)
+    shapes = np.zeros((*model.v_template.shape, components.shape[2]), np.float32)
+    shapes[chart.vertices] = components
     return with_own_blendshapes(model, parameters, shapes, coefficients)
 
 

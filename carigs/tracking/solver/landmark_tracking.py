@@ -120,10 +120,11 @@ def track_landmarks(
 
     # The person: offsets and corrections of expressions are smooth on the surface.
     eyeballs = model.vertex_region("left_eyeball", "right_eyeball")
+    offsets = known.offsets.copy()
     if len(cameras.focal) == 1:  # which does not tell an eyeball that lies elsewhere from one that looks elsewhere
         irises = np.flatnonzero(eyeballs[embedding.corners].all(axis=1))
-        known.offsets[irises] = embedding[irises].interpolate(known.static_offset)
-    person = points.with_offsets(known.offsets).of_person(known.shape, model.joint_regressor @ known.static_offset)
+        offsets[irises] = embedding[irises].interpolate(known.static_offset)
+    person = points.with_offsets(offsets).of_person(known.shape, model.joint_regressor @ known.static_offset)
     field = SurfaceField(problem.vertices(known.shape), model.faces, embedding)
     blendshapes = person.expressions()
     frames = _between(len(frames), chosen, known.frames)

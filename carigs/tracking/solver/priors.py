@@ -13,8 +13,7 @@ from carigs.head import HeadModel
 from carigs.tracking.solver.objective import Shared
 
 JOINTS = {"neck": 0.4, "jaw": 0.15, "left_eye": 1.0, "right_eye": 1.0}
-"""Standard deviations of joints' rotations in radians. Few landmarks show how eyes turn: a narrower prior than this
-holds them back by a third of a pixel."""
+"""Standard deviations of joints' rotations in radians. One landmark shows how an eye turns, so its prior is wide."""
 OTHER_JOINTS = 0.3
 SACCADE = 1.0
 """Standard deviation of the change of an eye's rotation, in radians from a frame to the next one: gaze jumps."""
