@@ -107,8 +107,9 @@ def write_tracked_dataset(
             seen = np.where(np.isfinite(head.errors)[..., None], track.landmarks, np.nan)[:, :, edges]
             lids = np.isin(numbers[edges], LIDS)
             model, own = edge_expressions(model, own, head.cameras, landmarks[edges], lids, seen)
-            model, own = lids_before_eyeballs(model, own, head.cameras)
             head = replace(head, model=model, parameters=own)
+        model, own = lids_before_eyeballs(model, head.parameters, head.cameras)
+        head = replace(head, model=model, parameters=own)
         frames = tuple(
             Frame(t, c, "", split, f"{t:05d}_{c:02d}.png", f"{t:05d}_{c:02d}_matte.png", parameter_file(t), c)
             for t, row in enumerate(names)
