@@ -45,8 +45,8 @@ class Reader:
         self.data, self.state, self.names = folder / "captures", folder / "state", {}
         self.made = made or folder / "made"
         home = folder / "home"
-        for made in (self.data, self.state, home):
-            made.mkdir()
+        for new in (self.data, self.state, home):
+            new.mkdir()
         write_captures(self.data)
         write_mesh_with_regions(home)
         (self.state / "folder").write_text(str(home))
@@ -173,13 +173,13 @@ def test_every_substitution_is_used():
 
 def test_a_substituted_command_keeps_what_was_typed():
     typed = "carigs run study=own capture.folder=/data/anna train.iterations=2000"
-    run = substituted(typed, "docs/tutorials/own-capture.md", "/tmp/x")
-    assert "capture.folder=/tmp/x/anna" in run and "study=own" in run
+    run = substituted(typed, "docs/tutorials/own-capture.md", "captures")
+    assert "capture.folder=captures/anna" in run and "study=own" in run
     assert (
         run.count("train.iterations=") == run.count("train.iterations=20 ") + run.endswith("train.iterations=20") == 1
     )
-    assert "train.iterations=20,30" in substituted("carigs sweep train.iterations=500,1500", "README.md", "/tmp/x")
-    assert "--dry-run" in substituted(typed, "README.md", "/tmp/x")
+    assert "train.iterations=20,30" in substituted("carigs sweep train.iterations=500,1500", "README.md", "captures")
+    assert "--dry-run" in substituted(typed, "README.md", "captures")
 
 
 DOCUMENT = """
