@@ -1,4 +1,4 @@
-"""Errors that a user can cause. Every message says what is wrong, where, and what to do about it."""
+"""Errors that a user can cause, and their lines. Every one says what is wrong, where, and what to do about it."""
 
 from __future__ import annotations
 
@@ -162,5 +162,17 @@ def report(error: BaseException) -> int:
         raise error
     if isinstance(error, BrokenPipeError):  # the flush at the end of Python would fail, too, and be reported
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    print(f"carigs: {line}", file=sys.stderr)
+    print_line(line)
     return exit_code(error)
+
+
+def print_line(line: str) -> None:
+    """Print "carigs: " and a line on stderr, in one write: lines of processes that print at once do not mix.
+
+    Where stderr is not buffered (`PYTHONUNBUFFERED`), `print` writes the line break apart from the text.
+
+    Args:
+        line: The line without its break.
+    """
+    sys.stderr.write(f"carigs: {line}\n")
+    sys.stderr.flush()

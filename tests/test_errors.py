@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import subprocess
 import sys
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 from carigs.cli.main import main
-from carigs.errors import InputError, one_line
+from carigs.errors import InputError, one_line, print_line
 
 
 def full_disk():
@@ -88,3 +89,21 @@ def test_a_full_disk_ends_the_command_in_one_line(words):
     with open("/dev/full", "w") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
     assert done.stderr == "carigs: No space left on device\n" and done.returncode == 1
+
+
+def test_a_line_is_one_write_where_stderr_is_not_buffered(monkeypatch):
+    class Written(io.RawIOBase):
+        def __init__(self):
+            self.writes = []
+
+        def writable(self):
+            return True
+
+        def write(self, text):
+            self.writes.append(bytes(text))
+            return len(text)
+
+    written = Written()
+    monkeypatch.setattr(sys, "stderr", io.TextIOWrapper(written, write_through=True))
+    print_line("compiling kernels")
+    assert written.writes == [b"carigs: compiling kernels\n"]

@@ -10,7 +10,7 @@ import sys
 from importlib import import_module
 from importlib.metadata import version
 
-from carigs.errors import report
+from carigs.errors import print_line, report
 from carigs.runs.summary import warnings_as_lines
 from carigs.system.cache_folders import find_cache_of_matplotlib
 from carigs.system.extras import naming_extras
@@ -64,7 +64,7 @@ def _run(command: str, arguments: list[str]) -> int:
         print(_help())
     else:
         print(_help(), file=sys.stderr)
-        print(f"carigs: unknown command {command}" if command else "carigs: no command", file=sys.stderr)
+        print_line(f"unknown command {command}" if command else "no command")
         return 2
     return 0
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from carigs.cli.parser import study_parser
 from carigs.config import compose, compose_study, project_root, snakemake_config
+from carigs.errors import print_line
 from carigs.runs.job_record import unfinished_jobs
 from carigs.runs.snakemake_process import check_working_folder, snakemake_environment
 from carigs.runs.summary import error_lines
@@ -130,7 +131,7 @@ def make_studies(
         return True, []
     logs = [log for study in studies for log in unfinished_jobs(Path("results", study, "log"), started)]
     for line in error_lines(logs[:MAX_ERRORS]):
-        print(f"carigs: {line}", file=sys.stderr)
+        print_line(line)
     return False, logs
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterable
 from pathlib import Path
 
 from carigs.cli.run import check_subjects, make_studies, parse_run, run_parser
 from carigs.config import compose, read_sweep, rendered_levels, split_sweep
 from carigs.config.sweep import Combination, SweepGrid
-from carigs.errors import SettingsError
+from carigs.errors import SettingsError, print_line
 
 DESCRIPTION = """Make a study at every combination of values, side by side, and a table and a figure of all of them.
 
@@ -48,7 +47,7 @@ def main(arguments: list[str]) -> int:
     studies = dict.fromkeys([*(combination.study for combination in sweep.combinations), sweep.study])
     succeeded, logs = make_studies(overrides, swept, studies, options)
     if failed := [combination for combination in sweep.combinations if _concerns(combination, logs)]:
-        print(f"carigs: failed: {_names(sweep, failed)}; the others are kept for the next run", file=sys.stderr)
+        print_line(f"failed: {_names(sweep, failed)}; the others are kept for the next run")
     return 0 if succeeded else 1
 
 

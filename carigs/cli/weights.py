@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 
 from carigs.cli.parser import command_parser
-from carigs.errors import InputError
+from carigs.errors import InputError, print_line
 from carigs.weights.registry import Weights, registry
 from carigs.weights.search import find_weights, locate_weights, verify
 
@@ -74,7 +73,7 @@ def _verify(chosen: Sequence[Weights], folder: str | None) -> int:
             try:
                 compared = verify(weights, file, path)
             except InputError as error:
-                print(f"carigs: {error}", file=sys.stderr)
+                print_line(str(error))
                 wrong = True
             else:
                 verdict = f"{compared} agrees" if compared else "there, not compared: no checksum is known"

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import sys
 import time
 from collections import Counter
 from collections.abc import Collection, Iterator
@@ -22,7 +21,7 @@ from snakemake.dag import DAG
 from snakemake.jobs import Job
 from snakemake_interface_storage_plugins.io import Mtime
 
-from carigs.errors import CarigsError, one_line
+from carigs.errors import CarigsError, one_line, print_line
 from carigs.runs.contents import content_digest, text_digest
 from carigs.runs.current_results import outdated_jobs
 from carigs.runs.locks import lock_study, remove_free_locks
@@ -71,7 +70,7 @@ class StudyGraph(DAG):
         self._ignore_modification_times([*settings, *current], runs)
         self._ignore_notes_of_snakemake({*settings, *stages})
         for line in _lines(outdated):
-            print(f"carigs: {line}", file=sys.stderr)
+            print_line(line)
 
     async def update_needrun(self, create_inventory: bool = False) -> None:
         """Find the jobs to run. Where there are records, nobody is told that notes of Snakemake are missing.
@@ -141,7 +140,7 @@ def _ends_in_a_line() -> Iterator[None]:
     try:
         yield
     except (CarigsError, OSError) as error:
-        print(f"carigs: {one_line(error)}", file=sys.stderr)
+        print_line(str(one_line(error)))
         raise SystemExit(1) from None
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from carigs.errors import CarigsError, CarigsWarning
+from carigs.errors import CarigsError, CarigsWarning, print_line
 from carigs.runs.locks import job_lock
 
 ERROR_PREFIX = "carigs: "
@@ -26,13 +25,13 @@ def warnings_as_lines() -> Iterator[None]:
         warnings.simplefilter("always", CarigsWarning)
         show = warnings.showwarning
 
-        def print_line(message: Warning | str, category: type[Warning], *place: object, **more: object) -> None:
+        def show_message(message: Warning | str, category: type[Warning], *place: object, **more: object) -> None:
             if issubclass(category, CarigsWarning):
-                print(f"{PREFIX}{CarigsError(str(message))}", file=sys.stderr, flush=True)
+                print_line(f"warning: {CarigsError(str(message))}")
             else:
                 show(message, category, *place, **more)
 
-        warnings.showwarning = print_line
+        warnings.showwarning = show_message
         yield
 
 

@@ -23,7 +23,7 @@ from pathlib import Path
 
 from filelock import FileLock
 
-from carigs.errors import CarigsWarning
+from carigs.errors import CarigsWarning, print_line
 from carigs.system.cache_folders import FOREIGN, OPEN, cache_folders, first_usable
 
 PACKAGE = Path(__file__).parents[1]
@@ -180,4 +180,4 @@ def announce_compilation() -> None:
     """Print one line to stderr if the rasteriser's kernels are not cached: the first step will seem to hang."""
     if not kernels_are_compiled():
         where = f" into {kernel_folder()} (once, 15 to 60 seconds)" if kernel_folder() else " (15 to 60 seconds)"
-        print(f"carigs: compiling kernels{where}", file=sys.stderr)
+        print_line(f"compiling kernels{where}")

@@ -25,6 +25,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
+from carigs.errors import print_line
 from carigs.system.run_process import end_with_run_process, name_run_process, run_process_is_alive
 
 FORK_SERVER = "CARIGS_FORK_SERVER"
@@ -128,7 +129,7 @@ def _end_by_signal(number: int) -> str:
 
 def _report_end(line: str, log: str | None) -> None:
     """Say how a job has ended that cannot say it itself, at the end of its log, too."""
-    print(f"carigs: {line}", file=sys.stderr)
+    print_line(line)
     if log is not None:
         with suppress(OSError), open(log, "a", encoding="utf-8") as file:
             print(f"\ncarigs: {line}", file=file)

@@ -30,7 +30,7 @@ from carigs.config import (
     target_levels,
     target_maker,
 )
-from carigs.errors import CarigsError
+from carigs.errors import CarigsError, print_line
 from carigs.system.fork_server import start_fork_server
 from carigs.system.run_process import name_run_process
 from carigs.runs.progress import show_job_lines
@@ -229,14 +229,14 @@ if workflow.is_main_process:
         one_line_errors(check_subjects)(overrides_of(study))
     use_study_graph()
     for line in one_line_errors(all_settings_warnings)():
-        print(f"carigs: warning: {line}", file=sys.stderr)
+        print_line(f"warning: {line}")
 
 
 def print_warnings():
     """Repeat the warnings of the settings and of the studies' jobs, those of earlier runs too."""
     logged = warning_lines(Path("results", study, "log") for study in studies)
     for line in [*all_settings_warnings(), *logged]:
-        print(f"carigs: warning: {line}", file=sys.stderr)
+        print_line(f"warning: {line}")
 
 
 def print_results():
@@ -250,7 +250,7 @@ def print_results():
         names += collect(pattern, **points(study))
     for path in (Path("results", study, name) for name in names):
         if path.exists():
-            print(f"carigs: {path}", file=sys.stderr)
+            print_line(str(path))
 
 
 def show_progress(workflow):
@@ -269,7 +269,7 @@ def announce_duration(workflow):
         by_study = {study: overrides_of(study) for study in studies}
         line = announcement(plan_study(needed_jobs(workflow), by_study, nodes=1, cores=workflow.cores))
         if line:
-            print(f"carigs: {line}", file=sys.stderr)
+            print_line(line)
 
 
 def compile_ahead(workflow):
