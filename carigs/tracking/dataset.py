@@ -27,6 +27,8 @@ from carigs.tracking.recording import Recording
 from carigs.tracking.skin.edges import EDGES, LIDS, edge_expressions
 from carigs.tracking.skin.face_chart import UnwrappedFrame, face_chart
 from carigs.tracking.skin.own_expressions import own_expressions
+from carigs.tracking.torso.neck_bend import bend_with_torso
+from carigs.tracking.torso.torso_motion import TorsoView, torso_view
 
 OUTLINE_VIEWS = 24
 """Training frames whose outline is compared with the head's."""
@@ -81,25 +83,29 @@ def write_tracked_dataset(
     places = list(product(range(len(track.cameras)), range(len(track.kept))))
     looked_at = {*evenly_spread([(c, t) for c, t in places if names[t][c] == "train"], OUTLINE_VIEWS)}
     views, skin = list[OutlineView](), list[UnwrappedFrame]()
+    torsos: list[list[TorsoView]] = [[] for _ in track.kept]
 
     def write(
         item: tuple[tuple[int, int], MattedFrame],
-    ) -> tuple[tuple[int, int], MattedFrame, UnwrappedFrame | None]:
-        """Write a frame with its matte, and take the skin out of it."""
+    ) -> tuple[tuple[int, int], MattedFrame, UnwrappedFrame | None, TorsoView | None]:
+        """Write a frame with its matte, and take skin and torso out of it."""
         (c, t), (frame, alpha, foreground) = item
         posed = pose(model, parameters[t])
         unwrapped = None if chart is None else chart.unwrap(frame.image, alpha, posed, cameras[c])
+        torso = torso_view(foreground, alpha, posed, model.faces, cameras[c]) if not track.one_moment else None
         kept = alpha if cut is None else alpha * cut.kept_share(posed, cameras[c])
         write_png(frames_folder / f"{t:05d}_{c:02d}.png", composite(foreground, kept, background) / 255.0)
         write_png(frames_folder / f"{t:05d}_{c:02d}_matte.png", kept)
-        return (*item, unwrapped)
+        return (*item, unwrapped, torso)
 
     try:
-        for (c, t), (frame, alpha, _), unwrapped in in_order(write, zip(places, matted, strict=True), THREADS):
+        for (c, t), (frame, alpha, _), unwrapped, torso in in_order(write, zip(places, matted, strict=True), THREADS):
             if (c, t) in looked_at:
                 views.append(OutlineView(cameras[c], head.parameters[t], frame.image, alpha))
             if unwrapped is not None:
                 skin.append(unwrapped)
+            if torso is not None:
+                torsos[t].append(torso)
         head = head.displaced(outline_offset(model, views, landmarks))
         if chart is not None:
             model, own = own_expressions(model, head.parameters, chart, skin, [t for _, t in places])
@@ -109,6 +115,8 @@ def write_tracked_dataset(
             model, own = edge_expressions(model, own, head.cameras, landmarks[edges], lids, seen)
             head = replace(head, model=model, parameters=own)
         model, own = lids_before_eyeballs(model, head.parameters, head.cameras)
+        if not track.one_moment:
+            model, own = bend_with_torso(model, own, torsos)
         head = replace(head, model=model, parameters=own)
         frames = tuple(
             Frame(t, c, "", split, f"{t:05d}_{c:02d}.png", f"{t:05d}_{c:02d}_matte.png", parameter_file(t), c)

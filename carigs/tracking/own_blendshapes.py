@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from carigs.head import HeadModel, HeadParameters
 from carigs.head.joint_transforms import joint_transforms, rotation_matrices
+from carigs.head.model_arrays import RestJoints
 
 
 def with_own_blendshapes(
@@ -17,6 +18,7 @@ def with_own_blendshapes(
     parameters: Sequence[HeadParameters],
     shapes: Float[np.ndarray, "v 3 k"],
     coefficients: Float[np.ndarray, "t k"],
+    carried_joints: Bool[np.ndarray, " j"] | None = None,
 ) -> tuple[HeadModel, list[HeadParameters]]:
     """Add expressions to a head model.
 
@@ -25,6 +27,8 @@ def with_own_blendshapes(
         parameters: Those of each timestep.
         shapes: The blendshapes in metres.
         coefficients: Of each timestep.
+        carried_joints: Joints of a model with rest joints of its own that move as what the blendshapes shift most; none
+            if None. In other models, the vertices move the joints.
 
     Returns:
         The model with more expressions, which lie behind those with names and before others, so that names still say
@@ -33,9 +37,16 @@ def with_own_blendshapes(
     named, count = model.expression_names, shapes.shape[2]
     place = len(named) or model.num_expressions
     names = (*named, *(f"own_{number}" for number in range(place, place + count))) if named else ()
-    before, after = np.split(model.shapedirs, [model.num_identity + place], axis=2)
+    column, rest_joints = model.num_identity + place, model.rest_joints
+    before, after = np.split(model.shapedirs, [column], axis=2)
     basis = np.concatenate([before, shapes.astype(model.shapedirs.dtype), after], axis=2)
-    larger = replace(model, shapedirs=basis, expression_names=names)
+    if rest_joints is not None:
+        moved = np.insert(rest_joints.basis, [column] * count, 0, axis=2)
+        if carried_joints is not None:
+            farthest = np.linalg.norm(shapes, axis=1).argmax(axis=0)
+            moved[carried_joints, :, column : column + count] = shapes[farthest, :, np.arange(count)].T
+        rest_joints = RestJoints(rest_joints.template, moved)
+    larger = replace(model, shapedirs=basis, expression_names=names, rest_joints=rest_joints)
     return larger, [
         replace(frame, expression=np.concatenate([frame.expression[:place], own, frame.expression[place:]]))
         for frame, own in zip(parameters, coefficients, strict=True)
