@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Float32, Int
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
@@ -65,6 +65,17 @@ class Covering(NamedTuple):
     """The covered triangles whose median colour is not that of clean skin: most views show what covers them."""
     skin: Bool[np.ndarray, " f"]
     """Triangles of clean skin with its usual colour: the others probably have it, too."""
+
+    def opacity(self, limit: float) -> Float32[np.ndarray, " f"]:
+        """Opacity of what covers each triangle.
+
+        Args:
+            limit: Texture of a covered triangle.
+
+        Returns:
+            1 for covered triangles, less for those of less texture.
+        """
+        return np.where(self.covered, 1, np.minimum(self.texture / max(limit, 1e-9), 1)).astype(np.float32)
 
 
 def covered_faces(

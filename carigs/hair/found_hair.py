@@ -11,15 +11,18 @@ from jaxtyping import Bool, Float32
 
 from carigs.capture import Capture, Frame
 from carigs.errors import InputError
+from carigs.hair.body import Body, carve_body, shows_body
 from carigs.hair.covered_faces import covered_faces
+from carigs.hair.hull import Voxels
 from carigs.hair.labels import CLASS_ORDERS, read_covering
 from carigs.hair.strands import Strands, strand_directions
 from carigs.hair.views import read_views
 from carigs.hair.visible_voxels import visible_shares
-from carigs.hair.volume import HairVolume, below_hair, carve_hair
+from carigs.hair.volume import below_hair, carve_hair
 from carigs.head import neutral
 from carigs.head.facial_regions import brow_faces, lid_faces
 from carigs.head.model_arrays import POSSIBLE
+from carigs.head.neck_border import neck_border
 from carigs.readers.arrays import checked_array
 from carigs.readers.npz import read_npz
 from carigs.settings import Hair
@@ -45,10 +48,12 @@ class FoundHair:
     """Whether hair does so in most views."""
     skin: Bool[np.ndarray, " f"]
     """Whether the triangle shows bare skin of the usual colour."""
-    volume: HairVolume
+    volume: Voxels
     visible: Float32[np.ndarray, " n"]
     """Share of the views that see each voxel of the volume."""
     strands: Strands
+    body: Body | None = None
+    """Neck below the mesh, shoulders and clothes; None if the frames show none."""
 
     @property
     def clean(self) -> Bool[np.ndarray, " f"]:
@@ -76,9 +81,10 @@ class FoundHair:
         Returns:
             The line.
         """
-        litres = 1000 * float(self.volume.opacity.sum()) * self.volume.size**3
         skin = self.covered[~scalp].mean() if not scalp.all() else 0.0
-        return f"hair: fills {litres:.2f} litres; {100 * skin:.1f} % of the triangles beside the scalp are covered"
+        hair = f"hair: fills {_litres(self.volume):.2f} litres"
+        body = "" if self.body is None else f"; the body fills {_litres(self.body.volume):.1f} litres"
+        return f"{hair}; {100 * skin:.1f} % of the triangles beside the scalp are covered{body}"
 
     def save(self, file: Path) -> None:
         """Write the file.
@@ -94,6 +100,9 @@ class FoundHair:
             "size": np.float32(self.volume.size),
         }
         arrays |= {f"strand_{name}": values for name, values in self.strands._asdict().items()}
+        if self.body is not None:
+            volume, visible = self.body
+            arrays |= {"body_centres": volume.centres, "body_opacity": volume.opacity, "body_visible": visible}
         with writing(file) as part, part.open("wb") as stream:
             np.savez_compressed(stream, **arrays)
 
@@ -127,14 +136,19 @@ def find_hair(settings: Hair, capture: Capture, map_timesteps: Callable[..., Ite
     if brows is not None:
         features |= brows
     covering = covered_faces(views, model.faces, canonical, scalp, eyeballs | mouth, features, settings.texture_limit)
-    volume = carve_hair(views, covering, scalp, canonical, model.faces, settings.texture_limit)
+    border = neck_border(model, canonical)
+    if border is not None and not shows_body(views, border, canonical, model.faces):
+        border = None
+    volume = carve_hair(views, covering, scalp, canonical, model.faces, settings.texture_limit, border)
+    body = None if border is None else carve_body(views, border, canonical, model.faces, VIEW_STRIDE)
     some, carrier = views[::VIEW_STRIDE], np.unique(model.faces[scalp])
     visible = visible_shares(volume, some, canonical, carrier).astype(np.float32)
     strands = strand_directions(volume, some, canonical, carrier)
     # Stubble moves against the mesh like strands that hang over skin, but it is the skin that frames show.
     hidden = covering.hidden & below_hair(volume, canonical, model.faces)
+    covered = covering.covered if border is None else covering.covered | border.carriers
     return FoundHair(
-        covering.texture.astype(np.float32), covering.covered, hidden, covering.skin, volume, visible, strands
+        covering.texture.astype(np.float32), covered, hidden, covering.skin, volume, visible, strands, body
     )
 
 
@@ -168,9 +182,18 @@ def load_hair(file: Path, num_faces: int) -> FoundHair:
     covered, hidden, skin = (checked_array(arrays, name, (num_faces,), bool, file=file) for name in names)
     centres = take("centres", (None, 3), *POSSIBLE)
     opacity, visible = (take(name, (len(centres),), 0, 1) for name in ("opacity", "visible"))
-    volume = HairVolume(centres, opacity, float(take("size", (), 1e-6, 1)))
+    volume = Voxels(centres, opacity, float(take("size", (), 1e-6, 1)))
     direction, facing = (take(f"strand_{name}", (len(centres), 3), -1.001, 1.001) for name in ("direction", "facing"))
     if not np.allclose(np.linalg.norm(direction, axis=1), 1, atol=1e-3):
         raise InputError("expected unit vectors", file=file, field="strand_direction")
     strands = Strands(direction, take("strand_confidence", (len(centres),), 0, 1), facing)
-    return FoundHair(take("texture", (num_faces,), 0, 1), covered, hidden, skin, volume, visible, strands)
+    body = None
+    if "body_centres" in arrays:
+        centres = take("body_centres", (None, 3), *POSSIBLE)
+        opacity, shown = (take(f"body_{name}", (len(centres),), 0, 1) for name in ("opacity", "visible"))
+        body = Body(Voxels(centres, opacity, volume.size), shown)
+    return FoundHair(take("texture", (num_faces,), 0, 1), covered, hidden, skin, volume, visible, strands, body)
+
+
+def _litres(volume: Voxels) -> float:
+    return 1000 * float(volume.opacity.sum()) * volume.size**3

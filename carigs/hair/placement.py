@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from carigs.hair.hull import Voxels
 from carigs.hair.strands import Strands
-from carigs.hair.volume import HairVolume
 from carigs.mesh.carried_points import CarriedPoints, draw_points, nearest_triangles
 
 MAX_ELONGATION = 6.0
@@ -16,7 +16,7 @@ LEAST_SINE = 0.05
 
 
 def place_in_hair(
-    volume: HairVolume,
+    volume: Voxels,
     visible: Float[np.ndarray, " n"],
     strands: Strands,
     scalp: Bool[np.ndarray, " f"],

@@ -15,9 +15,9 @@ import numpy as np
 from jaxtyping import Float, Float32, Int
 from scipy.ndimage import gaussian_filter
 
+from carigs.hair.hull import Voxels
 from carigs.hair.views import HairView, scalp_motion
 from carigs.hair.visible_voxels import visible_voxels
-from carigs.hair.volume import HairVolume
 
 FINE, COARSE = 0.7, 1.5
 """Standard deviations in pixels between which structure is looked for: coarser is the outline of the hair."""
@@ -39,7 +39,7 @@ class Strands(NamedTuple):
 
 
 def strand_directions(
-    volume: HairVolume, views: Sequence[HairView], canonical: Float[np.ndarray, "v 3"], carrier: Int[np.ndarray, " c"]
+    volume: Voxels, views: Sequence[HairView], canonical: Float[np.ndarray, "v 3"], carrier: Int[np.ndarray, " c"]
 ) -> Strands:
     """Find the directions of the strands.
 
@@ -93,7 +93,7 @@ def orientation(
     return np.cos(angle), np.sin(angle), coherence
 
 
-def _smoothed(volume: HairVolume, tensor: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3 3"]:
+def _smoothed(volume: Voxels, tensor: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3 3"]:
     """Average over the neighbouring voxels, weighted by a Gaussian."""
     if len(tensor) == 0:
         return tensor

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from carigs.hair.hull import Voxels
 from carigs.hair.views import HairView, pixel_size, scalp_motion
-from carigs.hair.volume import HairVolume
 
 DENSE = 0.5
 """Opacity from which on a voxel hides those behind it."""
@@ -25,7 +25,7 @@ class VisibleVoxels(NamedTuple):
     row: Int[np.ndarray, " n"]
 
 
-def visible_voxels(volume: HairVolume, view: HairView, transform: Float[np.ndarray, "3 4"]) -> VisibleVoxels:
+def visible_voxels(volume: Voxels, view: HairView, transform: Float[np.ndarray, "3 4"]) -> VisibleVoxels:
     """Find the voxels that a view shows.
 
     Args:
@@ -54,7 +54,7 @@ def visible_voxels(volume: HairVolume, view: HairView, transform: Float[np.ndarr
 
 
 def visible_shares(
-    volume: HairVolume, views: Sequence[HairView], canonical: Float[np.ndarray, "v 3"], carrier: Int[np.ndarray, " c"]
+    volume: Voxels, views: Sequence[HairView], canonical: Float[np.ndarray, "v 3"], carrier: Int[np.ndarray, " c"]
 ) -> Float[np.ndarray, " n"]:
     """Share of the views in which each voxel is not hidden by denser hair or the head.
 

@@ -122,6 +122,9 @@ class Train(Section, key="train"):
     mouth_surfels: int = option(3000, ge=0, le=1_000_000)
     """Surfels inside the mouth, which move with skull and jaw, if frames show it open and the head model has a space
     behind the lips."""
+    body_surfels: int = option(6000, ge=0, le=1_000_000)
+    """Surfels of neck, shoulders and clothes below the head model, which move with the border of its neck, if frames
+    show them."""
     hair_grows: bool = False
     """Whether hair and brows grow with the skin of a caricature; otherwise strands keep their length and width."""
     ssim_weight: float = option(0.2, ge=0, le=1)

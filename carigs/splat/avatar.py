@@ -22,9 +22,9 @@ from carigs.splat.avatar_head import head_of, head_to_arrays, parameters_from_ar
 from carigs.splat.render import SKINNINGS, RenderedFrame, render, skin
 from carigs.splat.rig.face_motion import FaceMotion
 from carigs.splat.rig.head_sequence import HeadSequence
-from carigs.splat.rig.jaw_motion import jaw_motion_of
 from carigs.splat.rig.skinning import SkinnedSurfels
 from carigs.splat.rig.smooth_motion import smooth_motion_of
+from carigs.splat.rig.solid_motion import solid_motion_of
 from carigs.splat.surfels.ply import UNRENDERED
 from carigs.splat.surfels.surfels import Surfels, checked_surfels, to_arrays
 from carigs.system.files import writing
@@ -131,7 +131,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
         avatar: The avatar.
     """
     path, shading, smooth = avatar.sequence.path, avatar.sequence.shading, avatar.sequence.smooth
-    keeps_size, jaws, shadow = avatar.sequence.rig.keeps_size, avatar.sequence.jaws, avatar.sequence.hair_shadow
+    keeps_size, solids, shadow = avatar.sequence.rig.keeps_size, avatar.sequence.solids, avatar.sequence.hair_shadow
     with writing(file) as part:
         np.savez(
             part,
@@ -145,7 +145,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
             **{f"unrendered_{name}": value for name, value in avatar.unrendered.items()},
             **({} if shading is None else {f"shading_{name}": value for name, value in asdict(shading).items()}),
             **({} if smooth is None else smooth.as_arrays()),
-            **({} if jaws is None else jaws.as_arrays()),
+            **({} if solids is None else solids.as_arrays()),
             **({} if shadow is None else shadow.as_arrays()),
             **({"keeps_size": keeps_size} if keeps_size.any() else {}),
             path_levels=path.levels,
@@ -185,8 +185,10 @@ def load_avatar(file: Path) -> Avatar:
         sequence.rig = sequence.rig.with_kept_size(keeps_size)
     if "hair_faces" in arrays:
         sequence.smooth = smooth_motion_of(arrays, sequence.rig, file)
-    if "jaw_faces" in arrays:
-        sequence.jaws = jaw_motion_of(arrays, sequence.rig, file)
+    if "jaw_faces" in arrays:  # its name in files of versions without bodies
+        arrays["solid_faces"] = arrays.pop("jaw_faces")
+    if "solid_faces" in arrays:
+        sequence.solids = solid_motion_of(arrays, sequence.rig, file)
     if any(name.startswith(("shading_", "hair_shadow_")) for name in arrays):  # one without the others is refused
         sequence.shading = shading_of(arrays, len(head.faces), file, "shading_")
         if "hair_shadow_points" in arrays:

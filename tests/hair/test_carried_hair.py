@@ -4,8 +4,8 @@ import numpy as np
 from hair.hairy_ball import CAP, RADIUS, ball, cameras
 
 from carigs.hair import CarriedHair, FoundHair
+from carigs.hair.hull import Voxels
 from carigs.hair.strands import Strands
-from carigs.hair.volume import HairVolume
 from carigs.raster import compute_visibility
 
 
@@ -13,7 +13,7 @@ def carried(points, scalp, opacity=1.0, visible=1.0):
     vertices, faces = ball()
     n, none = len(points), np.zeros(len(faces), bool)
     points = np.asarray(points, np.float32)
-    volume = HairVolume(points, np.full(n, opacity, np.float32), 0.004)
+    volume = Voxels(points, np.full(n, opacity, np.float32), 0.004)
     strands = Strands(points, np.zeros(n, np.float32), points)
     found = FoundHair(
         np.zeros(len(faces), np.float32), none, none, none, volume, np.full(n, visible, np.float32), strands

@@ -10,9 +10,9 @@ from carigs.capture import read_dataset
 from carigs.capture.images import write_png
 from carigs.errors import InputError
 from carigs.hair import FoundHair, find_hair, load_hair
+from carigs.hair.hull import Voxels
 from carigs.hair.strands import Strands
 from carigs.hair.views import PIXEL, pixel_size, read_views
-from carigs.hair.volume import HairVolume
 from carigs.settings import Hair, Regions
 from carigs.stages.hair import hair
 
@@ -44,7 +44,7 @@ def test_threads_do_not_change_the_result(subject, tmp_path):
 
 def test_the_file_holds_what_was_found_and_is_checked(tmp_path):
     rng = np.random.default_rng(0)
-    volume = HairVolume(rng.normal(size=(5, 3)).astype(np.float32), rng.random(5, np.float32), 0.004)
+    volume = Voxels(rng.normal(size=(5, 3)).astype(np.float32), rng.random(5, np.float32), 0.004)
     unit = np.eye(3, dtype=np.float32)[rng.integers(0, 3, 5)]
     strands = Strands(unit, rng.random(5, np.float32), -unit)
     covered, hidden, skin = rng.random((3, 7)) > 0.5

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from carigs.errors import InputError
 from carigs.hair import FoundHair, HairShadow, hair_shadow
 from carigs.hair.hair_shadow import WIDTH, hair_shadow_of
+from carigs.hair.hull import Voxels
 from carigs.hair.strands import Strands
-from carigs.hair.volume import HairVolume
 from carigs.light import light_transfer
 
 UP = np.array([[0.0, 0, 1]])
@@ -70,7 +70,7 @@ def test_a_turned_head_in_turned_light_has_the_same_shadow():
 
 def found(points, opacity, hidden, covered):
     n, f = len(points), len(ball()[1])
-    volume = HairVolume(points.astype(np.float32), np.full(n, opacity, np.float32), WIDTH / 2)
+    volume = Voxels(points.astype(np.float32), np.full(n, opacity, np.float32), WIDTH / 2)
     visible = np.ones(n, np.float32)
     strands = Strands(np.tile(np.float32([0, 1, 0]), (n, 1)), visible, np.tile(np.float32([0, 0, 1]), (n, 1)))
     return FoundHair(np.zeros(f, np.float32), covered, hidden, ~covered, volume, visible, strands)

@@ -8,10 +8,11 @@ from hypothesis import strategies as st
 
 from carigs.hair import place_in_hair
 from carigs.hair.covered_faces import covered_faces
+from carigs.hair.hull import Voxels
 from carigs.hair.placement import MAX_ELONGATION
 from carigs.hair.strands import orientation, strand_directions
 from carigs.hair.visible_voxels import visible_shares
-from carigs.hair.volume import HairVolume, carve_hair
+from carigs.hair.volume import carve_hair
 
 
 @given(st.floats(0, np.pi), st.floats(3, 6), st.floats(0.2, 1))
@@ -69,6 +70,6 @@ def test_strands_along_meridians_are_found(hair):
 
 def test_no_hair_has_no_strands():
     vertices, faces = ball()
-    volume = HairVolume(np.zeros((0, 3), np.float32), np.zeros(0, np.float32), 0.004)
+    volume = Voxels(np.zeros((0, 3), np.float32), np.zeros(0, np.float32), 0.004)
     strands = strand_directions(volume, list(views(count=2)), vertices, np.unique(faces))
     assert [len(values) for values in strands] == [0, 0, 0]

@@ -6,9 +6,10 @@ from hair.hairy_ball import CAP, RADIUS, STANDOFF, ball, views
 
 from carigs.hair import place_in_hair
 from carigs.hair.covered_faces import Covering, covered_faces
+from carigs.hair.hull import Voxels
 from carigs.hair.strands import strand_directions
 from carigs.hair.visible_voxels import visible_shares
-from carigs.hair.volume import HairVolume, below_hair, carve_hair
+from carigs.hair.volume import below_hair, carve_hair
 
 
 @pytest.fixture(scope="module")
@@ -104,5 +105,5 @@ def test_hair_hides_the_skin_near_it_alone(volume, cap):
     vertices, faces = ball()
     below, height = below_hair(volume, vertices, faces), vertices[faces].mean(axis=1)[:, 1]
     assert below[height > (CAP + 0.1) * RADIUS].mean() > 0.95 and not below[height < CAP * RADIUS - 0.03].any()
-    none = HairVolume(np.zeros((0, 3), np.float32), np.zeros(0, np.float32), 0.004)
+    none = Voxels(np.zeros((0, 3), np.float32), np.zeros(0, np.float32), 0.004)
     assert not below_hair(none, vertices, faces).any()

@@ -10,8 +10,8 @@ from surfaces import sphere
 from carigs.head import HeadParameters, flame_joints, neutral, pose
 from carigs.head.surface_points import SurfacePoints
 from carigs.mouth import Jaw, find_jaws, lip_line
-from carigs.splat.rig.jaw_motion import JawMotion
 from carigs.splat.rig.rig import build_rig, polar_decomposition
+from carigs.splat.rig.solid_motion import SolidMotion
 from carigs.toy.look.teeth import attach_teeth, build_teeth
 from carigs.toy.rig import expressions
 from carigs.toy.rig.head_model import head_model
@@ -62,7 +62,7 @@ def test_the_jaws_carry_the_true_teeth(jaws):
     with_teeth = attach_teeth(MODEL, (1e-3 * vertices).astype(np.float32), upper)
     rest = neutral(with_teeth, FRAMES[0])[len(REST) :]
     rig = build_rig(REST, MODEL.faces)
-    motion, moved = JawMotion(rig, jaws), 0.0
+    motion, moved = SolidMotion(rig, jaws), 0.0
     for frame, posed in list(zip(FRAMES, POSED, strict=True))[:4]:
         centre, rotation, stretch, _ = polar_decomposition(rig, posed)
         motion.apply(centre, rotation, stretch)

@@ -23,8 +23,8 @@ from carigs.capture.target_index import FACE_FLAGS, read_targets, write_targets
 from carigs.config import compose, compose_study, load_settings, settings_text
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.hair import FoundHair, hair_shadow, load_hair
+from carigs.hair.hull import Voxels
 from carigs.hair.strands import Strands
-from carigs.hair.volume import HairVolume
 from carigs.head import HeadModel, HeadParameters, flame_joints, neutral, pose, read_subject_path
 from carigs.light import Shading, fibonacci_sphere
 from carigs.light.shading import load_shading, save_shading
@@ -101,7 +101,7 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     path.save(folder / "path.npz")
     save_shading(folder / "shading.npz", shading)
     covered = np.arange(len(FACES)) < 5
-    volume = HairVolume(VERTICES.astype(np.float32), np.full(len(VERTICES), 0.5, np.float32), 0.004)
+    volume = Voxels(VERTICES.astype(np.float32), np.full(len(VERTICES), 0.5, np.float32), 0.004)
     visible = np.ones(len(VERTICES), np.float32)
     upwards = np.tile(np.float32([0, 1, 0]), (len(VERTICES), 1))
     strands = Strands(upwards, visible, -upwards)

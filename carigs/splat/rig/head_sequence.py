@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Float32, UInt8
 
 from carigs.capture import Capture
 from carigs.errors import InputError
@@ -18,9 +18,9 @@ from carigs.head import HeadModel, HeadParameters, pose, subject_model
 from carigs.light.shading import Shading
 from carigs.light.transfer import Transfer
 from carigs.splat.rig.face_motion import FaceMotion
-from carigs.splat.rig.jaw_motion import JawMotion
 from carigs.splat.rig.rig import Rig, build_rig, face_motion
 from carigs.splat.rig.smooth_motion import SmoothMotion
+from carigs.splat.rig.solid_motion import SolidMotion
 
 
 @dataclass
@@ -35,7 +35,7 @@ class HeadSequence:
         shading: How colours follow the light on the posed surface; they do not change if None.
         smooth: Averages the motion of the triangles that carry hair; None if none do.
         hair_shadow: Hair that shades the surface, if colours follow the light; None if none does.
-        jaws: Moves the triangles that carry teeth as solids; None if none do.
+        solids: Moves the triangles that carry teeth or the body as solids; None if none do.
         rig: Rig of the canonical mesh.
     """
 
@@ -46,7 +46,7 @@ class HeadSequence:
     shading: Shading | None = None
     smooth: SmoothMotion | None = None
     hair_shadow: HairShadow | None = None
-    jaws: JawMotion | None = None
+    solids: SolidMotion | None = None
     rig: Rig = field(init=False)
 
     def __post_init__(self) -> None:
@@ -67,6 +67,15 @@ class HeadSequence:
         self.parameters[timestep] = parameters
         for key in [key for key in self._motions if key[0] == timestep]:
             del self._motions[key]
+
+    def add_solids(self, solids: UInt8[np.ndarray, " f"]) -> None:
+        """Let triangles move as solids, besides those that do already.
+
+        Args:
+            solids: A `Solid` for every triangle; 0 leaves its motion as it is.
+        """
+        before = 0 if self.solids is None else self.solids.solids
+        self.solids = SolidMotion(self.rig, np.where(solids, solids, before).astype(np.uint8))
 
     def posed(self, timestep: int, level: float) -> Float[np.ndarray, "v 3"]:
         """Posed mesh of a timestep.
@@ -166,7 +175,7 @@ class HeadSequence:
         Returns:
             The motion.
         """
-        return face_motion(self.rig, posed, self.smooth and self.smooth.apply, self.jaws and self.jaws.apply)
+        return face_motion(self.rig, posed, self.smooth and self.smooth.apply, self.solids and self.solids.apply)
 
 
 def head_sequence(capture: Capture, path: GammaPath) -> HeadSequence:

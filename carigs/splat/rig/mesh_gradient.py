@@ -18,17 +18,17 @@ from carigs.simd.tuples import add, divide, multiply, subtract, write_row
 from carigs.simd.vectors import scalar_or_simd
 from carigs.splat.rig import jacobian_blend_backward as backward
 from carigs.splat.rig.face_motion import CENTRE, RECORD_SIZE, RELATIVE_ROTATION, ROTATION, STRETCH, FaceMotion
-from carigs.splat.rig.jaw_motion import JawMotion
 from carigs.splat.rig.rig import Rig, motion_records, polar_decomposition
 from carigs.splat.rig.skinning_arguments import has_gradient, read3, read6, read9, read_blend, surfel_gradient
 from carigs.splat.rig.smooth_motion import SmoothMotion
+from carigs.splat.rig.solid_motion import SolidMotion
 
 
 def differentiable_face_motion(
     rig: Rig,
     posed: Float[torch.Tensor, "v 3"],
     smooth: SmoothMotion | None = None,
-    jaws: JawMotion | None = None,
+    solids: SolidMotion | None = None,
 ) -> FaceMotion:
     """Motion of every triangle as `rig.face_motion`, differentiable with respect to the posed vertices.
 
@@ -39,7 +39,7 @@ def differentiable_face_motion(
         rig: Canonical mesh.
         posed: Posed vertices in metres, float64.
         smooth: Averages the motion of triangles that carry hair.
-        jaws: Moves triangles that carry teeth as solids.
+        solids: Moves triangles that carry teeth as solids.
 
     Returns:
         The motion; its records are a float32 tensor.
@@ -47,31 +47,31 @@ def differentiable_face_motion(
     Raises:
         MeshError: If a vertex is not finite.
     """
-    return FaceMotion(_FaceMotion.apply(posed, rig, smooth, jaws))
+    return FaceMotion(_FaceMotion.apply(posed, rig, smooth, solids))
 
 
 class _FaceMotion(torch.autograd.Function):
     @staticmethod
-    def forward(ctx, posed, rig, smooth, jaws):
+    def forward(ctx, posed, rig, smooth, solids):
         vertices = np.ascontiguousarray(posed.detach().numpy())
         centre, rotation, stretch, valid = polar_decomposition(rig, vertices)
         if smooth is not None:
             smooth.apply(rotation, stretch)
             valid[smooth.faces] = False
-        if jaws is not None:
-            jaws.apply(centre, rotation, stretch)
-            valid[jaws.faces] = False
+        if solids is not None:
+            solids.apply(centre, rotation, stretch)
+            valid[solids.faces] = False
         records = motion_records(rig, centre, rotation, stretch, np.float32)
-        ctx.inputs, ctx.jaws = (rig, vertices, rotation, stretch, valid, records), jaws
+        ctx.inputs, ctx.solids = (rig, vertices, rotation, stretch, valid, records), solids
         return torch.from_numpy(records)
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, g_records):
         g_records = g_records.contiguous().numpy()
-        if ctx.jaws is not None:
+        if ctx.solids is not None:
             g_records = g_records.copy()
-            ctx.jaws.spread_gradient(g_records[:, CENTRE : CENTRE + 3])
+            ctx.solids.spread_gradient(g_records[:, CENTRE : CENTRE + 3])
         return torch.from_numpy(vertices_gradient(g_records, *ctx.inputs)), None, None, None
 
 

@@ -141,7 +141,7 @@ def face_motion(
         rig: Canonical mesh.
         posed: Posed vertices in metres.
         average: Changes rotations and stretches in place, as `SmoothMotion.apply`.
-        solidify: Then changes centres, rotations and stretches in place, as `JawMotion.apply`.
+        solidify: Then changes centres, rotations and stretches in place, as `SolidMotion.apply`.
 
     Returns:
         The motion of every triangle.

@@ -1,4 +1,4 @@
-"""The subject of a training: how the head moves, its images, its hair, and the inside of its mouth."""
+"""The subject of a training: how the head moves, its images, hair and body, and the inside of its mouth."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from carigs.light.shading import load_shading
 from carigs.mesh.carried_points import CarriedPoints
 from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence, head_sequence
+from carigs.splat.rig.solid_motion import Solid
+from carigs.splat.training.initial_surfels.body_surfels import prepare_body
 from carigs.splat.training.initial_surfels.hair_surfels import HairSurfels, keep_size_of_brows, prepare_hair
 from carigs.splat.training.initial_surfels.mouth_surfels import prepare_mouth
 from carigs.splat.training.initial_surfels.unseen_skin import UnseenSkin, find_unseen_skin
@@ -20,7 +22,7 @@ from carigs.splat.training.supervision import Supervision
 
 
 class TrainingSubject(NamedTuple):
-    """How a head moves, its images, its hair, and the inside of its mouth."""
+    """How a head moves, its images, hair and body, and the inside of its mouth."""
 
     sequence: HeadSequence
     supervision: Supervision
@@ -29,8 +31,15 @@ class TrainingSubject(NamedTuple):
     """Where hair is; None if the head has none."""
     mouth: CarriedPoints | None = None
     """Where surfels inside the mouth start; None if there are none."""
+    body: CarriedPoints | None = None
+    """Where surfels of the body start; None if there are none."""
     unseen: UnseenSkin | None = None
     """Skin that no training frame shows; None if it is treated like the other."""
+
+    @property
+    def inside(self) -> list[CarriedPoints]:
+        """Where surfels of mouth and body start."""
+        return [points for points in (self.mouth, self.body) if points is not None]
 
 
 def prepare_subject(
@@ -67,4 +76,8 @@ def prepare_subject(
         rig, extinction = sequence.rig, sequence.shading.extinction
         sequence.hair_shadow = hair_shadow(hair, scalp, rig.vertices, rig.faces, extinction)
     hair_surfels = None if hair is None else prepare_hair(hair, scalp, sequence, settings, kept)
-    return TrainingSubject(sequence, supervision, hair_surfels, prepare_mouth(capture, sequence, settings), unseen)
+    mouth = prepare_mouth(capture, sequence, settings)
+    body = None if hair is None else prepare_body(hair, sequence, settings)
+    if body is not None and hair_surfels is not None:
+        hair_surfels = hair_surfels.without(sequence.solids.solids == Solid.BODY)
+    return TrainingSubject(sequence, supervision, hair_surfels, mouth, body, unseen)

@@ -136,7 +136,7 @@ class TrackingRefinement:
         for _, row in self.parameters[timestep].attributes():
             row.grad = None
         return differentiable_face_motion(
-            self.sequence.rig, self.head.pose(self.parameters[timestep]), self.sequence.smooth, self.sequence.jaws
+            self.sequence.rig, self.head.pose(self.parameters[timestep]), self.sequence.smooth, self.sequence.solids
         )
 
     def step(self, timestep: int, settings: RefineTracking) -> None:

@@ -79,7 +79,7 @@ def train_surfels(
         state = load_checkpoint(checkpoint, len(subject.sequence.rig.faces), refinement)
     if state is None:
         surfels = initial_surfels(
-            settings, subject.supervision, subject.sequence, subject.hair, subject.mouth, subject.unseen
+            settings, subject.supervision, subject.sequence, subject.hair, subject.inside, subject.unseen
         )
         if (budget := budget_seconds(settings.budget)) is not None:
             settings = with_iterations(settings, _steps_within(budget, settings, subject, surfels))

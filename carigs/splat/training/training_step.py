@@ -60,11 +60,11 @@ class StepInputs:
     def position_limit(self) -> Float[np.ndarray, " f"]:
         """Distance from each triangle up to which positions are not penalised.
 
-        Surfels of hair and mouth start away from their triangles.
+        Surfels of hair, mouth and body start away from their triangles.
         """
-        hair, mouth = self.subject.hair, self.subject.mouth
-        beside = [points for points in (hair and hair.points, mouth) if points is not None]
-        return POSITION_LIMIT + start_distances(self.subject.sequence.rig, beside)
+        hair = self.subject.hair
+        points = self.subject.inside if hair is None else [hair.points, *self.subject.inside]
+        return POSITION_LIMIT + start_distances(self.subject.sequence.rig, points)
 
     @cached_property
     def only_targets(self) -> bool:

@@ -18,8 +18,8 @@ import numpy as np
 
 from carigs.exaggeration import Caricature, GammaPath
 from carigs.head.posing import unposed_frames
-from carigs.mouth import Jaw
 from carigs.splat.rig.head_sequence import HeadSequence
+from carigs.splat.rig.solid_motion import Solid
 from carigs.viewer.html.low_rank import low_rank
 from carigs.viewer.html.packed_arrays import PackedArray, pack_exact, pack_integers, pack_steps
 
@@ -69,9 +69,10 @@ def head_arrays(
             pack_integers("anchors", np.array(smooth.anchors)),
             pack_steps("hair_share", smooth.share[smooth.faces], SHARE_STEP),
         ]
-    if sequence.jaws is not None:
-        for name, jaw in (("upper_jaw", Jaw.UPPER), ("lower_jaw", Jaw.LOWER)):
-            arrays.append(pack_integers(name, np.flatnonzero(sequence.jaws.jaws == jaw), delta=True))
+    if sequence.solids is not None:
+        for name, solid in (("upper_jaw", Solid.UPPER_JAW), ("lower_jaw", Solid.LOWER_JAW), ("body", Solid.BODY)):
+            if (mine := np.flatnonzero(sequence.solids.solids == solid)).size:
+                arrays.append(pack_integers(name, mine, delta=True))
     if sequence.rig.keeps_size.any():
         arrays.append(pack_integers("kept", np.flatnonzero(sequence.rig.keeps_size), delta=True))
     header = {

@@ -35,7 +35,7 @@ REGIONS = ("nose", "lips", "left_ear", "right_ear", "forehead", "eye_region")
 FIRST_SHARE = 0.5
 """Level that is shown first, as a share of the highest."""
 POSTER_SIZE = 512
-WORKER = ("data", "head", "hair", "jaws", "rig", "surfels", "worker")
+WORKER = ("data", "head", "hair", "solids", "rig", "surfels", "worker")
 SCRIPT = ("renderer", "camera", "controls", "viewer")
 """Scripts `page.*.js` of the worker and of the page, in their order."""
 SHADERS = {

@@ -80,8 +80,8 @@ class Rig {
     this.kept = new Uint8Array(count);  // triangles whose surfels keep their size: `Rig.keeps_size`
     if (data.has("kept")) for (const f of data.rows("kept")) this.kept[f] = 1;
     this.hair = data.has("hair") ? new Hair(this, data, header, points) : null;
-    const jaws = ["upper_jaw", "lower_jaw"].filter((name) => data.has(name));
-    this.jaws = jaws.map((name) => new Solid(this, data.rows(name), points));
+    const solids = ["upper_jaw", "lower_jaw", "body"].filter((name) => data.has(name));
+    this.solids = solids.map((name) => new Solid(this, data.rows(name), points));
   }
 
   /** Centres, rotations and stretches of all triangles, and the relative rotations of neighbours. */
@@ -89,7 +89,7 @@ class Rig {
     const missing = this.polar(posed);
     if (missing.length) this.followNeighbours(missing);
     if (this.hair) this.hair.smooth(this.rotation, this.stretch);
-    for (const jaw of this.jaws) jaw.move(this.centre, this.rotation, this.stretch);
+    for (const solid of this.solids) solid.move(this.centre, this.rotation, this.stretch);
     if (this.similarity) this.makeSimilar();
     this.relativeRotations();
   }

@@ -6,9 +6,9 @@ import pytest
 from carigs.capture import Capture
 from carigs.compile_ahead.ball_capture import RADIUS, write_ball_capture
 from carigs.hair import FoundHair
+from carigs.hair.hull import Voxels
 from carigs.hair.strands import Strands
 from carigs.hair.views import read_views, scalp_motion
-from carigs.hair.volume import HairVolume
 from carigs.head import neutral
 from evaluation.figures.strand_directions import FADED, LENGTH, SCALE, image_segments, strand_images
 
@@ -21,7 +21,7 @@ def capture(tmp_path_factory):
 def hair_of(centres, directions, opacity, confidence):
     none, n = np.zeros(0, bool), len(centres)
     strands = Strands(np.array(directions, np.float32), np.array(confidence, np.float32), np.zeros((n, 3), np.float32))
-    volume = HairVolume(np.array(centres, np.float32), np.array(opacity, np.float32), 0.004)
+    volume = Voxels(np.array(centres, np.float32), np.array(opacity, np.float32), 0.004)
     return FoundHair(np.zeros(0, np.float32), none, none, none, volume, np.ones(n, np.float32), strands)
 
 

@@ -15,9 +15,8 @@ import carigs
 from carigs.capture import Camera, look_at
 from carigs.errors import SettingsError
 from carigs.library import HeadAvatar
-from carigs.mouth import Jaw
-from carigs.splat.rig.jaw_motion import JawMotion
 from carigs.splat.rig.smooth_motion import SmoothMotion
+from carigs.splat.rig.solid_motion import Solid
 from evaluation.screenshots.chromium import CHROMIUM, WEBGL, Browser
 
 SIZE = 160
@@ -50,12 +49,12 @@ def hairy(grows: bool) -> HeadAvatar:
     return avatar
 
 
-def with_jaws() -> HeadAvatar:
+def with_solids() -> HeadAvatar:
     avatar = avatar_of(sh_degree=1)
     sequence = avatar.avatar.sequence
-    jaws = np.zeros(len(sequence.rig.faces), np.uint8)
-    jaws[::7], jaws[3::7] = Jaw.UPPER, Jaw.LOWER
-    sequence.jaws = JawMotion(sequence.rig, jaws)
+    solids = np.zeros(len(sequence.rig.faces), np.uint8)
+    solids[::7], solids[3::7], solids[5::7] = Solid.UPPER_JAW, Solid.LOWER_JAW, Solid.BODY
+    sequence.add_solids(solids)
     return avatar
 
 
@@ -109,11 +108,11 @@ class TestInTheBrowser:
         page = written(browser, hairy(grows), tmp_path / "hair.html", regions=[])
         assert page.error(camera(VIEWS[0]), level=0.25, timestep=1) > 40
 
-    def test_jaws_move_as_two_solids(self, browser, tmp_path):
-        """Whole balls of triangles turn together: other images than without the jaws, and those of the rasteriser."""
-        page = written(browser, with_jaws(), tmp_path / "jaws.html", regions=[])
+    def test_jaws_and_body_move_as_solids(self, browser, tmp_path):
+        """Whole balls of triangles turn together: other images than without the solids, and those of the rasteriser."""
+        page = written(browser, with_solids(), tmp_path / "solids.html", regions=[])
         assert page.error(camera(VIEWS[0]), level=0.25, timestep=1) > 40
-        page.avatar.avatar.sequence.jaws = None
+        page.avatar.avatar.sequence.solids = None
         page.avatar.avatar.sequence._motions.clear()
         assert page.error(camera(VIEWS[0]), level=0.25, timestep=1) < 35
 

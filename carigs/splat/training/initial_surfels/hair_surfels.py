@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -42,6 +42,17 @@ class HairSurfels:
     """Space without hair."""
     reach: Float[np.ndarray, " f"]
     """How far hair reaches from each triangle of the scalp, in metres; 0 off the scalp."""
+
+    def without(self, body: Bool[np.ndarray, " f"]) -> HairSurfels:
+        """The same hair, which says nothing of some triangles.
+
+        Args:
+            body: Triangles that carry the body.
+
+        Returns:
+            Hair that neither covers nor hides them.
+        """
+        return replace(self, covered=self.covered & ~body, hidden=self.hidden & ~body)
 
     def keep_hidden_skin(self, surfels: Surfels) -> None:
         """Set the gradients of colours and opacities of hidden skin to zero: images show what covers it.

@@ -1,4 +1,4 @@
-"""Initial surfels: an avatar's, or discs on triangles and inside hair and mouth, coloured from the training images."""
+"""Initial surfels: an avatar's, or discs on triangles and beside the mesh, coloured from the training images."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from carigs.splat.training.supervision import Supervision
 COLOUR_FRAMES = 32
 """Training frames from which the initial colours are sampled."""
 SPACE_OPACITY = 0.2
-"""Initial opacity of the surfels inside hair and mouth."""
+"""Initial opacity of the surfels inside hair, mouth and body."""
 SPACE_SCALE, SPACE_SCALE_LIMITS = 0.4, (0.0005, 0.003)
 """Standard deviation of surfels beside the mesh over the distance of their neighbours, and its limits in metres."""
 
@@ -38,10 +38,10 @@ def initial_surfels(
     supervision: Supervision,
     sequence: HeadSequence,
     hair: HairSurfels | None = None,
-    mouth: CarriedPoints | None = None,
+    beside: Sequence[CarriedPoints] = (),
     unseen: UnseenSkin | None = None,
 ) -> Surfels:
-    """Take the surfels of the avatar `settings.start`, or initialize surfels on every face and inside hair and mouth.
+    """Take the surfels of the avatar `settings.start`, or initialize surfels on every face, and beside the mesh.
 
     Initial colours are means over `COLOUR_FRAMES` training images: GT* targets if they alone supervise
     the run (`gtstar_probability` 1), otherwise captured frames.
@@ -51,7 +51,7 @@ def initial_surfels(
         supervision: Training images.
         sequence: Posed meshes per timestep and level.
         hair: Where hair is; None if there is none.
-        mouth: Points inside the mouth; None if it stays empty.
+        beside: Points inside the mouth and of the body.
         unseen: Skin that no training frame shows; None if it is treated like the other.
 
     Returns:
@@ -63,8 +63,8 @@ def initial_surfels(
     """
     if settings.start is not None:
         return surfels_of_avatar(Path(settings.start), sequence, settings.sh_degree)
-    beside = [points for points in (None if hair is None else hair.points, mouth) if points is not None]
-    placed = place(settings, sequence.rig, beside)
+    points = [*beside] if hair is None else [hair.points, *beside]
+    placed = place(settings, sequence.rig, points)
     binding, position = placed.binding, placed.position
     targets_only = settings.gtstar_probability >= 1
     count = len(supervision.targets if targets_only else supervision.frames)
@@ -83,7 +83,7 @@ def initial_surfels(
         if hair is not None:
             height = unseen.height_of_hair(hair.reach) / np.maximum(sequence.rig.scale, 1e-9)
             position[kept, 2] += height[binding[kept]]
-    opacity[len(opacity) - sum(len(points.face) for points in beside) :] = SPACE_OPACITY
+    opacity[len(opacity) - sum(len(each.face) for each in points) :] = SPACE_OPACITY
     return flat_discs(*placed[:3], opacity, rgb, settings.sh_degree, placed.rotation)
 
 
@@ -134,7 +134,7 @@ def place(settings: Train, rig: Rig, beside: Sequence[CarriedPoints] = ()) -> Pl
     Args:
         settings: Settings of the training.
         rig: Rig of the canonical mesh.
-        beside: Points inside hair and mouth.
+        beside: Points inside hair, mouth and body.
 
     Returns:
         Where they are.
@@ -170,7 +170,7 @@ def start_distances(rig: Rig, beside: Sequence[CarriedPoints]) -> Float[np.ndarr
 
     Args:
         rig: The canonical mesh.
-        beside: Points inside hair and mouth.
+        beside: Points inside hair, mouth and body.
 
     Returns:
         Largest distances from the centres of the triangles, in units of k.

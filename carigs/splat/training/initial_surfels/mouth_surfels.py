@@ -10,7 +10,6 @@ from carigs.mesh.carried_points import CarriedPoints
 from carigs.mouth import find_jaws, has_teeth, lip_gap, lip_line, place_in_mouth
 from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence
-from carigs.splat.rig.jaw_motion import JawMotion
 
 POSES = 200
 """Most timesteps whose meshes are looked at, evenly spread."""
@@ -51,5 +50,5 @@ def prepare_mouth(capture: Capture, sequence: HeadSequence, settings: Train) -> 
     if not len(points.face):
         return None
     if not has_teeth(head):
-        sequence.jaws = JawMotion(sequence.rig, jaws)
+        sequence.add_solids(jaws)
     return points

@@ -12,9 +12,9 @@ from carigs.capture import read_dataset
 from carigs.errors import InputError
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.hair import FoundHair
+from carigs.hair.hull import Voxels
 from carigs.hair.placement import MAX_ELONGATION
 from carigs.hair.strands import Strands
-from carigs.hair.volume import HairVolume
 from carigs.head import neutral
 from carigs.settings import Density, Train
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar
@@ -52,7 +52,7 @@ def subject(tmp_path):
     strands = Strands((down / np.linalg.norm(down, axis=1, keepdims=True)).astype(np.float32), 0.5 * ones, outwards)
     found = FoundHair(
         np.where(covered, 0.1, 0).astype(np.float32), covered, covered, ~covered,
-        HairVolume(centres, ones, 0.004), ones, strands,
+        Voxels(centres, ones, 0.004), ones, strands,
     )  # fmt: skip
     return capture, sequence, found, scalp
 

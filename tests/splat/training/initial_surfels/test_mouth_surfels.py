@@ -40,7 +40,7 @@ def test_points_lie_behind_the_lips_and_the_jaws_move(subject):
     points = prepare_mouth(capture, sequence, SETTINGS)
     line = lip_line(sequence.head, sequence.rig.vertices)
     assert len(points.face) == 200
-    assert set(sequence.jaws.jaws[points.face]) == {Jaw.UPPER, Jaw.LOWER}
+    assert set(sequence.solids.solids[points.face]) == {Jaw.UPPER, Jaw.LOWER}
     assert line.depth(points.position).min() > 0
     assert np.linalg.norm(points.position - line.middle, axis=1).max() < line.width
 
@@ -54,7 +54,7 @@ def test_nothing_is_added_without_a_mouth_to_look_into(subject):
     assert prepare_mouth(capture, sequence, SETTINGS) is None
     sequence.parameters, sequence.head = open_mouth, replace(sequence.head, landmarks68=None)
     assert prepare_mouth(capture, sequence, SETTINGS) is None
-    assert sequence.jaws is None
+    assert sequence.solids is None
 
 
 def test_teeth_of_the_model_carry_the_points_as_they_are(subject):
@@ -67,7 +67,7 @@ def test_teeth_of_the_model_carry_the_points_as_they_are(subject):
     regions = {name: np.flatnonzero(inside) for name, inside in teeth.items()}
     sequence.head = replace(sequence.head, regions={**sequence.head.regions, **regions})
     points = prepare_mouth(capture, sequence, SETTINGS)
-    assert sequence.jaws is None
+    assert sequence.solids is None
     assert np.isin(points.face, np.flatnonzero(sequence.head.face_region(*teeth))).all()
 
 
@@ -75,7 +75,7 @@ def test_first_surfels_are_transparent_and_have_the_colours_behind_the_lips(subj
     capture, sequence = subject
     points = prepare_mouth(capture, sequence, SETTINGS)
     supervision = Supervision(capture)
-    start = initial_surfels(SETTINGS, supervision, sequence, None, points)
+    start = initial_surfels(SETTINGS, supervision, sequence, None, [points])
     plain = initial_surfels(SETTINGS, supervision, sequence)
     assert len(start) == len(plain) + 200
     opacity = start.opacity.detach().sigmoid().numpy()
@@ -89,9 +89,9 @@ def test_an_avatar_keeps_its_jaws(subject, tmp_path):
     avatar = Avatar(surfels, sequence, SETTINGS.rig, SETTINGS.rotate_harmonics, capture.background)
     save_avatar(tmp_path / "avatar.npz", avatar)
     again, frame = load_avatar(tmp_path / "avatar.npz"), capture.split("test")[0]
-    np.testing.assert_array_equal(again.sequence.jaws.jaws, sequence.jaws.jaws)
+    np.testing.assert_array_equal(again.sequence.solids.solids, sequence.solids.solids)
     views = [each.render(frame.timestep, 0.2, capture.camera(frame)) for each in (avatar, again)]
     np.testing.assert_array_equal(*views)
-    again.sequence.jaws = None
+    again.sequence.solids = None
     again.sequence._motions.clear()
     assert not np.array_equal(again.render(frame.timestep, 0.2, capture.camera(frame)), views[0])

@@ -9,8 +9,8 @@ from miniature import ball_cameras, write_ball
 from carigs.capture import Camera, look_at, read_dataset
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.hair import FoundHair
+from carigs.hair.hull import Voxels
 from carigs.hair.strands import Strands
-from carigs.hair.volume import HairVolume
 from carigs.head import neutral
 from carigs.settings import Density, Train
 from carigs.settings.regions import Regions
@@ -59,7 +59,7 @@ def hair_everywhere(capture):
     strands = Strands(*(np.tile(np.float32(axis), (len(centres), 1)) for axis in ([0, -1, 0],)), 0 * ones,
                       np.tile(np.float32([0, 0, 1]), (len(centres), 1)))  # fmt: skip
     texture = np.where(scalp, 0.1, 0).astype(np.float32)
-    return FoundHair(texture, scalp, nothing, ~scalp, HairVolume(centres, ones, 0.004), ones, strands)
+    return FoundHair(texture, scalp, nothing, ~scalp, Voxels(centres, ones, 0.004), ones, strands)
 
 
 def test_cameras_in_front_see_the_front(from_front):
@@ -144,7 +144,7 @@ def test_the_training_leaves_the_discs_as_they_are(from_front):
     subject = prepare_subject(capture, path, SETTINGS, hair_everywhere(capture))
     kept = subject.unseen.kept
     assert kept.sum() > 300 and not kept[subject.hair.points.face].any()
-    start = initial_surfels(SETTINGS, subject.supervision, subject.sequence, subject.hair, None, subject.unseen)
+    start = initial_surfels(SETTINGS, subject.supervision, subject.sequence, subject.hair, (), subject.unseen)
     trained, _ = train_surfels(SETTINGS, subject)
     before, after = to_arrays(start), to_arrays(trained)
     for name, values in before.items():
@@ -157,7 +157,7 @@ def test_discs_rise_to_the_height_of_the_hair_around(from_front):
     capture, path = from_front
     subject = prepare_subject(capture, path, SETTINGS, hair_everywhere(capture))
     unseen, rig = subject.unseen, subject.sequence.rig
-    start = initial_surfels(SETTINGS, subject.supervision, subject.sequence, subject.hair, None, unseen)
+    start = initial_surfels(SETTINGS, subject.supervision, subject.sequence, subject.hair, (), unseen)
     kept = unseen.kept[start.binding]
     height = to_arrays(start)["position"][kept, 2] * rig.scale[start.binding[kept]]
     scalp, beside = (

@@ -1,5 +1,5 @@
 "use strict";
-// Motion of the triangles that carry teeth: `carigs.splat.rig.jaw_motion`.
+// Motion of the triangles that carry teeth or the body: `carigs.splat.rig.solid_motion`.
 
 /** Triangles that move as one solid: one rotation, the nearest to the mean of theirs, and one translation. */
 class Solid {

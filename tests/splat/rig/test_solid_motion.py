@@ -1,4 +1,4 @@
-"""The motion of the triangles that carry teeth: two solids."""
+"""The motion of the triangles that carry teeth and the body: solids."""
 
 import numpy as np
 import pytest
@@ -8,15 +8,15 @@ from surfaces import sphere
 
 from carigs.errors import InputError
 from carigs.mouth import Jaw
-from carigs.splat.rig.jaw_motion import JawMotion, jaw_motion_of
 from carigs.splat.rig.mesh_gradient import differentiable_face_motion
 from carigs.splat.rig.rig import build_rig, face_motion
+from carigs.splat.rig.solid_motion import Solid, SolidMotion, solid_motion_of
 
 VERTICES, FACES = sphere(3, 0.1)
 RIG = build_rig(VERTICES, FACES)
 HEIGHT = VERTICES[FACES].mean(axis=1)[:, 1]
-JAWS = np.select([HEIGHT > 0.06, HEIGHT < -0.05], [Jaw.UPPER, Jaw.LOWER], Jaw.NONE).astype(np.uint8)
-MOTION = JawMotion(RIG, JAWS)
+SOLIDS = np.select([HEIGHT > 0.06, HEIGHT < -0.05, np.abs(HEIGHT) < 0.01], [*Solid][1:], Solid.NONE).astype(np.uint8)
+MOTION = SolidMotion(RIG, SOLIDS)
 
 
 def wobbled(seed: int = 0, amount: float = 0.003) -> np.ndarray:
@@ -29,12 +29,12 @@ def test_a_rigid_motion_stays_exact():
     np.testing.assert_allclose(solid.records, plain.records, atol=2e-6)
 
 
-def test_each_jaw_moves_as_a_solid_and_all_else_is_kept():
-    """Distances between points that triangles of one jaw carry do not change; nor does the mean centre move."""
+def test_each_solid_moves_as_a_solid_and_all_else_is_kept():
+    """Distances between points that triangles of one solid carry do not change; nor does the mean centre move."""
     plain, solid = face_motion(RIG, wobbled()), face_motion(RIG, wobbled(), None, MOTION.apply)
     area = np.linalg.norm(np.cross(*(VERTICES[FACES[:, k]] - VERTICES[FACES[:, 0]] for k in (1, 2))), axis=1)
-    for jaw in (Jaw.UPPER, Jaw.LOWER):
-        mine = JAWS == jaw
+    for solid_number in [*Solid][1:]:
+        mine = SOLIDS == solid_number
         rest = VERTICES[FACES[mine]].mean(axis=1) + np.array([0.0, 0.0, 0.05])
         offset = rest - VERTICES[FACES[mine]].mean(axis=1)
         carried = solid.centre[mine] + np.einsum("nij,nj->ni", solid.jacobian[mine], offset)
@@ -42,7 +42,7 @@ def test_each_jaw_moves_as_a_solid_and_all_else_is_kept():
         np.testing.assert_allclose(np.linalg.norm(carried[:, None] - carried, axis=2), before, atol=1e-6)
         weight = area[mine] / area[mine].sum()
         np.testing.assert_allclose(weight @ solid.centre[mine], weight @ plain.centre[mine], atol=1e-7)
-    other = JAWS == Jaw.NONE
+    other = SOLIDS == Solid.NONE
     for name in ("centre", "rotation", "stretch"):
         np.testing.assert_array_equal(getattr(solid, name)[other], getattr(plain, name)[other])
 
@@ -52,7 +52,7 @@ def test_it_is_the_rigid_motion_of_a_jaw_that_turns():
     low = VERTICES[:, 1] < -0.03
     posed[low] = turn.apply(VERTICES[low]) + np.array([0.0, -0.01, 0.02])
     motion = face_motion(RIG, posed, None, MOTION.apply)
-    lower = JAWS == Jaw.LOWER
+    lower = SOLIDS == Solid.LOWER_JAW
     np.testing.assert_allclose(
         motion.rotation[lower], np.broadcast_to(turn.as_matrix(), (lower.sum(), 3, 3)), atol=1e-6
     )
@@ -61,10 +61,10 @@ def test_it_is_the_rigid_motion_of_a_jaw_that_turns():
 def test_gradients_of_translations_are_those_of_finite_differences():
     """A jaw whose triangles share no vertex with others is translated: its rotation is constant."""
     weights = torch.from_numpy(np.random.default_rng(1).standard_normal((len(FACES), 3)))
-    inside = np.isin(FACES, np.unique(FACES[JAWS == Jaw.LOWER])).any(axis=1)
-    weights[torch.from_numpy(inside & (JAWS != Jaw.LOWER))] = 0
+    inside = np.isin(FACES, np.unique(FACES[SOLIDS == Solid.LOWER_JAW])).any(axis=1)
+    weights[torch.from_numpy(inside & (SOLIDS != Solid.LOWER_JAW))] = 0
     moving = torch.zeros(len(VERTICES), 1, dtype=torch.float64)
-    moving[np.unique(FACES[JAWS == Jaw.LOWER])] = 1
+    moving[np.unique(FACES[SOLIDS == Solid.LOWER_JAW])] = 1
 
     def value(offset: torch.Tensor) -> torch.Tensor:
         posed = torch.from_numpy(wobbled()) + moving * offset
@@ -79,10 +79,14 @@ def test_gradients_of_translations_are_those_of_finite_differences():
 
 
 def test_the_motion_of_a_file_is_the_one_that_was_written(tmp_path):
-    read = jaw_motion_of(MOTION.as_arrays(), RIG, tmp_path / "avatar.npz")
+    read = solid_motion_of(MOTION.as_arrays(), RIG, tmp_path / "avatar.npz")
     np.testing.assert_array_equal(
         face_motion(RIG, wobbled(), None, read.apply).records, face_motion(RIG, wobbled(), None, MOTION.apply).records
     )
-    for broken in (np.full(len(FACES), 3, np.uint8), JAWS[1:], JAWS / 2):
-        with pytest.raises(InputError, match=r"avatar\.npz.*jaw_faces"):
-            jaw_motion_of({"jaw_faces": broken}, RIG, tmp_path / "avatar.npz")
+    for broken in (np.full(len(FACES), 4, np.uint8), SOLIDS[1:], SOLIDS / 2):
+        with pytest.raises(InputError, match=r"avatar\.npz.*solid_faces"):
+            solid_motion_of({"solid_faces": broken}, RIG, tmp_path / "avatar.npz")
+
+
+def test_the_numbers_of_the_jaws_are_those_of_the_mouth():
+    assert [int(jaw) for jaw in Jaw] == [Solid.NONE, Solid.UPPER_JAW, Solid.LOWER_JAW]

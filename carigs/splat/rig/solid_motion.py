@@ -1,13 +1,14 @@
-"""Motion of the triangles inside the mouth as two solids, for the teeth that hang on them.
+"""Motion of some triangles as solids, for what hangs on them: teeth on the jaws, the body on the border of the neck.
 
 A tooth is centimetres away from the triangle that carries it, and is not stretched with the skin of the mouth. So all
-triangles of a jaw have one rotation, the nearest one to the mean of theirs, and one translation, that of their mean
+triangles of a solid have one rotation, the nearest one to the mean of theirs, and one translation, that of their mean
 centre. Surfels keep their size.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
@@ -16,32 +17,44 @@ from jaxtyping import Float, Float64, UInt8
 
 from carigs.errors import InputError
 from carigs.mesh.triangle_mesh import barycenters, face_areas
-from carigs.mouth.jaw import Jaw
 from carigs.readers.arrays import checked_array
 from carigs.splat.rig.rig import Rig
 from carigs.splat.rig.smooth_motion import nearest_rotations
 
 
-class JawMotion:
-    """Solid motion of the upper and of the lower jaw.
+class Solid(IntEnum):
+    """What a triangle moves with."""
+
+    NONE = 0
+    """Its own vertices."""
+    UPPER_JAW = 1
+    """The skull: the number of `carigs.mouth.Jaw`."""
+    LOWER_JAW = 2
+    """The jaw: the number of `carigs.mouth.Jaw`."""
+    BODY = 3
+    """Neck below the mesh, shoulders and clothes."""
+
+
+class SolidMotion:
+    """Motion of solids.
 
     Attributes:
-        jaws: A `carigs.mouth.Jaw` for every triangle (f,).
-        faces: Indices of the triangles of both.
+        solids: A `Solid` for every triangle (f,).
+        faces: Indices of the triangles of all solids.
     """
 
-    def __init__(self, rig: Rig, jaws: UInt8[np.ndarray, " f"]) -> None:
+    def __init__(self, rig: Rig, solids: UInt8[np.ndarray, " f"]) -> None:
         """Prepare the weights.
 
         Args:
             rig: The canonical mesh.
-            jaws: A `carigs.mouth.Jaw` for every triangle.
+            solids: A `Solid` for every triangle.
         """
-        self.jaws, self.faces = jaws, np.flatnonzero(jaws)
+        self.solids, self.faces = solids, np.flatnonzero(solids)
         centres, areas = barycenters(rig.vertices, rig.faces), face_areas(rig.vertices, rig.faces)
         self._solids = []
-        for jaw in (Jaw.UPPER, Jaw.LOWER):
-            mine = np.flatnonzero(jaws == jaw)
+        for solid in Solid:
+            mine = np.flatnonzero(solids == solid) if solid else []
             if len(mine):
                 weight = np.maximum(areas[mine], 1e-30)
                 self._solids.append((mine, weight / weight.sum(), centres[mine]))
@@ -52,7 +65,7 @@ class JawMotion:
         Returns:
             Arrays by name.
         """
-        return {"jaw_faces": self.jaws}
+        return {"solid_faces": self.solids}
 
     def apply(
         self,
@@ -60,7 +73,7 @@ class JawMotion:
         rotation: Float64[np.ndarray, "f 3 3"],
         stretch: Float64[np.ndarray, "f 3 3"],
     ) -> None:
-        """Replace the motions of the triangles of each jaw by one, in place.
+        """Replace the motions of the triangles of each solid by one, in place.
 
         Args:
             centre: Centre of every triangle of the mesh, in metres.
@@ -85,8 +98,8 @@ class JawMotion:
             gradient[mine] = weight[:, None].astype(gradient.dtype) * gradient[mine].sum(axis=0)
 
 
-def jaw_motion_of(arrays: Mapping[str, Any], rig: Rig, file: Path) -> JawMotion:
-    """Read what `JawMotion.as_arrays` gave.
+def solid_motion_of(arrays: Mapping[str, Any], rig: Rig, file: Path) -> SolidMotion:
+    """Read what `SolidMotion.as_arrays` gave.
 
     Args:
         arrays: The arrays, from a file.
@@ -97,9 +110,10 @@ def jaw_motion_of(arrays: Mapping[str, Any], rig: Rig, file: Path) -> JawMotion:
         The motion.
 
     Raises:
-        InputError: If the array has another shape or type, or a number that is no `Jaw`.
+        InputError: If the array has another shape or type, or a number that is no `Solid`.
     """
-    jaws = checked_array(arrays, "jaw_faces", (len(rig.faces),), np.uint8, file=file)
-    if (jaws > max(Jaw)).any():
-        raise InputError("expected 0 (other triangles), 1 (upper jaw) or 2 (lower jaw)", file=file, field="jaw_faces")
-    return JawMotion(rig, jaws)
+    solids = checked_array(arrays, "solid_faces", (len(rig.faces),), np.uint8, file=file)
+    if (solids > max(Solid)).any():
+        problem = f"expected numbers from 0 to {max(Solid)}, see carigs.splat.rig.solid_motion.Solid"
+        raise InputError(problem, file=file, field="solid_faces")
+    return SolidMotion(rig, solids)

@@ -1,0 +1,111 @@
+"""The body in the frames: neck below the border of the mesh, shoulders and clothes.
+
+It lies below the border of the neck and moves with it, not with the head. Its outline bounds it from the sides, but
+cameras before a person hardly tell how deep it is: it is taken to be no deeper than an ellipse over its width.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32, Int
+
+from carigs.hair.hull import FINE, HullView, Voxels, hull_views, opacities, visual_hull
+from carigs.hair.views import HairView
+from carigs.hair.visible_voxels import visible_shares
+from carigs.head.neck_border import NeckBorder
+
+WIDTH, DEPTH, HEIGHT = 0.4, 0.2, 0.35
+"""Metres from the middle of the neck to the sides of the space that is looked at, to its front and back, and down."""
+BELOW = (0.015, 0.03, 0.045, 0.06)
+"""Metres below the border of the neck at which the body is looked for, within the width of the neck."""
+FILLED, LEAST_SEEN = 0.5, 0.1
+"""Least opacity there, and least share of the visible points that have it, if there is a body; and least share of the
+points that are visible."""
+FLATNESS, DEEPEST = 0.6, 0.13
+"""Largest depth of a body over its width, and in metres from its middle to its front."""
+
+
+class Body(NamedTuple):
+    """The space that the body fills."""
+
+    volume: Voxels
+    visible: Float32[np.ndarray, " n"]
+    """Share of the views that see each voxel."""
+
+
+def shows_body(
+    views: Sequence[HairView],
+    border: NeckBorder,
+    canonical: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+) -> bool:
+    """Whether the neck goes on below the border of the mesh.
+
+    Args:
+        views: Frames of several timesteps and cameras.
+        border: The border of the neck.
+        canonical: Vertices of the neutral head in metres.
+        faces: Vertex indices of its triangles.
+
+    Returns:
+        False where mattes end at the neck, and for heads that were rendered without a body.
+    """
+    arm = canonical[border.vertices] - border.centre
+    inside = np.concatenate([border.centre + share * arm for share in (0.0, 0.3, 0.6)])
+    below = np.concatenate([inside - [0.0, depth, 0.0] for depth in BELOW])
+    opacity, is_seen = opacities(below, _looks(views, border, canonical, faces))
+    return bool(is_seen.mean() >= LEAST_SEEN and (opacity[is_seen] >= FILLED).mean() >= FILLED)
+
+
+def carve_body(
+    views: Sequence[HairView],
+    border: NeckBorder,
+    canonical: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+    stride: int = 1,
+) -> Body:
+    """Find the space that the body fills.
+
+    Args:
+        views: Frames of several timesteps and cameras.
+        border: The border of the neck.
+        canonical: Vertices of the neutral head in metres.
+        faces: Vertex indices of its triangles.
+        stride: Every such view tells what is visible.
+
+    Returns:
+        The body, with at least one voxel where `shows_body`.
+    """
+    ring = canonical[border.vertices]
+    low = [border.centre[0] - WIDTH, ring[:, 1].min() - HEIGHT, border.centre[2] - DEPTH]
+    high = [border.centre[0] + WIDTH, ring[:, 1].max() + FINE, border.centre[2] + DEPTH]
+    centres, opacity = visual_hull(_looks(views, border, canonical, faces), np.array(low), np.array(high))
+    kept = ~border.lies_above(centres)
+    kept[kept] = _within_ellipse(centres[kept], border.centre)
+    volume = Voxels(centres[kept].astype(np.float32), opacity[kept].astype(np.float32), FINE)
+    carrier = np.unique(faces[border.carriers])
+    return Body(volume, visible_shares(volume, views[::stride], canonical, carrier).astype(np.float32))
+
+
+def _looks(
+    views: Sequence[HairView],
+    border: NeckBorder,
+    canonical: Float[np.ndarray, "v 3"],
+    faces: Int[np.ndarray, "f 3"],
+) -> list[HullView]:
+    """Views of what moves with the border of the neck. Nothing of it lies in front of the mesh."""
+    return hull_views(views, np.zeros(len(faces), np.float32), canonical, np.unique(faces[border.carriers]))
+
+
+def _within_ellipse(points: Float[np.ndarray, "n 3"], centre: Float[np.ndarray, "3"]) -> Bool[np.ndarray, " n"]:
+    """Which points of a slice lie in an ellipse as wide as the slice is on their side."""
+    x, z = points[:, 0] - centre[0], points[:, 2] - centre[2]
+    slices = np.rint(points[:, 1] / FINE).astype(int)
+    side = 2 * (slices - slices.min(initial=0)) + (x > 0)
+    width = np.zeros(side.max(initial=0) + 1)
+    np.maximum.at(width, side, np.abs(x))
+    across = np.maximum(width[side], FINE)
+    return (x / across) ** 2 + (z / np.minimum(FLATNESS * across, DEEPEST)) ** 2 <= 1
