@@ -1,7 +1,7 @@
 """The body in the frames: neck below the border of the mesh, shoulders and clothes.
 
 It lies below the border of the neck and moves with it, not with the head. Its outline bounds it from the sides, but
-cameras before a person hardly tell how deep it is: it is taken to be no deeper than an ellipse over its width.
+cameras before a person hardly tell how deep it is: it is taken to be rounded towards its outline.
 """
 
 from __future__ import annotations
@@ -11,21 +11,22 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
+from scipy.ndimage import binary_closing, distance_transform_edt
 
 from carigs.hair.hull import FINE, HullView, Voxels, hull_views, opacities, visual_hull
 from carigs.hair.views import HairView
 from carigs.hair.visible_voxels import visible_shares
 from carigs.head.neck_border import NeckBorder
 
-WIDTH, DEPTH, HEIGHT = 0.4, 0.2, 0.35
+WIDTH, DEPTH, HEIGHT = 0.4, 0.11, 0.35
 """Metres from the middle of the neck to the sides of the space that is looked at, to its front and back, and down."""
 BELOW = (0.015, 0.03, 0.045, 0.06)
 """Metres below the border of the neck at which the body is looked for, within the width of the neck."""
 FILLED, LEAST_SEEN = 0.5, 0.1
 """Least opacity there, and least share of the visible points that have it, if there is a body; and least share of the
 points that are visible."""
-FLATNESS, DEEPEST = 0.6, 0.13
-"""Largest depth of a body over its width, and in metres from its middle to its front."""
+CLOSED = 3
+"""Voxels between parts of head and body that count as filled in its outline."""
 
 
 class Body(NamedTuple):
@@ -84,7 +85,7 @@ def carve_body(
     high = [border.centre[0] + WIDTH, ring[:, 1].max() + FINE, border.centre[2] + DEPTH]
     centres, opacity = visual_hull(_looks(views, border, canonical, faces), np.array(low), np.array(high))
     kept = ~border.lies_above(centres)
-    kept[kept] = _within_ellipse(centres[kept], border.centre)
+    kept[kept] = _within_rounded(centres[kept], canonical, border.centre[2])
     volume = Voxels(centres[kept].astype(np.float32), opacity[kept].astype(np.float32), FINE)
     carrier = np.unique(faces[border.carriers])
     return Body(volume, visible_shares(volume, views[::stride], canonical, carrier).astype(np.float32))
@@ -100,12 +101,23 @@ def _looks(
     return hull_views(views, np.zeros(len(faces), np.float32), canonical, np.unique(faces[border.carriers]))
 
 
-def _within_ellipse(points: Float[np.ndarray, "n 3"], centre: Float[np.ndarray, "3"]) -> Bool[np.ndarray, " n"]:
-    """Which points of a slice lie in an ellipse as wide as the slice is on their side."""
-    x, z = points[:, 0] - centre[0], points[:, 2] - centre[2]
-    slices = np.rint(points[:, 1] / FINE).astype(int)
-    side = 2 * (slices - slices.min(initial=0)) + (x > 0)
-    width = np.zeros(side.max(initial=0) + 1)
-    np.maximum.at(width, side, np.abs(x))
-    across = np.maximum(width[side], FINE)
-    return (x / across) ** 2 + (z / np.minimum(FLATNESS * across, DEEPEST)) ** 2 <= 1
+def _within_rounded(
+    points: Float[np.ndarray, "n 3"], canonical: Float[np.ndarray, "v 3"], middle: float
+) -> Bool[np.ndarray, " n"]:
+    """Which points lie in a body that is rounded towards its outline, as seen from the front, like the edge of a coin.
+
+    Its half depth at a distance d from the outline is that of a circle of the radius `DEPTH`, sqrt(2 d DEPTH - d^2).
+    The head belongs to it, and it goes on below the images.
+    """
+    low = np.minimum(points.min(axis=0), canonical.min(axis=0))[:2] - 2 * FINE
+    high = np.maximum(points.max(axis=0), canonical.max(axis=0))[:2] + 2 * FINE
+    filled = np.zeros(np.ceil((high - low) / FINE).astype(int) + 1, bool)
+    for each in (points, canonical):
+        filled[tuple(np.rint((each[:, :2] - low) / FINE).astype(int).T)] = True
+    filled = binary_closing(np.pad(filled, CLOSED), iterations=CLOSED)[CLOSED:-CLOSED, CLOSED:-CLOSED]
+    filled = np.maximum.accumulate(filled[:, ::-1], axis=1)[:, ::-1]  # y is up: all below something that is filled
+    filled = np.pad(filled, ((1, 1), (0, 1)))  # but there is no outline at the lower end
+    distance = np.minimum(FINE * distance_transform_edt(np.pad(filled, ((0, 0), (len(filled), 0)), "edge")), DEPTH)
+    column, row = np.rint((points[:, :2] - low) / FINE).astype(int).T
+    away = distance[column + 1, row + len(filled)]
+    return np.abs(points[:, 2] - middle) <= np.sqrt(away * (2 * DEPTH - away)) + FINE / 2

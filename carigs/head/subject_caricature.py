@@ -10,8 +10,10 @@ from jaxtyping import Float
 
 from carigs.exaggeration.blendshape_transfer import transfer_blendshapes
 from carigs.exaggeration.exaggerator import Exaggerator
+from carigs.exaggeration.fade import faded_path
 from carigs.exaggeration.gamma_path import GammaPath
 from carigs.head.model import HeadModel
+from carigs.head.neck_border import neck_border
 from carigs.head.parameters import HeadParameters
 from carigs.head.posing import active_blendshapes
 from carigs.head.teeth import skin_counts
@@ -68,4 +70,9 @@ def subject_gamma_path(
     if parameters:
         blendshapes, columns = active_blendshapes(model, parameters)
         path = transfer_blendshapes(path, exaggerator, blendshapes[:, :v], columns, settings.regions)
-    return replace(path, neutral=np.asarray(neutral, np.float64)[:v])
+    path = replace(path, neutral=np.asarray(neutral, np.float64)[:v])
+    border = neck_border(model, neutral) if settings.border_fade > 0 else None
+    if border is None:
+        return path
+    fixed = np.union1d(border.vertices, model.faces[border.carriers])
+    return faded_path(path, fixed[fixed < v], settings.border_fade)
