@@ -49,5 +49,5 @@ def band_strength(exposures: Exposures) -> Float64[np.ndarray, "c t"]:
         band = float(medians.std())
         if band > LEAST_BAND and band > BAND_RATIO * within:
             strength[c, t] = band
-    few = (strength > 0).mean(axis=1) < LEAST_SHARE
+    few = (strength > 0).sum(axis=1) < LEAST_SHARE * strength.shape[1]
     return np.where(few[:, None], 0.0, strength)

@@ -43,7 +43,8 @@ def frame_sharpness(seen: Observations) -> Float64[np.ndarray, "c t"]:
         Fine detail of each frame over that of its camera's median frame; 1 for frames that are not significantly
         blurred.
     """
-    return np.stack([_blurred(fit_offsets(detail[:, None], seen.patch)) for detail in seen.detail])
+    found = [_blurred(fit_offsets(detail[:, None], seen.patch)) for detail in seen.detail]
+    return np.array(found).reshape(seen.detail.shape[:2])
 
 
 def _blurred(found: Offsets) -> Float64[np.ndarray, " u"]:
