@@ -24,6 +24,8 @@ from carigs.readers.limits import MAX_IMAGE_PIXELS
 
 MAX_NUMBER = 1_000_000_000
 """Largest number of a timestep or camera."""
+MAX_GAIN = 100.0
+"""Largest factor on the light of an image; its inverse is the smallest."""
 
 
 def cameras_to_json(cameras: Sequence[Camera]) -> list[dict[str, Any]]:
@@ -77,7 +79,11 @@ def frames_to_json(frames: Sequence[Frame]) -> dict[str, Any]:
     """
     timesteps = {str(f.timestep): {"sequence": f.sequence, "parameters": f.parameters} for f in frames}
     keys = ("timestep", "camera", "calibration", "split", "image", "mask")
-    return {"timesteps": timesteps, "frames": [{key: getattr(frame, key) for key in keys} for frame in frames]}
+    entries = [{key: getattr(frame, key) for key in keys} for frame in frames]
+    for frame, entry in zip(frames, entries, strict=True):
+        if frame.gains is not None:
+            entry["gains"] = list(frame.gains)
+    return {"timesteps": timesteps, "frames": entries}
 
 
 def frames_from_json(content: dict[str, Any], file: Path, num_cameras: int) -> tuple[Frame, ...]:
@@ -151,6 +157,11 @@ def _frame(entry: Any, where: str, file: Path, timesteps: dict[str, list[str]], 
         raise InputError(problem, file=file, field=f"{where}.split")
     if str(values["timestep"]) not in timesteps:
         raise InputError(f"there is no timestep {values['timestep']}", file=file, field=f"{where}.timestep")
+    if "gains" in entry:
+        field = f"{where}.gains"
+        rows = {field: json_field(entry, "gains", list, file=file, where=where)}
+        gains = checked_array(rows, field, (3,), np.float64, within=(1 / MAX_GAIN, MAX_GAIN), file=file)
+        values["gains"] = tuple(gains.tolist())
     return Frame(
         **{"mask": None, **values}, **dict(zip(_TIMESTEP_KEYS, timesteps[str(values["timestep"])], strict=True))
     )

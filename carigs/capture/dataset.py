@@ -13,6 +13,7 @@ from jaxtyping import Float32, UInt8
 
 from carigs.capture.camera import Camera
 from carigs.capture.capture_json import cameras_from_json, cameras_to_json, frames_from_json, frames_to_json
+from carigs.capture.colour_gains import with_gains
 from carigs.capture.frame import Frame
 from carigs.capture.images import differs_from_background, read_frame_matte8, read_rgb8
 from carigs.errors import InputError
@@ -108,9 +109,12 @@ class Capture:
             frame: A frame of the capture.
 
         Returns:
-            sRGB colours from 0 to 255.
+            sRGB colours from 0 to 255, with the gains of the frame.
         """
-        return read_rgb8(self.root / frame.image, self.background)
+        image = read_rgb8(self.root / frame.image, self.background)
+        if frame.gains is None:
+            return image
+        return with_gains(image, self._foreground(frame, image), self.background, frame.gains)
 
     def image(self, frame: Frame) -> Float32[np.ndarray, "h w 3"]:
         """Read the image of a frame, as `image8`.
@@ -155,10 +159,15 @@ class Capture:
         Returns:
             Opacity of the foreground in [0, 1]. Without a matte, 1 where the image differs from the stated background.
         """
+        return self._foreground(frame, None)
+
+    def _foreground(self, frame: Frame, stored: UInt8[np.ndarray, "h w 3"] | None) -> Float32[np.ndarray, "h w"]:
+        """The matte, or an estimate from the image as it is stored: gains would change what differs by a tolerance."""
         matte = self.mask(frame)
         if matte is not None:
             return matte
-        return differs_from_background(self.image8(frame), self.background).astype(np.float32)
+        image = read_rgb8(self.root / frame.image, self.background) if stored is None else stored
+        return differs_from_background(image, self.background).astype(np.float32)
 
     @property
     def validation_camera(self) -> int:

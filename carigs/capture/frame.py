@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from carigs.capture.colour_gains import Gains
+
 
 @dataclass(frozen=True, slots=True)
 class Frame:
@@ -21,6 +23,8 @@ class Frame:
     parameters: str
     calibration: int
     """Position in `Capture.calibrations`."""
+    gains: Gains | None = None
+    """Factors on the light of the image (`carigs.capture.colour_gains`); None to leave it as it is stored."""
 
     @property
     def name(self) -> str:

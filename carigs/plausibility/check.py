@@ -8,6 +8,7 @@
 | the posed mesh in the cameras, mattes against its silhouette | selected (`select_frames`) |
 | mattes against the images of other timesteps | selected |
 | images against the other frames at the vertices of the mesh | selected |
+| exposure and sharpness of cameras, if the mesh fits | all but test frames, or 256 |
 | usual mistakes, by trying (`diagnose`) | a few, at a low resolution |
 """
 
@@ -19,9 +20,11 @@ from typing import NamedTuple
 
 from carigs.capture import Capture, Frame
 from carigs.errors import InputError, collecting
+from carigs.exposure import Exposures, match_exposures, measure_exposures
 from carigs.plausibility.alternatives import compare_frames
 from carigs.plausibility.diagnosis.scene import read_scene
 from carigs.plausibility.diagnosis.trial import Diagnosis, diagnose
+from carigs.plausibility.exposures import exposure_findings
 from carigs.plausibility.findings import Finding, summarize
 from carigs.plausibility.head_models import check_head_model
 from carigs.plausibility.images import check_images, read_frame, summarize_images
@@ -39,13 +42,16 @@ class Examination(NamedTuple):
     """What is likely to be wrong."""
     diagnosis: Diagnosis | None
     """None if there was no reason to look for a mistake."""
+    exposures: Exposures | None
+    """None if the mesh does not fit the images, or there are errors."""
 
 
-def check_capture(capture: Capture) -> Capture:
+def check_capture(capture: Capture, *, match_exposure: bool = True) -> Capture:
     """Check that the parts of a capture fit each other.
 
     Args:
         capture: The capture, as indexed by `read_dataset`.
+        match_exposure: Whether training frames get the factors that match their exposures to one camera.
 
     Returns:
         The capture with its `warnings`: what is likely to be wrong, one line each.
@@ -53,7 +59,10 @@ def check_capture(capture: Capture) -> Capture:
     Raises:
         InputError: If something cannot be true; names file and field.
     """
-    return replace(capture, warnings=(*capture.warnings, *summarize(examine_capture(capture).findings)))
+    found = examine_capture(capture)
+    if match_exposure and found.exposures is not None:
+        capture = match_exposures(capture, found.exposures)
+    return replace(capture, warnings=(*capture.warnings, *summarize(found.findings)))
 
 
 def examine_capture(
@@ -90,7 +99,11 @@ def examine_capture(
     for error in misplaced:
         with collecting(errors):
             raise error
-    return Examination(findings + seen, diagnosis)
+    exposures = None
+    if not (errors or misplaced or (diagnosis and diagnosis.mistakes)):
+        exposures = measure_exposures(capture)
+        seen += exposure_findings(capture, exposures)
+    return Examination(findings + seen, diagnosis, exposures)
 
 
 def _check_views(

@@ -7,6 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float32, UInt8
 
+from carigs.exposure.known_median import median_of_known
+
 NOISE = 4.0
 """Levels of 255 added to the spread of a vertex, so that none gets all the weight."""
 CLIP = 40.0
@@ -62,23 +64,6 @@ def reference(samples: Float32[np.ndarray, "m *k n 3"]) -> Reference:
     spread = median_of_known(np.abs(samples - colours).mean(axis=-1))
     colours[np.isfinite(samples[..., 0]).sum(axis=0) < LEAST_FRAMES] = np.nan
     return Reference(colours, 1 / (spread + NOISE))
-
-
-def median_of_known(values: Float32[np.ndarray, " m *k"]) -> Float32[np.ndarray, " *k"]:
-    """Median over the first dimension, without NaN.
-
-    Args:
-        values: Numbers, and NaN for those that are not known.
-
-    Returns:
-        What `numpy.nanmedian` returns, which takes three to five times as long: NaN where no value is known.
-    """
-    ordered = np.sort(values, axis=0)  # NaN come last
-    count = np.isfinite(values).sum(axis=0)
-    lower, upper = (
-        np.take_along_axis(ordered, np.maximum(middle, 0)[None], axis=0)[0] for middle in ((count - 1) // 2, count // 2)
-    )
-    return (lower + upper) / np.float32(2)
 
 
 def misfit(samples: Float32[np.ndarray, "n 3"], expected: Reference) -> float:

@@ -60,6 +60,7 @@ MEASUREMENTS = {
     "plans": Measurement((), ("ict_s1", MODEL), SECTION),
     "regions": Measurement((), (MODEL,), SECTION),
     "embedding": Measurement((), ("ict_s7", MODEL, "real"), SECTION),
+    "exposure": Measurement((), ("ict_s1", "ict_s7", MODEL), SECTION),
     "tests": Measurement((), (), SECTION),
 }
 """What is measured."""

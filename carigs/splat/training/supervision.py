@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
 
-from carigs.capture import Camera, Capture
+from carigs.capture import Camera, Capture, Frame
 from carigs.capture.images import read_bits, read_rgb8
 from carigs.capture.target_index import TargetSet
 from carigs.errors import InputError
@@ -116,7 +117,7 @@ class Supervision:
         if not gtstar:
             frame = self.frames[index]
             camera = self.capture.camera(frame)
-            image = self._images.get(self.capture.root / frame.image, self._read_planes)
+            image = self._images.get(self.capture.root / frame.image, partial(self._frame_planes, frame))
             return Example(frame.timestep, camera, 0.0, _of_size(image, camera, frame.image), None, self.kept)
         frame, level, file, flags, weight = self.targets[index]
         camera = self.capture.camera(frame)
@@ -135,7 +136,8 @@ class Supervision:
             index: As in `example`.
         """
         if not gtstar:
-            self._images.prefetch(self.capture.root / self.frames[index].image, self._read_planes)
+            frame = self.frames[index]
+            self._images.prefetch(self.capture.root / frame.image, partial(self._frame_planes, frame))
             return
         target = self.targets[index]
         self._images.prefetch(target.image, self._read_planes)
@@ -157,9 +159,17 @@ class Supervision:
         matte = _of_size(self.capture.foreground(frame), example.camera, frame.mask or frame.image)
         return example, matte if example.valid is None else matte * example.valid
 
+    def _frame_planes(self, frame: Frame, _file: Path) -> UInt8[np.ndarray, "h w 3"]:
+        """Read the image of a frame as `_read_planes`."""
+        return _as_planes(self.capture.image8(frame))
+
     def _read_planes(self, file: Path) -> UInt8[np.ndarray, "h w 3"]:
         """Read an image with its channels as planes in memory, as the loss needs them."""
-        return np.ascontiguousarray(read_rgb8(file, self.capture.background).transpose(2, 0, 1)).transpose(1, 2, 0)
+        return _as_planes(read_rgb8(file, self.capture.background))
+
+
+def _as_planes(image: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h w 3"]:
+    return np.ascontiguousarray(image.transpose(2, 0, 1)).transpose(1, 2, 0)
 
 
 def _of_size(pixels: np.ndarray, camera: Camera, file: object) -> np.ndarray:
