@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import warnings
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+from rich.console import Console
+from rich.progress import Progress
+
 from carigs.capture import Camera, Capture, read_dataset
-from carigs.capture.dataset_writer import copied, linked, write_dataset
+from carigs.capture.dataset_writer import Place, copied, linked, write_dataset
+from carigs.capture.frame import Frame
+from carigs.capture.importers.ava256 import CALIBRATION, is_ava256, read_ava256, read_calibration
 from carigs.capture.importers.calibrated_images import (
     CALIBRATIONS,
     IMAGES,
@@ -16,13 +23,24 @@ from carigs.capture.importers.calibrated_images import (
     read_calibrated_images,
 )
 from carigs.capture.importers.cameras import read_cameras
+from carigs.capture.importers.dome import import_dome
 from carigs.capture.importers.flame_tracks import read_flame_track, read_tracked_cameras
 from carigs.capture.importers.images import find_images, image_name
-from carigs.capture.importers.mesh_sequence import read_mesh_sequence
+from carigs.capture.importers.mesh_sequence import MeshTrack, read_mesh_sequence
+from carigs.capture.importers.multiface import is_multiface, read_multiface
+from carigs.capture.importers.unpacked import UnpackedImages
 from carigs.cli.parser import add_capture_options
-from carigs.errors import CarigsWarning, InputError
-from carigs.head import HeadModel, HeadParameters
+from carigs.errors import CarigsWarning, InputError, SettingsError
+from carigs.head import HeadModel, HeadParameters, pose
+from carigs.mesh.triangle_mesh import boundary_vertices
 from carigs.readers.folders import listed, natural_order
+from carigs.tracking.neck_cut import BELOW_CHIN, NeckCut
+
+CAMERAS, STRIDE = 16, 8
+"""Of a dome, which has up to 160 cameras and 10 000 frames: as many cameras as NeRSemble."""
+DOME_OPTIONS = ("max_cameras", "stride", "neutral", "topology", "undistort")
+NECK_SHARE = 0.25
+"""Share of the height of a registered mesh in which its lower border lies."""
 
 DESCRIPTION = """Write a capture in the layout of GaussianAvatars.
 
@@ -33,6 +51,8 @@ IN_FOLDER is a dataset in this layout (a union of sequences becomes one folder),
   cameras.json                   or a COLMAP model in sparse/0, undistorted
   meshes/TIMESTEP.obj            one topology; or .ply
   tracked_flame_params_*.npz     of VHAP, or flame_param/TIMESTEP.npz, instead of meshes; needs --head-model
+
+or it is a capture of Ava-256 (DATE--TIME--ID) or of Multiface (m--DATE--TIME--ID--GHS), as their downloads leave it.
 
 docs/captures.md describes the conventions."""
 
@@ -53,6 +73,14 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("target", type=Path, metavar="OUT_FOLDER", help="new or empty")
     parser.add_argument("--head-model", type=Path, help="file of the head model, for FLAME parameters")
     add_capture_options(parser)
+    domes = parser.add_argument_group("Ava-256 and Multiface")
+    domes.add_argument("--max-cameras", type=int, metavar="N", help=f"spread around the head (default {CAMERAS})")
+    domes.add_argument("--stride", type=int, metavar="N", help=f"every n-th frame of a segment (default {STRIDE})")
+    domes.add_argument("--neutral", type=int, metavar="FRAME", help="the neutral head (default: of a neutral segment)")
+    domes.add_argument("--topology", type=Path, metavar="FILE", help="face_topology.obj of Ava-256's repository")
+    domes.add_argument(
+        "--undistort", action="store_true", help="apply the distortion that Ava-256's calibration states"
+    )
     options = parser.parse_args(arguments)
     convert_capture(options)
     return 0
@@ -68,7 +96,13 @@ def convert_capture(options: argparse.Namespace) -> None:
         InputError: If something is missing or broken.
     """
     source = options.source
-    if (source / "transforms_train.json").is_file():
+    place = copied if options.copy else linked
+    if is_ava256(source) or is_multiface(source):
+        model, heads, capture, place = _read_dome(options, place)
+    elif given := [name for name in DOME_OPTIONS if getattr(options, name)]:
+        option = given[0].replace("_", "-")
+        raise InputError(f"--{option} is for captures of Ava-256 and Multiface; this is none", file=source)
+    elif (source / "transforms_train.json").is_file():
         if options.head_model is None:
             raise InputError("a dataset needs its head model: --head-model FILE", file=source)
         capture = read_dataset(source, options.head_model, background=options.background)
@@ -78,10 +112,67 @@ def convert_capture(options: argparse.Namespace) -> None:
         capture = _assemble(options, set(heads))
     for line in capture.warnings:
         warnings.warn(CarigsWarning(line), stacklevel=2)
-    write_dataset(options.target, capture, model, heads, place=copied if options.copy else linked)
+    with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as progress:
+        bar = progress.add_task("images", total=len(capture.frames))
+
+        def placed(file: Path, part: Path, folder: Path, name: str) -> str:
+            progress.advance(bar)
+            return place(file, part, folder, name)
+
+        write_dataset(options.target, capture, model, heads, place=placed)
     written = read_dataset(options.target, options.target / "head_model.npz", background=options.background)
     counts = ", ".join(f"{len(written.split(split))} {split}" for split in ("train", "val", "test"))
     print(f"{options.target}: {len(written.frames)} frames ({counts}), {len(written.cameras)} cameras")
+
+
+def _read_dome(
+    options: argparse.Namespace, place: Place
+) -> tuple[HeadModel, dict[int, HeadParameters], Capture, Place]:
+    """Head model, head parameters and frames of a dome, and what happens to its images."""
+    source, stride = options.source, STRIDE if options.stride is None else options.stride
+    count = CAMERAS if options.max_cameras is None else options.max_cameras
+    if min(stride, count) < 1:
+        raise SettingsError("--stride and --max-cameras are 1 or more")
+    packed = is_ava256(source)
+    if not packed and (options.topology or options.undistort):
+        raise SettingsError("--topology and --undistort are for Ava-256")
+    dome = (
+        read_ava256(source, topology=options.topology, stride=stride)
+        if packed
+        else read_multiface(source, stride=stride)
+    )
+    track, capture = import_dome(
+        dome,
+        options.target / "head_model.npz",
+        cameras=count,
+        neutral=options.neutral,
+        background=options.background,
+    )
+    _print_track(track)
+    if not packed:
+        return track.model, track.parameters, capture, place
+    lenses = read_calibration(dome.folder / CALIBRATION)
+    if not options.undistort:
+        lenses = {}
+        print("lens distortion is not applied, as in the dataset's own programs; --undistort applies it")
+    template, faces = track.model.v_template.astype(np.float64), track.model.faces
+    border, height = np.flatnonzero(boundary_vertices(faces, len(template))), template[:, 1]
+    border = border[height[border] < height.min() + NECK_SHARE * np.ptp(height)]
+    cut = NeckCut(template, faces, float(height[border].mean() if border.size else height.min()) + BELOW_CHIN)
+
+    def kept(frame: Frame) -> np.ndarray:
+        return cut.kept_share(pose(track.model, track.parameters[frame.timestep]), capture.camera(frame))
+
+    frames = {frame.image: frame for frame in capture.frames}
+    unpacked = UnpackedImages(dome.folder, frames, capture.calibrations, kept, lenses)
+    return track.model, track.parameters, capture, unpacked
+
+
+def _print_track(track: MeshTrack) -> None:
+    residual = (
+        f"residual {1000 * track.mean_residual:.3g} mm (root mean square), {1000 * track.residual:.3g} mm at most"
+    )
+    print(f"{len(track.parameters)} meshes, {track.model.num_expressions} blendshapes, {residual}")
 
 
 def _assemble(options: argparse.Namespace, timesteps: set[int]) -> Capture:
@@ -123,6 +214,5 @@ def _read_heads(options: argparse.Namespace) -> tuple[HeadModel, dict[int, HeadP
         problem = "no tracked head; looked for tracked_flame_params_*.npz, flame_param/ and meshes/"
         raise InputError(problem, file=source)
     found = read_mesh_sequence(source / "meshes", options.metres_per_unit)
-    blendshapes = found.model.num_expressions
-    print(f"{len(found.parameters)} meshes, {blendshapes} blendshapes, residual {1000 * found.residual:.3g} mm")
+    _print_track(found)
     return found.model, found.parameters

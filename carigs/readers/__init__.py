@@ -10,7 +10,8 @@ code of the file, and raises `InputError` with the file and the field for whatev
 - `json_files`: JSON
 - `yaml_files`: YAML files of settings
 - `pickles`, `pickled_objects`: pickled dictionaries of arrays, such as FLAME's
-- `images`: PNG and JPEG
+- `images`: PNG, JPEG and AVIF
+- `archives`: .zip, member by member
 - `text`: the encoding and the lines of text in all files
 - `mesh_files`: OBJ, PLY, STL, OFF and glTF
 - `colmap`: COLMAP's sparse models

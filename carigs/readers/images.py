@@ -1,4 +1,4 @@
-"""Reader of PNG and JPEG images that checks them before they are decoded.
+"""Reader of PNG, JPEG and AVIF images that checks them before they are decoded.
 
 OpenCV allocates what a header claims, and returns pictures of truncated files, partly grey or black, with a warning at
 most. Here the size is limited first, and files whose end is missing or whose checksums are wrong are refused.
@@ -9,6 +9,7 @@ calibrated to stored pixels. `ImageHeader.orientation` says that there is one.
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import zlib
@@ -17,7 +18,7 @@ from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
-from jaxtyping import Shaped
+from jaxtyping import Shaped, UInt8
 
 from carigs.errors import InputError
 from carigs.readers.limits import MAX_IMAGE_BYTES, MAX_IMAGE_PIXELS, max_unpacked_bytes, read_bytes, regular_file_size
@@ -70,7 +71,22 @@ def read_pixels(file: str | Path) -> Shaped[np.ndarray, "h w *channels"]:
     Raises:
         InputError: If the file is missing, is neither PNG nor JPEG, exceeds a limit, or is damaged.
     """
-    content = read_bytes(file, MAX_IMAGE_BYTES, "image")
+    return parse_pixels(read_bytes(file, MAX_IMAGE_BYTES, "image"), file)
+
+
+def parse_pixels(content: bytes, file: str | Path) -> Shaped[np.ndarray, "h w *channels"]:
+    """Decode the bytes of an image as they are stored.
+
+    Args:
+        content: The file's bytes.
+        file: Its name, for messages.
+
+    Returns:
+        As for `read_pixels`.
+
+    Raises:
+        InputError: As for `read_pixels`.
+    """
     width, height, *_ = _header(content, file)
     if width * height > MAX_IMAGE_PIXELS:
         raise InputError(f"{width} x {height} pixels; at most {MAX_IMAGE_PIXELS} are decoded", file=file)
@@ -87,6 +103,36 @@ def read_pixels(file: str | Path) -> Shaped[np.ndarray, "h w *channels"]:
     if pixels is None:
         raise InputError("not a readable image", file=file)
     return pixels
+
+
+def parse_avif(content: bytes, file: str | Path) -> UInt8[np.ndarray, "h w 3"]:
+    """Decode an AVIF image; an opacity is left out.
+
+    Args:
+        content: The file's bytes.
+        file: Its name, for messages.
+
+    Returns:
+        RGB values from 0 to 255.
+
+    Raises:
+        InputError: If Pillow was built without AVIF, or if the image is of another format, exceeds a limit, or is
+            damaged.
+    """
+    from PIL import Image, features
+
+    if not features.check("avif"):
+        raise InputError("this Pillow reads no AVIF", file=file, remedy="pip install 'pillow>=11.3'")
+    try:
+        with Image.open(io.BytesIO(content), formats=["AVIF"]) as image:
+            width, height = image.size
+            if width * height > min(MAX_IMAGE_PIXELS, max_unpacked_bytes(len(content)) // 3):
+                raise InputError(f"{width} x {height} pixels are more than are decoded", file=file)
+            return np.asarray(image.convert("RGB"))
+    except InputError:
+        raise
+    except Exception as error:  # of the format's library and of Pillow: many types
+        raise InputError(f"not a readable AVIF image ({str(error)[:80] or type(error).__name__})", file=file) from error
 
 
 def read_header(file: str | Path) -> ImageHeader:
