@@ -79,7 +79,7 @@ class DomeBust:
             angle = np.radians((-60, -5, 35, 170)[i] if len(self.names) == 4 else 300 * i / len(self.names) - 150)
             centre = np.array([np.sin(angle), 0.1 * (-1) ** i, np.cos(angle)])
             pose = look_at(centre, np.array([0, -0.01, 0.0])) @ np.linalg.inv(self.rig_from_world)
-            focal = 3.2 * height
+            focal = 2.6 * height
             cameras[name] = Camera(pose, focal, 1.01 * focal, width / 2 + 1.5, height / 2 - 2.25, width, height)
         return cameras
 
