@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
+from dome_captures import DomeBust, write_ava256
 from miniature import ball_model, write_ball
 from ply_oracle import GAUSSIAN_AVATARS, write_random_ply
 
@@ -15,9 +16,10 @@ from carigs.head import HeadModel
 
 
 def write_captures(folder: Path) -> None:
-    """Write what the documents name below `/data`: `anna`, `UNION10_306`, `ga`, and the head model `flame2023.npz`."""
+    """Write what the documents name below `/data`: `anna`, `UNION10_306`, `ava256`, `ga` and `flame2023.npz`."""
     write_ball(folder / "anna")
     write_ball(folder / "UNION10_306", timesteps=8)
+    write_ava256(folder / "ava256", DomeBust())
     (folder / "anna/head_model.npz").rename(folder / "flame2023.npz")
     model = HeadModel.load(folder / "flame2023.npz")
     (folder / "ga").mkdir()

@@ -46,7 +46,7 @@ from carigs.toy import load_subject
 from evaluation.tables.frame_records import FrameRecord, read_frame_records, write_frame_records
 from evaluation.tables.metric_records import MetricRecord, StudyPoint
 from evaluation.tables.summary import read_metrics
-from stress.sound_files import captures, heads, splats
+from stress.sound_files import captures, domes, heads, splats
 from stress.sound_files.ball import CAMERA, FACES, VERTICES, gnm_arrays, head_model
 
 
@@ -130,7 +130,7 @@ def sound_files(folder: Path) -> dict[str, bytes]:
     geometry = FrameRecord("test", None, 3, "full", "exaggeration_gain", 0.5, "")
     write_frame_records(folder / "geometry.csv", [geometry, geometry._replace(camera=2, metric="hole_rate")])
     np.savez(folder / "subject.npz", **_subject(random))
-    for others in (captures, splats, heads):
+    for others in (captures, domes, splats, heads):
         others.write_sound_files(folder)
     return {reader: (folder / name).read_bytes() for reader, (_, name) in READERS.items() if reader != "override"}
 
@@ -213,6 +213,7 @@ READERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "metrics": (lambda file: [record.tolist() for record in read_metrics([file]).to_numpy()], "metrics.csv"),
     "subject": (lambda file: load_subject(file.parent), "subject.npz"),
     **captures.READERS,
+    **domes.READERS,
     **splats.READERS,
     **heads.READERS,
     "override": (_override, ""),
