@@ -1,8 +1,8 @@
 """A tracked mesh per frame as a head model of its own: one joint, and principal components as expressions.
 
 Rigid motion is given, or removed by Procrustes' method (Kabsch 1976); the singular value decomposition of what is left
-gives the blendshapes. As many of them as there are other frames reproduce every frame. For long sequences the
-decomposition is updated by a few frames at once (Levey and Lindenbaum 2000), with twice as many components as are kept.
+gives the blendshapes. As many of them as there are other frames reproduce every frame. Of a long sequence, twice as
+many components as are wanted are kept and updated by a few frames at once (Levey and Lindenbaum 2000).
 """
 
 from __future__ import annotations
@@ -127,11 +127,14 @@ def track_meshes(
                 rows.append((points - template).ravel())
             yield range(start, start + len(rows)), np.stack(rows)
 
-    s, basis, energy = np.zeros(0), np.zeros((0, 3 * v)), 0.0
+    kept, energy = np.zeros((0, 3 * v)), 0.0
     for _, rows in batches():
         energy += float((rows**2).sum())
-        _, s, basis = np.linalg.svd(np.concatenate([s[:, None] * basis, rows]), full_matrices=False)
-        s, basis = s[: 2 * components], basis[: 2 * components]
+        kept = np.concatenate([kept, rows])
+        if len(kept) > 2 * components:  # turned, so that what is left out is what matters least
+            turn = np.linalg.eigh(kept @ kept.T)[1][:, ::-1]
+            kept = turn[:, : 2 * components].T @ kept
+    _, s, basis = np.linalg.svd(kept, full_matrices=False)
     left = energy - np.cumsum(s**2)  # after one, two, ... components
     wanted = 1 + int((left > count * v * tolerance**2).sum()) if tolerance else components
     used = max(1, min(components, wanted, int((s > 1e-12 * s[0]).sum()))) if s[0] > 0 else 1

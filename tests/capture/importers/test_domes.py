@@ -14,7 +14,7 @@ from dome_captures import DomeBust, ply, rigid, write_ava256, write_multiface, w
 
 from carigs.capture import Capture, read_dataset
 from carigs.capture.importers.dome import TOLERANCE, spread_cameras
-from carigs.capture.importers.mesh_sequence import BATCH, track_meshes
+from carigs.capture.importers.mesh_sequence import BATCH, NUM_EXPRESSIONS, track_meshes
 from carigs.cli.convert_capture import main
 from carigs.errors import CarigsWarning, InputError, SettingsError
 from carigs.head import pose
@@ -184,9 +184,9 @@ def test_undistorted_images_are_those_of_a_pinhole(tmp_path):
 
 @pytest.mark.parametrize("given", [True, False])
 def test_long_sequences_have_the_error_that_is_stated(given):
-    """More frames than are in memory at once, of a known rank and noise."""
+    """More frames than are in memory at once, and than components are kept, of a known rank and noise."""
     rng = np.random.default_rng(3)
-    count, rank = 2 * BATCH + 7, 12
+    count, rank = 2 * NUM_EXPRESSIONS + 2 * BATCH + 7, 12
     rest, modes = 0.1 * rng.normal(size=(50, 3)), 0.01 * rng.normal(size=(rank, 150))
     still = rest + (rng.normal(size=(count, rank)) @ modes).reshape(count, 50, 3)
     still += 2e-5 * rng.normal(size=still.shape)
