@@ -14,12 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
+from scipy.spatial.transform import Rotation
 
 from carigs.capture.calibration.camera_checks import check_intrinsics, check_rigid
 from carigs.capture.camera import Camera
 from carigs.capture.dataset import Capture
 from carigs.capture.frame import Frame
 from carigs.capture.importers.mesh_sequence import MeshTrack, track_meshes
+from carigs.capture.importers.registration import MeshesOnDisk
 from carigs.capture.splits import split_frames, split_single_sequence
 from carigs.errors import CarigsWarning, InputError
 
@@ -27,7 +29,9 @@ TOLERANCE = 1e-4
 """Root mean square in metres of the distances of vertices that the blendshapes may leave."""
 LARGEST_TILT = 60.0
 """Degrees between what the cameras call up and the head's y, and between the side that they see and its z, beyond which
-the frames do not belong together."""
+the head's frame has other axes."""
+ALL_AROUND = 0.2
+"""Length of the mean direction of the cameras below which they stand on all sides, and do not say where the front is."""
 FROM_THE_TOP = "opencv: calibrations of domes count from the top"
 
 
@@ -92,12 +96,15 @@ def import_dome(
         InputError: If a frame or camera cannot be used, or no images of two timesteps are left.
 
     Warns:
-        CarigsWarning: The cameras see the head from behind, or upside down.
+        CarigsWarning: The cameras see the head from behind, or not upright, so that its frame was turned.
     """
+    for (timestep, _), motion in zip(dome.frames, dome.world_from_head, strict=True):
+        check_rigid(motion, dome.folder, f"head pose of frame {timestep}")
+    for name, pose in dome.poses.items():
+        check_rigid(pose, dome.folder, f"camera {name}")
     place = _neutral_place(dome, neutral)
+    dome = _upright(dome, place)
     world_from_head = dome.world_from_head
-    for frame, motion in zip(dome.frames, world_from_head, strict=True):
-        check_rigid(motion, dome.folder, f"head pose of frame {frame.timestep}")
     track = track_meshes(
         dome.vertices,
         dome.faces,
@@ -107,9 +114,6 @@ def import_dome(
         tolerance=TOLERANCE,
     )
     poses = {name: pose @ world_from_head[place] for name, pose in dome.poses.items()}
-    for name, pose in poses.items():
-        check_rigid(pose, dome.folder, f"camera {name}")
-    _check_axes(dome.folder, list(poses.values()))
     names = spread_cameras(poses, cameras)
     segments, frames, calibrations = dict(dome.frames), [], []
     for number, name in enumerate(sorted(names)):
@@ -178,11 +182,22 @@ def _neutral_place(dome: Dome, neutral: int | None) -> int:
     return min(places, key=lambda i: float(((dome.vertices[i] - mean) ** 2).sum()))
 
 
-def _check_axes(folder: Path, poses: Sequence[Float[np.ndarray, "4 4"]]) -> None:
-    """Warn if the head's frame does not have y up and the face towards +z: cameras of a dome see faces upright."""
+def _upright(dome: Dome, place: int) -> Dome:
+    """The capture with a head's frame that has y up and the face towards +z, as most of its cameras see it."""
+    poses = [pose @ dome.world_from_head[place] for pose in dome.poses.values()]
     up = -np.mean([pose[1, :3] for pose in poses], axis=0)
-    seen = np.mean([-pose[:3, :3].T @ pose[:3, 3] for pose in poses], axis=0)
-    for what, direction, axis in (("upright", up, 1), ("from the front", seen, 2)):
-        if direction[axis] < np.cos(np.radians(LARGEST_TILT)) * np.linalg.norm(direction):
-            problem = f"the cameras do not see the head {what} on average: is its frame y up, the face towards +z?"
-            warnings.warn(CarigsWarning(f"{folder}: {problem}"), stacklevel=3)
+    centres = np.stack([-pose[:3, :3].T @ pose[:3, 3] for pose in poses])
+    front = (centres / np.linalg.norm(centres, axis=1, keepdims=True)).mean(axis=0)
+    if np.linalg.norm(front) < ALL_AROUND:
+        front = np.array([0.0, 0.0, 1.0])
+    seen = np.stack([up, front]) / np.linalg.norm([up, front], axis=1, keepdims=True).clip(1e-9)
+    if min(seen[0, 1], seen[1, 2]) > np.cos(np.radians(LARGEST_TILT)):
+        return dome
+    turns = [turn.as_matrix() for turn in Rotation.create_group("O")]  # what maps axes to axes
+    turn = max(turns, key=lambda turn: float((seen @ turn.T)[[0, 1], [1, 2]].sum()))
+    problem = "the head's frame does not have y up and the face towards +z as the cameras see it: it was turned"
+    warnings.warn(CarigsWarning(f"{dome.folder}: {problem}"), stacklevel=3)
+    world_from_head = dome.world_from_head.copy()
+    world_from_head[:, :3, :3] = world_from_head[:, :3, :3] @ turn.T
+    turned = MeshesOnDisk(len(dome.vertices), lambda i: dome.vertices[i] @ turn.T)
+    return replace(dome, vertices=turned, world_from_head=world_from_head)
