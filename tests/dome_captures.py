@@ -84,7 +84,7 @@ class DomeBust:
         return cameras
 
     def picture(self, frame: int, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """RGB values (colour by place at rest, on grey) and classes: 1 hair, 2 skin, and 3 a chair in two rows."""
+        """RGB values (colour by place at rest, on grey) and classes: 1 hair, 2 skin, and 3 a chair behind the head."""
         pose = self.rig_from_head(frame)
         points = self.local(frame) @ pose[:3, :3].T + pose[:3, 3]
         hit = rasterize_mesh(points, self.bust.faces, self.cameras[name])
@@ -94,7 +94,7 @@ class DomeBust:
         heights = np.einsum("hwc,hwc->hw", hit.barycentric, self.bust.v_template[corners, 1])
         seen = hit.face >= 0
         classes = np.where(seen, np.where(heights > 0.06, 1, 2), 0)
-        classes[-2:] = 3
+        classes[:3][~seen[:3]] = 3  # above the neck
         colours = np.where(seen[..., None], colours, 0.1)
         return np.rint(255 * colours.clip(0, 1)).astype(np.uint8), classes.astype(np.uint8)
 

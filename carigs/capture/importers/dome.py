@@ -31,7 +31,7 @@ LARGEST_TILT = 60.0
 """Degrees between what the cameras call up and the head's y, and between the side that they see and its z, beyond which
 the head's frame has other axes."""
 ALL_AROUND = 0.2
-"""Length of the mean direction of the cameras below which they stand on all sides, and do not say where the front is."""
+"""Length of the mean direction of the cameras below which they stand on all sides and tell no front."""
 FROM_THE_TOP = "opencv: calibrations of domes count from the top"
 
 
