@@ -141,7 +141,8 @@ def import_dome(
     if test is None or len({frame.sequence for frame in frames}) == 1:
         divided, rule = split_single_sequence(frames), "files"
     else:
-        divided, rule = split_frames(frames, test, frontal if len(names) > 1 else None, dome.folder)
+        others = any(frame.camera != frontal and frame.sequence != test for frame in frames)
+        divided, rule = split_frames(frames, test, frontal if others else None, dome.folder)
     capture = Capture(dome.folder, head_model, divided, tuple(calibrations), background, rule, FROM_THE_TOP)
     return track, capture
 

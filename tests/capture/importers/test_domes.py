@@ -194,6 +194,12 @@ def test_undistorted_images_are_those_of_a_pinhole(tmp_path):
     assert np.abs(found.astype(int) - stored).max() > 40
 
 
+def test_one_camera_trains_and_is_not_held_out(captures, tmp_path):
+    main([str(captures["ava256"]), str(tmp_path / "out"), "--stride", "1", "--max-cameras", "1"])
+    found = read_dataset(tmp_path / "out", tmp_path / "out/head_model.npz")
+    assert len(found.cameras) == 1 and found.split("train") and found.split("test") and not found.split("val")
+
+
 @pytest.mark.parametrize("given", [True, False])
 def test_long_sequences_have_the_error_that_is_stated(given):
     """More frames than are in memory at once, and than components are kept, of a known rank and noise."""
