@@ -15,6 +15,7 @@ from rich.progress import Progress
 from carigs.capture import Camera, Capture, read_dataset
 from carigs.capture.dataset_writer import Place, copied, linked, write_dataset
 from carigs.capture.frame import Frame
+from carigs.capture.image_checks import sound_images
 from carigs.capture.importers.ava256 import CALIBRATION, is_ava256, read_ava256, read_calibration
 from carigs.capture.importers.calibrated_images import (
     CALIBRATIONS,
@@ -150,6 +151,8 @@ def _read_dome(
     )
     _print_track(track)
     if not packed:
+        sound = sound_images(capture.root, capture.frames, capture.calibrations)
+        capture = replace(capture, frames=tuple(sound.frames), warnings=sound.warnings)
         return track.model, track.parameters, capture, place
     lenses = read_calibration(dome.folder / CALIBRATION)
     if not options.undistort:

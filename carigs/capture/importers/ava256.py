@@ -35,6 +35,7 @@ from carigs.capture.importers.registration import (
 from carigs.errors import InputError
 from carigs.readers.archives import Archive
 from carigs.readers.arrays import checked_array
+from carigs.readers.folders import listed
 from carigs.readers.images import parse_avif
 from carigs.readers.json_files import json_field, read_json
 from carigs.readers.limits import MAX_IMAGE_BYTES, MAX_TEXT_BYTES, read_bytes
@@ -142,7 +143,8 @@ def read_ava256(folder: Path, *, topology: Path | None = None, stride: int = 1) 
             for name in (members[frame.timestep] for frame in frames)
         ]
 
-    seen = {name: found for name, found in calibrations.items() if (folder / _images_of(name)).exists()}
+    stored = {file.name for file in listed(folder / IMAGES)}  # also links to nothing, which are errors
+    seen = {name: found for name, found in calibrations.items() if f"cam{name}.zip" in stored}
     if not seen:
         raise InputError("holds no archives camCAMERA.zip of calibrated cameras", file=folder / IMAGES)
 
@@ -153,15 +155,15 @@ def read_ava256(folder: Path, *, topology: Path | None = None, stride: int = 1) 
 
     def view(name: str) -> View:
         with Archive(folder / _images_of(name)) as archive:
-            stored = members_by_number(archive, ".avif")
-            images = {t: f"{_images_of(name)}/{t:06d}.avif" for t, _ in frames if t in stored}
+            members = members_by_number(archive, ".avif")
+            images = {t: f"{_images_of(name)}/{t:06d}.avif" for t, _ in frames if t in members}
             if not images:
                 raise InputError("no frame has an image", file=archive.file)
-            first = stored[min(images)]
+            first = members[min(images)]
             height, width, _ = parse_avif(archive.read(first, MAX_IMAGE_BYTES), archive.file / first).shape
         camera = calibrations[name].scaled(width, height, archive.file)
         labels = folder / LABELS / f"cam{name}.zip"
-        if not labels.exists():
+        if labels not in listed(folder / LABELS):
             return View(camera, images, {})
         with Archive(labels) as archive:
             labelled = members_by_number(archive, ".png")

@@ -11,6 +11,7 @@ m--DATE--TIME--ID--GHS/
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -92,11 +93,11 @@ def read_multiface(folder: Path, *, stride: int = 1) -> Dome:
 
     def view(name: str) -> View:
         found = {frame: f"{IMAGES}/{frame.segment}/{name}/{file.stem}.png" for frame, file in meshes.items()}
-        images = {frame.timestep: image for frame, image in found.items() if (folder / image).is_file()}
+        images = {frame.timestep: image for frame, image in found.items() if os.path.lexists(folder / image)}
         if not images:
             raise InputError("no frame has an image", file=folder / IMAGES, field=f"camera {name}")
         mattes = {timestep: image.replace(IMAGES, MATTES, 1) for timestep, image in images.items()}
-        mattes = {timestep: matte for timestep, matte in mattes.items() if (folder / matte).is_file()}
+        mattes = {timestep: matte for timestep, matte in mattes.items() if os.path.lexists(folder / matte)}
         header = read_header(folder / next(iter(images.values())))
         intrinsics, pose = calibrations[name]
         camera = Camera(pose, *map(float, intrinsics[[0, 1, 0, 1], [0, 1, 2, 2]]), header.width, header.height)

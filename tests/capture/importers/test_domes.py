@@ -359,6 +359,14 @@ MULTIFACE = {
         r"000035\.obj: no such mesh",
     ),
     "no meshes": (lambda d: [f.unlink() for f in (d / "tracked_mesh").rglob("*.bin")], "tracked_mesh: holds no meshes"),
+    "an image of another size": (
+        lambda d: cv2.imwrite(str(d / "images/EXP_free_face/400015/000044.png"), np.zeros((9, 9, 3), np.uint8)),
+        r"400015/000044\.png: 9 x 9 pixels, its camera has",
+    ),
+    "an image that is a link to nothing": (
+        lambda d: [(f := d / "images/EXP_free_face/400015/000044.png").unlink(), f.symlink_to("nowhere")],
+        r"400015/000044\.png: no such image",
+    ),
     "no images": (lambda d: shutil.rmtree(d / "images"), r"images: holds no folders SEGMENT/CAMERA"),
 }  # fmt: skip
 CASES = [("ava256", case) for case in AVA256] + [("multiface", case) for case in MULTIFACE]

@@ -14,6 +14,7 @@ PROTECTED = (
     "npz", "png", "path", "shading", "head model", "gnm", "parameters", "avatar", "subject", "pt", "vhap",
     "track", "metrical", "converted image", "converted matte", "converted parameters", "flame_param.npz", "landmarks",
     "landmarks of a frame", "embedding", "embedding of vertices", "download", "avatar to 3dgs", "avatar to glTF",
+    "multiface image",
 )  # fmt: skip
 """Readers of formats with checksums: a damaged file must be noticed, or be read as if it were sound."""
 

@@ -61,5 +61,6 @@ READERS: dict[str, tuple[Callable[[Any], Any], str]] = {
     "multiface calibration": (read_krt, f"{MULTIFACE}/KRT"),
     "multiface mesh": (_converted(MULTIFACE), f"{MULTIFACE}/tracked_mesh/EXP_free_face/000023.bin"),
     "multiface head pose": (_converted(MULTIFACE), f"{MULTIFACE}/tracked_mesh/EXP_free_face/000023_transform.txt"),
+    "multiface image": (_converted(MULTIFACE), f"{MULTIFACE}/images/EXP_free_face/400015/000023.png"),
 }
 """Function and file of each reader."""
