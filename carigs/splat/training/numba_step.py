@@ -71,6 +71,8 @@ class NumbaStep:
             state.statistics.add(screen, example.camera)
         if hair is not None:
             hair.keep_hidden_skin(surfels)
+        if inputs.subject.same_from_all_sides is not None and surfels.harmonics.grad is not None:
+            surfels.harmonics.grad.numpy()[inputs.subject.same_from_all_sides[surfels.binding]] = 0
         state.adam.step(surfels, rates, None if example.frozen is None else example.frozen[surfels.binding])
         if hair is not None:
             hair.keep_on_covered_skin(surfels)

@@ -49,6 +49,8 @@ class DeviceStep:
         self._mesh = device_mesh(inputs.subject.sequence.rig, self.device)
         self._limit = torch.from_numpy(inputs.position_limit).float().to(self.device)
         self._hair = None if inputs.subject.hair is None else HairRules(inputs.subject.hair, self._mesh, self.device)
+        same = inputs.subject.same_from_all_sides
+        self._same = None if same is None else torch.from_numpy(same).to(self.device)
         self._examples: DeviceExamples | None = None
         self._bound: tuple[np.ndarray | None, Tensor | None] = (None, None)
 
@@ -96,6 +98,8 @@ class DeviceStep:
             state.statistics.add(screen, example.camera)
         if hair is not None:
             hair.keep_hidden_skin(surfels, binding)
+        if self._same is not None and surfels.harmonics.grad is not None:
+            surfels.harmonics.grad[self._same[binding]] = 0
         state.adam.step(surfels, rates, None if example.frozen is None else example.frozen[binding])
         if hair is not None:
             hair.keep_on_covered_skin(surfels, binding)
