@@ -1,4 +1,4 @@
-"""Hair: which triangles of the head it covers, the space that it fills, and points inside it.
+"""Hair: which triangles of the head it covers, the space that it fills, and points inside it. The body is told from it.
 
 - `find_hair`, `load_hair`, `FoundHair`: the hair of a capture
 - `place_in_hair`: points inside it, for surfels
