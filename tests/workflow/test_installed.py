@@ -12,8 +12,8 @@ def test_own_studies_and_subjects_are_found_and_mistakes_are_one_line(carigs):
     mistake = carigs("run", "study=smal")
     assert (mistake.returncode, mistake.stdout) == (1, "")
     assert (
-        mistake.stderr
-        == "carigs: study=smal is unknown; known: ablation, ava256, ict, levels, nersemble, own, paper, small, toy, video\n"
+        mistake.stderr == "carigs: study=smal is unknown; "
+        "known: ablation, ava256, ict, levels, nersemble, own, paper, small, toy, video\n"
     )
     assert carigs("run", "--coers", "2").returncode == 2
     assert carigs("walk").returncode == 2
