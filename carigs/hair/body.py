@@ -78,14 +78,15 @@ def carve_body(
         stride: Every such view tells what is visible.
 
     Returns:
-        The body, with at least one voxel where `shows_body`.
+        The body; without voxels if no view shows one.
     """
     ring = canonical[border.vertices]
     low = [border.centre[0] - WIDTH, ring[:, 1].min() - HEIGHT, border.centre[2] - DEPTH]
     high = [border.centre[0] + WIDTH, ring[:, 1].max() + FINE, border.centre[2] + DEPTH]
     centres, opacity = visual_hull(_looks(views, border, canonical, faces), np.array(low), np.array(high))
     kept = ~border.lies_above(centres)
-    kept[kept] = _within_rounded(centres[kept], canonical, border.centre[2])
+    if kept.any():
+        kept[kept] = _within_rounded(centres[kept], canonical, border.centre[2])
     volume = Voxels(centres[kept].astype(np.float32), opacity[kept].astype(np.float32), FINE)
     carrier = np.unique(faces[border.carriers])
     return Body(volume, visible_shares(volume, views[::stride], canonical, carrier).astype(np.float32))

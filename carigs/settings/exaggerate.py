@@ -45,7 +45,7 @@ class Exaggerate(Section, key="exaggerate"):
     so that lids close. Always `offset` for a caricature from a file."""
     border_fade: float = option(0.0, unit="m", ge=0, le=1)
     """Distance from the border of the neck over which the caricature fades to the natural head, so that it stays on the
-    shoulders (0: the neck is exaggerated, too)."""
+    shoulders (0: the neck is exaggerated, too). A caricature from a file does not fade."""
     path_nodes: int = option(0, ge=0, le=64, excluded=1)
     """Levels at which the path is solved (0: as many as keep the interpolation between them exact to 1e-4 bounding-box
     diagonals); 2 is the paper's linear blend."""

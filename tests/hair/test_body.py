@@ -94,6 +94,11 @@ def test_before_one_camera_it_is_no_deeper_than_bodies_are():
     assert np.ptp(volume.centres[:, 2]) < 0.27
 
 
+def test_without_a_body_there_are_no_voxels():
+    volume, visible = carve_body(views([0, 40], body=False), BORDER, MODEL.v_template, MODEL.faces)
+    assert len(volume.centres) == len(visible) == 0
+
+
 def test_it_is_no_hair(seen):
     scalp, none = MODEL.face_region("scalp"), np.zeros(len(MODEL.faces), bool)
     covering = covered_faces(seen, MODEL.faces, MODEL.v_template, scalp, none, none)

@@ -93,8 +93,8 @@ def test_what_is_refused(tmp_path):
 
 def test_nothing_is_written_outside(tmp_path):
     """Names that lead elsewhere are names."""
-    write_zip(tmp_path / "in/slip.zip", {"../slipped": b"1", "/tmp/slipped": b"2"})
-    assert read_all(tmp_path / "in/slip.zip") == {"../slipped": b"1", "/tmp/slipped": b"2"}
+    write_zip(tmp_path / "in/slip.zip", {"../slipped": b"1", "/slipped": b"2"})
+    assert read_all(tmp_path / "in/slip.zip") == {"../slipped": b"1", "/slipped": b"2"}
     assert [path.name for path in tmp_path.rglob("*")] == ["in", "slip.zip"]
 
 
