@@ -33,9 +33,9 @@ from carigs.capture.importers.unpacked import UnpackedImages
 from carigs.cli.parser import add_capture_options
 from carigs.errors import CarigsWarning, InputError, SettingsError
 from carigs.head import HeadModel, HeadParameters, pose
+from carigs.matting.neck_cut import BELOW_CHIN, NeckCut
 from carigs.mesh.triangle_mesh import boundary_vertices
 from carigs.readers.folders import listed, natural_order
-from carigs.tracking.neck_cut import BELOW_CHIN, NeckCut
 
 CAMERAS, STRIDE = 16, 8
 """Of a dome, which has up to 160 cameras and 10 000 frames: as many cameras as NeRSemble."""

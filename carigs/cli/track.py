@@ -16,7 +16,7 @@ from carigs.stages.track import track_and_report
 EXAMPLES = """examples:
   carigs head fetch ict -o ict.npz
   carigs track me.mp4 --head-model ict.npz -o dataset
-  carigs track me.mp4 --head-model ict.npz -o dataset --frame-rate 25 --body keep
+  carigs track me.mp4 --head-model ict.npz -o dataset --frame-rate 25
   carigs track left.mp4 front.mp4 right.mp4 --head-model ict.npz -o dataset
   carigs track photographs/ --head-model ict.npz -o dataset
 
@@ -58,13 +58,12 @@ def main(arguments: list[str]) -> int:
     kinds = ("auto", "talk", "orbit", "photographs")
     text = "somebody who talks before cameras that stand still, a camera that circles, photographs of one moment"
     parser.add_argument("--footage", choices=kinds, default=defaults.footage, help=f"{text} (default: found out)")
-    parser.add_argument("--body", choices=("cut", "keep"), default=defaults.body, help="what is below the neck")
     parser.add_argument("--held-out", choices=("blocks", "last_quarter"), default=defaults.held_out, help="test frames")
     parser.add_argument(
         "--background", type=grey_value, default=1.0, metavar="GREY", help="behind the person (default: 1, white)"
     )
     task = parser.parse_args(arguments)
-    names = ("frame_rate", "largest_side", "focal_length", "footage", "body", "held_out", "background")
+    names = ("frame_rate", "largest_side", "focal_length", "footage", "held_out", "background")
     files = {name: str(file) for name in ("head_model", "embedding") if (file := getattr(task, name))}
     settings = Track(**{name: getattr(task, name) for name in names}, **files, video=str(task.recordings[0]))
     started = time.perf_counter()

@@ -7,6 +7,7 @@
 - `difference`: alpha from known colours, with its certainty; `colour_model`: colours of the person and of the rest
 - `closed_form`: alpha in the band, by the matting Laplacian
 - `steadiness`: mattes that do not flicker
+- `neck_cut`, `cut_dataset`: mattes that end below the chin, and a copy of a dataset with them
 - `foreground`: colours without the old background, and compositing on a grey
 """
 

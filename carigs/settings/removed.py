@@ -14,6 +14,7 @@ REMOVED: Mapping[str, str] = {
     "exaggerate.path_error": "no setting any more; set the number of nodes by exaggerate.path_nodes",
     "exaggerate.cavity_stiffness": "no setting any more; exaggerate.limit_cavities=false switches it off",
     "render.levels": "made of study.levels and gamma; set these",
+    "track.body": "set capture.body, which also holds for folders",
     "hair.regions": "one list for all stages; set regions.hair",
     "hair.eyeball_regions": "one list for all stages; set regions.eyeballs",
     "hair.mouth_regions": "one list for all stages; set regions.mouth",

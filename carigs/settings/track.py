@@ -27,8 +27,6 @@ class Track(Section, key="track"):
     focal_length: float | None = option(None, unit="pixels", gt=0, le=1_000_000)
     """Of the frames as they were recorded, in all cameras. Null: estimated, with what the metadata say or a field of
     view of 60 degrees as the guess; landmarks determine it poorly."""
-    body: str = option("cut", choices=("cut", "keep"))
-    """Whether mattes end below the chin, or keep neck, shoulders and clothes."""
     held_out: str = option("blocks", choices=("blocks", "last_quarter"))
     """Which frames of a clip are held out: 5 of every 20, or the last quarter. Of one moment, every eighth view is."""
     embedding: str | None = option(None, is_path=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import warnings
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +23,7 @@ def capture(settings: CaptureSettings, *, index: Path, dataset: Path, tracked: P
     Args:
         settings: Settings of the stage.
         index: Output: the index (capture.json).
-        dataset: Output: folder of the toy, empty for other sources.
+        dataset: Output: folder of the toy, or of frames that end below the chin (`settings.body`); else empty.
         tracked: Input: the dataset of a video.
 
     Raises:
@@ -32,20 +33,38 @@ def capture(settings: CaptureSettings, *, index: Path, dataset: Path, tracked: P
     Warns:
         CarigsWarning: Per kind of what is likely to be wrong; the index holds the same lines.
     """
-    with writing_folder(dataset) as part:
-        if settings.source == "toy":
-            from carigs.toy import write_capture
-
-            write_capture(part, settings.toy)
-        else:
-            if tracked is not None:
-                settings = replace(settings, folder=str(tracked), head_model=str(tracked / "head_model.npz"))
-            checked = check_capture(_read_folder(settings), match_exposure=settings.match_exposure)
-            for line in checked.warnings:
-                warnings.warn(line, CarigsWarning, stacklevel=2)
-            replace(checked, digest=capture_digest(checked)).save(index)
     if settings.source == "toy":
+        from carigs.toy import write_capture
+
+        with writing_folder(dataset) as part:
+            write_capture(part, settings.toy)
         _selected(settings, dataset, dataset / "head_model.npz").save(index)
+        return
+    if tracked is not None:
+        settings = replace(settings, folder=str(tracked), head_model=str(tracked / "head_model.npz"))
+    found = _read_folder(settings)
+    if settings.body == "cut":
+        found = _without_body(found, dataset)
+    else:
+        with writing_folder(dataset):
+            pass
+    checked = check_capture(found, match_exposure=settings.match_exposure)
+    for line in checked.warnings:
+        warnings.warn(line, CarigsWarning, stacklevel=2)
+    replace(checked, digest=capture_digest(checked)).save(index)
+
+
+def _without_body(capture: Capture, folder: Path) -> Capture:
+    """A copy of a capture, with frames and mattes that end below the chin."""
+    from carigs.matting.cut_dataset import write_cut_dataset
+
+    if folder.exists():
+        shutil.rmtree(folder)
+    write_cut_dataset(folder, capture)
+    print("frames and mattes end below the chin (capture.body=cut)")
+    cut = read_dataset(folder, folder / "head_model.npz", background=capture.background)
+    rule = f"{capture.split_rule}; frames end below the chin"
+    return replace(cut, split_rule=rule, cy=capture.cy, warnings=capture.warnings)
 
 
 def _read_folder(settings: CaptureSettings) -> Capture:

@@ -9,7 +9,7 @@
   `world`: the world of a dataset
 - `surface_fields`, `own_blendshapes`: smooth fields on a head, and blendshapes that one person's head has of its own
 - `torso`: how shoulders and chest move, and the bend of the neck between them and the head
-- `neck_cut`, `dataset`: mattes that end at the neck, and the dataset
+- `dataset`: writes the dataset
 - `texture`: how the skull moves, by corners in hair and skin
 - `outline`, `skin`: what frames show of the head beyond landmarks: its outline, how its skin moves, and where several
   cameras see the same of it

@@ -21,7 +21,6 @@ from carigs.system.in_order import in_order
 from carigs.tracking.eyeballs import lids_before_eyeballs
 from carigs.tracking.footage_tracking import FootageTrack
 from carigs.tracking.held_out import blocks, held_out
-from carigs.tracking.neck_cut import NeckCut
 from carigs.tracking.outline.outline_offset import OutlineView, outline_offset
 from carigs.tracking.recording import Recording
 from carigs.tracking.skin.edges import EDGES, LIDS, edge_expressions
@@ -47,7 +46,6 @@ def write_tracked_dataset(
     background: float,
     landmarks: SurfacePoints,
     numbers: Int[np.ndarray, " n"],
-    chin: float | None = None,
     by_time: Callable[[int], list[str]] = blocks,
 ) -> FootageTrack:
     """Write tracked footage as a dataset that studies read.
@@ -62,7 +60,6 @@ def write_tracked_dataset(
         background: Grey value that frames are composited on.
         landmarks: Points of the face, which has the colour of the skin.
         numbers: Which of the detector's landmarks these are.
-        chin: Height of the chin on the neutral head in metres: mattes end below it. None to keep the body.
         by_time: Names the split of each tracked timestep of a clip.
 
     Returns:
@@ -77,7 +74,6 @@ def write_tracked_dataset(
     frames_folder.mkdir(parents=True)
     head, model, parameters = track.head, track.head.model, track.head.parameters
     rest = neutral(model, parameters[0])
-    cut = NeckCut(rest, model.faces, chin) if chin is not None else None
     chart = None if track.one_moment else face_chart(model, rest, CHART_SIDE)
     names = tracked_splits(track, cameras, by_time)
     places = list(product(range(len(track.cameras)), range(len(track.kept))))
@@ -93,9 +89,8 @@ def write_tracked_dataset(
         posed = pose(model, parameters[t])
         unwrapped = None if chart is None else chart.unwrap(frame.image, alpha, posed, cameras[c])
         torso = torso_view(foreground, alpha, posed, model.faces, cameras[c]) if not track.one_moment else None
-        kept = alpha if cut is None else alpha * cut.kept_share(posed, cameras[c])
-        write_png(frames_folder / f"{t:05d}_{c:02d}.png", composite(foreground, kept, background) / 255.0)
-        write_png(frames_folder / f"{t:05d}_{c:02d}_matte.png", kept)
+        write_png(frames_folder / f"{t:05d}_{c:02d}.png", composite(foreground, alpha, background) / 255.0)
+        write_png(frames_folder / f"{t:05d}_{c:02d}_matte.png", alpha)
         return (*item, unwrapped, torso)
 
     try:

@@ -24,7 +24,7 @@ from carigs.footage import Selection, TimedFrame
 from carigs.footage.measures import measure_frames
 from carigs.footage.photographs import each_photograph
 from carigs.footage.stored import stored
-from carigs.head import HeadModel, neutral
+from carigs.head import HeadModel
 from carigs.matting import MattedFrame, matted_frames
 from carigs.matting.computed_ahead import computed_ahead
 from carigs.matting.one_person import of_one_person
@@ -115,7 +115,6 @@ def track_video(
         with computed_ahead(each, pixels) as matted:  # while the solver runs on one thread
             with status("fitting the head"):
                 track = track_footage(recordings, chosen, model, points, numbers, focal_lengths=lengths)
-            chin = float(points.interpolate(neutral(track.head.model, track.head.parameters[0]))[:, 1].min())
             track = write_tracked_dataset(
                 folder,
                 track,
@@ -124,7 +123,6 @@ def track_video(
                 background=settings.background,
                 landmarks=points,
                 numbers=numbers,
-                chin=chin if settings.body == "cut" else None,
                 by_time=SPLITS[settings.held_out],
             )
         gap = str(tracked_pose_gap(track, recordings, SPLITS[settings.held_out]))

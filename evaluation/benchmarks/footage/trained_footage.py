@@ -4,7 +4,7 @@ The procedural person talks before a bookshelf and one camera. Three datasets of
 settings of `study=video`: head, camera and mattes as `carigs track` finds them (landmarks with the errors of a
 network); the true head and camera, with these mattes; and all true. Held-out frames are rendered with the head and the
 camera of each dataset, and compared with the true images without background: the person at level 0, and the true
-caricature at .25. Below the chin, images end where `carigs track` cuts them off.
+caricature at .25. Images end below the chin, as with `capture.body=cut`.
 
 Example:
     python -m evaluation.benchmarks.footage.trained_footage rows.csv
@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from carigs.capture import Capture, Frame
+from carigs.capture import Capture, Frame, read_dataset
 from carigs.capture.dataset_writer import copied, parameter_file, write_dataset
 from carigs.capture.images import write_png
 from carigs.config import load_settings
@@ -31,7 +31,9 @@ from carigs.embedding import landmark_embedding
 from carigs.exaggeration import Caricature
 from carigs.head import neutral, pose
 from carigs.matting import MattedFrame, composite
+from carigs.matting.cut_dataset import write_cut_dataset
 from carigs.matting.mattes import given_mattes
+from carigs.matting.neck_cut import NeckCut
 from carigs.raster import rasterize_mesh
 from carigs.settings import Gtstar, Section, Track, Train
 from carigs.simd.threads import use_threads
@@ -39,7 +41,6 @@ from carigs.splat.avatar import Avatar
 from carigs.toy import ToySubject, render_subject
 from carigs.tracking.dataset import write_tracked_dataset
 from carigs.tracking.held_out import blocks
-from carigs.tracking.neck_cut import NeckCut
 from carigs.tracking.video import person_mattes
 from evaluation.benchmarks.footage.motion import Talk
 from evaluation.benchmarks.footage.oracle_recordings import SEED, Filmed, filmed_toy, oracle_recordings, toy_subject
@@ -167,13 +168,11 @@ def measure(
     with threadpool_limits(1, "blas"):
         made = [*person_mattes(recording, track.kept, segmenter)]
         given = [*given_mattes(recording.footage, lambda frame: filmed.mattes[0][frame.number] / 255)]
-        rest, found = (
-            neutral(m, p[0]) for m, p in ((truth.model, truth.parameters), (track.head.model, track.head.parameters))
-        )
-        chin, true_chin = (float(points.interpolate(head)[:, 1].min()) for head in (found, rest))
-        cut = NeckCut(rest, truth.model.faces, true_chin)
-        known = {"landmarks": points, "numbers": embedding.landmarks, "chin": chin}
-        write_tracked_dataset(folder / TRACKED, track, [recording], made, background=1.0, **known)
+        rest = neutral(truth.model, truth.parameters[0])
+        cut = NeckCut(rest, truth.model.faces, float(points.interpolate(rest)[:, 1].min()))
+        whole, known = folder / "tracked", {"landmarks": points, "numbers": embedding.landmarks}
+        write_tracked_dataset(whole, track, [recording], made, background=1.0, **known)
+        write_cut_dataset(folder / TRACKED, read_dataset(whole, whole / "head_model.npz"))
     write_true_dataset(folder / MADE, filmed, made, cut)
     write_true_dataset(folder / TRUE, filmed, given, cut)
     avatars = {name: trained(folder / name, train, gtstar) for name in (TRUE, MADE, TRACKED)}

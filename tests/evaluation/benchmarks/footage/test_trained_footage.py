@@ -9,7 +9,7 @@ from carigs.capture import read_dataset
 from carigs.exaggeration import Caricature
 from carigs.head import neutral
 from carigs.matting.mattes import given_mattes
-from carigs.tracking.neck_cut import NeckCut
+from carigs.matting.neck_cut import NeckCut
 from evaluation.benchmarks.footage.motion import Talk
 from evaluation.benchmarks.footage.oracle_landmarks import EXACT
 from evaluation.benchmarks.footage.oracle_recordings import filmed_toy, oracle_recordings, toy_subject

@@ -5,7 +5,7 @@ import pytest
 
 from carigs.capture import Camera
 from carigs.capture.camera import look_at
-from carigs.tracking.neck_cut import BELOW_CHIN, FADE, NeckCut
+from carigs.matting.neck_cut import BELOW_CHIN, FADE, NeckCut
 
 CAMERA = Camera(look_at(np.array([0, 0, 1.0]), np.zeros(3)), 400, 400, 128, 128, 256, 256)
 CHIN = 0.0
