@@ -13,6 +13,7 @@ import inspect
 import marshal
 import math
 import os
+import re
 import sys
 from contextlib import suppress
 from importlib.abc import MetaPathFinder
@@ -33,6 +34,8 @@ KEEP_PYTHON = {
 CHECKED_CALLS = math.inf if os.environ.get("CARIGS_CHECK_ALL") else 5
 """Calls of each function that are checked in each test: the first five in `make test`, all in `make test-more` and
 `make coverage`."""
+_ARRAY = re.compile(r"\w+\[[\w.]+, '[^']*'\]")
+"""The hint of an array, as modules with `from __future__ import annotations` hold it."""
 _test = 0
 _THIS = Path(__file__).read_bytes()
 CHECK = "__import__('typecheck').check"
@@ -55,6 +58,8 @@ with_shapes = jaxtyped(typechecker=typecheck)
 
 def check(target):
     """A dataclass whose fields are checked, or a function whose first calls in each test are."""
+    if not _names_arrays(target):
+        return target
     if isinstance(target, type):
         return with_shapes(target)
     checked, test, left = None, -1, 0
@@ -72,6 +77,16 @@ def check(target):
         return checked(*args, **keywords)
 
     return call
+
+
+def _names_arrays(target) -> bool:
+    """Whether one of the hints is an array, or a name for one. Without, calls need not be counted either."""
+    scope = vars(sys.modules[target.__module__])
+    for part in target.__mro__ if isinstance(target, type) else (target,):
+        for hint in inspect.get_annotations(part).values():
+            if (_ARRAY.fullmatch(hint) if isinstance(hint, str) else False) or _is_array(scope.get(hint, hint)):
+                return True
+    return False
 
 
 def _prepared(target):

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float32, UInt16
 
 from carigs.errors import SettingsError
 from carigs.head import HeadModel
-from carigs.head.facial_regions import brow_faces
+from carigs.head.facial_regions import EARS, EYEBALLS, LIDS, MOUTH, brow_faces
 from carigs.raster import Visibility
 from carigs.raster.bit_masks import BitMask, greater, or_into_image, pixels_of_faces
 from carigs.raster.open_mouth import between_lips
@@ -61,7 +61,7 @@ def face_mask_flags(
 
     Args:
         model: The head model.
-        settings: Names of the regions for each flag.
+        settings: Names of the regions that carry hair.
         covered: Triangles that something covers (`FoundHair.covered`); none if None. The scalp has its own flag.
 
     Returns:
@@ -70,10 +70,10 @@ def face_mask_flags(
     flags = np.zeros(len(model.faces), np.uint16)
     for flag, regions in (
         (MaskFlag.HAIR, settings.regions.hair),
-        (MaskFlag.MOUTH, settings.regions.mouth),
-        (MaskFlag.LIDS, settings.regions.lids),
-        (MaskFlag.EARS, settings.regions.ears),
-        (MaskFlag.EYEBALLS, settings.regions.eyeballs),
+        (MaskFlag.MOUTH, MOUTH),
+        (MaskFlag.LIDS, LIDS),
+        (MaskFlag.EARS, EARS),
+        (MaskFlag.EYEBALLS, EYEBALLS),
     ):
         flags[model.face_region(*regions)] |= flag.value
     brows = brow_faces(model, model.v_template)

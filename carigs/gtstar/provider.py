@@ -21,6 +21,9 @@ from carigs.light import Shading, relight
 from carigs.raster import compute_visibility
 from carigs.settings import Gtstar
 
+LIMIT_OVER_TOLERANCE = 3
+"""The registration error up to which a frame has full weight is that of frames that are refused, over this."""
+
 
 class TargetResult(NamedTuple):
     """A frame and its target, or why there is none."""
@@ -108,14 +111,11 @@ def frame_weight(error: RegistrationError | None, settings: Gtstar) -> float:
         settings: Settings of the stage.
 
     Returns:
-        1 up to `registration_error_tolerance` pixels, then linearly down to 0 at `registration_error_limit`; 1 for an
-        unknown error.
+        1 up to a third of `registration_error_limit`, then linearly down to 0 at that limit; 1 for an unknown error.
     """
-    if error is None or error.pixels <= settings.registration_error_tolerance:
-        return 1.0
-    return (settings.registration_error_limit - error.pixels) / (
-        settings.registration_error_limit - settings.registration_error_tolerance
-    )
+    limit = settings.registration_error_limit
+    tolerance = limit / LIMIT_OVER_TOLERANCE
+    return 1.0 if error is None or error.pixels <= tolerance else (limit - error.pixels) / (limit - tolerance)
 
 
 def check_settings(settings: Gtstar) -> None:

@@ -20,7 +20,7 @@ from carigs.hair.views import read_views
 from carigs.hair.visible_voxels import visible_shares
 from carigs.hair.volume import below_hair, carve_hair
 from carigs.head import neutral
-from carigs.head.facial_regions import brow_faces, lid_faces
+from carigs.head.facial_regions import EYEBALLS, MOUTH, brow_faces, lid_faces
 from carigs.head.model_arrays import POSSIBLE
 from carigs.head.neck_border import neck_border
 from carigs.readers.arrays import checked_array
@@ -28,6 +28,8 @@ from carigs.readers.npz import read_npz
 from carigs.settings import Hair
 from carigs.system.files import writing
 
+TEXTURE_LIMIT = 0.03
+"""Contrast of what moves against a triangle, in sRGB values without the noise of the images, of a covered one."""
 CLEAN_TEXTURE = 0.015
 """Texture of a triangle, see `Covering`, up to which its colours are those of the skin."""
 HAIRY_SHARE = 0.1
@@ -130,16 +132,16 @@ def find_hair(settings: Hair, capture: Capture, map_timesteps: Callable[..., Ite
     if settings.labels is not None and all(view.covering is None for view in views):
         raise InputError(f"no labels of training frames, such as {frames[0].name}.png", file=settings.labels)
     canonical = neutral(model, capture.parameters(frames[0].timestep))
-    scalp, eyeballs = model.face_region(*settings.regions.hair), model.face_region(*settings.regions.eyeballs)
-    mouth, brows = model.face_region(*settings.regions.mouth), brow_faces(model, canonical)
+    scalp, eyeballs = model.face_region(*settings.regions.hair), model.face_region(*EYEBALLS)
+    mouth, brows = model.face_region(*MOUTH), brow_faces(model, canonical)
     features = lid_faces(model, canonical) | model.face_region("lips")
     if brows is not None:
         features |= brows
-    covering = covered_faces(views, model.faces, canonical, scalp, eyeballs | mouth, features, settings.texture_limit)
+    covering = covered_faces(views, model.faces, canonical, scalp, eyeballs | mouth, features, TEXTURE_LIMIT)
     border = neck_border(model, canonical)
     if border is not None and not shows_body(views, border, canonical, model.faces):
         border = None
-    volume = carve_hair(views, covering, scalp, canonical, model.faces, settings.texture_limit, border)
+    volume = carve_hair(views, covering, scalp, canonical, model.faces, TEXTURE_LIMIT, border)
     body = None if border is None else carve_body(views, border, canonical, model.faces, VIEW_STRIDE)
     some, carrier = views[::VIEW_STRIDE], np.unique(model.faces[scalp])
     visible = visible_shares(volume, some, canonical, carrier).astype(np.float32)

@@ -13,6 +13,9 @@ BROWS = range(17, 27)
 BROW_LINES = [(i, i + 1) for i in (0, 1, 2, 3, 5, 6, 7, 8)]
 """Segments of both brows, as places in `BROWS`."""
 EYE_CORNERS = (36, 45)
+EYEBALLS, LIDS = ("left_eyeball", "right_eyeball"), ("left_eyelid", "right_eyelid")
+EARS, MOUTH = ("left_ear", "right_ear"), ("lip_inside",)
+"""Names of regions; those that a model lacks are ignored. `MOUTH` is its inside."""
 
 
 def brow_faces(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.ndarray, " f"] | None:
@@ -35,7 +38,7 @@ def brow_faces(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.n
     width = 0.1 * float(np.linalg.norm(corners[1] - corners[0]))
     lines = np.array(BROW_LINES)
     squared = igl.point_mesh_squared_distance(np.asarray(neutral, np.float64), landmarks[list(BROWS)], lines)[0]
-    near = (squared < width**2) & ~model.vertex_region("left_eyeball", "right_eyeball")
+    near = (squared < width**2) & ~model.vertex_region(*EYEBALLS)
     return near[model.faces].all(axis=1)
 
 
@@ -50,7 +53,7 @@ def lid_faces(model: HeadModel, neutral: Float[np.ndarray, "v 3"]) -> Bool[np.nd
         The regions `left_eyelid` and `right_eyelid`; without them, the triangles of the eye regions within a quarter of
         the eyeball's radius of an eyeball, hence also on closed eyes.
     """
-    lids = model.face_region("left_eyelid", "right_eyelid")
+    lids = model.face_region(*LIDS)
     if lids.any():
         return lids
     near = np.zeros(len(neutral), bool)

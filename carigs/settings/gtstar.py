@@ -19,9 +19,7 @@ class Gtstar(Section, key="gtstar"):
     """Edited frames `{timestep:05d}_{camera:02d}.png` and, if their mattes differ, `..._mask.png`."""
     registration_error_limit: float = option(1.5, unit="pixels", ge=0, le=1e9)
     """Frames are refused whose colours are shifted by more than this against those of the other cameras on the same
-    mesh."""
-    registration_error_tolerance: float = option(0.5, unit="pixels", ge=0, le=1e9)
-    """Shift up to which a frame has full weight; above it falls linearly to 0 at `registration_error_limit`."""
+    mesh. Up to a third of it a frame has full weight, which then falls linearly to 0."""
     warp: str = option("perspective", choices=("perspective", "affine"))
     """Map of each triangle. `perspective`: the exact homography. `affine`: the paper's equation 5."""
     supersampling: int = option(4, ge=1, le=8)

@@ -14,9 +14,6 @@ class Hair(Section, key="hair"):
 
     regions: Regions = set_by("regions", Regions)
     """Regions of the head model."""
-    texture_limit: float = option(0.03, ge=0, le=1)
-    """Contrast of what moves against a triangle, in sRGB values without the noise of the images, above which the
-    triangle is covered."""
     labels: str | None = option(None, is_path=True)
     """Folder of semantic labels, as a face parser writes them: per frame a grey PNG `{timestep:05d}_{camera:02d}.png`
     with the class of each pixel. Triangles that most labels call covered are covered, also brows and lids. Some frames

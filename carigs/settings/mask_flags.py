@@ -25,14 +25,14 @@ class MaskFlag(IntFlag):
     MOUTH = 128
     """Between the lips: teeth do not follow the mesh."""
     LIDS = 256
-    """Triangles of `regions.lids`."""
+    """Triangles of the regions `left_eyelid` and `right_eyelid`."""
     BROWS = 512
     """Triangles of the region `brows`, or near the landmarks of the brows where the head model has no such region; and
     triangles that share a vertex with these."""
     EARS = 1024
-    """Triangles of `regions.ears`."""
+    """Triangles of the regions `left_ear` and `right_ear`."""
     EYEBALLS = 2048
-    """Triangles of `regions.eyeballs`."""
+    """Triangles of the regions `left_eyeball` and `right_eyeball`."""
     COVERED = 4096
     """Something covers the triangle in the frames: hair that hangs over the skin, a collar, a hand."""
 

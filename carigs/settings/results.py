@@ -35,8 +35,6 @@ class Html(Section, key="html"):
 
     timesteps: int = option(30, ge=1, le=MAX_COUNT)
     """Most timesteps of its clip, which are the first of the capture."""
-    fps: float = option(24.0, unit="1/s", gt=0, le=1000)
-    """Timesteps per second when the clip is played."""
 
 
 @dataclass

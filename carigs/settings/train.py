@@ -41,10 +41,9 @@ class Density(Section, key="train.density"):
 class RefineTracking(Section, key="train.refine_tracking"):
     """Refinement of the tracked head parameters on the real training frames by Adam."""
 
-    enabled: bool = False
-    """Optimise pose and expression of the training frames along with the surfels."""
-    until: float = option(0.5, ge=0, le=1)
-    """Share of the training's steps that refine; the surfels of the others settle on a head that stays."""
+    until: float = option(0.0, ge=0, le=1)
+    """Share of the training's steps, the first ones, that optimise pose and expression of the training frames along
+    with the surfels (0: none). With 0.5, those of the other half settle on a head that stays."""
     translation_lr: float = option(6e-5, unit="metres", ge=0, lt=1)
     """Learning rate of the translation."""
     rotation_lr: float = option(6e-4, unit="radians", ge=0, lt=1)
@@ -59,10 +58,8 @@ class Plateau(Section, key="train.plateau"):
 
     every: int = option(0, ge=0, le=MAX_COUNT)
     """Steps between two measurements of these images, after density control; 0: the training does all its steps, as
-    tables that compare variants need."""
-    min_gain: float = option(0.03, unit="dB", ge=0, le=1000)
-    """The training ends early where the PSNR of the last quarter of the steps done exceeds that of the quarter before
-    by less than this."""
+    tables that compare variants need. It ends early where the PSNR of the last quarter of the steps done exceeds that
+    of the quarter before by less than 0.03 dB."""
 
 
 @dataclass
@@ -131,18 +128,12 @@ class Train(Section, key="train"):
     """Weight w of the loss (1 - w) L1 + w (1 - SSIM)."""
     position_lr: float = option(0.03, unit="triangle units", ge=0, le=10)
     """Initial learning rate of positions."""
-    scale_lr: float = option(0.017, ge=0, le=10)
-    """Initial learning rate of log scales."""
     rotation_lr: float = option(0.03, ge=0, le=10)
     """Initial learning rate of quaternions."""
-    opacity_lr: float = option(0.05, ge=0, le=10)
-    """Initial learning rate of opacity logits."""
     colour_lr: float = option(0.01, ge=0, le=10)
     """Initial learning rate of colour coefficients of degree 0."""
     harmonics_lr_factor: float = option(0.25, ge=0, le=100)
     """Learning rate of the other colour coefficients over `colour_lr`."""
-    blend_lr: float = option(0.001, ge=0, le=10)
-    """Initial learning rate of the skinning weights of `jbs`."""
     lr_decay: str = option("exponential", choices=("exponential", "cosine"))
     """How learning rates fall: log-linearly, or along half a period of the cosine (Loshchilov and Hutter 2017). The
     cosine is better for up to about 2000 steps and for noisy images, and worse where density control is on."""
@@ -150,10 +141,6 @@ class Train(Section, key="train"):
     """Ratio of last to first learning rate."""
     position_final_lr_factor: float = option(0.01, gt=0, le=1)
     """The same for positions."""
-    position_weight: float = option(0.01, ge=0, le=1e6)
-    """Weight of the position regularizer."""
-    scale_weight: float = option(1.0, ge=0, le=1e6)
-    """Weight of the scale regularizer."""
     distortion_weight: float = option(0.0, ge=0, le=1e6)
     """Weight of the depth distortion regularizer of 2DGS."""
     normal_weight: float = option(0.0, ge=0, le=1e6)

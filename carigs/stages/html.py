@@ -22,4 +22,4 @@ def html(settings: Html, *, avatar: Path, title: str, page: Path) -> None:
         InputError: The avatar is malformed.
     """
     head = load(avatar)
-    write_html(head, page, timesteps=head.timesteps[: settings.timesteps], title=title, fps=settings.fps)
+    write_html(head, page, timesteps=head.timesteps[: settings.timesteps], title=title)

@@ -29,7 +29,7 @@ SETTINGS = Train(
     iterations=2000,
     gtstar_probability=0.0,
     density=Density(every=0),
-    refine_tracking=RefineTracking(enabled=True),
+    refine_tracking=RefineTracking(until=0.5),
 )
 BLOCK = 100
 """Number of consecutive steps of one kind. The first step with a frame whose head was refined poses it again."""

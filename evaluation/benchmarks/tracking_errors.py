@@ -36,7 +36,7 @@ from evaluation.metrics.image_quality import psnr
 
 METRES, RADIANS, JAW_RADIANS = 1e-3, 8e-3, 10e-3
 """Standard deviations of the errors per axis."""
-DEFAULT = RefineTracking(enabled=True)
+DEFAULT = RefineTracking(until=0.5)
 
 
 class Case(NamedTuple):

@@ -12,8 +12,15 @@ import trimesh
 
 from carigs.capture.images import read_rgb
 from carigs.cli.main import main as carigs
+from evaluation.figures import clay
 
-SIDE = 360
+SIDE = 90
+"""Of the pictures, which take most of the time otherwise."""
+
+
+@pytest.fixture(autouse=True)
+def small_pictures(monkeypatch):
+    monkeypatch.setattr(clay, "SIZE", SIDE)
 
 
 def main(arguments):

@@ -6,7 +6,7 @@ import pytest
 from hydra.core.config_store import ConfigStore
 from hydra.core.hydra_config import HydraConfig
 from hydra.errors import HydraException
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -29,18 +29,18 @@ VALUES = (
 def outcome(compose, overrides: list[str]) -> tuple[dict, str] | str:
     """The settings as they are written and what they allow, or the error."""
     try:
-        settings = compose(overrides)
+        config = compose(overrides)
     except (HydraException, OmegaConfBaseException, CarigsError) as error:
         return f"{type(error).__name__}: {error}"
-    return OmegaConf.to_container(settings), "; ".join(refusals(settings))
+    return OmegaConf.to_container(config), "; ".join(refusals(config))
 
 
-def refusals(settings: DictConfig) -> list[str]:
+def refusals(config: DictConfig) -> list[str]:
     """What is said of assignments that the settings must refuse, or must not."""
     said = []
     for key, value in {"train.iterations": "x", "train.new": 1, "gamma": [1], "exaggerate.regions.chin": 0.1}.items():
         try:
-            OmegaConf.update(settings, key, value)
+            OmegaConf.update(config, key, value)
         except OmegaConfBaseException as error:
             said.append(f"{type(error).__name__}: {error}")
     return said
@@ -54,8 +54,19 @@ def kept(overrides: list[str]) -> DictConfig:
     return composed([parse_single(override) for override in overrides])
 
 
-@given(st.lists(st.sampled_from((*CHOICES, *VALUES)), max_size=4))
+some_overrides = st.lists(st.sampled_from((*CHOICES, *VALUES)), max_size=4)
+
+
+@settings(max_examples=20)
+@given(some_overrides)
 def test_settings_and_errors_are_those_of_a_new_composition(overrides):
+    assert outcome(kept, overrides) == outcome(anew, overrides)
+
+
+@pytest.mark.slow
+@settings(max_examples=200)
+@given(some_overrides)
+def test_settings_and_errors_of_many_overrides_are_those_of_a_new_composition(overrides):
     assert outcome(kept, overrides) == outcome(anew, overrides)
 
 

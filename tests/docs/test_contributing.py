@@ -294,7 +294,10 @@ def frame_list(settings: FrameList, *, capture: Path, names: Path, threads: int 
         "carigs/planning/costs.py", '        case "hair":', '        case "frame_list":\n            work = 0.1\n'
     )
     checkout.write_reference()
-    checkout.check("tests/config/test_composition.py", "tests/runs/test_plan.py", "tests/runs/test_sources.py")
+    checkout.check(
+        "tests/config/test_schema.py", "tests/config/test_settings_paths.py", "tests/runs/test_plan.py",
+        "tests/runs/test_sources.py",
+    )  # fmt: skip
     target = "results/toy/toy/frames.txt"
     small = "capture.toy.width=16 capture.toy.height=20 capture.toy.supersampling=1"
     checkout.run("snakemake", "--cores", "2", "--config", f"hydra={small}", "--", target)

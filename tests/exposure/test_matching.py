@@ -26,8 +26,7 @@ def with_frames(capture: Capture, keep) -> Capture:
     return replace(capture, frames=tuple(frame for frame in capture.frames if keep(frame)))
 
 
-def test_a_capture_whose_cameras_agree_stays_as_it_is(sound):
-    found = measure_exposures(sound)
+def test_a_capture_whose_cameras_agree_stays_as_it_is(sound, found):
     assert match_exposures(sound, found) is sound
     assert max(np.abs(found.light(camera) - 1).max() for camera in sound.cameras) < TOLERANCE
 
@@ -42,16 +41,20 @@ def other(sound, factors, tmp_path_factory) -> Capture:
     return disturbed(sound, tmp_path_factory.mktemp("other") / "copy", partial(constant_factor, factors))
 
 
-def test_drawn_factors_are_found(sound, factors, other):
-    found = measure_exposures(other)
-    assert found.reference == sound.validation_camera
+@pytest.fixture(scope="module")
+def measured(other):
+    return measure_exposures(other)
+
+
+def test_drawn_factors_are_found(sound, factors, measured):
+    assert measured.reference == sound.validation_camera
     for camera, factor in factors.items():
-        np.testing.assert_allclose(found.light(camera) / factor, 1, atol=TOLERANCE)
+        np.testing.assert_allclose(measured.light(camera) / factor, 1, atol=TOLERANCE)
 
 
-def test_matched_training_frames_are_those_of_the_sound_capture(sound, other):
+def test_matched_training_frames_are_those_of_the_sound_capture(sound, other, measured):
     """To three levels at nearly all pixels; those that were clipped cannot come back."""
-    matched, distance, before = match_exposures(other, measure_exposures(other)), [], []
+    matched, distance, before = match_exposures(other, measured), [], []
     for frame, true in zip(matched.split("train"), sound.split("train"), strict=True):
         inside = sound.foreground(true) >= 1
         before.append(np.abs(other.image8(true).astype(int) - sound.image8(true))[inside])
@@ -60,27 +63,27 @@ def test_matched_training_frames_are_those_of_the_sound_capture(sound, other):
     assert np.concatenate(distance).mean() < 0.15 * np.concatenate(before).mean()
 
 
-def test_frames_that_are_held_out_and_the_reference_stay_as_they_are(other):
-    matched = match_exposures(other, measure_exposures(other))
+def test_frames_that_are_held_out_and_the_reference_stay_as_they_are(other, measured):
+    matched = match_exposures(other, measured)
     assert all(frame.gains is None for frame in matched.frames if frame.split != "train")
     assert any(frame.gains is not None for frame in matched.frames)
 
 
-def test_the_numbers_of_the_cameras_do_not_matter(other):
+def test_the_numbers_of_the_cameras_do_not_matter(other, measured):
     """Cameras in reverse order: gains belong to cameras, not to their places."""
     last = max(other.cameras)
     renumbered = replace(other, frames=tuple(replace(f, camera=last - f.camera) for f in other.frames))
-    found, again = measure_exposures(other), measure_exposures(renumbered)
-    assert again.reference == last - found.reference
+    again = measure_exposures(renumbered)
+    assert again.reference == last - measured.reference
     for camera in other.cameras:
-        np.testing.assert_allclose(again.light(last - camera), found.light(camera), rtol=1e-6)
+        np.testing.assert_allclose(again.light(last - camera), measured.light(camera), rtol=1e-6)
 
 
-def test_test_frames_are_not_looked_at(sound, factors, other, tmp_path):
+def test_test_frames_are_not_looked_at(sound, factors, measured, tmp_path):
     """They are made darker: nothing changes."""
     constant = partial(constant_factor, factors)
     dark = disturbed(sound, tmp_path / "dark", lambda f: np.full(3, 0.5) if f.split == "test" else constant(f))
-    np.testing.assert_array_equal(measure_exposures(dark).static, measure_exposures(other).static)
+    np.testing.assert_array_equal(measure_exposures(dark).static, measured.static)
 
 
 def over_time(camera: int, frame) -> np.ndarray | None:

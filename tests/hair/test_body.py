@@ -14,11 +14,10 @@ from carigs.hair.volume import carve_hair
 from carigs.head import HeadParameters, pose
 from carigs.head.neck_border import neck_border
 from carigs.raster import compute_visibility
-from carigs.settings.capture import Toy
-from carigs.toy import make_subject
+from carigs.toy import head_model
 
 SIZE, FOCAL = 200, 320.0
-MODEL = make_subject(Toy()).model
+MODEL = head_model()
 BORDER = neck_border(MODEL, MODEL.v_template)
 CENTRE = BORDER.centre - [0, 0.12, 0]
 RADII = np.array([0.17, 0.13, 0.08])

@@ -7,13 +7,12 @@ import pytest
 from small_head import small_head
 
 from carigs.head.neck_border import MARGIN, neck_border
-from carigs.settings.capture import Toy
-from carigs.toy import make_subject
+from carigs.toy import head_model
 
 
 @pytest.fixture(scope="module")
 def model():
-    return make_subject(Toy()).model
+    return head_model()
 
 
 def test_it_goes_around_the_neck_at_its_lower_end(model):

@@ -28,10 +28,10 @@ def avatar(tmp_path_factory):
 
 def test_the_clip_is_no_longer_than_the_settings_say(avatar, tmp_path):
     for most in (2, 99):
-        html(Html(timesteps=most, fps=12.5), avatar=avatar, title="ball", page=tmp_path / "page.html")
+        html(Html(timesteps=most), avatar=avatar, title="ball", page=tmp_path / "page.html")
         made = header(tmp_path / "page.html")
         assert made["timesteps"] == list(range(min(most, TIMESTEPS)))
-        assert made["fps"] == 12.5
+        assert made["fps"] == 24
 
 
 @pytest.mark.parametrize(

@@ -249,7 +249,7 @@ def test_a_failed_run_keeps_what_was_there(folder, tmp_path):
 
 
 def test_frames_with_a_registration_error_have_less_weight_or_none():
-    settings = Gtstar(registration_error_tolerance=0.5, registration_error_limit=1.5)
+    settings = Gtstar(registration_error_limit=1.5)
     weights = [frame_weight(RegistrationError(pixels, 0.0), settings) for pixels in (0.0, 0.5, 0.75, 1.0, 1.5)]
     np.testing.assert_allclose(weights, [1, 1, 0.75, 0.5, 0])
     assert frame_weight(None, settings) == 1

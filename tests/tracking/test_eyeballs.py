@@ -8,8 +8,7 @@ from scipy.spatial.distance import pdist
 
 from carigs.head import HeadModel, HeadParameters, pose
 from carigs.raster import compute_visibility
-from carigs.settings.capture import Toy
-from carigs.toy import make_subject
+from carigs.toy import head_model
 from carigs.tracking.cameras import Cameras
 from carigs.tracking.eyeballs import eyes, lids_before_eyeballs, with_rigid_eyeballs
 
@@ -21,7 +20,7 @@ COUNT = 16
 
 @pytest.fixture(scope="module")
 def model() -> HeadModel:
-    return make_subject(Toy()).model
+    return head_model()
 
 
 @pytest.fixture(scope="module")

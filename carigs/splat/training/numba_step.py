@@ -18,7 +18,13 @@ from carigs.splat.training.initial_surfels.hair_surfels import FADING_STEPS
 from carigs.splat.training.photometric_loss import photometric_loss
 from carigs.splat.training.regularizers import add_threshold_loss, normal_consistency_loss
 from carigs.splat.training.supervision import Example
-from carigs.splat.training.training_step import SCALE_LIMIT, StepInputs, StepResult
+from carigs.splat.training.training_step import (
+    POSITION_WEIGHT,
+    SCALE_LIMIT,
+    SCALE_WEIGHT,
+    StepInputs,
+    StepResult,
+)
 
 
 class NumbaStep:
@@ -85,8 +91,8 @@ class NumbaStep:
         return self.inputs.subject.supervision.example(*self.inputs.scheduled(i))
 
     def _add_threshold_loss(self, surfels: Surfels, visible: Bool[np.ndarray, " n"]) -> float:
-        settings, limit = self.inputs.settings, self.inputs.position_limit[surfels.binding]
-        return add_threshold_loss(surfels, visible, limit, settings.position_weight, SCALE_LIMIT, settings.scale_weight)
+        limit = self.inputs.position_limit[surfels.binding]
+        return add_threshold_loss(surfels, visible, limit, POSITION_WEIGHT, SCALE_LIMIT, SCALE_WEIGHT)
 
     def _loss(self, state: TrainingState, example: Example, i: int) -> tuple[RenderedFrame, Float[Tensor, ""]]:
         inputs, settings, sequence = self.inputs, self.inputs.settings, self.inputs.subject.sequence

@@ -23,6 +23,8 @@ COOLDOWN = 0.25
 """Steps that follow when the quality has levelled off, over those done: the learning rates fall within them."""
 LEAST_MEASUREMENTS = 2
 """In each of the two quarters that are compared: the error of a single measurement is as large as late gains."""
+MIN_GAIN = 0.03
+"""PSNR in dB: the quality has levelled off where the last quarter of the steps gains less."""
 
 
 class Ending(NamedTuple):
@@ -111,7 +113,7 @@ def ending_after(settings: Train, measured: Sequence[tuple[int, float]]) -> Endi
     Returns:
         The end of the settings, or an earlier one.
     """
-    if not has_levelled_off(measured, settings.plateau.min_gain):
+    if not has_levelled_off(measured, MIN_GAIN):
         return Ending(None, settings.iterations)
     done = measured[-1][0]
     return Ending(done, min(done + _cooldown(done), settings.iterations))

@@ -30,6 +30,9 @@ DEVICE_BACKENDS = ("torch", "cuda")
 """Backends whose whole step is on a device."""
 CHECKPOINT_SECONDS = 60.0
 """Time between two checkpoints."""
+SCALE_LR, OPACITY_LR, BLEND_LR = 0.017, 0.05, 0.001
+"""Learning rates of the first step, those of SurFhead: of log scales, opacity logits, and the skinning weights of
+`jbs`."""
 LOG_EVERY = 20
 """Steps between two rows of the log."""
 IMPORTANCE_VIEWS = 8
@@ -63,7 +66,7 @@ def train_surfels(
     Args:
         settings: Settings of the stage.
         subject: Motion and images of the head, its hair and mouth; the parameters of its head change if
-            `settings.refine_tracking` is enabled.
+            `settings.refine_tracking` has steps that do.
         checkpoint: Where the state is kept; the run continues from one with the same key. None keeps no state.
         on_step: Called with the state after every step.
 
@@ -71,7 +74,7 @@ def train_surfels(
         The trained surfels, and the rows of the log (`COLUMNS`).
     """
     refinement = None
-    if settings.refine_tracking.enabled and settings.gtstar_probability < 1:
+    if settings.refine_tracking.until and settings.gtstar_probability < 1:
         timesteps = sorted({frame.timestep for frame in subject.supervision.frames})
         refinement = TrackingRefinement(subject.sequence, timesteps)
     state = None
@@ -116,13 +119,12 @@ def _steps_within(seconds: float, settings: Train, subject: TrainingSubject, sur
     trial = with_iterations(settings, TRIAL_STEPS)
     trial = replace(
         trial, density=replace(trial.density, every=0, reset_every=0), plateau=replace(trial.plateau, every=0),
-        refine_tracking=replace(trial.refine_tracking, enabled=False),
+        refine_tracking=replace(trial.refine_tracking, until=0.0),
     )  # fmt: skip
     run = _Run(trial, subject, _first_state(TRIAL_STEPS, from_arrays(**to_arrays(surfels))))
     clock = time.perf_counter if settings.backend in DEVICE_BACKENDS else time.process_time
     step = seconds_per_step(run.step, clock)
-    if settings.refine_tracking.enabled:
-        step *= 1 + (REFINEMENT_FACTOR - 1) * settings.refine_tracking.until
+    step *= 1 + (REFINEMENT_FACTOR - 1) * settings.refine_tracking.until
     return max(LEAST_STEPS, int(seconds / step))
 
 
@@ -234,7 +236,7 @@ def learning_rates(settings: Train, progress: float) -> dict[str, float]:
     """Learning rate of every attribute, decayed as `settings.lr_decay` says.
 
     Args:
-        settings: `*_lr` are the rates of the first step; `final_lr_factor` (of positions:
+        settings: `*_lr` are rates of the first step; `final_lr_factor` (of positions:
             `position_final_lr_factor`) is the factor reached at the last one.
         progress: 0 at the first step, 1 at the last one.
 
@@ -248,11 +250,11 @@ def learning_rates(settings: Train, progress: float) -> dict[str, float]:
     return {
         "position": settings.position_lr * position_decay,
         "rotation": settings.rotation_lr * decay,
-        "log_scale": settings.scale_lr * decay,
-        "opacity": settings.opacity_lr * decay,
+        "log_scale": SCALE_LR * decay,
+        "opacity": OPACITY_LR * decay,
         "colour": settings.colour_lr * decay,
         "harmonics": settings.colour_lr * settings.harmonics_lr_factor * decay,
-        "blend": settings.blend_lr * decay,
+        "blend": BLEND_LR * decay,
     }
 
 

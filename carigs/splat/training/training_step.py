@@ -22,6 +22,8 @@ from carigs.splat.training.subject import TrainingSubject
 POSITION_LIMIT, SCALE_LIMIT = 1.0, 0.6
 """Distance from the triangle, and standard deviation, up to which a surfel is not penalised, in units of the triangle
 (Qian et al. 2024)."""
+POSITION_WEIGHT, SCALE_WEIGHT = 0.01, 1.0
+"""Weights in the loss of what is beyond these limits, those of SurFhead."""
 PREFETCHED = 4
 """Steps whose images are decoded ahead."""
 
@@ -91,9 +93,8 @@ class StepInputs:
         Returns:
             Whether it does: before `train.refine_tracking.until`, if its example is a real frame.
         """
-        refinement = self.settings.refine_tracking
-        early = i < refinement.until * self.settings.iterations
-        return refinement.enabled and early and not self.scheduled(i)[0]
+        early = i < self.settings.refine_tracking.until * self.settings.iterations
+        return early and not self.scheduled(i)[0]
 
     def counts_gradients(self, i: int) -> bool:
         """Whether density control counts the gradients of a step.

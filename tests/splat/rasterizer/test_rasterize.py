@@ -2,6 +2,7 @@
 
 from copy import copy
 from dataclasses import replace
+from functools import cache
 
 import numba
 import numpy as np
@@ -14,36 +15,45 @@ from carigs.errors import CarigsError, SettingsError
 from carigs.splat.rasterizer import torch_compositing, torch_projection
 from carigs.splat.rasterizer.rasterize import OUTPUTS, WorldSurfels, rasterize
 
+SCENES = {
+    "cloud": (cloud(200, 0), CAMERA, OUTPUTS, 0.99),
+    "small": (cloud(300, 1, size=0.02), ODD, OUTPUTS, 0.99),
+    "opaque": (cloud(150, 2, size=0.3, opacity=(0.5, 1.0)), CAMERA, OUTPUTS, 0.999),
+    "colour": (cloud(200, 3), ODD, ("colour", "alpha"), 0.99),
+    "colour alone": (cloud(200, 4), ODD, ("colour",), 0.99),
+    "degenerate": (degenerate_cloud(), FRONTAL, OUTPUTS, 0.99),
+    "layers": (layers(70, 6), FRONTAL, OUTPUTS, 0.99),
+}
+"""Arrays of surfels, camera, outputs and cap on alpha."""
+
+
+@cache
+def reference(scene, background):
+    """Images of the dense reference, the pixels that are compared, and gradients."""
+    arrays, camera, outputs, cap = SCENES[scene]
+    double = tensors(arrays, torch.float64, grad=True)
+    images = render(double, camera, alpha_cap=cap)
+    images["colour"] = images["colour"] + background * (1 - images["alpha"])[..., None]
+    # Within 1e-4 of a threshold, float32 may fall on the other side.
+    clear = images.pop("margin") > 1e-4
+    upstream({name: images[name] if name in outputs else None for name in OUTPUTS}, clear, 5).backward()
+    return {name: image.detach() for name, image in images.items()}, clear, [t.grad for t in double]
+
 
 @pytest.mark.parametrize(("backend", "background"), [("cpu", 0.0), ("cpu", 0.7), ("torch", 0.7)])
-@pytest.mark.parametrize(
-    ("arrays", "camera", "outputs", "cap"),
-    [
-        (cloud(200, 0), CAMERA, OUTPUTS, 0.99),
-        (cloud(300, 1, size=0.02), ODD, OUTPUTS, 0.99),
-        (cloud(150, 2, size=0.3, opacity=(0.5, 1.0)), CAMERA, OUTPUTS, 0.999),
-        (cloud(200, 3), ODD, ("colour", "alpha"), 0.99),
-        (cloud(200, 4), ODD, ("colour",), 0.99),
-        (degenerate_cloud(), FRONTAL, OUTPUTS, 0.99),
-        (layers(70, 6), FRONTAL, OUTPUTS, 0.99),
-    ],
-    ids=["cloud", "small", "opaque", "colour", "colour alone", "degenerate", "layers"],
-)
-def test_agrees_with_the_dense_reference(arrays, camera, outputs, cap, backend, background):
-    single, double = tensors(arrays, grad=True), tensors(arrays, torch.float64, grad=True)
+@pytest.mark.parametrize("scene", SCENES)
+def test_agrees_with_the_dense_reference(scene, backend, background):
+    arrays, camera, outputs, cap = SCENES[scene]
+    single = tensors(arrays, grad=True)
     rendered = rasterize(
         WorldSurfels(*single), camera, backend=backend, outputs=outputs, background=background, alpha_cap=cap
     )
-    expected = render(double, camera, alpha_cap=cap)
-    expected["colour"] = expected["colour"] + background * (1 - expected["alpha"])[..., None]
-    # Within 1e-4 of a threshold, float32 may fall on the other side.
-    clear = expected.pop("margin") > 1e-4
+    expected, clear, gradients = reference(scene, background)
     assert clear.float().mean() > 0.95
     for name in outputs:
         torch.testing.assert_close(getattr(rendered, name)[clear].double(), expected[name][clear], rtol=0, atol=1e-5)
     upstream(rendered, clear, 5).backward()
-    upstream({name: expected[name] if name in outputs else None for name in OUTPUTS}, clear, 5).backward()
-    errors = [relative(a.grad, b.grad) for a, b in zip(single, double, strict=True)]
+    errors = [relative(t.grad, gradient) for t, gradient in zip(single, gradients, strict=True)]
     assert max(errors) < 1e-4, errors
 
 

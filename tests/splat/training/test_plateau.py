@@ -27,15 +27,18 @@ SETTINGS = Train(
     gtstar_probability=0.0,
     hair_layers=2,
     density=Density(every=0),
-    plateau=Plateau(every=5, min_gain=1000.0),
+    plateau=Plateau(every=5),
 )
-"""A training whose every gain is too small: it ends as soon as two quarters can be compared."""
 
 
 @pytest.fixture
 def few(monkeypatch):
-    """A row of the log for each five steps, and two held-out frames."""
+    """A row of the log for each five steps, and two held-out frames.
+
+    Every gain is too small: a training ends as soon as two quarters can be compared.
+    """
     monkeypatch.setattr(trainer, "LOG_EVERY", 5)
+    monkeypatch.setattr(plateau, "MIN_GAIN", 1000.0)
     monkeypatch.setattr(plateau, "FRAMES", 2)
 
 
@@ -78,7 +81,7 @@ def test_learning_rates_have_no_jump_and_end_at_their_last_value(iterations, sha
     np.testing.assert_allclose(np.diff(progress[done - 1 :], 2), 0, atol=1e-12)  # linear
     assert (np.diff(progress) > 0).all() and progress[-1] == pytest.approx(1)
     last = learning_rates(settings, progress[-1])
-    assert last["opacity"] == pytest.approx(settings.opacity_lr * settings.final_lr_factor)
+    assert last["opacity"] == pytest.approx(trainer.OPACITY_LR * settings.final_lr_factor)
 
 
 def test_a_training_is_measured_after_density_control_while_an_end_would_shorten_it():
@@ -151,10 +154,10 @@ def test_a_killed_run_that_ends_early_resumes_to_the_same_bytes(subject, tmp_pat
     assert run(subject, tmp_path / "c") == whole
 
 
-def test_measuring_alone_changes_no_surfel(subject, tmp_path):
+def test_measuring_alone_changes_no_surfel(subject, tmp_path, monkeypatch):
     """With gains that count, the bytes are those of a training that measures nothing."""
-    measuring = Plateau(every=5, min_gain=0.0)
-    first, rows = run(subject, tmp_path / "a", iterations=30, plateau=measuring)
+    monkeypatch.setattr(plateau, "MIN_GAIN", 0.0)
+    first, rows = run(subject, tmp_path / "a", iterations=30)
     second, others = run(subject, tmp_path / "b", iterations=30, plateau=Plateau(every=0))
     assert first == second
     assert [row[:5] for row in rows] == [row[:5] for row in others]

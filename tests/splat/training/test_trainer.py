@@ -114,13 +114,20 @@ def start(subject, tmp_path_factory):
     return file
 
 
+@pytest.fixture
+def images_alone(monkeypatch):
+    """A loss of the images alone."""
+    monkeypatch.setattr(numba_step, "POSITION_WEIGHT", 0.0)
+    monkeypatch.setattr(numba_step, "SCALE_WEIGHT", 0.0)
+
+
+@pytest.mark.usefixtures("images_alone")
 @pytest.mark.parametrize("gtstar", [0.0, 1.0])
 @pytest.mark.parametrize("degree", [0, 2])
 def test_a_training_that_starts_from_an_avatar_begins_with_its_loss(subject, start, gtstar, degree, tmp_path):
     """Real frames and targets: the loss of the first step is that of the image that the avatar renders."""
     settings = {"start": str(start), "iterations": 1, "gtstar_probability": gtstar, "sh_degree": degree}
-    without = {"position_weight": 0.0, "scale_weight": 0.0}
-    _, ((_, _, caricature, loss, psnr, surfels, _),) = run(subject, tmp_path / "c", **settings, **without)
+    _, ((_, _, caricature, loss, psnr, surfels, _),) = run(subject, tmp_path / "c", **settings)
     supervision, avatar = supervise(subject, 0.25), load_avatar(start)
     count = len(supervision.targets if gtstar else supervision.frames)
     schedule = draw_schedule(1, len(supervision.frames), len(supervision.targets), gtstar, SETTINGS.seed)
@@ -314,13 +321,12 @@ def test_each_step_renders_the_level_of_its_target(subject, tmp_path, monkeypatc
     assert {level: levels.count(level) for level in (0.1, 0.25)} == {0.1: targets, 0.25: targets}
 
 
+@pytest.mark.usefixtures("images_alone")
 def test_the_weight_of_a_target_scales_its_loss(subject, tmp_path):
     """Targets of weight zero do not change anything."""
     capture, sequence, indices = subject
     given = read_targets(indices[0.25], capture)
-    settings = replace(
-        SETTINGS, gtstar_probability=1.0, position_weight=0.0, scale_weight=0.0, density=Density(every=0)
-    )
+    settings = replace(SETTINGS, gtstar_probability=1.0, density=Density(every=0))
 
     def trained(weight, iterations):
         targets = replace(given, targets=tuple(target._replace(weight=weight) for target in given.targets))

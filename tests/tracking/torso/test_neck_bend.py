@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from carigs.head import HeadModel, HeadParameters, pose
 from carigs.head.model_arrays import RestJoints
-from carigs.settings.capture import Toy
-from carigs.toy import make_subject
+from carigs.toy import head_model
 from carigs.tracking.torso.neck_bend import NECK, bend_neck, bend_with_torso, skull_motion
 
 COUNT = 6
@@ -18,7 +17,7 @@ COUNT = 6
 
 def model_of(kind: str) -> HeadModel:
     if kind == "toy":
-        return make_subject(Toy()).model
+        return head_model()
     model = random_model(v=60, identities=4, expressions=3)
     weights = model.weights.copy()
     weights[:20], weights[20:40] = [1, 0, 0, 0, 0], [0, 1, 0, 0, 0]

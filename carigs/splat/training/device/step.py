@@ -30,7 +30,13 @@ from carigs.splat.training.device.statistics import DeviceStatistics
 from carigs.splat.training.device.threshold_loss import threshold_loss
 from carigs.splat.training.initial_surfels.hair_surfels import FADING_STEPS
 from carigs.splat.training.regularizers import normal_consistency_loss
-from carigs.splat.training.training_step import SCALE_LIMIT, StepInputs, StepResult
+from carigs.splat.training.training_step import (
+    POSITION_WEIGHT,
+    SCALE_LIMIT,
+    SCALE_WEIGHT,
+    StepInputs,
+    StepResult,
+)
 
 
 class DeviceStep:
@@ -108,8 +114,8 @@ class DeviceStep:
         return StepResult(total.detach(), rendering.colour.detach(), example.image, example.valid)
 
     def _threshold_loss(self, surfels: Surfels, visible: Bool[Tensor, " n"]) -> Float[Tensor, ""]:
-        settings, limit = self.inputs.settings, self._limit[self._binding(surfels)]
-        return threshold_loss(surfels, visible, limit, settings.position_weight, SCALE_LIMIT, settings.scale_weight)
+        limit = self._limit[self._binding(surfels)]
+        return threshold_loss(surfels, visible, limit, POSITION_WEIGHT, SCALE_LIMIT, SCALE_WEIGHT)
 
     def _loss(self, state: TrainingState, example: DeviceExample, i: int) -> tuple[Rendering, Float[Tensor, ""]]:
         settings, records = self.inputs.settings, example.records

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 from carigs.capture import Capture
 from carigs.capture.evenly_spread import evenly_spread
 from carigs.hair.harmonic_faces import faces_beside, harmonic_faces
-from carigs.head.facial_regions import eye_and_brow_faces
+from carigs.head.facial_regions import EYEBALLS, MOUTH, eye_and_brow_faces
 from carigs.mesh.ambient_occlusion import ambient_occlusion
 from carigs.mesh.triangle_mesh import barycenters, face_normals
 from carigs.raster import compute_visibility
@@ -119,7 +119,7 @@ def find_unseen_skin(capture: Capture, sequence: HeadSequence, regions: Regions)
     """
     head, vertices, faces = sequence.head, sequence.rig.vertices, sequence.rig.faces
     sight = look_at_triangles(capture, sequence)
-    kept = head.face_region(*regions.mouth, *regions.eyeballs, "lips") | eye_and_brow_faces(head, vertices)
+    kept = head.face_region(*MOUTH, *EYEBALLS, "lips") | eye_and_brow_faces(head, vertices)
     unseen = (sight.cosine <= UNSEEN) & ~kept
     if not unseen.any() or unseen.all():
         return None
