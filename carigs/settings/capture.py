@@ -30,6 +30,8 @@ class Toy(Section, key="capture.toy"):
     nape."""
     hair_strands: int = option(6000, ge=1, le=1_000_000)
     """Number of hair strands on the scalp."""
+    shirt: bool = False
+    """A striped shirt: collar and shoulders below the neck, which do not turn with the head."""
 
 
 @dataclass
