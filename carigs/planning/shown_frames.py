@@ -67,14 +67,12 @@ def listed_frames(capture: DictConfig) -> tuple[Frame, ...]:
 
 def _toy_frames(capture: DictConfig) -> list[Frame]:
     """The frames of the toy, as `carigs.toy.write_capture` lists them."""
-    cameras = scene.studio_cameras(capture.toy)
-    frontal, frames = scene.frontal_camera(cameras), []
-    for t, step in enumerate(scene.timesteps(capture.toy, np.zeros(300))):
-        for c in range(len(cameras)):
-            held_out = "val" if c == frontal and len(cameras) > 1 else "train"
-            split = "test" if step.sequence == scene.TEST_SEQUENCE else held_out
-            frames.append(Frame(t, c, step.sequence, split, "", None, "", c))
-    return frames
+    sequences = [step.sequence for step in scene.timesteps(capture.toy, np.zeros(300))]
+    return [
+        Frame(t, c, sequences[t], split, "", None, "", c)
+        for t, names in enumerate(scene.split_names(sequences, scene.studio_cameras(capture.toy)))
+        for c, split in enumerate(names)
+    ]
 
 
 def _folder_frames(folder: Path) -> list[Frame]:

@@ -11,7 +11,9 @@ from carigs.capture.capture_digest import capture_digest
 from carigs.capture.thinning import thin_frames
 from carigs.errors import CarigsWarning, InputError
 from carigs.plausibility import check_capture, resolve_cy
+from carigs.plausibility.coverage import capture_coverage, lost_camera
 from carigs.plausibility.diagnosis import diagnose, read_scene
+from carigs.plausibility.findings import summarize
 from carigs.settings import CaptureSettings
 from carigs.system.files import writing_folder
 
@@ -41,11 +43,16 @@ def capture(settings: CaptureSettings, *, index: Path, dataset: Path, tracked: P
             if tracked is not None:
                 settings = replace(settings, folder=str(tracked), head_model=str(tracked / "head_model.npz"))
             checked = check_capture(_read_folder(settings), match_exposure=settings.match_exposure)
+            lost = summarize(filter(None, [lost_camera(checked)]))
+            checked = replace(checked, warnings=(*checked.warnings, *lost))
             for line in checked.warnings:
                 warnings.warn(line, CarigsWarning, stacklevel=2)
             replace(checked, digest=capture_digest(checked)).save(index)
     if settings.source == "toy":
-        _selected(settings, dataset, dataset / "head_model.npz").save(index)
+        checked = _selected(settings, dataset, dataset / "head_model.npz")
+        checked.save(index)
+    if coverage := capture_coverage(checked):
+        print(coverage)
 
 
 def _read_folder(settings: CaptureSettings) -> Capture:
