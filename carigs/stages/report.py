@@ -59,7 +59,7 @@ def report(
     frames: Sequence[Path],
     truths: Sequence[Path],
     training: Sequence[Path],
-    avatars: Sequence[Path],
+    avatars: Sequence[Path] | None,
     made_with: Sequence[Path],
     subjects: Sequence[str],
     variants: Sequence[str],
@@ -78,7 +78,7 @@ def report(
         frames: Folder of the renderings of each subject and variant, of the first seed.
         truths: Index of the true images of each subject and level.
         training: log.csv of each subject and variant, of the first seed.
-        avatars: HTML file of each subject's avatar, of the variant `alternating` and the first seed; empty if the study
+        avatars: HTML file of each subject's avatar, of the variant `alternating` and the first seed; None if the study
             lacks the variant.
         made_with: Settings of the stages, `settings/{stage}/{point}.yaml`.
         subjects: Names of the subjects.
@@ -114,7 +114,7 @@ def report(
         card=card_parts(made),
         seen=[f"{subject}: {text}." for subject, texts in seen.items() for text in texts if text],
         strips=[],
-        avatars={s: _address(file, page.parent) for s, file in zip(subjects, avatars, strict=bool(avatars))},
+        avatars={s: _address(f, page.parent) for s, f in zip(subjects, avatars, strict=True)} if avatars else {},
         charts={subject: chart for subject, chart in charts.items() if chart},
         figures=[],
         tables=comparison_tables(read_summaries(table), load_settings("tabulate", used["tabulate", "all"]), CATALOGUE),
