@@ -20,7 +20,7 @@ from carigs.toy import scene
 
 
 def check_shown_frames(config: DictConfig) -> None:
-    """Refuse a camera or timestep that the subject's capture lacks, where the settings name one.
+    """Refuse a camera, timestep or sequence that the subject's capture lacks, where the settings name one.
 
     Args:
         config: Composed settings of a subject.
@@ -28,11 +28,14 @@ def check_shown_frames(config: DictConfig) -> None:
     Raises:
         SettingsError: `figures.camera` or `figures.timestep` is not in the capture. A capture that cannot be read is
             not checked here: the stage `capture` says what is wrong with it.
+        InputError: `capture.split` or `capture.validation_camera` is not in the capture, or nothing is left to train.
     """
     figures, render = config.figures, config.render
     try:
         frames = listed_frames(config.capture)
-    except InputError:
+    except InputError as error:
+        if (error.field or "").startswith("capture."):
+            raise
         return
     test = spread_test_frames(tuple(frame for frame in frames if frame.split == "test"), render.test_timesteps)
     camera, timestep = figures.camera, figures.timestep
