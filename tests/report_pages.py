@@ -28,7 +28,7 @@ def report(name: str = "anna", noise: int = 0, figures: bool = True) -> ReportCo
         study=name,
         gamma=0.25,
         card=[Part("What was measured", [name], [table], [name]), Part(name, [name], [], [])],
-        held_out=[name],
+        seen=[name],
         strips=[Strip(name, levels)],
         avatars={name: AVATAR_PAGE},
         charts={},

@@ -171,10 +171,10 @@ class Capture:
 
     @property
     def validation_camera(self) -> int:
-        """The camera of the `val` split; the most frontal camera if that split is empty."""
-        held_out = self.split("val")
-        if held_out:
-            return held_out[0].camera
+        """The camera of the `val` split; the most frontal camera if that split has none or several."""
+        held_out = {frame.camera for frame in self.split("val")}
+        if len(held_out) == 1:
+            return held_out.pop()
         return max(self.cameras, key=lambda c: self.cameras[c].centre[2] / np.linalg.norm(self.cameras[c].centre))
 
     def save(self, file: Path) -> None:

@@ -17,6 +17,7 @@ from carigs.cli.parser import command_parser
 from carigs.errors import InputError, collecting, printable
 from carigs.plausibility import resolve_cy
 from carigs.plausibility.check import Examination, examine_capture
+from carigs.plausibility.coverage import capture_coverage, lost_camera
 from carigs.plausibility.diagnosis.principal_point_shift import principal_point_shift
 from carigs.plausibility.diagnosis.reprojection import Reprojection, total_overlap
 from carigs.plausibility.faults import Fault, error_faults, finding_faults
@@ -55,9 +56,12 @@ def check(folder: Path, head_model: Path, *, background: float, split: str, shee
     print(f"{len(capture.frames)} frames, {len(capture.parameter_files)} timesteps, {cameras} cameras")
     print(f"cy is read as {capture.cy}")
     print(*report(error_faults(errors, folder), "errors"), sep="\n")
-    warnings = [Fault(line, (), "") for line in capture.warnings] + finding_faults(examination.findings, folder)
+    warnings = [Fault(line, (), "") for line in capture.warnings]
+    warnings += finding_faults([*examination.findings, *filter(None, [lost_camera(capture)])], folder)
     warnings += [] if diagnosis.mistakes else _half_pixel(capture)
     print(*report(warnings, "warnings"), sep="\n")
+    if not errors and not diagnosis.mistakes and (coverage := capture_coverage(capture)):
+        print(coverage)
     if diagnosis.stated.overlaps:
         print(*table(diagnosis.stated), sep="\n")
     if sheet is not None:
@@ -150,7 +154,9 @@ def main(arguments: list[str]) -> int:
         "--background", type=float, default=1.0, metavar="GREY", help="of the images, 0 to 1 (default %(default)s)"
     )
     parser.add_argument(
-        "--split", default="files", help="files, released, or the name of the test sequence (default %(default)s)"
+        "--split",
+        default="files",
+        help="files, released, blocks, or the test sequence (default %(default)s)",
     )
     task = parser.parse_args(arguments)
     errors = check(task.folder, task.head_model, background=task.background, split=task.split, sheet=task.sheet)

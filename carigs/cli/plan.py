@@ -14,6 +14,7 @@ from carigs.planning.footage import Footage
 from carigs.planning.job_graph import study_jobs
 from carigs.planning.schedule import critical_path
 from carigs.planning.study_plan import StudyPlan, duration, plan_study, uncertainty
+from carigs.planning.study_subjects import check_subjects
 from carigs.system.extras import need
 
 DESCRIPTION = """Print the jobs of a study, their hours, memory and disk, and the time on a number of nodes.
@@ -51,6 +52,8 @@ def main(arguments: list[str]) -> int:
     need("snakemake")
     overrides, swept = split_sweep(options.overrides)
     studies = study_table(overrides, read_sweep(overrides, swept) if swept else None)
+    for combinations in studies.values():
+        check_subjects(combinations[0])
     config, snakefile = snakemake_config(overrides, swept), str(project_root() / "Snakefile")
     targets = ["sweep"] if swept else ["reproduce", "table"]
     jobs = study_jobs(config, snakefile, targets, options.cores, from_scratch=not options.remaining)

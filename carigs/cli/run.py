@@ -11,8 +11,9 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from carigs.cli.parser import study_parser
-from carigs.config import compose, compose_study, project_root, snakemake_config
+from carigs.config import project_root, snakemake_config
 from carigs.errors import print_line
+from carigs.planning.study_subjects import check_subjects
 from carigs.runs.job_record import unfinished_jobs
 from carigs.runs.snakemake_process import check_working_folder, snakemake_environment
 from carigs.runs.summary import error_lines
@@ -65,28 +66,6 @@ def parse_run(parser: argparse.ArgumentParser, arguments: list[str]) -> argparse
     options = parser.parse_intermixed_args(arguments[:end])
     options.snakemake = arguments[end + 1 :]
     return options
-
-
-def check_subjects(overrides: Sequence[str]) -> str:
-    """Compose a study and its subjects, and look for the frames that their settings name.
-
-    Args:
-        overrides: Hydra overrides.
-
-    Returns:
-        Name of the study.
-
-    Raises:
-        SettingsError: For wrong overrides, and for a camera or timestep to show that a capture lacks.
-    """
-    study = compose_study(*overrides).study
-    for subject in study.subjects:
-        composed = compose(*overrides, f"subject={subject}")
-        if {composed.figures.camera, composed.figures.timestep} != {None}:
-            from carigs.planning.shown_frames import check_shown_frames  # reads captures: half a second
-
-            check_shown_frames(composed)
-    return study.name
 
 
 def make_studies(

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from carigs.cli.run import check_subjects, make_studies, parse_run, run_parser
+from carigs.cli.run import make_studies, parse_run, run_parser
 from carigs.config import compose, read_sweep, rendered_levels, split_sweep
 from carigs.config.sweep import Combination, SweepGrid
 from carigs.errors import SettingsError, print_line
+from carigs.planning.study_subjects import check_subjects
 
 DESCRIPTION = """Make a study at every combination of values, side by side, and a table and a figure of all of them.
 

@@ -20,7 +20,7 @@ from carigs.toy import scene
 
 
 def check_shown_frames(config: DictConfig) -> None:
-    """Refuse a camera or timestep that the subject's capture lacks, where the settings name one.
+    """Refuse a camera, timestep or sequence that the subject's capture lacks, where the settings name one.
 
     Args:
         config: Composed settings of a subject.
@@ -28,11 +28,14 @@ def check_shown_frames(config: DictConfig) -> None:
     Raises:
         SettingsError: `figures.camera` or `figures.timestep` is not in the capture. A capture that cannot be read is
             not checked here: the stage `capture` says what is wrong with it.
+        InputError: `capture.split` or `capture.validation_camera` is not in the capture, or nothing is left to train.
     """
     figures, render = config.figures, config.render
     try:
         frames = listed_frames(config.capture)
-    except InputError:
+    except InputError as error:
+        if (error.field or "").startswith("capture."):
+            raise
         return
     test = spread_test_frames(tuple(frame for frame in frames if frame.split == "test"), render.test_timesteps)
     camera, timestep = figures.camera, figures.timestep
@@ -67,14 +70,12 @@ def listed_frames(capture: DictConfig) -> tuple[Frame, ...]:
 
 def _toy_frames(capture: DictConfig) -> list[Frame]:
     """The frames of the toy, as `carigs.toy.write_capture` lists them."""
-    cameras = scene.studio_cameras(capture.toy)
-    frontal, frames = scene.frontal_camera(cameras), []
-    for t, step in enumerate(scene.timesteps(capture.toy, np.zeros(300))):
-        for c in range(len(cameras)):
-            held_out = "val" if c == frontal and len(cameras) > 1 else "train"
-            split = "test" if step.sequence == scene.TEST_SEQUENCE else held_out
-            frames.append(Frame(t, c, step.sequence, split, "", None, "", c))
-    return frames
+    sequences = [step.sequence for step in scene.timesteps(capture.toy, np.zeros(300))]
+    return [
+        Frame(t, c, sequences[t], split, "", None, "", c)
+        for t, names in enumerate(scene.split_names(sequences, scene.studio_cameras(capture.toy)))
+        for c, split in enumerate(names)
+    ]
 
 
 def _folder_frames(folder: Path) -> list[Frame]:

@@ -15,8 +15,16 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from carigs.capture import Camera, Capture, Frame
+from carigs.plausibility.exposures import LOCK, light_in_words
 from carigs.plausibility.findings import Finding
-from carigs.plausibility.vertex_misfit import Reference, disagreement, misfit, reference, sample_inside
+from carigs.plausibility.vertex_misfit import (
+    Reference,
+    disagreement,
+    misfit,
+    reference,
+    sample_inside,
+    with_light_of,
+)
 
 BETTER = np.sqrt(0.5)
 """Another explanation is believed if it leaves less than this share of the misfit. Two explanations that are equally
@@ -27,6 +35,10 @@ LEAST_OUTLIER = 12.0
 """... and at least so many levels of 255. Strong expressions reach 2.5 times the median."""
 ACROSS_CAMERAS = 8
 """Number of timesteps at which cameras are compared with each other."""
+
+HELD_OUT_LIGHT = f"hold out other frames: metrics compare with held-out frames as they are; {LOCK}"
+ANOTHER_LIGHT = HELD_OUT_LIGHT, f"match the image to the others, or remove the frame; {LOCK}"
+"""Remedies for another exposure of frames that are held out, and of frames for training."""
 
 Pixels = Float32[np.ndarray, "n 2"]
 Image = UInt8[np.ndarray, "h w 3"]
@@ -65,6 +77,10 @@ class Explained(NamedTuple):
     best: float
     what: str
     """The best of the other explanations."""
+    matched: float = np.inf
+    """With exposure and white balance of the expected colours."""
+    light: str = ""
+    """How they differ."""
 
     @property
     def is_wrong(self) -> bool:
@@ -147,7 +163,9 @@ def _in_time(
     misfits["the image with red and blue exchanged"] = misfit(own[:, ::-1], expected)
     misfits["the image mirrored"] = misfit(sample_inside(image[:, ::-1], pixels), expected)
     misfits["the image upside down"] = misfit(sample_inside(image[::-1], pixels), expected)
-    return _best(misfit(own, expected), misfits)
+    matched, light = with_light_of(own, expected)
+    found = _best(misfit(own, expected), misfits)
+    return found._replace(matched=misfit(matched, expected), light=light_in_words(light))
 
 
 def _best(own: float, others: Mapping[str, float]) -> Explained:
@@ -186,6 +204,9 @@ def _time_findings(capture: Capture, explained: Mapping[Frame, Explained]) -> li
             details = f"misfit {explained[frame].own:.1f} levels, usually {usual[frame.camera]:.1f}"
             kind = "the image does not fit the posed mesh as the camera's other images do"
             remedy = "track this timestep again, or remove the frame"
+            if explained[frame].matched < BETTER * explained[frame].own:
+                kind = "the image shows the head in another exposure or white balance than the camera's other images"
+                details, remedy = explained[frame].light, ANOTHER_LIGHT[frame.split == "train"]
             findings.append(Finding(kind, capture.root / frame.image, "", details, remedy, explained[frame].own))
     return findings
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float32, UInt8
 
+from carigs.capture.colour_gains import EXPONENT, TOE
 from carigs.exposure.known_median import median_of_known
 
 NOISE = 4.0
@@ -16,6 +17,8 @@ CLIP = 40.0
 LEAST_FRAMES = 3
 """Frames that must show a vertex: with three, the median is right if one is wrong."""
 LEAST_VERTICES = 50
+LEVEL_TOE = np.float32(255 * TOE)
+"""A factor on light is a factor on levels of 255 plus this (`carigs.capture.colour_gains`)."""
 
 
 class Reference(NamedTuple):
@@ -81,6 +84,23 @@ def misfit(samples: Float32[np.ndarray, "n 3"], expected: Reference) -> float:
     if shared.sum() < LEAST_VERTICES:
         return float("nan")
     return float(np.average(difference[shared], weights=expected.weights[shared]))
+
+
+def with_light_of(
+    samples: Float32[np.ndarray, "n 3"], expected: Reference
+) -> tuple[Float32[np.ndarray, "n 3"], Float32[np.ndarray, "3"]]:
+    """Match exposure and white balance of an image to a reference.
+
+    Args:
+        samples: Colours of the image.
+        expected: The reference.
+
+    Returns:
+        The colours with the light of the reference; and the light of the image as a ratio of that of the reference in
+        red, green and blue. Medians over the vertices; NaN without a common vertex.
+    """
+    factor = median_of_known((expected.colours + LEVEL_TOE) / (samples + LEVEL_TOE))
+    return factor * (samples + LEVEL_TOE) - LEVEL_TOE, factor**-EXPONENT
 
 
 def disagreement(samples: Float32[np.ndarray, "m n 3"]) -> float:

@@ -18,7 +18,7 @@ class Toy(Section, key="capture.toy"):
     height: int = option(272, unit="pixels", ge=16, le=8192)
     """Height of the images."""
     cameras: int = option(9, ge=1, le=1000)
-    """Number of cameras on a frontal cap; the most frontal one is the validation view."""
+    """Number of cameras on a frontal cap; of six or more, the most frontal one is the validation view."""
     steps_per_sequence: int = option(3, ge=1, le=1000)
     """Frames in each of the ten sequences EMO-1..4 and EXP-1..6."""
     supersampling: int = option(3, ge=1, le=16)
@@ -30,6 +30,8 @@ class Toy(Section, key="capture.toy"):
     nape."""
     hair_strands: int = option(6000, ge=1, le=1_000_000)
     """Number of hair strands on the scalp."""
+    shirt: bool = False
+    """A striped shirt: collar and shoulders below the neck, which do not turn with the head."""
 
 
 @dataclass
@@ -49,9 +51,11 @@ class CaptureSettings(Section, key="capture"):
     """Grey value that the images were composited on; those of a video are put on it."""
     split: str = "files"
     """Which frames are held out: `files` (as transforms_{train,val,test}.json say), `released` (the test sequence of
-    GaussianAvatars' released data, by the subject's number), or the name of the test sequence, for example `EXP-2`."""
+    GaussianAvatars' released data, by the subject's number), `blocks` (5 of every 20 timesteps), or the name of the
+    test sequence, for example `EXP-2`."""
     validation_camera: int | None = option(None, ge=0, le=MAX_COUNT)
-    """Camera of the validation frames. Null: as the files say; where `split` is not `files`, camera 8, or the last."""
+    """Camera of the validation frames. Null: as the files say; where `split` is not `files`, camera 8, or the last. Of
+    fewer than six cameras, all are for training, and some timesteps for validation."""
     stride: int = option(1, ge=1, le=MAX_COUNT)
     """Every n-th timestep of each sequence is used."""
     max_frames: int | None = option(None, ge=1, le=MAX_COUNT)

@@ -12,7 +12,9 @@ from carigs.capture.capture_digest import capture_digest
 from carigs.capture.thinning import thin_frames
 from carigs.errors import CarigsWarning, InputError
 from carigs.plausibility import check_capture, resolve_cy
+from carigs.plausibility.coverage import capture_coverage, lost_camera
 from carigs.plausibility.diagnosis import diagnose, read_scene
+from carigs.plausibility.findings import summarize
 from carigs.settings import CaptureSettings
 from carigs.system.files import writing_folder
 
@@ -38,8 +40,16 @@ def capture(settings: CaptureSettings, *, index: Path, dataset: Path, tracked: P
 
         with writing_folder(dataset) as part:
             write_capture(part, settings.toy)
-        _selected(settings, dataset, dataset / "head_model.npz").save(index)
-        return
+        checked = _selected(settings, dataset, dataset / "head_model.npz")
+    else:
+        checked = _checked(settings, dataset, tracked)
+    checked.save(index)
+    if coverage := capture_coverage(checked):
+        print(coverage)
+
+
+def _checked(settings: CaptureSettings, dataset: Path, tracked: Path | None) -> Capture:
+    """The capture of a folder or a video, with its warnings, which are printed, and the digest of its files."""
     if tracked is not None:
         settings = replace(settings, folder=str(tracked), head_model=str(tracked / "head_model.npz"))
     found = _read_folder(settings)
@@ -49,9 +59,11 @@ def capture(settings: CaptureSettings, *, index: Path, dataset: Path, tracked: P
         with writing_folder(dataset):
             pass
     checked = check_capture(found, match_exposure=settings.match_exposure)
+    lost = summarize(filter(None, [lost_camera(checked)]))
+    checked = replace(checked, warnings=(*checked.warnings, *lost))
     for line in checked.warnings:
         warnings.warn(line, CarigsWarning, stacklevel=2)
-    replace(checked, digest=capture_digest(checked)).save(index)
+    return replace(checked, digest=capture_digest(checked))
 
 
 def _without_body(capture: Capture, folder: Path) -> Capture:

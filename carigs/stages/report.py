@@ -16,6 +16,7 @@ from carigs.capture.frame_index import read_ground_truth
 from carigs.capture.held_out_poses import capture_pose_gap
 from carigs.capture.images import read_rgb8
 from carigs.config import load_settings
+from carigs.plausibility.coverage import capture_coverage
 from carigs.readers.yaml_files import read_yaml_text
 from carigs.runs.summary import logged_warnings
 from carigs.settings import Report
@@ -58,7 +59,7 @@ def report(
     frames: Sequence[Path],
     truths: Sequence[Path],
     training: Sequence[Path],
-    avatars: Sequence[Path],
+    avatars: Sequence[Path] | None,
     made_with: Sequence[Path],
     subjects: Sequence[str],
     variants: Sequence[str],
@@ -77,7 +78,7 @@ def report(
         frames: Folder of the renderings of each subject and variant, of the first seed.
         truths: Index of the true images of each subject and level.
         training: log.csv of each subject and variant, of the first seed.
-        avatars: HTML file of each subject's avatar, of the variant `alternating` and the first seed; empty if the study
+        avatars: HTML file of each subject's avatar, of the variant `alternating` and the first seed; None if the study
             lacks the variant.
         made_with: Settings of the stages, `settings/{stage}/{point}.yaml`.
         subjects: Names of the subjects.
@@ -94,10 +95,10 @@ def report(
     rendered = {point: folder for point, folder in zip(product(subjects, variants), frames, strict=True)}
     true = {point: file for point, file in zip(product(subjects, levels), truths, strict=True)}
     trained = {point: file for point, file in zip(product(subjects, variants), training, strict=True)}
-    images, gaps = {}, {}
+    images, seen = {}, {}
     for subject, capture in zip(subjects, captures, strict=True):
         person = Capture.load(capture)
-        gaps[subject] = capture_pose_gap(person)
+        seen[subject] = capture_coverage(person), capture_pose_gap(person)
         images[subject] = StudyImages(
             person,
             {variant: rendered[subject, variant] for variant in variants},
@@ -111,9 +112,9 @@ def report(
         study=made.study,
         gamma=made.gamma,
         card=card_parts(made),
-        held_out=[f"{subject}: {gap}." for subject, gap in gaps.items() if gap],
+        seen=[f"{subject}: {text}." for subject, texts in seen.items() for text in texts if text],
         strips=[],
-        avatars={s: _address(file, page.parent) for s, file in zip(subjects, avatars, strict=bool(avatars))},
+        avatars={s: _address(f, page.parent) for s, f in zip(subjects, avatars, strict=True)} if avatars else {},
         charts={subject: chart for subject, chart in charts.items() if chart},
         figures=[],
         tables=comparison_tables(read_summaries(table), load_settings("tabulate", used["tabulate", "all"]), CATALOGUE),

@@ -17,12 +17,22 @@ from carigs.raster import rasterize_mesh
 from carigs.toy.look.ambient_visibility import distant_camera
 from carigs.toy.look.hair_rendering import ribbon_faces, strand_ribbons
 from carigs.toy.look.lighting import StudioLight
-from carigs.toy.look.shading import LINEAR_FROM_SRGB, SRGB_FROM_LINEAR, ambient_by_channel, shade, shadow_bounds
+from carigs.toy.look.shading import (
+    LINEAR_FROM_SRGB,
+    SRGB_FROM_LINEAR,
+    ambient_by_channel,
+    shade,
+    shadow_bounds,
+    shadow_factors,
+)
+from carigs.toy.look.shirt import pose_shirt, shade_shirt
 from carigs.toy.look.teeth import shade_teeth, teeth_displacement
 from carigs.toy.rig.head_model import METRES_PER_MILLIMETRE
 from carigs.toy.subject import ToySubject
 
 _SHADOW_SIDE = 256  # pixels of the shadow map
+ABOVE_CLOTH = 0.0015
+"""Metres above the shirt at which its shadows are looked up, as those of the head are."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +49,11 @@ class PosedSubject:
     hair: tuple[Any, ...]
     """The first arguments of `strand_ribbons`."""
     faces: Int32[np.ndarray, "f 3"]
-    """Of head, teeth and hair."""
+    """Of head, teeth, hair and shirt."""
+    shirt: Float[np.ndarray, "c 3"]
+    """World positions in metres; none without a shirt."""
+    shirt_colours: Float32[np.ndarray, "c 3"]
+    """Linear colours."""
     shadow: Float[np.ndarray, "s s"]
     """Shadow map: depth seen from the key light in metres."""
     shadow_bounds: Float[np.ndarray, "2 b b"]
@@ -56,12 +70,12 @@ class PosedSubject:
         """
         subject = self.subject
         ribbons, hair_colours = strand_ribbons(*self.hair, camera.centre, self.light)
-        positions = np.concatenate([self.head, self.teeth, ribbons])
+        positions = np.concatenate([self.head, self.teeth, ribbons, self.shirt])
         fragments = rasterize_mesh(positions, self.faces, camera.scaled(subject.supersampling))
         return shade(
             fragments.face, fragments.barycentric, self.faces, len(subject.model.faces), positions, self.head_normals,
             ambient_by_channel(subject.ambient_visibility), *subject.atlas,
-            np.concatenate([self.teeth_colours.astype(np.float32), hair_colours]), camera.centre,
+            np.concatenate([self.teeth_colours.astype(np.float32), hair_colours, self.shirt_colours]), camera.centre,
             self.light.coefficients, self.shadow, self.shadow_bounds, self.shadow_from_world, subject.supersampling,
             LINEAR_FROM_SRGB, SRGB_FROM_LINEAR,
         )  # fmt: skip
@@ -79,8 +93,8 @@ def pose_subject(
     Args:
         subject: The subject.
         parameters: Identity, expression and pose of the head.
-        caricature: Added to the head as by `carigs.head.pose`. Texture, hair and teeth follow the surface, light and
-            shadows are those of the new surface.
+        caricature: Added to the head as by `carigs.head.pose`. Texture, hair and teeth follow the surface, a shirt does
+            not; light and shadows are those of the new surface.
         world_from_light: Rotation of the studio's light; None: not rotated.
 
     Returns:
@@ -93,6 +107,11 @@ def pose_subject(
     head_faces, strands = subject.model.faces, subject.strands
     hair_faces = ribbon_faces(*strands.local.shape[:2], len(head) + len(teeth))
     faces = np.concatenate([head_faces, subject.teeth_faces + np.int32(len(head)), hair_faces])
+    shirt = np.zeros((0, 3))
+    if subject.shirt is not None:
+        shirt = pose_shirt(subject.shirt, subject.model, parameters)
+        first = len(head) + len(teeth) + 2 * strands.local.shape[0] * strands.local.shape[1]
+        faces = np.concatenate([faces, subject.shirt.faces + np.int32(first)])
     roots = np.einsum("si,sij->sj", strands.barycentric, head[head_faces[strands.face]])
     hair = (strands, to_linear(strands.colour), roots, subject.strand_frames(head), METRES_PER_MILLIMETRE)
     # A camera at the key light that sees the whole head with its hair.
@@ -101,7 +120,13 @@ def pose_subject(
     lamp = distant_camera(middle, radius, light.key_direction, _SHADOW_SIDE)
     ribbons, _ = strand_ribbons(*hair, lamp.centre, light)
     intrinsics = np.array([[lamp.fx, 0, lamp.cx], [0, lamp.fy, lamp.cy], [0, 0, 1]])
-    shadow = rasterize_mesh(np.concatenate([head, teeth, ribbons]), faces, lamp).depth
+    shadow = rasterize_mesh(np.concatenate([head, teeth, ribbons, shirt]), faces, lamp).depth
+    bounds, shadow_from_world = shadow_bounds(shadow), intrinsics @ lamp.camera_from_world[:3]
+    shirt_colours = np.zeros((0, 3), np.float32)
+    if subject.shirt is not None:
+        normals = vertex_normals(shirt, subject.shirt.faces)
+        lit = shadow_factors(shadow, bounds, shadow_from_world, shirt + ABOVE_CLOTH * normals)
+        shirt_colours = shade_shirt(subject.shirt, normals, lit, light)
     return PosedSubject(
         subject=subject,
         light=light,
@@ -112,8 +137,10 @@ def pose_subject(
         hair=hair,
         faces=faces,
         shadow=shadow,
-        shadow_bounds=shadow_bounds(shadow),
-        shadow_from_world=intrinsics @ lamp.camera_from_world[:3],
+        shadow_bounds=bounds,
+        shadow_from_world=shadow_from_world,
+        shirt=shirt,
+        shirt_colours=shirt_colours,
     )
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from carigs.capture.camera import Camera, look_at
+from carigs.capture.splits import ENOUGH_CAMERAS, validation_timesteps
 from carigs.head import HeadParameters, flame_joints
 from carigs.settings import Toy
 from carigs.toy.rig import expressions
@@ -83,6 +85,29 @@ def frontal_camera(cameras: tuple[Camera, ...]) -> int:
         Index of the camera whose viewing direction is closest to -z.
     """
     return int(np.argmin([camera.camera_from_world[2, 2] for camera in cameras]))
+
+
+def split_names(sequences: Sequence[str], cameras: tuple[Camera, ...]) -> list[list[str]]:
+    """Divide the frames.
+
+    Args:
+        sequences: Sequence of each timestep.
+        cameras: The cameras.
+
+    Returns:
+        `train`, `val` or `test` for each timestep and camera: the test sequence is `test`; of the others, the frontal
+        camera is `val`, and before few cameras some timesteps.
+    """
+    front = frontal_camera(cameras) if len(cameras) >= ENOUGH_CAMERAS else None
+    trained = [t for t, sequence in enumerate(sequences) if sequence != TEST_SEQUENCE]
+    validated = validation_timesteps(trained) if front is None else set()
+
+    def split(t: int, camera: int) -> str:
+        if sequences[t] == TEST_SEQUENCE:
+            return "test"
+        return "val" if camera == front or t in validated else "train"
+
+    return [[split(t, c) for c in range(len(cameras))] for t in range(len(sequences))]
 
 
 def timesteps(settings: Toy, shape: Float[np.ndarray, "300"]) -> tuple[Timestep, ...]:

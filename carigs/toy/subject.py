@@ -21,6 +21,7 @@ from carigs.toy.look.ambient_visibility import ambient_visibility
 from carigs.toy.look.atlas import Atlas, allocate_texels, texel_count, texel_points
 from carigs.toy.look.hair import grow_hair
 from carigs.toy.look.procedural_texture import eyeball_texture, skin_texture
+from carigs.toy.look.shirt import Shirt, make_shirt
 from carigs.toy.look.strands import RootedStrands, smooth_frames, triangle_frames
 from carigs.toy.look.teeth import attach_teeth, build_teeth
 from carigs.toy.rig.attributes import Attributes, sample_attributes
@@ -33,7 +34,7 @@ LONG_HAIR_RADIUS = 0.03
 """Metres over which the rotations of the triangles that carry long strands are averaged."""
 _CHUNK = 1 << 15  # texels
 _KEYS = {"ambient_visibility": "exposure"}  # keys in the file that differ from the field's name
-_GROUPS = {"atlas": Atlas, "strands": RootedStrands}  # fields whose arrays have a key each
+_GROUPS = {"atlas": Atlas, "strands": RootedStrands, "shirt": Shirt}  # fields whose arrays have a key each
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,7 @@ class ToySubject:
     """sRGB in [0, 1]."""
     upper_teeth: int
     """Number of vertices of the upper jaw."""
+    shirt: Shirt | None = None
 
     @cached_property
     def model_with_teeth(self) -> HeadModel:
@@ -87,6 +89,8 @@ class ToySubject:
         arrays: dict[str, np.ndarray] = {}
         for name in (field.name for field in fields(self) if field.name != "model"):
             value = getattr(self, name)
+            if value is None:  # no shirt
+                continue
             if name in _GROUPS:
                 arrays |= {f"{name}.{part}": array for part, array in value._asdict().items()}
             else:
@@ -99,7 +103,7 @@ def make_subject(settings: Toy) -> ToySubject:
     """Build the subject of a seed; takes some seconds.
 
     Args:
-        settings: Seed, size of the texture, number of strands, supersampling.
+        settings: Seed, size of the texture, hair, shirt, supersampling.
 
     Returns:
         The subject.
@@ -118,6 +122,7 @@ def make_subject(settings: Toy) -> ToySubject:
         teeth_faces=teeth_faces.astype(np.int32),
         teeth_colours=teeth_colours.astype(np.float32),
         upper_teeth=upper_teeth,
+        shirt=make_shirt(model, HeadParameters(shape=attributes.shape), settings.seed) if settings.shirt else None,
     )
 
 
@@ -161,6 +166,11 @@ def load_subject(folder: Path) -> ToySubject:
         take("strands.colour", s, 3),
         take("strands.shade", s, k),
     )
+    shirt = None
+    if "shirt.vertices" in arrays:
+        c = len(vertices := take("shirt.vertices", None, 3))
+        cloth = take("shirt.faces", None, 3, dtype=np.int32, below=c), take("shirt.colours", c, 3)
+        shirt = Shirt(vertices, *cloth, take("shirt.visibility", c))
     return ToySubject(
         model=model,
         shape=take("shape", 300, dtype=np.float64),
@@ -173,6 +183,7 @@ def load_subject(folder: Path) -> ToySubject:
         teeth_faces=take("teeth_faces", None, 3, dtype=np.int32, below=t),
         teeth_colours=take("teeth_colours", t, 3),
         upper_teeth=int(take("upper_teeth", dtype=np.int64, below=t + 1)),
+        shirt=shirt,
     )
 
 

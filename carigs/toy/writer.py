@@ -18,7 +18,7 @@ from carigs.head import HeadParameters, flame_joints
 from carigs.settings import Toy
 from carigs.system.files import writing
 from carigs.toy.renderer import pose_subject
-from carigs.toy.scene import TEST_SEQUENCE, Timestep, frontal_camera, studio_cameras, timesteps
+from carigs.toy.scene import Timestep, split_names, studio_cameras, timesteps
 from carigs.toy.subject import make_subject
 
 
@@ -80,17 +80,10 @@ def _run_with_progress(render_timestep: Callable[[int], None], count: int) -> No
 
 
 def _write_splits(folder: Path, timeline: tuple[Timestep, ...], cameras: tuple[Camera, ...]) -> None:
-    """Write the splits.
-
-    Of the training sequences, the frontal camera is the validation split, unless it is the only camera; the test
-    sequence is the test split.
-    """
-    front = frontal_camera(cameras)
+    """Write the splits."""
     splits: dict[str, list[tuple[int, int]]] = {"train": [], "val": [], "test": []}
-    for t, step in enumerate(timeline):
-        for c in range(len(cameras)):
-            held_out = "val" if c == front and len(cameras) > 1 else "train"
-            split = "test" if step.sequence == TEST_SEQUENCE else held_out
+    for t, names in enumerate(split_names([step.sequence for step in timeline], cameras)):
+        for c, split in enumerate(names):
             splits[split].append((t, c))
     shared = ("cx", "cy", "fl_x", "fl_y", "h", "w", "camera_angle_x", "camera_angle_y")
     for split, views in splits.items():

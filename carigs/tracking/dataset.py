@@ -15,12 +15,13 @@ from carigs.capture import Camera, Capture, Frame
 from carigs.capture.dataset_writer import parameter_file, write_dataset
 from carigs.capture.evenly_spread import evenly_spread
 from carigs.capture.images import write_png
+from carigs.capture.splits import blocks
 from carigs.head import SurfacePoints, neutral, pose
 from carigs.matting import MattedFrame, composite
 from carigs.system.in_order import in_order
 from carigs.tracking.eyeballs import lids_before_eyeballs
 from carigs.tracking.footage_tracking import FootageTrack
-from carigs.tracking.held_out import blocks, held_out
+from carigs.tracking.held_out import held_out
 from carigs.tracking.outline.outline_offset import OutlineView, outline_offset
 from carigs.tracking.recording import Recording
 from carigs.tracking.skin.edges import EDGES, LIDS, edge_expressions

@@ -4,51 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-TRAINED, TESTED = 15, 5
-"""Frames of the two kinds of blocks."""
-LAST_SHARE = 0.25
-"""Of a clip, for `last_quarter`."""
-FEW_CAMERAS = 3
-"""So many cameras train all, and frames of a clip are held out by time alone."""
+from carigs.capture.splits import ENOUGH_CAMERAS, blocks, last_quarter
+
 EVERY = 8
 """Of the views of one moment, this one is held out."""
-
-
-def blocks(count: int) -> list[str]:
-    """Hold out 5 of every 20 frames.
-
-    Held-out frames then show what training frames show. The end of a short clip often asks for poses that no training
-    frame has.
-
-    Args:
-        count: Number of frames.
-
-    Returns:
-        `train` or `test` for each frame; the middle frame of each block is `val`. Of a clip that is shorter than two
-        blocks, the last quarter is held out.
-    """
-    period = TRAINED + TESTED
-    if count < period:
-        return last_quarter(count)
-    names = ["train" if i % period < TRAINED else "test" for i in range(count)]
-    for middle in range(TRAINED + TESTED // 2, count, period):
-        names[middle] = "val"
-    return names
-
-
-def last_quarter(count: int) -> list[str]:
-    """Hold out the end of a clip, as published figures of monocular avatars do.
-
-    Args:
-        count: Number of frames.
-
-    Returns:
-        `train` or `test` for each frame; `val` for every fifth one of the end.
-    """
-    first = count - round(LAST_SHARE * count)
-    return ["train" if i < first else "val" if (i - first) % TESTED == TESTED // 2 else "test" for i in range(count)]
-
-
 SPLITS = {"blocks": blocks, "last_quarter": last_quarter}
 """By the names that settings have."""
 
@@ -64,12 +23,12 @@ def held_out(count: int, cameras: int, frontal: int, by_time: Callable[[int], li
 
     Returns:
         `train`, `val` or `test` for each timestep and camera. Of one moment, every eighth view is held out, and the
-        middle one of these is `val`. Of a clip before more than three cameras, the frontal one is `val`.
+        middle one of these is `val`. Of a clip before six cameras or more, the frontal one is `val`.
     """
     if count == 1:
         return [views(cameras)]
     names = [[name] * cameras for name in by_time(count)]
-    if cameras > FEW_CAMERAS:
+    if cameras >= ENOUGH_CAMERAS:
         for row in names:
             row[:] = ["train" if name == "train" else "test" for name in row]
             row[frontal] = "val" if row[frontal] == "train" else row[frontal]

@@ -26,7 +26,7 @@ FORMAT = Format("carigs-card", 1, "run the stage card of its study again, as car
 """Changes with the meaning or the type of a field; new fields and measures leave it as it is."""
 PROTOCOLS = {
     "test": "frames of the held-out sequence, in all cameras of the capture",
-    "val": "frames of the held-out camera, at level 0",
+    "val": "frames held out for validation, at level 0",
     "orbit": "a novel camera trajectory at a fixed expression",
     "avatar": "the avatar itself",
     "stage": "all jobs of a stage of the study",

@@ -57,8 +57,8 @@ class ReportContent:
     study: str
     gamma: float
     card: Sequence[Part]
-    held_out: Sequence[str]
-    """How far the head poses of test frames lie from those of training frames, a sentence for each subject."""
+    seen: Sequence[str]
+    """What training frames see of each subject, and how far the head poses of its test frames lie from theirs."""
     strips: Sequence[Strip]
     avatars: Mapping[str, str]
     """Address of the page of each subject's avatar, relative to the report."""

@@ -87,8 +87,9 @@ def test_without_a_matte_the_foreground_is_what_differs_from_the_background(writ
 def test_the_index_and_the_truth_of_level_0(dataset, tmp_path, alpha):
     (add_alpha if alpha else drop_mattes)(dataset)
     settings = CaptureSettings(
-        source="folder", folder=str(dataset), head_model=str(dataset / "head_model.npz"), stride=2, split="EXP-2"
-    )
+        source="folder", folder=str(dataset), head_model=str(dataset / "head_model.npz"), stride=2, split="EXP-2",
+        validation_camera=1,
+    )  # fmt: skip
     files = {"index": tmp_path / "capture.json", "dataset": tmp_path / "dataset"}
     if alpha:
         capture_stage(settings, **files)
@@ -97,7 +98,7 @@ def test_the_index_and_the_truth_of_level_0(dataset, tmp_path, alpha):
             capture_stage(settings, **files)
     subject = Capture.load(tmp_path / "capture.json")
     assert subject.digest == capture_digest(subject)
-    assert subject.split_rule == "EXP-2, validation camera 2; 9 of 12 frames (stride 2)"
+    assert subject.split_rule == "EXP-2, validation camera 1; 9 of 12 frames (stride 2)"
     assert {frame.timestep for frame in subject.frames} == {0, 2, 3}
     truth(Truth(), capture=tmp_path / "capture.json", path=tmp_path / "unused.npz", level=0.0,
           frames=tmp_path / "frames", index=tmp_path / "truth.json")  # fmt: skip

@@ -68,8 +68,9 @@ def test_flipped_cy_is_found_and_nothing_else_is_wrong(union):
 def test_splits(data, split, held_out):
     found = read_dataset(data / UNION, data / "flame2023.pkl", split=split)
     assert {frame.sequence for frame in found.split("test")} == {held_out}
-    assert {frame.camera for frame in found.split("val")} == {8}
-    assert {frame.camera for frame in found.split("train")} == set(CAMERAS) - {8}
+    by_files = {8} if split == "files" else set()  # few cameras all train, unless the files say otherwise
+    assert {frame.camera for frame in found.split("val")} == by_files
+    assert {frame.camera for frame in found.split("train")} == set(CAMERAS) - by_files
 
 
 @pytest.mark.slow

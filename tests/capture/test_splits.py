@@ -1,5 +1,6 @@
 """Splits: the rules of the papers, and fewer frames."""
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -8,10 +9,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from carigs.capture import Frame
-from carigs.capture.splits import released_test_sequence, split_frames, subject_number
+from carigs.capture.splits import (
+    ENOUGH_CAMERAS,
+    blocks,
+    released_test_sequence,
+    split_frames,
+    split_single_sequence,
+    subject_number,
+)
 from carigs.capture.thinning import thin_frames
 from carigs.errors import InputError
 
+MANY = (0, 1, 3, 5, 8, 9)
 RELEASED = {
     "074": "EMO-4", "104": "EXP-2", "140": "EMO-1", "165": "EMO-4", "175": "EXP-5", "210": "EXP-5", "218": "EXP-9",
     "238": "EMO-4", "253": "EMO-4", "264": "EXP-9", "302": "EMO-2", "304": "EXP-2", "306": "EXP-2", "460": "EMO-3",
@@ -58,17 +67,46 @@ def test_files_rule_keeps_what_the_files_say():
 
 @pytest.mark.parametrize(("rule", "held_out"), [("EMO-1", "EMO-1"), ("EXP-2", "EXP-2"), ("released", "EMO-4")])
 def test_a_sequence_is_held_out_with_all_cameras(rule, held_out):
-    found, name = split_frames(frames(), rule, None, UNION)
+    found, name = split_frames(frames(MANY), rule, None, UNION)
     splits = by_split(found)
-    assert splits["test"] == {(held_out, c) for c in (0, 3, 8)}
+    assert splits["test"] == {(held_out, c) for c in MANY}
     assert splits["val"] == {(s, 8) for s in SEQUENCES if s != held_out}
-    assert splits["train"] == {(s, c) for s in SEQUENCES if s != held_out for c in (0, 3)}
-    assert held_out in name and "camera 8" in name
+    assert splits["train"] == {(s, c) for s in SEQUENCES if s != held_out for c in MANY if c != 8}
+    assert name.startswith(rule) and held_out in name and "camera 8" in name
+
+
+@pytest.mark.parametrize("rule", ["EMO-1", "released", "blocks"])
+@pytest.mark.parametrize("cameras", [(0,), (0, 8), (0, 3, 8), (0, 1, 2, 3, 8)])
+def test_few_cameras_all_train(rule, cameras):
+    """Each camera sees the training timesteps, and the same ones; validation is at other times."""
+    found, name = split_frames(frames(cameras, steps=20), rule, None, UNION)
+    times = {split: {c: {f.timestep for f in found if f.split == split and f.camera == c} for c in cameras}
+             for split in ("train", "val", "test")}  # fmt: skip
+    for split in times.values():
+        assert all(split[c] == split[cameras[0]] for c in cameras) and split[cameras[0]]
+    train, val, test = (split[cameras[0]] for split in times.values())
+    assert len(train | val | test) == len(train) + len(val) + len(test) == 80
+    assert 0.05 <= len(val) / len(train | val) <= 0.15 and "validation by time" in name
+
+
+@pytest.mark.parametrize("cameras", [(0, 1, 2, 3, 8), MANY])
+def test_a_single_sequence_loses_no_camera_of_few(cameras):
+    one = [replace(frame, split="") for frame in frames(cameras, steps=10)]
+    splits = by_split(split_single_sequence(one))
+    trained = {camera for _, camera in splits["train"]}
+    assert trained == ({*cameras} if len(cameras) < ENOUGH_CAMERAS else {*cameras} - {8}) and splits["val"]
+
+
+def test_blocks_are_those_of_tracked_footage():
+    found, name = split_frames(frames(MANY, steps=20), "blocks", None, UNION)
+    tested = {f.timestep for f in found if f.split == "test"}
+    assert tested == {t for t, split in enumerate(blocks(80)) if split != "train"}
+    assert name == "blocks, validation camera 8" and by_split(found)["val"] == {(s, 8) for s in SEQUENCES}
 
 
 def test_validation_camera():
-    assert by_split(split_frames(frames((0, 3)), "EMO-1", None, UNION)[0])["val"] == {(s, 3) for s in SEQUENCES[1:]}
-    assert not by_split(split_frames(frames((0,)), "EMO-1", None, UNION)[0])["val"]
+    found, _ = split_frames(frames((0, 3)), "EMO-1", 3, UNION)
+    assert by_split(found)["val"] == {(s, 3) for s in SEQUENCES[1:]}
     found, _ = split_frames(frames(), "files", 0, UNION)
     assert by_split(found)["val"] == {(s, 0) for s in SEQUENCES[:3]}
     assert by_split(found)["test"] == {(SEQUENCES[3], c) for c in (0, 3, 8)}

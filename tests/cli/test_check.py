@@ -28,12 +28,19 @@ def edit(folder: Path, change) -> None:
 
 
 def test_a_sound_dataset_has_no_errors(ball, capsys):
-    assert check(ball) == 0
+    assert check(ball, "--split", "EXP-2") == 0
     printed = capsys.readouterr().out
-    assert "errors: none\nwarnings: none\n" in printed
+    assert "errors: none\nwarnings: none\n3 cameras see the head from 2" in printed
     assert "12 frames, 4 timesteps, 3 cameras" in printed
     all_cameras = next(line for line in printed.splitlines() if line.startswith("     all"))
     assert float(all_cameras.split()[1]) > 0.95  # the mattes are the mesh
+
+
+def test_files_that_take_one_of_three_cameras_away_are_named(ball, capsys):
+    assert check(ball) == 0
+    printed = capsys.readouterr().out
+    assert "warnings: 1\n  the split takes one of 3 cameras away from the training" in printed
+    assert "camera 1" in printed and "capture.split=blocks" in printed and "\n2 cameras see the head" in printed
 
 
 def test_all_errors_are_found_in_one_pass(ball, capsys):

@@ -10,9 +10,9 @@ from miniature import write_ball
 
 from carigs.capture import Capture, read_dataset
 from carigs.capture.thinning import thin_frames
-from carigs.cli import run
+from carigs.cli import plan, run
 from carigs.config import compose
-from carigs.errors import SettingsError
+from carigs.errors import InputError, SettingsError
 from carigs.planning.shown_frames import check_shown_frames, listed_frames
 from carigs.settings import CaptureSettings, Toy
 from carigs.stages.capture import capture as capture_stage
@@ -39,6 +39,19 @@ def test_a_frame_that_the_capture_lacks_is_refused(ball, overrides, named):
         assert {frame.sequence for frame in listed_frames(compose(*ball, *overrides).capture)} == {"EMO-1", "EXP-2"}
     with pytest.raises(SettingsError, match=re.escape(named)):
         check_shown_frames(compose(*ball, *overrides))
+
+
+@pytest.mark.parametrize(
+    ("override", "says"),
+    [
+        ("capture.validation_camera=9", r"capture\.validation_camera: there is no camera 9; cameras: 0, 1, 2"),
+        ("capture.split=EXP-7", r"capture\.split: there is no sequence EXP-7; sequences: EMO-1, EXP-2"),
+    ],
+)
+def test_what_cannot_be_held_out_is_refused_before_a_run_starts(ball, override, says):
+    for command in (run.main, plan.main):
+        with pytest.raises(InputError, match=says):
+            command([*ball, "study.subjects=[own]", override, *(["--dry-run"] if command is run.main else [])])
 
 
 def test_frames_of_the_capture_are_accepted_and_an_unreadable_capture_is_not_checked(ball, tmp_path):

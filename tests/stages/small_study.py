@@ -138,7 +138,7 @@ class SmallStudy:
             self._run("html", avatar=self._method_file("avatar.npz"), title=self.subject, page=page)
         self._run(
             "report", **common, card=card, figures=[self.figures], frames=self._shown("frames"), truths=truths,
-            training=self._shown("log.csv"), avatars=[page] if page else [], page=self.folder / "report.html",
+            training=self._shown("log.csv"), avatars=[page] if page else None, page=self.folder / "report.html",
         )  # fmt: skip
 
     def _settings_files(self) -> list[Path]:

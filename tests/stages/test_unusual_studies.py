@@ -92,6 +92,13 @@ def test_a_capture_without_test_frames_has_the_figures_that_need_none(tmp_path):
 
 
 @pytest.mark.slow
+def test_a_study_without_the_method_has_a_report(tmp_path):
+    study = SmallStudy(tmp_path, index_of(tmp_path), variants=("surfhead",)).make()
+    check_finished(study)
+    assert "lacks the variant alternating" in study.left_out["local_edits"]
+
+
+@pytest.mark.slow
 def test_a_study_that_measures_nothing_has_a_report(tmp_path):
     settings = small_settings() | {"render": Render(orbit_frames=1)}
     with pytest.warns(CarigsWarning, match="the capture has no test frame"):

@@ -15,7 +15,7 @@ from carigs.capture.images import read_rgb8
 from carigs.errors import InputError, SettingsError
 from carigs.settings import Toy
 from carigs.toy import load_subject, render_subject, write_capture
-from carigs.toy.scene import frontal_camera, studio_cameras, timesteps
+from carigs.toy.scene import frontal_camera, split_names, studio_cameras, timesteps
 
 SETTINGS = Toy(
     width=40, height=52, cameras=3, steps_per_sequence=1, supersampling=1, texture_size=128, hair_strands=200
@@ -47,19 +47,29 @@ def test_layout(folder: Path) -> None:
     assert frame["camera_angle_x"] == pytest.approx(2 * np.arctan(frame["w"] / 2 / frame["fl_x"]))
 
 
-def test_splits(folder: Path) -> None:
-    capture = read_dataset(folder, folder / "head_model.npz")
-    assert len(capture.frames) == 30 and {frame.sequence for frame in capture.frames} == SEQUENCES
+def test_splits(tmp_path: Path) -> None:
+    write_capture(tmp_path, replace(SETTINGS, cameras=7))
+    capture = read_dataset(tmp_path, tmp_path / "head_model.npz")
+    assert len(capture.frames) == 70 and {frame.sequence for frame in capture.frames} == SEQUENCES
     assert {frame.sequence for frame in capture.split("test")} == {"EXP-2"}
-    assert {frame.camera for frame in capture.split("test")} == {0, 1, 2}
+    assert {frame.camera for frame in capture.split("test")} == {*range(7)}
     # The test sequence comes last, and the most frontal camera is held out of the others.
     assert min(f.timestep for f in capture.split("test")) > max(f.timestep for f in capture.split("train"))
-    assert {frame.camera for frame in capture.split("val")} == {1}
-    assert {frame.camera for frame in capture.split("train")} == {0, 2}
+    assert {frame.camera for frame in capture.split("val")} == {3}
+    assert {frame.camera for frame in capture.split("train")} == {0, 1, 2, 4, 5, 6}
     facing = {c: -camera.camera_from_world[2, 2] for c, camera in capture.cameras.items()}
-    assert max(facing, key=facing.get) == capture.validation_camera == 1
-    content = json.loads((folder / "transforms_val.json").read_text())
-    assert content["camera_indices"] == [1] and content["timestep_indices"] == list(range(9))
+    assert max(facing, key=facing.get) == capture.validation_camera == 3
+    content = json.loads((tmp_path / "transforms_val.json").read_text())
+    assert content["camera_indices"] == [3] and content["timestep_indices"] == list(range(9))
+
+
+@pytest.mark.parametrize("count", [1, 3, 5])
+def test_few_cameras_all_train(count: int) -> None:
+    settings = replace(SETTINGS, cameras=count, steps_per_sequence=3)
+    cameras = studio_cameras(settings)
+    names = split_names([step.sequence for step in timesteps(settings, np.zeros(300))], cameras)
+    assert all(len(set(row)) == 1 for row in names)
+    assert [row[0] for row in names].count("test") == 3 and 2 <= [row[0] for row in names].count("val") <= 3
 
 
 def test_images_are_what_the_subject_on_disk_renders(folder: Path) -> None:

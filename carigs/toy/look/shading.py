@@ -75,6 +75,25 @@ def _shadow_factor(shadow, bounds, pixel_from_world, point):
 
 
 @kernel
+def shadow_factors(shadow, bounds, pixel_from_world, points):
+    """Share of the key light that reaches points.
+
+    Args:
+        shadow: Depth map seen from the key light.
+        bounds: Its `shadow_bounds`.
+        pixel_from_world: Projection of world points into the shadow map, (3, 4).
+        points: World positions, (n, 3).
+
+    Returns:
+        Shares in [0, 1], (n,).
+    """
+    lit = np.empty(len(points))
+    for i in range(len(points)):
+        lit[i] = _shadow_factor(shadow, bounds, pixel_from_world, (points[i, 0], points[i, 1], points[i, 2]))
+    return lit
+
+
+@kernel
 def _unit(a):
     scale = 1.0 / np.sqrt(dot(a, a) + 1e-20)
     return a[0] * scale, a[1] * scale, a[2] * scale

@@ -24,6 +24,7 @@ from threadpoolctl import threadpool_limits
 from carigs.capture import Capture, Frame, read_dataset
 from carigs.capture.dataset_writer import copied, parameter_file, write_dataset
 from carigs.capture.images import write_png
+from carigs.capture.splits import blocks
 from carigs.config import load_settings
 from carigs.config.frozen import settings_text
 from carigs.detection.person import PersonSegmenter, load_person_segmenter
@@ -40,7 +41,6 @@ from carigs.simd.threads import use_threads
 from carigs.splat.avatar import Avatar
 from carigs.toy import ToySubject, render_subject
 from carigs.tracking.dataset import write_tracked_dataset
-from carigs.tracking.held_out import blocks
 from carigs.tracking.video import person_mattes
 from evaluation.benchmarks.footage.motion import Talk
 from evaluation.benchmarks.footage.oracle_recordings import SEED, Filmed, filmed_toy, oracle_recordings, toy_subject

@@ -67,7 +67,7 @@ def test_meshes_and_cameras(source, original, tmp_path, capsys, calibration):
     assert main([str(source), str(tmp_path / "out")]) == 0
     found = read_dataset(tmp_path / "out", tmp_path / "out/head_model.npz")
     assert_same(found, original)
-    assert {name: len(found.split(name)) for name in ("train", "val", "test")} == {"train": 6, "val": 3, "test": 3}
+    assert {name: len(found.split(name)) for name in ("train", "val", "test")} == {"train": 9, "val": 0, "test": 3}
     assert not any("mesh" in line or "camera" in line for line in check_capture(found).warnings)
     said = capsys.readouterr().out
     assert "4 meshes" in said and "residual" in said and "12 frames" in said

@@ -18,16 +18,13 @@ from carigs.capture.evenly_spread import evenly_spread
 from carigs.hair.harmonic_faces import faces_beside, harmonic_faces
 from carigs.head.facial_regions import EYEBALLS, MOUTH, eye_and_brow_faces
 from carigs.mesh.ambient_occlusion import ambient_occlusion
-from carigs.mesh.triangle_mesh import barycenters, face_normals
-from carigs.raster import compute_visibility
+from carigs.raster.seen_triangles import seen_triangles
 from carigs.settings.regions import Regions
 from carigs.splat.rig.head_sequence import HeadSequence
 
 FRAMES = 64
 """Most training frames that are looked at, evenly spread: a head turns little between them, and the rings next to what
 they show are trained."""
-BEHIND = 0.003
-"""Metres that the centre of a triangle may lie behind the surface that a pixel shows, and still count as seen."""
 UNSEEN, WELL_SEEN = 0.1, 0.5
 """Cosine between normal and direction to the camera, the largest of all frames: up to the first, a triangle counts as
 unseen; from the second on, its colours are continued where others are missing."""
@@ -155,15 +152,8 @@ def look_at_triangles(capture: Capture, sequence: HeadSequence) -> Sight:
     faces = sequence.rig.faces
     cosine, matte, views = np.full(len(faces), -1.0), np.zeros(len(faces)), np.zeros(len(faces))
     for frame in evenly_spread(capture.split("train"), FRAMES):
-        posed, camera = sequence.posed(frame.timestep, 0.0), capture.camera(frame)
-        centre, inverse_depth = barycenters(posed, faces), compute_visibility(posed, faces, camera).inverse_depth
-        towards = camera.centre - centre
-        facing = np.einsum("nc,nc->n", face_normals(posed, faces), towards) / np.linalg.norm(towards, axis=1)
-        pixel, depth = camera.project(centre)
-        inside = (depth > 0) & (pixel >= 0).all(axis=1) & (pixel < [camera.width, camera.height]).all(axis=1)
-        column, row = np.where(inside[:, None], pixel, 0).astype(int).T
-        seen = np.flatnonzero(inside & (facing > 0) & ((depth - BEHIND) * inverse_depth[row, column] < 1))
-        cosine[seen] = np.maximum(cosine[seen], facing[seen])
-        matte[seen] += capture.foreground(frame)[row[seen], column[seen]]
-        views[seen] += 1
+        seen = seen_triangles(sequence.posed(frame.timestep, 0.0), faces, capture.camera(frame))
+        cosine[seen.index] = np.maximum(cosine[seen.index], seen.cosine)
+        matte[seen.index] += capture.foreground(frame)[seen.row, seen.column]
+        views[seen.index] += 1
     return Sight(cosine, matte / np.maximum(views, 1))
