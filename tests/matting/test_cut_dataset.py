@@ -87,7 +87,7 @@ def test_of_images_with_an_alpha_channel_the_opacity_fades_alone(whole, cut, tmp
     """Such a copy shows the same as one with separate mattes."""
     (tmp_path / "images").mkdir()
     frames = []
-    for frame in (whole.split(split)[0] for split in ("train", "val", "test")):
+    for frame in (whole.split(split)[0] for split in ("train", "test")):
         image, matte = read_rgb8(whole.root / frame.image), (255 * whole.mask(frame)).astype(np.uint8)
         name = f"images/{frame.name}.png"
         cv2.imwrite(str(tmp_path / name), np.dstack([image[..., ::-1], matte]))
