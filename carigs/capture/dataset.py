@@ -13,7 +13,7 @@ from jaxtyping import Float32, UInt8
 
 from carigs.capture.camera import Camera
 from carigs.capture.capture_json import cameras_from_json, cameras_to_json, frames_from_json, frames_to_json
-from carigs.capture.colour_gains import with_gains
+from carigs.capture.corrections.colour_gains import with_gains
 from carigs.capture.frame import Frame
 from carigs.capture.images import differs_from_background, read_frame_matte8, read_rgb8
 from carigs.errors import InputError

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from carigs.capture.colour_gains import Gains
+from carigs.capture.corrections.colour_gains import Gains
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Frame:
     calibration: int
     """Position in `Capture.calibrations`."""
     gains: Gains | None = None
-    """Factors on the light of the image (`carigs.capture.colour_gains`); None to leave it as it is stored."""
+    """Factors on the light of the image (`carigs.capture.corrections`); None to leave it as it is stored."""
 
     @property
     def name(self) -> str:
