@@ -40,7 +40,8 @@ def capture(settings: CaptureSettings, *, index: Path, dataset: Path, tracked: P
         else:
             if tracked is not None:
                 settings = replace(settings, folder=str(tracked), head_model=str(tracked / "head_model.npz"))
-            checked = check_capture(_read_folder(settings), match_exposure=settings.match_exposure)
+            read = _read_folder(settings)
+            checked = check_capture(read, match_exposure=settings.match_exposure, mend=settings.mend_outlines)
             for line in checked.warnings:
                 warnings.warn(line, CarigsWarning, stacklevel=2)
             replace(checked, digest=capture_digest(checked)).save(index)
