@@ -15,6 +15,7 @@ import numpy as np
 
 from carigs.capture.calibration.camera_checks import check_intrinsics, check_rigid
 from carigs.capture.camera import Camera
+from carigs.capture.corrections.halo import Halo
 from carigs.capture.frame import Frame
 from carigs.errors import InputError
 from carigs.readers.arrays import checked_array
@@ -83,6 +84,10 @@ def frames_to_json(frames: Sequence[Frame]) -> dict[str, Any]:
     for frame, entry in zip(frames, entries, strict=True):
         if frame.gains is not None:
             entry["gains"] = list(frame.gains)
+        if frame.halo is not None:
+            entry["halo"] = {"colour": list(frame.halo.colour), "photograph": frame.halo.photograph}
+        if frame.remade:
+            entry["remade"] = True
     return {"timesteps": timesteps, "frames": entries}
 
 
@@ -162,6 +167,15 @@ def _frame(entry: Any, where: str, file: Path, timesteps: dict[str, list[str]], 
         rows = {field: json_field(entry, "gains", list, file=file, where=where)}
         gains = checked_array(rows, field, (3,), np.float64, within=(1 / MAX_GAIN, MAX_GAIN), file=file)
         values["gains"] = tuple(gains.tolist())
+    if "halo" in entry:
+        field = f"{where}.halo"
+        halo = json_field(entry, "halo", dict, file=file, where=where)
+        rows = {field: json_field(halo, "colour", list, file=file, where=field)}
+        colour = checked_array(rows, field, (3,), np.float64, within=(0, 1), file=file)
+        photograph = json_field(halo, "photograph", bool, file=file, where=field)
+        values["halo"] = Halo(tuple(colour.tolist()), photograph)
+    if "remade" in entry:
+        values["remade"] = json_field(entry, "remade", bool, file=file, where=where)
     return Frame(
         **{"mask": None, **values}, **dict(zip(_TIMESTEP_KEYS, timesteps[str(values["timestep"])], strict=True))
     )

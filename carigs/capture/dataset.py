@@ -13,7 +13,9 @@ from jaxtyping import Float32, UInt8
 
 from carigs.capture.camera import Camera
 from carigs.capture.capture_json import cameras_from_json, cameras_to_json, frames_from_json, frames_to_json
-from carigs.capture.colour_gains import with_gains
+from carigs.capture.corrections.colour_gains import with_gains
+from carigs.capture.corrections.halo import without_halo
+from carigs.capture.corrections.known_background import remake_matte
 from carigs.capture.frame import Frame
 from carigs.capture.images import differs_from_background, read_frame_matte8, read_rgb8
 from carigs.errors import InputError
@@ -109,9 +111,11 @@ class Capture:
             frame: A frame of the capture.
 
         Returns:
-            sRGB colours from 0 to 255, with the gains of the frame.
+            sRGB colours from 0 to 255, without the halo and with the gains of the frame.
         """
         image = read_rgb8(self.root / frame.image, self.background)
+        if frame.halo is not None:
+            image = without_halo(image, self._foreground(frame, image), self.background, frame.halo)
         if frame.gains is None:
             return image
         return with_gains(image, self._foreground(frame, image), self.background, frame.gains)
@@ -128,7 +132,7 @@ class Capture:
         return self.image8(frame).astype(np.float32) / 255
 
     def mask8(self, frame: Frame) -> UInt8[np.ndarray, "h w"] | None:
-        """Read the foreground matte of a frame.
+        """Read the foreground matte of a frame; one that does not fit the image is made anew near its outline.
 
         Args:
             frame: A frame of the capture.
@@ -136,10 +140,14 @@ class Capture:
         Returns:
             Opacity of the foreground from 0 to 255; None if the frame has no matte.
         """
-        return read_frame_matte8(self.root, frame)
+        matte = read_frame_matte8(self.root, frame)
+        if matte is None or not frame.remade:
+            return matte
+        image = read_rgb8(self.root / frame.image, self.background)
+        return np.rint(255 * remake_matte(image, matte, self.background).alpha).astype(np.uint8)
 
     def mask(self, frame: Frame) -> Float32[np.ndarray, "h w"] | None:
-        """Read the foreground matte of a frame.
+        """Read the foreground matte of a frame, as `mask8`.
 
         Args:
             frame: A frame of the capture.

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from carigs.capture.colour_gains import Gains
+from carigs.capture.corrections.colour_gains import Gains
+from carigs.capture.corrections.halo import Halo
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +25,11 @@ class Frame:
     calibration: int
     """Position in `Capture.calibrations`."""
     gains: Gains | None = None
-    """Factors on the light of the image (`carigs.capture.colour_gains`); None to leave it as it is stored."""
+    """Factors on the light of the image (`carigs.capture.corrections`); None to leave it as it is stored."""
+    halo: Halo | None = None
+    """The old background at the outline of the image, which is removed; None if there is none."""
+    remade: bool = False
+    """Whether the matte is made anew near its outline."""
 
     @property
     def name(self) -> str:

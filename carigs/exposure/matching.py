@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from carigs.capture import Capture, Frame
-from carigs.capture.colour_gains import EXPONENT, Gains
+from carigs.capture.corrections.colour_gains import EXPONENT, Gains
 from carigs.exposure.known_median import median_of_known
 from carigs.exposure.observations import Observations, observe
 from carigs.exposure.offsets import fit_offsets

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, Float64, Int, UInt8
 
 from carigs.capture import Camera, Capture, Frame
-from carigs.capture.colour_gains import TOE
+from carigs.capture.corrections.colour_gains import TOE
 from carigs.capture.evenly_spread import evenly_spread
 from carigs.capture.thinning import spread_timesteps
 from carigs.errors import InputError

@@ -8,6 +8,7 @@
 | the posed mesh in the cameras, mattes against its silhouette | selected (`select_frames`) |
 | mattes against the images of other timesteps | selected |
 | images against the other frames at the vertices of the mesh | selected |
+| outlines of mattes and images against each other, if the mesh fits | 64 |
 | exposure and sharpness of cameras, if the mesh fits | all but test frames, or 256 |
 | usual mistakes, by trying (`diagnose`) | a few, at a low resolution |
 """
@@ -29,6 +30,7 @@ from carigs.plausibility.findings import Finding, summarize
 from carigs.plausibility.head_models import check_head_model
 from carigs.plausibility.images import check_images, read_frame, summarize_images
 from carigs.plausibility.mattes import exchanged_mattes, matte_findings, outlines
+from carigs.plausibility.outlines import CameraOutlines, measure_outlines, mend_outlines, outline_findings
 from carigs.plausibility.parameters import check_parameters
 from carigs.plausibility.selection import select_frames
 from carigs.plausibility.vertex_misfit import sample_inside
@@ -44,14 +46,17 @@ class Examination(NamedTuple):
     """None if there was no reason to look for a mistake."""
     exposures: Exposures | None
     """None if the mesh does not fit the images, or there are errors."""
+    outlines: Mapping[int, CameraOutlines]
+    """What is wrong with the outlines of cameras; empty if the mesh does not fit the images, or there are errors."""
 
 
-def check_capture(capture: Capture, *, match_exposure: bool = True) -> Capture:
+def check_capture(capture: Capture, *, match_exposure: bool = True, mend: bool = True) -> Capture:
     """Check that the parts of a capture fit each other.
 
     Args:
         capture: The capture, as indexed by `read_dataset`.
         match_exposure: Whether training frames get the factors that match their exposures to one camera.
+        mend: Whether mattes that do not fit their images are made anew, and halos removed from training frames.
 
     Returns:
         The capture with its `warnings`: what is likely to be wrong, one line each.
@@ -60,6 +65,8 @@ def check_capture(capture: Capture, *, match_exposure: bool = True) -> Capture:
         InputError: If something cannot be true; names file and field.
     """
     found = examine_capture(capture)
+    if mend:
+        capture = mend_outlines(capture, found.outlines)
     if match_exposure and found.exposures is not None:
         capture = match_exposures(capture, found.exposures)
     return replace(capture, warnings=(*capture.warnings, *summarize(found.findings)))
@@ -99,11 +106,14 @@ def examine_capture(
     for error in misplaced:
         with collecting(errors):
             raise error
-    exposures = None
+    exposures, wrong_outlines = None, {}
     if not (errors or misplaced or (diagnosis and diagnosis.mistakes)):
+        wrong_outlines = measure_outlines(capture)
+        seen += outline_findings(capture, wrong_outlines)
+        capture = mend_outlines(capture, wrong_outlines)
         exposures = measure_exposures(capture)
         seen += exposure_findings(capture, exposures)
-    return Examination(findings + seen, diagnosis, exposures)
+    return Examination(findings + seen, diagnosis, exposures, wrong_outlines)
 
 
 def _check_views(

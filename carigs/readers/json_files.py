@@ -12,7 +12,14 @@ from carigs.errors import InputError
 from carigs.readers.limits import MAX_TEXT_BYTES, read_bytes
 from carigs.readers.text import decode_text
 
-_TYPES = {int: "a whole number", float: "a number", str: "a string", list: "a list", dict: "an object"}
+_TYPES = {
+    int: "a whole number",
+    float: "a number",
+    str: "a string",
+    bool: "true or false",
+    list: "a list",
+    dict: "an object",
+}
 LARGEST_NUMBER = 2**63
 """Whole numbers must be smaller, without their sign."""
 
@@ -74,7 +81,7 @@ def json_field(entry: Any, key: str, kind: type, *, file: str | Path, where: str
     Args:
         entry: The object.
         key: Name of the field.
-        kind: Expected type: `int`, `float` (also accepts integers), `str`, `list` or `dict`.
+        kind: Expected type: `int`, `float` (also accepts integers), `bool`, `str`, `list`, `dict`.
         file: The JSON file, for messages.
         where: Position of the object in the file, for messages, for example `frames[3]`.
 
@@ -89,7 +96,8 @@ def json_field(entry: Any, key: str, kind: type, *, file: str | Path, where: str
         raise InputError("this key is missing", file=file, field=field)
     value = entry[key]
     kinds = (int, float) if kind is float else kind
-    if not isinstance(value, kinds) or isinstance(value, bool) or (kind is float and not math.isfinite(value)):
+    wrong = not isinstance(value, kinds) or isinstance(value, bool) != (kind is bool)
+    if wrong or (kind is float and not math.isfinite(value)):
         raise InputError(f"expected {_TYPES[kind]}, found {repr(value)[:60]}", file=file, field=field)
     return value
 

@@ -70,6 +70,10 @@ class CaptureSettings(Section, key="capture"):
     match_exposure: bool = True
     """Match exposure and white balance of training frames to those of the validation camera, or of the most frontal
     one, where they differ. Frames that are held out stay as they are; so do those of the toy."""
+    mend_outlines: bool = True
+    """Make mattes that do not fit the images anew near their outline, and remove the colour of an old background from
+    the outline of training frames. Only images that were composited on the stated background tell; frames of the toy
+    stay as they are."""
     toy: Toy = field(default_factory=Toy)
 
 

@@ -58,7 +58,7 @@ def _checked(settings: CaptureSettings, dataset: Path, tracked: Path | None) -> 
     else:
         with writing_folder(dataset):
             pass
-    checked = check_capture(found, match_exposure=settings.match_exposure)
+    checked = check_capture(found, match_exposure=settings.match_exposure, mend=settings.mend_outlines)
     lost = summarize(filter(None, [lost_camera(checked)]))
     checked = replace(checked, warnings=(*checked.warnings, *lost))
     for line in checked.warnings:

@@ -10,7 +10,7 @@ import pytest
 from miniature import write_ball
 
 from carigs.capture import Capture, read_dataset
-from carigs.capture.colour_gains import with_gains
+from carigs.capture.corrections.colour_gains import with_gains
 from carigs.capture.images import to_linear, to_srgb
 from carigs.errors import InputError
 from carigs.splat.training.supervision import Supervision

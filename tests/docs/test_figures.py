@@ -61,6 +61,7 @@ MEASUREMENTS = {
     "regions": Measurement((), (MODEL,), SECTION),
     "embedding": Measurement((), ("ict_s7", MODEL, "real"), SECTION),
     "exposure": Measurement((), ("ict_s1", "ict_s7", MODEL), SECTION),
+    "outlines": Measurement((), ("ict_s1", "ict_s7", MODEL), SECTION),
     "tests": Measurement((), (), SECTION),
 }
 """What is measured."""

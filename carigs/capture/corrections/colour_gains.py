@@ -33,13 +33,22 @@ def with_gains(
     """
     factor = np.array(gains, np.float32) ** np.float32(1 / EXPONENT)
     rest = np.full(foreground.shape, -TOE, np.float32)
-    if _is_composited(image, foreground, background):
+    if is_composited(image, foreground, background):
         rest = background - foreground.astype(np.float32) * np.float32(background + TOE)
     mapped = image * factor + 255 * (1 - factor) * rest[..., None]
     return np.rint(mapped.clip(0, 255)).astype(np.uint8)
 
 
-def _is_composited(image: UInt8[np.ndarray, "h w 3"], foreground: Float[np.ndarray, "h w"], background: float) -> bool:
-    """Whether an image shows the stated background where there is no foreground, to the noise of a JPEG file."""
+def is_composited(image: UInt8[np.ndarray, "h w 3"], foreground: Float[np.ndarray, "h w"], background: float) -> bool:
+    """Whether an image shows the stated background where there is no foreground, to the noise of a JPEG file.
+
+    Args:
+        image: sRGB values from 0 to 255.
+        foreground: Its opacity from 0 to 1.
+        background: Grey value of the background from 0 to 1.
+
+    Returns:
+        Whether the median colour outside the foreground is near the background's.
+    """
     outside = image[foreground <= 0]
     return not len(outside) or bool(np.abs(np.median(outside, axis=0) - 255 * background).max() <= COMPOSITED)

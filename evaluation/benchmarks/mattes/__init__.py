@@ -1,0 +1,1 @@
+"""Mattes that are wrong: datasets with such mattes, and how closely they are mended."""
