@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float32, UInt8
 
-from carigs.capture.colour_gains import EXPONENT, TOE
+from carigs.capture.corrections.colour_gains import EXPONENT, TOE
 from carigs.exposure.known_median import median_of_known
 
 NOISE = 4.0
@@ -18,7 +18,7 @@ LEAST_FRAMES = 3
 """Frames that must show a vertex: with three, the median is right if one is wrong."""
 LEAST_VERTICES = 50
 LEVEL_TOE = np.float32(255 * TOE)
-"""A factor on light is a factor on levels of 255 plus this (`carigs.capture.colour_gains`)."""
+"""A factor on light is a factor on levels of 255 plus this (`carigs.capture.corrections.colour_gains`)."""
 
 
 class Reference(NamedTuple):
