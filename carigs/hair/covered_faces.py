@@ -42,7 +42,7 @@ LARGEST = 0.25
 BINS = 256
 SOLID_SHARE, COLOUR_LIMIT = 0.5, 0.2
 """Texture over its limit, and difference from the colour of clean skin, of a triangle covered by hair without single
-strands."""
+strands. Where most of the scalp has that difference, texture does not count."""
 HIDDEN_COLOUR = 0.1
 """Difference from the median colour of clean skin of a triangle that most views do not see."""
 STRANDS = 0.1
@@ -133,7 +133,10 @@ def covered_faces(
         if hair.any():
             covered &= _shows_strands(colours, first, faces, len(vertices), *(colour[f] for f in (clean, hair)))
         off = np.nan_to_num(np.abs(colour - np.median(colour[clean], axis=0)).mean(axis=1))
-        covered |= (texture > SOLID_SHARE * limit) & (off > COLOUR_LIMIT)
+        # Black hair shows no strands in small images: a scalp most of which does not look like skin has hair.
+        seen = scalp & np.isfinite(spread)
+        solid = seen & (np.median(off[seen]) > COLOUR_LIMIT) if seen.any() else seen
+        covered |= ((texture > SOLID_SHARE * limit) | solid) & (off > COLOUR_LIMIT)
     covered &= ~(left_out | features)
     covered = _without_specks(covered, vertices, faces)
     labels = [(view.visibility.face, view.covering) for view in views if view.covering is not None]

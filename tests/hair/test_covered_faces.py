@@ -141,3 +141,23 @@ def test_a_face_faces_the_camera_up_to_a_limit_of_its_angle(angle, middle):
     corners = middle + 0.1 * np.array([u, -0.5 * u + v, -0.5 * u - v])
     facing = surface_cells.facing_faces(corners, np.array([[0, 1, 2], [0, 2, 1]], np.int32), 0.25)
     assert facing.tolist() == [np.cos(turned) > 0.25, -np.cos(turned) > 0.25]
+
+
+@pytest.mark.parametrize(("share", "level", "covers"), [(1, 0.05, True), (0.3, 0.05, False), (1, None, False)])
+def test_a_scalp_in_the_colour_of_smooth_black_hair_is_covered(share, level, covers):
+    """No strand shows there. A dark spot on a bald head is none, and neither is skin that is a little darker."""
+    vertices, faces = ball()
+    centre = vertices[faces].mean(axis=1)
+    scalp = centre[:, 1] > CAP * RADIUS
+    azimuth = np.arctan2(centre[:, 0], centre[:, 2]) % (2 * np.pi)
+    painted = scalp & (azimuth < 2 * np.pi * share)
+    seen = []
+    for view in views(hair=False):
+        face, image = view.visibility.face, view.image.copy()
+        on = (face >= 0) & painted[face]
+        image[on] = 0.8 * image[on] if level is None else level
+        seen.append(view._replace(image=image))
+    nothing = np.zeros(len(faces), bool)
+    covered = covered_faces(seen, faces, vertices, scalp, nothing, nothing).covered
+    inside = painted & (centre[:, 1] > (CAP + 0.15) * RADIUS) & (centre[:, 1] < 0.75 * RADIUS)
+    assert covered[inside].mean() > 0.97 if covers else covered.mean() < 0.1
