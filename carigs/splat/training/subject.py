@@ -17,10 +17,11 @@ from carigs.mesh.carried_points import CarriedPoints
 from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence, head_sequence
 from carigs.splat.rig.solid_motion import Solid
-from carigs.splat.training.initial_surfels.body_surfels import is_seen_from_one_side, prepare_body
+from carigs.splat.training.initial_surfels.body_surfels import prepare_body
 from carigs.splat.training.initial_surfels.hair_surfels import HairSurfels, keep_size_of_brows, prepare_hair
 from carigs.splat.training.initial_surfels.mouth_surfels import prepare_mouth
 from carigs.splat.training.initial_surfels.unseen_skin import UnseenSkin, find_unseen_skin
+from carigs.splat.training.initial_surfels.view_spread import same_from_all_sides
 from carigs.splat.training.supervision import Supervision
 
 
@@ -40,7 +41,7 @@ class TrainingSubject(NamedTuple):
     """Skin that no training frame shows; None if it is treated like the other."""
 
     same_from_all_sides: Bool[np.ndarray, " f"] | None = None
-    """Triangles whose surfels have colours that do not depend on the view; None if there are none."""
+    """Triangles whose surfels have colours that do not depend on the view; None if no colours do."""
 
     @property
     def inside(self) -> list[CarriedPoints]:
@@ -86,7 +87,5 @@ def prepare_subject(
     body = None if hair is None else prepare_body(hair, sequence, settings)
     if body is not None and hair_surfels is not None:
         hair_surfels = hair_surfels.without(sequence.solids.solids == Solid.BODY)
-    same = None
-    if body is not None and is_seen_from_one_side(capture, sequence):
-        same = sequence.solids.solids == Solid.BODY
+    same = same_from_all_sides(capture, sequence, scalp) if settings.sh_degree else None
     return TrainingSubject(sequence, supervision, hair_surfels, mouth, body, unseen, same)

@@ -4,40 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from carigs.capture import Capture
-from carigs.capture.evenly_spread import evenly_spread
 from carigs.hair import FoundHair
 from carigs.head.neck_border import neck_border
 from carigs.mesh.carried_points import CarriedPoints, draw_points, nearest_triangles
 from carigs.settings import Train
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.solid_motion import Solid
-
-VIEW_DIRECTIONS = 64
-"""Most training frames from whose cameras the body is looked at."""
-NARROW = 20.0
-"""Largest angle in degrees between the cameras' mean direction and that of nineteen of twenty views, as the body sees
-them, below which its colours do not depend on the view: harmonics would be guesses everywhere else."""
-
-
-def is_seen_from_one_side(capture: Capture, sequence: HeadSequence) -> bool:
-    """Whether all training views look at the body from nearly the same side.
-
-    Args:
-        capture: The capture.
-        sequence: The subject, with the motion of the body.
-
-    Returns:
-        True for one camera before a person who does not turn the shoulders.
-    """
-    body, towards = np.flatnonzero(sequence.solids.solids == Solid.BODY), []
-    for frame in evenly_spread(capture.split("train"), VIEW_DIRECTIONS):
-        motion = sequence.motion(frame.timestep, 0.0)
-        away = capture.camera(frame).centre - motion.centre[body].mean(axis=0)
-        towards.append(motion.rotation[body[0]].reshape(3, 3).T @ (away / np.linalg.norm(away)))
-    mean = np.mean(towards, axis=0)
-    cosine = np.array(towards) @ (mean / max(float(np.linalg.norm(mean)), 1e-9))
-    return bool(np.degrees(np.arccos(np.clip(np.quantile(cosine, 0.05), -1, 1))) < NARROW)
 
 
 def prepare_body(found: FoundHair, sequence: HeadSequence, settings: Train) -> CarriedPoints | None:
