@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 
 from carigs.capture import Camera, Capture, Frame
 from carigs.capture.evenly_spread import evenly_spread
+from carigs.capture.splits import ENOUGH_CAMERAS
 from carigs.mesh.triangle_mesh import barycenters, face_normals
 from carigs.raster import compute_visibility
 from carigs.splat.rig.head_sequence import HeadSequence
@@ -39,13 +40,19 @@ def same_from_all_sides(
         scalp: Triangles that carry hair, which views show from more sides than the triangles.
 
     Returns:
-        True for all if the views are far from each other (`largest_gap`); else for those that views show from nearly
-        the same side, such as the inside of the mouth, or not at all, and that carry no hair.
+        True for all if the views are far from each other (`largest_gap`). Else for those that views show from nearly
+        the same side, or not at all: of the body, and before a few cameras of all that carries no hair. Many cameras
+        show highlights on eyes and teeth from the sides that count, and before one camera the head turns in the light.
     """
-    views = [_Look(sequence, capture, frame) for frame in evenly_spread(capture.split("train"), VIEWS)]
+    frames = capture.split("train")
+    views = [_Look(sequence, capture, frame) for frame in evenly_spread(frames, VIEWS)]
     if largest_gap(np.array([view.from_head for view in views])) > WIDE:
         return np.ones(len(scalp), bool)
-    return seen_from_one_side(np.array([view.from_triangles for view in views])) & ~scalp
+    narrow = seen_from_one_side(np.array([view.from_triangles for view in views]))
+    if 1 < len({frame.camera for frame in frames}) < ENOUGH_CAMERAS:
+        return narrow & ~scalp
+    body = np.zeros(len(scalp), bool) if sequence.solids is None else sequence.solids.solids == Solid.BODY
+    return narrow & body
 
 
 def largest_gap(directions: Float[np.ndarray, "n 3"]) -> float:
