@@ -15,7 +15,6 @@ from carigs.capture.splits import split_frames
 from carigs.capture.thinning import thin_frames
 from carigs.errors import InputError, SettingsError
 from carigs.readers.file_names import INDEXES
-from carigs.stages.render import spread_test_frames
 from carigs.toy import scene
 
 
@@ -37,10 +36,14 @@ def check_shown_frames(config: DictConfig) -> None:
         if (error.field or "").startswith("capture."):
             raise
         return
-    test = spread_test_frames(tuple(frame for frame in frames if frame.split == "test"), render.test_timesteps)
     camera, timestep = figures.camera, figures.timestep
+    if camera is None and timestep is None:
+        return
+    from carigs.stages.render import spread_test_frames  # planning a study without named frames imports no stage
+
+    test = spread_test_frames(tuple(frame for frame in frames if frame.split == "test"), render.test_timesteps)
     found = any(camera in (None, frame.camera) and timestep in (None, frame.timestep) for frame in test)
-    if not found and (camera, timestep) != (None, None):
+    if not found:
         cameras, timesteps = _ranges({frame.camera for frame in test}), _ranges({frame.timestep for frame in test})
         stated = f"figures.camera={camera}" if camera is not None else ""
         stated += f"{', ' if stated else ''}figures.timestep={timestep}" if timestep is not None else ""
