@@ -19,6 +19,7 @@ from carigs.detection.mesh_indices import COUNT
 from carigs.embedding import landmark_embedding
 from carigs.head import HeadModel
 from carigs.matting import MattedFrame
+from carigs.matting.cut_dataset import write_cut_dataset
 from carigs.settings import Toy, Track
 from carigs.toy import head_model, make_subject
 from carigs.tracking.sources import chosen_frames
@@ -87,11 +88,13 @@ def test_a_video_becomes_a_dataset_that_studies_read(recorded, without_networks,
     dataset = read_dataset(tmp_path / "dataset", tmp_path / "dataset" / "head_model.npz", background=1.0)
     assert len(dataset.frames) == SECONDS * FPS
     assert {frame.split for frame in dataset.frames} == {"train", "val", "test"}
-    # What is below the chin is cut off, the face is not.
-    frame = dataset.frames[0]
-    matte = dataset.foreground(frame)
+    # What is below the chin is there, and is not with `capture.body=cut`; the face stays.
+    write_cut_dataset(tmp_path / "cut", dataset)
+    cut = read_dataset(tmp_path / "cut", tmp_path / "cut" / "head_model.npz", background=1.0)
     face = np.median(_landmarks(truth, 0), axis=0).astype(int)
-    assert matte[face[1], face[0]] > 0.9 and matte[-1].max() == 0
+    for capture, lowest in ((dataset, 1), (cut, 0)):
+        matte = capture.foreground(capture.frames[0])
+        assert matte[face[1], face[0]] > 0.9 and matte[-1].max() == lowest
     # The person's own head model is the one that poses the parameters.
     own = HeadModel.load(tmp_path / "dataset" / "head_model.npz")
     assert own.v_template.shape == truth.model.v_template.shape
