@@ -7,14 +7,13 @@ the directions of all, they are guesses, which look like noise.
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from scipy.sparse.csgraph import minimum_spanning_tree
 
-from carigs.capture import Camera, Capture, Frame
+from carigs.capture import Capture, Frame
 from carigs.capture.evenly_spread import evenly_spread
 from carigs.capture.splits import ENOUGH_CAMERAS
-from carigs.mesh.triangle_mesh import barycenters, face_normals
-from carigs.raster import compute_visibility
+from carigs.raster.seen_triangles import seen_triangles
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.solid_motion import Solid
 
@@ -25,8 +24,6 @@ NARROW = 20.0
 depend on the view: harmonics would be guesses everywhere else."""
 WIDE = 45.0
 """Angle in degrees between neighbouring views, as the head sees them, from which on no colours depend on the view."""
-BEHIND = 0.003
-"""Metres that the centre of a triangle may lie behind the surface that a pixel shows, and still count as seen."""
 
 
 def same_from_all_sides(
@@ -45,14 +42,16 @@ def same_from_all_sides(
         show highlights on eyes and teeth from the sides that count, and before one camera the head turns in the light.
     """
     frames = capture.split("train")
-    views = [_Look(sequence, capture, frame) for frame in evenly_spread(frames, VIEWS)]
-    if largest_gap(np.array([view.from_head for view in views])) > WIDE:
+    looks = [_directions(sequence, capture, frame) for frame in evenly_spread(frames, VIEWS)]
+    towards, shown = (np.array(values) for values in zip(*looks, strict=True))
+    from_head = towards.mean(axis=1)
+    if largest_gap(from_head / np.linalg.norm(from_head, axis=1, keepdims=True)) > WIDE:
         return np.ones(len(scalp), bool)
-    narrow = seen_from_one_side(np.array([view.from_triangles for view in views]))
-    if 1 < len({frame.camera for frame in frames}) < ENOUGH_CAMERAS:
-        return narrow & ~scalp
     body = np.zeros(len(scalp), bool) if sequence.solids is None else sequence.solids.solids == Solid.BODY
-    return narrow & body
+    shown |= body  # its surfels stand beside its triangles, which may be hidden
+    narrow = seen_from_one_side(np.where(shown[..., None], towards, np.nan))
+    few = 1 < len({frame.camera for frame in frames}) < ENOUGH_CAMERAS
+    return narrow & (~scalp if few else body)
 
 
 def largest_gap(directions: Float[np.ndarray, "n 3"]) -> float:
@@ -90,28 +89,13 @@ def seen_from_one_side(directions: Float[np.ndarray, "v f 3"]) -> Bool[np.ndarra
     return narrow
 
 
-class _Look:
-    """Directions from the head and its triangles to a camera, in the axes of the canonical head."""
-
-    def __init__(self, sequence: HeadSequence, capture: Capture, frame: Frame) -> None:
-        faces, camera = sequence.rig.faces, capture.camera(frame)
-        motion, posed = sequence.motion(frame.timestep, 0.0), sequence.posed(frame.timestep, 0.0)
-        away = camera.centre - motion.centre
-        away /= np.linalg.norm(away, axis=1, keepdims=True)
-        local = np.einsum("fji,fj->fi", motion.rotation, away)
-        mean = local.mean(axis=0)
-        self.from_head = mean / np.linalg.norm(mean)
-        shown = _seen(posed, faces, camera)
-        if sequence.solids is not None:  # surfels of the body stand beside its triangles
-            shown |= sequence.solids.solids == Solid.BODY
-        self.from_triangles = np.where(shown[:, None], local, np.nan)
-
-
-def _seen(posed: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "f 3"], camera: Camera) -> Bool[np.ndarray, " f"]:
-    """Whether a camera sees the centre of each triangle."""
-    centre, inverse_depth = barycenters(posed, faces), compute_visibility(posed, faces, camera).inverse_depth
-    facing = np.einsum("nc,nc->n", face_normals(posed, faces), camera.centre - centre) > 0
-    pixel, depth = camera.project(centre)
-    inside = facing & (depth > 0) & (pixel >= 0).all(axis=1) & (pixel < [camera.width, camera.height]).all(axis=1)
-    column, row = np.where(inside[:, None], pixel, 0).astype(int).T
-    return inside & ((depth - BEHIND) * inverse_depth[row, column] < 1)
+def _directions(
+    sequence: HeadSequence, capture: Capture, frame: Frame
+) -> tuple[Float[np.ndarray, "f 3"], Bool[np.ndarray, " f"]]:
+    """Directions from the triangles to a camera, in the axes of the canonical head, and which triangles it sees."""
+    camera, motion = capture.camera(frame), sequence.motion(frame.timestep, 0.0)
+    away = camera.centre - motion.centre
+    away /= np.linalg.norm(away, axis=1, keepdims=True)
+    shown = np.zeros(len(away), bool)
+    shown[seen_triangles(sequence.posed(frame.timestep, 0.0), sequence.rig.faces, camera).index] = True
+    return np.einsum("fji,fj->fi", motion.rotation, away), shown
