@@ -65,6 +65,11 @@ def train(
     gamma_path = read_subject_path(path, person.model)
     sets = [read_targets(index, person) for index in targets or ()]
     subject = prepare_subject(person, gamma_path, settings, found, sets)
+    same = subject.same_from_all_sides
+    if same is not None and same.all():
+        print(
+            f"the views are far apart: no colours depend on the view, in spite of train.sh_degree={settings.sh_degree}"
+        )
     checkpoint = Checkpoint(avatar.with_suffix(".checkpoint"), resume_key)
     surfels, rows = train_surfels(settings, subject, checkpoint, lambda _: use_idle_cores(threads))
     trained = Avatar(surfels, subject.sequence, settings.rig, settings.rotate_harmonics, person.background)
