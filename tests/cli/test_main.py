@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import pytest
 import yaml
+from processes import started
 
 from carigs.cli import plan, run, settings, sweep
 from carigs.cli.main import COMMANDS, main
@@ -117,12 +118,11 @@ except KeyboardInterrupt:
 
 
 def test_an_interrupt_leaves_snakemake_the_time_to_cancel_its_jobs():
-    process = subprocess.Popen(
-        [sys.executable, "-c", RUN, SNAKEMAKE], stdout=subprocess.PIPE, text=True, start_new_session=True
-    )
-    assert process.stdout.readline() == "start\n"
-    os.killpg(process.pid, signal.SIGINT)
-    assert process.communicate(timeout=30)[0].splitlines() == ["jobs are cancelled", "end"]
+    command = [sys.executable, "-c", RUN, SNAKEMAKE]
+    with started(command, stdout=subprocess.PIPE, start_new_session=True) as process:
+        assert process.stdout.readline() == "start\n"
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.communicate(timeout=60)[0].splitlines() == ["jobs are cancelled", "end"]
 
 
 def test_a_sweep_is_one_run_that_goes_on_after_failures(commands):

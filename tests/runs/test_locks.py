@@ -6,8 +6,10 @@ import shutil
 import signal
 import subprocess
 import sys
+from contextlib import contextmanager
 
 import pytest
+from processes import started
 
 from carigs.errors import CarigsError
 from carigs.runs.locks import job_lock, lock_study, remove_free_locks
@@ -28,11 +30,12 @@ if sys.argv[3] == "wait":
 """
 
 
-def hold(path, kind: str, how: str = "wait") -> subprocess.Popen:
+@contextmanager
+def hold(path, kind: str, how: str = "wait"):
     command = [sys.executable, "-c", HOLD, str(path), kind, how]
-    holder = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    assert holder.stdout.readline() == "held\n"
-    return holder
+    with started(command, stdout=subprocess.PIPE) as holder:
+        assert holder.stdout.readline() == "held\n"
+        yield holder
 
 
 def test_a_lock_has_one_holder_who_is_named_and_a_dead_one_is_followed(tmp_path):

@@ -8,6 +8,7 @@ import numba
 import numpy as np
 import pytest
 from numba import njit
+from processes import started
 
 from carigs.simd.kernels import INLINE, INLINE_ALLOC, kernel, parallel_for
 
@@ -126,15 +127,13 @@ def start(folder, seconds):
     path = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", ""), os.getcwd()])
     setting = {"NUMBA_CACHE_DIR": str(folder / "cache"), "SECONDS": str(seconds), "PYTHONPATH": path}
     code = "from slow_kernel import twice; print(twice(21), flush=True)"
-    return subprocess.Popen(
-        [sys.executable, "-c", code], env={**os.environ, **setting}, stdout=subprocess.PIPE, text=True
-    )
+    return started([sys.executable, "-c", code], env={**os.environ, **setting}, stdout=subprocess.PIPE)
 
 
 @pytest.mark.slow
 def test_of_two_processes_one_compiles(tmp_path):
-    both = [start(tmp_path, 2) for _ in range(2)]
-    outputs = [process.communicate(timeout=100)[0].split() for process in both]
+    with start(tmp_path, 2) as one, start(tmp_path, 2) as other:
+        outputs = [process.communicate(timeout=100)[0].split() for process in (one, other)]
     assert [output[-1] for output in outputs] == ["42", "42"]
     assert sum(output.count("compiling") > 0 for output in outputs) == 1
 
@@ -142,6 +141,6 @@ def test_of_two_processes_one_compiles(tmp_path):
 def test_a_process_killed_while_it_compiles_blocks_nobody(tmp_path):
     with start(tmp_path, 1000) as killed:
         assert killed.stdout.readline() == "compiling\n"
-        waiting = start(tmp_path, 0)
-        killed.kill()
-    assert waiting.communicate(timeout=100)[0].split()[-1] == "42"
+        with start(tmp_path, 0) as waiting:
+            killed.kill()
+            assert waiting.communicate(timeout=100)[0].split()[-1] == "42"

@@ -7,10 +7,11 @@ import os
 import signal
 import subprocess
 import sys
-import time
+from contextlib import contextmanager
 
 import psutil
 import pytest
+from processes import ends, started, until
 
 from carigs.runs.summary import error_lines
 from carigs.system.fork_server import CORES, FORK_SERVER, share_of_cores
@@ -100,35 +101,27 @@ def environment(tmp_path_factory):
     )  # as if it were the package
     clean = {name: value for name, value in os.environ.items() if name not in (RUN_PROCESS, FORK_SERVER)}
     clean["PYTHONPATH"] = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])
-    run = subprocess.Popen(
-        [sys.executable, "-c", RUN], env=clean, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    yield {**clean, FORK_SERVER: run.stdout.readline().strip(), CORES: "6"}
-    run.communicate()
+    with server_of_a_run(clean) as (_, its_environment):
+        yield its_environment
+
+
+@contextmanager
+def server_of_a_run(clean):
+    """A run with its server, and the environment of the server's clients."""
+    with started([sys.executable, "-c", RUN], env=clean, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as run:
+        yield run, {**clean, FORK_SERVER: run.stdout.readline().strip(), CORES: "6"}
+        run.communicate()  # closes its input, at which it ends
 
 
 def client(environment, function, arguments=None, **options):
     command = [sys.executable, "-c", CLIENT, function, json.dumps(arguments or {})]
-    return subprocess.Popen(
-        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options
-    )
+    return started(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, **options)
 
 
 def done(environment, function, arguments=None, **options):
-    process = client(environment, function, arguments, **options)
-    output, errors = process.communicate(timeout=60)
-    return process.returncode, output, errors, process.pid
-
-
-def until(condition, seconds=10.0):
-    end = time.monotonic() + seconds
-    while not (true := condition()) and time.monotonic() < end:
-        time.sleep(0.05)
-    return true
-
-
-def gone(pid):
-    return until(lambda: not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE)
+    with client(environment, function, arguments, **options) as process:
+        output, errors = process.communicate(timeout=60)
+        return process.returncode, output, errors, process.pid
 
 
 def test_a_job_has_the_arguments_streams_folder_and_environment_of_its_client(environment, tmp_path):
@@ -179,58 +172,43 @@ def test_exit_codes(environment):
 def test_the_jobs_that_run_share_the_cores(environment):
     assert share_of_cores() == 1  # this process is not a job
     assert done(environment, "cores")[1] == "6\n"
-    waiting = client(environment, "wait")
-    waiting.stdout.readline()
-    assert done(environment, "cores")[1] == "3\n"
-    job = client(environment, "wait")
-    job.stdout.readline()
-    assert done(environment, "cores")[1] == "2\n"
-    for process in (waiting, job):
-        process.kill()
-        process.communicate()
+    with client(environment, "wait") as first:
+        first.stdout.readline()
+        assert done(environment, "cores")[1] == "3\n"
+        with client(environment, "wait") as second:
+            second.stdout.readline()
+            assert done(environment, "cores")[1] == "2\n"
     assert until(lambda: done(environment, "cores")[1] == "6\n")
 
 
 def test_a_job_ends_with_its_client(environment):
-    process = client(environment, "wait")
-    job = int(process.stdout.readline())
-    process.kill()
-    assert gone(job)
-    process.communicate()
+    with client(environment, "wait") as process:
+        job = int(process.stdout.readline())
+        process.kill()
+        assert ends(job)
     assert done(environment, "end", {"code": 0})[0] == 0  # the server goes on
 
 
 def test_server_and_jobs_end_with_the_run(environment):
     clean = {name: value for name, value in environment.items() if name != FORK_SERVER}
-    run = subprocess.Popen(
-        [sys.executable, "-c", RUN], env=clean, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    own = {**clean, FORK_SERVER: run.stdout.readline().strip()}
-    (server,) = psutil.Process(run.pid).children()
-    waiting = client(own, "wait")
-    job = int(waiting.stdout.readline())
-    run.kill()
-    run.communicate()
-    assert gone(server.pid) and gone(job)
-    _, errors = waiting.communicate(timeout=10)
-    assert waiting.returncode == 1 and "fork server was killed" in errors
-    assert done(own, "end", {"code": 3})[0] == 3  # without a server, the client runs the job itself
+    with server_of_a_run(clean) as (run, own), client(own, "wait") as waiting:
+        (server,) = psutil.Process(run.pid).children()
+        job = int(waiting.stdout.readline())
+        run.kill()
+        assert ends(server.pid) and ends(job)
+        _, errors = waiting.communicate(timeout=60)
+        assert waiting.returncode == 1 and "fork server was killed" in errors
+        assert done(own, "end", {"code": 3})[0] == 3  # without a server, the client runs the job itself
 
 
 def test_jobs_end_with_a_killed_server(environment):
     clean = {name: value for name, value in environment.items() if name != FORK_SERVER}
-    with subprocess.Popen(
-        [sys.executable, "-c", RUN], env=clean, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as run:
-        own = {**clean, FORK_SERVER: run.stdout.readline().strip()}
+    with server_of_a_run(clean) as (run, own), client(own, "wait") as waiting:
         (server,) = psutil.Process(run.pid).children()
-        waiting = client(own, "wait")
         job = int(waiting.stdout.readline())
         server.kill()
-        assert waiting.wait(timeout=10) == 1
-        assert gone(job)
-        waiting.communicate()
-        run.stdin.close()
+        assert waiting.wait(timeout=60) == 1
+        assert ends(job)
 
 
 def test_without_a_server_a_job_runs_in_its_own_process(environment):

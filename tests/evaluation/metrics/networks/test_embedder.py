@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
 import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from processes import started
 
 from carigs.capture.images import read_rgb, write_png
 from evaluation.metrics.networks.embedder import Embedder
@@ -137,12 +137,13 @@ for turn in range(30):
 
 
 def test_processes_that_write_at_once_never_show_a_part(tmp_path):
-    writers = [subprocess.Popen([sys.executable, "-c", WRITER, str(tmp_path)]) for _ in range(2)]
+    command = [sys.executable, "-c", WRITER, str(tmp_path)]
     cache, seen = EmbeddingCache(tmp_path), 0
-    while any(writer.poll() is None for writer in writers):
-        for i in range(10):
-            found = cache.get("net", digest_of(str(i)))
-            assert found is None or (found.shape == (5000,) and (found == i).all())
-            seen += found is not None
-    assert [writer.returncode for writer in writers] == [0, 0] and seen
+    with started(command) as one, started(command) as other:
+        while one.poll() is None or other.poll() is None:
+            for i in range(10):
+                found = cache.get("net", digest_of(str(i)))
+                assert found is None or (found.shape == (5000,) and (found == i).all())
+                seen += found is not None
+        assert one.returncode == other.returncode == 0 and seen
     assert not list(tmp_path.rglob("*.part*"))
