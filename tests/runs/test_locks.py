@@ -36,6 +36,8 @@ def hold(path, kind: str, how: str = "wait"):
     with started(command, stdout=subprocess.PIPE) as holder:
         assert holder.stdout.readline() == "held\n"
         yield holder
+        if how == "end":
+            holder.wait(timeout=60)  # it releases its lock at its end
 
 
 def test_a_lock_has_one_holder_who_is_named_and_a_dead_one_is_followed(tmp_path):
