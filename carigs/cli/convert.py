@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from carigs.cli.parser import command_parser
+from carigs.cli.options.parser import command_parser
 from carigs.errors import InputError, SettingsError
 from carigs.exaggeration import GammaPath
 from carigs.readers.arrays import checked_text

@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from carigs.cli.parser import command_parser
+from carigs.cli.options.parser import command_parser
 from carigs.errors import CarigsError, InputError, SettingsError
 from carigs.system.extras import need
 
