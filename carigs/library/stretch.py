@@ -17,12 +17,8 @@ if TYPE_CHECKING:
 
 BOUND = 1.5
 """Stretch over the largest one of the capture that is warned of."""
-LEAST = 1.2
-"""Stretch that every triangle bears: one that never moved in the capture may move a little."""
 SAMPLES = 40
 """Most frames of the capture that are compared with."""
-SHARE = 0.001
-"""Share of the triangles that may be stretched more, such as slivers of the lids."""
 
 
 class StretchCheck:
@@ -60,17 +56,17 @@ class StretchCheck:
 
     @property
     def ratio(self) -> Float[np.ndarray, " f"]:
-        """Stretch of every triangle over that of the capture, and over `LEAST`."""
-        return self._found / np.maximum(self._known, LEAST)
+        """Stretch of every triangle over that of the capture, in which it is at least 1."""
+        return self._found / self._known
 
     def warn(self) -> None:
-        """Warn if more than a few triangles are stretched beyond `BOUND` of the capture.
+        """Warn if triangles are stretched beyond `BOUND` of the capture.
 
         Warns:
             CarigsWarning: How many, and by how much.
         """
         far = self.ratio > BOUND
-        if far.mean() > SHARE:
+        if far.any():
             text = f"{far.sum()} of {len(far)} triangles are stretched up to {self.ratio.max():.1f} times the most"
             warnings.warn(CarigsWarning(f"motion: {text} of the avatar's capture: weaken the motion"), stacklevel=3)
 

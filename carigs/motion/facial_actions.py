@@ -46,6 +46,15 @@ OTHER_NAMES = {
     "blink": "eye_blink",
 }
 """What the procedural head and people call actions, and ARKit's name."""
+SUBSTITUTES = {
+    "mouth_funnel": {"mouth_pucker": 1.0, "jaw_open": 0.2}
+    | {f"{lip}_{side}": 1.0 for lip in ("mouth_upper_up", "mouth_lower_down") for side in ("left", "right")},
+    **{f"mouth_roll_{lip}": {"mouth_press_left": 0.5, "mouth_press_right": 0.5} for lip in ("lower", "upper")},
+    **{f"mouth_dimple_{side}": {f"mouth_smile_{side}": 0.5} for side in ("left", "right")},
+    **{f"eye_look_down_{side}": {f"eye_blink_{side}": 0.3} for side in ("left", "right")},
+}
+"""What a head does that lacks an action: about what least squares finds for ICT-FaceKit's on the procedural head
+(`displacement_map`)."""
 SIDES = {"l": "left", "r": "right", "left": "left", "right": "right"}
 OPPOSITE = {"left": "right", "right": "left"}
 PARTS = {
@@ -117,7 +126,7 @@ def name_map(driver: Sequence[str], head: Sequence[str]) -> Float[np.ndarray, "h
     """Matrix from coefficients of a driver to those of a head, where both have names for the same actions.
 
     An expression of several actions takes the mean of theirs: a head with one `browInnerUp` raises it by half if the
-    driver raises one brow. Names that both have are mapped as they are.
+    driver raises one brow. Names that both have are mapped as they are; actions that the head lacks by `SUBSTITUTES`.
 
     Args:
         driver: Names of the driver's expressions.
@@ -127,14 +136,24 @@ def name_map(driver: Sequence[str], head: Sequence[str]) -> Float[np.ndarray, "h
         The matrix.
     """
     matrix = np.zeros((len(head), len(driver)))
+    possible = frozenset().union(*map(actions, head))
     of_driver = [actions(name) for name in driver]
+    instead = [_substitutes(found - possible, possible) for found in of_driver]
     places = {name: place for place, name in enumerate(driver)}
     for row, name in enumerate(head):
-        if name in places:
-            matrix[row, places[name]] = 1
-            continue
         wanted = actions(name)
         for column, found in enumerate(of_driver):
-            if shared := wanted & found:
-                matrix[row, column] = len(shared) / len(wanted)
+            if name not in places and wanted:
+                matrix[row, column] = len(wanted & found) / len(wanted)
+            matrix[row, column] += sum(instead[column].get(action, 0.0) for action in wanted) / max(len(wanted), 1)
+        if name in places:
+            matrix[row, places[name]] = 1
     return matrix
+
+
+def _substitutes(missing: frozenset[str], possible: frozenset[str]) -> dict[str, float]:
+    """Shares of the actions of a head that stand for actions that it lacks."""
+    shares: dict[str, float] = {}
+    for action in sorted(missing):
+        shares |= {other: share for other, share in SUBSTITUTES.get(action, {}).items() if other in possible}
+    return shares

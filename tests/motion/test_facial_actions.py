@@ -5,7 +5,7 @@ import pytest
 from shared_data import DATA, needs_data
 
 from carigs.head import HeadModel
-from carigs.motion.facial_actions import ARKIT, ONE_PIECE, TWO_SIDED, actions, name_map, opposite, part
+from carigs.motion.facial_actions import ARKIT, ONE_PIECE, SUBSTITUTES, TWO_SIDED, actions, name_map, opposite, part
 from carigs.toy.rig.head_model import head_model
 
 NEEDED = "cheek_puff_left eye_blink_right jaw_open mouth_smile_left brow_inner_up_right".split()
@@ -98,4 +98,14 @@ def test_arkit_and_back_keeps_each_of_its_coefficients():
     kept = [i for i, name in enumerate(ARKIT) if round_trip[i, i] > 0]
     for name in NEEDED:
         assert any(name in actions(ARKIT[i]) for i in kept)
-    np.testing.assert_allclose(round_trip[kept].sum(axis=1), 1)
+    possible = frozenset().union(*map(actions, head))
+    has = [i for i, name in enumerate(ARKIT) if actions(name) <= possible]
+    np.testing.assert_allclose(round_trip[np.ix_(kept, has)].sum(axis=1), 1)
+
+
+def test_substitutes_are_actions_and_act_only_where_an_action_is_missing():
+    for action, others in SUBSTITUTES.items():
+        assert {action, *others} <= every_action() and action not in others
+    driver = ["mouthFunnel", "mouthPucker"]
+    np.testing.assert_array_equal(name_map(driver, ["mouthPucker"]), [[1, 1]])
+    np.testing.assert_array_equal(name_map(driver, ["mouthPucker", "mouth_funnel"]), [[0, 1], [1, 0]])
