@@ -14,12 +14,17 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.progress import track
 
 from carigs.cli.options.motion import add_motion_options, driver_of, edited_motion, has_edits
 from carigs.cli.options.parser import command_parser, region_level
 from carigs.errors import InputError, SettingsError
+
+if TYPE_CHECKING:
+    from carigs.head import HeadModel
+    from carigs.motion import Motion
 
 EXAMPLES = """examples:
   carigs export avatar.npz gamma.webp
@@ -29,6 +34,7 @@ EXAMPLES = """examples:
   carigs export avatar.npz take.mp4 --motion take.csv --level 0.25
   carigs export avatar.npz talk.webp --motion talk --seconds 3
   carigs export avatar.npz avatar.html
+  carigs export avatar.npz avatar.html --motion take.csv --motion wait=idle --audio take.wav
   carigs export avatar.npz avatar.html --slider nose --slider lips --timesteps 10:40
 """
 MAX_SIZE, MAX_IMAGES = 4096, 100_000
@@ -120,11 +126,34 @@ def _export_html(task: argparse.Namespace) -> None:
         raise SettingsError(
             f"{'--region' if task.regions else '--timestep'}: of clips; OUT.html has --slider, --timesteps"
         )
-    avatar = load(task.avatar)
+    driver, avatar = driver_of(task), load(task.avatar)
+    motions, sounds = _page_motions(task, driver)
     fps = FPS if task.fps is None else task.fps
     timesteps = None if task.timesteps is None else clip_timesteps(task.timesteps, avatar.timesteps)
-    write_html(avatar, task.output, timesteps=timesteps, regions=task.sliders or None, level=task.level, fps=fps)
+    write_html(
+        avatar, task.output, timesteps=timesteps, regions=task.sliders or None, level=task.level, fps=fps,
+        motions=motions, sounds=sounds, driver=driver,
+    )  # fmt: skip
     print(f"{task.output}: {len(avatar.avatar.surfels)} surfels, {task.output.stat().st_size / 1e6:.1f} MB")
+
+
+def _page_motions(
+    task: argparse.Namespace, driver: HeadModel | None
+) -> tuple[dict[str, Motion] | None, dict[str, Path]]:
+    """Motions of a page by name, and the sound of the first; None for those that it has without any."""
+    if not task.motions:
+        if has_edits(task) or task.audio:
+            raise SettingsError("--motion is missing: edits and sound are those of a motion")
+        return None, {}
+    motions = {}
+    for text in task.motions:
+        name, equals, file = text.partition("=")
+        if not equals or Path(text).exists():
+            name, file = Path(text).stem.removesuffix(".arkit"), text
+        if name in motions or not name:
+            raise SettingsError(f"--motion {text}: a name appears twice; write NAME={file}")
+        motions[name] = edited_motion(file, task, driver, task.seconds)
+    return motions, {} if task.audio is None else {next(iter(motions)): task.audio}
 
 
 def clip_timesteps(text: str, known: Sequence[int]) -> list[int]:
