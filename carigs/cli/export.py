@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from rich.progress import track
 
-from carigs.cli.options.motion import add_motion_options, driver_of, edited_motion, has_edits
+from carigs.cli.options.motion import add_motion_options, driver_of, edited_motion, has_edits, named_motions
 from carigs.cli.options.parser import command_parser, region_level
 from carigs.errors import InputError, SettingsError
 
@@ -145,14 +145,7 @@ def _page_motions(
         if has_edits(task) or task.audio:
             raise SettingsError("--motion is missing: edits and sound are those of a motion")
         return None, {}
-    motions = {}
-    for text in task.motions:
-        name, equals, file = text.partition("=")
-        if not equals or Path(text).exists():
-            name, file = Path(text).stem.removesuffix(".arkit"), text
-        if name in motions or not name:
-            raise SettingsError(f"--motion {text}: a name appears twice; write NAME={file}")
-        motions[name] = edited_motion(file, task, driver, task.seconds)
+    motions = named_motions(task.motions, task, driver, task.seconds)
     return motions, {} if task.audio is None else {next(iter(motions)): task.audio}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -92,6 +93,34 @@ def edited_motion(name: str, task: argparse.Namespace, driver: HeadModel | None,
     else:
         motion = read_motion(name, fps=task.motion_fps, head=driver)
     return edited(motion, task, seconds)
+
+
+def named_motions(
+    texts: Sequence[str], task: argparse.Namespace, driver: HeadModel | None, seconds: float | None
+) -> dict[str, Motion]:
+    """Read motions that the command line names.
+
+    Args:
+        texts: FILE or NAME=FILE; the name of a file without suffix is that of its motion.
+        task: The command line.
+        driver: Head model of the driver.
+        seconds: As of `edited_motion`.
+
+    Returns:
+        Motions by name.
+
+    Raises:
+        SettingsError: If a name appears twice.
+    """
+    motions = {}
+    for text in texts:
+        name, equals, file = text.partition("=")
+        if not equals or Path(text).exists():
+            name, file = Path(text).stem.removesuffix(".arkit"), text
+        if name in motions or not name:
+            raise SettingsError(f"--motion {text}: two motions have the name {name}; write NAME={file}")
+        motions[name] = edited_motion(file, task, driver, seconds)
+    return motions
 
 
 def check_length(seconds: float | None) -> None:
