@@ -8,7 +8,6 @@ OUT is a file; its suffix is the format. Formats for viewers hold one timestep a
 from __future__ import annotations
 
 import argparse
-import contextlib
 import time
 from collections.abc import Callable
 from functools import partial
@@ -47,8 +46,6 @@ EXAMPLES = """examples:
       a capture in the layout of GaussianAvatars; carigs convert CAPTURE --help lists its options
 """
 
-REGIONS = ("nose", "lips", "left_ear", "right_ear", "forehead", "eye_region")
-"""Regions that become morph targets."""
 RIGGED, MESH = ("gaussian_avatars", "surfhead"), ("mesh",)
 GLTF = ("splats", "mesh", "morph_targets", "animated")
 FLAVOURS: dict[str, dict[str, tuple[str, ...]]] = {
@@ -186,22 +183,11 @@ def _write_flame_param(avatar: Avatar, head_model: Path, file: Path, level: floa
 
 def _write_animated(avatar: Avatar, level: float, task: argparse.Namespace) -> None:
     from carigs.library import HeadAvatar
-    from carigs.library.driving import captured_motion, driven_parameters
-    from carigs.motion.files import DEFAULT_FPS
-    from carigs.splat.formats.animated_head import HeadClip, write_animated_head
-    from carigs.splat.formats.baked_colours import baked_colours
+    from carigs.library.animated_export import write_animated
 
-    sequence, driver = avatar.sequence, driver_of(task)
-    motions = named_motions(task.motions, task, driver, None)
-    if not task.motions:
-        motions = {"captured": captured_motion(sequence, task.motion_fps or DEFAULT_FPS)}
-    clips = {name: HeadClip(m.fps, driven_parameters(sequence, m, driver)) for name, m in motions.items()}
-    head, regions = HeadAvatar(avatar), {}
-    for name in (name for name in REGIONS if name in head.regions):
-        with contextlib.suppress(SettingsError):  # a region that cannot be exaggerated alone is no morph target
-            regions[name] = head.region_path(name)
-    colours = baked_colours(avatar, sequence.posed(min(sequence.parameters), level))
-    write_animated_head(task.output, sequence, level, clips, colours, regions)
+    driver = driver_of(task)
+    motions = named_motions(task.motions, task, driver, None) if task.motions else None
+    write_animated(HeadAvatar(avatar), task.output, level=level, motions=motions, driver=driver)
 
 
 def _write_path(path: GammaPath, flavour: str, output: Path, level: float, colours: np.ndarray | None = None) -> None:
