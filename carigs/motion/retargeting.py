@@ -76,7 +76,13 @@ class Retargeting:
             The retargeting.
         """
         expressions = np.array([frame.expression for frame in frames])
-        return cls(head, frames[0], expressions.min(axis=0), expressions.max(axis=0), driver)
+        low, high = expressions.min(axis=0), expressions.max(axis=0)
+        if "jaw" in head.joint_names[1:]:  # a mouth that the joint has opened was seen open, too
+            opened = max(frame.joints[head.joint_names.index("jaw") - 1, 0] for frame in frames) / FULL_JAW
+            for place, name in enumerate(head.expression_names):
+                if actions(name) == {"jaw_open"}:
+                    high[place] = max(high[place], min(opened, 1.0))
+        return cls(head, frames[0], low, high, driver)
 
     def __call__(self, motion: Motion) -> list[HeadParameters]:
         """Map a motion.
