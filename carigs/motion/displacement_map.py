@@ -7,18 +7,26 @@ same way.
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import NamedTuple
+
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.optimize import lsq_linear
 
-from carigs.embedding import landmark_embedding
+from carigs.embedding import LandmarkEmbedding, landmark_embedding
 from carigs.errors import MeshError
 from carigs.head import HeadModel, HeadParameters, pose
 from carigs.motion.facial_actions import actions
+from carigs.readers.npz import read_npz
+from carigs.system.files import writing
 
 DAMPING = 3e-4
 """Weight of the coefficients, relative to the mean square of the displacements: of similar expressions the least
 motion is taken."""
+FEWEST = 20
+"""Least number of landmarks that both heads must have."""
+SHIPPED, METRES_PER_UNIT = Path(__file__).with_name("procedural_actions.npz"), 2e-6
 LARGEST_NAMED = 1.5
 """Largest coefficient of a named expression that one of the driver's becomes."""
 SMALL_ANGLE = 0.05
@@ -27,34 +35,91 @@ LEAST = 1e-4
 """Root mean square displacement in metres below which an expression moves nothing."""
 
 
-def displacement_map(driver: HeadModel, head: HeadModel) -> tuple[Float[np.ndarray, "h d"], Float[np.ndarray, "3 d"]]:
+class LandmarkActions(NamedTuple):
+    """How the expressions of a head move the landmarks of its face."""
+
+    names: tuple[str, ...]
+    landmarks: Int[np.ndarray, " n"]
+    """Numbers among MediaPipe's 478, in ascending order."""
+    points: Float[np.ndarray, "n 3"]
+    """Places on the template in metres."""
+    basis: Float[np.ndarray, "n 3 d"]
+    """Displacements in metres at a coefficient of 1."""
+
+
+def landmark_actions(model: HeadModel) -> LandmarkActions:
+    """Measure a head.
+
+    Args:
+        model: The head model.
+
+    Returns:
+        Its expressions at the landmarks, with numbers for names that it does not have.
+
+    Raises:
+        MeshError: If landmarks cannot be placed on the head.
+    """
+    embedding = landmark_embedding(model)
+    corners, weights = model.faces[embedding.faces], embedding.barycentric
+    points = np.einsum("nk,nkc->nc", weights, model.v_template[corners].astype(np.float64))
+    basis = np.einsum("nk,nkce->nce", weights, model.expression_basis[corners].astype(np.float64))
+    names = (*model.expression_names, *map(str, range(len(model.expression_names), model.num_expressions)))
+    return LandmarkActions(names, embedding.landmarks, points, basis)
+
+
+def shipped_actions() -> LandmarkActions:
+    """Named expressions of the procedural head, for drivers of names and heads of numbers.
+
+    Returns:
+        Its expressions at the landmarks.
+    """
+    arrays = read_npz(SHIPPED, "landmark actions")
+    return LandmarkActions(
+        tuple(map(str, arrays["names"])), arrays["landmarks"].astype(np.int64), arrays["points"].astype(np.float64),
+        METRES_PER_UNIT * arrays["basis"].astype(np.float64),
+    )  # fmt: skip
+
+
+def ship(model: HeadModel) -> None:
+    """Write the file that `shipped_actions` reads.
+
+    Args:
+        model: The procedural head.
+    """
+    found = landmark_actions(model)
+    named = slice(0, len(model.expression_names))
+    basis = np.rint(found.basis[:, :, named] / METRES_PER_UNIT).astype(np.int16)
+    with writing(SHIPPED) as part, part.open("wb") as stream:
+        np.savez_compressed(
+            stream, names=np.array(found.names[named]), landmarks=found.landmarks.astype(np.uint16),
+            points=found.points.astype(np.float32), basis=basis,
+        )  # fmt: skip
+
+
+def displacement_map(
+    driver: LandmarkActions, head: HeadModel
+) -> tuple[Float[np.ndarray, "h d"], Float[np.ndarray, "3 d"]]:
     """Matrices from the driver's coefficients to another head.
 
     Args:
-        driver: Head model of the driver.
+        driver: Expressions of the driver.
         head: The other head model.
 
     Returns:
         Matrix to its coefficients, and to the rotation vector of its joint `jaw`, zero where it has no such joint.
 
     Raises:
-        MeshError: If landmarks cannot be placed on a head.
+        MeshError: If landmarks cannot be placed on the head.
     """
-    points, bases = [], []
-    embeddings = [landmark_embedding(model) for model in (driver, head)]
-    shared = np.intersect1d(embeddings[0].landmarks, embeddings[1].landmarks)
-    if len(shared) < 20:
+    own, embedding = landmark_actions(head), landmark_embedding(head)
+    shared = np.intersect1d(driver.landmarks, own.landmarks)
+    if len(shared) < FEWEST:
         raise MeshError("the two heads share too few landmarks of the face")
-    for model, embedding in zip((driver, head), embeddings, strict=True):
-        kept = np.isin(embedding.landmarks, shared)
-        corners, weights = model.faces[embedding.faces[kept]], embedding.barycentric[kept]
-        points.append(np.einsum("nk,nkc->nc", weights, model.v_template[corners].astype(np.float64)))
-        bases.append(np.einsum("nk,nkce->nce", weights, model.expression_basis[corners].astype(np.float64)))
-    head_jaw = _jaw_motion(head, embeddings[1], np.isin(embeddings[1].landmarks, shared))
-    rotation, scale = _similarity(points[0], points[1])
-    wanted = scale * np.einsum("ij,nje->nie", rotation, bases[0]).reshape(3 * len(shared), -1)
-    basis = np.concatenate([bases[1].reshape(3 * len(shared), -1), head_jaw.reshape(3 * len(shared), -1)], axis=1)
-    return _solve(basis, wanted, head)
+    there, here = np.isin(driver.landmarks, shared), np.isin(own.landmarks, shared)
+    rotation, scale = _similarity(driver.points[there], own.points[here])
+    wanted = scale * np.einsum("ij,nje->nie", rotation, driver.basis[there]).reshape(3 * len(shared), -1)
+    basis = np.concatenate([own.basis[here], _jaw_motion(head, embedding, here)], axis=2)
+    return _solve(basis.reshape(3 * len(shared), -1), wanted, head)
 
 
 def _solve(
@@ -83,7 +148,7 @@ def _solve(
     return np.where(named[:count, None], np.maximum(found[:count], 0), found[:count]), jaw
 
 
-def _jaw_motion(head: HeadModel, embedding, kept: np.ndarray) -> Float[np.ndarray, "n 3 k"]:
+def _jaw_motion(head: HeadModel, embedding: LandmarkEmbedding, kept: np.ndarray) -> Float[np.ndarray, "n 3 k"]:
     """Displacement of the landmarks for each radian of the jaw's rotation about x, y and z."""
     if "jaw" not in head.joint_names[1:] or any(actions(name) & {"jaw_open"} for name in head.expression_names):
         return np.zeros((int(kept.sum()), 3, 0))  # a head whose jaw opens by an expression needs no joint

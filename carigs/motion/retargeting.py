@@ -15,9 +15,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from carigs.errors import CarigsWarning, SettingsError
+from carigs.errors import CarigsWarning, MeshError, SettingsError
 from carigs.head import HeadModel, HeadParameters
-from carigs.motion.displacement_map import displacement_map
+from carigs.motion.displacement_map import LandmarkActions, displacement_map, landmark_actions, shipped_actions
 from carigs.motion.facial_actions import actions, name_map
 from carigs.motion.motion import Motion
 
@@ -146,14 +146,15 @@ class Retargeting:
         unmapped = [i for i in unmapped if not actions(drivers[i]) <= gaze or not actions(drivers[i])]
         # Numbers are principal components of one head: another head's mean something else.
         numbered = [i for i, name in enumerate(drivers) if name.isdigit()]
-        named_head = bool(self.head.expression_names)
+        named_head = any(actions(name) for name in self.head.expression_names)
+        source = None
         if self.driver is not None and (numbered or len(unmapped) > len(drivers) / 2):
-            by_motion, by_jaw = displacement_map(self.driver, self.head)
-            places = {name: i for i, name in enumerate(_names(self.driver))}
-            missing = [name for name in drivers if name not in places and not name_map([name], list(places)).any()]
-            _warn(missing, "expressions that the driver's head does not have, left out")
-            to_driver = name_map(drivers, list(places))
-            matrix, jaw = by_motion @ to_driver, by_jaw @ to_driver
+            source = landmark_actions(self.driver)
+        elif unmapped and not named_head and not numbered:
+            source = shipped_actions()
+        maps = None if source is None else self._by_displacement(source, drivers)
+        if maps is not None:
+            matrix, jaw = maps
         elif numbered and max(int(drivers[i]) for i in numbered) >= self.head.num_expressions:
             raise SettingsError(
                 f"motion: {len(motion.names)} numbered expressions, the avatar has {self.head.num_expressions}: "
@@ -174,6 +175,24 @@ class Retargeting:
                 )
             _warn([drivers[i] for i in unmapped], "expressions that the avatar does not have, left out")
         return values @ matrix.T, values @ jaw.T
+
+    def _by_displacement(
+        self, source: LandmarkActions, drivers: list[str]
+    ) -> tuple[Float[np.ndarray, "e d"], Float[np.ndarray, "3 d"]] | None:
+        """Matrices for the drivers' expressions, as those of a head move the face; None without landmarks on a face."""
+        try:
+            by_motion, by_jaw = displacement_map(source, self.head)
+        except MeshError:
+            if self.driver is not None:
+                raise
+            return None  # what is no face has joints alone
+        to_source = name_map(drivers, source.names)
+        gaze = {action for by_action in GAZE_ACTIONS.values() for action in by_action}
+        missing = [
+            n for n, column in zip(drivers, to_source.T, strict=True) if not column.any() and not actions(n) & gaze
+        ]
+        _warn(missing, "expressions that the driver's head does not have, left out")
+        return by_motion @ to_source, by_jaw @ to_source
 
     def _jaw_as_expression(self, rotations: Float[np.ndarray, "t 3"]) -> Float[np.ndarray, "t e"]:
         expression = np.zeros((len(rotations), self.head.num_expressions))
@@ -234,10 +253,6 @@ def _turned(motion: Motion, by_action: dict[str, tuple[int, int]]) -> Float[np.n
                 axis, sign = by_action[action]
                 turned[:, axis] += sign * motion.expression[:, place]
     return turned
-
-
-def _names(head: HeadModel) -> list[str]:
-    return [*head.expression_names, *map(str, range(len(head.expression_names), head.num_expressions))]
 
 
 def _warn(names: Sequence[str], text: str) -> None:

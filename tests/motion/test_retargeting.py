@@ -12,6 +12,7 @@ from small_head import small_head
 from carigs.errors import CarigsWarning, SettingsError
 from carigs.head import HeadModel, HeadParameters, pose
 from carigs.motion import BUILT_IN, Motion, Retargeting
+from carigs.motion.displacement_map import landmark_actions, shipped_actions
 from carigs.motion.retargeting import EASE, FULL_GAZE, FULL_JAW, own_motion
 from carigs.toy.rig.head_model import head_model
 
@@ -165,3 +166,38 @@ def test_a_head_whose_expressions_have_no_names_follows_by_displacement():
         moved, wanted = (pose(toy, replace(f[t], joints=by_names[t].joints)) for f in (found, by_names))
         still = pose(toy, replace(by_names[t], expression=np.zeros(100)))
         assert np.linalg.norm(moved - wanted) < 0.35 * np.linalg.norm(wanted - still)
+
+
+@pytest.mark.filterwarnings("ignore:.*left out", "ignore:.*eased")
+def test_heads_of_numbers_follow_named_motions_without_a_driver():
+    """What is shipped is the procedural head: a head of numbers follows ARKit's names, as with the head as driver."""
+    toy = head_model()
+    nameless = replace(toy, expression_names=())
+    talk = BUILT_IN["talk"](2.0)
+    rest = [HeadParameters.zeros(nameless)]
+    found, with_driver = (Retargeting.to_frames(nameless, rest, driver)(talk) for driver in (None, toy))
+    for a, b in zip(found, with_driver, strict=True):
+        np.testing.assert_allclose(a.expression, b.expression, atol=2e-3)
+        np.testing.assert_allclose(a.joints, b.joints, atol=2e-3)
+
+
+def test_the_shipped_actions_are_those_of_the_procedural_head():
+    shipped, made = shipped_actions(), landmark_actions(head_model())
+    named = len(shipped.names)
+    assert shipped.names == made.names[:named]
+    np.testing.assert_array_equal(shipped.landmarks, made.landmarks)
+    np.testing.assert_allclose(shipped.points, made.points, atol=1e-6)
+    np.testing.assert_allclose(shipped.basis, made.basis[:, :, :named], atol=1.1e-6)
+
+
+@needs_data
+@pytest.mark.filterwarnings("ignore:.*left out", "ignore:.*eased")
+def test_lids_and_mouth_of_another_head_of_numbers_follow_a_named_driver():
+    """ICT-FaceKit without names, driven by the procedural head's names: another mesh, other expressions."""
+    toy, ict = head_model(), HeadModel.load(DATA / "ict_model.npz")
+    nameless = replace(ict, expression_names=())
+    frames = [
+        replace(f, expression=_some(toy, f.expression), joints=0 * f.joints) for f in random_frames(toy, 12, seed=2)
+    ]
+    found = Retargeting.to_frames(nameless, [HeadParameters.zeros(nameless)])(own_motion(toy, frames, 30.0))
+    assert min(correlations(toy, frames, nameless, found)) > 0.9

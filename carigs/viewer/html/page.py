@@ -19,14 +19,13 @@ import numpy as np
 from jinja2 import Environment, StrictUndefined
 from PIL import Image
 
-from carigs.errors import CarigsWarning, InputError, SettingsError
+from carigs.errors import CarigsError, CarigsWarning, InputError, SettingsError
 from carigs.exaggeration import GammaPath
 from carigs.head import HeadModel
 from carigs.library.driving import driven_parameters
 from carigs.library.head_avatar import HeadAvatar
 from carigs.library.orbit_cameras import orbit
 from carigs.motion import BUILT_IN, Motion
-from carigs.motion.facial_actions import actions
 from carigs.readers.limits import read_bytes
 from carigs.system.files import writing
 from carigs.viewer.html.drive_arrays import PageClip, drive_arrays
@@ -139,20 +138,23 @@ def _region_paths(avatar: HeadAvatar, regions: Sequence[str] | None) -> dict[str
 def _clips(
     avatar: HeadAvatar, motions: Mapping[str, Motion] | None, sounds: Mapping[str, Path], driver: HeadModel | None
 ) -> list[PageClip]:
-    sequence, known = avatar.avatar.sequence, True
-    if motions is None:
-        known = any("eye_blink_left" in actions(name) for name in sequence.head.expression_names)
-        motions = {name: make() for name, make in BUILT_IN.items()} if known else {}
+    sequence, chosen = avatar.avatar.sequence, motions is not None
+    motions = {name: make() for name, make in BUILT_IN.items()} if motions is None else motions
     if unknown := [name for name in sounds if name not in motions]:
         raise SettingsError(f"sounds: there is no motion {unknown[0]}")
     clips = []
     for name, motion in motions.items():
         if len(motion) > MAX_CLIP_FRAMES:
             raise SettingsError(f"motion {name}: {len(motion)} frames; at most {MAX_CLIP_FRAMES} fit into a page")
-        with warnings.catch_warnings():
-            if built_in := name in BUILT_IN:
-                warnings.simplefilter("ignore", CarigsWarning)  # nobody chose it
-            frames = driven_parameters(sequence, motion, None if built_in else driver)
+        try:
+            with warnings.catch_warnings():
+                if not chosen:
+                    warnings.simplefilter("ignore", CarigsWarning)
+                frames = driven_parameters(sequence, motion, driver)
+        except CarigsError:
+            if chosen:
+                raise
+            continue  # a head that cannot do what nobody has asked for
         clips.append(PageClip(name, motion.fps, frames, _sound(sounds[name]) if name in sounds else None))
     return clips
 
