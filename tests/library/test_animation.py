@@ -37,7 +37,7 @@ def test_a_stretch_is_that_of_the_map_of_the_triangle(avatar):
     check._known[:] = 1.0
     check.add(sequence.head.v_template * [3.0, 1.0, 1.0] + [0.0, 1.0, 0.0])
     assert check._found.max() == pytest.approx(3, abs=0.05) and check._found.min() >= 1 - 1e-6
-    with pytest.warns(CarigsWarning, match=r"triangles are stretched up to 2\.\d times the most"):
+    with pytest.warns(CarigsWarning, match=r"triangles are stretched up to (2\.9|3\.0) times the most"):
         check.warn()
 
 
