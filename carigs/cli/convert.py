@@ -63,11 +63,14 @@ FLAVOURS: dict[str, dict[str, tuple[str, ...]]] = {
 """What can be written, by the kind of the input and the suffix of the output."""
 
 
-def convert(task: argparse.Namespace) -> None:
+def convert(task: argparse.Namespace) -> float | None:
     """Read the input and write the output.
 
     Args:
         task: The command line.
+
+    Returns:
+        The level of exaggeration of the output; None if it has all of them or none.
 
     Raises:
         InputError: If a file cannot be read, or is not of a kind that is converted.
@@ -79,11 +82,13 @@ def convert(task: argparse.Namespace) -> None:
     flavour = _flavour(kind, task.output, task.flavour)
     content = load()
     if kind == "avatar":
-        _write_avatar(content, flavour, task)
-    elif kind == "gamma path":
-        _write_path(content, flavour, task.output, _checked_level(content, task.level))
-    else:
-        _write_surfels(content, flavour, task.output)
+        return _write_avatar(content, flavour, task)
+    if kind == "gamma path":
+        level = _checked_level(content, task.level)
+        _write_path(content, flavour, task.output, level)
+        return level
+    _write_surfels(content, flavour, task.output)
+    return None
 
 
 def _recognised(task: argparse.Namespace) -> tuple[str, Callable[[], Any]]:
@@ -133,7 +138,7 @@ def _flavour(kind: str, output: Path, wanted: str | None) -> str:
     raise SettingsError(f"{kind} to {output.suffix or output.name} is not possible; possible: {listed}{hint}")
 
 
-def _write_avatar(avatar: Avatar, flavour: str, task: argparse.Namespace) -> None:
+def _write_avatar(avatar: Avatar, flavour: str, task: argparse.Namespace) -> float | None:
     from carigs.splat.avatar import save_avatar
     from carigs.splat.formats import gltf_splats, splat_files
     from carigs.splat.formats.baked_colours import baked_colours
@@ -170,6 +175,7 @@ def _write_avatar(avatar: Avatar, flavour: str, task: argparse.Namespace) -> Non
             "splats": gltf_splats.write_gltf_splats,
         }[flavour]
         write(task.output, bake(avatar, timestep, level))
+    return None if flavour == "avatar" or (flavour in RIGGED and task.head_model is None) else level
 
 
 def _write_flame_param(avatar: Avatar, head_model: Path, file: Path, level: float) -> None:
@@ -244,6 +250,7 @@ def main(arguments: list[str]) -> int:
     add_motion_options(parser)
     task = parser.parse_args(arguments)
     started = time.perf_counter()
-    convert(task)
-    print(f"{task.output}: {task.output.stat().st_size / 1e6:.1f} MB in {time.perf_counter() - started:.1f} s")
+    level = convert(task)
+    size, seconds = task.output.stat().st_size / 1e6, time.perf_counter() - started
+    print(f"{task.output}: {size:.1f} MB in {seconds:.1f} s{'' if level is None else f', level {level:g}'}")
     return 0
