@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 import wave
 from collections.abc import Iterator
 from dataclasses import replace
@@ -82,15 +81,18 @@ def test_sliders_add_to_what_is_shown(page):
 @browser_test
 def test_a_clip_plays_in_step_with_its_sound(page):
     page.value('carigs.set({clip: "it\'s a take", frame: 0})')
+    page.value(
+        "window.heard = []; window.show = carigs.showFrame.bind(carigs); carigs.showFrame = (frame) => {"
+        "heard.push([document.querySelector('audio').currentTime, frame]); return show(frame); }; 1"
+    )
     page.browser.call("Runtime.evaluate", expression="carigs.play(); 1", userGesture=True)  # sound needs a click
-    errors = []
-    for _ in range(6):
-        time.sleep(0.2)
-        heard, frame = page.value("[document.querySelector('audio').currentTime, carigs.state.frame]")
-        errors.append(abs(frame / 10 + 0.05 - heard))
+    page.browser.wait_for("heard.length >= 6")
     page.value("(carigs.pause(), 1)")
     assert page.value("document.querySelector('audio').paused")
-    assert heard > 0.3 and np.median(errors) < 0.05 + 0.05  # half a frame of 0.1 s, and the bar of 50 ms
+    seconds, frames = np.array(page.value("heard")).T
+    # Each frame is the one that is due when it is chosen, to the 50 ms; how long it takes to draw is another matter.
+    late = seconds - frames / 10
+    assert seconds[-1] > 0.3 and late.min() > -0.05 and late.max() < 0.1 + 0.05
 
 
 @browser_test
