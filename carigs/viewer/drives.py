@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from carigs.errors import CarigsWarning
+from carigs.errors import CarigsError, CarigsWarning
 from carigs.head import HeadModel, HeadParameters
 from carigs.library import HeadAvatar
 from carigs.library.driving import driven_parameters
@@ -36,14 +37,15 @@ def drives_of(avatar: HeadAvatar, motions: Mapping[str, Motion], driver: HeadMod
         The motions of the avatar.
 
     Raises:
-        SettingsError: If one cannot be transferred.
+        SettingsError: If one of the given ones cannot be transferred.
     """
     sequence = avatar.avatar.sequence
     drives = [Drive(name, motion.fps, driven_parameters(sequence, motion, driver)) for name, motion in motions.items()]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", CarigsWarning)  # nobody chose them
         for name, make in BUILT_IN.items():
-            if name not in motions:
-                motion = make()
-                drives.append(Drive(name, motion.fps, driven_parameters(sequence, motion)))
+            motion = make()
+            with contextlib.suppress(CarigsError):  # a head that cannot do what nobody has asked for
+                if name not in motions:
+                    drives.append(Drive(name, motion.fps, driven_parameters(sequence, motion)))
     return tuple(drives)

@@ -7,6 +7,8 @@ from viewer.test_session import VIEW, Page, expected, shown
 
 from carigs.errors import SettingsError
 from carigs.library import HeadAvatar
+from carigs.motion import BUILT_IN
+from carigs.viewer import drives
 from carigs.viewer.drives import CAPTURED
 from carigs.viewer.session import Session
 from carigs.viewer.splat_records import splat_records
@@ -65,3 +67,16 @@ def test_the_capture_comes_back_and_undo_knows_nothing_of_motions(subject):
     assert not session.state.undo()
     with pytest.raises(SettingsError, match="motion: one of as captured, take, idle, talk"):
         session.set_options(motion="dance")
+
+
+def test_a_head_that_cannot_do_the_built_in_motions_has_the_given_ones_alone(avatar, monkeypatch):
+    def refuse(sequence, motion, driver=None):
+        if "eyeBlinkLeft" in motion.names:
+            raise SettingsError("motion: it cannot")
+        return [sequence.parameters[0]] * len(motion)
+
+    monkeypatch.setattr(drives, "driven_parameters", refuse)
+    motion = avatar.captured_motion(10.0)
+    assert [drive.name for drive in drives.drives_of(avatar, {"take": motion})] == ["take"]
+    with pytest.raises(SettingsError, match="it cannot"):
+        drives.drives_of(avatar, {"idle": BUILT_IN["idle"]()})
