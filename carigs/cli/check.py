@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from carigs.capture import Capture, read_dataset
-from carigs.cli.parser import command_parser
+from carigs.cli.options.parser import command_parser
 from carigs.errors import InputError, collecting, printable
 from carigs.plausibility import resolve_cy
 from carigs.plausibility.check import Examination, examine_capture

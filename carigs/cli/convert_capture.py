@@ -30,7 +30,7 @@ from carigs.capture.importers.images import find_images, image_name
 from carigs.capture.importers.mesh_sequence import MeshTrack, read_mesh_sequence
 from carigs.capture.importers.multiface import is_multiface, read_multiface
 from carigs.capture.importers.unpacked import UnpackedImages
-from carigs.cli.parser import add_capture_options
+from carigs.cli.options.parser import add_capture_options
 from carigs.errors import CarigsWarning, InputError, SettingsError
 from carigs.head import HeadModel, HeadParameters, pose
 from carigs.matting.neck_cut import BELOW_CHIN, NeckCut

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from carigs.capture import Camera, Capture
 from carigs.capture.capture_json import camera_to_json
 from carigs.capture.frame_index import level_folder, write_frame_index
-from carigs.cli.parser import command_parser
+from carigs.cli.options.parser import command_parser
 from carigs.config import load_settings, project_root
 from carigs.errors import InputError, SettingsError
 from carigs.settings import STAGES

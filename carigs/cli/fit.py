@@ -16,7 +16,7 @@ from rich.progress import Progress
 
 from carigs.capture.dataset_writer import check_target, copied, referenced, write_dataset
 from carigs.capture.importers.calibrated_images import FROM_THE_TOP
-from carigs.cli.parser import add_capture_options, command_parser
+from carigs.cli.options.parser import add_capture_options, command_parser
 from carigs.errors import CarigsWarning
 from carigs.fitting.footage import read_footage
 from carigs.fitting.landmarks.providers import find_landmarks

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from carigs.cli.parser import command_parser
+from carigs.cli.options.parser import command_parser
 from carigs.detection.mesh_indices import COUNT
 from carigs.errors import InputError, MeshError
 from carigs.system.files import writing

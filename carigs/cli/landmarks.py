@@ -17,7 +17,7 @@ from rich.progress import track
 
 from carigs.capture.images import read_rgb8
 from carigs.capture.importers.images import SUFFIXES, find_images
-from carigs.cli.parser import command_parser
+from carigs.cli.options.parser import command_parser
 from carigs.detection import FaceNetworks, FaceTrack, collect, follow_face, load_face_networks
 from carigs.detection.upright import follow_upright
 from carigs.errors import CarigsWarning, InputError

@@ -27,6 +27,7 @@ COMMANDS = {
     "fit": "fit a head model to a calibrated video with landmarks",
     "head": "bring a head model in: download or convert it",
     "convert": "read and write avatars, meshes and captures of other programs",
+    "motion": "read, edit and write what drives an avatar",
     "export": "write a clip of an avatar, or the avatar as one HTML file",
     "view": "show an avatar in the browser, with sliders",
     "mesh": "exaggerate a mesh",

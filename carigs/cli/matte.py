@@ -17,7 +17,7 @@ from rich.console import Console
 from rich.progress import track
 
 from carigs.capture.images import read_grey, write_png
-from carigs.cli.parser import command_parser, grey_value
+from carigs.cli.options.parser import command_parser, grey_value
 from carigs.detection import load_face_networks
 from carigs.errors import CarigsError, CarigsWarning, InputError, PackageMissing, WeightsMissing
 from carigs.footage import Footage, Selection, TimedFrame, read_footage

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from carigs.capture.evenly_spread import evenly_spread
-from carigs.cli.parser import command_parser, region_level
+from carigs.cli.options.parser import command_parser, region_level
 from carigs.config import compose, known
 from carigs.errors import InputError, MeshError, SettingsError
 from carigs.exaggeration.exaggerator import Exaggerator

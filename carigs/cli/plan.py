@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 
-from carigs.cli.parser import study_parser
+from carigs.cli.options.parser import study_parser
 from carigs.config import project_root, read_sweep, snakemake_config, split_sweep, study_table
 from carigs.planning.footage import Footage
 from carigs.planning.job_graph import study_jobs

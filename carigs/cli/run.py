@@ -10,7 +10,7 @@ import time
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
-from carigs.cli.parser import study_parser
+from carigs.cli.options.parser import study_parser
 from carigs.config import project_root, snakemake_config
 from carigs.errors import print_line
 from carigs.planning.study_subjects import check_subjects

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from carigs.cli.parser import study_parser
+from carigs.cli.options.parser import study_parser
 from carigs.config import compose, compose_study, compose_variant
 from carigs.config import reference as conf_reference
 from carigs.config.frozen import keys_text

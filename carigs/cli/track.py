@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
-from carigs.cli.parser import command_parser, grey_value
+from carigs.cli.options.parser import command_parser, grey_value
 from carigs.settings import Track
 from carigs.stages.track import track_and_report
 

@@ -12,7 +12,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from carigs.cli.parser import command_parser
+from carigs.cli.options.motion import add_motion_options, driver_of, named_motions
+from carigs.cli.options.parser import command_parser
 from carigs.errors import CarigsError, InputError, SettingsError
 from carigs.system.extras import need
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 EXAMPLES = """examples:
   carigs view avatar.npz
   carigs view avatar.npz other.npz                          two avatars side by side, with a divider
+  carigs view avatar.npz --motion take.csv                  the head follows a motion
   carigs view avatar.npz --capture results/toy/toy/capture.json
 """
 
@@ -59,7 +61,9 @@ def _serve(task: argparse.Namespace, listener: Listener) -> None:
 
     avatar, second = load(task.avatar), None if task.second is None else load(task.second)
     capture = None if task.capture is None else Capture.load(task.capture)
-    viewer = Viewer(Subject(avatar, second, capture, task.truth), task.exports, listener)
+    driver = driver_of(task)
+    motions = named_motions(task.motions, task, driver, None)
+    viewer = Viewer(Subject(avatar, second, capture, task.truth, motions, driver), task.exports, listener)
     try:
         print(f"open {listener.address} in a browser; Ctrl-C ends the viewer", flush=True)
         regions = [control.label for control in viewer.subject.controls if control.group == "regions"]
@@ -98,5 +102,10 @@ def main(arguments: list[str]) -> int:
         "--allow-host", dest="allowed_hosts", action="append", default=[], metavar="NAME",
         help="another name by which browsers reach the viewer, such as that of a proxy",
     )  # fmt: skip
+    parser.add_argument(
+        "--motion", dest="motions", action="append", default=[], metavar="[NAME=]FILE",
+        help="a motion that can drive the head, besides idle and talk",
+    )  # fmt: skip
+    add_motion_options(parser)
     view(parser.parse_args(arguments))
     return 0

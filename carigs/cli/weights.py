@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from carigs.cli.parser import command_parser
+from carigs.cli.options.parser import command_parser
 from carigs.errors import InputError, print_line
 from carigs.weights.registry import Weights, registry
 from carigs.weights.search import find_weights, locate_weights, verify

@@ -6,7 +6,8 @@
 """
 
 from carigs.library.any_mesh import exaggerate
-from carigs.library.head_avatar import HeadAvatar, PosedHead, load
+from carigs.library.head_avatar import HeadAvatar, load
 from carigs.library.orbit_cameras import orbit
+from carigs.library.posed_head import PosedHead
 
 __all__ = ["HeadAvatar", "PosedHead", "exaggerate", "load", "orbit"]

@@ -1,4 +1,4 @@
-"""Clips of an avatar: its exaggeration grows and falls, the camera goes around, or it moves as it was captured."""
+"""Clips of an avatar: its exaggeration grows and falls, the camera goes around, it moves as captured or as driven."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from PIL import Image
 from carigs.capture import Camera
 from carigs.errors import InputError
 from carigs.library.head_avatar import HeadAvatar
+from carigs.motion import Motion
 from carigs.system.files import writing
 
 VIDEOS, ANIMATIONS = (".mp4", ".webm"), (".gif", ".webp")
@@ -68,6 +69,22 @@ def captured_sequence(avatar: HeadAvatar, camera: Camera, **controls: Any) -> It
     """
     for timestep in avatar.timesteps:
         yield avatar.render(camera, timestep=timestep, **controls)
+
+
+def driven_sequence(avatar: HeadAvatar, camera: Camera, motion: Motion, **controls: Any) -> Iterator[np.ndarray]:
+    """The avatar, driven by a motion.
+
+    Args:
+        avatar: The avatar.
+        camera: The view.
+        motion: The motion.
+        **controls: As of `HeadAvatar.animate`.
+
+    Yields:
+        RGB in [0, 1] (h, w, 3).
+    """
+    for head in avatar.animate(motion, **controls):
+        yield head.render(camera)
 
 
 def write_clip(file: Path, images: Iterable[Float32[np.ndarray, "h w 3"]], fps: float) -> int:

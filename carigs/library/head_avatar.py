@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,15 +14,18 @@ from jaxtyping import Float, Float32, Int
 from carigs.capture import Camera
 from carigs.errors import SettingsError
 from carigs.exaggeration import Caricature, Exaggerator, GammaPath, RegionPaths
-from carigs.head import HeadParameters, pose, subject_exaggerator
+from carigs.head import HeadModel, HeadParameters, pose, subject_exaggerator
 from carigs.head.teeth import add_teeth
+from carigs.library.driving import captured_motion, driven_parameters
+from carigs.library.posed_head import PosedHead
+from carigs.library.stretch import StretchCheck
+from carigs.motion import Motion
 from carigs.settings import Exaggerate
 from carigs.system.extras import naming_extras
 
 if TYPE_CHECKING:
     from carigs.splat.avatar import Avatar
     from carigs.splat.formats.world_splats import WorldSplats
-    from carigs.splat.rig.face_motion import FaceMotion
 
 DEFAULT_LEVEL = 0.25
 """End of the paths of regions if the avatar has no other level than 0."""
@@ -124,8 +127,60 @@ class HeadAvatar:
         """
         joints = {"jaw": jaw, "neck": neck, "left_eye": eyes, "right_eye": eyes}
         parameters = self._parameters(timestep, expression, {name: v for name, v in joints.items() if v is not None})
+        return self._posed(parameters, self._caricature(level, regions or {}))
+
+    def animate(
+        self,
+        motion: Motion,
+        level: float = 0.0,
+        *,
+        regions: Mapping[str, float] | None = None,
+        driver: HeadModel | None = None,
+    ) -> Iterator[PosedHead]:
+        """Drive the head by a motion.
+
+        Args:
+            motion: The motion, such as one of `carigs.motion.read_motion`.
+            level: Exaggeration of the whole head.
+            regions: Levels of regions by name.
+            driver: Head model that the motion belongs to, where its expressions have no names that this head knows.
+
+        Yields:
+            The posed head of every frame of the motion.
+
+        Raises:
+            SettingsError: If a level or a name is not possible, or the motion cannot be transferred.
+
+        Warns:
+            CarigsWarning: Expressions that this head lacks or was not trained near, and stretched triangles.
+
+        Example:
+            >>> from carigs.motion import BUILT_IN
+            >>> heads = avatar.animate(BUILT_IN["talk"](), 0.2)  # doctest: +SKIP
+        """
+        caricature = self._caricature(level, regions or {})
+        frames = driven_parameters(self.avatar.sequence, motion, driver)
+        check = StretchCheck(self.avatar.sequence, caricature)
+        for parameters in frames:
+            head = self._posed(parameters, caricature)
+            check.add(head.vertices)
+            yield head
+        check.warn()
+
+    def captured_motion(self, fps: float = 30.0) -> Motion:
+        """The expressions and poses of the capture as a motion, which other avatars can follow.
+
+        Args:
+            fps: Timesteps per second.
+
+        Returns:
+            The motion.
+        """
+        return captured_motion(self.avatar.sequence, fps)
+
+    def _posed(self, parameters: HeadParameters, caricature: Caricature | None) -> PosedHead:
         sequence = self.avatar.sequence
-        vertices = pose(sequence.head, parameters, self._caricature(level, regions or {}))
+        vertices = pose(sequence.head, parameters, caricature)
         return PosedHead(self.avatar, vertices, sequence.motion_of(vertices), sequence.shade_of(vertices))
 
     def render(self, camera: Camera, **controls: Any) -> Float32[np.ndarray, "h w 3"]:
@@ -240,39 +295,3 @@ class HeadAvatar:
     def _exaggerator(self) -> Exaggerator:
         sequence = self.avatar.sequence
         return subject_exaggerator(sequence.head, sequence.head.v_template.astype(np.float64), Exaggerate())
-
-
-@dataclass(frozen=True)
-class PosedHead:
-    """An avatar in one pose."""
-
-    avatar: Avatar
-    vertices: Float[np.ndarray, "v 3"]
-    """World positions of the mesh in metres."""
-    motion: FaceMotion
-    """Motion of the triangles from the canonical mesh."""
-    shade: Float32[np.ndarray, "f 3"] | None
-    """Factor on the colours of every triangle; None if colours do not follow the light."""
-
-    def render(self, camera: Camera, *, backend: str = "cpu") -> Float32[np.ndarray, "h w 3"]:
-        """Render an image.
-
-        Args:
-            camera: The view.
-            backend: Rasteriser, see `carigs.splat.rasterizer.rasterize.rasterize`.
-
-        Returns:
-            RGB in [0, 1], over the background of the avatar.
-        """
-        image = self.avatar.render_motion(self.motion, self.shade, camera, backend=backend).image
-        return image.numpy().clip(0, 1)
-
-    def surfels(self) -> WorldSplats:
-        """The surfels as flat Gaussians in world coordinates.
-
-        Returns:
-            Centres, rotations, scales, opacities and colours.
-        """
-        from carigs.splat.formats.world_splats import bake_motion
-
-        return bake_motion(self.avatar, self.motion, self.shade)

@@ -17,13 +17,17 @@ from carigs.capture.images import write_png
 from carigs.errors import SettingsError
 from carigs.exaggeration.gamma_path import straight_path
 from carigs.library import orbit
+from carigs.library.animated_export import write_clips
 from carigs.library.clips import write_clip
+from carigs.splat.formats.animated_head import HeadClip
+from carigs.splat.formats.baked_colours import baked_colours
 from carigs.splat.formats.gltf_splats import write_gltf_splats
-from carigs.splat.formats.head_meshes import write_mesh
+from carigs.splat.formats.head_meshes import level_vertices, posed_path, write_mesh, write_morph_targets
 from carigs.splat.formats.splat_files import write_2dgs_ply, write_3dgs_ply, write_splat
 from carigs.viewer.exact_mode import exact_image
+from carigs.viewer.html.page import write_html
 from carigs.viewer.scene import HeadScene
-from carigs.viewer.state import Values
+from carigs.viewer.state import Values, timestep_of
 
 NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]{0,63}")
 """Names of files without their suffix: no separators, no leading dot, nothing that a shell or a browser interprets."""
@@ -109,13 +113,32 @@ def _write_turntable(file: Path, scene: HeadScene, export: Export, images: Calla
 
 
 def _write_sequence(file: Path, scene: HeadScene, export: Export, images: Callable) -> None:
-    values = [{**export.values, "frame": float(frame)} for frame in range(len(scene.avatar.timesteps))]
-    write_clip(file, images(_frames(scene, export.camera, values)), FPS)
+    name, count, fps = "frame", len(scene.avatar.timesteps), FPS
+    if number := int(export.values.get("motion", 0)):
+        name, count, fps = "motion_frame", len(scene.drives[number - 1].parameters), scene.drives[number - 1].fps
+    values = [{**export.values, name: float(frame)} for frame in range(count)]
+    write_clip(file, images(_frames(scene, export.camera, values)), fps)
 
 
 def _write_mesh(file: Path, scene: HeadScene, export: Export, images: Callable) -> None:
     vertices, faces = scene.vertices(export.values), scene.avatar.avatar.sequence.head.faces
-    write_mesh(file, straight_path(vertices, faces, np.zeros_like(vertices), 1.0), 0.0)
+    colours = baked_colours(scene.avatar.avatar, vertices)
+    write_mesh(file, straight_path(vertices, faces, np.zeros_like(vertices), 1.0), 0.0, colours)
+
+
+def _write_morph_targets(file: Path, scene: HeadScene, export: Export, images: Callable) -> None:
+    avatar, level = scene.avatar.avatar, export.values["level"]
+    path = posed_path(avatar.sequence, timestep_of(scene.avatar, export.values))
+    write_morph_targets(file, path, level, baked_colours(avatar, level_vertices(path, level)))
+
+
+def _write_animated(file: Path, scene: HeadScene, export: Export, images: Callable) -> None:
+    clips = {drive.name: HeadClip(drive.fps, drive.parameters) for drive in scene.drives}
+    write_clips(scene.avatar, file, export.values["level"], clips)
+
+
+def _write_page(file: Path, scene: HeadScene, export: Export, images: Callable) -> None:
+    write_html(scene.avatar, file, level=export.values["level"])
 
 
 def _surfel_writer(write: Callable) -> Callable:
@@ -135,6 +158,9 @@ FORMATS: dict[str, tuple[str, Callable]] = {
     "mesh (.obj)": (".obj", _write_mesh),
     "mesh (.ply)": (".ply", _write_mesh),
     "mesh (.glb)": (".glb", _write_mesh),
+    "mesh, morph targets of levels (.glb)": (".glb", _write_morph_targets),
+    "mesh, animated (.glb)": (".glb", _write_animated),
+    "page (.html)": (".html", _write_page),
     "surfels, 3DGS (.ply)": (".ply", _surfel_writer(write_3dgs_ply)),
     "surfels, 2DGS (.ply)": (".ply", _surfel_writer(write_2dgs_ply)),
     "surfels (.splat)": (".splat", _surfel_writer(write_splat)),
@@ -170,7 +196,7 @@ def write_export(
         raise SettingsError("there is no such format of exports")
     suffix, write = FORMATS[export.format]
     file = folder.new_file(export.name, suffix)
-    if "mesh" in export.format or "surfels" in export.format:
+    if "mesh" in export.format or "surfels" in export.format or "page" in export.format:
         with lock:
             write(file, scene, export, iter)
     else:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from carigs.errors import SettingsError
+from carigs.viewer.drives import CAPTURED
 
 MODES = ("splats", "exact")
 OVERLAYS = ("none", "mesh", "curvature", "mask flags", "error")
@@ -24,6 +25,8 @@ class Options:
     """Camera of the capture that the client looks through."""
     playing: bool = False
     speed: float = 1.0
+    motion: str = CAPTURED
+    """Name of the motion that is shown."""
 
     def __post_init__(self) -> None:
         for name, known in (("mode", MODES), ("overlay", OVERLAYS), ("split", SPLITS)):

@@ -12,6 +12,7 @@ from jaxtyping import Float, Float32, UInt8, UInt32
 
 from carigs.errors import CarigsError
 from carigs.viewer.camera_pyramids import CameraPyramids
+from carigs.viewer.drives import CAPTURED
 from carigs.viewer.exact_mode import View, page_pose, pixels
 from carigs.viewer.exports import FORMATS
 from carigs.viewer.options import MODES, OVERLAYS, SPLITS
@@ -28,6 +29,7 @@ FREE = "free"
 HELP = {
     "mode": "splats: drawn by the browser, follows at once. exact: rendered on the server, as in the figures",
     "divider": "left: the sliders; right: the other variant",
+    "motion": "what moves the head: the capture, or a motion of --motion, or one that is built in",
     "store": "keep the values of the sliders as the variant of 'stored values'",
     "frame": "expression and pose of the capture; the sliders below are added",
     "name": "of the file in the export folder: letters, digits, dots, - and _",
@@ -52,6 +54,7 @@ class Panel:
         """
         self._client, self._subject, self._changed = client, subject, changed
         self.session = Session(subject, self)
+        self.session.state.start(subject.avatar.gamma)  # what visitors came for
         self.on_export: Callable[[Panel, str, str, float], None] = lambda panel, format, name, height: None
         """Called with the panel, the format, the name and the height of an export."""
         self._sliders: dict[str, Any] = {}
@@ -173,6 +176,8 @@ class Panel:
             with gui.add_folder("Regions (added)", expand_by_default=False):
                 self._add_sliders("regions")
         with gui.add_folder("Time"):
+            names = (CAPTURED, *(drive.name for drive in self._subject.scenes[0].drives))
+            self._motion = self._option(gui.add_dropdown("motion", names, hint=HELP["motion"]), "motion")
             self._add_sliders("time")
             self._playing = self._option(gui.add_checkbox("play", False), "playing")
             self._speed = self._option(gui.add_slider("speed", 0.1, 4.0, 0.1, 1.0), "speed")
@@ -215,7 +220,8 @@ class Panel:
         for control in self._subject.controls:
             if control.group != group:
                 continue
-            low, high, step, start = control.low, control.high, control.step, 0.0
+            low, high, step = control.low, control.high, control.step
+            start = self.session.state.values[control.name]
             if control.name == "frame":
                 low, high, step, start = 0, max(int(high), 1), 1, 0
             gamma = self._subject.avatar.gamma

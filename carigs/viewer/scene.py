@@ -23,6 +23,7 @@ from carigs.splat.colour.appearance import seen_colour
 from carigs.splat.rasterizer.interface import WorldSurfels
 from carigs.splat.render import skin
 from carigs.splat.rig.face_motion import FaceMotion
+from carigs.viewer.drives import Drive
 from carigs.viewer.state import Values, is_level, parameters_of, region_levels
 
 POSES, MOTIONS, SHADES = 8, 8, 64
@@ -33,9 +34,11 @@ T = TypeVar("T")
 class _Pose:
     """The posed natural head, and its changes at the nodes of the paths that were asked for."""
 
-    def __init__(self, avatar: HeadAvatar, region_path: Callable[[str], GammaPath], values: Values) -> None:
+    def __init__(
+        self, avatar: HeadAvatar, region_path: Callable[[str], GammaPath], values: Values, drives: tuple[Drive, ...]
+    ) -> None:
         self._avatar, self._head, self._region_path = avatar, avatar.avatar.sequence.head, region_path
-        self._parameters = parameters_of(avatar, values)
+        self._parameters = parameters_of(avatar, values, drives)
         self._natural = pose(self._head, self._parameters)
         self._changes: dict[str, Float32[np.ndarray, "j w"]] = {}
 
@@ -64,15 +67,17 @@ class HeadScene:
 
     Attributes:
         avatar: The avatar.
+        drives: Motions that it can show.
     """
 
-    def __init__(self, avatar: HeadAvatar) -> None:
+    def __init__(self, avatar: HeadAvatar, drives: tuple[Drive, ...] = ()) -> None:
         """Take an avatar.
 
         Args:
             avatar: The avatar.
+            drives: Motions that it can show.
         """
-        self.avatar = avatar
+        self.avatar, self.drives = avatar, drives
         self._solving = threading.Lock()
         self._poses: OrderedDict[Hashable, _Pose] = OrderedDict()
         self._motions: OrderedDict[Hashable, tuple[Float[np.ndarray, "v 3"], FaceMotion]] = OrderedDict()
@@ -179,7 +184,7 @@ class HeadScene:
     def _posed(self, values: Values) -> tuple[Float[np.ndarray, "v 3"], FaceMotion]:
         def compute() -> tuple[Float[np.ndarray, "v 3"], FaceMotion]:
             key = _key({name: value for name, value in values.items() if not is_level(name)})
-            posed = _cached(self._poses, POSES, key, lambda: _Pose(self.avatar, self.solve_region, values))
+            posed = _cached(self._poses, POSES, key, lambda: _Pose(self.avatar, self.solve_region, values, self.drives))
             regions = {name: v for name, v in region_levels(values).items() if name in self.avatar.regions}
             vertices = posed.vertices(values["level"], regions)
             return vertices, self.avatar.avatar.sequence.motion_of(vertices)

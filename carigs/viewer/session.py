@@ -12,11 +12,12 @@ import numpy as np
 from carigs.capture import Camera
 from carigs.errors import SettingsError
 from carigs.viewer.comparison import composed_image
+from carigs.viewer.drives import CAPTURED
 from carigs.viewer.exact_mode import Resolution, View, fitted, full_height
 from carigs.viewer.options import Options
 from carigs.viewer.page import Page
 from carigs.viewer.splat_records import SCENE_SCALE, splat_records
-from carigs.viewer.state import State, Values
+from carigs.viewer.state import MOTION, State, Values
 from carigs.viewer.subject import Subject
 
 SETTLE_SECONDS = 0.25
@@ -88,7 +89,12 @@ class Session:
                 if options.camera is not None and options.camera not in self.subject.cameras:
                     raise SettingsError("camera: the capture has no such camera")
                 self._arrived = False
-            if options.playing and not self.options.playing:
+            names = [CAPTURED, *(drive.name for drive in self.subject.scenes[0].drives)]
+            if options.motion not in names:
+                raise SettingsError(f"motion: one of {', '.join(names)}")
+            if options.motion != self.options.motion:
+                self.state.drive(names.index(options.motion))
+            if (options.playing and not self.options.playing) or options.motion != self.options.motion:
                 self._next_frame = 0.0
             self._changed |= options != self.options
             self.options = options
@@ -186,12 +192,17 @@ class Session:
         return self.view._replace(width=width, height=height).camera()
 
     def _advance(self, now: float) -> None:
-        """Go on to the next timestep, if playing."""
+        """Go on to the next timestep, or the next frame of the motion, if playing."""
         if not self.options.playing or now < self._next_frame:
             return
-        period = 1 / (BASE_FPS * self.options.speed)
+        number, frame = (int(self.state.values.get(name, 0)) for name in MOTION)
+        fps = self.subject.scenes[0].drives[number - 1].fps if number else BASE_FPS
+        period = 1 / (fps * self.options.speed)
         steps = 1 if self._next_frame == 0 else 1 + min(int((now - self._next_frame) / period), 1000)
-        self.state.play(int(self.state.values["frame"]) + steps)
+        if number:
+            self.state.drive(number, (frame + steps) % len(self.subject.scenes[0].drives[number - 1].parameters))
+        else:
+            self.state.play(int(self.state.values["frame"]) + steps)
         self._next_frame = (now if self._next_frame == 0 else self._next_frame) + steps * period
         self._changed = True
 

@@ -1,84 +1,29 @@
-"""The controls of the viewer, their values, and the history of the values."""
+"""Values of the controls of the viewer, and their history."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from carigs.errors import SettingsError
 from carigs.head import HeadParameters
 from carigs.library import HeadAvatar
-from carigs.mesh.triangle_mesh import components, face_areas
+from carigs.viewer.controls import EYES, JOINT_AXES, Control
+from carigs.viewer.drives import Drive
 
-BEYOND = 1.5
-"""End of the sliders of levels over the highest level of the avatar."""
-EXPRESSIONS = 10
-"""Number of expression sliders."""
-NAMED_RANGE, NUMBERED_RANGE = 1.0, 2.0
-"""Ranges of the coefficients of blendshapes with names (as ICT's, in [0, 1]) and of principal components (FLAME's)."""
-JOINT_AXES = {"neck": "xyz", "jaw": "xyz", "eyes": "xy"}
-"""Axes of the joints' sliders. Around x the head nods, the jaw opens, the eyes look down; around y they turn left."""
-JOINT_DEGREES = {"neck": 40.0, "jaw": 30.0, "eyes": 35.0}
-"""Largest angles of the joints' sliders in degrees."""
-EYES = ("left_eye", "right_eye")
 MERGED_SECONDS = 1.0
 """Changes of one control within this time are one step of undo."""
 STEPS = 200
 """Steps that undo remembers."""
 
+MOTION = ("motion", "motion_frame")
+"""Values besides those of the controls while a motion is shown: its number from 1, and its frame."""
+
 Values = Mapping[str, float]
 """Value of each control by name. All controls but `frame` are 0 for the natural head as it was captured."""
-
-
-class Control(NamedTuple):
-    """One slider."""
-
-    name: str
-    label: str
-    group: str
-    """`exaggeration`, `regions`, `time`, `expression` or `joints`."""
-    low: float
-    high: float
-    step: float
-
-
-def controls_of(avatar: HeadAvatar) -> tuple[Control, ...]:
-    """The sliders of an avatar.
-
-    Args:
-        avatar: The avatar.
-
-    Returns:
-        The controls, in the order of the page. `frame` is the position of a timestep among `avatar.timesteps`.
-    """
-    low, high = sorted((0.0, BEYOND * avatar.gamma))
-    step = abs(avatar.gamma) / 100
-    controls = [Control("level", "gamma", "exaggeration", low, high, step)]
-    controls += [Control(f"region:{name}", name, "regions", low, high, step) for name in _skin_regions(avatar)]
-    controls.append(Control("frame", "timestep", "time", 0, len(avatar.timesteps) - 1, 1))
-    named = len(avatar.avatar.sequence.head.expression_names)
-    for i, name in enumerate(avatar.expressions[:EXPRESSIONS]):
-        end = NAMED_RANGE if i < named else NUMBERED_RANGE
-        controls.append(Control(f"expression:{i}", name, "expression", -end, end, end / 100))
-    for joint, axes in JOINT_AXES.items():
-        if not set(EYES if joint == "eyes" else [joint]) <= set(avatar.joints):
-            continue
-        end = JOINT_DEGREES[joint]
-        controls += [Control(f"{joint}:{axis}", f"{joint} {axis}", "joints", -end, end, 1.0) for axis in axes]
-    return tuple(controls)
-
-
-def _skin_regions(avatar: HeadAvatar) -> list[str]:
-    """Regions with a vertex of the skin, the largest component; eyeballs and teeth follow it and have no path."""
-    head = avatar.avatar.sequence.head
-    labels = components(head.faces, len(head.v_template))
-    areas = np.bincount(labels[head.faces[:, 0]], face_areas(head.v_template.astype(np.float64), head.faces))
-    is_skin = labels == areas.argmax()
-    return [name for name in avatar.regions if is_skin[head.vertex_region(name)].any()]
 
 
 class State:
@@ -141,6 +86,24 @@ class State:
         """
         count = int(self.controls["frame"].high) + 1
         self.values = {**self.values, "frame": float(frame % count)}
+
+    def start(self, level: float) -> None:
+        """Begin at a level of exaggeration.
+
+        Args:
+            level: The level.
+        """
+        self.values = {**self.values, "level": level}
+
+    def drive(self, motion: int, frame: int = 0) -> None:
+        """Show a frame of a motion without a step of undo.
+
+        Args:
+            motion: Number of the motion from 1; 0 for the capture.
+            frame: Its frame.
+        """
+        others = {name: value for name, value in self.values.items() if name not in MOTION}
+        self.values = others | (dict(zip(MOTION, (float(motion), float(frame)), strict=True)) if motion else {})
 
     def reset(self) -> None:
         """Set all values but the timestep to 0; undo brings them back."""
@@ -229,17 +192,23 @@ def timestep_of(avatar: HeadAvatar, values: Values) -> int:
     return timesteps[min(int(values["frame"]), len(timesteps) - 1)]
 
 
-def parameters_of(avatar: HeadAvatar, values: Values) -> HeadParameters:
-    """Head parameters: those of the timestep, with the sliders added.
+def parameters_of(avatar: HeadAvatar, values: Values, drives: Sequence[Drive] = ()) -> HeadParameters:
+    """Head parameters: those of the timestep or of a frame of a motion, with the sliders added.
 
     Args:
         avatar: The avatar.
         values: Values of the controls. Those of expressions and joints that the avatar lacks have no effect.
+        drives: Motions of the avatar.
 
     Returns:
         The parameters. Angles of the sliders are added to the rotation vectors of the joints.
     """
-    parameters = avatar.avatar.sequence.parameters[timestep_of(avatar, values)]
+    number, frame = (int(values.get(name, 0)) for name in MOTION)
+    if number:
+        shown = drives[number - 1].parameters
+        parameters = shown[frame % len(shown)]
+    else:
+        parameters = avatar.avatar.sequence.parameters[timestep_of(avatar, values)]
     expression, joints = parameters.expression.copy(), parameters.joints.copy()
     for name, value in values.items():
         kind, _, key = name.partition(":")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -14,11 +15,15 @@ from carigs.capture import Camera, Capture
 from carigs.capture.frame_index import read_ground_truth
 from carigs.capture.images import read_rgb
 from carigs.errors import InputError
+from carigs.head import HeadModel
 from carigs.library import HeadAvatar, orbit
+from carigs.motion import Motion
 from carigs.readers.json_files import json_field, read_json
+from carigs.viewer.controls import Control, controls_of
+from carigs.viewer.drives import drives_of
 from carigs.viewer.overlays import curvature_colours, flag_colours
 from carigs.viewer.scene import HeadScene
-from carigs.viewer.state import Control, Values, controls_of, is_level, region_levels, timestep_of
+from carigs.viewer.state import Values, is_level, region_levels, timestep_of
 
 IMAGES = 32
 """Captured images that are kept."""
@@ -36,7 +41,7 @@ class Subject:
 
     def __init__(
         self, avatar: HeadAvatar, second: HeadAvatar | None = None, capture: Capture | None = None,
-        truth: Path | None = None,
+        truth: Path | None = None, motions: Mapping[str, Motion] | None = None, driver: HeadModel | None = None,
     ) -> None:  # fmt: skip
         """Take avatars.
 
@@ -45,11 +50,15 @@ class Subject:
             second: Another one to compare it with.
             capture: Their capture.
             truth: Index of the ground truth at a level (truth.json).
+            motions: Motions that the avatars can show, besides the built-in ones, by name.
+            driver: Head model that the motions belong to, if names do not suffice.
 
         Raises:
             InputError: If the index cannot be read.
+            SettingsError: If a motion cannot be transferred.
         """
-        self.scenes = [HeadScene(one) for one in (avatar, second) if one is not None]
+        avatars = [one for one in (avatar, second) if one is not None]
+        self.scenes = [HeadScene(one, drives_of(one, motions or {}, driver)) for one in avatars]
         self.controls: tuple[Control, ...] = controls_of(avatar)
         self.capture, self.lock = capture, threading.RLock()
         self._truth_level, self._truth = 0.0, {}

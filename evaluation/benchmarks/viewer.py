@@ -12,10 +12,11 @@ from itertools import count
 
 import carigs
 from carigs.library import HeadAvatar
+from carigs.viewer.controls import controls_of
 from carigs.viewer.exact_mode import exact_image
 from carigs.viewer.scene import HeadScene
 from carigs.viewer.splat_records import splat_records
-from carigs.viewer.state import State, controls_of
+from carigs.viewer.state import State
 from evaluation.benchmarks.measurement.kernel_timing import num_threads
 from evaluation.benchmarks.measurement.timing import Measurement, cpu_seconds, median_time, write_measurements
 from evaluation.command_line import csv_parser, run

@@ -1,6 +1,7 @@
 """`carigs convert`: what goes in and out, and one line for everything else."""
 
 import json
+import warnings
 
 import numpy as np
 import pytest
@@ -8,8 +9,12 @@ import trimesh
 from avatars import CAMERA, ball_avatar
 from miniature import ball_model
 from ply_oracle import FLAVOURS, GAUSSIAN_AVATARS, parse_ply, write_random_ply
+from splat.formats.gltf_oracle import Gltf
 
 from carigs.cli.main import main as carigs
+from carigs.errors import CarigsWarning
+from carigs.library import HeadAvatar
+from carigs.motion import write_motion
 from carigs.splat.avatar import load_avatar, save_avatar
 
 
@@ -109,6 +114,32 @@ def test_levels_and_timesteps_reach_the_files_for_viewers(avatar, tmp_path):
         assert main(avatar, tmp_path / "a.splat", "--level", level, "--timestep", timestep) == 0
         contents.add((tmp_path / "a.splat").read_bytes())
     assert len(contents) == 3
+
+
+def test_files_for_viewers_have_the_level_of_the_avatar_unless_it_is_said(avatar, tmp_path, capsys):
+    sequence = load_avatar(avatar).sequence
+    for options, level in (((), 0.25), (("--level", 0), 0.0)):
+        assert main(avatar, tmp_path / "a.obj", *options) == 0
+        assert capsys.readouterr().out.rstrip().endswith(f", level {level:g}")
+        mesh = trimesh.load(tmp_path / "a.obj", process=False, maintain_order=True, force="mesh")
+        np.testing.assert_allclose(mesh.vertices, sequence.posed(0, level), atol=1e-6)
+        assert np.ptp(mesh.visual.vertex_colors[:, :3], axis=0).max() > 50  # the avatar's colours, not one grey
+
+
+def test_an_animated_head_has_the_motions_that_are_named(avatar, tmp_path, capsys):
+    own = tmp_path / "own.npz"
+    write_motion(own, HeadAvatar(load_avatar(avatar)).captured_motion(10))
+    for options, names in (((), ["captured"]), (("--motion", own, "--motion", "b=idle"), ["own", "b"])):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", CarigsWarning)  # a ball cannot blink
+            assert main(avatar, tmp_path / "a.glb", "--flavour", "animated", *options) == 0
+        gltf = Gltf(tmp_path / "a.glb")
+        assert [animation["name"] for animation in gltf.document["animations"]] == names
+        expected = load_avatar(avatar).sequence.posed(2, 0.25)
+        np.testing.assert_allclose(gltf.vertices(names[0], 2), expected, atol=1e-5)
+    capsys.readouterr()
+    assert main(avatar, tmp_path / "b.glb", "--flavour", "mesh", "--motion", "idle") == 1
+    assert "only --flavour animated has animations" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["a.obj", "a.ply", "a.glb"])

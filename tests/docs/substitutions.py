@@ -37,6 +37,8 @@ AVATAR = "results/toy/toy/gamma=0.25/alternating/seed=0/avatar.npz"
 PARTLY = (
     # document, command, what is added to it: why
     ("README.md", "carigs run\n", f"--target {AVATAR}"),  # docs/tutorials/toy.md makes the whole study
+    ("docs/tutorials/talk.md", "carigs run\n", f"--target {AVATAR}"),
+    ("docs/tutorials/other-programs.md", "carigs run\n", f"--target {AVATAR}"),
     ("README.md", "carigs run study=own", "--dry-run"),  # as docs/tutorials/own-capture.md does
     ("docs/tutorials/toy.md", "carigs run gamma=0.35", "--dry-run"),  # the same stages as the run before
     (
@@ -52,7 +54,11 @@ PARTLY = (
 )
 """Commands that do less here, to save time, because another document runs the same."""
 
-CONTINUED = (("docs/tutorials/toy.md", "carigs run\n", "README.md"),)
+CONTINUED = (
+    ("docs/tutorials/toy.md", "carigs run\n", "README.md"),
+    ("docs/tutorials/talk.md", "carigs run\n", "README.md"),
+    ("docs/tutorials/other-programs.md", "carigs run\n", "README.md"),
+)
 """Commands that find the results of a document that has run before, if it has: document, command, that document. The
 run of README.md makes the toy's avatar from nothing, and that of the tutorial makes the rest."""
 

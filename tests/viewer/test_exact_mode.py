@@ -8,6 +8,7 @@ from avatars import CAMERA, ball_avatar
 
 from carigs.capture import Camera, look_at
 from carigs.library import HeadAvatar
+from carigs.viewer.controls import controls_of
 from carigs.viewer.exact_mode import (
     Resolution,
     View,
@@ -20,7 +21,7 @@ from carigs.viewer.exact_mode import (
 )
 from carigs.viewer.scene import HeadScene
 from carigs.viewer.splat_records import SCENE_SCALE
-from carigs.viewer.state import State, controls_of
+from carigs.viewer.state import State
 
 WINDOW = View((0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 10.0), 0.6, 401, 275)
 

@@ -12,9 +12,10 @@ from carigs.capture.images import read_rgb
 from carigs.errors import SettingsError
 from carigs.library import HeadAvatar
 from carigs.viewer import exports
+from carigs.viewer.controls import controls_of
 from carigs.viewer.exports import FORMATS, Export, ExportFolder, write_export
 from carigs.viewer.scene import HeadScene
-from carigs.viewer.state import State, controls_of
+from carigs.viewer.state import State
 
 HOSTILE = (
     "../out", "/etc/passwd", "a/b", "..", ".hidden", "", "a\0b", "con:x", "a\\..\\b", "x" * 65, "a b", "é", "a\n",
@@ -67,7 +68,7 @@ def test_the_number_of_files_is_limited(tmp_path, monkeypatch):
 def test_geometry(tmp_path, scene, values, format):
     file = write_export(ExportFolder(tmp_path), scene, Export(format, "head", values, CAMERA), threading.Lock())
     assert file.suffix == FORMATS[format][0] and file.stat().st_size > 1000
-    if "mesh" in format:
+    if "mesh (" in format:
         mesh = trimesh.load(file, process=False, maintain_order=True, force="mesh")
         np.testing.assert_allclose(mesh.vertices, scene.vertices(values), atol=1e-6)
 
@@ -96,3 +97,8 @@ def test_clips(tmp_path, scene, values, monkeypatch, kind, count):
 def test_unknown_formats_are_refused(tmp_path, scene, values):
     with pytest.raises(SettingsError, match="format"):
         write_export(ExportFolder(tmp_path), scene, Export("../x", "head", values, CAMERA), threading.Lock())
+
+
+def test_the_page_is_written(tmp_path, scene, values):
+    file = write_export(ExportFolder(tmp_path), scene, Export("page (.html)", "head", values, CAMERA), threading.Lock())
+    assert file.name == "head.html" and "carigs" in file.read_text()

@@ -7,9 +7,10 @@ from avatars import CAMERA, ball_avatar
 from carigs.exaggeration import Caricature
 from carigs.head import pose, posed_changes
 from carigs.library import HeadAvatar
+from carigs.viewer.controls import controls_of
 from carigs.viewer.exact_mode import exact_image
 from carigs.viewer.scene import HeadScene
-from carigs.viewer.state import State, controls_of, parameters_of
+from carigs.viewer.state import State, parameters_of
 
 MOVED = {"level": 0.2, "frame": 2, "expression:1": 0.7, "jaw:x": 12.0, "neck:y": -20.0}
 

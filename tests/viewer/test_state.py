@@ -8,16 +8,8 @@ from hypothesis import strategies as st
 
 from carigs.errors import SettingsError
 from carigs.library import HeadAvatar
-from carigs.viewer.state import (
-    STEPS,
-    Control,
-    State,
-    controls_of,
-    parameters_of,
-    region_levels,
-    timestep_of,
-    without_exaggeration,
-)
+from carigs.viewer.controls import Control, controls_of
+from carigs.viewer.state import STEPS, State, parameters_of, region_levels, timestep_of, without_exaggeration
 
 CONTROLS = (
     Control("level", "gamma", "exaggeration", 0.0, 0.3, 0.01),

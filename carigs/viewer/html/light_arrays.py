@@ -8,12 +8,13 @@ lacks at the levels between, and what each region changes, is computed at the fi
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from carigs.exaggeration import Caricature, GammaPath
-from carigs.head import pose
+from carigs.head import HeadParameters, pose
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.viewer.html.low_rank import low_rank
 from carigs.viewer.html.packed_arrays import PackedArray, pack_exact, pack_integers, pack_steps
@@ -25,9 +26,18 @@ TOLERANCE = 0.006
 STEP = 0.004
 
 
+class Light(NamedTuple):
+    """Factors on the colours in the clip of the capture, in which those of other frames are expressed."""
+
+    mean: Float[np.ndarray, " m"]
+    basis: Float[np.ndarray, "r m"]
+    ends: tuple[Caricature | None, Caricature]
+    """The natural head, and that of the highest level."""
+
+
 def light_arrays(
     sequence: HeadSequence, timesteps: Sequence[int], regions: Mapping[str, GammaPath]
-) -> tuple[dict[str, Any], list[PackedArray]]:
+) -> tuple[dict[str, Any], list[PackedArray], Light | None]:
     """Pack the factors on the colours of the triangles.
 
     Args:
@@ -36,10 +46,11 @@ def light_arrays(
         regions: Path of each region that has a slider.
 
     Returns:
-        Numbers for the header of the page, and the arrays; none if colours do not follow the light.
+        Numbers for the header of the page, the arrays, and what other frames need; none of it if colours do not follow
+        the light.
     """
     if sequence.shading is None:
-        return {"lightLevels": []}, []
+        return {"lightLevels": []}, [], None
     levels = np.linspace(0, sequence.path.gamma_f, LEVELS)
     highest = sequence.path.at(sequence.path.gamma_f)
     ends = np.array([[_factors(sequence, t, caricature) for t in timesteps] for caricature in (None, highest)])
@@ -59,10 +70,26 @@ def light_arrays(
         caricature = Caricature(region.displacements[-1].astype(np.float64))
         change = _factors(sequence, timesteps[0], caricature) - ends[0, 0]
         arrays.append(pack_steps(f"light_region{i}", change, STEP))
-    return {"lightLevels": levels.tolist()}, arrays
+    light = Light(mean, found.basis.astype(np.float64), (None, highest))
+    return {"lightLevels": levels.tolist()}, arrays, light
 
 
 def _factors(sequence: HeadSequence, timestep: int, caricature: Caricature | None) -> np.ndarray:
-    """Factors on the colours of every triangle (3 f)."""
-    posed = pose(sequence.head, sequence.parameters[timestep], caricature)
+    return light_factors(sequence, sequence.parameters[timestep], caricature)
+
+
+def light_factors(
+    sequence: HeadSequence, parameters: HeadParameters, caricature: Caricature | None
+) -> Float[np.ndarray, " m"]:
+    """Factors on the colours of every triangle.
+
+    Args:
+        sequence: Head model and shading.
+        parameters: Head parameters.
+        caricature: Change of the head at a level; None for the natural one.
+
+    Returns:
+        Three factors for each triangle, one after the other.
+    """
+    posed = pose(sequence.head, parameters, caricature)
     return sequence.shade_of(posed).reshape(-1).astype(np.float64)

@@ -35,14 +35,33 @@ function makeControls(viewer) {
   });
   find("local").hidden = regions.length === 0;
   if (matchMedia("(min-width: 50rem)").matches) find("local").open = true;
-  const last = header.timesteps.length - 1;
-  const clip = slider(find("time"), "Timestep", { min: 0, max: last, step: 1, value: 0, text: (i) => header.timesteps[i] },
-    (value) => { viewer.pause(); viewer.move({ timestep: header.timesteps[value] }); });
-  find("clip").hidden = last === 0;
+  const time = (frame) => (state.clip === null ? header.timesteps[frame] : `${(frame / viewer.motion.fps).toFixed(2)} s`);
+  const clip = slider(find("time"), "Time", { min: 0, max: header.timesteps.length - 1, step: 1, value: 0, text: time },
+    (value) => { viewer.pause(); viewer.showFrame(value); });
+  const choice = find("motion");
+  ["as captured", ...header.clips.map((one) => one.name)].forEach((name, i) => choice.add(new Option(name, i - 1)));
+  choice.addEventListener("change", () => {
+    const playing = viewer.playing || Number(choice.value) >= 0, at = Number(choice.value);
+    viewer.pause();
+    viewer.set(at < 0 ? { timestep: header.timesteps[state.place] } : { clip: header.clips[at].name, frame: 0 }).then(() => playing && viewer.play());
+  });
+  find("choice").hidden = header.clips.length === 0;
+  const faces = header.sliders.map(({ name, low, high }) => [name, { min: low, max: high, step: (high - low) / 100, text: (value) => value.toFixed(2) }]);
+  const turns = header.turning.map(({ name, degrees }) => [name, { min: name === "jaw" ? 0 : -degrees, max: degrees, step: 1, text: (value) => `${value.toFixed(0)}°` }]);
+  const drive = [...faces, ...turns].map(([name, range]) => [name,
+    slider(find("expressions"), name, { ...range, value: 0 }, (value) => viewer.move({ drive: { [name]: value } }))]);
+  find("face").hidden = drive.length === 0;
+  const grey = Math.round(255 * header.background).toString(16).padStart(2, "0");
+  find("background").value = `#${grey}${grey}${grey}`;
+  find("background").addEventListener("input", () => viewer.set({ background: find("background").value }));
   viewer.onChange = () => {
     level.set(state.level);
     state.regions.forEach((value, i) => regions[i].set(value));
-    clip.set(state.place);
+    clip.input.max = viewer.motion.count - 1;
+    clip.set(viewer.shownFrame);
+    find("clip").hidden = viewer.motion.count === 1;
+    choice.value = state.clip === null ? -1 : state.clip;
+    drive.forEach(([name, one]) => one.set(state.drive[name] || 0));
     find("hint").classList.toggle("unseen", Math.abs(state.level) <= Math.abs(gamma) * 1.0001);
     find("play").setAttribute("aria-pressed", viewer.playing);
     find("play").textContent = viewer.playing ? "Pause" : "Play";
@@ -51,6 +70,9 @@ function makeControls(viewer) {
   find("play").addEventListener("click", () => (viewer.playing ? viewer.pause() : viewer.play()));
   find("reset").addEventListener("click", () => viewer.reset());
   find("save").addEventListener("click", () => viewer.save());
+  find("toggle").addEventListener("click", () => viewer.toggle());
+  find("record").addEventListener("click", () => viewer.record());
+  find("record").hidden = typeof MediaRecorder === "undefined";
 }
 
 /** Turn with one pointer, zoom with two, the wheel or + and -; arrows turn, too. */

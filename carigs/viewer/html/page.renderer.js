@@ -6,7 +6,7 @@ const TEXELS = 4, PER_ROW = 512, FLOATS_OF_ROW = 4 * TEXELS * PER_ROW;
 class Renderer {
   constructor(gl, count, background, shaders) {
     this.gl = gl;
-    this.background = background;
+    this.background = [background, background, background];
     this.rows = Math.max(Math.ceil(count / PER_ROW), 1);
     // Eight bits would round once per surfel.
     this.halfFloats = Boolean(gl.getExtension("EXT_color_buffer_float") || gl.getExtension("EXT_color_buffer_half_float"));
@@ -68,7 +68,7 @@ class Renderer {
     const { gl, surfels, background } = this;
     gl.bindFramebuffer(gl.FRAMEBUFFER, target.framebuffer);
     gl.viewport(0, 0, target.width, target.height);
-    gl.clearColor(background, background, background, 1);
+    gl.clearColor(...background, 1);
     gl.clear(gl.COLOR_BUFFER_BIT);
     gl.useProgram(surfels.program);
     gl.enable(gl.BLEND);

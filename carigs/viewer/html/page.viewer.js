@@ -3,8 +3,9 @@
 //
 // For scripts and tests there is `window.carigs`:
 //   await carigs.ready                 the first image is drawn
-//   await carigs.set({level, regions: {nose: 0.1}, timestep, azimuth, elevation, zoom})   drawn when it resolves
-//   await carigs.image({level, regions, timestep, camera})   data URL (PNG) of a pinhole camera, {rows, fx, fy, cx, cy,
+//   await carigs.set({level, regions: {nose: 0.1}, timestep, clip: "talk", frame, drive: {smile: 0.5}, background: "#203040",
+//                     azimuth, elevation, zoom})   drawn when it resolves; clip null is the capture
+//   await carigs.image({level, regions, timestep, clip, frame, drive, camera})   data URL (PNG) of a pinhole camera, {rows, fx, fy, cx, cy,
 //                                      width, height} with the first three rows of camera_from_world; without a camera
 //                                      the window's
 //   carigs.times                       milliseconds that the worker took for the last surfels, by part
@@ -14,7 +15,7 @@ class Viewer {
   constructor(header, worker, renderer, canvas) {
     Object.assign(this, { header, worker, renderer, canvas, playing: false, onChange: () => {} });
     this.state = {
-      level: header.firstLevel, regions: header.regions.map(() => 0), place: 0, orbit: { azimuth: 0, elevation: 0, zoom: 1 },
+      level: header.firstLevel, regions: header.regions.map(() => 0), place: 0, clip: null, frame: 0, drive: {}, orbit: { azimuth: 0, elevation: 0, zoom: 1 },
     };
     this.answers = new Map();
     this.spare = null;  // a buffer that goes to and fro
@@ -36,14 +37,26 @@ class Viewer {
     const id = ++this.number, buffer = this.spare;
     this.spare = null;
     const request = {
-      id, place: state.place, level: state.level, regions: state.regions, eye: eyeOf(camera), away: camera.rows.slice(8, 12),
+      id, place: state.place, clip: state.clip, frame: state.frame, ...this.driven(state.drive), level: state.level, regions: state.regions, eye: eyeOf(camera), away: camera.rows.slice(8, 12),
       buffer, room: this.renderer.rows * PER_ROW,
     };
     this.worker.postMessage(request, buffer ? [buffer] : []);
     return new Promise((resolve) => this.answers.set(id, resolve));
   }
 
-  /** Change the state {level, regions, timestep, azimuth, elevation, zoom}; resolves when it is drawn. */
+  /** Amounts of the columns, and turns of the joints, of the sliders' values. */
+  driven(drive) {
+    const { header } = this, amounts = new Array(header.columns).fill(0), turns = new Array(3 * header.joints).fill(0);
+    for (const { name, columns } of header.sliders) {
+      for (const [column, weight] of columns) amounts[column] += weight * (drive[name] || 0);
+    }
+    for (const { name, joints, axis } of header.turning) {
+      for (const joint of joints) turns[3 * joint + axis] += ((drive[name] || 0) * Math.PI) / 180;
+    }
+    return { amounts, turns };
+  }
+
+  /** Change the state {level, regions, timestep, clip, frame, drive, azimuth, elevation, zoom}; resolves when it is drawn. */
   set(change) {
     this.moved = -Infinity;
     return this.change(change);
@@ -57,18 +70,31 @@ class Viewer {
 
   change(change) {
     this.state = Object.assign(this.state, this.changed(change));
+    if (change.background !== undefined) {
+      this.renderer.background = [1, 3, 5].map((at) => parseInt(change.background.slice(at, at + 2), 16) / 255);
+      document.body.classList.toggle("dark", this.renderer.background.reduce((a, b) => a + b) < 1.5);
+    }
     for (const name of ["azimuth", "elevation", "zoom"]) if (change[name] !== undefined) this.state.orbit[name] = Number(change[name]);
     this.onChange();
     return this.redraw();
   }
 
-  /** Level, regions and place of a change; what it does not name stays. */
-  changed({ level = this.state.level, regions = {}, timestep }) {
+  /** Level, regions, place, clip, frame and sliders of a change; what it does not name stays. */
+  changed({ level = this.state.level, regions = {}, timestep, clip, frame, drive = {} }) {
     const place = timestep === undefined ? this.state.place : this.header.timesteps.indexOf(timestep);
     if (place < 0) throw new Error(`timestep ${timestep} is not in the clip`);
     const names = this.header.regions.map((region) => region.name);
     for (const name of Object.keys(regions)) if (!names.includes(name)) throw new Error(`there is no slider ${name}`);
-    return { level: Number(level), regions: names.map((name, i) => Number(regions[name] ?? this.state.regions[i])), place };
+    let at = this.state.clip;
+    if (timestep !== undefined) at = null;
+    if (clip !== undefined) at = clip === null ? null : this.header.clips.findIndex((one) => one.name === clip);
+    if (at === -1) throw new Error(`there is no clip ${clip}`);
+    const last = at === null ? 0 : this.header.clips[at].frames - 1;
+    const shown = frame === undefined ? (at === this.state.clip ? this.state.frame : 0) : Math.min(Math.max(Math.floor(frame), 0), last);
+    const known = [...this.header.sliders, ...this.header.turning].map((one) => one.name);
+    for (const name of Object.keys(drive)) if (!known.includes(name)) throw new Error(`there is no slider ${name}`);
+    const moved = { clip: at, frame: Math.min(shown, last), drive: { ...this.state.drive, ...drive } };
+    return { ...moved, level: Number(level), regions: names.map((name, i) => Number(regions[name] ?? this.state.regions[i])), place };
   }
 
   /** Draw the state; while it is being drawn, calls join the next drawing. */
@@ -108,7 +134,7 @@ class Viewer {
   adapt(start) {
     this.renderer.finish();
     const took = performance.now() - start;
-    if (took > 45) this.quality = Math.max(this.quality * 0.8, 0.35);
+    if (took > 45) this.quality = Math.max(this.quality * 0.8, 0.5);
     else if (took < 15) this.quality = Math.min(this.quality * 1.1, 1);
   }
 
@@ -127,37 +153,91 @@ class Viewer {
     return canvas.toDataURL("image/png");
   }
 
-  play() {
+  /** Frames, frames per second and sound of what is played: the capture or a clip. */
+  get motion() {
+    const { header, state } = this, clip = state.clip === null ? null : header.clips[state.clip];
+    if (!clip) return { count: header.timesteps.length, fps: header.fps, sound: null };
+    const sound = clip.sound ? find("sounds").querySelector(`[data-clip="${CSS.escape(clip.name)}"]`) : null;
+    return { count: clip.frames, fps: clip.fps, sound };
+  }
+
+  /** Show a frame of the capture or of the clip. */
+  showFrame(frame) {
+    return this.move(this.state.clip === null ? { timestep: this.header.timesteps[frame] } : { frame });
+  }
+
+  get shownFrame() {
+    return this.state.clip === null ? this.state.place : this.state.frame;
+  }
+
+  async play() {
+    const motion = this.motion, { count, fps, sound } = motion;
     this.playing = true;
-    const start = performance.now() - (1000 * this.state.place) / this.header.fps, count = this.header.timesteps.length;
+    this.onChange();
+    if (sound) {
+      sound.currentTime = this.shownFrame / fps;
+      await sound.play().catch(() => {});  // browsers may refuse sound that nobody has clicked for
+    }
+    const start = performance.now() - (1000 * this.shownFrame) / fps, { clip } = this.state;
     const step = async () => {
-      if (!this.playing) return;
-      const place = Math.floor(((performance.now() - start) * this.header.fps) / 1000) % count;
-      if (place !== this.state.place) await this.move({ timestep: this.header.timesteps[place] });
+      if (!this.playing || this.state.clip !== clip) return sound && sound.pause();
+      const heard = sound && !sound.paused && !sound.ended, seconds = heard ? sound.currentTime : (performance.now() - start) / 1000;
+      const frame = Math.floor(seconds * fps) % count;
+      if (heard && seconds * fps >= count) sound.currentTime = 0;
+      if (frame !== this.shownFrame) await this.showFrame(frame);
       requestAnimationFrame(step);
     };
     step();
-    this.onChange();
   }
 
   pause() {
     if (!this.playing) return;
     this.playing = false;
+    const { sound } = this.motion;
+    if (sound) sound.pause();
     this.set({});
+  }
+
+  /** The natural head, or the caricature that was shown before. */
+  toggle() {
+    if (this.state.level) this.caricature = this.state.level;
+    const top = this.header.levels[this.header.levels.length - 1];
+    return this.set({ level: this.state.level ? 0 : this.caricature || this.header.firstLevel || top });
   }
 
   reset() {
     this.pause();
     const regions = Object.fromEntries(this.header.regions.map((region) => [region.name, 0]));
-    return this.set({ level: this.header.firstLevel, regions, timestep: this.header.timesteps[0], azimuth: 0, elevation: 0, zoom: 1 });
+    const drive = Object.fromEntries([...this.header.sliders, ...this.header.turning].map(({ name }) => [name, 0]));
+    return this.set({
+      level: this.header.firstLevel, regions, drive, timestep: this.header.timesteps[0], azimuth: 0, elevation: 0, zoom: 1,
+    });
+  }
+
+  /** Play once from the start and save what is seen as a video. */
+  async record() {
+    this.pause();
+    const { count, fps } = this.motion, stream = this.canvas.captureStream(30);
+    const recorder = new MediaRecorder(stream, { videoBitsPerSecond: 8e6 }), parts = [];
+    recorder.ondataavailable = ({ data }) => parts.push(data);
+    const ended = new Promise((resolve) => { recorder.onstop = resolve; });
+    await this.showFrame(0);
+    recorder.start();
+    this.play();
+    setTimeout(() => { this.pause(); recorder.stop(); }, (1000 * count) / fps);
+    await ended;
+    const address = URL.createObjectURL(new Blob(parts, { type: recorder.mimeType }));
+    download(address, `${document.title}.${recorder.mimeType.includes("mp4") ? "mp4" : "webm"}`);
+    setTimeout(() => URL.revokeObjectURL(address), 60000);
   }
 
   async save() {
-    const link = document.createElement("a");
-    link.href = await this.image();
-    link.download = `${document.title}.png`;
-    link.click();
+    download(await this.image(), `${document.title}.png`);
   }
+}
+
+function download(address, name) {
+  Object.assign(document.createElement("a"), { href: address, download: name }).click();
 }
 
 /** Until the window is painted next; in a hidden window, which is not painted, a moment. */

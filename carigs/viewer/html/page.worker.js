@@ -3,20 +3,21 @@
 
 let head, rig, surfels, posedState = "", litState = "";
 
-/** Surfels for a request {place, level, regions, eye, away}, farthest first, in `request.buffer` if it is given. */
+/** Surfels for a request {place, clip, frame, amounts, turns, level, regions, eye, away}, farthest first, in `request.buffer` if it is given. */
 function answer(request) {
   const times = {}, start = performance.now();
   let last = start;
   const lap = (name) => { const now = performance.now(); times[name] = now - last; last = now; };
-  const state = JSON.stringify([request.place, request.level, request.regions]);
+  const { place, clip, frame, amounts, turns, level, regions } = request;
+  const state = JSON.stringify([clip === null ? place : null, clip, frame, amounts, turns, level, regions]);
   if (state !== posedState) {
-    const posed = head.pose(request.place, request.level, request.regions);
+    const posed = head.pose(request);
     lap("pose");
     rig.move(posed);
     lap("motion");
     surfels.skin();
     lap("skinning");
-    head.lit(request.place, request.level, request.regions);
+    head.lit(request);
     lap("light");
     posedState = state;
   }

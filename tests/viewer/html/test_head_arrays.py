@@ -74,7 +74,7 @@ def test_sums_of_rows_are_the_head_before_its_joints_turn(sequence, region, plac
 def test_the_light_is_exact_where_it_was_computed(sequence, region):
     """At both ends at every timestep, and at all levels at the first; of a region at its end."""
     timesteps = [0, 1, 2]
-    header, packed = light_arrays(sequence, timesteps, {"upper": region})
+    header, packed, _ = light_arrays(sequence, timesteps, {"upper": region})
     arrays = unpacked(*deflated(packed))
     rows = arrays["light_coefficients"] @ arrays["light_basis"].T
     mean = arrays["light_mean"].ravel()
@@ -97,4 +97,4 @@ def test_the_light_is_exact_where_it_was_computed(sequence, region):
 
 def test_without_light_there_is_nothing_to_pack(sequence, region):
     dark = ball_sequence(lit=False)
-    assert light_arrays(dark, [0], {"upper": region}) == ({"lightLevels": []}, [])
+    assert light_arrays(dark, [0], {"upper": region}) == ({"lightLevels": []}, [], None)
