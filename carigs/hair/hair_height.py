@@ -2,8 +2,9 @@
 
 The hull of few views has corners far from the head, which no view shows to be empty. A view that looks along the
 surface of the head shows where the hair above a triangle ends: there the hull above it ends for the first time. Above
-the other triangles of the scalp hair is as high as around them. Above ears and skin such views meet hair or clothes
-that hang elsewhere, so that the height above them is that of the scalp around, down to none above bare skin.
+the other triangles of the scalp hair is as high as around them. Above ears such views meet hair or clothes that hang
+elsewhere, so that the height beside the scalp is at most that of the scalp around, down to none above bare skin; a
+beard is lower.
 """
 
 from __future__ import annotations
@@ -47,19 +48,18 @@ def hair_heights(
     corners = np.asarray(canonical, np.float64)[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    centre, some = corners.mean(axis=1), np.flatnonzero(scalp)
-    height, ends = _first_end(views, centre[some], normal[some])
-    known = ends & looked_across(centre[some] + FINE * normal[some], normal[some], [view[:2] for view in views])
-    heights, is_known = np.zeros(len(faces)), bare & ~scalp
-    if known.any():
-        usual = np.quantile(height[known], USUAL)
-        heights[some[known]] = np.minimum(height[known], usual)
-        is_known[some[known]] = True
-    else:
-        heights[some], is_known[some] = UNMEASURED, True
-    beside = faces_beside(faces)
-    heights = harmonic_faces(heights, is_known, beside)
-    return np.maximum(heights, beside.multiply(heights[None]).max(axis=1).toarray().ravel())
+    centre, some, beside = corners.mean(axis=1), np.flatnonzero(scalp | ~bare), faces_beside(faces)
+    end, ends = np.zeros(len(faces)), np.zeros(len(faces), bool)
+    end[some], ends[some] = _first_end(views, centre[some], normal[some])
+    ends &= looked_across(centre + FINE * normal, normal, [view[:2] for view in views])
+    measured, bare = ends & scalp, bare & ~scalp
+    usual = np.quantile(end[measured], USUAL) if measured.any() else UNMEASURED
+    known = measured | bare if measured.any() else scalp | bare
+    height = harmonic_faces(np.where(bare, 0, np.where(measured, np.minimum(end, usual), usual)), known, beside)
+    lower = ends & ~known
+    height[lower] = np.minimum(end, height)[lower]
+    height = harmonic_faces(height, known | lower, beside)
+    return np.maximum(height, beside.multiply(height[None]).max(axis=1).toarray().ravel())
 
 
 def _first_end(
