@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Float32, Int
 from scipy.ndimage import binary_closing, distance_transform_edt
 
 from carigs.hair.hull import FINE, HullView, Voxels, hull_views, opacities, visual_hull
-from carigs.hair.views import HairView
+from carigs.hair.views import HairView, some_views
 from carigs.hair.visible_voxels import visible_shares
 from carigs.head.neck_border import NeckBorder
 
@@ -66,7 +66,6 @@ def carve_body(
     border: NeckBorder,
     canonical: Float[np.ndarray, "v 3"],
     faces: Int[np.ndarray, "f 3"],
-    stride: int = 1,
 ) -> Body:
     """Find the space that the body fills.
 
@@ -75,7 +74,6 @@ def carve_body(
         border: The border of the neck.
         canonical: Vertices of the neutral head in metres.
         faces: Vertex indices of its triangles.
-        stride: Every such view tells what is visible.
 
     Returns:
         The body; without voxels if no view shows one.
@@ -89,7 +87,7 @@ def carve_body(
         kept[kept] = _within_rounded(centres[kept], canonical, border.centre[2])
     volume = Voxels(centres[kept].astype(np.float32), opacity[kept].astype(np.float32), FINE)
     carrier = np.unique(faces[border.carriers])
-    return Body(volume, visible_shares(volume, views[::stride], canonical, carrier).astype(np.float32))
+    return Body(volume, visible_shares(volume, some_views(views), canonical, carrier).astype(np.float32))
 
 
 def _looks(

@@ -16,7 +16,7 @@ from carigs.hair.covered_faces import covered_faces
 from carigs.hair.hull import Voxels
 from carigs.hair.labels import CLASS_ORDERS, read_covering
 from carigs.hair.strands import Strands, strand_directions
-from carigs.hair.views import read_views
+from carigs.hair.views import read_views, some_views
 from carigs.hair.visible_voxels import visible_shares
 from carigs.hair.volume import below_hair, carve_hair
 from carigs.head import neutral
@@ -34,8 +34,6 @@ CLEAN_TEXTURE = 0.015
 """Texture of a triangle, see `Covering`, up to which its colours are those of the skin."""
 HAIRY_SHARE = 0.1
 """A head is bald if something covers at most this share of its scalp."""
-VIEW_STRIDE = 4
-"""Every fourth view is used to find the voxels that are visible; neighbouring views see nearly the same ones."""
 
 
 @dataclass(frozen=True)
@@ -142,8 +140,8 @@ def find_hair(settings: Hair, capture: Capture, map_timesteps: Callable[..., Ite
     if border is not None and not shows_body(views, border, canonical, model.faces):
         border = None
     volume = carve_hair(views, covering, scalp, canonical, model.faces, TEXTURE_LIMIT, border)
-    body = None if border is None else carve_body(views, border, canonical, model.faces, VIEW_STRIDE)
-    some, carrier = views[::VIEW_STRIDE], np.unique(model.faces[scalp])
+    body = None if border is None else carve_body(views, border, canonical, model.faces)
+    some, carrier = some_views(views), np.unique(model.faces[scalp])
     visible = visible_shares(volume, some, canonical, carrier).astype(np.float32)
     strands = strand_directions(volume, some, canonical, carrier)
     # Stubble moves against the mesh like strands that hang over skin, but it is the skin that frames show.

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from carigs.capture.splits import ENOUGH_CAMERAS
 from carigs.hair.harmonic_faces import faces_beside, harmonic_faces
 from carigs.raster import Visibility
 
@@ -23,9 +22,6 @@ SLACK = 1.25
 """Reach that is allowed where it is interpolated, over the interpolated one."""
 SHORT = 0.02
 """Metres up to which hair is never cut: where few views see outlines, short hair is hardly measured."""
-USUAL = 0.95
-"""Share of the measured points that are nearer to the head than hair may reach that no view measures, before few
-cameras."""
 RINGS = 3
 """Rings of triangles that a reach is taken from, because a voxel has only one nearest triangle."""
 
@@ -56,29 +52,35 @@ def within_measured_reach(
     """
     distance = np.linalg.norm(points - closest, axis=1)
     away = (points - closest) / np.maximum(distance, 1e-9)[:, None]
-    measured = _measured(points, away, views)
+    measured = looked_across(points, away, views)
     corners = vertices[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    known = _measured(corners.mean(axis=1) + size * normal, normal, views)
+    known = looked_across(corners.mean(axis=1) + size * normal, normal, views)
     reach = np.zeros(len(faces))
     np.maximum.at(reach, nearest[measured], distance[measured])
     beside = faces_beside(faces)
     for _ in range(RINGS):
         reach = np.maximum(reach, beside.multiply(reach[None]).max(axis=1).toarray().ravel())
     reach = harmonic_faces(reach, known, beside)
-    if measured.any() and len({tuple(seen.camera.centre.round(2)) for _, seen in views}) < ENOUGH_CAMERAS:
-        # The hull of few views is open: it also has points before a shirt, which views across it measure.
-        reach = np.minimum(reach, np.quantile(distance[measured], USUAL))
     return measured | (distance <= np.maximum(SLACK * reach[nearest] + size, SHORT))
 
 
-def _measured(
+def looked_across(
     points: Float[np.ndarray, "n 3"],
     away: Float[np.ndarray, "n 3"],
     views: Sequence[tuple[Float[np.ndarray, "3 4"], Visibility]],
 ) -> Bool[np.ndarray, " n"]:
-    """Whether a view shows a point, and looks across the direction that leads away from the head there."""
+    """Find the points whose distance from the head a view shows.
+
+    Args:
+        points: Points in the axes of the head, in metres.
+        away: Directions from the head to them.
+        views: Camera axes from the axes of the head, and what the camera sees of the head.
+
+    Returns:
+        True for those that a view shows, in front of the head, and looks at across that direction.
+    """
     found = np.zeros(len(points), bool)
     for transform, seen in views:
         camera = seen.camera

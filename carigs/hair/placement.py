@@ -24,6 +24,7 @@ def place_in_hair(
     faces: Int[np.ndarray, "f 3"],
     count: int,
     rng: np.random.Generator,
+    least_visible: float = 0.0,
 ) -> CarriedPoints:
     """Draw points of the hair, more where it is dense and more views see it.
 
@@ -36,11 +37,12 @@ def place_in_hair(
         faces: Vertex indices of the triangles.
         count: Number of points.
         rng: Draws them.
+        least_visible: Share of the views for voxels that fewer see, so that the inside of the hair has points, too.
 
     Returns:
         The points, each carried by the nearest triangle of the scalp, with axes along the strand and across it.
     """
-    weight = volume.opacity * np.sqrt(visible)
+    weight = volume.opacity * np.sqrt(np.maximum(visible, least_visible))
     chosen, position, spacing = draw_points(volume.centres, volume.size, weight, count, rng)
     face = nearest_triangles(position, np.flatnonzero(scalp), canonical, faces)
     along, facing = strands.direction[chosen], strands.facing[chosen]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from math import gcd
 from typing import NamedTuple
 
 import cv2
@@ -19,6 +20,8 @@ from carigs.raster.open_mouth import between_lips
 
 TIMESTEPS, CAMERAS = 9, 16
 """Most timesteps, and most cameras at each, evenly spread."""
+QUARTER = 4
+"""Least stride of `some_views`."""
 VIEWS = 36
 """Views for which more timesteps are read where there are few cameras: a head that turns shows more of its outline."""
 MIN_DEPTH = 0.05
@@ -64,6 +67,21 @@ def read_views(
         evenly_spread([frame for frame in frames if frame.timestep == timestep], CAMERAS) for timestep in timesteps
     ]
     return [view for views in map_timesteps(lambda group: _read(capture, group, read_labels), groups) for view in views]
+
+
+def some_views(views: Sequence[HairView]) -> list[HairView]:
+    """Take about a quarter of the views, of all cameras: neighbouring views see nearly the same.
+
+    Args:
+        views: The cameras of one timestep after the other, as `read_views` returns them.
+
+    Returns:
+        Every n-th view, where n has no factor in common with the number of cameras: otherwise the views would be those
+        of a part of them.
+    """
+    cameras = len({view.visibility.camera.camera_from_world.tobytes() for view in views})
+    stride = next(n for n in range(QUARTER, QUARTER + cameras + 1) if gcd(n, cameras) == 1)
+    return list(views[::stride])
 
 
 def scalp_motion(

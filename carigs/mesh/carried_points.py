@@ -22,6 +22,8 @@ class CarriedPoints(NamedTuple):
     """Unit vectors along both axes of a disc at the point."""
     elongation: Float[np.ndarray, " n"]
     """Length of this disc along the first axis over that along the second."""
+    opacity: float = 0.2
+    """Of these discs at the start of a training."""
 
 
 def nearest_triangles(

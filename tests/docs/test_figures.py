@@ -61,6 +61,9 @@ MEASUREMENTS = {
     "regions": Measurement((), (MODEL,), SECTION),
     "embedding": Measurement((), ("ict_s7", MODEL, "real"), SECTION),
     "exposure": Measurement((), ("ict_s1", "ict_s7", MODEL), SECTION),
+    "hulls": Measurement(
+        (), ("ict_s1", "ict_s7", MODEL), "python -m evaluation.benchmarks.few_cameras FILE.csv DATASET HEAD_MODEL"
+    ),
     "outlines": Measurement((), ("ict_s1", "ict_s7", MODEL), SECTION),
     "tests": Measurement((), (), SECTION),
 }

@@ -21,7 +21,7 @@ from carigs.splat.training.initial_surfels.body_surfels import prepare_body
 from carigs.splat.training.initial_surfels.hair_surfels import HairSurfels, keep_size_of_brows, prepare_hair
 from carigs.splat.training.initial_surfels.mouth_surfels import prepare_mouth
 from carigs.splat.training.initial_surfels.unseen_skin import UnseenSkin, find_unseen_skin
-from carigs.splat.training.initial_surfels.view_spread import same_from_all_sides
+from carigs.splat.training.initial_surfels.view_spread import are_far_apart, same_from_all_sides
 from carigs.splat.training.supervision import Supervision
 
 
@@ -82,7 +82,9 @@ def prepare_subject(
     if hair is not None and sequence.shading is not None:
         rig, extinction = sequence.rig, sequence.shading.extinction
         sequence.hair_shadow = hair_shadow(hair, scalp, rig.vertices, rig.faces, extinction)
-    hair_surfels = None if hair is None else prepare_hair(hair, scalp, sequence, settings, kept)
+    hair_surfels = None
+    if hair is not None:
+        hair_surfels = prepare_hair(hair, scalp, sequence, settings, kept, are_far_apart(capture, sequence))
     mouth = prepare_mouth(capture, sequence, settings)
     body = None if hair is None else prepare_body(hair, sequence, settings)
     if body is not None and hair_surfels is not None:

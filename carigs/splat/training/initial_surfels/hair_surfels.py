@@ -20,6 +20,8 @@ COVERED_POSITION, COVERED_SCALE = 1.0, 0.8
 """Largest distance from its triangle, and largest standard deviation, of a surfel on covered skin, in units of k."""
 HIDDEN_OPACITY = 0.95
 """Opacity of hidden skin: where the caricature moves it out of the hair, it is seen."""
+INSIDE, OPAQUE = 0.04, 0.7
+"""Share of the views that counts for hair that none sees, and initial opacity, where views are far apart."""
 FADING_STEPS, FADING = 50, 1.0
 """Steps after which surfels of hair over bare skin lose this much of the logit of their opacity."""
 
@@ -115,8 +117,12 @@ def prepare_hair(
     sequence: HeadSequence,
     settings: Train,
     kept: Bool[np.ndarray, " f"] | None = None,
+    is_between: bool = False,
 ) -> HairSurfels | None:
     """Draw points inside the hair, and let the scalp move smoothly.
+
+    Each view trains the hair that it sees, before a scalp of the same colour that hides how transparent it is. Views
+    in between look past this scalp, through both layers. Where views are far apart, hair is filled and starts opaque.
 
     Args:
         found: The hair.
@@ -125,6 +131,7 @@ def prepare_hair(
         settings: Number of points over the number of triangles of the scalp (`hair_layers`), whether hair grows with
             the scalp (`hair_grows`), and the seed of the points.
         kept: Triangles that the training leaves as they are, which carry no hair; None if there are none.
+        is_between: Whether the avatar will be seen from between views that are far apart.
 
     Returns:
         The hair; None if the head has none.
@@ -135,7 +142,10 @@ def prepare_hair(
         return None
     rng = np.random.default_rng([settings.seed, 1])
     vertices, faces = sequence.rig.vertices, sequence.rig.faces
-    points = place_in_hair(found.volume, found.visible, found.strands, scalp, vertices, faces, count, rng)
+    least = INSIDE if is_between else 0.0
+    points = place_in_hair(found.volume, found.visible, found.strands, scalp, vertices, faces, count, rng, least)
+    if is_between:
+        points = points._replace(opacity=OPAQUE)
     reach = hair_reach(points, scalp, vertices, faces)
     sequence.smooth = SmoothMotion(sequence.rig, scalp, settings.hair_grows, share_of_average(reach))
     if kept is not None:

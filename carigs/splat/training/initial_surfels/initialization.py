@@ -27,8 +27,6 @@ from carigs.splat.training.supervision import Supervision
 
 COLOUR_FRAMES = 32
 """Training frames from which the initial colours are sampled."""
-SPACE_OPACITY = 0.2
-"""Initial opacity of the surfels inside hair, mouth and body."""
 SPACE_SCALE, SPACE_SCALE_LIMITS = 0.4, (0.0005, 0.003)
 """Standard deviation of surfels beside the mesh over the distance of their neighbours, and its limits in metres."""
 
@@ -83,7 +81,8 @@ def initial_surfels(
         if hair is not None:
             height = unseen.height_of_hair(hair.reach) / np.maximum(sequence.rig.scale, 1e-9)
             position[kept, 2] += height[binding[kept]]
-    opacity[len(opacity) - sum(len(each.face) for each in points) :] = SPACE_OPACITY
+    inside = [np.full(len(each.face), each.opacity) for each in points]
+    opacity[len(opacity) - sum(map(len, inside)) :] = np.concatenate([np.zeros(0), *inside])
     return flat_discs(*placed[:3], opacity, rgb, settings.sh_degree, placed.rotation)
 
 

@@ -37,21 +37,35 @@ def same_from_all_sides(
         scalp: Triangles that carry hair, which views show from more sides than the triangles.
 
     Returns:
-        True for all if the views are far from each other (`largest_gap`). Else for those that views show from nearly
+        True for all if the views are far apart (`are_far_apart`). Else for those that views show from nearly
         the same side, or not at all: of the body, and before a few cameras of all that carries no hair. Many cameras
         show highlights on eyes and teeth from the sides that count, and before one camera the head turns in the light.
     """
     frames = capture.split("train")
     looks = [_directions(sequence, capture, frame) for frame in evenly_spread(frames, VIEWS)]
     towards, shown = (np.array(values) for values in zip(*looks, strict=True))
-    from_head = towards.mean(axis=1)
-    if largest_gap(from_head / np.linalg.norm(from_head, axis=1, keepdims=True)) > WIDE:
+    if are_far_apart(capture, sequence):
         return np.ones(len(scalp), bool)
     body = np.zeros(len(scalp), bool) if sequence.solids is None else sequence.solids.solids == Solid.BODY
     shown |= body  # its surfels stand beside its triangles, which may be hidden
     narrow = seen_from_one_side(np.where(shown[..., None], towards, np.nan))
     few = 1 < len({frame.camera for frame in frames}) < ENOUGH_CAMERAS
     return narrow & (~scalp if few else body)
+
+
+def are_far_apart(capture: Capture, sequence: HeadSequence) -> bool:
+    """Whether training views leave a gap of more than `WIDE` between them.
+
+    Args:
+        capture: The capture.
+        sequence: The subject.
+
+    Returns:
+        False for one view.
+    """
+    frames = evenly_spread(capture.split("train"), VIEWS)
+    from_head = np.array([_towards(sequence, capture, frame).mean(axis=0) for frame in frames])
+    return largest_gap(from_head / np.linalg.norm(from_head, axis=1, keepdims=True)) > WIDE
 
 
 def largest_gap(directions: Float[np.ndarray, "n 3"]) -> float:
@@ -93,9 +107,15 @@ def _directions(
     sequence: HeadSequence, capture: Capture, frame: Frame
 ) -> tuple[Float[np.ndarray, "f 3"], Bool[np.ndarray, " f"]]:
     """Directions from the triangles to a camera, in the axes of the canonical head, and which triangles it sees."""
-    camera, motion = capture.camera(frame), sequence.motion(frame.timestep, 0.0)
-    away = camera.centre - motion.centre
+    shown = np.zeros(len(sequence.rig.faces), bool)
+    posed, camera = sequence.posed(frame.timestep, 0.0), capture.camera(frame)
+    shown[seen_triangles(posed, sequence.rig.faces, camera).index] = True
+    return _towards(sequence, capture, frame), shown
+
+
+def _towards(sequence: HeadSequence, capture: Capture, frame: Frame) -> Float[np.ndarray, "f 3"]:
+    """Directions from the triangles to a camera, in the axes of the canonical head."""
+    motion = sequence.motion(frame.timestep, 0.0)
+    away = capture.camera(frame).centre - motion.centre
     away /= np.linalg.norm(away, axis=1, keepdims=True)
-    shown = np.zeros(len(away), bool)
-    shown[seen_triangles(sequence.posed(frame.timestep, 0.0), sequence.rig.faces, camera).index] = True
-    return np.einsum("fji,fj->fi", motion.rotation, away), shown
+    return np.einsum("fji,fj->fi", motion.rotation, away)

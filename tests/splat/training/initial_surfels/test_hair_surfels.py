@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 from miniature import write_ball
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from carigs.capture import read_dataset
@@ -25,10 +26,12 @@ from carigs.splat.training.initial_surfels.hair_surfels import (
     COVERED_SCALE,
     FADING,
     HIDDEN_OPACITY,
+    OPAQUE,
     keep_size_of_brows,
     prepare_hair,
 )
 from carigs.splat.training.initial_surfels.initialization import initial_surfels, start_distances
+from carigs.splat.training.initial_surfels.view_spread import WIDE, are_far_apart
 from carigs.splat.training.subject import TrainingSubject
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
@@ -94,6 +97,40 @@ def test_first_surfels_lie_along_the_strands(subject):
     # Their discs face outwards.
     normal = np.cross(along, across)
     assert np.abs(np.einsum("nc,nc->n", normal, outwards)).min() > 0.9
+
+
+def test_between_views_that_are_far_apart_hair_starts_opaque_and_filled(subject):
+    """Points lie in voxels that no view sees, too, and views are far apart where two cameras are."""
+    capture, sequence, found, scalp = subject
+    seen = (np.arange(len(found.visible)) % 2).astype(np.float32)
+    found = replace(found, visible=seen)
+    counts = {}
+    for is_between in (False, True):
+        hair = prepare_hair(found, scalp, sequence, SETTINGS, None, is_between)
+        _, voxel = cKDTree(found.volume.centres).query(hair.points.position)
+        counts[is_between] = np.bincount(seen[voxel].astype(int), minlength=2)
+        start = initial_surfels(SETTINGS, Supervision(capture), sequence, hair)
+        opacity = torch.sigmoid(start.opacity.detach()).numpy()[scalp[start.binding]]
+        assert np.isclose(opacity, OPAQUE, atol=1e-6).sum() == is_between * len(hair.points.face)
+    assert counts[False][0] == 0 and 0 < counts[True][0] < counts[True][1]
+
+
+def test_two_cameras_are_far_apart_if_the_angle_between_them_is_wide(subject):
+    capture, sequence, *_ = subject
+    frame, middle = capture.split("train")[0], sequence.posed(0, 0.0).mean(axis=0)
+
+    def turned(degrees):
+        camera = capture.camera(frame)
+        turn = np.eye(4)
+        turn[:3, :3] = Rotation.from_euler("y", degrees, degrees=True).as_matrix()
+        turn[:3, 3] = middle - turn[:3, :3] @ middle
+        return replace(camera, camera_from_world=camera.camera_from_world @ np.linalg.inv(turn))
+
+    for degrees in (0, 0.8 * WIDE, 1.2 * WIDE):
+        cameras = tuple(turned(angle) for angle in (0, degrees))
+        frames = tuple(replace(frame, camera=i, calibration=i) for i in (0, 1))
+        pair = replace(capture, frames=frames, calibrations=cameras)
+        assert are_far_apart(pair, sequence) == (degrees > WIDE)
 
 
 @pytest.mark.parametrize("backend", ["cpu", "torch"])

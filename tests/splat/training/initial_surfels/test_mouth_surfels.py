@@ -11,7 +11,7 @@ from carigs.mouth import Jaw, lip_line
 from carigs.settings import Density, Toy, Train
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar
 from carigs.splat.rig.head_sequence import head_sequence
-from carigs.splat.training.initial_surfels.initialization import SPACE_OPACITY, initial_surfels
+from carigs.splat.training.initial_surfels.initialization import initial_surfels
 from carigs.splat.training.initial_surfels.mouth_surfels import prepare_mouth
 from carigs.splat.training.subject import TrainingSubject
 from carigs.splat.training.supervision import Supervision
@@ -79,7 +79,7 @@ def test_first_surfels_are_transparent_and_have_the_colours_behind_the_lips(subj
     plain = initial_surfels(SETTINGS, supervision, sequence)
     assert len(start) == len(plain) + 200
     opacity = start.opacity.detach().sigmoid().numpy()
-    assert np.isclose(opacity, SPACE_OPACITY, atol=1e-6).sum() == 200
+    assert np.isclose(opacity, points.opacity, atol=1e-6).sum() == 200
 
 
 def test_an_avatar_keeps_its_jaws(subject, tmp_path):
