@@ -57,6 +57,15 @@ class HeadSequence:
         self._last_caricature: tuple[GammaPath | None, float, Caricature | None] = (None, 0.0, None)
         self._last_pose: tuple[object, object, float, np.ndarray | None] = (None, None, 0.0, None)
 
+    def __setattr__(self, name: str, value: object) -> None:
+        """Set an attribute, and drop the motions and shadings that were computed with its last value."""
+        super().__setattr__(name, value)
+        if name in ("path", "rig", "smooth", "solids"):
+            self.__dict__.get("_motions", {}).clear()
+        if name in ("path", "rig", "shading", "hair_shadow"):
+            self.__dict__.get("_shades", {}).clear()
+            self.__dict__.pop("_canonical_transfer", None)
+
     def set_parameters(self, timestep: int, parameters: HeadParameters) -> None:
         """Replace the parameters of a timestep and drop its cached motions.
 
