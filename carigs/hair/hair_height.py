@@ -1,6 +1,6 @@
-"""How high hair stands above the triangles of the scalp, where few cameras leave the visual hull open.
+"""How high hair stands above the triangles of the scalp, where views that are far apart leave the visual hull open.
 
-The hull of few views has corners far from the head, which no view shows to be empty. A view that looks along the
+Such a hull has corners far from the head, which no view shows to be empty. A view that looks along the
 surface of the head shows where the hair above a triangle ends: there the hull above it ends for the first time. Above
 the other triangles of the scalp hair is as high as around them. Above ears such views meet hair or clothes that hang
 elsewhere, so that the height beside the scalp is at most that of the scalp around, down to none above bare skin; a

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from carigs.capture.splits import ENOUGH_CAMERAS
 from carigs.hair.harmonic_faces import faces_beside, harmonic_faces
 from carigs.raster import Visibility
 
@@ -22,6 +23,9 @@ SLACK = 1.25
 """Reach that is allowed where it is interpolated, over the interpolated one."""
 SHORT = 0.02
 """Metres up to which hair is never cut: where few views see outlines, short hair is hardly measured."""
+USUAL = 0.95
+"""Share of the measured points that are nearer to the head than hair may reach that no view measures, before few
+cameras."""
 RINGS = 3
 """Rings of triangles that a reach is taken from, because a voxel has only one nearest triangle."""
 
@@ -63,6 +67,9 @@ def within_measured_reach(
     for _ in range(RINGS):
         reach = np.maximum(reach, beside.multiply(reach[None]).max(axis=1).toarray().ravel())
     reach = harmonic_faces(reach, known, beside)
+    if measured.any() and len({tuple(seen.camera.centre.round(2)) for _, seen in views}) < ENOUGH_CAMERAS:
+        # The hull of few views is open: it also has points before a shirt, which views across it measure.
+        reach = np.minimum(reach, np.quantile(distance[measured], USUAL))
     return measured | (distance <= np.maximum(SLACK * reach[nearest] + size, SHORT))
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
+from scipy.sparse.csgraph import minimum_spanning_tree
 
 from carigs.capture import Camera, Capture, Frame
 from carigs.capture.evenly_spread import evenly_spread
@@ -20,6 +21,8 @@ from carigs.raster.open_mouth import between_lips
 
 TIMESTEPS, CAMERAS = 9, 16
 """Most timesteps, and most cameras at each, evenly spread."""
+WIDE = 45.0
+"""Angle in degrees between neighbouring views, as the head sees them, from which on no colours depend on the view."""
 QUARTER = 4
 """Least stride of `some_views`."""
 VIEWS = 36
@@ -82,6 +85,20 @@ def some_views(views: Sequence[HairView]) -> list[HairView]:
     cameras = len({view.visibility.camera.camera_from_world.tobytes() for view in views})
     stride = next(n for n in range(QUARTER, QUARTER + cameras + 1) if gcd(n, cameras) == 1)
     return list(views[::stride])
+
+
+def largest_gap(directions: Float[np.ndarray, "n 3"]) -> float:
+    """How far directions lie apart that have no others in between.
+
+    Args:
+        directions: Unit vectors.
+
+    Returns:
+        Degrees: the longest edge of the minimum spanning tree, whose removal divides the directions into two groups.
+    """
+    cosine = np.clip(directions @ directions.T, -1, 1)
+    angle = np.degrees(np.arccos(cosine)) + 1e-9  # an edge of length 0 would be none
+    return float(minimum_spanning_tree(angle).max()) if len(directions) > 1 else 0.0
 
 
 def scalp_motion(

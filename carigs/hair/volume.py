@@ -2,10 +2,10 @@
 
 A point in front of the mesh is empty if a view shows background there, or a triangle that nothing covers. What is left
 is hair, or something else that stands off the mesh; where no view shows its outline, it is as thick as where one does
-(`carigs.hair.measured_reach`, and `carigs.hair.hair_height` before few cameras). What does not hang together with the
-hair above the scalp is none: before a single camera, the hull also holds the space in front of brows, nose, lips and
-stubble. Hair moves with the scalp, so views of different timesteps agree in the axes of the canonical head, to which
-the scalp's rigid motion takes them.
+(`carigs.hair.measured_reach`, or `carigs.hair.hair_height` where views are far apart). What does not hang together with
+the hair above the scalp is none: before a single camera, the hull also holds the space in front of brows, nose, lips
+and stubble. Hair moves with the scalp, so views of different timesteps agree in the axes of the canonical head, to
+which the scalp's rigid motion takes them.
 """
 
 from __future__ import annotations
@@ -18,13 +18,12 @@ from jaxtyping import Bool, Float, Int
 from scipy.ndimage import label
 from scipy.spatial import cKDTree
 
-from carigs.capture.splits import ENOUGH_CAMERAS
 from carigs.hair.bare_skin import NEAR_SKIN
 from carigs.hair.covered_faces import Covering
 from carigs.hair.hair_height import hair_heights
 from carigs.hair.hull import FINE, Voxels, hull_views, visual_hull
 from carigs.hair.measured_reach import within_measured_reach
-from carigs.hair.views import HairView
+from carigs.hair.views import WIDE, HairView, largest_gap
 from carigs.head.neck_border import NeckBorder
 
 REACH = 0.25
@@ -71,7 +70,9 @@ def carve_hair(
         squared, nearest, closest = igl.point_mesh_squared_distance(fine, np.asarray(canonical, np.float64), faces)
         nearest = nearest.astype(np.int64)
         found = scalp[nearest] | (cover[nearest] > 0.5) | (squared > NEAR_SKIN**2)
-        if len({tuple(look.seen.camera.centre.round(2)) for look in looks}) < ENOUGH_CAMERAS:
+        towards = np.array([-look.transform[:, :3].T @ look.transform[:, 3] for look in looks])
+        towards -= canonical[carrier].mean(axis=0)
+        if largest_gap(towards / np.linalg.norm(towards, axis=1, keepdims=True)) > WIDE:
             heights = hair_heights(looks, scalp, cover <= 0.5, canonical, faces)
             found &= np.sqrt(squared) <= heights[nearest] + FINE
         else:

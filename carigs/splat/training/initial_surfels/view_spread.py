@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.sparse.csgraph import minimum_spanning_tree
 
 from carigs.capture import Capture, Frame
 from carigs.capture.evenly_spread import evenly_spread
 from carigs.capture.splits import ENOUGH_CAMERAS
+from carigs.hair.views import WIDE, largest_gap
 from carigs.raster.seen_triangles import seen_triangles
 from carigs.splat.rig.head_sequence import HeadSequence
 from carigs.splat.rig.solid_motion import Solid
@@ -22,8 +22,6 @@ VIEWS = 64
 NARROW = 20.0
 """Largest angle in degrees between the mean direction and that of nineteen of twenty views below which colours do not
 depend on the view: harmonics would be guesses everywhere else."""
-WIDE = 45.0
-"""Angle in degrees between neighbouring views, as the head sees them, from which on no colours depend on the view."""
 
 
 def same_from_all_sides(
@@ -66,20 +64,6 @@ def are_far_apart(capture: Capture, sequence: HeadSequence) -> bool:
     frames = evenly_spread(capture.split("train"), VIEWS)
     from_head = np.array([_towards(sequence, capture, frame).mean(axis=0) for frame in frames])
     return largest_gap(from_head / np.linalg.norm(from_head, axis=1, keepdims=True)) > WIDE
-
-
-def largest_gap(directions: Float[np.ndarray, "n 3"]) -> float:
-    """How far directions lie apart that have no others in between.
-
-    Args:
-        directions: Unit vectors.
-
-    Returns:
-        Degrees: the longest edge of the minimum spanning tree, whose removal divides the directions into two groups.
-    """
-    cosine = np.clip(directions @ directions.T, -1, 1)
-    angle = np.degrees(np.arccos(cosine)) + 1e-9  # an edge of length 0 would be none
-    return float(minimum_spanning_tree(angle).max()) if len(directions) > 1 else 0.0
 
 
 def seen_from_one_side(directions: Float[np.ndarray, "v f 3"]) -> Bool[np.ndarray, " f"]:

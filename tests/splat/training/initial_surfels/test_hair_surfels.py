@@ -16,6 +16,7 @@ from carigs.hair import FoundHair
 from carigs.hair.hull import Voxels
 from carigs.hair.placement import MAX_ELONGATION
 from carigs.hair.strands import Strands
+from carigs.hair.views import WIDE
 from carigs.head import neutral
 from carigs.settings import Density, Train
 from carigs.splat.avatar import Avatar, load_avatar, save_avatar
@@ -31,7 +32,7 @@ from carigs.splat.training.initial_surfels.hair_surfels import (
     prepare_hair,
 )
 from carigs.splat.training.initial_surfels.initialization import initial_surfels, start_distances
-from carigs.splat.training.initial_surfels.view_spread import WIDE, are_far_apart
+from carigs.splat.training.initial_surfels.view_spread import are_far_apart
 from carigs.splat.training.subject import TrainingSubject
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from carigs.splat.training.initial_surfels.view_spread import NARROW, largest_gap, seen_from_one_side
+from carigs.hair.views import largest_gap
+from carigs.splat.training.initial_surfels.view_spread import NARROW, seen_from_one_side
 
 
 def on_arc(degrees) -> np.ndarray:
