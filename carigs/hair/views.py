@@ -22,7 +22,8 @@ from carigs.raster.open_mouth import between_lips
 TIMESTEPS, CAMERAS = 9, 16
 """Most timesteps, and most cameras at each, evenly spread."""
 WIDE = 45.0
-"""Angle in degrees between neighbouring views, as the head sees them, from which on no colours depend on the view."""
+"""Angle in degrees between neighbouring views, as the head sees them, from which on they count as far apart: what
+lies between them is not seen, neither where hair ends nor how colours depend on the view."""
 QUARTER = 4
 """Least stride of `some_views`."""
 VIEWS = 36

@@ -82,12 +82,11 @@ def prepare_subject(
     if hair is not None and sequence.shading is not None:
         rig, extinction = sequence.rig, sequence.shading.extinction
         sequence.hair_shadow = hair_shadow(hair, scalp, rig.vertices, rig.faces, extinction)
-    hair_surfels = None
-    if hair is not None:
-        hair_surfels = prepare_hair(hair, scalp, sequence, settings, kept, are_far_apart(capture, sequence))
+    far_apart = are_far_apart(capture, sequence)
+    hair_surfels = None if hair is None else prepare_hair(hair, scalp, sequence, settings, kept, far_apart)
     mouth = prepare_mouth(capture, sequence, settings)
     body = None if hair is None else prepare_body(hair, sequence, settings)
     if body is not None and hair_surfels is not None:
         hair_surfels = hair_surfels.without(sequence.solids.solids == Solid.BODY)
-    same = same_from_all_sides(capture, sequence, scalp) if settings.sh_degree else None
+    same = same_from_all_sides(capture, sequence, scalp, far_apart) if settings.sh_degree else None
     return TrainingSubject(sequence, supervision, hair_surfels, mouth, body, unseen, same)

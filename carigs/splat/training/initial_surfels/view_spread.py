@@ -25,7 +25,7 @@ depend on the view: harmonics would be guesses everywhere else."""
 
 
 def same_from_all_sides(
-    capture: Capture, sequence: HeadSequence, scalp: Bool[np.ndarray, " f"]
+    capture: Capture, sequence: HeadSequence, scalp: Bool[np.ndarray, " f"], far_apart: bool
 ) -> Bool[np.ndarray, " f"]:
     """Find the triangles whose surfels get colours that do not depend on the view.
 
@@ -33,17 +33,18 @@ def same_from_all_sides(
         capture: The capture.
         sequence: The subject, with the motion of its solids.
         scalp: Triangles that carry hair, which views show from more sides than the triangles.
+        far_apart: Whether the views are far apart (`are_far_apart`).
 
     Returns:
-        True for all if the views are far apart (`are_far_apart`). Else for those that views show from nearly
-        the same side, or not at all: of the body, and before a few cameras of all that carries no hair. Many cameras
-        show highlights on eyes and teeth from the sides that count, and before one camera the head turns in the light.
+        True for all if the views are far apart. Else for those that views show from nearly the same side, or not at
+        all: of the body, and before a few cameras of all that carries no hair. Many cameras show highlights on eyes
+        and teeth from the sides that count, and before one camera the head turns in the light.
     """
+    if far_apart:
+        return np.ones(len(scalp), bool)
     frames = capture.split("train")
     looks = [_directions(sequence, capture, frame) for frame in evenly_spread(frames, VIEWS)]
     towards, shown = (np.array(values) for values in zip(*looks, strict=True))
-    if are_far_apart(capture, sequence):
-        return np.ones(len(scalp), bool)
     body = np.zeros(len(scalp), bool) if sequence.solids is None else sequence.solids.solids == Solid.BODY
     shown |= body  # its surfels stand beside its triangles, which may be hidden
     narrow = seen_from_one_side(np.where(shown[..., None], towards, np.nan))
