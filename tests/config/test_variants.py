@@ -29,7 +29,7 @@ def test_variants_differ_in_supervision_masks_levels_and_light_only():
     in_studies = {name for study in known("study") for name in compose(f"study={study}").study.variants}
     for t in (trained[name] for name in in_studies):
         assert {*t.mask_flags} <= reasons
-        for name in ("gtstar_probability", "mask_flags", "relight_surfels", "num_gtstar_levels"):
+        for name in ("gtstar_probability", "mask_flags", "relight_surfels", "num_gtstar_levels", "edit"):
             setattr(t, name, getattr(ours, name))
         assert t == ours
 

@@ -44,6 +44,11 @@ PARTLY = (
         "carigs run study.variants",
         "--target results/toy/toy/gamma=0.0001/targets/alternating/level=0.0001/targets.json",
     ),
+    (
+        "docs/tutorials/stylizers.md",
+        "carigs run study=paper_editing",
+        "--target results/paper_editing/toy/gamma=0.25/drawn_nose/seed=0/metrics.csv",
+    ),
     ("README.md", "carigs run study=own", "--dry-run"),  # as docs/tutorials/own-capture.md does
     ("docs/tutorials/toy.md", "carigs run gamma=0.35", "--dry-run"),  # the same stages as the run before
     (

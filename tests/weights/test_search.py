@@ -13,9 +13,9 @@ import pytest
 from web import Web
 
 from carigs.errors import InputError, WeightsMissing
+from carigs.weights.offline import work_offline
 from carigs.weights.registry import Weights, WeightsFile, registry
 from carigs.weights.search import find_weights, locate_weights
-from evaluation.metrics.networks.parameters import work_offline
 
 CONTENT = b"the weights" * 1000
 SHA256 = hashlib.sha256(CONTENT).hexdigest()
