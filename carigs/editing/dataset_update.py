@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from carigs.capture import Capture, Frame
+from carigs.editing.edit_steps import first_edit, last_edit
 from carigs.editing.editor import make_editor
 from carigs.editing.region_mask import confined, edited_faces, edited_pixels
 from carigs.editing.view import Editor, ViewToEdit
@@ -16,11 +17,6 @@ from carigs.errors import InputError
 from carigs.readers.arrays import checked_array
 from carigs.settings import Edit
 
-REAL_SHARE = 0.5
-"""Share of the steps before the first edit, in which the avatar is trained on the captured frames. A training that
-starts from an avatar (`train.start`) has none."""
-LAST_SHARE = 0.8
-"""Share of the steps with edits after which frames stay as they are: 4000 of 5000 in GaussianEditor."""
 _SAVED = "edited_frame_"
 
 
@@ -162,45 +158,3 @@ class DatasetUpdate:
             camera = self.capture.camera(self.frames[index])
             image = checked_array(arrays, name, (camera.height, camera.width, 3), np.uint8, file="checkpoint")
             self.images[index] = np.ascontiguousarray(image.transpose(2, 0, 1)).transpose(1, 2, 0)
-
-
-def first_edit(iterations: int, from_avatar: bool = False) -> int:
-    """The first step with an edit.
-
-    Args:
-        iterations: Steps of the training.
-        from_avatar: Whether the training starts from an avatar.
-
-    Returns:
-        Its number.
-    """
-    return 0 if from_avatar else int(REAL_SHARE * iterations)
-
-
-def last_edit(iterations: int, from_avatar: bool = False) -> int:
-    """The first step after which no frame is edited.
-
-    Args:
-        iterations: Steps of the training.
-        from_avatar: As in `first_edit`.
-
-    Returns:
-        Its number.
-    """
-    first = first_edit(iterations, from_avatar)
-    return first + int(LAST_SHARE * (iterations - first))
-
-
-def number_of_edits(settings: Edit, iterations: int, from_avatar: bool = False) -> int:
-    """How many frames are edited in a training, at most: views that show nothing of the regions are passed over.
-
-    Args:
-        settings: Section `train.edit`.
-        iterations: Steps of the training.
-        from_avatar: As in `first_edit`.
-
-    Returns:
-        Their number; 0 without an editor.
-    """
-    steps = last_edit(iterations, from_avatar) - first_edit(iterations, from_avatar)
-    return 0 if settings.editor == "none" else -(-steps // settings.every)

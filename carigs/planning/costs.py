@@ -15,7 +15,7 @@ import numpy as np
 from omegaconf import DictConfig
 
 from carigs.config import compose
-from carigs.editing.dataset_update import number_of_edits
+from carigs.editing.edit_steps import number_of_edits
 from carigs.errors import InputError
 from carigs.planning.footage import Footage
 from carigs.planning.job_graph import Job

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from carigs.editing.dataset_update import DatasetUpdate, first_edit, last_edit, number_of_edits
+from carigs.editing.dataset_update import DatasetUpdate
+from carigs.editing.edit_steps import first_edit, last_edit, number_of_edits
 from carigs.errors import InputError, SettingsError
 from carigs.settings import Edit
 

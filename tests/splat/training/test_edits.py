@@ -7,7 +7,8 @@ import pytest
 from miniature import bust_cameras, bust_with_nose, write_ball
 
 from carigs.capture import read_dataset
-from carigs.editing.dataset_update import DatasetUpdate, first_edit
+from carigs.editing.dataset_update import DatasetUpdate
+from carigs.editing.edit_steps import first_edit
 from carigs.exaggeration import straight_path
 from carigs.head import neutral
 from carigs.settings import Density, Edit, Train
