@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from miniature import bust_cameras, bust_with_nose, write_ball
+from tiny_diffusion import write_diffusion_model
 
 from carigs.capture import read_dataset
 from carigs.editing.dataset_update import DatasetUpdate
 from carigs.editing.edit_steps import first_edit
+from carigs.editing.editor import make_editor
 from carigs.exaggeration import straight_path
 from carigs.head import neutral
 from carigs.settings import Density, Edit, Train
@@ -106,6 +108,29 @@ def test_an_interrupted_run_ends_in_the_same_bytes(bust, stop, regions, tmp_path
     surfels, _ = run(bust, noisy, tmp_path / "c", lambda state: steps.append(state.iteration), edit=edit)
     assert steps[0] == stop  # the state before the step that was killed
     assert as_bytes(surfels) == as_bytes(run(bust, noisy, edit=edit)[0])
+
+
+@pytest.mark.slow
+def test_so_does_one_that_a_diffusion_model_edits(bust, tmp_path, monkeypatch):
+    monkeypatch.setattr(trainer, "CHECKPOINT_SECONDS", -1)
+    monkeypatch.setenv("CARIGS_WEIGHTS", str(tmp_path))
+    write_diffusion_model(tmp_path / "instruct-pix2pix", in_channels=8, sample_size=8)
+    edit = Edit(editor="instruct_pix2pix", every=3, steps=2, regions=("nose",))
+    editor = make_editor(edit, bust[0], 0)
+
+    class Killed(Exception):
+        pass
+
+    def kill(state):
+        if state.iteration == 27:
+            raise Killed
+
+    with pytest.raises(Killed):
+        run(bust, editor, tmp_path / "c", kill, edit=edit)
+    # The next run loads the networks again.
+    resumed = run(bust, make_editor(edit, bust[0], 0), tmp_path / "c", edit=edit)[0]
+    whole = as_bytes(run(bust, editor, edit=edit)[0])
+    assert as_bytes(resumed) == whole != as_bytes(run(bust, unchanged, edit=edit)[0])
 
 
 def test_surfels_outside_the_edited_region_stay_as_they_are(bust):
