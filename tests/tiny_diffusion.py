@@ -72,3 +72,37 @@ def write_controlnet(folder: Path, **changes) -> Path:
         torch.nn.init.normal_(parameter, std=0.1)
     control.save_pretrained(folder)
     return folder
+
+
+def write_ip_adapter(folder: Path, unet: Path) -> Path:
+    """Write an IP-Adapter and its image encoder for such a model.
+
+    Args:
+        folder: Folder to create.
+        unet: Folder of the network that it is for.
+
+    Returns:
+        The folder.
+    """
+    diffusers, transformers = pytest.importorskip("diffusers"), pytest.importorskip("transformers")
+    from safetensors.torch import save_file
+
+    torch.manual_seed(2)
+    width, dim = 24, UNET["cross_attention_dim"]
+    transformers.CLIPVisionModelWithProjection(
+        transformers.CLIPVisionConfig(
+            hidden_size=16, intermediate_size=16, num_hidden_layers=1, num_attention_heads=2, image_size=32,
+            patch_size=16, projection_dim=width,
+        )
+    ).save_pretrained(folder / "models/image_encoder")  # fmt: skip
+    network = diffusers.UNet2DConditionModel.from_pretrained(unet, low_cpu_mem_usage=False)
+    state = {"image_proj.proj.weight": torch.randn(4 * dim, width), "image_proj.proj.bias": torch.randn(4 * dim),
+             "image_proj.norm.weight": torch.ones(dim), "image_proj.norm.bias": torch.zeros(dim)}  # fmt: skip
+    crossed = [name for name in network.attn_processors if not name.endswith("attn1.processor")]
+    for number, name in enumerate(crossed):
+        layer = network.get_submodule(name.removesuffix(".processor"))
+        for part in ("to_k", "to_v"):
+            shape = getattr(layer, part).weight.shape
+            state[f"ip_adapter.{2 * number + 1}.{part}_ip.weight"] = torch.randn(shape)
+    save_file(state, folder / "models/ip-adapter_sd15.safetensors")
+    return folder

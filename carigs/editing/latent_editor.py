@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 from jaxtyping import Float32
 
 from carigs.editing.guided_sampling import denoise_from
+from carigs.editing.square_images import from_square, to_square
 from carigs.editing.view import ViewToEdit
 from carigs.settings import Edit
 from carigs.weights.diffusers_parts import DiffusionParts
@@ -87,16 +87,8 @@ class LatentEditor:
         """
         import torch
 
-        height, width = image.shape[:2]
-        side = max(height, width)
-        top, left = (side - height) // 2, (side - width) // 2
-        square = np.full((side, side, 3), self.background, np.float32)
-        square[top : top + height, left : left + width] = image
-        shrinks = side > self.size
-        scaled = cv2.resize(
-            square, (self.size, self.size), interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC
-        )
-        return torch.from_numpy(scaled.clip(0, 1)).permute(2, 0, 1)[None].to(self.parts.device)
+        square = to_square(image, self.size, self.background)
+        return torch.from_numpy(square).permute(2, 0, 1)[None].to(self.parts.device)
 
     def encode(self, image: Float32[np.ndarray, "h w 3"]) -> torch.Tensor:
         """Encode an image.
@@ -121,11 +113,7 @@ class LatentEditor:
         """
         image = self.parts.vae.decode(latents / self.parts.latent_scale).sample[0]
         square = (0.5 + 0.5 * image).clamp(0, 1).permute(1, 2, 0).cpu().numpy()
-        height, width = shape
-        side = max(shape)
-        scaled = _resized(square, side)
-        top, left = (side - height) // 2, (side - width) // 2
-        return np.ascontiguousarray(scaled[top : top + height, left : left + width]).clip(0, 1)
+        return from_square(square, shape)
 
     def _noise(self, output: torch.Tensor, x: torch.Tensor, t: int) -> torch.Tensor:
         """The noise that an output of the network stands for."""
@@ -133,10 +121,6 @@ class LatentEditor:
             return output
         share = float(self.parts.alphas_cumprod[t])
         return share**0.5 * output + (1 - share) ** 0.5 * x
-
-
-def _resized(square: Float32[np.ndarray, "s s 3"], side: int) -> Float32[np.ndarray, "r r 3"]:
-    return cv2.resize(square, (side, side), interpolation=cv2.INTER_AREA if side < len(square) else cv2.INTER_CUBIC)
 
 
 def _seed(seed: tuple[int, ...]) -> int:

@@ -16,6 +16,7 @@ from carigs.capture.images import write_bits, write_png
 from carigs.capture.target_index import FACE_FLAGS, SHADING
 from carigs.exaggeration import Caricature
 from carigs.gtstar.by_command import edit_by_command
+from carigs.gtstar.by_exemplar import edit_by_exemplar
 from carigs.gtstar.capture_shading import fit_capture_shading
 from carigs.gtstar.frame_views import TimestepViews
 from carigs.gtstar.mask_flags import MaskFlag, face_mask_flags
@@ -63,6 +64,9 @@ def make_target_set(
     model, frames = capture.model, capture.split("train")
     if settings.provider == "command":
         edited = edit_by_command(settings, capture, exaggerated, records / "exchange", level)
+        settings = replace(settings, provider="precomputed", folder=str(edited))
+    elif settings.provider == "exemplar":
+        edited = edit_by_exemplar(settings, capture, records / "painted")
         settings = replace(settings, provider="precomputed", folder=str(edited))
     covered = clean = carried_hair = None
     if hair is not None:

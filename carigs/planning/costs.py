@@ -32,6 +32,8 @@ NETWORK_PASSES = {"instruct_pix2pix": 3.0, "controlnet_ip2p": 3.0}
 two, each with half a network more."""
 CODING_PASSES = 5.0
 """What the autoencoder takes for an edit, in such passes: two images are encoded, one is decoded."""
+PAINTING_STEPS = 30
+"""Steps of the whole schedule for a GT* frame of the provider `exemplar`, of two passes each."""
 PASS_SECONDS = 9.3
 """Of one pass at 512 x 512 pixels in float32, on one core."""
 
@@ -67,6 +69,9 @@ def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[st
             work = 4.0 + 6.0 / job.threads  # 144 frames at most, at a resolution that is limited
         case "gtstar":
             work = 1.5 + 1.1 * images.megapixels * images.train / job.threads
+            if settings.gtstar.provider == "exemplar":
+                passes = 2 * PAINTING_STEPS * settings.gtstar.exemplar_strength + CODING_PASSES
+                work += images.train * passes * PASS_SECONDS / job.threads**0.8
         case "target_sheet":
             work = 2.0
         case "train":

@@ -30,6 +30,8 @@ DIFFUSION = {
 IDENTITY = ("dlib_face_recognition", "identity")
 EDITORS = {"instruct_pix2pix": ("instruct_pix2pix",), "controlnet_ip2p": ("stable_diffusion_1.5", "controlnet_ip2p")}
 """Weights of each editor of frames (`train.edit.editor`)."""
+EXEMPLAR = ("stable_diffusion_1.5", "ip_adapter_sd15")
+"""Weights of the GT* frames of the provider `exemplar`."""
 PACKAGES = {"diffusers": "diffusion", "dlib": "identity"}
 """Packages that networks need besides those of every study, and the extra that brings each."""
 RECORDS = "*/gamma=*/*/seed=*/metrics.csv"
@@ -86,8 +88,9 @@ def needed_weights(overrides: Sequence[str]) -> list[NeededWeights]:
     if metrics.identity and find_spec("face_recognition_models") is None:
         add([IDENTITY])
     for variant in config.study.variants:
-        editors = {compose(*overrides, f"variant={variant}").train.edit.editor}
-        for name in (name for editor in editors for name in EDITORS.get(editor, ())):
+        settings = compose(*overrides, f"variant={variant}")
+        painted = settings.gtstar.provider == "exemplar" and settings.train.gtstar_probability > 0
+        for name in (*EDITORS.get(settings.train.edit.editor, ()), *EXEMPLAR * painted):
             variants.setdefault((name, None), []).append(variant)
     return [
         NeededWeights(
@@ -154,7 +157,7 @@ def empty_records(results: Path, needed: Sequence[NeededWeights]) -> list[Path]:
 
 def _missing_package(name: str) -> str:
     """The package that a network needs and that is not installed."""
-    uses = (
-        "dlib" if name == IDENTITY[0] else "diffusers" if registered(name).folder and name != "mediapipe_face" else ""
-    )
+    of_editors = {weights for found in (*EDITORS.values(), EXEMPLAR) for weights in found}
+    diffusion = of_editors | {weights for weights, _ in DIFFUSION.values()}
+    uses = "dlib" if name == IDENTITY[0] else "diffusers" if name in diffusion else ""
     return uses if uses and find_spec(uses) is None else ""

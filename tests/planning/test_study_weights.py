@@ -46,6 +46,7 @@ def test_weights_are_those_that_the_metrics_ask_for():
     assert {*EDITORS} == {name for name in CHOICES if name != "none" and not name.startswith("drawn_")}
 
 
+@pytest.mark.slow
 def test_a_study_needs_the_weights_of_its_columns_and_variants():
     toy = needed()
     assert [*toy] == ["clip_vit_b32_openai", "dino_vits16", "vgg16_imagenet", "alexnet_imagenet"]
@@ -54,6 +55,8 @@ def test_a_study_needs_the_weights_of_its_columns_and_variants():
     assert paper["instruct_pix2pix"].variants == ("diffusion_edit", "diffusion_edit_nose")
     assert (paper["instruct_pix2pix"].folder, paper["dino_vits16"].folder) == (None, "mine")
     assert paper["stable_diffusion_1.5"].columns == ("SD score",) and "dlib_face_recognition" in paper
+    painted = needed("gtstar.provider=exemplar", "gtstar.exemplar=a.png", "study.variants=[alternating,surfhead]")
+    assert painted["ip_adapter_sd15"].variants == painted["stable_diffusion_1.5"].variants == ("alternating",)
     # Without true images there is no LPIPS.
     own = ("study=own", "capture.folder=a", "capture.head_model=b.npz")
     assert compose(*own).truth.folder is None and "vgg16_imagenet" not in needed(*own)
