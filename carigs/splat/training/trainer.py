@@ -152,8 +152,9 @@ class _Run:
         self.only_targets = self.inputs.only_targets
         self.work = _step_of(self.inputs)
         self.work.place(state)
-        # Without real frames in the training, those that are held out do not say how far it is.
-        self.validation = [] if self.only_targets else validation_frames(self.supervision.capture)
+        # Without real frames in the training, or with edited ones, those that are held out do not say how far it is.
+        unlike = self.only_targets or state.edits is not None
+        self.validation = [] if unlike else validation_frames(self.supervision.capture)
         self.shown: dict[str, float] = {}
         self.kept = self.supervision.kept
         if state.edits is not None:
@@ -187,6 +188,7 @@ class _Run:
         if (index := edits.due(i, iterations)) is not None:
             vertices = self.sequence.posed(self.supervision.frames[index].timestep, 0.0)
             edits.update(i, index, vertices, lambda frame: self.work.image(self.state.surfels, frame))
+            self.work.forget_images()
 
     def _control_density(self, done: int) -> None:
         state, density = self.state, self.settings.density

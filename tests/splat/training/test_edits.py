@@ -19,6 +19,7 @@ from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.surfels.surfels import to_arrays
 from carigs.splat.training import trainer
 from carigs.splat.training.checkpoint import Checkpoint
+from carigs.splat.training.schedule import draw_schedule
 from carigs.splat.training.subject import TrainingSubject
 from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
@@ -108,6 +109,24 @@ def test_an_interrupted_run_ends_in_the_same_bytes(bust, stop, regions, tmp_path
     surfels, _ = run(bust, noisy, tmp_path / "c", lambda state: steps.append(state.iteration), edit=edit)
     assert steps[0] == stop  # the state before the step that was killed
     assert as_bytes(surfels) == as_bytes(run(bust, noisy, edit=edit)[0])
+
+
+@pytest.mark.slow
+def test_a_device_sees_the_edited_frames_as_the_host_does(bust, monkeypatch):
+    """With a seed by which a step takes the frame that has its first edit then: no older image may be copied ahead."""
+    monkeypatch.setattr(trainer, "LOG_EVERY", 1)
+    edit, steps = Edit(editor="drawn_nose", every=1), 15
+
+    def meets(seed):
+        edits = DatasetUpdate(edit, bust[0], seed, from_avatar=True, editor=inverted)
+        taken = draw_schedule(steps, len(edits.frames), 0, 0.0, seed, fall=SETTINGS.gtstar_fall).index
+        return any(edits.due(i, steps) == taken[i] for i in range(1, steps))
+
+    seed = next(seed for seed in range(100) if meets(seed))
+    settings = {"iterations": steps, "density": Density(every=0), "edit": edit, "from_avatar": True, "seed": seed}
+    losses = [[row[3] for row in run(bust, inverted, backend=backend, **settings)[1]] for backend in ("cpu", "torch")]
+    np.testing.assert_allclose(*losses, rtol=0.02)
+    assert max(losses[0]) > 10 * min(losses[0])  # edited frames, and frames that are not edited yet
 
 
 @pytest.mark.slow

@@ -64,6 +64,10 @@ class DeviceExamples:
         if i not in self._ahead and i < len(self._inputs.schedule.index):
             self._ahead[i] = self._read(i)
 
+    def forget(self) -> None:
+        """Forget the examples that were copied ahead."""
+        self._ahead = {}
+
     def take(self, i: int) -> DeviceExample:
         """The example of a step; those of earlier steps are given up.
 
