@@ -11,7 +11,7 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from carigs.cli.options.parser import study_parser
-from carigs.config import project_root, snakemake_config
+from carigs.config import project_root, read_sweep, snakemake_config
 from carigs.errors import print_line
 from carigs.planning.study_subjects import check_subjects
 from carigs.planning.study_weights import absent_lines, empty_records, fetch_weights, needed_weights
@@ -106,7 +106,8 @@ def make_studies(
     command += ["--keep-going"] if swept else []
     # A plan is the numbers of jobs and the reasons; Snakemake would describe each job in ten lines.
     command += ["--quiet", "rules", "host", "--dry-run"] * options.dry_run + options.snakemake
-    needed = needed_weights(overrides)
+    # The combinations of a sweep rarely differ in this.
+    needed = needed_weights(read_sweep(overrides, swept).combinations[0].overrides if swept else overrides)
     if options.weights and not options.dry_run:
         fetch_weights(needed)
     for line in absent_lines(needed):

@@ -51,7 +51,7 @@ def edit_by_command(
         print(f"GT*: {len(frames) - len(missing)} of {len(frames)} frames were edited by an earlier run")
     if missing:
         write_exchange(folder, capture, exaggerated, level, missing)
-        _run([program, *settings.command[1:], str(folder)], folder, settings.command_timeout)
+        _run([program, *settings.command[1:], str(folder.absolute())], folder, settings.command_timeout)
         for frame in frames_left_out(folder, missing):
             reason = "the program has ended without an edited image of it"
             (folder / EDITED / f"{frame}.txt").write_text(f"{reason}\n", encoding="utf-8")

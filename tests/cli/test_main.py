@@ -152,6 +152,19 @@ def test_the_combinations_that_failed_are_named_in_one_line(monkeypatch, tmp_pat
     assert len(lines) == 3
 
 
+def test_a_sweep_over_what_a_study_needs_says_which_weights_are_missing(monkeypatch, tmp_path, capsys):
+    """Without a value of the swept key the settings would not be complete."""
+    monkeypatch.chdir(tmp_path)
+    for name in ("CARIGS_WEIGHTS", "HF_HUB_CACHE"):
+        monkeypatch.delenv(name, raising=False)
+    for name in ("HF_HOME", "TORCH_HOME"):
+        monkeypatch.setenv(name, str(tmp_path / name))
+    monkeypatch.setattr(run, "_exit_code", lambda command: 0)
+    swept = ["capture.source=folder", "capture.head_model=m.npz", "capture.folder=a,b", "metrics.embeddings=[clip]"]
+    assert sweep.main(swept) == 0
+    assert "these columns stay empty: CLIP-I, CLIP-D, CLIP-C" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("override", "named"),
     [
