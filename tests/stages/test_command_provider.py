@@ -168,6 +168,39 @@ def test_a_run_that_fails_goes_on_with_the_frames_that_are_missing(run, capsys):
     assert whole(COPIES)["targets"] == index["targets"]
 
 
+def test_reasons_of_a_run_that_failed_are_forgotten(run):
+    """The next one asks for the frame again, and may say something else."""
+    reason = (
+        EVERY_FRAME
+        + """
+    if number:
+        shutil.copy(folder / frame["image"], edited)
+    elif len(sys.argv) == 3:
+        edited.with_suffix(".txt").write_text("out of memory")
+"""
+    )
+    with pytest.raises(InputError, match="exit code 1"):
+        run(reason + "sys.exit(len(sys.argv) - 2)", "first")
+    assert len([*(run.exchange / "edited").glob("*.txt")]) == 1
+    index = run(reason)
+    (left_out,) = index["left_out"]
+    assert "ended without an edited image" in left_out["why"]
+
+
+@pytest.mark.slow
+def test_a_slow_program_has_the_time_anew_for_each_frame(run):
+    """Six frames take 5 s in all, each less than the timeout."""
+    program = (
+        EVERY_FRAME
+        + """
+    import time
+    time.sleep(0.8)
+    shutil.copy(folder / frame["image"], edited)
+"""
+    )
+    assert run(program, command_timeout=2.5)["left_out"] == []
+
+
 def test_a_run_with_another_key_asks_for_all_frames_again(run):
     with pytest.raises(InputError, match="exit code 1"):
         run(COPIES + "sys.exit(1)")

@@ -102,6 +102,7 @@ def test_what_is_wrong_is_one_line_and_leaves_nothing(server, tmp_path, weights,
         fetch(tmp_path, weights)
     assert "\n" not in str(caught.value)
     assert not [path for path in (tmp_path / "here").rglob("*") if path.is_file() and path.suffix != ".lock"]
+    assert len(server.asked) == 1  # what is wrong is not asked for again
 
 
 def test_no_other_host_may_send_without_encryption(tmp_path, monkeypatch):
