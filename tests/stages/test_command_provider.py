@@ -223,6 +223,7 @@ def test_the_end_of_a_program_is_one_line(run, ending, says):
     assert "\n" not in str(raised.value)
 
 
+@pytest.mark.slow
 def test_a_program_without_a_new_frame_is_ended_with_what_it_started(run):
     program = (
         EVERY_FRAME
