@@ -192,7 +192,11 @@ class _Run:
 
     def _control_density(self, done: int) -> None:
         state, density = self.state, self.settings.density
-        if density.every and density.start <= done < density.stop and done % density.every == 0:
+        edits = state.edits
+        # Surfels that are frozen with the first edit need the steps of a refinement to settle.
+        first = None if edits is None or edits.faces is None else edits.begin(self.settings.iterations)
+        settles = first is not None and first - density.every < done <= first
+        if density.every and density.start <= done < density.stop and done % density.every == 0 and not settles:
             rng = np.random.default_rng([self.settings.seed, 2, done])
             views = [(frame, 0.0) for frame in self.supervision.frames]
             if self.only_targets:
