@@ -12,6 +12,7 @@
 #
 # make reproduce TORCH=lock                     torch with CUDA on Linux, also without an NVIDIA GPU; TORCH=cpu: never
 # make reproduce CORES=8 HYDRA="study=ict"      another study; any Hydra overrides
+# make reproduce WEIGHTS=1                      with the network weights of all columns, which are downloaded first
 
 SHELL := /bin/bash
 PYTHON ?= $(shell for python in python3.11 python3.12 python3.13 python3.14 python3; do \
@@ -37,7 +38,7 @@ unexport PYTHONDONTWRITEBYTECODE
 .DEFAULT_GOAL := reproduce
 
 reproduce: .venv/installed
-	carigs run --cores $(CORES) $(HYDRA)
+	carigs run --cores $(CORES) $(if $(WEIGHTS),--weights) $(HYDRA)
 
 # Files are handed out whole: their tests share what they make.
 PYTEST := pytest --numprocesses $(CORES) --dist loadfile --no-loadscope-reorder

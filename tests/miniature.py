@@ -83,6 +83,14 @@ def bust_model() -> HeadModel:
     return replace(ball, v_template=ball.v_template + np.stack([ear, -chin, nose], axis=1).astype(np.float32))
 
 
+def bust_with_nose() -> HeadModel:
+    """The bust with its nose as a region."""
+    bust = bust_model()
+    x, y, z = bust.v_template.T
+    nose = np.flatnonzero((x**2 + (y + 0.01) ** 2 < 0.03**2) & (z > 0))
+    return replace(bust, regions={**bust.regions, "nose": nose})
+
+
 def bust_cameras() -> dict[int, Camera]:
     """Five views at several heights; x, y and the distance differ."""
     width, height = 2 * SIZE[0], 2 * SIZE[1]

@@ -32,6 +32,8 @@ class RenderedImage:
     file: Path
     view: Camera | None = None
     """Camera of a frame of the orbit; None for a camera of the capture."""
+    mesh_level: float | None = None
+    """Level of the mesh that the frame shows; None for the level of its folder."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,8 @@ def read_frame_index(index: Path) -> list[RenderedImage]:
         numbers = {key: json_field(entry, key, int, file=index, where=where) for key in ("timestep", "camera", "order")}
         protocol = json_field(entry, "protocol", str, file=index, where=where)
         view = camera_from_json(entry["view"], f"{where}.view", index) if "view" in entry else None
-        frames.append(RenderedImage(protocol=protocol, file=file, view=view, **numbers))
+        mesh_level = json_field(entry, "mesh_level", float, file=index, where=where) if "mesh_level" in entry else None
+        frames.append(RenderedImage(protocol=protocol, file=file, view=view, mesh_level=mesh_level, **numbers))
     return sorted(frames, key=lambda frame: (frame.protocol, frame.order))
 
 
@@ -86,7 +89,8 @@ def write_frame_index(index: Path, entries: Iterable[dict[str, Any]]) -> None:
     Args:
         index: The index.
         entries: The fields protocol, timestep, camera, sequence and file of each frame, in rendering order, and view
-            (`camera_to_json`) if its camera is not one of the capture. The field order is added.
+            (`camera_to_json`) if its camera is not one of the capture; mesh_level if its mesh has another level. The
+            field order is added.
     """
     write_json(index, [{**entry, "order": i} for i, entry in enumerate(entries)])
 

@@ -226,7 +226,7 @@ def main(arguments: list[str]) -> int:
         Exit code.
     """
     if arguments and Path(arguments[0]).is_dir():
-        from carigs.cli.convert_capture import main as convert_capture
+        from carigs.cli.conversion.captures import main as convert_capture
 
         return convert_capture(arguments)
     parser = command_parser("convert", __doc__, EXAMPLES)

@@ -29,6 +29,7 @@ COMMANDS = {
     "convert": "read and write avatars, meshes and captures of other programs",
     "motion": "read, edit and write what drives an avatar",
     "export": "write a clip of an avatar, or the avatar as one HTML file",
+    "augment": "write labelled renderings of avatars, for training recognisers",
     "view": "show an avatar in the browser, with sliders",
     "mesh": "exaggerate a mesh",
     "weights": "list, verify or download network weights",

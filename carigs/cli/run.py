@@ -11,9 +11,10 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from carigs.cli.options.parser import study_parser
-from carigs.config import project_root, snakemake_config
+from carigs.config import project_root, read_sweep, snakemake_config
 from carigs.errors import print_line
 from carigs.planning.study_subjects import check_subjects
+from carigs.planning.study_weights import absent_lines, empty_records, fetch_weights, needed_weights
 from carigs.runs.job_record import unfinished_jobs
 from carigs.runs.snakemake_process import check_working_folder, snakemake_environment
 from carigs.runs.summary import error_lines
@@ -24,6 +25,7 @@ EXAMPLES = """examples:
   carigs run study=ict train.iterations=2000 --cores 4
   carigs run study=mine --dry-run                       what would be made; conf/study/mine.yaml is your own file
   carigs run --dry-run -- --quiet host                  with a description of each job
+  carigs run study=paper --weights                      with all network weights that its columns need
   carigs run -- --keep-going                            options of Snakemake after --
   carigs run -- --verbose                               with all that Snakemake says
 """
@@ -42,12 +44,13 @@ def run_parser(command: str, description: str, examples: str) -> argparse.Argume
     Returns:
         The parser; use it with `parse_run`.
     """
-    usage = "[--cores N] [--dry-run | --plan] [--profile FOLDER] [--target T] [-- ...]"
+    usage = "[--cores N] [--dry-run | --plan] [--profile FOLDER] [--target T] [--weights] [-- ...]"
     parser = study_parser(command, description, examples, usage)
     parser.add_argument("-c", "--cores", metavar="N", help="CPU cores (default: all, or what --profile says)")
     parser.add_argument("-n", "--dry-run", action="store_true", help="print what would be made, make nothing")
     parser.add_argument("--plan", action="store_true", help="print how long it will take on this machine, make nothing")
     parser.add_argument("--profile", metavar="FOLDER", help="workflow profile of Snakemake, such as slurm")
+    parser.add_argument("--weights", action="store_true", help="first download the network weights that it needs")
     parser.add_argument("--target", action="append", metavar="T", help="rule or file (default: all results)")
     return parser
 
@@ -85,7 +88,8 @@ def make_studies(
         Whether Snakemake succeeded, and the logs of the jobs that did not.
 
     Raises:
-        InputError: The current directory or the results cannot be written to.
+        InputError: The current directory or the results cannot be written to, or weights are not those of the registry.
+        WeightsMissing: Weights cannot be downloaded, with `--weights`.
         PackageMissing: Snakemake is not installed.
     """
     need("snakemake")
@@ -102,6 +106,15 @@ def make_studies(
     command += ["--keep-going"] if swept else []
     # A plan is the numbers of jobs and the reasons; Snakemake would describe each job in ten lines.
     command += ["--quiet", "rules", "host", "--dry-run"] * options.dry_run + options.snakemake
+    # The combinations of a sweep rarely differ in this.
+    needed = needed_weights(read_sweep(overrides, swept).combinations[0].overrides if swept else overrides)
+    if options.weights and not options.dry_run:
+        fetch_weights(needed)
+    for line in absent_lines(needed):
+        print_line(line)
+    # What an earlier run has left empty for want of weights that are here now.
+    if stale := [file for study in studies for file in empty_records(Path("results", study), needed)]:
+        command += ["--forcerun", *map(str, stale)]
     targets = ["sweep"] if swept else ["reproduce", "table"]
     command += ["--config", *snakemake_config(overrides, swept), "--", *(options.target or targets)]
     check_working_folder([] if options.dry_run else [Path("results", study) for study in studies])

@@ -171,6 +171,20 @@ class GammaPath:
         changes = self.weights(level)[1:].astype(np.float32) @ self.changes.reshape(len(self.changes), -1)
         return Caricature(self.displacement(level), self.columns, changes.reshape(self.changes.shape[1:]))
 
+    @property
+    def is_still(self) -> bool:
+        """Whether nothing moves at any level, as in `still`."""
+        return self.changes is None and not self.displacements.any()
+
+    def still(self) -> GammaPath:
+        """The path on which nothing moves, for the same levels.
+
+        Returns:
+            The path, with two nodes.
+        """
+        ends = np.array([0.0, self.gamma_f])
+        return GammaPath(ends, np.zeros((2, *self.neutral.shape), np.float32), self.faces, self.neutral)
+
     @cached_property
     def _nodes(self) -> list[tuple[float, float]]:
         return barycentric_weights(self.levels)

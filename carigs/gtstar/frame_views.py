@@ -11,6 +11,7 @@ from jaxtyping import Float, Float32
 from carigs.capture import Capture, Frame
 from carigs.capture.images import read_grey, read_rgb
 from carigs.errors import InputError
+from carigs.gtstar.exchange import why_not_edited
 from carigs.raster import Visibility, compute_visibility
 from carigs.settings import Gtstar
 
@@ -84,5 +85,7 @@ def _edited_files(settings: Gtstar, frame: Frame) -> tuple[Path | None, Path | N
     if settings.provider != "precomputed":
         return None, None
     edited = Path(settings.folder) / f"{frame.name}.png"
+    if not edited.is_file() and (reason := why_not_edited(edited)):
+        raise InputError(reason, file=edited)
     matte = edited.with_name(f"{frame.name}_mask.png")
     return edited, matte if matte.is_file() else None

@@ -12,6 +12,7 @@ from jaxtyping import UInt16
 from carigs.capture import Capture, Frame
 from carigs.errors import SettingsError
 from carigs.exaggeration import Caricature
+from carigs.gtstar.by_command import find_program
 from carigs.gtstar.frame_views import TimestepViews, load_views
 from carigs.gtstar.registration import RegistrationError, registration_errors
 from carigs.gtstar.target import Target, make_target
@@ -52,7 +53,8 @@ def provide_targets(
     The provider `lat` (local affine transformations, section 3.2 of the paper) warps each frame from the tracked mesh
     to the caricature; `gtstar.warp` selects the affine map of equation 5 or the perspective one. `identity` and
     `precomputed` take the frame, or an edited image of the same name, as a picture of the caricature itself, and apply
-    the same checks and masks.
+    the same checks and masks. The images of `command` and `exemplar` are `precomputed` once they are
+    made (`carigs.gtstar.by_command`, `carigs.gtstar.by_exemplar`).
 
     Args:
         settings: Settings of the stage.
@@ -125,7 +127,12 @@ def check_settings(settings: Gtstar) -> None:
         settings: Settings of the stage.
 
     Raises:
-        SettingsError: For `precomputed` without its folder.
+        SettingsError: For `precomputed` without its folder, for `command` without its program, and for
+            `exemplar` without its image.
     """
+    if settings.provider == "command":
+        find_program(settings.command)
+    if settings.provider == "exemplar" and not (settings.exemplar and Path(settings.exemplar).is_file()):
+        raise SettingsError(f"gtstar.exemplar={settings.exemplar}: gtstar.provider=exemplar needs an image")
     if settings.provider == "precomputed" and not (settings.folder and Path(settings.folder).is_dir()):
         raise SettingsError(f"gtstar.folder={settings.folder}: gtstar.provider=precomputed needs a folder of images")

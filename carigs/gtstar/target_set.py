@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,6 +15,8 @@ from carigs.capture import Capture, Frame
 from carigs.capture.images import write_bits, write_png
 from carigs.capture.target_index import FACE_FLAGS, SHADING
 from carigs.exaggeration import Caricature
+from carigs.gtstar.by_command import edit_by_command
+from carigs.gtstar.by_exemplar import edit_by_exemplar
 from carigs.gtstar.capture_shading import fit_capture_shading
 from carigs.gtstar.frame_views import TimestepViews
 from carigs.gtstar.mask_flags import MaskFlag, face_mask_flags
@@ -41,6 +44,7 @@ def make_target_set(
     records: Path,
     hair: FoundHair | None = None,
     threads: int = 1,
+    level: float | None = None,
 ) -> TargetEntries:
     """Make the targets of all training frames of a level.
 
@@ -52,11 +56,18 @@ def make_target_set(
         records: Folder for what is complete; timesteps that an earlier run has recorded there are not made again.
         hair: What covers the head; None if nothing does.
         threads: Timesteps processed in parallel; the result does not depend on it.
+        level: The level, for the program of the provider `command`.
 
     Returns:
         One entry for every training frame, in their order: in the list of targets or in that of skipped frames.
     """
     model, frames = capture.model, capture.split("train")
+    if settings.provider == "command":
+        edited = edit_by_command(settings, capture, exaggerated, records / "exchange", level)
+        settings = replace(settings, provider="precomputed", folder=str(edited))
+    elif settings.provider == "exemplar":
+        edited = edit_by_exemplar(settings, capture, records / "painted")
+        settings = replace(settings, provider="precomputed", folder=str(edited))
     covered = clean = carried_hair = None
     if hair is not None:
         covered, clean = hair.covered, hair.clean

@@ -15,6 +15,7 @@ import numpy as np
 from omegaconf import DictConfig
 
 from carigs.config import compose
+from carigs.editing.edit_steps import number_of_edits
 from carigs.errors import InputError
 from carigs.planning.footage import Footage
 from carigs.planning.job_graph import Job
@@ -25,6 +26,16 @@ JOB_START = 0.3
 """Seconds from the decision to start a job to its first step: fork or interpreter, imports, settings."""
 REFERENCE_SPEED = 0.0285
 """Seconds of `speed_test` on the machine of the table."""
+
+NETWORK_PASSES = {"instruct_pix2pix": 3.0, "controlnet_ip2p": 3.0}
+"""Passes of Stable Diffusion's network for a step of an edit: for text and image, image, and neither. With a ControlNet
+two, each with half a network more."""
+CODING_PASSES = 5.0
+"""What the autoencoder takes for an edit, in such passes: two images are encoded, one is decoded."""
+PAINTING_STEPS = 30
+"""Steps of the whole schedule for a GT* frame of the provider `exemplar`, of two passes each."""
+PASS_SECONDS = 9.3
+"""Of one pass at 512 x 512 pixels in float32, on one core."""
 
 
 def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[str]) -> float:
@@ -58,13 +69,16 @@ def job_seconds(job: Job, footage: Mapping[str, Footage], overrides: Sequence[st
             work = 4.0 + 6.0 / job.threads  # 144 frames at most, at a resolution that is limited
         case "gtstar":
             work = 1.5 + 1.1 * images.megapixels * images.train / job.threads
+            if settings.gtstar.provider == "exemplar":
+                passes = 2 * PAINTING_STEPS * settings.gtstar.exemplar_strength + CODING_PASSES
+                work += images.train * passes * PASS_SECONDS / job.threads**0.8
         case "target_sheet":
             work = 2.0
         case "train":
             # A step costs a part for the surfels and a part for the pixels; harmonics make the surfels dearer.
             step = (0.0126 + 0.26 * images.megapixels) * (1 + 0.15 * settings.train.sh_degree)
             training = budget_seconds(settings.train.budget) or settings.train.iterations * step
-            work = 3.0 + training / job.threads**0.8
+            work = 3.0 + (training + _edit_seconds(settings.train)) / job.threads**0.8
         case "render":
             count = _rendered(images, settings, orbit=settings.render.orbit_frames)
             work = 0.5 + 0.77 * images.megapixels * count / job.threads**0.8
@@ -195,6 +209,14 @@ def _rendered(images: Footage, settings: DictConfig, orbit: int) -> int:
     """Images of all levels, with `orbit` frames of the orbit at each."""
     timesteps = settings.render.test_timesteps
     return sum(images.rendered(level, timesteps) + orbit for level in settings.render.levels)
+
+
+def _edit_seconds(train: DictConfig) -> float:
+    """Seconds of all edits of a training on one core."""
+    edits = number_of_edits(train.edit, train.iterations, train.start is not None)
+    if train.edit.editor not in NETWORK_PASSES:
+        return 0.05 * edits
+    return 60.0 + edits * PASS_SECONDS * (train.edit.steps * NETWORK_PASSES[train.edit.editor] + CODING_PASSES)
 
 
 def _settings(job: Job, overrides: Sequence[str]) -> DictConfig:

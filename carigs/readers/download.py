@@ -1,9 +1,10 @@
-"""Downloads over https, with a limit on the size; an interrupted one is continued."""
+"""Downloads over https, or from this machine, with a limit on the size; an interrupted one is continued."""
 
 from __future__ import annotations
 
 import http.client
 import urllib.error
+import urllib.parse
 import urllib.request
 from collections.abc import Callable
 from pathlib import Path
@@ -12,6 +13,7 @@ from carigs.errors import InputError
 
 TIMEOUT_SECONDS = 60
 BLOCK = 1 << 20
+THIS_MACHINE = ("127.0.0.1", "::1", "localhost")
 
 
 def download(
@@ -20,7 +22,7 @@ def download(
     """Download a file.
 
     Args:
-        url: Where it is; https.
+        url: Where it is: https, or http from a server on this machine.
         file: File to write. What it already holds is the beginning of an interrupted download: the rest is asked for,
             and everything where the server cannot send a part.
         max_bytes: Largest size that is accepted.
@@ -29,13 +31,13 @@ def download(
     Raises:
         InputError: It cannot be downloaded or is too large. What came stays in the file.
     """
-    if not url.startswith("https://"):
+    if not _is_allowed(url):
         raise InputError("only https is downloaded", file=url)
     done = file.stat().st_size if file.is_file() else 0
     headers = {"User-Agent": "carigs"} | ({"Range": f"bytes={done}-"} if done else {})
     try:
         with urllib.request.urlopen(urllib.request.Request(url, headers=headers), timeout=TIMEOUT_SECONDS) as response:
-            if not response.geturl().startswith("https://"):
+            if not _is_allowed(response.geturl()):
                 raise InputError("is redirected to an address that is not https", file=url)
             if response.status != http.client.PARTIAL_CONTENT:
                 done = 0
@@ -58,3 +60,12 @@ def download(
         raise InputError(f"cannot be downloaded ({reason})", file=url) from error
     if total not in (None, done):
         raise InputError(f"the connection ended after {done} of {total} bytes", file=url)
+
+
+def _is_allowed(url: str) -> bool:
+    """Whether nobody on the way can change what comes: https, or a server on this machine, such as a mirror."""
+    try:
+        parts = urllib.parse.urlsplit(url)
+        return parts.scheme == "https" or (parts.scheme == "http" and parts.hostname in THIS_MACHINE)
+    except ValueError:  # a port that is no number
+        return False

@@ -21,7 +21,9 @@ from carigs.settings.option import option_of
 
 
 def outside_files(stage: str, settings: Any, level: float | None = None) -> dict[str, Path]:
-    """The files and folders that the settings of a stage name: values of the fields with the option `is_path`.
+    """The files and folders that the settings of a stage name.
+
+    They are values of the fields with the option `is_path`, and words that are files here of those with `is_program`.
 
     Args:
         stage: Name of the stage.
@@ -35,9 +37,12 @@ def outside_files(stage: str, settings: Any, level: float | None = None) -> dict
     named = {}
     for f in fields(STAGES[stage]):
         allowed, name = option_of(f), getattr(settings, f.name)
-        if not (allowed.is_path and name):
+        if not ((allowed.is_path or allowed.is_program) and name):
             continue
         if allowed.required_when and getattr(settings, allowed.required_when[0]) not in allowed.required_when[1]:
+            continue
+        if allowed.is_program:  # of its words, those that are files, such as a script
+            named |= {f"{stage}.{f.name}[{i}]": Path(word) for i, word in enumerate(name) if _is_file(word)}
             continue
         for placeholder, value in values.items():
             name = name if value is None else name.replace(placeholder, f"{value:g}")
@@ -72,6 +77,11 @@ def files_digest(path: str | Path) -> str:
     else:
         return ""
     return sha256("\n".join(sorted(lines)).encode("utf-8", "surrogateescape")).hexdigest()[:32]
+
+
+def _is_file(word: str) -> bool:
+    """Whether a word of a command names a file; it may be any text."""
+    return os.path.isfile(word) if "\0" not in word else False
 
 
 def _named_files(index: Path) -> set[str]:

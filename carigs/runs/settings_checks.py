@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
@@ -50,9 +51,9 @@ def settings_warnings(overrides: Sequence[str]) -> list[str]:
         overrides: Hydra overrides of the run.
 
     Returns:
-        One line each for gamma and levels of regions beyond `USEFUL_LEVEL`, for levels above
-        gamma, for files that no subject reads, for each file of a subject that is not where it should be, and for a
-        folder of weights that is not there.
+        One line each for gamma and levels of regions beyond `USEFUL_LEVEL`, for levels above gamma, for files that no
+        subject reads, for each file of a subject and each program that is not where it should be, and for a folder of
+        weights that is not there.
     """
     config, lines = compose_study(*overrides), []
     regions = {f"exaggerate.regions.{name}": level for name, level in config.exaggerate.regions.items()}
@@ -70,6 +71,9 @@ def settings_warnings(overrides: Sequence[str]) -> list[str]:
             for key, path in outside_files(stage, settings[stage]).items():
                 if not path.exists():
                     missing.setdefault((key, path), []).append(subject)
+        program = settings.gtstar.command[0] if settings.gtstar.provider == "command" else None
+        if program is not None and shutil.which(program) is None:
+            missing.setdefault(("gtstar.command", Path(program)), []).append(subject)
     for (key, path), subjects in missing.items():
         lines.append(f"{key}: there is no {path}; {', '.join(dict.fromkeys(subjects))} cannot be made")
     lines += _captures_that_nothing_reads(overrides, config.study.subjects)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from carigs.settings.capture import CaptureSettings, Toy, Truth
+from carigs.settings.edit import Edit
 from carigs.settings.exaggerate import DEFAULT_GAMMA, USEFUL_LEVEL, Exaggerate
 from carigs.settings.gtstar import Gtstar
 from carigs.settings.hair import Hair
@@ -28,6 +29,7 @@ __all__ = [
     "Card",
     "Config",
     "Density",
+    "Edit",
     "Exaggerate",
     "Figures",
     "Gtstar",

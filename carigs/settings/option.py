@@ -53,6 +53,8 @@ class Option:
     so that a stage reads only its own section."""
     is_path: bool = False
     """The value names a file or folder: what was made from it is made again when it changes."""
+    is_program: bool = False
+    """The value is a program and its arguments: what it made is made again when a file that they name changes."""
 
     def allowed(self) -> str:
         """The allowed values in words.

@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass, field
 from typing import Any
 
+from carigs.settings.edit import Edit
 from carigs.settings.mask_flags import DEFAULT_MASK_FLAGS, MASK_FLAGS
 from carigs.settings.option import MAX_COUNT, MAX_SEED, Section, option, set_by
 from carigs.settings.regions import Regions
@@ -150,6 +151,7 @@ class Train(Section, key="train"):
     density: Density = field(default_factory=Density)
     plateau: Plateau = field(default_factory=Plateau)
     refine_tracking: RefineTracking = field(default_factory=RefineTracking)
+    edit: Edit = field(default_factory=Edit)
     backend: str = option("cpu", choices=("cpu", "torch", "cuda"))
     """`cpu`: Numba kernels. `torch`: the whole step in plain PyTorch, slow, on a GPU if torch finds one. `cuda`: the
     whole step on an NVIDIA GPU, with the rasterizer of gsplat. See docs/gpu.md."""

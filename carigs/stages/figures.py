@@ -88,6 +88,8 @@ def figures(
             "blend_error": lambda file: _blend_error(file, without_teeth(gamma_path), solver),
             "misregistration": lambda file: _misregistration(file, subject, gamma_path, known, warp, mask_flags, hair),
         }
+        if images.edited:
+            figure["editing"] = lambda file: strips.editing(file, images)
         reasons = {name: _reason(draw, part / f"{name}.png") for name, draw in figure.items()}
         lines = [f"{name}: {reason}\n" for name, reason in reasons.items() if reason]
         if lines:

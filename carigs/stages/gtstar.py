@@ -52,7 +52,7 @@ def gtstar(
     found = None if hair is None else load_hair(hair, len(subject.model.faces))
     exaggerated = read_subject_path(path, subject.model).at(level)
     with resuming_folder(targets, resume_key) as (folder, records):
-        entries = make_target_set(settings, subject, exaggerated, folder, records, found, threads)
+        entries = make_target_set(settings, subject, exaggerated, folder, records, found, threads, level)
         _report(entries, len(subject.split("train")))
         if not entries.targets:
             raise InputError(f"no frame can be used; the first: {entries.skipped[0]['why']}", file=capture)

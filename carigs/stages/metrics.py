@@ -71,7 +71,9 @@ def metrics(
     measured: list[MetricRecord] = []
     for level, truth in zip(levels, truths, strict=True):
         point = StudyPoint(study, subject, variant, seed, gamma, level, person.split_rule)
-        rendered, caricature = _rendered(frames, level), gamma_path.at(level)
+        rendered = _rendered(frames, level)
+        # Frames of an avatar whose mesh is not exaggerated say so: they are measured on the mesh that they show.
+        caricature = gamma_path.at(next((f.mesh_level for f in rendered if f.mesh_level is not None), level))
         measured += read_frame_records(level_folder(frames, level) / "geometry.csv", point)
         measured += image_records(point, rendered, read_ground_truth(truth), person, caricature, settings, threads)
         measured += embedding_records(point, rendered, unedited, person, networks, weights)

@@ -65,7 +65,7 @@ def render(
         settings: Settings of the stage.
         avatar: Input: the trained avatar.
         capture: Input: the index of the capture.
-        path: Input: the exaggeration path, which replaces the avatar's copy.
+        path: Input: the exaggeration path, which replaces the avatar's copy, unless nothing moves on that.
         frames: Output: for each level a folder (`level_folder`) of PNG images below `test/`, `val/` and `orbit/`, with
             frames.json, their protocols, timesteps and cameras in rendering order, and geometry.csv, the metrics that
             need the avatar's depth, normals, opacity and surfels.
@@ -86,6 +86,8 @@ def render(
     for level in settings.levels:
         if not 0 <= level <= gamma_path.gamma_f:
             raise SettingsError(f"level {level:g} lies outside the path's [0, {gamma_path.gamma_f:g}]")
+    if person.sequence.path.is_still:  # edited images on a mesh that is not exaggerated
+        gamma_path = gamma_path.still()
     person.sequence.path = gamma_path
     with resuming_folder(frames, resume_key) as (part, _):
         for level in settings.levels:
@@ -109,7 +111,8 @@ def _render_level(
         (folder / file).parent.mkdir(parents=True, exist_ok=True)
         write_png(folder / file, shown.image.numpy())
         novel = {"view": camera_to_json(camera)} if view.protocol == "orbit" else {}
-        entries.append({**view._asdict(), "file": file, **novel})
+        still = {"mesh_level": 0.0} if path.is_still else {}
+        entries.append({**view._asdict(), "file": file, **novel, **still})
         if view.protocol == "test":  # tables show no others
             measured += meter.records(view.timestep, view.camera, camera, shown.world)
     write_frame_records(folder / "geometry.csv", measured)

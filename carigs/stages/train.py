@@ -43,11 +43,16 @@ def train(
             the result depends on neither.
 
     Raises:
-        SettingsError: GT* frames are to supervise, and there are none.
+        SettingsError: GT* frames are to supervise, and there are none; or frames are edited, and GT* frames supervise.
+        WeightsMissing: Weights of the editor are missing.
         InputError: An input is malformed.
     """
     if settings.gtstar_probability > 0 and not targets:
         raise SettingsError(f"train.gtstar_probability={settings.gtstar_probability} needs targets, and there are none")
+    edited = settings.edit.editor != "none"
+    if edited and settings.gtstar_probability > 0:
+        problem = f"train.edit.editor={settings.edit.editor} edits real frames, which train.gtstar_probability=0 takes"
+        raise SettingsError(problem)
     # torch before numba's threads start: both then share one pool.
     from carigs.simd.threads import use_idle_cores, use_threads
 
@@ -64,6 +69,12 @@ def train(
     found = None if hair is None else load_hair(hair, len(person.model.faces))
     gamma_path = read_subject_path(path, person.model)
     sets = [read_targets(index, person) for index in targets or ()]
+    edits = None
+    if edited:
+        from carigs.editing.dataset_update import DatasetUpdate
+
+        edits = DatasetUpdate(settings.edit, person, settings.seed, from_avatar=settings.start is not None)
+        gamma_path = gamma_path.still()  # an editor changes the images; nothing exaggerates the mesh
     subject = prepare_subject(person, gamma_path, settings, found, sets)
     same = subject.same_from_all_sides
     if same is not None and same.all():
@@ -71,7 +82,7 @@ def train(
             f"the views are far apart: no colours depend on the view, in spite of train.sh_degree={settings.sh_degree}"
         )
     checkpoint = Checkpoint(avatar.with_suffix(".checkpoint"), resume_key)
-    surfels, rows = train_surfels(settings, subject, checkpoint, lambda _: use_idle_cores(threads))
+    surfels, rows = train_surfels(settings, subject, checkpoint, lambda _: use_idle_cores(threads), edits)
     trained = Avatar(surfels, subject.sequence, settings.rig, settings.rotate_harmonics, person.background)
     with writing(log) as part, part.open("w", newline="") as stream:
         csv.writer(stream).writerows([COLUMNS, *rows])

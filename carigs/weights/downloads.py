@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,6 +15,9 @@ from carigs.readers.weights import MAX_WEIGHTS_BYTES
 from carigs.runs.locks import job_lock
 from carigs.weights.checksums import check_file, file_checksum, keep_checksum
 
+ATTEMPTS = 5
+"""Of a download whose connection breaks; each goes on where the last one ended, and the first without a byte is the
+last."""
 SECONDS_TO_WAIT = 6 * 3600.0
 """For another process that downloads the same file: jobs of a study start at the same time."""
 
@@ -63,7 +66,7 @@ def _download(file: Download, progress: Progress) -> None:
     def report(done: int, total: int | None) -> None:
         progress.update(task, completed=done, total=total or file.size, visible=True)
 
-    download(file.url, part, MAX_WEIGHTS_BYTES, report)
+    _download_in_parts(file.url, part, report)
     try:
         check_file(part, file.title, size=file.size, sha256=file.sha256, remedy="nothing was kept")
     except InputError as error:
@@ -71,3 +74,20 @@ def _download(file: Download, progress: Progress) -> None:
         raise InputError(error.problem, file=file.url) from error
     keep_checksum(file.path, file_checksum(part))
     part.rename(file.path)
+
+
+def _download_in_parts(url: str, part: Path, report: Callable[[int, int | None], None]) -> None:
+    """Download a file, and go on where the connection breaks, as long as bytes come."""
+    for attempt in range(ATTEMPTS):
+        before = _size(part)
+        try:
+            download(url, part, MAX_WEIGHTS_BYTES, report)
+        except InputError:
+            if attempt + 1 == ATTEMPTS or _size(part) <= before:
+                raise
+        else:
+            return
+
+
+def _size(file: Path) -> int:
+    return file.stat().st_size if file.is_file() else 0

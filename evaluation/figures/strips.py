@@ -97,6 +97,31 @@ def renderings(file: Path, images: StudyImages) -> str | None:
     return None
 
 
+def editing(file: Path, images: StudyImages) -> None:
+    """Draw edited avatars beside the avatar of real frames, the method and the truth (figure 6 of the paper).
+
+    Args:
+        file: PNG file to write.
+        images: Images of the subject; some variants are edited.
+    """
+    start, end = images.levels[0], images.levels[-1]
+    candidates = [(BASELINE, start), *((name, end) for name in images.edited), (METHOD, end)]
+    shown = [(name, level) for name, level in candidates if name in images.variants]
+    rows: dict[str, list[Image | None]] = {
+        f"camera {camera}": [
+            *(images.rendered(name, level, (timestep, camera)) for name, level in shown),
+            images.true(end, (timestep, camera)),
+        ]
+        for timestep, camera in images.views
+    }
+    edited = set(images.edited)
+    columns = [name if name in edited else f"{name}, γ = {level:g}" for name, level in shown]
+    columns.append(f"truth, γ = {end:g}")
+    if all(row[-1] is None for row in rows.values()):
+        columns, rows = columns[:-1], {name: row[:-1] for name, row in rows.items()}
+    _write_rows(file, images, rows, columns, "Edited avatars, and caricatures")
+
+
 def hair_mask(file: Path, images: StudyImages, path: GammaPath, hair_regions: Sequence[str]) -> str | None:
     """Draw the hair with and without its mask at gamma_f (figure 7 of the paper).
 

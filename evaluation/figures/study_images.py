@@ -47,6 +47,12 @@ class StudyImages:
         return [*self.frames]
 
     @cached_property
+    def edited(self) -> list[str]:
+        """Variants whose mesh is not exaggerated: an editor has changed their images."""
+        indexes = {name: level_folder(folder, self.levels[-1]) / "frames.json" for name, folder in self.frames.items()}
+        return [name for name, file in indexes.items() if any(f.mesh_level == 0 for f in read_frame_index(file))]
+
+    @cached_property
     def levels(self) -> list[float]:
         """Levels in ascending order."""
         return sorted(self.truths)

@@ -10,12 +10,12 @@ from carigs.capture import Capture
 from carigs.capture.frame_index import RenderedImage
 from carigs.errors import WeightsMissing
 from carigs.settings import Metrics
+from carigs.weights.offline import work_offline
 from carigs.weights.registry import registered
 from carigs.weights.search import find_weights
 from evaluation.metrics.frame_sequences import frame_sequences
 from evaluation.metrics.networks import clip
 from evaluation.metrics.networks.embedding_networks import EmbeddingNetworks, Scores
-from evaluation.metrics.networks.parameters import work_offline
 from evaluation.tables.metric_records import MetricRecord, StudyPoint, metric_record
 
 CONSISTENCY = ("clip_c_adjacent", "clip_c_unedited", "clip_c_dir_edit", "clip_c_dir_motion")

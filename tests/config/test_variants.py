@@ -24,12 +24,13 @@ def test_variants_differ_in_supervision_masks_levels_and_light_only():
     ours, reasons = trained["alternating"], {reason.name.lower() for reason in MaskFlag}
     assert [trained[name].gtstar_probability for name in ("surfhead", "gtstar_only", "no_mask")] == [0.0, 1.0, 0.35]
     assert list(trained["no_mask"].mask_flags) == []
-    assert [name for name, t in trained.items() if not t.relight_surfels] == ["surfhead"]
+    edited = {name for name, t in trained.items() if t.edit.editor != "none"}
+    assert {name for name, t in trained.items() if not t.relight_surfels} == {"surfhead", *edited}
     assert {*ours.mask_flags} == {*DEFAULT_MASK_FLAGS}
     in_studies = {name for study in known("study") for name in compose(f"study={study}").study.variants}
     for t in (trained[name] for name in in_studies):
         assert {*t.mask_flags} <= reasons
-        for name in ("gtstar_probability", "mask_flags", "relight_surfels", "num_gtstar_levels"):
+        for name in ("gtstar_probability", "mask_flags", "relight_surfels", "num_gtstar_levels", "edit"):
             setattr(t, name, getattr(ours, name))
         assert t == ours
 

@@ -35,7 +35,7 @@ def parse(words: list[str], monkeypatch: pytest.MonkeyPatch) -> argparse.Namespa
 
     name, *arguments = words
     assert name in COMMANDS, f"carigs {name} does not exist"
-    module = "convert_capture" if name == "convert" and not Path(arguments[0]).suffix else name
+    module = "conversion.captures" if name == "convert" and not Path(arguments[0]).suffix else name
     with monkeypatch.context() as patched:
         for method in ("parse_args", "parse_intermixed_args"):
             patched.setattr(argparse.ArgumentParser, method, stop(getattr(argparse.ArgumentParser, method)))

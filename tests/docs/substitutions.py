@@ -39,6 +39,16 @@ PARTLY = (
     ("README.md", "carigs run\n", f"--target {AVATAR}"),  # docs/tutorials/toy.md makes the whole study
     ("docs/tutorials/talk.md", "carigs run\n", f"--target {AVATAR}"),
     ("docs/tutorials/other-programs.md", "carigs run\n", f"--target {AVATAR}"),
+    (  # what is trained on other targets is trained alike
+        "docs/tutorials/stylizers.md",
+        "carigs run study.variants",
+        "--target results/toy/toy/gamma=0.0001/targets/alternating/level=0.0001/targets.json",
+    ),
+    (
+        "docs/tutorials/stylizers.md",
+        "carigs run study=paper_editing",
+        "--target results/paper_editing/toy/gamma=0.25/drawn_nose/seed=0/metrics.csv",
+    ),
     ("README.md", "carigs run study=own", "--dry-run"),  # as docs/tutorials/own-capture.md does
     ("docs/tutorials/toy.md", "carigs run gamma=0.35", "--dry-run"),  # the same stages as the run before
     (

@@ -65,6 +65,7 @@ MEASUREMENTS = {
         (), ("ict_s1", "ict_s7", MODEL), "python -m evaluation.benchmarks.few_cameras FILE.csv DATASET HEAD_MODEL"
     ),
     "outlines": Measurement((), ("ict_s1", "ict_s7", MODEL), SECTION),
+    "editing": Measurement((), (), SECTION),
     "tests": Measurement((), (), SECTION),
 }
 """What is measured."""

@@ -28,6 +28,19 @@ def test_path_is_exact_at_its_nodes_and_polynomial_between():
         assert path.weights(g).sum() == pytest.approx(1)
 
 
+def test_a_still_path_moves_nothing_on_the_same_head(tmp_path):
+    vertices, faces = bumpy(2)
+    path = straight_path(vertices, faces, 0.1 * vertices, 0.3)
+    still = path.still()
+    assert still.is_still and not path.is_still and still.gamma_f == path.gamma_f
+    np.testing.assert_array_equal(still.neutral, path.neutral)
+    np.testing.assert_array_equal(still.faces, path.faces)
+    for level in (0.0, 0.1, 0.3):
+        assert not still.displacement(level).any()
+    still.save(tmp_path / "path.npz")
+    assert GammaPath.load(tmp_path / "path.npz").is_still
+
+
 def test_levels_outside_warn():
     vertices, faces = bumpy(2)
     path = straight_path(vertices, faces, 0.1 * vertices, 0.25)

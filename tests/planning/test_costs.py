@@ -54,6 +54,21 @@ def test_a_budget_of_a_training_is_its_time():
     assert job_seconds(train, TOY, ("train.budget=1min", "train.iterations=9")) == short
 
 
+def test_edits_by_a_network_cost_by_their_number_and_steps():
+    train = first("train")
+
+    def edits(*overrides):
+        return job_seconds(train, TOY, (*STEPS, *overrides)) - job_seconds(train, TOY, STEPS)
+
+    network = "train.edit.editor=instruct_pix2pix"
+    assert 3600 < edits(network) < 100 * 3600  # without a GPU: 120 edits of ten minutes
+    twice = edits(network, "train.edit.every=5") / edits(network)
+    assert twice == pytest.approx(2, rel=0.01)
+    assert edits(network, "train.edit.steps=10") < 0.6 * edits(network)
+    assert 0 < edits("train.edit.editor=drawn_nose") < 30
+    assert edits("train.edit.every=1") == 0
+
+
 def test_times_of_an_earlier_run_count_first_and_correct_the_others(table, tmp_path):
     trains = [job for job in JOBS if job.rule == "train"]
     record = {"log": [trains[0].log], "starttime": 100.0, "endtime": 350.0}

@@ -164,6 +164,8 @@ def test_every_setting_that_names_a_file_is_marked():
         ),
         ("exaggerate", ["exaggerate.file='{gamma}.obj'", "gamma=0.5"], ["0.5.obj"]),
         ("gtstar", ["gtstar.provider=precomputed", "gtstar.folder=edited"], ["edited"]),
+        ("gtstar", ["gtstar.provider=command", f"gtstar.command=[python,{__file__},--fast]"], [__file__]),
+        ("gtstar", [f"gtstar.command=[python,{__file__}]"], []),  # another provider
         ("train", ["train.start=a.npz"], ["a.npz"]),
         ("truth", ["truth.folder='truth/level={level}'"], ["truth/level=0.25"]),
         ("metrics", ["metrics.weights=weights"], ["weights"]),

@@ -13,7 +13,7 @@ def test_own_studies_and_subjects_are_found_and_mistakes_are_one_line(carigs):
     assert (mistake.returncode, mistake.stdout) == (1, "")
     assert (
         mistake.stderr == "carigs: study=smal is unknown; "
-        "known: ablation, ava256, ict, levels, nersemble, own, paper, paper_size, small, toy, video\n"
+        "known: ablation, ava256, ict, levels, nersemble, own, paper, paper_editing, paper_size, small, toy, video\n"
     )
     assert carigs("run", "--coers", "2").returncode == 2
     assert carigs("walk").returncode == 2

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from torch import Tensor
 
+from carigs.editing.dataset_update import DatasetUpdate
 from carigs.errors import InputError
 from carigs.readers.arrays import checked_array
 from carigs.readers.json_files import parse_json
@@ -47,6 +48,7 @@ class TrainingState:
         losses: Losses since the last row; tensors on a device if the step computes there.
         seconds: Training time, earlier runs included.
         refinement: Refinement of the tracked head parameters, if enabled.
+        edits: Frames that edits have replaced, if there are edits.
     """
 
     iteration: int
@@ -60,6 +62,7 @@ class TrainingState:
     losses: list[float | Tensor] = field(default_factory=list)
     seconds: float = 0.0
     refinement: TrackingRefinement | None = None
+    edits: DatasetUpdate | None = None
 
 
 def save_checkpoint(checkpoint: Checkpoint, state: TrainingState) -> None:
@@ -86,11 +89,15 @@ def save_checkpoint(checkpoint: Checkpoint, state: TrainingState) -> None:
             **to_arrays(state.surfels),
             **state.adam.as_arrays(),
             **(state.refinement.as_arrays() if state.refinement else {}),
+            **(state.edits.as_arrays() if state.edits else {}),
         )
 
 
 def load_checkpoint(
-    checkpoint: Checkpoint, num_faces: int, refinement: TrackingRefinement | None = None
+    checkpoint: Checkpoint,
+    num_faces: int,
+    refinement: TrackingRefinement | None = None,
+    edits: DatasetUpdate | None = None,
 ) -> TrainingState | None:
     """Read the state of a run with the same inputs.
 
@@ -98,6 +105,7 @@ def load_checkpoint(
         checkpoint: Where `save_checkpoint` has written it.
         num_faces: Number of the head's triangles.
         refinement: Refinement of the tracking, set to its saved state.
+        edits: Edits of the frames, set to their saved state.
 
     Returns:
         The state; None if there is no file, if it is broken, or if it is of a run with another key.
@@ -122,9 +130,11 @@ def load_checkpoint(
         seconds = float(arrays["seconds"])
         if refinement is not None:
             refinement.restore(arrays)
+        if edits is not None:
+            edits.restore(arrays)
         done, steps = int(arrays["iteration"]), int(arrays["iterations"])
         return TrainingState(
-            done, steps, ending, surfels, adam, statistics, validation, log, losses, seconds, refinement
+            done, steps, ending, surfels, adam, statistics, validation, log, losses, seconds, refinement, edits
         )
     except (InputError, ValueError, KeyError, TypeError):
         return None

@@ -52,6 +52,9 @@ class NumbaStep:
         """
         state.statistics = GradientStatistics(len(state.surfels))
 
+    def forget_images(self) -> None:
+        """Forget images that were read ahead: files alone are, and edited frames are no files."""
+
     def update(self, state: TrainingState, i: int, rates: Mapping[str, float]) -> StepResult:
         """Do one step: everything but density control.
 

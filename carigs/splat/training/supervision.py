@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -56,6 +56,7 @@ class Supervision:
         mask_flags: Names of the mask flags for which pixels are left out and triangles frozen.
         megabytes: Memory for decoded images.
         kept: Triangles whose surfels stay as they are at the start; None if there are none.
+        replaced: Images that stand for those of real frames, by index: what edits have made of them.
 
     Raises:
         InputError: If the capture has no training frames.
@@ -66,6 +67,7 @@ class Supervision:
     mask_flags: tuple[str, ...] = DEFAULT_MASK_FLAGS
     megabytes: int = 2048
     kept: Bool[np.ndarray, " f"] | None = None
+    replaced: Mapping[int, UInt8[np.ndarray, "h w 3"]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.frames = self.capture.split("train")
@@ -117,7 +119,9 @@ class Supervision:
         if not gtstar:
             frame = self.frames[index]
             camera = self.capture.camera(frame)
-            image = self._images.get(self.capture.root / frame.image, partial(self._frame_planes, frame))
+            image = self.replaced.get(index)
+            if image is None:
+                image = self._images.get(self.capture.root / frame.image, partial(self._frame_planes, frame))
             return Example(frame.timestep, camera, 0.0, _of_size(image, camera, frame.image), None, self.kept)
         frame, level, file, flags, weight = self.targets[index]
         camera = self.capture.camera(frame)
@@ -136,6 +140,8 @@ class Supervision:
             index: As in `example`.
         """
         if not gtstar:
+            if index in self.replaced:
+                return
             frame = self.frames[index]
             self._images.prefetch(self.capture.root / frame.image, partial(self._frame_planes, frame))
             return

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from carigs.capture import Frame
+from carigs.editing.dataset_update import DatasetUpdate
 from carigs.settings import Train
 from carigs.settings.train import budget_seconds
 from carigs.splat.surfels.surfels import Surfels, from_arrays, to_arrays
@@ -49,6 +50,7 @@ def train_surfels(
     subject: TrainingSubject,
     checkpoint: Checkpoint | None = None,
     on_step: Callable[[TrainingState], None] | None = None,
+    edits: DatasetUpdate | None = None,
 ) -> tuple[Surfels, list[tuple]]:
     """Train the surfels of a subject.
 
@@ -69,6 +71,7 @@ def train_surfels(
             `settings.refine_tracking` has steps that do.
         checkpoint: Where the state is kept; the run continues from one with the same key. None keeps no state.
         on_step: Called with the state after every step.
+        edits: Edits of the frames while the training goes on; None if the frames stay as they are.
 
     Returns:
         The trained surfels, and the rows of the log (`COLUMNS`).
@@ -79,14 +82,14 @@ def train_surfels(
         refinement = TrackingRefinement(subject.sequence, timesteps)
     state = None
     if checkpoint is not None:
-        state = load_checkpoint(checkpoint, len(subject.sequence.rig.faces), refinement)
+        state = load_checkpoint(checkpoint, len(subject.sequence.rig.faces), refinement, edits)
     if state is None:
         surfels = initial_surfels(
             settings, subject.supervision, subject.sequence, subject.hair, subject.inside, subject.unseen
         )
         if (budget := budget_seconds(settings.budget)) is not None:
             settings = with_iterations(settings, _steps_within(budget, settings, subject, surfels))
-        state = _first_state(settings.iterations, surfels, refinement)
+        state = _first_state(settings.iterations, surfels, refinement, edits)
     elif settings.budget is not None:
         settings = with_iterations(settings, state.iterations)
     run = _Run(settings, subject, state)
@@ -108,10 +111,15 @@ def train_surfels(
     return from_arrays(**to_arrays(state.surfels)), state.log
 
 
-def _first_state(iterations: int, surfels: Surfels, refinement: TrackingRefinement | None = None) -> TrainingState:
+def _first_state(
+    iterations: int,
+    surfels: Surfels,
+    refinement: TrackingRefinement | None = None,
+    edits: DatasetUpdate | None = None,
+) -> TrainingState:
     statistics = GradientStatistics(len(surfels))
     ending = Ending(None, iterations)
-    return TrainingState(0, iterations, ending, surfels, Adam(surfels), statistics, refinement=refinement)
+    return TrainingState(0, iterations, ending, surfels, Adam(surfels), statistics, refinement=refinement, edits=edits)
 
 
 def _steps_within(seconds: float, settings: Train, subject: TrainingSubject, surfels: Surfels) -> int:
@@ -144,14 +152,24 @@ class _Run:
         self.only_targets = self.inputs.only_targets
         self.work = _step_of(self.inputs)
         self.work.place(state)
-        # Without real frames in the training, those that are held out do not say how far it is.
-        self.validation = [] if self.only_targets else validation_frames(self.supervision.capture)
+        # Without real frames in the training, or with edited ones, those that are held out do not say how far it is.
+        unlike = self.only_targets or state.edits is not None
+        self.validation = [] if unlike else validation_frames(self.supervision.capture)
         self.shown: dict[str, float] = {}
+        self.kept = self.supervision.kept
+        if state.edits is not None:
+            self.supervision.replaced = state.edits.images
+            self.kept_by_edits = state.edits.frozen(self.kept)
 
     def step(self) -> None:
         """Render, compare, update; then what is done once in a while."""
         state, settings, i = self.state, self.settings, self.state.iteration
-        result = self.work.update(state, i, learning_rates(settings, state.ending.progress(i, settings.iterations)))
+        self._edit(i)
+        if state.edits is None:
+            fallen = state.ending.progress(i, settings.iterations)
+        else:
+            fallen = state.edits.progress(i, settings.iterations)
+        result = self.work.update(state, i, learning_rates(settings, fallen))
         gtstar, index = self.inputs.scheduled(i)
         if self.inputs.refines_tracking(i):
             state.refinement.step(self.supervision.frames[index].timestep, settings.refine_tracking)
@@ -160,9 +178,25 @@ class _Run:
         self._validate()
         self._log(result, gtstar)
 
+    def _edit(self, i: int) -> None:
+        """Replace a frame by its edit, where that is due, and keep what is outside the edited regions."""
+        edits, iterations = self.state.edits, self.settings.iterations
+        if edits is None:
+            return
+        if i >= edits.begin(iterations):
+            self.supervision.kept = self.kept_by_edits
+        if (index := edits.due(i, iterations)) is not None:
+            vertices = self.sequence.posed(self.supervision.frames[index].timestep, 0.0)
+            edits.update(i, index, vertices, lambda frame: self.work.image(self.state.surfels, frame))
+            self.work.forget_images()
+
     def _control_density(self, done: int) -> None:
         state, density = self.state, self.settings.density
-        if density.every and density.start <= done < density.stop and done % density.every == 0:
+        edits = state.edits
+        # Surfels that are frozen with the first edit need the steps of a refinement to settle.
+        first = None if edits is None or edits.faces is None else edits.begin(self.settings.iterations)
+        settles = first is not None and first - density.every < done <= first
+        if density.every and density.start <= done < density.stop and done % density.every == 0 and not settles:
             rng = np.random.default_rng([self.settings.seed, 2, done])
             views = [(frame, 0.0) for frame in self.supervision.frames]
             if self.only_targets:

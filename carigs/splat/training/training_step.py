@@ -146,6 +146,9 @@ class TrainingStep(Protocol):
             state: The state of the run, with surfels on the host; changed in place.
         """
 
+    def forget_images(self) -> None:
+        """Forget images that were read ahead: one of them has been replaced."""
+
     def update(self, state: TrainingState, i: int, rates: Mapping[str, float]) -> StepResult:
         """Render, compare, update.
 

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from carigs.errors import InputError, WeightsMissing
+from carigs.weights.diffusers_parts import load_parts
 from carigs.weights.registry import registered
-from evaluation.metrics.networks.parameters import work_offline
 from evaluation.metrics.networks.preprocessing import Preprocessing
 
 if TYPE_CHECKING:
@@ -93,51 +92,5 @@ def load_diffusion_model(folder: Path, device: str = "cpu") -> DiffusionModel:
         InputError: A file is missing or cannot be read, parameters are missing, or the network predicts neither noise
             nor v.
     """
-    for file in registered("stable_diffusion_1.5").files:
-        if not (folder / file.name).is_file():
-            raise InputError(f"has no file {file.name}", file=folder)
-    work_offline()
-    import torch
-
-    try:
-        from diffusers import AutoencoderKL, DDPMScheduler, UNet2DConditionModel
-        from transformers import CLIPTextModel, CLIPTokenizer
-    except ImportError as error:
-        raise WeightsMissing(f"{error.name} is not installed: pip install 'carigs[diffusion]'") from error
-
-    unet = _load(UNet2DConditionModel, folder / "unet", low_cpu_mem_usage=False)
-    vae = _load(AutoencoderKL, folder / "vae", low_cpu_mem_usage=False)
-    text_encoder = _load(CLIPTextModel, folder / "text_encoder")
-    try:
-        scheduler = DDPMScheduler.from_pretrained(folder / "scheduler", local_files_only=True)
-        tokenizer = CLIPTokenizer.from_pretrained(folder / "tokenizer", local_files_only=True)
-        length = text_encoder.config.max_position_embeddings
-        tokens = tokenizer("", padding="max_length", max_length=length, return_tensors="pt").input_ids
-        with torch.inference_mode():
-            prompt = text_encoder(tokens).last_hidden_state
-    except Exception as error:  # a damaged file can fail anywhere
-        raise _unreadable(folder, error) from error
-    kind = scheduler.config.prediction_type
-    if kind not in ("epsilon", "v_prediction"):
-        problem = f"{kind} is unknown; the network must predict epsilon or v_prediction"
-        raise InputError(problem, file=folder / "scheduler/scheduler_config.json", field="prediction_type")
-    alphas_cumprod = scheduler.alphas_cumprod.double().numpy()
-    return DiffusionModel(vae.to(device), unet.to(device), prompt.to(device), alphas_cumprod, kind)
-
-
-def _load(network: Any, folder: Path, **options: Any) -> torch.nn.Module:
-    try:
-        model, report = network.from_pretrained(
-            folder, local_files_only=True, use_safetensors=True, output_loading_info=True, **options
-        )
-    except Exception as error:  # a damaged file can fail anywhere
-        raise _unreadable(folder, error) from error
-    missing = sorted(report["missing_keys"])  # the libraries fill these with random numbers
-    if missing:
-        raise InputError(f"{len(missing)} parameters are missing, such as {missing[0]}", file=folder)
-    return model.float().eval()
-
-
-def _unreadable(folder: Path, error: Exception) -> InputError:
-    problem = " ".join(str(error).split())[:160]
-    return InputError(f"not a readable part of Stable Diffusion ({type(error).__name__}: {problem})", file=folder)
+    parts = load_parts(folder, registered("stable_diffusion_1.5"), [""], device)
+    return DiffusionModel(parts.vae, parts.unet, parts.prompts, parts.alphas_cumprod, parts.prediction_type)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -38,12 +37,3 @@ def load_state(network: torch.nn.Module, file: Path, name: str, trusted: Collect
         problem = " ".join(str(error).split())[:120]
         raise InputError(f"these weights are not {name} ({problem})", file=file) from error
     return network.eval()
-
-
-def work_offline() -> None:
-    """Tell the client of the Hugging Face hub to ask nothing over the network, which it otherwise waits for.
-
-    It reads this when it is imported: call this before a network library is. Weights are found or downloaded here,
-    never by those libraries.
-    """
-    os.environ.setdefault("HF_HUB_OFFLINE", "1")

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from carigs.capture import Capture, read_dataset
 from carigs.capture.importers.flame_tracks import rotation_vector_of_rows
 from carigs.capture.importers.mesh_sequence import track_meshes
-from carigs.cli.convert_capture import main
+from carigs.cli.conversion.captures import main
 from carigs.errors import InputError
 from carigs.head import pose, pose_frames
 from carigs.plausibility import check_capture

@@ -16,7 +16,7 @@ from carigs.capture import Capture, read_dataset
 from carigs.capture.importers.ava256 import CALIBRATED_HEIGHT, CALIBRATED_WIDTH, read_calibration
 from carigs.capture.importers.dome import TOLERANCE, spread_cameras
 from carigs.capture.importers.mesh_sequence import BATCH, NUM_EXPRESSIONS, track_meshes
-from carigs.cli.convert_capture import main
+from carigs.cli.conversion.captures import main
 from carigs.errors import CarigsWarning, InputError, SettingsError
 from carigs.head import pose
 from carigs.raster import rasterize_mesh

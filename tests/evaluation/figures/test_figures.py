@@ -315,6 +315,37 @@ def test_every_image_of_a_comparison_is_the_one_of_its_variant_level_and_view(st
     }
 
 
+def test_edited_avatars_stand_between_what_they_start_from_and_the_method(study, sheets, tmp_path, monkeypatch):
+    images = coded(study, ["alternating", "drawn", "surfhead", "painted"])
+    monkeypatch.setattr(CodedImages, "edited", ["drawn", "painted"])
+    strips.editing(tmp_path / "e.png", images)
+    (sheet,) = sheets
+    camera = images.views[1][1]
+    assert list(dict.fromkeys(column for _, column in sheet)) == [
+        "surfhead, γ = 0", "drawn", "painted", "alternating, γ = 0.25", "truth, γ = 0.25",
+    ]  # fmt: skip
+    row = f"camera {camera}"
+    assert sheet[row, "surfhead, γ = 0"] == ("surfhead", 0.0, camera)
+    assert sheet[row, "painted"] == ("painted", 0.25, camera)
+    assert sheet[row, "alternating, γ = 0.25"] == ("alternating", 0.25, camera)
+
+
+def test_an_avatar_is_edited_if_its_frames_say_that_their_mesh_has_level_0(study):
+    folder, keywords = study
+    subject = Capture.load(folder / "capture.json")
+    truths = {level: read_ground_truth(file) for level, file in zip((0.0, 0.25), keywords["truths"], strict=True)}
+    images = StudyImages(subject, {name: folder / name for name in keywords["variants"]}, truths, Figures(), 96)
+    assert images.edited == []
+    index = folder / keywords["variants"][0] / "level=0.25/frames.json"
+    before = index.read_text()
+    index.write_text(json.dumps([{**entry, "mesh_level": 0.0} for entry in json.loads(before)]))
+    try:
+        fresh = StudyImages(subject, images.frames, truths, Figures(), 96)
+        assert fresh.edited == [keywords["variants"][0]]
+    finally:
+        index.write_text(before)
+
+
 @pytest.mark.parametrize(("centre", "radius"), [((0.0, 0.0), 0.05), ((0.06, 0.03), 0.05)])
 def test_the_window_of_the_hair_holds_it(centre, radius):
     """A ball in front of the camera, whose upper half has hair."""

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
+from tiny_diffusion import write_diffusion_model
 
 from carigs.capture.frame_index import RenderedImage
 from carigs.capture.images import write_png
@@ -112,36 +113,7 @@ def test_a_prediction_of_v_gives_the_noise():
 @pytest.fixture(scope="module")
 def tiny(tmp_path_factory):
     """A folder in the layout of Stable Diffusion."""
-    diffusers, transformers = pytest.importorskip("diffusers"), pytest.importorskip("transformers")
-    folder = tmp_path_factory.mktemp("models") / "tiny"
-    torch.manual_seed(0)
-    diffusers.UNet2DConditionModel(
-        sample_size=64, block_out_channels=(8, 16), layers_per_block=1, norm_num_groups=4, cross_attention_dim=16,
-        attention_head_dim=4, down_block_types=("DownBlock2D", "CrossAttnDownBlock2D"),
-        up_block_types=("CrossAttnUpBlock2D", "UpBlock2D"),
-    ).save_pretrained(folder / "unet")  # fmt: skip
-    diffusers.AutoencoderKL(
-        block_out_channels=(4, 4, 4, 8), norm_num_groups=2, scaling_factor=0.25, shift_factor=0.5,
-        down_block_types=("DownEncoderBlock2D",) * 4, up_block_types=("UpDecoderBlock2D",) * 4,
-    ).save_pretrained(folder / "vae")  # fmt: skip
-    words = {"<|startoftext|>": 0, "<|endoftext|>": 1, "a": 2, "a</w>": 3}
-    transformers.CLIPTextModel(
-        transformers.CLIPTextConfig(
-            vocab_size=4, hidden_size=16, intermediate_size=16, num_hidden_layers=1, num_attention_heads=2,
-            max_position_embeddings=7, bos_token_id=0, eos_token_id=1, pad_token_id=1,
-        )
-    ).save_pretrained(folder / "text_encoder")  # fmt: skip
-    (folder / "tokenizer").mkdir()
-    special = {"bos_token": "<|startoftext|>", "eos_token": "<|endoftext|>", "unk_token": "<|endoftext|>",
-               "pad_token": "<|endoftext|>"}  # fmt: skip
-    (folder / "tokenizer/vocab.json").write_text(json.dumps(words))
-    (folder / "tokenizer/merges.txt").write_text("#version: 0.2\n")
-    (folder / "tokenizer/special_tokens_map.json").write_text(json.dumps(special))
-    (folder / "tokenizer/tokenizer_config.json").write_text(json.dumps({"tokenizer_class": "CLIPTokenizer", **special}))
-    diffusers.PNDMScheduler(
-        beta_schedule="scaled_linear", beta_start=0.00085, beta_end=0.012, skip_prk_steps=True
-    ).save_pretrained(folder / "scheduler")
-    return folder
+    return write_diffusion_model(tmp_path_factory.mktemp("models") / "tiny", scaling_factor=0.25, shift_factor=0.5)
 
 
 @pytest.fixture

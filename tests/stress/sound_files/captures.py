@@ -20,7 +20,7 @@ from carigs.capture.importers.cameras import read_cameras
 from carigs.capture.importers.flame_tracks import read_flame_track, read_tracked_cameras
 from carigs.capture.importers.images import FoundImage
 from carigs.capture.importers.mesh_sequence import read_mesh_sequence
-from carigs.cli.convert_capture import main as convert_capture
+from carigs.cli.conversion.captures import main as convert_capture
 from carigs.fitting.footage import read_footage
 from carigs.head import HeadModel, HeadParameters
 from stress.sound_files.ball import CAMERA, FACES, VERTICES, head_model

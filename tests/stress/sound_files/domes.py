@@ -15,7 +15,7 @@ from dome_captures import DomeBust, write_ava256, write_multiface
 from carigs.capture import read_dataset
 from carigs.capture.importers.ava256 import read_calibration, read_frame_list
 from carigs.capture.importers.multiface import read_krt
-from carigs.cli.convert_capture import main as convert_capture
+from carigs.cli.conversion.captures import main as convert_capture
 from carigs.errors import CarigsWarning
 
 BUST = DomeBust(frames_per_segment=2, names=("400015", "400023"), segments=("EXP_neutral_peak", "EXP_free_face"))

@@ -53,7 +53,7 @@ class DeviceExamples:
     def __init__(self, inputs: StepInputs, device: torch.device, refined: bool) -> None:
         self._inputs, self._device, self._refined = inputs, device, refined
         self._ahead: dict[int, DeviceExample] = {}
-        self._frozen: dict[float, Tensor] = {}
+        self._frozen: dict[int, Tensor] = {}
 
     def prefetch(self, i: int) -> None:
         """Begin to copy the example of a step to the device.
@@ -63,6 +63,10 @@ class DeviceExamples:
         """
         if i not in self._ahead and i < len(self._inputs.schedule.index):
             self._ahead[i] = self._read(i)
+
+    def forget(self) -> None:
+        """Forget the examples that were copied ahead."""
+        self._ahead = {}
 
     def take(self, i: int) -> DeviceExample:
         """The example of a step; those of earlier steps are given up.
@@ -82,9 +86,10 @@ class DeviceExamples:
         stored = self._inputs.subject.supervision.stored_example(*self._inputs.scheduled(i))
         sequence, frozen = self._inputs.subject.sequence, None
         if stored.frozen is not None:
-            if stored.level not in self._frozen:
-                self._frozen[stored.level] = self.copied(stored.frozen)
-            frozen = self._frozen[stored.level]
+            key = id(stored.frozen)  # the supervision holds the arrays, of which each level has one
+            if key not in self._frozen:
+                self._frozen[key] = self.copied(stored.frozen)
+            frozen = self._frozen[key]
         motion = None if self._refined else sequence.motion(stored.timestep, stored.level).records
         # As planes: so they lie in memory.
         image = self.copied(stored.image.transpose(2, 0, 1)).permute(1, 2, 0)

@@ -78,6 +78,10 @@ class DeviceStep:
         state.surfels = place_surfels(state.surfels, self.device)
         state.statistics = DeviceStatistics(GradientStatistics(len(state.surfels)), self.device)
 
+    def forget_images(self) -> None:
+        """Forget images that were copied to the device ahead."""
+        self._examples.forget()
+
     def update(self, state: TrainingState, i: int, rates: Mapping[str, float]) -> StepResult:
         """Do one step: everything but density control.
 

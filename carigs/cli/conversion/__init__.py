@@ -1,0 +1,1 @@
+"""What `carigs convert` does with captures."""
