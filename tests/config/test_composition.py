@@ -97,7 +97,7 @@ def test_data_folder_comes_from_the_environment(monkeypatch):
 @pytest.mark.parametrize(
     ("override", "named"),
     [
-        ("study=tyo", ("study=tyo", "paper_editing, toy")),
+        ("study=tyo", ("study=tyo", "paper_editing, paper_size, toy")),
         ("exaggerate=thick", ("exaggerate=thick", "paper, relative_to_mean")),
         ("preset=slow", ("preset=slow", "balanced, best, fast")),
         ("train.iterations=${times:2}", ("train.iterations", "only a preset")),
