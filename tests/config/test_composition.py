@@ -128,7 +128,7 @@ def test_data_folder_comes_from_the_environment(monkeypatch):
         ("train.iterations=null", ("train.iterations",)),
         ("train.density.untill=3", ("train.density.untill", "train.refine_tracking.until?")),
         ("trian.iterations=3", ("trian.iterations", "mean train.iterations?")),
-        ("density.every=3", ("train.density.every or train.plateau.every?",)),
+        ("density.every=3", ("train.density.every or train.edit.every or train.plateau.every?",)),
         ("quux=3", ("quux: no such setting", "docs/configuration.md")),
         ("train={iteration:3}", ("train.iteration", "train.iterations?")),
         ("capture=3", ("capture", "3")),
