@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -23,7 +24,7 @@ LEAST_NOISE = 0.02
 """Share of the schedule that every edit adds at least (Haque et al. 2023)."""
 
 
-class LatentEditor:
+class LatentEditor(ABC):
     """Adds noise to the latents of the rendered view and removes it; subclasses predict the noise.
 
     Args:
@@ -57,11 +58,12 @@ class LatentEditor:
             noise = torch.randn(latents.shape, generator=generator).to(latents)
             predict = self.prepare(view.captured)
             edited = denoise_from(
-                latents, noise, lambda x, t: self._noise(predict(x, t), x, t), self.parts.alphas_cumprod,
+                latents, noise, lambda x, t: self.parts.noise(predict(x, t), x, t), self.parts.alphas_cumprod,
                 max(1, round(share * last)), self.settings.steps,
             )  # fmt: skip
             return self.decode(edited, view.rendered.shape[:2])
 
+    @abstractmethod
     def prepare(self, captured: Float32[np.ndarray, "h w 3"]) -> Prediction:
         """Prepare the prediction for a captured image.
 
@@ -70,11 +72,7 @@ class LatentEditor:
 
         Returns:
             Function from noisy latents and the time to the guided output of the network.
-
-        Raises:
-            NotImplementedError: Always: subclasses do it.
         """
-        raise NotImplementedError
 
     def pixels(self, image: Float32[np.ndarray, "h w 3"]) -> torch.Tensor:
         """Bring an image to the network's size: padded to a square, then scaled.
@@ -114,13 +112,6 @@ class LatentEditor:
         image = self.parts.vae.decode(latents / self.parts.latent_scale).sample[0]
         square = (0.5 + 0.5 * image).clamp(0, 1).permute(1, 2, 0).cpu().numpy()
         return from_square(square, shape)
-
-    def _noise(self, output: torch.Tensor, x: torch.Tensor, t: int) -> torch.Tensor:
-        """The noise that an output of the network stands for."""
-        if self.parts.prediction_type == "epsilon":
-            return output
-        share = float(self.parts.alphas_cumprod[t])
-        return share**0.5 * output + (1 - share) ** 0.5 * x
 
 
 def _seed(seed: tuple[int, ...]) -> int:

@@ -41,6 +41,22 @@ class DiffusionParts:
         """Where the networks are."""
         return self.prompts.device
 
+    def noise(self, output: torch.Tensor, noisy: torch.Tensor, timestep: int) -> torch.Tensor:
+        """The noise that an output of the network stands for.
+
+        Args:
+            output: Of the network, as `prediction_type` says (b, c, h, w).
+            noisy: x_t = sqrt(a) z + sqrt(1 - a) eps (b, c, h, w).
+            timestep: Timestep t.
+
+        Returns:
+            Prediction of eps (b, c, h, w).
+        """
+        if self.prediction_type == "epsilon":
+            return output
+        share = float(self.alphas_cumprod[timestep])
+        return share**0.5 * output + (1 - share) ** 0.5 * noisy
+
 
 def load_parts(folder: Path, weights: Weights, prompts: Sequence[str], device: str | None = None) -> DiffusionParts:
     """Load a diffusion model: safetensors and tables, no code.

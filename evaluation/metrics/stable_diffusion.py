@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +18,7 @@ from carigs.settings import Metrics
 from carigs.weights.registry import registered
 from carigs.weights.search import find_weights
 from evaluation.metrics.networks.device import set_up_torch
-from evaluation.metrics.networks.diffusion_model import load_diffusion_model
+from evaluation.metrics.networks.diffusion_model import encode, load_diffusion_model, predict_noise
 from evaluation.tables.metric_records import MetricRecord, StudyPoint, metric_record
 
 if TYPE_CHECKING:
@@ -122,6 +123,6 @@ def _scores(
     batches = [frames[i : i + BATCH] for i in range(0, len(frames), BATCH)]
     scores = []
     for batch in track(batches, description=f"SD score, {name}", disable=len(batches) < 2):
-        latents = torch.stack([model.encode(read_rgb8(frame.file), round(255 * background)) for frame in batch])
-        scores.append(sd_score(model.predict_noise, latents, TIMESTEPS, SEEDS, model.alphas_cumprod))
+        latents = torch.stack([encode(model, read_rgb8(frame.file), round(255 * background)) for frame in batch])
+        scores.append(sd_score(partial(predict_noise, model), latents, TIMESTEPS, SEEDS, model.alphas_cumprod))
     return np.concatenate(scores)

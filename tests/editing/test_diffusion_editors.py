@@ -11,7 +11,7 @@ import torch
 from tiny_diffusion import write_controlnet, write_diffusion_model
 
 from carigs.editing.editor import make_editor
-from carigs.editing.latent_editor import LatentEditor
+from carigs.editing.instruct_pix2pix import InstructPix2Pix
 from carigs.errors import InputError, WeightsMissing
 from carigs.settings import Edit
 
@@ -26,23 +26,6 @@ def models(tmp_path_factory):
     write_diffusion_model(folder / "stable-diffusion-v1-5", sample_size=SIZE // 8)
     write_controlnet(folder / "control_v11e_sd15_ip2p")
     return folder
-
-
-@pytest.fixture
-def no_weights(tmp_path, monkeypatch):
-    """A folder for weights that is empty, and no other place."""
-    for name in ("HF_HOME", "TORCH_HOME"):
-        monkeypatch.setenv(name, str(tmp_path / name))
-    monkeypatch.delenv("HF_HUB_CACHE", raising=False)
-    monkeypatch.setenv("CARIGS_WEIGHTS", str(tmp_path / "weights"))
-    return tmp_path / "weights"
-
-
-@pytest.fixture
-def weights(models, no_weights, monkeypatch):
-    """A copy of the tiny models in this folder."""
-    monkeypatch.setattr("carigs.weights.search.verify", lambda *_: "")  # sizes and checksums are those of real weights
-    return shutil.copytree(models, no_weights)
 
 
 @pytest.fixture
@@ -131,7 +114,7 @@ def test_padding_and_scaling_are_undone(shape):
 
     parts = type("Parts", (), {"vae": Passing, "device": "cpu", "latent_scale": 1.0})
     parts.unet = type("Unet", (), {"config": type("Config", (), {"sample_size": SIZE // 8})})
-    editor = LatentEditor(parts, Edit(), 1.0)
+    editor = InstructPix2Pix(parts, Edit(), 1.0)
     y, x = np.mgrid[: shape[0], : shape[1]] / 100
     image = np.stack([0.5 + 0.3 * np.sin(3 * x), 0.5 + 0.3 * np.cos(2 * y), 0.2 + 0.1 * x], axis=-1).astype(np.float32)
     back = editor.decode(editor.encode(image), shape)

@@ -1,7 +1,6 @@
 """Frames in the style of one image, with tiny random weights in diffusers' own pipeline; and the provider of it."""
 
 import json
-import shutil
 import time
 from pathlib import Path
 
@@ -27,21 +26,6 @@ def models(tmp_path_factory):
     write_diffusion_model(folder / "stable-diffusion-v1-5", sample_size=8)
     write_ip_adapter(folder / "ip-adapter", folder / "stable-diffusion-v1-5/unet")
     return folder
-
-
-@pytest.fixture
-def no_weights(tmp_path, monkeypatch):
-    for name in ("HF_HOME", "TORCH_HOME"):
-        monkeypatch.setenv(name, str(tmp_path / name))
-    monkeypatch.delenv("HF_HUB_CACHE", raising=False)
-    monkeypatch.setenv("CARIGS_WEIGHTS", str(tmp_path / "weights"))
-    return tmp_path / "weights"
-
-
-@pytest.fixture
-def weights(models, no_weights, monkeypatch):
-    monkeypatch.setattr("carigs.weights.search.verify", lambda *_: "")  # sizes and checksums are those of real weights
-    return shutil.copytree(models, no_weights)
 
 
 @pytest.fixture

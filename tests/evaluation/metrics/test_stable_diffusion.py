@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,9 +14,10 @@ from carigs.capture.frame_index import RenderedImage
 from carigs.capture.images import write_png
 from carigs.errors import InputError
 from carigs.settings import Metrics
+from carigs.weights.diffusers_parts import DiffusionParts
 from evaluation.metrics import stable_diffusion
 from evaluation.metrics.catalogue import CATALOGUE
-from evaluation.metrics.networks.diffusion_model import DiffusionModel, load_diffusion_model
+from evaluation.metrics.networks.diffusion_model import encode, load_diffusion_model, predict_noise
 from evaluation.metrics.stable_diffusion import SEEDS, TIMESTEPS, sd_records, sd_score
 from evaluation.tables.metric_records import StudyPoint
 
@@ -105,9 +107,9 @@ def test_a_prediction_of_v_gives_the_noise():
             v = share**0.5 * noise - (1 - share) ** 0.5 * LATENTS
             return type("Output", (), {"sample": v})
 
-    model = DiffusionModel(None, Unet(), torch.zeros(1, 2, 5), SCHEDULE, "v_prediction")
+    model = DiffusionParts(None, Unet(), torch.zeros(1, 2, 5), SCHEDULE, "v_prediction")
     noisy = share**0.5 * LATENTS + (1 - share) ** 0.5 * noise
-    torch.testing.assert_close(model.predict_noise(noisy, 400), noise)
+    torch.testing.assert_close(predict_noise(model, noisy, 400), noise)
 
 
 @pytest.fixture(scope="module")
@@ -136,23 +138,24 @@ def test_loading_gives_the_saved_networks_the_schedule_and_the_empty_prompt(tiny
     image = np.random.default_rng(0).integers(0, 256, (512, 512, 3)).astype(np.uint8)
     with torch.inference_mode():
         prompt = CLIPTextModel.from_pretrained(tiny / "text_encoder").eval()(tokens).last_hidden_state
-        torch.testing.assert_close(model.prompt, prompt)
+        torch.testing.assert_close(model.prompts, prompt)
         unet = UNet2DConditionModel.from_pretrained(tiny / "unet", low_cpu_mem_usage=False).eval()
         noisy = torch.randn(2, 4, 64, 64)
         expected = unet(noisy, 300, encoder_hidden_states=prompt.repeat(2, 1, 1)).sample
-        torch.testing.assert_close(model.predict_noise(noisy, 300), expected)
+        torch.testing.assert_close(predict_noise(model, noisy, 300), expected)
         vae = AutoencoderKL.from_pretrained(tiny / "vae", low_cpu_mem_usage=False).eval()
         mean = vae.encode(torch.from_numpy(image).permute(2, 0, 1)[None] / 127.5 - 1).latent_dist.mean[0]
-    torch.testing.assert_close(model.encode(image), 0.25 * (mean - 0.5), atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(encode(model, image), 0.25 * (mean - 0.5), atol=1e-4, rtol=1e-4)
 
 
 @pytest.mark.slow
 def test_the_score_of_an_image_does_not_depend_on_the_batch(tiny):
     model = load_diffusion_model(tiny)
     images = [np.random.default_rng(seed).integers(0, 256, (90, 60, 3)).astype(np.uint8) for seed in range(2)]
-    latents = torch.stack([model.encode(image) for image in images])
-    together = sd_score(model.predict_noise, latents, (20, 980), (0, 1), model.alphas_cumprod)
-    alone = [sd_score(model.predict_noise, z[None], (20, 980), (0, 1), model.alphas_cumprod)[0] for z in latents]
+    latents = torch.stack([encode(model, image) for image in images])
+    denoiser, schedule = partial(predict_noise, model), model.alphas_cumprod
+    together = sd_score(denoiser, latents, (20, 980), (0, 1), schedule)
+    alone = [sd_score(denoiser, z[None], (20, 980), (0, 1), schedule)[0] for z in latents]
     np.testing.assert_allclose(together, alone, rtol=1e-5)
     assert together[0] != together[1]
 
