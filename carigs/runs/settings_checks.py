@@ -7,10 +7,12 @@ from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 
+from omegaconf import DictConfig, OmegaConf
+
 from carigs.config import compose, compose_study, compose_variant, left_out_levels, rendered_levels
 from carigs.errors import SettingsError
 from carigs.runs.outside_files import outside_files
-from carigs.settings import STAGES, USEFUL_LEVEL
+from carigs.settings import STAGES, USEFUL_LEVEL, Edit
 
 STUDIES_THAT_READ = {
     "video": {"video": "video"},
@@ -18,6 +20,8 @@ STUDIES_THAT_READ = {
     "head_model": {"folder": "own", "video": "video"},
 }
 """For each file of a capture: the kinds of captures that read it, each with a study of that kind."""
+PROVIDERS_THAT_READ = {"folder": "precomputed", "command": "command", "exemplar": "exemplar"}
+"""For each input of GT* frames, the provider that reads it."""
 
 
 def check_study(combinations: Sequence[Sequence[str]]) -> None:
@@ -51,9 +55,9 @@ def settings_warnings(overrides: Sequence[str]) -> list[str]:
         overrides: Hydra overrides of the run.
 
     Returns:
-        One line each for gamma and levels of regions beyond `USEFUL_LEVEL`, for levels above gamma, for files that no
-        subject reads, for each file of a subject and each program that is not where it should be, and for a folder of
-        weights that is not there.
+        One line each for gamma and levels of regions beyond `USEFUL_LEVEL`, for levels above gamma, for files and
+        programs that nothing reads, for settings of edits where no variant edits, for each file of a subject and each
+        program that is not where it should be, and for a folder of weights that is not there.
     """
     config, lines = compose_study(*overrides), []
     regions = {f"exaggerate.regions.{name}": level for name, level in config.exaggerate.regions.items()}
@@ -65,8 +69,10 @@ def settings_warnings(overrides: Sequence[str]) -> list[str]:
         lines.append(f"study.levels: {', '.join(levels)} left out; gamma={config.gamma:g} is the highest level")
     shown = rendered_levels(config)[1:]
     missing: dict[tuple[str, Path], list[str]] = {}
+    points = []
     for subject, variant in product(config.study.subjects, config.study.variants):
         settings = compose(*overrides, f"subject={subject}", f"variant={variant}")
+        points.append(settings)
         for stage in ("capture", "exaggerate", "hair", "gtstar", "train"):
             for key, path in outside_files(stage, settings[stage]).items():
                 if not path.exists():
@@ -77,6 +83,7 @@ def settings_warnings(overrides: Sequence[str]) -> list[str]:
     for (key, path), subjects in missing.items():
         lines.append(f"{key}: there is no {path}; {', '.join(dict.fromkeys(subjects))} cannot be made")
     lines += _captures_that_nothing_reads(overrides, config.study.subjects)
+    lines += _inputs_of_targets_that_nothing_reads(points) + _edits_that_nothing_does(points)
     for subject in config.study.subjects:
         truth = compose(*overrides, f"subject={subject}").truth.folder
         if truth and not any(Path(truth.replace("{level}", level)).is_dir() for level in shown):
@@ -97,3 +104,22 @@ def _captures_that_nothing_reads(overrides: Sequence[str], subjects: Sequence[st
             remedy = " or ".join(f"study={study}" for study in studies.values())
             lines.append(f"capture.{key}={value}: the study's {', '.join(subjects)} does not read it; add {remedy}")
     return lines
+
+
+def _inputs_of_targets_that_nothing_reads(points: Sequence[DictConfig]) -> list[str]:
+    """A line for each input of GT* frames that is given, while no variant has the provider that reads it."""
+    lines, sections = [], [point.gtstar for point in points]
+    for key, provider in PROVIDERS_THAT_READ.items():
+        if any(section[key] for section in sections) and provider not in {section.provider for section in sections}:
+            lines.append(f"gtstar.{key}: nothing reads it; add gtstar.provider={provider}")
+    return lines
+
+
+def _edits_that_nothing_does(points: Sequence[DictConfig]) -> list[str]:
+    """A line for each setting of edits that is given, while no variant edits frames."""
+    sections = [point.train.edit for point in points]
+    if any(section.editor != "none" for section in sections):
+        return []
+    default = OmegaConf.structured(Edit)
+    given = [key for key in default if any(section[key] != default[key] for section in sections)]
+    return [f"train.edit.{key}: no variant of the study edits frames; add train.edit.editor" for key in given]

@@ -31,6 +31,26 @@ def test_a_file_that_one_of_the_subjects_reads_is_not_named(own):
     assert settings_warnings([*own, "study.subjects=[toy,own]"]) == []
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "provider"),
+    [("folder", "drawn", "precomputed"), ("command", "[python]", "command"), ("exemplar", "a.png", "exemplar")],
+)
+def test_an_input_of_targets_that_nothing_reads_is_named_with_the_provider_that_does(key, value, provider):
+    few, given = "study.variants=[alternating]", f"gtstar.{key}={value}"
+    assert settings_warnings([few, given]) == [f"gtstar.{key}: nothing reads it; add gtstar.provider={provider}"]
+    assert not any(
+        "nothing reads it" in line for line in settings_warnings([few, given, f"gtstar.provider={provider}"])
+    )
+
+
+def test_settings_of_edits_are_named_where_no_variant_edits():
+    given = ["train.edit.regions=[nose]", "train.edit.steps=5"]
+    lines = settings_warnings(["study.variants=[alternating]", *given])
+    assert [line.partition(":")[0] for line in lines] == ["train.edit.regions", "train.edit.steps"]
+    assert lines[0].endswith("no variant of the study edits frames; add train.edit.editor")
+    assert settings_warnings(["study.variants=[alternating,drawn_nose]", *given]) == []
+
+
 @pytest.mark.slow
 def test_a_gamma_that_tears_and_a_dataset_that_is_nowhere_are_named(own):
     (line,) = settings_warnings(["gamma=1.5"])
