@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 
 from carigs.hair.found_hair import FoundHair
 from carigs.hair.hair_shadow import hair_shadow
-from carigs.hair.views import pixel_size, scalp_motion
+from carigs.hair.views import scalp_motion
 from carigs.raster import Visibility
 
 MIN_OPACITY = 0.5
@@ -76,4 +76,4 @@ class CarriedHair:
         Returns:
             Pixels.
         """
-        return int(np.ceil(0.5 * self.size / pixel_size(seen)))
+        return int(np.ceil(0.5 * self.size / seen.pixel_size))

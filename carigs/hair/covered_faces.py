@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 
 from carigs.hair import surface_cells
 from carigs.hair.labels import labelled_as_covered
-from carigs.hair.views import HairView, pixel_size
+from carigs.hair.views import HairView
 
 MIN_COSINE = 0.25
 """Least cosine between the normal of a triangle and the view."""
@@ -117,7 +117,7 @@ def covered_faces(
     differences = np.zeros((len(faces), BINS), np.uint32)
     for view, shown in zip(views, cells, strict=True):
         difference, used = surface_cells.residuals(shown, view.image, median)
-        sigma = max(1.5, BLUR / pixel_size(view.visibility))
+        sigma = max(1.5, BLUR / view.visibility.pixel_size)
         low, weight = (cv2.GaussianBlur(image, (0, 0), sigma) for image in (difference, used))
         high = np.abs(difference - low / np.maximum(weight, 1e-6))
         surface_cells.add_values(differences, view.visibility.face, used, high, LARGEST)

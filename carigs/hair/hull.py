@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
 
 from carigs.hair import carving
-from carigs.hair.views import HairView, pixel_size, scalp_motion
+from carigs.hair.views import HairView, scalp_motion
 from carigs.raster import Visibility
 
 COARSE, DIVISIONS = 0.012, 3
@@ -115,7 +115,7 @@ def opacities(
     for transform, seen, opacity in views:
         image, inverse_depth = opacity, seen.inverse_depth
         if size > 0:
-            radius = int(np.ceil(HALF_DIAGONAL * size / pixel_size(seen)))
+            radius = int(np.ceil(HALF_DIAGONAL * size / seen.pixel_size))
             disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
             image, inverse_depth = cv2.dilate(image, disc), cv2.erode(inverse_depth, disc)
         carving.add_view(

@@ -119,19 +119,6 @@ def scalp_motion(
     return np.concatenate([rotation, translation[:, None]], axis=1)
 
 
-def pixel_size(seen: Visibility) -> float:
-    """Size of a pixel at the middle depth of the head.
-
-    Args:
-        seen: What the camera sees of the head.
-
-    Returns:
-        Metres.
-    """
-    depth = max(float(np.median(seen.camera_points[:, 2])), 1e-3)
-    return depth / float(np.sqrt(seen.camera.fx * seen.camera.fy))
-
-
 def _read(capture: Capture, frames: list[Frame], read_labels: Callable | None) -> list[HairView]:
     """Views of the frames of one timestep."""
     vertices, views = pose(capture.model, capture.parameters(frames[0].timestep)), []

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from carigs.hair.hull import Voxels
-from carigs.hair.views import HairView, pixel_size, scalp_motion
+from carigs.hair.views import HairView, scalp_motion
 
 DENSE = 0.5
 """Opacity from which on a voxel hides those behind it."""
@@ -38,7 +38,7 @@ def visible_voxels(volume: Voxels, view: HairView, transform: Float[np.ndarray, 
     """
     camera = view.visibility.camera
     x, y, z = (volume.centres.astype(np.float64) @ transform[:, :3].T + transform[:, 3]).T
-    step = max(volume.size / pixel_size(view.visibility), 1.0)  # pixels of a voxel
+    step = max(volume.size / view.visibility.pixel_size, 1.0)  # pixels of a voxel
     u, v = camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy
     inside = (z > 0) & (u >= 0) & (v >= 0) & (u < camera.width) & (v < camera.height)
     column, row = np.where(inside, u, 0).astype(int), np.where(inside, v, 0).astype(int)

@@ -64,6 +64,12 @@ class Visibility:
         )
         return Fragments(self.face, weights, depth)
 
+    @property
+    def pixel_size(self) -> float:
+        """Size of a pixel at the middle depth of the mesh, in metres."""
+        depth = max(float(np.median(self.camera_points[:, 2])), 1e-3)
+        return depth / float(np.sqrt(self.camera.fx * self.camera.fy))
+
     def coverage(self, n: int) -> Float32[np.ndarray, "h w"]:
         """Share of each pixel that the mesh covers, sampled where a pixel on the mesh has a neighbour off it.
 

@@ -15,7 +15,7 @@ from jaxtyping import Float, Float32
 
 from carigs.capture import Capture
 from carigs.hair import FoundHair, load_hair
-from carigs.hair.views import HairView, pixel_size, read_views, scalp_motion
+from carigs.hair.views import HairView, read_views, scalp_motion
 from carigs.hair.visible_voxels import DENSE, visible_voxels
 from carigs.head import neutral
 from evaluation.command_line import run
@@ -49,7 +49,7 @@ def image_segments(
         Both ends (x, y) of a line in pixels, centres at +0.5, and its confidence.
     """
     seen, camera = visible_voxels(found.volume, view, transform), view.visibility.camera
-    cells = np.stack([seen.row, seen.column], axis=1) // max(round(CELL / pixel_size(view.visibility)), 1)
+    cells = np.stack([seen.row, seen.column], axis=1) // max(round(CELL / view.visibility.pixel_size), 1)
     best_first = np.argsort(-found.strands.confidence[seen.voxel], kind="stable")
     best_first = best_first[found.volume.opacity[seen.voxel[best_first]] >= DENSE]
     shown = seen.voxel[best_first[np.unique(cells[best_first], axis=0, return_index=True)[1]]]

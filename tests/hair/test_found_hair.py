@@ -12,7 +12,7 @@ from carigs.errors import InputError
 from carigs.hair import FoundHair, find_hair, load_hair
 from carigs.hair.hull import Voxels
 from carigs.hair.strands import Strands
-from carigs.hair.views import PIXEL, pixel_size, read_views
+from carigs.hair.views import PIXEL, read_views
 from carigs.settings import Hair, Regions
 from carigs.stages.hair import hair
 
@@ -106,7 +106,7 @@ def test_large_frames_are_scaled_to_the_pixels_of_strands(tmp_path):
     folder = write_ball(tmp_path / "ball", timesteps=2, cameras=large)
     views = read_views(read_dataset(folder, folder / "head_model.npz"))
     for view in views:
-        assert pixel_size(view.visibility) == pytest.approx(PIXEL, rel=0.02)
+        assert view.visibility.pixel_size == pytest.approx(PIXEL, rel=0.02)
         camera = view.visibility.camera
         assert view.image.shape == (camera.height, camera.width, 3)
         on_mesh = view.visibility.face >= 0
