@@ -109,9 +109,10 @@ class Train(Section, key="train"):
     """Initial standard deviation of the discs, divided by the square root of `surfels_per_face`."""
     initial_opacity: float = option(0.6, gt=0, lt=1)
     """Initial opacity of the surfels on triangles."""
-    cover_unseen: bool = False
-    """Cover the skin that no training frame shows, such as the back of a head in front of one camera, with opaque discs
-    in the colours around, which are not trained; otherwise it ends as noise."""
+    cover_unseen: str = option("skin", choices=("none", "skin", "all"))
+    """What no training frame shows of the skin, such as the back of a head in front of one camera, and opaque discs in
+    the colours around cover, which are not trained: `none`, the `skin` that carries no hair, or `all`, the scalp too.
+    What is not covered ends as noise."""
     initial_feature_opacity: float = option(0.3, gt=0, lt=1)
     """Initial opacity of the surfels on eyeballs and lids, which hide each other, and on brows, whose details are finer
     than the triangles."""

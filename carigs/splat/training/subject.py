@@ -72,8 +72,8 @@ def prepare_subject(
     if targets and settings.relight_surfels:
         sequence.shading = load_shading(targets[-1].folder / SHADING, len(capture.model.faces))
     unseen = None
-    if settings.cover_unseen and settings.start is None:
-        unseen = find_unseen_skin(capture, sequence, settings.regions)
+    if settings.cover_unseen != "none" and settings.start is None:
+        unseen = find_unseen_skin(capture, sequence, settings.regions, scalp=settings.cover_unseen == "all")
     kept = None if unseen is None else unseen.kept
     used = targets if settings.gtstar_probability > 0 else ()
     supervision = Supervision(capture, used, settings.mask_flags, kept=kept)

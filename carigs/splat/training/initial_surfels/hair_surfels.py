@@ -148,7 +148,7 @@ def prepare_hair(
         points = points._replace(opacity=OPAQUE)
     reach = hair_reach(points, scalp, vertices, faces)
     sequence.smooth = SmoothMotion(sequence.rig, scalp, settings.hair_grows, share_of_average(reach))
-    if kept is not None:
+    if not carrying[scalp].all():
         points = points._replace(face=nearest_triangles(points.position, np.flatnonzero(carrying), vertices, faces))
     bare = ~(found.covered | scalp)
     above_skin = SpaceAboveSkin(vertices, faces, bare)

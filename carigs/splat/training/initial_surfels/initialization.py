@@ -22,7 +22,7 @@ from carigs.splat.rig.rig import Rig
 from carigs.splat.surfels.surfels import Surfels, flat_discs, from_arrays, to_arrays
 from carigs.splat.training.initial_surfels.hair_surfels import HIDDEN_OPACITY, HairSurfels
 from carigs.splat.training.initial_surfels.observed_colours import observed_colours
-from carigs.splat.training.initial_surfels.unseen_skin import KEPT_SCALE, UnseenSkin
+from carigs.splat.training.initial_surfels.unseen_skin import KEPT_SCALE, LIFTED_SCALE, UnseenSkin
 from carigs.splat.training.supervision import Supervision
 
 COLOUR_FRAMES = 32
@@ -77,7 +77,8 @@ def initial_surfels(
         covering = unseen.faces[binding]
         opacity[covering] = unseen.opacity[binding[covering]]
         kept = np.flatnonzero(unseen.kept[binding])
-        placed.scale[kept] = KEPT_SCALE / np.sqrt(settings.surfels_per_face)
+        scale = np.where(unseen.scalp, LIFTED_SCALE, KEPT_SCALE) / np.sqrt(settings.surfels_per_face)
+        placed.scale[kept] = scale[binding[kept], None]
         if hair is not None:
             height = unseen.height_of_hair(hair.reach) / np.maximum(sequence.rig.scale, 1e-9)
             position[kept, 2] += height[binding[kept]]

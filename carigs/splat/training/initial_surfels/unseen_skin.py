@@ -18,6 +18,7 @@ from carigs.capture.evenly_spread import evenly_spread
 from carigs.hair.harmonic_faces import faces_beside, harmonic_faces
 from carigs.head.facial_regions import EYEBALLS, MOUTH, eye_and_brow_faces
 from carigs.mesh.ambient_occlusion import ambient_occlusion
+from carigs.mesh.triangle_mesh import boundary_vertices
 from carigs.raster.seen_triangles import seen_triangles
 from carigs.settings.regions import Regions
 from carigs.splat.rig.head_sequence import HeadSequence
@@ -35,12 +36,12 @@ INSIDE_MATTE = 0.5
 left out."""
 COVERING, LEFT_OUT = 0.98, 0.01
 """Opacity of discs that cover unseen skin, and of those on skin that is left out."""
-KEPT_SCALE = 0.7
-"""Standard deviation of discs that the training leaves as they are, in units of their triangles: they overlap, also in
-the height of the hair."""
+KEPT_SCALE, LIFTED_SCALE = 0.5, 0.7
+"""Standard deviation of discs that the training leaves as they are, in units of their triangles: on the skin, where
+wider ones would reach over the outline, and in the height of the hair, where they lie farther apart."""
 OUTLINE_RINGS = 2
-"""Rings of triangles around those that frames show which are trained, too: outlines run there, and errors of the
-tracking move them."""
+"""Rings of triangles around those that frames show, and along the border of the mesh, which are trained, too:
+outlines run there, and errors of the tracking move them."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,9 @@ class UnseenSkin:
         return np.where(self.kept, harmonic_faces(reach, ~(self.scalp & self.kept), self.beside), 0)
 
 
-def find_unseen_skin(capture: Capture, sequence: HeadSequence, regions: Regions) -> UnseenSkin | None:
+def find_unseen_skin(
+    capture: Capture, sequence: HeadSequence, regions: Regions, *, scalp: bool = True
+) -> UnseenSkin | None:
     """Find the outer skin that no training frame shows.
 
     Eyes, brows, lips and the inside of the mouth do not count: they are always seen in part, and have details that
@@ -110,6 +113,8 @@ def find_unseen_skin(capture: Capture, sequence: HeadSequence, regions: Regions)
         capture: The capture.
         sequence: The subject.
         regions: Regions of the head model.
+        scalp: Whether triangles that carry hair count, too. Where cameras stand around the head, its hair is seen, and
+            covers them.
 
     Returns:
         The triangles; None if frames show all of them, or nothing of the head.
@@ -117,7 +122,10 @@ def find_unseen_skin(capture: Capture, sequence: HeadSequence, regions: Regions)
     head, vertices, faces = sequence.head, sequence.rig.vertices, sequence.rig.faces
     sight = look_at_triangles(capture, sequence)
     kept = head.face_region(*MOUTH, *EYEBALLS, "lips") | eye_and_brow_faces(head, vertices)
+    hairy = head.face_region(*regions.hair)
     unseen = (sight.cosine <= UNSEEN) & ~kept
+    if not scalp:
+        unseen &= ~hairy
     if not unseen.any() or unseen.all():
         return None
     corners = np.isin(np.arange(len(vertices)), faces[unseen])
@@ -127,9 +135,10 @@ def find_unseen_skin(capture: Capture, sequence: HeadSequence, regions: Regions)
     beside = faces_beside(faces)
     matte = harmonic_faces(sight.matte, sight.cosine >= WELL_SEEN, beside)  # outlines are soft
     opacity = np.where(matte >= INSIDE_MATTE, COVERING, LEFT_OUT)
-    inner = ~_with_rings(faces, (sight.cosine > UNSEEN) | kept)
+    border = boundary_vertices(faces, len(vertices))[faces].any(axis=1)
+    inner = ~_with_rings(faces, (sight.cosine > UNSEEN) | kept | border)
     well_seen = (sight.cosine >= WELL_SEEN) & ~kept
-    return UnseenSkin(unseen, unseen & inner, opacity, well_seen, head.face_region(*regions.hair), beside)
+    return UnseenSkin(unseen, unseen & inner, opacity, well_seen, hairy, beside)
 
 
 def _with_rings(faces: Int[np.ndarray, "f 3"], chosen: Bool[np.ndarray, " f"]) -> Bool[np.ndarray, " f"]:

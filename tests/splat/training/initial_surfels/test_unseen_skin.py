@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from miniature import ball_cameras, write_ball
+from miniature import ball_cameras, ball_model, write_ball
 
 from carigs.capture import Camera, look_at, read_dataset
 from carigs.exaggeration.gamma_path import straight_path
@@ -12,14 +12,18 @@ from carigs.hair import FoundHair
 from carigs.hair.hull import Voxels
 from carigs.hair.strands import Strands
 from carigs.head import neutral
+from carigs.mesh.triangle_mesh import boundary_vertices
 from carigs.settings import Density, Train
 from carigs.settings.regions import Regions
 from carigs.splat.colour.spherical_harmonics import SH_BASE
+from carigs.splat.rig.head_sequence import head_sequence
 from carigs.splat.surfels.surfels import to_arrays
 from carigs.splat.training.initial_surfels.initialization import initial_surfels
 from carigs.splat.training.initial_surfels.unseen_skin import (
     COVERING,
+    KEPT_SCALE,
     LEFT_OUT,
+    LIFTED_SCALE,
     UNSEEN,
     WELL_SEEN,
     find_unseen_skin,
@@ -30,7 +34,7 @@ from carigs.splat.training.supervision import Supervision
 from carigs.splat.training.trainer import train_surfels
 
 SETTINGS = Train(
-    iterations=30, gtstar_probability=0.0, hair_layers=3, cover_unseen=True,
+    iterations=30, gtstar_probability=0.0, hair_layers=3, cover_unseen="all",
     density=Density(start=5, stop=25, every=5, reset_every=10, gradient_threshold=1e-7, max_surfels=1600),
 )  # fmt: skip
 HAIR, SKIN = np.array([0.2, 0.15, 0.1]), np.array([0.8, 0.6, 0.5])
@@ -85,7 +89,7 @@ def test_nothing_changes_where_frames_show_all(tmp_path):
     }
     capture, path = ball(tmp_path / "ball", cameras)
     trained = []
-    for covers in (True, False):
+    for covers in ("all", "none"):
         settings = replace(SETTINGS, cover_unseen=covers)
         subject = prepare_subject(capture, path, settings, hair_everywhere(capture))
         assert subject.unseen is None and subject.supervision.kept is None
@@ -107,6 +111,41 @@ def test_discs_cover_the_back_in_colours_of_the_front(from_front):
         np.testing.assert_array_equal(arrays[name][~back], values[~back])
     rgb, kept = 0.5 + SH_BASE * arrays["colour"], subject.unseen.kept[start.binding]
     assert (rgb[kept] >= rgb[~back].min(axis=0) - 1e-6).all() and (rgb[kept] <= rgb[~back].max(axis=0) + 1e-6).all()
+
+
+def test_skin_alone_is_covered_by_default(from_front):
+    """The scalp is left to the hair, of which cameras around a head see most."""
+    capture, path = from_front
+    assert Train().cover_unseen == "skin"
+    skin = prepare_subject(capture, path, replace(SETTINGS, cover_unseen="skin")).unseen
+    scalp = capture.model.face_region("scalp")
+    np.testing.assert_array_equal(skin.faces, prepare_subject(capture, path, SETTINGS).unseen.faces & ~scalp)
+    assert skin.kept.any() and not (skin.kept & scalp).any()
+
+
+def test_discs_overlap_more_where_they_are_lifted(from_front):
+    capture, path = from_front
+    subject = prepare_subject(capture, path, SETTINGS, hair_everywhere(capture))
+    start = initial_surfels(SETTINGS, subject.supervision, subject.sequence, subject.hair, (), subject.unseen)
+    kept = subject.unseen.kept[start.binding]
+    scale, lifted = np.exp(to_arrays(start)["log_scale"][kept]), subject.unseen.scalp[start.binding[kept]]
+    np.testing.assert_allclose(scale[lifted], LIFTED_SCALE, rtol=1e-5)
+    np.testing.assert_allclose(scale[~lifted], KEPT_SCALE, rtol=1e-5)
+    assert lifted.any() and not lifted.all()
+
+
+def test_the_border_of_a_mesh_is_trained(tmp_path):
+    """A ball without its lowest part, seen from the front: no camera sees the border at its back."""
+    whole = ball_model()
+    model = replace(whole, faces=whole.faces[(whole.v_template[whole.faces, 1] > -0.07).all(axis=1)])
+    write_ball(tmp_path / "open", model=model)
+    capture = read_dataset(tmp_path / "open", tmp_path / "open" / "head_model.npz")
+    rest = neutral(capture.model, capture.parameters(0))
+    sequence = head_sequence(capture, straight_path(rest, capture.model.faces, rest * 0.1, 0.25))
+    faces = sequence.rig.faces
+    border = boundary_vertices(faces, len(rest))[faces].any(axis=1)
+    skin = find_unseen_skin(capture, sequence, Regions())
+    assert (skin.faces & border).any() and not (skin.kept & border).any()
 
 
 def test_hair_continues_as_hair_and_skin_as_skin(from_front):
