@@ -42,6 +42,7 @@ REMOVED: Mapping[str, str] = {
     "gtstar.background_margin": _CONSTANT.format("1 pixel"),
     "gtstar.relight_strength": _CONSTANT.format("0.85; gtstar.relight=none switches re-lighting off"),
     "gtstar.relight_limit": _CONSTANT.format("2"),
+    "train.gtstar_fall": "no setting any more; train.gtstar_probability is the same in all steps",
     "train.device": "no setting any more; backend torch takes a GPU if torch finds one",
     "train.checkpoint_seconds": _CONSTANT.format("60 seconds"),
     "train.log_every": _CONSTANT.format("20 steps"),

@@ -77,12 +77,12 @@ class Train(Section, key="train"):
     """Seed of the order of images and of density control."""
     regions: Regions = set_by("regions", Regions)
     """Regions of the head model."""
-    gtstar_probability: float = option(0.45, ge=0, le=1)
-    """Probability that a step is supervised by a GT* frame, on average over the steps: 0 uses real frames only, 1 GT*
-    frames only."""
-    gtstar_fall: float = option(0.55, ge=-1, le=1)
-    """How far it falls during the training: from p (1 + fall) to p (1 - fall) for a mean p up to 0.5. Real frames at
-    the end are better for the face, GT* frames at the end for the outline."""
+    gtstar_probability: float = option(0.12, ge=0, le=1)
+    """Probability that a step is supervised by a GT* frame: 0 uses real frames only, 1 GT* frames only. A GT* frame
+    takes the step of a real one, and says little more than where the outlines of a caricature are."""
+    outline_weight: float = option(2.0, ge=1, le=100)
+    """Factor on the gradient of pixels within 4 mm of the outline of the mesh in real frames; its square in GT* frames,
+    which come less often (1: all pixels weigh the same)."""
     num_gtstar_levels: int = option(1, ge=1, le=64)
     """Number of levels with GT* frames, evenly spaced up to gamma (1: gamma alone)."""
     mask_flags: tuple[str, ...] = option(DEFAULT_MASK_FLAGS, choices=MASK_FLAGS, choices_name=_FLAGS)

@@ -111,7 +111,10 @@ class NumbaStep:
             outputs=("distortion",) * distortion + ("alpha", "depth", "normal") * normals,
         )  # fmt: skip
         valid = None if example.valid is None else torch.from_numpy(example.valid)
-        loss = photometric_loss(rendered.image, torch.from_numpy(example.image), settings.ssim_weight, valid)
+        loss = photometric_loss(
+            rendered.image, torch.from_numpy(example.image), settings.ssim_weight, valid,
+            None if example.emphasis is None else torch.from_numpy(example.emphasis),
+        )  # fmt: skip
         rendering = rendered.rendering
         if distortion:
             loss = loss + settings.distortion_weight * rendering.distortion.mean()

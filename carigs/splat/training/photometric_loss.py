@@ -14,6 +14,7 @@ def photometric_loss(
     target: Float[torch.Tensor, "h w 3"],
     ssim_weight: float = 0.2,
     valid: Bool[torch.Tensor, "h w"] | None = None,
+    emphasis: Float[torch.Tensor, "h w"] | None = None,
 ) -> Float[torch.Tensor, ""]:
     """Weighted sum of L1 and SSIM terms, (1 - lambda) mean |image - target| + lambda (1 - mean SSIM(image, target)).
 
@@ -26,25 +27,28 @@ def photometric_loss(
         target: RGB of the frame or GT* target.
         ssim_weight: Weight lambda in [0, 1].
         valid: Pixels that supervise; all if None.
+        emphasis: Factors on the gradient of each pixel, not on the value; all 1 if None.
 
     Returns:
         The loss.
     """
-    return _PhotometricLoss.apply(image, target, ssim_weight, valid)
+    return _PhotometricLoss.apply(image, target, ssim_weight, valid, emphasis)
 
 
 class _PhotometricLoss(torch.autograd.Function):
     """The gradient needs what the forward pass computes, so the forward pass computes it, too."""
 
     @staticmethod
-    def forward(ctx, image, target, ssim_weight, valid):
+    def forward(ctx, image, target, ssim_weight, valid, emphasis):
         x, y = (t.detach().permute(2, 0, 1).contiguous().numpy() for t in (image, target))
         mask = np.ones(x.shape[1:], bool) if valid is None else valid.contiguous().numpy()
         value, gradient = l1_ssim_loss(x, y, mask, ssim_weight)
+        if emphasis is not None:
+            gradient *= emphasis.numpy()
         ctx.gradient = torch.from_numpy(gradient).permute(1, 2, 0)
         return torch.tensor(value, dtype=image.dtype)
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, upstream):
-        return ctx.gradient if upstream == 1 else ctx.gradient * upstream, None, None, None
+        return ctx.gradient if upstream == 1 else ctx.gradient * upstream, None, None, None, None

@@ -20,30 +20,25 @@ class Schedule(NamedTuple):
     index: Int[np.ndarray, " n"]
 
 
-def draw_schedule(
-    iterations: int, frames: int, targets: int, gtstar_probability: float, seed: int, *, fall: float = 0.0
-) -> Schedule:
+def draw_schedule(iterations: int, frames: int, targets: int, gtstar_probability: float, seed: int) -> Schedule:
     """Draw the random alternation of real frames and GT* targets.
 
     The alternation of the paper: each step takes a GT* target with probability `gtstar_probability`, else a real frame,
-    independently of the other steps (Bernoulli draws). With a fall d, the probability p of a step falls linearly, from
-    p + d min(p, 1 - p) to p - d min(p, 1 - p). Real frames and targets each come in epochs: every example once in
-    random order before any comes again.
+    independently of the other steps (Bernoulli draws). Real frames and targets each come in epochs: every example once
+    in random order before any comes again.
 
     Args:
         iterations: Number of steps.
         frames: Number of real frames.
         targets: Number of GT* targets, of all levels together.
-        gtstar_probability: Probability of a GT* target, in [0, 1]; its mean, if it falls.
+        gtstar_probability: Probability of a GT* target, in [0, 1].
         seed: Seed of the draws.
-        fall: The fall d, in [-1, 1].
 
     Returns:
         The example of every step.
     """
     rng = np.random.default_rng([seed, 0])
-    reach = fall * min(gtstar_probability, 1 - gtstar_probability)
-    gtstar = rng.random(iterations) < gtstar_probability + np.linspace(reach, -reach, iterations)
+    gtstar = rng.random(iterations) < gtstar_probability
     index = np.zeros(iterations, np.int64)
     for is_target, count in ((False, frames), (True, targets)):
         steps = np.flatnonzero(gtstar == is_target)

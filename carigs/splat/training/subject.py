@@ -22,6 +22,7 @@ from carigs.splat.training.initial_surfels.hair_surfels import HairSurfels, keep
 from carigs.splat.training.initial_surfels.mouth_surfels import prepare_mouth
 from carigs.splat.training.initial_surfels.unseen_skin import UnseenSkin, find_unseen_skin
 from carigs.splat.training.initial_surfels.view_spread import are_far_apart, same_from_all_sides
+from carigs.splat.training.outlines import Outlines
 from carigs.splat.training.supervision import Supervision
 
 
@@ -76,7 +77,8 @@ def prepare_subject(
         unseen = find_unseen_skin(capture, sequence, settings.regions, scalp=settings.cover_unseen == "all")
     kept = None if unseen is None else unseen.kept
     used = targets if settings.gtstar_probability > 0 else ()
-    supervision = Supervision(capture, used, settings.mask_flags, kept=kept)
+    outlines = Outlines(sequence, settings.outline_weight) if settings.outline_weight != 1 else None
+    supervision = Supervision(capture, used, settings.mask_flags, kept=kept, outlines=outlines)
     keep_size_of_brows(sequence, settings)
     scalp = capture.model.face_region(*settings.regions.hair)
     if hair is not None and sequence.shading is not None:

@@ -18,6 +18,7 @@ from carigs.errors import InputError
 from carigs.gtstar.mask_flags import flags_from_names
 from carigs.settings import DEFAULT_MASK_FLAGS
 from carigs.splat.training.image_cache import ImageCache
+from carigs.splat.training.outlines import Outlines
 
 
 class Example(NamedTuple):
@@ -31,6 +32,7 @@ class Example(NamedTuple):
         valid: Pixels that supervise; all if None.
         frozen: Triangles whose surfels are frozen in this step; none if None.
         weight: Factor on the loss.
+        emphasis: Factors on the gradient of each pixel; all 1 if None.
     """
 
     timestep: int
@@ -40,6 +42,7 @@ class Example(NamedTuple):
     valid: Bool[np.ndarray, "h w"] | None
     frozen: Bool[np.ndarray, " f"] | None = None
     weight: float = 1.0
+    emphasis: Float32[np.ndarray, "h w"] | None = None
 
 
 @dataclass
@@ -56,6 +59,7 @@ class Supervision:
         mask_flags: Names of the mask flags for which pixels are left out and triangles frozen.
         megabytes: Memory for decoded images.
         kept: Triangles whose surfels stay as they are at the start; None if there are none.
+        outlines: Factors on pixels near the outline of the mesh; None if all pixels weigh the same.
         replaced: Images that stand for those of real frames, by index: what edits have made of them.
 
     Raises:
@@ -67,6 +71,7 @@ class Supervision:
     mask_flags: tuple[str, ...] = DEFAULT_MASK_FLAGS
     megabytes: int = 2048
     kept: Bool[np.ndarray, " f"] | None = None
+    outlines: Outlines | None = None
     replaced: Mapping[int, UInt8[np.ndarray, "h w 3"]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -122,15 +127,19 @@ class Supervision:
             image = self.replaced.get(index)
             if image is None:
                 image = self._images.get(self.capture.root / frame.image, partial(self._frame_planes, frame))
-            return Example(frame.timestep, camera, 0.0, _of_size(image, camera, frame.image), None, self.kept)
+            return Example(
+                frame.timestep, camera, 0.0, _of_size(image, camera, frame.image), None, self.kept,
+                emphasis=self._emphasis(frame, 0.0),
+            )  # fmt: skip
         frame, level, file, flags, weight = self.targets[index]
         camera = self.capture.camera(frame)
         image, valid = self._images.get(file, self._read_planes), None
         if self.mask_flags:
             valid = (_of_size(self._images.get(flags, read_bits), camera, flags) & self._excluded) == 0
         return Example(
-            frame.timestep, camera, level, _of_size(image, camera, file), valid, self._frozen.get(level), weight
-        )
+            frame.timestep, camera, level, _of_size(image, camera, file), valid, self._frozen.get(level), weight,
+            self._emphasis(frame, level),
+        )  # fmt: skip
 
     def prefetch(self, gtstar: bool, index: int) -> None:
         """Begin to decode the images of an example in the background.
@@ -164,6 +173,11 @@ class Supervision:
         frame = self.targets[index].frame if gtstar else self.frames[index]
         matte = _of_size(self.capture.foreground(frame), example.camera, frame.mask or frame.image)
         return example, matte if example.valid is None else matte * example.valid
+
+    def _emphasis(self, frame: Frame, level: float) -> Float32[np.ndarray, "h w"] | None:
+        if self.outlines is None:
+            return None
+        return self.outlines.emphasis(frame.timestep, frame.camera, self.capture.camera(frame), level)
 
     def _frame_planes(self, frame: Frame, _file: Path) -> UInt8[np.ndarray, "h w 3"]:
         """Read the image of a frame as `_read_planes`."""

@@ -60,10 +60,10 @@ def train_surfels(
         w ((1 - lambda) L1 + lambda (1 - SSIM) + a distortion + b (normal consistency)) + threshold losses
 
     with the weight w of the target (1 for real frames), see `photometric_loss`, `normal_consistency_loss` and
-    `add_threshold_loss`. Surfels on masked triangles are frozen in GT* steps (freezing: see `Supervision` and
-    `Adam.step`). Steps, density control and their random draws depend on the settings and the iteration only: a run
-    that was interrupted ends in the same bytes as one that was not. Where held-out frames no longer improve, the run
-    ends early: see `plateau`.
+    `add_threshold_loss`. Gradients of pixels near the outline of the mesh count for more, see `Outlines`. Surfels on
+    masked triangles are frozen in GT* steps (freezing: see `Supervision` and `Adam.step`). Steps, density control and
+    their random draws depend on the settings and the iteration only: a run that was interrupted ends in the same bytes
+    as one that was not. Where held-out frames no longer improve, the run ends early: see `plateau`.
 
     Args:
         settings: Settings of the stage.
@@ -145,9 +145,7 @@ class _Run:
         self.extent = scene_extent(self.supervision.capture.cameras)
         frames, targets = self.supervision.frames, self.supervision.targets
         probability = settings.gtstar_probability if targets else 0.0
-        schedule = draw_schedule(
-            settings.iterations, len(frames), len(targets), probability, settings.seed, fall=settings.gtstar_fall
-        )
+        schedule = draw_schedule(settings.iterations, len(frames), len(targets), probability, settings.seed)
         self.inputs = StepInputs(settings, subject, schedule)
         self.only_targets = self.inputs.only_targets
         self.work = _step_of(self.inputs)

@@ -6,6 +6,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from carigs.splat.training.device.photometric_loss import photometric_loss as device_loss
 from carigs.splat.training.photometric_loss import photometric_loss
 
 
@@ -75,6 +76,19 @@ def test_upstream_scales_the_gradient():
     photometric_loss(one, y).backward()
     (3 * photometric_loss(three, y)).backward()
     torch.testing.assert_close(three.grad, 3 * one.grad)
+
+
+@pytest.mark.parametrize("loss", [photometric_loss, device_loss])
+def test_emphasis_multiplies_the_gradient_of_each_pixel_and_not_the_value(loss):
+    x, y = pair(8, 40, 30)
+    generator = torch.Generator().manual_seed(9)
+    valid, emphasis = torch.rand(40, 30, generator=generator) > 0.3, 1 + 3 * torch.rand(40, 30, generator=generator)
+    plain, emphasised = x.clone().requires_grad_(), x.clone().requires_grad_()
+    values = [loss(plain, y, 0.2, valid), loss(emphasised, y, 0.2, valid, emphasis)]
+    for value in values:
+        value.backward()
+    assert values[1].item() == pytest.approx(values[0].item(), abs=1e-6)
+    torch.testing.assert_close(emphasised.grad, plain.grad * emphasis[..., None], rtol=1e-3, atol=1e-8)
 
 
 def test_same_bytes_at_any_number_of_threads():

@@ -17,13 +17,6 @@ def test_each_example_comes_once_per_epoch():
     assert draw_schedule(50, 30, 20, 1.0, 5).gtstar.all()
 
 
-@pytest.mark.parametrize(("mean", "fall", "first", "last"), [(0.3, 1, 0.6, 0), (0.8, 0.5, 0.9, 0.7), (0.3, -1, 0, 0.6)])
-def test_the_share_of_targets_falls_and_keeps_its_mean(mean, fall, first, last):
-    gtstar = draw_schedule(40_000, 30, 20, mean, 5, fall=fall).gtstar
-    quarters = gtstar.reshape(4, -1).mean(axis=1)
-    np.testing.assert_allclose(quarters, first + (last - first) * np.array([1, 3, 5, 7]) / 8, atol=0.02)
-
-
 @pytest.mark.parametrize("probability", [0.0, 1.0])
 def test_trainings_on_frames_or_targets_alone_stay_so(probability):
-    assert (draw_schedule(1000, 30, 20, probability, 5, fall=1).gtstar == bool(probability)).all()
+    assert (draw_schedule(1000, 30, 20, probability, 5).gtstar == bool(probability)).all()

@@ -24,6 +24,7 @@ class DeviceExample(NamedTuple):
         valid: As in `Example`.
         frozen: As in `Example`.
         weight: As in `Example`.
+        emphasis: As in `Example`.
         records: `FaceMotion.records` of the mesh; None if the tracking is refined, which changes it from step to step.
         shade: Factor of the light on every triangle; None for 1.
     """
@@ -35,6 +36,7 @@ class DeviceExample(NamedTuple):
     valid: Bool[Tensor, "h w"] | None
     frozen: Bool[Tensor, " f"] | None
     weight: float
+    emphasis: Float[Tensor, "h w"] | None
     records: Float[Tensor, "f 32"] | None
     shade: Float[Tensor, "f 3"] | None
 
@@ -93,9 +95,10 @@ class DeviceExamples:
         motion = None if self._refined else sequence.motion(stored.timestep, stored.level).records
         # As planes: so they lie in memory.
         image = self.copied(stored.image.transpose(2, 0, 1)).permute(1, 2, 0)
-        valid, records, shade = map(self.copied, (stored.valid, motion, sequence.shade(stored.timestep, stored.level)))
+        shade = sequence.shade(stored.timestep, stored.level)
+        valid, emphasis, records, shade = map(self.copied, (stored.valid, stored.emphasis, motion, shade))
         return DeviceExample(
-            stored.timestep, stored.camera, stored.level, image, valid, frozen, stored.weight, records, shade
+            stored.timestep, stored.camera, stored.level, image, valid, frozen, stored.weight, emphasis, records, shade
         )
 
     def copied(self, array: np.ndarray | None) -> Tensor | None:

@@ -16,6 +16,7 @@ def photometric_loss(
     target: Float[Tensor, "h w 3"],
     ssim_weight: float = 0.2,
     valid: Bool[Tensor, "h w"] | None = None,
+    emphasis: Float[Tensor, "h w"] | None = None,
 ) -> Float[Tensor, ""]:
     """(1 - lambda) mean |image - target| + lambda (1 - mean SSIM), see `training.photometric_loss`.
 
@@ -24,10 +25,13 @@ def photometric_loss(
         target: RGB of the frame or GT* target.
         ssim_weight: Weight lambda in [0, 1].
         valid: Pixels that supervise; all if None.
+        emphasis: Factors on the gradient of each pixel, not on the value; all 1 if None.
 
     Returns:
         The loss.
     """
+    if emphasis is not None:
+        image = image.detach() + emphasis[..., None] * (image - image.detach())  # the same values
     if valid is not None:
         target = torch.where(valid[..., None], target, image.detach())
         image = torch.where(valid[..., None], image, image.detach())

@@ -128,7 +128,7 @@ class DeviceStep:
             records = self._current_motion(state, example, i)
         names = ("colour", *("distortion",) * distortion, *("alpha", "depth", "normal") * normals)
         rendering = self._render(state.surfels, records, example.camera, example.shade, names)
-        loss = photometric_loss(rendering.colour, example.image, settings.ssim_weight, example.valid)
+        loss = photometric_loss(rendering.colour, example.image, settings.ssim_weight, example.valid, example.emphasis)
         if distortion:
             loss = loss + settings.distortion_weight * rendering.distortion.mean()
         if normals:
