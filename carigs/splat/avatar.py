@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -32,6 +33,8 @@ from carigs.system.files import writing
 FORMAT = Format("carigs-avatar", 3, "train it again, or convert it again from what it was converted from")
 EXPANSION = 20
 """Bytes of arrays for each byte of the file: `save_avatar` does not compress."""
+MAX_SEEN = 500
+"""Characters of `Avatar.seen`."""
 
 
 @dataclass
@@ -45,6 +48,7 @@ class Avatar:
         rotate_harmonics: Whether view-dependent colour turns with the head.
         background: Grey value behind the head, in [0, 1].
         unrendered: What a .ply file of another program held besides, see `carigs.splat.surfels.ply.UNRENDERED`.
+        seen: From where training frames saw the head, and which parts of it none saw, in one line; empty if unknown.
     """
 
     surfels: Surfels
@@ -53,6 +57,7 @@ class Avatar:
     rotate_harmonics: bool = True
     background: float = 1.0
     unrendered: dict[str, np.ndarray] = field(default_factory=dict)
+    seen: str = ""
 
     def render(
         self, timestep: int, level: float, camera: Camera, *, backend: str = "cpu"
@@ -148,6 +153,7 @@ def save_avatar(file: Path, avatar: Avatar) -> None:
             **({} if solids is None else solids.as_arrays()),
             **({} if shadow is None else shadow.as_arrays()),
             **({"keeps_size": keeps_size} if keeps_size.any() else {}),
+            **({"seen": avatar.seen} if avatar.seen else {}),
             path_levels=path.levels,
             path_displacements=path.displacements,
             path_neutral=path.neutral,
@@ -200,4 +206,7 @@ def load_avatar(file: Path) -> Avatar:
         if (key := f"unrendered_{name}") in arrays:
             below = 3 if name == "normal_axis" else None
             unrendered[name] = checked_array(arrays, key, (len(surfels), *shape), dtype, below=below, file=file)
-    return Avatar(surfels, sequence, skinning, rotate_harmonics, background, unrendered)
+    # One plain line, whatever the file says: pages and viewers show it, and viser's take markup with scripts.
+    seen = checked_text(arrays, "seen", file=file) if "seen" in arrays else ""
+    seen = " ".join(re.sub(r"[^\w,.:;-]", " ", seen[:MAX_SEEN], flags=re.ASCII).split())
+    return Avatar(surfels, sequence, skinning, rotate_harmonics, background, unrendered, seen)

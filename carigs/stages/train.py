@@ -59,6 +59,7 @@ def train(
     use_threads(threads)
     from carigs.capture.target_index import read_targets
     from carigs.hair import load_hair
+    from carigs.plausibility.coverage import capture_coverage
     from carigs.splat.avatar import Avatar, save_avatar
     from carigs.splat.surfels.ply import write_ply
     from carigs.splat.training.checkpoint import Checkpoint
@@ -83,7 +84,8 @@ def train(
         )
     checkpoint = Checkpoint(avatar.with_suffix(".checkpoint"), resume_key)
     surfels, rows = train_surfels(settings, subject, checkpoint, lambda _: use_idle_cores(threads), edits)
-    trained = Avatar(surfels, subject.sequence, settings.rig, settings.rotate_harmonics, person.background)
+    seen = str(capture_coverage(person) or "")
+    trained = Avatar(surfels, subject.sequence, settings.rig, settings.rotate_harmonics, person.background, seen=seen)
     with writing(log) as part, part.open("w", newline="") as stream:
         csv.writer(stream).writerows([COLUMNS, *rows])
     write_ply(ply, surfels)

@@ -194,6 +194,8 @@ class Panel:
         if self._subject.capture is None:
             splits.remove("captured image")
         with gui.add_folder("View"):
+            if seen := self._subject.avatar.avatar.seen:
+                gui.add_markdown(f"In training, {seen}.")
             self._overlay = self._option(gui.add_dropdown("overlay", OVERLAYS), "overlay")
             self._split = self._option(gui.add_dropdown("compare with", splits), "split")
             self._divider = self._option(gui.add_slider("divider", 0, 1, 0.01, 0.5, hint=HELP["divider"]), "divider")

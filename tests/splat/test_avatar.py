@@ -18,9 +18,10 @@ from carigs.hair import HairShadow
 from carigs.hair.hair_shadow import WIDTH
 from carigs.head import neutral, read_subject_path
 from carigs.light import Shading, fibonacci_sphere
+from carigs.plausibility.coverage import capture_coverage
 from carigs.runs.contents import content_digest
 from carigs.settings import Render, Train
-from carigs.splat.avatar import Avatar, load_avatar, save_avatar
+from carigs.splat.avatar import MAX_SEEN, Avatar, load_avatar, save_avatar
 from carigs.splat.surfels.ply import read_ply
 from carigs.splat.surfels.surfels import to_arrays
 from carigs.stages.render import ORBIT_DEGREES, render
@@ -86,6 +87,20 @@ def test_changed_expressions_are_kept_and_used(trained, tmp_path):
     assert moved.any()
     shift = again.posed(2, 0.25) - natural[1]  # joints move along: no rotation in it
     np.testing.assert_allclose(shift, np.broadcast_to(moved, shift.shape), atol=1e-6)
+
+
+def test_an_avatar_says_from_where_it_was_seen_in_plain_words(trained, tmp_path):
+    """Viewers show the line: a file from elsewhere puts no markup into it."""
+    avatar = load_avatar(trained / "avatar.npz")
+    assert avatar.seen == str(capture_coverage(Capture.load(trained / "capture.json")))
+    assert avatar.seen.startswith("2 cameras see the head from ")
+    avatar.seen = "{alert(1)} <b>all</b>\n[around](http://x.y) " + 1000 * "x"
+    save_avatar(tmp_path / "avatar.npz", avatar)
+    seen = load_avatar(tmp_path / "avatar.npz").seen
+    assert seen.startswith("alert 1 b all b around http: x.y xxx") and len(seen) <= MAX_SEEN
+    avatar.seen = ""
+    save_avatar(tmp_path / "avatar.npz", avatar)
+    assert load_avatar(tmp_path / "avatar.npz").seen == ""
 
 
 def test_the_level_widens_the_head_as_the_path_says(trained):

@@ -200,6 +200,7 @@ def _page(
     return template.render(
         title=title,
         description=f"{len(avatar.avatar.surfels):,} surfels",
+        seen=avatar.avatar.seen,
         policy=policy,
         style=style,
         script=script,

@@ -208,6 +208,15 @@ def test_what_the_avatar_does_not_have_is_refused(tmp_path, options, words):
 
 
 @pytest.mark.slow
+def test_the_page_says_from_where_the_head_was_seen(tmp_path):
+    avatar = avatar_of()
+    for seen in ("", "3 cameras see the head from the front: nothing sees the nape"):
+        avatar.avatar.seen = seen
+        carigs.write_html(avatar, tmp_path / "page.html")
+        text = (tmp_path / "page.html").read_text("utf-8")
+        assert (f"In training, {seen}." in text) == ("In training," in text) == bool(seen)
+
+
 def test_equal_avatars_give_equal_bytes(tmp_path):
     pages = []
     for name in ("a", "b"):
